@@ -1,0 +1,21 @@
+# The only two commands a newcomer needs: `make demo` and `make test`. Each sets itself up.
+PYTHON ?= python3.11
+VENV   ?= .venv
+BIN    := $(VENV)/bin
+
+.PHONY: demo test setup clean
+setup: $(VENV)/.installed
+
+$(VENV)/.installed: pyproject.toml constraints.txt
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[sim,test]'
+	touch $@
+
+demo: setup
+	$(BIN)/truearc demo --out report
+
+test: setup
+	$(BIN)/python -m pytest
+
+clean:
+	rm -rf $(VENV) report sessions .truearc_cache

@@ -1,0 +1,1 @@
+"""The robot: one tick, its rigs, its gate and its recording."""

@@ -1,0 +1,224 @@
+"""The launcher's configuration: one TOML file, no defaults, so that a typo cannot become one."""
+
+import hashlib
+import re
+import tomllib
+from pathlib import Path
+from typing import TypeVar
+
+import msgspec
+from msgspec import Struct
+
+from robot.facts import Facts
+
+Kind = TypeVar("Kind")
+
+
+class BadInput(Exception):
+    """The user's file or option is wrong; the message names file, line, key or frame. Doors answer with exit code 2."""
+
+
+class Can(Struct, frozen=True, forbid_unknown_fields=True):
+    interface: str                    # python-can interface name: socketcan, slcan, virtual, ...
+    channel: str
+    bitrate: int
+
+
+class Buttons(Struct, frozen=True, forbid_unknown_fields=True):
+    port: str                         # serial device or pyserial URL such as socket://host:port
+    baud: int
+
+
+class Axis(Struct, frozen=True, forbid_unknown_fields=True):
+    driver: str                       # "odrive"
+    node: int                         # CAN id of the axis on its bus
+    direction: int                    # +1 or -1: sign that makes positive launch a ball or raise the hood
+    endstop_endpoint: int             # SDO endpoint that reads the limit switch; 0 = none
+
+
+class Axes(Struct, frozen=True, forbid_unknown_fields=True):
+    flywheels: tuple[Axis, ...]       # every motor on the one flywheel belt
+    hood: Axis
+    feeder: Axis
+
+
+class HoodEncoder(Struct, frozen=True, forbid_unknown_fields=True):
+    driver: str                       # "canandmag"
+    device: int
+    period_ms: int                    # asked of the device at start
+    zero_deg: float                   # encoder reading when the launch elevation is 0
+    direction: int                    # +1 if the reading grows with elevation
+
+
+class PidGains(Struct, frozen=True, forbid_unknown_fields=True):
+    kp: float
+    ki: float
+    kd: float
+    derivative_tau_s: float           # first-order filter of the derivative, taken on the measurement
+    integral_limit: float             # |integral term| at most, in output units
+    output_low: float
+    output_high: float
+
+
+class Flywheel(Struct, frozen=True, forbid_unknown_fields=True):
+    """Speed loop on the belt: output is torque on each motor; feed-forward ks + kv w + ka dw/dt."""
+
+    pid: PidGains                     # input rad/s at the motor
+    ks_nm: float
+    kv_nm_s: float                    # per rad/s
+    ka_nm_s2: float                   # per rad/s^2
+    brake: bool                       # may an overspeeding wheel be given negative torque?
+    tolerance_rad_s: float
+    spread_rad_s: float               # motors of one belt may differ by this much
+    steady_s: float                   # within tolerance this long before firing
+
+
+class Hood(Struct, frozen=True, forbid_unknown_fields=True):
+    """Angle loop over an acme screw: a motor on a pivot turns the screw, a nut on the hood rides it."""
+
+    pid: PidGains                     # input degrees of elevation; output Nm at the motor
+    friction_nm: float                # torque that just moves the screw, added in the direction of motion
+    deadband_deg: float               # inside it the self-locking screw is left alone
+    low_deg: float                    # elevation at the limit switch
+    high_deg: float
+    tolerance_deg: float
+    screw_lead_m: float               # nut travel per screw turn
+    screw_gear: float                 # screw turns per motor turn
+    pivot_to_motor_m: float
+    pivot_to_nut_m: float
+    included_deg: float               # angle motor-pivot-nut when the elevation is 0; it grows with elevation
+    homing_torque_nm: float           # negative: towards the switch
+    crosscheck_deg: float             # absolute and screw encoder may differ by this much
+
+
+class Feeder(Struct, frozen=True, forbid_unknown_fields=True):
+    torque_nm: float
+    feed_s: float
+    clear_s: float                    # no new shot for this long after one
+
+
+class CameraConfig(Struct, frozen=True, forbid_unknown_fields=True):
+    """Pinhole and Brown distortion at the stated size; the mounting relative to the ball's exit point."""
+
+    device: str                       # V4L2 path or index
+    width_px: int
+    height_px: int
+    fps: float
+    fx_px: float
+    fy_px: float
+    cx_px: float
+    cy_px: float
+    distortion: tuple[float, float, float, float, float]    # k1 k2 p1 p2 k3
+    height_m: float                   # lens above floor
+    pitch_deg: float                  # optical axis above horizontal
+    behind_exit_m: float              # lens behind the ball's exit point
+
+
+class Tape(Struct, frozen=True, forbid_unknown_fields=True):
+    """Outer outline of the retro-reflective target: the lower half of a regular hexagon, open at the top."""
+
+    top_width_m: float
+    bottom_width_m: float
+    height_m: float
+    tape_width_m: float
+    centre_height_m: float            # tape's vertical middle above floor
+
+
+class Vision(Struct, frozen=True, forbid_unknown_fields=True):
+    hue_low: int                      # OpenCV hue 0-179; low > high wraps around
+    hue_high: int
+    saturation_low: int
+    value_low: int
+    min_area_px: float
+    corner_sigma_px: float            # one standard deviation of a corner coordinate
+    max_reprojection_px: float
+
+
+class GateConfig(Struct, frozen=True, forbid_unknown_fields=True):
+    policy: str                       # "collect": fires on the driver's button; "model": the model must agree
+    threshold: float                  # p_three at least
+    reading_age_s: float              # oldest motor or encoder reading that may fire
+    sighting_age_s: float             # oldest sighting that may fire
+    request_s: float                  # a fire request lapses after this
+    doubt_s: float                    # ... and after this when only the model says no
+
+
+class Collect(Struct, frozen=True, forbid_unknown_fields=True):
+    """Deliberately spread set points, aimed by vacuum ballistics times a correction walked by the driver's marks."""
+
+    hood_low_deg: float
+    hood_high_deg: float
+    spread: float                     # speeds are trimmed by up to this fraction
+    repeats: int                      # shots at each configuration
+    efficiency: float                 # first guess of exit speed / mean wheel surface speed
+    walk_start: tuple[float, float]
+    walk_step: float                  # log speed per high/low mark
+
+
+class Config(Struct, frozen=True, forbid_unknown_fields=True):
+    tick_hz: int
+    can: Can
+    buttons: Buttons
+    axes: Axes
+    hood_encoder: HoodEncoder
+    flywheel: Flywheel
+    hood: Hood
+    feeder: Feeder
+    camera: CameraConfig
+    tape: Tape
+    vision: Vision
+    gate: GateConfig
+    collect: Collect
+    rig: Facts
+
+
+class CameraFile(Struct, frozen=True, forbid_unknown_fields=True):
+    """camera.toml: the sections of launcher.toml that `truearc vision` needs."""
+
+    camera: CameraConfig
+    tape: Tape
+    vision: Vision
+
+
+def load_config(path: str | Path) -> Config:
+    """Read launcher.toml; BadInput names file, key and line."""
+    return load_toml(path, Config)
+
+
+def load_toml(path: str | Path, kind: type[Kind]) -> Kind:
+    """Read a TOML file into a struct; BadInput names file, key and line."""
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise BadInput(f"{path}: {error}") from error
+    return parse_toml(text, kind, str(path))
+
+
+def parse_toml(text: str, kind: type[Kind], name: str) -> Kind:
+    """As load_toml, of text that came from somewhere called `name`."""
+    try:
+        return msgspec.convert(tomllib.loads(text), kind)
+    except tomllib.TOMLDecodeError as error:
+        raise BadInput(f"{name}: {error}") from error
+    except msgspec.ValidationError as error:
+        raise BadInput(f"{name}{_line_of(text, str(error))}: {_in_words(str(error))}") from error
+
+
+def config_hash(config: Config) -> str:
+    """SHA-256 of what the configuration says, however its file was written."""
+    return hashlib.sha256(msgspec.json.encode(config, order="deterministic")).hexdigest()
+
+
+def _in_words(message: str) -> str:
+    return (message.replace("Object contains unknown field", "unknown key")
+            .replace("Object missing required field", "missing key").replace("`$.", "`").replace(" - at `$`", ""))
+
+
+def _line_of(text: str, message: str) -> str:
+    """':line' of the last key that the message quotes, or '' when it stands nowhere in the text."""
+    for name in re.findall(r"`([^`]+)`", message):
+        key = re.split(r"[.\[]", name.removeprefix("$.").rstrip("]"))[-1]
+        for number, line in enumerate(text.splitlines(), 1):
+            if re.match(rf"\s*{re.escape(key)}\s*=", line):
+                return f":{number}"
+    return ""

@@ -1,0 +1,44 @@
+"""What a gate model takes and gives.
+
+The hash of this is stamped into every exported model; a model with another is refused.
+"""
+
+import hashlib
+
+import msgspec
+from msgspec import Struct
+
+
+class Feature(Struct, frozen=True):
+    """One input column: name (with its unit), and the range outside which no launcher can be."""
+
+    name: str
+    low: float
+    high: float
+
+
+# The seed's three configuration parameters (section II), in this order.
+FEATURES = (
+    Feature("distance_m", 0.0, 20.0),     # horizontal, ball exit to target plane, as measured by the robot
+    Feature("motor_ratio", 0.0, 1.0),     # motor speed / free speed, measured
+    Feature("hood_deg", 0.0, 90.0),       # launch elevation above horizontal, measured
+)
+INPUT = "features"                        # float32 [n, 3]
+OUTPUT = "p"                              # float32 [n, 2]: p_two, p_three
+OUTPUTS = ("p_two", "p_three")
+
+# Keys in the ONNX file's metadata.
+KEY_CONTRACT = "truearc.contract"             # the JSON below
+KEY_CONTRACT_HASH = "truearc.contract_sha256"
+KEY_DOMAIN = "truearc.domain"                 # JSON {feature: [low, high]} of the data trained on
+KEY_PROVENANCE = "truearc.provenance"         # JSON: dataset hashes, coefficients, seed, version
+
+
+def contract_json() -> bytes:
+    """Canonical text of the contract."""
+    return msgspec.json.encode({"features": FEATURES, "input": INPUT, "output": OUTPUT, "outputs": OUTPUTS},
+                               order="deterministic")
+
+
+def contract_hash() -> str:
+    return hashlib.sha256(contract_json()).hexdigest()

@@ -1,0 +1,159 @@
+"""What flows through one tick: Inputs -> Estimate -> Aim -> Verdict -> Command -> Sent.
+
+The whole Tick is the recorded row.
+
+SI throughout, the unit is the last word of the name; `t_ns` is the rig's one monotonic clock. These are msgspec
+structs rather than dataclasses because a row is written 200 times a second and replayed 10 000 times a second.
+Absent numbers are None, never NaN: JSON has no NaN, and a None cannot pass a comparison by accident.
+"""
+
+from msgspec import Struct, field
+
+from hw.reading import AngleReading, ButtonEvent, MotorReading
+
+
+class Sighting(Struct, frozen=True):
+    """What vision made of one image. `distance_m`: horizontal, camera lens to target plane."""
+
+    t_ns: int                                     # middle of the exposure
+    found: bool
+    reason: str                                   # why not, in words; "" when found
+    distance_m: float | None = None
+    sigma_m: float | None = None                  # one standard deviation
+    bearing_deg: float | None = None              # target to the right of the optical axis is positive
+    # outer tape corners: bottom right, bottom left, top left, top right
+    corners_px: tuple[tuple[float, float], ...] = ()
+
+
+class Inputs(Struct, frozen=True):
+    """All that the tick may know about the outside; a replay needs nothing else."""
+
+    t_ns: int
+    cycle: int
+    flywheels: tuple[MotorReading, ...]           # the motors on the flywheel belt, in the config's order
+    hood_motor: MotorReading
+    feeder: MotorReading
+    hood_angle: AngleReading | None
+    sighting: Sighting | None                     # newest
+    buttons: tuple[ButtonEvent, ...]              # since the last tick
+    faults: tuple[str, ...]                       # wires lost, frames refused, in words
+
+
+class Estimate(Struct, frozen=True):
+    """The state of the launcher as believed at this tick."""
+
+    motor_rad_s: float                            # mean of the flywheel motors
+    motor_ratio: float                            # motor_rad_s / free speed
+    motor_spread_rad_s: float                     # largest disagreement between the flywheel motors
+    hood_deg: float | None                        # launch elevation from the absolute encoder
+    hood_screw_deg: float | None                  # the same from the screw's own encoder; None until homed
+    distance_m: float | None                      # horizontal, ball exit to target plane
+    distance_sigma_m: float | None
+    battery_v: float
+    oldest_s: float                               # age of the oldest reading that firing needs
+    sighting_s: float | None                      # age of the newest sighting with a target in it
+
+
+class Aim(Struct, frozen=True):
+    """Where the launcher should be."""
+
+    motor_ratio: float
+    hood_deg: float
+    source: str                                   # "plan" or "idle"
+
+
+class Verdict(Struct, frozen=True):
+    """FIRE or HOLD, and why."""
+
+    fire: bool
+    reasons: tuple[str, ...]                      # empty exactly when fire is true
+    p_two: float | None = None
+    p_three: float | None = None
+
+
+class Command(Struct, frozen=True):
+    """What the tick asks of the motors. Torque at the motor shaft; positive launches (raises the hood)."""
+
+    enable: bool
+    flywheel_torque_nm: float                     # on each flywheel motor
+    hood_torque_nm: float
+    feeder_torque_nm: float
+
+
+class Sent(Struct, frozen=True):
+    """What really went out, after limits, and how many frames the bus refused."""
+
+    enable: bool
+    flywheel_torque_nm: float
+    hood_torque_nm: float
+    feeder_torque_nm: float
+    refused: int = 0
+
+
+class Pid(Struct, frozen=True):
+    """Memory of one PID loop."""
+
+    integral: float = 0.0
+    measurement: float = 0.0
+    rate: float = 0.0                             # filtered derivative of the measurement
+    primed: bool = False
+
+
+class Shot(Struct, frozen=True):
+    """One ball fed, as known at the moment of feeding."""
+
+    trial: int
+    t_ns: int
+    config_id: str                                # rows of the plan that repeat share it
+    distance_m: float
+    distance_sigma_m: float
+    hood_deg: float
+    motor_ratio: float
+    motor_rad_s: float
+    battery_v: float
+    since_last_shot_s: float | None
+    p_two: float | None
+    p_three: float | None
+
+
+class Outcome(Struct, frozen=True):
+    """What the driver said of a shot, or that a request was never granted."""
+
+    trial: int
+    t_ns: int
+    outcome: str                                  # "miss-low" | "miss-high" | "two" | "three" | "rejected" | "held"
+    reasons: tuple[str, ...] = ()                 # for "held": what stood in the way
+
+
+class Memory(Struct, frozen=True):
+    """All that one tick hands to the next."""
+
+    armed: bool = False
+    homed: bool = False
+    screw_zero_rad: float = 0.0                   # hood motor position at the limit switch
+    flywheel: Pid = field(default_factory=Pid)
+    hood: Pid = field(default_factory=Pid)
+    trial: int = 0                                # index into the plan
+    request_t_ns: int = 0                         # a fire request stands since then; 0 = none
+    ready_t_ns: int = 0                           # since then only the model's own doubt stands in the way; 0 = not so
+    steady_t_ns: int = 0                          # wheels and hood have been within tolerance since then; 0 = not so
+    feed_t_ns: int = 0                            # feeding since then; 0 = not feeding
+    last_shot: Shot | None = None
+    awaiting: bool = False                        # the last shot has no outcome yet
+    walk: tuple[float, float] = (0.0, 0.0)        # log speed correction learnt from the driver's high/low marks
+    last_sighting: Sighting | None = None         # newest with a target in it
+    button_seq: int | None = None
+
+
+class Tick(Struct, frozen=True):
+    """One recorded row."""
+
+    inputs: Inputs
+    estimate: Estimate
+    aim: Aim
+    verdict: Verdict
+    command: Command
+    memory: Memory
+    shot: Shot | None = None
+    outcome: Outcome | None = None
+    sent: Sent | None = None

@@ -1,0 +1,62 @@
+"""The front door: a verb, and the door behind it, imported only when it is opened (the robot never imports JAX)."""
+
+import argparse
+import importlib
+import sys
+
+from robot.config import BadInput
+
+# verb -> what it does; each is a module of `doors` with DESCRIPTION, EXAMPLE, add_arguments(parser) and
+# main(args) -> exit code
+VERBS = {
+    "demo": "the whole loop on the emulated robot, and one report",
+    "run": "the robot",
+    "emulate": "the real runtime on the emulated robot",
+    "replay": "recompute every output of a recording",
+    "shots": "recordings to a dataset",
+    "import": "other people's recordings to a dataset",
+    "predict": "the seed's simulator, row by row",
+    "fit": "drag and lift coefficients from a dataset",
+    "synth": "balanced simulated shots",
+    "train": "the classifier",
+    "export": "weights to a stamped ONNX file",
+    "verify": "an ONNX file against its trainer and its contract",
+    "predict-gate": "the gate's probabilities, row by row",
+    "vision": "images to distances",
+    "discover": "where recordings and simulation disagree",
+}
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run one verb; exit 0 done, 1 a check failed, 2 bad input."""
+    argv = list(sys.argv[1:] if argv is None else argv)
+    if not argv or argv[0] not in VERBS:
+        return _explain(argv)
+    door = importlib.import_module("doors." + argv[0].replace("-", "_").replace("import", "import_"))
+    parser = argparse.ArgumentParser(prog=f"truearc {argv[0]}", description=door.DESCRIPTION,
+                                     epilog=f"example: {door.EXAMPLE}")
+    parser.add_argument("--quiet", action="store_true", help="no progress")
+    door.add_arguments(parser)
+    args = parser.parse_args(argv[1:])
+    try:
+        return int(door.main(args))
+    except BadInput as error:
+        print(f"truearc {argv[0]}: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        return 130
+
+
+def _explain(argv: list[str]) -> int:
+    asked = bool(argv) and argv[0] in ("-h", "--help")
+    out = sys.stdout if asked else sys.stderr
+    if argv and not asked:
+        print(f"truearc: there is no verb {argv[0]!r}", file=out)
+    print("usage: truearc VERB ... (truearc VERB --help says more)\n", file=out)
+    for verb, does in VERBS.items():
+        print(f"  {verb:13s} {does}", file=out)
+    return 0 if asked else 2
+
+
+if __name__ == "__main__":
+    sys.exit(main())
