@@ -110,7 +110,9 @@ class CameraConfig(Struct, frozen=True, forbid_unknown_fields=True):
     cy_px: float
     distortion: tuple[float, float, float, float, float]    # k1 k2 p1 p2 k3
     height_m: float                   # lens above floor
+    height_sigma_m: float             # how well that is known, one standard deviation
     pitch_deg: float                  # optical axis above horizontal
+    pitch_sigma_deg: float            # how well that is known
     behind_exit_m: float              # lens behind the ball's exit point
 
 
