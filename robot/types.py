@@ -34,7 +34,7 @@ class Inputs(Struct, frozen=True):
     hood_motor: MotorReading
     feeder: MotorReading
     hood_angle: AngleReading | None
-    sighting: Sighting | None                     # newest
+    sighting: Sighting | None                     # what vision made of an image that came since the last tick
     buttons: tuple[ButtonEvent, ...]              # since the last tick
     faults: tuple[str, ...]                       # wires lost, frames refused, in words
 
@@ -135,7 +135,8 @@ class Memory(Struct, frozen=True):
     hood: Pid = field(default_factory=Pid)
     trial: int = 0                                # index into the plan
     request_t_ns: int = 0                         # a fire request stands since then; 0 = none
-    ready_t_ns: int = 0                           # since then only the model's own doubt stands in the way; 0 = not so
+    doubt_t_ns: int = 0                           # since then only the model has stood in the way; 0 = not so
+    aim: Aim | None = None                        # held from the request until the trial is over
     steady_t_ns: int = 0                          # wheels and hood have been within tolerance since then; 0 = not so
     feed_t_ns: int = 0                            # feeding since then; 0 = not feeding
     last_shot: Shot | None = None
@@ -155,5 +156,5 @@ class Tick(Struct, frozen=True):
     command: Command
     memory: Memory
     shot: Shot | None = None
-    outcome: Outcome | None = None
+    outcomes: tuple[Outcome, ...] = ()
     sent: Sent | None = None

@@ -1,0 +1,65 @@
+"""Aim and Verdict to Command: the flywheel and hood loops, homing, and the feeder's one ball a request."""
+
+import math
+
+from msgspec.structs import replace
+
+from robot.config import Config
+from robot.feedforward import flywheel_torque_nm
+from robot.pid import step_pid
+from robot.types import Aim, Command, Estimate, Inputs, Memory, Pid, Verdict
+
+NS = 1e-9
+RELEASED = Command(enable=False, flywheel_torque_nm=0.0, hood_torque_nm=0.0, feeder_torque_nm=0.0)
+
+
+def control(inputs: Inputs, estimate: Estimate, aim: Aim, verdict: Verdict, memory: Memory,
+            config: Config) -> tuple[Command, Memory]:
+    """Torques for this tick. Disarmed means released: nothing is asked of any motor."""
+    if not memory.armed:
+        return RELEASED, replace(memory, flywheel=Pid(), hood=Pid(), feed_t_ns=0)
+    flywheel, wheel_pid = _flywheel(estimate, aim, memory, config)
+    hood, hood_pid = _hood(inputs, estimate, aim, memory, config)
+    feed_t_ns = inputs.t_ns if verdict.fire else _still_clearing(inputs, memory, config)
+    feeding = bool(feed_t_ns) and (inputs.t_ns - feed_t_ns) * NS < config.feeder.feed_s
+    command = Command(True, flywheel, hood, config.feeder.torque_nm if feeding else 0.0)
+    return command, replace(memory, flywheel=wheel_pid, hood=hood_pid, feed_t_ns=feed_t_ns,
+                            steady_t_ns=_steady_since(inputs, estimate, aim, memory, config))
+
+
+def _flywheel(estimate: Estimate, aim: Aim, memory: Memory, config: Config) -> tuple[float, Pid]:
+    wheel = config.flywheel
+    wanted = aim.motor_ratio * (config.rig.launcher.free_speed_rad_s or 0.0)
+    if wanted <= 0.0:
+        return 0.0, Pid()
+    low = wheel.pid.output_low if wheel.brake else 0.0
+    return step_pid(wheel.pid, memory.flywheel, wanted, estimate.motor_rad_s, flywheel_torque_nm(wheel, wanted),
+                    low, wheel.pid.output_high, 1.0 / config.tick_hz)
+
+
+def _hood(inputs: Inputs, estimate: Estimate, aim: Aim, memory: Memory, config: Config) -> tuple[float, Pid]:
+    hood = config.hood
+    if not memory.homed:
+        return hood.homing_torque_nm, Pid()
+    if estimate.hood_deg is None or aim.source == "idle":
+        return 0.0, Pid()
+    wanted = min(max(aim.hood_deg, hood.low_deg), hood.high_deg)
+    error = wanted - estimate.hood_deg
+    push = math.copysign(hood.friction_nm, error) if abs(error) > hood.deadband_deg else 0.0
+    torque, pid = step_pid(hood.pid, memory.hood, wanted, estimate.hood_deg, push,
+                           hood.pid.output_low, hood.pid.output_high, 1.0 / config.tick_hz)
+    # The screw locks itself: inside the deadband, once slow, nothing needs to push.
+    return (0.0 if push == 0.0 and abs(pid.rate) < 1.0 else torque), pid
+
+
+def _still_clearing(inputs: Inputs, memory: Memory, config: Config) -> int:
+    busy = memory.feed_t_ns and (inputs.t_ns - memory.feed_t_ns) * NS < config.feeder.clear_s
+    return memory.feed_t_ns if busy else 0
+
+
+def _steady_since(inputs: Inputs, estimate: Estimate, aim: Aim, memory: Memory, config: Config) -> int:
+    wanted = aim.motor_ratio * (config.rig.launcher.free_speed_rad_s or 0.0)
+    steady = (wanted > 0.0 and estimate.hood_deg is not None
+              and abs(estimate.motor_rad_s - wanted) <= config.flywheel.tolerance_rad_s
+              and abs(estimate.hood_deg - aim.hood_deg) <= config.hood.tolerance_deg)
+    return (memory.steady_t_ns or inputs.t_ns) if steady else 0

@@ -1,0 +1,56 @@
+"""Inputs to Estimate: what the launcher is doing now, and how old that knowledge is."""
+
+from msgspec.structs import replace
+
+from robot.config import Config
+from robot.geometry import elevation_from_encoder_deg, elevation_from_screw_deg, exit_distance_m
+from robot.types import Estimate, Inputs, Memory
+
+NS = 1e-9
+
+
+def remember(inputs: Inputs, memory: Memory, config: Config) -> Memory:
+    """Carry over the newest sighting with a target in it, and the screw's zero when the limit switch closes."""
+    seen = inputs.sighting
+    if seen is not None and seen.found:
+        memory = replace(memory, last_sighting=replace(seen, corners_px=()))
+    motor = inputs.hood_motor
+    if not memory.homed and memory.armed and motor.endstop and is_fresh(inputs, motor.endstop_t_ns, config):
+        memory = replace(memory, homed=True, screw_zero_rad=motor.position_rad)
+    return memory
+
+
+def is_fresh(inputs: Inputs, t_ns: int, config: Config) -> bool:
+    """Whether a reading stamped `t_ns` is young enough to act on; one never heard (0) is not."""
+    return t_ns > 0 and (inputs.t_ns - t_ns) * NS <= config.gate.reading_age_s
+
+
+def estimate(inputs: Inputs, memory: Memory, config: Config) -> Estimate:
+    """The launcher's state; None where it cannot be known."""
+    speeds = [motor.velocity_rad_s for motor in inputs.flywheels]
+    mean = sum(speeds) / len(speeds)
+    free = config.rig.launcher.free_speed_rad_s
+    sighting = memory.last_sighting
+    distance = None
+    if sighting is not None and sighting.distance_m is not None:
+        distance = exit_distance_m(sighting.distance_m, config.camera)
+    return Estimate(
+        motor_rad_s=mean,
+        motor_ratio=mean / free if free else 0.0,
+        motor_spread_rad_s=max(speeds) - min(speeds),
+        hood_deg=(elevation_from_encoder_deg(inputs.hood_angle.angle_rad, config.hood_encoder)
+                  if inputs.hood_angle is not None else None),
+        hood_screw_deg=(elevation_from_screw_deg(inputs.hood_motor.position_rad - memory.screw_zero_rad, config.hood)
+                        if memory.homed else None),
+        distance_m=distance,
+        distance_sigma_m=None if sighting is None else sighting.sigma_m,
+        battery_v=sum(motor.bus_v for motor in inputs.flywheels) / len(inputs.flywheels),
+        oldest_s=_oldest_s(inputs),
+        sighting_s=None if sighting is None else (inputs.t_ns - sighting.t_ns) * NS,
+    )
+
+
+def _oldest_s(inputs: Inputs) -> float:
+    stamps = [motor.t_ns for motor in inputs.flywheels]
+    stamps += [inputs.hood_motor.t_ns, inputs.feeder.t_ns, inputs.hood_angle.t_ns if inputs.hood_angle else 0]
+    return (inputs.t_ns - min(stamps)) * NS

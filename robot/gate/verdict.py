@@ -1,0 +1,129 @@
+"""FIRE or HOLD. Every interlock is asked every tick; a reason that cannot be ruled out is a HOLD.
+
+FIRE means: the driver asked, everything that can be checked is known and good, and (policy "model") the model agrees.
+"""
+
+import math
+
+from hw.odrive import CLOSED_LOOP, error_words
+from hw.reading import MotorReading
+from robot.config import Config, GateConfig
+from robot.gate.model import Gate
+from robot.types import Aim, Estimate, Inputs, Memory, Verdict
+
+NS = 1e-9
+HEARTBEAT_S = 0.25                    # axes say how they are every 0.1 s; two may be lost
+
+
+def judge(inputs: Inputs, estimate: Estimate, aim: Aim, memory: Memory, config: Config, gate: Gate | None) -> Verdict:
+    """The verdict of one tick; `reasons` is empty exactly when `fire` is true."""
+    reasons = [*_operator(memory), *inputs.faults, *_readings(inputs, memory, config),
+               *_launcher(inputs, estimate, aim, memory, config), *_target(estimate, config)]
+    p_two, p_three, doubts = _model(estimate, config.gate, gate)
+    reasons += doubts
+    return Verdict(not reasons, tuple(reasons), p_two, p_three)
+
+
+def only_the_model_doubts(verdict: Verdict, doubt_prefix: str = "model: ") -> bool:
+    """Whether the model is all that stands in the way of firing."""
+    return bool(verdict.reasons) and all(reason.startswith(doubt_prefix) for reason in verdict.reasons)
+
+
+def _operator(memory: Memory) -> list[str]:
+    reasons = []
+    if not memory.armed:
+        reasons.append("not armed")
+    if memory.awaiting:
+        reasons.append("mark the last shot first")
+    elif memory.feed_t_ns:
+        reasons.append("the last ball is still clearing")
+    elif not memory.request_t_ns:
+        reasons.append("waiting for the fire button")
+    return reasons
+
+
+def _readings(inputs: Inputs, memory: Memory, config: Config) -> list[str]:
+    reasons: list[str] = []
+    for number, motor in enumerate(inputs.flywheels, 1):
+        reasons += _motor(f"flywheel motor {number}", motor, inputs.t_ns, config.gate)
+    reasons += _motor("hood motor", inputs.hood_motor, inputs.t_ns, config.gate)
+    reasons += _motor("feeder motor", inputs.feeder, inputs.t_ns, config.gate)
+    angle = inputs.hood_angle
+    if angle is None:
+        reasons.append("hood encoder has never answered")
+    elif not _young(inputs.t_ns - angle.t_ns, config.gate.reading_age_s):
+        reasons.append(f"hood encoder silent for {(inputs.t_ns - angle.t_ns) * NS:.2f} s")
+    elif not angle.magnet_ok:
+        reasons.append("hood encoder cannot see its magnet")
+    if not memory.homed:
+        reasons.append("hood not homed")
+    return reasons
+
+
+def _motor(name: str, motor: MotorReading, t_ns: int, gate: GateConfig) -> list[str]:
+    if motor.t_ns == 0 or motor.heartbeat_t_ns == 0:
+        return [f"{name} has never answered"]
+    if not _young(t_ns - motor.t_ns, gate.reading_age_s):
+        return [f"{name} silent for {(t_ns - motor.t_ns) * NS:.2f} s"]
+    if not _young(t_ns - motor.heartbeat_t_ns, HEARTBEAT_S):
+        return [f"{name} sends no heartbeat since {(t_ns - motor.heartbeat_t_ns) * NS:.2f} s"]
+    if motor.axis_error:
+        return [f"{name}: {', '.join(error_words(motor.axis_error))}"]
+    if motor.axis_state != CLOSED_LOOP:
+        return [f"{name} is not under control (state {motor.axis_state})"]
+    return []
+
+
+def _launcher(inputs: Inputs, estimate: Estimate, aim: Aim, memory: Memory, config: Config) -> list[str]:
+    if aim.motor_ratio <= 0.0:
+        return ["no aim"]
+    reasons = []
+    wanted = aim.motor_ratio * (config.rig.launcher.free_speed_rad_s or 0.0)
+    if not abs(estimate.motor_rad_s - wanted) <= config.flywheel.tolerance_rad_s:
+        reasons.append(f"wheels at {estimate.motor_rad_s:.0f} rad/s, wanted {wanted:.0f}")
+    if not estimate.motor_spread_rad_s <= config.flywheel.spread_rad_s:
+        reasons.append(f"flywheel motors differ by {estimate.motor_spread_rad_s:.0f} rad/s: belt?")
+    reasons += _hood(estimate, aim, config)
+    if not reasons and not (memory.steady_t_ns and (inputs.t_ns - memory.steady_t_ns) * NS >= config.flywheel.steady_s):
+        reasons.append("wheels and hood only just arrived")
+    return reasons
+
+
+def _hood(estimate: Estimate, aim: Aim, config: Config) -> list[str]:
+    if estimate.hood_deg is None or estimate.hood_screw_deg is None:
+        return ["hood angle unknown"]
+    if not abs(estimate.hood_deg - estimate.hood_screw_deg) <= config.hood.crosscheck_deg:
+        return [f"hood encoder says {estimate.hood_deg:.1f} deg, its screw {estimate.hood_screw_deg:.1f}"]
+    if not abs(estimate.hood_deg - aim.hood_deg) <= config.hood.tolerance_deg:
+        return [f"hood at {estimate.hood_deg:.1f} deg, wanted {aim.hood_deg:.1f}"]
+    return []
+
+
+def _target(estimate: Estimate, config: Config) -> list[str]:
+    if estimate.distance_m is None or estimate.distance_sigma_m is None or estimate.sighting_s is None:
+        return ["target never seen"]
+    if not 0.0 <= estimate.sighting_s <= config.gate.sighting_age_s:
+        return [f"target last seen {estimate.sighting_s:.1f} s ago"]
+    return []
+
+
+def _model(estimate: Estimate, config: GateConfig, gate: Gate | None) -> tuple[float | None, float | None, list[str]]:
+    if gate is None:
+        return None, None, [] if config.policy == "collect" else ["no gate model loaded"]
+    if estimate.distance_m is None or estimate.hood_deg is None:
+        return None, None, [] if config.policy == "collect" else ["nothing to rate"]
+    rating = gate.rate(estimate.distance_m, estimate.motor_ratio, estimate.hood_deg)
+    if config.policy == "collect":
+        return rating.p_two, rating.p_three, []
+    if not rating.in_domain:
+        return rating.p_two, rating.p_three, ["model: outside what it was trained on"]
+    if rating.p_three is None or not math.isfinite(rating.p_three):
+        return rating.p_two, None, ["model gives no number"]
+    if not rating.p_three >= config.threshold:
+        return rating.p_two, rating.p_three, [f"model: three points {rating.p_three:.0%} likely, "
+                                              f"{config.threshold:.0%} needed"]
+    return rating.p_two, rating.p_three, []
+
+
+def _young(age_ns: int, limit_s: float) -> bool:
+    return 0 <= age_ns * NS <= limit_s

@@ -1,0 +1,34 @@
+"""The hood's acme screw and the places of camera and ball exit: plane geometry, pure."""
+
+import math
+
+from robot.config import CameraConfig, Hood, HoodEncoder
+
+
+def screw_length_m(elevation_deg: float, hood: Hood) -> float:
+    """Distance from the screw motor's pivot to the nut at a launch elevation (law of cosines)."""
+    included = math.radians(hood.included_deg + elevation_deg)
+    a, b = hood.pivot_to_motor_m, hood.pivot_to_nut_m
+    return math.sqrt(a * a + b * b - 2.0 * a * b * math.cos(included))
+
+
+def elevation_from_screw_deg(turned_rad: float, hood: Hood) -> float | None:
+    """Launch elevation when the screw motor has turned `turned_rad` up from the limit switch; None beyond the linkage."""
+    a, b = hood.pivot_to_motor_m, hood.pivot_to_nut_m
+    travel = turned_rad * hood.screw_gear * hood.screw_lead_m / (2.0 * math.pi)
+    length = screw_length_m(hood.low_deg, hood) + travel
+    cosine = (a * a + b * b - length * length) / (2.0 * a * b)
+    if not -1.0 <= cosine <= 1.0:
+        return None
+    return math.degrees(math.acos(cosine)) - hood.included_deg
+
+
+def elevation_from_encoder_deg(angle_rad: float, encoder: HoodEncoder) -> float:
+    """Launch elevation from the absolute encoder on the hood pivot, in (-180, 180]."""
+    turned = (math.degrees(angle_rad) - encoder.zero_deg) * encoder.direction
+    return 180.0 - (180.0 - turned) % 360.0
+
+
+def exit_distance_m(lens_distance_m: float, camera: CameraConfig) -> float:
+    """Horizontal distance from the ball's exit point to the target plane, given that of the lens."""
+    return lens_distance_m - camera.behind_exit_m

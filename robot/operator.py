@@ -1,0 +1,44 @@
+"""What the driver's buttons do to the tick's memory: arm, ask for a shot, say what became of it."""
+
+from msgspec.structs import replace
+
+from robot.aim import step_walk
+from robot.config import Config
+from robot.types import Inputs, Memory, Outcome
+
+SIDES = {"miss-low": -1, "miss-high": 1, "two": 0, "three": 0}
+
+
+def operate(inputs: Inputs, memory: Memory, config: Config) -> tuple[Memory, tuple[Outcome, ...]]:
+    """Apply this tick's presses in order; each outcome button answers the newest unanswered shot."""
+    outcomes: list[Outcome] = []
+    for event in inputs.buttons:
+        memory = replace(memory, button_seq=event.seq)
+        if event.button == "arm":
+            memory = _toggle_arm(memory)
+        elif event.button == "fire":
+            memory = _ask(memory, inputs.t_ns)
+        elif event.button == "reject" and memory.last_shot is not None:
+            outcomes.append(Outcome(memory.last_shot.trial, inputs.t_ns, "rejected"))
+            memory = replace(memory, awaiting=False, aim=None, trial=memory.last_shot.trial + 1)
+        elif event.button in SIDES and memory.awaiting and memory.last_shot is not None:
+            outcomes.append(Outcome(memory.last_shot.trial, inputs.t_ns, event.button))
+            memory = _answer(memory, SIDES[event.button], config)
+    return memory, tuple(outcomes)
+
+
+def _toggle_arm(memory: Memory) -> Memory:
+    # Disarming forgets the request: a shot asked for before must not come when the launcher is armed again.
+    return replace(memory, armed=not memory.armed, request_t_ns=0, steady_t_ns=0, doubt_t_ns=0, aim=None)
+
+
+def _ask(memory: Memory, t_ns: int) -> Memory:
+    if not memory.armed or memory.awaiting or memory.feed_t_ns:
+        return memory
+    return replace(memory, request_t_ns=t_ns)
+
+
+def _answer(memory: Memory, side: int, config: Config) -> Memory:
+    assert memory.last_shot is not None
+    walk = step_walk(memory.walk, side, memory.last_shot.distance_m, config.collect.walk_step)
+    return replace(memory, awaiting=False, walk=walk, aim=None, trial=memory.last_shot.trial + 1)

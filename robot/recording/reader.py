@@ -1,0 +1,50 @@
+"""Reads a session's ticks, whole or cut short."""
+
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+from mcap.exceptions import McapError
+from mcap.records import Message
+from mcap.stream_reader import StreamReader
+
+from robot.config import BadInput
+from robot.recording.session import TELEMETRY
+from robot.types import Tick
+
+
+class TickReader:
+    """Iterates over (Tick, its recorded bytes). After the end, `cut_short` says what was wrong with the tail, if anything.
+
+    A file that ends early (power loss, kill) gives every tick of its complete chunks. BadInput when there is no
+    telemetry at all or a whole row cannot be read.
+    """
+
+    def __init__(self, session: Path) -> None:
+        self.path = session / TELEMETRY
+        self.cut_short: str | None = None
+
+    def __iter__(self) -> Iterator[tuple[Tick, bytes]]:
+        decode = msgspec.json.Decoder(Tick).decode
+        count = 0
+        for data in self._rows():
+            try:
+                tick = decode(data)
+            except msgspec.MsgspecError as error:
+                raise BadInput(f"{self.path}: row {count + 1}: {error}") from error
+            count += 1
+            yield tick, data
+
+    def _rows(self) -> Iterator[bytes]:
+        try:
+            file = self.path.open("rb")
+        except OSError as error:
+            raise BadInput(f"{self.path}: {error}") from error
+        with file:
+            try:
+                for record in StreamReader(file, validate_crcs=True).records:
+                    if isinstance(record, Message):
+                        yield record.data
+            except (McapError, EOFError, ValueError, struct.error) as error:
+                self.cut_short = f"{self.path}: cut short or damaged ({type(error).__name__}: {error})"

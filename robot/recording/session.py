@@ -1,0 +1,99 @@
+"""A session is a folder:
+
+    session.json     what made it: versions, configuration and model hashes
+    launcher.toml    the configuration, as its file was; model.onnx the gate, if there was one
+    telemetry.mcap   one message a tick, the whole Tick as JSON
+    can0.log         every CAN frame both ways, candump text
+    trials.jsonl     one fsynced line an outcome
+    frames/          the image behind each shot, and frames.jsonl
+"""
+
+from pathlib import Path
+
+import msgspec
+from msgspec import Struct
+
+from robot.config import BadInput, Config, config_hash, parse_toml
+from robot.gate.model import Gate, load_gate
+from robot.types import Outcome, Shot
+
+FORMAT = "truearc.session/1"
+HEADER, CONFIG, MODEL, TELEMETRY, CAN, TRIALS, FRAMES = (
+    "session.json", "launcher.toml", "model.onnx", "telemetry.mcap", "can0.log", "trials.jsonl", "frames")
+
+
+class Header(Struct, frozen=True):
+    """What made a session."""
+
+    format: str
+    truearc: str
+    config_sha256: str
+    model_sha256: str | None
+    policy: str
+    started: str | None               # wall clock, ISO 8601; None on the twin, whose clock starts at zero
+
+
+class Trial(Struct, frozen=True):
+    """One line of trials.jsonl; a later line for the same trial replaces it."""
+
+    outcome: Outcome
+    shot: Shot | None
+
+
+def load_header(session: Path) -> Header:
+    """session.json; BadInput when this is no session or one of a newer format."""
+    path = session / HEADER
+    try:
+        header = msgspec.json.decode(path.read_bytes(), type=Header)
+    except (OSError, msgspec.MsgspecError) as error:
+        raise BadInput(f"{path}: not a recording ({error})") from error
+    if header.format != FORMAT:
+        raise BadInput(f"{path}: format {header.format}, this version reads {FORMAT}")
+    return header
+
+
+def load_session_config(session: Path) -> Config:
+    """The configuration a session ran with; BadInput when it is not the one its header names."""
+    header, path = load_header(session), session / CONFIG
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise BadInput(f"{path}: {error}") from error
+    config = parse_toml(text, Config, str(path))
+    if config_hash(config) != header.config_sha256:
+        raise BadInput(f"{path}: changed since the recording was made (hash differs from {HEADER})")
+    return config
+
+
+def load_session_gate(session: Path) -> Gate | None:
+    """The model a session ran with; BadInput when it is missing or another."""
+    header, path = load_header(session), session / MODEL
+    if header.model_sha256 is None:
+        return None
+    if not path.exists():
+        raise BadInput(f"{path}: the recording was gated by a model that is not here")
+    gate = load_gate(path)
+    if gate.sha256 != header.model_sha256:
+        raise BadInput(f"{path}: not the model that the recording was gated by")
+    return gate
+
+
+def load_trials(session: Path) -> list[Trial]:
+    """Every marked trial in order, a later line replacing an earlier one of the same trial.
+
+    A last line cut short by a power loss is dropped; any other broken line is BadInput with its number.
+    """
+    path = session / TRIALS
+    lines = path.read_bytes().split(b"\n") if path.exists() else []
+    trials: dict[int, Trial] = {}
+    for number, line in enumerate(lines, 1):
+        if not line:
+            continue
+        try:
+            trial = msgspec.json.decode(line, type=Trial)
+        except msgspec.MsgspecError as error:
+            if number == len(lines):
+                break
+            raise BadInput(f"{path}:{number}: {error}") from error
+        trials[trial.outcome.trial] = trial
+    return [trials[key] for key in sorted(trials)]

@@ -1,0 +1,196 @@
+"""HardwareRig: any wires that keep hw.link's promises, real or emulated. ReplayRig: a recording."""
+
+from collections.abc import Callable, Iterable, Iterator
+
+from hw.buttons import parse_lines
+
+from hw import canandmag, odrive
+from hw.link import BadFrame, Bus, Camera, Clock, Frame, LinkLost, Stream
+from hw.reading import AngleReading, ButtonEvent, CameraFrame, MotorReading
+from robot.config import Axis, BadInput, Config
+from robot.types import Command, Inputs, Sent, Sighting, Tick
+
+NS_PER_S = 1_000_000_000
+RETRY_NS = 100_000_000                # how often an axis that will not come up is asked again
+ENDSTOP_NS = 20_000_000               # how often the limit switch is read
+BOX_SILENT_NS = 1_500_000_000         # three missed heartbeats of the button box
+
+See = Callable[[CameraFrame], Sighting]
+
+
+class HardwareRig:
+    """Reads devices, writes commands, keeps the tick's time.
+
+    `see` turns an image into a sighting; `over` says, before each tick, whether there will be no more.
+    """
+
+    def __init__(self, config: Config, bus: Bus, box: Stream, camera: Camera, clock: Clock, see: See,
+                 over: Callable[[], bool]) -> None:
+        self._config, self._bus, self._box, self._camera, self._clock = config, bus, box, camera, clock
+        self._see, self._over = see, over
+        self._axes = [make_axis(axis) for axis in (*config.axes.flywheels, config.axes.hood, config.axes.feeder)]
+        self._motors = [MotorReading() for _ in self._axes]
+        self._encoder = canandmag.Encoder(config.hood_encoder.device)
+        self._angle: AngleReading | None = None
+        self._handlers = self._make_handlers()
+        self._picture: CameraFrame | None = None
+        self._pending = b""
+        self._heard_box_ns = 0
+        self._cycle = 0
+        self._due_ns = clock.now_ns()
+        self._asked_ns = [0] * len(self._axes)
+        self._endstop_ns = 0
+        self._enabled = False
+        self._started = False
+        self._faults: list[str] = []
+
+    def read(self) -> Inputs | None:
+        """Wait for the next tick, then gather what came in since the last one."""
+        if self._over():
+            return None
+        period = NS_PER_S // self._config.tick_hz
+        self._due_ns = max(self._due_ns + period, self._clock.now_ns())   # after a stall: skip, never burst
+        self._clock.sleep_until_ns(self._due_ns)
+        t_ns = self._clock.now_ns()
+        self._faults = []
+        self._read_bus()
+        buttons = self._read_box(t_ns)
+        sighting = self._read_camera()
+        self._cycle += 1
+        count = len(self._config.axes.flywheels)
+        return Inputs(t_ns, self._cycle, tuple(self._motors[:count]), self._motors[count], self._motors[count + 1],
+                      self._angle, sighting, tuple(buttons), tuple(self._faults))
+
+    def write(self, command: Command) -> Sent:
+        """Send what keeps the axes in the asked state, then the torques; says what really went out."""
+        t_ns = self._clock.now_ns()
+        frames = self._housekeeping(command, t_ns)
+        flywheel = self._clamp(command.flywheel_torque_nm, self._config.flywheel.pid.output_high)
+        hood = self._clamp(command.hood_torque_nm, self._config.hood.pid.output_high)
+        feeder = self._clamp(command.feeder_torque_nm, self._config.feeder.torque_nm)
+        if command.enable:
+            torques = [flywheel] * len(self._config.axes.flywheels) + [hood, feeder]
+            frames += [odrive.make_torque(axis, torque) for axis, torque in zip(self._axes, torques, strict=True)]
+        refused = sum(not self._send(frame) for frame in frames)
+        return Sent(command.enable, flywheel, hood, feeder, refused)
+
+    def picture(self) -> CameraFrame | None:
+        return self._picture
+
+    def _make_handlers(self) -> dict[int, Callable[[Frame], None]]:
+        handlers: dict[int, Callable[[Frame], None]] = {}
+        for index, axis in enumerate(self._axes):
+            for frame_id in odrive.frame_ids(axis):
+                handlers[frame_id] = self._make_motor_handler(index, axis)
+        for frame_id in canandmag.frame_ids(self._encoder):
+            handlers[frame_id] = self._take_angle
+        return handlers
+
+    def _make_motor_handler(self, index: int, axis: odrive.Axis) -> Callable[[Frame], None]:
+        def take(frame: Frame) -> None:
+            self._motors[index] = odrive.parse(axis, frame, self._motors[index])
+        return take
+
+    def _take_angle(self, frame: Frame) -> None:
+        self._angle = canandmag.parse(self._encoder, frame, self._angle)
+
+    def _read_bus(self) -> None:
+        try:
+            frames = self._bus.read()
+        except LinkLost as error:
+            self._faults.append(f"CAN lost: {error}")
+            return
+        handlers = self._handlers
+        for frame in frames:
+            handler = handlers.get(frame.arbitration_id)
+            if handler is None or frame.is_remote:
+                continue
+            try:
+                handler(frame)
+            except BadFrame as error:
+                self._faults.append(f"bad frame: {error}")
+
+    def _read_box(self, t_ns: int) -> list[ButtonEvent]:
+        try:
+            events, self._pending, faults = parse_lines(self._pending, self._box.read(), t_ns)
+        except LinkLost as error:
+            self._faults.append(f"button box lost: {error}")
+            return []
+        if events:
+            self._heard_box_ns = t_ns
+        self._faults += [f"button box: {fault}" for fault in faults]
+        if t_ns - self._heard_box_ns > BOX_SILENT_NS:
+            self._faults.append("button box silent: outcomes cannot be marked")
+        return [event for event in events if isinstance(event, ButtonEvent)]
+
+    def _read_camera(self) -> Sighting | None:
+        try:
+            picture = self._camera.read()
+        except LinkLost as error:
+            self._faults.append(f"camera lost: {error}")
+            return None
+        if picture is None:
+            return None
+        self._picture = picture
+        return self._see(picture)
+
+    def _housekeeping(self, command: Command, t_ns: int) -> list[Frame]:
+        frames: list[Frame] = []
+        if not self._started:
+            self._started = True
+            frames.append(canandmag.make_position_period(self._encoder, self._config.hood_encoder.period_ms))
+        if command.enable and not self._enabled:
+            frames += [odrive.make_clear_errors(axis) for axis in self._axes]   # arming is the operator's re-arm
+        self._enabled = command.enable
+        wanted = odrive.CLOSED_LOOP if command.enable else odrive.IDLE
+        for index, axis in enumerate(self._axes):
+            if self._motors[index].axis_state != wanted and t_ns - self._asked_ns[index] >= RETRY_NS:
+                self._asked_ns[index] = t_ns
+                frames += _make_state(axis, wanted)
+        if t_ns - self._endstop_ns >= ENDSTOP_NS:
+            self._endstop_ns = t_ns
+            frames += [odrive.make_endstop_query(axis) for axis in self._axes if axis.endstop_endpoint]
+        return frames
+
+    def _send(self, frame: Frame) -> bool:
+        try:
+            return self._bus.write(frame)
+        except LinkLost:
+            return False              # the next read reports the lost bus
+
+    @staticmethod
+    def _clamp(torque_nm: float, limit_nm: float) -> float:
+        return min(max(torque_nm, -abs(limit_nm)), abs(limit_nm))
+
+
+class ReplayRig:
+    """Plays recorded inputs; a command is answered by what was sent then."""
+
+    def __init__(self, ticks: Iterable[Tick]) -> None:
+        self._ticks: Iterator[Tick] = iter(ticks)
+        self.recorded: Tick | None = None
+
+    def read(self) -> Inputs | None:
+        self.recorded = next(self._ticks, None)
+        return None if self.recorded is None else self.recorded.inputs
+
+    def write(self, command: Command) -> Sent:
+        assert self.recorded is not None and self.recorded.sent is not None
+        return self.recorded.sent
+
+    def picture(self) -> CameraFrame | None:
+        return None
+
+
+def make_axis(axis: Axis) -> odrive.Axis:
+    """The driver of one axis line of the configuration."""
+    if axis.driver != "odrive":
+        raise BadInput(f"axes: no driver called {axis.driver!r} (there is: odrive)")
+    return odrive.Axis(axis.node, axis.direction, axis.endstop_endpoint)
+
+
+def _make_state(axis: odrive.Axis, state: int) -> list[Frame]:
+    if state == odrive.CLOSED_LOOP:
+        return [odrive.make_controller_mode(axis, odrive.TORQUE_CONTROL, odrive.PASSTHROUGH),
+                odrive.make_state(axis, state)]
+    return [odrive.make_state(axis, state)]

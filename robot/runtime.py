@@ -1,0 +1,43 @@
+"""The loop: read -> tick -> write -> record. One identical line on hardware, on the twin and on replay."""
+
+from typing import Protocol
+
+from hw.reading import CameraFrame
+from robot.config import Config
+from robot.gate.model import Gate
+from robot.tick import step
+from robot.types import Command, Inputs, Memory, Sent, Tick
+
+
+class Rig(Protocol):
+    """Whatever gives inputs and takes commands."""
+
+    def read(self) -> Inputs | None:
+        """The next tick's inputs, when they are due; None when there will be no more."""
+
+    def write(self, command: Command) -> Sent: ...
+
+    def picture(self) -> CameraFrame | None:
+        """The newest camera image, if this rig has one."""
+
+
+class Recorder(Protocol):
+    """Whatever keeps ticks. Never blocks the loop."""
+
+    def record(self, tick: Tick, sent: Sent) -> None: ...
+
+    def keep_picture(self, picture: CameraFrame) -> None: ...
+
+
+def run(rig: Rig, config: Config, gate: Gate | None, recorder: Recorder) -> int:
+    """Run until the rig is over; returns the number of ticks."""
+    memory = Memory()
+    ticks = 0
+    while (inputs := rig.read()) is not None:
+        tick = step(inputs, memory, config, gate)
+        recorder.record(tick, rig.write(tick.command))
+        if tick.shot is not None and (picture := rig.picture()) is not None:
+            recorder.keep_picture(picture)
+        memory = tick.memory
+        ticks += 1
+    return ticks

@@ -1,0 +1,68 @@
+"""One tick: estimate -> aim -> verdict -> control. Pure: no clock, no wires, no randomness, so a replay is exact."""
+
+from msgspec.structs import replace
+
+from robot.aim import aim as aim_at
+from robot.aim import config_id
+from robot.config import Config
+from robot.control import control
+from robot.estimate import estimate, remember
+from robot.gate.model import Gate
+from robot.gate.verdict import judge, only_the_model_doubts
+from robot.operator import operate
+from robot.types import Aim, Estimate, Inputs, Memory, Outcome, Shot, Tick, Verdict
+
+NS = 1e-9
+
+
+def step(inputs: Inputs, memory: Memory, config: Config, gate: Gate | None) -> Tick:
+    """Everything the robot thinks in one tick; `memory` in the result is what the next tick starts from."""
+    memory, outcomes = operate(inputs, memory, config)
+    memory = remember(inputs, memory, config)
+    belief = estimate(inputs, memory, config)
+    aim, memory = _hold_aim(belief, memory, config)
+    verdict = judge(inputs, belief, aim, memory, config, gate)
+    command, memory = control(inputs, belief, aim, verdict, memory, config)
+    if verdict.fire:
+        shot = _shot(inputs, belief, verdict, memory, config)
+        memory = replace(memory, last_shot=shot, awaiting=True, request_t_ns=0, doubt_t_ns=0)
+        return Tick(inputs, belief, aim, verdict, command, memory, shot, outcomes)
+    memory, held = _lapse(inputs, verdict, memory, config)
+    return Tick(inputs, belief, aim, verdict, command, memory, None, outcomes + held)
+
+
+def _hold_aim(belief: Estimate, memory: Memory, config: Config) -> tuple[Aim, Memory]:
+    # From the request on the aim stands still: a set point that follows every noisy sighting never settles.
+    if memory.aim is not None:
+        return memory.aim, memory
+    aim = aim_at(belief, memory, config)
+    fresh = belief.sighting_s is not None and belief.sighting_s <= config.gate.sighting_age_s
+    if memory.request_t_ns and aim.source == "plan" and fresh:
+        memory = replace(memory, aim=aim)
+    return aim, memory
+
+
+def _shot(inputs: Inputs, belief: Estimate, verdict: Verdict, memory: Memory, config: Config) -> Shot:
+    assert belief.distance_m is not None and belief.distance_sigma_m is not None and belief.hood_deg is not None
+    before = memory.last_shot
+    return Shot(
+        trial=memory.trial, t_ns=inputs.t_ns, config_id=config_id(memory.trial, config.collect),
+        distance_m=belief.distance_m, distance_sigma_m=belief.distance_sigma_m, hood_deg=belief.hood_deg,
+        motor_ratio=belief.motor_ratio, motor_rad_s=belief.motor_rad_s, battery_v=belief.battery_v,
+        since_last_shot_s=None if before is None else (inputs.t_ns - before.t_ns) * NS,
+        p_two=verdict.p_two, p_three=verdict.p_three)
+
+
+def _lapse(inputs: Inputs, verdict: Verdict, memory: Memory, config: Config) -> tuple[Memory, tuple[Outcome, ...]]:
+    """A request that is not granted in time is over; it is recorded with what stood in the way."""
+    if not memory.request_t_ns:
+        return memory, ()
+    doubt = (memory.doubt_t_ns or inputs.t_ns) if only_the_model_doubts(verdict) else 0
+    memory = replace(memory, doubt_t_ns=doubt)
+    tired = (inputs.t_ns - memory.request_t_ns) * NS >= config.gate.request_s
+    refused = bool(doubt) and (inputs.t_ns - doubt) * NS >= config.gate.doubt_s
+    if not tired and not refused:
+        return memory, ()
+    held = Outcome(memory.trial, inputs.t_ns, "held", verdict.reasons)
+    memory = replace(memory, request_t_ns=0, doubt_t_ns=0, aim=None, trial=memory.trial + 1)
+    return memory, (held,)

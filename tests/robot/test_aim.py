@@ -1,0 +1,50 @@
+"""The collection plan and its ballistics."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+import robot
+from robot.aim import plan, step_walk, vacuum_speed_m_s, walked
+from robot.config import load_config
+
+CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")
+
+
+@given(st.floats(1.0, 12.0), st.floats(0.5, 2.5), st.floats(20.0, 74.0))
+def test_the_vacuum_speed_hits_the_target(distance_m, rise_m, elevation_deg):
+    speed = vacuum_speed_m_s(distance_m, rise_m, elevation_deg, 9.81)
+    angle = math.radians(elevation_deg)
+    if speed is None:
+        assert distance_m * math.tan(angle) <= rise_m
+        return
+    flight = distance_m / (speed * math.cos(angle))
+    assert math.isclose(speed * math.sin(angle) * flight - 9.81 * flight**2 / 2, rise_m, abs_tol=1e-6)
+
+
+def test_the_vacuum_speed_agrees_with_an_integrator():
+    speed = vacuum_speed_m_s(5.0, 1.7, 45.0, 9.81)
+    v = speed * math.sqrt(0.5)
+    path = solve_ivp(lambda t, s: [s[2], s[3], 0.0, -9.81], (0, 5.0 / v), [0, 0, v, v], method="DOP853", rtol=1e-11)
+    assert path.y[1, -1] == pytest.approx(1.7, abs=1e-9)
+
+
+def test_the_plan_fills_hood_range_and_speeds_evenly_and_repeats_what_it_should():
+    shares, trims = np.array([plan(trial, CONFIG.collect) for trial in range(300)]).T
+    for third in range(3):
+        assert 90 <= np.sum((shares >= third / 3) & (shares < (third + 1) / 3)) <= 110
+    assert np.max(np.abs(trims)) <= CONFIG.collect.spread
+    assert abs(np.mean(trims)) < 0.01
+
+
+def test_marks_walk_the_speed_the_right_way():
+    walk = (0.0, 0.0)
+    for _ in range(5):
+        walk = step_walk(walk, -1, 8.0, 0.01)
+    assert walked(walk, 8.0) > walked(walk, 5.0) > 0.0
+    assert step_walk(walk, 0, 8.0, 0.01) == walk

@@ -1,0 +1,47 @@
+"""launcher.toml is strict: whatever is wrong is named with its file, line and key."""
+
+from pathlib import Path
+
+import pytest
+
+import robot
+from robot.config import BadInput, Config, config_hash, load_config, parse_toml
+from robot.facts import unknown_keys
+
+SHIPPED = Path(robot.__file__).parent / "launcher.toml"
+TEXT = SHIPPED.read_text(encoding="utf-8")
+
+
+def test_the_shipped_configuration_loads():
+    config = load_config(SHIPPED)
+    assert [wheel.name for wheel in config.rig.launcher.wheel] == ["lower", "upper"]
+
+
+@pytest.mark.parametrize(("old", "new", "message"), [
+    ("spread = 0.12", "spred = 0.12", r"my\.toml:\d+: unknown key `spred` - at `collect`"),
+    ("kp = 0.03", "", r"my\.toml.*: missing key `kp` - at `flywheel\.pid`"),
+    ("tick_hz = 200", 'tick_hz = "fast"', r"my\.toml:3: Expected `int`, got `str` - at `tick_hz`"),
+    ("fps = 20.0", "fps = [", r"my\.toml: .*line \d+"),
+    ("mass_kg = 0.14", "", r"my\.toml.*missing key `mass_kg`"),
+])
+def test_a_mistake_is_named(old, new, message):
+    assert old in TEXT
+    with pytest.raises(BadInput, match=message):
+        parse_toml(TEXT.replace(old, new, 1), Config, "my.toml")
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(BadInput, match=r"nowhere\.toml"):
+        load_config(tmp_path / "nowhere.toml")
+
+
+def test_the_hash_follows_what_the_file_says_not_how_it_is_written():
+    config = parse_toml(TEXT, Config, "a")
+    assert config_hash(parse_toml("# a comment\n" + TEXT, Config, "b")) == config_hash(config)
+    assert config_hash(parse_toml(TEXT.replace("spread = 0.12", "spread = 0.13"), Config, "c")) != config_hash(config)
+
+
+def test_keys_of_rig_toml_that_nobody_reads_are_listed():
+    table = {"ball": {"mass_kg": 0.1, "radius_m": 0.1, "colour": "red"}, "camera": {},
+             "launcher": {"wheel": [{"name": "a", "radius_m": 1, "gear": 1, "clock_deg": 0, "rim": 2}]}}
+    assert unknown_keys(table) == ["ball.colour", "camera", "launcher.wheel.rim"]
