@@ -32,7 +32,8 @@ class AngleReading(Struct, frozen=True):
 
     t_ns: int
     angle_rad: float
-    magnet_ok: bool
+    magnet_ok: bool                   # magnet in range and the device without a fault that spoils the angle
+    faults: int = 0                   # device's own bits, newest heard; hw.canandmag names them
 
 
 class ButtonEvent(Struct, frozen=True):

@@ -1,0 +1,83 @@
+"""Names and physical values <-> frame bytes, by the DBC files in `hw/dbc`. The only user of cantools."""
+
+import functools
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import cantools
+from cantools.database.can.message import Message
+
+from hw.link import BadFrame
+
+DBC = Path(__file__).parent / "dbc"
+
+Values = Mapping[str, float]
+
+
+class _Entry(NamedTuple):
+    message: Message
+    length: int                                   # bytes
+    names: frozenset[str]
+    limits: tuple[tuple[str, float, float], ...]  # signal, lowest, highest; in the unit of the DBC
+
+
+class Codec:
+    """One device family's frames.
+
+    Values are physical, in the unit that the DBC file states for each signal. A value that is not finite or lies
+    outside the DBC's range is refused in both directions, so the DBC file is also the record of what is plausible.
+    """
+
+    def __init__(self, name: str, messages: Mapping[str, _Entry]) -> None:
+        self.name = name
+        self._messages = messages
+
+    def base_id(self, message: str) -> int:
+        """Arbitration id of a message for device 0."""
+        return int(self._messages[message].message.frame_id)
+
+    def length(self, message: str) -> int:
+        """Length of a message's data, in bytes."""
+        return self._messages[message].length
+
+    def make(self, message: str, values: Values) -> bytes:
+        """Data bytes that say `values`, one for each signal; BadFrame for a missing, foreign or impossible one."""
+        entry = self._messages[message]
+        if values.keys() != entry.names:
+            wrong = sorted(values.keys() ^ entry.names)
+            raise BadFrame(f"{self.name} {message}: missing or unknown signals {', '.join(wrong)}")
+        self._check(message, entry, values)
+        return entry.message.encode(dict(values), strict=False)
+
+    def parse(self, message: str, data: bytes) -> dict[str, float]:
+        """Signal values that `data` says; BadFrame if it is short, long, not finite or out of range."""
+        entry = self._messages[message]
+        if len(data) != entry.length:
+            raise BadFrame(f"{self.name} {message}: {len(data)} bytes instead of {entry.length}")
+        values: dict[str, Any] = entry.message.decode_simple(data, decode_choices=False)
+        self._check(message, entry, values)
+        return values
+
+    def _check(self, message: str, entry: _Entry, values: Values) -> None:
+        for name, low, high in entry.limits:
+            if not low <= values[name] <= high:                 # a NaN fails this too
+                raise BadFrame(f"{self.name} {message} ({entry.length} bytes): "
+                               f"{name} {values[name]:g} outside {low:g} to {high:g}")
+
+
+@functools.cache
+def load_codec(name: str) -> Codec:
+    """Read `hw/dbc/<name>.dbc`; ValueError if a signal there states no range."""
+    path = DBC / f"{name}.dbc"
+    database = cantools.database.load_file(path, database_format="dbc", strict=True)
+    return Codec(name, {message.name: _entry(path, message) for message in database.messages})
+
+
+def _entry(path: Path, message: Message) -> _Entry:
+    limits = []
+    for signal in message.signals:
+        if signal.minimum is None or signal.maximum is None:
+            raise ValueError(f"{path}: {message.name} {signal.name} states no range")
+        limits.append((signal.name, float(signal.minimum), float(signal.maximum)))
+    return _Entry(message, message.length, frozenset(name for name, _, _ in limits), tuple(limits))
