@@ -1,0 +1,71 @@
+"""coefficients.toml: what we believe, term by term, and where the belief came from.
+
+    schema = "truearc.coefficients/1"
+    [drag]
+    cd = 0.91
+    [magnus]
+    cl = 0.06
+    [provenance]
+    method = "grid"
+"""
+
+import math
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from robot.config import BadInput
+from sim.dataset.rig import make_toml
+from sim.physics.catalogue import TERMS
+
+SCHEMA = "truearc.coefficients/1"
+APART = ("schema", "provenance")
+
+Coefficients = dict[str, dict[str, float]]
+
+
+def load_coefficients(path: str | Path) -> Coefficients:
+    """{term: {parameter: value}}; BadInput names an unknown term or parameter, or a value that is no finite number."""
+    table = _load(path)
+    return {name: _values(path, name, values) for name, values in table.items() if name not in APART}
+
+
+def load_provenance(path: str | Path) -> dict[str, Any]:
+    """The file's [provenance] table, empty when it has none."""
+    provenance = _load(path).get("provenance", {})
+    if not isinstance(provenance, dict):
+        raise BadInput(f"{path}: provenance is not a table")
+    return provenance
+
+
+def save_coefficients(path: str | Path, coefficients: Mapping[str, Mapping[str, float]],
+                      provenance: Mapping[str, Any]) -> None:
+    """Write coefficients and how they came about (plain values); floats read back exactly."""
+    terms = {name: {key: float(value) for key, value in values.items()} for name, values in coefficients.items()}
+    text = make_toml({"schema": SCHEMA, **terms, "provenance": dict(provenance)})
+    Path(path).write_text(text, encoding="utf-8")
+
+
+def _load(path: str | Path) -> dict[str, Any]:
+    try:
+        table = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise BadInput(f"{path}: {error}") from error
+    if table.get("schema") != SCHEMA:
+        raise BadInput(f"{path}: schema is {table.get('schema')!r}, not {SCHEMA!r}")
+    return table
+
+
+def _values(path: str | Path, name: str, values: Any) -> dict[str, float]:
+    known = {term.name: {parameter.name for parameter in term.parameters} for term in TERMS}
+    if name not in known:
+        raise BadInput(f"{path}: there is no term {name!r}; the catalogue has {', '.join(sorted(known))}")
+    if not isinstance(values, dict):
+        raise BadInput(f"{path}: {name} is not a table")
+    for key, value in values.items():
+        if key not in known[name]:
+            raise BadInput(f"{path}: {name}.{key}: {name} has no such parameter ({', '.join(sorted(known[name]))})")
+        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+            raise BadInput(f"{path}: {name}.{key}: {value!r} is not a finite number")
+    return {key: float(value) for key, value in values.items()}

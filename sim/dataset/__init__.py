@@ -1,0 +1,1 @@
+"""A dataset of shots on disk: reading it strictly, writing it exactly."""

@@ -1,0 +1,91 @@
+"""rig.toml <-> Facts."""
+
+import json
+import math
+import sys
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from robot.config import BadInput, load_toml
+from robot.facts import Facts, unknown_keys
+
+RIG = "rig.toml"
+POSITIVE = ("ball.mass_kg", "ball.radius_m", "launcher.free_speed_rad_s", "launcher.wheel.radius_m",
+            "target.three_half_height_m", "target.two_half_height_m")
+NOT_NEGATIVE = ("launcher.release_height_m", "air.density_kg_m3", "noise.distance_m", "noise.hood_deg",
+                "noise.wheel_rad_s", "noise.track_m")
+
+
+def load_rig(path: str | Path) -> Facts:
+    """Read rig.toml; unknown keys are warned of on stderr; BadInput names file and key of a bad one."""
+    facts = load_toml(path, Facts)
+    for key in unknown_keys(tomllib.loads(Path(path).read_text(encoding="utf-8"))):
+        print(f"warning: {path}: key {key} is not known and has no effect", file=sys.stderr)
+    for key, value in _leaves(msgspec.to_builtins(facts), ""):
+        _check(path, key, value)
+    names = [wheel.name for wheel in facts.launcher.wheel]
+    if len(set(names)) < len(names):
+        raise BadInput(f"{path}: launcher.wheel.name: two wheels have one name")
+    if facts.target and facts.target.three_half_height_m > facts.target.two_half_height_m:
+        raise BadInput(f"{path}: target.three_half_height_m: exceeds two_half_height_m, but three lies inside two")
+    return facts
+
+
+def save_rig(path: str | Path, facts: Facts) -> None:
+    """Write rig.toml with every key stated, so that reading it gives the same facts."""
+    Path(path).write_text(make_toml(msgspec.to_builtins(facts)), encoding="utf-8")
+
+
+def make_toml(table: dict[str, Any], prefix: str = "") -> str:
+    """TOML text of nested tables, lists of tables and plain values; None is left out."""
+    plain = {key: value for key, value in table.items() if not isinstance(value, dict) and not _is_tables(value)}
+    text = "".join(f"{_key(key)} = {_value(value)}\n" for key, value in plain.items() if value is not None)
+    for key, value in table.items():
+        name = prefix + _key(key)
+        if isinstance(value, dict):
+            text += f"\n[{name}]\n" + make_toml(value, name + ".")
+        elif _is_tables(value):
+            text += "".join(f"\n[[{name}]]\n" + make_toml(row, name + ".") for row in value)
+    return text
+
+
+def _is_tables(value: Any) -> bool:
+    return isinstance(value, list | tuple) and len(value) > 0 and all(isinstance(row, dict) for row in value)
+
+
+def _key(key: str) -> str:
+    bare = key.replace("_", "").replace("-", "")
+    return key if bare.isascii() and bare.isalnum() else _value(key)
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(_value(part) for part in value) + "]"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        # a JSON string is a TOML basic string but for DEL, which TOML wants escaped
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    return repr(value)
+
+
+def _leaves(value: Any, key: str) -> list[tuple[str, Any]]:
+    if isinstance(value, dict):
+        return [leaf for name, part in value.items() for leaf in _leaves(part, f"{key}.{name}" if key else name)]
+    if isinstance(value, list | tuple):
+        return [leaf for part in value for leaf in _leaves(part, key)]
+    return [(key, value)]
+
+
+def _check(path: str | Path, key: str, value: Any) -> None:
+    if not isinstance(value, int | float):
+        return
+    if not math.isfinite(value):
+        raise BadInput(f"{path}: {key}: {value} is not finite")
+    if key in POSITIVE and value <= 0:
+        raise BadInput(f"{path}: {key}: {value} must be above 0")
+    if key in NOT_NEGATIVE and value < 0:
+        raise BadInput(f"{path}: {key}: {value} must not be below 0")

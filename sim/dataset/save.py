@@ -1,0 +1,59 @@
+"""Dataset -> a directory of CSV files that read back exactly."""
+
+import csv
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from sim.dataset.columns import RANGES
+from sim.dataset.load import LEFT_OUT
+from sim.dataset.model import Dataset, Shots
+from sim.dataset.rig import RIG, save_rig
+
+Column = Sequence[str] | np.ndarray
+FIRST = ("shot_id", "distance_m", "hood_deg", "motor_ratio", "outcome", "side")
+
+
+def save_dataset(directory: str | Path, dataset: Dataset) -> None:
+    """Write a dataset as rig.toml and CSV; floats by repr. A dataset that lay there is replaced, in either format.
+
+    ValueError when a number is infinite, which no reader would take.
+    """
+    home = Path(directory)
+    home.mkdir(parents=True, exist_ok=True)
+    for stem in ("shots", "tracks", "traces"):
+        for suffix in (".csv", ".parquet"):
+            (home / f"{stem}{suffix}").unlink(missing_ok=True)
+    (home / LEFT_OUT).unlink(missing_ok=True)
+    save_rig(home / RIG, dataset.facts)
+    _save_csv(home / "shots.csv", _shot_columns(dataset.shots))
+    ids = dataset.shots.shot_id
+    for stem, table in (("tracks", dataset.tracks), ("traces", dataset.traces)):
+        if table is not None:
+            columns = {name: column for name, column in vars(table).items() if name != "shot"}
+            _save_csv(home / f"{stem}.csv", {"shot_id": [ids[row] for row in table.shot], **columns})
+    if dataset.left_out:
+        (home / LEFT_OUT).write_text("".join(line + "\n" for line in dataset.left_out), encoding="utf-8")
+
+
+def _shot_columns(shots: Shots) -> dict[str, Column]:
+    columns = {"shot_id": shots.shot_id, **shots.numbers, **shots.texts}
+    order = [name for name in (*FIRST, *RANGES) if name in columns]
+    return {name: columns[name] for name in dict.fromkeys([*order, *columns])}
+
+
+def _save_csv(path: Path, columns: dict[str, Column]) -> None:
+    cells = [_cells(name, column) for name, column in columns.items()]
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(columns)
+        writer.writerows(zip(*cells, strict=True))
+
+
+def _cells(name: str, column: Column) -> list[str]:
+    if not isinstance(column, np.ndarray):
+        return list(column)
+    if np.isinf(column).any():
+        raise ValueError(f"column {name} has an infinite number")
+    return ["" if np.isnan(number) else repr(float(number)) for number in column]

@@ -1,0 +1,216 @@
+"""Ball state -> trajectory -> where it crosses a vertical plane: the seed's Eq. 4-10, integrated.
+
+Reached means: the point mass crosses x = distance for the first time, before it meets the floor (z = 0) and before it
+turns back (vx <= 0). docs/paper.md says why.
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+
+from robot.facts import Facts
+from sim.physics.launch import Exit
+from sim.physics.term import BallState, FlightTerm, complete
+from sim.physics.vector import Vec, absent, add, length, plus, scale, times
+
+STEP_S = 0.002                        # longest RK4 step; heights then agree with DOP853 to 1e-7 m
+TURN_RAD = 0.02                       # ... and no step turns or slows the velocity by more than this at the start
+LIMIT_S = 60.0                        # a ball still aloft then has not reached
+SHORTEST = 1.0 / 256.0                # of step_s, for balls that start almost at rest
+NEWTON_STEPS = 6
+
+Law = Callable[[BallState], Vec]
+
+
+class Crossing(NamedTuple):
+    """At the target plane; height is nan where not reached, and time then is the end of the flight."""
+
+    height_m: Any
+    time_s: Any
+    reached: Any
+
+
+class _Flight(NamedTuple):
+    """Loop state: each lane stops at the last step before whatever ends its flight."""
+
+    steps: Any
+    flying: Any
+    time_s: Any
+    ball: BallState
+
+
+@partial(jax.jit, static_argnames=("facts", "terms", "step_s", "turn_rad", "limit_s"))
+def fly(facts: Facts, terms: tuple[FlightTerm, ...], params: Mapping[str, Mapping[str, Any]], exit: Exit,
+        distance_m: Any, step_s: float = STEP_S, turn_rad: float = TURN_RAD, limit_s: float = LIMIT_S) -> Crossing:
+    """Fly every lane to the plane x = distance_m.
+
+    params: {term: {parameter: value}}; they, exit and distance_m broadcast against each other, and the result has that
+    shape. Fixed-step RK4 in float64; each lane's step is at most step_s and at most turn_rad of its first turning; the
+    crossing is solved on a part of the last step. Forward-mode differentiable (jax.jacfwd) in params, exit and distance.
+    """
+    law = make_law(facts, terms, params)
+    shape = _shape(params, exit, distance_m)
+    distance = jnp.broadcast_to(jnp.asarray(distance_m, dtype=float), shape)
+    start = start_of(facts, exit, shape)
+    start = _settle(law, start)
+    step = _step_for(law, start, step_s, turn_rad)
+    end = _fly_until(law, start, step, distance, math.ceil(limit_s / (step_s * SHORTEST)), limit_s)
+    return _cross(law, end, step, distance)
+
+
+@partial(jax.jit, static_argnames=("facts", "terms", "points", "step_s"))
+def path(facts: Facts, terms: tuple[FlightTerm, ...], params: Mapping[str, Mapping[str, Any]], exit: Exit,
+         points: int, step_s: float = STEP_S) -> BallState:
+    """The free flight of every lane, `points` states step_s apart (leading axis, the launch first), through the floor."""
+    law = make_law(facts, terms, params)
+    start = _dense(start_of(facts, exit, _shape(params, exit, 0.0)))
+
+    def advance(ball: BallState, _: None) -> tuple[BallState, BallState]:
+        return _dense(rk4(law, ball, step_s)), ball
+
+    return lax.scan(advance, start, None, length=points)[1]
+
+
+def make_law(facts: Facts, terms: Sequence[FlightTerm], params: Mapping[str, Mapping[str, Any]]) -> Law:
+    """The sum of the terms' accelerations as a function of the ball's state."""
+    values = [complete(term, params.get(term.name)) for term in terms]
+
+    def law(ball: BallState) -> Vec:
+        total = Vec(0.0, 0.0, 0.0)
+        for term, value in zip(terms, values, strict=True):
+            total = add(total, term.acceleration(facts, value, ball))
+        return total
+
+    return law
+
+
+def start_of(facts: Facts, exit: Exit, shape: tuple[int, ...]) -> BallState:
+    """The ball at the exit point, flying in the vertical plane, backspin about -y."""
+    speed, elevation, spin = (jnp.broadcast_to(jnp.asarray(part, dtype=float), shape) for part in exit)
+    zero = jnp.zeros(shape)
+    return BallState(position_m=Vec(zero, 0.0, zero + facts.launcher.release_height_m),
+                     velocity_m_s=Vec(speed * jnp.cos(elevation), 0.0, speed * jnp.sin(elevation)),
+                     spin_rev_s=Vec(0.0, -spin, 0.0))
+
+
+def rk4(law: Law, ball: BallState, step_s: Any) -> BallState:
+    """One classical Runge-Kutta step of position and velocity; step_s a number or one a lane."""
+    half = times(0.5, step_s)
+    v1 = ball.velocity_m_s
+    a1 = law(ball)
+    v2, a2 = _slope(law, ball, v1, a1, half)
+    v3, a3 = _slope(law, ball, v2, a2, half)
+    v4, a4 = _slope(law, ball, v3, a3, step_s)
+    return ball._replace(position_m=add(ball.position_m, scale(step_s / 6.0, _weigh(v1, v2, v3, v4))),
+                         velocity_m_s=add(ball.velocity_m_s, scale(step_s / 6.0, _weigh(a1, a2, a3, a4))))
+
+
+def _slope(law: Law, ball: BallState, velocity: Vec, acceleration: Vec, step_s: Any) -> tuple[Vec, Vec]:
+    moved = ball._replace(position_m=add(ball.position_m, scale(step_s, velocity)),
+                          velocity_m_s=add(ball.velocity_m_s, scale(step_s, acceleration)))
+    return moved.velocity_m_s, law(moved)
+
+
+def _weigh(k1: Vec, k2: Vec, k3: Vec, k4: Vec) -> Vec:
+    return add(add(k1, k4), scale(2.0, add(k2, k3)))
+
+
+def _settle(law: Law, ball: BallState) -> BallState:
+    """Give the sideways components arrays if the law pushes sideways, so that the loop's state keeps its form."""
+    if absent(law(ball).y) and absent(ball.velocity_m_s.y):
+        return ball
+    return _dense(ball)
+
+
+def _dense(ball: BallState) -> BallState:
+    zero = jnp.zeros_like(ball.position_m.x)
+    return BallState(*(Vec(*(plus(part, zero) for part in vec)) for vec in ball))
+
+
+def _step_for(law: Law, start: BallState, step_s: float, turn_rad: float) -> Any:
+    """Each lane's step: short where drag or lift turn the velocity fast; no derivative is taken through it."""
+    rate_s = length(law(start)) / length(start.velocity_m_s)
+    return lax.stop_gradient(jnp.clip(turn_rad / rate_s, step_s * SHORTEST, step_s))
+
+
+def _fly_until(law: Law, start: BallState, step: Any, distance: Any, most_steps: int, limit_s: float) -> _Flight:
+    def go_on(flight: _Flight) -> Any:
+        return jnp.any(flight.flying) & (flight.steps < most_steps)
+
+    def advance(flight: _Flight) -> _Flight:
+        old = _unpack(flight.ball)
+        new = rk4(law, old, step)
+        moves = flight.flying & ~_ends(old, new, step, distance) & (flight.time_s < limit_s)
+        ball = jax.tree.map(lambda a, b: jnp.where(moves, b, a), flight.ball, _pack(new))
+        return _Flight(flight.steps + 1, moves, flight.time_s + jnp.where(moves, step, 0.0), ball)
+
+    flying = (start.velocity_m_s.x > 0.0) & (start.position_m.x < distance)
+    end = lax.while_loop(go_on, advance, _Flight(0, flying, jnp.zeros_like(step), _pack(start)))
+    return end._replace(ball=_unpack(end.ball))
+
+
+def _pack(ball: BallState) -> BallState:
+    """For JAX's loops, to which None is no array at all whereas 0.0 would become one."""
+    return BallState(*(Vec(*(None if absent(part) else part for part in vec)) for vec in ball))
+
+
+def _unpack(ball: BallState) -> BallState:
+    return BallState(*(Vec(*(0.0 if part is None else part for part in vec)) for vec in ball))
+
+
+def _ends(old: BallState, new: BallState, step: Any, distance: Any) -> Any:
+    """Whether a step crosses the plane, meets the floor or turns back."""
+    return (new.position_m.x >= distance) | (new.velocity_m_s.x <= 0.0) | (_lowest_m(old, new, step) < 0.0)
+
+
+def _lowest_m(old: BallState, new: BallState, step: Any) -> Any:
+    """Lowest height within a step, by the parabola through height and vertical speeds at its ends."""
+    v0, v1 = old.velocity_m_s.z, new.velocity_m_s.z
+    dips = (v0 < 0.0) & (v1 > 0.0)
+    dip_m = 0.5 * v0 * v0 * step / jnp.where(dips, v1 - v0, 1.0)
+    return jnp.minimum(new.position_m.z, jnp.where(dips, old.position_m.z - dip_m, old.position_m.z))
+
+
+def _cross(law: Law, end: _Flight, step: Any, distance: Any) -> Crossing:
+    """Solve x = distance within the step that ended each flight."""
+    ball = end.ball
+    turn_s = _turning_time(law, ball, step)
+    gap_m = distance - ball.position_m.x
+    at_turn = rk4(law, ball, turn_s)
+    reached = (at_turn.position_m.x >= distance) | (gap_m <= 0.0)
+    part_s = _first_root(gap_m, ball.velocity_m_s.x, law(ball).x, turn_s)
+    for _ in range(NEWTON_STEPS):
+        there = rk4(law, ball, part_s)
+        speed = jnp.where(there.velocity_m_s.x > 0.0, there.velocity_m_s.x, jnp.inf)
+        part_s = jnp.clip(part_s - (there.position_m.x - distance) / speed, 0.0, turn_s)
+    there = rk4(law, ball, part_s)
+    reached = reached & (_lowest_m(ball, there, part_s) >= 0.0)
+    return Crossing(jnp.where(reached, there.position_m.z, jnp.nan), end.time_s + jnp.where(reached, part_s, 0.0),
+                    reached)
+
+
+def _turning_time(law: Law, ball: BallState, step: Any) -> Any:
+    """The part of the last step for which vx > 0."""
+    part_s = step
+    back = rk4(law, ball, step).velocity_m_s.x <= 0.0
+    for _ in range(NEWTON_STEPS):
+        there = rk4(law, ball, part_s)
+        slope = law(there).x
+        part_s = jnp.clip(part_s - there.velocity_m_s.x / jnp.where(slope < 0.0, slope, -jnp.inf), 0.0, step)
+    return jnp.where(back, part_s, step)
+
+
+def _first_root(gap_m: Any, speed_m_s: Any, acceleration_m_s2: Any, longest_s: Any) -> Any:
+    """Earlier root of speed t + acceleration t^2 / 2 = gap, within [0, longest_s]: it knows how a tangent crossing goes."""
+    under = jnp.maximum(speed_m_s**2 + 2.0 * acceleration_m_s2 * gap_m, 0.0)
+    divisor = speed_m_s + jnp.sqrt(jnp.where(under > 0.0, under, 1.0)) * (under > 0.0)
+    return jnp.clip(2.0 * gap_m / jnp.where(divisor > 0.0, divisor, jnp.inf), 0.0, longest_s)
+
+
+def _shape(params: Mapping[str, Mapping[str, Any]], exit: Exit, distance_m: Any) -> tuple[int, ...]:
+    return jnp.broadcast_shapes(*(jnp.shape(leaf) for leaf in jax.tree.leaves((params, tuple(exit), distance_m))))

@@ -1,0 +1,72 @@
+"""Wheels to ball: exit speed and spin (the seed's Eq. 11 and 12), and no-slip for any number of wheels."""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from robot.config import BadInput
+from robot.facts import Facts, Wheel
+
+
+class Exit(NamedTuple):
+    """The ball as it leaves; numpy or JAX arrays of one shape."""
+
+    speed_m_s: Any
+    elevation_rad: Any                # above horizontal
+    spin_rev_s: Any                   # backspin positive
+
+
+def exit_seed(facts: Facts, motor_ratio: Any, hood_deg: Any) -> Exit:
+    """Launch of the two-wheel rig at motor speed / free speed and elevation.
+
+    The seed's Eq. 11 and 12, the latter with the paper's own factor (twice the spin of a ball that does not slip).
+    Raises BadInput when the rig has no free speed or not one wheel above and one below.
+    """
+    upper, lower = opposed_wheels(facts)
+    motor_rad_s = motor_ratio * free_speed_rad_s(facts)
+    return exit_opposed(facts, motor_rad_s * (upper.gear * upper.radius_m), motor_rad_s * (lower.gear * lower.radius_m),
+                        hood_deg)
+
+
+def exit_opposed(facts: Facts, upper_m_s: Any, lower_m_s: Any, hood_deg: Any) -> Exit:
+    """Eq. 11 and 12 from the surface speeds of the two wheels."""
+    spin_rev_s = (lower_m_s - upper_m_s) / (2.0 * math.pi * facts.ball.radius_m)
+    return Exit((upper_m_s + lower_m_s) / 2.0, hood_deg * (math.pi / 180.0), spin_rev_s)
+
+
+def exit_no_slip(facts: Facts, wheel_surface_m_s: Any) -> tuple[Any, Any]:
+    """Exit speed and spin of a ball that rolls on all wheels without slip, in least squares.
+
+    wheel_surface_m_s: [n, wheels] in the rig's order, positive drives the ball out. Returns speed [n] in m/s and spin
+    [n, 3] in rad/s, right-handed about (exit direction, left, up across the exit direction); backspin is about -left.
+    Solves v + R (w x n_i).e = u_i. What the wheels leave open takes the smallest v^2 + (R w)^2: spin along the exit
+    direction is 0, and a lone wheel rolls the ball as if against a wall opposite to it.
+    """
+    surface_m_s = np.asarray(wheel_surface_m_s, dtype=float)
+    clock_rad = np.radians([wheel.clock_deg for wheel in facts.launcher.wheel])
+    # n_i = cos(clock) up - sin(clock) left, so (n_i x e) = cos(clock) left + sin(clock) up
+    rows = np.stack([np.ones_like(clock_rad), np.cos(clock_rad), np.sin(clock_rad)], axis=1)
+    solved = surface_m_s @ np.linalg.pinv(rows, rcond=1e-9).T
+    spin_rad_s = np.concatenate([np.zeros_like(solved[:, :1]), solved[:, 1:] / facts.ball.radius_m], axis=1)
+    return solved[:, 0], spin_rad_s
+
+
+def opposed_wheels(facts: Facts) -> tuple[Wheel, Wheel]:
+    """(upper, lower) of a rig with exactly one wheel on top and one at the bottom; BadInput otherwise."""
+    clocks = [round(wheel.clock_deg % 360.0, 6) for wheel in facts.launcher.wheel]
+    if sorted(clocks) != [0.0, 180.0]:
+        raise BadInput("rig.toml: launcher.wheel: the seed's Eq. 11 and 12 need two wheels, clock_deg 0 and 180")
+    return facts.launcher.wheel[clocks.index(0.0)], facts.launcher.wheel[clocks.index(180.0)]
+
+
+def is_opposed(facts: Facts) -> bool:
+    """Whether the seed's Eq. 11 and 12 apply to this rig."""
+    return sorted(round(wheel.clock_deg % 360.0, 6) for wheel in facts.launcher.wheel) == [0.0, 180.0]
+
+
+def free_speed_rad_s(facts: Facts) -> float:
+    """The motors' free speed; BadInput when rig.toml does not state it."""
+    if facts.launcher.free_speed_rad_s is None:
+        raise BadInput("rig.toml: launcher.free_speed_rad_s is needed to turn motor_ratio into a launch")
+    return facts.launcher.free_speed_rad_s

@@ -1,0 +1,94 @@
+"""The seed's simulator: a recorded configuration -> height at the target plane -> outcome."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from robot.config import BadInput
+from robot.facts import Facts
+from sim.physics.catalogue import flight_terms
+from sim.physics.flight import Crossing, fly
+from sim.physics.launch import (
+    Exit,
+    exit_no_slip,
+    exit_opposed,
+    is_opposed,
+)
+from sim.shots import Shots
+
+MISS, TWO, THREE = "miss", "two", "three"
+NAMED = 5                             # shots that a message names before it only counts
+
+
+def predict(facts: Facts, coefficients: Mapping[str, Mapping[str, float]], shots: Shots) -> Crossing:
+    """Fly each recorded configuration to its plane with gravity and the terms that `coefficients` names.
+
+    Returns numpy arrays, one row a shot. BadInput names shots without a distance or a launch.
+    """
+    exit = launch_of(facts, shots)
+    distance_m = shots.number("distance_m")
+    _need(shots, np.isnan(distance_m), "distance_m")
+    terms = flight_terms({"gravity", *coefficients})
+    crossing = fly(facts, terms, coefficients, exit, distance_m)
+    return Crossing(*(np.asarray(part) for part in crossing))
+
+
+def classify(facts: Facts, height_m: np.ndarray) -> np.ndarray:
+    """Outcome of a height at the plane (nan = not reached): the seed's Eq. 13 and 14, bounds included."""
+    if facts.target is None:
+        raise BadInput("rig.toml: [target] is needed to tell an outcome")
+    deviation_m = np.abs(np.asarray(height_m, dtype=float) - facts.target.centre_height_m)
+    return np.where(deviation_m <= facts.target.three_half_height_m, THREE,
+                    np.where(deviation_m <= facts.target.two_half_height_m, TWO, MISS))
+
+
+def launch_of(facts: Facts, shots: Shots) -> Exit:
+    """How each shot left: measured exit columns first, then wheel speeds, then motor_ratio (numpy, one row a shot).
+
+    A measured speed without a spin, measured or of wheels, means a ball without spin. BadInput names shots that have
+    too little of these, or no elevation.
+    """
+    speed_m_s, spin_rev_s = _from_wheels(facts, shots)
+    speed_m_s = _prefer(shots.number("exit_speed_m_s"), speed_m_s)
+    spin_rev_s = _prefer(shots.number("exit_spin_rev_s"), spin_rev_s)
+    spin_rev_s = np.where(np.isnan(spin_rev_s), 0.0, spin_rev_s)
+    elevation_deg = _prefer(shots.number("exit_deg"), shots.number("hood_deg"))
+    _need(shots, np.isnan(speed_m_s), "motor_ratio (with launcher.free_speed_rad_s in rig.toml), every "
+          "wheel_<name>_rad_s, or exit_speed_m_s")
+    _need(shots, np.isnan(elevation_deg), "hood_deg or exit_deg")
+    return Exit(speed_m_s, np.radians(elevation_deg), spin_rev_s)
+
+
+def _from_wheels(facts: Facts, shots: Shots) -> tuple[np.ndarray, np.ndarray]:
+    """Speed and backspin from the wheels; nan where a wheel's speed is not known."""
+    wheels = facts.launcher.wheel
+    if not wheels:
+        return np.full(len(shots), np.nan), np.full(len(shots), np.nan)
+    surface_m_s = np.stack([_wheel_rad_s(facts, shots, index) * wheel.radius_m for index, wheel in enumerate(wheels)],
+                           axis=1)
+    if is_opposed(facts):
+        lower = [round(wheel.clock_deg % 360.0, 6) for wheel in wheels].index(180.0)
+        exit = exit_opposed(facts, surface_m_s[:, 1 - lower], surface_m_s[:, lower], 0.0)
+        return exit.speed_m_s, exit.spin_rev_s
+    speed_m_s, spin_rad_s = exit_no_slip(facts, surface_m_s)
+    return speed_m_s, -spin_rad_s[:, 1] / (2.0 * np.pi)
+
+
+def _wheel_rad_s(facts: Facts, shots: Shots, index: int) -> np.ndarray:
+    wheel = facts.launcher.wheel[index]
+    measured = shots.number(f"wheel_{wheel.name}_rad_s")
+    free_speed_rad_s = facts.launcher.free_speed_rad_s
+    if free_speed_rad_s is None:
+        return measured
+    return _prefer(measured, shots.number("motor_ratio") * wheel.gear * free_speed_rad_s)
+
+
+def _prefer(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    return np.where(np.isnan(first), second, first)
+
+
+def _need(shots: Shots, lacking: np.ndarray, what: str) -> None:
+    if lacking.any():
+        names = [shots.shot_id[row] for row in np.flatnonzero(lacking)]
+        more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
+        raise BadInput(f"shots {', '.join(names[:NAMED])}{more}: {what} is needed and missing")

@@ -1,0 +1,27 @@
+"""Quadratic air drag (the seed's Eq. 3)."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar, final
+
+from robot.facts import Facts
+from sim.physics.term import BallState, FlightTerm, Parameter
+from sim.physics.vector import Vec, length, scale
+
+
+@final
+@dataclass(frozen=True)
+class Drag(FlightTerm):
+    """F = (cd / 2) A rho v^2 against the velocity, with A = pi r^2."""
+
+    name: ClassVar[str] = "drag"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("cd", "1", 0.0, 5.0, 0.0, "the seed's search range; a smooth sphere has 0.4-0.5"),)
+    symmetry: ClassVar[str] = "any"
+    sentence: ClassVar[str] = "The air slows the ball in proportion to the square of its speed."
+
+    def acceleration(self, facts: Facts, values: Mapping[str, Any], ball: BallState) -> Vec:
+        area_m2 = math.pi * facts.ball.radius_m**2
+        per_m = values["cd"] * (0.5 * area_m2 * facts.air.density_kg_m3 / facts.ball.mass_kg)
+        return scale(-per_m * length(ball.velocity_m_s), ball.velocity_m_s)
