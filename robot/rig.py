@@ -2,9 +2,8 @@
 
 from collections.abc import Callable, Iterable, Iterator
 
-from hw.buttons import parse_lines
-
 from hw import canandmag, odrive
+from hw.buttons import parse_lines
 from hw.link import BadFrame, Bus, Camera, Clock, Frame, LinkLost, Stream
 from hw.reading import AngleReading, ButtonEvent, CameraFrame, MotorReading
 from robot.config import Axis, BadInput, Config
@@ -191,6 +190,6 @@ def make_axis(axis: Axis) -> odrive.Axis:
 
 def _make_state(axis: odrive.Axis, state: int) -> list[Frame]:
     if state == odrive.CLOSED_LOOP:
-        return [odrive.make_controller_mode(axis, odrive.TORQUE_CONTROL, odrive.PASSTHROUGH),
+        return [odrive.make_controller_mode(axis, odrive.TORQUE, odrive.PASSTHROUGH),
                 odrive.make_state(axis, state)]
     return [odrive.make_state(axis, state)]

@@ -27,13 +27,11 @@ class TickReader:
 
     def __iter__(self) -> Iterator[tuple[Tick, bytes]]:
         decode = msgspec.json.Decoder(Tick).decode
-        count = 0
-        for data in self._rows():
+        for number, data in enumerate(self._rows(), 1):
             try:
                 tick = decode(data)
             except msgspec.MsgspecError as error:
-                raise BadInput(f"{self.path}: row {count + 1}: {error}") from error
-            count += 1
+                raise BadInput(f"{self.path}: row {number}: {error}") from error
             yield tick, data
 
     def _rows(self) -> Iterator[bytes]:

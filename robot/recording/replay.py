@@ -1,5 +1,6 @@
 """Replay: recompute every output from the recorded inputs and compare to the last bit."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -40,8 +41,9 @@ class RecordedRows:
         self._reader = reader
         self.current = b""
 
-    def __iter__(self) -> Any:
-        for tick, self.current in self._reader:
+    def __iter__(self) -> Iterator[Tick]:
+        for tick, row in self._reader:
+            self.current = row
             yield tick
 
 

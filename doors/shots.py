@@ -1,0 +1,36 @@
+"""truearc shots: recordings to a dataset."""
+
+import argparse
+import sys
+from pathlib import Path
+
+from doors.progress import make_progress
+from sim.recordings import shots_from_sessions
+from sim.repeatability import label_by_repeatability
+from sim.shots import save_dataset
+
+DESCRIPTION = "Turn recorded sessions into a dataset of shots (rig.toml, shots.csv, traces.csv)."
+EXAMPLE = "truearc shots sessions/monday sessions/tuesday -o data/week"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("sessions", type=Path, nargs="+", metavar="SESSION", help="recorded session folder")
+    parser.add_argument("-o", "--out", type=Path, required=True, metavar="DIR", help="dataset folder to write")
+    parser.add_argument("--repeatability", action="store_true",
+                        help="one row a configuration, labelled by the paper's R2/R3 rule (section IV-A)")
+
+
+def main(args: argparse.Namespace) -> int:
+    progress = make_progress("shots", args.quiet)
+    dataset = shots_from_sessions(args.sessions, args.out.name)
+    progress(0.8, "read")
+    if args.repeatability:
+        dataset = label_by_repeatability(dataset)
+    save_dataset(args.out, dataset)
+    progress(1.0, f"{len(dataset.shots)} rows")
+    outcomes = dataset.shots.text("outcome")
+    counts = ", ".join(f"{outcomes.count(kind)} {kind}" for kind in ("three", "two", "miss"))
+    print(f"{args.out}: {len(dataset.shots)} shots ({counts}); {len(dataset.left_out)} left out")
+    for line in dataset.left_out:
+        print(f"  left out: {line}", file=sys.stderr)
+    return 0

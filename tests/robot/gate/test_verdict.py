@@ -1,0 +1,112 @@
+"""Every doubt means HOLD."""
+
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from msgspec.structs import replace
+
+from robot.estimate import estimate
+from robot.gate.model import Rating
+from robot.gate.verdict import judge
+from tests.robot.good_tick import CONFIG, NOW_NS, good_inputs, good_memory, seconds
+
+MODEL = replace(CONFIG, gate=replace(CONFIG.gate, policy="model"))
+
+
+class Says:
+    """A gate that gives one rating, whatever it is asked."""
+
+    def __init__(self, *rating):
+        self.rating = Rating(*rating)
+
+    def rate(self, *features):
+        return self.rating
+
+
+def verdict(inputs=None, memory=None, config=CONFIG, gate=None):
+    inputs, memory = inputs or good_inputs(), memory or good_memory()
+    return judge(inputs, estimate(inputs, memory, config), memory.aim, memory, config, gate)
+
+
+def test_when_everything_holds_it_fires():
+    assert verdict().fire, verdict().reasons
+    assert verdict(config=MODEL, gate=Says(0.9, 0.8, True)).fire
+
+
+@pytest.mark.parametrize(("change", "reason"), [
+    ({"armed": False}, "not armed"), ({"homed": False}, "not homed"), ({"awaiting": True}, "mark the last shot"),
+    ({"request_t_ns": 0}, "waiting for the fire button"), ({"feed_t_ns": NOW_NS}, "clearing"),
+    ({"steady_t_ns": 0}, "only just arrived"), ({"last_sighting": None}, "never seen"),
+])
+def test_each_interlock_of_the_memory_holds(change, reason):
+    spoilt = verdict(memory=replace(good_memory(), **change))
+    assert not spoilt.fire and any(reason in line for line in spoilt.reasons)
+
+
+def spoil_motor(**change):
+    inputs = good_inputs()
+    return replace(inputs, flywheels=(inputs.flywheels[0], replace(inputs.flywheels[1], **change)))
+
+
+@pytest.mark.parametrize(("inputs", "reason"), [
+    (spoil_motor(t_ns=0), "never answered"), (spoil_motor(t_ns=NOW_NS - seconds(0.2)), "silent for 0.20 s"),
+    (spoil_motor(t_ns=NOW_NS + seconds(1)), "silent"), (spoil_motor(heartbeat_t_ns=NOW_NS - seconds(1)), "heartbeat"),
+    (spoil_motor(axis_error=0x01000000), "watchdog expired"), (spoil_motor(axis_state=1), "not under control"),
+    (spoil_motor(velocity_rad_s=0.0), "wheels at"), (spoil_motor(velocity_rad_s=math.nan), "wheels at nan"),
+    (replace(good_inputs(), faults=("CAN lost: adapter gone",)), "CAN lost"),
+    (replace(good_inputs(), hood_angle=None), "hood encoder has never answered"),
+    (replace(good_inputs(), hood_angle=replace(good_inputs().hood_angle, magnet_ok=False)), "magnet"),
+    (replace(good_inputs(), hood_angle=replace(good_inputs().hood_angle, t_ns=1)), "hood encoder silent"),
+    (replace(good_inputs(), hood_motor=replace(good_inputs().hood_motor, position_rad=0.0)), "its screw"),
+])
+def test_each_reading_that_fails_holds_and_says_so(inputs, reason):
+    spoilt = verdict(inputs)
+    assert not spoilt.fire and any(reason in line for line in spoilt.reasons), spoilt.reasons
+
+
+@pytest.mark.parametrize(("rating", "reason"), [
+    ((0.9, 0.2, True), "20% likely"), ((0.9, 0.9, False), "outside"), ((None, None, True), "no number"),
+    ((0.9, math.nan, True), "no number"),
+])
+def test_the_model_can_hold(rating, reason):
+    spoilt = verdict(config=MODEL, gate=Says(*rating))
+    assert not spoilt.fire and any(reason in line for line in spoilt.reasons)
+
+
+def test_a_missing_model_holds():
+    assert verdict(config=MODEL).reasons == ("no gate model loaded",)
+
+
+ages = st.floats(-2.0, 2.0)
+
+
+@settings(max_examples=2000, deadline=None)
+@given(age=ages, beat=ages, hood=ages, seen=ages, armed=st.booleans(), state=st.integers(0, 14),
+       error=st.sampled_from([0, 0, 0, 1, 0x01000000]), speed=st.floats(allow_nan=True, allow_infinity=True),
+       off=st.floats(-20, 20), p=st.floats(allow_nan=True), inside=st.booleans(), keep=st.integers(0, 2**8 - 1))
+def test_fire_implies_that_everything_is_fresh_finite_and_agreed(age, beat, hood, seen, armed, state, error, speed, off,
+                                                                 p, inside, keep):
+    """Each bit of `keep` leaves one thing as it should be, so that FIRE is not vanishingly rare."""
+    memory, inputs = good_memory(), good_inputs()
+    good = inputs.flywheels[0]
+    wrong = replace(
+        good, t_ns=good.t_ns if keep & 1 else NOW_NS - seconds(age),
+        heartbeat_t_ns=good.heartbeat_t_ns if keep & 2 else NOW_NS - seconds(beat),
+        axis_state=8 if keep & 4 else state, axis_error=0 if keep & 4 else error,
+        velocity_rad_s=good.velocity_rad_s if keep & 8 else (speed if abs(off) > 10 else good.velocity_rad_s + off))
+    sighting = memory.last_sighting if keep & 16 else replace(memory.last_sighting, t_ns=NOW_NS - seconds(seen))
+    angle = inputs.hood_angle if keep & 32 else replace(inputs.hood_angle, t_ns=NOW_NS - seconds(hood))
+    inputs = replace(inputs, flywheels=(good, wrong), hood_angle=angle)
+    memory = replace(memory, armed=armed or bool(keep & 64), last_sighting=sighting)
+    gate = Says(1.0, 0.9, True) if keep & 128 else Says(1.0, p, inside)
+    result = verdict(inputs, memory, MODEL, gate)
+    assert result.fire == (not result.reasons)
+    if result.fire:
+        limit = CONFIG.gate.reading_age_s
+        assert 0 <= (NOW_NS - wrong.t_ns) * 1e-9 <= limit and 0 <= (NOW_NS - angle.t_ns) * 1e-9 <= limit
+        assert 0 <= (NOW_NS - sighting.t_ns) * 1e-9 <= CONFIG.gate.sighting_age_s
+        assert memory.armed and wrong.axis_state == 8 and wrong.axis_error == 0
+        assert abs((good.velocity_rad_s + wrong.velocity_rad_s) / 2 - good.velocity_rad_s) <= 3.0
+        assert gate.rating.in_domain and gate.rating.p_three >= CONFIG.gate.threshold

@@ -1,0 +1,51 @@
+"""A tick in which everything is right, for tests that then spoil one thing."""
+
+import math
+from pathlib import Path
+
+from msgspec.structs import replace
+
+import robot
+from hw.odrive import CLOSED_LOOP
+from hw.reading import AngleReading, ButtonEvent, MotorReading
+from robot.aim import aim
+from robot.config import Config, load_config
+from robot.estimate import estimate
+from robot.geometry import screw_length_m
+from robot.types import Inputs, Memory, Sighting
+
+CONFIG: Config = load_config(Path(robot.__file__).parent / "launcher.toml")
+NOW_NS = 10_000_000_000
+HOOD_DEG = 50.0
+DISTANCE_M = 5.0
+
+
+def seconds(value: float) -> int:
+    return int(value * 1e9)
+
+
+def good_memory() -> Memory:
+    """Armed, homed, asked to fire, steady for long enough, aimed where the good inputs are."""
+    memory = Memory(armed=True, homed=True, trial=3, request_t_ns=NOW_NS - seconds(0.5),
+                    steady_t_ns=NOW_NS - seconds(0.5),
+                    last_sighting=Sighting(NOW_NS - seconds(0.05), True, "", DISTANCE_M + CONFIG.camera.behind_exit_m,
+                                           0.03, 0.0))
+    held = aim(estimate(good_inputs(200.0, HOOD_DEG), memory, CONFIG), memory, CONFIG)
+    return replace(memory, aim=held)
+
+
+def good_inputs(motor_rad_s: float | None = None, hood_deg: float | None = None,
+                buttons: tuple[ButtonEvent, ...] = ()) -> Inputs:
+    """Readings that agree with the aim of good_memory(), all 4 ms old."""
+    if motor_rad_s is None or hood_deg is None:
+        held = good_memory().aim
+        assert held is not None
+        motor_rad_s = held.motor_ratio * (CONFIG.rig.launcher.free_speed_rad_s or 0.0)
+        hood_deg = held.hood_deg
+    stamp = NOW_NS - seconds(0.004)
+    motor = MotorReading(stamp, 1.0, motor_rad_s, stamp, CLOSED_LOOP, 0, stamp, 5.0, stamp, 12.2)
+    travel = screw_length_m(hood_deg, CONFIG.hood) - screw_length_m(CONFIG.hood.low_deg, CONFIG.hood)
+    turned = travel / CONFIG.hood.screw_lead_m * 2 * math.pi
+    angle = math.radians((hood_deg * CONFIG.hood_encoder.direction + CONFIG.hood_encoder.zero_deg) % 360)
+    return Inputs(NOW_NS, 2000, (motor, motor), replace(motor, position_rad=turned, velocity_rad_s=0.0),
+                  replace(motor, velocity_rad_s=0.0), AngleReading(stamp, angle, True), None, buttons, ())
