@@ -1,0 +1,28 @@
+"""Intervals for shares."""
+
+import math
+
+Z95 = 1.959963984540054
+
+
+def wilson(successes: int, trials: int, z: float = Z95) -> tuple[float, float]:
+    """Wilson score interval of a binomial share (Wilson 1927); (0, 1) when nothing was tried."""
+    if trials == 0:
+        return 0.0, 1.0
+    share = successes / trials
+    centre = share + z * z / (2 * trials)
+    spread = z * math.sqrt(share * (1 - share) / trials + z * z / (4 * trials * trials))
+    scale = 1 + z * z / trials
+    return max(0.0, (centre - spread) / scale), min(1.0, (centre + spread) / scale)
+
+
+def difference(one: tuple[int, int], other: tuple[int, int]) -> tuple[float, float]:
+    """Newcombe's hybrid-score 95 % interval of share(one) - share(other), each (successes, trials) (Newcombe 1998)."""
+    p, q = _share(*one), _share(*other)
+    (p_low, p_high), (q_low, q_high) = wilson(*one), wilson(*other)
+    gap = p - q
+    return (gap - math.hypot(p - p_low, q_high - q), gap + math.hypot(p_high - p, q - q_low))
+
+
+def _share(successes: int, trials: int) -> float:
+    return successes / trials if trials else 0.5
