@@ -9,6 +9,7 @@ import numpy as np
 import onnx
 from onnx import TensorProto, helper, numpy_helper
 
+from robot.config import BadInput
 from robot.gate.contract import (
     FEATURES,
     INPUT,
@@ -63,7 +64,10 @@ def export_weights(directory: str | Path, path: str | Path) -> bytes:
     provenance = {key: value for key, value in record.items() if key not in ("curve", "domain")}
     provenance["weights_sha256"] = weights_hash(directory)
     data = make_model(network, record["domain"], provenance)
-    Path(path).write_bytes(data)
+    try:
+        Path(path).write_bytes(data)
+    except OSError as error:
+        raise BadInput(f"{path}: {error.strerror or error}") from error
     return data
 
 

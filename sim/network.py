@@ -78,12 +78,18 @@ def _exact_in_float32(values: np.ndarray) -> np.ndarray:
 
 
 def save_weights(directory: str | Path, network: Network, record: dict[str, Any]) -> None:
-    """Write weights.npz and training.json; the same network and record give the same bytes."""
-    directory = Path(directory)
-    directory.mkdir(parents=True, exist_ok=True)
-    np.savez(directory / WEIGHTS_FILE, mean=network.mean, scale=network.scale, **network.layers._asdict())
+    """Write weights.npz and training.json; the same network and record give the same bytes.
+
+    BadInput when the directory cannot be written.
+    """
     text = json.dumps({"schema": SCHEMA, **record}, indent=1, allow_nan=False) + "\n"
-    (directory / RECORD_FILE).write_text(text, encoding="utf-8")
+    directory = Path(directory)
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        np.savez(directory / WEIGHTS_FILE, mean=network.mean, scale=network.scale, **network.layers._asdict())
+        (directory / RECORD_FILE).write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise BadInput(f"{error.filename}: {error.strerror}") from error
 
 
 def load_weights(directory: str | Path) -> tuple[Network, dict[str, Any]]:

@@ -18,11 +18,12 @@ from jax.flatten_util import ravel_pytree
 from robot.config import BadInput
 from robot.gate.contract import FEATURES
 from sim.network import Layers, Network, initial_layers, logits, probabilities, standardisation
+from sim.shots import Shots
 
 LABELS = {"miss": (0.0, 0.0), "two": (1.0, 0.0), "three": (1.0, 1.0)}     # three lies inside two
 BATCH = 10
 EPOCHS = 4000
-DOMAIN_MARGIN = 0.1                   # the domain is the recorded rows' box, made wider by this share, half on each side
+DOMAIN_MARGIN = 0.1                   # the domain is the recorded rows' box, wider by this share (half on each side)
 CURVE_POINTS = 50
 
 
@@ -31,6 +32,23 @@ class Rows(NamedTuple):
 
     features: np.ndarray
     labels: np.ndarray
+
+
+def training_rows(shots: Shots, name: str) -> tuple[Rows, list[str]]:
+    """Rows with an outcome and all three features, and a sentence for each kind of shot of dataset `name` left out."""
+    features = np.stack([shots.number(feature.name) for feature in FEATURES], axis=1)
+    outcomes = shots.text("outcome")
+    judged = np.array([outcome in LABELS for outcome in outcomes], bool)
+    whole = np.isfinite(features).all(axis=1)
+    left_out = [f"{name}: {int(lacks.sum())} of {len(shots)} shots left out: no {what}"
+                for what, lacks in (("outcome", ~judged), (_either_of_features(), judged & ~whole)) if lacks.any()]
+    kept = np.flatnonzero(judged & whole)
+    labels = np.array([LABELS[outcomes[row]] for row in kept], float).reshape(-1, 2)
+    return Rows(features[kept], labels), left_out
+
+
+def _either_of_features() -> str:
+    return " or no ".join(feature.name for feature in FEATURES)
 
 
 @dataclass(frozen=True)
@@ -44,7 +62,7 @@ class Recipe:
 
 
 class CurvePoint(NamedTuple):
-    """Losses after `epoch` epochs: mean cross-entropy a row, summed over the two outputs; NaN where there are no rows."""
+    """Mean cross-entropy a row (summed over the two outputs) after `epoch` epochs; NaN where there are no rows."""
 
     epoch: int
     real: float
@@ -154,7 +172,7 @@ def _count(rows: Rows | None) -> int:
 
 
 def split_heldout(rows: Rows, share: float, seed: int) -> tuple[Rows, Rows]:
-    """(kept, held out): `share` of each of the three classes is held out, drawn by seed; BadInput unless 0 <= share < 1."""
+    """(kept, held out): `share` of each class is held out, drawn by seed; BadInput unless 0 <= share < 1."""
     if not 0.0 <= share < 1.0:
         raise BadInput(f"--holdout is {share}; it must be at least 0 and less than 1")
     rng = np.random.default_rng([seed, 1])

@@ -71,11 +71,11 @@ class Gate:
         A row without a usable p has NaN in both columns and in_domain False.
         """
         features = np.asarray(features, np.float64).reshape(-1, len(FEATURES))
-        sound = (np.abs(features) <= LARGEST).all(axis=1)
+        sound: npt.NDArray[np.bool_] = np.all(np.abs(features) <= LARGEST, axis=1)
         narrow = np.where(sound[:, None], features, 0.0).astype(np.float32)
         p = np.asarray(self._run((OUTPUT,), {INPUT: narrow})[0], np.float64)
-        usable = sound & ((p >= 0.0) & (p <= 1.0)).all(axis=1)
-        inside = ((features >= self._low) & (features <= self._high)).all(axis=1)
+        usable = sound & np.all((p >= 0.0) & (p <= 1.0), axis=1)
+        inside = np.all((features >= self._low) & (features <= self._high), axis=1)
         return np.where(usable[:, None], p, np.nan), usable & inside
 
 

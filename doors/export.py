@@ -1,0 +1,20 @@
+"""truearc export."""
+
+import argparse
+import hashlib
+
+from model_export.graph import export_weights
+
+DESCRIPTION = "Write trained weights as an ONNX file that carries its contract, domain and provenance."
+EXAMPLE = "truearc export weights/ -o gate.onnx"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("weights", metavar="DIR", help="weights directory, as `truearc train` writes it")
+    parser.add_argument("-o", "--out", required=True, metavar="FILE", help="ONNX file to write")
+
+
+def main(args: argparse.Namespace) -> int:
+    data = export_weights(args.weights, args.out)
+    print(f"{args.out}: {len(data)} bytes, sha256 {hashlib.sha256(data).hexdigest()}")
+    return 0

@@ -1,0 +1,32 @@
+"""truearc predict-gate."""
+
+import argparse
+import sys
+from pathlib import Path
+
+from model_export.predict import make_ratings
+from robot.config import BadInput
+from robot.gate.model import load_gate
+from sim.shots import load_dataset
+
+DESCRIPTION = "What a gate makes of each shot of a dataset, as CSV: shot_id,p_two,p_three,in_domain."
+EXAMPLE = "truearc predict-gate gate.onnx shots/ -o ratings.csv"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("gate", metavar="FILE", help="ONNX file, as `truearc export` writes it")
+    parser.add_argument("dataset", metavar="DIR", help="dataset of shots")
+    parser.add_argument("-o", "--out", metavar="FILE", help="CSV file to write (standard output)")
+
+
+def main(args: argparse.Namespace) -> int:
+    gate = load_gate(args.gate)
+    text = make_ratings(gate, load_dataset(args.dataset).shots, args.dataset)
+    if args.out is None:
+        sys.stdout.write(text)
+        return 0
+    try:
+        Path(args.out).write_text(text, encoding="utf-8", newline="")
+    except OSError as error:
+        raise BadInput(f"{args.out}: {error.strerror or error}") from error
+    return 0

@@ -1,0 +1,42 @@
+"""truearc synth."""
+
+import argparse
+import json
+import shutil
+from importlib.metadata import version
+from pathlib import Path
+
+from doors.progress import make_progress
+from sim.coefficients import load_coefficients
+from sim.shots import Dataset, dataset_hash, load_dataset, load_rig, save_dataset
+from sim.synth import PROVENANCE_FILE, SHAPE, synthesise
+
+DESCRIPTION = """Simulated shots for the classifier: every configuration of the seed's grid is flown with fitted
+coefficients, and an even sample of the three outcomes is drawn."""
+EXAMPLE = "truearc synth --rig rig.toml --coefficients coefficients.toml -n 900 --exclude shots/ -o simulated/"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--rig", required=True, help="rig.toml")
+    parser.add_argument("--coefficients", required=True, help="coefficients.toml, as `truearc fit` writes it")
+    parser.add_argument("-n", type=int, default=900, help="shots in all (900)")
+    parser.add_argument("--exclude", metavar="DIR", help="dataset of recorded shots whose configurations are not drawn")
+    parser.add_argument("--seed", type=int, default=0, help="of the draw (0)")
+    parser.add_argument("-o", "--out", required=True, metavar="DIR", help="dataset directory to write")
+
+
+def main(args: argparse.Namespace) -> int:
+    facts = load_rig(args.rig)
+    coefficients = load_coefficients(args.coefficients)
+    recorded = load_dataset(args.exclude).shots if args.exclude else None
+    shots = synthesise(facts, coefficients, args.n, recorded, args.seed, make_progress("synth", args.quiet))
+    out = Path(args.out)
+    save_dataset(out, Dataset(out.name, facts, shots))
+    shutil.copyfile(args.coefficients, out / "coefficients.toml")
+    provenance = {"version": version("truearc"), "seed": args.seed, "coefficients": coefficients,
+                  "excluded_sha256": dataset_hash(args.exclude) if args.exclude else None}
+    (out / PROVENANCE_FILE).write_text(json.dumps(provenance, indent=1) + "\n", encoding="utf-8")
+    counts = {outcome: shots.text("outcome").count(outcome) for outcome in ("miss", "two", "three")}
+    print(f"{out}: {len(shots)} simulated shots of {SHAPE[0] * SHAPE[1] * SHAPE[2]} configurations: "
+          + ", ".join(f"{count} {outcome}" for outcome, count in counts.items()))
+    return 0

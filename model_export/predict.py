@@ -1,0 +1,36 @@
+"""What a gate makes of the shots of a dataset."""
+
+import csv
+import io
+
+import numpy as np
+
+from robot.config import BadInput
+from robot.gate.contract import FEATURES, OUTPUTS
+from robot.gate.model import Gate
+from sim.shots import Shots
+
+HEADER = ("shot_id", *OUTPUTS, "in_domain")
+NAMED = 5                             # shots that a message names before it only counts
+
+
+def features_of(shots: Shots, name: str) -> np.ndarray:
+    """Feature rows [n, 3] of dataset `name` in the contract's order; BadInput names column and shots that lack one."""
+    for feature in FEATURES:
+        lacking = [shots.shot_id[row] for row in np.flatnonzero(np.isnan(shots.number(feature.name)))]
+        if lacking:
+            more = f" and {len(lacking) - NAMED} more" if len(lacking) > NAMED else ""
+            raise BadInput(f"{name}: column {feature.name}: no value for shot_id {', '.join(lacking[:NAMED])}{more}")
+    return np.stack([shots.number(feature.name) for feature in FEATURES], axis=1)
+
+
+def make_ratings(gate: Gate, shots: Shots, name: str) -> str:
+    """CSV text `shot_id,p_two,p_three,in_domain`, one row a shot; a p that the model does not give is empty."""
+    p, in_domain = gate.rate_many(features_of(shots, name))
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(HEADER)
+    for shot_id, row, inside in zip(shots.shot_id, p.tolist(), in_domain.tolist(), strict=True):
+        cells = ["" if np.isnan(value) else repr(value) for value in row]
+        writer.writerow([shot_id, *cells, "true" if inside else "false"])
+    return out.getvalue()
