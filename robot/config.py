@@ -112,7 +112,7 @@ class CameraConfig(Struct, frozen=True, forbid_unknown_fields=True):
     height_m: float                   # lens above floor
     height_sigma_m: float             # how well that is known, one standard deviation
     pitch_deg: float                  # optical axis above horizontal
-    pitch_sigma_deg: float            # how well that is known
+    pitch_sigma_deg: float            # how well that, and that the camera is not rolled, is known
     behind_exit_m: float              # lens behind the ball's exit point
 
 

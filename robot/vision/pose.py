@@ -1,0 +1,135 @@
+"""Four corners -> where the camera stands, with covariance.
+
+IPPE (the closed form for flat targets) gives the start; Gauss-Newton then minimises corner residuals / corner sigma
+together with three weak beliefs about the mounting: lens height, pitch, and no roll
+(as well known as the pitch). The tape hangs upright, so its pose
+alone tells the camera's height and pitch; the beliefs only steady what four corners show poorly (a flat target's slant
+seen almost straight on). The distance itself is the tape's apparent size: with a belief of one degree and a few
+centimetres, the mounting carries next to no weight in it.
+"""
+
+import math
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from robot.config import CameraConfig, Tape
+from robot.vision.optics import Array, Optics
+from robot.vision.shape import PROBES, make_shape
+from robot.vision.threshold import Region
+
+STEPS = 6                             # Gauss-Newton from IPPE's start is at rest after two or three
+AT_REST = 1e-4                        # squared last step, in standard deviations
+MIRROR_PX = 2.0                       # IPPE's second answer is weighed too when it fits the corners nearly as well
+DOUBT_SIGMAS = 6.0                    # a mounting this far off its belief means that something else was seen
+LEAST_LIT, MOST_LIT_HOLLOW = 0.8, 0.25
+
+
+class Pose(NamedTuple):
+    """The camera relative to the tape (axes of `shape`; camera axes x right, y down, z forward)."""
+
+    rvec: Array                       # (3,) rotation vector, target to camera
+    tvec_m: Array                     # (3,) target origin in the camera
+    distance_m: float                 # horizontal, lens to tape centre
+    sigma_m: float
+    bearing_rad: float                # tape right of the optical axis is positive, about the vertical
+    reprojection_px: float            # root mean square over the corners
+    cost: float                       # sum of squared normalised residuals, beliefs included
+    doubt: str                        # "" or what the pose says against itself
+
+
+def solve_pose(ideal_px: Array, sigma_px: float, optics: Optics, camera: CameraConfig, tape: Tape) -> Pose | None:
+    """Best camera pose for four undistorted corners (4, 2), or None when there is none before the camera."""
+    model_m = make_shape(tape).corners_m
+    count, rvecs, tvecs, errors_px = cv2.solvePnPGeneric(model_m, ideal_px, optics.matrix, None,
+                                                         flags=cv2.SOLVEPNP_IPPE)
+    best: Pose | None = None
+    for k in range(count):
+        if float(errors_px[k].item()) > float(errors_px[0].item()) + MIRROR_PX * max(sigma_px, 0.5):
+            break
+        pose = _refine(np.ravel(rvecs[k]), np.ravel(tvecs[k]), ideal_px, sigma_px, optics, camera, tape, model_m)
+        if pose is not None and (best is None or pose.cost < best.cost):
+            best = pose
+    return best
+
+
+def check_tape(pose: Pose, region: Region, optics: Optics, tape: Tape) -> str:
+    """"" when the region has tape where this pose says there is some, and none in the opening; else what is wrong."""
+    seen, _ = cv2.projectPoints(make_shape(tape).probes_m, pose.rvec, pose.tvec_m, optics.matrix, optics.distortion)
+    height, width = region.mask.shape
+    at = (seen.reshape(-1, 2) + np.array([0.5 - region.x0_px, 0.5 - region.y0_px])).astype(np.intp)
+    at = np.minimum(np.maximum(at, 0), (width - 1, height - 1))
+    lit = region.mask[at[:, 1], at[:, 0]] > 0
+    on_tape, inside = float(lit[:3 * PROBES].mean()), float(lit[3 * PROBES:].mean())
+    if on_tape < LEAST_LIT:
+        return f"only {on_tape:.0%} of the tape's outline is lit"
+    if inside > MOST_LIT_HOLLOW:
+        return "the opening that the tape encloses is lit"
+    return ""
+
+
+def _refine(rvec: Array, tvec: Array, ideal_px: Array, sigma_px: float, optics: Optics, camera: CameraConfig,
+            tape: Tape, model_m: Array) -> Pose | None:
+    state = np.concatenate([rvec, tvec])
+    residual, slope = np.empty(11), np.empty((11, 6))
+    for _ in range(STEPS):
+        seen, jacobian = cv2.projectPoints(model_m, state[:3], state[3:], optics.matrix, None)
+        off_px = seen.reshape(-1, 2) - ideal_px
+        rotation, turning = _rotation(state[:3])
+        residual[:8], slope[:8] = off_px.ravel() / sigma_px, jacobian[:, :6] / sigma_px
+        residual[8:], slope[8:] = _beliefs(rotation, turning, state[3:], camera, tape)
+        normal = slope.T @ slope
+        pull = slope.T @ residual
+        step = np.linalg.solve(normal, pull)
+        if step @ pull < AT_REST:
+            break
+        state = state - step
+    if not np.all(np.isfinite(state)) or state[5] <= 0.0:
+        return None
+    distance_m, gradient = _horizontal(rotation, turning, state[3:])
+    sigma_m = math.sqrt(float(gradient @ np.linalg.solve(normal, gradient)))
+    doubt, strain = "", np.abs(residual[8:])
+    if strain.max() > DOUBT_SIGMAS:
+        name = ("height", "pitch", "roll")[int(strain.argmax())]
+        doubt = f"seen so, the camera's {name} would be far from what the configuration says"
+    return Pose(state[:3], state[3:], distance_m, sigma_m, _bearing(rotation, state[3:]),
+                math.sqrt(float((off_px * off_px).sum()) / len(off_px)), float(residual @ residual), doubt)
+
+
+def _rotation(rvec: Array) -> tuple[Array, Array]:
+    """Rotation matrix (3, 3) and its derivative (3, 3, 3), the first axis over the rotation vector."""
+    matrix, jacobian = cv2.Rodrigues(rvec)
+    return matrix, jacobian.reshape(3, 3, 3)
+
+
+def _beliefs(rotation: Array, turning: Array, tvec_m: Array, camera: CameraConfig, tape: Tape) -> tuple[Array, Array]:
+    """Normalised residuals (3,) of lens height, pitch and roll, and their derivative (3, 6)."""
+    height_m = tape.centre_height_m - rotation[:, 1] @ tvec_m
+    sines = rotation[2, 1], rotation[0, 1]            # upward parts of the optical axis and of the camera's x axis
+    pitch_rad, roll_rad = (math.asin(min(1.0, max(-1.0, sine))) for sine in sines)
+    sigma_rad = math.radians(camera.pitch_sigma_deg)
+    residual = np.array([(height_m - camera.height_m) / camera.height_sigma_m,
+                         (pitch_rad - math.radians(camera.pitch_deg)) / sigma_rad, roll_rad / sigma_rad])
+    slope = np.zeros((3, 6))
+    slope[0, :3] = -(turning[:, :, 1] @ tvec_m) / camera.height_sigma_m
+    slope[0, 3:] = -rotation[:, 1] / camera.height_sigma_m
+    slope[1, :3] = turning[:, 2, 1] / max(math.cos(pitch_rad), 1e-3) / sigma_rad
+    slope[2, :3] = turning[:, 0, 1] / max(math.cos(roll_rad), 1e-3) / sigma_rad
+    return residual, slope
+
+
+def _horizontal(rotation: Array, turning: Array, tvec_m: Array) -> tuple[float, Array]:
+    """Horizontal distance from lens to tape centre, and its derivative (6,)."""
+    x_m, z_m = -rotation[:, 0] @ tvec_m, -rotation[:, 2] @ tvec_m     # the lens in the target's frame
+    distance_m = math.hypot(x_m, z_m)
+    slope_x = np.concatenate([-(turning[:, :, 0] @ tvec_m), -rotation[:, 0]])
+    slope_z = np.concatenate([-(turning[:, :, 2] @ tvec_m), -rotation[:, 2]])
+    return distance_m, (x_m * slope_x + z_m * slope_z) / max(distance_m, 1e-9)
+
+
+def _bearing(rotation: Array, tvec_m: Array) -> float:
+    """Angle about the vertical from the optical axis to the tape's centre, rightward positive."""
+    ahead_x, ahead_z = rotation[2, 0], rotation[2, 2]
+    to_x, to_z = rotation[:, 0] @ tvec_m, rotation[:, 2] @ tvec_m
+    return math.atan2(ahead_x * to_z - ahead_z * to_x, ahead_x * to_x + ahead_z * to_z)
