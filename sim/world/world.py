@@ -1,0 +1,289 @@
+"""The concealed truth: a launcher, its battery, its balls and the air, as a Plant for the emulated devices."""
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from hw.emulated.plant import MotorTruth, View
+from sim.world.balls import Ball, Rack
+from sim.world.belt import Belt
+from sim.world.feeder import Feeder
+from sim.world.flight import Arrival, Flight
+from sim.world.hood import Hood
+from sim.world.motor import FEEDER, FLYWHEEL, HOOD, Drawn, Motor, drive_motor
+from sim.world.nip import Nip, Released, rotate_from_launch
+from sim.world.options import Options
+from sim.world.scene import LOWER_Z_M, TOUCH_X_M
+from sim.world.stand import Pose, Stand
+from sim.world.supply import Supply
+from sim.world.target import TAPE_HEIGHT_M, BallResult, classify
+
+EXIT_HEIGHT_M = 0.75              # of the exit point: where a centred ball's centre leaves the wheels
+LONGEST_STEP_S = 0.005
+START_DISTANCE_M = 4.0
+ARC_MIDDLE_DEG = 45.0             # with release_arc the exit point is where it is without, at this elevation
+
+_MOTORS = {"flywheel_a": FLYWHEEL, "flywheel_b": FLYWHEEL, "hood": HOOD, "feeder": FEEDER}
+_STILL = Drawn(0.0, 0.0, 0.0)
+
+
+class _Launch(NamedTuple):
+    """What is known of a ball before it arrives."""
+
+    ball: Ball
+    flight: Flight
+    distance_m: float
+    hood_deg: float
+    wheel_before_rad_s: float
+    wheel_after_rad_s: float
+    velocity_m_s: np.ndarray      # launcher axes
+    spin_rad_s: np.ndarray
+    fed_t_ns: int
+    exit_t_ns: int
+
+
+class World:
+    """A Plant. Same seed, options and torque history: the same bits.
+
+    `results` lists every ball that has arrived, oldest first; only the driver, tests and benches may look at it.
+    """
+
+    motors = tuple(_MOTORS)
+
+    def __init__(self, seed: int, options: Options | None = None, distance_m: float = START_DISTANCE_M) -> None:
+        self._options = options = options or Options()
+        self._t_ns = 0
+        self._supply = Supply(options)
+        self._belt = Belt(options)
+        start_deg = float(np.random.default_rng([seed, 5]).uniform(20.0, 70.0))
+        self._hood = Hood(start_deg, options)
+        self._feeder = Feeder()
+        self._rack = Rack(seed, options)
+        self._stand = Stand(seed, distance_m, options.pose_scale)
+        self._shots = 0
+        self._nip: Nip | None = None
+        self._fed_t_ns = 0
+        self._wheel_before_rad_s = 0.0
+        self._flying: list[_Launch] = []
+        self._drawn = dict.fromkeys(_MOTORS, _STILL)
+        self._view: tuple[Pose, View] | None = None
+        self.results: list[BallResult] = []
+
+    # --- Plant
+
+    def advance(self, t_ns: int, torque_nm: Mapping[str, float]) -> None:
+        """Bring the world to `t_ns` with these torques asked of the motors; unknown names raise KeyError."""
+        for name in torque_nm:
+            if name not in _MOTORS:
+                raise KeyError(f"no motor {name!r}; there are {', '.join(_MOTORS)}")
+        span_ns = t_ns - self._t_ns
+        if span_ns <= 0:
+            return
+        steps = max(1, math.ceil(span_ns * 1e-9 / LONGEST_STEP_S - 1e-6))
+        start_ns = self._t_ns
+        for number in range(1, steps + 1):
+            until_ns = start_ns + span_ns * number // steps
+            self._step((until_ns - self._t_ns) * 1e-9, torque_nm)
+            self._t_ns = until_ns
+
+    def motor(self, name: str) -> MotorTruth:
+        """The motor's own view of itself, from switch-on; raises KeyError."""
+        drawn = self._drawn[name]
+        position_rad, speed_rad_s = self._shaft(name)
+        scale = self._options.encoder_scale if _MOTORS[name] is FLYWHEEL else 1.0
+        return MotorTruth(position_rad * scale, speed_rad_s * scale, drawn.torque_nm, drawn.current_a)
+
+    def bus_v(self) -> float:
+        return self._supply.bus_v
+
+    def hood_encoder_rad(self) -> float:
+        return self._hood.encoder_rad
+
+    def hood_at_limit(self) -> bool:
+        return self._hood.at_limit
+
+    def view(self) -> View:
+        """The tape as the camera sees it from where the robot stands now."""
+        pose = self._stand.pose()
+        if self._view is None or self._view[0] != pose:
+            self._view = (pose, _look(pose, self._options))
+        return self._view[1]
+
+    # --- what the driver can do and see
+
+    @property
+    def distance_m(self) -> float:
+        """Horizontal, exit point to target plane; the truth."""
+        return self._stand.distance_m
+
+    @property
+    def moving(self) -> bool:
+        return self._stand.moving
+
+    @property
+    def ball_on_its_way(self) -> bool:
+        """A ball is between the wheels or in the air."""
+        return self._nip is not None or bool(self._flying)
+
+    def drive_to(self, distance_m: float) -> None:
+        """Drive until the exit point is this far from the target plane, and stop."""
+        self._stand.drive_to(distance_m)
+
+    # --- truth, for tests and benches
+
+    @property
+    def hood_deg(self) -> float:
+        return self._hood.elevation_deg
+
+    @property
+    def wheel_rad_s(self) -> float:
+        """Lower wheel and motors."""
+        return self._belt.speed_rad_s
+
+    def ball_position_m(self) -> np.ndarray | None:
+        """Field axes: x towards the target, 0 in its plane; of the ball that left last, None if none is in the air."""
+        return self._flying[-1].flight.position_m if self._flying else None
+
+    # --- one step
+
+    def _step(self, dt_s: float, asked_nm: Mapping[str, float]) -> None:
+        power_w = 0.0
+        for name, motor in _MOTORS.items():
+            self._drawn[name] = drawn = self._drive(name, motor, asked_nm.get(name, 0.0))
+            power_w += drawn.power_w
+        self._supply.draw(power_w, dt_s)
+        self._stand.step(dt_s)
+        self._hood.step(self._drawn["hood"].torque_nm, dt_s)
+        fed_s = self._feeder.step(self._drawn["feeder"].torque_nm, dt_s)
+        for launch in self._flying:
+            launch.flight.step(dt_s)
+        self._turn_wheels(fed_s, dt_s)
+        self._collect(dt_s)
+
+    def _drive(self, name: str, motor: Motor, asked_nm: float) -> Drawn:
+        speed_rad_s = self._shaft(name)[1]
+        if asked_nm == 0.0:
+            return _STILL
+        return drive_motor(motor, asked_nm, speed_rad_s, self._supply.bus_v, self._options.driver_current_a)
+
+    def _shaft(self, name: str) -> tuple[float, float]:
+        part = self._feeder if name == "feeder" else self._hood if name == "hood" else self._belt
+        return part.position_rad, part.speed_rad_s
+
+    def _turn_wheels(self, fed_s: float | None, dt_s: float) -> None:
+        torque_nm = self._drawn["flywheel_a"].torque_nm + self._drawn["flywheel_b"].torque_nm
+        alone_s, nip_s = dt_s, 0.0
+        if self._nip is not None:
+            alone_s, nip_s = 0.0, dt_s
+        elif fed_s is not None:
+            alone_s, nip_s = dt_s - fed_s, fed_s
+        if alone_s > 0.0:
+            self._belt.step(torque_nm, alone_s)
+        if fed_s is not None:
+            self._take_ball(dt_s - fed_s)
+        if self._nip is not None and nip_s > 0.0:
+            left_s = self._nip.step(torque_nm + self._belt.loss_nm(), self._feeder, nip_s)
+            self._belt.turn(self._nip.wheel_rad_s, nip_s - left_s)
+            if left_s > 0.0:
+                self._belt.step(torque_nm, left_s)
+            self._let_go(dt_s - left_s, left_s)
+
+    def _take_ball(self, after_s: float) -> None:
+        self._fed_t_ns = self._t_ns + round(after_s * 1e9)
+        self._wheel_before_rad_s = self._belt.speed_rad_s
+        self._nip = Nip(self._rack.ball(self._shots), self._options, math.radians(self._hood.elevation_deg),
+                        self._belt.speed_rad_s, self._feeder.surface_m_s)
+
+    def _let_go(self, after_s: float, left_s: float) -> None:
+        nip = self._nip
+        if nip is None or not (nip.released or nip.thrown_back):
+            return
+        self._nip = None
+        if nip.released is None:
+            self._feeder.take_back(nip.x_m)
+            return
+        launch = self._launch(nip, nip.released, self._t_ns + round(after_s * 1e9))
+        self._flying.append(launch)
+        self._rack.use(self._shots)
+        self._shots += 1
+        self._supply.count_shot()
+        self._feeder.expect_ball()
+        launch.flight.step(left_s)
+
+    def _launch(self, nip: Nip, released: Released, exit_t_ns: int) -> _Launch:
+        launcher = self._from_exit_point(nip.elevation_rad, released)
+        field = _in_field(launcher, self._stand.pose(), self._stand.speed_m_s)
+        return _Launch(nip.ball, Flight(nip.ball, self._options, field), self._stand.distance_m,
+                       math.degrees(nip.elevation_rad), self._wheel_before_rad_s, nip.wheel_rad_s,
+                       launcher.velocity_m_s, launcher.spin_rad_s, self._fed_t_ns, exit_t_ns)
+
+    def _from_exit_point(self, elevation_rad: float, released: Released) -> Released:
+        """Launcher axes: x horizontal out of the muzzle, z up, origin on the floor below the exit point."""
+        options = self._options
+        offset_m = rotate_from_launch(released.position_m - np.array([TOUCH_X_M, 0.0, 0.0]), elevation_rad)
+        offset_m[2] += EXIT_HEIGHT_M + options.release_height_error_m
+        if options.release_arc:
+            arm_m = np.array([TOUCH_X_M, 0.0, -LOWER_Z_M])            # lower wheel's axle to exit point
+            offset_m += (rotate_from_launch(arm_m, elevation_rad)
+                         - rotate_from_launch(arm_m, math.radians(ARC_MIDDLE_DEG)))
+        return Released(offset_m, rotate_from_launch(released.velocity_m_s, elevation_rad),
+                        rotate_from_launch(released.spin_rad_s, elevation_rad))
+
+    def _collect(self, dt_s: float) -> None:
+        if not self._flying:
+            return
+        still = []
+        for launch in self._flying:
+            arrival = launch.flight.arrival
+            if arrival is None:
+                still.append(launch)
+            else:
+                self.results.append(_result(len(self.results), launch, arrival))
+        self._flying = still
+
+
+def _in_field(ball: Released, pose: Pose, robot_m_s: float) -> Released:
+    cos, sin = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
+    turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    velocity_m_s = turn @ ball.velocity_m_s
+    velocity_m_s[0] -= robot_m_s                      # the distance grows as the robot backs away
+    return Released(turn @ ball.position_m + np.array([pose.x_m, pose.y_m, 0.0]), velocity_m_s, turn @ ball.spin_rad_s)
+
+
+def _result(shot: int, launch: _Launch, arrival: Arrival) -> BallResult:
+    velocity = launch.velocity_m_s
+    return BallResult(
+        shot=shot,
+        ball_id=launch.ball.ball_id,
+        distance_m=launch.distance_m,
+        hood_deg=launch.hood_deg,
+        wheel_before_rad_s=launch.wheel_before_rad_s,
+        wheel_after_rad_s=launch.wheel_after_rad_s,
+        exit_speed_m_s=float(np.linalg.norm(velocity)),
+        exit_deg=math.degrees(math.atan2(velocity[2], math.hypot(velocity[0], velocity[1]))),
+        exit_spin_rev_s=float(-launch.spin_rad_s[1]) / (2.0 * math.pi),
+        fed_t_ns=launch.fed_t_ns,
+        exit_t_ns=launch.exit_t_ns,
+        arrival_t_ns=launch.exit_t_ns + round(arrival.after_s * 1e9),
+        y_m=arrival.y_m,
+        z_m=arrival.z_m,
+        outcome=classify(arrival.y_m, arrival.z_m),
+    )
+
+
+def _look(pose: Pose, options: Options) -> View:
+    """Camera axes from target axes (see View): both placed in the field, the camera on the robot's heading."""
+    cos_h, sin_h = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
+    pitch_rad = math.radians(options.camera_pitch_deg + options.camera_pitch_error_deg)
+    forward = np.array([cos_h * math.cos(pitch_rad), sin_h * math.cos(pitch_rad), math.sin(pitch_rad)])
+    right = np.array([sin_h, -cos_h, 0.0])
+    camera_from_field = np.array([right, np.cross(forward, right), forward])
+    lens_m = np.array([pose.x_m - options.camera_behind_exit_m * cos_h,
+                       pose.y_m - options.camera_behind_exit_m * sin_h, options.camera_height_m])
+    field_from_target = np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    transform = np.eye(4)
+    transform[:3, :3] = camera_from_field @ field_from_target
+    transform[:3, 3] = camera_from_field @ (np.array([0.0, 0.0, TAPE_HEIGHT_M]) - lens_m)
+    return View(transform, options.camera_focal_scale, options.ring_light)
