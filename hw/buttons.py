@@ -21,7 +21,7 @@ SEQ_COUNT = 65536
 LONGEST = 64                                      # bytes; no line is longer
 END = b"\r\n"
 
-_LINE = re.compile(rb"\$(?:B,(0|[1-9]\d{0,4}),([a-z-]+)|H,(0|[1-9]\d{0,4}))\*([0-9A-F]{2})\r")
+_LINE = re.compile(rb"(?:B,(0|[1-9]\d{0,4}),([a-z-]+)|H,(0|[1-9]\d{0,4}))\*([0-9A-F]{2})\r")
 
 
 class Heartbeat(Struct, frozen=True):
@@ -58,21 +58,22 @@ def parse_lines(pending: bytes, data: bytes, t_ns: int) -> tuple[list[ButtonEven
     events: list[ButtonEvent | Heartbeat] = []
     refused: list[bytes] = []
     for line in lines:
-        event = _parse(line, t_ns)
-        if event is None:
-            refused.append(line)
-        else:
+        before, _, body = line.rpartition(b"$")
+        event = _parse(body, t_ns)
+        if event is not None:
             events.append(event)
+        if event is None or before:
+            refused.append(line)
     if len(rest) > LONGEST:
         refused.append(rest)
         rest = rest[-LONGEST:]
-    faults = [f"button box: {len(refused)} lines refused, first {refused[0][:LONGEST]!r}"] if refused else []
+    faults = [f"{len(refused)} lines refused, first {refused[0][:LONGEST]!r}"] if refused else []
     return events, rest, faults
 
 
-def _parse(line: bytes, t_ns: int) -> ButtonEvent | Heartbeat | None:
-    match = _LINE.fullmatch(line[line.rfind(b"$"):]) if b"$" in line else None
-    if match is None or match[4] != b"%02X" % _crc(match[0][1:-4]):
+def _parse(body: bytes, t_ns: int) -> ButtonEvent | Heartbeat | None:
+    match = _LINE.fullmatch(body)
+    if match is None or match[4] != b"%02X" % _crc(body[:-4]):
         return None
     seq = int(match[1] or match[3])
     if seq >= SEQ_COUNT:

@@ -48,7 +48,7 @@ class Codec:
             wrong = sorted(values.keys() ^ entry.names)
             raise BadFrame(f"{self.name} {message}: missing or unknown signals {', '.join(wrong)}")
         self._check(message, entry, values)
-        return entry.message.encode(dict(values), strict=False)
+        return bytes(entry.message.encode(dict(values), strict=False))
 
     def parse(self, message: str, data: bytes) -> dict[str, float]:
         """Signal values that `data` says; BadFrame if it is short, long, not finite or out of range."""

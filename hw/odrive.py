@@ -5,6 +5,7 @@ are radians, and the axis's `direction` has been applied: positive launches a ba
 """
 
 import math
+from types import MappingProxyType
 from typing import NamedTuple
 
 from msgspec import Struct
@@ -45,11 +46,11 @@ ERROR_WORDS = (
 SDO_READ = 0
 VERSION_COMMAND = 0x00                            # message Get_Version
 SDO_COMMAND = 0x05                                # message TxSdo
-# What becomes part of a MotorReading, the most frequent first
-READINGS = (
-    (0x09, "Get_Encoder_Estimates"), (0x14, "Get_Iq"), (SDO_COMMAND, "TxSdo"), (0x01, "Heartbeat"),
-    (0x17, "Get_Bus_Voltage_Current"), (0x03, "Get_Error"),
-)
+# Command -> message, of what becomes part of a MotorReading
+READINGS = MappingProxyType({
+    0x01: "Heartbeat", 0x03: "Get_Error", SDO_COMMAND: "TxSdo", 0x09: "Get_Encoder_Estimates", 0x14: "Get_Iq",
+    0x17: "Get_Bus_Voltage_Current",
+})
 
 
 class Axis(Struct, frozen=True):
@@ -76,7 +77,7 @@ def error_words(axis_error: int) -> tuple[str, ...]:
 
 def frame_ids(axis: Axis) -> tuple[int, ...]:
     """Arbitration ids (11 bits) of the frames that `parse` understands."""
-    return tuple(axis.node << 5 | command for command, _ in READINGS)
+    return tuple(axis.node << 5 | command for command in READINGS)
 
 
 def version_id(axis: Axis) -> int:
@@ -132,11 +133,8 @@ def parse(axis: Axis, frame: Frame, previous: MotorReading) -> MotorReading:
     """
     if frame.is_remote:
         return previous
-    command = frame.arbitration_id - (axis.node << 5)
-    for known, message in READINGS:
-        if known == command:
-            break
-    else:
+    message = READINGS.get(frame.arbitration_id - (axis.node << 5))
+    if message is None:
         raise BadFrame(f"odrive node {axis.node}: frame 0x{frame.arbitration_id:03x} is not one of its readings")
     values = _parse(axis, message, frame)
     sign, t_ns = axis.direction, frame.t_ns

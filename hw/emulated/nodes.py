@@ -1,0 +1,58 @@
+"""The far end of the CAN bus: what an emulated device is, and how it keeps its reporting rates."""
+
+from collections.abc import Callable
+from typing import Protocol
+
+from hw.link import Frame
+
+MS = 1_000_000                                    # ns
+
+
+class Node(Protocol):
+    """One device on the emulated bus. Times are the world's, in ns."""
+
+    motor: str | None                             # the plant's motor that it drives, if any
+
+    def ids(self) -> tuple[tuple[int, bool], ...]:
+        """(arbitration id, is extended) of every frame that it listens to."""
+
+    def receive(self, frame: Frame, t_ns: int) -> list[Frame]:
+        """Take one frame from the bus; what it answers at once."""
+
+    def due_ns(self) -> int:
+        """When it next has something to do."""
+
+    def step(self, t_ns: int) -> list[Frame]:
+        """Do what is due by `t_ns`; the frames it sends."""
+
+    def torque_nm(self) -> float:
+        """What it asks of its motor now; positive launches a ball or raises the hood."""
+
+
+class Report:
+    """One cyclic frame: every `period_ns`, first at `phase_ns`; 0 = never."""
+
+    def __init__(self, period_ns: int, phase_ns: int, make: Callable[[], Frame]) -> None:
+        self.make = make
+        self._period_ns = period_ns
+        self.due_ns = phase_ns if period_ns else NEVER_NS
+
+    def set_period(self, period_ns: int, t_ns: int) -> None:
+        """Report every `period_ns` from now on."""
+        self._period_ns = period_ns
+        self.due_ns = t_ns + period_ns if period_ns else NEVER_NS
+
+    def take(self, t_ns: int) -> bool:
+        """Is it due? If so it counts as sent; reports missed meanwhile are skipped, never sent in a burst."""
+        if self.due_ns > t_ns:
+            return False
+        self.due_ns += self._period_ns * (1 + (t_ns - self.due_ns) // self._period_ns)
+        return True
+
+
+NEVER_NS = 1 << 62
+
+
+def take_reports(reports: tuple[Report, ...], t_ns: int) -> list[Frame]:
+    """The frames that are due by `t_ns`, in the order of the tuple."""
+    return [report.make() for report in reports if report.due_ns <= t_ns and report.take(t_ns)]

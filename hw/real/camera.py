@@ -1,0 +1,98 @@
+"""A V4L2 camera through OpenCV, read by its own thread, which keeps only the newest image."""
+
+import threading
+from typing import Any
+
+import cv2
+import numpy as np
+
+from hw.link import Clock, LinkLost
+from hw.reading import CameraFrame
+
+NS_PER_MS = 1_000_000
+SILENT_NS = 2_000_000_000                         # without an image for this long the camera is lost
+FAILURES = 10                                     # refused images in a row
+STALE_NS = 1_000_000_000                          # a driver's stamp older than this is on another clock
+
+
+class CameraThread:
+    """hw.link.Camera over an open capture, which it owns.
+
+    `capture`: what cv2.VideoCapture offers (read, get, release). `exposure_s`: length of one exposure; images are
+    stamped with its middle, from the driver's own start-of-frame stamp when it is on the machine's monotonic clock.
+    """
+
+    def __init__(self, capture: Any, clock: Clock, name: str, exposure_s: float = 0.0) -> None:
+        self.name = name
+        self._capture, self._clock = capture, clock
+        self._half_exposure_ns = int(exposure_s * 5e8)
+        self._lock = threading.Lock()
+        self._newest: CameraFrame | None = None
+        self._heard_ns = clock.now_ns()
+        self._lost = ""
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._keep_newest, name=f"camera {name}", daemon=True)
+        self._thread.start()
+
+    def read(self) -> CameraFrame | None:
+        """The newest image not yet read, or None; LinkLost when the camera has given nothing for two seconds."""
+        with self._lock:
+            newest, self._newest = self._newest, None
+            lost, heard_ns = self._lost, self._heard_ns
+        if newest is not None:
+            return newest
+        if lost or self._clock.now_ns() - heard_ns > SILENT_NS:
+            raise LinkLost(f"camera {self.name}: {lost or 'gives no images'}")
+        return None
+
+    def close(self) -> None:
+        """Stop the thread and let go of the device."""
+        self._stop.set()
+        self._thread.join(timeout=1.0)
+
+    def _keep_newest(self) -> None:
+        failures = 0
+        try:
+            while not self._stop.is_set() and failures < FAILURES:
+                ok, image = self._capture.read()
+                if not ok or image is None:
+                    failures += 1
+                    self._stop.wait(0.01)
+                    continue
+                failures = 0
+                self._keep(np.asarray(image, dtype=np.uint8))
+            if failures:
+                self._lost = "stopped giving images"
+        except cv2.error as error:
+            self._lost = str(error)
+        finally:
+            self._capture.release()
+
+    def _keep(self, image: np.ndarray[Any, np.dtype[np.uint8]]) -> None:
+        now_ns = self._clock.now_ns()
+        driver_ns = int(self._capture.get(cv2.CAP_PROP_POS_MSEC) * NS_PER_MS)
+        began_ns = driver_ns if now_ns - STALE_NS < driver_ns <= now_ns else now_ns
+        with self._lock:
+            self._newest = CameraFrame(min(began_ns + self._half_exposure_ns, now_ns), image)
+            self._heard_ns = now_ns
+
+
+def open_camera(device: str, width_px: int, height_px: int, fps: float, clock: Clock,
+                exposure_s: float = 0.0) -> CameraThread:
+    """Open a V4L2 device (path or index); LinkLost names it when it is absent or will not give that size.
+
+    Calibration holds at one size only, so another size is an error rather than a surprise.
+    """
+    capture = cv2.VideoCapture(int(device) if device.isdecimal() else device, cv2.CAP_V4L2)
+    capture.set(cv2.CAP_PROP_FRAME_WIDTH, width_px)
+    capture.set(cv2.CAP_PROP_FRAME_HEIGHT, height_px)
+    capture.set(cv2.CAP_PROP_FPS, fps)
+    capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
+    if not capture.isOpened():
+        capture.release()
+        raise LinkLost(f"camera {device}: cannot be opened")
+    size = int(capture.get(cv2.CAP_PROP_FRAME_WIDTH)), int(capture.get(cv2.CAP_PROP_FRAME_HEIGHT))
+    if size != (width_px, height_px):
+        capture.release()
+        raise LinkLost(f"camera {device}: gives {size[0]} x {size[1]} pixels, not {width_px} x {height_px}")
+    return CameraThread(capture, clock, device, exposure_s)

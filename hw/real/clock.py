@@ -1,0 +1,19 @@
+"""The only file that reads a clock."""
+
+import time
+
+
+class MonotonicClock:
+    """The machine's monotonic clock; unmoved by the wall clock being set."""
+
+    def now_ns(self) -> int:
+        return time.monotonic_ns()
+
+    def sleep_until_ns(self, t_ns: int) -> None:
+        """Return at `t_ns` or as soon after as the machine allows; at once when that is past.
+
+        Deadlines are absolute, so being late once does not make the next one late. Whoever keeps a cadence skips the
+        deadlines that were missed rather than running them in a burst.
+        """
+        while (left_ns := t_ns - time.monotonic_ns()) > 0:
+            time.sleep(left_ns / 1e9)
