@@ -9,17 +9,17 @@ from sim.world.options import Options
 RACK = 12
 MASS_KG = 0.14
 RADIUS_M = 0.0889
-STIFFNESS_N_M = 8000.0            # of one squeezed side; 21 mm on each side is then 170 N
+STIFFNESS_N_M = 8000.0            # of one squeezed side; 23 mm on each side is then 184 N
 
 # Standard deviations at scatter_scale 1. Between balls of one rack:
-MASS_SHARE = 0.010
-RADIUS_SHARE = 0.002
-STIFFNESS_SHARE = 0.04
+MASS_SHARE = 0.015
+RADIUS_SHARE = 0.003
+STIFFNESS_SHARE = 0.06
 # From shot to shot of one ball:
-FRICTION_SHARE = 0.02             # dust, seam
-SEAT_M = 0.001                    # where in the chute it lies, along the line of wheel centres
-SIDE_M_S = 0.03                   # sideways drift when the wheels take it
-DRAG_SHARE = 0.01                 # how its seams happen to face the air
+FRICTION_SHARE = 0.04             # dust, seam
+SEAT_M = 0.002                    # where in the chute it lies, along the line of wheel centres
+SIDE_M_S = 0.05                   # sideways drift when the wheels take it
+DRAG_SHARE = 0.02                 # how its seams happen to face the air
 
 
 class Ball(NamedTuple):

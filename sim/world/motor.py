@@ -41,12 +41,9 @@ def drive_motor(motor: Motor, asked_nm: float, speed_rad_s: float, bus_v: float,
     """
     kt, ohm = motor.kt_nm_a, motor.resistance_ohm
     back_v = kt * speed_rad_s
-    high_a = min(limit_a, (bus_v - back_v) / ohm)
-    low_a = max(-limit_a, (-bus_v - back_v) / ohm)
-    if asked_nm >= 0.0:
-        current_a = min(asked_nm / kt, max(high_a, 0.0))
-    else:
-        current_a = max(asked_nm / kt, min(low_a, 0.0))
+    high_a = max(0.0, min(limit_a, (bus_v - back_v) / ohm))
+    low_a = min(0.0, max(-limit_a, (-bus_v - back_v) / ohm))
+    current_a = min(max(asked_nm / kt, low_a), high_a)
     power_w = max(0.0, current_a * (back_v + current_a * ohm))
     return Drawn(kt * current_a, current_a, power_w)
 

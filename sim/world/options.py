@@ -48,7 +48,7 @@ class Options(Struct, frozen=True, forbid_unknown_fields=True):
     release_height_error_m: Annotated[float, Meta(ge=-0.5, le=0.5)] = 0.0
     release_arc: bool = False                 # the exit point rides on the hood's arc instead of staying put
     encoder_scale: Annotated[float, Meta(ge=0.5, le=2.0)] = 1.0           # flywheel encoders read this times the truth
-    driver_current_a: Positive = 60.0         # limit of each motor driver
+    driver_current_a: Positive = 40.0         # limit of each motor driver
 
     # hood
     hood_offset_deg: SmallAngle = 0.0         # the encoder's magnet sits askew: reading = truth + this
