@@ -1,8 +1,8 @@
 """A camera that renders the retro-reflective half hexagon as a ring light shows it.
 
-The picture is made where it has to be: the background (lights, reflections) once, noise from one tile shifted at random,
-and the tape only in the box around it, as the share of each pixel that lies between its projected edges, blurred by the
-lens, with a halo, in the colours of the tape in photographs of the real one. All randomness comes from the seed.
+Work is done only where it has to be: the background (lights, reflections) once, noise from one tile shifted at random,
+the tape in the box around it: the share of each pixel that lies between its projected edges, blurred by the lens, with
+a halo, in the colours that photographs of the real one show. All randomness comes from the seed.
 """
 
 from collections import deque
@@ -27,6 +27,7 @@ LENS_BLUR_PX = 0.6                    # standard deviation
 HALO_SHARE, HALO_BLUR_PX = 0.05, 6.0
 UNEVEN = 0.1                          # the ring light is this much dimmer at one end of the tape
 EXPOSURE_JITTER = 0.04                # from frame to frame, one standard deviation
+SHAKE_PX, SHAKES = 0.3, 2.0           # flywheels shake the lens; a rolling shutter bends the picture so many times
 HALO_MARGIN_PX = 16
 NEAREST_M = 0.2
 SHRINK = 4                            # the halo is computed this much coarser
@@ -116,10 +117,11 @@ class EmulatedCamera:
             return noise.copy()
         image: Image = cv2.add(self._background, noise)
         view = self._plant.view()
-        box = self._box(view)
-        if box is not None:
+        edges = self._edges(view)
+        box = None if edges is None else self._box(edges)
+        if edges is not None and box is not None:
             x0, y0, x1, y1 = box
-            lit = self._lit(view, box) * np.float32(view.brightness * exposure)
+            lit = self._lit(edges, box) * np.float32(view.brightness * exposure)
             cv2.add(_colour(lit), noise[y0:y1, x0:x1], dst=image[y0:y1, x0:x1])    # the goal's wall hides the lights
         for k in (2, 6):                                                           # small green glints
             at = int(dice[k] % width), int(dice[k + 1] % height)
@@ -135,13 +137,13 @@ class EmulatedCamera:
             return None
         focal_px = np.array([lens.fx_px, lens.fy_px]) * view.focal_scale
         pixels: Array = seen_m[:, :2] / seen_m[:, 2:] * focal_px + np.array([lens.cx_px, lens.cy_px])
+        phase, *push_px = self._random.standard_normal(3)
+        bend = np.sin(2 * np.pi * (SHAKES * pixels[:, 1:] / lens.height_px + phase))
+        pixels += SHAKE_PX * bend * np.array(push_px)
         return pixels
 
-    def _box(self, view: View) -> tuple[int, int, int, int] | None:
+    def _box(self, edges: Array) -> tuple[int, int, int, int] | None:
         """(x0, y0, x1, y1) around the tape and its halo, inside the image; None when there is nothing to draw."""
-        edges = self._edges(view)
-        if edges is None:
-            return None
         lens = self._lens
         seen = edges if not any(lens.distortion) else distort(edges, lens)
         x0, y0 = np.maximum(np.floor(seen.min(axis=0)).astype(int) - HALO_MARGIN_PX, 0)
@@ -149,10 +151,8 @@ class EmulatedCamera:
         x1, y1 = min(x1, lens.width_px), min(y1, lens.height_px)
         return (int(x0), int(y0), int(x1), int(y1)) if x1 - x0 >= SHRINK and y1 - y0 >= SHRINK else None
 
-    def _lit(self, view: View, box: tuple[int, int, int, int]) -> Plane:
+    def _lit(self, edges: Array, box: tuple[int, int, int, int]) -> Plane:
         """Light on the pixels of the box, 1 = a pixel full of well lit tape."""
-        edges = self._edges(view)
-        assert edges is not None                      # there is a box only where there are edges
         x0, y0, x1, y1 = box
         columns = self._columns[:, x0:x1] if len(self._columns) == 1 else self._columns[y0:y1, x0:x1]
         rows = self._rows[y0:y1] if self._rows.shape[1] == 1 else self._rows[y0:y1, x0:x1]

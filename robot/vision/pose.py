@@ -20,7 +20,7 @@ from robot.vision.shape import PROBES, make_shape
 from robot.vision.threshold import Region
 
 STEPS = 6                             # Gauss-Newton from IPPE's start is at rest after two or three
-AT_REST = 1e-4                        # squared last step, in standard deviations
+AT_REST = 1e-2                        # squared last step in standard deviations; what is left after it is its square
 MIRROR_PX = 2.0                       # IPPE's second answer is weighed too when it fits the corners nearly as well
 DOUBT_SIGMAS = 6.0                    # a mounting this far off its belief means that something else was seen
 LEAST_LIT, MOST_LIT_HOLLOW = 0.8, 0.25
@@ -82,11 +82,12 @@ def _refine(rvec: Array, tvec: Array, ideal_px: Array, sigma_px: float, optics: 
         normal = slope.T @ slope
         pull = slope.T @ residual
         step = np.linalg.solve(normal, pull)
+        state = state - step
         if step @ pull < AT_REST:
             break
-        state = state - step
     if not np.all(np.isfinite(state)) or state[5] <= 0.0:
         return None
+    rotation, turning = _rotation(state[:3])
     distance_m, gradient = _horizontal(rotation, turning, state[3:])
     sigma_m = math.sqrt(float(gradient @ np.linalg.solve(normal, gradient)))
     doubt, strain = "", np.abs(residual[8:])
