@@ -1,0 +1,32 @@
+"""truearc import: other people's recordings to a dataset."""
+
+import argparse
+
+from robot.config import BadInput
+from sim.importers.registry import IMPORTERS
+from sim.shots import save_dataset
+
+DESCRIPTION = "Turn recordings that others made into a dataset directory (docs/importing.md)."
+EXAMPLE = "truearc import mpi mpi_launches.csv mpi_tracks.csv -o mpi"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the verb."""
+    known = "; ".join(f"{importer.name}: {' '.join(importer.files)}" for importer in IMPORTERS)
+    parser.add_argument("source", choices=[importer.name for importer in IMPORTERS], help="whose recordings")
+    parser.add_argument("files", nargs="+", metavar="FILE", help=known)
+    parser.add_argument("-o", "--out", required=True, metavar="DIR", help="dataset directory to write")
+
+
+def main(args: argparse.Namespace) -> int:
+    """Read, say what came of it, write."""
+    importer = next(importer for importer in IMPORTERS if importer.name == args.source)
+    if len(args.files) != len(importer.files):
+        raise BadInput(f"{args.source} takes {len(importer.files)} files: {' '.join(importer.files)}")
+    dataset = importer.load(*args.files)
+    save_dataset(args.out, dataset)
+    samples = 0 if dataset.tracks is None else len(dataset.tracks.t_s)
+    print(f"{args.out}: {len(dataset.shots)} shots, {samples} track samples")
+    for line in dataset.left_out:
+        print(f"left out: {line}")
+    return 0

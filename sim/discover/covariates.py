@@ -1,0 +1,191 @@
+"""What residuals might depend on: every numeric column, what can be derived from it, and every text column."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from robot.config import BadInput
+from sim.discover.evidence import Array
+from sim.physics.shot import launch_of
+from sim.shots import Dataset, Shots
+
+# What a shot did, not what it was shot with.
+RESULTS = ("miss_height_m", "outcome", "side")
+SAME = 0.98                           # |correlation| from which two columns are one covariate with two names
+FEWEST = 5                            # shots on each side of a step, and in a group
+MOST_LEVELS = 20
+STEPS = 5
+# Which of several inseparable names is the natural one for a force in that direction; given columns come after.
+NATURAL = {"vertical": ("exit_spin_rev_s",), "lateral": ("exit_spin_rev_s",), "along": ("exit_speed_m_s",)}
+
+
+@dataclass(frozen=True)
+class Covariate:
+    """A number a shot, nan where unknown; `names` are columns that run so alike that the data cannot part them."""
+
+    names: tuple[str, ...]
+    values: Array
+
+    def name_for(self, direction: str) -> str:
+        """The name to report an effect in `direction` under."""
+        for name in NATURAL.get(direction, ()):
+            if name in self.names:
+                return name
+        return self.names[0]
+
+
+@dataclass(frozen=True)
+class Factor:
+    """A text column: `codes` [n] index `levels`, -1 where empty."""
+
+    name: str
+    levels: tuple[str, ...]
+    codes: Array
+
+
+def gather_covariates(dataset: Dataset) -> tuple[Covariate, ...]:
+    """Columns, derived launch state, time and order, and first value and dip of each telemetry signal.
+
+    Columns that run alike (|correlation| >= 0.98) are one covariate; constant ones are left out.
+    """
+    columns = {"t_s": dataset.shots.number("t_s"), **dataset.shots.numbers}
+    for derive in (_launch_columns, _time_columns, _trace_columns):
+        columns |= {name: values for name, values in derive(dataset).items() if name not in columns}
+    found: list[Covariate] = []
+    for name, values in columns.items():
+        if name in RESULTS or not _varies(values):
+            continue
+        twin = next((k for k, other in enumerate(found) if _alike(other.values, values)), None)
+        if twin is None:
+            found.append(Covariate((name,), values))
+        else:
+            found[twin] = replace(found[twin], names=(*found[twin].names, name))
+    return tuple(found)
+
+
+def gather_factors(shots: Shots) -> tuple[Factor, ...]:
+    """Text columns with between two and twenty levels."""
+    found = []
+    for name in shots.texts:
+        levels = tuple(sorted({text for text in shots.text(name) if text}))
+        if name not in RESULTS and 2 <= len(levels) <= MOST_LEVELS:
+            codes = np.array([levels.index(text) if text else -1 for text in shots.text(name)])
+            found.append(Factor(name, levels, codes))
+    return tuple(found)
+
+
+def test_shapes(covariate: Covariate, rows: Array) -> tuple[Array, tuple[str, ...]]:
+    """Weights [n, q] to test dependence on a covariate with, and what each is: straight, bent, steps, proportional.
+
+    All but the proportional are centred; a shot whose covariate is unknown weighs nothing.
+    """
+    values = covariate.values[rows]
+    known = np.isfinite(values)
+    if known.sum() < 2 * FEWEST or not _varies(values):
+        return np.zeros((len(rows), 0)), ()
+    scaled = (values - values[known].mean()) / values[known].std()
+    shapes, names = [scaled, scaled**2 - 1.0 - scaled * np.mean(scaled[known]**3)], ["straight", "bent"]
+    if len(np.unique(values[known])) < 3:
+        shapes, names = shapes[:1], names[:1]
+    for cut in _cuts(values[known]):
+        shapes.append((values > cut) - np.mean(values[known] > cut))
+        names.append(f"step at {cut:.4g}")
+    if {"exit_spin_rev_s", "exit_speed_m_s"} & set(covariate.names):
+        shapes.append(values / np.abs(values[known]).max())
+        names.append("proportional")
+    return np.where(known[:, None], np.stack(shapes, axis=1), 0.0), tuple(names)
+
+
+def test_groups(factor: Factor, rows: Array) -> tuple[Array, tuple[str, ...]]:
+    """Weights [n, q]: each level of a factor with enough shots against the rest, centred."""
+    codes = factor.codes[rows]
+    shapes, names = [], []
+    for code, level in enumerate(factor.levels):
+        inside = codes == code
+        if FEWEST <= inside.sum() <= (codes >= 0).sum() - FEWEST:
+            shapes.append(np.where(codes >= 0, inside - inside[codes >= 0].mean(), 0.0))
+            names.append(level)
+    return (np.stack(shapes, axis=1) if shapes else np.zeros((len(rows), 0))), tuple(names)
+
+
+def smooth_shapes(values: Array) -> Array:
+    """Natural cubic spline basis [n, 4] on the quantiles of `values`: straight, and three bends; unknown = 0."""
+    known = np.isfinite(values)
+    scaled = np.where(known, (values - values[known].mean()) / values[known].std(), 0.0)
+    knots = np.unique(np.quantile(scaled[known], (0.02, 0.27, 0.5, 0.73, 0.98)))
+    columns = [scaled]
+    if len(knots) >= 4:
+        last = _ramp(scaled, knots[-2], knots)
+        columns += [_ramp(scaled, knot, knots) - last for knot in knots[:-2]]
+    basis = np.where(known[:, None], np.stack(columns, axis=1), 0.0)
+    return basis / np.maximum(basis.std(0), 1e-12)
+
+
+def _ramp(scaled: Array, knot: float, knots: Array) -> Array:
+    """Truncated cubes that leave the spline straight beyond the last knot."""
+    return (np.maximum(scaled - knot, 0.0)**3 - np.maximum(scaled - knots[-1], 0.0)**3) / (knots[-1] - knot)
+
+
+def _cuts(values: Array) -> list[float]:
+    """Thresholds that leave enough shots on each side, at even quantiles, none splitting as another does."""
+    ordered = np.unique(values)
+    middles = (ordered[1:] + ordered[:-1]) / 2.0
+    wanted = np.quantile(values, np.arange(1, STEPS + 1) / (STEPS + 1.0))
+    cuts = sorted({float(middles[np.abs(middles - want).argmin()]) for want in wanted})
+    return [cut for cut in cuts if FEWEST <= (values > cut).sum() <= len(values) - FEWEST]
+
+
+def _varies(values: Array) -> bool:
+    known = values[np.isfinite(values)]
+    return len(known) >= 2 * FEWEST and bool(np.ptp(known) > 1e-9 * (1e-9 + np.abs(known).max()))
+
+
+def _alike(a: Array, b: Array) -> bool:
+    both = np.isfinite(a) & np.isfinite(b)
+    mostly = both.sum() >= 0.9 * max(np.isfinite(a).sum(), np.isfinite(b).sum())
+    if not (mostly and _varies(a[both]) and _varies(b[both])):
+        return False
+    return bool(abs(np.corrcoef(a[both], b[both])[0, 1]) >= SAME)
+
+
+def _launch_columns(dataset: Dataset) -> dict[str, Array]:
+    """Exit speed and backspin as the believed launch has them; nothing when wheels and speed are both unknown."""
+    shots = dataset.shots
+    level = replace(shots, numbers={**shots.numbers, "hood_deg": np.zeros(len(shots))})    # speed and spin only
+    try:
+        leaving = launch_of(dataset.facts, level)
+    except BadInput:
+        return {}
+    return {"exit_speed_m_s": np.asarray(leaving.speed_m_s), "exit_spin_rev_s": np.asarray(leaving.spin_rev_s)}
+
+
+def _time_columns(dataset: Dataset) -> dict[str, Array]:
+    """Order of the rows within their session, and the wait since the session's shot before."""
+    shots = dataset.shots
+    sessions = np.array(shots.text("session"))
+    order, wait = np.zeros(len(shots)), np.full(len(shots), np.nan)
+    for session in np.unique(sessions):
+        rows = np.flatnonzero(sessions == session)
+        order[rows] = np.arange(len(rows))
+        wait[rows[1:]] = np.diff(shots.number("t_s")[rows])
+    return {"order_in_session": order, "since_last_shot_s": wait}
+
+
+def _trace_columns(dataset: Dataset) -> dict[str, Array]:
+    """Of each telemetry signal its value when the ball is fed, and how far it dips below that."""
+    if dataset.traces is None:
+        return {}
+    traces, n = dataset.traces, len(dataset.shots)
+    signals = np.array(traces.signal)
+    columns: dict[str, Array] = {}
+    for signal in np.unique(signals):
+        first, lowest = np.full(n, np.nan), np.full(n, np.nan)
+        here = signals == signal
+        for shot in np.unique(traces.shot[here]):
+            rows = np.flatnonzero(here & (traces.shot == shot))
+            rows = rows[np.argsort(traces.t_s[rows], kind="stable")]
+            fed = np.abs(traces.t_s[rows]).argmin()
+            first[shot] = traces.value[rows][fed]
+            lowest[shot] = first[shot] - traces.value[rows][fed:].min()
+        columns |= {f"fed_{signal}": first, f"dip_{signal}": lowest}
+    return columns

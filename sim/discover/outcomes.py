@@ -1,0 +1,136 @@
+"""How likely an outcome is: a normal height at the plane, cut into the classes that the operator can tell apart."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import log_ndtr
+from scipy.stats import norm
+
+from robot.config import BadInput
+from robot.facts import Target
+from sim.discover.evidence import Array
+from sim.shots import Shots
+
+LAPSE = 0.005                         # share of outcomes that mean nothing: a slip of the operator's finger
+SIGNED_SHARE = 0.5                    # of misses must have a side before the classes count as signed
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What was seen of n heights relative to the target's centre, in m.
+
+    Up to two intervals each: `low`, `high` [n, 2] (an empty one has low = high = inf); `height_m` [n] where the
+    height itself was measured (nan elsewhere) and beats the class. `classes` are the borders [k] between all outcomes
+    that could have been told apart here, inside [-inf, inf], and `signed` whether misses on either side could.
+    """
+
+    low: Array
+    high: Array
+    height_m: Array
+    borders: Array
+    signed: bool
+
+    @property
+    def measured(self) -> Array:
+        return np.isfinite(self.height_m)
+
+
+def see_outcomes(shots: Shots, target: Target | None) -> tuple[Array, Seen]:
+    """(rows [n] with a usable outcome or height, what was seen). A miss to the left or right says nothing of height.
+
+    BadInput when there are outcomes but no [target] in rig.toml.
+    """
+    outcome, side = np.array(shots.text("outcome")), np.array(shots.text("side"))
+    height_m = shots.number("miss_height_m")
+    if (outcome != "").any() and target is None:
+        raise BadInput("rig.toml: [target] is needed to make sense of the column outcome")
+    aside = (outcome == "miss") & np.isin(side, ("left", "right"))
+    rows = np.flatnonzero(np.isfinite(height_m) | ((outcome != "") & ~aside))
+    two, three = (target.two_half_height_m, target.three_half_height_m) if target else (0.35, 0.07)
+    pairs = [_intervals(outcome[row], side[row], two, three) for row in rows]
+    bounds = np.array(pairs, dtype=float).reshape(len(rows), 2, 2)
+    misses = (outcome == "miss") & ~aside
+    signed = bool(misses.any()) and np.isin(side[misses], ("low", "high")).mean() >= SIGNED_SHARE
+    borders = np.array([-np.inf, -two, -three, three, two, np.inf])
+    return rows, Seen(bounds[..., 0], bounds[..., 1], height_m[rows], borders, signed)
+
+
+def _intervals(outcome: str, side: str, two: float, three: float) -> list[tuple[float, float]]:
+    none = (np.inf, np.inf)
+    low = {"miss": (-np.inf, -two), "two": (-two, -three)}
+    high = {"miss": (two, np.inf), "two": (three, two)}
+    if outcome == "three":
+        return [(-three, three), none]
+    if outcome not in low:
+        return [(-np.inf, np.inf), none]
+    if side in ("low", "high"):
+        return [(low if side == "low" else high)[outcome], none]
+    return [(-two, two), none] if side in ("left", "right") else [low[outcome], high[outcome]]
+
+
+def log_likelihood(seen: Seen, mean_m: Array, spread_m: Array) -> Array:
+    """Log-likelihood [n] of what was seen, heights normal(mean_m, spread_m) about the centre; -inf mean = far below."""
+    chance = (1.0 - LAPSE) * _chance(seen.low, seen.high, mean_m, spread_m).sum(1) + LAPSE / 3.0
+    off = (np.where(seen.measured, seen.height_m, 0.0) - np.where(seen.measured, mean_m, 0.0)) / spread_m
+    return np.where(seen.measured, -0.5 * off**2 - np.log(spread_m) - 0.5 * np.log(2.0 * np.pi), np.log(chance))
+
+
+def slopes(seen: Seen, mean_m: Array, spread_m: Array) -> tuple[Array, Array]:
+    """Derivatives of the log-likelihood [n] by mean_m and by log spread_m."""
+    chance = (1.0 - LAPSE) * _chance(seen.low, seen.high, mean_m, spread_m).sum(1) + LAPSE / 3.0
+    by_mean, by_log = _chance_slopes(seen.low, seen.high, mean_m, spread_m)
+    scale = (1.0 - LAPSE) / chance
+    off = np.where(seen.measured, (seen.height_m - mean_m) / spread_m, 0.0)
+    return (np.where(seen.measured, off / spread_m, by_mean.sum(1) * scale),
+            np.where(seen.measured, off**2 - 1.0, by_log.sum(1) * scale))
+
+
+def information(seen: Seen, mean_m: Array, spread_m: Array) -> Array:
+    """Expected information [n, 2, 2] on mean_m and log spread_m, over all outcomes that could have been told apart."""
+    low, high = _all_classes(seen)
+    n = len(mean_m)
+    chance = np.zeros((n, len(low)))
+    slope = np.zeros((n, len(low), 2))
+    for k, parts in enumerate(zip(low, high, strict=True)):
+        bounds = [np.broadcast_to(np.array(part, dtype=float), (n, 2)) for part in parts]
+        chance[:, k] = (1.0 - LAPSE) * _chance(*bounds, mean_m, spread_m).sum(1) + LAPSE / 3.0
+        slope[:, k] = (1.0 - LAPSE) * np.stack(_chance_slopes(*bounds, mean_m, spread_m), axis=-1).sum(1)
+    classed = np.einsum("nki,nkj,nk->nij", slope, slope, 1.0 / chance)
+    measured = np.zeros((n, 2, 2))
+    measured[:, 0, 0], measured[:, 1, 1] = 1.0 / spread_m**2, 2.0
+    return np.where(seen.measured[:, None, None], measured, classed)
+
+
+def best_class(seen: Seen, mean_m: Array, spread_m: Array) -> Array:
+    """Index [n] of the likeliest of miss, two, three."""
+    two, three = seen.borders[4], seen.borders[3]
+    inside = [norm.cdf((edge - mean_m) / spread_m) - norm.cdf((-edge - mean_m) / spread_m) for edge in (two, three)]
+    return np.argmax(np.stack([1.0 - inside[0], inside[0] - inside[1], inside[1]], axis=1), axis=1)
+
+
+def _all_classes(seen: Seen) -> tuple[list[tuple[float, float]], list[tuple[float, float]]]:
+    """Lower and upper bounds of the two intervals of each distinguishable outcome."""
+    _, *inner, _ = seen.borders
+    low_miss, low_two, high_two, high_miss = inner
+    inf = np.inf
+    if seen.signed:
+        edges = seen.borders
+        return [(float(a), inf) for a in edges[:-1]], [(float(b), inf) for b in edges[1:]]
+    return ([(-inf, high_miss), (low_miss, high_two), (low_two, inf)],
+            [(low_miss, inf), (low_two, high_miss), (high_two, inf)])
+
+
+def _chance(low: Array, high: Array, mean_m: Array, spread_m: Array) -> Array:
+    """Probability of each interval [n, k], without cancellation in either tail."""
+    a, b = ((edge - mean_m[:, None]) / spread_m[:, None] for edge in (low, high))
+    flip = a > 0.0
+    a, b = np.where(flip, -b, a), np.where(flip, -a, b)
+    return np.where(low < high, np.exp(log_ndtr(b)) - np.exp(log_ndtr(a)), 0.0)
+
+
+def _chance_slopes(low: Array, high: Array, mean_m: Array, spread_m: Array) -> tuple[Array, Array]:
+    """Derivatives of the probabilities [n, k] by mean_m and by log spread_m."""
+    a, b = ((edge - mean_m[:, None]) / spread_m[:, None] for edge in (low, high))
+    at_a, at_b = norm.pdf(a), norm.pdf(b)
+    weigh_a, weigh_b = (np.where(np.isfinite(edge), edge, 0.0) for edge in (a, b))
+    return ((at_a - at_b) / spread_m[:, None], weigh_a * at_a - weigh_b * at_b)

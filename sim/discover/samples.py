@@ -1,0 +1,112 @@
+"""Tracks as padded arrays, and how their samples scatter: per axis, and from one sample to the next."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim.discover.evidence import Array
+from sim.shots import Tracks
+
+FEWEST_SAMPLES = 6                    # per track; fewer cannot say more than where it started and how fast
+SMOOTH_DEGREE = 4                     # of the polynomial that stands for "any smooth flight" when scatter is measured
+ENOUGH_SAMPLES = 12                   # per track, to measure scatter from it
+GROSS = 8.0                           # robust standard deviations off a smooth flight: not a sample of the ball
+MOST_MEMORY = 0.97
+
+
+@dataclass(frozen=True)
+class Samples:
+    """n tracks padded to L samples (padding repeats the last); `time_s` [n, L] from 0, `position_m` [n, L, 3]."""
+
+    rows: Array                       # [n] shot of each track
+    time_s: Array
+    position_m: Array
+    real: Array                       # [n, L] False = padding
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """Noise of the samples: `sigma_m` [3], and memory: correlation exp(-dt / memory_s) [3], 0 = none."""
+
+    sigma_m: Array
+    memory_s: Array
+
+
+def gather_samples(tracks: Tracks, shots: int) -> tuple[Samples, tuple[str, ...], int]:
+    """(padded tracks, rows of tracks too short to use as text, number of gross outliers left out)."""
+    kept, short, gross = [], 0, 0
+    for shot in range(shots):
+        where = np.flatnonzero(tracks.shot == shot)
+        data = np.stack([tracks.t_s[where], tracks.x_m[where], tracks.y_m[where], tracks.z_m[where]], axis=1)
+        sound = _sound(data)
+        gross += int((~sound).sum())
+        data = data[sound]
+        if len(data) >= FEWEST_SAMPLES:
+            kept.append((shot, data))
+        elif len(data):
+            short += 1
+    notes = (f"{short} tracks with fewer than {FEWEST_SAMPLES} samples",) if short else ()
+    if gross:
+        notes += (f"{gross} track samples more than {GROSS:g} standard deviations off a smooth flight",)
+    return _pad(kept), notes, gross
+
+
+def measure_scatter(samples: Samples, believed_m: float) -> Scatter:
+    """Noise about the smoothest flight that each track allows; the believed figure when no track is long enough."""
+    residuals = [_detrend(samples.time_s[k][real], samples.position_m[k][real])
+                 for k, real in enumerate(samples.real) if real.sum() >= ENOUGH_SAMPLES]
+    if not residuals:
+        return Scatter(np.full(3, believed_m), np.zeros(3))
+    freedom = sum(len(r) - SMOOTH_DEGREE - 1 for r in residuals)
+    sigma_m = np.sqrt(sum((r**2).sum(0) for r in residuals) / freedom)
+    together = sum((r[1:] * r[:-1]).sum(0) for r in residuals) / freedom / np.maximum(sigma_m**2, 1e-300)
+    gap_s = float(np.median(np.diff(samples.time_s, axis=1)[samples.real[:, 1:]]))
+    memory = np.clip(together, 0.0, MOST_MEMORY)
+    # below 0.05 a correlation is no more than the detrending leaves behind
+    memory_s = np.where(memory > 0.05, -gap_s / np.log(np.maximum(memory, 1e-12)), 0.0)
+    return Scatter(np.maximum(sigma_m, 1e-6), memory_s)
+
+
+def whiten(samples: Samples, scatter: Scatter, columns: Array) -> Array:
+    """Turn position-like columns [n, L, 3, k] into ones with independent unit noise [n, 3 L, k]; padding becomes 0.
+
+    First-order autoregression in continuous time: each sample less what the one before foretells.
+    """
+    gaps_s = np.diff(samples.time_s, axis=1)[:, :, None]
+    memory = np.exp(-gaps_s / np.where(scatter.memory_s > 0.0, scatter.memory_s, 1e-9))
+    clean = columns / scatter.sigma_m[:, None]
+    new = (clean[:, 1:] - memory[..., None] * clean[:, :-1]) / np.sqrt(1.0 - memory**2 + 1e-12)[..., None]
+    joined = np.concatenate([clean[:, :1], new], axis=1) * samples.real[:, :, None, None]
+    return joined.reshape(len(columns), -1, columns.shape[-1])
+
+
+def _detrend(time_s: Array, position_m: Array) -> Array:
+    scaled = (time_s - time_s[0]) / max(float(np.ptp(time_s)), 1e-9) * 2.0 - 1.0
+    basis = np.polynomial.legendre.legvander(scaled, SMOOTH_DEGREE)
+    return position_m - basis @ np.linalg.lstsq(basis, position_m, rcond=None)[0]
+
+
+def _sound(data: Array) -> Array:
+    """Samples that could be the ball: twice over, so that a gross one does not hide another."""
+    sound = np.ones(len(data), dtype=bool)
+    for _ in range(2):
+        if sound.sum() < ENOUGH_SAMPLES:
+            return np.ones(len(data), dtype=bool)
+        basis = np.polynomial.legendre.legvander((data[:, 0] - data[0, 0]) / np.ptp(data[:, 0]) * 2.0 - 1.0,
+                                                 SMOOTH_DEGREE)
+        fitted = np.linalg.lstsq(basis[sound], data[sound, 1:], rcond=None)[0]
+        off = np.abs(data[:, 1:] - basis @ fitted)
+        sigma = 1.4826 * np.median(off[sound], axis=0) + 1e-9
+        sound = (off <= GROSS * sigma).all(axis=1)
+    return sound
+
+
+def _pad(kept: list[tuple[int, Array]]) -> Samples:
+    longest = max((len(data) for _, data in kept), default=1)
+    padded = np.zeros((len(kept), longest, 4))
+    real = np.zeros((len(kept), longest), dtype=bool)
+    for k, (_, data) in enumerate(kept):
+        padded[k, :len(data)], padded[k, len(data):] = data, data[-1]
+        padded[k, :, 0] -= data[0, 0]
+        real[k, :len(data)] = True
+    return Samples(np.array([shot for shot, _ in kept], dtype=int), padded[..., 0], padded[..., 1:], real)

@@ -1,0 +1,157 @@
+"""Flights of a three-wheel table-tennis launcher (ball_prediction, MPI for Intelligent Systems) -> dataset.
+
+docs/importing.md says what the columns are, where the files come from, and what is assumed.
+"""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from robot.config import BadInput
+from robot.facts import Air, Ball, Believe, Facts, LauncherFacts, Noise, Wheel
+from sim.dataset.columns import parse_number
+from sim.dataset.problems import Problems, gathered
+from sim.dataset.table import Table, load_table
+from sim.shots import Dataset, Shots, Tracks
+
+LAUNCH_COLUMNS = ("set", "launch", "phi_cmd", "theta_cmd", "motor_top_left_rpm", "motor_top_right_rpm",
+                  "motor_bottom_rpm", "n_samples")
+TRACK_COLUMNS = ("set", "launch", "t_s", "x_m", "y_m", "z_m")
+# name, clock position seen along the exit direction; even spacing is assumed
+WHEELS = (("top_left", 300.0), ("top_right", 60.0), ("bottom", 180.0))
+WHEEL_RADIUS_M = 0.04                 # assumed: with it the no-spin sets leave at the speed of wheels that do not slip
+BALL = Ball(mass_kg=0.0027, radius_m=0.02)
+TRACK_NOISE_M = 0.002                 # scatter of the samples around a smooth flight, the worst of the three axes
+RPM = 2.0 * math.pi / 60.0
+FALL_M = 0.05                         # below the highest sample so far: the ball is on its way down
+RISE_M = 0.01                         # above the lowest one, twice running: it has bounced
+SHORTEST = 8                          # samples that a flight needs
+
+
+@dataclass(frozen=True)
+class _Flight:
+    place: str
+    samples: np.ndarray               # [k, 4]: t_s x_m y_m z_m
+
+
+def import_mpi(launches: str | Path, tracks: str | Path) -> Dataset:
+    """Read the two CSV files; flights end before the bounce. BadInput names file, line and column of each bad row.
+
+    Frame as measured: x down the table, y left, z up from the floor. `t_s` is counted from each flight's first sample.
+    """
+    with gathered() as problems:
+        table = load_table(Path(launches), problems)
+        _need(table, LAUNCH_COLUMNS)
+        shot_id = _ids(table, problems)
+        numbers = _launch_numbers(table, problems)
+        flights = _flights(load_table(Path(tracks), problems), shot_id, problems)
+        _check_counts(table, shot_id, numbers.pop("n_samples"), flights, problems)
+    kept = [row for row, name in enumerate(shot_id) if len(_before_bounce(flights[name].samples)) >= SHORTEST]
+    left_out = tuple(f"{name}: fewer than {SHORTEST} samples before the bounce"
+                     for row, name in enumerate(shot_id) if row not in kept)
+    shots = Shots(tuple(shot_id), numbers, {"session": tuple(str(cell) for cell in table.columns["set"])}).take(kept)
+    cut = [_before_bounce(flights[name].samples) for name in shots.shot_id]
+    return Dataset("mpi", _facts(cut), shots, _tracks(cut), None, left_out)
+
+
+def _launch_numbers(table: Table, problems: Problems) -> dict[str, np.ndarray]:
+    numbers = {name: _numbers(table, name, problems) for name in ("phi_cmd", "theta_cmd", "n_samples")}
+    for wheel, _ in WHEELS:
+        numbers[f"wheel_{wheel}_rad_s"] = _numbers(table, f"motor_{wheel}_rpm", problems) * RPM
+    return numbers
+
+
+def _ids(table: Table, problems: Problems) -> list[str]:
+    """set-launch of each row; each may stand once."""
+    ids: list[str] = []
+    for row, (name, launch) in enumerate(zip(table.columns["set"], table.columns["launch"], strict=True)):
+        for column, cell in (("set", name), ("launch", launch)):
+            if cell is None:
+                problems.add(table.place(row), column, "is missing")
+        if f"{name}-{launch}" in ids:
+            problems.add(table.place(row), "launch", f"set {name!r} has launch {launch} already")
+        ids.append(f"{name}-{launch}")
+    return ids
+
+
+def _numbers(table: Table, name: str, problems: Problems) -> np.ndarray:
+    values = np.full(len(table.lines), np.nan)
+    for row, cell in enumerate(table.columns[name]):
+        number = parse_number(cell)
+        if cell is None:
+            problems.add(table.place(row), name, "is missing")
+        elif number is None or not math.isfinite(number):
+            problems.add(table.place(row), name, f"{cell!r} is not a finite number")
+        else:
+            values[row] = number
+    return values
+
+
+def _flights(table: Table, shot_id: list[str], problems: Problems) -> dict[str, _Flight]:
+    """The samples of each launch, as they stand; times must grow within one."""
+    _need(table, TRACK_COLUMNS)
+    columns = np.stack([_numbers(table, name, problems) for name in ("t_s", "x_m", "y_m", "z_m")], axis=1)
+    rows_of: dict[str, list[int]] = {name: [] for name in shot_id}
+    for row, (name, launch) in enumerate(zip(table.columns["set"], table.columns["launch"], strict=True)):
+        if f"{name}-{launch}" not in rows_of:
+            problems.add(table.place(row), "launch", f"set {name!r} launch {launch} is not among the launches")
+            continue
+        rows = rows_of[f"{name}-{launch}"]
+        if rows and columns[row, 0] <= columns[rows[-1], 0]:
+            problems.add(table.place(row), "t_s", "does not follow the sample before of the same launch")
+        rows.append(row)
+    return {name: _Flight(table.place(rows[0]) if rows else "", columns[rows]) for name, rows in rows_of.items()}
+
+
+def _check_counts(table: Table, shot_id: list[str], n_samples: np.ndarray, flights: dict[str, _Flight],
+                  problems: Problems) -> None:
+    """The launches say how many samples each flight has: a lost part of the tracks shows."""
+    for row, name in enumerate(shot_id):
+        found = len(flights[name].samples)
+        if math.isfinite(n_samples[row]) and found != n_samples[row]:
+            problems.add(table.place(row), "n_samples", f"is {n_samples[row]:g}, but the tracks have {found}")
+
+
+def _before_bounce(samples: np.ndarray) -> np.ndarray:
+    """The samples before the one nearest to the first bounce, time from 0.
+
+    The bounce is the lowest height after the ball has begun to fall and before two samples running (or the last one)
+    are clearly above it, or before whatever follows it; the sample there is dropped too, for it may lie on either side.
+    """
+    z_m = samples[:, 3]
+    falling = np.flatnonzero(z_m < np.maximum.accumulate(z_m) - FALL_M) if len(z_m) else []
+    end = len(z_m)
+    if len(falling):
+        z_fall = z_m[falling[0]:]
+        up = z_fall > np.minimum.accumulate(z_fall) + RISE_M
+        twice = np.flatnonzero(up & np.append(up[1:], True))
+        lowest = int(z_fall[:twice[0] + 1].argmin() if len(twice) else z_fall.argmin())
+        # a flight that stops on its lowest sample was still falling
+        if lowest < len(z_fall) - 1:
+            end = falling[0] + lowest
+    cut = samples[:end].copy()
+    cut[:, 0] -= cut[0, 0] if len(cut) else 0.0
+    return cut
+
+
+def _tracks(cut: list[np.ndarray]) -> Tracks:
+    shot = np.repeat(np.arange(len(cut)), [len(samples) for samples in cut])
+    stacked = np.concatenate(cut) if cut else np.zeros((0, 4))
+    return Tracks(shot, stacked[:, 0], stacked[:, 1], stacked[:, 2], stacked[:, 3])
+
+
+def _facts(cut: list[np.ndarray]) -> Facts:
+    """What is known of the rig; the ball first shows about where it leaves the wheels."""
+    wheels = tuple(Wheel(name, WHEEL_RADIUS_M, 1.0, clock_deg) for name, clock_deg in WHEELS)
+    first_m = [samples[np.abs(samples[:, 1]).argmin(), 3] for samples in cut]
+    height_m = round(float(np.median(first_m)), 3) if cut else 0.0
+    return Facts(ball=BALL, launcher=LauncherFacts(release_height_m=height_m, wheel=wheels), air=Air(1.2),
+                 noise=Noise(track_m=TRACK_NOISE_M), believe=Believe(("gravity", "drag", "magnus")))
+
+
+def _need(table: Table, names: tuple[str, ...]) -> None:
+    for name in names:
+        if name not in table.columns:
+            raise BadInput(f"{table.place(-1)}: column {name} is missing")

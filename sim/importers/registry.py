@@ -1,0 +1,19 @@
+"""Whose recordings can be read: name, the files it takes, and the function that reads them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from sim.importers.mpi import import_mpi
+from sim.shots import Dataset
+
+
+@dataclass(frozen=True)
+class Importer:
+    name: str
+    files: tuple[str, ...]            # what they are, in the order given
+    load: Callable[..., Dataset]
+
+
+IMPORTERS = (
+    Importer("mpi", ("LAUNCHES.csv", "TRACKS.csv"), import_mpi),
+)
