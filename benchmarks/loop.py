@@ -12,7 +12,7 @@ import numpy as np
 
 import robot
 from doors.twin import emulate
-from robot.config import load_config
+from robot.config import Config, load_config
 from robot.recording.reader import TickReader
 from robot.recording.replay import replay
 from robot.tick import step
@@ -23,17 +23,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--trials", type=int, default=50)
     args = parser.parse_args()
-    config_path = Path(robot.__file__).parent / "launcher.toml"
+    config = load_config(Path(robot.__file__).parent / "launcher.toml")
     with tempfile.TemporaryDirectory() as folder:
         session = Path(folder) / "session"
         began = time.perf_counter()
-        emulate(config_path, session, trials=args.trials, seed=0)
+        emulate(config, session, trials=args.trials, seed=0)
         emulated_s = time.perf_counter() - began
         began = time.perf_counter()
         ticks, _ = replay(session)
         replayed_s = time.perf_counter() - began
-        tick_us = time_ticks(session)
-    config = load_config(config_path)
+        tick_us = time_ticks(session, config)
     robot_s = ticks / config.tick_hz
     print(f"{args.trials} trials, {robot_s:.0f} s of robot time, {ticks} ticks at {config.tick_hz} Hz")
     print(f"real time        {robot_s:8.1f} s      1.0 x")
@@ -43,9 +42,8 @@ def main() -> None:
     print(f"one tick         p50 {p50:.0f} us, p99 {p99:.0f} us, max {worst:.0f} us of {1e6 / config.tick_hz:.0f} us")
 
 
-def time_ticks(session: Path) -> np.ndarray:
+def time_ticks(session: Path, config: Config) -> np.ndarray:
     """Microseconds of each tick's own thinking, over the recorded inputs."""
-    config = load_config(session / "launcher.toml")
     memory, spent = Memory(), []
     for tick, _ in TickReader(session):
         began = time.perf_counter_ns()

@@ -1,7 +1,7 @@
 """A session is a folder:
 
     session.json     what made it: versions, configuration and model hashes
-    launcher.toml    the configuration, as its file was; model.onnx the gate, if there was one
+    config.json      the configuration it ran with; model.onnx the gate, if there was one
     telemetry.mcap   one message a tick, the whole Tick as JSON
     can0.log         every CAN frame both ways, candump text
     trials.jsonl     one fsynced line an outcome
@@ -13,13 +13,13 @@ from pathlib import Path
 import msgspec
 from msgspec import Struct
 
-from robot.config import BadInput, Config, config_hash, parse_toml
+from robot.config import BadInput, Config, config_hash
 from robot.gate.model import Gate, load_gate
 from robot.types import Outcome, Shot
 
 FORMAT = "truearc.session/1"
 HEADER, CONFIG, MODEL, TELEMETRY, CAN, TRIALS, FRAMES = (
-    "session.json", "launcher.toml", "model.onnx", "telemetry.mcap", "can0.log", "trials.jsonl", "frames")
+    "session.json", "config.json", "model.onnx", "telemetry.mcap", "can0.log", "trials.jsonl", "frames")
 
 
 class Header(Struct, frozen=True):
@@ -56,10 +56,9 @@ def load_session_config(session: Path) -> Config:
     """The configuration a session ran with; BadInput when it is not the one its header names."""
     header, path = load_header(session), session / CONFIG
     try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
+        config = msgspec.json.decode(path.read_bytes(), type=Config)
+    except (OSError, msgspec.MsgspecError) as error:
         raise BadInput(f"{path}: {error}") from error
-    config = parse_toml(text, Config, str(path))
     if config_hash(config) != header.config_sha256:
         raise BadInput(f"{path}: changed since the recording was made (hash differs from {HEADER})")
     return config

@@ -12,6 +12,7 @@ from mcap.writer import CompressionType, Writer
 
 from hw.link import Frame
 from hw.reading import CameraFrame
+from robot.config import BadInput, Config
 from robot.recording.candump import candump_line
 from robot.recording.session import CAN, CONFIG, FRAMES, HEADER, MODEL, TELEMETRY, TRIALS, Header, Trial
 from robot.types import Sent, Tick
@@ -27,11 +28,13 @@ class SessionWriter:
     `lossless`: a full queue makes the caller wait instead of dropping; for the twin, whose time can wait.
     """
 
-    def __init__(self, folder: Path, header: Header, config_text: str, model: bytes | None, lossless: bool) -> None:
+    def __init__(self, folder: Path, header: Header, config: Config, model: bytes | None, lossless: bool) -> None:
+        if folder.exists():
+            raise BadInput(f"{folder}: exists already; a recording is never written over")
         folder.mkdir(parents=True)
         (folder / FRAMES).mkdir()
         (folder / HEADER).write_bytes(msgspec.json.format(msgspec.json.encode(header)) + b"\n")
-        (folder / CONFIG).write_text(config_text, encoding="utf-8")
+        (folder / CONFIG).write_bytes(msgspec.json.format(msgspec.json.encode(config)) + b"\n")
         if model is not None:
             (folder / MODEL).write_bytes(model)
         self.dropped = 0

@@ -1,0 +1,119 @@
+"""Puts the emulated robot together: the robot's own code on one end of every wire, emulated devices and a world on the other."""
+
+import itertools
+from collections.abc import Callable, Mapping
+from importlib.metadata import version
+from pathlib import Path
+
+import cv2
+from msgspec.structs import replace
+
+from hw.canandmag import Encoder
+from hw.emulated.camera import EmulatedCamera, Lens, TapeSize
+from hw.emulated.canandmag_node import CanandmagNode
+from hw.emulated.clock import StepClock
+from hw.emulated.faults import Fault, FaultyNode
+from hw.emulated.nodes import Node
+from hw.emulated.odrive_node import OdriveNode
+from hw.emulated.serial_port import open_button_box
+from hw.emulated.twin import Twin
+from hw.real.can_bus import open_can
+from hw.real.serial_port import open_serial
+from robot.config import CameraConfig, Config, Tape, config_hash
+from robot.gate.model import Gate, load_gate
+from robot.recording.candump import TappedBus
+from robot.recording.session import FORMAT, Header
+from robot.recording.writer import SessionWriter
+from robot.rig import HardwareRig, make_axis
+from robot.runtime import run
+from robot.vision import detect
+from sim.world.driver import Driver
+from sim.world.options import Options
+from sim.world.target import BallResult
+from sim.world.world import World
+
+LATENCY_S = 0.03                      # middle of the exposure until the robot can read the image
+LONGEST_TRIAL_S = 40.0                # a session that takes longer than this a trial is stuck, and ends
+CHANNELS = itertools.count()          # every twin in this process has a wire of its own
+
+Progress = Callable[[float, str], None]
+
+
+def emulate(config: Config, folder: Path, trials: int, seed: int, options: Options | None = None,
+            gate_path: Path | None = None, progress: Progress = lambda done, note: None,
+            faults: Mapping[str, tuple[Fault, ...]] | None = None) -> list[BallResult]:
+    """Record `trials` trials of the emulated robot into `folder`; returns what the world knows of each ball.
+
+    With a gate the policy becomes "model". `faults`: device name ("flywheel_a", ..., "hood_encoder") -> what goes wrong.
+    The truth returned is for tests and reports about the twin; neither runtime nor fit may see it.
+    """
+    cv2.setNumThreads(1)
+    gate = None if gate_path is None else load_gate(gate_path)
+    if gate is not None:
+        config = replace(config, gate=replace(config.gate, policy="model"))
+    recorder = SessionWriter(folder, make_header(config, gate, None), config,
+                             gate_path.read_bytes() if gate_path else None, lossless=True)
+    try:
+        world = World(seed, options)
+        run_twin(config, world, trials, seed, gate, recorder, progress, faults or {})
+    finally:
+        recorder.close()
+    if recorder.failed is not None:
+        raise recorder.failed
+    return world.results
+
+
+def make_header(config: Config, gate: Gate | None, started: str | None) -> Header:
+    """What session.json will say."""
+    return Header(FORMAT, version("truearc"), config_hash(config), gate.sha256 if gate else None, config.gate.policy,
+                  started)
+
+
+def run_twin(config: Config, world: World, trials: int, seed: int, gate: Gate | None, recorder: SessionWriter,
+             progress: Progress, faults: Mapping[str, tuple[Fault, ...]]) -> None:
+    """Wire robot and world together and run until the driver is done."""
+    box = open_button_box()
+    camera = EmulatedCamera(world, make_lens(config.camera), make_tape(config.tape), config.camera.fps, LATENCY_S, seed)
+    patience_s = config.gate.request_s + 0.5
+    driver = Driver(world, box.press, trials, seed, patience_s=patience_s)
+    clock = StepClock(lambda t_ns: twin.advance(t_ns))
+    channel = f"truearc-{next(CHANNELS)}"
+    near, far = (open_can("virtual", channel, config.can.bitrate, clock) for _ in range(2))
+    twin = Twin(world, far, make_nodes(config, world, faults), (box.step, driver.step, camera.step))
+    stream = open_serial(box.port, config.buttons.baud)
+    limit_ns = int(LONGEST_TRIAL_S * trials * 1e9)
+
+    def over() -> bool:
+        progress(min(driver.trial / max(trials, 1), 0.99), f"{driver.trial} of {trials} trials")
+        return driver.done or clock.now_ns() > limit_ns
+
+    try:
+        run(HardwareRig(config, TappedBus(near, recorder.tap), stream, camera, clock,
+                        lambda frame: detect(frame, config.camera, config.tape, config.vision), over),
+            config, gate, recorder)
+    finally:
+        for wire in (near, far, stream, camera):
+            wire.close()
+        box.unplug()
+    progress(1.0, f"{len(world.results)} balls in {clock.now_ns() * 1e-9:.0f} s of robot time")
+
+
+def make_nodes(config: Config, world: World, faults: Mapping[str, tuple[Fault, ...]]) -> tuple[Node, ...]:
+    """The far end of every device that the configuration names."""
+    names = [f"flywheel_{letter}" for letter, _ in zip("ab", config.axes.flywheels, strict=True)] + ["hood", "feeder"]
+    axes = [*config.axes.flywheels, config.axes.hood, config.axes.feeder]
+    nodes: dict[str, Node] = {
+        name: OdriveNode(make_axis(axis), name, world, endstop=world.hood_at_limit if axis.endstop_endpoint else None)
+        for name, axis in zip(names, axes, strict=True)}
+    encoder = config.hood_encoder
+    nodes["hood_encoder"] = CanandmagNode(Encoder(encoder.device), world, encoder.zero_deg, encoder.direction)
+    return tuple(FaultyNode(node, faults[name]) if name in faults else node for name, node in nodes.items())
+
+
+def make_lens(camera: CameraConfig) -> Lens:
+    return Lens(camera.width_px, camera.height_px, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px,
+                camera.distortion)
+
+
+def make_tape(tape: Tape) -> TapeSize:
+    return TapeSize(tape.top_width_m, tape.bottom_width_m, tape.height_m, tape.tape_width_m)
