@@ -1,0 +1,165 @@
+"""`truearc vision`: images to distances."""
+
+import argparse
+import csv
+import re
+import sys
+from importlib.resources import files
+from pathlib import Path
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from doors.progress import make_progress
+from hw.reading import CameraFrame
+from robot.config import BadInput, CameraFile, Config, load_toml
+from robot.types import Sighting
+from robot.vision import detect
+
+DESCRIPTION = ("Find the retro-reflective target in images; CSV on stdout, reasons on stderr. Distances are "
+               "horizontal, lens to tape centre, along the line of sight. Corners are x y pairs in pixels: bottom right, "
+               "bottom left, top left, top right. A file that is no image has an empty `found`.")
+EXAMPLE = "truearc vision photos/*.jpg --camera lifecam_hd3000_480p --labels labels.csv"
+MANY_IMAGES = 200                     # two seconds of work
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("images", nargs="+", metavar="IMAGE", help="8-bit colour image (JPEG, PNG, ...)")
+    parser.add_argument("--camera", metavar="FILE",
+                        help="camera.toml or launcher.toml, or the name of a packaged camera "
+                             f"({', '.join(_packaged())}); without it, the packaged launcher.toml")
+    parser.add_argument("--labels", metavar="FILE",
+                        help="CSV with columns file,label_distance_m: prints an error table")
+
+
+def main(args: argparse.Namespace) -> int:
+    """Exit 0 when every file was an image, target seen or not; 2 when one was not (the others are still answered)."""
+    camera = load_camera(args.camera)
+    labels = _load_labels(args.labels) if args.labels else None
+    progress = make_progress("vision", args.quiet or len(args.images) < MANY_IMAGES)
+    table = csv.writer(sys.stdout, lineterminator="\n")
+    table.writerow(["file", "found", "distance_m", "sigma_m", "corners"])
+    bad = 0
+    seen: list[tuple[str, Sighting]] = []
+    for done, name in enumerate(args.images):
+        progress(done / len(args.images), name)
+        try:
+            frame = CameraFrame(0, load_image(name))
+        except BadInput as error:
+            print(f"truearc vision: {error}", file=sys.stderr)
+            table.writerow([name, "", "", "", ""])
+            bad += 1
+            continue
+        sighting = detect(frame, camera.camera, camera.tape, camera.vision)
+        table.writerow(_row(name, sighting))
+        if not sighting.found:
+            print(f"{name}: not found: {sighting.reason}", file=sys.stderr)
+        seen.append((name, sighting))
+    progress(1.0, "")
+    sys.stdout.flush()
+    if labels is not None:
+        _print_errors(seen, labels)
+    return 2 if bad else 0
+
+
+def load_camera(name: str | None) -> CameraFile:
+    """The camera, tape and vision sections of a file, of a packaged camera, or of the packaged launcher.toml."""
+    path = Path(str(files("robot") / "launcher.toml")) if name is None else Path(name)
+    if name in _packaged():
+        path = Path(str(files("robot") / "cameras" / f"{name}.toml"))
+    try:
+        whole = re.search(r"^\s*\[gate\]", path.read_text(encoding="utf-8"), re.MULTILINE)
+    except (OSError, UnicodeDecodeError) as error:
+        raise BadInput(f"{path}: {error}") from error
+    if whole is None:
+        return load_toml(path, CameraFile)
+    config = load_toml(path, Config)
+    return CameraFile(config.camera, config.tape, config.vision)
+
+
+def load_image(name: str) -> npt.NDArray[np.uint8]:
+    """(height, width, 3) BGR in the sensor's own orientation; BadInput names the file and what is wrong with it."""
+    try:
+        data = Path(name).read_bytes()
+    except OSError as error:
+        raise BadInput(f"{name}: {error.strerror or error}") from error
+    if not data:
+        raise BadInput(f"{name}: the file is empty")
+    try:
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    except cv2.error:
+        image = None
+    if image is None:
+        raise BadInput(f"{name}: not an image, or a corrupt one")
+    if _cut_short(data):
+        raise BadInput(f"{name}: the image is cut short")
+    if image.dtype != np.uint8:
+        raise BadInput(f"{name}: {image.dtype.itemsize * 8}-bit {image.dtype.name} channels; 8-bit colour is needed")
+    if image.ndim != 3 or image.shape[2] not in (3, 4):
+        raise BadInput(f"{name}: a greyscale image; the tape is known by its colour, so 8-bit colour is needed")
+    return np.ascontiguousarray(image[:, :, :3])
+
+
+def _cut_short(data: bytes) -> bool:
+    """A JPEG or PNG without its end: decoders fill the rest with grey and say nothing."""
+    if data.startswith(b"\xff\xd8"):
+        return data.rfind(b"\xff\xd9") < data.rfind(b"\xff\xda")
+    return data.startswith(b"\x89PNG") and b"IEND" not in data[-4096:]
+
+
+def _packaged() -> list[str]:
+    cameras = files("robot") / "cameras"
+    return sorted(entry.name.removesuffix(".toml") for entry in cameras.iterdir() if entry.name.endswith(".toml"))
+
+
+def _row(name: str, sighting: Sighting) -> list[str]:
+    if not sighting.found:
+        return [name, "false", "", "", ""]
+    corners = ", ".join(f"{x:.2f} {y:.2f}" for x, y in sighting.corners_px)
+    return [name, "true", f"{sighting.distance_m:.4f}", f"{sighting.sigma_m:.4f}", corners]
+
+
+def _load_labels(path: str) -> dict[str, float]:
+    """File name -> distance; rows without a distance are left out."""
+    labels: dict[str, float] = {}
+    try:
+        with open(path, encoding="utf-8-sig", newline="") as stream:
+            rows = csv.DictReader(stream)
+            for column in ("file", "label_distance_m"):
+                if column not in (rows.fieldnames or ()):
+                    raise BadInput(f"{path}:1: missing column {column!r}")
+            for row in rows:
+                if row["label_distance_m"]:
+                    labels[row["file"]] = _number(row["label_distance_m"], f"{path}:{rows.line_num}: label_distance_m")
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise BadInput(f"{path}: {error}") from error
+    return labels
+
+
+def _number(text: str, where: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = float("nan")
+    if not 0.0 < value < 1e4:
+        raise BadInput(f"{where}: {text!r} is not a distance in metres")
+    return value
+
+
+def _print_errors(seen: list[tuple[str, Sighting]], labels: dict[str, float]) -> None:
+    print(f"{'file':40s} {'label_m':>8s} {'estimate_m':>10s} {'error_m':>8s} {'sigma_m':>8s}", file=sys.stderr)
+    errors_m = []
+    for name, sighting in seen:
+        label_m = labels.get(name, labels.get(Path(name).name))
+        cells = ["" if label_m is None else f"{label_m:.3f}", "not found", "", ""]
+        if sighting.distance_m is not None and sighting.sigma_m is not None:
+            cells[1], cells[3] = f"{sighting.distance_m:.3f}", f"{sighting.sigma_m:.3f}"
+            if label_m is not None:
+                errors_m.append(sighting.distance_m - label_m)
+                cells[2] = f"{errors_m[-1]:+.3f}"
+        print(f"{Path(name).name:40s} {cells[0]:>8s} {cells[1]:>10s} {cells[2]:>8s} {cells[3]:>8s}", file=sys.stderr)
+    if errors_m:
+        rms_m = float(np.sqrt(np.mean(np.square(errors_m))))
+        print(f"{len(errors_m)} labelled: mean error {np.mean(errors_m):+.3f} m, root mean square {rms_m:.3f} m",
+              file=sys.stderr)
