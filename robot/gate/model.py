@@ -89,18 +89,31 @@ def load_gate(path: str | Path) -> Gate:
         data = Path(path).read_bytes()
     except OSError as error:
         raise BadInput(f"{path}: {error.strerror or error}") from error
-    session = _open_session(path, data)
-    metadata = dict(session.get_modelmeta().custom_metadata_map)
-    _check_contract(path, metadata)
-    _check_shapes(path, session)
-    domain = _parse_domain(path, metadata)
-    provenance = _parse_object(path, metadata, KEY_PROVENANCE)
-    gate = Gate(session, domain, hashlib.sha256(data).hexdigest(), provenance)
+    opened = _open_session(path, data)
+    _check_contract(path, opened.metadata)
+    _check_nodes(path, "input", opened.inputs, INPUT, len(FEATURES))
+    _check_nodes(path, "output", opened.outputs, OUTPUT, len(OUTPUTS))
+    domain = _parse_domain(path, opened.metadata)
+    provenance = _parse_object(path, opened.metadata, KEY_PROVENANCE)
+    gate = Gate(opened.session, domain, hashlib.sha256(data).hexdigest(), provenance)
     _probe(path, gate)
     return gate
 
 
-def _open_session(path: str | Path, data: bytes) -> Any:
+class _Node(NamedTuple):
+    name: str
+    type: str
+    shape: list[Any]                              # a size, a name, or None
+
+
+class _Opened(NamedTuple):
+    session: Any
+    metadata: dict[str, str]
+    inputs: list[_Node]
+    outputs: list[_Node]
+
+
+def _open_session(path: str | Path, data: bytes) -> _Opened:
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = 1
     options.inter_op_num_threads = 1
@@ -109,8 +122,12 @@ def _open_session(path: str | Path, data: bytes) -> Any:
     options.add_session_config_entry("session.inter_op.allow_spinning", "0")
     options.log_severity_level = 4                # what goes wrong is raised, and said once
     try:
-        return onnxruntime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
-    except Exception as error:                    # onnxruntime's own errors share no other base
+        # Without the fallback: it would print, and try the same again.
+        session = onnxruntime.InferenceSession(data, options, providers=["CPUExecutionProvider"], enable_fallback=0)
+        inputs, outputs = ([_Node(node.name, node.type, node.shape) for node in nodes]
+                           for nodes in (session.get_inputs(), session.get_outputs()))
+        return _Opened(session, dict(session.get_modelmeta().custom_metadata_map), inputs, outputs)
+    except Exception as error:                    # onnxruntime's own errors share no other base; names may not be UTF-8
         raise BadInput(f"{path}: not a usable ONNX model ({_first_line(error)})") from error
 
 
@@ -126,13 +143,12 @@ def _check_contract(path: str | Path, metadata: dict[str, str]) -> None:
         raise BadInput(f"{path}: metadata key {KEY_CONTRACT!r} does not say what its hash stands for")
 
 
-def _check_shapes(path: str | Path, session: Any) -> None:
-    for kind, nodes, name, width in (("input", session.get_inputs(), INPUT, len(FEATURES)),
-                                     ("output", session.get_outputs(), OUTPUT, len(OUTPUTS))):
+def _check_nodes(path: str | Path, kind: str, nodes: list[_Node], name: str, width: int) -> None:
+    wanted = len(nodes) == 1 and nodes[0].name == name and nodes[0].type == "tensor(float)"
+    if not (wanted and len(nodes[0].shape) == 2 and not isinstance(nodes[0].shape[0], int)
+            and nodes[0].shape[1] == width):
         said = ", ".join(f"{node.name} {node.type} {node.shape}" for node in nodes)
-        if (len(nodes) != 1 or nodes[0].name != name or nodes[0].type != "tensor(float)"
-                or len(nodes[0].shape) != 2 or isinstance(nodes[0].shape[0], int) or nodes[0].shape[1] != width):
-            raise BadInput(f"{path}: the {kind} is {said}; the contract asks for {name} tensor(float) [n, {width}]")
+        raise BadInput(f"{path}: the {kind} is {said}; the contract asks for {name} tensor(float) [n, {width}]")
 
 
 def _parse_domain(path: str | Path, metadata: dict[str, str]) -> Box:

@@ -1,0 +1,191 @@
+"""The gate's model against NumPy, and against files that must not be believed. Builds its own ONNX files."""
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnx
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from onnx import TensorProto, helper, numpy_helper
+
+from robot.config import BadInput
+from robot.gate import contract
+from robot.gate.model import NO_RATING, Gate, load_gate
+
+BOX = {"distance_m": [2.0, 8.0], "motor_ratio": [0.3, 0.9], "hood_deg": [20.0, 60.0]}
+RNG = np.random.default_rng(5)
+WEIGHTS = {"w1": RNG.normal(size=(3, 8)) * [[1.0], [9.0], [0.1]], "b1": RNG.normal(size=8),
+           "w2": RNG.normal(size=(8, 2)), "b2": RNG.normal(size=2)}
+METADATA = {contract.KEY_CONTRACT: contract.contract_json().decode(),
+            contract.KEY_CONTRACT_HASH: contract.contract_hash(),
+            contract.KEY_DOMAIN: json.dumps(BOX), contract.KEY_PROVENANCE: '{"seed": 3}'}
+
+
+def build(weights: dict[str, Any] = WEIGHTS, metadata: dict[str, str] = METADATA, name: str = "features",
+          shape: tuple[Any, ...] = ("n", 3), out: str = "p", out_shape: tuple[Any, ...] = ("n", 2),
+          kind: int = TensorProto.FLOAT, last: str = "Sigmoid") -> bytes:
+    dtype = helper.tensor_dtype_to_np_dtype(kind)
+    graph = helper.make_graph(
+        [helper.make_node("Gemm", [name, "w1", "b1"], ["z1"]), helper.make_node("Sigmoid", ["z1"], ["h"]),
+         helper.make_node("Gemm", ["h", "w2", "b2"], ["z2"]), helper.make_node(last, ["z2"], [out])],
+        "g", [helper.make_tensor_value_info(name, kind, shape)], [helper.make_tensor_value_info(out, kind, out_shape)],
+        [numpy_helper.from_array(np.asarray(array, dtype), key) for key, array in weights.items()])
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
+    helper.set_model_props(model, metadata)
+    return model.SerializeToString()
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("gate") / "gate.onnx"
+    path.write_bytes(build())
+    return path
+
+
+@pytest.fixture(scope="module")
+def gate(path: Path) -> Gate:
+    return load_gate(path)
+
+
+def by_hand(features: np.ndarray) -> np.ndarray:
+    hidden = 1.0 / (1.0 + np.exp(-(features @ WEIGHTS["w1"] + WEIGHTS["b1"])))
+    return 1.0 / (1.0 + np.exp(-(hidden @ WEIGHTS["w2"] + WEIGHTS["b2"])))
+
+
+def test_rates_as_numpy_does_alone_and_together(gate: Gate) -> None:
+    low, high = np.array(list(BOX.values())).T
+    rows = np.random.default_rng(0).uniform(low - 0.2, high + 0.2, (300, 3))
+    p, inside = gate.rate_many(rows)
+    assert np.abs(p - by_hand(rows)).max() < 1e-5
+    assert inside.tolist() == ((rows >= low) & (rows <= high)).all(axis=1).tolist()
+    assert 0 < inside.sum() < 300
+    for row, pair, within in zip(rows, p, inside, strict=True):
+        one = gate.rate(*row.tolist())
+        assert (one.p_two, one.p_three) == pytest.approx(pair, abs=1e-6)
+        assert one.in_domain == within
+        assert one == gate.rate(*row.tolist())
+
+
+def test_says_where_it_came_from(gate: Gate, path: Path) -> None:
+    assert gate.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
+    assert gate.provenance == {"seed": 3}
+    assert gate.domain == ((2.0, 8.0), (0.3, 0.9), (20.0, 60.0))
+
+
+def test_the_faces_of_the_domain_belong_to_it(gate: Gate) -> None:
+    assert gate.rate(2.0, 0.9, 60.0).in_domain
+    assert not gate.rate(np.nextafter(2.0, 0.0), 0.9, 60.0).in_domain
+    assert not gate.rate(2.0, np.nextafter(0.9, 1.0), 60.0).in_domain
+
+
+@given(st.floats(), st.floats(), st.floats())
+def test_no_input_gives_a_nan_or_a_domain_outside_the_box(gate: Gate, distance: float, ratio: float,
+                                                         hood: float) -> None:
+    one = gate.rate(distance, ratio, hood)
+    assert one.in_domain == (2.0 <= distance <= 8.0 and 0.3 <= ratio <= 0.9 and 20.0 <= hood <= 60.0)
+    if one.p_two is None or one.p_three is None:
+        assert one == NO_RATING
+    else:
+        assert 0.0 <= one.p_two <= 1.0 and 0.0 <= one.p_three <= 1.0
+    if not np.isfinite([distance, ratio, hood]).all():
+        assert one == NO_RATING
+    p, inside = gate.rate_many(np.array([[distance, ratio, hood], [5.0, 0.5, 45.0]]))
+    assert inside.tolist() == [one.in_domain, True]
+    assert np.isnan(p[0]).all() == (one.p_two is None)
+    assert np.isfinite(p[1]).all()
+
+
+@given(st.tuples(st.floats(2.0, 8.0), st.floats(0.3, 0.9), st.floats(20.0, 60.0)))
+def test_inside_the_box_there_is_always_a_p(gate: Gate, row: tuple[float, float, float]) -> None:
+    one = gate.rate(*row)
+    assert one.in_domain and one.p_two is not None and one.p_three is not None
+
+
+def without(key: str) -> dict[str, str]:
+    return {name: value for name, value in METADATA.items() if name != key}
+
+
+def domain(**changed: Any) -> dict[str, str]:
+    return METADATA | {contract.KEY_DOMAIN: json.dumps(BOX | changed)}
+
+
+REFUSED = {
+    "empty": (b"", "not a usable ONNX model"),
+    "words": (b"this is not a model at all", "not a usable ONNX model"),
+    "no contract": (build(metadata={}), "carries no contract"),
+    "no hash": (build(metadata=without(contract.KEY_CONTRACT_HASH)), contract.KEY_CONTRACT_HASH),
+    "foreign hash": (build(metadata=METADATA | {contract.KEY_CONTRACT_HASH: "0" * 64}), "another contract"),
+    "contract beside its hash": (build(metadata=METADATA | {contract.KEY_CONTRACT: "{}"}), "does not say"),
+    "no domain": (build(metadata=without(contract.KEY_DOMAIN)), contract.KEY_DOMAIN),
+    "domain not JSON": (build(metadata=METADATA | {contract.KEY_DOMAIN: "{"}), contract.KEY_DOMAIN),
+    "domain of other features": (build(metadata=domain(speed=[0, 1])), "'speed'"),
+    "domain upside down": (build(metadata=domain(hood_deg=[60.0, 20.0])), "hood_deg"),
+    "domain beyond the contract": (build(metadata=domain(motor_ratio=[0.3, 1.5])), "motor_ratio"),
+    "domain of words": (build(metadata=domain(distance_m="near")), "distance_m"),
+    "domain not finite": (build(metadata=METADATA | {contract.KEY_DOMAIN: json.dumps(BOX | {"hood_deg": [
+        float("nan"), 60.0]})}), contract.KEY_DOMAIN),
+    "no provenance": (build(metadata=without(contract.KEY_PROVENANCE)), contract.KEY_PROVENANCE),
+    "other input": (build(name="x"), "the input is x"),
+    "other output": (build(out="q"), "the output is q"),
+    "four features": (build(WEIGHTS | {"w1": np.zeros((4, 8))}, shape=("n", 4)), "asks for features"),
+    "one output": (build(WEIGHTS | {"w2": np.zeros((8, 1)), "b2": np.zeros(1)}, out_shape=("n", 1)), "asks for p"),
+    "one row only": (build(shape=(1, 3), out_shape=(1, 2)), "asks for features"),
+    "double precision": (build(kind=TensorProto.DOUBLE), "tensor(double)"),
+    "NaN weights": (build(WEIGHTS | {"b1": np.full(8, np.nan)}), "no probability inside its own domain"),
+    "infinite weights": (build(WEIGHTS | {"w1": np.full((3, 8), np.inf), "b1": np.full(8, -np.inf)}), "no probability"),
+    "log odds, not p": (build(last="Identity"), "no probability"),
+}
+
+
+@pytest.mark.parametrize("what", REFUSED)
+def test_refuses(tmp_path: Path, what: str) -> None:
+    data, words = REFUSED[what]
+    path = tmp_path / "foreign.onnx"
+    path.write_bytes(data)
+    with pytest.raises(BadInput) as caught:
+        load_gate(path)
+    assert str(caught.value).startswith(f"{path}: ")
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_refuses_a_file_that_is_not_there_and_a_directory(tmp_path: Path) -> None:
+    for path in (tmp_path / "none.onnx", tmp_path):
+        with pytest.raises(BadInput, match=str(path)):
+            load_gate(path)
+
+
+def test_refuses_a_file_cut_short_anywhere(tmp_path: Path) -> None:
+    data = build()
+    path = tmp_path / "cut.onnx"
+    for length in range(len(data)):
+        path.write_bytes(data[:length])
+        with pytest.raises(BadInput):
+            load_gate(path)
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.data())
+def test_a_damaged_file_is_refused_or_still_gives_probabilities(tmp_path_factory: pytest.TempPathFactory,
+                                                                data: st.DataObject) -> None:
+    model = bytearray(build())
+    for _ in range(data.draw(st.integers(1, 3))):
+        model[data.draw(st.integers(0, len(model) - 1))] = data.draw(st.integers(0, 255))
+    path = tmp_path_factory.getbasetemp() / "damaged.onnx"
+    path.write_bytes(model)
+    try:
+        gate = load_gate(path)
+    except BadInput as error:
+        assert str(path) in str(error)
+        return
+    centre = [0.5 * (low + high) for low, high in gate.domain]
+    one = gate.rate(*centre)
+    assert one == NO_RATING or (0.0 <= one.p_two <= 1.0 and 0.0 <= one.p_three <= 1.0)      # type: ignore[operator]
+
+
+def test_is_checked_by_onnx_itself() -> None:
+    onnx.checker.check_model(onnx.load_from_string(build()), full_check=True)
