@@ -18,8 +18,8 @@ from robot.types import Sighting
 from robot.vision import detect
 
 DESCRIPTION = ("Find the retro-reflective target in images; CSV on stdout, reasons on stderr. Distances are "
-               "horizontal, lens to tape centre, along the line of sight. Corners are x y pairs in pixels: bottom right, "
-               "bottom left, top left, top right. A file that is no image has an empty `found`.")
+               "horizontal, lens to tape centre, along the line of sight. Corners are x y pairs in pixels: bottom "
+               "right, bottom left, top left, top right. A file that is no image has an empty `found`.")
 EXAMPLE = "truearc vision photos/*.jpg --camera lifecam_hd3000_480p --labels labels.csv"
 MANY_IMAGES = 200                     # two seconds of work
 

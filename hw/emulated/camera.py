@@ -24,10 +24,10 @@ TAPE_BGR = (113.0, 213.0, 6.0)        # of the tape under a green ring light, we
 DARK_BGR = (4.0, 6.0, 1.5)            # mean of an unlit pixel
 NOISE = 2.2                           # standard deviation of a channel, of 255
 LENS_BLUR_PX = 0.6                    # standard deviation
-HALO_SHARE, HALO_BLUR_PX = 0.05, 6.0
+HALO_SHARE, HALO_BLUR_PX = 0.1, 6.0
 UNEVEN = 0.1                          # the ring light is this much dimmer at one end of the tape
 EXPOSURE_JITTER = 0.04                # from frame to frame, one standard deviation
-SHAKE_PX, SHAKES = 0.3, 2.0           # flywheels shake the lens; a rolling shutter bends the picture so many times
+SHAKE_PX, SHAKES = 0.3, 2.0           # flywheels shake the lens; a rolling shutter bends the picture in waves
 HALO_MARGIN_PX = 16
 NEAREST_M = 0.2
 SHRINK = 4                            # the halo is computed this much coarser
@@ -60,9 +60,10 @@ class TapeSize:
 class EmulatedCamera:
     """hw.link.Camera on an emulated world; whoever owns the clock calls `step`."""
 
-    def __init__(self, plant: Plant, lens: Lens, tape: TapeSize, fps: float, latency_s: float, seed: int) -> None:
+    def __init__(self, plant: Plant, lens: Lens, tape: TapeSize, fps: float, latency_s: float, seed: int, *,
+                 shake_px: float = SHAKE_PX) -> None:
         """`latency_s` runs from the middle of the exposure until the frame can be read."""
-        self._plant, self._lens = plant, lens
+        self._plant, self._lens, self._shake_px = plant, lens, shake_px
         self._outline_m = outline_m(tape)
         self._columns, self._rows = _ideal_pixels(lens)
         self._period_ns, self._latency_ns = round(1e9 / fps), round(latency_s * 1e9)
@@ -139,7 +140,7 @@ class EmulatedCamera:
         pixels: Array = seen_m[:, :2] / seen_m[:, 2:] * focal_px + np.array([lens.cx_px, lens.cy_px])
         phase, *push_px = self._random.standard_normal(3)
         bend = np.sin(2 * np.pi * (SHAKES * pixels[:, 1:] / lens.height_px + phase))
-        pixels += SHAKE_PX * bend * np.array(push_px)
+        pixels += self._shake_px * bend * np.array(push_px)
         return pixels
 
     def _box(self, edges: Array) -> tuple[int, int, int, int] | None:
