@@ -39,11 +39,11 @@ class Flight:
 
     @property
     def position_m(self) -> np.ndarray:
-        return self._data.qpos[:3].copy()
+        return np.array(self._data.qpos[:3])
 
     @property
     def velocity_m_s(self) -> np.ndarray:
-        return self._data.qvel[:3].copy()
+        return np.array(self._data.qvel[:3])
 
     def step(self, dt_s: float) -> None:
         """Fly on for dt_s, unless already arrived."""

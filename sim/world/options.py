@@ -12,7 +12,6 @@ from msgspec import Meta, Struct
 from robot.config import BadInput, parse_toml
 
 Positive = Annotated[float, Meta(gt=0.0, le=100.0)]
-Scale = Annotated[float, Meta(ge=0.2, le=5.0)]
 Share = Annotated[float, Meta(ge=0.0, le=0.05)]
 NotNegative = Annotated[float, Meta(ge=0.0, le=100.0)]
 Speed = Annotated[float, Meta(ge=-20.0, le=20.0)]
@@ -33,10 +32,10 @@ class Options(Struct, frozen=True, forbid_unknown_fields=True):
     spin_drag_coefficient: Annotated[float, Meta(ge=0.0, le=20.0)] = 0.0  # MuJoCo's angular drag; 0 = spin is kept
 
     # balls
-    ball_mass_scale: Scale = 1.0
-    ball_radius_scale: Annotated[float, Meta(ge=0.9, le=1.1)] = 1.0
-    ball_stiffness_scale: Scale = 1.0
-    ball_friction_scale: Scale = 1.0
+    ball_mass_scale: Annotated[float, Meta(ge=0.5, le=3.0)] = 1.0
+    ball_radius_scale: Annotated[float, Meta(ge=0.96, le=1.1)] = 1.0
+    ball_stiffness_scale: Annotated[float, Meta(ge=0.3, le=3.0)] = 1.0
+    ball_friction_scale: Annotated[float, Meta(ge=0.7, le=3.0)] = 1.0     # with less the wheels do not draw a ball in
     stiffness_per_c: Annotated[float, Meta(ge=-0.02, le=0.02)] = -0.01    # share per degree above 20 C
     wear_stiffness_per_shot: Share = 0.0      # share lost each time a ball is shot
     wear_radius_per_shot: Annotated[float, Meta(ge=0.0, le=0.005)] = 0.0
@@ -44,7 +43,7 @@ class Options(Struct, frozen=True, forbid_unknown_fields=True):
     scatter_scale: Annotated[float, Meta(ge=0.0, le=10.0)] = 1.0          # 0 = every ball and every shot is the same
 
     # launcher
-    flywheel_inertia_scale: Scale = 1.0
+    flywheel_inertia_scale: Annotated[float, Meta(ge=0.2, le=5.0)] = 1.0
     release_height_error_m: Annotated[float, Meta(ge=-0.5, le=0.5)] = 0.0
     release_arc: bool = False                 # the exit point rides on the hood's arc instead of staying put
     encoder_scale: Annotated[float, Meta(ge=0.5, le=2.0)] = 1.0           # flywheel encoders read this times the truth

@@ -52,9 +52,10 @@ class World:
 
     motors = tuple(_MOTORS)
 
-    def __init__(self, seed: int, options: Options | None = None, distance_m: float = START_DISTANCE_M) -> None:
+    def __init__(self, seed: int, options: Options | None = None, distance_m: float = START_DISTANCE_M,
+                 start_ns: int = 0) -> None:
         self._options = options = options or Options()
-        self._t_ns = 0
+        self._t_ns = start_ns
         self._supply = Supply(options)
         self._belt = Belt(options)
         start_deg = float(np.random.default_rng([seed, 5]).uniform(20.0, 70.0))
