@@ -1,9 +1,9 @@
 """truearc export."""
 
 import argparse
-import hashlib
 
 from model_export.graph import export_weights
+from robot.gate.model import load_gate
 
 DESCRIPTION = "Write trained weights as an ONNX file that carries its contract, domain and provenance."
 EXAMPLE = "truearc export weights/ -o gate.onnx"
@@ -16,5 +16,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     data = export_weights(args.weights, args.out)
-    print(f"{args.out}: {len(data)} bytes, sha256 {hashlib.sha256(data).hexdigest()}")
+    gate = load_gate(args.out)                    # what the robot would refuse is refused here
+    print(f"{args.out}: {len(data)} bytes, sha256 {gate.sha256}")
     return 0

@@ -16,6 +16,7 @@ from sim.train import (
     Recipe,
     Rows,
     accuracy,
+    check_recipe,
     domain_of,
     split_heldout,
     train,
@@ -41,10 +42,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(args: argparse.Namespace) -> int:
+    recipe = Recipe(args.simulated_weight, args.learning_rate, args.epochs, args.seed)
+    check_recipe(recipe)
     real = _load_rows(args.real)
     simulated = _load_rows(args.sim) if args.sim else None
     kept, heldout = split_heldout(real, args.holdout, args.seed)
-    recipe = Recipe(args.simulated_weight, args.learning_rate, args.epochs, args.seed)
     network, curve = train(kept, simulated, recipe, heldout, make_progress("train", args.quiet))
     score = {"train": accuracy(network, kept), "heldout": accuracy(network, heldout)}
     save_weights(args.out, network, _record(args, recipe, real, score, curve))

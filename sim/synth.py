@@ -83,8 +83,7 @@ def sample_balanced(outcomes: np.ndarray, count: int, taken: np.ndarray, seed: i
 
     What does not divide by three goes to miss first, then two. BadInput when an outcome is too rare for its share.
     """
-    if count < len(OUTCOMES):
-        raise BadInput(f"-n is {count}; at least {len(OUTCOMES)} shots are needed, one of each outcome")
+    _check_draw(count, seed)
     rng = np.random.default_rng(seed)
     free = np.ones(len(outcomes), bool)
     free[taken] = False
@@ -99,9 +98,17 @@ def sample_balanced(outcomes: np.ndarray, count: int, taken: np.ndarray, seed: i
     return np.sort(np.concatenate(chosen))
 
 
+def _check_draw(count: int, seed: int) -> None:
+    if count < len(OUTCOMES):
+        raise BadInput(f"-n is {count}; at least {len(OUTCOMES)} shots are needed, one of each outcome")
+    if seed < 0:
+        raise BadInput(f"--seed is {seed}; it cannot be negative")
+
+
 def synthesise(facts: Facts, coefficients: Mapping[str, Mapping[str, float]], count: int, recorded: Shots | None,
                seed: int, progress: Callable[[float, str], None] = lambda done, note: None) -> Shots:
     """Simulated shots with an outcome each, none at a configuration that `recorded` has; same arguments, same shots."""
+    _check_draw(count, seed)                      # before the work, not after it
     outcomes = label_grid(facts, coefficients, progress)
     taken = np.zeros(0, np.int64) if recorded is None else taken_configurations(recorded)
     shots = grid_shots(index := sample_balanced(outcomes, count, taken, seed))

@@ -7,6 +7,7 @@ and 900 simulated shots: about 5000 epochs for shots scattered evenly over the l
 ones, both within 3 % of their best at 6000.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -63,6 +64,18 @@ class Recipe:
     seed: int = 0
 
 
+def check_recipe(recipe: Recipe) -> None:
+    """BadInput names the option that no training can be done with."""
+    if recipe.epochs < 1:
+        raise BadInput(f"--epochs is {recipe.epochs}; at least 1 is needed")
+    if recipe.seed < 0:
+        raise BadInput(f"--seed is {recipe.seed}; it cannot be negative")
+    if not 0.0 <= recipe.simulated_weight < math.inf:
+        raise BadInput(f"--lambda is {recipe.simulated_weight}; it must be 0 or more")
+    if not 0.0 < recipe.learning_rate < math.inf:
+        raise BadInput(f"--learning-rate is {recipe.learning_rate}; it must be more than 0")
+
+
 class CurvePoint(NamedTuple):
     """Mean cross-entropy a row (summed over the two outputs) after `epoch` epochs; NaN where there are no rows."""
 
@@ -84,8 +97,9 @@ def train(real: Rows, simulated: Rows | None, recipe: Recipe, heldout: Rows | No
 
     An epoch is once through the simulated rows, with recorded rows reshuffled as often as that takes (section IV-B);
     without simulated rows it is once through the recorded ones. `heldout` is only watched. BadInput when there is
-    nothing to train on or the loss stops being a number.
+    nothing to train on, the recipe is nonsense or the loss stops being a number.
     """
+    check_recipe(recipe)
     if not len(real.features):
         raise BadInput("no recorded shots to train on")
     rng = np.random.default_rng(recipe.seed)
@@ -164,8 +178,6 @@ def _make_steps(batches: _Batches, restore: Callable[[Any], Layers], learning_ra
 
 def _epoch_marks(epochs: int) -> list[int]:
     """Epochs after which the losses are noted: at most CURVE_POINTS, as evenly as may be, the last one last."""
-    if epochs < 1:
-        raise BadInput(f"--epochs is {epochs}; at least 1 is needed")
     return sorted({round(epochs * (k + 1) / CURVE_POINTS) for k in range(CURVE_POINTS)} - {0})
 
 

@@ -149,8 +149,12 @@ def test_trains_on_recorded_shots_alone() -> None:
 def test_refuses_to_train_on_nothing_for_no_time_or_into_nonsense() -> None:
     with pytest.raises(BadInput, match="no recorded shots"):
         train(some_rows(0, 0), SIMULATED, Recipe())
-    with pytest.raises(BadInput, match="--epochs is 0"):
-        train(REAL, SIMULATED, Recipe(epochs=0))
+    for recipe, option in ((Recipe(epochs=0), "--epochs is 0"), (Recipe(seed=-1), "--seed is -1"),
+                           (Recipe(simulated_weight=-0.1), "--lambda is -0.1"),
+                           (Recipe(simulated_weight=math.nan), "--lambda is nan"),
+                           (Recipe(learning_rate=0.0), "--learning-rate is 0.0")):
+        with pytest.raises(BadInput, match=option):
+            train(REAL, SIMULATED, recipe)
     with pytest.raises(BadInput, match="diverged"):
         train(REAL, SIMULATED, Recipe(learning_rate=1e308, epochs=5))
 

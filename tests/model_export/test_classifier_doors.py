@@ -1,0 +1,133 @@
+"""The classifier through its doors: synth -> train -> export -> verify -> predict-gate, and what they refuse."""
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import truearc
+from robot.facts import Ball, Facts, LauncherFacts, Target, Wheel
+from robot.gate.model import load_gate
+from sim.shots import Dataset, Shots, dataset_hash, load_dataset, save_dataset
+
+FACTS = Facts(Ball(0.14, 0.0889), LauncherFacts(0.75, 594.0, (Wheel("lower", 0.0508, 1.0, 180.0),
+                                                              Wheel("upper", 0.0349, 0.5625, 0.0))), Target(2.44))
+COEFFICIENTS = 'schema = "truearc.coefficients/1"\n[drag]\ncd = 0.91\n[magnus]\ncl = 0.06\n'
+
+
+def make_recorded(count: int) -> Dataset:
+    """Shots judged by where a ball without air would pass: not what the simulator believes."""
+    rng = np.random.default_rng(8)
+    distance, hood = rng.uniform(2.0, 6.0, count), rng.uniform(40.0, 65.0, count)
+    theta = np.radians(hood)
+    height = np.select([np.arange(count) % 3 == 0, np.arange(count) % 3 == 1], [2.44, 2.65], 3.2)
+    rise = np.maximum(distance * np.tan(theta) + 0.75 - height, 0.05)
+    speed = np.sqrt(9.81 * distance**2 / (2 * np.cos(theta) ** 2 * rise))
+    ratio = np.minimum(speed / (594.0 * (0.0508 + 0.5625 * 0.0349) / 2), 1.0)
+    outcome = tuple(("three", "two", "miss")[row % 3] for row in range(count))
+    return Dataset("real", FACTS, Shots(tuple(f"s{row}" for row in range(count)), {
+        "distance_m": distance, "motor_ratio": ratio, "hood_deg": hood}, {"outcome": outcome}))
+
+
+@pytest.fixture(scope="module")
+def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    home = tmp_path_factory.mktemp("classifier")
+    save_dataset(home / "real", make_recorded(60))
+    (home / "coefficients.toml").write_text(COEFFICIENTS)
+    assert truearc.main(["synth", "--quiet", "--rig", f"{home}/real/rig.toml", "--coefficients",
+                         f"{home}/coefficients.toml", "-n", "90", "--exclude", f"{home}/real", "-o",
+                         f"{home}/sim"]) == 0
+    for name in ("weights", "again"):
+        assert truearc.main(["train", "--quiet", "--real", f"{home}/real", "--sim", f"{home}/sim", "--epochs", "300",
+                             "--learning-rate", "0.003", "-o", f"{home}/{name}"]) == 0
+        assert truearc.main(["export", f"{home}/{name}", "-o", f"{home}/{name}.onnx"]) == 0
+    return home
+
+
+def test_the_simulated_dataset_is_a_dataset(home: Path) -> None:
+    dataset = load_dataset(home / "sim")
+    assert sorted(map(dataset.shots.text("outcome").count, ("miss", "two", "three"))) == [30, 30, 30]
+    assert dataset.facts == FACTS
+    assert (home / "sim" / "coefficients.toml").read_text() == COEFFICIENTS
+
+
+def test_the_artefact_says_what_it_was_made_of(home: Path) -> None:
+    record = json.loads((home / "weights" / "training.json").read_text())
+    assert record["real_sha256"] == dataset_hash(home / "real")
+    assert record["sim_sha256"] == dataset_hash(home / "sim")
+    assert record["coefficients"] == {"drag": {"cd": 0.91}, "magnus": {"cl": 0.06}}
+    assert record["accuracy"]["heldout"]["shots"] == 12 and record["accuracy"]["train"]["shots"] == 48
+    assert record["curve"][-1][0] == 300 and record["curve"][-1][1] < record["curve"][0][1]
+    gate = load_gate(home / "weights.onnx")
+    assert {key: record[key] for key in gate.provenance if key in record} == {
+        key: value for key, value in gate.provenance.items() if key != "weights_sha256"}
+    recorded = load_dataset(home / "real").shots
+    for (low, high), name in zip(gate.domain, ("distance_m", "motor_ratio", "hood_deg"), strict=True):
+        assert low <= recorded.number(name).min() and recorded.number(name).max() <= high
+
+
+def test_the_same_data_give_the_same_file(home: Path) -> None:
+    assert (home / "weights.onnx").read_bytes() == (home / "again.onnx").read_bytes()
+
+
+def test_verify_passes_and_prints_the_difference(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert truearc.main(["verify", f"{home}/weights.onnx", "--weights", f"{home}/weights", "--data", f"{home}/real",
+                         "--data", f"{home}/sim"]) == 0
+    said = capsys.readouterr().out
+    assert said.count("max |dp|") == 3 and said.count(", 0 class flips") == 3
+    assert truearc.main(["verify", f"{home}/weights.onnx"]) == 0
+    assert "not compared with the trainer" in capsys.readouterr().out
+
+
+def test_verify_fails_on_other_weights(home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert truearc.main(["train", "--quiet", "--real", f"{home}/real", "--epochs", "20", "-o", f"{tmp_path}/w"]) == 0
+    assert truearc.main(["verify", f"{home}/weights.onnx", "--weights", f"{tmp_path}/w"]) == 1
+    said = capsys.readouterr().out
+    assert "FAILED: onnxruntime and trainer differ" in said
+    assert "FAILED: not the weights that this gate was exported from" in said
+
+
+def test_predict_gate_writes_a_row_a_shot(home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert truearc.main(["predict-gate", f"{home}/weights.onnx", f"{home}/real", "-o", f"{tmp_path}/out.csv"]) == 0
+    assert truearc.main(["predict-gate", f"{home}/weights.onnx", f"{home}/real"]) == 0
+    text = (tmp_path / "out.csv").read_text()
+    assert text == capsys.readouterr().out
+    shots = load_dataset(home / "real").shots
+    gate = load_gate(home / "weights.onnx")
+    rows = list(csv.DictReader(text.splitlines()))
+    assert [row["shot_id"] for row in rows] == list(shots.shot_id)
+    for number, row in enumerate(rows):
+        one = gate.rate(*(float(shots.number(name)[number]) for name in ("distance_m", "motor_ratio", "hood_deg")))
+        assert row["in_domain"] == "true" and one.in_domain
+        assert (float(row["p_two"]), float(row["p_three"])) == pytest.approx((one.p_two, one.p_three), abs=1e-6)
+
+
+def refusal(capsys: pytest.CaptureFixture[str], *argv: str) -> str:
+    assert truearc.main([*argv]) == 2
+    said = capsys.readouterr().err
+    assert "Traceback" not in said
+    return said
+
+
+def test_bad_input_is_named(home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    capsys.readouterr()
+    bad = tmp_path / "bad.onnx"
+    bad.write_bytes((home / "weights.onnx").read_bytes()[:-100])
+    assert str(bad) in refusal(capsys, "verify", str(bad))
+    assert str(bad) in refusal(capsys, "predict-gate", str(bad), f"{home}/real")
+    assert "nothing" in refusal(capsys, "train", "--real", f"{home}/nothing", "-o", f"{tmp_path}/w")
+    assert "--holdout" in refusal(capsys, "train", "--real", f"{home}/real", "--holdout", "1.5", "-o", f"{tmp_path}/w")
+    assert "weights.npz" in refusal(capsys, "export", f"{tmp_path}/none", "-o", f"{tmp_path}/x.onnx")
+    unjudged = make_recorded(9)
+    save_dataset(tmp_path / "unjudged", Dataset("x", FACTS, Shots(unjudged.shots.shot_id, unjudged.shots.numbers, {})))
+    said = refusal(capsys, "train", "--real", f"{tmp_path}/unjudged", "-o", f"{tmp_path}/w")
+    assert "9 of 9 shots left out: no outcome" in said and "nothing to train on" in said
+    numbers = {name: column for name, column in unjudged.shots.numbers.items() if name != "motor_ratio"}
+    save_dataset(tmp_path / "gap", Dataset("x", FACTS, Shots(unjudged.shots.shot_id, numbers, {})))
+    assert "motor_ratio" in refusal(capsys, "predict-gate", f"{home}/weights.onnx", f"{tmp_path}/gap", "-o",
+                                    f"{tmp_path}/out.csv")
+    assert not (tmp_path / "out.csv").exists()
+    assert "-n is 1" in refusal(capsys, "synth", "--quiet", "--rig", f"{home}/real/rig.toml", "--coefficients",
+                                f"{home}/coefficients.toml", "-n", "1", "-o", f"{tmp_path}/s")

@@ -1,0 +1,92 @@
+"""The exported file against NumPy, onnx's own checker and the gate that has to load it."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import onnx
+import onnxruntime
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from onnx.reference import ReferenceEvaluator
+
+from model_export.graph import export_weights, make_model
+from robot.config import BadInput
+from robot.gate import contract
+from robot.gate.model import load_gate
+from sim.network import Layers, Network, initial_layers, save_weights, weights_hash
+
+DOMAIN = {"distance_m": [1.5, 9.0], "motor_ratio": [0.3, 0.9], "hood_deg": [20.0, 70.0]}
+RECORD = {"domain": DOMAIN, "seed": 11, "real_sha256": "ab", "curve": [[1, 0.5, 0.6, 0.7]]}
+
+
+def make_network(seed: int, spread: float = 1.0) -> Network:
+    rng = np.random.default_rng(seed)
+    layers = Layers(*(spread * rng.normal(size=part.shape) for part in initial_layers(rng)))
+    return Network(np.float32([5.0, 0.6, 45.0]).astype(float), np.float32([0.5, 6.0, 0.1]).astype(float), layers)
+
+
+def by_hand(network: Network, features: np.ndarray) -> np.ndarray:
+    z = (features - network.mean) * network.scale
+    hidden = 1.0 / (1.0 + np.exp(-(z @ network.layers.hidden_w + network.layers.hidden_b)))
+    return 1.0 / (1.0 + np.exp(-(hidden @ network.layers.out_w + network.layers.out_b)))
+
+
+@given(st.integers(0, 2**32))
+def test_three_engines_agree(seed: int) -> None:
+    network = make_network(seed, spread=3.0)
+    data = make_model(network, DOMAIN, {})
+    features = np.random.default_rng(seed).uniform([1.5, 0.3, 20.0], [9.0, 0.9, 70.0], (50, 3)).astype(np.float32)
+    wanted = by_hand(network, features.astype(float))
+    [reference] = ReferenceEvaluator(onnx.load_from_string(data)).run(["p"], {"features": features})
+    session = onnxruntime.InferenceSession(data, providers=["CPUExecutionProvider"])
+    [found] = session.run(["p"], {"features": features})
+    assert found.dtype == np.float32 and found.shape == (50, 2)
+    assert np.abs(found - wanted).max() < 1e-5
+    assert np.abs(reference - wanted).max() < 1e-5
+
+
+def test_same_weights_same_file_other_weights_another(tmp_path: Path) -> None:
+    for name, seed in (("a", 1), ("b", 1), ("c", 2)):
+        save_weights(tmp_path / name, make_network(seed), RECORD)
+        export_weights(tmp_path / name, tmp_path / f"{name}.onnx")
+    a, b, c = ((tmp_path / f"{name}.onnx").read_bytes() for name in "abc")
+    assert a == b != c
+
+
+def test_the_gate_takes_it_and_finds_contract_domain_and_provenance(tmp_path: Path) -> None:
+    save_weights(tmp_path / "w", make_network(1), RECORD)
+    export_weights(tmp_path / "w", tmp_path / "gate.onnx")
+    gate = load_gate(tmp_path / "gate.onnx")
+    assert gate.domain == ((1.5, 9.0), (0.3, 0.9), (20.0, 70.0))
+    assert gate.provenance == {"schema": "truearc.training/1", "seed": 11, "real_sha256": "ab",
+                               "weights_sha256": weights_hash(tmp_path / "w")}
+    model = onnx.load(tmp_path / "gate.onnx")
+    metadata = {entry.key: entry.value for entry in model.metadata_props}
+    assert json.loads(metadata[contract.KEY_CONTRACT])["outputs"] == ["p_two", "p_three"]
+    assert set(metadata) == {contract.KEY_CONTRACT, contract.KEY_CONTRACT_HASH, contract.KEY_DOMAIN,
+                             contract.KEY_PROVENANCE}
+    assert {entry.data_type for entry in model.graph.initializer} == {onnx.TensorProto.FLOAT}
+
+
+def test_columns_are_in_the_order_of_the_contract(tmp_path: Path) -> None:
+    """A network that looks at one feature only answers to that argument only."""
+    for place in range(3):
+        network = make_network(0)
+        network.layers.hidden_w[[k for k in range(3) if k != place]] = 0.0
+        path = tmp_path / "gate.onnx"
+        path.write_bytes(make_model(network, DOMAIN, {}))
+        rate = load_gate(path).rate
+        base = {"distance_m": 4.0, "motor_ratio": 0.5, "hood_deg": 40.0}
+        changed = [rate(**base)[:2] != rate(**(base | {feature.name: base[feature.name] * 1.2}))[:2]
+                   for feature in contract.FEATURES]
+        assert changed == [k == place for k in range(3)]
+
+
+def test_bad_weights_and_bad_places_are_named(tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match=r"weights\.npz"):
+        export_weights(tmp_path, tmp_path / "gate.onnx")
+    save_weights(tmp_path / "w", make_network(1), RECORD)
+    with pytest.raises(BadInput, match="nowhere"):
+        export_weights(tmp_path / "w", tmp_path / "nowhere" / "gate.onnx")

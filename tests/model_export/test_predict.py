@@ -1,0 +1,54 @@
+"""predict-gate's rows, to the letter of formats.md."""
+
+import csv
+import io
+
+import numpy as np
+import pytest
+
+from model_export.predict import features_of, make_ratings
+from robot.config import BadInput
+from robot.gate.model import Gate
+from sim.shots import Shots
+
+
+class Halves:
+    """p_two = distance / 10, p_three = ratio / 2; no number at all beyond 45 degrees."""
+
+    def run(self, outputs: tuple[str, ...], inputs: dict[str, np.ndarray]) -> list[np.ndarray]:
+        features = inputs["features"]
+        p = np.column_stack([features[:, 0] / 10, features[:, 1] / 2]).astype(np.float32)
+        p[features[:, 2] > 45.0] = np.nan
+        return [p]
+
+
+GATE = Gate(Halves(), ((1.0, 6.0), (0.0, 1.0), (0.0, 90.0)), "", {})
+
+
+def make_shots(**columns: list[float]) -> Shots:
+    numbers = {"distance_m": [5.0, 7.5, 2.5], "motor_ratio": [0.5, 0.25, 1.0], "hood_deg": [30.0, 40.0, 50.0]}
+    return Shots(("a", "b,c", "d"), {name: np.array(values) for name, values in (numbers | columns).items()}, {})
+
+
+def test_rows_to_the_letter() -> None:
+    assert make_ratings(GATE, make_shots(), "DIR") == (
+        'shot_id,p_two,p_three,in_domain\na,0.5,0.25,true\n"b,c",0.75,0.125,false\nd,,,false\n')
+
+
+def test_numbers_read_back_exactly() -> None:
+    shots = make_shots(distance_m=[1.1, 2.2, 3.3])
+    rows = list(csv.DictReader(io.StringIO(make_ratings(GATE, shots, "DIR"))))
+    assert [row["shot_id"] for row in rows] == ["a", "b,c", "d"]
+    assert float(rows[0]["p_two"]) == float(np.float32(np.float32(1.1) / 10))
+
+
+def test_features_come_in_the_contracts_order() -> None:
+    assert features_of(make_shots(), "DIR")[0].tolist() == [5.0, 0.5, 30.0]
+
+
+def test_missing_features_are_named_with_their_shots() -> None:
+    with pytest.raises(BadInput, match=r"DIR: column hood_deg: no value for shot_id b,c$"):
+        make_ratings(GATE, make_shots(hood_deg=[30.0, np.nan, 50.0]), "DIR")
+    many = Shots(tuple("abcdefgh"), {"distance_m": np.ones(8), "hood_deg": np.ones(8)}, {})
+    with pytest.raises(BadInput, match="column motor_ratio: no value for shot_id a, b, c, d, e and 3 more"):
+        features_of(many, "DIR")
