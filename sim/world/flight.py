@@ -3,7 +3,6 @@
 Field axes: x towards the target with 0 in its plane, y left, z up from the floor.
 """
 
-import math
 from typing import NamedTuple
 
 import mujoco
@@ -35,6 +34,7 @@ class Flight:
         data.qpos[:3] = start.position_m
         data.qvel[:3] = start.velocity_m_s
         data.qvel[3:6] = start.spin_rad_s             # the body's axes are the field's at the start
+        self._owed_s = 0.0
         self.arrival: Arrival | None = None
 
     @property
@@ -46,13 +46,13 @@ class Flight:
         return np.array(self._data.qvel[:3])
 
     def step(self, dt_s: float) -> None:
-        """Fly on for dt_s, unless already arrived."""
-        if self.arrival is not None or dt_s <= 0.0:
+        """Fly on for dt_s in whole steps; what is short of one is flown next time. Nothing once arrived."""
+        if self.arrival is not None:
             return
         model, data = self._model, self._data
-        steps = max(1, math.ceil(dt_s / FLIGHT_STEP_S - 1e-9))
-        model.opt.timestep = dt_s / steps
-        for _ in range(steps):
+        self._owed_s += dt_s
+        while self._owed_s > FLIGHT_STEP_S * (1.0 - 1e-6):
+            self._owed_s -= FLIGHT_STEP_S
             before, started_s = (data.qpos[:3].copy(), data.qvel[:3].copy()), data.time
             mujoco.mj_step(model, data)
             if data.qpos[0] >= 0.0 or data.qpos[2] <= self._radius_m or data.time > LONGEST_S:

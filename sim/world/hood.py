@@ -65,10 +65,9 @@ class Hood:
 
     def step(self, torque_nm: float, dt_s: float) -> None:
         """Turn the screw; the thread is self-locking, so nothing comes back from the hood; the stops take all."""
-        turned = step_shaft(self.speed_rad_s, torque_nm, dt_s, INERTIA_KG_M2, VISCOUS_NM_S, COULOMB_NM)
-        if turned.turned_rad == 0.0:
-            self.speed_rad_s = turned.speed_rad_s
+        if self.speed_rad_s == 0.0 and abs(torque_nm) <= COULOMB_NM:
             return
+        turned = step_shaft(self.speed_rad_s, torque_nm, dt_s, INERTIA_KG_M2, VISCOUS_NM_S, COULOMB_NM)
         wanted_rad = self._screw_rad + turned.turned_rad
         self._screw_rad = min(max(wanted_rad, LOW_RAD), HIGH_RAD)
         self.speed_rad_s = turned.speed_rad_s if wanted_rad == self._screw_rad else 0.0

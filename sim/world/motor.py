@@ -5,20 +5,16 @@ from typing import NamedTuple
 
 
 class Motor(NamedTuple):
-    """A motor by its data sheet at `rated_v`: free speed and stall torque."""
+    """A brushless motor; in SI its torque constant is also its back-EMF constant (V s/rad)."""
 
-    free_speed_rad_s: float
-    stall_torque_nm: float
-    rated_v: float = 12.0
+    kt_nm_a: float
+    resistance_ohm: float
 
-    @property
-    def kt_nm_a(self) -> float:
-        """Torque constant, which in SI is also the back-EMF constant (V s/rad)."""
-        return self.rated_v / self.free_speed_rad_s
 
-    @property
-    def resistance_ohm(self) -> float:
-        return self.rated_v * self.kt_nm_a / self.stall_torque_nm
+def motor_of(free_speed_rad_s: float, stall_torque_nm: float, rated_v: float = 12.0) -> Motor:
+    """The motor that a data sheet describes by its free speed and stall torque at `rated_v`."""
+    kt_nm_a = rated_v / free_speed_rad_s
+    return Motor(kt_nm_a, rated_v * kt_nm_a / stall_torque_nm)
 
 
 class Drawn(NamedTuple):
@@ -29,9 +25,9 @@ class Drawn(NamedTuple):
     power_w: float
 
 
-FLYWHEEL = Motor(free_speed_rad_s=594.0, stall_torque_nm=2.6)
-HOOD = Motor(free_speed_rad_s=594.0, stall_torque_nm=2.6)
-FEEDER = Motor(free_speed_rad_s=1000.0, stall_torque_nm=0.7)
+FLYWHEEL = motor_of(free_speed_rad_s=594.0, stall_torque_nm=2.6)
+HOOD = motor_of(free_speed_rad_s=594.0, stall_torque_nm=2.6)
+FEEDER = motor_of(free_speed_rad_s=1000.0, stall_torque_nm=0.7)
 
 
 def drive_motor(motor: Motor, asked_nm: float, speed_rad_s: float, bus_v: float, limit_a: float) -> Drawn:
@@ -39,7 +35,7 @@ def drive_motor(motor: Motor, asked_nm: float, speed_rad_s: float, bus_v: float,
 
     The phase current lies within +-`limit_a` and within (+-bus_v - Kt w) / R. Braking power is burnt in the driver.
     """
-    kt, ohm = motor.kt_nm_a, motor.resistance_ohm
+    kt, ohm = motor
     back_v = kt * speed_rad_s
     high_a = max(0.0, min(limit_a, (bus_v - back_v) / ohm))
     low_a = min(0.0, max(-limit_a, (-bus_v - back_v) / ohm))

@@ -76,9 +76,8 @@ class World:
 
     def advance(self, t_ns: int, torque_nm: Mapping[str, float]) -> None:
         """Bring the world to `t_ns` with these torques asked of the motors; unknown names raise KeyError."""
-        for name in torque_nm:
-            if name not in _MOTORS:
-                raise KeyError(f"no motor {name!r}; there are {', '.join(_MOTORS)}")
+        if not torque_nm.keys() <= _MOTORS.keys():
+            raise KeyError(f"no such motor among {', '.join(torque_nm)}; there are {', '.join(_MOTORS)}")
         span_ns = t_ns - self._t_ns
         if span_ns <= 0:
             return
@@ -164,10 +163,9 @@ class World:
         self._collect(dt_s)
 
     def _drive(self, name: str, motor: Motor, asked_nm: float) -> Drawn:
-        speed_rad_s = self._shaft(name)[1]
         if asked_nm == 0.0:
             return _STILL
-        return drive_motor(motor, asked_nm, speed_rad_s, self._supply.bus_v, self._options.driver_current_a)
+        return drive_motor(motor, asked_nm, self._shaft(name)[1], self._supply.bus_v, self._options.driver_current_a)
 
     def _shaft(self, name: str) -> tuple[float, float]:
         part = self._feeder if name == "feeder" else self._hood if name == "hood" else self._belt
