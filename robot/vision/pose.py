@@ -107,16 +107,18 @@ def _rotation(rvec: Array) -> tuple[Array, Array]:
 def _beliefs(rotation: Array, turning: Array, tvec_m: Array, camera: CameraConfig, tape: Tape) -> tuple[Array, Array]:
     """Normalised residuals (3,) of lens height, pitch and roll, and their derivative (3, 6)."""
     height_m = tape.centre_height_m - rotation[:, 1] @ tvec_m
-    sines = rotation[2, 1], rotation[0, 1]            # upward parts of the optical axis and of the camera's x axis
-    pitch_rad, roll_rad = (math.asin(min(1.0, max(-1.0, sine))) for sine in sines)
+    sine = rotation[2, 1]                             # upward part of the optical axis
+    rising, level = rotation[0, 1], -rotation[1, 1]   # upward parts of the camera's x axis and against its y axis
+    pitch_rad, roll_rad = math.asin(min(1.0, max(-1.0, sine))), math.atan2(rising, level)
     sigma_rad = math.radians(camera.pitch_sigma_deg)
     residual = np.array([(height_m - camera.height_m) / camera.height_sigma_m,
                          (pitch_rad - math.radians(camera.pitch_deg)) / sigma_rad, roll_rad / sigma_rad])
     slope = np.zeros((3, 6))
     slope[0, :3] = -(turning[:, :, 1] @ tvec_m) / camera.height_sigma_m
     slope[0, 3:] = -rotation[:, 1] / camera.height_sigma_m
-    slope[1, :3] = turning[:, 2, 1] / max(math.cos(pitch_rad), 1e-3) / sigma_rad
-    slope[2, :3] = turning[:, 0, 1] / max(math.cos(roll_rad), 1e-3) / sigma_rad
+    slope[1, :3] = turning[:, 2, 1] / (max(math.cos(pitch_rad), 1e-3) * sigma_rad)
+    slope[2, :3] = ((level * turning[:, 0, 1] + rising * turning[:, 1, 1])
+                    / (max(level**2 + rising**2, 1e-6) * sigma_rad))
     return residual, slope
 
 

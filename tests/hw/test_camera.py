@@ -98,7 +98,7 @@ def test_picture_is_the_projected_tape(lens, rvec, tvec_m, focal_scale):
     expected = np.where(near, cv2.GaussianBlur(lit, (0, 0), 0.6) + 0.1 * cv2.GaussianBlur(lit, (0, 0), 6.0), 0.0)
     for axis in np.mgrid[y0:y1, x0:x1]:
         centre_px, expected_px = (np.average(axis, weights=part) for part in (got, expected))
-        assert centre_px == pytest.approx(expected_px, abs=0.1)
+        assert centre_px == pytest.approx(expected_px, abs=0.2)
         spread_px, expected_spread_px = (np.sqrt(np.average((axis - expected_px) ** 2, weights=part))
                                          for part in (got, expected))
         assert spread_px == pytest.approx(expected_spread_px, abs=0.15)

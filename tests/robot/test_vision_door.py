@@ -1,0 +1,159 @@
+"""`truearc vision` as its users meet it: CSV out, messages that name the file, exit codes."""
+
+import csv
+import io
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+import robot
+import truearc
+from hw.emulated.camera import EmulatedCamera, Lens, TapeSize
+from hw.emulated.plant import View
+from robot.config import load_config
+
+CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")
+
+
+class Wall:
+    """The target four metres away, straight ahead and up, as the packaged camera's mounting has it."""
+
+    def view(self) -> View:
+        pitch = np.radians(CONFIG.camera.pitch_deg)
+        rise_m = CONFIG.tape.centre_height_m - CONFIG.camera.height_m
+        tilt = np.array([[1, 0, 0], [0, np.cos(pitch), np.sin(pitch)], [0, -np.sin(pitch), np.cos(pitch)]])
+        pose = np.eye(4)
+        pose[:3, :3] = np.diag([1.0, -1.0, -1.0]) @ tilt
+        pose[:3, 3] = pose[:3, :3] @ (0.0, rise_m, -4.0)
+        return View(pose, 1.0, 1.0)
+
+
+@pytest.fixture(scope="module")
+def picture() -> np.ndarray:
+    camera, tape = CONFIG.camera, CONFIG.tape
+    lens = Lens(camera.width_px, camera.height_px, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px)
+    size = TapeSize(tape.top_width_m, tape.bottom_width_m, tape.height_m, tape.tape_width_m)
+    eye = EmulatedCamera(Wall(), lens, size, 20.0, 0.0, 1)
+    eye.step(0)
+    frame = eye.read()
+    assert frame is not None
+    return frame.image
+
+
+@pytest.fixture
+def good(tmp_path, picture) -> str:
+    path = tmp_path / "good.png"
+    cv2.imwrite(str(path), picture)
+    return str(path)
+
+
+def run(capsys, *arguments: str):
+    code = truearc.main(["vision", *arguments])
+    out = capsys.readouterr()
+    return code, list(csv.DictReader(io.StringIO(out.out))), out
+
+
+def test_a_found_target(capsys, good):
+    code, rows, out = run(capsys, good)
+    assert code == 0 and out.err == "" and len(rows) == 1
+    assert out.out.splitlines()[0] == "file,found,distance_m,sigma_m,corners"
+    row = rows[0]
+    assert row["file"] == good and row["found"] == "true"
+    assert float(row["distance_m"]) == pytest.approx(4.0, abs=0.05) and 0.002 < float(row["sigma_m"]) < 0.05
+    corners = [tuple(map(float, pair.split())) for pair in row["corners"].split(",")]
+    assert len(corners) == 4 and f'"{row["corners"]}"' in out.out
+
+
+def test_no_target_is_an_answer_with_a_reason(capsys, tmp_path):
+    path = tmp_path / "dark.png"
+    cv2.imwrite(str(path), np.full((480, 640, 3), 5, np.uint8))
+    code, rows, out = run(capsys, str(path))
+    assert code == 0 and rows == [{"file": str(path), "found": "false", "distance_m": "", "sigma_m": "", "corners": ""}]
+    assert str(path) in out.err and "colour" in out.err
+
+
+def test_bad_files_are_named_and_the_others_answered(capsys, tmp_path, picture, good):
+    grey, deep, corrupt, cut, cut_jpeg, empty, text, tiny = (
+        tmp_path / name for name in ("grey.png", "deep.png", "corrupt.png", "cut.png", "cut.jpg", "empty.jpg",
+                                     "text.jpg", "tiny.png"))
+    cv2.imwrite(str(grey), picture[:, :, 1])
+    cv2.imwrite(str(deep), picture.astype(np.uint16) * 256)
+    data = bytearray(Path(good).read_bytes())
+    cut.write_bytes(data[: len(data) // 2])
+    data[2000:2040] = b"x" * 40
+    corrupt.write_bytes(data)
+    jpeg = cv2.imencode(".jpg", picture)[1].tobytes()
+    cut_jpeg.write_bytes(jpeg[: len(jpeg) // 2])
+    empty.write_bytes(b"")
+    text.write_text("not an image")
+    cv2.imwrite(str(tiny), picture[:2, :2])
+    bad = [grey, deep, corrupt, cut, cut_jpeg, empty, text, tmp_path / "missing.png", tmp_path]
+    code, rows, out = run(capsys, *map(str, bad), str(tiny), good)
+    assert code == 2 and len(rows) == len(bad) + 2
+    for path, row in zip(bad, rows, strict=False):
+        assert row["found"] == "" and row["distance_m"] == ""
+        assert any(line.startswith(f"truearc vision: {path}: ") for line in out.err.splitlines())
+    assert rows[-2]["found"] == "false" and rows[-1]["found"] == "true"
+    assert "greyscale" in out.err and "16-bit" in out.err and "is empty" in out.err and "Traceback" not in out.err
+
+
+def test_alpha_is_ignored(capsys, tmp_path, picture, good):
+    path = tmp_path / "alpha.png"
+    cv2.imwrite(str(path), np.dstack([picture, np.full(picture.shape[:2], 255, np.uint8)]))
+    _, rows, _ = run(capsys, str(path), good)
+    assert rows[0]["distance_m"] == rows[1]["distance_m"] != ""
+
+
+def test_labels_give_an_error_table(capsys, tmp_path, good):
+    labels = tmp_path / "labels.csv"
+    labels.write_text("file,other,label_distance_m\ngood.png,x,3.5\nelse.png,y,\n")
+    code, _, out = run(capsys, good, "--labels", str(labels))
+    assert code == 0 and "good.png" in out.err and "3.500" in out.err and "1 labelled: mean error +0." in out.err
+
+
+@pytest.mark.parametrize(("text", "named"), [
+    ("file,distance\na,1\n", "labels.csv:1: missing column 'label_distance_m'"),
+    ("file,label_distance_m\na,1\nb,far\n", "labels.csv:3: label_distance_m: 'far'"),
+    ("file,label_distance_m\na,-1\n", "labels.csv:2: label_distance_m: '-1'"),
+    ("file,label_distance_m\na,nan\n", "labels.csv:2: label_distance_m: 'nan'"),
+])
+def test_bad_labels(capsys, tmp_path, good, text, named):
+    labels = tmp_path / "labels.csv"
+    labels.write_text(text)
+    code, _, out = run(capsys, good, "--labels", str(labels))
+    assert code == 2 and named in out.err
+
+
+def test_camera_by_file_by_name_and_whole_launcher(capsys, tmp_path, good):
+    home = Path(robot.__file__).parent
+    whole = tmp_path / "launcher.toml"
+    whole.write_text((home / "launcher.toml").read_text())
+    by_default, by_file = (run(capsys, good, *more)[1] for more in ((), ("--camera", str(whole))))
+    assert by_default == by_file
+    by_name, by_path = (run(capsys, good, "--camera", camera)[1]
+                        for camera in ("lifecam_hd3000_480p", str(home / "cameras" / "lifecam_hd3000_480p.toml")))
+    assert by_name == by_path != by_default and by_name[0]["found"] == "true"
+
+
+@pytest.mark.parametrize(("change", "named"), [
+    (("fx_px", "fx_pixels"), "fx_pixels"),
+    (("hue_low = 50", 'hue_low = "green"'), "hue_low"),
+    (("[tape]", "[tapes]"), "tape"),
+    (("height_sigma_m = 0.30", "height_sigma_m = 0"), "height_sigma_m"),
+    (("fx_px = 699.3778103", "fx_px = nan"), "fx_px"),
+    (("height_m = 0.4318", "height_m = -1.0"), "height_m"),
+    (("[camera]", "[camera"), ""),
+])
+def test_bad_camera_files_name_the_key(capsys, tmp_path, good, change, named):
+    text = (Path(robot.__file__).parent / "cameras" / "lifecam_hd3000_480p.toml").read_text()
+    path = tmp_path / "camera.toml"
+    path.write_text(text.replace(*change))
+    code, rows, out = run(capsys, good, "--camera", str(path))
+    assert code == 2 and rows == [] and str(path) in out.err and named in out.err
+
+
+def test_missing_camera_file(capsys, good):
+    code, _, out = run(capsys, good, "--camera", "nowhere.toml")
+    assert code == 2 and "nowhere.toml" in out.err
