@@ -36,7 +36,7 @@ def main() -> None:
     robot_s = ticks / config.tick_hz
     print(f"{args.trials} trials, {robot_s:.0f} s of robot time, {ticks} ticks at {config.tick_hz} Hz")
     print(f"real time        {robot_s:8.1f} s      1.0 x")
-    print(f"emulated robot   {emulated_s:8.1f} s  {robot_s / emulated_s:7.1f} x   (images, CAN frames, recording included)")
+    print(f"emulated robot   {emulated_s:8.1f} s  {robot_s / emulated_s:7.1f} x  (with images, CAN frames, recording)")
     print(f"replay --check   {replayed_s:8.1f} s  {robot_s / replayed_s:7.1f} x")
     p50, p99, worst = np.percentile(tick_us, [50, 99, 100])
     print(f"one tick         p50 {p50:.0f} us, p99 {p99:.0f} us, max {worst:.0f} us of {1e6 / config.tick_hz:.0f} us")

@@ -1,4 +1,4 @@
-"""Puts the emulated robot together: the robot's own code on one end of every wire, emulated devices and a world on the other."""
+"""Puts the emulated robot together: the robot's own code on one end of every wire, devices and a world on the other."""
 
 import itertools
 from collections.abc import Callable, Mapping
@@ -14,7 +14,7 @@ from hw.emulated.canandmag_node import CanandmagNode
 from hw.emulated.clock import StepClock
 from hw.emulated.faults import Fault, FaultyNode
 from hw.emulated.nodes import Node
-from hw.emulated.odrive_node import OdriveNode
+from hw.emulated.odrive_node import OdriveNode, OdriveSettings
 from hw.emulated.serial_port import open_button_box
 from hw.emulated.twin import Twin
 from hw.real.can_bus import open_can
@@ -36,6 +36,11 @@ LATENCY_S = 0.03                      # middle of the exposure until the robot c
 LONGEST_TRIAL_S = 40.0                # a session that takes longer than this a trial is stuck, and ends
 CHANNELS = itertools.count()          # every twin in this process has a wire of its own
 
+# How the axes report; set once on a real one with its maker's tool. Currents matter on the flywheels only.
+FLYWHEEL = OdriveSettings(encoder_ms=10, current_ms=10)
+SETTINGS = {"hood": OdriveSettings(encoder_ms=10, current_ms=100),
+            "feeder": OdriveSettings(encoder_ms=50, current_ms=100)}
+
 Progress = Callable[[float, str], None]
 
 
@@ -44,7 +49,7 @@ def emulate(config: Config, folder: Path, trials: int, seed: int, options: Optio
             faults: Mapping[str, tuple[Fault, ...]] | None = None) -> list[BallResult]:
     """Record `trials` trials of the emulated robot into `folder`; returns what the world knows of each ball.
 
-    With a gate the policy becomes "model". `faults`: device name ("flywheel_a", ..., "hood_encoder") -> what goes wrong.
+    With a gate the policy becomes "model". `faults`: device ("flywheel_a", ..., "hood_encoder") -> what goes wrong.
     The truth returned is for tests and reports about the twin; neither runtime nor fit may see it.
     """
     cv2.setNumThreads(1)
@@ -103,7 +108,8 @@ def make_nodes(config: Config, world: World, faults: Mapping[str, tuple[Fault, .
     names = [f"flywheel_{letter}" for letter, _ in zip("ab", config.axes.flywheels, strict=True)] + ["hood", "feeder"]
     axes = [*config.axes.flywheels, config.axes.hood, config.axes.feeder]
     nodes: dict[str, Node] = {
-        name: OdriveNode(make_axis(axis), name, world, endstop=world.hood_at_limit if axis.endstop_endpoint else None)
+        name: OdriveNode(make_axis(axis), name, world, SETTINGS.get(name, FLYWHEEL),
+                         world.hood_at_limit if axis.endstop_endpoint else None)
         for name, axis in zip(names, axes, strict=True)}
     encoder = config.hood_encoder
     nodes["hood_encoder"] = CanandmagNode(Encoder(encoder.device), world, encoder.zero_deg, encoder.direction)

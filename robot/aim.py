@@ -1,19 +1,22 @@
 """Where the launcher should be for the next trial: a deliberately spread plan, walked onto the target by the driver.
 
 The plan is a low-discrepancy sequence, so a replay needs no random state. Speeds come from vacuum ballistics divided
-by an efficiency that the driver's high and low marks correct (a Robbins-Monro walk on log speed, level and slope in
-distance): what a crew does by hand when it walks shots in.
+by an efficiency that the driver's high and low marks correct (a Robbins-Monro walk on log speed: level, slopes in distance
+and elevation): what a crew does by hand when it walks shots in.
 """
 
 import math
 
 from robot.config import Collect, Config
 from robot.facts import Target
-from robot.types import Aim, Estimate, Memory
+from robot.types import Aim, Estimate, Memory, Shot
 
 R2 = (0.7548776662466927, 0.5698402909980532)   # additive recurrence that fills the unit square evenly
 FEASIBLE_DEG = 12.0                   # launch at least this much above the line of sight to the target
-WALK_CENTRE_M = 5.0                   # distance at which the walk's slope term vanishes
+WALK_CENTRE_M, WALK_CENTRE_DEG = 5.0, 45.0    # where the walk's slope terms vanish
+WALK_SPAN_M, WALK_SPAN_DEG = 2.0, 8.0          # ... and their scale: about the spread of the trials
+EXPLAINED = 0.25                      # a trim of this share of the spread explains a mark on its own side
+Walk = tuple[float, float, float]
 IDLE = Aim(motor_ratio=0.0, hood_deg=0.0, source="idle")
 
 
@@ -52,7 +55,7 @@ def aim(estimate: Estimate, memory: Memory, config: Config) -> Aim:
     speed = vacuum_speed_m_s(estimate.distance_m, rise_m, hood_deg, config.rig.world.gravity_m_s2)
     if speed is None:
         return IDLE
-    correction = walked(memory.walk, estimate.distance_m)
+    correction = walked(add(config.collect.walk_start, memory.walk), estimate.distance_m, hood_deg)
     ratio = speed * (1.0 + trim) * math.exp(correction) / (config.collect.efficiency * surface_m_s(config))
     return Aim(motor_ratio=min(max(ratio, 0.0), 1.0), hood_deg=hood_deg, source="plan")
 
@@ -64,15 +67,31 @@ def surface_m_s(config: Config) -> float:
     return sum(speeds) / len(speeds)
 
 
-def walked(walk: tuple[float, float], distance_m: float) -> float:
-    """Log speed correction at a distance."""
-    return walk[0] + walk[1] * (distance_m - WALK_CENTRE_M) / WALK_CENTRE_M
+def walked(walk: Walk, distance_m: float, hood_deg: float) -> float:
+    """Log speed correction at a distance and launch elevation."""
+    return sum(part * lever for part, lever in zip(walk, _levers(distance_m, hood_deg), strict=True))
 
 
-def step_walk(walk: tuple[float, float], side: int, distance_m: float, step: float) -> tuple[float, float]:
-    """One driver's mark: side -1 = passed low (more speed), +1 = passed high (less), 0 = on target (nothing)."""
-    lever = (distance_m - WALK_CENTRE_M) / WALK_CENTRE_M
-    return walk[0] - step * side, walk[1] - step * side * lever
+def step_walk(walk: Walk, side: int, shot: Shot, collect: Collect) -> Walk:
+    """One driver's mark: side -1 = passed low (more speed), +1 = passed high (less), 0 = on target (nothing).
+
+    A mark on the side to which the speed was deliberately trimmed says nothing about the aim.
+    """
+    _, trim = plan(shot.trial, collect)
+    if side == 0 or side * trim > EXPLAINED * collect.spread:
+        return walk
+    levers = _levers(shot.distance_m, shot.hood_deg)
+    push = -collect.walk_step * side
+    return add(walk, (push * levers[0], push * levers[1], push * levers[2]))
+
+
+def add(one: Walk, other: Walk) -> Walk:
+    """Sum of two walks."""
+    return one[0] + other[0], one[1] + other[1], one[2] + other[2]
+
+
+def _levers(distance_m: float, hood_deg: float) -> Walk:
+    return 1.0, (distance_m - WALK_CENTRE_M) / WALK_SPAN_M, (hood_deg - WALK_CENTRE_DEG) / WALK_SPAN_DEG
 
 
 def _elevation(distance_m: float, target: Target, trial: int, config: Config) -> tuple[float, float]:

@@ -4,7 +4,7 @@ import hashlib
 import re
 import tomllib
 from pathlib import Path
-from typing import TypeVar
+from typing import Annotated, TypeVar
 
 import msgspec
 from msgspec import Struct
@@ -12,6 +12,8 @@ from msgspec import Struct
 from robot.facts import Facts
 
 Kind = TypeVar("Kind")
+Positive = Annotated[float, msgspec.Meta(gt=0.0, lt=1e9)]
+Count = Annotated[int, msgspec.Meta(gt=0, lt=1_000_000)]
 
 
 class BadInput(Exception):
@@ -101,28 +103,28 @@ class CameraConfig(Struct, frozen=True, forbid_unknown_fields=True):
     """Pinhole and Brown distortion at the stated size; the mounting relative to the ball's exit point."""
 
     device: str                       # V4L2 path or index
-    width_px: int
-    height_px: int
-    fps: float
-    fx_px: float
-    fy_px: float
+    width_px: Count
+    height_px: Count
+    fps: Positive
+    fx_px: Positive
+    fy_px: Positive
     cx_px: float
     cy_px: float
     distortion: tuple[float, float, float, float, float]    # k1 k2 p1 p2 k3
     height_m: float                   # lens above floor
-    height_sigma_m: float             # how well that is known, one standard deviation
+    height_sigma_m: Positive          # how well that is known, one standard deviation
     pitch_deg: float                  # optical axis above horizontal
-    pitch_sigma_deg: float            # how well that, and that the camera is not rolled, is known
+    pitch_sigma_deg: Positive         # how well that, and that the camera is not rolled, is known
     behind_exit_m: float              # lens behind the ball's exit point
 
 
 class Tape(Struct, frozen=True, forbid_unknown_fields=True):
     """Outer outline of the retro-reflective target: the lower half of a regular hexagon, open at the top."""
 
-    top_width_m: float
-    bottom_width_m: float
-    height_m: float
-    tape_width_m: float
+    top_width_m: Positive
+    bottom_width_m: Positive
+    height_m: Positive
+    tape_width_m: Positive
     centre_height_m: float            # tape's vertical middle above floor
 
 
@@ -132,8 +134,8 @@ class Vision(Struct, frozen=True, forbid_unknown_fields=True):
     saturation_low: int
     value_low: int
     min_area_px: float
-    corner_sigma_px: float            # one standard deviation of a corner coordinate
-    max_reprojection_px: float
+    corner_sigma_px: Positive         # one standard deviation of a corner coordinate
+    max_reprojection_px: Positive
 
 
 class GateConfig(Struct, frozen=True, forbid_unknown_fields=True):
@@ -152,8 +154,8 @@ class Collect(Struct, frozen=True, forbid_unknown_fields=True):
     hood_high_deg: float
     spread: float                     # speeds are trimmed by up to this fraction
     repeats: int                      # shots at each configuration
-    efficiency: float                 # first guess of exit speed / mean wheel surface speed
-    walk_start: tuple[float, float]
+    efficiency: float                 # first guess of vacuum exit speed / mean wheel surface speed, air included
+    walk_start: tuple[float, float, float]    # where the walk begins: level, slope in distance, slope in elevation
     walk_step: float                  # log speed per high/low mark
 
 

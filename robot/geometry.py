@@ -13,7 +13,7 @@ def screw_length_m(elevation_deg: float, hood: Hood) -> float:
 
 
 def elevation_from_screw_deg(turned_rad: float, hood: Hood) -> float | None:
-    """Launch elevation when the screw motor has turned `turned_rad` up from the limit switch; None beyond the linkage."""
+    """Launch elevation when the screw motor has turned this far up from the limit switch; None beyond the linkage."""
     a, b = hood.pivot_to_motor_m, hood.pivot_to_nut_m
     travel = turned_rad * hood.screw_gear * hood.screw_lead_m / (2.0 * math.pi)
     length = screw_length_m(hood.low_deg, hood) + travel

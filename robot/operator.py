@@ -40,5 +40,5 @@ def _ask(memory: Memory, t_ns: int) -> Memory:
 
 def _answer(memory: Memory, side: int, config: Config) -> Memory:
     assert memory.last_shot is not None
-    walk = step_walk(memory.walk, side, memory.last_shot.distance_m, config.collect.walk_step)
+    walk = step_walk(memory.walk, side, memory.last_shot, config.collect)
     return replace(memory, awaiting=False, walk=walk, aim=None, trial=memory.last_shot.trial + 1)

@@ -11,7 +11,8 @@ from robot.types import Command, Inputs, Sent, Sighting, Tick
 
 NS_PER_S = 1_000_000_000
 RETRY_NS = 100_000_000                # how often an axis that will not come up is asked again
-ENDSTOP_NS = 20_000_000               # how often the limit switch is read
+ENDSTOP_NS = 50_000_000               # how often the limit switch is read
+FEED_NS = 25_000_000                  # an unchanged torque is repeated this often: the axes' watchdogs want to hear it
 BOX_SILENT_NS = 1_500_000_000         # three missed heartbeats of the button box
 
 See = Callable[[CameraFrame], Sighting]
@@ -38,6 +39,8 @@ class HardwareRig:
         self._cycle = 0
         self._due_ns = clock.now_ns()
         self._asked_ns = [0] * len(self._axes)
+        self._asked_nm = [0.0] * len(self._axes)
+        self._fed_ns = [0] * len(self._axes)
         self._endstop_ns = 0
         self._enabled = False
         self._started = False
@@ -69,7 +72,7 @@ class HardwareRig:
         feeder = self._clamp(command.feeder_torque_nm, self._config.feeder.torque_nm)
         if command.enable:
             torques = [flywheel] * len(self._config.axes.flywheels) + [hood, feeder]
-            frames += [odrive.make_torque(axis, torque) for axis, torque in zip(self._axes, torques, strict=True)]
+            frames += self._make_torques(torques, t_ns)
         refused = sum(not self._send(frame) for frame in frames)
         return Sent(command.enable, flywheel, hood, feeder, refused)
 
@@ -149,6 +152,15 @@ class HardwareRig:
         if t_ns - self._endstop_ns >= ENDSTOP_NS:
             self._endstop_ns = t_ns
             frames += [odrive.make_endstop_query(axis) for axis in self._axes if axis.endstop_endpoint]
+        return frames
+
+    def _make_torques(self, torques_nm: list[float], t_ns: int) -> list[Frame]:
+        """A frame for each axis whose torque changed or whose watchdog wants feeding."""
+        frames = []
+        for index, torque_nm in enumerate(torques_nm):
+            if torque_nm != self._asked_nm[index] or t_ns - self._fed_ns[index] >= FEED_NS:
+                self._asked_nm[index], self._fed_ns[index] = torque_nm, t_ns
+                frames.append(odrive.make_torque(self._axes[index], torque_nm))
         return frames
 
     def _send(self, frame: Frame) -> bool:

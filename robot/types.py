@@ -141,7 +141,7 @@ class Memory(Struct, frozen=True):
     feed_t_ns: int = 0                            # feeding since then; 0 = not feeding
     last_shot: Shot | None = None
     awaiting: bool = False                        # the last shot has no outcome yet
-    walk: tuple[float, float] = (0.0, 0.0)        # log speed correction learnt from the driver's high/low marks
+    walk: tuple[float, float, float] = (0.0, 0.0, 0.0)    # log speed correction learnt from the driver's marks
     last_sighting: Sighting | None = None         # newest with a target in it
     button_seq: int | None = None
 

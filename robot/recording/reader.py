@@ -15,7 +15,7 @@ from robot.types import Tick
 
 
 class TickReader:
-    """Iterates over (Tick, its recorded bytes). After the end, `cut_short` says what was wrong with the tail, if anything.
+    """Iterates over (Tick, its recorded bytes); afterwards `cut_short` says what was wrong with the tail, if anything.
 
     A file that ends early (power loss, kill) gives every tick of its complete chunks. BadInput when there is no
     telemetry at all or a whole row cannot be read.

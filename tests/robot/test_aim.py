@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 import robot
 from robot.aim import plan, step_walk, vacuum_speed_m_s, walked
 from robot.config import load_config
+from robot.types import Shot
 
 CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")
 
@@ -42,9 +43,22 @@ def test_the_plan_fills_hood_range_and_speeds_evenly_and_repeats_what_it_should(
     assert abs(np.mean(trims)) < 0.01
 
 
+def shot(distance_m, trial, hood_deg=45.0):
+    return Shot(trial, 0, "c", distance_m, 0.02, hood_deg, 0.5, 300.0, 12.0, None, None, None)
+
+
 def test_marks_walk_the_speed_the_right_way():
-    walk = (0.0, 0.0)
+    collect = CONFIG.collect
+    small = next(trial for trial in range(100) if abs(plan(trial, collect)[1]) < 0.1 * collect.spread)
+    walk = (0.0, 0.0, 0.0)
     for _ in range(5):
-        walk = step_walk(walk, -1, 8.0, 0.01)
-    assert walked(walk, 8.0) > walked(walk, 5.0) > 0.0
-    assert step_walk(walk, 0, 8.0, 0.01) == walk
+        walk = step_walk(walk, -1, shot(8.0, small), collect)
+    assert walked(walk, 8.0, 45.0) > walked(walk, 5.0, 45.0) > 0.0
+    assert step_walk(walk, 0, shot(8.0, small), collect) == walk
+
+
+def test_a_mark_that_the_deliberate_trim_explains_moves_nothing():
+    collect = CONFIG.collect
+    fast = next(trial for trial in range(100) if plan(trial, collect)[1] > 0.5 * collect.spread)
+    assert step_walk((0.0, 0.0, 0.0), 1, shot(5.0, fast), collect) == (0.0, 0.0, 0.0)
+    assert step_walk((0.0, 0.0, 0.0), -1, shot(5.0, fast), collect)[0] > 0.0
