@@ -58,8 +58,8 @@ def parse_lines(pending: bytes, data: bytes, t_ns: int) -> tuple[list[ButtonEven
     events: list[ButtonEvent | Heartbeat] = []
     refused: list[bytes] = []
     for line in lines:
-        before, _, body = line.rpartition(b"$")
-        event = _parse(body, t_ns)
+        before, start, body = line.rpartition(b"$")
+        event = _parse(body, t_ns) if start else None
         if event is not None:
             events.append(event)
         if event is None or before:

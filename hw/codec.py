@@ -33,6 +33,11 @@ class Codec:
         self.name = name
         self._messages = messages
 
+    @property
+    def messages(self) -> tuple[str, ...]:
+        """Names of all messages, in the file's order."""
+        return tuple(self._messages)
+
     def base_id(self, message: str) -> int:
         """Arbitration id of a message for device 0."""
         return int(self._messages[message].message.frame_id)
@@ -40,6 +45,14 @@ class Codec:
     def length(self, message: str) -> int:
         """Length of a message's data, in bytes."""
         return self._messages[message].length
+
+    def limits(self, message: str) -> dict[str, tuple[float, float]]:
+        """Lowest and highest value of each signal of a message, in the DBC file's unit."""
+        return {name: (low, high) for name, low, high in self._messages[message].limits}
+
+    def is_float(self, message: str, signal: str) -> bool:
+        """Is the signal an IEEE float on the wire, rather than a scaled integer?"""
+        return bool(self._messages[message].message.get_signal_by_name(signal).is_float)
 
     def make(self, message: str, values: Values) -> bytes:
         """Data bytes that say `values`, one for each signal; BadFrame for a missing, foreign or impossible one."""

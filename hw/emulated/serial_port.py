@@ -14,6 +14,7 @@ from hw import buttons
 
 WAIT_S = 0.0005                                   # between looks at whether the bytes have arrived
 LOOKS = 2000
+FULL = 2048                                       # bytes unread; the kernel holds twice that, and then waits
 
 
 class Cable(Protocol):
@@ -33,18 +34,18 @@ class PtyCable:
     def __init__(self) -> None:
         self._far, self._near = os.openpty()
         tty.setraw(self._near)
-        os.set_blocking(self._far, False)
         self.port = os.ttyname(self._near)
 
     def write(self, data: bytes) -> None:
         waiting = self._waiting()
-        with contextlib.suppress(BlockingIOError):          # a full line: nobody has read for a long time
-            sent = os.write(self._far, data)
-            # The kernel carries bytes across in its own time; a tick that follows must see them, every time.
-            for _ in range(LOOKS):
-                if self._waiting() >= waiting + sent:
-                    return
-                select.select([], [], [], WAIT_S)
+        if waiting > FULL:
+            return                                          # nobody has read for a long time: the line is lost
+        sent = os.write(self._far, data)
+        # The kernel carries bytes across in its own time; a tick that follows must see them, every time.
+        for _ in range(LOOKS):
+            if self._waiting() >= waiting + sent:
+                return
+            select.select([], [], [], WAIT_S)
 
     def close(self) -> None:
         os.close(self._far)

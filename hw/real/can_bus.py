@@ -1,5 +1,6 @@
 """A CAN bus through python-can: socketcan, slcan, virtual and whatever else that library opens."""
 
+import contextlib
 import errno
 from typing import Any
 
@@ -69,7 +70,8 @@ class CanBus:
         return True
 
     def close(self) -> None:
-        self._bus.shutdown()
+        with contextlib.suppress(can.CanError, OSError, ValueError):    # an unplugged adapter may refuse even this
+            self._bus.shutdown()
 
 
 def open_can(interface: str, channel: str, bitrate: int, clock: Clock) -> CanBus:
@@ -90,7 +92,7 @@ def open_can(interface: str, channel: str, bitrate: int, clock: Clock) -> CanBus
     name = f"CAN {interface} {channel}"
     try:
         bus = can.Bus(interface=interface, channel=channel, ignore_config=True, **options)
-    except (can.CanError, OSError, ValueError, TypeError) as error:
+    except (can.CanError, NotImplementedError, OSError, ValueError, TypeError) as error:
         raise LinkLost(f"{name}: {error}") from error
     return CanBus(bus, clock, name, write_timeout_s)
 

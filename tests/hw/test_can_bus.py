@@ -1,0 +1,184 @@
+"""python-can behind hw.link.Bus: a real virtual bus, a real slcan adapter's line protocol over a pseudo-terminal."""
+
+import os
+import threading
+import tty
+
+import can
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hw.link import Frame, LinkLost
+from hw.real.can_bus import CanBus, open_can
+
+standard, extended, payloads = st.integers(0, 0x7FF), st.integers(0, 0x1FFFFFFF), st.binary(max_size=8)
+frames = st.one_of(
+    st.tuples(standard, payloads).map(lambda drawn: Frame(0, *drawn)),
+    st.tuples(extended, payloads).map(lambda drawn: Frame(0, *drawn, is_extended=True)),
+    standard.map(lambda frame_id: Frame(0, frame_id, b"", is_remote=True)))
+
+
+@pytest.fixture
+def pair(clock):
+    near, far = (open_can("virtual", "test_can_bus", 1_000_000, clock) for _ in range(2))
+    yield near, far
+    near.close()
+    far.close()
+
+
+@pytest.fixture(scope="module")
+def shared_pair():
+    class Still:
+        def now_ns(self) -> int:
+            return 42
+
+        def sleep_until_ns(self, t_ns: int) -> None:
+            return
+
+    near, far = (open_can("virtual", "test_can_bus_shared", 1_000_000, Still()) for _ in range(2))
+    yield near, far
+    near.close()
+    far.close()
+
+
+@given(sent=st.lists(frames, max_size=20))
+def test_frames_cross_unchanged_and_in_order(shared_pair, sent) -> None:
+    near, far = shared_pair
+    assert all(near.write(frame) for frame in sent)
+    assert far.read() == [frame._replace(t_ns=42) for frame in sent]
+    assert near.read() == [] and far.read() == []
+
+
+def test_frames_are_stamped_when_read(pair, clock) -> None:
+    near, far = pair
+    near.write(Frame(0, 1, b"\x01"))
+    clock.t_ns = 123
+    assert far.read()[0].t_ns == 123
+
+
+def test_a_receiver_may_not_change_what_another_receives(clock) -> None:
+    near, far, other = (open_can("virtual", "three", 1_000_000, clock) for _ in range(3))
+    near.write(Frame(0, 1, b"\x01\x02"))
+    far._bus.recv(0).data[0] = 99
+    assert other.read()[0].data == b"\x01\x02"
+    for bus in (near, far, other):
+        bus.close()
+
+
+def test_error_frames_are_counted_and_are_not_data(clock) -> None:
+    raw = can.Bus(interface="virtual", channel="errors", ignore_config=True)
+    bus = open_can("virtual", "errors", 1_000_000, clock)
+    raw.send(can.Message(arbitration_id=4, is_error_frame=True, data=bytes(8)))
+    raw.send(can.Message(arbitration_id=5, data=b"", is_extended_id=False))
+    assert [frame.arbitration_id for frame in bus.read()] == [5] and bus.error_frames == 1
+    bus.close()
+    raw.shutdown()
+
+
+def test_a_full_queue_refuses_and_is_counted(clock) -> None:
+    reader = can.Bus(interface="virtual", channel="full", rx_queue_size=1, ignore_config=True)
+    bus = open_can("virtual", "full", 1_000_000, clock)
+    assert bus.write(Frame(0, 1, b"")) and not bus.write(Frame(0, 2, b"")) and bus.refused == 1
+    assert reader.recv(0).arbitration_id == 1 and bus.write(Frame(0, 3, b""))
+    bus.close()
+    reader.shutdown()
+
+
+@pytest.mark.parametrize("code", [105, 11])           # ENOBUFS, EAGAIN: what socketcan says of a full queue
+def test_a_full_kernel_queue_refuses(clock, code: int) -> None:
+    bus = CanBus(_Failing(can.CanOperationError("Failed to transmit", code)), clock, "CAN socketcan can0")
+    assert not bus.write(Frame(0, 1, b""))
+
+
+@pytest.mark.parametrize("error", [can.CanOperationError("Failed to transmit", 100),      # ENETDOWN
+                                   can.CanOperationError("Failed to receive", 19),        # ENODEV
+                                   OSError(9, "Bad file descriptor"), ValueError("fileno -1")])
+def test_a_dead_adapter_is_a_lost_link(clock, error: Exception) -> None:
+    bus = CanBus(_Failing(error), clock, "CAN socketcan can0")
+    with pytest.raises(LinkLost, match="can0"):
+        bus.write(Frame(0, 1, b""))
+    with pytest.raises(LinkLost, match="can0"):
+        bus.read()
+
+
+def test_a_closed_bus_is_a_lost_link(pair) -> None:
+    near, _ = pair
+    near.close()
+    with pytest.raises(LinkLost, match="virtual test_can_bus"):
+        near.read()
+    with pytest.raises(LinkLost, match="virtual test_can_bus"):
+        near.write(Frame(0, 1, b""))
+
+
+@pytest.mark.parametrize(("interface", "channel"), [("socketcan", "nosuchcan7"), ("slcan", "/dev/nosuchport"),
+                                                    ("nosuchinterface", "0")])
+def test_what_cannot_be_opened_is_named(clock, interface: str, channel: str) -> None:
+    with pytest.raises(LinkLost, match=f"{interface} {channel}"):
+        open_can(interface, channel, 1_000_000, clock)
+
+
+@pytest.fixture
+def adapter():
+    """(file descriptor of the adapter's side, port name) of a raw pseudo-terminal."""
+    far, near = os.openpty()
+    tty.setraw(near)
+    yield far, os.ttyname(near)
+    for fd in (far, near):
+        try:
+            os.close(fd)
+        except OSError:
+            continue
+
+
+def test_slcan_speaks_the_adapters_lines(adapter, clock) -> None:
+    far, port = adapter
+    bus = open_can("slcan", port, 1_000_000, clock)
+    said = os.read(far, 100).split(b"\r")
+    assert said[:2] == [b"C", b"S8"] and said[-2:] == [b"O", b""]      # closed, 1 Mbit/s, open
+    assert bus.write(Frame(0, 0x2E, b"\x00\x00\x80\x3f")) and bus.write(Frame(0, 0x070E00C5, b"\x01", True))
+    assert bus.write(Frame(0, 0x20, b"", is_remote=True))
+    assert os.read(far, 100) == b"t02E40000803F\rT070E00C5101\rr0200\r"
+    assert bus.read() == []                                # nothing there: returns at once
+    os.write(far, b"t02980000C03F00000040\rT070E07C56006000000040\r" * 25)
+    received = bus.read()
+    assert len(received) == 50
+    assert received[0] == Frame(0, 0x29, bytes.fromhex("0000C03F00000040"))
+    assert received[49] == Frame(0, 0x070E07C5, bytes.fromhex("006000000040"), True)
+    bus.close()
+
+
+def test_an_unplugged_slcan_adapter_is_a_lost_link(adapter, clock) -> None:
+    far, port = adapter
+    bus = open_can("slcan", port, 1_000_000, clock)
+    os.close(far)
+    with pytest.raises(LinkLost, match=port):
+        bus.read()
+    with pytest.raises(LinkLost, match=port):
+        bus.write(Frame(0, 1, b""))
+    bus.close()
+
+
+@pytest.mark.socketcan
+def test_socketcan_round_trip(clock) -> None:
+    near, far = (open_can("socketcan", "vcan0", 1_000_000, clock) for _ in range(2))
+    done = threading.Event()
+    assert near.write(Frame(0, 0x29, bytes(8)))
+    while not (received := far.read()):
+        done.wait(0.001)
+    assert received == [Frame(0, 0x29, bytes(8))]
+    near.close()
+    far.close()
+
+
+class _Failing:
+    """What python-can does when the kernel refuses."""
+
+    def __init__(self, error: Exception) -> None:
+        self._error = error
+
+    def send(self, message: can.Message, timeout: float) -> None:
+        raise self._error
+
+    def recv(self, timeout: float) -> can.Message:
+        raise self._error

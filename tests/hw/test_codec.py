@@ -1,0 +1,59 @@
+"""Frames by our own DBC files: lengths, ranges and finiteness, whatever the bytes."""
+
+import math
+import struct
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hw.codec import DBC, load_codec
+from hw.link import BadFrame
+
+ODRIVE, CANANDMAG = load_codec("odrive"), load_codec("canandmag")
+MESSAGES = [(codec, name) for codec in (ODRIVE, CANANDMAG) for name in codec.messages]
+
+
+def test_every_dbc_file_loads() -> None:
+    for path in DBC.glob("*.dbc"):
+        assert load_codec(path.stem).messages
+
+
+def test_floats_are_little_endian_ieee_singles() -> None:
+    data = ODRIVE.make("Get_Encoder_Estimates", {"position_rev": -1.5, "velocity_rev_s": 92.25})
+    assert data == struct.pack("<ff", -1.5, 92.25)
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e30])
+def test_impossible_values_are_refused_both_ways(value: float) -> None:
+    with pytest.raises(BadFrame, match="torque_nm"):
+        ODRIVE.make("Set_Input_Torque", {"torque_nm": value})
+    with pytest.raises(BadFrame, match="odrive Get_Iq.*measured_a"):
+        ODRIVE.parse("Get_Iq", struct.pack("<ff", 0.0, value))
+
+
+def test_missing_and_unknown_signals_are_named() -> None:
+    with pytest.raises(BadFrame, match="velocity_rev_s"):
+        ODRIVE.make("Set_Limits", {"current_a": 1.0})
+    with pytest.raises(BadFrame, match="torque"):
+        ODRIVE.make("Set_Input_Torque", {"torque_nm": 1.0, "torque": 1.0})
+
+
+def test_integers_that_do_not_fit_are_refused() -> None:
+    with pytest.raises(BadFrame, match="value"):
+        CANANDMAG.make("SET_SETTING", {"setting": 253, "value": 1 << 48, "ephemeral": 1})
+
+
+@pytest.mark.parametrize(("codec", "name"), MESSAGES)
+@given(data=st.binary(max_size=12))
+def test_any_bytes_are_parsed_or_refused(codec, name, data) -> None:
+    try:
+        values = codec.parse(name, data)
+    except BadFrame as error:
+        assert name in str(error) and codec.name in str(error)
+        if len(data) != codec.length(name):
+            assert f"{len(data)} bytes instead of {codec.length(name)}" in str(error)
+        return
+    assert len(data) == codec.length(name)
+    assert all(math.isfinite(value) for value in values.values())
+    assert codec.parse(name, codec.make(name, values)) == values

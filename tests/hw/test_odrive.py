@@ -1,0 +1,174 @@
+"""ODrive frames against the public facts, and against somebody else's DBC file."""
+
+import math
+import struct
+
+import cantools
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hw import odrive
+from hw.codec import load_codec
+from hw.link import BadFrame, Frame
+from hw.odrive import Axis
+from hw.reading import MotorReading
+
+TURN = 2.0 * math.pi
+nodes = st.integers(0, 62)
+axes = st.builds(Axis, nodes, st.sampled_from((-1, 1)), st.integers(1, 65535))
+torques = st.floats(-50.0, 50.0, width=32)
+
+
+def frame(axis: Axis, command: int, data: bytes, t_ns: int = 7) -> Frame:
+    return Frame(t_ns, axis.node << 5 | command, data)
+
+
+@given(axis=axes, torque=torques)
+def test_torque_bytes(axis: Axis, torque: float) -> None:
+    sent = odrive.make_torque(axis, torque)
+    assert sent.arbitration_id == axis.node * 32 + 0x0E and not sent.is_extended and not sent.is_remote
+    assert sent.data == struct.pack("<fI", axis.direction * torque, 0)
+
+
+def test_command_bytes() -> None:
+    axis = Axis(3, -1, 596)
+    assert odrive.make_state(axis, odrive.CLOSED_LOOP)[1:3] == (0x67, bytes([8, 0, 0, 0, 0, 0, 0, 0]))
+    assert odrive.make_controller_mode(axis, odrive.TORQUE, odrive.PASSTHROUGH).data == struct.pack("<II", 1, 1)
+    assert odrive.make_limits(axis, TURN * 50.0, 40.0).data == struct.pack("<ff", 50.0, 40.0)
+    assert odrive.make_clear_errors(axis)[1:3] == (0x78, b"\0")
+    assert odrive.make_estop(axis)[1:3] == (0x62, b"")
+    assert odrive.make_endstop_query(axis)[1:3] == (0x64, bytes([0, 0x54, 0x02, 0, 0, 0, 0, 0]))
+    assert odrive.make_version_query(axis) == Frame(0, 0x60, b"", is_remote=True)
+
+
+@given(axis=axes, position=st.floats(-1e5, 1e5, width=32), velocity=st.floats(-500.0, 500.0, width=32))
+def test_encoder_estimates_become_radians_in_the_robots_sign(axis: Axis, position: float, velocity: float) -> None:
+    reading = odrive.parse(axis, frame(axis, 0x09, struct.pack("<ff", position, velocity)), MotorReading())
+    assert reading.t_ns == 7
+    assert reading.position_rad == pytest.approx(axis.direction * TURN * position)
+    assert reading.velocity_rad_s == pytest.approx(axis.direction * TURN * velocity)
+
+
+def test_each_group_has_its_own_stamp_and_leaves_the_others_alone() -> None:
+    axis, reading = Axis(2, -1, 596), MotorReading()
+    reading = odrive.parse(axis, frame(axis, 0x01, bytes([0, 0, 0, 1, 8, 0, 1, 0]), 11), reading)
+    reading = odrive.parse(axis, frame(axis, 0x14, struct.pack("<ff", 5.0, 4.5), 12), reading)
+    reading = odrive.parse(axis, frame(axis, 0x17, struct.pack("<ff", 12.5, 3.0), 13), reading)
+    reading = odrive.parse(axis, frame(axis, 0x05, bytes([0, 0x54, 0x02, 0, 1, 0, 0, 0]), 14), reading)
+    assert reading == MotorReading(heartbeat_t_ns=11, axis_state=8, axis_error=0x01000000, current_t_ns=12,
+                                   current_a=-4.5, bus_t_ns=13, bus_v=12.5, endstop_t_ns=14, endstop=True)
+    assert odrive.error_words(reading.axis_error) == ("watchdog expired",)
+
+
+def test_a_limit_switch_answer_may_be_one_byte_and_is_only_ours() -> None:
+    axis, closed = Axis(2, 1, 596), MotorReading(endstop_t_ns=1, endstop=True)
+    assert not odrive.parse(axis, frame(axis, 0x05, bytes([0, 0x54, 0x02, 0, 0])), closed).endstop
+    assert odrive.parse(axis, frame(axis, 0x05, bytes([0, 0x55, 0x02, 0, 0])), closed) == closed
+    with pytest.raises(BadFrame, match="limit switch"):
+        odrive.parse(axis, frame(axis, 0x05, bytes([0, 0x54, 0x02, 0, 2])), closed)
+
+
+def test_errors_come_from_the_error_frame_too() -> None:
+    axis = Axis(2, 1)
+    reading = odrive.parse(axis, frame(axis, 0x03, struct.pack("<II", 0x200, 0x02000000)), MotorReading())
+    assert odrive.error_words(reading.axis_error) == ("bus under voltage", "estop requested")
+    assert odrive.error_words(0x80000000) == ("error 0x80000000",)
+    assert odrive.error_words(0) == ()
+
+
+@pytest.mark.parametrize("data", [b"", bytes(7), bytes(9), struct.pack("<ff", math.nan, 0.0),
+                                  struct.pack("<ff", 0.0, math.inf), struct.pack("<ff", 0.0, 9000.0)])
+def test_malformed_encoder_frames_are_refused_by_name(data: bytes) -> None:
+    axis = Axis(2, 1)
+    with pytest.raises(BadFrame, match=r"node 2, id 0x049: odrive Get_Encoder_Estimates.*\d+ bytes"):
+        odrive.parse(axis, frame(axis, 0x09, data), MotorReading())
+
+
+def test_foreign_frames_are_refused_and_questions_ignored() -> None:
+    axis, reading = Axis(2, 1), MotorReading(t_ns=3)
+    with pytest.raises(BadFrame, match="0x069"):
+        odrive.parse(axis, Frame(1, 0x69, bytes(8)), reading)
+    assert odrive.parse(axis, Frame(1, 0x49, b"", is_remote=True), reading) == reading
+
+
+def test_version() -> None:
+    axis = Axis(2, 1)
+    version = odrive.parse_version(axis, frame(axis, 0x00, bytes([2, 5, 2, 0, 0, 6, 10, 0])))
+    assert version.hardware == (5, 2, 0) and version.firmware == (0, 6, 10)
+    with pytest.raises(BadFrame):
+        odrive.parse_version(axis, frame(axis, 0x01, bytes(8)))
+
+
+# Ours -> theirs (0.6.10), signal by signal
+THEIRS = {
+    "Get_Version": {"protocol": "Protocol_Version", "hardware_line": "Hw_Version_Major",
+                    "hardware_version": "Hw_Version_Minor", "hardware_variant": "Hw_Version_Variant",
+                    "firmware_major": "Fw_Version_Major", "firmware_minor": "Fw_Version_Minor",
+                    "firmware_revision": "Fw_Version_Revision", "firmware_unreleased": "Fw_Version_Unreleased"},
+    "Heartbeat": {"axis_error": "Axis_Error", "axis_state": "Axis_State", "procedure_result": "Procedure_Result",
+                  "trajectory_done": "Trajectory_Done_Flag"},
+    "Estop": {},
+    "Get_Error": {"active_errors": "Active_Errors", "disarm_reason": "Disarm_Reason"},
+    "RxSdo": {"opcode": "Opcode", "endpoint": "Endpoint_ID", "value": "Value"},
+    "TxSdo": {"endpoint": "Endpoint_ID", "value": "Value"},
+    "Set_Axis_State": {"axis_state": "Axis_Requested_State"},
+    "Get_Encoder_Estimates": {"position_rev": "Pos_Estimate", "velocity_rev_s": "Vel_Estimate"},
+    "Set_Controller_Mode": {"control_mode": "Control_Mode", "input_mode": "Input_Mode"},
+    "Set_Input_Vel": {"velocity_rev_s": "Input_Vel", "torque_nm": "Input_Torque_FF"},
+    "Set_Input_Torque": {"torque_nm": "Input_Torque"},
+    "Set_Limits": {"velocity_rev_s": "Velocity_Limit", "current_a": "Current_Limit"},
+    "Get_Iq": {"setpoint_a": "Iq_Setpoint", "measured_a": "Iq_Measured"},
+    "Get_Temperature": {"inverter_degc": "FET_Temperature", "motor_degc": "Motor_Temperature"},
+    "Get_Bus_Voltage_Current": {"bus_v": "Bus_Voltage", "bus_a": "Bus_Current"},
+    "Clear_Errors": {"identify": "Identify"},
+}
+RESERVED = {"RxSdo": {"Reserved": 0}, "TxSdo": {"Reserved0": 0, "Reserved1": 0}}
+
+
+@pytest.fixture(scope="module")
+def theirs(data_dir) -> cantools.database.Database:
+    return cantools.database.load_file(data_dir / "dbc" / "odrive-cansimple-0.6.10.dbc", strict=False)
+
+
+def test_every_message_is_compared() -> None:
+    assert set(THEIRS) == set(load_codec("odrive").messages)
+
+
+@pytest.mark.data
+@pytest.mark.parametrize("name", sorted(THEIRS))
+@given(data=st.data())
+def test_bytes_agree_with_the_makers_dbc(theirs, name: str, data: st.DataObject) -> None:
+    codec, message = load_codec("odrive"), theirs.get_message_by_name(f"Axis0_{name}")
+    assert (codec.base_id(name), codec.length(name)) == (message.frame_id, message.length)
+    values = {ours: data.draw(_values(codec, name, ours)) for ours in THEIRS[name]}
+    renamed = {THEIRS[name][ours]: value for ours, value in values.items()} | RESERVED.get(name, {})
+    ours_bytes = codec.make(name, values)
+    assert message.decode(ours_bytes, decode_choices=False) == renamed
+    assert message.encode(renamed, strict=False) == ours_bytes
+    assert codec.parse(name, message.encode(renamed, strict=False)) == values
+
+
+def _values(codec, name: str, signal: str) -> st.SearchStrategy:
+    low, high = codec.limits(name)[signal]
+    if codec.is_float(name, signal):
+        return st.floats(low, high, width=32)
+    return st.integers(int(low), int(high))
+
+
+@pytest.mark.data
+@given(axis=st.builds(Axis, st.integers(0, 7), st.sampled_from((-1, 1))), torque=torques,
+       velocity=st.floats(0.0, 1000.0), current=st.floats(0.0, 200.0, width=32))
+def test_what_the_driver_sends_reads_there_as_meant(theirs, axis: Axis, torque: float, velocity: float,
+                                                    current: float) -> None:
+    def read(sent: Frame) -> dict[str, float]:
+        message = theirs.get_message_by_frame_id(sent.arbitration_id)
+        assert message.name.startswith(f"Axis{axis.node}_")
+        return message.decode(sent.data, decode_choices=False)
+
+    assert read(odrive.make_torque(axis, torque)) == {"Input_Torque": axis.direction * torque}
+    assert read(odrive.make_state(axis, odrive.CLOSED_LOOP)) == {"Axis_Requested_State": 8}
+    assert read(odrive.make_limits(axis, velocity, current)) == {
+        "Velocity_Limit": pytest.approx(velocity / TURN, rel=1e-6, abs=1e-30), "Current_Limit": current}
+    assert read(odrive.make_controller_mode(axis, odrive.TORQUE, odrive.PASSTHROUGH)) == {
+        "Control_Mode": 1, "Input_Mode": 1}
