@@ -11,6 +11,7 @@ GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 SETTLE_S = 0.3                    # from standing still to pressing fire, and before arming
 NOTICE_S = 0.4                    # from seeing where the ball went to pressing the button
 BETWEEN_S = 0.2                   # from one press to the next
+JAM_S = 10.0                      # a ball that has gone in and not come out is given up after this
 SPOILT = 0.02                     # share of trials that the driver knows to be worthless
 MOST_AT_A_STOP = 3
 
@@ -82,7 +83,9 @@ class Driver:
     def _watch(self, t_ns: int) -> None:
         if len(self._world.results) > self._seen:
             self._wait(t_ns, NOTICE_S, self._mark)
-        elif not self._world.ball_on_its_way and t_ns - self._fired_t_ns > self._patience_s * 1e9:
+            return
+        patience_s = self._patience_s + (JAM_S if self._world.ball_on_its_way else 0.0)
+        if t_ns - self._fired_t_ns > patience_s * 1e9:
             self._begin(t_ns)
 
     def _mark(self, t_ns: int) -> None:

@@ -40,7 +40,7 @@ class Options(Struct, frozen=True, forbid_unknown_fields=True):
     wear_stiffness_per_shot: Share = 0.0      # share lost each time a ball is shot
     wear_radius_per_shot: Annotated[float, Meta(ge=0.0, le=0.005)] = 0.0
     wear_friction_per_shot: Share = 0.0
-    scatter_scale: Annotated[float, Meta(ge=0.0, le=10.0)] = 1.0          # 0 = every ball and every shot is the same
+    scatter_scale: Annotated[float, Meta(ge=0.0, le=3.0)] = 1.0          # 0 = every ball and every shot is the same
 
     # launcher
     flywheel_inertia_scale: Annotated[float, Meta(ge=0.2, le=5.0)] = 1.0

@@ -1,9 +1,13 @@
-"""Where the robot stands and how it drives from one distance to another."""
+"""Where the robot stands, how it drives from one distance to another, and what its camera sees from there."""
 
 import math
 from typing import NamedTuple
 
 import numpy as np
+
+from hw.emulated.plant import View
+from sim.world.options import Options
+from sim.world.target import TAPE_HEIGHT_M
 
 TOP_SPEED_M_S = 1.5
 ACCELERATION_M_S2 = 3.0
@@ -74,3 +78,19 @@ class Stand:
     def _draw(self, distance_m: float) -> tuple[float, float]:
         side, turn = self._rng.uniform(-1.0, 1.0, 2) * self._scale
         return (float(side * min(LATERAL_M, LATERAL_SHARE * distance_m)), float(math.radians(HEADING_DEG) * turn))
+
+
+def look(pose: Pose, options: Options) -> View:
+    """Camera axes from target axes (see View): both placed in the field, the camera on the robot's heading."""
+    cos_h, sin_h = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
+    pitch_rad = math.radians(options.camera_pitch_deg + options.camera_pitch_error_deg)
+    forward = np.array([cos_h * math.cos(pitch_rad), sin_h * math.cos(pitch_rad), math.sin(pitch_rad)])
+    right = np.array([sin_h, -cos_h, 0.0])
+    camera_from_field = np.array([right, np.cross(forward, right), forward])
+    lens_m = np.array([pose.x_m - options.camera_behind_exit_m * cos_h,
+                       pose.y_m - options.camera_behind_exit_m * sin_h, options.camera_height_m])
+    field_from_target = np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    transform = np.eye(4)
+    transform[:3, :3] = camera_from_field @ field_from_target
+    transform[:3, 3] = camera_from_field @ (np.array([0.0, 0.0, TAPE_HEIGHT_M]) - lens_m)
+    return View(transform, options.camera_focal_scale, options.ring_light)

@@ -12,7 +12,7 @@ TAPE_HEIGHT_M = 2.27965           # middle of the retro-reflective tape, in the 
 class BallResult(NamedTuple):
     """All there is to know of one shot; the robot never sees it, the driver only sees `outcome`.
 
-    Speed, elevation and spin (backspin positive) are those on leaving the wheels, relative to the floor; `y_m` is left
+    Speed, elevation and spin (backspin positive) are those on leaving the wheels, relative to the robot; `y_m` is left
     of the target's centre and `z_m` above the floor where the ball's centre crossed the plane, None if it never did.
     """
 

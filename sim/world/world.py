@@ -2,46 +2,28 @@
 
 import math
 from collections.abc import Mapping
-from typing import NamedTuple
 
 import numpy as np
 
 from hw.emulated.plant import MotorTruth, View
-from sim.world.balls import Ball, Rack
+from sim.world.balls import Rack
 from sim.world.belt import Belt
 from sim.world.feeder import Feeder
-from sim.world.flight import Arrival, Flight
+from sim.world.flight import Flight
 from sim.world.hood import Hood
 from sim.world.motor import FEEDER, FLYWHEEL, HOOD, Drawn, Motor, drive_motor
-from sim.world.nip import Nip, Released, rotate_from_launch
+from sim.world.nip import Nip, Released
 from sim.world.options import Options
-from sim.world.scene import LOWER_Z_M, TOUCH_X_M
-from sim.world.stand import Pose, Stand
+from sim.world.shot import Launch, from_exit_point, in_field, result_of
+from sim.world.stand import Pose, Stand, look
 from sim.world.supply import Supply
-from sim.world.target import TAPE_HEIGHT_M, BallResult, classify
+from sim.world.target import BallResult
 
-EXIT_HEIGHT_M = 0.75              # of the exit point: where a centred ball's centre leaves the wheels
 LONGEST_STEP_S = 0.005
 START_DISTANCE_M = 4.0
-ARC_MIDDLE_DEG = 45.0             # with release_arc the exit point is where it is without, at this elevation
 
 _MOTORS = {"flywheel_a": FLYWHEEL, "flywheel_b": FLYWHEEL, "hood": HOOD, "feeder": FEEDER}
 _STILL = Drawn(0.0, 0.0, 0.0)
-
-
-class _Launch(NamedTuple):
-    """What is known of a ball before it arrives."""
-
-    ball: Ball
-    flight: Flight
-    distance_m: float
-    hood_deg: float
-    wheel_before_rad_s: float
-    wheel_after_rad_s: float
-    velocity_m_s: np.ndarray      # launcher axes
-    spin_rad_s: np.ndarray
-    fed_t_ns: int
-    exit_t_ns: int
 
 
 class World:
@@ -67,7 +49,7 @@ class World:
         self._nip: Nip | None = None
         self._fed_t_ns = 0
         self._wheel_before_rad_s = 0.0
-        self._flying: list[_Launch] = []
+        self._flying: list[Launch] = []
         self._drawn = dict.fromkeys(_MOTORS, _STILL)
         self._view: tuple[Pose, View] | None = None
         self.results: list[BallResult] = []
@@ -108,7 +90,7 @@ class World:
         """The tape as the camera sees it from where the robot stands now."""
         pose = self._stand.pose()
         if self._view is None or self._view[0] != pose:
-            self._view = (pose, _look(pose, self._options))
+            self._view = (pose, look(pose, self._options))
         return self._view[1]
 
     # --- what the driver can do and see
@@ -160,7 +142,7 @@ class World:
         for launch in self._flying:
             launch.flight.step(dt_s)
         self._turn_wheels(fed_s, dt_s)
-        self._collect(dt_s)
+        self._collect()
 
     def _drive(self, name: str, motor: Motor, asked_nm: float) -> Drawn:
         if asked_nm == 0.0:
@@ -211,26 +193,14 @@ class World:
         self._feeder.expect_ball()
         launch.flight.step(left_s)
 
-    def _launch(self, nip: Nip, released: Released, exit_t_ns: int) -> _Launch:
-        launcher = self._from_exit_point(nip.elevation_rad, released)
-        field = _in_field(launcher, self._stand.pose(), self._stand.speed_m_s)
-        return _Launch(nip.ball, Flight(nip.ball, self._options, field), self._stand.distance_m,
-                       math.degrees(nip.elevation_rad), self._wheel_before_rad_s, nip.wheel_rad_s,
-                       launcher.velocity_m_s, launcher.spin_rad_s, self._fed_t_ns, exit_t_ns)
+    def _launch(self, nip: Nip, released: Released, exit_t_ns: int) -> Launch:
+        launcher = from_exit_point(released, nip.elevation_rad, self._options)
+        field = in_field(launcher, self._stand.pose(), self._stand.speed_m_s)
+        return Launch(self._shots, nip.ball, Flight(nip.ball, self._options, field), self._stand.distance_m,
+                      math.degrees(nip.elevation_rad), self._wheel_before_rad_s, nip.wheel_rad_s,
+                      launcher.velocity_m_s, launcher.spin_rad_s, self._fed_t_ns, exit_t_ns)
 
-    def _from_exit_point(self, elevation_rad: float, released: Released) -> Released:
-        """Launcher axes: x horizontal out of the muzzle, z up, origin on the floor below the exit point."""
-        options = self._options
-        offset_m = rotate_from_launch(released.position_m - np.array([TOUCH_X_M, 0.0, 0.0]), elevation_rad)
-        offset_m[2] += EXIT_HEIGHT_M + options.release_height_error_m
-        if options.release_arc:
-            arm_m = np.array([TOUCH_X_M, 0.0, -LOWER_Z_M])            # lower wheel's axle to exit point
-            offset_m += (rotate_from_launch(arm_m, elevation_rad)
-                         - rotate_from_launch(arm_m, math.radians(ARC_MIDDLE_DEG)))
-        return Released(offset_m, rotate_from_launch(released.velocity_m_s, elevation_rad),
-                        rotate_from_launch(released.spin_rad_s, elevation_rad))
-
-    def _collect(self, dt_s: float) -> None:
+    def _collect(self) -> None:
         if not self._flying:
             return
         still = []
@@ -239,50 +209,5 @@ class World:
             if arrival is None:
                 still.append(launch)
             else:
-                self.results.append(_result(len(self.results), launch, arrival))
+                self.results.append(result_of(launch, arrival))
         self._flying = still
-
-
-def _in_field(ball: Released, pose: Pose, robot_m_s: float) -> Released:
-    cos, sin = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
-    turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-    velocity_m_s = turn @ ball.velocity_m_s
-    velocity_m_s[0] -= robot_m_s                      # the distance grows as the robot backs away
-    return Released(turn @ ball.position_m + np.array([pose.x_m, pose.y_m, 0.0]), velocity_m_s, turn @ ball.spin_rad_s)
-
-
-def _result(shot: int, launch: _Launch, arrival: Arrival) -> BallResult:
-    velocity = launch.velocity_m_s
-    return BallResult(
-        shot=shot,
-        ball_id=launch.ball.ball_id,
-        distance_m=launch.distance_m,
-        hood_deg=launch.hood_deg,
-        wheel_before_rad_s=launch.wheel_before_rad_s,
-        wheel_after_rad_s=launch.wheel_after_rad_s,
-        exit_speed_m_s=float(np.linalg.norm(velocity)),
-        exit_deg=math.degrees(math.atan2(velocity[2], math.hypot(velocity[0], velocity[1]))),
-        exit_spin_rev_s=float(-launch.spin_rad_s[1]) / (2.0 * math.pi),
-        fed_t_ns=launch.fed_t_ns,
-        exit_t_ns=launch.exit_t_ns,
-        arrival_t_ns=launch.exit_t_ns + round(arrival.after_s * 1e9),
-        y_m=arrival.y_m,
-        z_m=arrival.z_m,
-        outcome=classify(arrival.y_m, arrival.z_m),
-    )
-
-
-def _look(pose: Pose, options: Options) -> View:
-    """Camera axes from target axes (see View): both placed in the field, the camera on the robot's heading."""
-    cos_h, sin_h = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
-    pitch_rad = math.radians(options.camera_pitch_deg + options.camera_pitch_error_deg)
-    forward = np.array([cos_h * math.cos(pitch_rad), sin_h * math.cos(pitch_rad), math.sin(pitch_rad)])
-    right = np.array([sin_h, -cos_h, 0.0])
-    camera_from_field = np.array([right, np.cross(forward, right), forward])
-    lens_m = np.array([pose.x_m - options.camera_behind_exit_m * cos_h,
-                       pose.y_m - options.camera_behind_exit_m * sin_h, options.camera_height_m])
-    field_from_target = np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-    transform = np.eye(4)
-    transform[:3, :3] = camera_from_field @ field_from_target
-    transform[:3, 3] = camera_from_field @ (np.array([0.0, 0.0, TAPE_HEIGHT_M]) - lens_m)
-    return View(transform, options.camera_focal_scale, options.ring_light)

@@ -332,3 +332,21 @@ def test_without_pose_errors_the_shot_is_straight() -> None:
     askew = _fire(_calm(pose_scale=1.0), seed=4)[0].results[0].y_m
     assert askew is not None and abs(askew) > 1e-4
     assert abs(askew) < 0.05                          # 0.3 degrees at 5 m, and the lateral place is aimed away
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_widest_scatter_still_shoots(seed: int) -> None:
+    results = _fire(Options(scatter_scale=3.0), seed=seed, shots=12)[0].results
+    assert len({shot.ball_id for shot in results}) == 12
+    assert all(5.0 < shot.exit_speed_m_s < 16.0 for shot in results)
+
+
+def test_two_balls_may_be_in_the_air_at_once() -> None:
+    bench = Bench(World(1, CALM, 8.0))
+    for tick in range(900):
+        bench.tick(500.0, 60.0, 0.2 if tick >= 500 and (tick - 500) % 150 < 50 else 0.0)
+    for _ in range(600):
+        bench.tick(500.0, 60.0)
+    shots = bench.world.results
+    assert [shot.shot for shot in shots] == [0, 1, 2]
+    assert shots[1].exit_t_ns < shots[0].arrival_t_ns
