@@ -1,6 +1,7 @@
 """The button box's line protocol: whatever the cable does to it, no press that was not made."""
 
 import re
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -48,7 +49,7 @@ def test_checksum_is_the_standard_crc8() -> None:
 def test_any_chunking_gives_what_was_said(said, cuts) -> None:
     line = b"".join(say(event) for event in said)
     edges = [0, *sorted(min(cut, len(line)) for cut in cuts), len(line)]
-    heard, faults = hear([line[a:b] for a, b in zip(edges, edges[1:], strict=False)])
+    heard, faults = hear([line[a:b] for a, b in pairwise(edges)])
     assert heard == said and not faults
 
 

@@ -28,7 +28,7 @@ def test_floats_are_little_endian_ieee_singles() -> None:
 def test_impossible_values_are_refused_both_ways(value: float) -> None:
     with pytest.raises(BadFrame, match="torque_nm"):
         ODRIVE.make("Set_Input_Torque", {"torque_nm": value})
-    with pytest.raises(BadFrame, match="odrive Get_Iq.*measured_a"):
+    with pytest.raises(BadFrame, match=r"odrive Get_Iq.*measured_a"):
         ODRIVE.parse("Get_Iq", struct.pack("<ff", 0.0, value))
 
 

@@ -7,8 +7,8 @@ import pytest
 from hw.buttons import BUTTONS, Heartbeat, make_press, parse_lines
 from hw.emulated.serial_port import ButtonBox, PtyCable, SocketCable, open_button_box
 from hw.link import LinkLost
-from hw.real.serial_port import open_serial
 from hw.reading import ButtonEvent
+from hw.real.serial_port import open_serial
 
 S = 1_000_000_000
 

@@ -1,0 +1,85 @@
+"""Devices that go silent, deaf or mad between two times."""
+
+import math
+import struct
+
+import pytest
+
+from hw import odrive
+from hw.emulated.faults import OVERWRITTEN, SILENT, TRUNCATED, UNPLUGGED, Fault, FaultyNode
+from hw.emulated.odrive_node import OdriveNode
+from hw.emulated.twin import Twin
+from hw.link import BadFrame
+from hw.odrive import CLOSED_LOOP, IDLE, PASSTHROUGH, TORQUE, Axis
+from hw.reading import MotorReading
+from hw.real.can_bus import open_can
+
+MS = 1_000_000
+AXIS = Axis(1, 1)
+ESTIMATE_ID = 0x29
+
+
+@pytest.fixture
+def wired(plant, clock):
+    """Runs one axis with faults; gives (heard frames, node)."""
+    buses = [open_can("virtual", "test_faults", 1_000_000, clock) for _ in range(2)]
+
+    def run(*faults: Fault):
+        node = OdriveNode(AXIS, "flywheel_a", plant)
+        twin = Twin(plant, buses[1], (FaultyNode(node, faults),))
+        buses[0].write(odrive.make_controller_mode(AXIS, TORQUE, PASSTHROUGH))
+        buses[0].write(odrive.make_state(AXIS, CLOSED_LOOP))
+        heard = []
+        for t_ns in range(5 * MS, 1001 * MS, 5 * MS):
+            buses[0].write(odrive.make_torque(AXIS, 0.01))
+            twin.advance(t_ns)
+            clock.t_ns = t_ns
+            heard += buses[0].read()
+        return heard, node
+
+    yield run
+    for bus in buses:
+        bus.close()
+
+
+def estimates(heard) -> list:
+    return [frame for frame in heard if frame.arbitration_id == ESTIMATE_ID]
+
+
+def test_a_silent_node_still_obeys(wired) -> None:
+    heard, node = wired(Fault(SILENT, 300 * MS, 700 * MS))
+    assert not [frame for frame in heard if 300 * MS < frame.t_ns < 700 * MS]
+    assert len(estimates(heard)) == 60 and node.state == CLOSED_LOOP
+
+
+def test_an_unplugged_node_trips_its_watchdog_and_comes_back_disarmed(wired) -> None:
+    heard, node = wired(Fault(UNPLUGGED, 300 * MS, 700 * MS))
+    assert len(estimates(heard)) == 60
+    assert node.state == IDLE and node.errors == odrive.WATCHDOG_EXPIRED
+
+
+def test_one_kind_of_frame_may_go_missing(wired) -> None:
+    heard, _ = wired(Fault(SILENT, 0, 500 * MS, frame_id=ESTIMATE_ID))
+    assert len(estimates(heard)) == 50 and sum(frame.arbitration_id == 0x34 for frame in heard) == 100
+
+
+@pytest.mark.parametrize("fault", [
+    Fault(TRUNCATED, 300 * MS, 700 * MS, frame_id=ESTIMATE_ID, length=4),
+    Fault(OVERWRITTEN, 300 * MS, 700 * MS, frame_id=ESTIMATE_ID, at=4, data=struct.pack("<f", math.nan)),
+    Fault(OVERWRITTEN, 300 * MS, 700 * MS, frame_id=ESTIMATE_ID, at=4, data=struct.pack("<f", 1e20))])
+def test_mad_frames_are_refused_by_the_driver_and_only_those(wired, fault: Fault) -> None:
+    heard, _ = wired(fault)
+    assert len(estimates(heard)) == 100
+    refused, reading = 0, MotorReading()
+    for frame in estimates(heard):
+        try:
+            reading = odrive.parse(AXIS, frame, reading)
+        except BadFrame:
+            refused += 1
+            assert 300 * MS <= frame.t_ns <= 705 * MS
+    assert refused == 40 and abs(reading.velocity_rad_s) < 20.0
+
+
+def test_unknown_faults_are_refused() -> None:
+    with pytest.raises(ValueError, match="tired"):
+        Fault("tired", 0, 1)

@@ -1,0 +1,108 @@
+"""The camera thread over a real OpenCV capture of a file, and over one that stops."""
+
+import threading
+
+import cv2
+import numpy as np
+import pytest
+
+from hw.link import LinkLost
+from hw.real.camera import CameraThread, open_camera
+
+S = 1_000_000_000
+
+
+@pytest.fixture
+def film(tmp_path):
+    """A film of twelve grey images, each brighter than the one before."""
+    path = tmp_path / "film.avi"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 30.0, (64, 48))
+    for index in range(12):
+        writer.write(np.full((48, 64, 3), 20 * index, np.uint8))
+    writer.release()
+    return path
+
+
+class Gated:
+    """A capture that gives one image whenever the test lets it, stamped by the driver."""
+
+    def __init__(self, stamps_ms: list[float]) -> None:
+        self.go, self.given = threading.Semaphore(0), threading.Semaphore(0)
+        self.stamps_ms = stamps_ms
+        self.count = 0
+        self.released = False
+
+    def read(self):
+        self.given.release()                               # the image before this one has been kept
+        self.go.acquire(timeout=5.0)
+        self.count += 1
+        if self.count > len(self.stamps_ms):
+            return False, None
+        return True, np.full((4, 6, 3), self.count, np.uint8)
+
+    def get(self, _property: int) -> float:
+        return self.stamps_ms[self.count - 1]
+
+    def release(self) -> None:
+        self.released = True
+
+    def give(self, count: int = 1) -> None:
+        for _ in range(count):
+            self.go.release()
+            self.given.acquire(timeout=5.0)
+
+
+@pytest.fixture
+def gated(clock):
+    clock.t_ns = 10 * S
+    capture = Gated([9_950.0, 9_960.0, 3.0, 99_000.0])
+    camera = CameraThread(capture, clock, "gated", exposure_s=0.02)
+    capture.given.acquire(timeout=5.0)
+    yield capture, camera
+    capture.go.release(50)
+    camera.close()
+    assert capture.released
+
+
+def test_only_the_newest_image_is_kept_and_read_once(gated) -> None:
+    capture, camera = gated
+    assert camera.read() is None
+    capture.give(2)
+    assert camera.read().image[0, 0, 0] == 2
+    assert camera.read() is None
+
+
+def test_the_stamp_is_mid_exposure_by_the_drivers_clock_when_that_is_ours(gated) -> None:
+    capture, camera = gated
+    capture.give()
+    assert camera.read().t_ns == 9_960_000_000              # driver's 9.950 s and half of 20 ms
+    capture.give(2)
+    assert camera.read().t_ns == 10 * S                     # 3 ms is another clock: when it was received
+    capture.give()
+    assert camera.read().t_ns == 10 * S                     # nothing comes from the future
+
+
+def test_a_camera_that_gives_nothing_is_lost_after_two_seconds(gated, clock) -> None:
+    _, camera = gated
+    clock.t_ns += 2 * S
+    assert camera.read() is None
+    clock.t_ns += 1
+    with pytest.raises(LinkLost, match=r"gated.*no images"):
+        camera.read()
+
+
+def test_a_film_that_ends_is_a_lost_camera(film, clock) -> None:
+    camera = CameraThread(cv2.VideoCapture(str(film)), clock, "film")
+    camera._thread.join(timeout=10.0)
+    picture = camera.read()
+    assert picture.image.shape == (48, 64, 3) and picture.image.dtype == np.uint8
+    assert abs(float(picture.image.mean()) - 220.0) < 3.0   # the twelfth image
+    with pytest.raises(LinkLost, match="film: stopped giving images"):
+        camera.read()
+    camera.close()
+
+
+@pytest.mark.parametrize("device", ["/dev/nosuchcamera", "97"])
+def test_an_absent_camera_is_named(device: str, clock) -> None:
+    with pytest.raises(LinkLost, match=device):
+        open_camera(device, 640, 480, 30.0, clock)
