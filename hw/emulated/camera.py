@@ -199,8 +199,11 @@ def _ideal_pixels(lens: Lens) -> tuple[Plane, Plane]:
         return columns[None, :].astype(np.float32), rows[:, None].astype(np.float32)
     seen = np.column_stack([part.ravel() for part in np.meshgrid(columns, rows)])
     ideal = seen.copy()
-    for _ in range(30):                               # fixed point of distort(ideal) = seen
-        ideal += seen - distort(ideal, lens)
+    for _ in range(50):                               # fixed point of distort(ideal) = seen
+        miss = seen - distort(ideal, lens)
+        ideal += miss
+        if np.abs(miss).max() < 1e-4:
+            break
     both = ideal.reshape(lens.height_px, lens.width_px, 2).astype(np.float32)
     return np.ascontiguousarray(both[..., 0]), np.ascontiguousarray(both[..., 1])
 

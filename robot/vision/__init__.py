@@ -14,8 +14,6 @@ from robot.vision.outline import Doubt, Outline, find_outline
 from robot.vision.pose import Pose, check_tape, solve_pose
 from robot.vision.threshold import Region, find_regions
 
-ROUGH_CORNER_SIGMA_PX = 1.5           # of a corner read off the mask because its edges had too few pixels
-
 
 def detect(frame: CameraFrame, camera: CameraConfig, tape: Tape, vision: Vision) -> Sighting:
     """Find the tape in one image and say how far away it is.
@@ -57,13 +55,14 @@ def _explain(region: Region, optics: Optics, camera: CameraConfig, tape: Tape,
     outline = find_outline(region, optics, tape)
     if isinstance(outline, Doubt):
         return outline
-    sigma_px = vision.corner_sigma_px if outline.refined else max(vision.corner_sigma_px, ROUGH_CORNER_SIGMA_PX)
-    pose = solve_pose(outline.ideal_px, sigma_px, optics, camera, tape)
+    pose = solve_pose(outline.ideal_px, vision.corner_sigma_px, optics, camera, tape)
     if pose is None:
         return Doubt(region.area_px, "no camera pose explains the four corners")
+    if pose.doubt:
+        return Doubt(region.area_px, pose.doubt)
     if pose.reprojection_px > vision.max_reprojection_px:
         return Doubt(region.area_px, f"the corners miss the tape's shape by {pose.reprojection_px:.1f} px")
-    reason = pose.doubt or check_tape(pose, region, optics, tape)
+    reason = check_tape(pose, region, optics, tape)
     return Doubt(region.area_px, reason) if reason else (pose, outline)
 
 

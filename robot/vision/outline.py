@@ -23,7 +23,9 @@ OUT_PX = 4.0                          # how far outside the rough edge it may li
 FILL_LOW, FILL_HIGH = 0.08, 0.65      # tape area / hull area; 0.22 for bare tape, more when it is small and blurred
 LEAST_SIDE_PX = 6.0
 LEAST_CONTRAST = 12.0                 # brightness step across an edge, of 255
-LEAST_GOOD = SAMPLES // 2
+LEAST_GOOD = 0.8 * SAMPLES             # on each edge, after outliers are gone
+STRAIGHT_PX = 0.6                     # a point this close to its line is never an outlier
+REFITS = 4
 NEXT, BEFORE = np.array([1, 2, 3, 0]), np.array([3, 0, 1, 2])
 
 
@@ -55,7 +57,6 @@ class Outline(NamedTuple):
 
     seen_px: Array                    # in the image
     ideal_px: Array                   # as a perfect pinhole with the same matrix would have seen them
-    refined: bool                     # fitted to edges; else to about a pixel
 
 
 def find_outline(region: Region, optics: Optics, tape: Tape) -> Outline | Doubt:
@@ -70,12 +71,11 @@ def find_outline(region: Region, optics: Optics, tape: Tape) -> Outline | Doubt:
     origin = np.array([region.x0_px, region.y0_px], dtype=np.float64)
     ideal = _meeting_edges(region, rough, origin, optics, tape)
     if ideal is None:
-        seen = rough + origin
-        return Outline(seen, optics.undistort(seen), False)
+        return Doubt(region.area_px, "the edges of what may be the tape are hidden, or not straight")
     seen = optics.distort(ideal)
     if not (np.abs(seen - origin - rough) < OUT_PX + 2.0).all():
         return Doubt(region.area_px, "the edges of what may be the tape do not meet at its corners")
-    return Outline(seen, ideal, True)
+    return Outline(seen, ideal)
 
 
 def _rough_corners(region: Region) -> Array | str:
@@ -166,10 +166,10 @@ def _half_heights(value: npt.NDArray[np.uint8], starts: Array, outward: Array, i
 
 
 def _fit_lines(points: Array, good: Any) -> Array | None:
-    """(4, 3): a, b, c with a x + b y = c and a^2 + b^2 = 1, total least squares refitted once without outliers; None
-    when any line has too few points."""
+    """(4, 3): a, b, c with a x + b y = c and a^2 + b^2 = 1, total least squares, outliers left out step by step; None
+    when any line is left with too few points."""
     weight = good.astype(np.float64)
-    for _ in range(2):
+    for _ in range(REFITS):
         count = weight.sum(axis=1)
         if count.min() < LEAST_GOOD:
             return None
@@ -181,7 +181,7 @@ def _fit_lines(points: Array, good: Any) -> Array | None:
         a, b = -np.sin(angle), np.cos(angle)
         beside = np.abs(a[:, None] * dx + b[:, None] * dy)
         usual = (weight * beside).sum(axis=1) / count
-        weight = weight * (beside <= np.maximum(0.3, 3.0 * usual)[:, None])
+        weight = weight * (beside <= np.maximum(STRAIGHT_PX, 1.5 * usual)[:, None])
     return np.array([a, b, a * middle[:, 0] + b * middle[:, 1]]).T
 
 

@@ -89,7 +89,13 @@ def test_picture_is_the_projected_tape(lens, rvec, tvec_m, focal_scale):
     canvas = np.zeros(((y1 - y0) * fine, (x1 - x0) * fine), np.uint8)
     cv2.fillPoly(canvas, [np.rint((seen - (x0, y0) + 0.5) * fine - 0.5).astype(np.int32)], 255)
     wanted = cv2.resize(canvas, (x1 - x0, y1 - y0), interpolation=cv2.INTER_AREA).astype(float) / 255
-    pictures = [picture(view, lens, seed)[y0:y1, x0:x1, 1] for seed in range(7)]
+    camera = EmulatedCamera(Still(view), lens, TAPE, 20.0, 0.0, 1, shake_px=0.0)
+    pictures = []
+    for k in range(7):
+        camera.step(k * FRAME_NS)
+        frame = camera.read()
+        assert frame is not None
+        pictures.append(frame.image[y0:y1, x0:x1, 1])
     green = np.median(pictures, axis=0)                                  # without glints and noise
     green = (green - np.median(green)) / TAPE_BGR[1]
     near = cv2.dilate(wanted, np.ones((5, 5))) > 0
