@@ -181,7 +181,10 @@ def _fit_lines(points: Array, good: Any) -> Array | None:
         a, b = -np.sin(angle), np.cos(angle)
         beside = np.abs(a[:, None] * dx + b[:, None] * dy)
         usual = (weight * beside).sum(axis=1) / count
-        weight = weight * (beside <= np.maximum(STRAIGHT_PX, 1.5 * usual)[:, None])
+        kept = weight * (beside <= np.maximum(STRAIGHT_PX, 1.5 * usual)[:, None])
+        if (kept == weight).all():
+            break
+        weight = kept
     return np.array([a, b, a * middle[:, 0] + b * middle[:, 1]]).T
 
 
