@@ -12,26 +12,37 @@ from sim.shots import Dataset, Shots
 # What a shot did, not what it was shot with.
 RESULTS = ("miss_height_m", "outcome", "side")
 SAME = 0.98                           # |correlation| from which two columns are one covariate with two names
-FEWEST = 5                            # shots on each side of a step, and in a group
+FEWEST = 8                            # shots on each side of a step, and in a group: the signs of fewer say little
+DIGITS = 9                            # of derived columns: rounding errors are no covariate
 MOST_LEVELS = 20
 STEPS = 5
-# Which of several inseparable names is the natural one for a force in that direction; given columns come after.
-NATURAL = {"vertical": ("exit_spin_rev_s",), "lateral": ("exit_spin_rev_s",), "along": ("exit_speed_m_s",)}
+LAUNCH_STATE = ("exit_speed_m_s", "exit_spin_rev_s")
 
 
 @dataclass(frozen=True)
 class Covariate:
-    """A number a shot, nan where unknown; `names` are columns that run so alike that the data cannot part them."""
+    """A number a shot, nan where unknown, under each of its names: columns so alike that the data cannot part them."""
 
-    names: tuple[str, ...]
-    values: Array
+    columns: tuple[tuple[str, Array], ...]
 
-    def name_for(self, direction: str) -> str:
-        """The name to report an effect in `direction` under."""
-        for name in NATURAL.get(direction, ()):
-            if name in self.names:
-                return name
-        return self.names[0]
+    @property
+    def name(self) -> str:
+        return self.columns[0][0]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(name for name, _ in self.columns)
+
+    @property
+    def values(self) -> Array:
+        return self.columns[0][1]
+
+    def led_by_launch(self) -> "Covariate":
+        """The same under the ball's speed or spin, if just one of them is among the names: forces know no wheels."""
+        states = [name for name in LAUNCH_STATE if name in self.names]
+        if len(states) != 1:
+            return self
+        return Covariate(tuple(sorted(self.columns, key=lambda column: column[0] != states[0])))
 
 
 @dataclass(frozen=True)
@@ -57,10 +68,10 @@ def gather_covariates(dataset: Dataset) -> tuple[Covariate, ...]:
             continue
         twin = next((k for k, other in enumerate(found) if _alike(other.values, values)), None)
         if twin is None:
-            found.append(Covariate((name,), values))
+            found.append(Covariate(((name, values),)))
         else:
-            found[twin] = replace(found[twin], names=(*found[twin].names, name))
-    return tuple(found)
+            found[twin] = Covariate((*found[twin].columns, (name, values)))
+    return tuple(covariate.led_by_launch() for covariate in found)
 
 
 def gather_factors(shots: Shots) -> tuple[Factor, ...]:
@@ -81,7 +92,7 @@ def test_shapes(covariate: Covariate, rows: Array) -> tuple[Array, tuple[str, ..
     """
     values = covariate.values[rows]
     known = np.isfinite(values)
-    if known.sum() < 2 * FEWEST or not _varies(values):
+    if known.sum() < FEWEST or not _varies(values):
         return np.zeros((len(rows), 0)), ()
     scaled = (values - values[known].mean()) / values[known].std()
     shapes, names = [scaled, scaled**2 - 1.0 - scaled * np.mean(scaled[known]**3)], ["straight", "bent"]
@@ -129,6 +140,8 @@ def _ramp(scaled: Array, knot: float, knots: Array) -> Array:
 def _cuts(values: Array) -> list[float]:
     """Thresholds that leave enough shots on each side, at even quantiles, none splitting as another does."""
     ordered = np.unique(values)
+    if len(ordered) < 3:
+        return []                     # straight says it already
     middles = (ordered[1:] + ordered[:-1]) / 2.0
     wanted = np.quantile(values, np.arange(1, STEPS + 1) / (STEPS + 1.0))
     cuts = sorted({float(middles[np.abs(middles - want).argmin()]) for want in wanted})
@@ -137,7 +150,7 @@ def _cuts(values: Array) -> list[float]:
 
 def _varies(values: Array) -> bool:
     known = values[np.isfinite(values)]
-    return len(known) >= 2 * FEWEST and bool(np.ptp(known) > 1e-9 * (1e-9 + np.abs(known).max()))
+    return len(known) >= FEWEST and bool(np.ptp(known) > 1e-9 * (1e-9 + np.abs(known).max()))
 
 
 def _alike(a: Array, b: Array) -> bool:
@@ -156,7 +169,8 @@ def _launch_columns(dataset: Dataset) -> dict[str, Array]:
         leaving = launch_of(dataset.facts, level)
     except BadInput:
         return {}
-    return {"exit_speed_m_s": np.asarray(leaving.speed_m_s), "exit_spin_rev_s": np.asarray(leaving.spin_rev_s)}
+    return {name: np.round(np.asarray(column), DIGITS) + 0.0      # no -0.0
+            for name, column in zip(LAUNCH_STATE, (leaving.speed_m_s, leaving.spin_rev_s), strict=True)}
 
 
 def _time_columns(dataset: Dataset) -> dict[str, Array]:

@@ -53,6 +53,9 @@ class Evidence:
         bend = np.einsum("ni,nij,nj->n", change, self.info, change)
         return np.einsum("ni,ni->n", self.score, change) - 0.5 * bend
 
+    def slopes_at(self, change: Array) -> tuple[Array, Array]:
+        """Score [n, C+p] and information [n, C+p, C+p] after `change`; exact for the same likelihoods as `gain`."""
+        return self.score - np.einsum("nij,nj->ni", self.info, change), self.info
 
 
 def shared_columns(evidence: Evidence) -> slice:

@@ -20,7 +20,7 @@ from sim.physics.vector import Vec, add
 
 DIRECTIONS = ("along", "vertical", "lateral")
 STEP_S = 0.02                         # longest step between samples; the extra forces need no finer one
-PLANE_STEPS = 64                      # steps from the exit to the plane
+PLANE_STEPS = 40                      # steps from the exit to the plane
 SLOWEST_M_S = 0.3                     # horizontally; slower has as good as turned back
 LOWEST_M = -5.0                       # below the floor: the plane is met by nothing that could be a hit
 FIXED = ("gravity",)                  # terms whose parameters are known, not fitted
@@ -98,8 +98,8 @@ def track_pushes(believed: Believed, release: Release, shared: Any, time_s: Any,
                  substeps: int) -> Any:
     """Derivatives of positions [n, L, 3, C] by extra accelerations in m/s2.
 
-    C = directions x (throughout, one per band of flight time between `edges_s`, in proportion to the departure of the
-    speed from `speed_m_s`), directions outermost, as in DIRECTIONS.
+    C = directions x (throughout, one per band of flight time between `edges_s`, in proportion to the speed and as much
+    at `speed_m_s`), directions outermost, as in DIRECTIONS.
     """
     def one(release: Release, time_s: Any) -> Any:
         def positions(amplitude: Any) -> Any:
@@ -144,7 +144,7 @@ def _push(amplitude: Any, edges_s: Any, speed_m_s: Any, time_s: Any, velocity: V
     """Extra acceleration of the ball at a moment of its flight."""
     band = jnp.arange(len(edges_s) + 1) == jnp.searchsorted(edges_s, time_s)
     speed = jnp.sqrt(velocity.x**2 + velocity.y**2 + velocity.z**2 + 1e-12)
-    shape = jnp.concatenate([jnp.ones(1), band.astype(float), jnp.array([speed / speed_m_s - 1.0])])
+    shape = jnp.concatenate([jnp.ones(1), band.astype(float), jnp.array([speed / speed_m_s])])
     size = amplitude @ shape
     along, up, left = axes(velocity)
     return Vec(*(size[0] * a + size[1] * u + size[2] * b for a, u, b in zip(along, up, left, strict=True)))

@@ -3,8 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import log_ndtr
-from scipy.stats import norm
+from scipy.special import log_ndtr, ndtr
 
 from robot.config import BadInput
 from robot.facts import Target
@@ -12,6 +11,7 @@ from sim.discover.evidence import Array
 from sim.shots import Shots
 
 LAPSE = 0.005                         # share of outcomes that mean nothing: a slip of the operator's finger
+CLASSES = {"miss": 0.0, "two": 1.0, "three": 2.0}
 SIGNED_SHARE = 0.5                    # of misses must have a side before the classes count as signed
 
 
@@ -20,19 +20,25 @@ class Seen:
     """What was seen of n heights relative to the target's centre, in m.
 
     Up to two intervals each: `low`, `high` [n, 2] (an empty one has low = high = inf); `height_m` [n] where the
-    height itself was measured (nan elsewhere) and beats the class. `classes` are the borders [k] between all outcomes
-    that could have been told apart here, inside [-inf, inf], and `signed` whether misses on either side could.
+    height itself was measured (nan elsewhere) and beats the class. `classes` [n]: 0 miss, 1 two, 2 three, nan not
+    given. `borders` part the outcomes that could be told apart; `signed`: whether misses on either side could.
     """
 
     low: Array
     high: Array
     height_m: Array
+    classes: Array
     borders: Array
     signed: bool
 
     @property
     def measured(self) -> Array:
         return np.isfinite(self.height_m)
+
+    def take(self, index: Array) -> "Seen":
+        """Those of the shots."""
+        columns = (column[index] for column in (self.low, self.high, self.height_m, self.classes))
+        return Seen(*columns, self.borders, self.signed)
 
 
 def see_outcomes(shots: Shots, target: Target | None) -> tuple[Array, Seen]:
@@ -52,7 +58,8 @@ def see_outcomes(shots: Shots, target: Target | None) -> tuple[Array, Seen]:
     misses = (outcome == "miss") & ~aside
     signed = bool(misses.any()) and np.isin(side[misses], ("low", "high")).mean() >= SIGNED_SHARE
     borders = np.array([-np.inf, -two, -three, three, two, np.inf])
-    return rows, Seen(bounds[..., 0], bounds[..., 1], height_m[rows], borders, signed)
+    classes = np.array([CLASSES.get(outcome[row], np.nan) for row in rows])
+    return rows, Seen(bounds[..., 0], bounds[..., 1], height_m[rows], classes, borders, signed)
 
 
 def _intervals(outcome: str, side: str, two: float, three: float) -> list[tuple[float, float]]:
@@ -69,9 +76,9 @@ def _intervals(outcome: str, side: str, two: float, three: float) -> list[tuple[
 
 
 def log_likelihood(seen: Seen, mean_m: Array, spread_m: Array) -> Array:
-    """Log-likelihood [n] of what was seen, heights normal(mean_m, spread_m) about the centre; -inf mean = far below."""
+    """Log-likelihood [n] of what was seen, heights normal(mean_m, spread_m), from the centre."""
     chance = (1.0 - LAPSE) * _chance(seen.low, seen.high, mean_m, spread_m).sum(1) + LAPSE / 3.0
-    off = (np.where(seen.measured, seen.height_m, 0.0) - np.where(seen.measured, mean_m, 0.0)) / spread_m
+    off = np.where(seen.measured, (seen.height_m - mean_m) / spread_m, 0.0)
     return np.where(seen.measured, -0.5 * off**2 - np.log(spread_m) - 0.5 * np.log(2.0 * np.pi), np.log(chance))
 
 
@@ -104,7 +111,7 @@ def information(seen: Seen, mean_m: Array, spread_m: Array) -> Array:
 def best_class(seen: Seen, mean_m: Array, spread_m: Array) -> Array:
     """Index [n] of the likeliest of miss, two, three."""
     two, three = seen.borders[4], seen.borders[3]
-    inside = [norm.cdf((edge - mean_m) / spread_m) - norm.cdf((-edge - mean_m) / spread_m) for edge in (two, three)]
+    inside = [ndtr((edge - mean_m) / spread_m) - ndtr((-edge - mean_m) / spread_m) for edge in (two, three)]
     return np.argmax(np.stack([1.0 - inside[0], inside[0] - inside[1], inside[1]], axis=1), axis=1)
 
 
@@ -131,6 +138,11 @@ def _chance(low: Array, high: Array, mean_m: Array, spread_m: Array) -> Array:
 def _chance_slopes(low: Array, high: Array, mean_m: Array, spread_m: Array) -> tuple[Array, Array]:
     """Derivatives of the probabilities [n, k] by mean_m and by log spread_m."""
     a, b = ((edge - mean_m[:, None]) / spread_m[:, None] for edge in (low, high))
-    at_a, at_b = norm.pdf(a), norm.pdf(b)
+    at_a, at_b = _density(a), _density(b)
     weigh_a, weigh_b = (np.where(np.isfinite(edge), edge, 0.0) for edge in (a, b))
     return ((at_a - at_b) / spread_m[:, None], weigh_a * at_a - weigh_b * at_b)
+
+
+def _density(z: Array) -> Array:
+    """Of the standard normal."""
+    return np.exp(-0.5 * z**2) / np.sqrt(2.0 * np.pi)

@@ -17,7 +17,7 @@ import numpy as np
 from sim.discover.evidence import Array, Evidence, shared_columns
 
 Progress = Callable[[float, str], None]
-FEWEST_CLUSTERS = 5.0                 # a test that rests on fewer is not made: its signs cannot say 5 %
+FEWEST_CLUSTERS = 8.0                 # a test that rests on fewer is not made: their signs can hardly say 1 %
 LEAST_SHARE = 1e-4                    # of a test's information that must survive the projection
 CHUNK = 250                           # sign patterns at once
 

@@ -71,7 +71,8 @@ def _pushes(direction: str, bounds: list[float]) -> list[Channel]:
     bands = [Channel(f"push {direction} from {first:.2f} to {last:.2f} s", "flight", direction, "m/s2", words,
                      "time_in_flight_s", (first, last)) for first, last in pairwise(bounds)]
     return [Channel(f"push {direction}", "flight", direction, "m/s2", words), *bands,
-            Channel(f"push {direction} with speed", "flight", direction, "m/s2", words, "speed_in_flight_m_s")]
+            Channel(f"push {direction} in proportion to speed", "flight", direction, "m/s2", words,
+                    "speed_in_flight_m_s")]
 
 
 def _tracker_columns(fit: TrackFit) -> Array:

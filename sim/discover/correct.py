@@ -1,0 +1,143 @@
+"""A free smooth correction of one channel over one covariate, and what it gains on shots that it has not seen."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim.discover.covariates import Covariate, smooth_shapes
+from sim.discover.evidence import Array, Evidence, shared_columns
+from sim.discover.family import Clusters, Test
+
+FOLDS = 5
+STEPS = 8                             # of Fisher scoring; one is exact for Gaussian evidence
+HALVINGS = 8
+RIDGES = (0.0003, 0.003, 0.03, 0.3, 3.0)      # of bends, relative to what the shots say of them
+FIRM = 1e-6                           # of everything else, so that an alias of a coefficient does not run away
+
+
+@dataclass(frozen=True)
+class Correction:
+    """Changes [n, C+p] of amplitudes and coefficients: fitted to all, and for each shot fitted to the other folds."""
+
+    test: Test
+    amplitude: Array                  # [n] of the channel, fitted to all shots
+    before: Array                     # [n, C+p] held out, coefficients alone refitted
+    after: Array
+    log_before: Array                 # [n] held-out log score
+    log_after: Array
+    steps: tuple[float, ...] = ()     # ridge chosen in each fold
+
+    @property
+    def gain(self) -> Array:
+        return self.log_after - self.log_before
+
+
+def correct(evidence: Evidence, test: Test, clusters: Clusters) -> Correction:
+    """Fit the correction to all shots and to each fold's complement; folds keep clusters whole."""
+    basis = _basis(evidence, test)
+    fold = _folds(clusters.label[evidence.rows])
+    shape = evidence.score.shape
+    before, after = np.zeros(shape), np.zeros(shape)
+    ridges = []
+    for held in range(fold.max() + 1):
+        train, out = fold != held, fold == held
+        before[out] = _fit(evidence, test.channel, basis[:, :0], train, 0.0)[out]
+        ridge = _choose_ridge(evidence, test.channel, basis, train)
+        after[out] = _fit(evidence, test.channel, basis, train, ridge)[out]
+        ridges.append(ridge)
+    whole = np.ones(len(fold), dtype=bool)
+    fitted = _fit(evidence, test.channel, basis, whole, _choose_ridge(evidence, test.channel, basis, whole))
+    return Correction(test, fitted[:, test.channel], before, after, evidence.log_score + evidence.gain(before),
+                      evidence.log_score + evidence.gain(after), tuple(ridges))
+
+
+def clustered_error(values: Array, label: Array) -> float:
+    """Standard error of the mean of values [n] whose clusters `label` [n] hang together."""
+    sums = np.zeros(label.max() + 1)
+    np.add.at(sums, label, values - values.mean())
+    count = len(np.unique(label))
+    return float(np.sqrt((sums**2).sum() * count / max(count - 1, 1)) / len(values))
+
+
+def _basis(evidence: Evidence, test: Test) -> Array:
+    """[n, q]: the same for all, then whatever the covariate or the groups allow."""
+    ones = np.ones((len(evidence.rows), 1))
+    if test.what is None:
+        return ones
+    if isinstance(test.what, Covariate):
+        return np.concatenate([ones, smooth_shapes(test.what.values[evidence.rows])], axis=1)
+    codes = test.what.codes[evidence.rows]
+    return np.concatenate([ones] + [(codes == k)[:, None] * 1.0 for k in range(1, len(test.what.levels))], axis=1)
+
+
+def _folds(label: Array) -> Array:
+    """Every fifth cluster in order of appearance, so that each fold sees the whole session."""
+    first = {cluster: k for k, cluster in enumerate(dict.fromkeys(label.tolist()))}
+    return np.array([first[cluster] % FOLDS for cluster in label.tolist()])
+
+
+def _fit(evidence: Evidence, channel: int, basis: Array, train: Array, ridge: float) -> Array:
+    """Most likely change [n, C+p] with the channel's amplitude in the span of `basis`, fitted to rows in `train`."""
+    shared = shared_columns(evidence)
+    q, p = basis.shape[1], evidence.score[:, shared].shape[1]
+    penalty = np.concatenate([_penalty(evidence, channel, basis, train, ridge), evidence.precision])
+    slope = np.concatenate([np.zeros(q), evidence.pull])
+    found, best = np.zeros(q + p), 0.0
+    for _ in range(STEPS):
+        score, info = _normal(evidence, channel, basis, train, _spread(evidence, channel, basis, found))
+        step = np.linalg.solve(info + np.diag(penalty) + 1e-12 * np.eye(q + p), score + slope - penalty * found)
+        for halving in range(HALVINGS):
+            tried = found + step * 0.5**halving
+            gained = evidence.gain(_spread(evidence, channel, basis, tried))[train].sum()
+            value = gained + slope @ tried - 0.5 * penalty @ tried**2
+            if value >= best:
+                break
+        else:
+            break
+        small, found, best = value - best < 1e-6, tried, value
+        if small:
+            break
+    return _spread(evidence, channel, basis, found)
+
+
+def _spread(evidence: Evidence, channel: int, basis: Array, found: Array) -> Array:
+    """Coefficients of the basis and shared changes -> one change a shot [n, C+p]."""
+    change = np.zeros_like(evidence.score)
+    change[:, channel] = basis @ found[:basis.shape[1]]
+    change[:, shared_columns(evidence)] = found[basis.shape[1]:]
+    return change
+
+
+def _normal(evidence: Evidence, channel: int, basis: Array, train: Array, change: Array) -> tuple[Array, Array]:
+    """Score [q+p] and information [q+p, q+p] of basis coefficients and shared parameters at `change`."""
+    score, info = (part[train] for part in evidence.slopes_at(change))
+    shared = shared_columns(evidence)
+    shapes = basis[train]
+    cross = np.einsum("nq,np->qp", shapes, info[:, channel, shared])
+    top = np.einsum("nq,nr,n->qr", shapes, shapes, info[:, channel, channel])
+    return (np.concatenate([shapes.T @ score[:, channel], score[:, shared].sum(0)]),
+            np.block([[top, cross], [cross.T, info[:, shared, shared].sum(0)]]))
+
+
+def _penalty(evidence: Evidence, channel: int, basis: Array, train: Array, ridge: float) -> Array:
+    """Ridge on each basis column: firm but tiny, and `ridge` on bends (columns from the third)."""
+    said = (basis[train]**2 * evidence.info[train, channel, channel][:, None]).sum(0)
+    return said * np.where(np.arange(basis.shape[1]) >= 2, FIRM + ridge, FIRM)
+
+
+def _choose_ridge(evidence: Evidence, channel: int, basis: Array, train: Array) -> float:
+    """The ridge under which the training shots are likeliest, bends integrated out (Laplace, first step)."""
+    q = basis.shape[1]
+    if q <= 2:
+        return 0.0
+    score, info = _normal(evidence, channel, basis, train, np.zeros_like(evidence.score))
+    score = score + np.concatenate([np.zeros(q), evidence.pull])
+    return max(RIDGES, key=lambda ridge: _marginal(evidence, channel, basis, train, ridge, score, info))
+
+
+def _marginal(evidence: Evidence, channel: int, basis: Array, train: Array, ridge: float, score: Array,
+              info: Array) -> float:
+    penalty = np.concatenate([_penalty(evidence, channel, basis, train, ridge), evidence.precision])
+    total = info + np.diag(penalty) + 1e-12 * np.eye(len(info))
+    volume = np.log(np.maximum(penalty[:basis.shape[1]], 1e-300)).sum() - np.linalg.slogdet(total)[1]
+    return float(0.5 * score @ np.linalg.solve(total, score) + 0.5 * volume)

@@ -1,0 +1,97 @@
+"""What discovery answers: truearc.finding/1, as formats.md has it. Fields that do not apply are None (null)."""
+
+from typing import Any
+
+import msgspec
+from msgspec import Struct
+
+SCHEMA = "truearc.finding/1"
+
+
+class Data(Struct, frozen=True):
+    """What was looked at; `clusters` says what was held together when chance was judged."""
+
+    shots: int
+    level: str                        # L0 outcomes | L1 with telemetry | L2 with tracks
+    left_out: tuple[str, ...]
+    believed: tuple[str, ...]         # terms
+    fitted: dict[str, dict[str, float]]       # tracks | outcomes -> shared parameters
+    clusters: dict[str, Any]
+
+
+class TestResult(Struct, frozen=True):
+    """One line of the family: the best shape of one channel over one covariate."""
+
+    __test__ = False                  # not one of pytest's
+
+    stage: str
+    direction: str
+    covariate: str | None
+    shape: str
+    statistic: float                  # |score| in standard errors, clustered
+    p_alone: float
+    p_value: float                    # as the largest of the whole family
+    amplitude: float                  # per unit of the shape
+    unit: str
+    log_gain: float
+
+
+class Mismatch(Struct, frozen=True):
+    found: bool
+    p_value: float | None
+    false_alarm: float
+    tests: dict[str, TestResult]
+    tests_made: int
+
+
+class Where(Struct, frozen=True):
+    stage: str | None
+    stage_probability: dict[str, float] | None
+    covariate: str | None
+    direction: str | None
+    region: dict[str, Any]
+    times_s: tuple[float, float] | None
+    channel: str | None
+    inseparable: tuple[str, ...]      # other names that go with the same shots as the covariate
+    reason: str | None                # why a field above is null
+
+
+class Unknown(Struct, frozen=True):
+    covariate: str | None
+    direction: str
+    amplitude: float
+    unit: str
+    formula: str | None
+
+
+class Fit(Struct, frozen=True):
+    """Figures on shots that the fit had not seen, before and after the free correction."""
+
+    heldout_shots: int
+    log_score_before: float
+    log_score_after: float | None
+    gain_per_shot: float | None
+    gain_se: float | None
+    height_rmse_before_m: float | None
+    height_rmse_after_m: float | None
+    accuracy_before: float | None
+    accuracy_after: float | None
+
+
+class Finding(Struct, frozen=True):
+    data: Data
+    mismatch: Mismatch
+    where: Where
+    verdict: str                      # unknown | none: nothing is named yet
+    sentence: str
+    unknown: Unknown | None
+    fit: Fit | None
+    schema: str = SCHEMA
+    what: tuple[dict[str, Any], ...] = ()
+    set: tuple[str, ...] | None = None
+    next: tuple[dict[str, Any], ...] = ()
+
+
+def make_json(finding: Finding) -> bytes:
+    """JSON text of the answer; numbers that are not finite become null."""
+    return msgspec.json.format(msgspec.json.encode(finding), indent=1) + b"\n"

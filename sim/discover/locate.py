@@ -1,0 +1,171 @@
+"""Where the disagreement is: which test carries it, in which stage, over what of a covariate and of the flight."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sim.discover.correct import Correction, correct
+from sim.discover.covariates import Covariate, Factor
+from sim.discover.evidence import Array, Channel, Evidence
+from sim.discover.family import Clusters, Test
+from sim.discover.statistics import Flips
+from sim.physics.term import STAGES
+
+AS_GOOD = 0.9                         # of the largest gain: then the plainer description is preferred
+SHARE = 0.8                           # of the misfit that region and times must carry
+BINS = 6
+RESAMPLES = 400
+CERTAIN = 0.5                         # a stage more likely than this is named
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where: the test that carries most, and the free correction over its covariate."""
+
+    test: Test
+    channel: Channel
+    number: int                       # of the test
+    correction: Correction
+    stage_probability: dict[str, float]
+    stage: str | None
+    region: dict[str, Any]
+    times_s: tuple[float, float] | None
+
+
+def pick(tests: Sequence[Test], flips: Flips, among: Array) -> int:
+    """The test that explains most; of those nearly as good the plainest: same for all, then a number, then a group."""
+    best = flips.gain[among].max()
+    good = [k for k in among if flips.gain[k] >= AS_GOOD * best]
+    return min(good, key=lambda k: (_plainness(tests[k]), -flips.gain[k]))
+
+
+def _plainness(test: Test) -> int:
+    if test.what is None:
+        return 0
+    if isinstance(test.what, Factor):
+        return 3
+    return 1 if test.shape in ("straight", "proportional") else 2
+
+
+def locate(evidences: Sequence[Evidence], tests: Sequence[Test], flips: Flips, false_alarm: float, clusters: Clusters,
+           seed: int) -> Place:
+    """Take the best test of every stage, correct by it freely, and weigh the stages by what that gains held out."""
+    found = np.flatnonzero(flips.p_family <= false_alarm)
+    if not len(found):
+        found = np.array([int(flips.p_family.argmin())])
+    stage_of = np.array([evidences[test.evidence].channels[test.channel].stage for test in tests])
+    champions = {stage: pick(tests, flips, np.flatnonzero(stage_of == stage))
+                 for stage in STAGES if (stage_of == stage).any()}
+    leader = pick(tests, flips, found)
+    champions[stage_of[leader]] = leader
+    corrections = {stage: correct(evidences[tests[k].evidence], tests[k], clusters) for stage, k in champions.items()}
+    weights = _weigh(evidences, corrections, clusters, seed)
+    stage = max(weights, key=lambda name: weights[name])
+    chosen = champions[stage] if flips.p_family[champions[stage]] <= false_alarm else leader
+    test = tests[chosen]
+    correction = next(c for c in corrections.values() if c.test is test)
+    evidence = evidences[test.evidence]
+    return Place(test, evidence.channels[test.channel], chosen, correction, weights,
+                 stage if weights[stage] > CERTAIN and tests[champions[stage]] is test else None,
+                 _region(evidence, correction), _times(evidence, test))
+
+
+def _weigh(evidences: Sequence[Evidence], corrections: dict[str, Correction], clusters: Clusters,
+           seed: int) -> dict[str, float]:
+    """Probability of each stage: held-out gains under resampled clusters (pseudo-BMA with a Bayesian bootstrap).
+
+    A stage that no channel of these data touches has 0. Yao et al. 2018, Using stacking to average predictive
+    distributions, section 3.4.
+    """
+    totals = np.zeros((len(corrections), clusters.count))
+    for k, correction in enumerate(corrections.values()):
+        np.add.at(totals[k], clusters.label[evidences[correction.test.evidence].rows], correction.gain)
+    draws = np.random.default_rng(seed).dirichlet(np.ones(clusters.count), RESAMPLES) * clusters.count
+    power = draws @ totals.T
+    share = np.exp(power - power.max(axis=1, keepdims=True))
+    mean = (share / share.sum(axis=1, keepdims=True)).mean(axis=0)
+    return {stage: float(dict(zip(corrections, mean, strict=True)).get(stage, 0.0)) for stage in STAGES}
+
+
+def _region(evidence: Evidence, correction: Correction) -> dict[str, Any]:
+    """Shortest run of the covariate's range that holds SHARE of what the correction gains on unseen shots."""
+    what = correction.test.what
+    if what is None:
+        return {}
+    if isinstance(what, Factor):
+        return {"factor": what.name, "level": correction.test.shape}
+    values = what.values[evidence.rows]
+    edges = _bin_edges(values[np.isfinite(values)])
+    where = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
+    gained = np.bincount(where, np.where(np.isfinite(values), np.maximum(correction.gain, 0.0), 0.0), len(edges) - 1)
+    run = shortest_run(gained)
+    if run is None:
+        return {}
+    first, last = run
+    return {"covariate": what.name, "low": float(edges[first]), "high": float(edges[last + 1]),
+            "share_of_gain": float(gained[first:last + 1].sum() / gained.sum())}
+
+
+def _bin_edges(values: Array) -> Array:
+    """Quantiles, or the distinct values of a covariate with few; the last edge belongs to the last bin."""
+    distinct = np.unique(values)
+    if len(distinct) <= BINS:
+        return np.append(distinct, distinct[-1])
+    return np.unique(np.quantile(values, np.linspace(0.0, 1.0, BINS + 1)))
+
+
+def _times(evidence: Evidence, test: Test) -> tuple[float, float] | None:
+    """Shortest run of bands of flight time that holds SHARE of what the test's weights explain, band by band."""
+    channel = evidence.channels[test.channel]
+    bands = [k for k, other in enumerate(evidence.channels) if other.times_s and other.direction == channel.direction]
+    if channel.stage != "flight" or not bands:
+        return None
+    if channel.times_s:
+        return channel.times_s
+    amplitude = joint_bands(evidence, bands, test.weights)
+    gained = np.array([amplitude[i] * (test.weights * evidence.score[:, k]).sum() for i, k in enumerate(bands)])
+    run = shortest_run(np.maximum(gained, 0.0))
+    if run is None:
+        return None
+    first, last = (evidence.channels[bands[k]].times_s for k in run)
+    return (first[0], last[1]) if first and last else None
+
+
+def joint_bands(evidence: Evidence, bands: Sequence[int], weights: Array) -> Array:
+    """Amplitude of each band when all are fitted at once to shots weighted by `weights` [n] (one for each band)."""
+    info = np.einsum("n,nij->ij", weights**2, evidence.info[:, bands][:, :, bands])
+    score = weights @ evidence.score[:, bands]
+    return np.linalg.solve(info + 1e-9 * np.trace(info) * np.eye(len(bands)), score)
+
+
+def shortest_run(parts: Array) -> tuple[int, int] | None:
+    """(first, last) of the shortest run that holds SHARE of the sum of non-negative parts, the fullest of those."""
+    total = parts.sum()
+    if total <= 0.0:
+        return None
+    runs = [(last - first, -parts[first:last + 1].sum(), first, last) for first in range(len(parts))
+            for last in range(first, len(parts)) if parts[first:last + 1].sum() >= SHARE * total - 1e-12]
+    _, _, first, last = min(runs)
+    return first, last
+
+
+def amplitude_of(evidence: Evidence, correction: Correction) -> float:
+    """Size of the effect in the channel's unit: how far it changes over the covariate's middle nine tenths.
+
+    The same in every shot: its value. Groups: the largest difference between two.
+    """
+    what, amplitude = correction.test.what, correction.amplitude
+    if what is None:
+        return float(amplitude.mean())
+    if isinstance(what, Covariate):
+        values = what.values[evidence.rows]
+        known = np.isfinite(values)
+        low, high = np.quantile(values[known], (0.05, 0.95))
+        order = np.argsort(values[known], kind="stable")
+        ends = np.interp((low, high), values[known][order], amplitude[known][order])
+        span = ends[1] - ends[0]
+        # a bend can bring both ends level: then the height of the bend is the size
+        return float(span if abs(span) >= 0.5 * np.ptp(amplitude[known]) else np.ptp(amplitude[known]))
+    return float(np.ptp(amplitude))

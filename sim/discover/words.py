@@ -1,0 +1,53 @@
+"""The verdict in a sentence."""
+
+from sim.discover.finding import Finding, Unknown, Where
+
+STAGE_WORDS = {"sensing": "in what the sensors say", "launch": "at the launch", "flight": "in flight",
+               "arrival": "at the target"}
+DIRECTION_WORDS = {"along": "along the velocity", "vertical": "vertically", "lateral": "sideways"}
+
+
+def say_mismatch(believed: tuple[str, ...], p_value: float, where: Where, unknown: Unknown, words: str) -> str:
+    """Where simulation and recordings part, how far, and what it follows."""
+    place = STAGE_WORDS[where.stage] if where.stage else "somewhere (these data cannot say in which stage)"
+    size = f"{abs(unknown.amplitude):.2g} {unknown.unit}" if unknown.unit != "1" else f"{abs(unknown.amplitude):.2g}"
+    if unknown.covariate is None:
+        sign = "" if unknown.amplitude >= 0.0 else "minus "
+        follows = f"{words.format(sign + size)}, in every shot alike"
+    elif where.region.get("factor"):
+        follows = f"{words.format(size)}, depending on {unknown.covariate}"
+    else:
+        trend = "rising" if unknown.amplitude >= 0.0 else "falling"
+        follows = f"{words.format(size)}, {trend} with {unknown.covariate}"
+    return (f"The simulation ({', '.join(believed)}) and the recordings disagree {place}, "
+            f"{DIRECTION_WORDS[unknown.direction]}: {follows} (p = {p_value:.2g}).")
+
+
+def say_none(believed: tuple[str, ...], p_value: float | None, shots: int, false_alarm: float) -> str:
+    """No mismatch, or nothing to see one by."""
+    if p_value is None:
+        return (f"These {shots} shots cannot say anything about the simulation: they have no outcomes with a distance "
+                "and a launch, no heights and no tracks.")
+    return (f"No mismatch: {shots} shots look as the simulation ({', '.join(believed)}) has them "
+            f"(p = {p_value:.2g}, false alarms {false_alarm:g}).")
+
+
+def console_lines(finding: Finding) -> list[str]:
+    """The verdict and a few lines below it."""
+    data, where, fit = finding.data, finding.where, finding.fit
+    lines = [finding.sentence,
+             f"{data.shots} shots, level {data.level}, {finding.mismatch.tests_made} tests over "
+             f"{data.clusters['count']} clusters ({data.clusters['by']})"]
+    lines += [f"fitted to {kind}: " + ", ".join(f"{name} {value:.3g}" for name, value in values.items())
+              for kind, values in data.fitted.items() if values]
+    if finding.mismatch.found and where.stage_probability:
+        lines.append("stages: " + ", ".join(f"{stage} {p:.2f}" for stage, p in where.stage_probability.items()))
+    if where.inseparable:
+        lines.append(f"{where.covariate} runs with {', '.join(where.inseparable)}: these data cannot tell them apart")
+    if finding.mismatch.found and where.times_s:
+        lines.append(f"along the flight: {where.times_s[0]:.2f} to {where.times_s[1]:.2f} s")
+    if fit and fit.gain_per_shot is not None:
+        lines.append(f"a free correction gains {fit.gain_per_shot:.3g} +- {fit.gain_se:.2g} nats a shot on shots it "
+                     "has not seen")
+    lines += [f"left out: {line}" for line in data.left_out]
+    return lines
