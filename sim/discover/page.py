@@ -1,0 +1,68 @@
+"""The report: the verdict sentence, the pictures, the tests, the fine print."""
+
+from sim.discover.discover import Investigation
+from sim.discover.family import name_of
+from sim.discover.finding import Finding
+from sim.discover.pictures import covariate_png, flight_png
+from sim.discover.words import console_lines
+from sim.report import make_page, paragraph, picture, table
+
+METHOD = (
+    "How it was judged: the believed terms were fitted, every flight's own start (tracks) or the scatter of the launch "
+    "(outcomes) with them. Each test asks whether a small extra effect goes with a covariate; what the fitted "
+    "coefficients could explain is taken out of its score first. The p-value of a test is the chance that the largest "
+    "of all these tests comes out as large when the signs of the clusters' scores are drawn at random. Stage "
+    "probabilities and gains come from shots that the correction had not seen.")
+
+
+def make_report(name: str, investigation: Investigation) -> str:
+    """HTML text of the answer about the dataset called `name`."""
+    finding = investigation.finding
+    sections = [("", "".join(paragraph(line) for line in console_lines(finding)[1:]))]
+    sections += _pictures(investigation)
+    if finding.mismatch.tests:
+        sections.append(("The tests", _tests(finding)))
+    if finding.fit:
+        sections.append(("On shots that the fit had not seen", _fit(finding)))
+    sections.append(("Fine print", paragraph(METHOD, dim=True)))
+    return make_page(f"truearc discover: {name}", finding.sentence, sections)
+
+
+def _pictures(investigation: Investigation) -> list[tuple[str, str]]:
+    place = investigation.place
+    if place is None:
+        return []
+    evidence = investigation.gathered.evidences[place.test.evidence]
+    name = name_of(place.test, place.channel) if place.test.what is not None else None
+    found = investigation.finding.mismatch.found
+    about = "What is missing" if found else "The largest departure, which chance alone can bring"
+    shown = [(about, picture(covariate_png(evidence, place), f"{place.channel.name} against {name or 'shot'}",
+                             "Dots: what each shot (or bin of shots) asks for, with one standard error. "
+                             "Line: the free smooth correction."))]
+    flight = flight_png(evidence, place)
+    if flight is not None:
+        shown.append(("Along the flight", picture(flight, "missing acceleration along the flight",
+                                                  "Fitted jointly in bands of flight time, each flight's start free; "
+                                                  "bars across are one standard error.")))
+    return shown
+
+
+def _tests(finding: Finding) -> str:
+    rows = [(key, test.stage, test.direction, test.shape, test.statistic, test.p_value, test.amplitude, test.unit,
+             test.log_gain) for key, test in finding.mismatch.tests.items()]
+    return table(("test", "stage", "direction", "shape", "standard errors", "p in the family", "amplitude", "unit",
+                  "log-likelihood"), rows) + paragraph(
+        f"{finding.mismatch.tests_made} tests were made; of each channel and covariate the strongest shape is listed.",
+        dim=True)
+
+
+def _fit(finding: Finding) -> str:
+    fit = finding.fit
+    if fit is None:
+        return ""
+    rows = [("log score a shot", fit.log_score_before, fit.log_score_after),
+            ("height error, rms [m]", fit.height_rmse_before_m, fit.height_rmse_after_m),
+            ("share of outcomes foretold", fit.accuracy_before, fit.accuracy_after)]
+    shown = [row for row in rows if row[1] is not None]
+    gain = f"Gain a shot: {fit.gain_per_shot:.3g} ± {fit.gain_se:.2g} nats." if fit.gain_per_shot is not None else ""
+    return table(("", "as simulated", "with the free correction"), shown) + (paragraph(gain) if gain else "")
