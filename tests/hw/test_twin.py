@@ -160,6 +160,18 @@ def test_watchdog_trips_exactly_when_it_is_due(plant, watchdog_ms: int) -> None:
     bench.far.close()
 
 
+def test_an_axis_armed_and_then_forgotten_trips_on_time(plant) -> None:
+    bench = Bench(plant, OdriveSettings(watchdog_ms=3), period_ns=1 * MS)
+    bench.run(4)
+    bench.arm()                                            # heard at 4 ms, long before the next report at 11 ms
+    bench.run(2)
+    assert bench.nodes[0].state == CLOSED_LOOP
+    bench.run(1)
+    assert bench.nodes[0].state == IDLE
+    bench.bus.close()
+    bench.far.close()
+
+
 def test_malformed_setpoints_neither_drive_nor_feed_the_watchdog(bench, plant) -> None:
     bench.arm()
     nan, short = struct.pack("<fI", math.nan, 0), bytes(3)
