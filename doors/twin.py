@@ -49,7 +49,8 @@ def emulate(config: Config, folder: Path, trials: int, seed: int, options: Optio
             faults: Mapping[str, tuple[Fault, ...]] | None = None) -> list[BallResult]:
     """Record `trials` trials of the emulated robot into `folder`; returns what the world knows of each ball.
 
-    With a gate the policy becomes "model". `faults`: device ("flywheel_a", ..., "hood_encoder") -> what goes wrong.
+    With a gate the policy becomes "model". `faults`: device ("flywheel_a", ..., "hood_encoder", "camera") -> what
+    goes wrong.
     The truth returned is for tests and reports about the twin; neither runtime nor fit may see it.
     """
     cv2.setNumThreads(1)
@@ -80,11 +81,12 @@ def run_twin(config: Config, world: World, trials: int, seed: int, gate: Gate | 
     box = open_button_box()
     camera = EmulatedCamera(world, make_lens(config.camera), make_tape(config.tape), config.camera.fps, LATENCY_S, seed)
     patience_s = config.gate.request_s + 0.5
-    driver = Driver(world, box.press, trials, seed, patience_s=patience_s)
+    driver = Driver(world, box.press, trials, seed, patience_s=patience_s, repeats=config.collect.repeats)
     clock = StepClock(lambda t_ns: twin.advance(t_ns))
     channel = f"truearc-{next(CHANNELS)}"
     near, far = (open_can("virtual", channel, config.can.bitrate, clock) for _ in range(2))
-    twin = Twin(world, far, make_nodes(config, world, faults), (box.step, driver.step, camera.step))
+    steppers = (box.step, driver.step, make_shutter(camera, faults.get("camera", ())), camera.step)
+    twin = Twin(world, far, make_nodes(config, world, faults), steppers)
     stream = open_serial(box.port, config.buttons.baud)
     limit_ns = int(LONGEST_TRIAL_S * trials * 1e9)
 
@@ -114,6 +116,11 @@ def make_nodes(config: Config, world: World, faults: Mapping[str, tuple[Fault, .
     encoder = config.hood_encoder
     nodes["hood_encoder"] = CanandmagNode(Encoder(encoder.device), world, encoder.zero_deg, encoder.direction)
     return tuple(FaultyNode(node, faults[name]) if name in faults else node for name, node in nodes.items())
+
+
+def make_shutter(camera: EmulatedCamera, faults: tuple[Fault, ...]) -> Callable[[int], None]:
+    """What freezes the camera while one of its faults stands, whatever the fault's kind."""
+    return lambda t_ns: camera.freeze(any(fault.begin_ns <= t_ns < fault.end_ns for fault in faults))
 
 
 def make_lens(camera: CameraConfig) -> Lens:

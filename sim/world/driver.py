@@ -20,16 +20,18 @@ class Driver:
     """Sees only the world, never the robot's mind; call step() once a tick until `done`.
 
     Distances are a golden-ratio sequence over `distances` (metres, exit point to target plane), one to three trials at
-    each stop. A shot that the robot has not granted after `patience_s` is given up.
+    each stop, times `repeats`, so that a configuration is shot from one place. A shot that the robot has not granted
+    after `patience_s` is given up.
     """
 
     def __init__(self, world: World, press: Callable[[str], None], trials: int, seed: int,
-                 distances: tuple[float, float] = (2.6, 8.0), patience_s: float = 8.5) -> None:
+                 distances: tuple[float, float] = (2.6, 8.0), patience_s: float = 8.5, repeats: int = 1) -> None:
         self._world = world
         self._press = press
         self._trials = trials
         self._distances = distances
         self._patience_s = patience_s
+        self._repeats = repeats
         self._rng = np.random.default_rng([seed, 6])
         self._place = float(self._rng.uniform())
         self._left_here = 0
@@ -63,7 +65,7 @@ class Driver:
             return
         self.trial += 1
         if self._left_here == 0:
-            self._left_here = int(self._rng.integers(1, MOST_AT_A_STOP + 1))
+            self._left_here = self._repeats * int(self._rng.integers(1, MOST_AT_A_STOP + 1))
             self._place = (self._place + GOLDEN) % 1.0
             low_m, high_m = self._distances
             self._world.drive_to(low_m + (high_m - low_m) * self._place)

@@ -1,0 +1,132 @@
+"""One code, three worlds: what the emulated robot records replays to the bit, and what breaks ends in HOLD."""
+
+import filecmp
+import shutil
+from pathlib import Path
+
+import msgspec
+import pytest
+from msgspec.structs import replace
+
+import robot
+from doors.twin import emulate
+from hw.emulated.faults import OVERWRITTEN, SILENT, TRUNCATED, Fault
+from robot.config import BadInput, config_hash, load_config
+from robot.recording.reader import TickReader
+from robot.recording.replay import Difference, replay
+from robot.recording.session import CONFIG, load_trials
+from sim.recordings import shots_from_sessions
+from truearc import main
+
+CONFIGURATION = load_config(Path(robot.__file__).parent / "launcher.toml")
+SECOND = 1_000_000_000
+FOREVER = 1 << 62
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("loops") / "first"
+    results = emulate(CONFIGURATION, folder, trials=4, seed=3)
+    return folder, results
+
+
+def test_every_ball_is_marked_with_what_the_world_saw(session):
+    folder, results = session
+    marks = [trial.outcome.outcome for trial in load_trials(folder)]
+    assert len(results) == 4
+    for mark, result in zip(marks, results, strict=True):
+        assert mark in (result.outcome, "rejected")
+
+
+def test_the_robot_knew_where_it_was(session):
+    folder, results = session
+    for trial, result in zip(load_trials(folder), results, strict=True):
+        assert trial.shot.distance_m == pytest.approx(result.distance_m, abs=0.06)
+        assert trial.shot.hood_deg == pytest.approx(result.hood_deg, abs=0.15)
+
+
+def test_a_replay_is_bit_equal(session):
+    ticks, cut_short = replay(session[0])
+    assert ticks > 1000 and cut_short is None
+    assert main(["replay", str(session[0]), "--check"]) == 0
+
+
+def test_the_same_seed_gives_the_same_files_and_another_seed_does_not(session, tmp_path):
+    emulate(CONFIGURATION, tmp_path / "again", trials=4, seed=3)
+    emulate(CONFIGURATION, tmp_path / "other", trials=4, seed=4)
+    for name in ("telemetry.mcap", "can0.log", "trials.jsonl", "session.json", "config.json"):
+        assert filecmp.cmp(session[0] / name, tmp_path / "again" / name, shallow=False), name
+    assert not filecmp.cmp(session[0] / "telemetry.mcap", tmp_path / "other" / "telemetry.mcap", shallow=False)
+
+
+def test_a_replay_with_another_gain_names_the_first_field_that_differs(session, tmp_path, capsys):
+    folder = tmp_path / "changed"
+    shutil.copytree(session[0], folder)
+    changed = replace(CONFIGURATION, flywheel=replace(CONFIGURATION.flywheel, ks_nm=0.03))
+    (folder / CONFIG).write_bytes(msgspec.json.encode(changed))
+    with pytest.raises(BadInput, match="changed since the recording"):
+        replay(folder)
+    header = folder / "session.json"
+    header.write_text(header.read_text().replace(config_hash(CONFIGURATION), config_hash(changed)))
+    with pytest.raises(Difference, match=r"cycle \d+: tick\.(command|memory)\..* was .*, is now"):
+        replay(folder)
+    assert main(["replay", str(folder), "--check"]) == 1
+    assert "is now" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("share", [0.3, 0.9])
+def test_a_truncated_recording_gives_its_whole_chunks_and_says_so(session, tmp_path, share, capsys):
+    folder = tmp_path / "cut"
+    shutil.copytree(session[0], folder)
+    file = folder / "telemetry.mcap"
+    whole = sum(1 for _ in TickReader(folder))
+    file.write_bytes(file.read_bytes()[:int(file.stat().st_size * share)])
+    ticks, cut_short = replay(folder)
+    assert 0.7 * share * whole < ticks < whole and "cut short" in cut_short
+    assert main(["replay", str(folder), "--check"]) == 1
+    dataset = shots_from_sessions([folder], "cut")
+    assert any("cut short" in line for line in dataset.left_out)
+
+
+def test_a_recording_with_nothing_in_it_is_an_error(session, tmp_path, capsys):
+    folder = tmp_path / "empty"
+    shutil.copytree(session[0], folder)
+    (folder / "telemetry.mcap").write_bytes(b"")
+    assert main(["replay", str(folder), "--check"]) == 2
+    assert "no ticks" in capsys.readouterr().err
+    assert main(["replay", str(tmp_path / "nowhere")]) == 2
+    assert "nowhere" in capsys.readouterr().err
+
+
+def test_a_recording_is_never_written_over(session):
+    with pytest.raises(BadInput, match="exists already"):
+        emulate(CONFIGURATION, session[0], trials=1, seed=0)
+
+
+def held_reasons(folder):
+    return [reason for trial in load_trials(folder) for reason in trial.outcome.reasons]
+
+
+@pytest.mark.parametrize(("device", "fault", "words"), [
+    ("flywheel_b", Fault(SILENT, 2 * SECOND, FOREVER), "flywheel motor 2 silent"),
+    ("hood", Fault(SILENT, 2 * SECOND, FOREVER), "hood motor silent"),
+    ("hood_encoder", Fault(SILENT, 2 * SECOND, FOREVER), "hood encoder silent"),
+    ("camera", Fault(SILENT, 2 * SECOND, FOREVER), "target last seen"),
+    ("camera", Fault(SILENT, 0, FOREVER), "target never seen"),
+    ("feeder", Fault(SILENT, 0, FOREVER), "feeder motor has never answered"),
+    ("flywheel_a", Fault(TRUNCATED, 2 * SECOND, FOREVER, length=4), "bad frame"),
+    ("flywheel_a", Fault(OVERWRITTEN, 2 * SECOND, FOREVER, frame_id=0x29, at=4, data=b"\x00\x00\xc0\x7f"), "bad frame"),
+])
+def test_a_device_that_fails_is_a_hold_that_names_it(tmp_path, device, fault, words):
+    config = replace(CONFIGURATION, gate=replace(CONFIGURATION.gate, request_s=2.0))
+    results = emulate(config, tmp_path / "s", trials=2, seed=5, faults={device: (fault,)})
+    begun = [result for result in results if result.fed_t_ns > fault.begin_ns + SECOND // 2]
+    assert begun == []
+    assert any(words in reason for reason in held_reasons(tmp_path / "s")), held_reasons(tmp_path / "s")
+    assert replay(tmp_path / "s")[1] is None
+
+
+def test_a_device_that_comes_back_is_fired_with_again(tmp_path):
+    fault = Fault(SILENT, 1 * SECOND, 6 * SECOND)
+    results = emulate(CONFIGURATION, tmp_path / "s", trials=3, seed=5, faults={"flywheel_a": (fault,)})
+    assert results and all(result.fed_t_ns > 6 * SECOND for result in results)
