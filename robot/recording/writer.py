@@ -17,9 +17,9 @@ from robot.recording.candump import candump_line
 from robot.recording.session import CAN, CONFIG, FRAMES, HEADER, MODEL, TELEMETRY, TRIALS, Header, Trial
 from robot.types import Sent, Tick
 
-CHUNK_BYTES = 128 * 1024              # a killed recorder loses at most the open chunk
-FLUSH_TICKS = 50                      # ... which is closed every quarter second
-QUEUE_ITEMS = 20_000                  # about a minute and a half of ticks
+BATCH_TICKS = 25                      # handed to the thread together: a wake-up a tick would cost the loop its rhythm
+QUEUE_ITEMS = 800                     # batches: more than a minute and a half
+Row = tuple[int, bytes, list[tuple[Frame, bool]]]     # t_ns, the encoded Tick, raw frames of the tick
 
 
 class SessionWriter:
@@ -42,6 +42,7 @@ class SessionWriter:
         self._lossless = lossless
         self._encoder = msgspec.json.Encoder()
         self._frames: list[tuple[Frame, bool]] = []
+        self._rows: list[Row] = []
         self._queue: queue.Queue[tuple[str, object] | None] = queue.Queue(QUEUE_ITEMS)
         self._thread = threading.Thread(target=self._work, args=(folder,), name="recorder", daemon=True)
         self._thread.start()
@@ -53,7 +54,9 @@ class SessionWriter:
     def record(self, tick: Tick, sent: Sent) -> None:
         row = self._encoder.encode(msgspec.structs.replace(tick, sent=sent))
         frames, self._frames = self._frames, []
-        self._put(("tick", (tick.inputs.t_ns, row, frames)))
+        self._rows.append((tick.inputs.t_ns, row, frames))
+        if len(self._rows) >= BATCH_TICKS:
+            self._put_rows()
         for outcome in tick.outcomes:
             shot = tick.memory.last_shot
             mine = shot if shot is not None and shot.trial == outcome.trial else None
@@ -64,8 +67,13 @@ class SessionWriter:
 
     def close(self) -> None:
         """Write out what is queued and close the files."""
+        self._put_rows()
         self._queue.put(None)
         self._thread.join()
+
+    def _put_rows(self) -> None:
+        rows, self._rows = self._rows, []
+        self._put(("ticks", rows))
 
     def _put(self, item: tuple[str, object]) -> None:
         if self._lossless:
@@ -95,7 +103,7 @@ class _Files:
         self._telemetry: IO[bytes] = (folder / TELEMETRY).open("wb")
         self._can: IO[str] = (folder / CAN).open("w", encoding="ascii", newline="\n")
         self._trials: IO[bytes] = (folder / TRIALS).open("wb")
-        self._mcap = Writer(self._telemetry, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
+        self._mcap = Writer(self._telemetry, compression=CompressionType.ZSTD)
         self._mcap.start(profile="", library="truearc")
         schema = msgspec.json.encode(msgspec.json.schema(Tick))
         schema_id = self._mcap.register_schema("truearc.Tick", "jsonschema", schema)
@@ -113,16 +121,15 @@ class _Files:
     def write(self, kind: str, item: object) -> None:
         getattr(self, "_write_" + kind)(item)
 
-    def _write_tick(self, item: tuple[int, bytes, list[tuple[Frame, bool]]]) -> None:
-        t_ns, row, frames = item
-        self._mcap.add_message(self._channel, log_time=t_ns, data=row, publish_time=t_ns, sequence=self._ticks)
-        if frames:
-            self._can.write("".join([candump_line(frame, sent, t_ns) for frame, sent in frames]))
-        self._ticks += 1
-        if self._ticks % FLUSH_TICKS == 0:
-            self._mcap.flush()
-            self._telemetry.flush()
-            self._can.flush()
+    def _write_ticks(self, rows: list[Row]) -> None:
+        for t_ns, row, frames in rows:
+            self._mcap.add_message(self._channel, log_time=t_ns, data=row, publish_time=t_ns, sequence=self._ticks)
+            if frames:
+                self._can.write("".join([candump_line(frame, sent, t_ns) for frame, sent in frames]))
+            self._ticks += 1
+        self._mcap.flush()            # closes the chunk: a killed recorder loses one batch, an eighth of a second
+        self._telemetry.flush()
+        self._can.flush()
 
     def _write_trial(self, row: bytes) -> None:
         self._trials.write(row + b"\n")

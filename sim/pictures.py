@@ -1,0 +1,113 @@
+"""Pictures of the loop: one shot's telemetry, trajectories, the fit's map, shares with intervals."""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from robot.config import Config
+from robot.facts import Facts
+from robot.types import Tick
+from sim.intervals import wilson
+from sim.physics.catalogue import flight_terms
+from sim.physics.flight import path
+from sim.physics.shot import launch_of
+from sim.report import new_figure
+from sim.shots import Shots
+
+NS = 1e-9
+COLOURS = {"three": "#1b7f3b", "two": "#d99000", "miss": "#b3261e"}
+PATH_POINTS, PATH_STEP_S = 300, 0.01
+
+
+class Share(NamedTuple):
+    """A share to draw: `hits` of `tries`."""
+
+    name: str
+    hits: int
+    tries: int
+
+
+def draw_shot(ticks: Sequence[Tick], config: Config, fed_t_ns: int) -> Figure:
+    """Wheel speed, hood and battery around one shot; time 0 is when the ball was fed."""
+    figure = new_figure(8.0, 5.6)
+    wheel, hood, supply = figure.subplots(3, 1, sharex=True)
+    t_s = np.array([(tick.inputs.t_ns - fed_t_ns) * NS for tick in ticks])
+    free = config.rig.launcher.free_speed_rad_s or 0.0
+    for axes, unit, measured, wanted in (
+            (wheel, "motors, rad/s", [t.estimate.motor_rad_s for t in ticks], [t.aim.motor_ratio * free for t in ticks]),
+            (hood, "hood, deg", [t.estimate.hood_deg for t in ticks], [t.aim.hood_deg or np.nan for t in ticks])):
+        axes.plot(t_s, wanted, color="#9aa3af", linestyle="--", label="wanted")
+        axes.plot(t_s, measured, color="#1f5fa8", label="measured")
+        axes.set_ylabel(unit)
+        axes.legend(frameon=False, loc="lower right")
+    supply.plot(t_s, [tick.estimate.battery_v for tick in ticks], color="#1f5fa8")
+    supply.set_ylabel("battery, V")
+    supply.set_xlabel("seconds from feeding the ball")
+    for axes in (wheel, hood, supply):
+        axes.axvline(0.0, color="#b3261e", linewidth=1.0)
+        axes.spines[["top", "right"]].set_visible(False)
+    return figure
+
+
+def draw_trajectories(facts: Facts, coefficients: Mapping[str, Mapping[str, float]], shots: Shots, most: int) -> Figure:
+    """What the fitted simulator makes of recorded configurations, coloured by what really became of them."""
+    assert facts.target is not None
+    figure = new_figure(8.0, 4.0)
+    axes = figure.subplots()
+    outcomes, distance_m = shots.text("outcome"), shots.number("distance_m")
+    for outcome, colour in COLOURS.items():
+        rows = np.array([row for row, said in enumerate(outcomes) if said == outcome][:most], dtype=int)
+        if len(rows):
+            _draw_flights(axes, facts, coefficients, shots.take(rows), distance_m[rows], colour, outcome)
+    low = facts.target.centre_height_m - facts.target.two_half_height_m
+    three = facts.target.centre_height_m - facts.target.three_half_height_m
+    for bottom, half, colour in ((low, facts.target.two_half_height_m, COLOURS["two"]),
+                                 (three, facts.target.three_half_height_m, COLOURS["three"])):
+        axes.plot([0.0, 0.0], [bottom, bottom + 2 * half], color=colour, linewidth=5, solid_capstyle="butt")
+    axes.set(xlabel="metres before the target", ylabel="height, m", ylim=(0.0, None))
+    axes.legend(frameon=False, title="what happened")
+    axes.spines[["top", "right"]].set_visible(False)
+    return figure
+
+
+def _draw_flights(axes, facts, coefficients, shots, distance_m, colour, outcome) -> None:
+    states = path(facts, flight_terms({"gravity", *coefficients}), coefficients, launch_of(facts, shots),
+                  PATH_POINTS, PATH_STEP_S)
+    x, z = np.asarray(states.position_m.x) - distance_m, np.asarray(states.position_m.z)
+    for shot in range(len(shots)):
+        shown = (x[:, shot] <= 0.05) & (z[:, shot] >= 0.0)
+        until = len(shown) if shown.all() else int(np.argmin(shown))
+        axes.plot(x[:until, shot], z[:until, shot], color=colour, linewidth=0.8, alpha=0.7,
+                  label=outcome if shot == 0 else None)
+
+
+def draw_fit_map(cd: np.ndarray, cl: np.ndarray, accuracy: np.ndarray, chosen: tuple[float, float]) -> Figure:
+    """The grid fit over (C_d, C_l): 3-point accuracy [cl, cd], and the chosen pair."""
+    figure = new_figure(6.4, 4.8)
+    axes = figure.subplots()
+    image = axes.pcolormesh(cd, cl, accuracy, cmap="viridis", shading="nearest", rasterized=True)
+    figure.colorbar(image, ax=axes, label="share of recorded three-pointers reproduced")
+    axes.plot(*chosen, marker="*", markersize=14, color="#ff5a4f", markeredgecolor="white", linestyle="none",
+              label=f"chosen: C_d {chosen[0]:.3f}, C_l {chosen[1]:.3f}")
+    axes.set(xlabel="C_d (drag)", ylabel="C_l (lift)")
+    axes.legend(loc="upper right")
+    return figure
+
+
+def draw_shares(shares: Sequence[Share]) -> Figure:
+    """Shares with 95 % Wilson intervals, one bar each, top to bottom."""
+    figure = new_figure(8.0, 0.8 + 0.5 * len(shares))
+    axes = figure.subplots()
+    for row, share in enumerate(reversed(shares)):
+        low, high = wilson(share.hits, share.tries)
+        middle = share.hits / share.tries if share.tries else 0.0
+        axes.barh(row, middle, color="#1f5fa8" if "gate" in share.name else "#9aa3af", height=0.6)
+        axes.plot([low, high], [row, row], color="#1a1c20", linewidth=2)
+        axes.text(min(high, 0.98) + 0.01, row, f"{middle:.0%}  ({share.hits} of {share.tries})", va="center")
+    axes.set_yticks(range(len(shares)), [share.name for share in reversed(shares)])
+    axes.set(xlim=(0.0, 1.25), xlabel="share of fired shots, 95 % interval")
+    axes.set_xticks(np.linspace(0, 1, 6), [f"{part:.0%}" for part in np.linspace(0, 1, 6)])
+    axes.spines[["top", "right"]].set_visible(False)
+    return figure
