@@ -22,9 +22,10 @@ RANGES = {
 WORDS = {"outcome": OUTCOMES, "side": SIDES}
 TEXTS = ("session", "ball_id")
 
-# A column that nobody declared is a number when its cells are, or when its name ends in a unit (then text is an error).
-UNITS = ("m", "s", "deg", "rad", "rad_s", "rev_s", "m_s", "v", "a", "c", "k", "pa", "kg", "kg_m3", "m_s2", "ratio", "rpm",
-         "nm", "hz", "n")
+# A column that nobody declared is one of numbers when its cells are, or when some are and its name ends in a unit (then
+# text in it is an error).
+UNITS = ("m", "s", "deg", "rad", "rad_s", "rev_s", "m_s", "v", "a", "c", "k", "pa", "kg", "kg_m3", "m_s2", "ratio",
+         "rpm", "nm", "hz", "n")
 NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*", re.ASCII)
 NOT_FINITE = re.compile(r"\s*[+-]?(nan|inf|infinity)\s*", re.ASCII | re.IGNORECASE)
 WHEEL = re.compile(r"wheel_(.+)_rad_s")

@@ -19,9 +19,9 @@ from sim.physics.term import BallState, FlightTerm, complete
 from sim.physics.vector import Vec, absent, add, length, plus, scale, times
 
 STEP_S = 0.002                        # longest RK4 step; heights then agree with DOP853 to 1e-7 m
-TURN_RAD = 0.02                       # ... and no step turns or slows the velocity by more than this at the start
+TURN_RAD = 0.02                       # ... and the air changes the velocity by no more than this share in the first step
 LIMIT_S = 60.0                        # a ball still aloft then has not reached
-SHORTEST = 1.0 / 256.0                # of step_s, for balls that start almost at rest
+SHORTEST = 1.0 / 256.0                # of step_s, whatever the air does
 NEWTON_STEPS = 6
 
 Law = Callable[[BallState], Vec]
@@ -50,8 +50,9 @@ def fly(facts: Facts, terms: tuple[FlightTerm, ...], params: Mapping[str, Mappin
     """Fly every lane to the plane x = distance_m.
 
     params: {term: {parameter: value}}; they, exit and distance_m broadcast against each other, and the result has that
-    shape. Fixed-step RK4 in float64; each lane's step is at most step_s and at most turn_rad of its first turning; the
-    crossing is solved on a part of the last step. Forward-mode differentiable (jax.jacfwd) in params, exit and distance.
+    shape. Fixed-step RK4 in float64; each lane's step is at most step_s, and so short that the air turns or slows the
+    velocity by at most turn_rad in the first one; the crossing is solved on a part of the last step. Forward-mode
+    differentiable (jax.jacfwd) in params, exit and distance.
     """
     law = make_law(facts, terms, params)
     shape = _shape(params, exit, distance_m)
@@ -66,7 +67,7 @@ def fly(facts: Facts, terms: tuple[FlightTerm, ...], params: Mapping[str, Mappin
 @partial(jax.jit, static_argnames=("facts", "terms", "points", "step_s"))
 def path(facts: Facts, terms: tuple[FlightTerm, ...], params: Mapping[str, Mapping[str, Any]], exit: Exit,
          points: int, step_s: float = STEP_S) -> BallState:
-    """The free flight of every lane, `points` states step_s apart (leading axis, the launch first), through the floor."""
+    """The free flight of every lane, `points` states step_s apart (leading axis, launch first), through the floor."""
     law = make_law(facts, terms, params)
     start = _dense(start_of(facts, exit, _shape(params, exit, 0.0)))
 
@@ -133,9 +134,13 @@ def _dense(ball: BallState) -> BallState:
 
 
 def _step_for(law: Law, start: BallState, step_s: float, turn_rad: float) -> Any:
-    """Each lane's step: short where drag or lift turn the velocity fast; no derivative is taken through it."""
-    rate_s = length(law(start)) / length(start.velocity_m_s)
-    return lax.stop_gradient(jnp.clip(turn_rad / rate_s, step_s * SHORTEST, step_s))
+    """Each lane's step: short where the air changes the velocity fast; no derivative is taken through it.
+
+    What acts on a ball at rest, such as weight, does not count: Runge-Kutta is exact for it.
+    """
+    at_rest = law(start._replace(velocity_m_s=scale(0.0 * start.position_m.x, start.velocity_m_s)))
+    per_s = length(add(law(start), scale(-1.0, at_rest))) / length(start.velocity_m_s)
+    return lax.stop_gradient(jnp.clip(turn_rad / per_s, step_s * SHORTEST, step_s))
 
 
 def _fly_until(law: Law, start: BallState, step: Any, distance: Any, most_steps: int, limit_s: float) -> _Flight:
@@ -177,36 +182,48 @@ def _lowest_m(old: BallState, new: BallState, step: Any) -> Any:
 
 
 def _cross(law: Law, end: _Flight, step: Any, distance: Any) -> Crossing:
-    """Solve x = distance within the step that ended each flight."""
+    """Where each flight's last step crosses the plane, if it does; solved only if some lane comes near enough."""
+    ball = end.ball
+    gap_m = distance - ball.position_m.x
+    fastest_m_s = jnp.maximum(ball.velocity_m_s.x, rk4(law, ball, step).velocity_m_s.x)
+    near = jnp.any(gap_m <= 2.0 * step * fastest_m_s)
+    nowhere = jnp.full_like(end.time_s, jnp.nan)
+    height_m, time_s = lax.cond(near, lambda: _solve(law, end, step, distance), lambda: (nowhere, end.time_s))
+    return Crossing(height_m, time_s, ~jnp.isnan(height_m))
+
+
+def _solve(law: Law, end: _Flight, step: Any, distance: Any) -> tuple[Any, Any]:
+    """(height_m or nan, time_s) at x = distance within the step that ended each flight, by Newton on a part of it."""
     ball = end.ball
     turn_s = _turning_time(law, ball, step)
     gap_m = distance - ball.position_m.x
-    at_turn = rk4(law, ball, turn_s)
-    reached = (at_turn.position_m.x >= distance) | (gap_m <= 0.0)
+    reached = (rk4(law, ball, turn_s).position_m.x >= distance) | (gap_m <= 0.0)
     part_s = _first_root(gap_m, ball.velocity_m_s.x, law(ball).x, turn_s)
-    for _ in range(NEWTON_STEPS):
+
+    def improve(part_s: Any, _: None) -> tuple[Any, None]:
         there = rk4(law, ball, part_s)
         speed = jnp.where(there.velocity_m_s.x > 0.0, there.velocity_m_s.x, jnp.inf)
-        part_s = jnp.clip(part_s - (there.position_m.x - distance) / speed, 0.0, turn_s)
+        return jnp.clip(part_s - (there.position_m.x - distance) / speed, 0.0, turn_s), None
+
+    part_s = lax.scan(improve, part_s, None, length=NEWTON_STEPS)[0]
     there = rk4(law, ball, part_s)
     reached = reached & (_lowest_m(ball, there, part_s) >= 0.0)
-    return Crossing(jnp.where(reached, there.position_m.z, jnp.nan), end.time_s + jnp.where(reached, part_s, 0.0),
-                    reached)
+    return jnp.where(reached, there.position_m.z, jnp.nan), end.time_s + jnp.where(reached, part_s, 0.0)
 
 
 def _turning_time(law: Law, ball: BallState, step: Any) -> Any:
     """The part of the last step for which vx > 0."""
-    part_s = step
-    back = rk4(law, ball, step).velocity_m_s.x <= 0.0
-    for _ in range(NEWTON_STEPS):
+    def improve(part_s: Any, _: None) -> tuple[Any, None]:
         there = rk4(law, ball, part_s)
         slope = law(there).x
-        part_s = jnp.clip(part_s - there.velocity_m_s.x / jnp.where(slope < 0.0, slope, -jnp.inf), 0.0, step)
-    return jnp.where(back, part_s, step)
+        return jnp.clip(part_s - there.velocity_m_s.x / jnp.where(slope < 0.0, slope, -jnp.inf), 0.0, step), None
+
+    back = rk4(law, ball, step).velocity_m_s.x <= 0.0
+    return jnp.where(back, lax.scan(improve, step, None, length=NEWTON_STEPS)[0], step)
 
 
 def _first_root(gap_m: Any, speed_m_s: Any, acceleration_m_s2: Any, longest_s: Any) -> Any:
-    """Earlier root of speed t + acceleration t^2 / 2 = gap, within [0, longest_s]: it knows how a tangent crossing goes."""
+    """Earlier root of speed t + acceleration t^2 / 2 = gap in [0, longest_s]; right for tangent crossings too."""
     under = jnp.maximum(speed_m_s**2 + 2.0 * acceleration_m_s2 * gap_m, 0.0)
     divisor = speed_m_s + jnp.sqrt(jnp.where(under > 0.0, under, 1.0)) * (under > 0.0)
     return jnp.clip(2.0 * gap_m / jnp.where(divisor > 0.0, divisor, jnp.inf), 0.0, longest_s)
