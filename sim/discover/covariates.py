@@ -85,6 +85,16 @@ def gather_factors(shots: Shots) -> tuple[Factor, ...]:
     return tuple(found)
 
 
+def carried_by(covariate: Covariate, factors: tuple[Factor, ...]) -> tuple[str, ...]:
+    """Factors in each of whose levels the covariate stays the same: any of them could stand in its place."""
+    values, held = covariate.values, []
+    for factor in factors:
+        groups = [values[(factor.codes == code) & np.isfinite(values)] for code in range(len(factor.levels))]
+        if all(len(group) == 0 or not np.ptp(group) > 1e-6 * np.nanmax(np.abs(values)) for group in groups):
+            held.append(factor.name)
+    return tuple(held)
+
+
 def test_shapes(covariate: Covariate, rows: Array) -> tuple[Array, tuple[str, ...]]:
     """Weights [n, q] to test dependence on a covariate with, and what each is: straight, bent, steps, proportional.
 

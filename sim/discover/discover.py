@@ -7,7 +7,7 @@ import numpy as np
 
 from sim.discover import outcomes
 from sim.discover.correct import Correction, clustered_error
-from sim.discover.covariates import Covariate, gather_covariates, gather_factors
+from sim.discover.covariates import Covariate, Factor, carried_by, gather_covariates, gather_factors
 from sim.discover.evidence import Evidence
 from sim.discover.family import Clusters, Test, ask_everything, find_clusters, name_of
 from sim.discover.finding import Data, Finding, Fit, Mismatch, TestResult, Unknown, Where
@@ -47,8 +47,8 @@ def discover(dataset: Dataset, believed: Sequence[str] | None = None, false_alar
     if not gathered.evidences:
         return Investigation(_silent(dataset, gathered, terms, false_alarm), gathered, None, ())
     clusters = find_clusters(dataset.shots)
-    covariates = gather_covariates(dataset)
-    tests, scores = ask_everything(gathered.evidences, covariates, gather_factors(dataset.shots), clusters)
+    factors = gather_factors(dataset.shots)
+    tests, scores = ask_everything(gathered.evidences, gather_covariates(dataset), factors, clusters)
     if not tests:
         return Investigation(_silent(dataset, gathered, terms, false_alarm), gathered, None, ())
     flips = flip_signs(scores, DRAWS, seed, lambda done, note: progress(0.5 + 0.3 * done, note))
@@ -69,7 +69,7 @@ def _finding(dataset: Dataset, gathered: Gathered, terms: tuple[str, ...], clust
         fit = _fit(gathered, place.correction, clusters, False)
         return Finding(data, mismatch, _nowhere("nothing was found"), "none",
                        say_none(terms, p_value, data.shots, false_alarm), None, fit)
-    where = _where(place)
+    where = _where(place, gather_factors(dataset.shots))
     evidence = gathered.evidences[place.test.evidence]
     unknown = Unknown(where.covariate, place.channel.direction, amplitude_of(evidence, place.correction),
                       place.channel.unit, None)
@@ -89,13 +89,15 @@ def _data(dataset: Dataset, gathered: Gathered, terms: tuple[str, ...], clusters
     return Data(len(dataset.shots), gathered.level, gathered.left_out, terms, gathered.fitted, clusters)
 
 
-def _where(place: Place) -> Where:
+def _where(place: Place, factors: tuple[Factor, ...]) -> Where:
     name = name_of(place.test, place.channel)
     reason = None
     if place.stage is None:
         reason = "stage: no stage is clearly better than the others at correcting shots it has not seen"
     what = place.test.what
-    others = tuple(n for n in what.names if n != name) if isinstance(what, Covariate) else ()
+    others: tuple[str, ...] = ()
+    if isinstance(what, Covariate):
+        others = tuple(n for n in what.names if n != name) + carried_by(what, factors)
     return Where(place.stage, place.stage_probability, name, place.channel.direction, place.region, place.times_s,
                  place.channel.name, others, reason)
 

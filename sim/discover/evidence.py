@@ -21,7 +21,7 @@ class Channel:
     stage: str                        # sensing | launch | flight | arrival
     direction: str
     unit: str                         # of its amplitude
-    words: str                        # "the ball accelerates upwards by {} more than simulated" without the number
+    words: str                        # of a positive amplitude, before "than simulated": "the ball leaves faster"
     follows: str = ""                 # what it varies with inside one flight; "" = an amplitude a shot
     times_s: tuple[float, float] | None = None
 

@@ -7,10 +7,10 @@ from sim.discover.tracks import TrackFit
 from sim.physics.launch import Exit
 
 CHANNELS = (
-    Channel("launch speed", "launch", "along", "1", "the ball leaves faster than simulated by a fraction of {}"),
-    Channel("launch elevation", "launch", "vertical", "rad", "the ball leaves steeper than simulated by {}"),
-    Channel("launch azimuth", "launch", "lateral", "rad", "the ball leaves to the left of straight ahead by {}"),
-    Channel("release height", "launch", "vertical", "m", "the ball leaves higher than simulated by {}"),
+    Channel("launch speed", "launch", "along", "1", "the ball leaves faster"),
+    Channel("launch elevation", "launch", "vertical", "rad", "the ball leaves steeper"),
+    Channel("launch azimuth", "launch", "lateral", "rad", "the ball leaves farther to the left"),
+    Channel("release height", "launch", "vertical", "m", "the ball leaves higher up"),
 )
 NEAREST = 1e-9                        # smallest scatter, in a channel's unit
 

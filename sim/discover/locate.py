@@ -51,14 +51,15 @@ def _plainness(test: Test) -> int:
 
 def locate(evidences: Sequence[Evidence], tests: Sequence[Test], flips: Flips, false_alarm: float, clusters: Clusters,
            seed: int) -> Place:
-    """Take the best test of every stage, correct by it freely, and weigh the stages by what that gains held out."""
+    """Take the best test of every stage, correct by it freely, and weigh the stages by what that gains held out.
+
+    When no test is beyond chance the likeliest stands alone.
+    """
     found = np.flatnonzero(flips.p_family <= false_alarm)
-    if not len(found):
-        found = np.array([int(flips.p_family.argmin())])
     stage_of = np.array([evidences[test.evidence].channels[test.channel].stage for test in tests])
+    leader = pick(tests, flips, found) if len(found) else int(flips.p_family.argmin())
     champions = {stage: pick(tests, flips, np.flatnonzero(stage_of == stage))
-                 for stage in STAGES if (stage_of == stage).any()}
-    leader = pick(tests, flips, found)
+                 for stage in STAGES if len(found) and (stage_of == stage).any()}
     champions[stage_of[leader]] = leader
     corrections = {stage: correct(evidences[tests[k].evidence], tests[k], clusters) for stage, k in champions.items()}
     weights = _weigh(evidences, corrections, clusters, seed)

@@ -14,15 +14,12 @@ from sim.shots import Shots
 
 # Slopes that plane_slopes gives, in its order, and what an amplitude of each means; the height itself comes last.
 CHANNELS = (
-    Channel("launch speed", "launch", "along", "1", "the ball leaves faster than simulated by a fraction of {}"),
-    Channel("launch elevation", "launch", "vertical", "rad", "the ball leaves steeper than simulated by {}"),
-    Channel("distance", "sensing", "along", "m", "the target is farther than recorded by {}"),
-    Channel("push along", "flight", "along", "m/s2", "the ball is pushed forward along its flight by {} more than "
-            "simulated"),
-    Channel("push vertical", "flight", "vertical", "m/s2", "the ball is lifted across its flight by {} more than "
-            "simulated"),
-    Channel("height at the target", "arrival", "vertical", "m", "the ball passes the target higher than simulated "
-            "by {}"),
+    Channel("launch speed", "launch", "along", "1", "the ball leaves faster"),
+    Channel("launch elevation", "launch", "vertical", "rad", "the ball leaves steeper"),
+    Channel("distance", "sensing", "along", "m", "the target is farther away"),
+    Channel("push along", "flight", "along", "m/s2", "the ball is pushed forward along its flight more"),
+    Channel("push vertical", "flight", "vertical", "m/s2", "the ball is lifted across its flight more"),
+    Channel("height at the target", "arrival", "vertical", "m", "the ball passes the target higher"),
 )
 SPREADS = ("scatter.speed", "scatter.height")
 # Standard deviation of launch speed (a fraction) and of whatever else moves the height (m): log-normal, a factor of 3.

@@ -11,7 +11,8 @@ FEWEST_SAMPLES = 6                    # per track; fewer cannot say more than wh
 SMOOTH_DEGREE = 4                     # of the polynomial that stands for "any smooth flight" when scatter is measured
 ENOUGH_SAMPLES = 12                   # per track, to measure scatter from it
 GROSS = 8.0                           # robust standard deviations off a smooth flight: not a sample of the ball
-MOST_MEMORY = 0.97
+MEMORIES = np.linspace(0.0, 0.97, 50)  # correlations of neighbouring samples that are told apart
+LEAST_MEMORY = 0.03
 
 
 @dataclass(frozen=True)
@@ -52,19 +53,33 @@ def gather_samples(tracks: Tracks, shots: int) -> tuple[Samples, tuple[str, ...]
 
 
 def measure_scatter(samples: Samples, believed_m: float) -> Scatter:
-    """Noise about the smoothest flight that each track allows; the believed figure when no track is long enough."""
-    residuals = [_detrend(samples.time_s[k][real], samples.position_m[k][real])
-                 for k, real in enumerate(samples.real) if real.sum() >= ENOUGH_SAMPLES]
-    if not residuals:
+    """Noise about the smoothest flight that each track allows; the believed figure when no track is long enough.
+
+    A smooth curve takes some of the noise with it, most of slow noise. Size and memory are those that would leave what
+    was found after the same curve was taken out of a typical track.
+    """
+    long = [k for k, real in enumerate(samples.real) if real.sum() >= ENOUGH_SAMPLES]
+    if not long:
         return Scatter(np.full(3, believed_m), np.zeros(3))
-    freedom = sum(len(r) - SMOOTH_DEGREE - 1 for r in residuals)
-    sigma_m = np.sqrt(sum((r**2).sum(0) for r in residuals) / freedom)
-    together = sum((r[1:] * r[:-1]).sum(0) for r in residuals) / freedom / np.maximum(sigma_m**2, 1e-300)
-    gap_s = float(np.median(np.diff(samples.time_s, axis=1)[samples.real[:, 1:]]))
-    memory = np.clip(together, 0.0, MOST_MEMORY)
-    # below 0.05 a correlation is no more than the detrending leaves behind
-    memory_s = np.where(memory > 0.05, -gap_s / np.log(np.maximum(memory, 1e-12)), 0.0)
+    residuals = [_detrend(samples.time_s[k][samples.real[k]], samples.position_m[k][samples.real[k]]) for k in long]
+    square = sum((r**2).sum(0) for r in residuals) / sum(len(r) for r in residuals)
+    together = sum((r[1:] * r[:-1]).sum(0) for r in residuals) / sum(len(r) for r in residuals)
+    typical = sorted(long, key=lambda k: samples.real[k].sum())[len(long) // 2]
+    time_s = samples.time_s[typical][samples.real[typical]]
+    gap_s = float(np.median(np.diff(time_s)))
+    left = np.array([_left_over(time_s, memory, gap_s) for memory in MEMORIES])
+    found = np.interp(together / np.maximum(square, 1e-300), left[:, 1] / left[:, 0], MEMORIES)
+    sigma_m = np.sqrt(square / np.interp(found, MEMORIES, left[:, 0]))
+    memory_s = np.where(found > LEAST_MEMORY, -gap_s / np.log(np.maximum(found, 1e-12)), 0.0)
     return Scatter(np.maximum(sigma_m, 1e-6), memory_s)
+
+
+def _left_over(time_s: Array, memory: float, gap_s: float) -> tuple[float, float]:
+    """(mean square, mean product of neighbours) of unit noise with memory after a smooth curve is taken out."""
+    apart = np.abs(time_s[:, None] - time_s[None]) / gap_s
+    noise = np.where(apart == 0.0, 1.0, memory**apart)
+    left = _detrend(time_s, _detrend(time_s, noise).T)
+    return float(np.diag(left).mean()), float(np.diag(left, 1).sum() / len(time_s))
 
 
 def whiten(samples: Samples, scatter: Scatter, columns: Array) -> Array:

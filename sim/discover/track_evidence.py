@@ -11,13 +11,12 @@ from sim.discover.tracks import TrackFit, project_out, substeps_for
 
 BANDS = 4                             # of flight time
 FORECAST = 0.4                        # of a flight's samples from which its end is forecast
-WORDS = {"along": "the ball is pushed forward along its flight by {} more than simulated",
-         "vertical": "the ball is lifted across its flight by {} more than simulated",
-         "lateral": "the ball is pushed to the left by {} more than simulated"}
-TRACKER = (Channel("tracker scale", "sensing", "vertical", "1", "the tracker's scale is off by {}", "sensor"),
-           Channel("tracker pitch", "sensing", "along", "rad", "the tracker is pitched by {}", "sensor"),
-           Channel("tracker roll", "sensing", "lateral", "rad", "the tracker is tilted sideways by {}", "sensor"),
-           Channel("tracker clock", "sensing", "vertical", "1", "the tracker's clock is off by {}", "sensor"))
+WORDS = {"along": "the ball is pushed forward along its flight more",
+         "vertical": "the ball is lifted across its flight more", "lateral": "the ball is pushed to the left more"}
+TRACKER = (Channel("tracker scale", "sensing", "vertical", "1", "tracks are drawn larger", "sensor"),
+           Channel("tracker pitch", "sensing", "along", "rad", "the tracker is pitched more", "sensor"),
+           Channel("tracker roll", "sensing", "lateral", "rad", "the tracker is tilted sideways more", "sensor"),
+           Channel("tracker clock", "sensing", "vertical", "1", "the tracker's clock runs slower", "sensor"))
 
 
 def push_columns(fit: TrackFit) -> tuple[tuple[Channel, ...], Array]:

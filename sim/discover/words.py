@@ -1,5 +1,7 @@
 """The verdict in a sentence."""
 
+import math
+
 from sim.discover.finding import Finding, Unknown, Where
 
 STAGE_WORDS = {"sensing": "in what the sensors say", "launch": "at the launch", "flight": "in flight",
@@ -10,17 +12,26 @@ DIRECTION_WORDS = {"along": "along the velocity", "vertical": "vertically", "lat
 def say_mismatch(believed: tuple[str, ...], p_value: float, where: Where, unknown: Unknown, words: str) -> str:
     """Where simulation and recordings part, how far, and what it follows."""
     place = STAGE_WORDS[where.stage] if where.stage else "somewhere (these data cannot say in which stage)"
-    size = f"{abs(unknown.amplitude):.2g} {unknown.unit}" if unknown.unit != "1" else f"{abs(unknown.amplitude):.2g}"
     if unknown.covariate is None:
-        sign = "" if unknown.amplitude >= 0.0 else "minus "
-        follows = f"{words.format(sign + size)}, in every shot alike"
+        how = f"{words} than simulated by {_size(unknown.amplitude, unknown.unit)}, in every shot alike"
     elif where.region.get("factor"):
-        follows = f"{words.format(size)}, depending on {unknown.covariate}"
+        how = (f"{words} than simulated in {unknown.covariate} {where.region['level']}; sessions or groups differ by "
+               f"{_size(abs(unknown.amplitude), unknown.unit)}")
+    elif unknown.covariate.endswith("in_flight_m_s") or unknown.covariate.endswith("in_flight_s"):
+        how = f"{words} than simulated by {_size(unknown.amplitude, unknown.unit)}, varying with {unknown.covariate}"
     else:
-        trend = "rising" if unknown.amplitude >= 0.0 else "falling"
-        follows = f"{words.format(size)}, {trend} with {unknown.covariate}"
+        trend = "the more" if unknown.amplitude >= 0.0 else "the less"
+        how = (f"{words} than simulated, {trend} so the higher {unknown.covariate} is "
+               f"(by {_size(abs(unknown.amplitude), unknown.unit)} over its range)")
     return (f"The simulation ({', '.join(believed)}) and the recordings disagree {place}, "
-            f"{DIRECTION_WORDS[unknown.direction]}: {follows} (p = {p_value:.2g}).")
+            f"{DIRECTION_WORDS[unknown.direction]}: {how} (p = {p_value:.2g}).")
+
+
+def _size(amplitude: float, unit: str) -> str:
+    """An amplitude as people say it: shares in per cent, angles in degrees."""
+    if unit == "1":
+        return f"{100.0 * amplitude:.2g} %"
+    return f"{math.degrees(amplitude):.2g} degrees" if unit == "rad" else f"{amplitude:.2g} {unit}"
 
 
 def say_none(believed: tuple[str, ...], p_value: float | None, shots: int, false_alarm: float) -> str:
@@ -43,7 +54,7 @@ def console_lines(finding: Finding) -> list[str]:
     if finding.mismatch.found and where.stage_probability:
         lines.append("stages: " + ", ".join(f"{stage} {p:.2f}" for stage, p in where.stage_probability.items()))
     if where.inseparable:
-        lines.append(f"{where.covariate} runs with {', '.join(where.inseparable)}: these data cannot tell them apart")
+        lines.append(f"{where.covariate} goes with {', '.join(where.inseparable)}: these data cannot tell them apart")
     if finding.mismatch.found and where.times_s:
         lines.append(f"along the flight: {where.times_s[0]:.2f} to {where.times_s[1]:.2f} s")
     if fit and fit.gain_per_shot is not None:

@@ -52,7 +52,7 @@ def make_tracks(world: World, shots: int, seed: int) -> Dataset:
         start = np.array([0.3, 0.0, 1.0, flat * np.cos(heading), flat * np.sin(heading), speed * np.sin(angle)])
         time_s = np.linspace(0.0, rng.uniform(0.7, 1.0), SAMPLES)
         lift = world.lift_by_temperature * (temperature[k] - 20.0)
-        path = _fly(start, time_s, (world.cd * drag[k], 0.0, 0.0, world.wind_m_s, lift))
+        path = fly(start, time_s, (world.cd * drag[k], 0.0, 0.0, world.wind_m_s, lift))
         parts.append((np.full(SAMPLES, k), time_s, path + _noise(rng, world, SAMPLES)))
     numbers = {"temperature_c": temperature, "t_s": np.cumsum(rng.uniform(5.0, 20.0, shots))}
     texts = {"ball_id": tuple(f"ball{b}" for b in ball)} if world.balls else {}
@@ -112,7 +112,7 @@ def _aim(world: World, distance_m: np.ndarray, hood_deg: np.ndarray) -> np.ndarr
     return 0.5 * (low + high)
 
 
-def _fly(start: np.ndarray, time_s: np.ndarray, forces: tuple[float, ...]) -> np.ndarray:
+def fly(start: np.ndarray, time_s: np.ndarray, forces: tuple[float, ...]) -> np.ndarray:
     flown = solve_ivp(_rate, (0.0, time_s[-1]), start, "DOP853", t_eval=time_s, rtol=1e-9, atol=1e-10,
                       args=forces)
     return flown.y[:3].T

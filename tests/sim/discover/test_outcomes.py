@@ -1,0 +1,88 @@
+"""What outcomes say of a height: probabilities against the normal law, slopes and information against sums."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import norm
+
+from robot.config import BadInput
+from robot.facts import Target
+from sim.discover import outcomes
+from sim.discover.outcomes import LAPSE, Seen, see_outcomes
+from sim.shots import Shots
+
+TARGET = Target(2.44)
+CELLS = (("miss", ""), ("two", ""), ("three", ""), ("miss", "low"), ("miss", "high"), ("two", "low"), ("two", "high"))
+means = st.floats(-1.0, 1.0)
+spreads = st.floats(0.02, 0.6)
+
+
+def seen_of(cells: list[tuple[str, str]], heights: list[float] | None = None) -> Seen:
+    numbers = {} if heights is None else {"miss_height_m": np.array(heights)}
+    shots = Shots(tuple(map(str, range(len(cells)))), numbers,
+                  {"outcome": tuple(c[0] for c in cells), "side": tuple(c[1] for c in cells)})
+    return see_outcomes(shots, TARGET)[1]
+
+
+def chance(seen: Seen, mean: float, spread: float) -> np.ndarray:
+    n = len(seen.low)
+    return np.exp(outcomes.log_likelihood(seen, np.full(n, mean), np.full(n, spread)))
+
+
+@settings(max_examples=50, deadline=None)
+@given(mean=means, spread=spreads)
+def test_probabilities_are_those_of_the_normal_law(mean: float, spread: float) -> None:
+    p = chance(seen_of(list(CELLS)), mean, spread)
+    cdf = lambda z: norm.cdf((z - mean) / spread)                                              # noqa: E731
+    three, low_two, high_two = cdf(0.07) - cdf(-0.07), cdf(-0.07) - cdf(-0.35), cdf(0.35) - cdf(0.07)
+    exact = np.array([1.0 - cdf(0.35) + cdf(-0.35), low_two + high_two, three, cdf(-0.35), 1.0 - cdf(0.35), low_two,
+                      high_two])
+    assert np.allclose(p, (1.0 - LAPSE) * exact + LAPSE / 3.0, atol=1e-10)
+    assert p[:3].sum() == pytest.approx(1.0)
+
+
+@settings(max_examples=50, deadline=None)
+@given(mean=means, spread=spreads, measured=st.floats(-1.0, 1.0))
+def test_slopes_agree_with_differences(mean: float, spread: float, measured: float) -> None:
+    seen = seen_of([*CELLS, ("", "")], [np.nan] * len(CELLS) + [measured])
+    n, step = len(seen.low), 1e-6
+    m, s = np.full(n, mean), np.full(n, spread)
+    by_mean, by_log = outcomes.slopes(seen, m, s)
+    value = outcomes.log_likelihood
+    scale = 1.0 / spread**2
+    assert np.allclose(by_mean, (value(seen, m + step, s) - value(seen, m - step, s)) / (2 * step), atol=1e-4 * scale)
+    assert np.allclose(by_log, (value(seen, m, s * np.exp(step)) - value(seen, m, s * np.exp(-step))) / (2 * step),
+                       atol=1e-4 * scale)
+
+
+@settings(max_examples=30, deadline=None)
+@given(mean=means, spread=spreads)
+def test_information_is_the_mean_square_slope_over_what_can_happen(mean: float, spread: float) -> None:
+    seen = seen_of(list(CELLS[:3]))
+    m, s = np.full(3, mean), np.full(3, spread)
+    slope = np.stack(outcomes.slopes(seen, m, s), axis=1)
+    expected = np.einsum("k,ki,kj->ij", chance(seen, mean, spread), slope, slope)
+    assert np.allclose(outcomes.information(seen, m, s)[0], expected, rtol=1e-6, atol=1e-9)
+
+
+def test_aimed_at_the_centre_a_class_says_nothing_of_the_side_but_a_signed_one_does() -> None:
+    """The design notes' figures: 0 without sides, three quarters of a measured height with them."""
+    spread = np.full(4, 0.12)
+    measured = 1.0 / 0.12**2
+    plain = outcomes.information(seen_of([("miss", ""), *CELLS[:3]]), np.zeros(4), spread)[0, 0, 0] / measured
+    signed = outcomes.information(seen_of([("miss", "low"), ("miss", "high"), *CELLS[1:3]]), np.zeros(4), spread)
+    assert plain == pytest.approx(0.0, abs=1e-9)
+    assert 0.6 < signed[0, 0, 0] / measured < 0.9
+
+
+def test_sideways_misses_are_not_used_and_a_missing_target_is_named() -> None:
+    shots = Shots(("a", "b"), {}, {"outcome": ("miss", "three"), "side": ("left", "")})
+    assert see_outcomes(shots, TARGET)[0].tolist() == [1]
+    with pytest.raises(BadInput, match="target"):
+        see_outcomes(shots, None)
+
+
+def test_the_likeliest_class() -> None:
+    seen = seen_of(list(CELLS[:3]))
+    assert outcomes.best_class(seen, np.array([0.0, 0.2, 0.9]), np.full(3, 0.05)).tolist() == [2, 1, 0]

@@ -1,0 +1,70 @@
+"""How track samples scatter: known noise is found again, and whitened away."""
+
+import numpy as np
+import pytest
+
+from sim.discover.samples import Samples, gather_samples, measure_scatter, whiten
+from sim.shots import Tracks
+
+SIGMA_M, MEMORY, N, LENGTH, STEP_S = 0.004, 0.6, 60, 50, 0.01
+
+
+def noisy(memory: float, seed: int = 0) -> Tracks:
+    """Parabolas with first-order autoregressive noise."""
+    rng = np.random.default_rng(seed)
+    t = STEP_S * np.arange(LENGTH)
+    noise = rng.normal(0.0, SIGMA_M, (N, LENGTH, 3))
+    for k in range(1, LENGTH):
+        noise[:, k] = memory * noise[:, k - 1] + np.sqrt(1.0 - memory**2) * noise[:, k]
+    path = np.stack([4.0 * t, 0.1 * t, 1.0 + 2.0 * t - 4.9 * t**2], axis=1) + noise
+    return Tracks(np.repeat(np.arange(N), LENGTH), np.tile(t, N), *path.reshape(-1, 3).T)
+
+
+def test_noise_without_memory_is_found_again() -> None:
+    samples, notes, gross = gather_samples(noisy(0.0), N)
+    scatter = measure_scatter(samples, 1.0)
+    assert (notes, gross) == ((), 0)
+    assert np.allclose(scatter.sigma_m, SIGMA_M, rtol=0.05)
+    assert (np.exp(-STEP_S / np.maximum(scatter.memory_s, 1e-9)) < 0.1).all()
+
+
+def test_noise_with_memory_becomes_white() -> None:
+    samples, _, _ = gather_samples(noisy(MEMORY), N)
+    scatter = measure_scatter(samples, 1.0)
+    assert np.allclose(np.exp(-STEP_S / scatter.memory_s), MEMORY, atol=0.04)
+    assert np.allclose(scatter.sigma_m, SIGMA_M, rtol=0.06)
+    t = STEP_S * np.arange(LENGTH)
+    truth = np.stack([4.0 * t, 0.1 * t, 1.0 + 2.0 * t - 4.9 * t**2], axis=1)
+    white = whiten(samples, scatter, (samples.position_m - truth)[..., None]).reshape(N, LENGTH, 3)[:, 1:]
+    together = (white[:, 1:] * white[:, :-1]).mean() / (white**2).mean()
+    assert abs(together) < 0.04
+    assert white.std() == pytest.approx(1.0, abs=0.05)
+
+
+def test_a_gross_sample_is_left_out_and_counted() -> None:
+    tracks = noisy(0.0)
+    z_m = tracks.z_m.copy()
+    z_m[17] += 0.3
+    samples, notes, gross = gather_samples(Tracks(tracks.shot, tracks.t_s, tracks.x_m, tracks.y_m, z_m), N)
+    assert gross == 1
+    assert "1 track samples" in notes[0]
+    assert samples.real.sum() == N * LENGTH - 1
+
+
+def test_short_tracks_are_left_out_and_counted_and_padding_weighs_nothing() -> None:
+    t = 0.01 * np.arange(10)
+    shot = np.concatenate([np.zeros(10, int), np.full(4, 1), np.full(7, 2)])
+    time_s = np.concatenate([t, t[:4], t[:7]])
+    samples, notes, _ = gather_samples(Tracks(shot, time_s, time_s, time_s, time_s), 4)
+    assert samples.rows.tolist() == [0, 2]
+    assert "1 tracks with fewer" in notes[0]
+    assert samples.real.sum(1).tolist() == [10, 7]
+    white = whiten(samples, measure_scatter(samples, 0.01), np.ones((2, 10, 3, 1)))
+    assert (white.reshape(2, 10, 3)[1, 7:] == 0.0).all()
+
+
+def test_with_short_tracks_only_the_believed_scatter_stands() -> None:
+    t = 0.01 * np.arange(8)
+    samples, _, _ = gather_samples(Tracks(np.zeros(8, int), t, t, t, t), 1)
+    assert isinstance(samples, Samples)
+    assert measure_scatter(samples, 0.0123).sigma_m.tolist() == [0.0123] * 3
