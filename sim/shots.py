@@ -1,8 +1,9 @@
 """Datasets of shots: a directory of rig.toml, shots, tracks and traces <-> columns."""
 
-from sim.dataset.load import dataset_hash, load_dataset
+from sim.dataset.load import dataset_hash, hash_dataset, load_dataset
 from sim.dataset.model import Dataset, Shots, Traces, Tracks
-from sim.dataset.rig import load_rig
+from sim.dataset.rig import load_rig, save_rig
 from sim.dataset.save import save_dataset
 
-__all__ = ["Dataset", "Shots", "Traces", "Tracks", "dataset_hash", "load_dataset", "load_rig", "save_dataset"]
+__all__ = ["Dataset", "Shots", "Traces", "Tracks", "dataset_hash", "hash_dataset", "load_dataset", "load_rig",
+           "save_dataset", "save_rig"]
