@@ -12,6 +12,7 @@ from hw.link import BadFrame, Frame
 from hw.odrive import REVOLUTION_RAD, Axis
 
 DISARMED = 3                                      # procedure_result
+PHASE_NS = 3 * MS                                 # of every axis's reports: each moment of its own would cost time
 OVERSPEED = 1.2                                   # times the velocity limit: the axis gives up
 
 
@@ -36,7 +37,7 @@ class OdriveNode:
 
     Idle at power-up. It drives only in closed loop, with torque control and passthrough input; it leaves closed loop
     when its watchdog, its velocity limit or an estop says so, and will not return until the error has been cleared.
-    `endstop` reads the limit switch wired to it. Reports are staggered by node, a millisecond each.
+    `endstop` reads the limit switch wired to it. All axes report at the same moments, between the robot's ticks.
     """
 
     def __init__(self, axis: Axis, motor: str, plant: Plant, settings: OdriveSettings | None = None,
@@ -173,7 +174,7 @@ class OdriveNode:
         self._expires_ns = t_ns + self._settings.watchdog_ms * MS if self._settings.watchdog_ms else NEVER_NS
 
     def _make_reports(self) -> tuple[Report, ...]:
-        settings, phase_ns = self._settings, self._axis.node % 5 * MS
+        settings, phase_ns = self._settings, PHASE_NS
         periods_ms = (settings.heartbeat_ms, settings.error_ms, settings.encoder_ms, settings.current_ms,
                       settings.bus_ms)
         return tuple(Report(period_ms * MS, phase_ns, make)
