@@ -1,0 +1,156 @@
+"""Flights against closed forms."""
+
+import jax
+import msgspec
+import numpy as np
+import pytest
+
+from robot.facts import WorldFacts
+from sim.physics.catalogue import flight_terms
+from sim.physics.flight import fly, path
+from sim.physics.launch import Exit
+from tests.sim.physics import reference
+from tests.sim.physics.rigs import GUPPY, weightless
+
+SEED = flight_terms(("gravity", "drag", "magnus"))
+LIFT = flight_terms(("magnus",))
+G, H = reference.GRAVITY_M_S2, reference.RELEASE_M
+# rotation of the velocity in rad/s for cl = 1 and one revolution a second: Eq. 2 / (m v)
+LIFT_RAD_S = 16 / 3 * np.pi**2 * reference.RADIUS_M**3 * reference.DENSITY_KG_M3 / reference.MASS_KG
+DRAG_PER_M = 0.5 * np.pi * reference.RADIUS_M**2 * reference.DENSITY_KG_M3 / reference.MASS_KG
+
+
+def _vacuum(speed, elevation, distance):
+    return H + distance * np.tan(elevation) - G * distance**2 / (2 * (speed * np.cos(elevation))**2)
+
+
+def test_vacuum_is_a_parabola():
+    rng = np.random.default_rng(1)
+    speed, elevation = rng.uniform(1, 20, 500), np.radians(rng.uniform(-40, 80, 500))
+    distance = rng.uniform(0, 16, 500)
+    crossing = fly(GUPPY, SEED, {}, Exit(speed, elevation, np.full(500, 9.0)), distance)
+    height = _vacuum(speed, elevation, distance)
+    reached = np.asarray(crossing.reached)
+    assert 100 < reached.sum() < 450
+    np.testing.assert_array_equal(reached, height >= 0.0)
+    np.testing.assert_allclose(np.asarray(crossing.height_m)[reached], height[reached], atol=1e-10)
+    np.testing.assert_allclose(np.asarray(crossing.time_s)[reached], (distance / (speed * np.cos(elevation)))[reached],
+                               atol=1e-11)
+    assert np.isnan(np.asarray(crossing.height_m)[~reached]).all()
+
+
+def _circle(radius, elevation, distance, release):
+    """Height where a counter-clockwise circle first meets x = distance before it turns back, else nan."""
+    centre_x, centre_z = -radius * np.sin(elevation), release + radius * np.cos(elevation)
+    sine = (distance - centre_x) / radius
+    return np.where(sine <= 1, centre_z - radius * np.cos(np.arcsin(np.clip(sine, -1, 1))), np.nan)
+
+
+def test_lift_alone_bends_a_circle():
+    rng = np.random.default_rng(2)
+    speed, elevation, spin = rng.uniform(2, 20, 400), np.radians(rng.uniform(0, 75, 400)), rng.uniform(1, 33, 400)
+    cl = rng.uniform(0.1, 5, 400)
+    radius = speed / (LIFT_RAD_S * cl * spin)
+    distance = radius * rng.uniform(0.01, 1.2, 400)
+    crossing = fly(weightless(1.0), LIFT, {"magnus": {"cl": cl}}, Exit(speed, elevation, spin), distance)
+    height = _circle(radius, elevation, distance, 1.0)
+    np.testing.assert_array_equal(np.asarray(crossing.reached), ~np.isnan(height))
+    assert 50 < np.isnan(height).sum() < 350
+    np.testing.assert_allclose(crossing.height_m, height, atol=1e-7, equal_nan=True)
+
+
+@pytest.mark.parametrize(("beyond", "reached"), [(-1e-7, True), (1e-7, False)])
+def test_a_plane_touched_at_the_turn(beyond, reached):
+    """A circle of 1 m launched level has its foremost point 1 m ahead and 1 m up."""
+    spin = 10.0 / LIFT_RAD_S
+    crossing = fly(weightless(0.5), LIFT, {"magnus": {"cl": 1.0}}, Exit(10.0, 0.0, spin), 1.0 + beyond)
+    assert bool(crossing.reached) is reached
+    if reached:
+        assert float(crossing.height_m) == pytest.approx(1.5 - np.sqrt(2e-7), abs=1e-6)
+
+
+@pytest.mark.parametrize(("release", "reached"), [(0.2929, True), (0.2928, False)])
+def test_a_ball_that_skims_the_floor(release, reached):
+    """A circle of 1 m launched 45 degrees down has its lowest point 1 - cos 45 = 0.292893 m below."""
+    spin = 10.0 / LIFT_RAD_S
+    crossing = fly(weightless(release), LIFT, {"magnus": {"cl": 1.0}}, Exit(10.0, -np.pi / 4, spin), 1.6)
+    assert bool(crossing.reached) is reached
+
+
+def test_drag_alone_takes_exponential_time():
+    speed, distance = np.array([1.0, 5.0, 20.0]), np.array([0.5, 3.0, 15.0])
+    k = 0.7 * DRAG_PER_M
+    crossing = fly(weightless(1.0), flight_terms(("drag",)), {"drag": {"cd": 0.7}}, Exit(speed, 0.0, 0.0), distance)
+    np.testing.assert_allclose(crossing.time_s, np.expm1(k * distance) / (k * speed), rtol=1e-10)
+    np.testing.assert_allclose(crossing.height_m, 1.0, rtol=1e-14)
+
+
+def test_a_falling_ball_approaches_its_terminal_speed():
+    cd = 2.0
+    terminal = np.sqrt(G / (cd * DRAG_PER_M))
+    flight = path(GUPPY, SEED, {"drag": {"cd": cd}}, Exit(0.0, 0.0, 5.0), points=2001, step_s=0.001)
+    t = np.arange(2001) * 0.001
+    np.testing.assert_allclose(flight.velocity_m_s.z, -terminal * np.tanh(G * t / terminal), atol=1e-9)
+    np.testing.assert_allclose(flight.position_m.z, H - terminal**2 / G * np.log(np.cosh(G * t / terminal)), atol=1e-9)
+    assert float(flight.velocity_m_s.z[-1]) == pytest.approx(-terminal, rel=2e-2)
+
+
+def test_a_ball_that_does_not_leave_never_arrives():
+    crossing = fly(GUPPY, SEED, {}, Exit(np.array([0.0, 5.0, 5.0]), np.array([0.7, np.pi / 2 + 0.1, 0.7]), 0.0), 2.0)
+    assert list(np.asarray(crossing.reached)) == [False, False, True]
+
+
+def test_a_flight_without_end_is_given_up():
+    """No weight, no lift, strong drag: x grows as the logarithm of time, and 50 m are never reached."""
+    crossing = fly(weightless(1.0), flight_terms(("drag",)), {"drag": {"cd": 5.0}}, Exit(1.0, 0.0, 0.0), 50.0,
+                   step_s=0.02, turn_rad=0.4, limit_s=5.0)
+    assert not bool(crossing.reached)
+    assert float(crossing.time_s) == pytest.approx(5.0, abs=0.05)
+
+
+def test_scalars_batches_and_vmap_agree():
+    speed, distance = np.array([9.0, 10.0, 11.0]), np.array([3.0, 4.0, 20.0])
+    params = {"drag": {"cd": 0.91}, "magnus": {"cl": 0.06}}
+    batch = fly(GUPPY, SEED, params, Exit(speed, 0.9, 5.0), distance).height_m
+    mapped = jax.vmap(lambda v, d: fly(GUPPY, SEED, params, Exit(v, 0.9, 5.0), d).height_m)(speed, distance)
+    single = [fly(GUPPY, SEED, params, Exit(v, 0.9, 5.0), d).height_m for v, d in zip(speed, distance, strict=True)]
+    np.testing.assert_allclose(mapped, batch, rtol=1e-13)
+    np.testing.assert_allclose(single, batch, rtol=1e-13)
+    assert np.isnan(batch[2])
+
+
+def test_derivatives_in_vacuum_are_those_of_the_parabola():
+    height = jax.jacfwd(lambda x: fly(GUPPY, SEED, {}, Exit(x[0], x[1], 0.0), x[2]).height_m)(np.array([9.0, 0.8, 4.0]))
+    v, a, d = 9.0, 0.8, 4.0
+    expected = [G * d**2 / (v**3 * np.cos(a)**2), d / np.cos(a)**2 * (1 - G * d * np.tan(a) / v**2),
+                np.tan(a) - G * d / (v * np.cos(a))**2]
+    np.testing.assert_allclose(height, expected, rtol=1e-9)
+
+
+def test_derivatives_in_the_coefficients_are_those_of_dop853():
+    ratio, deg, distance = 0.55, 52.0, 4.0
+    speed, spin = reference.exit_of(ratio)
+
+    def height(c):
+        params = {"drag": {"cd": c[0]}, "magnus": {"cl": c[1]}}
+        return fly(GUPPY, SEED, params, Exit(speed, np.radians(deg), spin), distance).height_m
+
+    step = 1e-4
+    expected = [(reference.integrate(distance, ratio, deg, 0.91 + dx, 0.06 + dy).height_m
+                 - reference.integrate(distance, ratio, deg, 0.91 - dx, 0.06 - dy).height_m) / (2 * step)
+                for dx, dy in ((step, 0.0), (0.0, step))]
+    np.testing.assert_allclose(jax.jacfwd(height)(np.array([0.91, 0.06])), expected, rtol=1e-6)
+
+
+def test_sideways_spin_is_flown_in_three_dimensions():
+    """Weightless ball spinning about the vertical: the same circle, lying down."""
+    from sim.physics.flight import make_law, rk4
+    from sim.physics.term import BallState
+    from sim.physics.vector import Vec
+
+    spin = 10.0 / LIFT_RAD_S
+    law = make_law(msgspec.structs.replace(GUPPY, world=WorldFacts(0.0)), SEED, {"magnus": {"cl": 1.0}})
+    ball = BallState(Vec(0.0, 0.0, 1.0), Vec(10.0, 0.0, 0.0), Vec(0.0, 0.0, spin))
+    for _ in range(100):
+        ball = rk4(law, ball, 0.001)
+    np.testing.assert_allclose([float(part) for part in ball.position_m], [np.sin(1.0), 1 - np.cos(1.0), 1.0], atol=1e-9)
