@@ -42,11 +42,11 @@ def correct(evidence: Evidence, test: Test, clusters: Clusters) -> Correction:
     for held in range(fold.max() + 1):
         train, out = fold != held, fold == held
         before[out] = _fit(evidence, test.channel, basis[:, :0], train, 0.0)[out]
-        ridge = _choose_ridge(evidence, test.channel, basis, train)
+        ridge = _choose_ridge(evidence, test, basis, train)
         after[out] = _fit(evidence, test.channel, basis, train, ridge)[out]
         ridges.append(ridge)
     whole = np.ones(len(fold), dtype=bool)
-    fitted = _fit(evidence, test.channel, basis, whole, _choose_ridge(evidence, test.channel, basis, whole))
+    fitted = _fit(evidence, test.channel, basis, whole, _choose_ridge(evidence, test, basis, whole))
     return Correction(test, fitted[:, test.channel], before, after, evidence.log_score + evidence.gain(before),
                       evidence.log_score + evidence.gain(after), tuple(ridges))
 
@@ -60,7 +60,7 @@ def clustered_error(values: Array, label: Array) -> float:
 
 
 def _basis(evidence: Evidence, test: Test) -> Array:
-    """[n, q]: the same for all, then whatever the covariate or the groups allow."""
+    """[n, q]: the same for all, straight in the covariate and its bends, or each group's difference from the first."""
     ones = np.ones((len(evidence.rows), 1))
     if test.what is None:
         return ones
@@ -125,10 +125,10 @@ def _penalty(evidence: Evidence, channel: int, basis: Array, train: Array, ridge
     return said * np.where(np.arange(basis.shape[1]) >= 2, FIRM + ridge, FIRM)
 
 
-def _choose_ridge(evidence: Evidence, channel: int, basis: Array, train: Array) -> float:
-    """The ridge under which the training shots are likeliest, bends integrated out (Laplace, first step)."""
-    q = basis.shape[1]
-    if q <= 2:
+def _choose_ridge(evidence: Evidence, test: Test, basis: Array, train: Array) -> float:
+    """The ridge under which the training shots are likeliest, bends integrated out (Laplace, first step); groups: 0."""
+    q, channel = basis.shape[1], test.channel
+    if q <= 2 or not isinstance(test.what, Covariate):
         return 0.0
     score, info = _normal(evidence, channel, basis, train, np.zeros_like(evidence.score))
     score = score + np.concatenate([np.zeros(q), evidence.pull])

@@ -21,7 +21,7 @@ class Channel:
     stage: str                        # sensing | launch | flight | arrival
     direction: str
     unit: str                         # of its amplitude
-    words: str                        # of a positive amplitude, before "than simulated": "the ball leaves faster"
+    words: tuple[str, str]            # what a positive and a negative amplitude mean, compared with the simulation
     follows: str = ""                 # what it varies with inside one flight; "" = an amplitude a shot
     times_s: tuple[float, float] | None = None
 

@@ -10,7 +10,7 @@ from sim.discover.evidence import Array, Channel, Evidence
 from sim.discover.statistics import Scores, efficient_scores, join_scores
 from sim.shots import Shots
 
-MANY = 8                              # groups from which they, not the shots, are what may be swapped
+MANY = 10.0                           # groups, counted by size, from which they and not the shots hang together
 
 
 @dataclass(frozen=True)
@@ -36,14 +36,15 @@ class Test:
 
 
 def find_clusters(shots: Shots) -> Clusters:
-    """Balls when there are at least eight, else sessions when there are, else each shot by itself.
+    """Balls when there are at least ten, else sessions when there are, else each shot by itself.
 
-    With fewer groups than that their signs could not say 5 %, and a difference between them counts as a finding.
+    Counted as (sum of sizes)^2 / sum of squares, so that a big group and its crumbs are not many. With fewer groups
+    their signs say too little, and a difference between them counts as a finding.
     """
     for name in ("ball_id", "session"):
-        texts = np.array([text or f"shot {row}" for row, text in enumerate(shots.text(name))])
-        levels, label = np.unique(texts, return_inverse=True)
-        if len(set(shots.text(name)) - {""}) >= MANY and len(levels) < len(shots):
+        texts = [text or f"shot {row}" for row, text in enumerate(shots.text(name))]
+        levels, label, sizes = np.unique(texts, return_inverse=True, return_counts=True)
+        if any(shots.text(name)) and sizes.sum()**2 / (sizes**2).sum() >= MANY and len(levels) < len(shots):
             return Clusters(name, label, len(levels))
     return Clusters("shot", np.arange(len(shots)), len(shots))
 
@@ -63,7 +64,7 @@ def ask_everything(evidences: Sequence[Evidence], covariates: Sequence[Covariate
     scores = join_scores(parts)
     kept = np.flatnonzero(scores.kept)
     return (tuple(tests[k] for k in kept),
-            Scores(scores.psi[:, kept], scores.kappa[:, kept], scores.kept[kept]))
+            Scores(scores.psi[:, kept], scores.kappa[:, kept], scores.stretch[:, kept], scores.kept[kept]))
 
 
 def name_of(test: Test, channel: Channel) -> str | None:

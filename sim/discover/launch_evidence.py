@@ -7,10 +7,11 @@ from sim.discover.tracks import TrackFit
 from sim.physics.launch import Exit
 
 CHANNELS = (
-    Channel("launch speed", "launch", "along", "1", "the ball leaves faster"),
-    Channel("launch elevation", "launch", "vertical", "rad", "the ball leaves steeper"),
-    Channel("launch azimuth", "launch", "lateral", "rad", "the ball leaves farther to the left"),
-    Channel("release height", "launch", "vertical", "m", "the ball leaves higher up"),
+    Channel("launch speed", "launch", "along", "1", ("the ball leaves faster", "the ball leaves slower")),
+    Channel("launch elevation", "launch", "vertical", "rad", ("the ball leaves steeper", "the ball leaves flatter")),
+    Channel("launch azimuth", "launch", "lateral", "rad", ("the ball leaves to the left",
+            "the ball leaves to the right")),
+    Channel("release height", "launch", "vertical", "m", ("the ball leaves higher up", "the ball leaves lower down")),
 )
 NEAREST = 1e-9                        # smallest scatter, in a channel's unit
 

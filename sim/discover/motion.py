@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 
 from robot.facts import Facts
@@ -56,8 +57,14 @@ def prior(believed: Believed) -> tuple[Array, Array]:
     For the seed's coefficients, which range over 0-5, that is 0.5 and 1.
     """
     ranges = {(term.name, p.name): (p.low, p.high) for term in believed.terms for p in term.parameters}
-    low, high = (jnp.array([ranges[key][end] for key in believed.shared], dtype=float) for end in (0, 1))
-    return jax.device_get(low + 0.1 * (high - low)), jax.device_get(0.2 * (high - low))
+    low, high = (np.array([ranges[key][end] for key in believed.shared], dtype=float) for end in (0, 1))
+    return low + 0.1 * (high - low), 0.2 * (high - low)
+
+
+def defaults(believed: Believed) -> Array:
+    """The shared parameters [p] as the catalogue has them where nobody says anything."""
+    values = {(term.name, p.name): p.default for term in believed.terms for p in term.parameters}
+    return np.array([values[key] for key in believed.shared])
 
 
 def axes(velocity: Vec) -> tuple[Vec, Vec, Vec]:
@@ -157,10 +164,13 @@ def _fly_through(law: Law, release: Release, time_s: Any, substeps: int,
     def advance(ball: BallState, span: tuple[Any, Any]) -> tuple[BallState, tuple[Any, Any]]:
         start_s, length_s = span
         step_s = length_s / substeps
-        for part in range(substeps):
+
+        def step(ball: BallState, part: Any) -> tuple[BallState, None]:
             middle_s = start_s + (part + 0.5) * step_s
-            full = law if push is None else lambda b, at=middle_s: add(law(b), push(at, b.velocity_m_s))
-            ball = rk4(full, ball, step_s)
+            full = law if push is None else lambda b: add(law(b), push(middle_s, b.velocity_m_s))
+            return rk4(full, ball, step_s), None
+
+        ball, _ = lax.scan(step, ball, jnp.arange(substeps))
         return ball, (jnp.stack(ball.position_m), jnp.stack(ball.velocity_m_s))
 
     first = BallState(Vec(*release.position_m), Vec(*release.velocity_m_s), spin)

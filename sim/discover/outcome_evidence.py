@@ -14,12 +14,15 @@ from sim.shots import Shots
 
 # Slopes that plane_slopes gives, in its order, and what an amplitude of each means; the height itself comes last.
 CHANNELS = (
-    Channel("launch speed", "launch", "along", "1", "the ball leaves faster"),
-    Channel("launch elevation", "launch", "vertical", "rad", "the ball leaves steeper"),
-    Channel("distance", "sensing", "along", "m", "the target is farther away"),
-    Channel("push along", "flight", "along", "m/s2", "the ball is pushed forward along its flight more"),
-    Channel("push vertical", "flight", "vertical", "m/s2", "the ball is lifted across its flight more"),
-    Channel("height at the target", "arrival", "vertical", "m", "the ball passes the target higher"),
+    Channel("launch speed", "launch", "along", "1", ("the ball leaves faster", "the ball leaves slower")),
+    Channel("launch elevation", "launch", "vertical", "rad", ("the ball leaves steeper", "the ball leaves flatter")),
+    Channel("distance", "sensing", "along", "m", ("the target is farther", "the target is nearer")),
+    Channel("push along", "flight", "along", "m/s2",
+            ("the ball is driven along its flight", "the ball is held back along its flight")),
+    Channel("push vertical", "flight", "vertical", "m/s2",
+            ("the ball is lifted across its flight", "the ball is pressed down across its flight")),
+    Channel("height at the target", "arrival", "vertical", "m",
+            ("the ball passes the target higher", "the ball passes the target lower")),
 )
 SPREADS = ("scatter.speed", "scatter.height")
 # Standard deviation of launch speed (a fraction) and of whatever else moves the height (m): log-normal, a factor of 3.

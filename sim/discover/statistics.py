@@ -19,15 +19,21 @@ from sim.discover.evidence import Array, Evidence, shared_columns
 Progress = Callable[[float, str], None]
 FEWEST_CLUSTERS = 8.0                 # a test that rests on fewer is not made: their signs can hardly say 1 %
 LEAST_SHARE = 1e-4                    # of a test's information that must survive the projection
+MOST_LEVERAGE = 0.9
 CHUNK = 250                           # sign patterns at once
 
 
 @dataclass(frozen=True)
 class Scores:
-    """M tests over G clusters: `psi` [G, M] efficient scores, `kappa` [G, M] their information; `kept` [M] usable."""
+    """M tests over G clusters: `psi` [G, M] efficient scores, `kappa` [G, M] their information; `kept` [M] usable.
+
+    `stretch` [G, M]: fitting the shared parameters draws each cluster's score towards zero; times this it has the spread
+    it had before.
+    """
 
     psi: Array
     kappa: Array
+    stretch: Array
     kept: Array
 
 
@@ -53,10 +59,27 @@ def efficient_scores(evidence: Evidence, channel: int, weights: Array, cluster: 
     psi = weights * u[:, None] - s @ project.T
     raw = weights**2 * k_cc[:, None]
     kappa = raw - 2.0 * weights * (k_ct @ project.T) + np.einsum("qa,nab,qb->nq", project, k_tt, project)
-    by_cluster = np.zeros((2, clusters, weights.shape[1]))
-    np.add.at(by_cluster[0], cluster, psi)
-    np.add.at(by_cluster[1], cluster, kappa)
-    return Scores(by_cluster[0], by_cluster[1], _usable(by_cluster[1], raw.sum(0)))
+    common = weights[:, :, None] * k_ct[:, None] - np.einsum("qa,nab->nqb", project, k_tt)
+    psi, kappa, common = (_sum_over(cluster, clusters, part) for part in (psi, kappa, common))
+    return Scores(psi, kappa, _stretch(kappa, common, total), _usable(kappa, raw.sum(0)))
+
+
+def _sum_over(cluster: Array, clusters: int, rows: Array) -> Array:
+    summed = np.zeros((clusters, *rows.shape[1:]))
+    np.add.at(summed, cluster, rows)
+    return summed
+
+
+def _stretch(kappa: Array, common: Array, total: Array) -> Array:
+    """1 / sqrt(1 - leverage), each cluster's leverage in each test as its information has it (HC2 of linear models).
+
+    `common` [G, q, p]: covariance of a cluster's efficient score with its score of the shared parameters.
+    """
+    if not len(total):
+        return np.ones_like(kappa)
+    drawn = np.einsum("gqa,ab,gqb->gq", common, np.linalg.inv(total), common)
+    leverage = drawn / np.maximum(kappa, 1e-300)
+    return 1.0 / np.sqrt(1.0 - np.clip(leverage, 0.0, MOST_LEVERAGE))
 
 
 def _usable(kappa: Array, raw: Array) -> Array:
@@ -69,16 +92,18 @@ def join_scores(parts: list[Scores]) -> Scores:
     """Several families of tests over the same clusters as one."""
     return Scores(np.concatenate([part.psi for part in parts], axis=1),
                   np.concatenate([part.kappa for part in parts], axis=1),
+                  np.concatenate([part.stretch for part in parts], axis=1),
                   np.concatenate([part.kept for part in parts]))
 
 
 def flip_signs(scores: Scores, draws: int, seed: int, progress: Progress) -> Flips:
     """Judge every test alone and all together under `draws` random sign patterns of the clusters."""
-    psi, kappa = scores.psi, scores.kappa
+    psi, kappa = scores.psi * scores.stretch, scores.kappa
+    observed = scores.psi.sum(0)
     rng = np.random.default_rng(seed)
     total = kappa.sum(0)
     squares = (psi**2).sum(0), (psi * kappa).sum(0), (kappa**2).sum(0)
-    seen = _studentise(psi.sum(0)[None], squares[1][None], squares, total)[0]
+    seen = _studentise(observed[None], squares[1][None], squares, total)[0]
     above_each, above_all = np.zeros(len(total)), np.zeros(len(total))
     weighted = psi * kappa
     for start in range(0, draws, CHUNK):
@@ -87,8 +112,8 @@ def flip_signs(scores: Scores, draws: int, seed: int, progress: Progress) -> Fli
         above_each += (flipped >= seen - 1e-9).sum(0)
         above_all += (flipped.max(1)[:, None] >= seen[None] - 1e-9).sum(0)
         progress((start + len(signs)) / draws, "chance")
-    amplitude = psi.sum(0) / total
-    return Flips(seen, amplitude, 0.5 * amplitude * psi.sum(0), (1.0 + above_each) / (1.0 + draws),
+    amplitude = observed / total
+    return Flips(seen, amplitude, 0.5 * amplitude * observed, (1.0 + above_each) / (1.0 + draws),
                  (1.0 + above_all) / (1.0 + draws))
 
 

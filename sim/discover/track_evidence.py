@@ -11,12 +11,16 @@ from sim.discover.tracks import TrackFit, project_out, substeps_for
 
 BANDS = 4                             # of flight time
 FORECAST = 0.4                        # of a flight's samples from which its end is forecast
-WORDS = {"along": "the ball is pushed forward along its flight more",
-         "vertical": "the ball is lifted across its flight more", "lateral": "the ball is pushed to the left more"}
-TRACKER = (Channel("tracker scale", "sensing", "vertical", "1", "tracks are drawn larger", "sensor"),
-           Channel("tracker pitch", "sensing", "along", "rad", "the tracker is pitched more", "sensor"),
-           Channel("tracker roll", "sensing", "lateral", "rad", "the tracker is tilted sideways more", "sensor"),
-           Channel("tracker clock", "sensing", "vertical", "1", "the tracker's clock runs slower", "sensor"))
+WORDS = {"along": ("the ball is driven along its flight", "the ball is held back along its flight"),
+         "vertical": ("the ball is lifted across its flight", "the ball is pressed down across its flight"),
+         "lateral": ("the ball is pushed to the left", "the ball is pushed to the right")}
+TRACKER = (
+    Channel("track scale", "sensing", "vertical", "1", ("tracks are too large", "tracks are too small"), "sensor"),
+    Channel("track pitch", "sensing", "along", "rad", ("tracks are pitched down", "tracks are pitched up"), "sensor"),
+    Channel("track roll", "sensing", "lateral", "rad", ("tracks are rolled right", "tracks are rolled left"), "sensor"),
+    Channel("track clock", "sensing", "vertical", "1", ("the tracker's clock is slow", "the tracker's clock is fast"),
+            "sensor"),
+)
 
 
 def push_columns(fit: TrackFit) -> tuple[tuple[Channel, ...], Array]:

@@ -6,12 +6,13 @@ import numpy as np
 
 from robot.facts import Facts
 from sim.discover.evidence import Array
-from sim.discover.motion import STEP_S, Believed, Release, prior, track_positions, track_slopes
+from sim.discover.motion import STEP_S, Believed, Release, defaults, prior, track_positions, track_slopes
 from sim.discover.samples import Samples, Scatter, whiten
 from sim.physics.launch import exit_no_slip, is_opposed
 from sim.shots import Shots
 
-ROUNDS = 12                           # Gauss-Newton at most
+ROUNDS = 20                           # Gauss-Newton at most
+HALVINGS = 10
 SETTLED = 1e-7                        # largest last change, in standard deviations of a sample
 MOST_SUBSTEPS = 16
 
@@ -40,25 +41,51 @@ class TrackFit:
 
 
 def fit_tracks(believed: Believed, samples: Samples, scatter: Scatter, spin_rev_s: Array) -> TrackFit:
-    """Maximum likelihood (weak prior on shared parameters) by Gauss-Newton; spin [n, 3] is given, not fitted."""
-    mean, sd = prior(believed)
-    release = Release(*first_guess(samples), spin_rev_s)
-    shared, substeps = mean.copy(), substeps_for(samples)
+    """Maximum likelihood (weak prior on shared parameters) by Gauss-Newton; spin [n, 3] is given, not fitted.
+
+    Starts from the catalogue's defaults, where the terms are absent: tracks with free starts are then all but fitted.
+    """
+    substeps = substeps_for(samples)
+    fit = _at(believed, samples, scatter, Release(*first_guess(samples), spin_rev_s), defaults(believed), substeps)
+    cost = _cost(fit)
     for _ in range(ROUNDS):
-        fit = _at(believed, samples, scatter, release, shared, substeps)
-        residual, starts, slopes = (whiten(samples, scatter, part)
-                                    for part in (fit.residual_m[..., None], fit.starts, fit.slopes))
-        kept = project_out(starts, np.concatenate([residual, slopes], axis=2))
-        normal = np.einsum("nki,nkj->ij", kept[..., 1:], kept[..., 1:]) + np.diag(1.0 / sd**2)
-        pull = np.einsum("nki,nk->i", kept[..., 1:], kept[..., 0]) + (mean - shared) / sd**2
-        change = np.linalg.solve(normal, pull) if len(shared) else np.zeros(0)
-        left = residual[..., 0] - slopes @ change
-        move = np.stack([np.linalg.lstsq(a, b, rcond=None)[0] for a, b in zip(starts, left, strict=True)])
-        shared = shared + change
-        release = Release(release.position_m + move[:, :3], release.velocity_m_s + move[:, 3:], spin_rev_s)
-        if np.abs(np.einsum("nki,ni->nk", starts, move) + slopes @ change).max() < SETTLED:
+        change, move, largest = _newton_step(fit)
+        for halving in range(HALVINGS):
+            part = 0.5**halving
+            start = np.concatenate([fit.release.position_m, fit.release.velocity_m_s], axis=1) + part * move
+            release = Release(start[:, :3], start[:, 3:], spin_rev_s)
+            tried = _at(believed, samples, scatter, release, fit.shared + part * change, substeps)
+            tried_cost = _cost(tried)
+            if tried_cost <= cost * (1.0 + 1e-12):
+                break
+        else:
             break
-    return _at(believed, samples, scatter, release, shared, substeps)
+        fit, cost = tried, tried_cost
+        if largest < SETTLED:
+            break
+    return fit
+
+
+def _newton_step(fit: TrackFit) -> tuple[Array, Array, float]:
+    """Changes of the shared parameters [p] and of the starts [n, 6], and the largest change of a sample they make."""
+    residual, starts, slopes = (whiten(fit.samples, fit.scatter, part)
+                                for part in (fit.residual_m[..., None], fit.starts, fit.slopes))
+    mean, sd = prior(fit.believed)
+    kept = project_out(starts, np.concatenate([residual, slopes], axis=2))
+    normal = np.einsum("nki,nkj->ij", kept[..., 1:], kept[..., 1:]) + np.diag(1.0 / sd**2)
+    pull = np.einsum("nki,nk->i", kept[..., 1:], kept[..., 0]) + (mean - fit.shared) / sd**2
+    change = np.linalg.solve(normal, pull) if len(pull) else np.zeros(0)
+    left = residual[..., 0] - slopes @ change
+    move = np.stack([np.linalg.lstsq(a, b, rcond=None)[0] for a, b in zip(starts, left, strict=True)])
+    return change, move, float(np.abs(np.einsum("nki,ni->nk", starts, move) + slopes @ change).max())
+
+
+def _cost(fit: TrackFit) -> float:
+    """Sum of squares of white residuals and of departures from the prior."""
+    mean, sd = prior(fit.believed)
+    white = whiten(fit.samples, fit.scatter, fit.residual_m[..., None])
+    cost = float((white**2).sum() + (((fit.shared - mean) / sd)**2).sum())
+    return cost if np.isfinite(cost) else np.inf
 
 
 def release_spin(facts: Facts, shots: Shots, backspin_rev_s: Array, velocity_m_s: Array) -> Array:

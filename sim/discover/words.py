@@ -9,22 +9,21 @@ STAGE_WORDS = {"sensing": "in what the sensors say", "launch": "at the launch", 
 DIRECTION_WORDS = {"along": "along the velocity", "vertical": "vertically", "lateral": "sideways"}
 
 
-def say_mismatch(believed: tuple[str, ...], p_value: float, where: Where, unknown: Unknown, words: str) -> str:
+def say_mismatch(believed: tuple[str, ...], p_value: float, where: Where, unknown: Unknown,
+                 words: tuple[str, str]) -> str:
     """Where simulation and recordings part, how far, and what it follows."""
     place = STAGE_WORDS[where.stage] if where.stage else "somewhere (these data cannot say in which stage)"
+    said, size = words[unknown.amplitude < 0.0], _size(abs(unknown.amplitude), unknown.unit)
     if unknown.covariate is None:
-        how = f"{words} than simulated by {_size(unknown.amplitude, unknown.unit)}, in every shot alike"
+        how = f"{said} by {size}, in every shot alike"
     elif where.region.get("factor"):
-        how = (f"{words} than simulated in {unknown.covariate} {where.region['level']}; sessions or groups differ by "
-               f"{_size(abs(unknown.amplitude), unknown.unit)}")
-    elif unknown.covariate.endswith("in_flight_m_s") or unknown.covariate.endswith("in_flight_s"):
-        how = f"{words} than simulated by {_size(unknown.amplitude, unknown.unit)}, varying with {unknown.covariate}"
+        how = f"{said}, differently in {unknown.covariate} {where.region['level']} (groups differ by {size})"
+    elif unknown.covariate in ("time_in_flight_s", "speed_in_flight_m_s"):
+        how = f"{said} by {size}, depending on {unknown.covariate}"
     else:
-        trend = "the more" if unknown.amplitude >= 0.0 else "the less"
-        how = (f"{words} than simulated, {trend} so the higher {unknown.covariate} is "
-               f"(by {_size(abs(unknown.amplitude), unknown.unit)} over its range)")
+        how = f"{said}, the more so the higher {unknown.covariate} is (by {size} over its range)"
     return (f"The simulation ({', '.join(believed)}) and the recordings disagree {place}, "
-            f"{DIRECTION_WORDS[unknown.direction]}: {how} (p = {p_value:.2g}).")
+            f"{DIRECTION_WORDS[unknown.direction]}. Compared with the simulation, {how}; p = {p_value:.2g}.")
 
 
 def _size(amplitude: float, unit: str) -> str:
@@ -37,8 +36,8 @@ def _size(amplitude: float, unit: str) -> str:
 def say_none(believed: tuple[str, ...], p_value: float | None, shots: int, false_alarm: float) -> str:
     """No mismatch, or nothing to see one by."""
     if p_value is None:
-        return (f"These {shots} shots cannot say anything about the simulation: they have no outcomes with a distance "
-                "and a launch, no heights and no tracks.")
+        return (f"These {shots} shots cannot say anything about the simulation: too few of them have an outcome or a "
+                "height with a distance and a launch, or a track.")
     return (f"No mismatch: {shots} shots look as the simulation ({', '.join(believed)}) has them "
             f"(p = {p_value:.2g}, false alarms {false_alarm:g}).")
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from sim.discover.evidence import Channel, Evidence
 from sim.discover.statistics import Scores, efficient_scores, flip_signs
 
-CHANNEL = Channel("push", "flight", "vertical", "m/s2", "the ball is lifted more")
+CHANNEL = Channel("push", "flight", "vertical", "m/s2", ("up", "down"))
 
 
 def quiet(done: float, note: str) -> None:
@@ -62,6 +62,15 @@ def test_an_alias_added_to_the_covariate_changes_nothing(seed: int, tilt: float)
     assert np.allclose(plain.psi, tilted.psi, atol=1e-8)
 
 
+def test_stretched_scores_have_the_spread_of_errors_that_nothing_was_fitted_to() -> None:
+    """Least squares leaves residuals smaller than errors by 1 - leverage; the stretch is its inverse square root."""
+    rng = np.random.default_rng(7)
+    x, z = rng.normal(size=20), rng.normal(size=(20, 3))
+    scores = one_test(linear_model(rng.normal(size=20), x, z))
+    leverage = np.diag(z @ np.linalg.inv(z.T @ z) @ z.T)
+    assert np.allclose(scores.stretch[:, 0], 1.0 / np.sqrt(1.0 - leverage))
+
+
 def test_p_values_are_those_of_all_sign_patterns() -> None:
     rng = np.random.default_rng(3)
     psi = rng.normal(0.4, 1.0, (9, 3))
@@ -76,7 +85,7 @@ def test_p_values_are_those_of_all_sign_patterns() -> None:
                           itertools.product((-1.0, 1.0), repeat=9)])
     each = (all_signs >= seen - 1e-9).mean(0)
     family = (all_signs.max(1)[:, None] >= seen - 1e-9).mean(0)
-    flips = flip_signs(Scores(psi, kappa, np.ones(3, dtype=bool)), 20_000, 4, quiet)
+    flips = flip_signs(Scores(psi, kappa, np.ones_like(psi), np.ones(3, dtype=bool)), 20_000, 4, quiet)
     assert np.allclose(flips.statistic, seen)
     assert np.allclose(flips.p_each, each, atol=0.015)
     assert np.allclose(flips.p_family, family, atol=0.015)
@@ -87,7 +96,7 @@ def test_p_values_are_those_of_all_sign_patterns() -> None:
 def test_a_test_is_never_likelier_in_the_family_than_alone(seed: int, tests: int, clusters: int) -> None:
     rng = np.random.default_rng(seed)
     scores = Scores(rng.standard_t(3, (clusters, tests)), rng.uniform(0.1, 3.0, (clusters, tests)),
-                    np.ones(tests, dtype=bool))
+                    np.ones((clusters, tests)), np.ones(tests, dtype=bool))
     flips = flip_signs(scores, 199, seed, quiet)
     assert (flips.p_family >= flips.p_each - 1e-12).all()
     assert ((flips.p_each > 0.0) & (flips.p_family <= 1.0)).all()

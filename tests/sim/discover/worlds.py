@@ -3,8 +3,7 @@
 All numbers SI; frame x toward the target, y left, z up.
 """
 
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -31,11 +30,14 @@ class World:
     angle_scatter_deg: float = 0.3
     track_m: float = 0.005
     track_memory: float = 0.0         # correlation of neighbouring samples (AR(1))
+    aim_spread: float = 0.015         # of launch speed, from shot to shot, known to all
+    speed_by_battery: float = 0.0     # relative change of launch speed per volt away from 11.8
+    measured: bool = False            # heights at the plane are given
     speed_drift: float = 0.0          # relative change of launch speed from first to last shot
     lift_by_temperature: float = 0.0  # m/s2 per degree away from 20
     ball_spread: float = 0.0          # of drag, from ball to ball
     balls: int = 0
-    extra: dict[str, Any] = field(default_factory=dict)
+    efficiency: float | None = None   # tracks of the paper's rig, leaving with this share of its speed; None: by hand
 
 
 def make_tracks(world: World, shots: int, seed: int) -> Dataset:
@@ -44,22 +46,36 @@ def make_tracks(world: World, shots: int, seed: int) -> Dataset:
     temperature = rng.normal(20.0, 3.0, shots)
     ball = rng.integers(0, max(world.balls, 1), shots)
     drag = 1.0 + world.ball_spread * rng.normal(size=max(world.balls, 1))[ball]
+    ratio, hood, heading = rng.uniform(0.35, 0.5, shots), rng.uniform(35.0, 60.0, shots), rng.normal(0.0, 0.03, shots)
     parts = []
     for k in range(shots):
-        speed, angle = rng.uniform(6.0, 9.0), np.radians(rng.uniform(35.0, 60.0))
-        heading = rng.normal(0.0, 0.03)
-        flat = speed * np.cos(angle)
-        start = np.array([0.3, 0.0, 1.0, flat * np.cos(heading), flat * np.sin(heading), speed * np.sin(angle)])
+        start, spin = _start(world, rng, ratio[k], hood[k], heading[k])
         time_s = np.linspace(0.0, rng.uniform(0.7, 1.0), SAMPLES)
         lift = world.lift_by_temperature * (temperature[k] - 20.0)
-        path = fly(start, time_s, (world.cd * drag[k], 0.0, 0.0, world.wind_m_s, lift))
+        path = fly(start, time_s, (world.cd * drag[k], world.cl, spin, world.wind_m_s, lift))
         parts.append((np.full(SAMPLES, k), time_s, path + _noise(rng, world, SAMPLES)))
     numbers = {"temperature_c": temperature, "t_s": np.cumsum(rng.uniform(5.0, 20.0, shots))}
+    if world.efficiency is not None:
+        numbers |= {"motor_ratio": ratio, "hood_deg": hood}
     texts = {"ball_id": tuple(f"ball{b}" for b in ball)} if world.balls else {}
     tracks = Tracks(np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts]),
                     *np.concatenate([p[2] for p in parts]).T)
-    facts = Facts(ball=FACTS.ball, noise=FACTS.noise)
+    facts = Facts(ball=FACTS.ball, noise=FACTS.noise) if world.efficiency is None else FACTS
     return Dataset("world", facts, Shots(tuple(f"s{k}" for k in range(shots)), numbers, texts), tracks)
+
+
+def _start(world: World, rng: np.random.Generator, ratio: float, hood_deg: float,
+           heading: float) -> tuple[np.ndarray, float]:
+    """State of a ball at its first sample, and its spin in rev/s: thrown by hand, or by the paper's rig from x = 0."""
+    if world.efficiency is None:
+        speed, angle, spin, at = rng.uniform(6.0, 9.0), np.radians(hood_deg), 0.0, [0.3, 0.0, 1.0]
+    else:
+        lower, upper = ratio * 594.0 * 0.0508, ratio * 594.0 * 0.5625 * 0.0349
+        speed = world.efficiency * (lower + upper) / 2.0 * (1.0 + rng.normal(0.0, world.speed_scatter))
+        angle = np.radians(hood_deg + rng.normal(0.0, world.angle_scatter_deg))
+        spin, heading, at = (lower - upper) / (2.0 * np.pi * 0.0889), heading / 10.0, [0.0, 0.0, 0.75]
+    flat = speed * np.cos(angle)
+    return np.array([*at, flat * np.cos(heading), flat * np.sin(heading), speed * np.sin(angle)]), spin
 
 
 def make_outcomes(world: World, shots: int, seed: int, signed: bool = True) -> Dataset:
@@ -70,8 +86,9 @@ def make_outcomes(world: World, shots: int, seed: int, signed: bool = True) -> D
     rng = np.random.default_rng(seed)
     distance, hood = rng.uniform(2.5, 6.0, shots), rng.uniform(45.0, 60.0, shots)
     t_s = np.cumsum(rng.uniform(5.0, 20.0, shots))
-    ratio = _aim(world, distance, hood) * (1.0 + rng.normal(0.0, 0.015, shots))
-    drift = 1.0 + world.speed_drift * (t_s / t_s[-1] - 0.5)
+    ratio = _aim(world, distance, hood) * (1.0 + rng.normal(0.0, world.aim_spread, shots))
+    battery = rng.uniform(11.0, 12.6, shots)
+    drift = 1.0 + world.speed_drift * (t_s / t_s[-1] - 0.5) + world.speed_by_battery * (battery - 11.8)
     height = plane_heights(world, ratio, hood + rng.normal(0.0, world.angle_scatter_deg, shots), distance,
                            drift * (1.0 + rng.normal(0.0, world.speed_scatter, shots)))
     distance = distance + rng.normal(0.0, FACTS.noise.distance_m, shots)
@@ -79,6 +96,8 @@ def make_outcomes(world: World, shots: int, seed: int, signed: bool = True) -> D
     outcome = np.where(np.abs(off) <= 0.07, "three", np.where(np.abs(off) <= 0.35, "two", "miss"))
     side = np.where((outcome == "three") | (not signed), "", np.where(off < 0.0, "low", "high"))
     numbers = {"distance_m": distance, "hood_deg": hood, "motor_ratio": ratio, "t_s": t_s}
+    if world.measured:
+        numbers |= {"battery_v": battery, "miss_height_m": off + rng.normal(0.0, 0.02, shots)}
     texts = {"outcome": tuple(outcome.tolist()), "side": tuple(side.tolist())}
     return Dataset("world", FACTS, Shots(tuple(f"s{k}" for k in range(shots)), numbers, texts))
 

@@ -1,0 +1,110 @@
+"""What residuals may depend on: derived columns, names that cannot be told apart, shapes."""
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sim.discover.covariates import (
+    FEWEST,
+    Covariate,
+    carried_by,
+    gather_covariates,
+    gather_factors,
+    test_groups,
+    test_shapes,
+)
+from sim.discover.family import find_clusters
+from sim.shots import Dataset, Shots, Traces
+from tests.sim.discover.worlds import FACTS
+
+test_groups.__test__ = test_shapes.__test__ = False        # type: ignore[attr-defined]
+N = 40
+
+
+def dataset(numbers: dict[str, np.ndarray], texts: dict[str, tuple[str, ...]] | None = None,
+            traces: Traces | None = None) -> Dataset:
+    return Dataset("d", FACTS, Shots(tuple(map(str, range(N))), numbers, texts or {}), None, traces)
+
+
+def named(found: tuple[Covariate, ...], name: str) -> Covariate:
+    return next(covariate for covariate in found if name in covariate.names)
+
+
+def test_launch_state_follows_the_paper_and_is_one_with_the_motor_ratio() -> None:
+    ratio = np.linspace(0.3, 0.9, N)
+    found = named(gather_covariates(dataset({"motor_ratio": ratio})), "motor_ratio")
+    assert found.names[0] == "motor_ratio"                 # speed and spin both go with it: neither is the one
+    assert {"exit_speed_m_s", "exit_spin_rev_s"} <= set(found.names)
+    speed = dict(found.columns)["exit_speed_m_s"]
+    assert np.allclose(speed, ratio * 594.0 * (0.0508 + 0.5625 * 0.0349) / 2.0, atol=1e-8)
+
+
+def test_the_balls_own_state_leads_when_just_one_goes_with_the_wheels() -> None:
+    rng = np.random.default_rng(0)
+    spin, speed = rng.normal(0.0, 2.0, N), rng.normal(10.0, 0.01, N)
+    lower, upper = speed + np.pi * 0.0889 * spin, speed - np.pi * 0.0889 * spin
+    found = gather_covariates(dataset({"wheel_upper_rad_s": upper / 0.0349, "wheel_lower_rad_s": lower / 0.0508}))
+    covariate = named(found, "exit_spin_rev_s")
+    assert covariate.name == "exit_spin_rev_s"
+    assert np.corrcoef(covariate.values, spin)[0, 1] > 0.999
+
+
+def test_order_and_waiting_time_are_counted_within_a_session() -> None:
+    t_s = np.concatenate([np.cumsum(np.arange(1.0, 21.0)), np.cumsum(np.arange(20.0, 0.0, -1.0))])
+    found = gather_covariates(dataset({"t_s": t_s}, {"session": ("a",) * 20 + ("b",) * 20}))
+    wait = named(found, "since_last_shot_s").values
+    assert np.isnan(wait[[0, 20]]).all()
+    assert wait[1] == 2.0
+    assert named(found, "order_in_session").values[[0, 19, 20]].tolist() == [0.0, 19.0, 0.0]
+
+
+def test_traces_give_their_value_at_feeding_and_their_dip() -> None:
+    shot = np.repeat(np.arange(N), 4)
+    depth = np.repeat(np.arange(N) / 10.0, 4)
+    value = 12.0 + np.repeat(np.sin(np.arange(N)), 4) - depth * np.tile([0.0, 0.0, 1.0, 0.5], N)
+    traces = Traces(shot, np.tile([-0.1, 0.0, 0.1, 0.2], N), ("battery_v",) * len(shot), value)
+    found = gather_covariates(dataset({}, traces=traces))
+    assert np.allclose(dict(named(found, "dip_battery_v").columns)["dip_battery_v"], np.arange(N) / 10.0)
+    assert np.allclose(named(found, "fed_battery_v").values, 12.0 + np.sin(np.arange(N)))
+
+
+def test_results_and_constants_are_no_covariates() -> None:
+    found = gather_covariates(dataset({"miss_height_m": np.arange(N) * 1.0, "phi": np.full(N, 0.5)}))
+    assert [covariate.name for covariate in found] == ["order_in_session"]
+    factors = gather_factors(dataset({}, {"outcome": ("two", "miss") * 20, "rig": ("a", "b") * 20}).shots)
+    assert [factor.name for factor in factors] == ["rig"]
+
+
+@settings(max_examples=50, deadline=None)
+@given(seed=st.integers(0, 9999), holes=st.integers(0, 10), levels=st.integers(2, 40))
+def test_shapes_are_centred_over_the_known_and_zero_elsewhere(seed: int, holes: int, levels: int) -> None:
+    rng = np.random.default_rng(seed)
+    values = rng.integers(0, levels, N).astype(float)
+    values[rng.permutation(N)[:holes]] = np.nan
+    weights, names = test_shapes(Covariate((("x", values),)), np.arange(N))
+    known = np.isfinite(values)
+    assert weights.shape == (N, len(names))
+    assert (weights[~known] == 0.0).all()
+    assert np.allclose(weights.sum(0), 0.0, atol=1e-9)
+    for k, name in enumerate(names):
+        if name.startswith("step"):
+            assert min((weights[known, k] > 0.0).sum(), (weights[known, k] < 0.0).sum()) >= FEWEST
+
+
+def test_a_covariate_that_a_session_fixes_is_said_to_go_with_it() -> None:
+    session = ("a",) * 20 + ("b",) * 20
+    factors = gather_factors(dataset({}, {"session": session}).shots)
+    assert carried_by(Covariate((("spin", np.repeat([0.0, 50.0], 20)),)), factors) == ("session",)
+    assert carried_by(Covariate((("t", np.arange(40.0)),)), factors) == ()
+
+
+def test_groups_that_are_too_small_are_not_asked_about() -> None:
+    factor = gather_factors(dataset({}, {"rig": ("a",) * 30 + ("b",) * 8 + ("c",) * 2}).shots)[0]
+    assert test_groups(factor, np.arange(N))[1] == ("a", "b")
+
+
+def test_balls_hold_shots_together_when_they_are_many() -> None:
+    many = dataset({}, {"ball_id": tuple(f"b{k % 13}" for k in range(N))}).shots
+    few = dataset({}, {"ball_id": tuple(f"b{k % 4}" for k in range(N))}).shots
+    assert (find_clusters(many).by, find_clusters(many).count) == ("ball_id", 13)
+    assert (find_clusters(few).by, find_clusters(few).count) == ("shot", N)
