@@ -29,6 +29,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(args: argparse.Namespace) -> int:
+    for path in (args.out, args.map):
+        if path is not None and not Path(path).parent.is_dir():
+            raise BadInput(f"{path}: there is no directory to write it to")
     dataset = load_dataset(args.dataset)
     fit = fit_grid(dataset.facts, dataset.shots, args.step, make_progress("fit", args.quiet))
     scored = score(dataset.facts, fit.coefficients, dataset.shots)

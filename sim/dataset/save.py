@@ -1,6 +1,5 @@
 """Dataset -> a directory of CSV files that read back exactly."""
 
-import csv
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -46,9 +45,13 @@ def _shot_columns(shots: Shots) -> dict[str, Column]:
 def _save_csv(path: Path, columns: dict[str, Column]) -> None:
     cells = [_cells(name, column) for name, column in columns.items()]
     with path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(columns)
-        writer.writerows(zip(*cells, strict=True))
+        for row in (tuple(columns), *zip(*cells, strict=True)):
+            file.write(",".join(map(_quoted, row)) + "\n")
+
+
+def _quoted(cell: str) -> str:
+    """By hand, because Python 3.11's csv.writer leaves a lone carriage return bare, which ends the row for a reader."""
+    return '"' + cell.replace('"', '""') + '"' if any(mark in cell for mark in ',"\r\n') else cell
 
 
 def _cells(name: str, column: Column) -> list[str]:

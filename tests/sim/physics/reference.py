@@ -54,6 +54,6 @@ def integrate(distance_m, motor_ratio, hood_deg, cd, cl, release_m=RELEASE_M, li
     for name, times, states in zip(("plane", "floor", "turn"), done.t_events, done.y_events, strict=True):
         if len(times):
             reached = name == "plane"
-            x, y, vx, vy = states[0]
+            _, y, vx, vy = states[0]
             return Reference(y if reached else math.nan, times[0], name, abs(vy / vx) if reached else math.nan)
     return Reference(math.nan, math.nan, "aloft", math.nan)

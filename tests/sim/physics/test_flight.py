@@ -7,8 +7,10 @@ import pytest
 
 from robot.facts import WorldFacts
 from sim.physics.catalogue import flight_terms
-from sim.physics.flight import fly, path
+from sim.physics.flight import fly, make_law, path, rk4
 from sim.physics.launch import Exit
+from sim.physics.term import BallState
+from sim.physics.vector import Vec
 from tests.sim.physics import reference
 from tests.sim.physics.rigs import GUPPY, weightless
 
@@ -144,13 +146,10 @@ def test_derivatives_in_the_coefficients_are_those_of_dop853():
 
 def test_sideways_spin_is_flown_in_three_dimensions():
     """Weightless ball spinning about the vertical: the same circle, lying down."""
-    from sim.physics.flight import make_law, rk4
-    from sim.physics.term import BallState
-    from sim.physics.vector import Vec
-
     spin = 10.0 / LIFT_RAD_S
     law = make_law(msgspec.structs.replace(GUPPY, world=WorldFacts(0.0)), SEED, {"magnus": {"cl": 1.0}})
     ball = BallState(Vec(0.0, 0.0, 1.0), Vec(10.0, 0.0, 0.0), Vec(0.0, 0.0, spin))
     for _ in range(100):
         ball = rk4(law, ball, 0.001)
-    np.testing.assert_allclose([float(part) for part in ball.position_m], [np.sin(1.0), 1 - np.cos(1.0), 1.0], atol=1e-9)
+    there = [float(part) for part in ball.position_m]
+    np.testing.assert_allclose(there, [np.sin(1.0), 1 - np.cos(1.0), 1.0], atol=1e-9)

@@ -102,7 +102,8 @@ def test_measured_columns_take_precedence_row_by_row():
     mixed = 594.0 * 0.5 * reference.UPPER_GEAR * reference.UPPER_RADIUS_M
     np.testing.assert_allclose(exit.speed_m_s, [by_ratio[0], (lower + upper) / 2, 9.0, (lower + mixed) / 2])
     per_rev = 2 * np.pi * reference.RADIUS_M
-    np.testing.assert_allclose(exit.spin_rev_s, [by_ratio[1], (lower - upper) / per_rev, 3.0, (lower - mixed) / per_rev])
+    spins = [by_ratio[1], (lower - upper) / per_rev, 3.0, (lower - mixed) / per_rev]
+    np.testing.assert_allclose(exit.spin_rev_s, spins)
     np.testing.assert_allclose(np.degrees(exit.elevation_rad), [50.0, 50.0, 48.0, 50.0])
 
 

@@ -1,0 +1,84 @@
+"""`truearc predict` and `truearc fit` as a user meets them."""
+
+import csv
+import io
+
+import numpy as np
+import pytest
+
+from sim.coefficients import load_coefficients, load_provenance
+from sim.shots import Dataset, Shots, dataset_hash, save_dataset
+from tests.sim.physics import reference
+from tests.sim.physics.rigs import GUPPY
+from truearc import main
+
+ROWS = [(3.0, 0.5, 50.0), (15.0, 0.3, 40.0), (4.0, 0.6, 60.0), (2.0, 0.45, 60.0)]
+OUTCOMES = ("three", "miss", "two", "three")
+
+
+@pytest.fixture
+def home(tmp_path):
+    columns = dict(zip(("distance_m", "motor_ratio", "hood_deg"), np.array(ROWS).T, strict=True))
+    shots = Shots(("a", "b,c", "d", "e"), columns, {"outcome": OUTCOMES})
+    save_dataset(tmp_path / "shots", Dataset("shots", GUPPY, shots))
+    return tmp_path / "shots"
+
+
+def test_predict_prints_the_columns_of_formats_md(home, capsys):
+    assert main(["predict", str(home), "--cd", "0.91", "--cl", "0.06"]) == 0
+    printed = list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
+    assert [row["shot_id"] for row in printed] == ["a", "b,c", "d", "e"]
+    assert list(printed[0]) == ["shot_id", "height_m", "deviation_m", "outcome"]
+    for row, shot in zip(printed, ROWS, strict=True):
+        height_m = reference.integrate(*shot, 0.91, 0.06).height_m
+        if np.isnan(height_m):
+            assert (row["height_m"], row["deviation_m"], row["outcome"]) == ("", "", "miss")
+        else:
+            assert float(row["height_m"]) == pytest.approx(height_m, abs=1e-5)
+            assert float(row["deviation_m"]) == pytest.approx(height_m - 2.44, abs=1e-5)
+    assert printed[1]["height_m"] == ""
+
+
+def test_fit_writes_what_predict_reads(home, tmp_path, capsys):
+    out, grid = tmp_path / "coefficients.toml", tmp_path / "map.npz"
+    assert main(["fit", str(home), "--step", "0.5", "-o", str(out), "--map", str(grid), "--quiet"]) == 0
+    printed = capsys.readouterr()
+    assert "11 x 11" in printed.out
+    assert printed.err == ""
+    chosen = load_coefficients(out)
+    saved = np.load(grid)
+    at = (round(chosen["drag"]["cd"] / 0.5), round(chosen["magnus"]["cl"] / 0.5))
+    assert saved["tied"][at]
+    assert saved["share_three"][at] == saved["share_three"].max()
+    assert load_provenance(out)["dataset_sha256"] == dataset_hash(home)
+    assert load_provenance(out)["tied_pairs"] == saved["tied"].sum()
+    assert main(["predict", str(home), "--coefficients", str(out), "-o", str(tmp_path / "p.csv")]) == 0
+    assert main(["predict", str(home), "--cd", str(chosen["drag"]["cd"]), "--cl", str(chosen["magnus"]["cl"])]) == 0
+    assert capsys.readouterr().out == (tmp_path / "p.csv").read_text()
+
+
+@pytest.mark.parametrize(("arguments", "message"), [
+    (["--cd", "0.9"], "--cl is needed"),
+    (["--cd", "nan", "--cl", "0"], "--cd: nan is not a finite number"),
+    (["--cd", "1", "--cl", "1", "--coefficients", "x"], "exclude each other"),
+    (["--coefficients", "nowhere.toml"], "nowhere.toml"),
+    (["--cd", "1", "--cl", "1", "-o", "/nowhere/p.csv"], "/nowhere/p.csv"),
+])
+def test_predict_refuses_by_name(home, capsys, arguments, message):
+    assert main(["predict", str(home), *arguments]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_a_bad_row_stops_both(home, capsys):
+    with (home / "shots.csv").open("a") as file:
+        file.write("a,3,50,0.5,two\n")
+    for verb in (["predict", "--cd", "1", "--cl", "1"], ["fit"]):
+        assert main([verb[0], str(home), *verb[1:]]) == 2
+        assert "shots.csv:6: shot_id: 'a' stands already in" in capsys.readouterr().err
+
+
+def test_fit_refuses_by_name(home, capsys):
+    assert main(["fit", str(home), "--step", "0.3"]) == 2
+    assert "--step: 0.3" in capsys.readouterr().err
+    assert main(["fit", str(home), "--step", "2.5", "--quiet", "-o", "/nowhere/c.toml"]) == 2
+    assert "/nowhere/c.toml" in capsys.readouterr().err

@@ -1,0 +1,104 @@
+"""The seed's search against brute force with DOP853, and the measures by hand."""
+
+import numpy as np
+import pytest
+
+from robot.config import BadInput
+from sim.fit.grid import fit_grid, make_axis
+from sim.fit.score import score
+from sim.shots import Shots
+from tests.sim.physics import reference
+from tests.sim.physics.rigs import GUPPY
+
+TRUTH = (0.9, 0.05)
+CENTRE_M, THREE_M, TWO_M = 2.44, 0.07, 0.35
+
+
+def _shots(rows: list[tuple[float, float, float]], outcomes: list[str]) -> Shots:
+    columns = dict(zip(("distance_m", "motor_ratio", "hood_deg"), np.array(rows).T, strict=True))
+    return Shots(tuple(f"s{row}" for row in range(len(rows))), columns, {"outcome": tuple(outcomes)})
+
+
+def _recorded(seed: int, count: int) -> Shots:
+    """Configurations with the outcome that DOP853 gives them at TRUTH, as many of each kind."""
+    rng = np.random.default_rng(seed)
+    found: dict[str, list] = {"miss": [], "two": [], "three": []}
+    while min(map(len, found.values())) < count:
+        row = (rng.uniform(1, 8), rng.uniform(0.2, 1), rng.uniform(15, 75))
+        off_m = abs(reference.integrate(*row, *TRUTH).height_m - CENTRE_M)
+        found["three" if off_m <= THREE_M else "two" if off_m <= TWO_M else "miss"].append(row)
+    rows = [(row, outcome) for outcome, all_rows in found.items() for row in all_rows[:count]]
+    return _shots([row for row, _ in rows], [outcome for _, outcome in rows])
+
+
+@pytest.fixture(scope="module")
+def recorded() -> Shots:
+    return _recorded(21, 6)
+
+
+def test_the_map_is_that_of_brute_force(recorded):
+    """Every pair of a coarse grid by DOP853: shares, mean deviation, ties and choice."""
+    fit = fit_grid(GUPPY, recorded, 1.0)
+    axis = np.arange(6.0)
+    outcome = np.array(recorded.text("outcome"))
+    rows = [recorded.number(name) for name in ("distance_m", "motor_ratio", "hood_deg")]
+    off_m = np.array([[[abs(reference.integrate(*row, cd, cl).height_m - CENTRE_M) for row in zip(*rows, strict=True)]
+                       for cl in axis] for cd in axis])
+    off_m[np.isnan(off_m)] = np.inf
+    three, scoring = outcome == "three", outcome != "miss"
+    np.testing.assert_array_equal(fit.axis, axis)
+    np.testing.assert_allclose(fit.share_three, (off_m[..., three] <= THREE_M).mean(-1))
+    np.testing.assert_allclose(fit.share_two, (off_m[..., scoring] <= TWO_M).mean(-1))
+    np.testing.assert_allclose(fit.mean_deviation_m, off_m[..., three].mean(-1), atol=1e-3)
+    key = fit.share_three + 1e-3 * fit.share_two
+    np.testing.assert_array_equal(fit.tied, key == key.max())
+
+
+def test_finds_the_truth_on_a_finer_grid(recorded):
+    """At the truth's own grid point every three is hit, and no pair may do better."""
+    said = []
+    fit = fit_grid(GUPPY, recorded, 0.05, lambda done, note: said.append(done))
+    at = tuple(int(np.argmin(np.abs(fit.axis - part))) for part in TRUTH)
+    assert fit.tied[at]
+    assert fit.share_three[at] == fit.share_two[at] == 1.0
+    assert abs(fit.cd - TRUTH[0]) <= 0.15
+    assert abs(fit.cl - TRUTH[1]) <= 0.05
+    assert fit.mean_m == fit.mean_deviation_m[fit.tied].min() <= fit.mean_deviation_m[at]
+    assert said[-1] == 1.0
+    scored = score(GUPPY, fit.coefficients, recorded)
+    assert (scored.three, scored.two) == (1.0, 1.0)
+    assert scored.mean_m == pytest.approx(fit.mean_m, abs=1e-4)
+    assert scored.median_m == pytest.approx(fit.median_m, abs=1e-4)
+
+
+def test_score_counts_as_table_1_does():
+    """Three-point accuracy among threes, two-point accuracy among twos and threes; misses count only in `all`."""
+    rows, outcomes = [], []
+    for recorded_outcome, kind in (("three", "three"), ("three", "two"), ("two", "two"), ("two", "miss"),
+                                   ("miss", "three"), ("", "three")):
+        one = _recorded(22, 1)
+        rows.append([one.number(name)[one.text("outcome").index(kind)]
+                     for name in ("distance_m", "motor_ratio", "hood_deg")])
+        outcomes.append(recorded_outcome)
+    scored = score(GUPPY, {"drag": {"cd": TRUTH[0]}, "magnus": {"cl": TRUTH[1]}}, _shots(rows, outcomes))
+    assert scored.three == pytest.approx(1 / 2)
+    assert scored.two == pytest.approx(3 / 4)
+    assert scored.all == pytest.approx(2 / 5)
+    assert scored.shots == 5
+
+
+@pytest.mark.parametrize("step", [0.0, -1.0, 0.3, 7.0])
+def test_a_step_that_does_not_fit_is_refused(step):
+    with pytest.raises(BadInput, match="--step"):
+        make_axis(step)
+
+
+def test_the_seeds_axis():
+    axis = make_axis(0.005)
+    assert (axis.size, axis[0], axis[-1]) == (1001, 0.0, 5.0)
+    np.testing.assert_allclose(axis[[12, 182]], [0.06, 0.91], rtol=1e-15)
+
+
+def test_a_dataset_without_a_three_is_refused():
+    with pytest.raises(BadInput, match="outcome is three"):
+        fit_grid(GUPPY, _shots([(3.0, 0.5, 50.0)], ["two"]), 1.0)
