@@ -31,6 +31,6 @@ def main(args: argparse.Namespace) -> int:
     outcomes = dataset.shots.text("outcome")
     counts = ", ".join(f"{outcomes.count(kind)} {kind}" for kind in ("three", "two", "miss"))
     print(f"{args.out}: {len(dataset.shots)} shots ({counts}); {len(dataset.left_out)} left out")
-    for line in dataset.left_out:
+    for line in [] if args.quiet else dataset.left_out:
         print(f"  left out: {line}", file=sys.stderr)
     return 0

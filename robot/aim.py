@@ -1,8 +1,8 @@
 """Where the launcher should be for the next trial: a deliberately spread plan, walked onto the target by the driver.
 
 The plan is a low-discrepancy sequence, so a replay needs no random state. Speeds come from vacuum ballistics divided
-by an efficiency that the driver's high and low marks correct (a Robbins-Monro walk on log speed: level, slopes in distance
-and elevation): what a crew does by hand when it walks shots in.
+by an efficiency that the driver's high and low marks correct (a Robbins-Monro walk on log speed: a level, and slopes in
+distance and elevation): what a crew does by hand when it walks shots in.
 """
 
 import math

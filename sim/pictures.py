@@ -35,9 +35,9 @@ def draw_shot(ticks: Sequence[Tick], config: Config, fed_t_ns: int) -> Figure:
     wheel, hood, supply = figure.subplots(3, 1, sharex=True)
     t_s = np.array([(tick.inputs.t_ns - fed_t_ns) * NS for tick in ticks])
     free = config.rig.launcher.free_speed_rad_s or 0.0
-    for axes, unit, measured, wanted in (
-            (wheel, "motors, rad/s", [t.estimate.motor_rad_s for t in ticks], [t.aim.motor_ratio * free for t in ticks]),
-            (hood, "hood, deg", [t.estimate.hood_deg for t in ticks], [t.aim.hood_deg or np.nan for t in ticks])):
+    speeds = [tick.estimate.motor_rad_s for tick in ticks], [tick.aim.motor_ratio * free for tick in ticks]
+    angles = [tick.estimate.hood_deg for tick in ticks], [tick.aim.hood_deg or np.nan for tick in ticks]
+    for axes, unit, (measured, wanted) in ((wheel, "motors, rad/s", speeds), (hood, "hood, deg", angles)):
         axes.plot(t_s, wanted, color="#9aa3af", linestyle="--", label="wanted")
         axes.plot(t_s, measured, color="#1f5fa8", label="measured")
         axes.set_ylabel(unit)
@@ -83,11 +83,11 @@ def _draw_flights(axes, facts, coefficients, shots, distance_m, colour, outcome)
                   label=outcome if shot == 0 else None)
 
 
-def draw_fit_map(cd: np.ndarray, cl: np.ndarray, accuracy: np.ndarray, chosen: tuple[float, float]) -> Figure:
-    """The grid fit over (C_d, C_l): 3-point accuracy [cl, cd], and the chosen pair."""
+def draw_fit_map(axis: np.ndarray, accuracy: np.ndarray, chosen: tuple[float, float]) -> Figure:
+    """The grid fit over (C_d, C_l): 3-point accuracy [cl, cd], both along `axis`, and the chosen (C_d, C_l)."""
     figure = new_figure(6.4, 4.8)
     axes = figure.subplots()
-    image = axes.pcolormesh(cd, cl, accuracy, cmap="viridis", shading="nearest", rasterized=True)
+    image = axes.pcolormesh(axis, axis, accuracy, cmap="viridis", shading="nearest", rasterized=True)
     figure.colorbar(image, ax=axes, label="share of recorded three-pointers reproduced")
     axes.plot(*chosen, marker="*", markersize=14, color="#ff5a4f", markeredgecolor="white", linestyle="none",
               label=f"chosen: C_d {chosen[0]:.3f}, C_l {chosen[1]:.3f}")

@@ -1,10 +1,9 @@
 """Training as the seed has it: each batch of recorded shots paired with one of simulated shots (section III-D, Eq. 15).
 
 What the seed leaves open is settled here: features are standardised with the mean and standard deviation of the
-recorded training rows; the two outputs' cross-entropies are summed and averaged over the batch; the number of epochs
-is where the cross-entropy of 1200 held-out shots had stopped improving, in the mean over eight trainings on 99 recorded
-and 900 simulated shots: about 5000 epochs for shots scattered evenly over the launcher's range, about 8000 for aimed
-ones, both within 3 % of their best at 6000.
+recorded training rows; the two outputs' cross-entropies are summed and averaged over the batch; the number of epochs was
+chosen on two sessions of the emulated robot (116 shots to train on, 900 simulated, 120 shots of another session to watch):
+the watched cross-entropy fell from 0.95 at 6000 epochs to 0.73 at 20000.
 """
 
 import math
@@ -25,7 +24,7 @@ from sim.shots import Shots
 
 LABELS = {"miss": (0.0, 0.0), "two": (1.0, 0.0), "three": (1.0, 1.0)}     # three lies inside two
 BATCH = 10
-EPOCHS = 6000
+EPOCHS = 20000
 DOMAIN_MARGIN = 0.1                   # the domain is the recorded rows' box, wider by this share (half on each side)
 CURVE_POINTS = 50
 

