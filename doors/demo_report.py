@@ -25,7 +25,8 @@ class Demo:
 
     def __init__(self, folder: Path, seed: int) -> None:
         self.folder, self.seed = folder, seed
-        self.collect, self.gated, self.ungated = (folder / "sessions" / name for name in ("practice", "gated", "ungated"))
+        sessions = folder / "sessions"
+        self.collect, self.gated, self.ungated = (sessions / name for name in ("practice", "gated", "ungated"))
         self.shots, self.gated_shots, self.ungated_shots, self.all_shots, self.simulated = (
             folder / "data" / name for name in ("practice", "gated", "ungated", "all", "simulated"))
         self.coefficients, self.fit_map = folder / "coefficients.toml", folder / "fit_map.npz"
@@ -176,7 +177,8 @@ def _fine_print(demo: Demo) -> str:
     training = json.loads((demo.weights / "training.json").read_text(encoding="utf-8"))
     rejected = [trial for session in (demo.collect, demo.gated, demo.ungated) for trial in load_trials(session)
                 if trial.outcome.outcome == "rejected"]
-    return table(["", ""], [["seed", demo.seed], ["trained on", demo.shots.name], ["epochs", training["epochs"]],
-                            ["lambda", training["lambda"]], ["shots that the driver rejected", len(rejected)]]) + paragraph(
+    rows = [["seed", demo.seed], ["trained on", demo.shots.name], ["epochs", training["epochs"]],
+            ["lambda", training["lambda"]], ["shots that the driver rejected", len(rejected)]]
+    return table(["", ""], rows) + paragraph(
         "Everything here was recorded by the emulated robot: real runtime, real frames and images, a MuJoCo world that "
         "neither runtime nor fit can see.", dim=True)

@@ -2,7 +2,6 @@
 
 import itertools
 from collections.abc import Callable, Mapping
-from importlib.metadata import version
 from pathlib import Path
 
 import cv2
@@ -19,10 +18,10 @@ from hw.emulated.serial_port import open_button_box
 from hw.emulated.twin import Twin
 from hw.real.can_bus import open_can
 from hw.real.serial_port import open_serial
-from robot.config import CameraConfig, Config, Tape, config_hash
+from robot.config import CameraConfig, Config, Tape
 from robot.gate.model import Gate, load_gate
 from robot.recording.candump import TappedBus
-from robot.recording.session import FORMAT, Header
+from robot.recording.session import make_header
 from robot.recording.writer import SessionWriter
 from robot.rig import HardwareRig, make_axis
 from robot.runtime import run
@@ -67,12 +66,6 @@ def emulate(config: Config, folder: Path, trials: int, seed: int, options: Optio
     if recorder.failed is not None:
         raise recorder.failed
     return world.results
-
-
-def make_header(config: Config, gate: Gate | None, started: str | None) -> Header:
-    """What session.json will say."""
-    return Header(FORMAT, version("truearc"), config_hash(config), gate.sha256 if gate else None, config.gate.policy,
-                  started)
 
 
 def run_twin(config: Config, world: World, trials: int, seed: int, gate: Gate | None, recorder: SessionWriter,

@@ -79,6 +79,11 @@ class HardwareRig:
     def picture(self) -> CameraFrame | None:
         return self._picture
 
+    def release(self) -> None:
+        """Leave every motor idle; for the end, whatever brought it."""
+        for axis in self._axes:
+            self._send(odrive.make_state(axis, odrive.IDLE))
+
     def _make_handlers(self) -> dict[int, Callable[[Frame], None]]:
         handlers: dict[int, Callable[[Frame], None]] = {}
         for index, axis in enumerate(self._axes):

@@ -1,9 +1,9 @@
 """Training as the seed has it: each batch of recorded shots paired with one of simulated shots (section III-D, Eq. 15).
 
 What the seed leaves open is settled here: features are standardised with the mean and standard deviation of the
-recorded training rows; the two outputs' cross-entropies are summed and averaged over the batch; the number of epochs was
-chosen on two sessions of the emulated robot (116 shots to train on, 900 simulated, 120 shots of another session to watch):
-the watched cross-entropy fell from 0.95 at 6000 epochs to 0.73 at 20000.
+recorded training rows; the two outputs' cross-entropies are summed and averaged over the batch; the number of epochs
+was chosen on two sessions of the emulated robot (116 shots to train on, 900 simulated, 120 shots of another session to
+watch): the watched cross-entropy fell from 0.95 at 6000 epochs to 0.73 at 20000.
 """
 
 import math

@@ -1,6 +1,7 @@
 """The only file that reads a clock."""
 
 import time
+from datetime import datetime
 
 
 class MonotonicClock:
@@ -17,3 +18,8 @@ class MonotonicClock:
         """
         while (left_ns := t_ns - time.monotonic_ns()) > 0:
             time.sleep(left_ns / 1e9)
+
+
+def wall_clock() -> str:
+    """The time of day where we are, ISO 8601 to the second: for names and headers, never for reckoning."""
+    return datetime.now().astimezone().isoformat(timespec="seconds")

@@ -8,6 +8,7 @@
     frames/          the image behind each shot, and frames.jsonl
 """
 
+from importlib.metadata import version
 from pathlib import Path
 
 import msgspec
@@ -38,6 +39,12 @@ class Trial(Struct, frozen=True):
 
     outcome: Outcome
     shot: Shot | None
+
+
+def make_header(config: Config, gate: Gate | None, started: str | None) -> Header:
+    """What session.json will say."""
+    return Header(FORMAT, version("truearc"), config_hash(config), gate.sha256 if gate else None, config.gate.policy,
+                  started)
 
 
 def load_header(session: Path) -> Header:

@@ -1,0 +1,71 @@
+"""The house keeps its own rules: imports, style, types, sizes."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+ROOMS = ("hw", "robot", "sim", "model_export", "doors")
+FILES = sorted(path for room in ROOMS for path in (ROOT / room).rglob("*.py"))
+LONGEST_FILE, LONGEST_FUNCTION = 400, 60
+HEAVY = ("jax", "mujoco", "onnx", "scipy", "matplotlib", "optax", "pyarrow", "joblib", "rich")
+
+
+def run(*command):
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_ruff():
+    run(sys.executable, "-m", "ruff", "check", ".")
+
+
+def test_mypy():
+    run(sys.executable, "-m", "mypy")
+
+
+def test_import_directions():
+    run(str(Path(sys.executable).parent / "lint-imports"), "--no-cache")
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_sizes(path):
+    source = path.read_text(encoding="utf-8")
+    assert len(source.splitlines()) <= LONGEST_FILE
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            assert node.end_lineno - node.lineno < LONGEST_FUNCTION, f"{path.name}: {node.name}"
+
+
+def reads_a_clock(node):
+    if isinstance(node, ast.Import):
+        return any(alias.name == "time" for alias in node.names)
+    return isinstance(node, ast.ImportFrom) and node.module in ("time", "datetime")
+
+
+def test_only_one_file_reads_a_clock():
+    """Doors may time themselves, and so may the world's survey, which prints what the world costs."""
+    readers = {str(path.relative_to(ROOT)) for path in FILES if path.parts[-2] != "doors"
+               and any(map(reads_a_clock, ast.walk(ast.parse(path.read_text(encoding="utf-8")))))}
+    assert readers == {str(Path("hw/real/clock.py")), str(Path("sim/world/survey.py"))}
+
+
+@pytest.mark.parametrize("module", ["doors.run", "doors.replay", "doors.vision"])
+def test_the_robots_own_doors_need_only_the_base_install(module):
+    """Imported in a process in which the heavy packages do not exist."""
+    code = (f"import sys\nfor name in {HEAVY!r}: sys.modules[name] = None\n"
+            f"import {module}")
+    run(sys.executable, "-c", code)
+
+
+def test_no_registry_host_or_machine_path_in_the_tree():
+    tracked = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True).stdout.split()
+    if not tracked:
+        pytest.skip("not a git checkout")
+    forbidden = ("/work" + "/main", "/root" + "/", "/simple" + "/")
+    for name in tracked:
+        text = (ROOT / name).read_bytes()
+        assert not any(word.encode() in text for word in forbidden), name
