@@ -27,8 +27,8 @@ CHUNK = 250                           # sign patterns at once
 class Scores:
     """M tests over G clusters: `psi` [G, M] efficient scores, `kappa` [G, M] their information; `kept` [M] usable.
 
-    `stretch` [G, M]: fitting the shared parameters draws each cluster's score towards zero; times this it has the spread
-    it had before.
+    `stretch` [G, M]: fitting the shared parameters draws each cluster's score towards zero; times this it has the
+    spread that it had before.
     """
 
     psi: Array
