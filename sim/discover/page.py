@@ -42,8 +42,8 @@ def _pictures(investigation: Investigation) -> list[tuple[str, str]]:
     flight = flight_png(evidence, place)
     if flight is not None:
         shown.append(("Along the flight", picture(flight, "missing acceleration along the flight",
-                                                  "Fitted jointly in bands of flight time, each flight's start free; "
-                                                  "bars across are one standard error.")))
+                                                  "Fitted jointly in bands of flight time (level bars), each flight's "
+                                                  "start free; upright bars are one standard error.")))
     return shown
 
 

@@ -32,7 +32,7 @@ def covariate_png(evidence: Evidence, place: Place) -> bytes:
     else:
         axes.set_xticks(range(len(what.levels)), what.levels)
     axes.set_xlabel(name if what is not None and name else "shot, in the order of the file")
-    _finish(axes, f"{place.channel.name} [{place.channel.unit}]\nmissing from the simulation")
+    _finish(axes, f"{place.channel.name} [{_unit(place.channel.unit)}]\nmissing from the simulation")
     return make_png(figure)
 
 
@@ -57,6 +57,10 @@ def flight_png(evidence: Evidence, place: Place) -> bytes | None:
     return make_png(figure)
 
 
+def _unit(unit: str) -> str:
+    return "share" if unit == "1" else unit.replace("s2", "s²")
+
+
 def _finish(axes: Axes, label: str) -> None:
     axes.set_ylabel(label)
     axes.spines[["top", "right"]].set_visible(False)
@@ -72,7 +76,7 @@ def _positions(evidence: Evidence, place: Place) -> Array:
 
 
 def _points(evidence: Evidence, place: Place, values: Array) -> tuple[Array, Array, Array]:
-    """(x, amplitude, standard error) a shot, or pooled over bins where single shots say too little."""
+    """(x, amplitude, standard error) a shot, or pooled over bins where single shots say too little to be drawn."""
     u = evidence.score[:, place.test.channel]
     info = evidence.info[:, place.test.channel, place.test.channel]
     known = np.isfinite(values) & (info > 0.0)

@@ -92,7 +92,7 @@ def whiten(samples: Samples, scatter: Scatter, columns: Array) -> Array:
     clean = columns / scatter.sigma_m[:, None]
     new = (clean[:, 1:] - memory[..., None] * clean[:, :-1]) / np.sqrt(1.0 - memory**2 + 1e-12)[..., None]
     joined = np.concatenate([clean[:, :1], new], axis=1) * samples.real[:, :, None, None]
-    return joined.reshape(len(columns), -1, columns.shape[-1])
+    return joined.reshape(len(columns), 3 * columns.shape[1], columns.shape[-1])
 
 
 def _detrend(time_s: Array, position_m: Array) -> Array:

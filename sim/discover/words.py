@@ -36,8 +36,8 @@ def _size(amplitude: float, unit: str) -> str:
 def say_none(believed: tuple[str, ...], p_value: float | None, shots: int, false_alarm: float) -> str:
     """No mismatch, or nothing to see one by."""
     if p_value is None:
-        return (f"These {shots} shots cannot say anything about the simulation: too few of them have an outcome or a "
-                "height with a distance and a launch, or a track.")
+        return (f"These {shots} shots cannot say anything about the simulation: too few of them have a track, or an "
+                "outcome or height, with distance and launch, that would tell.")
     return (f"No mismatch: {shots} shots look as the simulation ({', '.join(believed)}) has them "
             f"(p = {p_value:.2g}, false alarms {false_alarm:g}).")
 

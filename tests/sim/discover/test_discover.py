@@ -13,8 +13,8 @@ from robot.config import BadInput
 from sim.discover.discover import Investigation, discover
 from sim.discover.finding import make_json
 from sim.discover.page import make_report
-from sim.shots import Dataset, Shots, save_dataset
-from tests.sim.discover.worlds import World, make_outcomes, make_tracks
+from sim.shots import Dataset, Shots, Tracks, save_dataset
+from tests.sim.discover.worlds import World, fly, make_outcomes, make_tracks
 
 BELIEVED = ("gravity", "drag")
 
@@ -116,6 +116,27 @@ def test_all_outcomes_alike_are_no_mismatch() -> None:
     threes = np.array(base.shots.text("outcome")) == "three"
     assert threes.sum() > 80
     assert discover(replace(base, shots=base.shots.take(threes))).finding.verdict == "none"
+
+
+@pytest.mark.filterwarnings("error")
+def test_odd_but_honest_data_are_judged_without_a_stumble() -> None:
+    rng = np.random.default_rng(8)
+    t = np.linspace(0.0, 1.2, 20)
+    fall = fly(np.array([0.0, 0.0, 10.0, 1e-4, 0.0, -0.5]), t, (0.5, 0.0, 0.0, 0.0, 0.0))
+    falls = fall + rng.normal(0.0, 0.02, (14, *fall.shape))
+    drops = Dataset("drops", make_tracks(World(), 10, 0).facts, Shots(tuple(map(str, range(14))), {}, {}),
+                    Tracks(np.repeat(np.arange(14), 20), np.tile(t, 14), *falls.reshape(-1, 3).T))
+    assert discover(drops, BELIEVED).finding.verdict == "none"
+    # without drag a fall of 7 m ends 1.5 m too low: upright flight, so the push is along it, backwards
+    missing = discover(drops, ("gravity",)).finding
+    assert (missing.where.stage, missing.where.direction) == ("flight", "along")
+    assert missing.unknown is not None and missing.unknown.amplitude < 0.0
+    base = make_outcomes(World(), 100, 9)
+    ratio = np.where(np.arange(100) < 20, 0.0, base.shots.number("motor_ratio"))
+    stopped = {**base.shots.numbers, "motor_ratio": ratio}
+    discover(replace(base, shots=replace(base.shots, numbers=stopped)))
+    misses = discover(replace(base, shots=replace(base.shots, texts={"outcome": ("miss",) * 100}))).finding
+    assert misses.data.shots == 100
 
 
 def test_bad_input_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
