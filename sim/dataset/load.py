@@ -183,4 +183,4 @@ def _check_order(table: Table, shot: np.ndarray, t_s: np.ndarray, problems: Prob
 
 
 def _left_out(path: Path) -> tuple[str, ...]:
-    return tuple(path.read_text(encoding="utf-8").splitlines()) if path.is_file() else ()
+    return tuple(path.read_text(encoding="utf-8", errors="replace").splitlines()) if path.is_file() else ()

@@ -1,6 +1,5 @@
 """A dataset in memory: columns, SI, one row a shot."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -69,4 +68,4 @@ class Dataset:
     shots: Shots
     tracks: Tracks | None = None
     traces: Traces | None = None
-    left_out: Sequence[str] = ()
+    left_out: tuple[str, ...] = ()
