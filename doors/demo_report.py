@@ -119,9 +119,7 @@ def _sentence(finding: dict[str, Any]) -> str:
         return f"no disagreement between simulation and recordings (p = {mismatch['p_value']:.2g})"
     stages = where.get("stage_probability") or {}
     shown = ", ".join(f"{stage} {value:.0%}" for stage, value in stages.items() if value and value >= 0.05)
-    return (f"simulation and recordings disagree (p = {mismatch['p_value']:.2g}); the misfit follows "
-            f"{where.get('covariate')}, {where.get('direction')}; stage: {shown or where.get('stage')}; "
-            f"verdict {finding['verdict']}")
+    return f"{finding['sentence']} Where it happens: {shown or where.get('stage')}."
 
 
 def _one_shot(demo: Demo) -> str:

@@ -9,17 +9,20 @@ from types import FrameType
 import cv2
 
 from hw.link import Bus, Camera, Clock, LinkLost, Stream
+from hw.reading import CameraFrame
 from hw.real.camera import open_camera
 from hw.real.can_bus import open_can
 from hw.real.clock import MonotonicClock, wall_clock
 from hw.real.serial_port import open_serial
 from robot.config import BadInput, Config, load_config
+from robot.eyes import InlineEyes
 from robot.gate.model import load_gate
 from robot.recording.candump import TappedBus
 from robot.recording.session import make_header
 from robot.recording.writer import SessionWriter
 from robot.rig import HardwareRig
 from robot.runtime import run
+from robot.types import Sighting
 from robot.vision import detect
 
 DESCRIPTION = "Run the launcher on its real wires and record it; ends on Ctrl-C or SIGTERM with the motors idle."
@@ -57,8 +60,12 @@ def main(args: argparse.Namespace) -> int:
         recorder = SessionWriter(folder, make_header(config, gate, started), config,
                                  args.gate.read_bytes() if args.gate else None, lossless=False)
         wires.callback(recorder.close)
-        rig = HardwareRig(config, TappedBus(bus, recorder.tap), box, camera, clock,
-                          lambda frame: detect(frame, config.camera, config.tape, config.vision), lambda: ending.asked)
+
+        def see(frame: CameraFrame) -> Sighting:
+            return detect(frame, config.camera, config.tape, config.vision)
+
+        eyes = InlineEyes(camera, see)
+        rig = HardwareRig(config, TappedBus(bus, recorder.tap), box, eyes, clock, lambda: ending.asked)
         wires.callback(rig.release)               # first of all to be done on the way out, whatever happened
         ticks = run(rig, config, gate, recorder)
     print(f"{folder}: {ticks} ticks" + (f", {recorder.dropped} batches lost" if recorder.dropped else ""))

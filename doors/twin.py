@@ -4,11 +4,10 @@ import itertools
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-import cv2
 from msgspec.structs import replace
 
+from doors.twin_eyes import TwinEyes
 from hw.canandmag import Encoder
-from hw.emulated.camera import EmulatedCamera, Lens, TapeSize
 from hw.emulated.canandmag_node import CanandmagNode
 from hw.emulated.clock import StepClock
 from hw.emulated.faults import Fault, FaultyNode
@@ -18,20 +17,18 @@ from hw.emulated.serial_port import open_button_box
 from hw.emulated.twin import Twin
 from hw.real.can_bus import open_can
 from hw.real.serial_port import open_serial
-from robot.config import CameraConfig, Config, Tape
+from robot.config import Config
 from robot.gate.model import Gate, load_gate
 from robot.recording.candump import TappedBus
 from robot.recording.session import make_header
 from robot.recording.writer import SessionWriter
 from robot.rig import HardwareRig, make_axis
 from robot.runtime import run
-from robot.vision import detect
 from sim.world.driver import Driver
 from sim.world.options import Options
 from sim.world.target import BallResult
 from sim.world.world import World
 
-LATENCY_S = 0.03                      # middle of the exposure until the robot can read the image
 LONGEST_TRIAL_S = 40.0                # a session that takes longer than this a trial is stuck, and ends
 CHANNELS = itertools.count()          # every twin in this process has a wire of its own
 
@@ -52,7 +49,6 @@ def emulate(config: Config, folder: Path, trials: int, seed: int, options: Optio
     goes wrong.
     The truth returned is for tests and reports about the twin; neither runtime nor fit may see it.
     """
-    cv2.setNumThreads(1)
     gate = None if gate_path is None else load_gate(gate_path)
     if gate is not None:
         config = replace(config, gate=replace(config.gate, policy="model"))
@@ -72,14 +68,13 @@ def run_twin(config: Config, world: World, trials: int, seed: int, gate: Gate | 
              progress: Progress, faults: Mapping[str, tuple[Fault, ...]]) -> None:
     """Wire robot and world together and run until the driver is done."""
     box = open_button_box()
-    camera = EmulatedCamera(world, make_lens(config.camera), make_tape(config.tape), config.camera.fps, LATENCY_S, seed)
+    eyes = TwinEyes(world, config, seed, faults.get("camera", ()))
     patience_s = config.gate.request_s + 0.5
     driver = Driver(world, box.press, trials, seed, patience_s=patience_s, repeats=config.collect.repeats)
     clock = StepClock(lambda t_ns: twin.advance(t_ns))
     channel = f"truearc-{next(CHANNELS)}"
     near, far = (open_can("virtual", channel, config.can.bitrate, clock) for _ in range(2))
-    steppers = (box.step, driver.step, make_shutter(camera, faults.get("camera", ())), camera.step)
-    twin = Twin(world, far, make_nodes(config, world, faults), steppers)
+    twin = Twin(world, far, make_nodes(config, world, faults), (box.step, driver.step, eyes.step))
     stream = open_serial(box.port, config.buttons.baud)
     limit_ns = int(LONGEST_TRIAL_S * trials * 1e9)
 
@@ -88,11 +83,9 @@ def run_twin(config: Config, world: World, trials: int, seed: int, gate: Gate | 
         return driver.done or clock.now_ns() > limit_ns
 
     try:
-        run(HardwareRig(config, TappedBus(near, recorder.tap), stream, camera, clock,
-                        lambda frame: detect(frame, config.camera, config.tape, config.vision), over),
-            config, gate, recorder)
+        run(HardwareRig(config, TappedBus(near, recorder.tap), stream, eyes, clock, over), config, gate, recorder)
     finally:
-        for wire in (near, far, stream, camera):
+        for wire in (near, far, stream, eyes):
             wire.close()
         box.unplug()
     progress(1.0, f"{len(world.results)} balls in {clock.now_ns() * 1e-9:.0f} s of robot time")
@@ -109,17 +102,3 @@ def make_nodes(config: Config, world: World, faults: Mapping[str, tuple[Fault, .
     encoder = config.hood_encoder
     nodes["hood_encoder"] = CanandmagNode(Encoder(encoder.device), world, encoder.zero_deg, encoder.direction)
     return tuple(FaultyNode(node, faults[name]) if name in faults else node for name, node in nodes.items())
-
-
-def make_shutter(camera: EmulatedCamera, faults: tuple[Fault, ...]) -> Callable[[int], None]:
-    """What freezes the camera while one of its faults stands, whatever the fault's kind."""
-    return lambda t_ns: camera.freeze(any(fault.begin_ns <= t_ns < fault.end_ns for fault in faults))
-
-
-def make_lens(camera: CameraConfig) -> Lens:
-    return Lens(camera.width_px, camera.height_px, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px,
-                camera.distortion)
-
-
-def make_tape(tape: Tape) -> TapeSize:
-    return TapeSize(tape.top_width_m, tape.bottom_width_m, tape.height_m, tape.tape_width_m)

@@ -4,9 +4,10 @@ from collections.abc import Callable, Iterable, Iterator
 
 from hw import canandmag, odrive
 from hw.buttons import parse_lines
-from hw.link import BadFrame, Bus, Camera, Clock, Frame, LinkLost, Stream
+from hw.link import BadFrame, Bus, Clock, Frame, LinkLost, Stream
 from hw.reading import AngleReading, ButtonEvent, CameraFrame, MotorReading
 from robot.config import Axis, BadInput, Config
+from robot.eyes import Eyes
 from robot.types import Command, Inputs, Sent, Sighting, Tick
 
 NS_PER_S = 1_000_000_000
@@ -15,25 +16,22 @@ ENDSTOP_NS = 50_000_000               # how often the limit switch is read
 FEED_NS = 25_000_000                  # an unchanged torque is repeated this often: the axes' watchdogs want to hear it
 BOX_SILENT_NS = 1_500_000_000         # three missed heartbeats of the button box
 
-See = Callable[[CameraFrame], Sighting]
-
 
 class HardwareRig:
     """Reads devices, writes commands, keeps the tick's time.
 
-    `see` turns an image into a sighting; `over` says, before each tick, whether there will be no more.
+    `over` says, before each tick, whether there will be no more.
     """
 
-    def __init__(self, config: Config, bus: Bus, box: Stream, camera: Camera, clock: Clock, see: See,
+    def __init__(self, config: Config, bus: Bus, box: Stream, eyes: Eyes, clock: Clock,
                  over: Callable[[], bool]) -> None:
-        self._config, self._bus, self._box, self._camera, self._clock = config, bus, box, camera, clock
-        self._see, self._over = see, over
+        self._config, self._bus, self._box, self._eyes, self._clock = config, bus, box, eyes, clock
+        self._over = over
         self._axes = [make_axis(axis) for axis in (*config.axes.flywheels, config.axes.hood, config.axes.feeder)]
         self._motors = [MotorReading() for _ in self._axes]
         self._encoder = canandmag.Encoder(config.hood_encoder.device)
         self._angle: AngleReading | None = None
         self._handlers = self._make_handlers()
-        self._picture: CameraFrame | None = None
         self._pending = b""
         self._heard_box_ns = 0
         self._cycle = 0
@@ -57,7 +55,7 @@ class HardwareRig:
         self._faults = []
         self._read_bus()
         buttons = self._read_box(t_ns)
-        sighting = self._read_camera()
+        sighting = self._read_eyes()
         self._cycle += 1
         count = len(self._config.axes.flywheels)
         return Inputs(t_ns, self._cycle, tuple(self._motors[:count]), self._motors[count], self._motors[count + 1],
@@ -77,7 +75,7 @@ class HardwareRig:
         return Sent(command.enable, flywheel, hood, feeder, refused)
 
     def picture(self) -> CameraFrame | None:
-        return self._picture
+        return self._eyes.picture()
 
     def release(self) -> None:
         """Leave every motor idle; for the end, whatever brought it."""
@@ -130,16 +128,12 @@ class HardwareRig:
             self._faults.append("button box silent: outcomes cannot be marked")
         return [event for event in events if isinstance(event, ButtonEvent)]
 
-    def _read_camera(self) -> Sighting | None:
+    def _read_eyes(self) -> Sighting | None:
         try:
-            picture = self._camera.read()
+            return self._eyes.read()
         except LinkLost as error:
             self._faults.append(f"camera lost: {error}")
             return None
-        if picture is None:
-            return None
-        self._picture = picture
-        return self._see(picture)
 
     def _housekeeping(self, command: Command, t_ns: int) -> list[Frame]:
         frames: list[Frame] = []

@@ -96,7 +96,11 @@ class EmulatedCamera:
             return
         self._due_ns += ((t_ns - self._due_ns) // self._period_ns + 1) * self._period_ns
         if not self._frozen:
-            self._waiting.append(CameraFrame(t_ns, self._expose()))
+            self._waiting.append(self.expose(t_ns))
+
+    def expose(self, t_ns: int) -> CameraFrame:
+        """The image of this moment, whether one is due or not."""
+        return CameraFrame(t_ns, self._expose())
 
     def read(self) -> CameraFrame | None:
         """The newest image that has arrived and was not yet read, or None."""

@@ -21,7 +21,7 @@ def test_the_shipped_configuration_loads():
     ("spread = 0.06", "spred = 0.06", r"my\.toml:\d+: unknown key `spred` - at `collect`"),
     ("kp = 0.03", "", r"my\.toml.*: missing key `kp` - at `flywheel\.pid`"),
     ("tick_hz = 200", 'tick_hz = "fast"', r"my\.toml:3: Expected `int`, got `str` - at `tick_hz`"),
-    ("fps = 15.0", "fps = [", r"my\.toml: .*line \d+"),
+    ("fps = 20.0", "fps = [", r"my\.toml: .*line \d+"),
     ("mass_kg = 0.14", "", r"my\.toml.*missing key `mass_kg`"),
 ])
 def test_a_mistake_is_named(old, new, message):

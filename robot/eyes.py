@@ -1,0 +1,36 @@
+"""Where sightings come from: a camera and vision, in this process or in another."""
+
+from collections.abc import Callable
+from typing import Protocol
+
+from hw.link import Camera
+from hw.reading import CameraFrame
+from robot.types import Sighting
+
+
+class Eyes(Protocol):
+    """Neither call blocks the tick; both raise LinkLost when the camera is gone."""
+
+    def read(self) -> Sighting | None:
+        """What vision made of the newest image, once; None when there is nothing new."""
+
+    def picture(self) -> CameraFrame | None:
+        """The image behind the newest sighting read."""
+
+
+class InlineEyes:
+    """Camera and vision in the caller's own time."""
+
+    def __init__(self, camera: Camera, see: Callable[[CameraFrame], Sighting]) -> None:
+        self._camera, self._see = camera, see
+        self._picture: CameraFrame | None = None
+
+    def read(self) -> Sighting | None:
+        picture = self._camera.read()
+        if picture is None:
+            return None
+        self._picture = picture
+        return self._see(picture)
+
+    def picture(self) -> CameraFrame | None:
+        return self._picture
