@@ -84,10 +84,16 @@ def _draw_flights(axes, facts, coefficients, shots, distance_m, colour, outcome)
 
 
 def draw_fit_map(axis: np.ndarray, accuracy: np.ndarray, chosen: tuple[float, float]) -> Figure:
-    """The grid fit over (C_d, C_l): 3-point accuracy [cl, cd], both along `axis`, and the chosen (C_d, C_l)."""
+    """The grid fit over (C_d, C_l): 3-point accuracy [cl, cd], both along `axis`, and the chosen (C_d, C_l).
+
+    Shows only where anything is reproduced at all.
+    """
     figure = new_figure(6.4, 4.8)
     axes = figure.subplots()
-    image = axes.pcolormesh(axis, axis, accuracy, cmap="viridis", shading="nearest", rasterized=True)
+    cl_end, cd_end = (min(len(axis), int(np.flatnonzero(part)[-1] * 1.25) + 2) for part in
+                      (accuracy.any(axis=1), accuracy.any(axis=0)))
+    axis_cd, axis_cl, accuracy = axis[:cd_end], axis[:cl_end], accuracy[:cl_end, :cd_end]
+    image = axes.pcolormesh(axis_cd, axis_cl, accuracy, cmap="viridis", shading="nearest", rasterized=True)
     figure.colorbar(image, ax=axes, label="share of recorded three-pointers reproduced")
     axes.plot(*chosen, marker="*", markersize=14, color="#ff5a4f", markeredgecolor="white", linestyle="none",
               label=f"chosen: C_d {chosen[0]:.3f}, C_l {chosen[1]:.3f}")

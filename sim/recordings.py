@@ -14,8 +14,7 @@ from sim.shots import Dataset, Shots, Traces
 NS = 1e-9
 BEFORE_S, AFTER_S = 0.1, 0.7                      # telemetry kept around the feeding of each ball
 OUTCOMES = {"miss-low": ("miss", "low"), "miss-high": ("miss", "high"), "two": ("two", ""), "three": ("three", "")}
-NUMBERS = ("distance_m", "distance_sigma_m", "hood_deg", "motor_ratio", "motor_rad_s", "battery_v",
-           "since_last_shot_s", "p_two", "p_three")
+NUMBERS = ("distance_m", "hood_deg", "motor_ratio", "battery_v", "since_last_shot_s")
 
 
 def shots_from_sessions(sessions: Sequence[Path], name: str) -> Dataset:

@@ -93,7 +93,7 @@ def _where(place: Place, factors: tuple[Factor, ...]) -> Where:
     name = name_of(place.test, place.channel)
     reason = None
     if place.stage is None:
-        reason = "stage: no stage is clearly better than the others at correcting shots it has not seen"
+        reason = "stage: these data cannot tell the likely stages apart; a correction of either does about as well"
     what = place.test.what
     others: tuple[str, ...] = ()
     if isinstance(what, Covariate):

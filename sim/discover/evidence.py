@@ -13,6 +13,13 @@ import numpy as np
 Array = np.ndarray
 
 
+# What a departure of each stage usually amounts to, one standard deviation, by its unit: speed lost to droop or slip of
+# 5 %, a degree of hood, 2 % of camera scale at 6 m, an acceleration as of a wrong drag law or a breeze of 1 m/s, a
+# target or an exit point 4 or 5 cm off. Such effects' usual sizes; fitted to no data.
+USUAL = {("sensing", "m"): 0.12, ("sensing", "1"): 0.02, ("sensing", "rad"): 0.0175, ("launch", "1"): 0.05,
+         ("launch", "rad"): 0.0175, ("launch", "m"): 0.04, ("flight", "m/s2"): 1.5, ("arrival", "m"): 0.05}
+
+
 @dataclass(frozen=True)
 class Channel:
     """One way to be wrong. `direction`: along (the velocity), vertical (across it, up), lateral (left)."""
@@ -24,6 +31,11 @@ class Channel:
     words: tuple[str, str]            # what a positive and a negative amplitude mean, compared with the simulation
     follows: str = ""                 # what it varies with inside one flight; "" = an amplitude a shot
     times_s: tuple[float, float] | None = None
+
+    @property
+    def usual(self) -> float:
+        """One standard deviation of what such a departure amounts to, in the channel's unit."""
+        return USUAL[self.stage, self.unit]
 
 
 @dataclass(frozen=True)

@@ -6,13 +6,14 @@ from sim.discover.finding import Finding, Unknown, Where
 
 STAGE_WORDS = {"sensing": "in what the sensors say", "launch": "at the launch", "flight": "in flight",
                "arrival": "at the target"}
+LIKELY = 0.05                         # a stage less likely than this is not worth a word
 DIRECTION_WORDS = {"along": "along the velocity", "vertical": "vertically", "lateral": "sideways"}
 
 
 def say_mismatch(believed: tuple[str, ...], p_value: float, where: Where, unknown: Unknown,
                  words: tuple[str, str]) -> str:
     """Where simulation and recordings part, how far, and what it follows."""
-    place = STAGE_WORDS[where.stage] if where.stage else "somewhere (these data cannot say in which stage)"
+    place = STAGE_WORDS[where.stage] if where.stage else _anywhere(where.stage_probability or {})
     said, size = words[unknown.amplitude < 0.0], _size(abs(unknown.amplitude), unknown.unit)
     if unknown.covariate is None:
         how = f"{said} by {size}, in every shot alike"
@@ -24,6 +25,15 @@ def say_mismatch(believed: tuple[str, ...], p_value: float, where: Where, unknow
         how = f"{said}, the more so the higher {unknown.covariate} is (by {size} over its range)"
     return (f"The simulation ({', '.join(believed)}) and the recordings disagree {place}, "
             f"{DIRECTION_WORDS[unknown.direction]}. Compared with the simulation, {how}; p = {p_value:.2g}.")
+
+
+def _anywhere(stage_probability: dict[str, float]) -> str:
+    likely = sorted((stage for stage, p in stage_probability.items() if p >= LIKELY),
+                    key=lambda stage: -stage_probability[stage])
+    if not likely:
+        return "somewhere (these data cannot say in which stage)"
+    named = " or ".join(f"{STAGE_WORDS[stage]} ({stage_probability[stage]:.0%})" for stage in likely)
+    return f"{named}, which these data cannot tell apart"
 
 
 def _size(amplitude: float, unit: str) -> str:
