@@ -12,10 +12,13 @@ from msgspec.structs import replace
 
 import robot
 from doors.demo_report import Demo, headline, save_report
+from doors.discover import tell
 from doors.progress import make_progress
 from doors.twin import emulate
 from robot.config import BadInput, Config, load_config
 from robot.recording.reader import TickReader
+from sim.discover.discover import Investigation, discover
+from sim.shots import load_dataset
 from truearc import main as front_door
 
 DESCRIPTION = """The whole loop on the emulated robot: record, fit, simulate, train, export, verify, drive gated and
@@ -38,8 +41,8 @@ def main(args: argparse.Namespace) -> int:
     _collect(demo, args.trials, args.quiet)
     _learn(demo, args.quiet)
     _compare(demo, args.test_trials, args.quiet)
-    _explain(demo, args.quiet)
-    report = save_report(demo)
+    found = _explain(demo, args.quiet)
+    report = save_report(demo, found)
     print("\n".join(["", *headline(demo), f"report: {report}   ({time.monotonic() - began:.0f} s)"]))
     return 0
 
@@ -99,11 +102,13 @@ def _walked_in(config: Config, session: Path) -> Config:
     return replace(config, collect=replace(config.collect, walk_start=walk))
 
 
-def _explain(demo: Demo, quiet: bool) -> None:
+def _explain(demo: Demo, quiet: bool) -> Investigation:
     _say("7 discover: where do simulation and recordings disagree?")
     _run("shots", demo.collect, demo.ungated, "-o", demo.all_shots, "--quiet")
-    _run("discover", demo.all_shots, "--json", demo.finding, "--report", demo.finding_page, "--seed", demo.seed,
-         *(["--quiet"] if quiet else []))
+    print(f"$ truearc discover {demo.all_shots} --json {demo.finding} --report {demo.finding_page} --seed {demo.seed}")
+    found = discover(load_dataset(demo.all_shots), seed=demo.seed, progress=make_progress("discover", quiet))
+    tell(found, demo.all_shots.name, demo.finding, demo.finding_page)
+    return found
 
 
 def _say(text: str) -> None:

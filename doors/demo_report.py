@@ -3,13 +3,14 @@
 import csv
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from robot.recording.reader import TickReader
 from robot.recording.session import load_session_config, load_trials
 from sim.coefficients import load_coefficients
+from sim.discover.discover import Investigation
+from sim.discover.page import make_pictures
 from sim.intervals import difference, wilson
 from sim.pictures import Share, draw_fit_map, draw_shares, draw_shot, draw_trajectories
 from sim.report import make_page, make_png, paragraph, picture, table
@@ -50,20 +51,20 @@ def headline(demo: Demo) -> list[str]:
                  f"({_interval(right, total)})")
     lines.append("fit: " + ", ".join(f"{term}.{name} = {value:.3f}" for term, values in coefficients.items()
                                      for name, value in values.items()))
-    lines.append("discover: " + _sentence(json.loads(demo.finding.read_text(encoding="utf-8"))))
+    lines.append("discover: " + json.loads(demo.finding.read_text(encoding="utf-8"))["sentence"])
     return lines
 
 
 SCORES = (("two or three points", ("two", "three")), ("three points", ("three",)))
 
 
-def save_report(demo: Demo) -> Path:
+def save_report(demo: Demo, found: Investigation) -> Path:
     """Write index.html; returns its path."""
     lines = headline(demo)
     sections = [
         ("In numbers", "<ul>" + "".join(f"<li>{line}</li>" for line in lines) + "</ul>"),
         ("What the gate is worth", _gate_worth(demo)),
-        ("Where simulation and recordings disagree", _disagreement(demo)),
+        ("Where simulation and recordings disagree", _disagreement(demo, found)),
         ("One shot", _one_shot(demo)),
         ("Recorded shots, flown by the fitted simulator", _trajectories(demo)),
         ("The fit", _fit(demo)),
@@ -106,20 +107,11 @@ def _gate_worth(demo: Demo) -> str:
         f"{len(held)} of {len(load_trials(demo.gated))} requests. Bars: Wilson 95 % intervals.", dim=True)
 
 
-def _disagreement(demo: Demo) -> str:
-    finding = json.loads(demo.finding.read_text(encoding="utf-8"))
-    return paragraph(_sentence(finding)) + (
-        f'<p class="dim">The whole finding, with pictures: <a href="{demo.finding_page.name}">'
-        f"{demo.finding_page.name}</a>; as data: <a href=\"{demo.finding.name}\">{demo.finding.name}</a>.</p>")
-
-
-def _sentence(finding: dict[str, Any]) -> str:
-    mismatch, where = finding["mismatch"], finding["where"] or {}
-    if not mismatch["found"]:
-        return f"no disagreement between simulation and recordings (p = {mismatch['p_value']:.2g})"
-    stages = where.get("stage_probability") or {}
-    shown = ", ".join(f"{stage} {value:.0%}" for stage, value in stages.items() if value and value >= 0.05)
-    return f"{finding['sentence']} Where it happens: {shown or where.get('stage')}."
+def _disagreement(demo: Demo, found: Investigation) -> str:
+    pictures = "".join(body for _, body in make_pictures(found))
+    return paragraph(found.finding.sentence) + pictures + (
+        f'<p class="dim">The whole finding: <a href="{demo.finding_page.name}">{demo.finding_page.name}</a>; '
+        f'as data: <a href="{demo.finding.name}">{demo.finding.name}</a>.</p>')
 
 
 def _one_shot(demo: Demo) -> str:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from doors.progress import make_progress
 from robot.config import BadInput
-from sim.discover.discover import FALSE_ALARM, discover
+from sim.discover.discover import FALSE_ALARM, Investigation, discover
 from sim.discover.finding import make_json
 from sim.discover.page import make_report
 from sim.discover.words import console_lines
@@ -32,18 +32,23 @@ def main(args: argparse.Namespace) -> int:
         raise BadInput(f"--false-alarm: {args.false_alarm} is not between 0 and 1")
     if args.seed < 0:
         raise BadInput(f"--seed: {args.seed} is negative")
-    dataset = load_dataset(args.dataset)
     believed = None if args.believe is None else [name.strip() for name in args.believe.split(",") if name.strip()]
-    found = discover(dataset, believed, args.false_alarm, args.seed, make_progress("discover", args.quiet))
-    print("\n".join(console_lines(found.finding)))
-    if args.json:
-        _write(args.json, make_json(found.finding))
-    if args.report:
-        _write(args.report, make_report(dataset.name, found).encode())
+    found = discover(load_dataset(args.dataset), believed, args.false_alarm, args.seed,
+                     make_progress("discover", args.quiet))
+    tell(found, Path(args.dataset).name, args.json, args.report)
     return 0
 
 
-def _write(path: str, data: bytes) -> None:
+def tell(found: Investigation, name: str, json_path: str | Path | None, report_path: str | Path | None) -> None:
+    """Print the answer about the dataset called `name`, and write it where asked."""
+    print("\n".join(console_lines(found.finding)))
+    if json_path:
+        _write(json_path, make_json(found.finding))
+    if report_path:
+        _write(report_path, make_report(name, found).encode())
+
+
+def _write(path: str | Path, data: bytes) -> None:
     try:
         Path(path).write_bytes(data)
     except OSError as error:

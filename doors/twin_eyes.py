@@ -5,15 +5,18 @@ the rig reads, and when, is settled by the stepped clock alone: a reading that i
 """
 
 import contextlib
-import multiprocessing
+import pickle
+import subprocess
+import sys
 from collections import deque
-from multiprocessing.connection import Connection
+from typing import IO, Any
 
 import cv2
 
 from hw.emulated.camera import EmulatedCamera, Lens, TapeSize
 from hw.emulated.faults import Fault
 from hw.emulated.plant import Plant, View
+from hw.link import LinkLost
 from hw.reading import CameraFrame
 from robot.config import CameraConfig, Config, Tape
 from robot.types import Sighting
@@ -29,12 +32,10 @@ class TwinEyes:
 
     def __init__(self, plant: Plant, config: Config, seed: int, faults: tuple[Fault, ...] = ()) -> None:
         """While one of `faults` stands the camera gives nothing, whatever the fault's kind."""
-        methods = multiprocessing.get_all_start_methods()
-        context = multiprocessing.get_context("fork" if "fork" in methods else "spawn")
-        self._ours, theirs = context.Pipe()
-        self._process = context.Process(target=_look, args=(theirs, config, seed), name="vision", daemon=True)
-        self._process.start()
-        theirs.close()
+        # A new interpreter: forking one in which JAX runs threads may hang; spawning would run its main module again.
+        self._process = subprocess.Popen([sys.executable, "-m", __name__], stdin=subprocess.PIPE,
+                                         stdout=subprocess.PIPE)
+        self._say((config, seed))
         self._plant, self._faults = plant, faults
         self._period_ns = round(1e9 / config.camera.fps)
         self._due_ns = self._now_ns = 0
@@ -49,52 +50,65 @@ class TwinEyes:
             return
         self._due_ns += ((t_ns - self._due_ns) // self._period_ns + 1) * self._period_ns
         if not any(fault.begin_ns <= t_ns < fault.end_ns for fault in self._faults):
-            self._ours.send((t_ns, self._plant.view()))
+            self._say((t_ns, self._plant.view()))
             self._asked.append(t_ns)
 
     def read(self) -> Sighting | None:
         newest = None
         while self._asked and self._asked[0] + LATENCY_NS <= self._now_ns:
             self._read_ns = self._asked.popleft()
-            newest = self._early.popleft() if self._early else self._ours.recv()
+            newest = self._early.popleft() if self._early else self._hear()
         return newest
 
     def picture(self) -> CameraFrame | None:
         while len(self._early) < len(self._asked):
-            self._early.append(self._ours.recv())
-        self._ours.send((self._read_ns, None))
-        picture: CameraFrame | None = self._ours.recv()
+            self._early.append(self._hear())
+        self._say((self._read_ns, None))
+        picture: CameraFrame | None = self._hear()
         return picture
 
     def close(self) -> None:
+        assert self._process.stdin is not None and self._process.stdout is not None
         with contextlib.suppress(BrokenPipeError):
-            self._ours.send(None)
-        self._process.join(CLOSE_S)
-        self._process.terminate()
-        self._ours.close()
+            self._process.stdin.close()
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(CLOSE_S)
+        self._process.kill()
+        self._process.stdout.close()
+
+    def _say(self, what: object) -> None:
+        assert self._process.stdin is not None
+        pickle.dump(what, self._process.stdin)
+        self._process.stdin.flush()
+
+    def _hear(self) -> Any:
+        assert self._process.stdout is not None
+        try:
+            return pickle.load(self._process.stdout)
+        except EOFError as error:
+            raise LinkLost("the vision process has died") from error
 
 
-def _look(wire: Connection, config: Config, seed: int) -> None:
-    """The process: (time, view) -> sighting; (time, None) -> the picture of that time; None -> the end."""
+def look(ours: IO[bytes], theirs: IO[bytes]) -> None:
+    """The process, until its input ends: (time, view) -> sighting; (time, None) -> the picture of that time."""
     cv2.setNumThreads(1)
     stage = _Stage()
+    config, seed = pickle.load(ours)
     camera = EmulatedCamera(stage, make_lens(config.camera), make_tape(config.tape), config.camera.fps, 0.0, seed)
     pictures: deque[CameraFrame] = deque(maxlen=KEPT)
     while True:
         try:
-            message = wire.recv()
+            t_ns, what = pickle.load(ours)
         except (EOFError, KeyboardInterrupt):
             return
-        if message is None:
-            return
-        t_ns, what = message
         if what is None:
-            wire.send(next((picture for picture in pictures if picture.t_ns == t_ns), None))
+            answer: object = next((picture for picture in pictures if picture.t_ns == t_ns), None)
         else:
             stage.now = what
-            picture = camera.expose(t_ns)
-            pictures.append(picture)
-            wire.send(detect(picture, config.camera, config.tape, config.vision))
+            pictures.append(camera.expose(t_ns))
+            answer = detect(pictures[-1], config.camera, config.tape, config.vision)
+        pickle.dump(answer, theirs)
+        theirs.flush()
 
 
 class _Stage:
@@ -113,3 +127,7 @@ def make_lens(camera: CameraConfig) -> Lens:
 
 def make_tape(tape: Tape) -> TapeSize:
     return TapeSize(tape.top_width_m, tape.bottom_width_m, tape.height_m, tape.tape_width_m)
+
+
+if __name__ == "__main__":
+    look(sys.stdin.buffer, sys.stdout.buffer)

@@ -19,7 +19,7 @@ def make_report(name: str, investigation: Investigation) -> str:
     """HTML text of the answer about the dataset called `name`."""
     finding = investigation.finding
     sections = [("", "".join(paragraph(line) for line in console_lines(finding)[1:]))]
-    sections += _pictures(investigation)
+    sections += make_pictures(investigation)
     if finding.mismatch.tests:
         sections.append(("The tests", _tests(finding)))
     if finding.fit:
@@ -28,7 +28,8 @@ def make_report(name: str, investigation: Investigation) -> str:
     return make_page(f"truearc discover: {name}", finding.sentence, sections)
 
 
-def _pictures(investigation: Investigation) -> list[tuple[str, str]]:
+def make_pictures(investigation: Investigation) -> list[tuple[str, str]]:
+    """(heading, HTML) of what is missing: against its covariate, and along the flight where there are tracks."""
     place = investigation.place
     if place is None:
         return []
