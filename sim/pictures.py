@@ -111,7 +111,7 @@ def draw_shares(shares: Sequence[Share]) -> Figure:
         middle = share.hits / share.tries if share.tries else 0.0
         axes.barh(row, middle, color="#1f5fa8" if "gate" in share.name else "#9aa3af", height=0.6)
         axes.plot([low, high], [row, row], color="#1a1c20", linewidth=2)
-        axes.text(min(high, 0.98) + 0.01, row, f"{middle:.0%}  ({share.hits} of {share.tries})", va="center")
+        axes.text(max(high, middle) + 0.015, row, f"{middle:.0%}  ({share.hits} of {share.tries})", va="center")
     axes.set_yticks(range(len(shares)), [share.name for share in reversed(shares)])
     axes.set(xlim=(0.0, 1.25), xlabel="share of fired shots, 95 % interval")
     axes.set_xticks(np.linspace(0, 1, 6), [f"{part:.0%}" for part in np.linspace(0, 1, 6)])

@@ -39,7 +39,7 @@ def make_pictures(investigation: Investigation) -> list[tuple[str, str]]:
     about = "What is missing" if found else "The largest departure, which chance alone can bring"
     shown = [(about, picture(covariate_png(evidence, place), f"{place.channel.name} against {name or 'shot'}",
                              "Dots: what each shot (or bin of shots) asks for, with one standard error. "
-                             "Line: the free smooth correction."))]
+                             "Line: the free smooth correction, at the dots' level."))]
     flight = flight_png(evidence, place)
     if flight is not None:
         shown.append(("Along the flight", picture(flight, "missing acceleration along the flight",

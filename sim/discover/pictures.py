@@ -28,12 +28,19 @@ def covariate_png(evidence: Evidence, place: Place) -> bytes:
                   label="one shot" if len(x) == len(values) else "shots pooled")
     if not isinstance(what, Factor):
         order = np.argsort(values, kind="stable")
-        axes.plot(values[order], place.correction.amplitude[order], color=LINE, lw=2.0, label="free correction")
+        axes.plot(values[order], _levelled(evidence, place)[order], color=LINE, lw=2.0, label="free correction")
     else:
         axes.set_xticks(range(len(what.levels)), what.levels)
     axes.set_xlabel(name if what is not None and name else "shot, in the order of the file")
     _finish(axes, f"{place.channel.name} [{_unit(place.channel.unit)}]\nmissing from the simulation")
     return make_png(figure)
+
+
+def _levelled(evidence: Evidence, place: Place) -> Array:
+    """The correction at the level of what the shots ask for: its own level is shared with the refitted coefficients."""
+    line, k = place.correction.amplitude, place.test.channel
+    weight = evidence.info[:, k, k]
+    return line + (evidence.score[:, k].sum() - (weight * line).sum()) / weight.sum()
 
 
 def flight_png(evidence: Evidence, place: Place) -> bytes | None:
