@@ -1,20 +1,10 @@
 """The button box at the far end of its cable: a pseudo-terminal, or a loopback socket where there are none."""
 
 import contextlib
-import fcntl
-import os
-import select
 import socket
-import struct
-import termios
-import tty
 from typing import Protocol
 
 from hw import buttons
-
-WAIT_S = 0.0005                                   # between looks at whether the bytes have arrived
-LOOKS = 2000
-FULL = 2048                                       # bytes unread; the kernel holds twice that, and then waits
 
 
 class Cable(Protocol):
@@ -26,33 +16,6 @@ class Cable(Protocol):
         """Say `data`; returns once the other end can read it. Lost when nobody listens."""
 
     def close(self) -> None: ...
-
-
-class PtyCable:
-    """A pseudo-terminal. Its reading end is kept open too, so that the line stays raw and a late reader misses none."""
-
-    def __init__(self) -> None:
-        self._far, self._near = os.openpty()
-        tty.setraw(self._near)
-        self.port = os.ttyname(self._near)
-
-    def write(self, data: bytes) -> None:
-        waiting = self._waiting()
-        if waiting > FULL:
-            return                                          # nobody has read for a long time: the line is lost
-        sent = os.write(self._far, data)
-        # The kernel carries bytes across in its own time; a tick that follows must see them, every time.
-        for _ in range(LOOKS):
-            if self._waiting() >= waiting + sent:
-                return
-            select.select([], [], [], WAIT_S)
-
-    def close(self) -> None:
-        os.close(self._far)
-        os.close(self._near)
-
-    def _waiting(self) -> int:
-        return int(struct.unpack("i", fcntl.ioctl(self._near, termios.FIONREAD, b"\0\0\0\0"))[0])
 
 
 class SocketCable:
@@ -113,6 +76,7 @@ class ButtonBox:
 def open_button_box(start_ns: int = 0) -> ButtonBox:
     """A box on a pseudo-terminal, or on a loopback socket where the system has none to give."""
     try:
+        from hw.emulated.pty_cable import PtyCable
         return ButtonBox(PtyCable(), start_ns)
-    except OSError:
+    except (ImportError, OSError):                # ImportError: Windows
         return ButtonBox(SocketCable(), start_ns)
