@@ -2,6 +2,7 @@
 
 import argparse
 import importlib
+import os
 import sys
 
 from robot.config import BadInput
@@ -39,10 +40,15 @@ def main(argv: list[str] | None = None) -> int:
     door.add_arguments(parser)
     args = parser.parse_args(argv[1:])
     try:
-        return int(door.main(args))
+        code = int(door.main(args))
+        sys.stdout.flush()
+        return code
     except BadInput as error:
         print(f"truearc {argv[0]}: {error}", file=sys.stderr)
         return 2
+    except BrokenPipeError:           # whoever read our output has had enough, as `head` does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
     except KeyboardInterrupt:
         return 130
 

@@ -13,7 +13,6 @@ def operate(inputs: Inputs, memory: Memory, config: Config) -> tuple[Memory, tup
     """Apply this tick's presses in order; each outcome button answers the newest unanswered shot."""
     outcomes: list[Outcome] = []
     for event in inputs.buttons:
-        memory = replace(memory, button_seq=event.seq)
         if event.button == "arm":
             memory = _toggle_arm(memory)
         elif event.button == "fire":

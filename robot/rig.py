@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator
 
 from hw import canandmag, odrive
-from hw.buttons import parse_lines
+from hw.buttons import lost_presses, parse_lines
 from hw.link import BadFrame, Bus, Clock, Frame, LinkLost, Stream
 from hw.reading import AngleReading, ButtonEvent, CameraFrame, MotorReading
 from robot.config import Axis, BadInput, Config
@@ -34,6 +34,7 @@ class HardwareRig:
         self._handlers = self._make_handlers()
         self._pending = b""
         self._heard_box_ns = 0
+        self._box_seq: int | None = None
         self._cycle = 0
         self._due_ns = clock.now_ns()
         self._asked_ns = [0] * len(self._axes)
@@ -121,8 +122,13 @@ class HardwareRig:
         except LinkLost as error:
             self._faults.append(f"button box lost: {error}")
             return []
-        if events:
+        for event in events:
             self._heard_box_ns = t_ns
+            # A press counts itself; a heartbeat repeats the number of the newest press.
+            expected = event.seq if isinstance(event, ButtonEvent) else event.seq + 1
+            if self._box_seq is not None and (lost := lost_presses(self._box_seq, expected)):
+                faults.append(f"{lost} presses lost")
+            self._box_seq = event.seq
         self._faults += [f"button box: {fault}" for fault in faults]
         if t_ns - self._heard_box_ns > BOX_SILENT_NS:
             self._faults.append("button box silent: outcomes cannot be marked")

@@ -143,7 +143,6 @@ class Memory(Struct, frozen=True):
     awaiting: bool = False                        # the last shot has no outcome yet
     walk: tuple[float, float, float] = (0.0, 0.0, 0.0)    # log speed correction learnt from the driver's marks
     last_sighting: Sighting | None = None         # newest with a target in it
-    button_seq: int | None = None
 
 
 class Tick(Struct, frozen=True):

@@ -112,7 +112,10 @@ def _model(estimate: Estimate, config: GateConfig, gate: Gate | None) -> tuple[f
         return None, None, [] if config.policy == "collect" else ["no gate model loaded"]
     if estimate.distance_m is None or estimate.hood_deg is None:
         return None, None, [] if config.policy == "collect" else ["nothing to rate"]
-    rating = gate.rate(estimate.distance_m, estimate.motor_ratio, estimate.hood_deg)
+    try:
+        rating = gate.rate(estimate.distance_m, estimate.motor_ratio, estimate.hood_deg)
+    except Exception as error:        # whatever onnxruntime may raise, the answer is HOLD and the loop goes on
+        return None, None, [f"model failed: {type(error).__name__}"]
     if config.policy == "collect":
         return rating.p_two, rating.p_three, []
     if not rating.in_domain:

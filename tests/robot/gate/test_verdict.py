@@ -79,6 +79,14 @@ def test_a_missing_model_holds():
     assert verdict(config=MODEL).reasons == ("no gate model loaded",)
 
 
+def test_a_model_that_raises_holds():
+    class Breaks:
+        def rate(self, *features):
+            raise RuntimeError("out of memory")
+
+    assert verdict(config=MODEL, gate=Breaks()).reasons == ("model failed: RuntimeError",)
+
+
 ages = st.floats(-2.0, 2.0)
 
 

@@ -1,0 +1,150 @@
+"""HardwareRig on hand-made wires: what it reads, what it sends, what it says of wires that fail."""
+
+import pytest
+from msgspec.structs import replace
+
+from hw import buttons, odrive
+from hw.link import Frame, LinkLost
+from robot.config import BadInput
+from robot.eyes import InlineEyes
+from robot.rig import HardwareRig, make_axis
+from robot.types import Command, Sighting
+from tests.robot.good_tick import CONFIG
+
+ASKED = Command(True, 0.1, -0.02, 0.2)
+
+
+class Wire:
+    """A bus, a stream and a camera whose far end is a list."""
+
+    def __init__(self):
+        self.frames, self.data, self.image, self.sent, self.lost = [], b"", None, [], False
+
+    def read(self):
+        if self.lost:
+            raise LinkLost("unplugged")
+        frames, self.frames = self.frames, []
+        return frames
+
+    def write(self, frame):
+        if self.lost:
+            raise LinkLost("unplugged")
+        self.sent.append(frame)
+        return True
+
+    def close(self): ...
+
+
+class Stream(Wire):
+    def read(self):
+        if self.lost:
+            raise LinkLost("unplugged")
+        data, self.data = self.data, b""
+        return data
+
+
+class Time:
+    def __init__(self):
+        self.t_ns = 1_000_000_000
+
+    def now_ns(self):
+        return self.t_ns
+
+    def sleep_until_ns(self, t_ns):
+        self.t_ns = max(self.t_ns, t_ns)
+
+
+class Blind:
+    def read(self): ...
+    def close(self): ...
+
+
+@pytest.fixture
+def bench():
+    bus, box, clock = Wire(), Stream(), Time()
+    eyes = InlineEyes(Blind(), lambda frame: Sighting(frame.t_ns, False, "dark"))
+    return bus, box, clock, HardwareRig(CONFIG, bus, box, eyes, clock, lambda: False)
+
+
+def commands(frames, command):
+    return [frame for frame in frames if not frame.is_extended and frame.arbitration_id & 0x1F == command]
+
+
+def test_the_cadence_skips_after_a_stall_and_never_bursts(bench):
+    _, _, clock, rig = bench
+    first = rig.read().t_ns
+    clock.t_ns += 1_000_000_000
+    late = rig.read().t_ns
+    assert late >= first + 1_000_000_000
+    assert rig.read().t_ns - late == 5_000_000
+
+
+def test_an_unchanged_torque_still_feeds_the_watchdogs(bench):
+    bus, _, _, rig = bench
+    for _ in range(200):
+        rig.read()
+        rig.write(ASKED)
+    for node in (1, 2, 3, 4):
+        fed = [frame for frame in commands(bus.sent, 0x0E) if frame.arbitration_id >> 5 == node]
+        assert 35 <= len(fed) <= 45                       # 1 s, every 25 ms; the watchdog wants one each 100 ms
+
+
+def test_what_is_sent_is_within_limits(bench):
+    _, _, _, rig = bench
+    rig.read()
+    sent = rig.write(Command(True, 99.0, -99.0, 99.0))
+    assert (sent.flywheel_torque_nm, sent.hood_torque_nm) == (1.2, -0.3)
+    assert sent.feeder_torque_nm == CONFIG.feeder.torque_nm
+
+
+def test_disarmed_sends_no_torque_and_asks_for_idle(bench):
+    bus, _, _, rig = bench
+    rig.read()
+    rig.write(Command(False, 0.0, 0.0, 0.0))
+    assert not commands(bus.sent, 0x0E)
+    assert {frame.data[0] for frame in commands(bus.sent, 0x07)} == {odrive.IDLE}
+
+
+def test_release_leaves_every_motor_idle(bench):
+    bus, _, _, rig = bench
+    rig.release()
+    assert [frame.arbitration_id >> 5 for frame in commands(bus.sent, 0x07)] == [1, 2, 3, 4]
+
+
+def test_lost_wires_are_faults_in_words_and_nothing_raises(bench):
+    bus, box, _, rig = bench
+    bus.lost = box.lost = True
+    inputs = rig.read()
+    rig.write(ASKED)
+    assert any("CAN lost" in fault for fault in inputs.faults)
+    assert any("button box lost" in fault for fault in inputs.faults)
+
+
+def test_a_short_frame_is_named_and_changes_nothing(bench):
+    bus, _, _, rig = bench
+    bus.frames = [Frame(1, 0x29, bytes(4))]
+    inputs = rig.read()
+    assert any("bad frame" in fault and "0x029" in fault for fault in inputs.faults)
+    assert inputs.flywheels[0].t_ns == 0
+
+
+def test_lost_presses_are_reported(bench):
+    _, box, _, rig = bench
+    box.data = buttons.make_heartbeat(7) + buttons.make_press(8, "arm")
+    inputs = rig.read()
+    assert [event.button for event in inputs.buttons] == ["arm"] and not inputs.faults
+    box.data = buttons.make_press(11, "fire")
+    assert any("2 presses lost" in fault for fault in rig.read().faults)
+    box.data = buttons.make_heartbeat(12)
+    assert any("1 presses lost" in fault for fault in rig.read().faults)
+
+
+def test_a_silent_box_is_reported(bench):
+    _, _, clock, rig = bench
+    clock.t_ns += 3_000_000_000
+    assert any("button box silent" in fault for fault in rig.read().faults)
+
+
+def test_an_unknown_driver_is_named():
+    with pytest.raises(BadInput, match="'spark'"):
+        make_axis(replace(CONFIG.axes.hood, driver="spark"))
