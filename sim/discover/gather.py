@@ -135,42 +135,6 @@ def _outcomes(dataset: Dataset, terms: tuple, launched: Array, leaving: Exit | N
     return outcome_evidence(plane, rows, shared), shared
 
 
-def _levelled(shots: Shots) -> Shots:
-    return Shots(shots.shot_id, {**shots.numbers, "hood_deg": np.zeros(len(shots))}, shots.texts)
-
-
-def _launches(dataset: Dataset) -> tuple[Array, Exit | None]:
-    """Which shots [n] have a full launch in their columns, and those launches (nan elsewhere); None when none has."""
-    shots, wheels = dataset.shots, dataset.facts.launcher.wheel
-    turned = np.all([np.isfinite(shots.number(f"wheel_{wheel.name}_rad_s")) for wheel in wheels], axis=0)
-    driven = bool(wheels) & (turned | np.isfinite(shots.number("motor_ratio")))
-    known = ((np.isfinite(shots.number("exit_deg")) | np.isfinite(shots.number("hood_deg")))
-             & (driven | np.isfinite(shots.number("exit_speed_m_s"))))
-    if not known.any():
-        return known, None
-    part = launch_of(dataset.facts, shots.take(known))
-    whole = np.full((3, len(shots)), np.nan)
-    whole[:, known] = [np.asarray(column, dtype=float) for column in part]
-    return known, Exit(*whole)
-
-
-def _outcomes(dataset: Dataset, terms: tuple, launched: Array, leaving: Exit | None,
-              left_out: list[str]) -> tuple[Evidence, Array] | None:
-    """Evidence and shared parameters of shots whose outcome, launch and distance are known; None if too few."""
-    rows, seen = see_outcomes(dataset.shots, dataset.facts.target)
-    usable = launched[rows] & np.isfinite(dataset.shots.number("distance_m")[rows])
-    if len(rows) and not usable.all():
-        left_out.append(f"{int((~usable).sum())} outcomes without distance_m, or without hood_deg and a launch speed")
-    if usable.sum() < FEWEST_OUTCOMES or leaving is None:
-        return None
-    rows, seen = rows[usable], seen.take(usable)
-    spins = bool(np.abs(np.asarray(leaving.spin_rev_s)[rows]).max() > 1e-6)
-    believed = believe(dataset.facts, terms, () if spins else ("magnus",))
-    plane = make_plane(believed, dataset.shots, leaving, rows, seen)
-    shared = fit_outcomes(plane)
-    return outcome_evidence(plane, rows, shared), shared
-
-
 def _fitted_outcomes(evidence: Evidence) -> dict[str, float]:
     """Coefficients and scatters as fitted: the log prior's slope tells how far they are from its middle."""
     values = evidence.fitted
