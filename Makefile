@@ -1,5 +1,5 @@
 # The only two commands a newcomer needs: `make demo` and `make test`. Each sets itself up.
-PYTHON ?= python3.11
+PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV   ?= .venv
 BIN    := $(VENV)/bin
 

@@ -33,7 +33,14 @@ def main(argv: list[str] | None = None) -> int:
     argv = list(sys.argv[1:] if argv is None else argv)
     if not argv or argv[0] not in VERBS:
         return _explain(argv)
-    door = importlib.import_module("doors." + argv[0].replace("-", "_").replace("import", "import_"))
+    try:
+        door = importlib.import_module("doors." + argv[0].replace("-", "_").replace("import", "import_"))
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.partition(".")[0] in ("doors", "model_export", "sim", "robot", "hw"):
+            raise                     # ours: a defect, not an install without the companion
+        print(f"truearc {argv[0]}: needs {error.name}, which the robot's base install leaves out: "
+              "pip install 'truearc[sim]'", file=sys.stderr)
+        return 2
     parser = argparse.ArgumentParser(prog=f"truearc {argv[0]}", description=door.DESCRIPTION,
                                      epilog=f"example: {door.EXAMPLE}")
     parser.add_argument("--quiet", action="store_true", help="no progress")
