@@ -4,6 +4,7 @@ import argparse
 import importlib
 import os
 import sys
+from importlib.metadata import version
 
 from robot.config import BadInput
 
@@ -31,6 +32,9 @@ VERBS = {
 def main(argv: list[str] | None = None) -> int:
     """Run one verb; exit 0 done, 1 a check failed, 2 bad input."""
     argv = list(sys.argv[1:] if argv is None else argv)
+    if argv == ["--version"]:
+        print(f"truearc {version('truearc')}")
+        return 0
     if not argv or argv[0] not in VERBS:
         return _explain(argv)
     try:
@@ -56,6 +60,9 @@ def main(argv: list[str] | None = None) -> int:
     except BrokenPipeError:           # whoever read our output has had enough, as `head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+    except OSError as error:          # a place that cannot be read or written
+        print(f"truearc {argv[0]}: {error}", file=sys.stderr)
+        return 2
     except KeyboardInterrupt:
         return 130
 

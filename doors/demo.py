@@ -25,6 +25,7 @@ DESCRIPTION = """The whole loop on the emulated robot: record, fit, simulate, tr
 ungated sessions, say where simulation and recordings disagree, and write one report."""
 EXAMPLE = "truearc demo --out report"
 SHIPPED = Path(robot.__file__).parent / "launcher.toml"
+FEWEST = 30
 MARK = ".truearc-demo"                # a folder with this in it was made by us and may be made anew
 
 
@@ -36,6 +37,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(args: argparse.Namespace) -> int:
+    if args.seed < 0:
+        raise BadInput(f"--seed {args.seed}: cannot be negative")
+    if min(args.trials, args.test_trials) < FEWEST:
+        raise BadInput(f"--trials and --test-trials: at least {FEWEST}, or there is nothing to learn from")
     began = time.monotonic()
     demo = Demo(_fresh_folder(args.out), args.seed)
     _collect(demo, args.trials, args.quiet)
@@ -48,6 +53,8 @@ def main(args: argparse.Namespace) -> int:
 
 
 def _fresh_folder(folder: Path) -> Path:
+    if folder.is_file():
+        raise BadInput(f"{folder}: is a file")
     if folder.exists() and any(folder.iterdir()) and not (folder / MARK).exists():
         raise BadInput(f"{folder}: is not empty and was not made by a demo; name another with --out")
     shutil.rmtree(folder, ignore_errors=True)

@@ -33,6 +33,8 @@ def main(args: argparse.Namespace) -> int:
     if args.seed < 0:
         raise BadInput(f"--seed: {args.seed} is negative")
     believed = None if args.believe is None else [name.strip() for name in args.believe.split(",") if name.strip()]
+    if believed == []:
+        raise BadInput("--believe: names no term")
     found = discover(load_dataset(args.dataset), believed, args.false_alarm, args.seed,
                      make_progress("discover", args.quiet))
     tell(found, Path(args.dataset).name, args.json, args.report)

@@ -26,7 +26,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     if args.trials < 1:
         raise BadInput(f"--trials {args.trials}: at least 1")
-    results = emulate(load_config(args.config), args.out, args.trials, args.seed, load_options(args.world), args.gate,
+    if args.seed < 0:
+        raise BadInput(f"--seed {args.seed}: cannot be negative")
+    config = load_config(args.config)
+    if config.gate.policy == "model" and args.gate is None:
+        raise BadInput(f"{args.config}: gate.policy is 'model', so --gate is needed")
+    results = emulate(config, args.out, args.trials, args.seed, load_options(args.world), args.gate,
                       make_progress("emulate", args.quiet))
     counts = {kind: sum(result.outcome == kind for result in results)
               for kind in ("three", "two", "miss-high", "miss-low")}

@@ -2,6 +2,7 @@
 
 import argparse
 import signal
+import sys
 from contextlib import ExitStack
 from pathlib import Path
 from types import FrameType
@@ -52,6 +53,9 @@ def main(args: argparse.Namespace) -> int:
     gate = None if args.gate is None else load_gate(args.gate)
     if config.gate.policy == "model" and gate is None:
         raise BadInput(f"{args.config}: gate.policy is 'model', so --gate is needed")
+    if config.gate.policy != "model" and gate is not None:
+        print(f"truearc run: {args.config} has gate.policy {config.gate.policy!r}: the model is asked, not obeyed",
+              file=sys.stderr)
     started = wall_clock()
     folder = args.out / started.replace(":", "")
     ending = Ending()

@@ -7,7 +7,7 @@ from pathlib import Path
 from doors.progress import make_progress
 from sim.recordings import shots_from_sessions
 from sim.repeatability import label_by_repeatability
-from sim.shots import save_dataset
+from sim.shots import check_free, save_dataset
 
 DESCRIPTION = "Turn recorded sessions into a dataset of shots (rig.toml, shots.csv, traces.csv)."
 EXAMPLE = "truearc shots sessions/monday sessions/tuesday -o data/week"
@@ -21,6 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(args: argparse.Namespace) -> int:
+    check_free(args.out)
     progress = make_progress("shots", args.quiet)
     dataset = shots_from_sessions(args.sessions, args.out.name)
     progress(0.8, "read")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from doors.progress import make_progress
 from sim.coefficients import load_coefficients
-from sim.shots import Dataset, dataset_hash, load_dataset, load_rig, save_dataset
+from sim.shots import Dataset, check_free, dataset_hash, load_dataset, load_rig, save_dataset
 from sim.synth import PROVENANCE_FILE, SHAPE, synthesise
 
 DESCRIPTION = """Simulated shots for the classifier: every configuration of the seed's grid is flown with fitted
@@ -26,6 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(args: argparse.Namespace) -> int:
+    check_free(args.out)
     facts = load_rig(args.rig)
     coefficients = load_coefficients(args.coefficients)
     recorded = load_dataset(args.exclude).shots if args.exclude else None

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import msgspec
+import zstandard
 from mcap.exceptions import McapError
 from mcap.records import Message
 from mcap.stream_reader import StreamReader
@@ -12,6 +13,8 @@ from mcap.stream_reader import StreamReader
 from robot.config import BadInput
 from robot.recording.session import TELEMETRY
 from robot.types import Tick
+
+LARGEST = 1 << 28                     # bytes of a record; a damaged length must not ask for all memory
 
 
 class TickReader:
@@ -41,8 +44,8 @@ class TickReader:
             raise BadInput(f"{self.path}: {error}") from error
         with file:
             try:
-                for record in StreamReader(file, validate_crcs=True).records:
+                for record in StreamReader(file, validate_crcs=True, record_size_limit=LARGEST).records:
                     if isinstance(record, Message):
                         yield record.data
-            except (McapError, EOFError, ValueError, struct.error) as error:
+            except (McapError, EOFError, ValueError, struct.error, zstandard.ZstdError) as error:
                 self.cut_short = f"{self.path}: cut short or damaged ({type(error).__name__}: {error})"

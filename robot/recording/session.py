@@ -90,7 +90,10 @@ def load_trials(session: Path) -> list[Trial]:
     A last line cut short by a power loss is dropped; any other broken line is BadInput with its number.
     """
     path = session / TRIALS
-    lines = path.read_bytes().split(b"\n") if path.exists() else []
+    try:
+        lines = path.read_bytes().split(b"\n") if path.exists() else []
+    except OSError as error:
+        raise BadInput(f"{path}: {error}") from error
     trials: dict[int, Trial] = {}
     for number, line in enumerate(lines, 1):
         if not line:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from robot.config import BadInput
 from sim.dataset.columns import RANGES
 from sim.dataset.load import LEFT_OUT
 from sim.dataset.model import Dataset, Shots
@@ -15,16 +16,12 @@ FIRST = ("shot_id", "distance_m", "hood_deg", "motor_ratio", "outcome", "side")
 
 
 def save_dataset(directory: str | Path, dataset: Dataset) -> None:
-    """Write a dataset as rig.toml and CSV; floats by repr. A dataset that lay there is replaced, in either format.
+    """Write a dataset as rig.toml and CSV; floats by repr. The directory must be new or empty (`check_free`).
 
     ValueError when a number is infinite, which no reader would take.
     """
-    home = Path(directory)
+    home = check_free(directory)
     home.mkdir(parents=True, exist_ok=True)
-    for stem in ("shots", "tracks", "traces"):
-        for suffix in (".csv", ".parquet"):
-            (home / f"{stem}{suffix}").unlink(missing_ok=True)
-    (home / LEFT_OUT).unlink(missing_ok=True)
     save_rig(home / RIG, dataset.facts)
     _save_csv(home / "shots.csv", _shot_columns(dataset.shots))
     ids = dataset.shots.shot_id
@@ -34,6 +31,17 @@ def save_dataset(directory: str | Path, dataset: Dataset) -> None:
             _save_csv(home / f"{stem}.csv", {"shot_id": [ids[row] for row in table.shot], **columns})
     if dataset.left_out:
         (home / LEFT_OUT).write_text("".join(line + "\n" for line in dataset.left_out), encoding="utf-8")
+
+
+def check_free(directory: str | Path) -> Path:
+    """The directory as a path, if a dataset can go there without touching anybody's files; else BadInput.
+
+    Doors ask before long work what save_dataset would only find out after it.
+    """
+    home = Path(directory)
+    if home.exists() and (not home.is_dir() or any(home.iterdir())):
+        raise BadInput(f"{home}: is not an empty directory; nothing is ever written over, name another")
+    return home
 
 
 def _shot_columns(shots: Shots) -> dict[str, Column]:

@@ -17,9 +17,8 @@ AS_GOOD = 0.9                         # of the largest gain: then the plainer de
 SHARE = 0.8                           # of the misfit that region and times must carry
 BINS = 6
 RESAMPLES = 400
-CERTAIN = 0.5                         # a stage more likely than this is named ...
-CERTAIN_BY_OUTCOMES = 0.9             # ... and where outcomes alone speak, only one more likely than this
-NEARLY_RIGHT = 0.2                    # of the best gain: what one channel and covariate may miss of a real effect
+CERTAIN = 0.5                         # a stage more likely than this is named, except where outcomes alone speak
+NEARLY_RIGHT = 1.0                    # of the best gain: what one channel and covariate may miss of a real effect
 
 
 @dataclass(frozen=True)
@@ -71,7 +70,7 @@ def locate(evidences: Sequence[Evidence], tests: Sequence[Test], flips: Flips, f
     correction = next(c for c in corrections.values() if c.test is test)
     evidence = evidences[test.evidence]
     return Place(test, evidence.channels[test.channel], chosen, correction, weights,
-                 stage if weights[stage] > _certain(evidence) and tests[champions[stage]] is test else None,
+                 stage if weights[stage] > CERTAIN and evidence.kind != "outcomes" and champions[stage] == chosen else None,
                  _region(evidence, correction), _times(evidence, test))
 
 
@@ -80,9 +79,9 @@ def _weigh(evidences: Sequence[Evidence], corrections: dict[str, Correction], cl
     """Probability of each stage: held-out gains under resampled clusters (pseudo-BMA with a Bayesian bootstrap), each
     stage at a disadvantage the larger its departure would have to be beside what is usual for such a one.
 
-    Outcomes alone often fit a camera that is a metre out as well as a launch that is 5 % slow; nobody would believe
+    Outcomes alone often fit a camera that is a metre out as well as a launch that is slow; nobody would believe
     the first. And to outcomes every stage is one height a shot, so that stages differ in the shape of their covariates
-    only, which one channel and covariate catch but roughly: there, a NEARLY_RIGHT of the best gain counts as one nat.
+    only, which one channel and covariate catch but roughly: there, NEARLY_RIGHT times the best gain counts as one nat.
     A stage that no channel of these data touches has 0. Yao et al. 2018, Using stacking to average predictive
     distributions, section 3.4.
     """
@@ -97,10 +96,6 @@ def _weigh(evidences: Sequence[Evidence], corrections: dict[str, Correction], cl
     share = np.exp(power - power.max(axis=1, keepdims=True))
     mean = (share / share.sum(axis=1, keepdims=True)).mean(axis=0)
     return {stage: float(dict(zip(corrections, mean, strict=True)).get(stage, 0.0)) for stage in STAGES}
-
-
-def _certain(evidence: Evidence) -> float:
-    return CERTAIN_BY_OUTCOMES if evidence.kind == "outcomes" else CERTAIN
 
 
 def _plausibility(evidences: Sequence[Evidence], correction: Correction) -> float:

@@ -33,7 +33,7 @@ def _anywhere(stage_probability: dict[str, float]) -> str:
     if not likely:
         return "somewhere (these data cannot say in which stage)"
     named = " or ".join(f"{STAGE_WORDS[stage]} ({stage_probability[stage]:.0%})" for stage in likely)
-    return f"{named}, which these data cannot tell apart"
+    return f"somewhere, perhaps {named} (these data can hardly tell)"
 
 
 def _size(amplitude: float, unit: str) -> str:

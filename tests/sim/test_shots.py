@@ -269,13 +269,16 @@ def test_what_is_saved_reads_back_exactly(tmp_path_factory, data):
             np.testing.assert_array_equal(getattr(theirs, name), column)
 
 
-def test_saving_replaces_what_lay_there(tmp_path):
-    shots = Shots(("a",), {"distance_m": np.array([3.0])}, {})
-    tracks = Tracks(np.array([0]), *(np.array([0.5]) for _ in range(4)))
-    save_dataset(tmp_path, Dataset("d", FACTS, shots, tracks, None, ("one row: torn ball",)))
-    pq.write_table(pa.table({"shot_id": ["z"]}), tmp_path / "traces.parquet")
-    save_dataset(tmp_path, Dataset("d", FACTS, shots))
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["rig.toml", "shots.csv"]
+def test_saving_never_touches_what_lies_there(tmp_path):
+    dataset = Dataset("d", Facts(Ball(0.14, 0.0889)), Shots(("a",), {}, {}))
+    save_dataset(tmp_path / "new" / "d", dataset)
+    before = {path.name: path.read_bytes() for path in (tmp_path / "new" / "d").iterdir()}
+    with pytest.raises(BadInput, match="not an empty directory"):
+        save_dataset(tmp_path / "new" / "d", dataset)
+    assert {path.name: path.read_bytes() for path in (tmp_path / "new" / "d").iterdir()} == before
+    (tmp_path / "file").touch()
+    with pytest.raises(BadInput, match="file"):
+        save_dataset(tmp_path / "file", dataset)
 
 
 def test_an_infinite_number_is_not_written(tmp_path):
