@@ -22,6 +22,7 @@ from robot.gate.contract import (
     contract_hash,
     contract_json,
 )
+from robot.gate.seal import KEY_SEAL, UNSEALED, seal
 from sim.network import Network, load_weights, weights_hash
 
 OPSET = 17                            # old enough for every onnxruntime in use, new enough for all that is used here
@@ -31,9 +32,9 @@ IR_VERSION = 8                        # the one that came with opset 17
 def make_model(network: Network, domain: dict[str, list[float]], provenance: dict[str, Any]) -> bytes:
     """ONNX bytes of a network: `features` float32 [n, 3] in, `p` float32 [n, 2] (p_two, p_three) out.
 
-    `domain` is {feature: [low, high]} in the contract's units. The contract, its hash, the domain and the provenance
-    stand in the metadata. The same arguments give the same bytes. Nothing forces p_three <= p_two: the seed's network
-    does not either, and is exported as trained.
+    `domain` is {feature: [low, high]} in the contract's units. The contract, its hash, the domain, the provenance and
+    the file's own seal stand in the metadata. The same arguments give the same bytes. Nothing forces p_three <= p_two:
+    the seed's network does not either, and is exported as trained.
     """
     graph = helper.make_graph(
         [helper.make_node("Sub", [INPUT, "mean"], ["centred"]),
@@ -50,9 +51,9 @@ def make_model(network: Network, domain: dict[str, list[float]], provenance: dic
                               opset_imports=[helper.make_opsetid("", OPSET)], ir_version=IR_VERSION)
     helper.set_model_props(model, {
         KEY_CONTRACT: contract_json().decode(), KEY_CONTRACT_HASH: contract_hash(),
-        KEY_DOMAIN: _canonical(domain), KEY_PROVENANCE: _canonical(provenance)})
+        KEY_DOMAIN: _canonical(domain), KEY_PROVENANCE: _canonical(provenance), KEY_SEAL: UNSEALED})
     onnx.checker.check_model(model, full_check=True)
-    return bytes(model.SerializeToString(deterministic=True))
+    return seal(model.SerializeToString(deterministic=True))
 
 
 def export_weights(directory: str | Path, path: str | Path) -> bytes:

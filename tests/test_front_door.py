@@ -41,6 +41,18 @@ def test_what_is_not_there_is_named_with_exit_code_2(words, tmp_path, monkeypatc
     assert "nowhere" in said or "--trials 0" in said
 
 
+@pytest.mark.parametrize("words", [
+    ["emulate", "--trials", "1", "--out", "s", "--seed", "-1"], ["demo", "--seed", "-1"], ["demo", "--trials", "3"],
+    ["emulate", "--trials", "1", "--out", "a_file/s"], ["demo", "--out", "a_file"],
+])
+def test_options_that_cannot_be_are_told_and_leave_nothing_behind(words, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a_file").touch()
+    assert main([*words, "--quiet"]) == 2
+    assert capsys.readouterr().err.startswith(f"truearc {words[0]}: ")
+    assert [path.name for path in tmp_path.iterdir()] == ["a_file"]
+
+
 def test_without_the_companion_a_verb_says_what_to_install():
     code = "import sys; sys.modules['jax'] = None\nfrom truearc import main\nsys.exit(main(['fit', 'x']))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)

@@ -22,6 +22,7 @@ from robot.gate.contract import (
     contract_hash,
     contract_json,
 )
+from robot.gate.seal import KEY_SEAL, is_intact
 
 Box = tuple[tuple[float, float], ...]             # (low, high) of each feature, in the contract's order
 
@@ -83,7 +84,8 @@ def load_gate(path: str | Path) -> Gate:
     """Load and check an ONNX file; BadInput names the file and what is wrong with it.
 
     Refused: unreadable, not ONNX, no contract or another one, other inputs or outputs, no usable domain, no
-    provenance, and a p that is not a probability anywhere on a grid of 27 points over the domain.
+    provenance, a seal that does not fit, and a p that is not a probability anywhere on a grid of 27 points over the
+    domain.
     """
     try:
         data = Path(path).read_bytes()
@@ -95,6 +97,8 @@ def load_gate(path: str | Path) -> Gate:
     _check_nodes(path, "output", opened.outputs, OUTPUT, len(OUTPUTS))
     domain = _parse_domain(path, opened.metadata)
     provenance = _parse_object(path, opened.metadata, KEY_PROVENANCE)
+    if not is_intact(data, opened.metadata.get(KEY_SEAL, "")):
+        raise BadInput(f"{path}: damaged or altered since it was exported (metadata key {KEY_SEAL!r} does not fit)")
     gate = Gate(opened.session, domain, hashlib.sha256(data).hexdigest(), provenance)
     _probe(path, gate)
     return gate

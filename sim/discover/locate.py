@@ -69,8 +69,8 @@ def locate(evidences: Sequence[Evidence], tests: Sequence[Test], flips: Flips, f
     test = tests[chosen]
     correction = next(c for c in corrections.values() if c.test is test)
     evidence = evidences[test.evidence]
-    return Place(test, evidence.channels[test.channel], chosen, correction, weights,
-                 stage if weights[stage] > CERTAIN and evidence.kind != "outcomes" and champions[stage] == chosen else None,
+    sure = weights[stage] > CERTAIN and evidence.kind != "outcomes" and champions[stage] == chosen
+    return Place(test, evidence.channels[test.channel], chosen, correction, weights, stage if sure else None,
                  _region(evidence, correction), _times(evidence, test))
 
 

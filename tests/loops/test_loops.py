@@ -88,6 +88,17 @@ def test_a_truncated_recording_gives_its_whole_chunks_and_says_so(session, tmp_p
     assert any("cut short" in line for line in dataset.left_out)
 
 
+@pytest.mark.parametrize("place", [0.2, 0.5, 0.8])
+def test_a_damaged_byte_is_no_traceback(session, tmp_path, place, capsys):
+    folder = tmp_path / "damaged"
+    shutil.copytree(session[0], folder)
+    data = bytearray((folder / "telemetry.mcap").read_bytes())
+    data[int(len(data) * place)] ^= 0xFF
+    (folder / "telemetry.mcap").write_bytes(data)
+    assert main(["replay", str(folder), "--check"]) == 1
+    assert "cut short or damaged" in capsys.readouterr().err
+
+
 def test_a_recording_with_nothing_in_it_is_an_error(session, tmp_path, capsys):
     folder = tmp_path / "empty"
     shutil.copytree(session[0], folder)

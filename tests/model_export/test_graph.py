@@ -15,6 +15,7 @@ from model_export.graph import export_weights, make_model
 from robot.config import BadInput
 from robot.gate import contract
 from robot.gate.model import load_gate
+from robot.gate.seal import KEY_SEAL
 from sim.network import Layers, Network, initial_layers, save_weights, weights_hash
 
 DOMAIN = {"distance_m": [1.5, 9.0], "motor_ratio": [0.3, 0.9], "hood_deg": [20.0, 70.0]}
@@ -66,7 +67,7 @@ def test_the_gate_takes_it_and_finds_contract_domain_and_provenance(tmp_path: Pa
     metadata = {entry.key: entry.value for entry in model.metadata_props}
     assert json.loads(metadata[contract.KEY_CONTRACT])["outputs"] == ["p_two", "p_three"]
     assert set(metadata) == {contract.KEY_CONTRACT, contract.KEY_CONTRACT_HASH, contract.KEY_DOMAIN,
-                             contract.KEY_PROVENANCE}
+                             contract.KEY_PROVENANCE, KEY_SEAL}
     assert {entry.data_type for entry in model.graph.initializer} == {onnx.TensorProto.FLOAT}
 
 

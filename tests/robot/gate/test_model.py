@@ -15,6 +15,7 @@ from onnx import TensorProto, helper, numpy_helper
 from robot.config import BadInput
 from robot.gate import contract
 from robot.gate.model import NO_RATING, Gate, load_gate
+from robot.gate.seal import KEY_SEAL, UNSEALED, seal
 
 BOX = {"distance_m": [2.0, 8.0], "motor_ratio": [0.3, 0.9], "hood_deg": [20.0, 60.0]}
 RNG = np.random.default_rng(5)
@@ -22,7 +23,8 @@ WEIGHTS = {"w1": RNG.normal(size=(3, 8)) * [[1.0], [9.0], [0.1]], "b1": RNG.norm
            "w2": RNG.normal(size=(8, 2)), "b2": RNG.normal(size=2)}
 METADATA = {contract.KEY_CONTRACT: contract.contract_json().decode(),
             contract.KEY_CONTRACT_HASH: contract.contract_hash(),
-            contract.KEY_DOMAIN: json.dumps(BOX), contract.KEY_PROVENANCE: '{"seed": 3}'}
+            contract.KEY_DOMAIN: json.dumps(BOX), contract.KEY_PROVENANCE: '{"seed": 3}',
+            KEY_SEAL: UNSEALED}
 
 
 def build(weights: dict[str, Any] = WEIGHTS, metadata: dict[str, str] = METADATA, name: str = "features",
@@ -36,7 +38,8 @@ def build(weights: dict[str, Any] = WEIGHTS, metadata: dict[str, str] = METADATA
         [numpy_helper.from_array(np.asarray(array, dtype), key) for key, array in weights.items()])
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
     helper.set_model_props(model, metadata)
-    return model.SerializeToString()
+    data = model.SerializeToString()
+    return seal(data) if UNSEALED.encode() in data else data
 
 
 @pytest.fixture(scope="module")
@@ -129,6 +132,8 @@ REFUSED = {
     "domain not finite": (build(metadata=METADATA | {contract.KEY_DOMAIN: json.dumps(BOX | {"hood_deg": [
         float("nan"), 60.0]})}), contract.KEY_DOMAIN),
     "no provenance": (build(metadata=without(contract.KEY_PROVENANCE)), contract.KEY_PROVENANCE),
+    "no seal": (build(metadata=without(KEY_SEAL)), KEY_SEAL),
+    "a foreign seal": (build(metadata=METADATA | {KEY_SEAL: "0" * 64}), "damaged or altered"),
     "other input": (build(name="x"), "the input is x"),
     "other output": (build(out="q"), "the output is q"),
     "four features": (build(WEIGHTS | {"w1": np.zeros((4, 8))}, shape=("n", 4)), "asks for features"),
@@ -151,6 +156,16 @@ def test_refuses(tmp_path: Path, what: str) -> None:
     assert str(caught.value).startswith(f"{path}: ")
     assert words in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_refuses_a_model_whose_weights_were_changed(tmp_path: Path, path: Path) -> None:
+    model = onnx.load_model_from_string(path.read_bytes())
+    weight = next(array for array in model.graph.initializer if array.name == "b2")
+    weight.CopyFrom(numpy_helper.from_array(numpy_helper.to_array(weight) + np.float32(1.0), "b2"))
+    altered = tmp_path / "altered.onnx"
+    altered.write_bytes(model.SerializeToString())
+    with pytest.raises(BadInput, match="damaged or altered"):
+        load_gate(altered)
 
 
 def test_refuses_a_file_that_is_not_there_and_a_directory(tmp_path: Path) -> None:
