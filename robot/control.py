@@ -19,7 +19,7 @@ def control(inputs: Inputs, estimate: Estimate, aim: Aim, verdict: Verdict, memo
     if not memory.armed:
         return RELEASED, replace(memory, flywheel=Pid(), hood=Pid(), feed_t_ns=0)
     flywheel, wheel_pid = _flywheel(estimate, aim, memory, config)
-    hood, hood_pid = _hood(inputs, estimate, aim, memory, config)
+    hood, hood_pid = _hood(estimate, aim, memory, config)
     feed_t_ns = inputs.t_ns if verdict.fire else _still_clearing(inputs, memory, config)
     feeding = bool(feed_t_ns) and (inputs.t_ns - feed_t_ns) * NS < config.feeder.feed_s
     command = Command(True, flywheel, hood, config.feeder.torque_nm if feeding else 0.0)
@@ -37,7 +37,7 @@ def _flywheel(estimate: Estimate, aim: Aim, memory: Memory, config: Config) -> t
                     low, wheel.pid.output_high, 1.0 / config.tick_hz)
 
 
-def _hood(inputs: Inputs, estimate: Estimate, aim: Aim, memory: Memory, config: Config) -> tuple[float, Pid]:
+def _hood(estimate: Estimate, aim: Aim, memory: Memory, config: Config) -> tuple[float, Pid]:
     hood = config.hood
     if not memory.homed:
         return hood.homing_torque_nm, Pid()
