@@ -1,0 +1,97 @@
+"""Jobs over many processes: this machine's by default, a Dask cluster's when its scheduler is named.
+
+A job must be a pure function of its argument; then the results are the same whatever runs them, and a job lost with
+the process that ran it can simply be run again.
+"""
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, TypeVar
+
+from joblib import Parallel, delayed
+from joblib.externals.loky.process_executor import TerminatedWorkerError
+
+from robot.config import BadInput
+
+Job = TypeVar("Job")
+Result = TypeVar("Result")
+Progress = Callable[[float, str], None]
+
+PATIENCE_S = 10.0                     # a scheduler, and a worker of its, must answer within this
+ATTEMPTS = 3                          # a process may die this often at one place before the job itself is blamed
+
+
+def fan_out(function: Callable[[Job], Result], jobs: Sequence[Job], scheduler: str | None = None,
+            progress: Progress = lambda done, note: None, workers: int | None = None) -> list[Result]:
+    """[function(job) for job in jobs], in that order, whatever runs them.
+
+    `scheduler`: address of a running Dask cluster, such as "tcp://host:8786", whose workers have truearc installed.
+    Otherwise `workers` processes of this machine (default: one a core; 1 = this process). A worker that dies in the
+    middle loses nothing: its jobs are run again. An exception of a job is raised here. BadInput when the cluster does
+    not answer, or when one job kills every process it is given.
+    """
+    jobs = list(jobs)
+    if scheduler is not None:
+        return _on_cluster(function, jobs, scheduler, progress)
+    count = min(workers or os.cpu_count() or 1, len(jobs))
+    if count <= 1:
+        return [_told(function(job), number, len(jobs), progress) for number, job in enumerate(jobs, 1)]
+    return _on_processes(function, jobs, count, progress)
+
+
+def _told(result: Result, number: int, total: int, progress: Progress) -> Result:
+    progress(number / total, f"{number} of {total} done")
+    return result
+
+
+def _on_processes(function: Callable[[Job], Result], jobs: list[Job], workers: int,
+                  progress: Progress) -> list[Result]:
+    results: list[Result] = []
+    deaths = 0
+    while len(results) < len(jobs):
+        before = len(results)
+        try:
+            for result in _pool(function, jobs[before:], workers):
+                results.append(_told(result, len(results) + 1, len(jobs), progress))
+        except TerminatedWorkerError as error:
+            deaths = deaths + 1 if len(results) == before else 1
+            if deaths >= ATTEMPTS:
+                raise BadInput(f"job {before + 1} of {len(jobs)}, or one beside it, has killed {ATTEMPTS} processes "
+                               "(out of memory?)") from error
+    return results
+
+
+def _pool(function: Callable[[Job], Result], jobs: list[Job], workers: int) -> Iterator[Result]:
+    return Parallel(n_jobs=workers, backend="loky", return_as="generator")(delayed(function)(job) for job in jobs)
+
+
+def _on_cluster(function: Callable[[Job], Result], jobs: list[Job], scheduler: str,
+                progress: Progress) -> list[Result]:
+    try:
+        from distributed import Client, as_completed  # an extra of its own: only who names a scheduler needs it
+    except ModuleNotFoundError as error:
+        raise BadInput(f"--scheduler {scheduler}: needs {error.name}: pip install 'truearc[cluster]'") from error
+    with _connect(Client, scheduler) as client:
+        futures = client.map(function, jobs, pure=False, retries=ATTEMPTS)
+        place = {future.key: number for number, future in enumerate(futures)}
+        results: dict[int, Result] = {}
+        # each result is fetched as soon as it is there: one that only a dead worker held is worked out again
+        for future, result in as_completed(futures, with_results=True):
+            results[place[future.key]] = result
+            progress(len(results) / len(jobs), f"{len(results)} of {len(jobs)} done")
+    return [results[number] for number in range(len(jobs))]
+
+
+def _connect(client: Callable[..., Any], scheduler: str) -> Any:
+    """A client of a cluster that has at least one worker; BadInput within seconds when there is none."""
+    try:
+        connected = client(scheduler, timeout=PATIENCE_S)
+    except (OSError, TimeoutError, ValueError) as error:
+        raise BadInput(f"--scheduler {scheduler}: nobody answers ({error})") from error
+    try:
+        connected.wait_for_workers(1, timeout=PATIENCE_S)
+    except TimeoutError as error:
+        connected.close()
+        raise BadInput(f"--scheduler {scheduler}: the cluster has no workers") from error
+    return connected
+

@@ -1,0 +1,171 @@
+"""Fan-out: the same results in the same order whatever runs the jobs, and whoever dies on the way."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from robot.config import BadInput
+from sim.fanout import fan_out
+
+JOBS = list(range(12))
+
+
+def make_draw(seconds):
+    """A pure function of its job that takes a while; a closure, so that it travels by value."""
+    def draw(seed):
+        import time
+
+        import numpy
+        time.sleep(seconds)
+        return numpy.random.default_rng(seed).normal(size=3)
+    return draw
+
+
+EXPECTED = [np.random.default_rng(seed).normal(size=3) for seed in JOBS]
+
+
+def same(results):
+    return len(results) == len(EXPECTED) and all(np.array_equal(*pair) for pair in zip(results, EXPECTED, strict=True))
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_results_come_in_the_order_of_the_jobs_and_progress_ends_at_one(workers):
+    shown = []
+    assert same(fan_out(make_draw(0.0), JOBS, workers=workers, progress=lambda done, note: shown.append(done)))
+    assert len(shown) == len(JOBS) and shown[-1] == 1.0 and shown == sorted(shown)
+
+
+def test_no_jobs_no_results():
+    assert fan_out(make_draw(0.0), []) == []
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_an_exception_of_a_job_is_raised_as_it_is(workers):
+    def fail(job):
+        raise ValueError(f"job {job} is wrong")
+    with pytest.raises(ValueError, match=r"job \d is wrong"):
+        fan_out(fail, [1, 2, 3], workers=workers)
+
+
+def test_a_process_that_dies_loses_nothing(tmp_path):
+    draw = make_draw(0.01)
+
+    def die_once(seed):
+        import os
+        if seed == 5:
+            try:
+                os.close(os.open(str(tmp_path / "died"), os.O_CREAT | os.O_EXCL))
+                os._exit(1)
+            except FileExistsError:
+                pass
+        return draw(seed)
+    assert same(fan_out(die_once, JOBS, workers=2))
+    assert (tmp_path / "died").exists()
+
+
+def test_a_job_that_always_kills_its_process_is_told_not_tried_for_ever():
+    def die(seed):
+        import os
+        os._exit(1)
+    with pytest.raises(BadInput, match="killed 3 processes"):
+        fan_out(die, [1, 2], workers=2)
+
+
+def test_a_scheduler_that_is_not_there_is_told_within_seconds(monkeypatch):
+    pytest.importorskip("distributed")
+    monkeypatch.setattr("sim.fanout.PATIENCE_S", 1.0)
+    began = time.monotonic()
+    with pytest.raises(BadInput, match="nobody answers"):
+        fan_out(make_draw(0.0), JOBS, scheduler="tcp://127.0.0.1:9")
+    assert time.monotonic() - began < 10.0
+
+
+@pytest.mark.parametrize("address", ["nonsense://x", "tcp://127.0.0.1:none"])
+def test_an_address_that_is_none_is_told(address, monkeypatch):
+    pytest.importorskip("distributed")
+    monkeypatch.setattr("sim.fanout.PATIENCE_S", 1.0)
+    with pytest.raises(BadInput, match="--scheduler"):
+        fan_out(make_draw(0.0), JOBS, scheduler=address)
+
+
+def test_without_distributed_the_extra_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(BadInput, match=r"truearc\[cluster\]"):
+        fan_out(make_draw(0.0), JOBS, scheduler="tcp://127.0.0.1:8786")
+
+
+class Cluster:
+    """A scheduler and workers as processes of their own."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.processes: list[subprocess.Popen] = []
+        self.file = folder / "scheduler.json"
+        self._start("distributed.cli.dask_scheduler", "--port", "0", "--host", "127.0.0.1", "--no-dashboard",
+                    "--scheduler-file", str(self.file))
+        self._await(self.file.exists)
+        import json
+        self.address = json.loads(self.file.read_text(encoding="utf-8"))["address"]
+
+    def add_worker(self) -> subprocess.Popen:
+        name = f"w{len(self.processes)}"
+        worker = self._start("distributed.cli.dask_worker", self.address, "--nthreads", "1", "--no-nanny",
+                             "--no-dashboard", "--name", name, "--local-directory", str(self.folder / name))
+        return worker
+
+    def _start(self, module: str, *words: str) -> subprocess.Popen:
+        log = (self.folder / f"{len(self.processes)}.log").open("wb")
+        process = subprocess.Popen([sys.executable, "-m", module, *words], stdout=log, stderr=log, cwd=self.folder)
+        self.processes.append(process)
+        return process
+
+    def _await(self, there) -> None:
+        deadline = time.monotonic() + 60.0
+        while not there():
+            assert time.monotonic() < deadline, (self.folder / "0.log").read_text(encoding="utf-8")
+            time.sleep(0.1)
+
+    def close(self) -> None:
+        for process in reversed(self.processes):
+            process.kill()
+            process.wait()
+
+
+@pytest.fixture
+def cluster(tmp_path):
+    pytest.importorskip("distributed")
+    cluster = Cluster(tmp_path)
+    yield cluster
+    cluster.close()
+
+
+@pytest.mark.slow
+def test_a_cluster_one_of_whose_workers_is_killed_gives_everything_and_the_same(cluster):
+    from distributed import Client
+    workers = [cluster.add_worker(), cluster.add_worker()]
+    with Client(cluster.address, timeout=30) as client:
+        client.wait_for_workers(2, timeout=60)
+    killed = []
+
+    def kill_one(done, note):
+        if done >= 0.25 and not killed:
+            killed.append(done)
+            os.kill(workers[0].pid, signal.SIGKILL)
+
+    over_dask = fan_out(make_draw(0.3), JOBS, scheduler=cluster.address, progress=kill_one)
+    assert killed and killed[0] < 0.6 and workers[0].wait(timeout=10) == -signal.SIGKILL
+    over_joblib = fan_out(make_draw(0.0), JOBS, workers=2)
+    assert same(over_dask) and same(over_joblib)
+
+
+@pytest.mark.slow
+def test_a_cluster_without_workers_is_told(cluster, monkeypatch):
+    monkeypatch.setattr("sim.fanout.PATIENCE_S", 2.0)
+    with pytest.raises(BadInput, match="no workers"):
+        fan_out(make_draw(0.0), JOBS, scheduler=cluster.address)
