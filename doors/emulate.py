@@ -6,7 +6,8 @@ from pathlib import Path
 import robot
 from doors.progress import make_progress
 from doors.twin import emulate
-from robot.config import BadInput, load_config
+from robot.config import BadInput, Config, load_config
+from robot.plan import load_plan, with_plan
 from sim.world.options import load_options
 
 DESCRIPTION = "Record trials of the emulated robot: the real runtime, real frames and images, a MuJoCo world."
@@ -15,7 +16,10 @@ SHIPPED = Path(robot.__file__).parent / "launcher.toml"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--trials", type=int, required=True, metavar="N")
+    parser.add_argument("--trials", type=int, metavar="N", help="needed without --plan")
+    parser.add_argument("--plan", type=Path, metavar="TABLE", help="shoot these configurations instead of walking: a "
+                        "CSV file with distance_m, motor_ratio, hood_deg, or a dataset directory")
+    parser.add_argument("--repeats", type=int, metavar="N", help="shots at each configuration (default: [collect])")
     parser.add_argument("--out", type=Path, required=True, metavar="SESSION", help="folder to make")
     parser.add_argument("--config", type=Path, default=SHIPPED, help="launcher.toml (default: the shipped one)")
     parser.add_argument("--world", type=Path, help="world.toml; the robot never sees it (default: an honest world)")
@@ -24,16 +28,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(args: argparse.Namespace) -> int:
-    if args.trials < 1:
-        raise BadInput(f"--trials {args.trials}: at least 1")
     if args.seed < 0:
         raise BadInput(f"--seed {args.seed}: cannot be negative")
     config = load_config(args.config)
+    config = with_plan(config, load_plan(args.plan, config) if args.plan else (), args.repeats)
+    trials = _trials(args.trials, config)
     if config.gate.policy == "model" and args.gate is None:
         raise BadInput(f"{args.config}: gate.policy is 'model', so --gate is needed")
-    results = emulate(config, args.out, args.trials, args.seed, load_options(args.world), args.gate,
+    results = emulate(config, args.out, trials, args.seed, load_options(args.world), args.gate,
                       make_progress("emulate", args.quiet))
     counts = {kind: sum(result.outcome == kind for result in results)
               for kind in ("three", "two", "miss-high", "miss-low")}
     print(f"{args.out}: {len(results)} balls launched (" + ", ".join(f"{n} {k}" for k, n in counts.items()) + ")")
     return 0
+
+
+def _trials(asked: int | None, config: Config) -> int:
+    """How many: as asked, or every prescribed shot."""
+    prescribed = len(config.collect.prescribed) * config.collect.repeats
+    if asked is None and not prescribed:
+        raise BadInput("--trials is needed, or --plan, which says how many by itself")
+    trials = prescribed if asked is None else asked
+    if trials < 1:
+        raise BadInput(f"--trials {trials}: at least 1")
+    if prescribed and trials > prescribed:
+        raise BadInput(f"--trials {trials}: the plan has {prescribed} shots, repeats included")
+    return trials

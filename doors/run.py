@@ -18,6 +18,7 @@ from hw.real.serial_port import open_serial
 from robot.config import BadInput, Config, load_config
 from robot.eyes import InlineEyes
 from robot.gate.model import load_gate
+from robot.plan import load_plan, with_plan
 from robot.recording.candump import TappedBus
 from robot.recording.session import make_header
 from robot.recording.writer import SessionWriter
@@ -32,6 +33,9 @@ EXAMPLE = "truearc run --config launcher.toml --gate gate.onnx --out sessions"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--config", type=Path, required=True, help="launcher.toml")
+    parser.add_argument("--plan", type=Path, metavar="TABLE", help="shoot these configurations: a CSV file with "
+                        "distance_m, motor_ratio, hood_deg, or a dataset directory; it says where to stand")
+    parser.add_argument("--repeats", type=int, metavar="N", help="shots at each configuration (default: [collect])")
     parser.add_argument("--gate", type=Path, help="exported model; needed when the policy is 'model'")
     parser.add_argument("--out", type=Path, default=Path("sessions"), help="folder to make the session's folder in")
 
@@ -50,6 +54,7 @@ class Ending:
 
 def main(args: argparse.Namespace) -> int:
     config = load_config(args.config)
+    config = with_plan(config, load_plan(args.plan, config) if args.plan else (), args.repeats)
     gate = None if args.gate is None else load_gate(args.gate)
     if config.gate.policy == "model" and gate is None:
         raise BadInput(f"{args.config}: gate.policy is 'model', so --gate is needed")

@@ -70,7 +70,9 @@ def run_twin(config: Config, world: World, trials: int, seed: int, gate: Gate | 
     box = open_button_box()
     eyes = TwinEyes(world, config, seed, faults.get("camera", ()))
     patience_s = config.gate.request_s + 0.5
-    driver = Driver(world, box.press, trials, seed, patience_s=patience_s, repeats=config.collect.repeats)
+    places = [row.distance_m for row in config.collect.prescribed]
+    driver = Driver(world, box.press, trials, seed, patience_s=patience_s, repeats=config.collect.repeats,
+                    places=places)
     clock = StepClock(lambda t_ns: twin.advance(t_ns))
     channel = f"truearc-{next(CHANNELS)}"
     near, far = (open_can("virtual", channel, config.can.bitrate, clock) for _ in range(2))

@@ -16,12 +16,13 @@ FEASIBLE_DEG = 12.0                   # launch at least this much above the line
 WALK_CENTRE_M, WALK_CENTRE_DEG = 5.0, 45.0    # where the walk's slope terms vanish
 WALK_SPAN_M, WALK_SPAN_DEG = 2.0, 8.0          # ... and their scale: about the spread of the trials
 EXPLAINED = 0.25                      # a trim of this share of the spread explains a mark on its own side
+PLACE_M = 0.3                         # a prescribed shot is fired from no further than this from its place
 Walk = tuple[float, float, float]
 IDLE = Aim(motor_ratio=0.0, hood_deg=0.0, source="idle")
 
 
 def config_id(trial: int, collect: Collect) -> str:
-    """Name of the plan's configuration that a trial uses; repeats share it."""
+    """Name of the configuration that a trial uses; repeats share it."""
     return f"c{trial // collect.repeats:04d}"
 
 
@@ -50,6 +51,8 @@ def aim(estimate: Estimate, memory: Memory, config: Config) -> Aim:
     target = config.rig.target
     if not memory.armed or estimate.distance_m is None or target is None:
         return IDLE
+    if config.collect.prescribed:
+        return _prescribed(estimate.distance_m, memory.trial, config.collect)
     hood_deg, trim = _elevation(estimate.distance_m, target, memory.trial, config)
     rise_m = target.centre_height_m - config.rig.launcher.release_height_m
     speed = vacuum_speed_m_s(estimate.distance_m, rise_m, hood_deg, config.rig.world.gravity_m_s2)
@@ -58,6 +61,16 @@ def aim(estimate: Estimate, memory: Memory, config: Config) -> Aim:
     correction = walked(add(config.collect.walk_start, memory.walk), estimate.distance_m, hood_deg)
     ratio = speed * (1.0 + trim) * math.exp(correction) / (config.collect.efficiency * surface_m_s(config))
     return Aim(motor_ratio=min(max(ratio, 0.0), 1.0), hood_deg=hood_deg, source="plan")
+
+
+def _prescribed(distance_m: float, trial: int, collect: Collect) -> Aim:
+    """The set points of the list; while the robot stands elsewhere they are made ready, but are no aim to fire with."""
+    index = trial // collect.repeats
+    if index >= len(collect.prescribed):
+        return IDLE
+    row = collect.prescribed[index]
+    there = abs(distance_m - row.distance_m) <= PLACE_M
+    return Aim(row.motor_ratio, row.hood_deg, "plan" if there else f"stand at {row.distance_m:.2f} m")
 
 
 def surface_m_s(config: Config) -> float:
@@ -75,8 +88,11 @@ def walked(walk: Walk, distance_m: float, hood_deg: float) -> float:
 def step_walk(walk: Walk, side: int, shot: Shot, collect: Collect) -> Walk:
     """One driver's mark: side -1 = passed low (more speed), +1 = passed high (less), 0 = on target (nothing).
 
-    A mark on the side to which the speed was deliberately trimmed says nothing about the aim.
+    A mark on the side to which the speed was deliberately trimmed says nothing about the aim, nor does one of a
+    prescribed shot.
     """
+    if collect.prescribed:
+        return walk
     _, trim = plan(shot.trial, collect)
     if side == 0 or side * trim > EXPLAINED * collect.spread:
         return walk

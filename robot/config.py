@@ -147,8 +147,20 @@ class GateConfig(Struct, frozen=True, forbid_unknown_fields=True):
     doubt_s: float                    # ... and after this when only the model says no
 
 
-class Collect(Struct, frozen=True, forbid_unknown_fields=True):
-    """Deliberately spread set points, aimed by vacuum ballistics times a correction walked by the driver's marks."""
+class Prescribed(Struct, frozen=True, forbid_unknown_fields=True):
+    """One configuration to be shot as it stands."""
+
+    distance_m: Positive              # where the driver is to stand: ball exit to target plane, horizontal
+    motor_ratio: Annotated[float, msgspec.Meta(gt=0.0, le=1.0)]
+    hood_deg: float
+
+
+class Collect(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """Deliberately spread set points, aimed by vacuum ballistics times a correction walked by the driver's marks.
+
+    With `prescribed` they are those, one after the other, and no mark changes them. It is the one key with a default,
+    so that recordings from before it was there still say what they said.
+    """
 
     hood_low_deg: float
     hood_high_deg: float
@@ -157,6 +169,7 @@ class Collect(Struct, frozen=True, forbid_unknown_fields=True):
     efficiency: float                 # first guess of vacuum exit speed / mean wheel surface speed, air included
     walk_start: tuple[float, float, float]    # where the walk begins: level, slope in distance, slope in elevation
     walk_step: float                  # log speed per high/low mark
+    prescribed: tuple[Prescribed, ...] = ()       # what `--plan` gives; see robot.plan
 
 
 class Config(Struct, frozen=True, forbid_unknown_fields=True):

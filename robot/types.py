@@ -59,7 +59,7 @@ class Aim(Struct, frozen=True):
 
     motor_ratio: float
     hood_deg: float
-    source: str                                   # "plan" or "idle"
+    source: str                                   # "plan", "idle", or where to stand for what is prescribed
 
 
 class Verdict(Struct, frozen=True):

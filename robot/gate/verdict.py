@@ -8,7 +8,8 @@ import math
 from hw.odrive import CLOSED_LOOP, error_words
 from hw.reading import MotorReading
 from robot.config import Config, GateConfig
-from robot.gate.model import Gate
+from robot.gate.contract import NOVELTY_LIMIT
+from robot.gate.model import Gate, Rating
 from robot.types import Aim, Estimate, Inputs, Memory, Verdict
 
 NS = 1e-9
@@ -77,7 +78,7 @@ def _motor(name: str, motor: MotorReading, t_ns: int, gate: GateConfig) -> list[
 def _launcher(inputs: Inputs, estimate: Estimate, aim: Aim, memory: Memory, config: Config) -> list[str]:
     if aim.motor_ratio <= 0.0:
         return ["no aim"]
-    reasons = []
+    reasons = [] if aim.source == "plan" else [aim.source]
     wanted = aim.motor_ratio * (config.rig.launcher.free_speed_rad_s or 0.0)
     if not abs(estimate.motor_rad_s - wanted) <= config.flywheel.tolerance_rad_s:
         reasons.append(f"wheels at {estimate.motor_rad_s:.0f} rad/s, wanted {wanted:.0f}")
@@ -119,13 +120,18 @@ def _model(estimate: Estimate, config: GateConfig, gate: Gate | None) -> tuple[f
     if config.policy == "collect":
         return rating.p_two, rating.p_three, []
     if not rating.in_domain:
-        return rating.p_two, rating.p_three, ["model: outside what it was trained on"]
+        return rating.p_two, rating.p_three, [_outside(rating)]
     if rating.p_three is None or not math.isfinite(rating.p_three):
         return rating.p_two, None, ["model gives no number"]
     if not rating.p_three >= config.threshold:
         return rating.p_two, rating.p_three, [f"model: three points {rating.p_three:.0%} likely, "
                                               f"{config.threshold:.0%} needed"]
     return rating.p_two, rating.p_three, []
+
+
+def _outside(rating: Rating) -> str:
+    far = rating.novelty is not None and rating.novelty > NOVELTY_LIMIT
+    return "model: outside what it was trained on" + (f" (novelty {rating.novelty:.2f})" if far else "")
 
 
 def _young(age_ns: int, limit_s: float) -> bool:

@@ -1,7 +1,7 @@
 """The person with the button box: drives, asks for a shot, and says what became of it."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -20,24 +20,28 @@ class Driver:
     """Sees only the world, never the robot's mind; call step() once a tick until `done`.
 
     Distances are a golden-ratio sequence over `distances` (metres, exit point to target plane), one to three trials at
-    each stop, times `repeats`, so that a configuration is shot from one place. A shot that the robot has not granted
-    after `patience_s` is given up.
+    each stop, times `repeats`, so that a configuration is shot from one place; or, where `places` are given, each of
+    them for one configuration. A shot that the robot has not granted after `patience_s` is given up; a ball that went
+    in and has not come out is rejected.
     """
 
     def __init__(self, world: World, press: Callable[[str], None], trials: int, seed: int,
-                 distances: tuple[float, float] = (2.6, 8.0), patience_s: float = 8.5, repeats: int = 1) -> None:
+                 distances: tuple[float, float] = (2.6, 8.0), patience_s: float = 8.5, repeats: int = 1,
+                 places: Sequence[float] = ()) -> None:
         self._world = world
         self._press = press
         self._trials = trials
         self._distances = distances
         self._patience_s = patience_s
         self._repeats = repeats
+        self._places = places
         self._rng = np.random.default_rng([seed, 6])
         self._place = float(self._rng.uniform())
         self._left_here = 0
         self._wake_t_ns: int | None = None
         self._fired_t_ns = 0
         self._seen = 0
+        self._went_in = False
         self._do: Callable[[int], None] = self._arm
         self.trial = 0                # trials begun
         self.done = trials <= 0
@@ -65,12 +69,18 @@ class Driver:
             return
         self.trial += 1
         if self._left_here == 0:
-            self._left_here = self._repeats * int(self._rng.integers(1, MOST_AT_A_STOP + 1))
-            self._place = (self._place + GOLDEN) % 1.0
-            low_m, high_m = self._distances
-            self._world.drive_to(low_m + (high_m - low_m) * self._place)
+            self._world.drive_to(self._next_place_m())
         self._left_here -= 1
         self._do = self._stop
+
+    def _next_place_m(self) -> float:
+        if self._places:
+            self._left_here = self._repeats
+            return self._places[(self.trial - 1) // self._repeats]
+        self._left_here = self._repeats * int(self._rng.integers(1, MOST_AT_A_STOP + 1))
+        self._place = (self._place + GOLDEN) % 1.0
+        low_m, high_m = self._distances
+        return low_m + (high_m - low_m) * self._place
 
     def _stop(self, t_ns: int) -> None:
         if not self._world.moving:
@@ -79,6 +89,7 @@ class Driver:
     def _fire(self, t_ns: int) -> None:
         self._seen = len(self._world.results)
         self._fired_t_ns = t_ns
+        self._went_in = False
         self._press("fire")
         self._do = self._watch
 
@@ -86,9 +97,11 @@ class Driver:
         if len(self._world.results) > self._seen:
             self._wait(t_ns, NOTICE_S, self._mark)
             return
+        self._went_in = self._went_in or self._world.ball_on_its_way
         patience_s = self._patience_s + (JAM_S if self._world.ball_on_its_way else 0.0)
         if t_ns - self._fired_t_ns > patience_s * 1e9:
-            self._begin(t_ns)
+            # unrejected, a ball that was thrown back would have the robot wait for its mark for ever
+            self._do = self._reject if self._went_in else self._begin
 
     def _mark(self, t_ns: int) -> None:
         self._press(self._world.results[self._seen].outcome)

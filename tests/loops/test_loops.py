@@ -11,7 +11,8 @@ from msgspec.structs import replace
 import robot
 from doors.twin import emulate
 from hw.emulated.faults import OVERWRITTEN, SILENT, TRUNCATED, Fault
-from robot.config import BadInput, config_hash, load_config
+from robot.config import BadInput, Prescribed, config_hash, load_config
+from robot.plan import with_plan
 from robot.recording.reader import TickReader
 from robot.recording.replay import Difference, replay
 from robot.recording.session import CONFIG, load_trials
@@ -141,3 +142,16 @@ def test_a_device_that_comes_back_is_fired_with_again(tmp_path):
     fault = Fault(SILENT, 1 * SECOND, 6 * SECOND)
     results = emulate(CONFIGURATION, tmp_path / "s", trials=3, seed=5, faults={"flywheel_a": (fault,)})
     assert results and all(result.fed_t_ns > 6 * SECOND for result in results)
+
+
+def test_prescribed_shots_are_shot_as_they_stand_and_replay_to_the_bit(tmp_path):
+    rows = (Prescribed(3.2, 0.45, 50.0), Prescribed(6.0, 0.62, 40.0), Prescribed(6.0, 0.40, 60.0))
+    results = emulate(with_plan(CONFIGURATION, rows, repeats=2), tmp_path / "s", trials=6, seed=9)
+    assert len(results) == 6
+    for number, (trial, result) in enumerate(zip(load_trials(tmp_path / "s"), results, strict=True)):
+        row = rows[number // 2]
+        assert trial.shot.config_id == f"c{number // 2:04d}"
+        assert trial.shot.motor_ratio == pytest.approx(row.motor_ratio, abs=0.006)
+        assert trial.shot.hood_deg == pytest.approx(row.hood_deg, abs=0.35)
+        assert result.distance_m == pytest.approx(row.distance_m, abs=1e-6)
+    assert replay(tmp_path / "s")[1] is None

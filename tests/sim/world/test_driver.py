@@ -89,3 +89,18 @@ def test_the_same_seed_drives_alike() -> None:
     second.run()
     assert first.presses == second.presses
     assert first.stops == second.stops
+
+
+def test_prescribed_places_are_driven_to_one_after_the_other() -> None:
+    robot = _Robot(refuse=True, trials=6, patience_s=0.0, repeats=2, places=(3.0, 7.5, 5.0))
+    robot.run()
+    assert robot.stops == [3.0, 3.0, 7.5, 7.5, 5.0, 5.0]
+
+
+def test_a_ball_that_goes_in_and_never_comes_out_is_rejected(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(World, "ball_on_its_way", property(lambda world: True))
+    monkeypatch.setattr("sim.world.driver.JAM_S", 0.5)
+    robot = _Robot(refuse=True, trials=2, patience_s=0.5)
+    robot.run()
+    assert robot.driver.done
+    assert [button for _, button in robot.presses] == ["arm", "fire", "reject", "fire", "reject"]
