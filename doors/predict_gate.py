@@ -9,7 +9,8 @@ from robot.config import BadInput
 from robot.gate.model import load_gate
 from sim.shots import load_dataset
 
-DESCRIPTION = "What a gate makes of each shot of a dataset, as CSV: shot_id,p_two,p_three,in_domain."
+DESCRIPTION = """What a gate makes of each shot of a dataset, as CSV: shot_id,p_two,p_three,in_domain,novelty
+(novelty over 1: further than that from all that was recorded)."""
 EXAMPLE = "truearc predict-gate gate.onnx shots/ -o ratings.csv"
 
 

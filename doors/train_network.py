@@ -7,6 +7,7 @@ from typing import Any
 
 from doors.progress import make_progress
 from robot.config import BadInput
+from sim.gate.novelty import fit_novelty, novelty_record
 from sim.network import save_weights
 from sim.shots import dataset_hash, load_dataset
 from sim.synth import load_provenance
@@ -67,6 +68,7 @@ def _record(args: argparse.Namespace, recipe: Recipe, real: Rows, score: dict[st
         "sim_sha256": dataset_hash(args.sim) if args.sim else None,
         "coefficients": load_provenance(args.sim).get("coefficients") if args.sim else None,
         "accuracy": score, "domain": domain_of(real.features),
+        "novelty": novelty_record(fit_novelty(real.features)),
         "curve": [[value if value == value else None for value in point] for point in curve],
     }
 

@@ -5,14 +5,15 @@ import argparse
 import numpy as np
 
 from model_export.predict import features_of
-from model_export.verify import TOLERANCE, compare, domain_grid, find_faults, is_exported_from
+from model_export.trained import NETWORK_TOLERANCE, PHYSICS_TOLERANCE, Trained, load_trained
+from model_export.verify import NOVELTY_TOLERANCE, compare, domain_grid, find_faults, is_exported_from
 from robot.gate.contract import FEATURES
 from robot.gate.model import Gate, load_gate
-from sim.network import Network, load_weights
 from sim.shots import load_dataset
 
 DESCRIPTION = f"""Check an exported gate: its contract, that it repeats itself and rates rows alone as it does together,
-and, with --weights, that onnxruntime agrees with the trainer's own float64 to {TOLERANCE:g} in p."""
+and, with --weights, that onnxruntime agrees in p with the trainer's own float64: to {NETWORK_TOLERANCE:g} for a
+network, to {PHYSICS_TOLERANCE:g} for a gate with physics, whose flights the graph carries as a polynomial."""
 EXAMPLE = "truearc verify gate.onnx --weights weights/ --data shots/"
 
 
@@ -24,14 +25,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     gate = load_gate(args.gate)
-    network = load_weights(args.weights)[0] if args.weights else None
+    trained = load_trained(args.weights) if args.weights else None
     domain = ", ".join(f"{feature.name} {low:.3f} to {high:.3f}"
                        for feature, (low, high) in zip(FEATURES, gate.domain, strict=True))
     print(f"{args.gate}: sha256 {gate.sha256}\ncontract: agrees\ndomain: {domain}")
     sets = [("grid over the domain", domain_grid(gate))]
     sets += [(name, features_of(load_dataset(name).shots, name)) for name in args.data]
-    passed = [_check(gate, network, name, features) for name, features in sets]
-    if network is None:
+    passed = [_check(gate, trained, name, features) for name, features in sets]
+    if trained is None:
         print("not compared with the trainer (no --weights)")
     elif not is_exported_from(gate, args.weights):
         print(f"{args.weights}: FAILED: not the weights that this gate was exported from")
@@ -39,15 +40,17 @@ def main(args: argparse.Namespace) -> int:
     return 0 if all(passed) else 1
 
 
-def _check(gate: Gate, network: Network | None, name: str, features: np.ndarray) -> bool:
+def _check(gate: Gate, trained: Trained | None, name: str, features: np.ndarray) -> bool:
     faults = find_faults(gate, features) if len(features) else []
-    if network is not None:
-        result = compare(gate, network, features)
-        print(f"{name}: {result.rows} rows, max |dp| {result.worst:.2e}, {result.flips} class flips at 0.5")
+    if trained is not None:
+        result = compare(gate, trained, features)
+        print(f"{name}: {result.rows} rows, max |dp| {result.worst:.2e}, {result.flips} class flips at 0.5, "
+              f"max |d novelty| {result.novelty:.1e}")
         if not result.passed:
-            faults.append(f"onnxruntime and trainer differ by more than {TOLERANCE:g}")
+            faults.append(f"onnxruntime and trainer differ by more than {trained.tolerance:g} in p "
+                          f"or {NOVELTY_TOLERANCE:g} in novelty")
     for fault in faults:
         print(f"{name}: FAILED: {fault}")
-    if network is None and not faults:
+    if trained is None and not faults:
         print(f"{name}: {len(features)} rows, repeatable, alone as together")
     return not faults

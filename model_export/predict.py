@@ -6,11 +6,11 @@ import io
 import numpy as np
 
 from robot.config import BadInput
-from robot.gate.contract import FEATURES, OUTPUTS
+from robot.gate.contract import FEATURES, NOVELTY, OUTPUTS
 from robot.gate.model import Gate
 from sim.shots import Shots
 
-HEADER = ("shot_id", *OUTPUTS, "in_domain")
+HEADER = ("shot_id", *OUTPUTS, "in_domain", NOVELTY)
 NAMED = 5                             # shots that a message names before it only counts
 
 
@@ -25,12 +25,15 @@ def features_of(shots: Shots, name: str) -> np.ndarray:
 
 
 def make_ratings(gate: Gate, shots: Shots, name: str) -> str:
-    """CSV text `shot_id,p_two,p_three,in_domain`, one row a shot; a p that the model does not give is empty."""
-    p, in_domain = gate.rate_many(features_of(shots, name))
+    """CSV text `shot_id,p_two,p_three,in_domain,novelty`, a row a shot; a number that there is none of is empty."""
+    ratings = gate.rate_many(features_of(shots, name))
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(HEADER)
-    for shot_id, row, inside in zip(shots.shot_id, p.tolist(), in_domain.tolist(), strict=True):
-        cells = ["" if np.isnan(value) else repr(value) for value in row]
-        writer.writerow([shot_id, *cells, "true" if inside else "false"])
+    for shot_id, p, inside, novelty in zip(shots.shot_id, *(column.tolist() for column in ratings), strict=True):
+        writer.writerow([shot_id, *map(_cell, p), "true" if inside else "false", _cell(novelty)])
     return out.getvalue()
+
+
+def _cell(value: float) -> str:
+    return "" if np.isnan(value) else repr(value)

@@ -26,18 +26,35 @@ FEATURES = (
 INPUT = "features"                        # float32 [n, 3]
 OUTPUT = "p"                              # float32 [n, 2]: p_two, p_three
 OUTPUTS = ("p_two", "p_three")
+NOVELTY = "novelty"                       # float32 [n, 1]: how far a configuration is from all that was recorded
+NOVELTY_LIMIT = 1.0                       # more than this is outside the model's domain of validity
+
+
+class Measure(Struct, frozen=True):
+    """What an output other than a probability measures, and the most of it that still lies inside the domain."""
+
+    name: str
+    kind: str
+    unit: str
+    limit: float
+
+
+VALIDITY = Measure(NOVELTY, "distance to the k-th nearest recorded configuration, features standardised, as a share of "
+                            "the largest distance that counts as known; k and that distance are in the metadata",
+                   "1", NOVELTY_LIMIT)
 
 # Keys in the ONNX file's metadata.
 KEY_CONTRACT = "truearc.contract"             # the JSON below
 KEY_CONTRACT_HASH = "truearc.contract_sha256"
 KEY_DOMAIN = "truearc.domain"                 # JSON {feature: [low, high]} of the data trained on
+KEY_NOVELTY = "truearc.novelty"               # JSON: k, largest_distance, recorded configurations it is measured from
 KEY_PROVENANCE = "truearc.provenance"         # JSON: dataset hashes, coefficients, seed, version
 
 
 def contract_json() -> bytes:
     """Canonical text of the contract."""
-    return msgspec.json.encode({"features": FEATURES, "input": INPUT, "output": OUTPUT, "outputs": OUTPUTS},
-                               order="deterministic")
+    return msgspec.json.encode({"features": FEATURES, "input": INPUT, "output": OUTPUT, "outputs": OUTPUTS,
+                                "validity": VALIDITY}, order="deterministic")
 
 
 def contract_hash() -> str:

@@ -16,7 +16,10 @@ from robot.gate.contract import (
     KEY_CONTRACT,
     KEY_CONTRACT_HASH,
     KEY_DOMAIN,
+    KEY_NOVELTY,
     KEY_PROVENANCE,
+    NOVELTY,
+    NOVELTY_LIMIT,
     OUTPUT,
     OUTPUTS,
     contract_hash,
@@ -27,16 +30,33 @@ from robot.gate.seal import KEY_SEAL, is_intact
 Box = tuple[tuple[float, float], ...]             # (low, high) of each feature, in the contract's order
 
 
+Floats = npt.NDArray[np.float64]
+
+
 class Rating(NamedTuple):
-    """What the model thinks of one configuration; both p are None when there is no number to be had."""
+    """What the model thinks of one configuration; both p are None when there is no number to be had.
+
+    `novelty`: how far from all that was recorded; more than 1 is outside the domain; None when there is no number.
+    """
 
     p_two: float | None
     p_three: float | None
     in_domain: bool
+    novelty: float | None = None
+
+
+class Ratings(NamedTuple):
+    """Many ratings: `p` [n, 2] (p_two, p_three) and `novelty` [n] with NaN for no number, `in_domain` [n]."""
+
+    p: Floats
+    in_domain: npt.NDArray[np.bool_]
+    novelty: Floats
 
 
 LARGEST = float(np.finfo(np.float32).max)         # beyond this an input is infinite to the model
 NO_RATING = Rating(None, None, False)
+BOTH = (OUTPUT, NOVELTY)
+BLOCK = 4096                                      # rows handed to the model at once: novelty looks at rows x recorded
 
 
 class Gate:
@@ -59,33 +79,46 @@ class Gate:
         # A NaN makes every comparison here false, so only real numbers reach the last line.
         if not (abs(distance_m) <= LARGEST and abs(motor_ratio) <= LARGEST and abs(hood_deg) <= LARGEST):
             return NO_RATING
-        features = np.array(((distance_m, motor_ratio, hood_deg),), np.float32)
-        p_two, p_three = self._run((OUTPUT,), {INPUT: features})[0][0].tolist()
+        p, novelty = self._run(BOTH, {INPUT: np.array(((distance_m, motor_ratio, hood_deg),), np.float32)})
+        p_two, p_three = p[0].tolist()
         if not (0.0 <= p_two <= 1.0 and 0.0 <= p_three <= 1.0):
             return NO_RATING
-        return Rating(p_two, p_three, self._d_low <= distance_m <= self._d_high
-                      and self._r_low <= motor_ratio <= self._r_high and self._h_low <= hood_deg <= self._h_high)
+        new = novelty.item()
+        return Rating(p_two, p_three, 0.0 <= new <= NOVELTY_LIMIT and self._d_low <= distance_m <= self._d_high
+                      and self._r_low <= motor_ratio <= self._r_high and self._h_low <= hood_deg <= self._h_high,
+                      new if 0.0 <= new <= LARGEST else None)
 
-    def rate_many(self, features: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.bool_]]:
-        """As rate, of float64 rows [n, 3] in the contract's order: p [n, 2] (p_two, p_three) and in_domain [n].
+    def rate_many(self, features: Floats) -> Ratings:
+        """As rate, of float64 rows [n, 3] in the contract's order.
 
         A row without a usable p has NaN in both columns and in_domain False.
         """
         features = np.asarray(features, np.float64).reshape(-1, len(FEATURES))
         sound: npt.NDArray[np.bool_] = np.all(np.abs(features) <= LARGEST, axis=1)
         narrow = np.where(sound[:, None], features, 0.0).astype(np.float32)
-        p = np.asarray(self._run((OUTPUT,), {INPUT: narrow})[0], np.float64)
+        p, novelty = self._run_many(narrow)
         usable = sound & np.all((p >= 0.0) & (p <= 1.0), axis=1)
         inside = np.all((features >= self._low) & (features <= self._high), axis=1)
-        return np.where(usable[:, None], p, np.nan), usable & inside
+        known = (novelty >= 0.0) & (novelty <= NOVELTY_LIMIT)
+        measured = usable & (novelty >= 0.0) & (novelty <= LARGEST)
+        return Ratings(np.where(usable[:, None], p, np.nan), usable & inside & known,
+                       np.where(measured, novelty, np.nan))
+
+    def _run_many(self, features: npt.NDArray[np.float32]) -> tuple[Floats, Floats]:
+        blocks = [self._run(BOTH, {INPUT: features[first:first + BLOCK]})
+                  for first in range(0, max(len(features), 1), BLOCK)]
+        p, novelty = (np.concatenate([np.asarray(block[k], np.float64) for block in blocks]) for k in range(2))
+        if novelty.shape != (len(features), 1):
+            raise ValueError(f"novelty of shape {novelty.shape} for {len(features)} rows")
+        return p, novelty[:, 0]
 
 
 def load_gate(path: str | Path) -> Gate:
     """Load and check an ONNX file; BadInput names the file and what is wrong with it.
 
-    Refused: unreadable, not ONNX, no contract or another one, other inputs or outputs, no usable domain, no
-    provenance, a seal that does not fit, and a p that is not a probability anywhere on a grid of 27 points over the
-    domain.
+    Refused: unreadable, not ONNX, no contract or another one, other inputs or outputs, no usable domain, no word on
+    what novelty is measured from, no provenance, a seal that does not fit, and a p that is not a probability or a
+    novelty that is not a number anywhere on a grid of 27 points over the domain.
     """
     try:
         data = Path(path).read_bytes()
@@ -93,9 +126,10 @@ def load_gate(path: str | Path) -> Gate:
         raise BadInput(f"{path}: {error.strerror or error}") from error
     opened = _open_session(path, data)
     _check_contract(path, opened.metadata)
-    _check_nodes(path, "input", opened.inputs, INPUT, len(FEATURES))
-    _check_nodes(path, "output", opened.outputs, OUTPUT, len(OUTPUTS))
+    _check_nodes(path, "input", opened.inputs, {INPUT: len(FEATURES)})
+    _check_nodes(path, "output", opened.outputs, {OUTPUT: len(OUTPUTS), NOVELTY: 1})
     domain = _parse_domain(path, opened.metadata)
+    _parse_object(path, opened.metadata, KEY_NOVELTY)
     provenance = _parse_object(path, opened.metadata, KEY_PROVENANCE)
     if not is_intact(data, opened.metadata.get(KEY_SEAL, "")):
         raise BadInput(f"{path}: damaged or altered since it was exported (metadata key {KEY_SEAL!r} does not fit)")
@@ -147,12 +181,17 @@ def _check_contract(path: str | Path, metadata: dict[str, str]) -> None:
         raise BadInput(f"{path}: metadata key {KEY_CONTRACT!r} does not say what its hash stands for")
 
 
-def _check_nodes(path: str | Path, kind: str, nodes: list[_Node], name: str, width: int) -> None:
-    wanted = len(nodes) == 1 and nodes[0].name == name and nodes[0].type == "tensor(float)"
-    if not (wanted and len(nodes[0].shape) == 2 and not isinstance(nodes[0].shape[0], int)
-            and nodes[0].shape[1] == width):
+def _check_nodes(path: str | Path, kind: str, nodes: list[_Node], wanted: dict[str, int]) -> None:
+    """`wanted`: name -> width, in the contract's order."""
+    if [node.name for node in nodes] != list(wanted) or not all(_is_rows(node, wanted[node.name]) for node in nodes):
         said = ", ".join(f"{node.name} {node.type} {node.shape}" for node in nodes)
-        raise BadInput(f"{path}: the {kind} is {said}; the contract asks for {name} tensor(float) [n, {width}]")
+        asked = ", ".join(f"{name} tensor(float) [n, {width}]" for name, width in wanted.items())
+        raise BadInput(f"{path}: the {kind} is {said}; the contract asks for {asked}")
+
+
+def _is_rows(node: _Node, width: int) -> bool:
+    return (node.type == "tensor(float)" and len(node.shape) == 2 and not isinstance(node.shape[0], int)
+            and bool(node.shape[1] == width))
 
 
 def _parse_domain(path: str | Path, metadata: dict[str, str]) -> Box:
@@ -185,15 +224,16 @@ def _probe(path: str | Path, gate: Gate) -> None:
     axes = [np.linspace(low, high, 3) for low, high in gate.domain]
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(FEATURES))
     try:
-        p, _ = gate.rate_many(points)
+        p, _, novelty = gate.rate_many(points)
     except Exception as error:                    # as above
         raise BadInput(f"{path}: does not run ({_first_line(error)})") from error
     if p.shape != (len(points), len(OUTPUTS)):
         raise BadInput(f"{path}: gives an output of shape {p.shape} for {len(points)} rows")
-    bad = np.isnan(p).any(axis=1)
-    if bad.any():
-        where = ", ".join(f"{feature.name}={value:g}" for feature, value in zip(FEATURES, points[bad][0], strict=True))
-        raise BadInput(f"{path}: gives no probability inside its own domain ({where})")
+    for bad, what in ((np.isnan(p).any(axis=1), "probability"), (np.isnan(novelty), "novelty")):
+        if bad.any():
+            where = ", ".join(f"{feature.name}={value:g}"
+                              for feature, value in zip(FEATURES, points[bad][0], strict=True))
+            raise BadInput(f"{path}: gives no {what} inside its own domain ({where})")
 
 
 def _first_line(error: Exception) -> str:

@@ -98,9 +98,11 @@ def test_predict_gate_writes_a_row_a_shot(home: Path, tmp_path: Path, capsys: py
     gate = load_gate(home / "weights.onnx")
     rows = list(csv.DictReader(text.splitlines()))
     assert [row["shot_id"] for row in rows] == list(shots.shot_id)
+    assert sum(row["in_domain"] == "false" for row in rows) <= 1          # of its own recordings, one in a hundred
     for number, row in enumerate(rows):
         one = gate.rate(*(float(shots.number(name)[number]) for name in ("distance_m", "motor_ratio", "hood_deg")))
-        assert row["in_domain"] == "true" and one.in_domain
+        assert row["in_domain"] == ("true" if one.in_domain else "false")
+        assert float(row["novelty"]) == pytest.approx(one.novelty, abs=1e-4)
         assert (float(row["p_two"]), float(row["p_three"])) == pytest.approx((one.p_two, one.p_three), abs=1e-6)
 
 

@@ -10,16 +10,22 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from onnx.reference import ReferenceEvaluator
+from scipy.spatial import cKDTree
 
 from model_export.graph import export_weights, make_model
+from model_export.parts import network_part, novelty_part
 from robot.config import BadInput
 from robot.gate import contract
 from robot.gate.model import load_gate
 from robot.gate.seal import KEY_SEAL
+from sim.gate.novelty import describe_novelty, fit_novelty, novelty_record
 from sim.network import Layers, Network, initial_layers, save_weights, weights_hash
 
 DOMAIN = {"distance_m": [1.5, 9.0], "motor_ratio": [0.3, 0.9], "hood_deg": [20.0, 70.0]}
-RECORD = {"domain": DOMAIN, "seed": 11, "real_sha256": "ab", "curve": [[1, 0.5, 0.6, 0.7]]}
+LOW, HIGH = np.array(list(DOMAIN.values())).T
+NOVELTY = fit_novelty(np.random.default_rng(2).uniform(LOW, HIGH, (80, 3)))
+RECORD = {"domain": DOMAIN, "novelty": novelty_record(NOVELTY), "seed": 11, "real_sha256": "ab",
+          "curve": [[1, 0.5, 0.6, 0.7]]}
 
 
 def make_network(seed: int, spread: float = 1.0) -> Network:
@@ -28,21 +34,34 @@ def make_network(seed: int, spread: float = 1.0) -> Network:
     return Network(np.float32([5.0, 0.6, 45.0]).astype(float), np.float32([0.5, 6.0, 0.1]).astype(float), layers)
 
 
+def make_bytes(network: Network) -> bytes:
+    return make_model([network_part(network), novelty_part(NOVELTY)], DOMAIN, describe_novelty(NOVELTY), {})
+
+
 def by_hand(network: Network, features: np.ndarray) -> np.ndarray:
     z = (features - network.mean) * network.scale
     hidden = 1.0 / (1.0 + np.exp(-(z @ network.layers.hidden_w + network.layers.hidden_b)))
     return 1.0 / (1.0 + np.exp(-(hidden @ network.layers.out_w + network.layers.out_b)))
 
 
+def by_tree(features: np.ndarray) -> np.ndarray:
+    """Novelty by SciPy's tree."""
+    z = (features.astype(float) - NOVELTY.mean) * NOVELTY.scale
+    return cKDTree(NOVELTY.landmarks).query(z, k=[NOVELTY.neighbour])[0][:, 0] / NOVELTY.largest
+
+
 @given(st.integers(0, 2**32))
 def test_three_engines_agree(seed: int) -> None:
     network = make_network(seed, spread=3.0)
-    data = make_model(network, DOMAIN, {})
+    data = make_bytes(network)
     features = np.random.default_rng(seed).uniform([1.5, 0.3, 20.0], [9.0, 0.9, 70.0], (50, 3)).astype(np.float32)
     wanted = by_hand(network, features.astype(float))
-    [reference] = ReferenceEvaluator(onnx.load_from_string(data)).run(["p"], {"features": features})
+    reference, far = ReferenceEvaluator(onnx.load_from_string(data)).run(None, {"features": features})
     session = onnxruntime.InferenceSession(data, providers=["CPUExecutionProvider"])
-    [found] = session.run(["p"], {"features": features})
+    found, novelty = session.run(["p", "novelty"], {"features": features})
+    assert novelty.dtype == np.float32 and novelty.shape == (50, 1)
+    assert np.abs(novelty - far).max() < 1e-4
+    assert np.abs(novelty[:, 0] - by_tree(features)).max() < 1e-4
     assert found.dtype == np.float32 and found.shape == (50, 2)
     assert np.abs(found - wanted).max() < 1e-5
     assert np.abs(reference - wanted).max() < 1e-5
@@ -67,8 +86,11 @@ def test_the_gate_takes_it_and_finds_contract_domain_and_provenance(tmp_path: Pa
     metadata = {entry.key: entry.value for entry in model.metadata_props}
     assert json.loads(metadata[contract.KEY_CONTRACT])["outputs"] == ["p_two", "p_three"]
     assert set(metadata) == {contract.KEY_CONTRACT, contract.KEY_CONTRACT_HASH, contract.KEY_DOMAIN,
-                             contract.KEY_PROVENANCE, KEY_SEAL}
-    assert {entry.data_type for entry in model.graph.initializer} == {onnx.TensorProto.FLOAT}
+                             contract.KEY_NOVELTY, contract.KEY_PROVENANCE, KEY_SEAL}
+    assert json.loads(metadata[contract.KEY_CONTRACT])["validity"]["limit"] == 1.0
+    assert json.loads(metadata[contract.KEY_NOVELTY])["k"] == NOVELTY.neighbour
+    assert {entry.name for entry in model.graph.initializer if entry.data_type != onnx.TensorProto.FLOAT} == {
+        "known_k", "known_last"}
 
 
 def test_columns_are_in_the_order_of_the_contract(tmp_path: Path) -> None:
@@ -77,7 +99,7 @@ def test_columns_are_in_the_order_of_the_contract(tmp_path: Path) -> None:
         network = make_network(0)
         network.layers.hidden_w[[k for k in range(3) if k != place]] = 0.0
         path = tmp_path / "gate.onnx"
-        path.write_bytes(make_model(network, DOMAIN, {}))
+        path.write_bytes(make_bytes(network))
         rate = load_gate(path).rate
         base = {"distance_m": 4.0, "motor_ratio": 0.5, "hood_deg": 40.0}
         changed = [rate(**base)[:2] != rate(**(base | {feature.name: base[feature.name] * 1.2}))[:2]
@@ -89,5 +111,8 @@ def test_bad_weights_and_bad_places_are_named(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match=r"weights\.npz"):
         export_weights(tmp_path, tmp_path / "gate.onnx")
     save_weights(tmp_path / "w", make_network(1), RECORD)
+    save_weights(tmp_path / "old", make_network(1), {key: RECORD[key] for key in RECORD if key != "novelty"})
+    with pytest.raises(BadInput, match=r"training\.json: key 'novelty'"):
+        export_weights(tmp_path / "old", tmp_path / "gate.onnx")
     with pytest.raises(BadInput, match="nowhere"):
         export_weights(tmp_path / "w", tmp_path / "nowhere" / "gate.onnx")

@@ -13,13 +13,13 @@ from sim.shots import Shots
 
 
 class Halves:
-    """p_two = distance / 10, p_three = ratio / 2; no number at all beyond 45 degrees."""
+    """p_two = distance / 10, p_three = ratio / 2, novelty = 1 / distance; no number at all beyond 45 degrees."""
 
     def run(self, outputs: tuple[str, ...], inputs: dict[str, np.ndarray]) -> list[np.ndarray]:
         features = inputs["features"]
         p = np.column_stack([features[:, 0] / 10, features[:, 1] / 2]).astype(np.float32)
         p[features[:, 2] > 45.0] = np.nan
-        return [p]
+        return [p, 1.0 / features[:, :1]]
 
 
 GATE = Gate(Halves(), ((1.0, 6.0), (0.0, 1.0), (0.0, 90.0)), "", {})
@@ -31,8 +31,8 @@ def make_shots(**columns: list[float]) -> Shots:
 
 
 def test_rows_to_the_letter() -> None:
-    assert make_ratings(GATE, make_shots(), "DIR") == (
-        'shot_id,p_two,p_three,in_domain\na,0.5,0.25,true\n"b,c",0.75,0.125,false\nd,,,false\n')
+    assert make_ratings(GATE, make_shots(distance_m=[4.0, 8.0, 2.0]), "DIR") == (
+        'shot_id,p_two,p_three,in_domain,novelty\na,0.4000000059604645,0.25,true,0.25\n"b,c",0.800000011920929,0.125,false,0.125\nd,,,false,\n')
 
 
 def test_numbers_read_back_exactly() -> None:

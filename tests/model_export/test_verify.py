@@ -1,5 +1,6 @@
 """Verification must fail where it should: other weights, other numbers, a runtime that is not a function."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -7,12 +8,19 @@ import numpy as np
 import pytest
 
 from model_export.graph import export_weights
-from model_export.verify import TOLERANCE, compare, domain_grid, find_faults, is_exported_from
+from model_export.trained import NETWORK_TOLERANCE, load_trained
+from model_export.verify import compare, domain_grid, find_faults, is_exported_from
+from robot.gate.contract import NOVELTY as NOVELTY_OUTPUT
 from robot.gate.contract import OUTPUT
 from robot.gate.model import Gate, load_gate
+from sim.gate.novelty import fit_novelty, novelty_record
 from sim.network import Layers, Network, initial_layers, load_weights, save_weights
 
 DOMAIN = {"distance_m": [1.5, 9.0], "motor_ratio": [0.3, 0.9], "hood_deg": [20.0, 70.0]}
+
+LOW, HIGH = np.array(list(DOMAIN.values())).T
+NOVELTY = fit_novelty(np.random.default_rng(2).uniform(LOW, HIGH, (80, 3)))
+RECORD = {"domain": DOMAIN, "novelty": novelty_record(NOVELTY)}
 
 
 def make_network(seed: int) -> Network:
@@ -23,19 +31,20 @@ def make_network(seed: int) -> Network:
 
 @pytest.fixture
 def exported(tmp_path: Path) -> tuple[Gate, Path]:
-    save_weights(tmp_path / "w", make_network(1), {"domain": DOMAIN})
+    save_weights(tmp_path / "w", make_network(1), RECORD)
     export_weights(tmp_path / "w", tmp_path / "gate.onnx")
     return load_gate(tmp_path / "gate.onnx"), tmp_path / "w"
 
 
 def test_a_faithful_export_passes(exported: tuple[Gate, Path]) -> None:
     gate, weights = exported
-    network, _ = load_weights(weights)
+    trained = load_trained(weights)
     grid = domain_grid(gate)
     assert grid.shape == (31**3, 3)
     assert grid.min(axis=0).tolist() == [1.5, 0.3, 20.0] and grid.max(axis=0).tolist() == [9.0, 0.9, 70.0]
-    result = compare(gate, network, grid)
-    assert result.passed and result.rows == 31**3 and 0.0 < result.worst < TOLERANCE
+    result = compare(gate, trained, grid)
+    assert result.passed and result.rows == 31**3 and 0.0 < result.worst < NETWORK_TOLERANCE
+    assert 0.0 < result.novelty < 1e-3
     assert find_faults(gate, grid) == []
     assert is_exported_from(gate, weights)
 
@@ -44,19 +53,28 @@ def test_a_slightly_different_network_does_not(exported: tuple[Gate, Path], tmp_
     gate, weights = exported
     network, record = load_weights(weights)
     network.layers.out_b[1] += 1e-3
-    result = compare(gate, network, domain_grid(gate))
+    save_weights(tmp_path / "other", network, record)
+    result = compare(gate, load_trained(tmp_path / "other"), domain_grid(gate))
     # the logistic curve is steepest at 1/4
     assert not result.passed and result.worst == pytest.approx(0.25e-3, rel=0.1)
-    save_weights(tmp_path / "other", network, record)
     assert not is_exported_from(gate, tmp_path / "other")
 
 
-def test_class_flips_are_counted(exported: tuple[Gate, Path]) -> None:
+def test_another_novelty_does_not(exported: tuple[Gate, Path]) -> None:
     gate, weights = exported
-    network, _ = load_weights(weights)
+    trained = load_trained(weights)
+    wider = replace(trained, novelty=replace(trained.novelty, largest=1.02 * trained.novelty.largest))
+    result = compare(gate, wider, domain_grid(gate))
+    assert not result.passed and result.worst < NETWORK_TOLERANCE and result.novelty == pytest.approx(0.02, rel=0.1)
+
+
+def test_class_flips_are_counted(exported: tuple[Gate, Path], tmp_path: Path) -> None:
+    gate, weights = exported
+    network, record = load_weights(weights)
     network.layers.out_w[:] *= -1.0
     network.layers.out_b[:] *= -1.0                                     # p becomes 1 - p: every class flips
-    result = compare(gate, network, domain_grid(gate))
+    save_weights(tmp_path / "other", network, record)
+    result = compare(gate, load_trained(tmp_path / "other"), domain_grid(gate))
     assert result.flips == result.rows and not result.passed
 
 
@@ -67,7 +85,7 @@ class Session:
         self.how, self.calls = how, 0
 
     def run(self, outputs: tuple[str, ...], inputs: dict[str, Any]) -> list[np.ndarray]:
-        assert outputs == (OUTPUT,)
+        assert outputs == (OUTPUT, NOVELTY_OUTPUT)
         self.calls += 1
         rows = len(inputs["features"])
         p = np.full((rows, 2), 0.25, np.float32)
@@ -77,11 +95,12 @@ class Session:
             p += 1e-7 * self.calls
         if self.how == "nan":
             p[-1, 1] = np.nan
-        return [p]
+        return [p, np.full((rows, 1), 0.5 + 0.01 * (self.how == "drifting") * self.calls, np.float32)]
 
 
 @pytest.mark.parametrize(("how", "words"), [
     ("sound", None), ("batch", "rated alone and rated together"), ("forgetful", "rated twice"),
+    ("drifting", "rated twice"),
     ("nan", "1 of 125 rows get no probability")])
 def test_a_runtime_that_is_not_a_function_is_found_out(how: str, words: str | None) -> None:
     gate = Gate(Session(how), ((1.0, 2.0), (0.1, 0.2), (10.0, 20.0)), "", {})
@@ -89,6 +108,7 @@ def test_a_runtime_that_is_not_a_function_is_found_out(how: str, words: str | No
     assert (faults == []) if words is None else any(words in fault for fault in faults)
 
 
-def test_a_gate_without_numbers_cannot_pass_a_comparison() -> None:
+def test_a_gate_without_numbers_cannot_pass_a_comparison(exported: tuple[Gate, Path]) -> None:
+    trained = load_trained(exported[1])
     gate = Gate(Session("nan"), ((1.0, 2.0), (0.1, 0.2), (10.0, 20.0)), "", {})
-    assert not compare(gate, make_network(0), domain_grid(gate, 3)).passed
+    assert not compare(gate, trained, domain_grid(gate, 3)).passed

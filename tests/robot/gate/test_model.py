@@ -20,21 +20,27 @@ from robot.gate.seal import KEY_SEAL, UNSEALED, seal
 BOX = {"distance_m": [2.0, 8.0], "motor_ratio": [0.3, 0.9], "hood_deg": [20.0, 60.0]}
 RNG = np.random.default_rng(5)
 WEIGHTS = {"w1": RNG.normal(size=(3, 8)) * [[1.0], [9.0], [0.1]], "b1": RNG.normal(size=8),
-           "w2": RNG.normal(size=(8, 2)), "b2": RNG.normal(size=2)}
+           "w2": RNG.normal(size=(8, 2)), "b2": RNG.normal(size=2),
+           "wn": np.array([[0.0], [0.0], [0.02]]), "bn": np.zeros(1)}
 METADATA = {contract.KEY_CONTRACT: contract.contract_json().decode(),
             contract.KEY_CONTRACT_HASH: contract.contract_hash(),
-            contract.KEY_DOMAIN: json.dumps(BOX), contract.KEY_PROVENANCE: '{"seed": 3}',
-            KEY_SEAL: UNSEALED}
+            contract.KEY_DOMAIN: json.dumps(BOX), contract.KEY_NOVELTY: '{"k": 3}',
+            contract.KEY_PROVENANCE: '{"seed": 3}', KEY_SEAL: UNSEALED}
 
 
+# novelty is |hood| / 50: over 1 from 50 degrees on
 def build(weights: dict[str, Any] = WEIGHTS, metadata: dict[str, str] = METADATA, name: str = "features",
           shape: tuple[Any, ...] = ("n", 3), out: str = "p", out_shape: tuple[Any, ...] = ("n", 2),
-          kind: int = TensorProto.FLOAT, last: str = "Sigmoid") -> bytes:
+          kind: int = TensorProto.FLOAT, last: str = "Sigmoid", far: str = "Abs",
+          two_outputs: bool = True) -> bytes:
     dtype = helper.tensor_dtype_to_np_dtype(kind)
     graph = helper.make_graph(
         [helper.make_node("Gemm", [name, "w1", "b1"], ["z1"]), helper.make_node("Sigmoid", ["z1"], ["h"]),
-         helper.make_node("Gemm", ["h", "w2", "b2"], ["z2"]), helper.make_node(last, ["z2"], [out])],
-        "g", [helper.make_tensor_value_info(name, kind, shape)], [helper.make_tensor_value_info(out, kind, out_shape)],
+         helper.make_node("Gemm", ["h", "w2", "b2"], ["z2"]), helper.make_node(last, ["z2"], [out]),
+         helper.make_node("Gemm", [name, "wn", "bn"], ["far"]), helper.make_node(far, ["far"], ["novelty"])],
+        "g", [helper.make_tensor_value_info(name, kind, shape)],
+        [helper.make_tensor_value_info(out, kind, out_shape),
+         helper.make_tensor_value_info("novelty", kind, (out_shape[0], 1))][:1 + two_outputs],
         [numpy_helper.from_array(np.asarray(array, dtype), key) for key, array in weights.items()])
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
     helper.set_model_props(model, metadata)
@@ -62,12 +68,14 @@ def by_hand(features: np.ndarray) -> np.ndarray:
 def test_rates_as_numpy_does_alone_and_together(gate: Gate) -> None:
     low, high = np.array(list(BOX.values())).T
     rows = np.random.default_rng(0).uniform(low - 0.2, high + 0.2, (300, 3))
-    p, inside = gate.rate_many(rows)
+    p, inside, novelty = gate.rate_many(rows)
     assert np.abs(p - by_hand(rows)).max() < 1e-5
-    assert inside.tolist() == ((rows >= low) & (rows <= high)).all(axis=1).tolist()
+    assert np.abs(novelty - rows[:, 2] / 50.0).max() < 1e-6
+    assert inside.tolist() == (((rows >= low) & (rows <= high)).all(axis=1) & (rows[:, 2] <= 50.0)).tolist()
     assert 0 < inside.sum() < 300
-    for row, pair, within in zip(rows, p, inside, strict=True):
+    for row, pair, within, new in zip(rows, p, inside, novelty, strict=True):
         one = gate.rate(*row.tolist())
+        assert one.novelty == pytest.approx(new, abs=1e-6)
         assert (one.p_two, one.p_three) == pytest.approx(pair, abs=1e-6)
         assert one.in_domain == within
         assert one == gate.rate(*row.tolist())
@@ -80,29 +88,51 @@ def test_says_where_it_came_from(gate: Gate, path: Path) -> None:
 
 
 def test_the_faces_of_the_domain_belong_to_it(gate: Gate) -> None:
-    assert gate.rate(2.0, 0.9, 60.0).in_domain
-    assert not gate.rate(np.nextafter(2.0, 0.0), 0.9, 60.0).in_domain
-    assert not gate.rate(2.0, np.nextafter(0.9, 1.0), 60.0).in_domain
+    assert gate.rate(2.0, 0.9, 20.0).in_domain
+    assert not gate.rate(np.nextafter(2.0, 0.0), 0.9, 20.0).in_domain
+    assert not gate.rate(2.0, np.nextafter(0.9, 1.0), 20.0).in_domain
+
+
+def test_novelty_over_one_is_outside_though_in_the_box(gate: Gate) -> None:
+    near, far = gate.rate(5.0, 0.5, 49.0), gate.rate(5.0, 0.5, 51.0)
+    assert near.in_domain and not far.in_domain
+    assert far.p_two is not None and far.novelty == pytest.approx(1.02, abs=1e-6)
+
+
+def test_a_novelty_that_is_no_number_is_outside() -> None:
+    """Behind the checks of loading: novelty NaN from 45 degrees on, as a damaged graph might give."""
+    class Runs:
+        def run(self, outputs: tuple[str, ...], inputs: dict[str, np.ndarray]) -> list[np.ndarray]:
+            rows = inputs["features"]
+            return [np.full((len(rows), 2), 0.5, np.float32), np.where(rows[:, 2:] > 45.0, np.nan, 0.5)]
+
+    spoilt = Gate(Runs(), ((2.0, 8.0), (0.3, 0.9), (20.0, 60.0)), "", {})
+    assert spoilt.rate(5.0, 0.5, 40.0) == (0.5, 0.5, True, 0.5)
+    assert spoilt.rate(5.0, 0.5, 50.0) == (0.5, 0.5, False, None)
+    p, inside, novelty = spoilt.rate_many(np.array([[5.0, 0.5, 40.0], [5.0, 0.5, 50.0]]))
+    assert np.all(p == 0.5) and inside.tolist() == [True, False]
+    assert np.isnan(novelty).tolist() == [False, True]
 
 
 @given(st.floats(), st.floats(), st.floats())
 def test_no_input_gives_a_nan_or_a_domain_outside_the_box(gate: Gate, distance: float, ratio: float,
                                                          hood: float) -> None:
     one = gate.rate(distance, ratio, hood)
-    assert one.in_domain == (2.0 <= distance <= 8.0 and 0.3 <= ratio <= 0.9 and 20.0 <= hood <= 60.0)
+    assert one.in_domain == (2.0 <= distance <= 8.0 and 0.3 <= ratio <= 0.9 and 20.0 <= hood <= 60.0
+                             and one.novelty is not None and one.novelty <= 1.0)
     if one.p_two is None or one.p_three is None:
         assert one == NO_RATING
     else:
         assert 0.0 <= one.p_two <= 1.0 and 0.0 <= one.p_three <= 1.0
     if not np.isfinite([distance, ratio, hood]).all():
         assert one == NO_RATING
-    p, inside = gate.rate_many(np.array([[distance, ratio, hood], [5.0, 0.5, 45.0]]))
+    p, inside, _ = gate.rate_many(np.array([[distance, ratio, hood], [5.0, 0.5, 45.0]]))
     assert inside.tolist() == [one.in_domain, True]
     assert np.isnan(p[0]).all() == (one.p_two is None)
     assert np.isfinite(p[1]).all()
 
 
-@given(st.tuples(st.floats(2.0, 8.0), st.floats(0.3, 0.9), st.floats(20.0, 60.0)))
+@given(st.tuples(st.floats(2.0, 8.0), st.floats(0.3, 0.9), st.floats(20.0, 49.9)))
 def test_inside_the_box_there_is_always_a_p(gate: Gate, row: tuple[float, float, float]) -> None:
     one = gate.rate(*row)
     assert one.in_domain and one.p_two is not None and one.p_three is not None
@@ -131,12 +161,16 @@ REFUSED = {
     "domain of words": (build(metadata=domain(distance_m="near")), "distance_m"),
     "domain not finite": (build(metadata=METADATA | {contract.KEY_DOMAIN: json.dumps(BOX | {"hood_deg": [
         float("nan"), 60.0]})}), contract.KEY_DOMAIN),
+    "no word on novelty": (build(metadata=without(contract.KEY_NOVELTY)), contract.KEY_NOVELTY),
+    "no novelty, as before the contract had it": (build(two_outputs=False), "novelty tensor(float) [n, 1]"),
+    "novelty not a number": (build(WEIGHTS | {"bn": np.full(1, -9.0)}, far="Log"), "no novelty inside its own domain"),
     "no provenance": (build(metadata=without(contract.KEY_PROVENANCE)), contract.KEY_PROVENANCE),
     "no seal": (build(metadata=without(KEY_SEAL)), KEY_SEAL),
     "a foreign seal": (build(metadata=METADATA | {KEY_SEAL: "0" * 64}), "damaged or altered"),
     "other input": (build(name="x"), "the input is x"),
     "other output": (build(out="q"), "the output is q"),
-    "four features": (build(WEIGHTS | {"w1": np.zeros((4, 8))}, shape=("n", 4)), "asks for features"),
+    "four features": (build(WEIGHTS | {"w1": np.zeros((4, 8)), "wn": np.zeros((4, 1))}, shape=("n", 4)),
+                      "asks for features"),
     "one output": (build(WEIGHTS | {"w2": np.zeros((8, 1)), "b2": np.zeros(1)}, out_shape=("n", 1)), "asks for p"),
     "one row only": (build(shape=(1, 3), out_shape=(1, 2)), "asks for features"),
     "double precision": (build(kind=TensorProto.DOUBLE), "tensor(double)"),

@@ -69,6 +69,7 @@ def test_each_reading_that_fails_holds_and_says_so(inputs, reason):
 @pytest.mark.parametrize(("rating", "reason"), [
     ((0.9, 0.2, True), "20% likely"), ((0.9, 0.9, False), "outside"), ((None, None, True), "no number"),
     ((0.9, math.nan, True), "no number"),
+    ((0.9, 0.9, False, 1.7), "outside what it was trained on (novelty 1.70)"),
 ])
 def test_the_model_can_hold(rating, reason):
     spoilt = verdict(config=MODEL, gate=Says(*rating))

@@ -1,0 +1,105 @@
+"""How far a configuration is from what was recorded: a domain of validity that follows the recorded cloud.
+
+The box around the recorded rows says nothing about its own empty corners. Novelty is the distance to the NEIGHBOUR-th
+nearest recorded configuration, each feature in its standard deviations, over the largest such distance that counts as
+known: LARGEST_QUANTILE of the recorded configurations' own, each without itself.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from robot.config import BadInput
+from robot.gate.contract import FEATURES
+
+NEIGHBOUR = 3                         # one stray shot is no domain; many would shave off the cloud's edge
+LARGEST_QUANTILE = 0.99
+SAME = 0.05                           # standard deviations: nearer than this is the same configuration again
+MOST_KEPT = 256                       # landmarks: what the exported graph measures from at every decision
+
+
+@dataclass(frozen=True)
+class Novelty:
+    """`mean` and `scale` [3] standardise: z = (features - mean) * scale. `landmarks` [m, 3] are recorded z.
+
+    `largest`: the distance, in standard deviations, that has novelty 1. All numbers are exact in float32.
+    """
+
+    mean: np.ndarray
+    scale: np.ndarray
+    landmarks: np.ndarray
+    largest: float
+    neighbour: int = NEIGHBOUR
+
+    def __call__(self, features: np.ndarray) -> np.ndarray:
+        """Novelty [n] of feature rows [n, 3] in the contract's order and units; float64."""
+        z = (np.asarray(features, np.float64) - self.mean) * self.scale
+        apart = np.linalg.norm(z[:, None, :] - self.landmarks, axis=2)
+        return np.partition(apart, self.neighbour - 1, axis=1)[:, self.neighbour - 1] / self.largest
+
+
+def fit_novelty(features: np.ndarray) -> Novelty:
+    """Landmarks and scale from recorded feature rows [n, 3]; the same rows in the same order give the same.
+
+    Repeats of one configuration count once; with few different configurations the farthest neighbour is nearer.
+    """
+    features = np.asarray(features, np.float64)
+    deviation = features.std(axis=0)
+    mean = _exact(features.mean(axis=0))
+    scale = _exact(np.divide(1.0, deviation, out=np.ones_like(deviation), where=deviation > 1e-9))
+    z = _exact((features - mean) * scale)
+    landmarks = z[spread_out(z, SAME, MOST_KEPT)]
+    neighbour = min(NEIGHBOUR, max(len(landmarks) - 1, 1))
+    apart = np.sort(np.linalg.norm(landmarks[:, None, :] - landmarks, axis=2), axis=1)
+    largest = float(np.quantile(apart[:, min(neighbour, len(landmarks) - 1)], LARGEST_QUANTILE))
+    return Novelty(mean, scale, landmarks, float(np.float32(max(largest, SAME))), neighbour)
+
+
+def spread_out(points: np.ndarray, nearest: float, most: int) -> np.ndarray:
+    """Positions of points [n, d], ascending: the farthest from those chosen, again and again, first the middle one.
+
+    Stops when all others are within `nearest` of a chosen one, or when `most` are chosen.
+    """
+    if not len(points):
+        return np.zeros(0, np.int64)
+    first = int(np.argmin(np.linalg.norm(points - points.mean(axis=0), axis=1)))
+    chosen = [first]
+    apart = np.linalg.norm(points - points[first], axis=1)
+    while len(chosen) < most and apart.max() > nearest:
+        chosen.append(int(np.argmax(apart)))
+        apart = np.minimum(apart, np.linalg.norm(points - points[chosen[-1]], axis=1))
+    return np.sort(np.array(chosen))
+
+
+def novelty_record(novelty: Novelty) -> dict[str, Any]:
+    """Plain values for a weights directory's record; `parse_novelty` reads them back exactly."""
+    return {"mean": novelty.mean.tolist(), "scale": novelty.scale.tolist(), "landmarks": novelty.landmarks.tolist(),
+            "largest": novelty.largest, "neighbour": novelty.neighbour}
+
+
+def describe_novelty(novelty: Novelty) -> dict[str, Any]:
+    """What an exported gate says of its measure; the recorded configurations themselves are in its graph."""
+    return {"k": novelty.neighbour, "largest_distance": novelty.largest, "configurations": len(novelty.landmarks),
+            "mean": novelty.mean.tolist(), "scale": novelty.scale.tolist()}
+
+
+def parse_novelty(record: Any, name: str) -> Novelty:
+    """The measure in a record that came from somewhere called `name`; BadInput when there is none to be had."""
+    try:
+        novelty = Novelty(*(np.array(record[key], np.float64) for key in ("mean", "scale", "landmarks")),
+                          float(record["largest"]), int(record["neighbour"]))
+    except (KeyError, TypeError, ValueError) as error:
+        raise BadInput(f"{name}: key 'novelty' is missing or damaged; train again ({error!r})") from error
+    wide = len(FEATURES)
+    sound = (novelty.mean.shape == (wide,) == novelty.scale.shape and novelty.landmarks.ndim == 2
+             and novelty.landmarks.shape[1] == wide and 1 <= novelty.neighbour <= len(novelty.landmarks)
+             and novelty.largest > 0.0)
+    if not sound or not all(np.isfinite(part).all() for part in (novelty.mean, novelty.scale, novelty.landmarks)):
+        raise BadInput(f"{name}: key 'novelty' does not describe recorded configurations")
+    return novelty
+
+
+def _exact(values: np.ndarray) -> np.ndarray:
+    """As float32 carries them, so that the exported graph measures from the very same points."""
+    return values.astype(np.float32).astype(np.float64)
