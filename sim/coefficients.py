@@ -7,6 +7,8 @@
     cl = 0.06
     [provenance]
     method = "grid"
+
+A fit by likelihood adds [scatter] and [covariance], which sim.belief reads.
 """
 
 import math
@@ -20,34 +22,35 @@ from sim.dataset.rig import make_toml
 from sim.physics.catalogue import TERMS
 
 SCHEMA = "truearc.coefficients/1"
-APART = ("schema", "provenance")
+APART = ("schema", "scatter", "covariance", "provenance")
 
 Coefficients = dict[str, dict[str, float]]
 
 
 def load_coefficients(path: str | Path) -> Coefficients:
     """{term: {parameter: value}}; BadInput names an unknown term or parameter, or a value that is no finite number."""
-    table = _load(path)
+    table = load_table(path)
     return {name: _values(path, name, values) for name, values in table.items() if name not in APART}
 
 
 def load_provenance(path: str | Path) -> dict[str, Any]:
     """The file's [provenance] table, empty when it has none."""
-    provenance = _load(path).get("provenance", {})
+    provenance = load_table(path).get("provenance", {})
     if not isinstance(provenance, dict):
         raise BadInput(f"{path}: provenance is not a table")
     return provenance
 
 
 def save_coefficients(path: str | Path, coefficients: Mapping[str, Mapping[str, float]],
-                      provenance: Mapping[str, Any]) -> None:
-    """Write coefficients and how they came about (plain values); floats read back exactly."""
+                      provenance: Mapping[str, Any], more: Mapping[str, Any] | None = None) -> None:
+    """Write coefficients, further tables, and how they came about (plain values); floats read back exactly."""
     terms = {name: {key: float(value) for key, value in values.items()} for name, values in coefficients.items()}
-    text = make_toml({"schema": SCHEMA, **terms, "provenance": dict(provenance)})
+    text = make_toml({"schema": SCHEMA, **terms, **(more or {}), "provenance": dict(provenance)})
     Path(path).write_text(text, encoding="utf-8")
 
 
-def _load(path: str | Path) -> dict[str, Any]:
+def load_table(path: str | Path) -> dict[str, Any]:
+    """All that the file says; BadInput when it is no coefficients file."""
     try:
         table = tomllib.loads(Path(path).read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:

@@ -44,15 +44,17 @@ class _Flight(NamedTuple):
     ball: BallState
 
 
-@partial(jax.jit, static_argnames=("facts", "terms", "step_s", "turn_rad", "limit_s"))
+@partial(jax.jit, static_argnames=("facts", "terms", "step_s", "turn_rad", "limit_s", "floor"))
 def fly(facts: Facts, terms: tuple[FlightTerm, ...], params: Mapping[str, Mapping[str, Any]], exit: Exit,
-        distance_m: Any, step_s: float = STEP_S, turn_rad: float = TURN_RAD, limit_s: float = LIMIT_S) -> Crossing:
+        distance_m: Any, step_s: float = STEP_S, turn_rad: float = TURN_RAD, limit_s: float = LIMIT_S,
+        floor: bool = True) -> Crossing:
     """Fly every lane to the plane x = distance_m.
 
     params: {term: {parameter: value}}; they, exit and distance_m broadcast against each other, and the result has that
     shape. Fixed-step RK4 in float64; each lane's step is at most step_s, and so short that the air turns or slows the
     velocity by at most turn_rad in the first one; the crossing is solved on a part of the last step. Forward-mode
-    differentiable (jax.jacfwd) in params, exit and distance.
+    differentiable (jax.jacfwd) in params, exit and distance. Without `floor` the flight goes on below it, so that the
+    height is continuous in everything; only turning back and the time limit are then not reached.
     """
     law = make_law(facts, terms, params)
     shape = _shape(params, exit, distance_m)
@@ -60,8 +62,9 @@ def fly(facts: Facts, terms: tuple[FlightTerm, ...], params: Mapping[str, Mappin
     start = start_of(facts, exit, shape)
     start = _settle(law, start)
     step = _step_for(law, start, step_s, turn_rad)
-    end = _fly_until(law, start, step, distance, math.ceil(limit_s / (step_s * SHORTEST)), limit_s)
-    return _cross(law, end, step, distance)
+    stops = partial(_ends, floor=floor)
+    end = _fly_until(law, start, step, distance, math.ceil(limit_s / (step_s * SHORTEST)), limit_s, stops)
+    return _cross(law, end, step, distance, floor)
 
 
 @partial(jax.jit, static_argnames=("facts", "terms", "points", "step_s"))
@@ -143,14 +146,15 @@ def _step_for(law: Law, start: BallState, step_s: float, turn_rad: float) -> Any
     return lax.stop_gradient(jnp.clip(turn_rad / per_s, step_s * SHORTEST, step_s))
 
 
-def _fly_until(law: Law, start: BallState, step: Any, distance: Any, most_steps: int, limit_s: float) -> _Flight:
+def _fly_until(law: Law, start: BallState, step: Any, distance: Any, most_steps: int, limit_s: float,
+               ends: Callable[[BallState, BallState, Any, Any], Any]) -> _Flight:
     def go_on(flight: _Flight) -> Any:
         return jnp.any(flight.flying) & (flight.steps < most_steps)
 
     def advance(flight: _Flight) -> _Flight:
         old = _unpack(flight.ball)
         new = rk4(law, old, step)
-        moves = flight.flying & ~_ends(old, new, step, distance) & (flight.time_s < limit_s)
+        moves = flight.flying & ~ends(old, new, step, distance) & (flight.time_s < limit_s)
         ball = jax.tree.map(lambda a, b: jnp.where(moves, b, a), flight.ball, _pack(new))
         return _Flight(flight.steps + 1, moves, flight.time_s + jnp.where(moves, step, 0.0), ball)
 
@@ -168,9 +172,10 @@ def _unpack(ball: BallState) -> BallState:
     return BallState(*(Vec(*(0.0 if part is None else part for part in vec)) for vec in ball))
 
 
-def _ends(old: BallState, new: BallState, step: Any, distance: Any) -> Any:
-    """Whether a step crosses the plane, meets the floor or turns back."""
-    return (new.position_m.x >= distance) | (new.velocity_m_s.x <= 0.0) | (_lowest_m(old, new, step) < 0.0)
+def _ends(old: BallState, new: BallState, step: Any, distance: Any, floor: bool) -> Any:
+    """Whether a step crosses the plane, turns back, or meets the floor if there is one."""
+    over = (new.position_m.x >= distance) | (new.velocity_m_s.x <= 0.0)
+    return over | (_lowest_m(old, new, step) < 0.0) if floor else over
 
 
 def _lowest_m(old: BallState, new: BallState, step: Any) -> Any:
@@ -181,18 +186,18 @@ def _lowest_m(old: BallState, new: BallState, step: Any) -> Any:
     return jnp.minimum(new.position_m.z, jnp.where(dips, old.position_m.z - dip_m, old.position_m.z))
 
 
-def _cross(law: Law, end: _Flight, step: Any, distance: Any) -> Crossing:
+def _cross(law: Law, end: _Flight, step: Any, distance: Any, floor: bool) -> Crossing:
     """Where each flight's last step crosses the plane, if it does; solved only if some lane comes near enough."""
     ball = end.ball
     gap_m = distance - ball.position_m.x
     fastest_m_s = jnp.maximum(ball.velocity_m_s.x, rk4(law, ball, step).velocity_m_s.x)
     near = jnp.any(gap_m <= 2.0 * step * fastest_m_s)
     nowhere = jnp.full_like(end.time_s, jnp.nan)
-    height_m, time_s = lax.cond(near, lambda: _solve(law, end, step, distance), lambda: (nowhere, end.time_s))
+    height_m, time_s = lax.cond(near, lambda: _solve(law, end, step, distance, floor), lambda: (nowhere, end.time_s))
     return Crossing(height_m, time_s, ~jnp.isnan(height_m))
 
 
-def _solve(law: Law, end: _Flight, step: Any, distance: Any) -> tuple[Any, Any]:
+def _solve(law: Law, end: _Flight, step: Any, distance: Any, floor: bool) -> tuple[Any, Any]:
     """(height_m or nan, time_s) at x = distance within the step that ended each flight, by Newton on a part of it."""
     ball = end.ball
     turn_s = _turning_time(law, ball, step)
@@ -207,7 +212,7 @@ def _solve(law: Law, end: _Flight, step: Any, distance: Any) -> tuple[Any, Any]:
 
     part_s = lax.scan(improve, part_s, None, length=NEWTON_STEPS)[0]
     there = rk4(law, ball, part_s)
-    reached = reached & (_lowest_m(ball, there, part_s) >= 0.0)
+    reached = reached & (_lowest_m(ball, there, part_s) >= 0.0) if floor else reached
     return jnp.where(reached, there.position_m.z, jnp.nan), end.time_s + jnp.where(reached, part_s, 0.0)
 
 

@@ -1,19 +1,17 @@
 """The seed's simulator: a recorded configuration -> height at the target plane -> outcome."""
 
 from collections.abc import Callable, Mapping
+from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 
 from robot.config import BadInput
 from robot.facts import Facts
-from sim.physics.catalogue import flight_terms
+from sim.physics.catalogue import flight_terms, launch_terms
 from sim.physics.flight import Crossing, fly
-from sim.physics.launch import (
-    Exit,
-    exit_no_slip,
-    exit_opposed,
-    is_opposed,
-)
+from sim.physics.launch import Exit, exit_no_slip, exit_opposed, is_opposed
+from sim.physics.term import complete
 from sim.shots import Shots
 
 MISS, TWO, THREE = "miss", "two", "three"
@@ -25,14 +23,36 @@ def predict(facts: Facts, coefficients: Mapping[str, Mapping[str, float]], shots
             progress: Callable[[float, str], None] = lambda done, note: None) -> Crossing:
     """Fly each recorded configuration to its plane with gravity and the terms that `coefficients` names.
 
-    Returns numpy arrays, one row a shot. BadInput names shots without a distance or a launch.
+    Launch terms change what the wheels say, never an exit speed that was measured. Returns numpy arrays, one row a
+    shot. BadInput names shots without a distance or a launch.
     """
-    return fly_rows(facts, coefficients, launch_of(facts, shots), require(shots, "distance_m"), progress)
+    leaving = leave(facts, coefficients, launch_of(facts, shots), by_wheels(shots))
+    return _fly_rows(facts, coefficients, leaving, require(shots, "distance_m"), progress)
 
 
 def fly_rows(facts: Facts, coefficients: Mapping[str, Mapping[str, float]], exit: Exit, distance_m: np.ndarray,
              progress: Callable[[float, str], None] = lambda done, note: None) -> Crossing:
-    """As predict, of launches given as numpy arrays [n].
+    """As predict, of launches by the wheels (before launch terms) given as numpy arrays [n]."""
+    return _fly_rows(facts, coefficients, leave(facts, coefficients, exit), distance_m, progress)
+
+
+def leave(facts: Facts, coefficients: Mapping[str, Mapping[str, Any]], exit: Exit, where: Any = True) -> Exit:
+    """The launch after the launch terms that `coefficients` names; numpy or JAX arrays [n].
+
+    exit: the launch by the wheels. Terms act on the rows that `where` names; without such terms `exit` itself returns.
+    """
+    changed = exit
+    for term in launch_terms(coefficients):
+        changed = term.leave(facts, complete(term, coefficients[term.name]), changed)
+    if changed is exit:
+        return exit
+    pick = np.where if all(isinstance(part, np.ndarray | float) for part in changed) else jnp.where
+    return Exit(*(pick(where, new, old) for new, old in zip(changed, exit, strict=True)))
+
+
+def _fly_rows(facts: Facts, coefficients: Mapping[str, Mapping[str, float]], exit: Exit, distance_m: np.ndarray,
+              progress: Callable[[float, str], None]) -> Crossing:
+    """Heights and times of launches as they leave.
 
     Rows fly in blocks of those that stay aloft about equally long, and in few different sizes, since each is compiled.
     """
@@ -77,11 +97,26 @@ def launch_of(facts: Facts, shots: Shots) -> Exit:
     return Exit(speed_m_s, np.radians(elevation_deg), spin_rev_s)
 
 
+def by_wheels(shots: Shots) -> np.ndarray:
+    """Which shots' speed launch_of takes from the wheels, since none was measured."""
+    return np.isnan(shots.number("exit_speed_m_s"))
+
+
 def require(shots: Shots, name: str) -> np.ndarray:
     """A numeric column without gaps; BadInput names the shots that lack it."""
     column = shots.number(name)
     _need(shots, np.isnan(column), name)
     return column
+
+
+def roll(facts: Facts, surface_m_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(speed in m/s, backspin in rev/s) [n] by the surface speeds of the wheels [n, wheels]; linear in them."""
+    if is_opposed(facts):
+        lower = [round(wheel.clock_deg % 360.0, 6) for wheel in facts.launcher.wheel].index(180.0)
+        exit = exit_opposed(facts, surface_m_s[:, 1 - lower], surface_m_s[:, lower], 0.0)
+        return exit.speed_m_s, exit.spin_rev_s
+    speed_m_s, spin_rad_s = exit_no_slip(facts, surface_m_s)
+    return speed_m_s, -spin_rad_s[:, 1] / (2.0 * np.pi)
 
 
 def _from_wheels(facts: Facts, shots: Shots) -> tuple[np.ndarray, np.ndarray]:
@@ -91,12 +126,7 @@ def _from_wheels(facts: Facts, shots: Shots) -> tuple[np.ndarray, np.ndarray]:
         return np.full(len(shots), np.nan), np.full(len(shots), np.nan)
     surface_m_s = np.stack([_wheel_rad_s(facts, shots, index) * wheel.radius_m for index, wheel in enumerate(wheels)],
                            axis=1)
-    if is_opposed(facts):
-        lower = [round(wheel.clock_deg % 360.0, 6) for wheel in wheels].index(180.0)
-        exit = exit_opposed(facts, surface_m_s[:, 1 - lower], surface_m_s[:, lower], 0.0)
-        return exit.speed_m_s, exit.spin_rev_s
-    speed_m_s, spin_rad_s = exit_no_slip(facts, surface_m_s)
-    return speed_m_s, -spin_rad_s[:, 1] / (2.0 * np.pi)
+    return roll(facts, surface_m_s)
 
 
 def _wheel_rad_s(facts: Facts, shots: Shots, index: int) -> np.ndarray:

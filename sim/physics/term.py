@@ -6,17 +6,32 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
 from robot.facts import Facts
+from sim.physics.launch import Exit
 from sim.physics.vector import Vec
 
 STAGES = ("sensing", "launch", "flight", "arrival")
 
 
 @dataclass(frozen=True)
+class Prior:
+    """What is believed before any shot: normal on one of sim.physics.scales, weak, with its reason in words.
+
+    `centre` is a value of the parameter itself, `sd` is on the scale (on "log": the log of a factor).
+    """
+
+    scale: str
+    centre: float
+    sd: float
+    reason: str
+
+
+@dataclass(frozen=True)
 class Parameter:
-    """One number of a term; the prior is uniform from `low` to `high`.
+    """One number of a term, looked for from `low` to `high`.
 
     `unit` is a product of m, kg, s, rad, rev with powers, such as "1", "1/s" or "kg m/s2".
     `default` is the value that a coefficients file that does not mention it means.
+    `prior` is what a likelihood fit believes beforehand; None: known, and not fitted.
     """
 
     name: str
@@ -25,6 +40,7 @@ class Parameter:
     high: float
     default: float
     source: str
+    prior: Prior | None = None
 
 
 class BallState(NamedTuple):
@@ -58,6 +74,20 @@ class FlightTerm(Term):
     @abstractmethod
     def acceleration(self, facts: Facts, values: Mapping[str, Any], ball: BallState) -> Vec:
         """Its acceleration in m/s2 (lanes broadcast), launcher frame; differentiable in values and state."""
+
+
+@dataclass(frozen=True)
+class LaunchTerm(Term):
+    """A hypothesis about how the wheels send off a ball."""
+
+    stage: ClassVar[str] = "launch"
+
+    @abstractmethod
+    def leave(self, facts: Facts, values: Mapping[str, Any], exit: Exit) -> Exit:
+        """The launch as this term changes it; differentiable in values and launch.
+
+        exit: as the wheels' surfaces and the launch terms before this one in the catalogue have it.
+        """
 
 
 def complete(term: Term, values: Mapping[str, Any] | None) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, final
 
 from robot.facts import Facts
-from sim.physics.term import BallState, FlightTerm, Parameter
+from sim.physics.term import BallState, FlightTerm, Parameter, Prior
 from sim.physics.vector import Vec, length, scale
 
 
@@ -17,7 +17,9 @@ class Drag(FlightTerm):
 
     name: ClassVar[str] = "drag"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("cd", "1", 0.0, 5.0, 0.0, "the seed's search range; a smooth sphere has 0.4-0.5"),)
+        Parameter("cd", "1", 0.0, 5.0, 0.0, "the seed's search range; a smooth sphere has 0.4-0.5",
+                  Prior("log", 0.5, 0.7, "spheres and sports balls have 0.1 (past the drag crisis) to 0.7 (felt); a "
+                                         "factor of two either way leaves room for the seed's 0.91")),)
     symmetry: ClassVar[str] = "any"
     sentence: ClassVar[str] = "The air slows the ball in proportion to the square of its speed."
 

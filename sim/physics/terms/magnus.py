@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, final
 
 from robot.facts import Facts
-from sim.physics.term import BallState, FlightTerm, Parameter
+from sim.physics.term import BallState, FlightTerm, Parameter, Prior
 from sim.physics.vector import Vec, cross, scale
 
 
@@ -17,7 +17,10 @@ class Magnus(FlightTerm):
 
     name: ClassVar[str] = "magnus"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("cl", "1", 0.0, 5.0, 0.0, "the seed's search range; 1 is the inviscid value"),)
+        Parameter("cl", "1", 0.0, 5.0, 0.0, "the seed's search range; 1 is the inviscid value",
+                  Prior("linear", 0.1, 0.15, "a lift of k r w / v in the usual form, k near 0.5 to 1, is cl 0.1 to 0.2 "
+                                             "with a true spin and half of that with the seed's, which is twice as "
+                                             "fast; smooth balls may have it reversed")),)
     symmetry: ClassVar[str] = "any"
     sentence: ClassVar[str] = "The ball's spin bends its path, in proportion to spin and speed."
 

@@ -9,12 +9,16 @@ import numpy as np
 import pytest
 
 from robot.config import BadInput
-from sim.physics.catalogue import TERMS, find_terms, flight_terms
-from sim.physics.term import STAGES, BallState, FlightTerm, complete
+from sim.physics.catalogue import TERMS, find_parameter, find_terms, flight_terms, launch_terms
+from sim.physics.launch import Exit
+from sim.physics.scales import SCALES, fits_scale, from_scale, to_scale
+from sim.physics.term import STAGES, BallState, FlightTerm, LaunchTerm, complete
 from sim.physics.vector import Vec
 from tests.sim.physics.rigs import GUPPY
 
 FLIGHT = [term for term in TERMS if isinstance(term, FlightTerm)]
+LAUNCH = [term for term in TERMS if isinstance(term, LaunchTerm)]
+every_launch_term = pytest.mark.parametrize("term", LAUNCH, ids=lambda term: term.name)
 every_term = pytest.mark.parametrize("term", TERMS, ids=lambda term: term.name)
 every_flight_term = pytest.mark.parametrize("term", FLIGHT, ids=lambda term: term.name)
 
@@ -44,6 +48,21 @@ def test_declares_itself(term):
         assert parameter.low < parameter.high
         assert parameter.low <= parameter.default <= parameter.high
         assert parameter.source
+        if parameter.prior is not None:
+            assert parameter.prior.scale in SCALES
+            assert parameter.prior.sd > 0.0
+            assert len(parameter.prior.reason) > 20
+            assert fits_scale(parameter.prior.scale, parameter.prior.centre)
+        assert find_parameter(f"{term.name}.{parameter.name}") is parameter
+
+
+@every_term
+def test_scales_go_there_and_back(term):
+    for parameter in term.parameters:
+        if parameter.prior is not None:
+            for value in np.linspace(parameter.low, parameter.high, 7)[1:]:
+                number = to_scale(parameter.prior.scale, value)
+                assert float(from_scale(parameter.prior.scale, number)) == pytest.approx(value, rel=1e-12)
 
 
 def test_names_are_those_of_the_files_and_unique():
@@ -118,6 +137,53 @@ def _factor(unit: str, length: float, time: float, mass: float) -> float:
         for base, power in re.findall(r"(kg|rad|rev|m|s|1)(\d*)", part):
             factor *= bases[base] ** (sign * int(power or 1))
     return factor
+
+
+EXITS = Exit(np.array([0.5, 4.0, 9.0, 21.0]), np.array([0.1, 0.5, 0.9, 1.3]), np.array([-3.0, 0.0, 4.0, 11.0]))
+
+
+def _left(term, values, exit=EXITS) -> np.ndarray:
+    return np.stack([np.broadcast_to(part, 4) for part in term.leave(GUPPY, values, exit)])
+
+
+@every_launch_term
+def test_a_launch_term_of_zero_amplitude_changes_no_bit(term):
+    values = _typical(term) | {term.parameters[0].name: 0.0}
+    np.testing.assert_array_equal(_left(term, values), np.stack(EXITS))
+    assert np.any(_left(term, _typical(term)) != np.stack(EXITS))
+
+
+@every_launch_term
+def test_launch_terms_have_finite_gradients(term):
+    """In their values, zero amplitude included, and in the launch, rest included."""
+    at_rest = Exit(*(0.0 * part for part in EXITS))
+    for values in (_typical(term), {p.name: 0.0 for p in term.parameters}):
+        for exit in (EXITS, at_rest):
+            slopes = jax.jacfwd(lambda values, exit: tuple(term.leave(GUPPY, values, exit)), argnums=(0, 1))(
+                values, Exit(*map(jnp.asarray, exit)))
+            assert all(np.isfinite(part).all() for part in jax.tree.leaves(slopes))
+    assert np.any(np.asarray(jax.jacfwd(lambda v: jnp.stack(term.leave(GUPPY, v, EXITS)))(_typical(term))[
+        term.parameters[0].name]) != 0.0)
+
+
+@every_launch_term
+def test_launch_terms_have_the_units_they_declare(term):
+    length, time, mass = 3.7, 0.6, 11.0
+    values = {p.name: _typical(term)[p.name] * _factor(p.unit, length, time, mass) for p in term.parameters}
+    facts = msgspec.structs.replace(GUPPY, ball=msgspec.structs.replace(
+        GUPPY.ball, mass_kg=GUPPY.ball.mass_kg * mass, radius_m=GUPPY.ball.radius_m * length))
+    scaled = Exit(EXITS.speed_m_s * length / time, EXITS.elevation_rad, EXITS.spin_rev_s / time)
+    there = term.leave(facts, values, scaled)
+    here = term.leave(GUPPY, _typical(term), EXITS)
+    np.testing.assert_allclose(there.speed_m_s, here.speed_m_s * length / time, rtol=1e-12)
+    np.testing.assert_allclose(there.elevation_rad, here.elevation_rad, rtol=1e-12)
+    np.testing.assert_allclose(there.spin_rev_s, here.spin_rev_s / time, rtol=1e-12)
+
+
+def test_launch_terms_by_hand():
+    slip, loss = launch_terms(["exit_efficiency", "wheel_slip"])
+    assert loss.leave(GUPPY, {"loss": 0.25}, Exit(12.0, 0.7, 3.0)) == Exit(9.0, 0.7, 3.0)
+    assert slip.leave(GUPPY, {"loss_per_m_s": 0.02}, Exit(12.5, 0.7, 3.0)) == Exit(10.0, 0.7, 3.0)
 
 
 def test_magnus_lifts_a_ball_with_backspin():

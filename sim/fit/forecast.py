@@ -1,0 +1,69 @@
+"""A belief and a configuration -> the height at the plane before the shot, with all that makes it uncertain."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robot.facts import Facts
+from sim.belief import SCATTER, Belief, scale_of
+from sim.fit.given import Given, given_of
+from sim.fit.heights import Number, sensor_variance, slopes_at
+from sim.shots import Shots
+
+LANES = 256                           # rows fly in multiples of this, since each size is compiled
+
+
+@dataclass(frozen=True, eq=False)
+class Forecast:
+    """Heights at the plane [n] in m (nan: the ball turns back before it) and the standard deviations that make sigma_m.
+
+    `launch_m`: scatter from shot to shot; `sensor_m`: noise of what was measured before the shot, rig.toml [noise];
+    `parameter_m`: doubt about the belief itself, which all shots share. by_launch [n, 4]: derivatives of the height by
+    log exit speed, elevation in rad, spin in rev/s and distance in m.
+    """
+
+    height_m: np.ndarray
+    sigma_m: np.ndarray
+    launch_m: np.ndarray
+    sensor_m: np.ndarray
+    parameter_m: np.ndarray
+    by_launch: np.ndarray
+
+
+def forecast(facts: Facts, belief: Belief, shots: Shots) -> Forecast:
+    """Forecast each shot from its wheel speeds (or motor_ratio), hood_deg and distance_m; BadInput names what lacks.
+
+    First-order propagation with exact derivatives, continuous in all parameters: the flight goes on through the floor.
+    """
+    return forecast_given(facts, belief, given_of(facts, shots))
+
+
+def forecast_given(facts: Facts, belief: Belief, given: Given) -> Forecast:
+    """As forecast, of launches already taken from their columns."""
+    rows = [np.arange(first, min(first + LANES, len(given.rolled))) for first in range(0, len(given.rolled), LANES)]
+    if not rows:
+        return Forecast(*(np.zeros(0) for _ in range(5)), np.zeros((0, 4)))
+    parts = [_block(facts, belief, _take(given, np.resize(block, LANES))) for block in rows]
+    kept = [[column[:block.size] for column in part] for part, block in zip(parts, rows, strict=True)]
+    return Forecast(*(np.concatenate(columns) for columns in zip(*kept, strict=True)))
+
+
+def _block(facts: Facts, belief: Belief, given: Given) -> tuple[np.ndarray, ...]:
+    inner = [index for index, name in enumerate(belief.names) if not name.startswith(SCATTER + ".")]
+    numbers: tuple[Number, ...] = tuple((*belief.names[index].split(".", 1), scale_of(belief.names[index]))
+                                        for index in inner)
+    flown = slopes_at(facts, belief.coefficients, numbers, belief.values()[inner], given)
+    by_launch, by_number = np.asarray(flown.by_launch), np.asarray(flown.by_number)
+    speed, elevation_deg = (belief.scatter.get(name, 0.0) for name in ("speed", "elevation_deg"))
+    launch = (given.rolled * (by_launch[:, 0] * speed)**2
+              + given.hooded * (by_launch[:, 1] * np.radians(elevation_deg))**2)
+    sensor = np.asarray(sensor_variance(by_launch, np.asarray(flown.gain), given))
+    known = belief.covariance[np.ix_(inner, inner)]
+    doubt = np.einsum("ni,ij,nj->n", by_number, known, by_number)
+    return (np.asarray(flown.height_m), np.sqrt(launch + sensor + doubt), np.sqrt(launch), np.sqrt(sensor),
+            np.sqrt(np.maximum(doubt, 0.0)), by_launch)
+
+
+def _take(given: Given, rows: np.ndarray) -> Given:
+    return Given(type(given.rolling)(*(np.asarray(part)[rows] for part in given.rolling)),
+                 *(np.asarray(part)[rows] for part in given[1:]))

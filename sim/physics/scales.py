@@ -1,0 +1,30 @@
+"""Scales on which a parameter's belief is about normal: positive ones by their logarithm, shares lost by what is left.
+
+Every function takes and gives floats, numpy or JAX arrays.
+"""
+
+from typing import Any
+
+import jax.numpy as jnp
+
+LINEAR, LOG, LEFT = "linear", "log", "left"
+SCALES = (LINEAR, LOG, LEFT)
+
+
+def to_scale(scale: str, value: Any) -> Any:
+    """linear: itself; log: its logarithm (positive values only); left: -log(1 - value), of a share lost."""
+    if scale == LOG:
+        return jnp.log(value)
+    return -jnp.log1p(-value) if scale == LEFT else value
+
+
+def from_scale(scale: str, number: Any) -> Any:
+    """The inverse of to_scale."""
+    if scale == LOG:
+        return jnp.exp(number)
+    return -jnp.expm1(-number) if scale == LEFT else number
+
+
+def fits_scale(scale: str, value: float) -> bool:
+    """Whether a value has a finite place on the scale."""
+    return value > 0.0 if scale == LOG else value < 1.0 or scale != LEFT
