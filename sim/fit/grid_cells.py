@@ -1,0 +1,232 @@
+"""Cells of the coefficient grid: which need a closer look, and the labels of those that an interpolant settles.
+
+A cell is a block of grid points of one launch. Its flights are flown at 8 x 8 Chebyshev-Lobatto nodes; the height at
+the plane between them is a polynomial as soon as all nodes reach the plane and the last coefficients are small. Points
+whose height is too near to a bound of the target for that polynomial are marked, to be flown themselves.
+Maps are [cl, cd]; compiled by numba; every function works on cells [first, last) of its arrays.
+"""
+
+import numpy as np
+from numba import njit
+
+NODES = 8                             # a side; 64 flights fill a batch of the kernel
+WIDEST = 64                           # points a side of the largest cell
+LEAF = 8                              # points a side of a cell that is flown point by point
+
+MISS, TWO, THREE, DOUBTFUL = 0, 1, 2, 3
+NOTHING, SPLIT, PAINTED = 0, 1, 2     # what becomes of a cell
+
+ROUGH_M = 0.03                        # an interpolant worse than this is not trusted to know how bad it is
+SURE_M = 1e-3                         # nearer to a bound than this, a flight with long steps does not settle a label
+GRAZING_M = 5e-3                      # a flight that turns back this near to the plane, before or behind it
+MOST_DOUBTFUL = 96                    # points flown singly before a split is cheaper
+
+SETTINGS = {"fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}, "error_model": "numpy", "nogil": True,
+            "cache": True}
+
+
+def make_nodes() -> np.ndarray:
+    """Chebyshev-Lobatto points in 0-1, ascending [NODES]."""
+    return (1.0 - np.cos(np.pi * np.arange(NODES) / (NODES - 1))) / 2.0
+
+
+def make_transform() -> np.ndarray:
+    """[NODES, NODES]: values at the nodes -> Chebyshev coefficients."""
+    return np.linalg.inv(_basis(make_nodes()))
+
+
+def make_tables() -> np.ndarray:
+    """[WIDEST + 1, WIDEST, NODES]: the Chebyshev polynomials at m evenly spaced points, for each m from 2."""
+    tables = np.zeros((WIDEST + 1, WIDEST, NODES))
+    for points in range(2, WIDEST + 1):
+        tables[points, :points] = _basis(np.linspace(0.0, 1.0, points))
+    return tables
+
+
+def _basis(part: np.ndarray) -> np.ndarray:
+    return np.polynomial.chebyshev.chebvander(2.0 * part - 1.0, NODES - 1)
+
+
+def make_roots(points: int, launches: int) -> np.ndarray:
+    """The first cells [n, 5] = launch, cl from, cl to, cd from, cd to (indices of the axis, both included)."""
+    edges = np.linspace(0, points, -(-points // WIDEST) + 1).round().astype(np.int32)
+    spans = np.stack([edges[:-1], edges[1:] - 1], axis=1)
+    launch, row, column = np.meshgrid(np.arange(launches), np.arange(len(spans)), np.arange(len(spans)), indexing="ij")
+    return np.concatenate([launch.reshape(-1, 1), spans[row.ravel()], spans[column.ravel()]], axis=1).astype(np.int32)
+
+
+def split(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Quarters of cells: (those to look at again, those small enough to be flown point by point)."""
+    launch, top, bottom, left, right = cells.T
+    row, column = (top + bottom) // 2, (left + right) // 2
+    quarters = [np.stack([launch, *part], axis=1) for part in (
+        (top, row, left, column), (top, row, column + 1, right),
+        (row + 1, bottom, left, column), (row + 1, bottom, column + 1, right))]
+    parts = np.stack(quarters, axis=1).reshape(-1, 5)
+    parts = parts[(parts[:, 1] <= parts[:, 2]) & (parts[:, 3] <= parts[:, 4])]
+    small = (parts[:, 2] - parts[:, 1] < LEAF) & (parts[:, 4] - parts[:, 3] < LEAF)
+    return parts[~small], parts[small]
+
+
+@njit(**SETTINGS)
+def fill_nodes(cells, axis, nodes, which, cd, cl):
+    """The flights at the nodes of every cell, NODES * NODES a cell."""
+    for cell in range(len(cells)):
+        launch, top, bottom, left, right = cells[cell]
+        for row in range(NODES):
+            for column in range(NODES):
+                lane = (cell * NODES + row) * NODES + column
+                which[lane] = launch
+                cl[lane] = axis[top] + (axis[bottom] - axis[top]) * nodes[row]
+                cd[lane] = axis[left] + (axis[right] - axis[left]) * nodes[column]
+
+
+@njit(**SETTINGS)
+def list_points(cells, labels, wanted, points):
+    """Points [n, 3] = launch, row, column of the cells whose label is `wanted`; returns how many."""
+    count = 0
+    for cell in range(len(cells)):
+        launch, top, bottom, left, right = cells[cell]
+        for row in range(top, bottom + 1):
+            for column in range(left, right + 1):
+                if labels[launch, row, column] == wanted:
+                    points[count, 0], points[count, 1], points[count, 2] = launch, row, column
+                    count += 1
+    return count
+
+
+@njit(**SETTINGS)
+def mark(cells, labels, label):
+    """Give every point of the cells one label."""
+    for cell in range(len(cells)):
+        launch, top, bottom, left, right = cells[cell]
+        labels[launch, top:bottom + 1, left:right + 1] = label
+
+
+@njit(**SETTINGS)
+def label_points(points, count, height_m, gap_m, under, target, final, labels):
+    """Label points from their own flights; unless `final`, those in doubt are left so. Returns how many are.
+
+    target: centre, three's half height, two's half height in m.
+    """
+    centre, three, two = target
+    doubtful = 0
+    for k in range(count):
+        off = abs(height_m[k] - centre)
+        label = MISS
+        if gap_m[k] <= 0.0 and not under[k]:
+            label = THREE if off <= three else TWO if off <= two else MISS
+        if not final and off < two + SURE_M:
+            near = abs(off - three) < SURE_M or abs(off - two) < SURE_M
+            if near or abs(gap_m[k]) < GRAZING_M or under[k]:
+                label = DOUBTFUL
+                doubtful += 1
+        labels[points[k, 0], points[k, 1], points[k, 2]] = label
+    return doubtful
+
+
+@njit(**SETTINGS)
+def largest_step(values):
+    """Largest difference between neighbours of a [NODES, NODES] array."""
+    most = 0.0
+    for row in range(NODES):
+        for column in range(NODES):
+            if row + 1 < NODES:
+                most = max(most, abs(values[row + 1, column] - values[row, column]))
+            if column + 1 < NODES:
+                most = max(most, abs(values[row, column + 1] - values[row, column]))
+    return most
+
+
+@njit(**SETTINGS)
+def judge(height, gap, under, low, high):
+    """What a cell's nodes say of it: NOTHING of the target in it, SPLIT it, or PAINTED: an interpolant may settle it.
+
+    Nothing: all pass, or end, above the target or below it, or end before the plane, by more than neighbouring nodes
+    differ. Where all reach the plane, interpolate; where some do not, look closer.
+    """
+    jump = largest_step(height)
+    if height.min() > high + jump or height.max() < low - jump:
+        return NOTHING
+    if gap.min() > 0.0 and gap.min() > largest_step(gap):
+        return NOTHING
+    for row in range(NODES):
+        for column in range(NODES):
+            if gap[row, column] > 0.0 or (under[row, column] and height[row, column] > low - jump):
+                return SPLIT
+    return PAINTED
+
+
+@njit(**SETTINGS)
+def settle(cells, height_m, gap_m, under, target, transform, tables, labels, verdict, doubtful):
+    """Judge cells by their nodes and paint the labels of those that an interpolant settles.
+
+    verdict [n]: see judge; doubtful [n]: how many of a cell's points were marked DOUBTFUL.
+    """
+    centre, three, two = target
+    low, high = centre - two, centre + two
+    for cell in range(len(cells)):
+        first = cell * NODES * NODES
+        height = height_m[first:first + NODES * NODES].reshape(NODES, NODES)
+        gap = gap_m[first:first + NODES * NODES].reshape(NODES, NODES)
+        verdict[cell] = judge(height, gap, under[first:first + NODES * NODES].reshape(NODES, NODES), low, high)
+        if verdict[cell] != PAINTED:
+            continue
+        shape = transform @ height @ transform.T
+        size = np.abs(shape)
+        tail = (size[NODES - 2:].sum() + size[:NODES - 2, NODES - 2:].sum())
+        if tail > ROUGH_M:
+            verdict[cell] = SPLIT
+            continue
+        unsure = SURE_M + tail
+        reach = size.sum() - size[0, 0] + unsure
+        if shape[0, 0] - reach > high or shape[0, 0] + reach < low:
+            verdict[cell] = NOTHING
+            continue
+        launch, top, bottom, left, right = cells[cell]
+        found = paint(shape, tables[bottom - top + 1], tables[right - left + 1], unsure, centre, three, two,
+                      labels[launch, top:bottom + 1, left:right + 1])
+        doubtful[cell] = found
+        if found > MOST_DOUBTFUL:
+            verdict[cell] = SPLIT
+            labels[launch, top:bottom + 1, left:right + 1] = MISS
+
+
+@njit(**SETTINGS)
+def paint(shape, rows, columns, unsure, centre, three, two, labels):
+    """Labels of a cell's points from its polynomial; returns how many are in doubt."""
+    along = np.empty((NODES, labels.shape[1]))
+    for order in range(NODES):
+        for column in range(labels.shape[1]):
+            total = 0.0
+            for k in range(NODES):
+                total += shape[order, k] * columns[column, k]
+            along[order, column] = total
+    heights = np.empty(labels.shape[1])
+    found = 0
+    for row in range(labels.shape[0]):
+        for column in range(labels.shape[1]):
+            heights[column] = -centre
+        for order in range(NODES):
+            part = rows[row, order]
+            for column in range(labels.shape[1]):
+                heights[column] += part * along[order, column]
+        for column in range(labels.shape[1]):
+            off = abs(heights[column])
+            label = (1 if off <= two else 0) + (1 if off <= three else 0)
+            near = (abs(off - two) < unsure) | (abs(off - three) < unsure)
+            labels[row, column] = DOUBTFUL if near else label
+            found += 1 if near else 0
+    return found
+
+
+@njit(**SETTINGS)
+def count_labels(labels, is_three, three, two):
+    """Add what the launches of `labels` hit to the maps of counts: three's by three-shots, two's by all."""
+    for launch in range(labels.shape[0]):
+        weight = 1 if is_three[launch] else 0
+        for row in range(labels.shape[1]):
+            for column in range(labels.shape[2]):
+                label = labels[launch, row, column]
+                two[row, column] += 1 if label >= TWO else 0
+                three[row, column] += weight if label >= THREE else 0

@@ -1,0 +1,190 @@
+"""The law of motion as machine code: the terms' one JAX law, traced, written out as a scalar function, compiled by numba.
+
+Only the plane of a flight without sideways force is written out. Nothing here knows what a term says: whatever the
+terms of sim.physics.terms come to is what gets compiled, and an operation that has no counterpart here is an error.
+"""
+
+import hashlib
+import importlib.util
+import os
+import platform
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import jax
+import jax.extend
+import jax.numpy as jnp
+import msgspec
+import numba
+import numpy as np
+
+from robot.facts import Facts
+from sim.physics.flight import make_law
+from sim.physics.term import BallState, FlightTerm
+from sim.physics.vector import Vec, absent
+
+STATE = ("x_m", "z_m", "vx_m_s", "vz_m_s", "spin_rev_s")
+CACHED = '"cache": True'
+LAW, END = "# ---- the law of motion ----\n", "# ---- end of the law ----\n"
+INFIX = {"add": "+", "sub": "-", "mul": "*", "div": "/", "pow": "**", "gt": ">", "ge": ">=", "lt": "<", "le": "<=",
+         "eq": "==", "ne": "!=", "and": "&", "or": "|", "add_any": "+"}
+CALLS = {"sqrt": "math.sqrt", "exp": "math.exp", "log": "math.log", "log1p": "math.log1p", "expm1": "math.expm1",
+         "tanh": "math.tanh", "sin": "math.sin", "cos": "math.cos", "tan": "math.tan", "atan2": "math.atan2",
+         "abs": "abs", "max": "max", "min": "min", "sign": "np.sign", "floor": "math.floor"}
+SAME = ("copy", "copy_p", "convert_element_type", "stop_gradient", "reduce_precision")
+NESTED = ("jaxpr", "call_jaxpr", "fun_jaxpr")
+
+
+class UntraceableLaw(ValueError):
+    """The law uses something that this module cannot write out."""
+
+
+def make_source(facts: Facts, terms: Sequence[FlightTerm], values: Sequence[tuple[str, str]]) -> str:
+    """Source of `acceleration(x_m, z_m, vx_m_s, vz_m_s, spin_rev_s, values, facts) -> (ax, az)` in m/s2.
+
+    `values`: the (term, parameter) that the function takes as a tuple, in this order; the other parameters have their
+    defaults. Numbers of the rig are taken as `facts`, the tuple that facts_values gives, so that one source serves
+    every rig. Raises UntraceableLaw where the law pushes sideways or uses an operation without a counterpart.
+    """
+    known = list(_leaves(facts))
+
+    def planar(state: tuple[Any, ...], params: tuple[Any, ...], numbers: tuple[Any, ...]) -> tuple[Any, Any]:
+        x, z, vx, vz, spin = state
+        table: dict[str, dict[str, Any]] = {}
+        for (term, parameter), value in zip(values, params, strict=True):
+            table.setdefault(term, {})[parameter] = value
+        rig = _put(facts, iter(numbers))
+        ball = BallState(Vec(x, 0.0, z), Vec(vx, 0.0, vz), Vec(0.0, -1.0 * spin, 0.0))
+        pushed = make_law(rig, terms, table)(ball)
+        if not absent(pushed.y):
+            raise UntraceableLaw("the law pushes sideways; the grid flies in a plane")
+        return jnp.asarray(pushed.x, float), jnp.asarray(pushed.z, float)
+
+    traced = jax.make_jaxpr(planar)((1.0,) * len(STATE), (1.0,) * len(values), (1.0,) * len(known))
+    names = (*STATE, *(f"values[{k}]" for k in range(len(values))), *(f"facts[{k}]" for k in range(len(known))))
+    lines, results = _Writer().write(traced.jaxpr, traced.consts, names)
+    return (f"def acceleration({', '.join(STATE)}, values, facts):\n"
+            + "".join(f"    {line}\n" for line in lines) + f"    return {results[0]}, {results[1]}\n")
+
+
+def facts_values(facts: Facts) -> tuple[float, ...]:
+    """The rig's numbers in the order in which a written-out law takes them."""
+    return tuple(_leaves(facts))
+
+
+def load_kernel(law: str, template: Path) -> ModuleType:
+    """The module `template`, between its two marks the function of make_source, compiled with its SMALL.
+
+    Kept as a file among the user's caches, under a name that its contents determine, since numba keeps machine code
+    for files only; where none can be written, it is compiled anew in every process.
+    """
+    before, _, rest = template.read_text(encoding="utf-8").partition(LAW)
+    text = f"{before}@njit(**SMALL)\n{law}{rest.partition(END)[2]}"
+    versions = f"{numba.__version__} {sys.version} {platform.machine()}"
+    name = f"truearc_kernel_{hashlib.sha256((versions + text).encode()).hexdigest()[:20]}"
+    if name in sys.modules:
+        return sys.modules[name]
+    path = _keep(name, text)
+    if path is None:
+        module = ModuleType(name)
+        exec(compile(text.replace(CACHED, CACHED.replace("True", "False")), name, "exec"), module.__dict__)
+    else:
+        spec = importlib.util.spec_from_file_location(name, path)
+        assert spec is not None and spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+    sys.modules[name] = module
+    return module
+
+
+def _keep(name: str, text: str) -> Path | None:
+    """Write the text where it stays, whole or not at all; None where that cannot be done."""
+    try:
+        path = Path.home() / ".cache" / "truearc" / f"{name}.py"
+        if not (path.is_file() and path.read_text(encoding="utf-8") == text):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            fresh = path.with_suffix(f".{os.getpid()}")
+            fresh.write_text(text, encoding="utf-8")
+            os.replace(fresh, path)
+        return path
+    except (OSError, RuntimeError):
+        return None
+
+
+def _leaves(rig: Any) -> Iterator[float]:
+    """Every number of a rig, in the order of its fields."""
+    for name in rig.__struct_fields__:
+        value = getattr(rig, name)
+        if isinstance(value, msgspec.Struct):
+            yield from _leaves(value)
+        elif isinstance(value, float):
+            yield value
+
+
+def _put(rig: Any, numbers: Iterator[Any]) -> Any:
+    """The rig with its numbers replaced, in the order of _leaves."""
+    changed = {}
+    for name in rig.__struct_fields__:
+        value = getattr(rig, name)
+        if isinstance(value, msgspec.Struct):
+            changed[name] = _put(value, numbers)
+        elif isinstance(value, float):
+            changed[name] = next(numbers)
+    return msgspec.structs.replace(rig, **changed)
+
+
+class _Writer:
+    """Writes a traced function as assignments; counts the names it has given."""
+
+    def __init__(self) -> None:
+        self.count = 0
+
+    def write(self, jaxpr: Any, consts: Sequence[Any], inputs: Sequence[str]) -> tuple[list[str], list[str]]:
+        """(assignments, expressions of the results)."""
+        names = dict(zip(jaxpr.invars, inputs, strict=True))
+        names.update(zip(jaxpr.constvars, map(_literal, consts), strict=True))
+        lines: list[str] = []
+        for equation in jaxpr.eqns:
+            took = [self._name(names, atom) for atom in equation.invars]
+            inner = next((equation.params[key] for key in NESTED if key in equation.params), None)
+            if inner is not None:
+                closed = inner if isinstance(inner, jax.extend.core.ClosedJaxpr) else None
+                more, gave = self.write(closed.jaxpr if closed else inner, closed.consts if closed else (), took)
+                lines += more
+                names.update(zip(equation.outvars, gave, strict=True))
+                continue
+            self.count += 1
+            lines.append(f"v{self.count} = {_expression(equation, took)}")
+            names[equation.outvars[0]] = f"v{self.count}"
+        return lines, [self._name(names, atom) for atom in jaxpr.outvars]
+
+    def _name(self, names: dict[Any, str], atom: Any) -> str:
+        return _literal(atom.val) if isinstance(atom, jax.extend.core.Literal) else names[atom]
+
+
+def _literal(value: Any) -> str:
+    if np.ndim(value):
+        raise UntraceableLaw("the law holds an array; the grid flies single numbers")
+    return repr(np.asarray(value).item())
+
+
+def _expression(equation: Any, took: list[str]) -> str:
+    name = equation.primitive.name
+    if name in INFIX:
+        return f"{took[0]} {INFIX[name]} {took[1]}"
+    if name in CALLS:
+        return f"{CALLS[name]}({', '.join(took)})"
+    if name in SAME:
+        return took[0]
+    if name in ("neg", "not"):
+        return f"-{took[0]}" if name == "neg" else f"not {took[0]}"
+    if name in ("square", "integer_pow"):
+        power = equation.params.get("y", 2)
+        factors = " * ".join([took[0]] * abs(power)) or "1.0"
+        return factors if power >= 0 else f"1.0 / ({factors})"
+    if name == "select_n" and len(took) == 3:
+        return f"{took[2]} if {took[0]} else {took[1]}"
+    raise UntraceableLaw(f"the law of motion uses {name!r}, which sim/physics/compiled.py cannot write out yet")
