@@ -10,44 +10,64 @@ from robot.config import BadInput
 from sim.gate.novelty import fit_novelty, novelty_record
 from sim.network import save_weights
 from sim.shots import dataset_hash, load_dataset
+from sim.sweep import Job, Recipe, Trained, batches_per_epoch, check_job, check_recipe, train_many
 from sim.synth import load_provenance
-from sim.train import (
-    EPOCHS,
-    CurvePoint,
-    Recipe,
-    Rows,
-    accuracy,
-    check_recipe,
-    domain_of,
-    split_heldout,
-    train,
-    training_rows,
-)
+from sim.train import Rows, accuracy, domain_of, split_heldout, training_rows
 
 NAME = "network"
+CURVE_POINTS = 50
+DEFAULT = Recipe()
 
 
 def add_arguments(parser: argparse._ArgumentGroup) -> None:
     parser.add_argument("--sim", metavar="DIR", help="dataset of simulated shots; without it, recorded ones only")
     parser.add_argument("--lambda", dest="simulated_weight", type=float, default=0.01, metavar="L",
                         help="weight of the simulated loss (0.01)")
-    parser.add_argument("--epochs", type=int, default=EPOCHS, help=f"times through the simulated shots ({EPOCHS})")
-    parser.add_argument("--learning-rate", type=float, default=1e-4, help="Adam's step (1e-4)")
+    parser.add_argument("--learning-rate", type=float, default=DEFAULT.learning_rate,
+                        help=f"Adam's step ({DEFAULT.learning_rate:g})")
+    parser.add_argument("--validation", type=float, default=0.25, metavar="SHARE",
+                        help="share of the shots trained on that only says when to stop (0.25); 0 trains to the end")
+    parser.add_argument("--patience", type=int, default=DEFAULT.patience, metavar="STEPS",
+                        help=f"stop when so many steps have brought nothing better ({DEFAULT.patience})")
+    length = parser.add_mutually_exclusive_group()
+    length.add_argument("--steps", type=int, default=DEFAULT.steps, help=f"minibatches at most ({DEFAULT.steps})")
+    length.add_argument("--epochs", type=int, help="times through the simulated shots at most, instead of --steps")
 
 
 def main(args: argparse.Namespace) -> int:
-    recipe = Recipe(args.simulated_weight, args.learning_rate, args.epochs, args.seed)
-    check_recipe(recipe)
+    check_recipe(Recipe(args.learning_rate, args.steps, args.patience))
+    if args.epochs is not None and args.epochs < 1:
+        raise BadInput(f"--epochs is {args.epochs}; at least 1 is needed")
     real = _load_rows(args.real)
     simulated = _load_rows(args.sim) if args.sim else None
     kept, heldout = split_heldout(real, args.holdout, args.seed)
-    network, curve = train(kept, simulated, recipe, heldout, make_progress("train", args.quiet))
-    score = {"train": accuracy(network, kept), "heldout": accuracy(network, heldout)}
-    save_weights(args.out, network, _record(args, recipe, real, score, curve))
-    for name, figures in score.items():
-        print(_sentence(name, figures))
-    print(f"{args.out}: trained for {recipe.epochs} epochs; final loss {curve[-1].real:.4f}")
+    learnt, validation = split_heldout(kept, args.validation, args.seed, "--validation")
+    job = Job(learnt, simulated, validation, args.simulated_weight, args.seed)
+    check_job(job)
+    recipe = _recipe(args, job)
+    trained = train_many([job], recipe, make_progress("train", args.quiet))[0]
+    sets = {"train": learnt, "validation": validation, "heldout": heldout}
+    score = {name: accuracy(trained.network, rows) for name, rows in sets.items()}
+    save_weights(args.out, trained.network, _record(args, recipe, real, score, trained))
+    _tell(args, recipe, trained, score)
     return 0
+
+
+def _recipe(args: argparse.Namespace, job: Job) -> Recipe:
+    batches = batches_per_epoch(len(job.real.features), len(job.simulated.features) if job.simulated else 0)
+    steps = args.steps if args.epochs is None else args.epochs * batches
+    return Recipe(args.learning_rate, steps, args.patience)
+
+
+def _tell(args: argparse.Namespace, recipe: Recipe, trained: Trained, score: dict[str, Any]) -> None:
+    """What was learnt, in words for someone who has only a spreadsheet."""
+    print(_sentence("learnt from", score["train"]))
+    if score["validation"]["shots"]:
+        print(_sentence("watched for when to stop", score["validation"]))
+    print(_sentence("never seen", score["heldout"]))
+    why = "no better after that" if trained.curve[-1].step < recipe.steps else "the last allowed"
+    print(f"{args.out}: weights of step {trained.step} of {trained.curve[-1].step} ({why}); "
+          f"what counts is the line 'never seen'")
 
 
 def _load_rows(directory: str) -> Rows:
@@ -60,17 +80,24 @@ def _load_rows(directory: str) -> Rows:
 
 
 def _record(args: argparse.Namespace, recipe: Recipe, real: Rows, score: dict[str, Any],
-            curve: list[CurvePoint]) -> dict[str, Any]:
+            trained: Trained) -> dict[str, Any]:
     return {
-        "version": version("truearc"), "seed": recipe.seed, "lambda": recipe.simulated_weight,
-        "epochs": recipe.epochs, "learning_rate": recipe.learning_rate, "holdout": args.holdout,
+        "version": version("truearc"), "seed": args.seed, "lambda": args.simulated_weight,
+        "steps": trained.step, "epochs": trained.epoch, "most_steps": recipe.steps, "patience": recipe.patience,
+        "learning_rate": recipe.learning_rate, "holdout": args.holdout, "validation": args.validation,
         "real_sha256": dataset_hash(args.real),
         "sim_sha256": dataset_hash(args.sim) if args.sim else None,
         "coefficients": load_provenance(args.sim).get("coefficients") if args.sim else None,
         "accuracy": score, "domain": domain_of(real.features),
         "novelty": novelty_record(fit_novelty(real.features)),
-        "curve": [[value if value == value else None for value in point] for point in curve],
+        "curve": [[value if value == value else None for value in point] for point in _thinned(trained.curve)],
     }
+
+
+def _thinned(curve: tuple[Any, ...]) -> list[Any]:
+    """At most CURVE_POINTS of a curve, evenly, the last one last."""
+    marks = {round(len(curve) * (k + 1) / CURVE_POINTS) for k in range(CURVE_POINTS)} - {0}
+    return [curve[mark - 1] for mark in sorted(marks)]
 
 
 def _sentence(name: str, figures: dict[str, Any]) -> str:

@@ -58,8 +58,8 @@ def test_the_artefact_says_what_it_was_made_of(home: Path) -> None:
     assert record["real_sha256"] == dataset_hash(home / "real")
     assert record["sim_sha256"] == dataset_hash(home / "sim")
     assert record["coefficients"] == {"drag": {"cd": 0.91}, "magnus": {"cl": 0.06}}
-    assert record["accuracy"]["heldout"]["shots"] == 12 and record["accuracy"]["train"]["shots"] == 48
-    assert record["curve"][-1][0] == 300 and record["curve"][-1][1] < record["curve"][0][1]
+    assert [record["accuracy"][part]["shots"] for part in ("train", "validation", "heldout")] == [36, 12, 12]
+    assert record["most_steps"] == 300 * 9 and record["curve"][-1][0] <= 2700 and record["curve"][-1][1] < 1.9
     gate = load_gate(home / "weights.onnx")
     assert {key: record[key] for key in gate.provenance if key in record} == {
         key: value for key, value in gate.provenance.items() if key != "weights_sha256"}
