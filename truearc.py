@@ -26,6 +26,7 @@ VERBS = {
     "predict-gate": "the gate's probabilities, row by row",
     "vision": "images to distances",
     "discover": "where recordings and simulation disagree",
+    "reproduce": "the paper's tables and figures beside ours",
 }
 
 

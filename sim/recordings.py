@@ -17,8 +17,8 @@ OUTCOMES = {"miss-low": ("miss", "low"), "miss-high": ("miss", "high"), "two": (
 NUMBERS = ("distance_m", "hood_deg", "motor_ratio", "battery_v", "since_last_shot_s")
 
 
-def shots_from_sessions(sessions: Sequence[Path], name: str) -> Dataset:
-    """All marked shots of the sessions, with the telemetry around each.
+def shots_from_sessions(sessions: Sequence[Path], name: str, telemetry: bool = True) -> Dataset:
+    """All marked shots of the sessions, with the telemetry around each unless that is not asked for.
 
     Rejected and held trials are not shots: each is named in `left_out`. BadInput when the sessions' rigs differ, when
     two sessions have one name, or when there is no shot at all.
@@ -33,10 +33,11 @@ def shots_from_sessions(sessions: Sequence[Path], name: str) -> Dataset:
             raise BadInput(f"{session}: recorded with another rig than {sessions[0]} ([rig] differs)")
         kept, dropped = _split(session)
         left_out += dropped
-        reader = TickReader(session)
-        traces += _traces(reader, kept, config, len(rows))
-        if reader.cut_short:
-            left_out.append(f"{reader.cut_short}: telemetry after that is missing")
+        if telemetry:
+            reader = TickReader(session)
+            traces += _traces(reader, kept, config, len(rows))
+            if reader.cut_short:
+                left_out.append(f"{reader.cut_short}: telemetry after that is missing")
         rows += [(session.resolve().name, trial) for trial in kept]
     if not rows:
         raise BadInput(f"{', '.join(map(str, sessions))}: no marked shots")

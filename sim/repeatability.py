@@ -18,8 +18,11 @@ THREE_AT, REMOVED_BELOW = 0.80, 0.75
 AVERAGED = ("distance_m", "hood_deg", "motor_ratio", "battery_v", "t_s")
 
 
-def label_by_repeatability(dataset: Dataset) -> Dataset:
-    """Group by session and config_id; numbers are means over the group; removed configurations go to `left_out`."""
+def label_by_repeatability(dataset: Dataset, least_shots: int = 1) -> Dataset:
+    """Group by session and config_id; numbers are means over the group; removed configurations go to `left_out`.
+
+    So do those of which fewer than `least_shots` shots were marked (the others were held or rejected).
+    """
     groups: dict[str, list[int]] = {}
     for row, key in enumerate(zip(dataset.shots.text("session"), dataset.shots.text("config_id"), strict=True)):
         groups.setdefault("-".join(key), []).append(row)
@@ -30,7 +33,9 @@ def label_by_repeatability(dataset: Dataset) -> Dataset:
         r3 = float(np.mean(outcomes[rows] == "three"))
         r2 = r3 + float(np.mean(outcomes[rows] == "two"))
         outcome = rule(r2, r3)
-        if outcome is None:
+        if len(rows) < least_shots:
+            left_out.append(f"configuration {name}: {len(rows)} shots marked, {least_shots} needed")
+        elif outcome is None:
             left_out.append(f"configuration {name}: R2 = {r2:.0%} of {len(rows)} shots, not repeatable")
         else:
             kept[name] = (rows, outcome)

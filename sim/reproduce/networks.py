@@ -1,0 +1,50 @@
+"""The seed's network at every amount and weight of simulated data, in every repetition, trained as one batch."""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from sim.network import probabilities
+from sim.reproduce.repetition import Repetition
+from sim.reproduce.settings import Settings
+from sim.sweep import Job, Recipe, train_many
+
+
+class Setting(NamedTuple):
+    """Number of simulated rows and their weight in the loss (lambda)."""
+
+    size: int
+    weight: float
+
+
+class Answer(NamedTuple):
+    """One network's p [70, 2] on the rows asked about, its least validation loss and the epoch of that."""
+
+    p: np.ndarray
+    validation_loss: float
+    epoch: int
+
+
+def settings_of(settings: Settings) -> list[Setting]:
+    """Table II's and Figure 10's, each once."""
+    return list(dict.fromkeys([*(Setting(size, settings.best_weight) for size in settings.sizes),
+                               *(Setting(settings.best_size, weight) for weight in settings.weights)]))
+
+
+def train_networks(repetitions: Sequence[Repetition], settings: Settings,
+                   progress: Callable[[float, str], None]) -> list[dict[Setting, Answer]]:
+    """One answer for each setting, repetition by repetition; first weights and minibatches follow the repetition."""
+    wanted = settings_of(settings)
+    jobs = [Job(one.learn, one.simulated.get(setting.size), one.validation, setting.weight,
+                1000 * settings.base_seed + one.number) for one in repetitions for setting in wanted]
+    trained = iter(train_many(jobs, Recipe(steps=settings.steps, patience=settings.patience), progress))
+    answers = []
+    for one in repetitions:
+        named = {}
+        for setting in wanted:
+            network = next(trained)
+            loss = min(point.validation for point in network.curve)
+            named[setting] = Answer(probabilities(network.network, one.asked.features), loss, network.epoch)
+        answers.append(named)
+    return answers
