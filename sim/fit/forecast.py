@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+import jax
 import numpy as np
 
 from robot.facts import Facts
@@ -53,15 +54,17 @@ def _block(facts: Facts, belief: Belief, given: Given) -> tuple[np.ndarray, ...]
     numbers: tuple[Number, ...] = tuple((*belief.names[index].split(".", 1), scale_of(belief.names[index]))
                                         for index in inner)
     flown = slopes_at(facts, belief.coefficients, numbers, belief.values()[inner], given)
-    by_launch, by_number = np.asarray(flown.by_launch), np.asarray(flown.by_number)
+    height, by_number = (jax.tree.map(np.asarray, part) for part in (flown.height, flown.by_number))
     speed, elevation_deg = (belief.scatter.get(name, 0.0) for name in ("speed", "elevation_deg"))
-    launch = (given.rolled * (by_launch[:, 0] * speed)**2
-              + given.hooded * (by_launch[:, 1] * np.radians(elevation_deg))**2)
-    sensor = np.asarray(sensor_variance(by_launch, np.asarray(flown.gain), given))
+    launch = (given.rolled * (height.by_launch[:, 0] * speed)**2
+              + given.hooded * (height.by_launch[:, 1] * np.radians(elevation_deg))**2)
+    sensor = np.asarray(sensor_variance(height, np.asarray(flown.gain), given))
     known = belief.covariance[np.ix_(inner, inner)]
-    doubt = np.einsum("ni,ij,nj->n", by_number, known, by_number)
-    return (np.asarray(flown.height_m), np.sqrt(launch + sensor + doubt), np.sqrt(launch), np.sqrt(sensor),
-            np.sqrt(np.maximum(doubt, 0.0)), by_launch)
+    doubt = np.maximum(np.einsum("ni,ij,nj->n", by_number, known, by_number), 0.0)
+    columns = (height.height_m, *map(np.sqrt, (launch + sensor + doubt, launch, sensor, doubt)))
+    slopes = np.column_stack([height.by_launch, height.by_distance])
+    near = height.near
+    return *(np.where(near, column, np.nan) for column in columns), np.where(near[:, None], slopes, np.nan)
 
 
 def _take(given: Given, rows: np.ndarray) -> Given:

@@ -10,18 +10,17 @@ import numpy as np
 
 from robot.facts import Facts
 from sim.fit.given import Given
-from sim.physics.catalogue import flight_terms, launch_terms
-from sim.physics.flight import fly
+from sim.physics.catalogue import flight_terms
+from sim.physics.flight import make_law
 from sim.physics.launch import Exit
+from sim.physics.plane import reach_plane
 from sim.physics.scales import from_scale
 from sim.physics.shot import leave
-from sim.physics.term import FlightTerm
 
-# Coarser than sim.physics.flight's own: heights within 1e-4 m, which no shot's scatter notices, at a tenth of the cost.
-STEP_S, TURN_RAD = 0.03, 0.15
-LIMIT_S = 8.0                         # a ball that takes longer has fallen hundreds of metres
+STEPS = (1e-3, 1e-3, 1e-2)            # of a launch's deviations, for the heights' derivatives by them
 
 Values = Mapping[str, Mapping[str, Any]]
+Number = tuple[str, str, str]         # term, parameter, scale
 
 
 class Deviation(NamedTuple):
@@ -30,28 +29,40 @@ class Deviation(NamedTuple):
     log_speed: Any
     elevation_rad: Any
     spin_rev_s: Any
-    distance_m: Any
 
 
-NONE = Deviation(0.0, 0.0, 0.0, 0.0)
+class Height(NamedTuple):
+    """At the plane, arrays [n], through the floor if need be.
 
-
-def height_at(facts: Facts, values: Values, given: Given, deviation: Deviation = NONE) -> Any:
-    """Height at the plane [n] in m, through the floor if need be; nan where the ball turns back.
-
-    values: {term: {parameter: value}}, gravity always among them. `deviation` acts on the ball as it leaves.
+    `near` False: the ball turns back, and the rest means nothing. by_launch [n, 3]: derivatives of the height by a
+    Deviation; by_distance [n]: by the plane's distance.
     """
-    terms: tuple[FlightTerm, ...] = flight_terms({"gravity", *values})
+
+    height_m: Any
+    by_launch: Any
+    by_distance: Any
+    near: Any
+
+
+def height_at(facts: Facts, values: Values, given: Given, log_speed: Any = 0.0, elevation_rad: Any = 0.0) -> Height:
+    """Heights of launches that leave with these deviations, with their derivatives.
+
+    values: {term: {parameter: value}}; gravity is always at work. A deviation acts on the ball as it leaves, after the
+    launch terms. The derivatives by it are central differences of flights side by side, within 1e-5 of their size:
+    nesting them into the derivatives by parameters costs a hundred times as much.
+    """
+    law = make_law(facts, flight_terms({"gravity", *values}), values)
     exit = leave(facts, values, Exit(*map(jnp.asarray, given.rolling)), given.rolled)
-    leaving = Exit(exit.speed_m_s * jnp.exp(deviation.log_speed),
-                   exit.elevation_rad + deviation.elevation_rad, exit.spin_rev_s + deviation.spin_rev_s)
-    params = {name: part for name, part in values.items() if name not in {term.name for term in launch_terms(values)}}
-    return fly(facts, terms, params, leaving, given.distance_m + deviation.distance_m, step_s=STEP_S,
-               turn_rad=TURN_RAD, limit_s=LIMIT_S, floor=False).height_m
+    steps = jnp.concatenate([jnp.zeros((1, 3)), jnp.diag(jnp.array(STEPS)), -jnp.diag(jnp.array(STEPS))]).T[:, :, None]
+    leaving = Exit(exit.speed_m_s * jnp.exp(log_speed + steps[0]), exit.elevation_rad + elevation_rad + steps[1],
+                   exit.spin_rev_s + steps[2])
+    plane = reach_plane(facts, law, leaving, jnp.broadcast_to(given.distance_m, (7, *jnp.shape(given.distance_m))))
+    by_launch = (plane.height_m[1:4] - plane.height_m[4:]) / (2.0 * jnp.array(STEPS)[:, None])
+    return Height(plane.height_m[0], by_launch.T, plane.climb[0], plane.near.all(0))
 
 
 def speed_gain(facts: Facts, values: Values, given: Given) -> Any:
-    """d log(exit speed) / d log(speed by the wheels) [n]: 1 where there is no launch term that depends on the speed."""
+    """d log(exit speed) / d log(speed by the wheels) [n]: 1 where no launch term depends on the speed."""
     def log_speed(change: Any) -> Any:
         exit = Exit(*map(jnp.asarray, given.rolling))
         return jnp.log(leave(facts, values, exit._replace(speed_m_s=exit.speed_m_s * jnp.exp(change)),
@@ -61,26 +72,22 @@ def speed_gain(facts: Facts, values: Values, given: Given) -> Any:
 
 
 class Slopes(NamedTuple):
-    """Height [n] and its derivatives: by a Deviation [n, 4], by numbers on the parameters' scales [n, p]."""
+    """Heights with derivatives by a launch's deviations and by numbers on the parameters' scales [n, p]."""
 
-    height_m: np.ndarray
-    by_launch: np.ndarray
+    height: Height
     by_number: np.ndarray
     gain: np.ndarray
 
 
-Number = tuple[str, str, str]         # term, parameter, scale
-
-
 @partial(jax.jit, static_argnames=("facts", "numbers"))
 def slopes_at(facts: Facts, fixed: Values, numbers: tuple[Number, ...], at: Any, given: Given) -> Slopes:
-    """Heights and exact derivatives; `numbers` names what `at` [p] holds, `fixed` the values of the rest."""
-    def height(number: Any, launch: Any) -> Any:
-        return height_at(facts, with_numbers(fixed, numbers, number), given, Deviation(*launch))
+    """Heights and exact derivatives; `numbers` names what `at` [p] holds, `fixed` has the values of the rest."""
+    def height(at: Any) -> tuple[Any, Height]:
+        flown = height_at(facts, with_numbers(fixed, numbers, at), given)
+        return flown.height_m, flown
 
-    launch = jnp.zeros(4)
-    by_number, by_launch = jax.jacfwd(height, argnums=(0, 1))(at, launch)
-    return Slopes(height(at, launch), by_launch, by_number, speed_gain(facts, with_numbers(fixed, numbers, at), given))
+    by_number, flown = jax.jacfwd(height, has_aux=True)(at)
+    return Slopes(flown, by_number, speed_gain(facts, with_numbers(fixed, numbers, at), given))
 
 
 def with_numbers(fixed: Values, numbers: tuple[Number, ...], at: Any) -> dict[str, dict[str, Any]]:
@@ -91,8 +98,9 @@ def with_numbers(fixed: Values, numbers: tuple[Number, ...], at: Any) -> dict[st
     return values
 
 
-def sensor_variance(by_launch: Any, gain: Any, given: Given) -> Any:
+def sensor_variance(height: Height, gain: Any, given: Given) -> Any:
     """Variance of the height [n] in m2 that the instruments' noise makes: wheels, elevation, distance."""
-    wheels = (by_launch[:, 0] * gain)[:, None] * given.wheel_log_speed + by_launch[:, 2:3] * given.wheel_spin_rev_s
-    others = (by_launch[:, 1] * given.elevation_sd_rad)**2 + (by_launch[:, 3] * given.distance_sd_m)**2
-    return (wheels**2).sum(1) + others
+    by_speed, by_elevation, by_spin = (height.by_launch[:, column] for column in range(3))
+    wheels = (by_speed * gain)[:, None] * given.wheel_log_speed + by_spin[:, None] * given.wheel_spin_rev_s
+    return ((wheels**2).sum(1) + (by_elevation * given.elevation_sd_rad)**2
+            + (height.by_distance * given.distance_sd_m)**2)

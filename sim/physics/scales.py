@@ -1,25 +1,23 @@
-"""Scales on which a parameter's belief is about normal: positive ones by their logarithm, shares lost by what is left.
-
-Every function takes and gives floats, numpy or JAX arrays.
-"""
+"""Scales on which a parameter's belief is about normal: positive ones by their logarithm, shares lost by what is left."""
 
 from typing import Any
 
 import jax.numpy as jnp
+import numpy as np
 
 LINEAR, LOG, LEFT = "linear", "log", "left"
 SCALES = (LINEAR, LOG, LEFT)
 
 
 def to_scale(scale: str, value: Any) -> Any:
-    """linear: itself; log: its logarithm (positive values only); left: -log(1 - value), of a share lost."""
+    """Of numbers or numpy arrays; linear: itself; log: its logarithm; left: -log(1 - value), of a share lost."""
     if scale == LOG:
-        return jnp.log(value)
-    return -jnp.log1p(-value) if scale == LEFT else value
+        return np.log(value)
+    return -np.log1p(-value) if scale == LEFT else value
 
 
 def from_scale(scale: str, number: Any) -> Any:
-    """The inverse of to_scale."""
+    """The inverse of to_scale, of JAX arrays too."""
     if scale == LOG:
         return jnp.exp(number)
     return -jnp.expm1(-number) if scale == LEFT else number

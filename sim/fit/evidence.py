@@ -1,0 +1,166 @@
+"""A dataset as evidence for a likelihood: each shot with what it has, and what is left out, said in words."""
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from robot.config import BadInput
+from robot.facts import Facts, Target
+from sim.fit.given import EXIT_DEG_SD, EXIT_SPEED_SD_M_S, Given, given_of
+from sim.fit.marks import Marks, make_marks
+from sim.fit.track_data import TrackData, gather_tracks
+from sim.shots import Dataset, Shots
+
+KINDS = ("outcome", "side", "miss_height_m", "exit_speed_m_s", "exit_deg", "exit_spin_rev_s", "tracks")
+
+
+class Seen(NamedTuple):
+    """What was measured of the launch itself, arrays [n]; nothing where `*_seen` is False."""
+
+    speed_seen: Any
+    log_speed: Any
+    log_speed_sd: Any
+    elevation_seen: Any
+    elevation_rad: Any
+    elevation_sd_rad: Any
+
+
+class Evidence(NamedTuple):
+    """Arrays for the likelihood, one row a unit: first the shots with a launch [n], then free flights [f].
+
+    tracks: of shots with a launch, whose `row` is among the n. free: of flights whose launch nobody knows.
+    """
+
+    given: Given
+    seen: Seen
+    marks: Marks
+    tracks: TrackData | None
+    free: TrackData | None
+
+
+@dataclass(frozen=True, eq=False)
+class Gathered:
+    """Evidence, the shot (row of the dataset) behind each of its units, and the words about it.
+
+    `used`: {kind of evidence: shots that have it}. left_out: one line a reason.
+    """
+
+    evidence: Evidence
+    shots: Shots
+    rows: np.ndarray
+    used: dict[str, int]
+    left_out: tuple[str, ...]
+
+
+def gather(facts: Facts, dataset: Dataset) -> Gathered:
+    """All that a fit can use; BadInput when that is nothing."""
+    shots = dataset.shots
+    launched, marked = _has_launch(facts, shots), _has_mark(shots)
+    placed = np.isfinite(shots.number("distance_m"))
+    tracked = np.zeros(len(shots), bool)
+    if dataset.tracks is not None:
+        tracked[np.unique(dataset.tracks.shot)] = True
+    at_plane = launched & marked & placed & (facts.target is not None)
+    measured = np.isfinite(shots.number("exit_speed_m_s")) | np.isfinite(shots.number("exit_deg"))
+    use = launched & (at_plane | tracked | (measured & _has_wheels(facts, shots)))
+    rows = np.flatnonzero(use)
+    tracks = gather_tracks(dataset.tracks, rows)
+    free = gather_tracks(dataset.tracks, np.flatnonzero(tracked & ~launched))
+    if not rows.size and free is None:
+        raise BadInput("no shot has both a launch (wheel speeds, motor_ratio or exit_speed_m_s, with an elevation) and "
+                       "something seen of its flight (outcome, side, miss_height_m, exit_* or a track)")
+    left_out = _left_out(facts, shots, launched, marked, placed, tracked, use, (tracks, free))
+    evidence = Evidence(*_launches(facts, shots.take(rows), at_plane[rows]), tracks, free)
+    free_rows = free.row if free is not None else np.zeros(0, np.int64)
+    rows = np.concatenate([rows, np.flatnonzero(tracked & ~launched)[free_rows]])
+    return Gathered(evidence, shots, rows, _used(shots.take(rows), evidence), left_out)
+
+
+def blind(given: Given) -> Evidence:
+    """Launches of which nothing was seen, neither leaving nor arriving."""
+    n = len(given.rolled)
+    no, zero, one = np.zeros(n, bool), np.zeros(n), np.ones(n)
+    marks = Marks(-one, one, zero, zero, no, no, no, zero)
+    return Evidence(given, Seen(no, zero, one, no, zero, one), marks, None, None)
+
+
+def _launches(facts: Facts, shots: Shots, at_plane: np.ndarray) -> tuple[Given, Seen, Marks]:
+    """Where wheels and hood speak, measured speed and elevation are evidence about them, not a launch of their own."""
+    wheels, hood = _has_wheels(facts, shots), np.isfinite(shots.number("hood_deg"))
+    speed, elevation = shots.number("exit_speed_m_s"), shots.number("exit_deg")
+    numbers = dict(shots.numbers)
+    numbers["exit_speed_m_s"] = np.where(wheels, np.nan, speed)
+    numbers["exit_deg"] = np.where(hood, np.nan, elevation)
+    numbers["distance_m"] = np.where(np.isfinite(shots.number("distance_m")), shots.number("distance_m"), 1.0)
+    given = given_of(facts, Shots(shots.shot_id, numbers, shots.texts))
+    speed_seen, elevation_seen = wheels & (speed > 0.0), hood & np.isfinite(elevation)
+    seen = Seen(speed_seen, np.log(np.where(speed_seen, speed, 1.0)),
+                EXIT_SPEED_SD_M_S / np.where(speed_seen, speed, 1.0), elevation_seen,
+                np.radians(np.where(elevation_seen, elevation, 0.0)), np.full(len(shots), np.radians(EXIT_DEG_SD)))
+    return given, seen, _marks(facts, shots, at_plane)
+
+
+def _marks(facts: Facts, shots: Shots, at_plane: np.ndarray) -> Marks:
+    blank = ("",) * len(shots)
+    if facts.target is None:
+        return make_marks(Target(0.0), blank, blank, np.full(len(shots), np.nan))
+    words = [tuple(word if here else "" for word, here in zip(shots.text(name), at_plane, strict=True))
+             for name in ("outcome", "side")]
+    return make_marks(facts.target, *words, np.where(at_plane, shots.number("miss_height_m"), np.nan))
+
+
+def _has_wheels(facts: Facts, shots: Shots) -> np.ndarray:
+    by_ratio = np.isfinite(shots.number("motor_ratio")) & (facts.launcher.free_speed_rad_s is not None)
+    known = [np.isfinite(shots.number(f"wheel_{wheel.name}_rad_s")) | by_ratio for wheel in facts.launcher.wheel]
+    return np.all(known, axis=0) if known else np.zeros(len(shots), bool)
+
+
+def _has_launch(facts: Facts, shots: Shots) -> np.ndarray:
+    speed = _has_wheels(facts, shots) | np.isfinite(shots.number("exit_speed_m_s"))
+    return speed & (np.isfinite(shots.number("hood_deg")) | np.isfinite(shots.number("exit_deg")))
+
+
+def _has_mark(shots: Shots) -> np.ndarray:
+    """Marks that say something about the height."""
+    side = np.array(shots.text("side"))
+    outcome = np.array(shots.text("outcome"))
+    beside = np.isin(side, ("left", "right")) & np.isin(outcome, ("miss", ""))
+    return (((outcome != "") | np.isin(side, ("low", "high"))) & ~beside) | np.isfinite(shots.number("miss_height_m"))
+
+
+def _left_out(facts: Facts, shots: Shots, launched: np.ndarray, marked: np.ndarray, placed: np.ndarray,
+              tracked: np.ndarray, use: np.ndarray, tracks: tuple[TrackData | None, ...]) -> tuple[str, ...]:
+    unused = ~use & ~(tracked & ~launched)
+    beside = np.isin(shots.text("side"), ("left", "right")) & ~marked
+    reasons = (
+        (unused & launched & beside, "missed left or right, which says nothing about the height"),
+        (unused & launched & ~marked & ~beside, "nothing was seen of their flight"),
+        (unused & launched & marked & ~placed, "no distance_m"),
+        (unused & ~launched, "no launch: wheel speeds, motor_ratio or exit_speed_m_s, with hood_deg or exit_deg"),
+        (unused & launched & marked & placed & (facts.target is None), "rig.toml has no [target]"),
+        (marked & tracked & ~launched, "their outcome only: no launch, the track alone counts"),
+    )
+    said = [f"{int(which.sum())} of {len(shots)} shots: {why} ({_names(shots, which)})" for which, why in reasons
+            if which.any()]
+    short = sum(part.too_short for part in tracks if part is not None)
+    return (*said, *([f"{short} tracks: too few samples to say anything"] if short else []))
+
+
+def _names(shots: Shots, which: np.ndarray, most: int = 3) -> str:
+    names = [shots.shot_id[row] for row in np.flatnonzero(which)]
+    return ", ".join(names[:most]) + (", ..." if len(names) > most else "")
+
+
+def _used(shots: Shots, evidence: Evidence) -> dict[str, int]:
+    marks, seen = evidence.marks, evidence.seen
+    n = len(marks.marked)
+    sides = np.isin(shots.text("side"), ("low", "high"))[:n]
+    by_height = int(marks.measured.sum())
+    tracks = sum(len(part.row) for part in (evidence.tracks, evidence.free) if part is not None)
+    counts = {"outcome": int(marks.marked.sum()) - by_height,
+              "side": int((sides & marks.marked & ~marks.measured).sum()), "miss_height_m": by_height,
+              "exit_speed_m_s": int(seen.speed_seen.sum()),
+              "exit_deg": int(seen.elevation_seen.sum()),
+              "exit_spin_rev_s": int(np.isfinite(shots.number("exit_spin_rev_s")).sum()), "tracks": tracks}
+    return {kind: counts[kind] for kind in KINDS if counts[kind]}

@@ -1,0 +1,97 @@
+"""Profile-likelihood intervals: how far one parameter can go while all others adjust (Raue et al. 2009).
+
+A Hessian describes the optimum's neighbourhood; a profile walks until the fit has really become worse, and tells
+whether it was the data that stopped it or only the prior.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim.fit.ml import MlFit
+from sim.fit.optimum import Optimum, minimise
+
+Z90 = 1.6448536269514722              # two-sided 90 %
+TOLERANCE = 0.02                      # of Z90, in which an end is accepted
+MOST_STEPS = 12
+WIDEST_U = 8.0                        # prior standard deviations from the optimum; further is open
+
+
+@dataclass(frozen=True)
+class Interval:
+    """90 % interval of one parameter in its own unit.
+
+    `low_by_data`, `high_by_data`: most of what stopped the walk on that side is data, not prior. An end that was never
+    reached is infinite in `closed` terms: closed False, and the end is where the walk stopped.
+    """
+
+    name: str
+    value: float
+    low90: float
+    high90: float
+    low_by_data: bool
+    high_by_data: bool
+    closed: bool
+
+
+def profile_interval(fit: MlFit, name: str) -> Interval:
+    """The profile interval of one fitted parameter."""
+    index = fit.model.names.index(name)
+    low, low_data, low_closed = _walk(fit, index, -1.0)
+    high, high_data, high_closed = _walk(fit, index, 1.0)
+    one = fit.model.sought[index]
+    return Interval(name, float(one.value(fit.optimum.u[index])), float(one.value(low)), float(one.value(high)),
+                    low_data, high_data, low_closed and high_closed)
+
+
+def _walk(fit: MlFit, index: int, sign: float) -> tuple[float, bool, bool]:
+    """(u of the end, closed by data, closed) on one side, by secants on the signed root of the deviance."""
+    best = fit.optimum
+    inside, outside = (0.0, 0.0), None
+    step = sign * Z90 * np.sqrt(fit.covariance[index, index])
+    there = best
+    for _ in range(MOST_STEPS):
+        step = float(np.clip(step, -WIDEST_U, WIDEST_U))
+        there = minimise(fit.problem, _shifted(fit, there, index, best.u[index] + step), held=(index,))
+        root = np.sqrt(2.0 * max(there.value - best.value, 0.0))
+        if abs(root - Z90) < TOLERANCE * Z90:
+            return best.u[index] + step, _by_data(best, there), True
+        if root < Z90:
+            if abs(step) >= WIDEST_U:
+                return best.u[index] + step, False, False
+            inside = (step, root)
+        else:
+            outside = (step, root)
+        step = _next(inside, outside, sign)
+    return best.u[index] + step, _by_data(best, there), True
+
+
+def _next(inside: tuple[float, float], outside: tuple[float, float] | None, sign: float) -> float:
+    """Where the root is Z90 by a straight line; well inside the bracket, and never more than thrice as far."""
+    if outside is None:
+        slope = inside[1] / inside[0] if inside[0] else 0.0
+        return inside[0] * 3.0 if 3.0 * inside[1] < Z90 else Z90 / slope * 1.02
+    (a, at_a), (b, at_b) = inside, outside
+    step = a + (b - a) * (Z90 - at_a) / max(at_b - at_a, 1e-12)
+    margin = 0.05 * abs(b - a)
+    low, high = sorted((a, b))
+    return float(np.clip(step, low + margin, high - margin))
+
+
+def _shifted(fit: MlFit, there: Optimum, index: int, to: float) -> np.ndarray:
+    """The point on the ridge where the parameter is `to`, were the posterior normal about the last point."""
+    u = there.u.copy()
+    free = [other for other in range(len(u)) if other != index]
+    move = to - u[index]
+    if free:
+        inner = np.linalg.lstsq(there.hessian[np.ix_(free, free)], -there.hessian[free, index] * move, rcond=1e-8)[0]
+        u[free] += np.clip(inner, -1.0, 1.0)
+    u[index] = to
+    return u
+
+
+def _by_data(best: Optimum, there: Optimum) -> bool:
+    """Whether the data's share of what was lost is the greater."""
+    lost = there.value - best.value
+    by_prior = 0.5 * float(there.u @ there.u - best.u @ best.u)
+    return lost - by_prior > 0.5 * lost

@@ -1,0 +1,115 @@
+"""Likelihood of tracks with each flight's own deviations integrated out (JAX).
+
+About a point near the best one, positions are linear in a flight's unknowns d (deviations of its launch, and when it
+left), so that y ~ N(f - J d0, J P J' + s^2 I) in closed form; P is the prior of d and s the tracker's noise.
+"""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+
+from sim.fit.small import log_det_and_inverse
+from sim.fit.track_data import TrackData
+from sim.physics.flight import Law, rk4
+from sim.physics.term import BallState
+from sim.physics.vector import Vec
+
+LEAD_SD_S = 1.0                       # from exit to first sample: as good as unknown
+FREE_SD = (10.0, 10.0, 100.0, 100.0)  # start of a free flight about its guess, in m and m/s: as good as unknown
+LEAD_STEPS = 4
+SUBSTEPS = 2                          # between samples, which come every hundredth of a second or a few
+
+
+class Start(NamedTuple):
+    """Where and how flights start, arrays [k]: place in m, velocity in m/s, backspin in rev/s."""
+
+    x_m: Any
+    z_m: Any
+    vx_m_s: Any
+    vz_m_s: Any
+    spin_rev_s: Any
+
+
+class Linear(NamedTuple):
+    """What a track leaves of its flight's unknowns: log-likelihood [k], mean [k, m] and covariance [k, m, m]."""
+
+    log_likelihood: Any
+    mean: Any
+    covariance: Any
+
+
+def positions(law: Law, start: Start, lead_s: Any, time_s: Any) -> Any:
+    """(down, up) [k, l, 2] at lead_s [k] + time_s [k, l] after the start."""
+    def step(state: tuple[Any, ...], step_s: Any, parts: int) -> tuple[Any, ...]:
+        def part(state: tuple[Any, ...], _: None) -> tuple[tuple[Any, ...], None]:
+            x, z, vx, vz = state
+            ball = BallState(Vec(x, 0.0, z), Vec(vx, 0.0, vz), Vec(0.0, -start.spin_rev_s, 0.0))
+            moved = rk4(law, ball, step_s / parts)
+            return (moved.position_m.x, moved.position_m.z, moved.velocity_m_s.x, moved.velocity_m_s.z), None
+
+        return lax.scan(part, state, None, length=parts)[0]
+
+    def sample(state: tuple[Any, ...], step_s: Any) -> tuple[tuple[Any, ...], Any]:
+        state = step(state, step_s, SUBSTEPS)
+        return state, jnp.stack(state[:2], axis=-1)
+
+    shape = jnp.shape(time_s)[:1]
+    first = step(tuple(jnp.broadcast_to(part, shape) for part in start[:4]), lead_s, LEAD_STEPS)
+    rest = lax.scan(sample, first, jnp.diff(time_s, axis=1).T)[1]
+    whole = jnp.concatenate([jnp.stack(first[:2], axis=-1)[None], rest])
+    return jnp.swapaxes(whole, 0, 1)
+
+
+def launched(law: Law, exit: Any, release_height_m: float, at: Any, time_s: Any) -> Any:
+    """Positions of flights that leave with deviations at [k, 3]: log speed, elevation in rad, lead in s."""
+    speed, elevation = exit.speed_m_s * jnp.exp(at[:, 0]), exit.elevation_rad + at[:, 1]
+    zero = jnp.zeros_like(speed)
+    start = Start(zero, zero + release_height_m, speed * jnp.cos(elevation), speed * jnp.sin(elevation),
+                  exit.spin_rev_s + zero)
+    return positions(law, start, at[:, 2], time_s)
+
+
+def loose(law: Law, spin_rev_s: Any, at: Any, time_s: Any) -> Any:
+    """Positions of free flights that start with at [k, 4]: x, z in m, their velocities in m/s."""
+    return positions(law, Start(*at.T, spin_rev_s), jnp.zeros(at.shape[0]), time_s)
+
+
+def linear(fly: Any, data: TrackData, at: Any, mean: Any, sd: Any, noise_m: Any) -> Linear:
+    """Integrate the unknowns out about `at` [k, m]; their prior is normal with `mean` and `sd` [k, m].
+
+    fly: at [k, m] -> positions [k, l, 2]. Whitened by the prior's sd: right for an unknown that is known exactly too.
+    """
+    m = at.shape[1]
+    flown = fly(at)
+    slopes = jax.jacfwd(lambda change: fly(at + change))(jnp.zeros(m)) * data.mask[..., None, None]
+    seen = jnp.stack([data.down_m, data.up_m], axis=-1)
+    off = (seen - flown) * data.mask[..., None] + jnp.einsum("klci,ki->klc", slopes, at - mean)
+    white = slopes * sd[:, None, None, :] / noise_m
+    inner = jnp.eye(m) + jnp.einsum("klci,klcj->kij", white, white)
+    log_det, inverse = log_det_and_inverse(inner)
+    pull = jnp.einsum("klci,klc->ki", white, off) / noise_m
+    shift = jnp.einsum("kij,kj->ki", inverse, pull)
+    samples = 2.0 * data.mask.sum(1)
+    quadratic = (off**2).sum((1, 2)) / noise_m**2 - (pull * shift).sum(1)
+    value = -0.5 * (quadratic + log_det + samples * (2.0 * jnp.log(noise_m) + np.log(2.0 * np.pi)))
+    return Linear(value, mean + sd * shift, sd[:, :, None] * inverse * sd[:, None, :])
+
+
+def guess_start(data: TrackData, samples: int = 8) -> np.ndarray:
+    """Start of each flight [k, 4], x, z and velocities, by a parabola through the first samples."""
+    guesses = []
+    for time_s, down_m, up_m, mask in zip(data.time_s, data.down_m, data.up_m, data.mask, strict=True):
+        count = min(int(mask.sum()), samples)
+        fits = [np.polyfit(time_s[:count], part[:count], 2) for part in (down_m, up_m)]
+        guesses.append([fits[0][2], fits[1][2], fits[0][1], fits[1][1]])
+    return np.array(guesses)
+
+
+def guess_lead(data: TrackData, exit: Any) -> np.ndarray:
+    """Deviations [k, 3] to start from: none, and the time that the launch takes to the first sample."""
+    ahead_m_s = np.maximum(np.asarray(exit.speed_m_s) * np.cos(exit.elevation_rad), 0.5)
+    zero = np.zeros(len(data.row))
+    return np.column_stack([zero, zero, np.clip(data.down_m[:, 0] / ahead_m_s[data.row], -0.5, 2.0)])
