@@ -3,20 +3,22 @@
 import argparse
 from collections.abc import Callable, Mapping
 
-from doors import fit_grid
+from doors import fit_grid, fit_ml
 
 DESCRIPTION = ("Find the drag and lift coefficient under which the simulator agrees best with recorded outcomes. "
                "grid: the seed's search, every pair from 0 to 5, by three-point accuracy, then two-point accuracy, "
-               "then deviation.")
+               "then deviation. ml: maximum likelihood of everything recorded, with the scatter from shot to shot, "
+               "90 % intervals, and what the shots cannot tell apart.")
 EXAMPLE = "truearc fit shots/ --method grid -o coefficients.toml"
-METHODS: Mapping[str, Callable[[argparse.Namespace], int]] = {"grid": fit_grid.main}
+METHODS: Mapping[str, Callable[[argparse.Namespace], int]] = {"grid": fit_grid.main, "ml": fit_ml.main}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("dataset", metavar="DIR", help="dataset of shots with outcomes")
+    parser.add_argument("dataset", metavar="DIR", help="dataset of shots")
     parser.add_argument("--method", choices=tuple(METHODS), default="grid", help="%(default)s")
     parser.add_argument("-o", "--out", metavar="FILE", help="coefficients.toml to write")
     fit_grid.add_arguments(parser)
+    fit_ml.add_arguments(parser)
 
 
 def main(args: argparse.Namespace) -> int:
