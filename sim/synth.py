@@ -16,11 +16,12 @@ from robot.facts import Facts
 from sim.physics.catalogue import flight_terms
 from sim.physics.flight import fly
 from sim.physics.launch import Exit
-from sim.physics.shot import MISS, THREE, TWO, classify, launch_of
+from sim.physics.shot import MISS, THREE, TWO, classify, launch_of, leave
 from sim.shots import Shots
 
 OUTCOMES = (MISS, TWO, THREE)
 PROVENANCE_FILE = "synth.json"
+Progress = Callable[[float, str], None]
 STEP_S = 0.01                         # heights then agree with the simulator's own finer step to 1e-6 m
 
 
@@ -53,22 +54,29 @@ def grid_shots(index: np.ndarray) -> Shots:
     return Shots(tuple(f"sim-{position:06d}" for position in index), numbers, {})
 
 
-def label_grid(facts: Facts, coefficients: Mapping[str, Mapping[str, float]],
-               progress: Callable[[float, str], None] = lambda done, note: None) -> np.ndarray:
-    """Outcome of every configuration of the grid by the simulator with gravity and these terms, flat.
+def grid_heights(facts: Facts, coefficients: Mapping[str, Mapping[str, float]],
+                 progress: Progress = lambda done, note: None) -> np.ndarray:
+    """Height in m at the plane of every configuration of the grid, flat, nan where it is not reached.
 
-    BadInput when the rig has no target or cannot turn a motor ratio into a launch.
+    By the simulator with gravity and these terms. BadInput when the rig cannot turn a motor ratio into a launch.
     """
     terms = flight_terms({"gravity", *coefficients})
     chunk = SHAPE[1] * SHAPE[2]                   # one motor ratio: flights of like length end together
-    outcomes = []
+    heights_m = []
     for number in range(SHAPE[0]):
         shots = grid_shots(np.arange(number * chunk, (number + 1) * chunk))
-        start = Exit(*map(np.asarray, launch_of(facts, shots)))
+        start = Exit(*map(np.asarray, leave(facts, coefficients, launch_of(facts, shots))))
         crossing = fly(facts, terms, coefficients, start, shots.number("distance_m"), step_s=STEP_S)
-        outcomes.append(classify(facts, np.asarray(crossing.height_m)))
+        heights_m.append(np.asarray(crossing.height_m))
         progress((number + 1) / SHAPE[0], f"{(number + 1) * chunk} flights")
-    return np.concatenate(outcomes)
+    return np.concatenate(heights_m)
+
+
+def label_grid(facts: Facts, coefficients: Mapping[str, Mapping[str, float]],
+               progress: Progress = lambda done, note: None) -> np.ndarray:
+    """Outcome of every configuration of the grid, flat; BadInput as grid_heights, or when the rig has no target."""
+    classify(facts, np.zeros(0))                  # a rig without target is told before the work
+    return classify(facts, grid_heights(facts, coefficients, progress))
 
 
 def taken_configurations(shots: Shots) -> np.ndarray:
@@ -83,7 +91,7 @@ def sample_balanced(outcomes: np.ndarray, count: int, taken: np.ndarray, seed: i
 
     What does not divide by three goes to miss first, then two. BadInput when an outcome is too rare for its share.
     """
-    _check_draw(count, seed)
+    check_draw(count, seed)
     rng = np.random.default_rng(seed)
     free = np.ones(len(outcomes), bool)
     free[taken] = False
@@ -98,7 +106,8 @@ def sample_balanced(outcomes: np.ndarray, count: int, taken: np.ndarray, seed: i
     return np.sort(np.concatenate(chosen))
 
 
-def _check_draw(count: int, seed: int) -> None:
+def check_draw(count: int, seed: int) -> None:
+    """BadInput names the option that no sample can be drawn with."""
     if count < len(OUTCOMES):
         raise BadInput(f"-n is {count}; at least {len(OUTCOMES)} shots are needed, one of each outcome")
     if seed < 0:
@@ -106,10 +115,14 @@ def _check_draw(count: int, seed: int) -> None:
 
 
 def synthesise(facts: Facts, coefficients: Mapping[str, Mapping[str, float]], count: int, recorded: Shots | None,
-               seed: int, progress: Callable[[float, str], None] = lambda done, note: None) -> Shots:
+               seed: int, progress: Progress = lambda done, note: None) -> Shots:
     """Simulated shots with an outcome each, none at a configuration that `recorded` has; same arguments, same shots."""
-    _check_draw(count, seed)                      # before the work, not after it
-    outcomes = label_grid(facts, coefficients, progress)
+    check_draw(count, seed)                      # before the work, not after it
+    return sample_shots(label_grid(facts, coefficients, progress), count, recorded, seed)
+
+
+def sample_shots(outcomes: np.ndarray, count: int, recorded: Shots | None, seed: int) -> Shots:
+    """As synthesise, of a grid that has its outcomes."""
     taken = np.zeros(0, np.int64) if recorded is None else taken_configurations(recorded)
     shots = grid_shots(index := sample_balanced(outcomes, count, taken, seed))
     return Shots(shots.shot_id, shots.numbers, {"outcome": tuple(map(str, outcomes[index]))})

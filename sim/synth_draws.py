@@ -1,0 +1,131 @@
+"""Simulated shots that carry doubt: each flies with coefficients of its own, launch scatter and sensor noise.
+
+Ours, not the seed's, which flies one pair of coefficients as if they were exact and no shot differed from the next.
+Here the label of a configuration is what became of *one* shot that the robot would have measured so: coefficients and
+scatter drawn from the fitted belief, a launch scattered by it, and a true speed, elevation and distance that differ
+from the measured ones by the sensors' noise. So near the edge of the target labels mix as they do on the field.
+
+Of the 468 236 configurations most pass metres away from the target, whatever is drawn. Only those are flown whose
+height by the belief itself is within NEAR standard deviations (sim.fit.forecast: scatter, sensors and the fit's doubt)
+of the two-point window; the others stay misses.
+"""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from robot.config import BadInput
+from robot.facts import Facts
+from sim.belief import SCATTERS, Belief, draw
+from sim.fit.forecast import forecast
+from sim.fit.given import given_of
+from sim.physics.catalogue import flight_terms
+from sim.physics.flight import fly
+from sim.physics.launch import Exit
+from sim.physics.shot import MISS, classify, leave
+from sim.shots import Shots
+from sim.synth import STEP_S, Progress, check_draw, grid_heights, grid_shots, sample_shots
+
+NEAR = 4.0                            # one normal number in 16 000 is further out, on either side together
+BLOCK = 4096                          # flights at once
+
+
+class Draws(NamedTuple):
+    """Numbers of each flight [n]: {term: {parameter: values}} and {"speed", "elevation_deg": standard deviations}."""
+
+    coefficients: dict[str, dict[str, np.ndarray]]
+    scatter: dict[str, np.ndarray]
+
+
+def check_belief(belief: Belief, name: str) -> None:
+    """BadInput names the tables that a coefficients file `name` lacks for draws."""
+    lacking = [what for what, there in (("[scatter]", set(belief.scatter) == set(SCATTERS)),
+                                        ("[covariance]", bool(belief.names))) if not there]
+    if lacking:
+        raise BadInput(f"{name}: has no {' and no '.join(lacking)}, which --draws draws from; "
+                       "`truearc fit --method ml` writes them, the grid does not")
+
+
+def synthesise_draws(facts: Facts, belief: Belief, draws: int, count: int, recorded: Shots | None, seed: int,
+                     progress: Progress = lambda done, note: None) -> Shots:
+    """As sim.synth.synthesise, with labels by `draws` coefficient sets of the belief, each flight scattered anew.
+
+    Same arguments, same shots. BadInput as there, or when draws < 1.
+    """
+    check_draw(count, seed)
+    if draws < 1:
+        raise BadInput(f"--draws is {draws}; at least 1 is needed")
+    outcomes = label_grid_draws(facts, belief, draws, seed, progress)
+    return sample_shots(outcomes, count, recorded, seed)
+
+
+def label_grid_draws(facts: Facts, belief: Belief, draws: int, seed: int,
+                     progress: Progress = lambda done, note: None) -> np.ndarray:
+    """Outcome of one uncertain shot at every configuration of the grid, flat."""
+    classify(facts, np.zeros(0))                  # a rig without target is told before the work
+    height_m = grid_heights(facts, belief.coefficients, lambda done, note: progress(0.5 * done, note))
+    places = near_places(facts, belief, height_m)
+    rng = np.random.default_rng([seed, 2])
+    shots = grid_shots(places)
+    drawn_m = fly_draws(facts, shots, assign(draw(belief, draws, rng), len(places), rng), rng,
+                        lambda done, note: progress(0.5 + 0.5 * done, note))
+    outcomes = np.full(len(height_m), MISS, dtype="<U5")
+    outcomes[places] = classify(facts, drawn_m)
+    return outcomes
+
+
+def near_places(facts: Facts, belief: Belief, height_m: np.ndarray) -> np.ndarray:
+    """Flat positions of the grid from which a draw may score: heights [grid] by the belief's own coefficients."""
+    assert facts.target is not None
+    reached = np.flatnonzero(np.isfinite(height_m))
+    sigma_m = forecast(facts, belief, grid_shots(reached)).sigma_m
+    beyond_m = np.abs(height_m[reached] - facts.target.centre_height_m) - facts.target.two_half_height_m
+    return reached[~(beyond_m > NEAR * sigma_m)]          # an unknown sigma is flown too
+
+
+def assign(beliefs: list[Belief], count: int, rng: np.random.Generator) -> Draws:
+    """One of the drawn beliefs for each of `count` flights, all about equally often."""
+    which = rng.permutation(np.resize(np.arange(len(beliefs)), count))
+
+    def column(tables: list[Mapping[str, float]], key: str) -> np.ndarray:
+        return np.array([table[key] for table in tables])[which]
+
+    first = beliefs[0]
+    coefficients = {term: {key: column([one.coefficients[term] for one in beliefs], key) for key in values}
+                    for term, values in first.coefficients.items()}
+    return Draws(coefficients, {key: column([one.scatter for one in beliefs], key) for key in first.scatter})
+
+
+def fly_draws(facts: Facts, shots: Shots, draws: Draws, rng: np.random.Generator,
+              progress: Progress = lambda done, note: None) -> np.ndarray:
+    """Heights [n] in m at the plane, nan where not reached, of one shot at each measured configuration."""
+    given = given_of(facts, shots)
+    count = len(shots)
+    noise = rng.standard_normal((count, given.wheel_log_speed.shape[1]))
+    rolling = Exit(given.rolling.speed_m_s * np.exp(np.sum(given.wheel_log_speed * noise, axis=1)),
+                   given.rolling.elevation_rad + given.elevation_sd_rad * rng.standard_normal(count),
+                   given.rolling.spin_rev_s + np.sum(given.wheel_spin_rev_s * noise, axis=1))
+    left = Exit(*map(np.asarray, leave(facts, draws.coefficients, rolling)))
+    scattered = Exit(left.speed_m_s * np.exp(draws.scatter["speed"] * rng.standard_normal(count)),
+                     left.elevation_rad + np.radians(draws.scatter["elevation_deg"]) * rng.standard_normal(count),
+                     left.spin_rev_s)
+    distance_m = given.distance_m + given.distance_sd_m * rng.standard_normal(count)
+    return _fly(facts, draws.coefficients, scattered, distance_m, progress)
+
+
+def _fly(facts: Facts, coefficients: Mapping[str, Mapping[str, np.ndarray]], exit: Exit, distance_m: np.ndarray,
+         progress: Progress) -> np.ndarray:
+    """Blocks of one size, since each is compiled, of flights that stay aloft about equally long."""
+    terms = flight_terms({"gravity", *coefficients})
+    named = {term.name: coefficients.get(term.name, {}) for term in terms}
+    order = np.argsort(exit.speed_m_s * np.sin(exit.elevation_rad), kind="stable")
+    height_m = np.full(len(order), np.nan)
+    for first in range(0, len(order), BLOCK):
+        rows = order[first:first + BLOCK]
+        lanes = np.resize(rows, BLOCK)
+        numbers = {term: {key: values[lanes] for key, values in table.items()} for term, table in named.items()}
+        crossing = fly(facts, terms, numbers, Exit(*(part[lanes] for part in exit)), distance_m[lanes], step_s=STEP_S)
+        height_m[rows] = np.asarray(crossing.height_m)[:rows.size]
+        progress((first + rows.size) / len(order), f"{first + rows.size} flights with doubt")
+    return height_m
