@@ -120,7 +120,7 @@ def turn_batch(w, facts):
     """LONGEST: the part of the last step for which vx > 0; returns the number of lanes that may reach the plane."""
     turning, near = 0.0, 0.0
     for lane in range(LANES):
-        nx, nz, nvx, nvz = part_of_step(w, facts, lane, w[STEP + lane])
+        _nx, _nz, nvx, _nvz = part_of_step(w, facts, lane, w[STEP + lane])
         w[LONGEST + lane] = w[STEP + lane]
         w[FLYING + lane] = 1.0 if nvx <= 0.0 else 0.0
         turning += w[FLYING + lane]
@@ -144,7 +144,7 @@ def turn_batch(w, facts):
 def reach_batch(w, facts):
     """TIME: the part of the last step after which the lane is at the plane, or LONGEST; FLYING: 1 if it gets there."""
     for lane in range(LANES):
-        tx, tz, tvx, tvz = part_of_step(w, facts, lane, w[LONGEST + lane])
+        tx, _tz, _tvx, _tvz = part_of_step(w, facts, lane, w[LONGEST + lane])
         vx, gap = w[VX + lane], w[DISTANCE + lane] - w[X + lane]
         ax, _unused = acceleration(w[X + lane], w[Z + lane], vx, w[VZ + lane], w[SPIN + lane],
                                    (w[CD + lane], w[CL + lane]), facts)
@@ -158,7 +158,7 @@ def reach_batch(w, facts):
         rounds += 1.0
         moving = 0.0
         for lane in range(LANES):
-            px, pz, pvx, pvz = part_of_step(w, facts, lane, w[TIME + lane])
+            px, _pz, pvx, _pvz = part_of_step(w, facts, lane, w[TIME + lane])
             off = (px - w[DISTANCE + lane]) / (pvx if pvx > 0.0 else 1e300)
             better = min(max(w[TIME + lane] - off, 0.0), w[LONGEST + lane])
             better = better if w[FLYING + lane] > 0.0 else w[LONGEST + lane]
@@ -187,7 +187,7 @@ def fly_lanes(batches, launch, which, cd, cl, facts, rules, height_m, gap_m, und
                 w[TIME + lane] = w[LONGEST + lane]
                 w[GAP + lane] = w[DISTANCE + lane] - w[X + lane]
         for lane in range(LANES):
-            ex, ez, evx, evz = part_of_step(w, facts, lane, w[TIME + lane])
+            ex, ez, _evx, evz = part_of_step(w, facts, lane, w[TIME + lane])
             low = goes_under(w[Z + lane], w[VZ + lane], ez, evz, w[TIME + lane])
             w[UNDER + lane] = 1.0 if low else w[UNDER + lane]
             w[X + lane], w[Z + lane] = ex, ez

@@ -5,14 +5,13 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from queue import SimpleQueue
 from types import ModuleType
 
 import numpy as np
 
 from robot.facts import Facts
 from sim.fit import grid_cells as cells_of
-from sim.fit.grid_cells import DOUBTFUL, NODES, SPLIT
+from sim.fit.grid_cells import DOUBTFUL, LEAF, NODES, PAINTED, SPLIT
 from sim.physics.catalogue import flight_terms
 from sim.physics.compiled import facts_values, load_kernel, make_source
 from sim.physics.flight import LIMIT_S, SHORTEST
@@ -22,13 +21,23 @@ TERMS = flight_terms(("gravity", "drag", "magnus"))
 VALUES = (("drag", "cd"), ("magnus", "cl"))
 TEMPLATE = Path(__file__).with_name("grid_kernel.py")
 LANES = NODES * NODES
+BLOCK = 1 << 14                       # flights that one thread is handed at once
 AT_ONCE = 4                           # launches whose cells one thread looks at together
-DEEPEST_M = -2.0                      # below the floor, where a flight is given up
+DEEPEST_M = -0.5                      # below the floor, where a flight is given up
 
 # Longest step in s and turn in rad. Long: heights near the target within 4e-4 m; short: within 2e-6 m (measured).
 LONG, SHORT = (0.05, 0.2), (0.01, 0.05)
 
 Progress = Callable[[float, str], None]
+
+
+@dataclass(frozen=True)
+class Hits:
+    """Every (launch, pair) that scores: `pair` = index in the grid [cl, cd] laid flat; `label` 1 two, 2 three."""
+
+    launch: np.ndarray
+    pair: np.ndarray
+    label: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -69,11 +78,11 @@ def label_launches(flyer: Flyer, axis: np.ndarray, target: tuple[float, float, f
     labels = np.zeros((len(rows), len(axis), len(axis)), np.uint8)
     part = Flyer(flyer.kernel, flyer.facts, flyer.release_m, flyer.launch[rows.start:rows.stop])
     cells, doubtful, leaves = cells_of.make_roots(len(axis), len(rows)), [], []
-    if len(axis) <= cells_of.LEAF:
+    if len(axis) <= LEAF:
         cells, leaves = cells[:0], [cells]
     while len(cells):
         verdict, count = _look(part, axis, target, cells, labels)
-        doubtful.append(cells[(verdict == cells_of.PAINTED) & (count > 0)])
+        doubtful.append(cells[(verdict == PAINTED) & (count > 0)])
         cells, small = cells_of.split(cells[verdict == SPLIT])
         leaves.append(small)
     small = np.concatenate(leaves)
@@ -106,30 +115,41 @@ def _fly_doubtful(flyer: Flyer, axis: np.ndarray, target: tuple[float, float, fl
     return cells_of.label_points(points, count, height_m, gap_m, under, target, final, labels)
 
 
+def find_hits(flyer: Flyer, axis: np.ndarray, target: tuple[float, float, float], progress: Progress) -> Hits:
+    """Fly every launch over the whole grid; one thread a core, and the same result however many there are."""
+    launches = len(flyer.launch)
+
+    def one(first: int) -> Hits:
+        labels = label_launches(flyer, axis, target, range(first, min(first + AT_ONCE, launches)))
+        at = np.flatnonzero(labels.ravel())
+        return Hits((at // len(axis)**2 + first).astype(np.int32), (at % len(axis)**2).astype(np.int32),
+                    labels.ravel()[at])
+
+    parts = []
+    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
+        for part in pool.map(one, range(0, launches, AT_ONCE)):
+            parts.append(part)
+            done = min(len(parts) * AT_ONCE, launches)
+            progress(done / launches, f"{done}/{launches} shots")
+    return Hits(*(np.concatenate([getattr(part, name) for part in parts]) for name in ("launch", "pair", "label")))
+
+
+def fly_pairs(flyer: Flyer, cd: np.ndarray, cl: np.ndarray) -> np.ndarray:
+    """Heights in m [pairs, launches] at the plane by short steps, nan where not reached."""
+    launches = len(flyer.launch)
+    height_m = np.empty((len(cd), launches))
+    block = max(1, BLOCK // launches)
+
+    def one(first: int) -> None:
+        pairs = np.arange(first, min(first + block, len(cd)))
+        row = np.repeat(pairs, launches)
+        height, gap, under = flyer.fly(np.tile(np.arange(launches), len(pairs)), cd[row], cl[row], SHORT)
+        missed = (gap > 0.0) | under
+        height_m[pairs] = np.where(missed, np.nan, height)[:len(row)].reshape(-1, launches)
+
+    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
+        list(pool.map(one, range(0, len(cd), block)))
+    return height_m
+
+
 NODES_AT, TRANSFORM, TABLES = cells_of.make_nodes(), cells_of.make_transform(), cells_of.make_tables()
-
-
-def count_hits(flyer: Flyer, axis: np.ndarray, target: tuple[float, float, float], is_three: np.ndarray,
-               progress: Progress) -> tuple[np.ndarray, np.ndarray]:
-    """How many launches each pair [cl, cd] flies into the three (of those that were a three) and into the two.
-
-    One thread a core; counts are whole numbers, so the result does not depend on how many threads there are.
-    """
-    workers = len(os.sched_getaffinity(0))
-    spare: SimpleQueue[tuple[np.ndarray, np.ndarray]] = SimpleQueue()
-    for _ in range(workers):
-        spare.put((np.zeros((len(axis),) * 2, np.int32), np.zeros((len(axis),) * 2, np.int32)))
-
-    def one(first: int) -> int:
-        rows = range(first, min(first + AT_ONCE, len(is_three)))
-        labels = label_launches(flyer, axis, target, rows)
-        three, two = spare.get()
-        cells_of.count_labels(labels, is_three[rows.start:rows.stop], three, two)
-        spare.put((three, two))
-        return rows.stop
-
-    with ThreadPoolExecutor(workers) as pool:
-        for done in pool.map(one, range(0, len(is_three), AT_ONCE)):
-            progress(done / len(is_three), f"{done}/{len(is_three)} shots")
-    counts = [spare.get() for _ in range(workers)]
-    return sum(three for three, _ in counts), sum(two for _, two in counts)

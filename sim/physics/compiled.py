@@ -1,4 +1,4 @@
-"""The law of motion as machine code: the terms' one JAX law, traced, written out as a scalar function, compiled by numba.
+"""The law of motion as machine code: the one JAX law of the terms, traced, written out as scalars, compiled by numba.
 
 Only the plane of a flight without sideways force is written out. Nothing here knows what a term says: whatever the
 terms of sim.physics.terms come to is what gets compiled, and an operation that has no counterpart here is an error.
