@@ -2,13 +2,14 @@
 
 import argparse
 
-from doors import train_network
+from doors import train_network, train_physics
 
-DESCRIPTION = """Train a classifier on recorded and simulated shots: by default the seed's network (3-8-2, sigmoids),
-each batch of recorded shots paired with a batch of simulated ones whose loss is weighed by lambda."""
+DESCRIPTION = """Train a classifier on recorded shots. network: the seed's (3-8-2, sigmoids), each batch of recorded
+shots paired with a batch of simulated ones whose loss is weighed by lambda. physics: the forecast of each shot by
+fitted coefficients, plus a small learned correction and a calibrated spread."""
 EXAMPLE = "truearc train --real shots/ --sim simulated/ -o weights/"
 # Each has NAME, add_arguments(group of its own options) and main(args) -> exit code.
-MODELS = (train_network,)
+MODELS = (train_network, train_physics)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

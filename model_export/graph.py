@@ -29,7 +29,6 @@ from robot.gate.contract import (
 )
 from robot.gate.seal import KEY_SEAL, UNSEALED, seal
 from sim.gate.novelty import describe_novelty
-from sim.network import weights_hash
 
 OPSET = 17                            # old enough for every onnxruntime in use, new enough for all that is used here
 IR_VERSION = 8                        # the one that came with opset 17
@@ -68,8 +67,10 @@ def export_weights(directory: str | Path, path: str | Path) -> bytes:
     """
     trained = load_trained(directory)
     provenance = {key: value for key, value in trained.record.items() if key not in APART}
-    provenance["weights_sha256"] = weights_hash(directory)
-    data = make_model([trained.part, novelty_part(trained.novelty)], trained.record["domain"],
+    provenance["weights_sha256"] = trained.sha256
+    part, more = trained.make_part()
+    provenance |= more
+    data = make_model([part, novelty_part(trained.novelty)], trained.record["domain"],
                       describe_novelty(trained.novelty), provenance)
     try:
         Path(path).write_bytes(data)

@@ -7,9 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from model_export.parts import Part, network_part
+from model_export.parts import Part, network_part, physics_part
 from sim.gate.novelty import Novelty, parse_novelty
-from sim.network import RECORD_FILE, load_weights, probabilities
+from sim.gate.store import KIND, MODEL_FILE, gate_hash, load_physics_gate
+from sim.gate.surrogate import make_surrogate
+from sim.network import RECORD_FILE, load_weights, probabilities, weights_hash
 
 # Sums of eight float32 products behind two sigmoids; a network trained a hundred times longer than the default, with
 # weights of 50, differs by 6e-6. More than this is another network, not another rounding.
@@ -20,19 +22,38 @@ PHYSICS_TOLERANCE = 5e-3
 
 @dataclass(frozen=True)
 class Trained:
-    """`probabilities`: the trainer's own float64 p [n, 2] of features [n, 3]; `tolerance`: of the graph's p to it."""
+    """`probabilities`: the trainer's own float64 p [n, 2] of features [n, 3]; `tolerance`: of the graph's p to it.
+
+    `make_part` makes the nodes that give p, and figures of their own for the provenance; `sha256`: of the directory.
+    """
 
     kind: str
     record: dict[str, Any]
+    sha256: str
     probabilities: Callable[[np.ndarray], np.ndarray]
-    part: Part
+    make_part: Callable[[], tuple[Part, dict[str, Any]]]
     novelty: Novelty
     tolerance: float
+    bounded: bool                     # outside the domain's box the graph's p is that of the nearest place inside
 
 
 def load_trained(directory: str | Path) -> Trained:
     """Read a weights directory; BadInput names the file and what is wrong with it."""
+    if (Path(directory) / MODEL_FILE).is_file():
+        return _physics(directory)
     network, record = load_weights(directory)
     novelty = parse_novelty(record.get("novelty"), str(Path(directory) / RECORD_FILE))
-    return Trained("network", record, lambda features: probabilities(network, features), network_part(network),
-                   novelty, NETWORK_TOLERANCE)
+    return Trained("network", record, weights_hash(directory), lambda features: probabilities(network, features),
+                   lambda: (network_part(network), {}), novelty, NETWORK_TOLERANCE, False)
+
+
+def _physics(directory: str | Path) -> Trained:
+    gate, record = load_physics_gate(directory)
+
+    def make_part() -> tuple[Part, dict[str, Any]]:
+        surrogate, errors = make_surrogate(gate, record["domain"])
+        return physics_part(surrogate, gate.shape, gate.aside), {"surrogate": {
+            "degree": surrogate.coefficients.shape[1], "mean_error_m": errors.mean_m, "p_error": errors.p}}
+
+    return Trained(KIND, record, gate_hash(directory), gate.probabilities, make_part, gate.novelty, PHYSICS_TOLERANCE,
+                   True)

@@ -5,10 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from model_export.trained import Trained
+from model_export.trained import Trained, load_trained
 from robot.gate.contract import NOVELTY_LIMIT
 from robot.gate.model import Gate
-from sim.network import weights_hash
 
 # Of one and the same graph on other numbers of rows: float32 sums in another order, through a few steps of arithmetic.
 REPEAT_TOLERANCE = 1e-5
@@ -22,7 +21,8 @@ SINGLES = 500                         # rows that are also rated one by one
 class Comparison(NamedTuple):
     """Gate against trainer on some rows: the largest difference in either p, and rows whose class differs at 0.5.
 
-    `novelty`: the largest difference there, as a share of the trainer's or of 1, whichever is larger.
+    `novelty`: the largest difference there, as a share of the trainer's or of 1, whichever is larger. `rows`: of which
+    p was compared.
     """
 
     rows: int
@@ -45,17 +45,23 @@ def domain_grid(gate: Gate, points: int = GRID_POINTS) -> np.ndarray:
 
 def is_exported_from(gate: Gate, directory: str | Path) -> bool:
     """Whether the weights directory has the hash that export stamped into the gate; BadInput when it is unreadable."""
-    return bool(gate.provenance.get("weights_sha256") == weights_hash(directory))
+    return bool(gate.provenance.get("weights_sha256") == load_trained(directory).sha256)
 
 
 def compare(gate: Gate, trained: Trained, features: np.ndarray) -> Comparison:
-    """onnxruntime's p and novelty against the trainer's own float64, on rows [n, 3] as float32 carries them."""
+    """onnxruntime's p and novelty against the trainer's own float64, on rows [n, 3] as float32 carries them.
+
+    A gate whose p ends at the box of its domain (`trained.bounded`) is compared in p on the rows inside it.
+    """
     features = np.asarray(features, np.float32).astype(np.float64)
-    given = gate.rate_many(features)
-    wanted, novelty = trained.probabilities(features), trained.novelty(features)
-    flips = ((given.p >= THRESHOLD) != (wanted >= THRESHOLD)).any(axis=1)
-    return Comparison(len(features), _largest(given.p - wanted), int(flips.sum()),
-                      _largest((given.novelty - novelty) / np.maximum(novelty, 1.0)), trained.tolerance)
+    novelty = _largest((gate.rate_many(features).novelty - trained.novelty(features)) /
+                       np.maximum(trained.novelty(features), 1.0))
+    if trained.bounded:
+        low, high = np.array(gate.domain, np.float32).T
+        features = features[((features >= low) & (features <= high)).all(axis=1)]
+    given, wanted = gate.rate_many(features).p, trained.probabilities(features)
+    flips = ((given >= THRESHOLD) != (wanted >= THRESHOLD)).any(axis=1)
+    return Comparison(len(features), _largest(given - wanted), int(flips.sum()), novelty, trained.tolerance)
 
 
 def _largest(difference: np.ndarray) -> float:

@@ -96,7 +96,7 @@ def load_weights(directory: str | Path) -> tuple[Network, dict[str, Any]]:
     """Read what save_weights wrote; BadInput names the file and what is wrong with it."""
     arrays = _load_arrays(Path(directory) / WEIGHTS_FILE)
     network = Network(arrays["mean"], arrays["scale"], Layers(*(arrays[name] for name in Layers._fields)))
-    return network, _load_record(Path(directory) / RECORD_FILE)
+    return network, load_record(Path(directory) / RECORD_FILE)
 
 
 def weights_hash(directory: str | Path) -> str:
@@ -125,7 +125,8 @@ def _load_arrays(path: Path) -> dict[str, np.ndarray]:
     return arrays
 
 
-def _load_record(path: Path) -> dict[str, Any]:
+def load_record(path: Path) -> dict[str, Any]:
+    """The training.json of a weights directory of any kind; BadInput names the file and what is wrong with it."""
     try:
         record = json.loads(_read(path))
     except ValueError as error:

@@ -1,0 +1,77 @@
+"""How good probabilities were, once the outcomes are known."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+BINS = 10
+
+
+class Figures(NamedTuple):
+    """Of n shots: shares right at p = 0.5, F1 of the three, mean log score (nats), mean squared and calibration errors.
+
+    `accuracy`: both p on the right side of 0.5. `brier` and `ece`: mean over both outputs.
+    """
+
+    shots: int
+    accuracy: float
+    f1_three: float
+    log_score: float
+    brier_two: float
+    brier_three: float
+    ece_two: float
+    ece_three: float
+
+    @property
+    def brier(self) -> float:
+        return 0.5 * (self.brier_two + self.brier_three)
+
+    @property
+    def ece(self) -> float:
+        return 0.5 * (self.ece_two + self.ece_three)
+
+
+class Reliability(NamedTuple):
+    """One bin of stated probabilities each: mean stated, share that came true, how many; empty bins are left out."""
+
+    stated: np.ndarray
+    came_true: np.ndarray
+    count: np.ndarray
+
+
+def figures_of(p: np.ndarray, level: np.ndarray) -> Figures:
+    """p [n, 2] (two, three) against level [n] (0 miss, 1 two, 2 three)."""
+    hit = np.stack([level >= 1, level >= 2], axis=1)
+    said = p >= 0.5
+    brier = ((p - hit) ** 2).mean(axis=0)
+    return Figures(len(level), float((said == hit).all(axis=1).mean()), _f1(said[:, 1], hit[:, 1]),
+                   float(log_scores(p, level).mean()), float(brier[0]), float(brier[1]),
+                   *(calibration_error(p[:, k], hit[:, k]) for k in range(2)))
+
+
+def log_scores(p: np.ndarray, level: np.ndarray) -> np.ndarray:
+    """Log probability [n] of what happened among miss, two, three; p_three above p_two counts as p_two."""
+    three = np.minimum(p[:, 1], p[:, 0])
+    classes = np.maximum(np.stack([1.0 - p[:, 0], p[:, 0] - three, three], axis=1), 1e-9)
+    classes /= classes.sum(axis=1, keepdims=True)
+    return np.log(classes[np.arange(len(level)), level])
+
+
+def reliability(stated: np.ndarray, came_true: np.ndarray, bins: int = BINS) -> Reliability:
+    """Stated probabilities [n] in even bins from 0 to 1, against what came true [n]."""
+    place = np.clip((stated * bins).astype(int), 0, bins - 1)
+    count = np.bincount(place, minlength=bins)
+    used = count > 0
+    sums = [np.bincount(place, weights=np.asarray(part, float), minlength=bins)[used] for part in (stated, came_true)]
+    return Reliability(sums[0] / count[used], sums[1] / count[used], count[used])
+
+
+def calibration_error(stated: np.ndarray, came_true: np.ndarray, bins: int = BINS) -> float:
+    """Mean over shots of |stated - came true| of their bin (expected calibration error)."""
+    table = reliability(stated, came_true, bins)
+    return float((table.count * np.abs(table.stated - table.came_true)).sum() / table.count.sum())
+
+
+def _f1(said: np.ndarray, true: np.ndarray) -> float:
+    both = float((said & true).sum())
+    return 2.0 * both / float(said.sum() + true.sum()) if said.any() or true.any() else float("nan")

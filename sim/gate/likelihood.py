@@ -1,0 +1,122 @@
+"""The gate's model: height at the plane = physics + a small learned residual + noise, seen as outcomes (JAX).
+
+    y = h(x) - centre + r(x) + sigma(x) e,   e standard normal
+    r(x) = height_width b . q(z) + speed_width (dh / dlog v)(x) c . q(z),   q = 1, z, z z' (10 functions)
+    sigma(x)^2 = scale^2 propagated(x)^2 + floor^2
+    three where |y| < three half-height, two where |y| < two half-height; a lapse gives any outcome
+
+The second half of r is an exit speed that is not quite what the launch terms say, the first all else. All numbers that
+are fitted are standard normal a priori: b and c as they stand, the others by what PRIORS says of their logarithm.
+"""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.scipy.stats import norm
+
+import sim.physics  # noqa: F401 - the house's one switch to double precision
+
+FUNCTIONS = 10
+RESIDUAL = 2 * FUNCTIONS
+# (median, standard deviation of the log). The scale is of the propagated spread, which configurations labelled by
+# repeatability have next to nothing of; half-heights are those of rig.toml, which such labels make effectively smaller.
+PRIORS = {"scale": (1.0, 0.7), "floor_m": (0.02, 1.0), "two": (1.0, 0.1), "three": (1.0, 0.3), "lapse": (0.01, 0.7)}
+SIZE = RESIDUAL + len(PRIORS)
+LAPSE_CELLS = np.array([1.0, 1.0, 2.0, 1.0, 1.0]) / 6.0       # miss, two and three alike, high as often as low
+LARGEST_MISS_M = 5.0                  # a lapse of a measured height may be anywhere within this
+MEASURED_SD_M = 0.02                  # of a measured height at the plane
+
+
+class Data(NamedTuple):
+    """Rows [n] that the model is fitted to, or asked about; `weight` 0 leaves a row out."""
+
+    z: Any                            # [n, 3] standardised features
+    deviation_m: Any
+    sigma_m: Any
+    by_speed_m: Any
+    cells: Any                        # [n, 5]
+    miss_m: Any
+    weight: Any
+
+
+class Widths(NamedTuple):
+    """A priori standard deviations of the residual's coefficients: m, and share of the exit speed."""
+
+    height_m: Any
+    speed: Any
+
+
+class Shape(NamedTuple):
+    """What theta says besides the residual."""
+
+    scale: Any
+    floor_m: Any
+    two_m: Any
+    three_m: Any
+    lapse: Any
+
+
+def basis(z: Any) -> Any:
+    """Constant, linear and quadratic functions [n, 10] of standardised features [n, 3], each of about unit size."""
+    x, y, w = z[:, 0], z[:, 1], z[:, 2]
+    return jnp.stack([jnp.ones_like(x), x, y, w, 0.7 * (x * x - 1.0), 0.7 * (y * y - 1.0), 0.7 * (w * w - 1.0),
+                      x * y, x * w, y * w], axis=1)
+
+
+def residual_basis(widths: Widths, data: Data) -> Any:
+    """[n, 20] in m: the residual is this times the first RESIDUAL numbers of theta."""
+    functions = basis(data.z)
+    return jnp.concatenate([widths.height_m * functions, widths.speed * data.by_speed_m[:, None] * functions], axis=1)
+
+
+def shape_of(theta: Any, halves_m: Any) -> Shape:
+    """Scale, floor, half-heights and lapse of theta; halves_m: (two, three) of rig.toml."""
+    scale, floor_m, two, three, lapse = (median * jnp.exp(spread * theta[RESIDUAL + k])
+                                         for k, (median, spread) in enumerate(PRIORS.values()))
+    two_m = two * halves_m[0]
+    return Shape(scale, floor_m, two_m, jnp.minimum(three * halves_m[1], two_m), jnp.minimum(lapse, 0.5))
+
+
+def spread_m(shape: Shape, propagated_m: Any, doubt_m: Any = 0.0) -> Any:
+    """Standard deviation of the height; `doubt_m`: of the residual itself."""
+    return jnp.sqrt((shape.scale * propagated_m) ** 2 + shape.floor_m**2 + doubt_m**2)
+
+
+def cell_probabilities(shape: Shape, mean_m: Any, sigma_m: Any) -> Any:
+    """[n, 5]: miss low, two low, three, two high, miss high; rows sum to 1."""
+    below = [norm.cdf((edge - mean_m) / sigma_m) for edge in (-shape.two_m, -shape.three_m, shape.three_m)]
+    above = norm.cdf((mean_m - shape.two_m) / sigma_m)
+    cells = jnp.stack([below[0], below[1] - below[0], below[2] - below[1],
+                       norm.cdf((mean_m - shape.three_m) / sigma_m) - above, above], axis=1)
+    return (1.0 - shape.lapse) * cells + shape.lapse * LAPSE_CELLS
+
+
+def log_likelihoods(theta: Any, widths: Widths, data: Data, halves_m: Any) -> Any:
+    """Log probability [n] of what each row says (a log density in 1/m where the height was measured)."""
+    shape = shape_of(theta, halves_m)
+    mean_m = data.deviation_m + residual_basis(widths, data) @ theta[:RESIDUAL]
+    sigma_m = spread_m(shape, data.sigma_m)
+    seen = jnp.sum(cell_probabilities(shape, mean_m, sigma_m) * data.cells, axis=1)
+    measured = ~jnp.isnan(data.miss_m)
+    apart = jnp.where(measured, data.miss_m, 0.0) - mean_m
+    density = norm.pdf(apart, scale=jnp.sqrt(sigma_m**2 + MEASURED_SD_M**2))
+    anywhere = shape.lapse / (2.0 * LARGEST_MISS_M)
+    return jnp.log(jnp.where(measured, (1.0 - shape.lapse) * density + anywhere, jnp.maximum(seen, 1e-300)))
+
+
+def loss(theta: Any, widths: Widths, data: Data, halves_m: Any) -> Any:
+    """Minus the log posterior, up to a constant."""
+    return 0.5 * theta @ theta - jnp.dot(data.weight, log_likelihoods(theta, widths, data, halves_m))
+
+
+@jax.jit
+def value_and_slope(theta: Any, widths: Widths, data: Data, halves_m: Any) -> tuple[Any, Any]:
+    return jax.value_and_grad(loss)(theta, widths, data, halves_m)
+
+
+@jax.jit
+def curvature(theta: Any, widths: Widths, data: Data, halves_m: Any) -> Any:
+    """Hessian [SIZE, SIZE] of the loss."""
+    return jax.jacfwd(jax.grad(loss))(theta, widths, data, halves_m)

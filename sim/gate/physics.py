@@ -1,0 +1,45 @@
+"""What the physics says of configurations before any residual: mean and spread of the height, and its levers."""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from robot.config import BadInput
+from robot.facts import Facts
+from robot.gate.contract import FEATURES
+from sim.belief import Belief
+from sim.fit.forecast import forecast
+from sim.shots import Shots
+
+# Of a launcher whose scatter nobody has fitted; the gate fits one number that scales it.
+TYPICAL_SCATTER = {"speed": 0.02, "elevation_deg": 0.5}
+LOWEST_M = -10.0                      # where a ball that turns back before the plane is taken to pass
+STEEPEST_M = 30.0                     # per unit of log speed: beyond it a shot is far too weak to matter
+WIDEST_M = 10.0
+
+
+class Physics(NamedTuple):
+    """[n] each: height at the plane minus the target's centre, its propagated standard deviation, and the change of
+    the height by the log of the exit speed; all in m, all finite."""
+
+    deviation_m: np.ndarray
+    sigma_m: np.ndarray
+    by_speed_m: np.ndarray
+
+
+def physics_of(facts: Facts, belief: Belief, features: np.ndarray) -> Physics:
+    """Forecast feature rows [n, 3] in the contract's order; BadInput when the rig has no target."""
+    if facts.target is None:
+        raise BadInput("rig.toml: [target] is needed to tell an outcome")
+    numbers = {feature.name: np.array(features[:, k], float) for k, feature in enumerate(FEATURES)}
+    ahead = forecast(facts, with_scatter(belief), Shots(tuple(map(str, range(len(features)))), numbers, {}))
+    back = np.isnan(ahead.height_m)
+    deviation_m = np.where(back, LOWEST_M, np.clip(ahead.height_m - facts.target.centre_height_m, LOWEST_M, -LOWEST_M))
+    by_speed_m = np.where(back, STEEPEST_M, STEEPEST_M * np.tanh(ahead.by_launch[:, 0] / STEEPEST_M))
+    return Physics(deviation_m, np.where(back, WIDEST_M, np.clip(ahead.sigma_m, 0.0, WIDEST_M)), by_speed_m)
+
+
+def with_scatter(belief: Belief) -> Belief:
+    """The belief, with a typical scatter where it has none."""
+    return belief if belief.scatter else replace(belief, scatter=dict(TYPICAL_SCATTER))

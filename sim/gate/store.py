@@ -1,0 +1,103 @@
+"""A fitted gate in a weights directory: physics.json, which its probabilities follow from, beside training.json."""
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from robot.config import BadInput
+from robot.facts import Facts
+from sim.belief import Belief
+from sim.gate.fit import Fit
+from sim.gate.likelihood import SIZE, Widths
+from sim.gate.model import PhysicsGate, Scaling
+from sim.gate.novelty import novelty_record, parse_novelty
+from sim.network import RECORD_FILE, load_record
+
+MODEL_FILE = "physics.json"
+MODEL_SCHEMA = "truearc.physics-gate/1"
+KIND = "physics"
+
+
+def save_physics_gate(directory: str | Path, gate: PhysicsGate, record: dict[str, Any]) -> None:
+    """Write physics.json and training.json; the same gate and record give the same bytes.
+
+    BadInput when the directory cannot be written.
+    """
+    directory = Path(directory)
+    record = {**record, "kind": KIND, "novelty": novelty_record(gate.novelty)}
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        (directory / MODEL_FILE).write_text(_text(MODEL_SCHEMA, _plain(gate)), encoding="utf-8")
+        (directory / RECORD_FILE).write_text(_text("truearc.training/1", record), encoding="utf-8")
+    except OSError as error:
+        raise BadInput(f"{error.filename}: {error.strerror}") from error
+
+
+def load_physics_gate(directory: str | Path) -> tuple[PhysicsGate, dict[str, Any]]:
+    """Read what save_physics_gate wrote; BadInput names the file and what is wrong with it."""
+    path = Path(directory) / MODEL_FILE
+    record = load_record(Path(directory) / RECORD_FILE)
+    try:
+        table = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise BadInput(f"{path}: {getattr(error, 'strerror', None) or error}") from error
+    if not isinstance(table, dict) or table.get("schema") != MODEL_SCHEMA:
+        raise BadInput(f"{path}: key 'schema' is not {MODEL_SCHEMA!r}")
+    novelty = parse_novelty(record.get("novelty"), str(Path(directory) / RECORD_FILE))
+    try:
+        gate = PhysicsGate(msgspec.convert(table["facts"], Facts), _belief(table["belief"]),
+                           Scaling(*(_array(table["scaling"][name], (3,)) for name in
+                                     ("mean", "deviation", "low", "high"))), _fit(table["fit"]),
+                           float(table["temperature"]), float(table["aside"]), novelty)
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise BadInput(f"{path}: not a gate ({error!r})") from error
+    return gate, record
+
+
+def gate_hash(directory: str | Path) -> str:
+    """SHA-256 over the bytes of physics.json and training.json; BadInput when either cannot be read."""
+    digest = hashlib.sha256()
+    for name in (MODEL_FILE, RECORD_FILE):
+        try:
+            digest.update((Path(directory) / name).read_bytes())
+        except OSError as error:
+            raise BadInput(f"{Path(directory) / name}: {error.strerror or error}") from error
+    return digest.hexdigest()
+
+
+def _plain(gate: PhysicsGate) -> dict[str, Any]:
+    belief, fit = gate.belief, gate.fit
+    return {
+        "facts": msgspec.to_builtins(gate.facts),
+        "belief": {"coefficients": belief.coefficients, "scatter": belief.scatter, "names": list(belief.names),
+                   "covariance": np.asarray(belief.covariance, float).tolist()},
+        "scaling": {name: getattr(gate.scaling, name).tolist() for name in ("mean", "deviation", "low", "high")},
+        "fit": {"height_m": float(fit.widths.height_m), "speed": float(fit.widths.speed), "theta": fit.theta.tolist(),
+                "covariance": fit.covariance.tolist(), "evidence": fit.evidence},
+        "temperature": gate.temperature, "aside": gate.aside}
+
+
+def _belief(table: dict[str, Any]) -> Belief:
+    names = tuple(map(str, table["names"]))
+    return Belief(table["coefficients"], table["scatter"], names,
+                  np.array(table["covariance"], float).reshape(len(names), len(names)))
+
+
+def _fit(table: dict[str, Any]) -> Fit:
+    return Fit(Widths(float(table["height_m"]), float(table["speed"])), _array(table["theta"], (SIZE,)),
+               _array(table["covariance"], (SIZE, SIZE)), float(table["evidence"]))
+
+
+def _array(values: Any, shape: tuple[int, ...]) -> np.ndarray:
+    array = np.array(values, np.float64)
+    if array.shape != shape or not np.isfinite(array).all():
+        raise ValueError(f"an array of shape {array.shape} where {shape} finite numbers belong")
+    return array
+
+
+def _text(schema: str, table: dict[str, Any]) -> str:
+    return json.dumps({"schema": schema, **table}, indent=1, allow_nan=False) + "\n"

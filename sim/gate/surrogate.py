@@ -1,0 +1,117 @@
+"""The gate's mean and spread as a polynomial over its domain: what goes into the exported graph in place of flights.
+
+A product of Chebyshev polynomials T_i(u) T_j(v) T_k(w), i, j, k < degree, u, v, w the features mapped from the domain's
+box to [-1, 1] and held there. One set of coefficients is the height's mean minus the target's centre in m, one its
+variance in m2: a sum of smooth functions, which its logarithm is not. Fitted in least squares on a Chebyshev grid, with
+weights that ask for accuracy near the target: a shot three metres low is a miss whatever the third decimal.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from robot.config import BadInput
+from robot.gate.contract import FEATURES
+from sim.gate.model import PhysicsGate
+
+DEGREES = (8, 10, 12, 14)             # tried in this order until one is good enough
+OVERSAMPLED = 1.4                     # grid points along each feature for each degree
+NEAR_M = 0.8                          # where the weight has fallen to a third
+LEAST_WEIGHT = 1e-4
+RIDGE = 1e-12                         # of the normal equations, as a share of their mean diagonal
+CHECKED = 8000                        # random configurations of the domain
+NEAR_TARGET_M = 0.5
+MOST_MEAN_ERROR_M = 0.005             # at most this at the 99th percentile of configurations that near the target
+MOST_P_ERROR = 0.003                  # at most this anywhere; float32 and a denser check stay within 0.005
+ON_FACES = 0.1                        # checks are drawn from a box so much wider on each side, and held to its faces
+
+
+class Errors(NamedTuple):
+    """Of a surrogate against its gate: |mean error| at the 99th percentile near the target, |p error| at worst."""
+
+    mean_m: float
+    p: float
+
+    @property
+    def acceptable(self) -> bool:
+        return self.mean_m <= MOST_MEAN_ERROR_M and self.p <= MOST_P_ERROR
+
+
+@dataclass(frozen=True, eq=False)
+class Surrogate:
+    """`middle` and `per_half` [3] map features to [-1, 1]; `coefficients` [2, K, K, K]: of mean in m, variance in m2.
+
+    `least_m2`: below it the variance is not let, whatever the polynomial does far from the target.
+    """
+
+    middle: np.ndarray
+    per_half: np.ndarray
+    coefficients: np.ndarray
+    least_m2: float
+
+    def latent(self, features: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Mean and standard deviation of the height minus the target's centre, [n] in m, of features [n, 3]."""
+        u = np.clip((np.asarray(features, np.float64) - self.middle) * self.per_half, -1.0, 1.0)
+        first, second, third = (chebyshev(u[:, k], self.coefficients.shape[1]) for k in range(3))
+        mean_m, square_m2 = np.einsum("cijk,ni,nj,nk->cn", self.coefficients, first, second, third, optimize=True)
+        return mean_m, np.sqrt(np.maximum(square_m2, self.least_m2))
+
+
+def make_surrogate(gate: PhysicsGate, domain: dict[str, list[float]]) -> tuple[Surrogate, Errors]:
+    """The least surrogate that is good enough over `domain` {feature: [low, high]}; BadInput when none of them is."""
+    box = np.array([domain[feature.name] for feature in FEATURES])
+    margin = ON_FACES * (box[:, 1] - box[:, 0])
+    drawn = np.random.default_rng(0).uniform(box[:, 0] - margin, box[:, 1] + margin, (CHECKED, len(box)))
+    checks = np.clip(drawn, box[:, 0], box[:, 1])
+    wanted = gate.latent(checks)
+    for degree in DEGREES:
+        surrogate = fit_surrogate(gate, box, degree)
+        errors = compare(gate, surrogate, checks, wanted)
+        if errors.acceptable:
+            return surrogate, errors
+    raise BadInput(f"the physics is too crooked over this domain for the graph: with {DEGREES[-1]} degrees the mean is "
+                   f"off by {errors.mean_m:.4f} m near the target, p by {errors.p:.4f}; record fewer extremes")
+
+
+def fit_surrogate(gate: PhysicsGate, box: np.ndarray, degree: int) -> Surrogate:
+    """Least squares on a Chebyshev grid over box [3, 2] (low, high)."""
+    half = np.maximum(0.5 * (box[:, 1] - box[:, 0]), 1e-6)
+    middle = 0.5 * (box[:, 0] + box[:, 1])
+    points = int(np.ceil(OVERSAMPLED * degree))
+    nodes = np.cos(np.pi * (np.arange(points) + 0.5) / points)
+    u = np.stack(np.meshgrid(nodes, nodes, nodes, indexing="ij"), axis=-1).reshape(-1, 3)
+    mean_m, sigma_m = gate.latent(middle + half * u)
+    columns = np.einsum("ni,nj,nk->nijk", *(chebyshev(u[:, k], degree) for k in range(3))).reshape(len(u), -1)
+    weight = np.maximum(np.exp(-((mean_m / NEAR_M) ** 2)), LEAST_WEIGHT)
+    solved = np.stack([_solve(columns, weight, mean_m), _solve(columns, weight / sigma_m**4, sigma_m**2)])
+    return Surrogate(_exact(middle), _exact(1.0 / half), _exact(solved.reshape(2, degree, degree, degree)),
+                     float(np.float32(0.5 * np.min(sigma_m) ** 2)))
+
+
+def _solve(columns: np.ndarray, weight: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Weighted least squares by its normal equations: the columns are nearly orthogonal, and this is quick."""
+    weighted = columns * weight[:, None]
+    normal = columns.T @ weighted
+    normal[np.diag_indices_from(normal)] += RIDGE * np.trace(normal) / len(normal)
+    return np.linalg.solve(normal, weighted.T @ values)
+
+
+def compare(gate: PhysicsGate, surrogate: Surrogate, features: np.ndarray,
+            wanted: tuple[np.ndarray, np.ndarray] | None = None) -> Errors:
+    """Errors on feature rows [n, 3]; `wanted` is the gate's own latent there, if it is known already."""
+    mean_m, sigma_m = wanted or gate.latent(features)
+    given_m, spread_m = surrogate.latent(features)
+    near = np.abs(mean_m) < NEAR_TARGET_M
+    worst_m = float(np.quantile(np.abs(given_m - mean_m)[near], 0.99)) if near.any() else 0.0
+    return Errors(worst_m, float(np.abs(gate.judge(given_m, spread_m) - gate.judge(mean_m, sigma_m)).max()))
+
+
+def chebyshev(u: np.ndarray, degree: int) -> np.ndarray:
+    """T_0 to T_(degree - 1) at u [n] in [-1, 1]: [n, degree]."""
+    return np.cos(np.arccos(u)[:, None] * np.arange(degree))
+
+
+def _exact(values: np.ndarray) -> np.ndarray:
+    """As float32 carries them."""
+    return values.astype(np.float32).astype(np.float64)

@@ -1,0 +1,137 @@
+"""Recorded shots and a belief -> a gate with the physics in it, and what it was worth on shots it had not seen."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from robot.facts import Facts
+from sim.belief import Belief
+from sim.gate.figures import Figures, figures_of, log_scores
+from sim.gate.fit import fit_widest
+from sim.gate.likelihood import Data, cell_probabilities
+from sim.gate.marks import Marks, marks_of
+from sim.gate.model import PhysicsGate, Scaling, halves_of
+from sim.gate.novelty import fit_novelty
+from sim.gate.physics import Physics, physics_of
+from sim.shots import Shots
+
+FOLDS = 5
+FEWEST_TO_FOLD = 15
+TEMPERATURES = np.exp(np.linspace(np.log(0.6), np.log(1.8), 23))
+TEMPERATURE_SPREAD = 0.15             # of its log, a priori: a few shots of luck do not move it far
+BEYOND = 0.1                          # of the recorded range: where z stops on either side
+Progress = Callable[[float, str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Heldout:
+    """Shots rated by gates that had not seen their configuration; the belief had.
+
+    p [n, 2] and level [n] of the judged rows; `plain`: the same before calibration; `physics`: by the forecast alone,
+    as the belief has it; `gain`: mean log score that the calibration adds, its temperature chosen on other folds.
+    """
+
+    p: np.ndarray
+    level: np.ndarray
+    plain: Figures
+    calibrated: Figures
+    physics: Figures
+    gain: float
+
+
+def fit_physics_gate(facts: Facts, belief: Belief, shots: Shots, seed: int = 0, name: str = "shots",
+                     progress: Progress = lambda done, note: None) -> PhysicsGate:
+    """The gate of these shots; the same arguments give the same gate. BadInput when nothing can be learned."""
+    return train_physics_gate(facts, belief, shots, seed, name, progress)[0]
+
+
+def train_physics_gate(facts: Facts, belief: Belief, shots: Shots, seed: int = 0, name: str = "shots",
+                       progress: Progress = lambda done, note: None) -> tuple[PhysicsGate, Heldout | None]:
+    """As fit_physics_gate, with what it was worth out of fold (None when there are too few judged configurations).
+
+    Folds are of configurations, drawn by seed. The temperature is kept only when it adds to the log score of folds
+    that it was not chosen on.
+    """
+    marks, _, _ = marks_of(shots, name)
+    physics = physics_of(facts, belief, marks.features)
+    progress(0.3, "forecasts made")
+    gate = _fit(facts, belief, marks, physics, np.ones(len(marks.level)))
+    progress(0.5, "fitted")
+    fold = folds(marks.group, seed)
+    if fold is None or (marks.level >= 0).sum() < FEWEST_TO_FOLD:
+        return gate, None
+    heldout = []
+    for number in range(FOLDS):
+        fitted = _fit(facts, belief, marks, physics, (fold != number).astype(float))
+        heldout.append(_latent_of(fitted, marks, physics, np.flatnonzero((fold == number) & (marks.level >= 0))))
+        progress(0.5 + 0.5 * (number + 1) / FOLDS, f"fold {number + 1} of {FOLDS}")
+    return _calibrate(gate, heldout, _alone(gate, physics, marks))
+
+
+def folds(group: np.ndarray, seed: int) -> np.ndarray | None:
+    """The fold [n] of each row: groups dealt out evenly in an order drawn by seed; None when there are too few."""
+    names = np.unique(group)
+    if len(names) < FEWEST_TO_FOLD:
+        return None
+    deal = np.empty(len(names), np.int64)
+    deal[np.random.default_rng([seed, 5]).permutation(len(names))] = np.arange(len(names)) % FOLDS
+    return deal[np.searchsorted(names, group)]
+
+
+@dataclass(frozen=True, eq=False)
+class _Fold:
+    gate: PhysicsGate
+    mean_m: np.ndarray
+    sigma_m: np.ndarray
+    level: np.ndarray
+
+    def p(self, temperature: float) -> np.ndarray:
+        return self.gate.judge(self.mean_m, temperature * self.sigma_m)
+
+
+def _fit(facts: Facts, belief: Belief, marks: Marks, physics: Physics, weight: np.ndarray) -> PhysicsGate:
+    seen = marks.features[weight > 0.0]
+    scaling = scaling_of(seen)
+    told = weight * ~marks.aside
+    data = Data(scaling(marks.features), *physics, marks.cells, marks.miss_m, told)
+    aside = float((marks.aside * weight).sum() / weight.sum())
+    return PhysicsGate(facts, belief, scaling, fit_widest(data, halves_of(facts)), 1.0, aside, fit_novelty(seen))
+
+
+def scaling_of(features: np.ndarray) -> Scaling:
+    """Standardisation by these rows [n, 3]; a feature that never varies has deviation 1."""
+    mean, deviation = features.mean(axis=0), features.std(axis=0)
+    deviation = np.where(deviation > 1e-9, deviation, 1.0)
+    low, high = ((edge - mean) / deviation for edge in (features.min(axis=0), features.max(axis=0)))
+    margin = BEYOND * (high - low)
+    return Scaling(mean, deviation, low - margin, high + margin)
+
+
+def _latent_of(gate: PhysicsGate, marks: Marks, physics: Physics, rows: np.ndarray) -> _Fold:
+    part = Physics(*(column[rows] for column in physics))
+    return _Fold(gate, *gate.correct(marks.features[rows], part), marks.level[rows])
+
+
+def _calibrate(gate: PhysicsGate, parts: list[_Fold], alone: Figures) -> tuple[PhysicsGate, Heldout]:
+    """The gate with the temperature of all folds, if temperatures chosen on the other folds did better than none."""
+    table = np.array([[log_scores(part.p(t), part.level).sum() for t in TEMPERATURES] for part in parts])
+    prior = -0.5 * (np.log(TEMPERATURES) / TEMPERATURE_SPREAD) ** 2
+    shots = sum(len(part.level) for part in parts)
+    chosen = [float(TEMPERATURES[np.argmax(prior + table.sum(axis=0) - row)]) for row in table]
+    level = np.concatenate([part.level for part in parts])
+    plain = np.concatenate([part.p(1.0) for part in parts])
+    warmed = np.concatenate([part.p(t) for part, t in zip(parts, chosen, strict=True)])
+    gain = float(log_scores(warmed, level).sum() - log_scores(plain, level).sum()) / shots
+    kept = gain > 0.0
+    best = float(TEMPERATURES[np.argmax(prior + table.sum(axis=0))]) if kept else 1.0
+    p = warmed if kept else plain
+    return gate.warmer(best), Heldout(p, level, figures_of(plain, level), figures_of(p, level), alone, gain)
+
+
+def _alone(gate: PhysicsGate, physics: Physics, marks: Marks) -> Figures:
+    """The forecast without residual or calibration, half-heights of rig.toml, on all judged rows."""
+    shape = gate.shape._replace(two_m=halves_of(gate.facts)[0], three_m=halves_of(gate.facts)[1], lapse=1e-6)
+    judged = marks.level >= 0
+    cells = np.asarray(cell_probabilities(shape, physics.deviation_m, physics.sigma_m))[judged]
+    return figures_of(np.stack([cells[:, 1:4].sum(axis=1), cells[:, 2]], axis=1), marks.level[judged])
