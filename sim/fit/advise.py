@@ -43,7 +43,7 @@ class Proposal:
 def advise(fit: MlFit, most: int = 3) -> tuple[Proposal, ...]:
     """The best proposal of each kind of observation, best first; none where the rig's wheels cannot be set by ratio."""
     facts = fit.model.facts
-    shots = fit.gathered.shots.take(fit.gathered.rows[:len(fit.problem.evidence.marks.marked)])
+    shots = fit.gathered.shots.take(fit.gathered.rows[:len(fit.problem.evidence.given.rolled)])
     if facts.launcher.free_speed_rad_s is None or not facts.launcher.wheel or facts.target is None or not len(shots):
         return ()
     designs, aim_m = _designs(fit, shots)

@@ -33,7 +33,7 @@ def cross_validate(fit: MlFit, progress: Progress = lambda done, note: None) -> 
     A group is a session where there are at least five, else a configuration. Predictions are from the configuration
     alone: neither the exit nor the track of a predicted shot is used.
     """
-    n = len(fit.problem.evidence.marks.marked)
+    n = len(fit.problem.evidence.given.rolled)
     shots = fit.gathered.shots.take(fit.gathered.rows[:n])
     outcome = np.array([OUTCOMES.index(word) if word else -1 for word in shots.text("outcome")])
     usable = (outcome >= 0) & np.isfinite(shots.number("distance_m"))

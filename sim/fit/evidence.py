@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from robot.config import BadInput
-from robot.facts import Facts, Target
+from robot.facts import Facts
 from sim.fit.given import EXIT_DEG_SD, EXIT_SPEED_SD_M_S, Given, given_of
 from sim.fit.marks import Marks, make_marks
 from sim.fit.track_data import TrackData, gather_tracks
@@ -29,12 +29,13 @@ class Seen(NamedTuple):
 class Evidence(NamedTuple):
     """Arrays for the likelihood, one row a unit: first the shots with a launch [n], then free flights [f].
 
-    tracks: of shots with a launch, whose `row` is among the n. free: of flights whose launch nobody knows.
+    marks: None when not one was made. tracks: of shots with a launch, whose `row` is among the n. free: of flights
+    whose launch nobody knows.
     """
 
     given: Given
     seen: Seen
-    marks: Marks
+    marks: Marks | None
     tracks: TrackData | None
     free: TrackData | None
 
@@ -81,11 +82,10 @@ def blind(given: Given) -> Evidence:
     """Launches of which nothing was seen, neither leaving nor arriving."""
     n = len(given.rolled)
     no, zero, one = np.zeros(n, bool), np.zeros(n), np.ones(n)
-    marks = Marks(-one, one, zero, zero, no, no, no, zero)
-    return Evidence(given, Seen(no, zero, one, no, zero, one), marks, None, None)
+    return Evidence(given, Seen(no, zero, one, no, zero, one), None, None, None)
 
 
-def _launches(facts: Facts, shots: Shots, at_plane: np.ndarray) -> tuple[Given, Seen, Marks]:
+def _launches(facts: Facts, shots: Shots, at_plane: np.ndarray) -> tuple[Given, Seen, Marks | None]:
     """Where wheels and hood speak, measured speed and elevation are evidence about them, not a launch of their own."""
     wheels, hood = _has_wheels(facts, shots), np.isfinite(shots.number("hood_deg"))
     speed, elevation = shots.number("exit_speed_m_s"), shots.number("exit_deg")
@@ -101,10 +101,9 @@ def _launches(facts: Facts, shots: Shots, at_plane: np.ndarray) -> tuple[Given, 
     return given, seen, _marks(facts, shots, at_plane)
 
 
-def _marks(facts: Facts, shots: Shots, at_plane: np.ndarray) -> Marks:
-    blank = ("",) * len(shots)
-    if facts.target is None:
-        return make_marks(Target(0.0), blank, blank, np.full(len(shots), np.nan))
+def _marks(facts: Facts, shots: Shots, at_plane: np.ndarray) -> Marks | None:
+    if facts.target is None or not at_plane.any():
+        return None
     words = [tuple(word if here else "" for word, here in zip(shots.text(name), at_plane, strict=True))
              for name in ("outcome", "side")]
     return make_marks(facts.target, *words, np.where(at_plane, shots.number("miss_height_m"), np.nan))
@@ -153,13 +152,13 @@ def _names(shots: Shots, which: np.ndarray, most: int = 3) -> str:
 
 
 def _used(shots: Shots, evidence: Evidence) -> dict[str, int]:
-    marks, seen = evidence.marks, evidence.seen
-    n = len(marks.marked)
+    seen, n = evidence.seen, len(evidence.given.rolled)
+    marked, measured = np.zeros((2, n), bool) if evidence.marks is None else evidence.marks[5:7]
     sides = np.isin(shots.text("side"), ("low", "high"))[:n]
-    by_height = int(marks.measured.sum())
+    by_height = int(measured.sum())
     tracks = sum(len(part.row) for part in (evidence.tracks, evidence.free) if part is not None)
-    counts = {"outcome": int(marks.marked.sum()) - by_height,
-              "side": int((sides & marks.marked & ~marks.measured).sum()), "miss_height_m": by_height,
+    counts = {"outcome": int(marked.sum()) - by_height,
+              "side": int((sides & marked & ~measured).sum()), "miss_height_m": by_height,
               "exit_speed_m_s": int(seen.speed_seen.sum()),
               "exit_deg": int(seen.elevation_seen.sum()),
               "exit_spin_rev_s": int(np.isfinite(shots.number("exit_spin_rev_s")).sum()), "tracks": tracks}

@@ -52,8 +52,9 @@ class Plane(NamedTuple):
 def log_likelihood(model: Model, evidence: Evidence, points: Points, u: Any) -> Any:
     """Log-likelihood of each unit [n + f] at u [p]."""
     launch = narrow(model, evidence, points, u)
-    plane = plane_of(model, evidence.given, launch, u)
-    units = launch.log_likelihood + log_marks(evidence.marks, *plane)
+    units = launch.log_likelihood
+    if evidence.marks is not None:
+        units = units + log_marks(evidence.marks, *plane_of(model, evidence.given, launch, u))
     if evidence.free is None:
         return units
     return jnp.concatenate([units, free_tracks(model, evidence, points, u).log_likelihood])
@@ -79,7 +80,7 @@ def narrow(model: Model, evidence: Evidence, points: Points, u: Any) -> Narrowed
     elevation = _update(elevation_var, off[1], seen.elevation_sd_rad**2, seen.elevation_seen)
     mean = jnp.stack([speed[0], elevation[0]], axis=1)
     covariance = jnp.stack([speed[1], elevation[1]], axis=1)[:, :, None] * jnp.eye(2)
-    alone = ~(seen.speed_seen | seen.elevation_seen)
+    alone = jnp.asarray(~(seen.speed_seen | seen.elevation_seen))
     narrowed = Narrowed(mean, covariance, speed[2] + elevation[2], alone)
     if evidence.tracks is None:
         return narrowed
@@ -111,7 +112,7 @@ def free_tracks(model: Model, evidence: Evidence, points: Points, u: Any) -> Lin
     sd = jnp.broadcast_to(jnp.array(FREE_SD), (k, len(FREE_SD)))
     data = evidence.free
     return linear(lambda at: loose(law, jnp.zeros(k), at, data.time_s), data, points.free, points.free, sd,
-                  _tracker_noise_m(model, u))
+                  _value(model, TRACK_NOISE, u))
 
 
 def values_at(model: Model, u: Any) -> dict[str, dict[str, Any]]:
@@ -123,8 +124,7 @@ def values_at(model: Model, u: Any) -> dict[str, dict[str, Any]]:
 
 def _scatter(model: Model, given: Given, values: dict[str, dict[str, Any]], u: Any) -> tuple[Any, Any]:
     """Variances [n] of log exit speed and of elevation before anything was measured of the launch."""
-    speed, elevation_deg = (model.sought[model.names.index(name)].value(u[model.names.index(name)])
-                            for name in ("scatter.speed", "scatter.elevation_deg"))
+    speed, elevation_deg = (_value(model, name, u) for name in ("scatter.speed", "scatter.elevation_deg"))
     wheels = (speed_gain(model.facts, values, given)[:, None] * given.wheel_log_speed)**2
     return (given.rolled * speed**2 + wheels.sum(1),
             given.hooded * jnp.radians(elevation_deg)**2 + given.elevation_sd_rad**2)
@@ -147,15 +147,17 @@ def _track_update(model: Model, evidence: Evidence, points: Points, u: Any, exit
     variance = jnp.diagonal(launch.covariance, axis1=1, axis2=2)[data.row]
     sd = jnp.concatenate([jnp.sqrt(variance), lead + LEAD_SD_S], axis=1)
     return linear(lambda at: launched(law, mine, height_m, at, data.time_s), data, points.launched, mean, sd,
-                  _tracker_noise_m(model, u))
+                  _value(model, TRACK_NOISE, u))
 
 
 def _law(model: Model, u: Any) -> Any:
     return make_law(model.facts, flight_terms(model.terms), values_at(model, u))
 
 
-def _tracker_noise_m(model: Model, u: Any) -> Any:
-    return model.sought[model.names.index(TRACK_NOISE)].value(u[model.names.index(TRACK_NOISE)])
+def _value(model: Model, name: str, u: Any) -> Any:
+    """A parameter in its own unit at u; 0 where the model has none of that name."""
+    index = model.index(name)
+    return 0.0 if index is None else model.sought[index].value(u[index])
 
 
 @partial(jax.jit, static_argnames=("model",))

@@ -73,7 +73,7 @@ def fit_ml(facts: Facts, dataset: Dataset, terms: tuple[str, ...],
     """
     gathered = gather(facts, dataset)
     evidence = gathered.evidence
-    model = make_model(facts, terms, evidence.tracks is not None or evidence.free is not None)
+    model = make_model(facts, terms, _scatters(evidence), evidence.tracks is not None or evidence.free is not None)
     points = _moved(model, evidence, _first_points(evidence), np.zeros(len(model.sought)))
     problem = Problem(model, evidence, points, np.ones(len(gathered.rows)))
     grid = _grid_pair(facts, dataset)
@@ -100,6 +100,13 @@ def settle(problem: Problem, optimum: Optimum) -> tuple[Problem, Optimum]:
 def refit(fit: MlFit, weight: np.ndarray) -> Optimum:
     """The optimum with other weights of the units, from the fit's own."""
     return minimise(replace(fit.problem, weight=weight), fit.optimum.u)
+
+
+def _scatters(evidence: Evidence) -> tuple[str, ...]:
+    """Those of which some launch has any: not where only the ball itself was measured."""
+    given = evidence.given
+    return tuple(name for name, where in (("scatter.speed", given.rolled), ("scatter.elevation_deg", given.hooded))
+                 if np.any(where))
 
 
 def _first_points(evidence: Evidence) -> Points:

@@ -56,7 +56,7 @@ def _doubt(one: Interval) -> str:
 
 def say_scatter(fit: MlFit) -> Iterable[str]:
     """What the scatter means at the target."""
-    count = len(fit.problem.evidence.marks.marked)
+    count = len(fit.problem.evidence.given.rolled)
     shots = fit.gathered.shots.take(fit.gathered.rows[:count])
     distance_m = shots.number("distance_m")
     shots = shots.take(np.isfinite(distance_m) & fit.problem.evidence.given.rolled)
@@ -91,8 +91,8 @@ def say_advice(proposals: Iterable[Proposal]) -> Iterable[str]:
         side = "over" if one.aim_m > 0.0 else "under"
         aim = "at the centre" if abs(one.aim_m) < 0.01 else f"{abs(one.aim_m):.2f} m {side} the centre"
         yield (f"{SHOTS} shots at {one.distance_m:.1f} m, hood {one.hood_deg:.0f} deg, motor ratio "
-               f"{one.motor_ratio:.3f} (aimed {aim}), recording {one.kind}: {one.sd_ratio:.0%} of the worst doubt would "
-               "be left")
+               f"{one.motor_ratio:.3f} (aimed {aim}), recording {one.kind}: {one.sd_ratio:.0%} of the worst doubt "
+               "would be left")
 
 
 def say_prediction(score: CrossValidation | None) -> Iterable[str]:

@@ -12,6 +12,7 @@ from sim.fit.likelihood import Points, derivatives, objective
 from sim.fit.parameters import Model
 
 GRADIENT = 1e-4                       # in units of the prior's sd: far below any standard error
+LEFT = 1e-5                           # nats, or standard errors squared over two
 MOST_ITERATIONS = 60
 FAR = 12.0                            # prior standard deviations: nothing is looked for beyond
 FAR_COST = 1e4
@@ -50,7 +51,7 @@ class Optimum:
 def minimise(problem: Problem, start: np.ndarray, held: tuple[int, ...] = ()) -> Optimum:
     """Go downhill from `start`, leaving the parameters `held` where they are.
 
-    Converged: every free parameter's gradient is as good as zero and the curvature is positive.
+    Converged: the curvature is positive, and its parabola promises no more than LEFT nats below where the search ended.
     """
     free = np.array([index for index in range(len(start)) if index not in held], dtype=int)
     whole = np.array(start, dtype=float)
@@ -80,8 +81,9 @@ def minimise(problem: Problem, start: np.ndarray, held: tuple[int, ...] = ()) ->
 def _settled(gradient: np.ndarray, hessian: np.ndarray) -> bool:
     if not gradient.size:
         return True
-    finite = np.isfinite(gradient).all() and np.isfinite(hessian).all()
-    return bool(finite and np.abs(gradient).max() < 10.0 * GRADIENT and np.linalg.eigvalsh(hessian).min() > 0.0)
+    if not (np.isfinite(gradient).all() and np.isfinite(hessian).all()) or np.linalg.eigvalsh(hessian).min() <= 0.0:
+        return False
+    return bool(0.5 * gradient @ np.linalg.solve(hessian, gradient) < LEFT)
 
 
 def best_of(problem: Problem, starts: list[np.ndarray], progress: Callable[[float, str], None]) -> Optimum:

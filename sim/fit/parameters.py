@@ -85,15 +85,16 @@ class Model:
         return {one.name: float(one.value(number)) for one, number in zip(self.sought, u, strict=True)}
 
 
-def make_model(facts: Facts, terms: tuple[str, ...], tracks: bool) -> Model:
-    """All parameters of the terms that have a prior, the scatters, and the tracker's noise where there are tracks.
+def make_model(facts: Facts, terms: tuple[str, ...], scatters: tuple[str, ...] = tuple(SCATTER_PRIORS),
+               tracks: bool = False) -> Model:
+    """All parameters of the terms that have a prior, the named scatters, the tracker's noise where there are tracks.
 
     BadInput: a term that the catalogue has not.
     """
     names = tuple(term.name for term in find_terms({"gravity", *terms}))
     sought = [Sought(f"{term.name}.{p.name}", p.unit, p.prior) for term in find_terms(names) for p in term.parameters
               if p.prior is not None]
-    sought += [Sought(name, UNITS[name], prior) for name, prior in SCATTER_PRIORS.items()]
+    sought += [Sought(name, UNITS[name], prior) for name, prior in SCATTER_PRIORS.items() if name in scatters]
     if tracks:
         if facts.noise.track_m <= 0.0:
             raise BadInput("rig.toml: noise.track_m must be above 0 to fit tracks")

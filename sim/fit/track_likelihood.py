@@ -20,6 +20,7 @@ from sim.physics.vector import Vec
 LEAD_SD_S = 1.0                       # from exit to first sample: as good as unknown
 FREE_SD = (10.0, 10.0, 100.0, 100.0)  # start of a free flight about its guess, in m and m/s: as good as unknown
 LEAD_STEPS = 4
+STEP = 1e-3                           # of every unknown, for the derivatives by it
 SUBSTEPS = 2                          # between samples, which come every hundredth of a second or a few
 
 
@@ -80,11 +81,14 @@ def loose(law: Law, spin_rev_s: Any, at: Any, time_s: Any) -> Any:
 def linear(fly: Any, data: TrackData, at: Any, mean: Any, sd: Any, noise_m: Any) -> Linear:
     """Integrate the unknowns out about `at` [k, m]; their prior is normal with `mean` and `sd` [k, m].
 
-    fly: at [k, m] -> positions [k, l, 2]. Whitened by the prior's sd: right for an unknown that is known exactly too.
+    fly: at [k, m] -> positions [k, l, 2]; its derivatives are central differences of flights side by side, as in
+    sim.fit.heights and for the same reason. Whitened by the prior's sd: right for an unknown that is known exactly too.
     """
     m = at.shape[1]
-    flown = fly(at)
-    slopes = jax.jacfwd(lambda change: fly(at + change))(jnp.zeros(m)) * data.mask[..., None, None]
+    changes = jnp.concatenate([jnp.zeros((1, m)), jnp.eye(m), -jnp.eye(m)]) * STEP
+    paths = jax.vmap(lambda change: fly(at + change))(changes)
+    flown = paths[0]
+    slopes = jnp.moveaxis((paths[1:m + 1] - paths[m + 1:]) / (2.0 * STEP), 0, -1) * data.mask[..., None, None]
     seen = jnp.stack([data.down_m, data.up_m], axis=-1)
     off = (seen - flown) * data.mask[..., None] + jnp.einsum("klci,ki->klc", slopes, at - mean)
     white = slopes * sd[:, None, None, :] / noise_m
