@@ -4,7 +4,9 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
 from robot.config import Config
 from robot.facts import Facts
@@ -19,6 +21,7 @@ from sim.shots import Shots
 NS = 1e-9
 COLOURS = {"three": "#1b7f3b", "two": "#d99000", "miss": "#b3261e"}
 PATH_POINTS, PATH_STEP_S = 300, 0.01
+MOST_OUTLINED = 5000                  # tied pairs drawn one by one
 
 
 class Share(NamedTuple):
@@ -83,23 +86,65 @@ def _draw_flights(axes, facts, coefficients, shots, distance_m, colour, outcome)
                   label=outcome if shot == 0 else None)
 
 
-def draw_fit_map(axis: np.ndarray, accuracy: np.ndarray, chosen: tuple[float, float]) -> Figure:
-    """The grid fit over (C_d, C_l): 3-point accuracy [cl, cd], both along `axis`, and the chosen (C_d, C_l).
+class Zoom(NamedTuple):
+    """Mean deviation of three-pointers in m around the tied pairs, [len(cl), len(cd)]; infinite where not all reach."""
 
-    Shows only where anything is reproduced at all.
+    cd: np.ndarray
+    cl: np.ndarray
+    mean_deviation_m: np.ndarray
+
+
+def draw_fit_map(axis: np.ndarray, accuracy: np.ndarray, chosen: tuple[float, float], tied: np.ndarray | None = None,
+                 zoom: Zoom | None = None) -> Figure:
+    """The grid fit over (C_d, C_l): 3-point accuracy and tied pairs [cl, cd] along `axis`, the chosen (C_d, C_l).
+
+    Shows only where anything is reproduced at all. With `zoom`, a second panel: mean deviation around the tied pairs.
     """
-    figure = new_figure(6.4, 4.8)
-    axes = figure.subplots()
-    cl_end, cd_end = (min(len(axis), int(np.flatnonzero(part)[-1] * 1.25) + 2) for part in
+    figure = new_figure(6.4 if zoom is None else 12.0, 4.8)
+    panels = figure.subplots(1, 1 if zoom is None else 2, squeeze=False)[0]
+    axes = panels[0]
+    cl_end, cd_end = (min(len(axis), int(np.flatnonzero(part)[-1] * 1.25) + 2) if part.any() else len(axis) for part in
                       (accuracy.any(axis=1), accuracy.any(axis=0)))
-    axis_cd, axis_cl, accuracy = axis[:cd_end], axis[:cl_end], accuracy[:cl_end, :cd_end]
-    image = axes.pcolormesh(axis_cd, axis_cl, accuracy, cmap="viridis", shading="nearest", rasterized=True)
+    axis_cd, axis_cl, shown = axis[:cd_end], axis[:cl_end], accuracy[:cl_end, :cd_end]
+    image = axes.pcolormesh(axis_cd, axis_cl, shown, cmap="viridis", shading="nearest", rasterized=True)
     figure.colorbar(image, ax=axes, label="share of recorded three-pointers reproduced")
+    axes.set_title("three-point accuracy")
+    _mark(axes, axis, chosen, tied, (axis_cd[[0, -1]], axis_cl[[0, -1]]))
+    if zoom is not None:
+        _draw_zoom(figure, panels[1], axis, chosen, tied, zoom)
+        axes.add_patch(Rectangle((zoom.cd[0], zoom.cl[0]), np.ptp(zoom.cd), np.ptp(zoom.cl), fill=False,
+                                 edgecolor="white", linewidth=0.8, linestyle=":"))
+    return figure
+
+
+def _draw_zoom(figure: Figure, axes: Axes, axis: np.ndarray, chosen: tuple[float, float], tied: np.ndarray | None,
+               zoom: Zoom) -> None:
+    reached = np.ma.masked_invalid(zoom.mean_deviation_m)
+    axes.set_facecolor("#c9ced6")     # where not every three-pointer reaches the target
+    if reached.count():
+        image = axes.pcolormesh(zoom.cd, zoom.cl, reached, cmap="magma_r", shading="nearest", rasterized=True,
+                                vmax=float(np.quantile(reached.compressed(), 0.9)))
+        figure.colorbar(image, ax=axes, label="mean distance from the centre, m", extend="max")
+    axes.set_title("around the tied pairs (grey: a three-pointer does not reach)")
+    _mark(axes, axis, chosen, tied, (zoom.cd[[0, -1]], zoom.cl[[0, -1]]))
+
+
+def _mark(axes: Axes, axis: np.ndarray, chosen: tuple[float, float], tied: np.ndarray | None,
+          limits: tuple[np.ndarray, np.ndarray]) -> None:
+    """Outline the tied pairs, cell by cell of the grid, mark the chosen one, and keep the limits."""
+    step = axis[1] - axis[0]
+    if tied is not None:
+        edges = np.append(axis - step / 2.0, axis[-1] + step / 2.0)
+        for row, column in np.argwhere(tied)[:MOST_OUTLINED]:
+            axes.add_patch(Rectangle((edges[column], edges[row]), step, step, fill=False, edgecolor="#19c3d6",
+                                     linewidth=1.0))
+        axes.plot([], [], color="#19c3d6", label=f"tied pairs: {int(tied.sum())}")
     axes.plot(*chosen, marker="*", markersize=14, color="#ff5a4f", markeredgecolor="white", linestyle="none",
               label=f"chosen: C_d {chosen[0]:.3f}, C_l {chosen[1]:.3f}")
-    axes.set(xlabel="C_d (drag)", ylabel="C_l (lift)")
+    (left, right), (bottom, top) = limits
+    axes.set(xlabel="C_d (drag)", ylabel="C_l (lift)", xlim=(left - step / 2, right + step / 2),
+             ylim=(bottom - step / 2, top + step / 2))
     axes.legend(loc="upper right")
-    return figure
 
 
 def draw_shares(shares: Sequence[Share]) -> Figure:

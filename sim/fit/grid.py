@@ -135,9 +135,9 @@ def rank_ties(scoring: Scoring, axis: np.ndarray, pairs: np.ndarray) -> np.ndarr
 
 
 def map_deviation(facts: Facts, shots: Shots, cd: np.ndarray, cl: np.ndarray) -> np.ndarray:
-    """Mean deviation in m of the shots whose outcome is three, [len(cd), len(cl)], infinite where one is not reached.
+    """Mean deviation in m of the shots whose outcome is three at each pair, infinite where one is not reached.
 
-    Flies every pair, a microsecond each and shot.
+    cd and cl are arrays of one shape, and so is the result. Flies every pair: about a microsecond each and shot.
     """
-    every_cd, every_cl = (part.ravel() for part in np.meshgrid(cd, cl, indexing="ij"))
-    return make_scoring(facts, shots).deviation_m(every_cd, every_cl).mean(axis=1).reshape(len(cd), len(cl))
+    mean_m = make_scoring(facts, shots).deviation_m(np.ravel(cd), np.ravel(cl)).mean(axis=1)
+    return mean_m.reshape(np.shape(cd))
