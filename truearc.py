@@ -21,6 +21,7 @@ VERBS = {
     "fit": "drag and lift coefficients from a dataset",
     "synth": "balanced simulated shots",
     "train": "the classifier",
+    "sweep": "how much simulated data, and how much to trust it",
     "export": "weights to a stamped ONNX file",
     "verify": "an ONNX file against its trainer and its contract",
     "predict-gate": "the gate's probabilities, row by row",

@@ -38,8 +38,8 @@ def main(args: argparse.Namespace) -> int:
     check_recipe(Recipe(args.learning_rate, args.steps, args.patience))
     if args.epochs is not None and args.epochs < 1:
         raise BadInput(f"--epochs is {args.epochs}; at least 1 is needed")
-    real = _load_rows(args.real)
-    simulated = _load_rows(args.sim) if args.sim else None
+    real = load_rows(args.real)
+    simulated = load_rows(args.sim) if args.sim else None
     kept, heldout = split_heldout(real, args.holdout, args.seed)
     learnt, validation = split_heldout(kept, args.validation, args.seed, "--validation")
     job = Job(learnt, simulated, validation, args.simulated_weight, args.seed)
@@ -48,7 +48,7 @@ def main(args: argparse.Namespace) -> int:
     trained = train_many([job], recipe, make_progress("train", args.quiet))[0]
     sets = {"train": learnt, "validation": validation, "heldout": heldout}
     score = {name: accuracy(trained.network, rows) for name, rows in sets.items()}
-    save_weights(args.out, trained.network, _record(args, recipe, real, score, trained))
+    save_weights(args.out, trained.network, make_record(args, recipe, job, real, score, trained))
     _tell(args, recipe, trained, score)
     return 0
 
@@ -70,7 +70,8 @@ def _tell(args: argparse.Namespace, recipe: Recipe, trained: Trained, score: dic
           f"what counts is the line 'never seen'")
 
 
-def _load_rows(directory: str) -> Rows:
+def load_rows(directory: str) -> Rows:
+    """Rows of a dataset; what is left out is told on stderr, BadInput when nothing is left."""
     rows, left_out = training_rows(load_dataset(directory).shots, directory)
     for sentence in left_out:
         print(sentence, file=sys.stderr)
@@ -79,14 +80,16 @@ def _load_rows(directory: str) -> Rows:
     return rows
 
 
-def _record(args: argparse.Namespace, recipe: Recipe, real: Rows, score: dict[str, Any],
-            trained: Trained) -> dict[str, Any]:
+def make_record(args: argparse.Namespace, recipe: Recipe, job: Job, real: Rows, score: dict[str, Any],
+                trained: Trained) -> dict[str, Any]:
+    """What training.json says of a network; args: `real`, `sim`, `holdout` and `validation` as given to the door."""
     return {
-        "version": version("truearc"), "seed": args.seed, "lambda": args.simulated_weight,
+        "version": version("truearc"), "seed": job.seed, "lambda": job.simulated_weight,
         "steps": trained.step, "epochs": trained.epoch, "most_steps": recipe.steps, "patience": recipe.patience,
         "learning_rate": recipe.learning_rate, "holdout": args.holdout, "validation": args.validation,
         "real_sha256": dataset_hash(args.real),
         "sim_sha256": dataset_hash(args.sim) if args.sim else None,
+        "sim_shots": len(job.simulated.features) if job.simulated else 0,
         "coefficients": load_provenance(args.sim).get("coefficients") if args.sim else None,
         "accuracy": score, "domain": domain_of(real.features),
         "novelty": novelty_record(fit_novelty(real.features)),

@@ -1,0 +1,163 @@
+"""truearc sweep."""
+
+import argparse
+import csv
+from collections.abc import Callable, Sequence
+from functools import partial
+from itertools import chain
+from pathlib import Path
+from typing import Any, TypeVar
+
+from doors.progress import make_progress
+from doors.train_network import DEFAULT, load_rows, make_record
+from robot.config import BadInput
+from sim.fanout import fan_out
+from sim.network import save_weights
+from sim.report import make_png
+from sim.shots import check_free
+from sim.sweep import Job, Recipe, Trained, check_recipe, train_many
+from sim.sweep_kernel import LANES
+from sim.sweep_settings import (
+    Mean,
+    Network,
+    Score,
+    Setting,
+    Verdict,
+    compare,
+    draw_sweep,
+    judge,
+    mean_of,
+    of_setting,
+    plan,
+    settings_of,
+)
+from sim.train import accuracy
+
+DESCRIPTION = """Train the seed's network with every amount and weight of simulated shots that is named, many seeds of
+each, all in one batch; say which setting is best on shots that it did not learn from, and by how much."""
+EXAMPLE = "truearc sweep --real shots/ --sim simulated/ --sizes 0,500,900 --lambdas 0.01,0.1 -o sweep/"
+FIGURES = ("validation_loss", "heldout_loss", "outcome", "two", "three")
+Kind = TypeVar("Kind", int, float)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--real", required=True, metavar="DIR", help="dataset of recorded shots")
+    parser.add_argument("--sim", metavar="DIR", help="dataset of simulated shots to draw from")
+    parser.add_argument("--sizes", default="0,500,600,750,900,1000,1250", metavar="N,N...",
+                        help="numbers of simulated shots (the seed's 0,500,600,750,900,1000,1250)")
+    parser.add_argument("--lambdas", default="0.01", metavar="L,L...", help="weights of the simulated loss (0.01)")
+    parser.add_argument("--seeds", type=int, default=20, help="networks of each setting, each with its own splits (20)")
+    parser.add_argument("--seed", type=int, default=0, help="the first of them (0)")
+    parser.add_argument("--holdout", type=float, default=0.2, metavar="SHARE",
+                        help="share of recorded shots kept out of training, to report on (0.2)")
+    parser.add_argument("--validation", type=float, default=0.25, metavar="SHARE",
+                        help="share of the rest that says when to stop and which setting is best (0.25)")
+    parser.add_argument("--learning-rate", type=float, default=DEFAULT.learning_rate,
+                        help=f"Adam's step ({DEFAULT.learning_rate:g})")
+    parser.add_argument("--steps", type=int, default=DEFAULT.steps, help=f"minibatches at most ({DEFAULT.steps})")
+    parser.add_argument("--patience", type=int, default=DEFAULT.patience, metavar="STEPS",
+                        help=f"stop when so many steps have brought nothing better ({DEFAULT.patience})")
+    parser.add_argument("--scheduler", metavar="ADDRESS", help="a running Dask cluster, such as tcp://host:8786")
+    parser.add_argument("-o", "--out", required=True, metavar="DIR", help="directory to write")
+
+
+def main(args: argparse.Namespace) -> int:
+    recipe = Recipe(args.learning_rate, args.steps, args.patience)
+    check_recipe(recipe)
+    if args.seeds < 1 or args.seed < 0:
+        raise BadInput(f"--seeds is {args.seeds} and --seed {args.seed}; at least 1 and 0 are needed")
+    settings = settings_of(_numbers("--sizes", args.sizes, int), _numbers("--lambdas", args.lambdas, float))
+    home = check_free(args.out)
+    real = load_rows(args.real)
+    networks = plan(real, load_rows(args.sim) if args.sim else None, settings,
+                    range(args.seed, args.seed + args.seeds), args.holdout, args.validation)
+    trained = _train([network.job for network in networks], recipe, args.scheduler, make_progress("sweep", args.quiet))
+    scores = [judge(network, one) for network, one in zip(networks, trained, strict=True)]
+    verdict = compare(scores, settings)
+    best = verdict.best if verdict else settings[0]
+    chosen = next(number for number, network in enumerate(networks) if network.setting == best)
+    home.mkdir(parents=True, exist_ok=True)
+    _save_tables(home, scores, settings)
+    (home / "sweep.png").write_bytes(make_png(draw_sweep(scores, settings)))
+    _save_best(args, home / "best", recipe, real, networks[chosen], trained[chosen])
+    _tell(scores, settings, verdict)
+    print(f"{home}: settings.csv, networks.csv, sweep.png; best/ holds the network of seed {args.seed} "
+          f"({best.words()}), for truearc export")
+    return 0
+
+
+def _numbers(option: str, text: str, kind: Callable[[str], Kind]) -> list[Kind]:
+    try:
+        return [kind(word) for word in text.split(",")]
+    except ValueError as error:
+        raise BadInput(f"{option} {text}: {error}") from error
+
+
+def _train(jobs: Sequence[Job], recipe: Recipe, scheduler: str | None,
+           progress: Callable[[float, str], None]) -> list[Trained]:
+    """In one batch here, or in batches of LANES on a cluster."""
+    if scheduler is None:
+        return train_many(jobs, recipe, progress)
+    parts = [jobs[first:first + LANES] for first in range(0, len(jobs), LANES)]
+    return list(chain.from_iterable(fan_out(partial(_train_part, recipe), parts, scheduler, progress)))
+
+
+def _train_part(recipe: Recipe, jobs: Sequence[Job]) -> list[Trained]:
+    return train_many(jobs, recipe, threads=1)
+
+
+def _save_tables(home: Path, scores: Sequence[Score], settings: Sequence[Setting]) -> None:
+    _save_csv(home / "networks.csv", Score._fields, scores)
+    header = ["size", "weight", "seeds", *(f"{name}{end}" for name in FIGURES for end in ("", "_half95"))]
+    rows = []
+    for setting in settings:
+        mine = of_setting(scores, setting)
+        means = [mean_of([getattr(score, name) for score in mine]) for name in FIGURES]
+        rows.append([*setting, len(mine), *("" if number != number else number for mean in means for number in mean)])
+    _save_csv(home / "settings.csv", header, rows)
+
+
+def _save_csv(path: Path, header: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(header)
+        writer.writerows(rows)
+
+
+def _save_best(args: argparse.Namespace, directory: Path, recipe: Recipe, real: Any, network: Network,
+               trained: Trained) -> None:
+    sets = {"train": network.job.real, "validation": network.job.validation, "heldout": network.heldout}
+    score = {name: accuracy(trained.network, rows) for name, rows in sets.items() if rows is not None}
+    save_weights(directory, trained.network, make_record(args, recipe, network.job, real, score, trained))
+
+
+def _tell(scores: Sequence[Score], settings: Sequence[Setting], verdict: Verdict | None) -> None:
+    print(f"{'simulated':>9s} {'lambda':>7s}   cross-entropy: validation     held out    right, held out: outcome"
+          "            two          three")
+    for setting in settings:
+        mine = of_setting(scores, setting)
+        loss, heldout, *shares = [mean_of([getattr(score, name) for score in mine]) for name in FIGURES]
+        print(f"{setting.size:9d} {setting.weight:7g}   {_pm(loss):>25s} {_pm(heldout):>12s}   "
+              f"{_pm(shares[0], 100):>22s} {_pm(shares[1], 100):>14s} {_pm(shares[2], 100):>14s}")
+    if verdict:
+        print(_sentence(verdict))
+
+
+def _pm(mean: Mean, factor: float = 1.0) -> str:
+    digits, unit = (1, " %") if factor == 100 else (3, "")
+    half = "" if mean.half != mean.half else f"+-{factor * mean.half:.{digits}f}"
+    return f"{factor * mean.value:.{digits}f}{half}{unit}"
+
+
+def _sentence(verdict: Verdict) -> str:
+    """In words, with what chance alone could do; the intervals are 95 %."""
+    gain = verdict.gain
+    if gain.half != gain.half:
+        size = f"by {gain.value:+.3f} for the one seed tried, which says nothing about chance"
+    elif abs(gain.value) <= gain.half:
+        size = f"by {gain.value:+.3f} +- {gain.half:.3f}, which is within what the draw of seeds does by chance"
+    else:
+        size = (f"by {gain.value:+.3f} +- {gain.half:.3f}, which is beyond chance "
+                + ("and better" if gain.value > 0 else "and WORSE"))
+    return (f"best on the validation shots: {verdict.best.words()}; on shots held out its cross-entropy is lower than "
+            f"that of {verdict.rival.words()} {size} (seeds share the recorded shots: another session may differ)")
