@@ -5,6 +5,7 @@ lift or wheel slip is supposed, so the choice of configurations favours no simul
 """
 
 import math
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -27,9 +28,10 @@ PERCENT = 0.01                        # log speed is counted in hundredths, abou
 LEAST_GAIN_M = 0.5                    # nearly along the line of sight the parabola says nothing about speed
 LEAST_P = 1e-4                        # a mark in ten thousand may be anything
 
-# Intended height at the plane beside the centre, either way (m): share of the configurations, least, most. What is
-# meant for the centre and is not repeatable enough comes out a two, so few are meant to be one.
-INTENTIONS = ((0.5, 0.0, 0.01), (0.15, 0.03, 0.30), (0.35, 0.40, 1.50))
+# Intended height at the plane beside the centre, either way, for each outcome: least, most (m).
+INTENDED_M = {"three": (0.0, 0.01), "two": (0.03, 0.30), "miss": (0.40, 1.50)}
+# How many of each must be meant for one to be had: much of what is meant for the centre comes out a two.
+TRIES = {"three": 2.5, "two": 1.0, "miss": 1.1}
 
 
 class Aiming(NamedTuple):
@@ -84,24 +86,36 @@ def _first_guess(log_speed: np.ndarray, levers: np.ndarray, cells: np.ndarray) -
     return -np.array(terms) * PERCENT / max(float(slope), 1e-3)
 
 
-def propose(facts: Facts, collect: Collect, aiming: Aiming, count: int, rng: np.random.Generator) -> list[Prescribed]:
-    """`count` configurations this launcher can be set to, by distance, so that little time is spent on driving."""
+def intentions(lacking: Mapping[str, int]) -> dict[str, float]:
+    """Share of the next configurations to be meant for each outcome, by how many of it are lacking (sums to 1)."""
+    tries = {outcome: TRIES[outcome] * max(lacking[outcome], 0) for outcome in TRIES}
+    total = sum(tries.values())
+    return {outcome: count / total if total else 1.0 / len(tries) for outcome, count in tries.items()}
+
+
+def propose(facts: Facts, collect: Collect, aiming: Aiming, shares: Mapping[str, float], count: int,
+            rng: np.random.Generator) -> list[Prescribed]:
+    """`count` configurations this launcher can be set to, `shares` of them meant for each outcome.
+
+    By distance, so that little time is spent on driving.
+    """
     rows: list[Prescribed] = []
     while len(rows) < count:
-        row = _propose_one(facts, collect, aiming, rng)
+        row = _propose_one(facts, collect, aiming, shares, rng)
         if row is not None:
             rows.append(row)
     return sorted(rows, key=lambda row: row.distance_m)
 
 
-def _propose_one(facts: Facts, collect: Collect, aiming: Aiming, rng: np.random.Generator) -> Prescribed | None:
+def _propose_one(facts: Facts, collect: Collect, aiming: Aiming, shares: Mapping[str, float],
+                 rng: np.random.Generator) -> Prescribed | None:
     assert facts.target is not None
     rise_m = facts.target.centre_height_m - facts.launcher.release_height_m
     distance_m = float(rng.uniform(*DISTANCES_M))
     low_deg = max(collect.hood_low_deg, math.degrees(math.atan2(rise_m, distance_m)) + FEASIBLE_DEG)
     hood_deg = float(rng.uniform(low_deg, max(low_deg, collect.hood_high_deg)))
-    _, least_m, most_m = INTENTIONS[int(rng.choice(len(INTENTIONS), p=[share for share, _, _ in INTENTIONS]))]
-    beside_m = float(rng.choice([-1.0, 1.0]) * rng.uniform(least_m, most_m))
+    outcome = rng.choice(list(INTENDED_M), p=[shares[name] for name in INTENDED_M])
+    beside_m = float(rng.choice([-1.0, 1.0]) * rng.uniform(*INTENDED_M[str(outcome)]))
     place = np.array([distance_m]), np.array([hood_deg])
     log_speed = float(aiming.terms @ _levers(*place)[0] + beside_m / _gain_m(facts, *place)[0])
     speed_m_s = vacuum_speed_m_s(distance_m, rise_m, hood_deg, facts.world.gravity_m_s2)

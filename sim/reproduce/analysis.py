@@ -9,12 +9,11 @@ import numpy as np
 from sim.reproduce.intervals import Interval, interval
 from sim.reproduce.metrics import Metrics, measure
 from sim.reproduce.networks import Answer, Setting
-from sim.reproduce.repetition import Repetition
+from sim.reproduce.repetition import OURS, Repetition
 from sim.reproduce.settings import Settings
 
 EVERYTHING, REAL, SIMULATED = "D_r test + D_s^T", "D_r test", "D_s^T"
 WHERE = (EVERYTHING, REAL, SIMULATED)
-OURS = "our gate"
 BY_VALIDATION = "seed's network, setting best by validation"
 BY_TEST = "seed's network, setting best by test (generous)"
 PAPERS = "seed's network, the paper's setting"
@@ -115,12 +114,18 @@ def _differences(analysis: Analysis, settings: list[Setting]) -> list[Difference
 def best_by_test(analysis: Analysis, settings: list[Setting], where: str, metric: str) -> Setting:
     """The one setting with the best mean over repetitions on the very rows that it is judged by."""
     sign = -1.0 if metric in LOW_IS_GOOD else 1.0
-    return max(settings, key=lambda setting: sign * float(np.nanmean(
-        analysis.values(network_name(setting), where, metric))))
+    means = {setting: _mean(analysis.values(network_name(setting), where, metric)) for setting in settings}
+    return max(settings, key=lambda setting: -np.inf if np.isnan(means[setting]) else sign * means[setting])
+
+
+def _mean(values: np.ndarray) -> float:
+    """Over the repetitions that have a value; NaN when none has."""
+    kept = values[~np.isnan(values)]
+    return float(kept.mean()) if len(kept) else float("nan")
 
 
 def _difference(analysis: Analysis, where: str, metric: str, model: str, other: str, setting: str) -> Difference:
     ours, theirs = analysis.values(OURS, where, metric), analysis.values(model, where, metric)
     gap = interval(ours - theirs)
     better = max(gap.high, gap.boot_high) < 0.0 if metric in LOW_IS_GOOD else min(gap.low, gap.boot_low) > 0.0
-    return Difference(where, metric, other, setting, float(np.nanmean(ours)), float(np.nanmean(theirs)), gap, better)
+    return Difference(where, metric, other, setting, _mean(ours), _mean(theirs), gap, better)

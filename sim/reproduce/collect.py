@@ -5,7 +5,7 @@ where it stopped. Nothing here records: that is `record`'s work, which returns t
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,7 +18,7 @@ from robot.plan import with_plan
 from sim.fit.grid import fit_grid
 from sim.recordings import shots_from_sessions
 from sim.repeatability import label_by_repeatability
-from sim.reproduce.aiming import RATIOS, Aiming, learn_aiming, propose
+from sim.reproduce.aiming import RATIOS, Aiming, intentions, learn_aiming, propose
 from sim.reproduce.draws import draw
 from sim.reproduce.settings import Settings
 from sim.shots import Dataset, Shots
@@ -72,17 +72,18 @@ def collect_real(config: Config, settings: Settings, record: Record) -> Dataset:
     practice = record([Recording(f"practice-{number}", loose, settings.practice_trials, _seed(settings, 0, number))
                        for number in range(ABREAST)], "practice")
     sessions: list[Path] = []
+    counts = dict.fromkeys(OUTCOMES, 0)
     for round_number in range(settings.most_rounds):
         aiming = _aiming(config.rig, [*practice, *sessions])
-        sessions += record([_aimed(config, settings, aiming, round_number, number) for number in range(ABREAST)],
-                           f"round {round_number + 1}")
+        shares = intentions({outcome: settings.pool_each - count for outcome, count in counts.items()})
+        sessions += record([_aimed(config, settings, aiming, shares, round_number, number)
+                            for number in range(ABREAST)], f"round {round_number + 1} ({_said(counts)})")
         labelled = labels(sessions, "real", settings)
-        counts = [labelled.shots.text("outcome").count(outcome) for outcome in OUTCOMES]
-        if min(counts) >= settings.pool_each:
+        counts = {outcome: labelled.shots.text("outcome").count(outcome) for outcome in OUTCOMES}
+        if min(counts.values()) >= settings.pool_each:
             return labelled
-    if min(counts) < settings.each:
-        said = ", ".join(f"{count} {outcome}" for count, outcome in zip(counts, OUTCOMES, strict=True))
-        raise BadInput(f"{len(sessions)} sessions gave {said}: too few for draws of {settings.configurations}")
+    if min(counts.values()) < settings.each:
+        raise BadInput(f"{len(sessions)} sessions gave {_said(counts)}: too few for draws of {settings.configurations}")
     return labelled
 
 
@@ -99,9 +100,15 @@ def _aiming(facts: Facts, sessions: Sequence[Path]) -> Aiming:
     return aiming
 
 
-def _aimed(config: Config, settings: Settings, aiming: Aiming, round_number: int, number: int) -> Recording:
+def _said(counts: Mapping[str, int]) -> str:
+    return ", ".join(f"{count} {outcome}" for outcome, count in counts.items())
+
+
+def _aimed(config: Config, settings: Settings, aiming: Aiming, shares: Mapping[str, float], round_number: int,
+           number: int) -> Recording:
     seed = _seed(settings, 1 + round_number, number)
-    rows = propose(config.rig, config.collect, aiming, settings.session_rows, np.random.default_rng([seed, 31]))
+    rows = propose(config.rig, config.collect, aiming, shares, settings.session_rows,
+                   np.random.default_rng([seed, 31]))
     return _prescribed(f"aimed-{round_number:02d}-{number}", config, rows, settings, seed)
 
 

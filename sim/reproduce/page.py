@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 
 from sim.report import make_page, make_png, paragraph, picture, table
-from sim.reproduce.analysis import BY_TEST, BY_VALIDATION, EVERYTHING, OURS, PAPERS, Analysis
+from sim.reproduce.analysis import BY_TEST, BY_VALIDATION, EVERYTHING, PAPERS, Analysis
 from sim.reproduce.collect import LAUNCHABLE, Pool
 from sim.reproduce.metrics import Metrics
 from sim.reproduce.networks import Answer, Setting
 from sim.reproduce.pictures import draw_deviations, draw_reliability, draw_sets, draw_sizes, draw_weights
-from sim.reproduce.repetition import SIMULATOR, Repetition
+from sim.reproduce.repetition import OURS, SIMULATOR, Repetition
 from sim.reproduce.settings import Settings
 from sim.reproduce.tables import Table
 from sim.synth import OUTCOMES
@@ -68,11 +68,11 @@ def save_page(path: Path, pool: Pool, repetitions: Sequence[Repetition], answers
     target = pool.real.facts.target
     assert target is not None
     pictures = {
-        "Table I": picture(make_png(draw_deviations(repetitions, target.three_half_height_m,
+        "Table I:": picture(make_png(draw_deviations(repetitions, target.three_half_height_m,
                                                     target.two_half_height_m)),
                            "deviations on the test sets", "Figure 8, right. Black bars: medians. Its own points "
                            "are not printed in the paper; their mean is."),
-        "Table II": picture(make_png(draw_sizes(analysis, settings)), "accuracy by the amount of simulated data",
+        "Table II:": picture(make_png(draw_sizes(analysis, settings)), "accuracy by the amount of simulated data",
                             "Bands: 95 % intervals of the mean over repetitions."),
         "Figure 9": picture(make_png(draw_sets(analysis, settings)), "accuracy on both sets", "Figure 9 redrawn; the "
                             "paper's bars are not printed as numbers."),

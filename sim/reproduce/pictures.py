@@ -9,11 +9,11 @@ from matplotlib.figure import Figure
 from sim.pictures import COLOURS
 from sim.report import new_figure
 from sim.reproduce import paper
-from sim.reproduce.analysis import EVERYTHING, OURS, REAL, SIMULATED, Analysis, network_name
+from sim.reproduce.analysis import EVERYTHING, REAL, SIMULATED, Analysis, network_name
 from sim.reproduce.intervals import interval
 from sim.reproduce.metrics import BINS
 from sim.reproduce.networks import Setting
-from sim.reproduce.repetition import Repetition
+from sim.reproduce.repetition import OURS, Repetition
 from sim.reproduce.settings import Settings
 
 BLUE, GREY, RED, GREEN = "#1f5fa8", "#9aa3af", "#b3261e", "#1b7f3b"

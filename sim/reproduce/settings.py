@@ -49,4 +49,4 @@ def quick(base_seed: int, draws: int) -> Settings:
     """Sizes that take minutes: enough to see every table and picture, not enough to conclude anything."""
     return Settings(base_seed=base_seed, draws=draws, configurations=30, transfer=12, repeats=5, practice_trials=40,
                     session_rows=20, pool_each=12, most_rounds=4, launched=30, sizes=(0, 500, 900),
-                    weights=(0.001, 0.01, 0.1, 10.0), grid_step=0.02, steps=60_000, patience=20_000)
+                    weights=(0.001, 0.01, 0.1, 10.0), grid_step=0.02, steps=200_000, patience=50_000)

@@ -11,7 +11,6 @@ from sim.reproduce.analysis import (
     COMPARED,
     EVERYTHING,
     LOW_IS_GOOD,
-    OURS,
     REAL,
     SIMULATED,
     WHERE,
@@ -21,7 +20,7 @@ from sim.reproduce.analysis import (
 from sim.reproduce.intervals import Interval, interval
 from sim.reproduce.metrics import BINS, Metrics
 from sim.reproduce.networks import Setting
-from sim.reproduce.repetition import Repetition
+from sim.reproduce.repetition import OURS, Repetition
 from sim.reproduce.settings import Settings
 
 NAMES = {"accuracy": "accuracy", "class_three": "3-pt class accuracy", "class_two": "2-pt class accuracy",
@@ -151,7 +150,7 @@ def _over(analysis: Analysis, model: str, where: str, metric: str) -> str:
 
 def _percent(value: float | Interval) -> str:
     if isinstance(value, Interval):
-        return f"{value.mean:.1%} ({value.low:.1%} to {value.high:.1%})"
+        return f"{value.mean:.1%} ({max(value.low, 0.0):.1%} to {min(value.high, 1.0):.1%})"
     return f"{value:.2%}"
 
 

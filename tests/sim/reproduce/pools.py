@@ -7,9 +7,9 @@ import numpy as np
 import robot
 from robot.config import load_config
 from sim.physics.launch import Exit
-from sim.physics.shot import classify, fly_rows, launch_of
+from sim.physics.shot import classify, fly_rows, launch_of, predict
 from sim.repeatability import rule
-from sim.reproduce.collect import Pool, choose_launches
+from sim.reproduce.collect import LAUNCHABLE, Pool
 from sim.reproduce.settings import Settings
 from sim.shots import Dataset, Shots
 
@@ -66,9 +66,13 @@ def heights(distance_m: np.ndarray, hood_deg: np.ndarray, ratio: np.ndarray) -> 
 
 
 def make_pool(seed: int = 1) -> Pool:
+    """A pool whose launched configurations are drawn by another simulator, a wrong one, around where it scores."""
     rng = np.random.default_rng(seed)
-    real = labelled(configurations(70, rng), rng)
-    coefficients = {"drag": {"cd": 1.4}, "magnus": {"cl": 0.1}}
-    chosen, said = choose_launches(FACTS, coefficients, real, SMALL.launched, 3, lambda done, note: None)
-    with_said = Shots(chosen.shot_id, chosen.numbers, {"simulated": tuple(map(str, said))})
-    return Pool(Dataset("real", FACTS, real), Dataset("launched", FACTS, labelled(with_said, rng)), coefficients)
+    real = labelled(configurations(90, rng), rng)
+    around = configurations(60, rng)
+    columns = {name: np.clip(around.number(name) * rng.uniform(0.97, 1.03, 60), *LAUNCHABLE[name])
+               for name in LAUNCHABLE}
+    coefficients = {"drag": {"cd": 1.2}, "magnus": {"cl": 0.05}}
+    said = classify(FACTS, predict(FACTS, coefficients, Shots(around.shot_id, columns, {})).height_m)
+    chosen = Shots(tuple(f"launched-c{k:04d}" for k in range(60)), columns, {"simulated": tuple(map(str, said))})
+    return Pool(Dataset("real", FACTS, real), Dataset("launched", FACTS, labelled(chosen, rng)), coefficients)

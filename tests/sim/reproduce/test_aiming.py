@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from sim.physics.launch import exit_seed
-from sim.reproduce.aiming import INTENTIONS, learn_aiming, propose
+from sim.reproduce.aiming import intentions, learn_aiming, propose
 from sim.shots import Shots
 from tests.sim.reproduce.pools import CONFIG, FACTS
 
+SHARES = {"three": 0.5, "two": 0.2, "miss": 0.3}
 RISE_M = FACTS.target.centre_height_m - FACTS.launcher.release_height_m
 
 
@@ -39,16 +40,15 @@ def practice(count, seed, scatter=0.004):
 @pytest.mark.parametrize("seed", [1, 2])
 def test_proposals_land_where_they_are_meant_to(seed):
     aiming = learn_aiming(FACTS, practice(300, seed))
-    rows = propose(FACTS, CONFIG.collect, aiming, 300, np.random.default_rng(seed))
+    rows = propose(FACTS, CONFIG.collect, aiming, SHARES, 300, np.random.default_rng(seed))
     assert [row.distance_m for row in rows] == sorted(row.distance_m for row in rows)
     columns = {name: np.array([getattr(row, name) for row in rows]) for name in
                ("distance_m", "hood_deg", "motor_ratio")}
     shots = Shots(tuple(map(str, range(300))), columns, {})
     practised = columns["hood_deg"] >= 44.0
     up_m = np.abs(pass_height_m(shots, 0.0))[practised]
-    share_three, _, share_miss = (share for share, _, _ in INTENTIONS)
-    assert np.mean(up_m <= 0.07) == pytest.approx(share_three, abs=0.12)
-    assert np.mean(up_m > 0.35) == pytest.approx(share_miss, abs=0.1)
+    assert np.mean(up_m <= 0.07) == pytest.approx(SHARES["three"], abs=0.12)
+    assert np.mean(up_m > 0.35) == pytest.approx(SHARES["miss"], abs=0.1)
 
 
 def test_without_misses_on_both_sides_nothing_is_learnt():
@@ -59,6 +59,13 @@ def test_without_misses_on_both_sides_nothing_is_learnt():
 
 def test_proposals_can_be_shot():
     aiming = learn_aiming(FACTS, practice(200, 4))
-    for row in propose(FACTS, CONFIG.collect, aiming, 200, np.random.default_rng(0)):
+    for row in propose(FACTS, CONFIG.collect, aiming, SHARES, 200, np.random.default_rng(0)):
         assert 2.6 <= row.distance_m <= 8.0 and 0.0 < row.motor_ratio <= 1.0
         assert CONFIG.hood.low_deg <= row.hood_deg <= CONFIG.hood.high_deg
+
+
+def test_what_is_lacking_is_meant_and_what_is_not_is_left():
+    shares = intentions({"three": 20, "two": -3, "miss": 10})
+    assert shares["two"] == 0.0 and shares["three"] > 2.0 * shares["miss"] > 0.0
+    assert sum(shares.values()) == pytest.approx(1.0)
+    assert sum(intentions({"three": 0, "two": 0, "miss": 0}).values()) == pytest.approx(1.0)
