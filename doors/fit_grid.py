@@ -31,8 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     grid.add_argument("--picture", metavar="FILE", help="png to draw the map to")
     grid.add_argument("--tied", metavar="FILE", help="csv to write all tied pairs to, the chosen one first")
     grid.add_argument("--bootstrap", type=int, default=0, metavar="N",
-                      help="resample the shots N times and say how far the choice moves")
-    grid.add_argument("--seed", type=int, default=0, help="of --bootstrap (%(default)s)")
+                      help="resample the shots N times (from --seed) and say how far the choice moves")
 
 
 def main(args: argparse.Namespace) -> int:

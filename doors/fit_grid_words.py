@@ -52,7 +52,8 @@ def _ties(fit: GridFit) -> Iterator[str]:
 def _chosen(fit: GridFit, scored: Score) -> Iterator[str]:
     yield f"chosen: cd {fit.cd:.3f}, cl {fit.cl:.3f}, the least mean deviation among the tied"
     if math.isfinite(fit.mean_m):
-        yield f"  its three-pointers pass the centre {fit.mean_m:.3f} m off in the mean, {fit.median_m:.3f} m in the median"
+        yield (f"  with it the three-pointers pass {fit.mean_m:.3f} m off the centre in the mean, {fit.median_m:.3f} m "
+               "in the median")
     else:
         yield ("  with it, as with every tied pair, some of the three-pointers do not reach the target at all, so that "
                "there is no mean deviation; " + (f"the median is {fit.median_m:.3f} m" if math.isfinite(fit.median_m)
@@ -69,11 +70,11 @@ def _bootstrap(again: Bootstrap | None) -> Iterator[str]:
     if not again.cd.size:
         yield "bootstrap: no resample held a three-pointer"
         return
-    yield (f"bootstrap: with the shots drawn again {len(again.cd)} times (seed {again.seed}), 90 % of the choices lie in "
-           + " and ".join(f"{name} {low:.3f} to {high:.3f}"
+    yield (f"bootstrap: with the shots drawn again {len(again.cd)} times (seed {again.seed}), 90 % of the choices lie "
+           "in " + " and ".join(f"{name} {low:.3f} to {high:.3f}"
                           for name, (low, high) in (("cd", again.interval90("cd")), ("cl", again.interval90("cl")))))
     if again.without_three:
-        yield f"  {again.without_three} further draws held no three-pointer and chose nothing"
+        yield f"  draws left out because they held no three-pointer: {again.without_three}"
 
 
 def _warnings(fit: GridFit) -> Iterator[str]:
