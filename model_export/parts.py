@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from onnx import NodeProto, helper
 
-from robot.gate.contract import INPUT, NOVELTY, OUTPUT
+from robot.gate.contract import FEATURES, INPUT, NOVELTY, OUTPUT
 from sim.gate.likelihood import LAPSE_CELLS, Shape
 from sim.gate.novelty import Novelty
 from sim.gate.surrogate import Surrogate
@@ -43,12 +43,12 @@ def novelty_part(novelty: Novelty) -> Part:
              helper.make_node("ReduceSumSquare", ["known_z"], ["known_own"], axes=[1], keepdims=1),
              helper.make_node("Add", ["known_kth", "known_own"], ["known_squared"]),
              helper.make_node("Relu", ["known_squared"], ["known_positive"]),
-             helper.make_node("Sqrt", ["known_positive"], ["known_distance"]),
-             helper.make_node("Mul", ["known_distance", "known_per_distance"], [NOVELTY])]
+             helper.make_node("Sqrt", ["known_positive"], [NOVELTY])]
+    landmarks = novelty.landmarks / novelty.largest
     return Part(nodes, {
-        "known_mean": novelty.mean, "known_scale": novelty.scale, "known_y": -2.0 * novelty.landmarks.T,
-        "known_y_squared": (novelty.landmarks**2).sum(axis=1), "known_k": np.array([novelty.neighbour]),
-        "known_last": np.array([novelty.neighbour - 1]), "known_per_distance": np.array(1.0 / novelty.largest)})
+        "known_mean": novelty.mean, "known_scale": novelty.scale / novelty.largest, "known_y": -2.0 * landmarks.T,
+        "known_y_squared": (landmarks**2).sum(axis=1), "known_k": np.array([novelty.neighbour]),
+        "known_last": np.array([novelty.neighbour - 1])})
 
 
 def physics_part(surrogate: Surrogate, shape: Shape, aside: float) -> Part:
@@ -56,45 +56,49 @@ def physics_part(surrogate: Surrogate, shape: Shape, aside: float) -> Part:
 
     Chebyshev polynomials as cos(k arccos u); no flight is integrated here. An outcome within a half-height has the
     probability (1 - lapse) (erf(above) - erf(below)) / 2 + its share of a lapse, and all that passes aside is a miss.
+    Few nodes: at one row a decision each costs more than its arithmetic.
     """
-    degree = surrogate.coefficients.shape[1]
-    nodes = [helper.make_node("Sub", [INPUT, "box_middle"], ["box_centred"]),
-             helper.make_node("Mul", ["box_centred", "box_per_half"], ["box_free"]),
+    nodes = [helper.make_node("Gemm", [INPUT, "to_box", "from_middle"], ["box_free"]),          # each u, degree times
              helper.make_node("Clip", ["box_free", "minus_one", "one"], ["box_u"]),
              helper.make_node("Acos", ["box_u"], ["turn"]),
-             helper.make_node("Unsqueeze", ["turn", "axis_two"], ["turn_column"]),
-             helper.make_node("Mul", ["turn_column", "orders"], ["turns"]),
+             helper.make_node("Mul", ["turn", "orders"], ["turns"]),
              helper.make_node("Cos", ["turns"], ["polynomials"]),
-             *(helper.make_node("Gather", ["polynomials", f"place_{k}"], [f"polynomial_{k}"], axis=1)
-               for k in range(3)),
-             helper.make_node("MatMul", ["polynomial_0", "coefficients"], ["flat"]),
-             helper.make_node("Reshape", ["flat", "cube"], ["left_two"]),
-             helper.make_node("Unsqueeze", ["polynomial_1", "axes_one_two"], ["row_1"]),
-             helper.make_node("Unsqueeze", ["polynomial_2", "axes_one_three"], ["column_2"]),
-             helper.make_node("MatMul", ["left_two", "column_2"], ["left_one"]),
-             helper.make_node("MatMul", ["row_1", "left_one"], ["left_none"]),
-             helper.make_node("Reshape", ["left_none", "pair"], ["latent"]),
-             helper.make_node("Gather", ["latent", "first"], ["mean_m"], axis=1),
-             helper.make_node("Gather", ["latent", "second"], ["free_m2"], axis=1),
-             helper.make_node("Max", ["free_m2", "least_m2"], ["square_m2"]),
-             helper.make_node("Mul", ["square_m2", "two"], ["double_m2"]),
+             helper.make_node("Split", ["polynomials"], ["first", "second", "third"], axis=1),
+             helper.make_node("MatMul", ["first", "coefficients"], ["flat"]),
+             helper.make_node("Reshape", ["flat", "left_two_shape"], ["left_two"]),
+             helper.make_node("Unsqueeze", ["third", "axis_two"], ["third_column"]),
+             helper.make_node("MatMul", ["left_two", "third_column"], ["left_one_flat"]),
+             helper.make_node("Reshape", ["left_one_flat", "left_one_shape"], ["left_one"]),
+             helper.make_node("Unsqueeze", ["second", "axis_two"], ["second_column"]),
+             helper.make_node("MatMul", ["left_one", "second_column"], ["latent"]),
+             helper.make_node("Split", ["latent"], ["mean_m", "double_free_m2"], axis=1),
+             helper.make_node("Max", ["double_free_m2", "double_least_m2"], ["double_m2"]),
              helper.make_node("Sqrt", ["double_m2"], ["spread_m"]),
-             helper.make_node("Sub", ["edges_m", "mean_m"], ["above_m"]),
-             helper.make_node("Add", ["edges_m", "mean_m"], ["below_m"]),
-             *(node for side in ("above", "below") for node in (
-                 helper.make_node("Div", [f"{side}_m", "spread_m"], [f"{side}_z"]),
-                 helper.make_node("Erf", [f"{side}_z"], [f"{side}_share"]))),
-             helper.make_node("Add", ["above_share", "below_share"], ["within"]),
-             helper.make_node("Mul", ["within", "gain"], ["within_share"]),
-             helper.make_node("Add", ["within_share", "lapse_share"], ["free_p"]),
+             helper.make_node("Sub", ["edges_m", "mean_m"], ["apart_m"]),
+             helper.make_node("Div", ["apart_m", "spread_m"], ["apart"]),
+             helper.make_node("Erf", ["apart"], ["shares_flat"]),
+             helper.make_node("Reshape", ["shares_flat", "shares_shape"], ["shares"]),
+             helper.make_node("Gemm", ["shares", "within", "lapse_share"], ["free_p"]),
              helper.make_node("Clip", ["free_p", "zero", "one"], [OUTPUT])]
-    seen = 1.0 - aside
-    return Part(nodes, {
-        "box_middle": surrogate.middle, "box_per_half": surrogate.per_half, "orders": np.arange(degree, dtype=float),
-        "minus_one": np.array(-1.0), "zero": np.array(0.0), "one": np.array(1.0), "two": np.array(2.0),
-        "axis_two": np.array([2]), "axes_one_two": np.array([1, 2]), "axes_one_three": np.array([1, 3]),
-        **{f"place_{k}": np.array(k) for k in range(3)}, "first": np.array([0]), "second": np.array([1]),
-        "coefficients": surrogate.coefficients.transpose(1, 0, 2, 3).reshape(degree, -1),
-        "cube": np.array([0, 2, degree, degree]), "pair": np.array([0, 2]), "least_m2": np.array(surrogate.least_m2),
-        "edges_m": np.array([shape.two_m, shape.three_m]), "gain": np.array(0.5 * seen * (1.0 - shape.lapse)),
-        "lapse_share": seen * shape.lapse * np.array([LAPSE_CELLS[1:4].sum(), LAPSE_CELLS[2]])})
+    return Part(nodes, {**_polynomial_constants(surrogate), **_outcome_constants(shape, aside)})
+
+
+def _polynomial_constants(surrogate: Surrogate) -> dict[str, np.ndarray]:
+    degree = surrogate.coefficients.shape[1]
+    scaled = surrogate.coefficients * np.array([1.0, 2.0])[:, None, None, None]       # erf wants twice the variance
+    return {"to_box": np.repeat(np.diag(surrogate.per_half), degree, axis=1),
+            "from_middle": np.repeat(-surrogate.middle * surrogate.per_half, degree),
+            "orders": np.tile(np.arange(degree, dtype=float), len(FEATURES)),
+            "coefficients": scaled.transpose(1, 0, 2, 3).reshape(degree, -1),
+            "left_two_shape": np.array([0, 2 * degree, degree]), "left_one_shape": np.array([0, 2, degree]),
+            "axis_two": np.array([2]), "minus_one": np.array(-1.0), "one": np.array(1.0),
+            "double_least_m2": np.array(2.0 * surrogate.least_m2)}
+
+
+def _outcome_constants(shape: Shape, aside: float) -> dict[str, np.ndarray]:
+    """`within`: erf at (two, three, -two, -three) to the shares within two and within three."""
+    half = 0.5 * (1.0 - aside) * (1.0 - shape.lapse) * np.eye(2)
+    lapses = np.array([LAPSE_CELLS[1:4].sum(), LAPSE_CELLS[2]])
+    return {"edges_m": np.array([shape.two_m, shape.three_m, -shape.two_m, -shape.three_m]),
+            "shares_shape": np.array([0, 4]), "within": np.concatenate([half, -half]),
+            "lapse_share": (1.0 - aside) * shape.lapse * lapses, "zero": np.array(0.0)}
