@@ -82,3 +82,52 @@ def test_fit_refuses_by_name(home, capsys):
     assert "--step: 0.3" in capsys.readouterr().err
     assert main(["fit", str(home), "--step", "2.5", "--quiet", "-o", "/nowhere/c.toml"]) == 2
     assert "/nowhere/c.toml" in capsys.readouterr().err
+
+
+def test_fit_says_what_it_found_and_where_to_be_careful(home, tmp_path, capsys):
+    """Four shots: the tied pairs are listed, and one or two three-pointers are called few."""
+    tied, picture = tmp_path / "tied.csv", tmp_path / "map.png"
+    assert main(["fit", str(home), "--step", "0.1", "--tied", str(tied), "--picture", str(picture), "--quiet"]) == 0
+    said = capsys.readouterr().out
+    rows = list(csv.DictReader(tied.open()))
+    assert f"{len(rows)} pairs do so equally well (tied)" in said
+    assert "chosen: cd {:.3f}, cl {:.3f}".format(float(rows[0]["cd"]), float(rows[0]["cl"])) in said
+    means = [float(row["mean_deviation_m"]) for row in rows]
+    assert means == sorted(means)
+    for row in rows[:3]:
+        off_m = [abs(reference.integrate(*shot, float(row["cd"]), float(row["cl"])).height_m - 2.44)
+                 for shot, outcome in zip(ROWS, OUTCOMES, strict=True) if outcome == "three"]
+        assert float(row["mean_deviation_m"]) == pytest.approx(np.mean(off_m), abs=1e-5)
+    assert "careful: only 2 three-pointers" in said
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_fit_lists_ten_of_many_ties(home, capsys):
+    assert main(["fit", str(home), "--step", "0.02", "--quiet"]) == 0
+    said = capsys.readouterr().out.splitlines()
+    header = next(row for row, line in enumerate(said) if line.startswith("     cd"))
+    more = next(row for row, line in enumerate(said) if "and" in line and "more (--tied" in line)
+    assert more == header + 11
+
+
+def test_fit_puts_the_bootstrap_into_the_provenance(home, tmp_path, capsys):
+    out = tmp_path / "c.toml"
+    assert main(["fit", str(home), "--step", "0.1", "--bootstrap", "20", "--seed", "3", "-o", str(out), "--quiet"]) == 0
+    said, told = capsys.readouterr().out, load_provenance(out)
+    assert f"drawn again {told['bootstrap_resamples']} times (seed 3)" in said
+    assert f"cd {told['cd_low90']:.3f} to {told['cd_high90']:.3f}" in said
+    assert told["cl_low90"] <= load_coefficients(out)["magnus"]["cl"] <= told["cl_high90"]
+
+
+def test_fit_in_words_when_no_pair_reaches_all(tmp_path, capsys):
+    """One three-pointer no drag and lift can have flown: never `inf`, and no deviation in the file."""
+    rows = [*ROWS[:1], (16.0, 0.1, 20.0)]
+    columns = dict(zip(("distance_m", "motor_ratio", "hood_deg"), np.array(rows).T, strict=True))
+    save_dataset(tmp_path / "odd", Dataset("odd", GUPPY, Shots(("a", "b"), columns, {"outcome": ("three",) * 2})))
+    out = tmp_path / "c.toml"
+    assert main(["fit", str(tmp_path / "odd"), "--step", "0.05", "--quiet", "-o", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert "do not reach the target at all" in said and "inf" not in said
+    assert "careful: no drag and lift explain these shots well" in said
+    assert "mean_deviation_m" not in load_provenance(out)
+    assert main(["fit", str(tmp_path / "odd"), "--bootstrap", "-1"]) == 2

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from robot.config import BadInput
-from sim.fit.grid import fit_grid, make_axis
+from sim.fit.grid import fit_grid, make_axis, map_deviation
+from sim.fit.grid_bootstrap import bootstrap_grid
 from sim.fit.score import score
 from sim.shots import Shots
 from tests.sim.physics import reference
@@ -49,9 +50,15 @@ def test_the_map_is_that_of_brute_force(recorded):
     np.testing.assert_array_equal(fit.axis, axis)
     np.testing.assert_allclose(fit.share_three, (off_m[..., three] <= THREE_M).mean(-1))
     np.testing.assert_allclose(fit.share_two, (off_m[..., scoring] <= TWO_M).mean(-1))
-    np.testing.assert_allclose(fit.mean_deviation_m, off_m[..., three].mean(-1), atol=1e-3)
+    every_cd, every_cl = np.meshgrid(axis, axis, indexing="ij")
+    mean_m = map_deviation(GUPPY, recorded, every_cd, every_cl)
+    np.testing.assert_allclose(mean_m, off_m[..., three].mean(-1), atol=1e-4)
     key = fit.share_three + 1e-3 * fit.share_two
     np.testing.assert_array_equal(fit.tied, key == key.max())
+    at = np.searchsorted(axis, fit.ties[:, 0]), np.searchsorted(axis, fit.ties[:, 1])
+    assert len(fit.ties) == fit.tied.sum() == fit.tied[at].sum()
+    np.testing.assert_allclose(fit.ties[:, 2], off_m[..., three].mean(-1)[at], atol=1e-4)
+    np.testing.assert_allclose(fit.ties[:, 3], np.median(off_m[..., three], axis=-1)[at], atol=1e-4)
 
 
 def test_finds_the_truth_on_a_finer_grid(recorded):
@@ -63,7 +70,10 @@ def test_finds_the_truth_on_a_finer_grid(recorded):
     assert fit.share_three[at] == fit.share_two[at] == 1.0
     assert abs(fit.cd - TRUTH[0]) <= 0.15
     assert abs(fit.cl - TRUTH[1]) <= 0.05
-    assert fit.mean_m == fit.mean_deviation_m[fit.tied].min() <= fit.mean_deviation_m[at]
+    assert fit.mean_m == fit.ties[:, 2].min()
+    assert list(fit.ties[:, 2]) == sorted(fit.ties[:, 2])
+    assert list(TRUTH) in np.round(fit.ties[:, :2], 9).tolist()
+    assert fit.median_pair in [tuple(pair) for pair in fit.ties[fit.ties[:, 3] == fit.ties[:, 3].min(), :2]]
     assert said[-1] == 1.0
     scored = score(GUPPY, fit.coefficients, recorded)
     assert (scored.three, scored.two) == (1.0, 1.0)
@@ -102,3 +112,36 @@ def test_the_seeds_axis():
 def test_a_dataset_without_a_three_is_refused():
     with pytest.raises(BadInput, match="outcome is three"):
         fit_grid(GUPPY, _shots([(3.0, 0.5, 50.0)], ["two"]), 1.0)
+
+
+def test_shots_that_no_pair_explains_are_refused_in_words():
+    """Eight metres with the slowest wheels."""
+    with pytest.raises(BadInput, match="no pair of coefficients"):
+        fit_grid(GUPPY, _shots([(8.0, 0.05, 50.0)], ["three"]), 0.5)
+
+
+def test_a_bootstrap_is_the_fit_of_the_shots_drawn(recorded):
+    """Each draw, made into a dataset of its own and fitted from scratch, chooses the same pair."""
+    fit = fit_grid(GUPPY, recorded, 0.1)
+    again = bootstrap_grid(GUPPY, recorded, fit, 8, 5)
+    scoring = np.flatnonzero(np.array(recorded.text("outcome")) != "miss")
+    draws = np.random.default_rng(5).integers(len(scoring), size=(8, len(scoring)))
+    outcome = np.array(recorded.text("outcome"))
+    fits = [fit_grid(GUPPY, recorded.take(scoring[draw]), 0.1) for draw in draws
+            if (outcome[scoring[draw]] == "three").any()]
+    assert again.without_three == 8 - len(fits)
+    np.testing.assert_allclose(np.stack([again.cd, again.cl], 1), [(one.cd, one.cl) for one in fits], rtol=1e-12)
+    low, high = again.interval90("cd")
+    assert low == again.cd.min() and high == again.cd.max()
+    same = bootstrap_grid(GUPPY, recorded, fit, 8, 5)
+    np.testing.assert_array_equal(same.cd, again.cd)
+
+
+def test_a_bootstrap_counts_draws_without_a_three():
+    """One three among four: of 200 draws about (3/4)^4 hold none."""
+    shots = _recorded(23, 3)
+    outcome = np.array(shots.text("outcome"))
+    shots = shots.take([*np.flatnonzero(outcome == "three")[:1], *np.flatnonzero(outcome == "two")[:3]])
+    again = bootstrap_grid(GUPPY, shots, fit_grid(GUPPY, shots, 0.25), 200, 6)
+    assert again.without_three + len(again.cd) == 200
+    assert abs(again.without_three / 200 - 0.75**4) < 0.1
