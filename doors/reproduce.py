@@ -17,7 +17,7 @@ from sim.reproduce.networks import train_networks
 from sim.reproduce.page import OURS_NOT_THEIRS, headline, save_figures, save_page, what_varies
 from sim.reproduce.repetition import run_repetition, tasks_of
 from sim.reproduce.settings import Settings, quick
-from sim.reproduce.tables import make_tables, make_text
+from sim.reproduce.tables import in_short, make_tables, make_text
 from sim.shots import save_dataset
 
 DESCRIPTION = """The paper's Table I, Table II and Figures 8 to 10 on recordings of the emulated robot, beside the
@@ -62,7 +62,7 @@ def main(args: argparse.Namespace) -> int:
     tables = make_tables(repetitions, analysis, settings)
     save_figures(folder, pool, repetitions, analysis, tables, settings)
     save_page(folder / "index.html", pool, repetitions, answers, analysis, tables, settings)
-    for line in [*map(make_text, tables), "", *what_varies(pool, settings), *headline(analysis)]:
+    for line in [*map(make_text, in_short(tables)), "", *what_varies(pool, settings), *headline(analysis)]:
         print(line)
     print(f"\n{OURS_NOT_THEIRS}\nreport: {folder / 'index.html'}; figures: figures.csv, table_1.csv, summary.json")
     return 0

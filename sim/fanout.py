@@ -5,6 +5,7 @@ the process that ran it can simply be run again.
 """
 
 import os
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TypeVar
 
@@ -31,6 +32,8 @@ def fan_out(function: Callable[[Job], Result], jobs: Sequence[Job], scheduler: s
     not answer, or when one job kills every process it is given.
     """
     jobs = list(jobs)
+    if jobs:
+        progress(0.0, f"0 of {len(jobs)} done")
     if scheduler is not None:
         return _on_cluster(function, jobs, scheduler, progress)
     count = min(workers or os.cpu_count() or 1, len(jobs))
@@ -62,6 +65,8 @@ def _on_processes(function: Callable[[Job], Result], jobs: list[Job], workers: i
 
 
 def _pool(function: Callable[[Job], Result], jobs: list[Job], workers: int) -> Iterator[Result]:
+    # loky replaces workers that have grown; that is its business and no user's
+    warnings.filterwarnings("ignore", "A worker stopped while some jobs were given", UserWarning)
     return Parallel(n_jobs=workers, backend="loky", return_as="generator")(delayed(function)(job) for job in jobs)
 
 

@@ -24,7 +24,7 @@ from sim.reproduce.settings import Settings
 from sim.shots import Dataset, Shots
 from sim.synth import AXES, OUTCOMES, SHAPE, grid_shots, label_grid, sample_balanced, taken_configurations
 
-ABREAST = 2                           # sessions of a round, recorded side by side
+ABREAST = 4                           # sessions of a round, which may be recorded side by side
 PRACTICE_SPREAD = 0.12                # speeds off by up to this: misses on both sides teach more than twos
 MARKED_SHARE = 0.8                    # of a configuration's shots must be marked: some are rejected or held
 # What the robot can see and drive to, and the wheels can do; about the 3 to 30 feet of the paper's zones.

@@ -18,7 +18,7 @@ from sim.reproduce.networks import Answer, Setting
 from sim.reproduce.pictures import draw_deviations, draw_reliability, draw_sets, draw_sizes, draw_weights
 from sim.reproduce.repetition import OURS, SIMULATOR, Repetition
 from sim.reproduce.settings import Settings
-from sim.reproduce.tables import Table
+from sim.reproduce.tables import NAMES, Table
 from sim.synth import OUTCOMES
 
 OURS_NOT_THEIRS = ("The data are ours, recorded by an emulated robot in a MuJoCo world, not the paper's: what agrees "
@@ -56,7 +56,7 @@ def headline(analysis: Analysis) -> list[str]:
     for other in (BY_VALIDATION, BY_TEST):
         won = [found for found in analysis.differences if found.where == EVERYTHING and found.other == other]
         if won:
-            said = ", ".join(f"{found.metric} {found.ours:.3f} against {found.theirs:.3f}"
+            said = ", ".join(f"{NAMES[found.metric]} {found.ours:.3f} against {found.theirs:.3f}"
                              f"{'' if found.better else ' (not settled)'}" for found in won)
             lines.append(f"Our gate against the {other}: {said}.")
     return lines
@@ -70,8 +70,8 @@ def save_page(path: Path, pool: Pool, repetitions: Sequence[Repetition], answers
     pictures = {
         "Table I:": picture(make_png(draw_deviations(repetitions, target.three_half_height_m,
                                                     target.two_half_height_m)),
-                           "deviations on the test sets", "Figure 8, right. Black bars: medians. Its own points "
-                           "are not printed in the paper; their mean is."),
+                           "deviations on the test sets", "Figure 8, right. Black bars: medians. Of the paper's "
+                           "points the mean and median are printed, no more."),
         "Table II:": picture(make_png(draw_sizes(analysis, settings)), "accuracy by the amount of simulated data",
                             "Bands: 95 % intervals of the mean over repetitions."),
         "Figure 9": picture(make_png(draw_sets(analysis, settings)), "accuracy on both sets", "Figure 9 redrawn; the "

@@ -18,10 +18,10 @@ class Settings:
     test_share: float = 0.2
     transfer: int = 50                # D_s^T of each draw
     repeats: int = 10                 # shots at each configuration
-    practice_trials: int = 150        # single shots of each practice session, from which the crew learns to aim
-    session_rows: int = 25            # configurations of each session
+    practice_trials: int = 75         # single shots of each practice session, from which the crew learns to aim
+    session_rows: int = 12            # configurations of each session
     pool_each: int = 80               # recorded until every outcome has this many legitimate configurations
-    most_rounds: int = 14             # ... or this many rounds of two sessions are over
+    most_rounds: int = 14             # ... or this many rounds of sessions are over
     launched: int = 225               # simulated configurations really launched, from which D_s^T is drawn
     sizes: tuple[int, ...] = (0, 500, 600, 750, 900, 1000, 1250)          # Table II
     best_size: int = 900
@@ -47,6 +47,6 @@ class Settings:
 
 def quick(base_seed: int, draws: int) -> Settings:
     """Sizes that take minutes: enough to see every table and picture, not enough to conclude anything."""
-    return Settings(base_seed=base_seed, draws=draws, configurations=30, transfer=12, repeats=5, practice_trials=40,
-                    session_rows=20, pool_each=12, most_rounds=4, launched=30, sizes=(0, 500, 900),
+    return Settings(base_seed=base_seed, draws=draws, configurations=30, transfer=12, repeats=5, practice_trials=20,
+                    session_rows=10, pool_each=12, most_rounds=4, launched=30, sizes=(0, 500, 900),
                     weights=(0.001, 0.01, 0.1, 10.0), grid_step=0.02, steps=200_000, patience=50_000)

@@ -23,6 +23,7 @@ from sim.reproduce.networks import Setting
 from sim.reproduce.repetition import OURS, Repetition
 from sim.reproduce.settings import Settings
 
+DIFFERENCES = "Our gate against the others, paired"
 NAMES = {"accuracy": "accuracy", "class_three": "3-pt class accuracy", "class_two": "2-pt class accuracy",
          "f1_three": "3-pt F1", "f1_two": "2-pt F1", "brier": "Brier", "ece": "calibration error"}
 
@@ -121,6 +122,12 @@ def models_table(analysis: Analysis) -> Table:
                  "for these two less is better. The simulator alone says 0 or 1.")
 
 
+def in_short(tables: Sequence[Table]) -> list[Table]:
+    """For the terminal: of our gate's differences those on all rows only."""
+    return [one._replace(rows=tuple(row for row in one.rows if row[0] == EVERYTHING))
+            if one.title == DIFFERENCES else one for one in tables]
+
+
 def differences_table(analysis: Analysis) -> Table:
     rows = []
     for found in analysis.differences:
@@ -128,7 +135,7 @@ def differences_table(analysis: Analysis) -> Table:
         setting = f" ({found.setting})" if found.setting else ""
         rows.append((found.where, NAMES[found.metric], found.other + setting, f"{found.ours:.3f}",
                      f"{found.theirs:.3f}", show(found.difference), "yes" if found.better else "no"))
-    return Table("Our gate against the others, paired", ("rows", "measure", "against", "ours", "theirs",
+    return Table(DIFFERENCES, ("rows", "measure", "against", "ours", "theirs",
                  "ours - theirs (95 %, t; bootstrap)", "better"), tuple(rows),
                  f"Paired by repetition. \"{BY_TEST}\" is the one setting that does best on the very rows it is "
                  "judged by. Better: both intervals are wholly on the good side of 0. Compared: "

@@ -38,7 +38,7 @@ def same(results):
 def test_results_come_in_the_order_of_the_jobs_and_progress_ends_at_one(workers):
     shown = []
     assert same(fan_out(make_draw(0.0), JOBS, workers=workers, progress=lambda done, note: shown.append(done)))
-    assert len(shown) == len(JOBS) and shown[-1] == 1.0 and shown == sorted(shown)
+    assert len(shown) == len(JOBS) + 1 and shown[0] == 0.0 and shown[-1] == 1.0 and shown == sorted(shown)
 
 
 def test_no_jobs_no_results():

@@ -14,7 +14,7 @@ from tests.sim.reproduce.pools import CONFIG, FACTS, SMALL
 from tests.sim.reproduce.sessions import Launcher
 
 pytestmark = pytest.mark.slow
-SETTINGS = replace(SMALL, practice_trials=150, session_rows=25, most_rounds=6, launched=24)
+SETTINGS = replace(SMALL, practice_trials=75, session_rows=12, most_rounds=6, launched=24)
 NO_PROGRESS = staticmethod(lambda done, note: None).__func__
 
 
@@ -64,8 +64,8 @@ def test_a_broken_off_collection_goes_on_and_comes_to_the_same(collected, tmp_pa
 
 
 def test_too_little_is_told_with_what_there_is(tmp_path):
-    few = replace(SETTINGS, most_rounds=1, session_rows=6)
-    with pytest.raises(BadInput, match=r"2 sessions gave \d+ miss, \d+ two, \d+ three: too few"):
+    few = replace(SETTINGS, most_rounds=1, session_rows=3)
+    with pytest.raises(BadInput, match=r"4 sessions gave \d+ miss, \d+ two, \d+ three: too few"):
         collect_real(CONFIG, few, Launcher(tmp_path))
 
 
