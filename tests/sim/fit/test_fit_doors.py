@@ -103,7 +103,7 @@ def test_fit_says_what_it_found_and_where_to_be_careful(home, tmp_path, capsys):
 
 
 def test_fit_lists_ten_of_many_ties(home, capsys):
-    assert main(["fit", str(home), "--step", "0.02", "--quiet"]) == 0
+    assert main(["fit", str(home), "--step", "0.005", "--quiet"]) == 0
     said = capsys.readouterr().out.splitlines()
     header = next(row for row, line in enumerate(said) if line.startswith("     cd"))
     more = next(row for row, line in enumerate(said) if "and" in line and "more (--tied" in line)

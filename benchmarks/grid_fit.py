@@ -1,0 +1,268 @@
+"""How fast the grid fit is, against plainer ways to fly 1001 x 1001 pairs, and whether it says the same as they do.
+
+    python benchmarks/grid_fit.py [--quick] [--runs 7]
+
+Two sets of 80 launches, a third of them three-pointers: `random` (distance 1-16 m, ratio 0-1, 15-75 degrees; most can
+score with hardly any pair) and `scoring` (those that score with cd 0.9, cl 0.06, as recorded shots do). The plain ways
+fly subsets, stated, and are scaled up to all flights; all of them take the law of motion from sim/physics/terms.
+"""
+
+import argparse
+import os
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+
+import jax
+import numba
+import numpy as np
+from jax import lax
+
+from robot.facts import Air, Ball, Facts, LauncherFacts, Target, Wheel, WorldFacts
+from sim.fit.grid import fit_grid, make_axis, make_scoring, rank_ties
+from sim.fit.grid_labels import TEMPLATE, TERMS, VALUES, find_hits, fly_pairs
+from sim.physics.compiled import facts_values, load_kernel, make_source
+from sim.physics.flight import fly
+from sim.physics.launch import Exit, exit_seed
+from sim.physics.shot import classify, fly_rows
+from sim.shots import Shots
+
+FACTS = Facts(ball=Ball(0.14, 0.0889), launcher=LauncherFacts(0.75, 594.0, (
+    Wheel("lower", 0.0508, 1.0, 180.0), Wheel("upper", 0.0349, 0.5625, 0.0))), target=Target(2.44), air=Air(1.2),
+    world=WorldFacts(9.81))
+TRUTH = {"drag": {"cd": 0.9}, "magnus": {"cl": 0.06}}
+STEP_S, LIMIT_S = 0.005, 3.0          # of the plain loops, as the paper's kind of integration has it
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help="dense check on every 8th row and column only")
+    parser.add_argument("--runs", type=int, default=7, help="of which the fastest counts (%(default)s)")
+    args = parser.parse_args()
+    axis = make_axis(0.005)
+    random, scoring = draw_shots(80, 20261121, False), draw_shots(80, 7, True)
+    print(f"{os.cpu_count()} cores, load average {os.getloadavg()[0]:.1f} at the start")
+    began = time.perf_counter()
+    fit_grid(FACTS, random)
+    print(f"first fit in this process  {time.perf_counter() - began:8.2f} s  (compiles, or loads what was compiled)")
+    ours_s = {}
+    for name, shots in (("random", random), ("scoring", scoring)):
+        ours_s[name], cpu_s, flights = time_ours(shots, args.runs)
+        print(f"1001 x 1001 x 80, {name:8s} {ours_s[name]:8.3f} s  wall, {cpu_s:.3f} s of CPU, fastest of {args.runs}; "
+              f"load {os.getloadavg()[0]:.1f}; {flights} flights, {flights / axis.size**2 / 80:.2%}")
+    print("\nthe same by plainer ways, in s for all 80160080 flights of `random`, and how much longer that is")
+    for what, seconds in plain_ways(random):
+        print(f"  {what:96s} {seconds:8.1f} s  {seconds / ours_s['random']:7.0f} x")
+    print("\nagainst flying every point (short steps; checked against the JAX law below)")
+    for name, shots in (("random", random), ("scoring", scoring)):
+        check_labels(name, shots, axis[::8] if args.quick else axis, args.quick)
+    check_heights(scoring)
+    print("\nhow it grows (fastest of 3)")
+    for count in (20, 40, 80, 160):
+        print(f"  {count:4d} launches, 1001 x 1001: {time_ours(draw_shots(count, 11, True), 3)[0]:.3f} s")
+    for step in (0.02, 0.01, 0.005):
+        seconds = time_ours(scoring, 3, step)[0]
+        print(f"    80 launches, {make_axis(step).size:4d} x {make_axis(step).size:4d}: {seconds:.3f} s")
+
+
+def draw_shots(count: int, seed: int, score: bool) -> Shots:
+    """Launches over the paper's ranges, every third a three; with `score` those that score at TRUTH."""
+    rng = np.random.default_rng(seed)
+    many = 40 * count if score else count
+    columns = {"distance_m": rng.uniform(1, 16, many), "motor_ratio": rng.uniform(0, 1, many),
+               "hood_deg": rng.uniform(15, 75, many)}
+    outcome = np.where(np.arange(many) % 3 == 0, "three", "two")
+    keep = np.arange(many)
+    if score:
+        exit = exit_seed(FACTS, columns["motor_ratio"], columns["hood_deg"])
+        outcome = classify(FACTS, fly_rows(FACTS, TRUTH, exit, columns["distance_m"]).height_m)
+        threes, twos = np.flatnonzero(outcome == "three"), np.flatnonzero(outcome == "two")
+        keep = np.sort(np.concatenate([threes[:count // 3], twos[:count - len(threes[:count // 3])]]))
+    return Shots(tuple(f"s{row}" for row in range(len(keep))), {name: part[keep] for name, part in columns.items()},
+                 {"outcome": tuple(outcome[keep])})
+
+
+def time_ours(shots: Shots, runs: int, step: float = 0.005) -> tuple[float, float, int]:
+    """(wall s, CPU s, flights) of the fastest whole fit: flights, labels, counts, ties and choice."""
+    fit_grid(FACTS, shots, step)
+    spent = []
+    for _ in range(runs):
+        wall, cpu = time.perf_counter(), time.process_time()
+        fit_grid(FACTS, shots, step)
+        spent.append((time.perf_counter() - wall, time.process_time() - cpu))
+    return (*min(spent), count_flights(shots, step))
+
+
+def count_flights(shots: Shots, step: float) -> int:
+    scoring = make_scoring(FACTS, shots)
+    flown: list[int] = []
+
+    class Counting:
+        @staticmethod
+        def fly_lanes(batches: tuple[int, int], *rest: object) -> None:
+            flown.append((batches[1] - batches[0]) * 64)
+            scoring.flyer.kernel.fly_lanes(batches, *rest)
+
+    counted = replace(scoring.flyer, kernel=Counting)
+    find_hits(counted, make_axis(step), scoring.target, lambda done, note: None)
+    return sum(flown)
+
+
+def plain_ways(shots: Shots) -> list[tuple[str, float]]:
+    """(what, seconds scaled to the whole grid)."""
+    flyer = make_scoring(FACTS, shots).flyer
+    loop = make_plain_loop()
+    numbers = facts_values(FACTS)
+    rows = []
+    for what, until_done, coarse in (("plain numba loop, to the first crossing, floor or turn", True, 16),
+                                     ("plain numba loop, up to 3 s whatever happens", False, 40)):
+        axis = make_axis(0.005)[::coarse]
+        run = partial(loop, flyer.launch, axis, numbers, 0.75, until_done)
+        rows.append((f"{what}; RK4 5 ms, parallel; every {coarse}th row and column", scaled(run, axis.size)))
+    axis = make_axis(0.005)[::40]
+    rows.append(("numpy chunks of 16384, to the first crossing, floor or turn; every 40th row and column",
+                 scaled(partial(fly_numpy, flyer.launch, axis, numbers), axis.size, 1)))
+    cl = make_axis(0.005)[::100]
+    rows.append(("JAX while loop, 50 ms, as fit_grid had it; every 100th row, all columns",
+                 scaled(partial(fly_jax, shots, cl), 1, 1) / 1001 / cl.size))
+    return rows
+
+
+def scaled(run: Callable[[], object], points: int, runs: int = 3) -> float:
+    """Seconds of the fastest of runs, for 1001 x 1001 instead of points x points."""
+    run()
+    spent = []
+    for _ in range(runs):
+        began = time.perf_counter()
+        run()
+        spent.append(time.perf_counter() - began)
+    return min(spent) * 1001**2 / points**2
+
+
+def make_plain_loop() -> Callable[..., np.ndarray]:
+    """One flight after the other, as one would write it; the step is the kernel's."""
+    advance = load_kernel(make_source(FACTS, TERMS, VALUES), TEMPLATE).advance
+
+    @numba.njit(parallel=True, fastmath={"nsz", "arcp", "contract", "afn", "reassoc"}, error_model="numpy")
+    def loop(launch, axis, facts, release_m, until_done):
+        height_m = np.full((len(launch), len(axis), len(axis)), np.nan)
+        for job in numba.prange(len(launch) * len(axis)):
+            row, at = job // len(axis), job % len(axis)
+            for column in range(len(axis)):
+                x, z, vx, vz = 0.0, release_m, launch[row, 0], launch[row, 1]
+                for _ in range(round(LIMIT_S / STEP_S)):
+                    nx, nz, nvx, nvz = advance(x, z, vx, vz, launch[row, 2], (axis[column], axis[at]), facts, STEP_S)
+                    if x < launch[row, 3] <= nx:
+                        height_m[row, at, column] = z + (nz - z) * (launch[row, 3] - x) / (nx - x)
+                        break
+                    if until_done and (nz < 0.0 or nvx <= 0.0):
+                        break
+                    x, z, vx, vz = nx, nz, nvx, nvz
+        return height_m
+
+    return loop
+
+
+def fly_numpy(launch: np.ndarray, axis: np.ndarray, numbers: tuple[float, ...]) -> np.ndarray:
+    """All flights of a chunk step by step in numpy, those that have ended left out every 20 steps."""
+    names: dict[str, object] = {"math": np, "np": np}
+    exec(make_source(FACTS, TERMS, VALUES), names)
+    law: Callable[..., tuple[np.ndarray, np.ndarray]] = names["acceleration"]  # type: ignore[assignment]
+    which, cl, cd = (part.ravel() for part in np.meshgrid(np.arange(len(launch)), axis, axis, indexing="ij"))
+    height_m = np.full(which.size, np.nan)
+    for first in range(0, which.size, 16384):
+        at = np.arange(first, min(first + 16384, which.size))
+        _fly_chunk(at, launch[which[at]].T, cd[at], cl[at], law, numbers, height_m)
+    return height_m
+
+
+def _fly_chunk(at, launch, cd, cl, law, numbers, height_m) -> None:
+    state = np.stack([np.zeros(at.size), np.full(at.size, 0.75), launch[0], launch[1]])
+    spin, distance = launch[2], launch[3]
+    for step in range(round(LIMIT_S / STEP_S)):
+        def rate(s, spin=spin, pair=(cd, cl)):
+            return np.stack([s[2], s[3], *law(s[0], s[1], s[2], s[3], spin, pair, numbers)])
+
+        k1 = rate(state)
+        k2 = rate(state + STEP_S / 2 * k1)
+        k3 = rate(state + STEP_S / 2 * k2)
+        new = state + STEP_S / 6 * (k1 + 2 * (k2 + k3) + rate(state + STEP_S * k3))
+        crossed = (state[0] < distance) & (new[0] >= distance)
+        part = (distance - state[0])[crossed] / (new[0] - state[0])[crossed]
+        height_m[at[crossed]] = state[1][crossed] + part * (new[1] - state[1])[crossed]
+        over = crossed | (new[1] < 0.0) | (new[2] <= 0.0)
+        distance = np.where(over, -np.inf, distance)
+        state = new
+        if step % 20 == 19:
+            keep = distance > 0.0
+            state, spin, distance, cd, cl, at = state[:, keep], spin[keep], distance[keep], cd[keep], cl[keep], at[keep]
+            if not at.size:
+                return
+
+
+def fly_jax(shots: Shots, cl: np.ndarray) -> None:
+    """The JAX law's own flights, a row of the grid at a time, one launch after the other (XLA takes the cores)."""
+    exit = exit_seed(FACTS, shots.number("motor_ratio"), shots.number("hood_deg"))
+    cd = make_axis(0.005)
+    for row in range(len(shots)):
+        _row_of_jax(Exit(*(part[row] for part in exit)), shots.number("distance_m")[row], cd, cl).block_until_ready()
+
+
+@jax.jit
+def _row_of_jax(exit: Exit, distance_m: float, cd: np.ndarray, cl: np.ndarray) -> jax.Array:
+    def block(lift: jax.Array) -> jax.Array:
+        params = {"drag": {"cd": cd}, "magnus": {"cl": lift}}
+        return fly(FACTS, TERMS, params, exit, distance_m, step_s=0.05, turn_rad=0.2).height_m
+
+    return lax.map(block, cl)
+
+
+def check_labels(name: str, shots: Shots, axis: np.ndarray, sparse: bool) -> None:
+    """Labels, tied pairs and choice of the fit against those of every point flown by itself."""
+    scoring, fit = make_scoring(FACTS, shots), fit_grid(FACTS, shots)
+    size = fit.axis.size
+    ours = np.zeros((len(shots), size * size), np.uint8)
+    ours[fit.hits.launch, fit.hits.pair] = fit.hits.label
+    at = np.arange(size)[::8] if sparse else np.arange(size)
+    ours = ours.reshape(len(shots), size, size)[:, at][:, :, at]
+    cl, cd = (part.ravel() for part in np.meshgrid(axis, axis, indexing="ij"))
+    began = time.perf_counter()
+    dense = np.zeros((len(shots), cl.size), np.uint8)
+    for row in range(len(shots)):
+        one = replace(scoring.flyer, launch=scoring.flyer.launch[row:row + 1])
+        off_m = np.abs(fly_pairs(one, cd, cl)[:, 0] - scoring.target[0])
+        dense[row] = (off_m <= scoring.target[2]).astype(np.uint8) + (off_m <= scoring.target[1])
+    spent_s = time.perf_counter() - began
+    wrong = int((dense != ours.reshape(dense.shape)).sum())
+    print(f"  {name:8s} labels equal on {1 - wrong / dense.size:.7%} of {dense.size} ({wrong} differ; "
+          f"{(dense > 0).mean():.2%} score; {spent_s:.0f} s)")
+    if not sparse:
+        three = ((dense == 2) & scoring.is_three[:, None]).sum(axis=0)
+        two = (dense > 0).sum(axis=0)
+        tied = np.flatnonzero((three == three.max()) & (two == two[three == three.max()].max()))
+        chosen = rank_ties(scoring, fit.axis, tied)[0]
+        same = np.array_equal(tied, np.flatnonzero(fit.tied.T.ravel())) and tuple(chosen[:2]) == (fit.cd, fit.cl)
+        print(f"           tied pairs ({len(tied)}) and chosen pair {'the same' if same else 'DIFFER'}: "
+              f"cd {chosen[0]:.3f}, cl {chosen[1]:.3f}")
+
+
+def check_heights(shots: Shots) -> None:
+    """Heights of compiled flights against sim.physics.flight's, over the whole grid and near the choice."""
+    scoring = make_scoring(FACTS, shots)
+    rng = np.random.default_rng(3)
+    for what, most in (("pairs anywhere", (5.0, 5.0)), ("cd below 2, cl below 0.3", (2.0, 0.3))):
+        cd, cl = rng.uniform(0, most[0], 400), rng.uniform(0, most[1], 400)
+        ours = fly_pairs(scoring.flyer, cd, cl)
+        exit = exit_seed(FACTS, shots.number("motor_ratio"), shots.number("hood_deg"))
+        law = fly(FACTS, TERMS, {"drag": {"cd": cd[:, None]}, "magnus": {"cl": cl[:, None]}}, exit,
+                  shots.number("distance_m"))
+        theirs = np.asarray(law.height_m)
+        apart = np.isnan(ours) != np.isnan(theirs)
+        off_m = np.abs(ours - theirs)
+        print(f"  heights against the JAX law, {ours.size} flights, {what}: {np.isfinite(theirs).sum()} reach, largest "
+              f"difference {np.nanmax(off_m):.1e} m; reached by one and not the other: {apart.sum()}")
+
+
+if __name__ == "__main__":
+    main()
