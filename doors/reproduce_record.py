@@ -28,7 +28,8 @@ def make_record(folder: Path, scheduler: str | None, workers: int | None,
     workers write to another disk.
     """
     def record(recordings: Sequence[Recording], what: str) -> list[Path]:
-        jobs = [_Job(folder / recording.name, recording) for recording in recordings]
+        # a worker elsewhere has another working directory
+        jobs = [_Job(folder.resolve() / recording.name, recording) for recording in recordings]
         missing = [job for job in jobs if not _is_there(job)]
         if missing:
             folder.mkdir(parents=True, exist_ok=True)

@@ -2,7 +2,7 @@
 
 The plan is a low-discrepancy sequence, so a replay needs no random state. Speeds come from vacuum ballistics divided
 by an efficiency that the driver's high and low marks correct (a Robbins-Monro walk on log speed: a level, and slopes in
-distance and elevation): what a crew does by hand when it walks shots in.
+distance and elevation): what a crew does by hand when it walks shots in. Where shots are prescribed, they are it.
 """
 
 import math

@@ -22,7 +22,7 @@ class Settings:
     session_rows: int = 12            # configurations of each session
     pool_each: int = 80               # recorded until every outcome has this many legitimate configurations
     most_rounds: int = 14             # ... or this many rounds of sessions are over
-    launched: int = 225               # simulated configurations really launched, from which D_s^T is drawn
+    launched: int = 180               # simulated configurations really launched, from which D_s^T is drawn
     sizes: tuple[int, ...] = (0, 500, 600, 750, 900, 1000, 1250)          # Table II
     best_size: int = 900
     weights: tuple[float, ...] = (0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0)     # Fig. 10: lambda
