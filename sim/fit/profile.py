@@ -44,6 +44,13 @@ def profile_interval(fit: MlFit, name: str) -> Interval:
                     low_data, high_data, low_closed and high_closed)
 
 
+def deviance_at(fit: MlFit, name: str, value: float) -> float:
+    """Twice the log posterior lost when one parameter is held at `value`; at most 2.706 inside its 90 % interval."""
+    index = fit.model.names.index(name)
+    held = minimise(fit.problem, _shifted(fit, fit.optimum, index, fit.model.sought[index].u(value)), held=(index,))
+    return 2.0 * (held.value - fit.optimum.value)
+
+
 def _walk(fit: MlFit, index: int, sign: float) -> tuple[float, bool, bool]:
     """(u of the end, closed by data, closed) on one side, by secants on the signed root of the deviance."""
     best = fit.optimum
