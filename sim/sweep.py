@@ -22,7 +22,7 @@ import numpy as np
 
 from robot.config import BadInput
 from sim.network import SHAPES, Layers, Network, initial_layers, standardisation
-from sim.sweep_kernel import BATCH, COLUMNS, LANES, PARAMETERS, Real, advance, fill_epochs, mean_losses
+from sim.sweep_kernel import BATCH, COLUMNS, LANES, PARAMETERS, Decks, Real, advance, mean_losses
 from sim.train import Rows
 
 STEPS = 1_000_000
@@ -138,11 +138,10 @@ class _Batch:
         share = np.array([job.simulated_weight if _count(job.simulated) else 0.0 for job in jobs])
         self.weights = (np.stack([np.ones(count), share]) / BATCH).astype(Real)
         self.state = np.zeros((3, PARAMETERS, count), Real)
-        self.orders = []
-        for number, job in enumerate(jobs):
-            rng = np.random.default_rng(job.seed)
+        generators = [np.random.default_rng(job.seed) for job in jobs]
+        for number, rng in enumerate(generators):
             self.state[0, :, number] = pack(initial_layers(rng))
-            self.orders.append(Order(rng, len(job.real.features), _count(job.simulated)))
+        self.decks = make_decks(generators, [(len(job.real.features), _count(job.simulated)) for job in jobs])
         self.losses = np.full((count, SPANS), np.nan)
         self.best_loss = np.full(count, np.inf)
         self.best = self.state[0].copy()
@@ -152,11 +151,9 @@ class _Batch:
     def advance(self, group: np.ndarray, first: int, steps: int, learning_rate: float) -> None:
         """Steps of at most LANES networks, and their losses; lanes left over repeat networks and are thrown away."""
         lanes = np.resize(group, LANES)
-        order = np.zeros((LANES, steps, 2 * BATCH), np.int32)
-        for lane, number in enumerate(group):
-            order[lane] = self.orders[number].take(steps)
         state = np.ascontiguousarray(self.state[:, :, lanes])
-        advance(self.rows, order, lanes, np.ascontiguousarray(self.weights[:, lanes]), state, first, learning_rate)
+        advance(self.rows, self.decks, lanes, len(group), np.ascontiguousarray(self.weights[:, lanes]), state, first,
+                steps, learning_rate)
         self.state[:, :, group] = state[:, :, :len(group)]
         for lane, number in enumerate(group):
             mean_losses(state[0, :, lane].astype(float), self.rows[number], self.ends[number],
@@ -183,26 +180,14 @@ class _Batch:
     def trained(self, number: int) -> Trained:
         step = int(self.best_step[number])
         return Trained(Network(*self.scalings[number], unpack(self.best[:, number])), step,
-                       round(step / self.orders[number].batches), tuple(self.curves[number]))
+                       round(step / batches_per_epoch(*self.decks.sizes[number].tolist())), tuple(self.curves[number]))
 
 
-class Order:
-    """The minibatches of one network, one epoch after the other, taken any number at a time."""
-
-    def __init__(self, rng: np.random.Generator, real: int, simulated: int) -> None:
-        self.batches = batches_per_epoch(real, simulated)
-        self._dice = rng.integers(1, 2**63, 1, dtype=np.uint64)
-        self._real, self._simulated = real, simulated
-        self._left = np.zeros((0, 2 * BATCH), np.int32)
-
-    def take(self, steps: int) -> np.ndarray:
-        """Row numbers [steps, 20] of the next minibatches."""
-        epochs = max(0, -(-(steps - len(self._left)) // self.batches))
-        fresh = np.zeros((epochs * self.batches, 2 * BATCH), np.int32)
-        fill_epochs(self._dice, self._real, self._simulated, fresh)
-        order = np.concatenate([self._left, fresh])
-        self._left = order[steps:]
-        return order[:steps]
+def make_decks(generators: Sequence[np.random.Generator], sizes: Sequence[tuple[int, int]]) -> Decks:
+    """What deals the minibatches of networks with (recorded, simulated) rows; each generator gives one seed."""
+    dice = np.array([rng.integers(1, 2**63, dtype=np.uint64) for rng in generators])
+    cards = np.tile(np.arange(max(map(sum, sizes)), dtype=np.int32), (len(sizes), 1))
+    return Decks(dice, cards, np.array(sizes, np.int64).reshape(-1, 2), np.zeros((len(sizes), 3), np.int64))
 
 
 def pack(layers: Layers) -> np.ndarray:

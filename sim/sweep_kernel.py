@@ -7,12 +7,12 @@ by feature, 8 nodes each), hidden_b, out_w (node by node, 2 outputs each), out_b
 """
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
 
-LANES = 32
+LANES = 24                            # of 8 to 48, as fast a lane as any; a network alone pays for all
 BATCH = 10                            # recorded rows in a minibatch, and as many simulated ones
 COLUMNS = 5                           # of a training row: three standardised features, two labels
 PARAMETERS = 50
@@ -50,20 +50,37 @@ def sigmoid(x: float) -> float:
     return _ONE / (_ONE + e)
 
 
-@njit(fastmath=_FAST, error_model="numpy", nogil=True, cache=True)
-def advance(rows: Any, order: Any, lanes: Any, weights: Any, state: Any, first: int, learning_rate: float) -> None:
-    """As many Adam steps as `order` has minibatches, on LANES networks, in place.
+class Decks(NamedTuple):
+    """What deals the minibatches of n networks; changed in place.
 
-    rows [networks, n, 5]; order [LANES, steps, 20] row numbers; lanes [LANES] which networks' rows; weights [2, LANES]
-    of a recorded and of a simulated row in the loss; state [3, 50, LANES] parameters and Adam's two moments; `first`
-    steps were made before.
+    `dice` [n] uint64, none of them 0: generators. `cards` [n, rows] int32: each network's permutation of its recorded
+    rows' numbers, then of its simulated ones'. `sizes` [n, 2]: how many of each. `at` [n, 3]: the next card of either,
+    and minibatches left in the epoch.
     """
-    batch = np.empty((2 * BATCH, COLUMNS, LANES), Real)
+
+    dice: Any
+    cards: Any
+    sizes: Any
+    at: Any
+
+
+@njit(fastmath=_FAST, error_model="numpy", nogil=True, cache=True)
+def advance(rows: Any, decks: Decks, lanes: Any, real: int, weights: Any, state: Any, first: int, steps: int,
+            learning_rate: float) -> None:
+    """Adam steps on LANES networks, in place; lanes from `real` on are there to fill up and get no minibatches.
+
+    rows [networks, n, 5]; lanes [LANES] which networks; weights [2, LANES] of a recorded and of a simulated row in the
+    loss; state [3, 50, LANES] parameters and Adam's two moments; `first` steps were made before.
+    """
+    batch = np.zeros((2 * BATCH, COLUMNS, LANES), Real)
     slope = np.empty((PARAMETERS, LANES), Real)
     hidden, out = np.empty((_NODES, LANES), Real), np.empty((2, LANES), Real)
+    picked = np.zeros(2 * BATCH, np.int32)
     p, m, v = state[0].copy(), state[1].copy(), state[2].copy()
-    for step in range(order.shape[1]):
-        _gather(rows, order, lanes, step, batch)
+    for step in range(steps):
+        for lane in range(real):
+            deal(decks, lanes[lane], picked)
+            _gather(rows[lanes[lane]], picked, lane, batch)
         slope[:] = _ZERO
         for row in range(2 * BATCH):
             _forward(p, batch, row, hidden, out)
@@ -74,28 +91,26 @@ def advance(rows: Any, order: Any, lanes: Any, weights: Any, state: Any, first: 
     state[0], state[1], state[2] = p, m, v
 
 
-@njit(cache=True)
-def _gather(rows: Any, order: Any, lanes: Any, step: int, batch: Any) -> None:
-    for lane in range(LANES):
-        network = lanes[lane]
-        for row in range(2 * BATCH):
-            source = order[lane, step, row]
-            for column in range(COLUMNS):
-                batch[row, column, lane] = rows[network, source, column]
+@njit(inline="always")
+def _gather(rows: Any, picked: Any, lane: int, batch: Any) -> None:
+    for row in range(2 * BATCH):
+        for column in range(COLUMNS):
+            batch[row, column, lane] = rows[picked[row], column]
 
 
 @njit(fastmath=_FAST, error_model="numpy", inline="always")
 def _forward(p: Any, batch: Any, row: int, hidden: Any, out: Any) -> None:
-    for lane in range(LANES):
-        out[0, lane] = p[_B2, lane]
-        out[1, lane] = p[_B2 + 1, lane]
     for j in range(_NODES):
         for lane in range(LANES):
-            h = sigmoid(p[_B1 + j, lane] + batch[row, 0, lane] * p[j, lane] + batch[row, 1, lane] * p[_NODES + j, lane]
-                        + batch[row, 2, lane] * p[2 * _NODES + j, lane])
-            hidden[j, lane] = h
-            out[0, lane] += h * p[_W2 + 2 * j, lane]
-            out[1, lane] += h * p[_W2 + 2 * j + 1, lane]
+            hidden[j, lane] = sigmoid(p[_B1 + j, lane] + batch[row, 0, lane] * p[j, lane]
+                                      + batch[row, 1, lane] * p[_NODES + j, lane]
+                                      + batch[row, 2, lane] * p[2 * _NODES + j, lane])
+    for k in range(2):
+        for lane in range(LANES):
+            total = p[_B2 + k, lane]
+            for j in range(_NODES):
+                total += hidden[j, lane] * p[_W2 + 2 * j + k, lane]
+            out[k, lane] = total
 
 
 @njit(fastmath=_FAST, error_model="numpy", inline="always")
@@ -154,41 +169,41 @@ def _softplus(x: float) -> float:
 
 
 @njit(nogil=True, cache=True)
-def fill_epochs(dice: Any, real: int, simulated: int, order: Any) -> None:
-    """Row numbers of whole epochs of minibatches into order [steps, 20]; `dice` [1] uint64, not 0, is the generator.
+def deal(decks: Decks, network: int, picked: Any) -> None:
+    """Row numbers of a network's next minibatch into picked [20]: ten recorded rows, then ten simulated ones.
 
-    A minibatch is ten recorded rows (0 to real - 1), then ten simulated ones (numbered on from there). Both come from
-    permutations: an epoch goes once through the simulated rows, the last minibatch filled up from the head of their
-    permutation, while recorded rows are reshuffled as often as that takes. Without simulated rows an epoch goes once
-    through the recorded ones and the second half stays at row 0, to be weighed with nothing.
+    Both come from permutations: an epoch goes once through the simulated rows, the last minibatch filled up from the
+    head of their permutation, while recorded rows are reshuffled as often as that takes. Without simulated rows an
+    epoch goes once through the recorded ones, and the second half is row 0, to be weighed with nothing.
     """
-    batches = ((simulated if simulated else real) + BATCH - 1) // BATCH
-    for first in range(0, len(order), batches):
-        last = first + batches
-        _deal(dice, np.arange(real), simulated > 0, order[first:last, :BATCH])
-        if simulated:
-            _deal(dice, real + np.arange(simulated), False, order[first:last, BATCH:])
+    real, simulated = decks.sizes[network]
+    cards, at = decks.cards[network], decks.at[network]
+    if at[2] == 0:
+        at[0], at[1] = 0, 0
+        at[2] = ((simulated if simulated else real) + BATCH - 1) // BATCH
+        _shuffle(decks.dice, network, cards[:real])
+        _shuffle(decks.dice, network, cards[real:real + simulated])
+    at[2] -= 1
+    for place in range(BATCH):
+        if at[0] == real:
+            at[0] = 0
+            if simulated:
+                _shuffle(decks.dice, network, cards[:real])
+        picked[place] = cards[at[0]]
+        at[0] += 1
+    for place in range(BATCH, 2 * BATCH if simulated else 0):
+        if at[1] == simulated:
+            at[1] = 0
+        picked[place] = cards[real + at[1]]
+        at[1] += 1
+    if not simulated:
+        picked[BATCH:] = 0
 
 
 @njit(nogil=True, cache=True)
-def _deal(dice: Any, deck: Any, reshuffle: bool, order: Any) -> None:
-    """A shuffled deck, card by card; when it runs out it is shuffled again, or begun again as it lies."""
-    _shuffle(dice, deck)
-    at = 0
-    for step in range(order.shape[0]):
-        for place in range(BATCH):
-            if at == len(deck):
-                at = 0
-                if reshuffle:
-                    _shuffle(dice, deck)
-            order[step, place] = deck[at]
-            at += 1
-
-
-@njit(nogil=True, cache=True)
-def _shuffle(dice: Any, deck: Any) -> None:
+def _shuffle(dice: Any, network: int, deck: Any) -> None:
     """Fisher and Yates's shuffle in place, on Vigna's xorshift64*; NumPy's own is ten times slower from in here."""
-    x = dice[0]
+    x = dice[network]
     for last in range(len(deck) - 1, 0, -1):
         x ^= x >> np.uint64(12)
         x ^= x << np.uint64(25)
@@ -196,4 +211,4 @@ def _shuffle(dice: Any, deck: Any) -> None:
         high = (x * np.uint64(0x2545F4914F6CDD1D)) >> np.uint64(32)
         other = np.int64((high * np.uint64(last + 1)) >> np.uint64(32))
         deck[last], deck[other] = deck[other], deck[last]
-    dice[0] = x
+    dice[network] = x
