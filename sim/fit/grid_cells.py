@@ -19,6 +19,7 @@ NOTHING, SPLIT, PAINTED = 0, 1, 2     # what becomes of a cell
 ROUGH_M = 0.03                        # an interpolant worse than this is not trusted to know how bad it is
 SURE_M = 1e-3                         # nearer to a bound than this, a flight with long steps does not settle a label
 GRAZING_M = 5e-3                      # a flight that turns back this near to the plane, before or behind it
+CUSP = 1.0                            # times what gaps to the plane differ elsewhere: parted by more, by a cusp
 MOST_DOUBTFUL = 96                    # points flown singly before a split is cheaper
 
 SETTINGS = {"fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}, "error_model": "numpy", "nogil": True,
@@ -138,14 +139,38 @@ def largest_step(values):
 
 
 @njit(**SETTINGS)
+def has_cusp(gap):
+    """Whether the flights that turn back and those that reach the plane are parted by a flight that stops in mid-air.
+
+    Where the plane itself parts them, the gap grows from nothing; where a flight all but turns back and then goes on,
+    it begins at a finite size, and heights beside it change faster than nodes can tell.
+    """
+    leap, edge = 0.0, 0.0
+    for row in range(NODES):
+        for column in range(NODES):
+            here = gap[row, column]
+            for other in ((row + 1, column), (row, column + 1)):
+                if other[0] == NODES or other[1] == NODES:
+                    continue
+                there = gap[other[0], other[1]]
+                if here > 0.0 and there > 0.0:
+                    leap = max(leap, abs(here - there))
+                elif here > 0.0 or there > 0.0:
+                    edge = max(edge, max(here, there))
+    return edge > CUSP * leap
+
+
+@njit(**SETTINGS)
 def judge(height, gap, under, low, high):
     """What a cell's nodes say of it: NOTHING of the target in it, SPLIT it, or PAINTED: an interpolant may settle it.
 
-    Nothing: all pass, or end, above the target, or below it, or end before the plane, by more than neighbours differ
+    Nothing: all pass, or end, above the target or below it, or end before the plane, by more than neighbours differ
     anywhere in the cell. A judgement by each neighbourhood alone saves hardly a flight and misses ten times as much.
     """
     jump = largest_step(height)
-    if height.min() > high + jump or height.max() < low - jump or gap.min() > largest_step(gap):
+    if gap.min() > largest_step(gap) or height.max() < low - jump:
+        return NOTHING
+    if height.min() > high + jump and not has_cusp(gap):
         return NOTHING
     for row in range(NODES):
         for column in range(NODES):
