@@ -47,8 +47,8 @@ def reach_plane(facts: Facts, law: Law, exit: Exit, distance_m: Any, steps: int 
     def advance(carry: Any, _: None) -> tuple[Any, None]:
         place, velocity, near = carry
         old = ball._replace(position_m=_full(place, flat), velocity_m_s=_full(velocity, flat))
-        new = _step(law, old, step_m, flat)
-        near = near & (new.velocity_m_s.x > SLOWEST_M_S)
+        new, slowest_m_s = _step(law, old, step_m, flat)
+        near = near & (jnp.minimum(slowest_m_s, new.velocity_m_s.x) > SLOWEST_M_S)
         return (_kept(new.position_m, flat), _kept(new.velocity_m_s, flat), near), None
 
     start = (_kept(ball.position_m, flat), _kept(ball.velocity_m_s, flat), near)
@@ -68,25 +68,26 @@ def _pace(speed_m_s: Any) -> Any:
     return jnp.maximum(speed_m_s, SLOWEST_M_S)
 
 
-def _step(law: Law, ball: BallState, step_m: Any, flat: bool) -> BallState:
-    """One classical Runge-Kutta step of d(position, velocity)/dx = (v, a) / vx.
+def _step(law: Law, ball: BallState, step_m: Any, flat: bool) -> tuple[BallState, Any]:
+    """One classical Runge-Kutta step of d(position, velocity)/dx = (v, a) / vx, and the least vx of its stages.
 
     The four stages are a loop of their own: derivatives of derivatives compile in a third of the time.
     """
     start = (_kept(ball.position_m, flat), _kept(ball.velocity_m_s, flat))
 
     def stage(carry: Any, weights: Any) -> tuple[Any, None]:
-        place, velocity, total = carry
+        place, velocity, total, slowest_m_s = carry
         here = ball._replace(position_m=_full(place, flat), velocity_m_s=_full(velocity, flat))
         rate = tuple(_kept(part, flat) for part in _rate(law, here))
         total = jax.tree.map(lambda sum_, part: sum_ + weights[1] * part, total, rate)
         moved = jax.tree.map(lambda begin, part: begin + weights[0] * step_m * part, start, rate)
-        return (*moved, total), None
+        return (*moved, total, jnp.minimum(slowest_m_s, velocity[0])), None
 
     zero = jax.tree.map(jnp.zeros_like, start)
-    total = lax.scan(stage, (*start, zero), (jnp.array(AHEAD), jnp.array(SHARE)))[0][2]
+    weights = (jnp.array(AHEAD), jnp.array(SHARE))
+    _, _, total, slowest_m_s = lax.scan(stage, (*start, zero, ball.velocity_m_s.x), weights)[0]
     place, velocity = jax.tree.map(lambda begin, part: begin + step_m * part, start, total)
-    return ball._replace(position_m=_full(place, flat), velocity_m_s=_full(velocity, flat))
+    return ball._replace(position_m=_full(place, flat), velocity_m_s=_full(velocity, flat)), slowest_m_s
 
 
 def _rate(law: Law, ball: BallState) -> tuple[Vec, ...]:
