@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
@@ -35,6 +35,7 @@ def test_a_dataset_directory_is_a_plan(tmp_path):
     assert load_plan(tmp_path, CONFIG) == ROWS[1:]
 
 
+@settings(deadline=None)
 @given(rows=st.lists(st.tuples(st.floats(0.1, 30.0), st.floats(0.01, 1.0), st.floats(15.0, 75.0)), min_size=1))
 def test_what_is_written_is_read_to_the_bit(tmp_path_factory, rows):
     text = "distance_m,motor_ratio,hood_deg\n" + "".join(f"{d!r},{r!r},{h!r}\n" for d, r, h in rows)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robot.config import BadInput
@@ -43,6 +43,7 @@ def test_what_was_launched_changes_nothing_in_what_was_drawn_of_the_recorded():
     assert np.array_equal(with_it.train, without.train) and len(without.transfer) == 0
 
 
+@settings(deadline=None)
 @given(st.integers(0, 30), st.integers(0, 30), st.integers(0, 30), st.integers(0, 60))
 def test_a_rare_outcome_is_made_up_for_by_the_others(miss, two, three, count):
     outcomes = np.array(["miss"] * miss + ["two"] * two + ["three"] * three, dtype="U5")

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 from sklearn.metrics import brier_score_loss, f1_score, recall_score
@@ -57,6 +57,7 @@ def test_an_honest_coin_is_calibrated_and_a_boaster_is_off_by_what_he_boasts():
     assert calibration_error(np.full(labels.shape, 0.9), labels) == pytest.approx(0.4)
 
 
+@settings(deadline=None)
 @given(st.lists(st.floats(0.0, 1.0), min_size=1, max_size=40), st.integers(0, 2**32 - 1))
 def test_calibration_error_is_at_most_the_mean_absolute_error(values, seed):
     p = np.column_stack([values, values])
