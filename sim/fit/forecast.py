@@ -16,7 +16,9 @@ LANES = 256                           # rows fly in multiples of this, since eac
 
 @dataclass(frozen=True, eq=False)
 class Forecast:
-    """Heights at the plane [n] in m (nan: the ball turns back before it) and the standard deviations that make sigma_m.
+    """Heights at the plane [n] in m and the standard deviations that make sigma_m.
+
+    nan: the ball turns back before the plane, or falls as good as straight down far below the floor.
 
     `launch_m`: scatter from shot to shot; `sensor_m`: noise of what was measured before the shot, rig.toml [noise];
     `parameter_m`: doubt about the belief itself, which all shots share. by_launch [n, 4]: derivatives of the height by

@@ -46,6 +46,7 @@ def test_the_optimum_is_one_whatever_the_order_of_shots(outcomes):
     np.testing.assert_array_equal(fit_ml(GUPPY, dataset, TERMS).optimum.u, outcomes.optimum.u)
 
 
+@pytest.mark.slow
 def test_sides_and_heights_know_more(outcomes):
     def doubt(fit: MlFit) -> float:
         return fit.covariance[fit.model.names.index("drag.cd")][fit.model.names.index("drag.cd")]
@@ -92,6 +93,7 @@ def test_advice_is_about_what_is_known_worst(outcomes):
     assert abs(plain.aim_m) > 0.1
 
 
+@pytest.mark.slow
 def test_slip_and_loss_at_one_speed_are_one_number():
     """u (1 - loss) / (1 + k u) at a single u: only d k + (1 + k u) / (u (1 - loss)) d loss moves the ball."""
     ratio = 0.6
@@ -111,6 +113,7 @@ def test_slip_and_loss_at_one_speed_are_one_number():
     assert pair.factor == pytest.approx(per_loss if pair.a.startswith("wheel") else 1 / per_loss, rel=0.25)
 
 
+@pytest.mark.slow
 def test_tracks_recover_coefficients_scatter_and_noise():
     fit = fit_ml(GUPPY, make_tracks(21, 20), TERMS)
     assert fit.converged
@@ -122,6 +125,7 @@ def test_tracks_recover_coefficients_scatter_and_noise():
     assert "tracks.noise_m" not in fit.belief.names
 
 
+@pytest.mark.slow
 def test_thrown_balls_need_no_launcher():
     facts = msgspec.structs.replace(GUPPY, launcher=msgspec.structs.replace(GUPPY.launcher, wheel=()))
     fit = fit_ml(facts, make_tracks(22, 20, wheels=False), ("drag",))

@@ -1,0 +1,48 @@
+"""What takes minutes: the sampler against the profile, and coverage; benchmarks/coverage.py has more replicates."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from benchmarks.coverage import replicate
+from sim.fit.ml import fit_ml
+from sim.fit.posterior import sample, save_draws
+from sim.fit.profile import profile_interval
+from tests.sim.fit.independent import make_dataset
+from tests.sim.physics.rigs import GUPPY
+
+pytestmark = pytest.mark.slow
+TERMS = ("drag", "magnus", "exit_efficiency")
+
+
+def test_the_sampler_agrees_with_the_profile(tmp_path):
+    """Measured heights make the posterior near normal: there both must say the same."""
+    fit = fit_ml(GUPPY, make_dataset(11, 100, height=True), TERMS)
+    drawn = sample(fit, 400, seed=1)
+    assert drawn.converged
+    assert drawn.divergent < 10
+    for index, name in enumerate(("exit_efficiency.loss", "drag.cd", "magnus.cl", "scatter.speed")):
+        found = profile_interval(fit, name)
+        assert drawn.names[index] == name
+        low, high = np.quantile(drawn.draws[:, index], [0.05, 0.95])
+        width = found.high90 - found.low90
+        assert low == pytest.approx(found.low90, abs=0.15 * width)
+        assert high == pytest.approx(found.high90, abs=0.15 * width)
+    np.testing.assert_array_equal(sample(fit, 20, seed=3).draws, sample(fit, 20, seed=3).draws)
+    save_draws(tmp_path / "p.npz", drawn)
+    with np.load(tmp_path / "p.npz") as saved:
+        assert tuple(saved["names"]) == drawn.names
+        np.testing.assert_array_equal(saved["draws"], drawn.draws)
+
+
+def test_intervals_cover_the_truth():
+    """24 replicates x 5 parameters: fewer than the binomial's 0.1 % quantile inside would be chance once in a thousand.
+
+    Parameters of one replicate are correlated, so the count is compared as if there were half as many.
+    """
+    found = [one for one in (replicate(seed, 100, side=True) for seed in range(24)) if one is not None]
+    assert len(found) >= 23
+    share = np.mean([inside for one in found for inside in one.values()])
+    half = len(found) * 5 // 2
+    assert share * half >= stats.binom.ppf(0.001, half, 0.9)
+    assert share < 1.0
