@@ -44,7 +44,7 @@ def _check(gate: Gate, trained: Trained | None, name: str, features: np.ndarray)
     faults = find_faults(gate, features) if len(features) else []
     if trained is not None:
         result = compare(gate, trained, features)
-        aside = f" ({len(features) - result.rows} outside the box left out)" if result.rows < len(features) else ""
+        aside = f" ({len(features) - result.rows} outside the domain left out)" if result.rows < len(features) else ""
         print(f"{name}: {result.rows} rows{aside}, max |dp| {result.worst:.2e}, {result.flips} class flips at 0.5, "
               f"max |d novelty| {result.novelty:.1e}")
         if not result.passed:

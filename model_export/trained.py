@@ -34,7 +34,7 @@ class Trained:
     make_part: Callable[[], tuple[Part, dict[str, Any]]]
     novelty: Novelty
     tolerance: float
-    bounded: bool                     # outside the domain's box the graph's p is that of the nearest place inside
+    bounded: bool                     # the graph's p means something inside the domain only
 
 
 def load_trained(directory: str | Path) -> Trained:

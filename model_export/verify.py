@@ -51,17 +51,15 @@ def is_exported_from(gate: Gate, directory: str | Path) -> bool:
 def compare(gate: Gate, trained: Trained, features: np.ndarray) -> Comparison:
     """onnxruntime's p and novelty against the trainer's own float64, on rows [n, 3] as float32 carries them.
 
-    A gate whose p ends at the box of its domain (`trained.bounded`) is compared in p on the rows inside it.
+    A gate whose p is meant inside its domain only (`trained.bounded`) is compared in p on the rows inside it.
     """
     features = np.asarray(features, np.float32).astype(np.float64)
-    novelty = _largest((gate.rate_many(features).novelty - trained.novelty(features)) /
-                       np.maximum(trained.novelty(features), 1.0))
-    if trained.bounded:
-        low, high = np.array(gate.domain, np.float32).T
-        features = features[((features >= low) & (features <= high)).all(axis=1)]
-    given, wanted = gate.rate_many(features).p, trained.probabilities(features)
+    given, wanted = gate.rate_many(features), trained.novelty(features)
+    novelty = _largest((given.novelty - wanted) / np.maximum(wanted, 1.0))
+    kept = given.in_domain if trained.bounded else np.ones(len(features), bool)
+    given, wanted = given.p[kept], trained.probabilities(features[kept])
     flips = ((given >= THRESHOLD) != (wanted >= THRESHOLD)).any(axis=1)
-    return Comparison(len(features), _largest(given - wanted), int(flips.sum()), novelty, trained.tolerance)
+    return Comparison(int(kept.sum()), _largest(given - wanted), int(flips.sum()), novelty, trained.tolerance)
 
 
 def _largest(difference: np.ndarray) -> float:

@@ -16,6 +16,7 @@ from robot.gate.contract import FEATURES
 NEIGHBOUR = 3                         # one stray shot is no domain; many would shave off the cloud's edge
 LARGEST_QUANTILE = 0.99
 SAME = 0.05                           # standard deviations: nearer than this is the same configuration again
+BLOCK = 4096                          # rows measured at once
 MOST_KEPT = 256                       # landmarks: what the exported graph measures from at every decision
 
 
@@ -35,8 +36,12 @@ class Novelty:
     def __call__(self, features: np.ndarray) -> np.ndarray:
         """Novelty [n] of feature rows [n, 3] in the contract's order and units; float64."""
         z = (np.asarray(features, np.float64) - self.mean) * self.scale
+        blocks = [self._kth(z[first:first + BLOCK]) for first in range(0, len(z), BLOCK)]
+        return np.concatenate(blocks) / self.largest if blocks else np.zeros(0)
+
+    def _kth(self, z: np.ndarray) -> np.ndarray:
         apart = np.linalg.norm(z[:, None, :] - self.landmarks, axis=2)
-        return np.partition(apart, self.neighbour - 1, axis=1)[:, self.neighbour - 1] / self.largest
+        return np.partition(apart, self.neighbour - 1, axis=1)[:, self.neighbour - 1]
 
 
 def fit_novelty(features: np.ndarray) -> Novelty:

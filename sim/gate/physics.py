@@ -14,9 +14,9 @@ from sim.shots import Shots
 
 # Of a launcher whose scatter nobody has fitted; the gate fits one number that scales it.
 TYPICAL_SCATTER = {"speed": 0.02, "elevation_deg": 0.5}
-LOWEST_M = -10.0                      # where a ball that turns back before the plane is taken to pass
+LOWEST_M = -40.0                      # where a ball that turns back before the plane is taken to pass
 STEEPEST_M = 30.0                     # per unit of log speed: beyond it a shot is far too weak to matter
-WIDEST_M = 10.0
+WIDEST_M = 1.5                        # propagation to first order says nothing of shots that are less certain
 
 
 class Physics(NamedTuple):
@@ -35,9 +35,9 @@ def physics_of(facts: Facts, belief: Belief, features: np.ndarray) -> Physics:
     numbers = {feature.name: np.array(features[:, k], float) for k, feature in enumerate(FEATURES)}
     ahead = forecast(facts, with_scatter(belief), Shots(tuple(map(str, range(len(features)))), numbers, {}))
     back = np.isnan(ahead.height_m)
-    deviation_m = np.where(back, LOWEST_M, np.clip(ahead.height_m - facts.target.centre_height_m, LOWEST_M, -LOWEST_M))
+    deviation_m = np.where(back, LOWEST_M, np.maximum(ahead.height_m - facts.target.centre_height_m, LOWEST_M))
     by_speed_m = np.where(back, STEEPEST_M, STEEPEST_M * np.tanh(ahead.by_launch[:, 0] / STEEPEST_M))
-    return Physics(deviation_m, np.where(back, WIDEST_M, np.clip(ahead.sigma_m, 0.0, WIDEST_M)), by_speed_m)
+    return Physics(deviation_m, np.where(back, WIDEST_M, WIDEST_M * np.tanh(ahead.sigma_m / WIDEST_M)), by_speed_m)
 
 
 def with_scatter(belief: Belief) -> Belief:

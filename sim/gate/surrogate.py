@@ -3,7 +3,9 @@
 A product of Chebyshev polynomials T_i(u) T_j(v) T_k(w), i, j, k < degree, u, v, w the features mapped from the domain's
 box to [-1, 1] and held there. One set of coefficients is the height's mean minus the target's centre in m, one its
 variance in m2: a sum of smooth functions, which its logarithm is not. Fitted in least squares on a Chebyshev grid, with
-weights that ask for accuracy near the target: a shot three metres low is a miss whatever the third decimal.
+weights that ask for accuracy near the target (a shot three metres low is a miss whatever the third decimal) and inside
+the domain, where novelty is at most 1. In corners of the box where nothing was recorded, balls may turn back before the
+plane; no polynomial follows that, and a p from there is not believed anyway.
 """
 
 from dataclasses import dataclass
@@ -12,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from robot.config import BadInput
-from robot.gate.contract import FEATURES
+from robot.gate.contract import FEATURES, NOVELTY_LIMIT
 from sim.gate.model import PhysicsGate
 
 DEGREES = (8, 10, 12, 14)             # tried in this order until one is good enough
@@ -20,7 +22,9 @@ OVERSAMPLED = 1.4                     # grid points along each feature for each 
 NEAR_M = 0.8                          # where the weight has fallen to a third
 LEAST_WEIGHT = 1e-4
 RIDGE = 1e-12                         # of the normal equations, as a share of their mean diagonal
-CHECKED = 8000                        # random configurations of the domain
+CHECKED = 30000                       # random configurations of the box; those inside the domain count
+KNOWN = 1.1                           # novelty up to which the fit cares
+UNKNOWN_WEIGHT = 1e-3                 # ... and how much it cares beyond
 NEAR_TARGET_M = 0.5
 MOST_MEAN_ERROR_M = 0.005             # at most this at the 99th percentile of configurations that near the target
 MOST_P_ERROR = 0.003                  # at most this anywhere; float32 and a denser check stay within 0.005
@@ -64,6 +68,7 @@ def make_surrogate(gate: PhysicsGate, domain: dict[str, list[float]]) -> tuple[S
     margin = ON_FACES * (box[:, 1] - box[:, 0])
     drawn = np.random.default_rng(0).uniform(box[:, 0] - margin, box[:, 1] + margin, (CHECKED, len(box)))
     checks = np.clip(drawn, box[:, 0], box[:, 1])
+    checks = checks[gate.novelty(checks) <= NOVELTY_LIMIT]
     wanted = gate.latent(checks)
     for degree in DEGREES:
         surrogate = fit_surrogate(gate, box, degree)
@@ -79,11 +84,13 @@ def fit_surrogate(gate: PhysicsGate, box: np.ndarray, degree: int) -> Surrogate:
     half = np.maximum(0.5 * (box[:, 1] - box[:, 0]), 1e-6)
     middle = 0.5 * (box[:, 0] + box[:, 1])
     points = int(np.ceil(OVERSAMPLED * degree))
-    nodes = np.cos(np.pi * (np.arange(points) + 0.5) / points)
+    nodes = np.cos(np.pi * np.arange(points) / (points - 1))           # the faces included: nothing is extrapolated
     u = np.stack(np.meshgrid(nodes, nodes, nodes, indexing="ij"), axis=-1).reshape(-1, 3)
-    mean_m, sigma_m = gate.latent(middle + half * u)
+    features = middle + half * u
+    mean_m, sigma_m = gate.latent(features)
     columns = np.einsum("ni,nj,nk->nijk", *(chebyshev(u[:, k], degree) for k in range(3))).reshape(len(u), -1)
     weight = np.maximum(np.exp(-((mean_m / NEAR_M) ** 2)), LEAST_WEIGHT)
+    weight *= np.where(gate.novelty(features) <= KNOWN, 1.0, UNKNOWN_WEIGHT)
     solved = np.stack([_solve(columns, weight, mean_m), _solve(columns, weight / sigma_m**4, sigma_m**2)])
     return Surrogate(_exact(middle), _exact(1.0 / half), _exact(solved.reshape(2, degree, degree, degree)),
                      float(np.float32(0.5 * np.min(sigma_m) ** 2)))

@@ -1,0 +1,122 @@
+"""How long one decision of the gate takes, beside plain NumPy and scikit-learn.
+
+    python benchmarks/gate.py [--calls 20000] [--shots 120]
+
+Makes simulated shots of its own, trains both kinds of model on them, exports both, and times `Gate.rate`: from three
+floats to a rating, building the features and checking the domain included; one thread, no spinning. The NumPy line is
+the seed's network alone, without domain check or novelty; scikit-learn's is a logistic regression. Two clocks: the
+wall's, which also sees whatever else the machine does, and this thread's own.
+
+Exits 1 when the p99 of a gate, by the thread's own clock, is over 50 microseconds.
+"""
+
+import argparse
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from sklearn.linear_model import LogisticRegression
+
+from model_export.graph import export_weights
+from robot.facts import Ball, Facts, LauncherFacts, Target, Wheel
+from robot.gate.contract import FEATURES
+from robot.gate.model import load_gate
+from sim.belief import point_belief
+from sim.gate.novelty import fit_novelty, novelty_record
+from sim.gate.physics import physics_of
+from sim.gate.store import save_physics_gate
+from sim.gate.train import train_physics_gate
+from sim.network import Network, initial_layers, save_weights, standardisation
+from sim.shots import Shots
+from sim.train import domain_of
+
+LIMIT_US = 50.0
+WARM_UP = 1000
+FACTS = Facts(Ball(0.14, 0.0889), LauncherFacts(0.75, 594.0, (Wheel("lower", 0.0508, 1.0, 180.0),
+                                                              Wheel("upper", 0.0349, 0.5625, 0.0))), Target(2.44))
+BELIEF = point_belief({"drag": {"cd": 0.5}, "magnus": {"cl": 0.1}, "exit_efficiency": {"loss": 0.25}},
+                      {"speed": 0.02, "elevation_deg": 0.4})
+Rate = Callable[[float, float, float], object]
+
+
+def make_shots(count: int) -> Shots:
+    """Configurations aimed at the target within a tenth or so of the speed, with outcomes by the forecast's spread."""
+    rng = np.random.default_rng(1)
+    wide = rng.uniform([2.5, 0.4, 30.0], [8.0, 0.9, 54.0], (60 * count, 3))
+    ahead = physics_of(FACTS, BELIEF, wide)
+    kept = np.flatnonzero(np.abs(ahead.deviation_m) < 1.0)[:count]
+    miss_m = np.abs(ahead.deviation_m[kept] + ahead.sigma_m[kept] * rng.normal(size=kept.size))
+    outcome = np.where(miss_m <= 0.07, "three", np.where(miss_m <= 0.35, "two", "miss"))
+    return Shots(tuple(f"s{row}" for row in range(kept.size)),
+                 {feature.name: wide[kept, k] for k, feature in enumerate(FEATURES)},
+                 {"outcome": tuple(map(str, outcome))})
+
+
+def make_rates(shots: Shots, folder: Path) -> dict[str, Rate]:
+    """Everything that is timed, by name."""
+    features = np.stack([shots.number(feature.name) for feature in FEATURES], axis=1)
+    gate, _ = train_physics_gate(FACTS, BELIEF, shots)
+    domain = domain_of(features)
+    save_physics_gate(folder / "physics", gate, {"domain": domain})
+    network = Network(*standardisation(features), initial_layers(np.random.default_rng(2)))
+    save_weights(folder / "network", network, {"domain": domain, "novelty": novelty_record(fit_novelty(features))})
+    rates: dict[str, Rate] = {}
+    for kind in ("network", "physics"):
+        export_weights(folder / kind, folder / f"{kind}.onnx")
+        rates[f"gate, {kind}"] = load_gate(folder / f"{kind}.onnx").rate
+    rates["NumPy, the network alone"] = plain(network)
+    hit = np.array([outcome != "miss" for outcome in shots.text("outcome")])
+    regression = LogisticRegression().fit(features, hit)
+    rates["scikit-learn, logistic regression"] = lambda *row: regression.predict_proba(np.array((row,)))
+    return rates
+
+
+def plain(network: Network) -> Rate:
+    layers = network.layers
+
+    def rate(distance_m: float, motor_ratio: float, hood_deg: float) -> object:
+        z = (np.array((distance_m, motor_ratio, hood_deg)) - network.mean) * network.scale
+        hidden = 1.0 / (1.0 + np.exp(-(z @ layers.hidden_w + layers.hidden_b)))
+        return 1.0 / (1.0 + np.exp(-(hidden @ layers.out_w + layers.out_b)))
+
+    return rate
+
+
+def time_calls(rate: Rate, rows: list[list[float]], clock: Callable[[], int]) -> np.ndarray:
+    """Microseconds [n] of each call, the clock's own cost taken off."""
+    for row in rows[:WARM_UP]:
+        rate(*row)
+    took = np.empty(len(rows))
+    for number, row in enumerate(rows):
+        began = clock()
+        rate(*row)
+        took[number] = clock() - began
+    empty = [-(clock() - clock()) for _ in range(WARM_UP)]
+    return (took - np.median(empty)) * 1e-3
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--calls", type=int, default=20000)
+    parser.add_argument("--shots", type=int, default=120, help="recorded shots to train on")
+    args = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        rates = make_rates(make_shots(args.shots), Path(folder))
+        rows = np.random.default_rng(3).uniform([2.5, 0.4, 30.0], [8.0, 0.9, 54.0], (args.calls, 3)).tolist()
+        print(f"{args.calls} decisions each, trained on {args.shots} shots; microseconds p50 / p99 / p99.9")
+        slow = False
+        for name, rate in rates.items():
+            wall, own = (np.percentile(time_calls(rate, rows, clock), [50, 99, 99.9])
+                         for clock in (time.perf_counter_ns, time.thread_time_ns))
+            print(f"{name:34s} wall {wall[0]:7.1f} /{wall[1]:7.1f} /{wall[2]:7.1f}   "
+                  f"own {own[0]:7.1f} /{own[1]:7.1f} /{own[2]:7.1f}")
+            slow |= name.startswith("gate") and own[1] > LIMIT_US
+        print(f"p99 under {LIMIT_US:.0f} us: {'no' if slow else 'yes'}")
+    return int(slow)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
