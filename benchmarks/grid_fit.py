@@ -51,8 +51,8 @@ def main() -> None:
         wall_s, cpu_s, flights = time_ours(shots, args.runs)
         ours_s[name] = wall_s, cpu_s
         print(f"1001 x 1001 x 80, {name:8s} {wall_s:8.3f} s  wall, {cpu_s:.3f} s of CPU, fastest of {args.runs}; load "
-              f" {os.getloadavg()[0]:.1f}; {flights} flights, {flights / axis.size**2 / 80:.2%}")
-    print("\nthe same by plainer ways, scaled to all 80160080 flights of `random`: wall s, CPU s, and how many times ours\n"
+              f"{os.getloadavg()[0]:.1f}; {flights} flights, {flights / axis.size**2 / 80:.2%}")
+    print("\nthe same by plainer ways, scaled to all 80160080 flights of `random`: wall s, CPU s, and times ours\n"
           "(on a busy machine the ratio of CPU is the fair one)")
     for what, (wall_s, cpu_s) in plain_ways(random):
         print(f"  {what:88s} {wall_s:7.1f} s {wall_s / ours_s['random'][0]:6.0f} x {cpu_s:9.1f} s CPU "

@@ -3,7 +3,7 @@
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import ModuleType
 
@@ -38,6 +38,9 @@ class Hits:
     launch: np.ndarray
     pair: np.ndarray
     label: np.ndarray
+
+
+HIT_TYPES = (np.int32, np.int32, np.uint8)
 
 
 @dataclass(frozen=True)
@@ -121,9 +124,10 @@ def find_hits(flyer: Flyer, axis: np.ndarray, target: tuple[float, float, float]
 
     def one(first: int) -> Hits:
         labels = label_launches(flyer, axis, target, range(first, min(first + AT_ONCE, launches)))
-        at = np.flatnonzero(labels.ravel())
-        return Hits((at // len(axis)**2 + first).astype(np.int32), (at % len(axis)**2).astype(np.int32),
-                    labels.ravel()[at])
+        room = cells_of.list_hits(labels, *(np.empty(0, kind) for kind in HIT_TYPES))
+        hits = Hits(*(np.empty(room, kind) for kind in HIT_TYPES))
+        cells_of.list_hits(labels, hits.launch, hits.pair, hits.label)
+        return replace(hits, launch=hits.launch + np.int32(first))
 
     parts = []
     with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
