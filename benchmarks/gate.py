@@ -37,8 +37,7 @@ LIMIT_US = 50.0
 WARM_UP = 1000
 FACTS = Facts(Ball(0.14, 0.0889), LauncherFacts(0.75, 594.0, (Wheel("lower", 0.0508, 1.0, 180.0),
                                                               Wheel("upper", 0.0349, 0.5625, 0.0))), Target(2.44))
-BELIEF = point_belief({"drag": {"cd": 0.5}, "magnus": {"cl": 0.1}, "exit_efficiency": {"loss": 0.25}},
-                      {"speed": 0.02, "elevation_deg": 0.4})
+BELIEF = point_belief({"drag": {"cd": 1.06}, "magnus": {"cl": 0.033}}, {"speed": 0.02, "elevation_deg": 0.3})
 Rate = Callable[[float, float, float], object]
 
 

@@ -17,12 +17,14 @@ from robot.config import BadInput
 from robot.gate.contract import FEATURES, NOVELTY_LIMIT
 from sim.gate.model import PhysicsGate
 
-DEGREES = (8, 10, 12, 14)             # tried in this order until one is good enough
+DEGREES = (8, 10, 12)                 # tried in this order until one is good enough
 OVERSAMPLED = 1.4                     # grid points along each feature for each degree
 NEAR_M = 0.8                          # where the weight has fallen to a third
 LEAST_WEIGHT = 1e-4
 RIDGE = 1e-12                         # of the normal equations, as a share of their mean diagonal
 CHECKED = 30000                       # random configurations of the box; those inside the domain count
+LEARNED = 20000                       # random configurations of the box; those inside the domain are fitted too: where
+#                                       the recorded ones lie on a thin sheet, few points of the grid do
 KNOWN = 1.1                           # novelty up to which the fit cares
 UNKNOWN_WEIGHT = 1e-3                 # ... and how much it cares beyond
 NEAR_TARGET_M = 0.5
@@ -65,10 +67,7 @@ class Surrogate:
 def make_surrogate(gate: PhysicsGate, domain: dict[str, list[float]]) -> tuple[Surrogate, Errors]:
     """The least surrogate that is good enough over `domain` {feature: [low, high]}; BadInput when none of them is."""
     box = np.array([domain[feature.name] for feature in FEATURES])
-    margin = ON_FACES * (box[:, 1] - box[:, 0])
-    drawn = np.random.default_rng(0).uniform(box[:, 0] - margin, box[:, 1] + margin, (CHECKED, len(box)))
-    checks = np.clip(drawn, box[:, 0], box[:, 1])
-    checks = checks[gate.novelty(checks) <= NOVELTY_LIMIT]
+    checks = inside(gate, box, CHECKED, 0)
     wanted = gate.latent(checks)
     for degree in DEGREES:
         surrogate = fit_surrogate(gate, box, degree)
@@ -79,14 +78,23 @@ def make_surrogate(gate: PhysicsGate, domain: dict[str, list[float]]) -> tuple[S
                    f"off by {errors.mean_m:.4f} m near the target, p by {errors.p:.4f}; record fewer extremes")
 
 
+def inside(gate: PhysicsGate, box: np.ndarray, count: int, seed: int) -> np.ndarray:
+    """Those of `count` random configurations of the box, many of them on its faces, that lie inside the domain."""
+    margin = ON_FACES * (box[:, 1] - box[:, 0])
+    drawn = np.random.default_rng(seed).uniform(box[:, 0] - margin, box[:, 1] + margin, (count, len(box)))
+    held = np.clip(drawn, box[:, 0], box[:, 1])
+    return held[gate.novelty(held) <= NOVELTY_LIMIT]
+
+
 def fit_surrogate(gate: PhysicsGate, box: np.ndarray, degree: int) -> Surrogate:
-    """Least squares on a Chebyshev grid over box [3, 2] (low, high)."""
+    """Least squares on a Chebyshev grid over box [3, 2] (low, high), and on more points inside the domain."""
     half = np.maximum(0.5 * (box[:, 1] - box[:, 0]), 1e-6)
     middle = 0.5 * (box[:, 0] + box[:, 1])
     points = int(np.ceil(OVERSAMPLED * degree))
     nodes = np.cos(np.pi * np.arange(points) / (points - 1))           # the faces included: nothing is extrapolated
-    u = np.stack(np.meshgrid(nodes, nodes, nodes, indexing="ij"), axis=-1).reshape(-1, 3)
-    features = middle + half * u
+    grid = np.stack(np.meshgrid(nodes, nodes, nodes, indexing="ij"), axis=-1).reshape(-1, 3)
+    features = np.concatenate([middle + half * grid, inside(gate, box, LEARNED, 1)])
+    u = np.clip((features - middle) / half, -1.0, 1.0)
     mean_m, sigma_m = gate.latent(features)
     columns = np.einsum("ni,nj,nk->nijk", *(chebyshev(u[:, k], degree) for k in range(3))).reshape(len(u), -1)
     weight = np.maximum(np.exp(-((mean_m / NEAR_M) ** 2)), LEAST_WEIGHT)
