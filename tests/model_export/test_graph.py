@@ -7,7 +7,7 @@ import numpy as np
 import onnx
 import onnxruntime
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from onnx.reference import ReferenceEvaluator
 from scipy.spatial import cKDTree
@@ -50,6 +50,7 @@ def by_tree(features: np.ndarray) -> np.ndarray:
     return cKDTree(NOVELTY.landmarks).query(z, k=[NOVELTY.neighbour])[0][:, 0] / NOVELTY.largest
 
 
+@settings(deadline=None)         # the first call loads the runtime
 @given(st.integers(0, 2**32))
 def test_three_engines_agree(seed: int) -> None:
     network = make_network(seed, spread=3.0)

@@ -1,0 +1,72 @@
+"""The gate with physics through its doors: train -> export -> verify -> predict-gate, for someone with a folder."""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import truearc
+from robot.gate.model import load_gate
+from sim.belief import save_belief
+from sim.shots import load_dataset, save_dataset
+from tests.sim.gate.worlds import BELIEF, make_shots
+
+
+@pytest.fixture(scope="module")
+def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    home = tmp_path_factory.mktemp("physics")
+    save_dataset(home / "real", make_shots(1, 80))
+    save_belief(home / "coefficients.toml", BELIEF, {"method": "by hand"})
+    for name in ("weights", "again"):
+        assert truearc.main(["train", "--quiet", "--model", "physics", "--real", f"{home}/real", "--coefficients",
+                             f"{home}/coefficients.toml", "--reliability", f"{home}/{name}.png", "-o",
+                             f"{home}/{name}"]) == 0
+        assert truearc.main(["export", f"{home}/{name}", "-o", f"{home}/{name}.onnx"]) == 0
+    return home
+
+
+def test_the_same_data_give_the_same_file(home: Path) -> None:
+    assert (home / "weights.onnx").read_bytes() == (home / "again.onnx").read_bytes()
+    assert (home / "weights.png").read_bytes()[:4] == b"\x89PNG"
+
+
+def test_verify_passes_and_says_what_it_compared(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert truearc.main(["verify", f"{home}/weights.onnx", "--weights", f"{home}/weights", "--data",
+                         f"{home}/real"]) == 0
+    said = capsys.readouterr().out
+    assert said.count("max |dp|") == 2 and "outside the domain left out" in said and "FAILED" not in said
+
+
+def test_verify_fails_on_another_gate(home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    save_dataset(tmp_path / "other", make_shots(5, 60))
+    assert truearc.main(["train", "--quiet", "--model", "physics", "--real", f"{tmp_path}/other", "--coefficients",
+                         f"{home}/coefficients.toml", "-o", f"{tmp_path}/w"]) == 0
+    capsys.readouterr()
+    assert truearc.main(["verify", f"{home}/weights.onnx", "--weights", f"{tmp_path}/w"]) == 1
+    said = capsys.readouterr().out
+    assert "FAILED: onnxruntime and trainer differ" in said and "not the weights" in said
+
+
+def test_the_robot_takes_it_and_rates_as_the_rows_say(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    capsys.readouterr()
+    assert truearc.main(["predict-gate", f"{home}/weights.onnx", f"{home}/real"]) == 0
+    rows = list(csv.DictReader(capsys.readouterr().out.splitlines()))
+    shots, gate = load_dataset(home / "real").shots, load_gate(home / "weights.onnx")
+    assert gate.provenance["kind"] == "physics" and gate.provenance["surrogate"]["p_error"] < 0.005
+    for number, row in enumerate(rows):
+        one = gate.rate(*(float(shots.number(name)[number]) for name in ("distance_m", "motor_ratio", "hood_deg")))
+        assert (float(row["p_two"]), float(row["p_three"])) == pytest.approx((one.p_two, one.p_three), abs=1e-5)
+        assert one.p_three is not None and one.p_two is not None and one.p_three <= one.p_two + 1e-6
+    inside = np.mean([row["in_domain"] == "true" for row in rows])
+    assert inside >= 0.97
+    far = gate.rate(19.0, 0.9, 80.0)
+    assert not far.in_domain and far.novelty is not None and far.novelty > 1.0
+
+
+def test_what_is_missing_is_named(home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    train = ["train", "--quiet", "--model", "physics", "--real", f"{home}/real", "-o", f"{tmp_path}/w"]
+    for words, named in (([], "--coefficients"), (["--coefficients", "nowhere.toml"], "nowhere.toml"),
+                         (["--coefficients", f"{home}/coefficients.toml", "--seed", "-1"], "--seed")):
+        assert truearc.main([*train, *words]) == 2
+        assert named in capsys.readouterr().err
