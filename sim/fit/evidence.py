@@ -10,6 +10,7 @@ from robot.facts import Facts
 from sim.fit.given import EXIT_DEG_SD, EXIT_SPEED_SD_M_S, Given, given_of
 from sim.fit.marks import Marks, make_marks
 from sim.fit.track_data import TrackData, gather_tracks
+from sim.physics.shot import spin_of
 from sim.shots import Dataset, Shots
 
 KINDS = ("outcome", "side", "miss_height_m", "exit_speed_m_s", "exit_deg", "exit_spin_rev_s", "tracks")
@@ -30,7 +31,7 @@ class Evidence(NamedTuple):
     """Arrays for the likelihood, one row a unit: first the shots with a launch [n], then free flights [f].
 
     marks: None when not one was made. tracks: of shots with a launch, whose `row` is among the n. free: of flights
-    whose launch nobody knows.
+    whose launch nobody knows, with their backspin [f] as measured, else by the wheels, else none.
     """
 
     given: Given
@@ -38,6 +39,7 @@ class Evidence(NamedTuple):
     marks: Marks | None
     tracks: TrackData | None
     free: TrackData | None
+    free_spin_rev_s: Any
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,9 +74,10 @@ def gather(facts: Facts, dataset: Dataset) -> Gathered:
         raise BadInput("no shot has both a launch (wheel speeds, motor_ratio or exit_speed_m_s, with an elevation) and "
                        "something seen of its flight (outcome, side, miss_height_m, exit_* or a track)")
     left_out = _left_out(facts, shots, launched, marked, placed, tracked, use, (tracks, free))
-    evidence = Evidence(*_launches(facts, shots.take(rows), at_plane[rows]), tracks, free)
-    free_rows = free.row if free is not None else np.zeros(0, np.int64)
-    rows = np.concatenate([rows, np.flatnonzero(tracked & ~launched)[free_rows]])
+    free_rows = np.flatnonzero(tracked & ~launched)[free.row if free is not None else np.zeros(0, np.int64)]
+    evidence = Evidence(*_launches(facts, shots.take(rows), at_plane[rows]), tracks, free,
+                        spin_of(facts, shots)[free_rows])
+    rows = np.concatenate([rows, free_rows])
     return Gathered(evidence, shots, rows, _used(shots.take(rows), evidence), left_out)
 
 
@@ -82,7 +85,7 @@ def blind(given: Given) -> Evidence:
     """Launches of which nothing was seen, neither leaving nor arriving."""
     n = len(given.rolled)
     no, zero, one = np.zeros(n, bool), np.zeros(n), np.ones(n)
-    return Evidence(given, Seen(no, zero, one, no, zero, one), None, None, None)
+    return Evidence(given, Seen(no, zero, one, no, zero, one), None, None, None, np.zeros(0))
 
 
 def _launches(facts: Facts, shots: Shots, at_plane: np.ndarray) -> tuple[Given, Seen, Marks | None]:

@@ -106,12 +106,12 @@ def plane_of(model: Model, given: Given, launch: Narrowed, u: Any) -> Plane:
 
 
 def free_tracks(model: Model, evidence: Evidence, points: Points, u: Any) -> Linear:
-    """Flights whose launch nobody knows: their start is integrated out; a spin that was not measured is none."""
+    """Flights whose launch nobody knows: their start is integrated out."""
     law = _law(model, u)
     k = points.free.shape[0]
     sd = jnp.broadcast_to(jnp.array(FREE_SD), (k, len(FREE_SD)))
     data = evidence.free
-    return linear(lambda at: loose(law, jnp.zeros(k), at, data.time_s), data, points.free, points.free, sd,
+    return linear(lambda at: loose(law, evidence.free_spin_rev_s, at, data.time_s), data, points.free, points.free, sd,
                   _value(model, TRACK_NOISE, u))
 
 

@@ -86,15 +86,18 @@ def launch_of(facts: Facts, shots: Shots) -> Exit:
     A measured speed without a spin, measured or of wheels, means a ball without spin. BadInput names shots that have
     too little of these, or no elevation.
     """
-    speed_m_s, spin_rev_s = _from_wheels(facts, shots)
-    speed_m_s = _prefer(shots.number("exit_speed_m_s"), speed_m_s)
-    spin_rev_s = _prefer(shots.number("exit_spin_rev_s"), spin_rev_s)
-    spin_rev_s = np.where(np.isnan(spin_rev_s), 0.0, spin_rev_s)
+    speed_m_s = _prefer(shots.number("exit_speed_m_s"), _from_wheels(facts, shots)[0])
     elevation_deg = _prefer(shots.number("exit_deg"), shots.number("hood_deg"))
     _need(shots, np.isnan(speed_m_s), "motor_ratio (with launcher.free_speed_rad_s in rig.toml), every "
           "wheel_<name>_rad_s, or exit_speed_m_s")
     _need(shots, np.isnan(elevation_deg), "hood_deg or exit_deg")
-    return Exit(speed_m_s, np.radians(elevation_deg), spin_rev_s)
+    return Exit(speed_m_s, np.radians(elevation_deg), spin_of(facts, shots))
+
+
+def spin_of(facts: Facts, shots: Shots) -> np.ndarray:
+    """Backspin in rev/s as it was measured, else by the wheels, else none; one a shot."""
+    spin_rev_s = _prefer(shots.number("exit_spin_rev_s"), _from_wheels(facts, shots)[1])
+    return np.where(np.isnan(spin_rev_s), 0.0, spin_rev_s)
 
 
 def by_wheels(shots: Shots) -> np.ndarray:
