@@ -53,16 +53,20 @@ def main() -> None:
     begin, found = time.perf_counter(), []
     for number in range(args.replicates):
         found.append(replicate(args.seed + number, args.shots, args.side))
-        if (number + 1) % 20 == 0:
-            print(f"{number + 1} replicates, {time.perf_counter() - begin:.0f} s", flush=True)
+        if (number + 1) % 20 == 0 or number + 1 == args.replicates:
+            print(f"\n{time.perf_counter() - begin:.0f} s")
+            report(found, args.shots)
+
+
+def report(found: list[dict[str, bool] | None], shots: int) -> None:
     settled = [one for one in found if one is not None]
-    print(f"{args.replicates} replicates of {args.shots} shots, {args.replicates - len(settled)} fits did not settle")
-    for name in settled[0]:
+    print(f"{len(found)} replicates of {shots} shots, {len(found) - len(settled)} fits did not settle", flush=True)
+    for name in settled[0] if settled else ():
         inside = sum(one[name] for one in settled)
         low, high = wilson(inside, len(settled))
         share = inside / len(settled)
         print(f"{name:24s} {share:.3f} inside ({low:.3f} to {high:.3f})  "
-              f"{'within' if LOW <= share <= HIGH else 'OUTSIDE'} {LOW}-{HIGH}")
+              f"{'within' if LOW <= share <= HIGH else 'OUTSIDE'} {LOW}-{HIGH}", flush=True)
 
 
 if __name__ == "__main__":

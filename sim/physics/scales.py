@@ -1,4 +1,4 @@
-"""Scales on which a parameter's belief is about normal: positive ones by their logarithm, shares lost by what is left."""
+"""Scales on which beliefs are about normal: positive parameters by their logarithm, shares lost by what is left."""
 
 from typing import Any
 
