@@ -26,6 +26,7 @@ ungated sessions, say where simulation and recordings disagree, and write one re
 EXAMPLE = "truearc demo --out report"
 SHIPPED = Path(robot.__file__).parent / "launcher.toml"
 FEWEST = 30
+TERMS = "gravity,drag,magnus,exit_efficiency"     # what our gate's physics consists of
 MARK = ".truearc-demo"                # a folder with this in it was made by us and may be made anew
 
 
@@ -72,13 +73,18 @@ def _collect(demo: Demo, trials: int, quiet: bool) -> None:
 def _learn(demo: Demo, quiet: bool) -> None:
     verbs: list[tuple[str, list[object]]] = [
         ("2 fit: the paper's grid of 1001 x 1001 coefficient pairs",
-         ["fit", demo.shots, "--method", "grid", "-o", demo.coefficients, "--map", demo.fit_map]),
+         ["fit", demo.shots, "--method", "grid", "-o", demo.coefficients, "--picture", demo.fit_map]),
         ("3 simulate: an even sample of the paper's grid of configurations",
          ["synth", "--rig", demo.shots / "rig.toml", "--coefficients", demo.coefficients, "-n", 900, "--exclude",
           demo.shots, "--seed", demo.seed, "-o", demo.simulated]),
         ("4 train: the paper's network and loss",
-         ["train", "--real", demo.shots, "--sim", demo.simulated, "--seed", demo.seed, "-o", demo.weights]),
-        ("5 export and verify the gate", ["export", demo.weights, "-o", demo.gate]),
+         ["train", "--real", demo.shots, "--sim", demo.simulated, "--seed", demo.seed, "-o", demo.network_weights]),
+        ("", ["export", demo.network_weights, "-o", demo.network]),
+        ("5 our gate: maximum likelihood, then the physics inside the gate",
+         ["fit", demo.shots, "--method", "ml", "--terms", TERMS, "-o", demo.belief]),
+        ("", ["train", "--model", "physics", "--real", demo.shots, "--coefficients", demo.belief, "--seed", demo.seed,
+              "-o", demo.weights]),
+        ("", ["export", demo.weights, "-o", demo.gate]),
         ("", ["verify", demo.gate, "--weights", demo.weights, "--data", demo.shots]),
     ]
     for title, words in verbs:
@@ -99,6 +105,7 @@ def _compare(demo: Demo, trials: int, quiet: bool) -> None:
     for session, shots in ((demo.gated, demo.gated_shots), (demo.ungated, demo.ungated_shots)):
         _run("shots", session, "-o", shots, "--quiet")
     _run("predict-gate", demo.gate, demo.ungated_shots, "-o", demo.ratings)
+    _run("predict-gate", demo.network, demo.ungated_shots, "-o", demo.network_ratings)
 
 
 def _walked_in(config: Config, session: Path) -> Config:

@@ -3,6 +3,7 @@
 import csv
 import json
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,8 +12,9 @@ from robot.recording.session import load_session_config, load_trials
 from sim.coefficients import load_coefficients
 from sim.discover.discover import Investigation
 from sim.discover.page import make_pictures
-from sim.intervals import difference, wilson
-from sim.pictures import Share, draw_fit_map, draw_shares, draw_shot, draw_trajectories
+from sim.gate.figures import Figures, figures_of
+from sim.intervals import difference
+from sim.pictures import Share, draw_shares, draw_shot, draw_trajectories
 from sim.report import make_page, make_png, paragraph, picture, table
 from sim.shots import Dataset, load_dataset
 
@@ -30,8 +32,11 @@ class Demo:
         self.collect, self.gated, self.ungated = (sessions / name for name in ("practice", "gated", "ungated"))
         self.shots, self.gated_shots, self.ungated_shots, self.all_shots, self.simulated = (
             folder / "data" / name for name in ("practice", "gated", "ungated", "all", "simulated"))
-        self.coefficients, self.fit_map = folder / "coefficients.toml", folder / "fit_map.npz"
+        self.coefficients, self.fit_map = folder / "coefficients.toml", folder / "fit_map.png"
+        self.belief = folder / "belief.toml"
         self.weights, self.gate, self.ratings = folder / "weights", folder / "gate.onnx", folder / "ratings.csv"
+        self.network_weights, self.network, self.network_ratings = (
+            folder / "network_weights", folder / "network.onnx", folder / "network_ratings.csv")
         self.finding, self.finding_page = folder / "finding.json", folder / "discover.html"
 
 
@@ -45,11 +50,11 @@ def headline(demo: Demo) -> list[str]:
         low, high = difference(with_gate, without)
         lines.append(f"{name}: {_share(with_gate)} with the gate, {_share(without)} without; "
                      f"difference {low:+.0%} to {high:+.0%} (95 %)")
-    right, total = _agreement(demo)
+    ours, network = _judged(demo)
+    lines.append(f"told beforehand, of {ours.shots} shots neither had seen: our gate right on {ours.accuracy:.0%} "
+                 f"(Brier {ours.brier:.3f}), the paper's network on {network.accuracy:.0%} (Brier {network.brier:.3f})")
     coefficients = load_coefficients(demo.coefficients)
-    lines.append(f"gate against outcome, on shots it has never seen: right on {right} of {total} "
-                 f"({_interval(right, total)})")
-    lines.append("fit: " + ", ".join(f"{term}.{name} = {value:.3f}" for term, values in coefficients.items()
+    lines.append("fit (grid): " + ", ".join(f"{term}.{name} = {value:.3f}" for term, values in coefficients.items()
                                      for name, value in values.items()))
     lines.append("discover: " + json.loads(demo.finding.read_text(encoding="utf-8"))["sentence"])
     return lines
@@ -92,11 +97,6 @@ def _share(score: tuple[int, int]) -> str:
     return f"{score[0] / max(score[1], 1):.0%} ({score[0]} of {score[1]})"
 
 
-def _interval(hits: int, tries: int) -> str:
-    low, high = wilson(hits, tries)
-    return f"{hits / max(tries, 1):.0%}, 95 % interval {low:.0%} to {high:.0%}"
-
-
 def _gate_worth(demo: Demo) -> str:
     gated, ungated = load_dataset(demo.gated_shots), load_dataset(demo.ungated_shots)
     shares = [Share(f"{name}, {which}", *_score(dataset, kinds)) for name, kinds in SCORES
@@ -130,45 +130,57 @@ def _trajectories(demo: Demo) -> str:
 
 
 def _fit(demo: Demo) -> str:
-    saved = np.load(demo.fit_map)
-    chosen = load_coefficients(demo.coefficients)
-    figure = draw_fit_map(saved["axis"], saved["share_three"].T, (chosen["drag"]["cd"], chosen["magnus"]["cl"]))
-    return picture(make_png(figure), "3-point accuracy over the coefficients")
+    return picture(demo.fit_map.read_bytes(), "3-point accuracy over the coefficients, and the pairs that tie")
 
 
-def _ratings(demo: Demo) -> list[tuple[str, float, float]]:
-    """(outcome, p_two, p_three) of each ungated shot that lies in the gate's domain."""
+class Rated(NamedTuple):
+    """Shots of the ungated session inside our gate's domain: p [n, 2] of both gates and level [n] (0, 1, 2)."""
+
+    ours: np.ndarray
+    network: np.ndarray
+    level: np.ndarray
+
+
+def _rated(demo: Demo) -> Rated:
     shots = load_dataset(demo.ungated_shots).shots
-    outcome = dict(zip(shots.shot_id, shots.text("outcome"), strict=True))
-    with demo.ratings.open(encoding="utf-8", newline="") as file:
-        return [(outcome[row["shot_id"]], float(row["p_two"]), float(row["p_three"]))
-                for row in csv.DictReader(file) if row["in_domain"] == "true" and row["p_two"]]
+    ours, network = _ratings(demo.ratings), _ratings(demo.network_ratings)
+    kept = [row for row, rating in enumerate(ours) if rating["in_domain"] == "true" and rating["p_two"]]
+    p = [np.array([[float(ratings[row][name]) for name in ("p_two", "p_three")] for row in kept]).reshape(-1, 2)
+         for ratings in (ours, network)]
+    return Rated(*p, np.array([OUTCOMES.index(shots.text("outcome")[row]) for row in kept], int))
 
 
-def _said(p_two: float, p_three: float) -> str:
-    return "three" if p_three >= 0.5 else "two" if p_two >= 0.5 else "miss"
+def _ratings(path: Path) -> list[dict[str, str]]:
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
 
 
-def _agreement(demo: Demo) -> tuple[int, int]:
-    ratings = _ratings(demo)
-    return sum(_said(p_two, p_three) == outcome for outcome, p_two, p_three in ratings), len(ratings)
+def _judged(demo: Demo) -> tuple[Figures, Figures]:
+    rated = _rated(demo)
+    return figures_of(rated.ours, rated.level), figures_of(rated.network, rated.level)
 
 
 def _confusion(demo: Demo) -> str:
-    ratings = _ratings(demo)
-    pairs = [(outcome, _said(p_two, p_three)) for outcome, p_two, p_three in ratings]
-    rows = [[f"it was {was}", *(pairs.count((was, said)) for said in OUTCOMES)] for was in OUTCOMES]
-    return table(["", *(f"gate said {said}" for said in OUTCOMES)], rows) + paragraph(
-        f"The {len(ratings)} shots of the ungated session that lie in the gate's domain; the gate was trained on the "
-        "practice session alone.", dim=True)
+    rated = _rated(demo)
+    said = (rated.ours >= 0.5).sum(axis=1)
+    rows = [[f"it was {was}", *(int(((rated.level == k) & (said == j)).sum()) for j in range(3))]
+            for k, was in enumerate(OUTCOMES)]
+    figures = [[name, f"{one.accuracy:.0%}", f"{one.f1_three:.2f}", f"{one.brier:.3f}", f"{one.ece:.3f}",
+                f"{one.log_score:.2f}"] for name, one in zip(("our gate", "the paper's network"), _judged(demo),
+                                                             strict=True)]
+    return (table(["", *(f"our gate said {said}" for said in OUTCOMES)], rows)
+            + table(["", "outcome right", "F1 of three", "Brier", "calibration error", "log score"], figures)
+            + paragraph(f"The {len(rated.level)} shots of the ungated session that lie in our gate's domain; both "
+                        "gates were trained on the practice session alone. Of Brier and calibration error less is "
+                        "better, of the others more.", dim=True))
 
 
 def _fine_print(demo: Demo) -> str:
-    training = json.loads((demo.weights / "training.json").read_text(encoding="utf-8"))
+    training = json.loads((demo.network_weights / "training.json").read_text(encoding="utf-8"))
     rejected = [trial for session in (demo.collect, demo.gated, demo.ungated) for trial in load_trials(session)
                 if trial.outcome.outcome == "rejected"]
-    rows = [["seed", demo.seed], ["trained on", demo.shots.name], ["epochs", training["epochs"]],
-            ["lambda", training["lambda"]], ["shots that the driver rejected", len(rejected)]]
+    rows = [["seed", demo.seed], ["trained on", demo.shots.name], ["steps of the paper's network", training["steps"]],
+            ["its lambda", training["lambda"]], ["shots that the driver rejected", len(rejected)]]
     return table(["", ""], rows) + paragraph(
         "Everything here was recorded by the emulated robot: real runtime, real frames and images, a MuJoCo world that "
         "neither runtime nor fit can see.", dim=True)
