@@ -53,7 +53,7 @@ def _physics(directory: str | Path) -> Trained:
     def make_part() -> tuple[Part, dict[str, Any]]:
         surrogate, errors = make_surrogate(gate, record["domain"])
         return physics_part(surrogate, gate.shape, gate.aside), {"surrogate": {
-            "degree": surrogate.coefficients.shape[1], "mean_error_m": errors.mean_m, "p_error": errors.p}}
+            "degree": surrogate.degree, "mean_error_m": errors.mean_m, "p_error": errors.p}}
 
     return Trained(KIND, record, gate_hash(directory), gate.probabilities, make_part, gate.novelty, PHYSICS_TOLERANCE,
                    True)

@@ -1,13 +1,14 @@
 """The gate's mean and spread as a polynomial over its domain: what goes into the exported graph in place of flights.
 
-A product of Chebyshev polynomials T_i(u) T_j(v) T_k(w), i, j, k < degree, u, v, w the features mapped from the domain's
-box to [-1, 1] and held there. One set of coefficients is the height's mean minus the target's centre in m, one its
-variance in m2: a sum of smooth functions, which its logarithm is not. Fitted in least squares on a Chebyshev grid, with
-weights that ask for accuracy near the target (a shot three metres low is a miss whatever the third decimal) and inside
-the domain, where novelty is at most 1. In corners of the box where nothing was recorded, balls may turn back before the
-plane; no polynomial follows that, and a p from there is not believed anyway.
+Products of Chebyshev polynomials T_i(u) T_j(v) T_k(w), i + j + k <= degree, u, v, w the features mapped from the
+domain's box to [-1, 1] and held there. One set of coefficients is the height's mean minus the target's centre in m, one
+its variance in m2: a sum of smooth functions, which neither its logarithm nor its inverse is. Fitted in least squares
+on a Chebyshev grid, with weights that ask for accuracy near the target (a shot three metres low is a miss whatever the
+third decimal) and inside the domain, where novelty is at most 1. In corners of the box where nothing was recorded,
+balls may turn back before the plane; no polynomial follows that, and a p from there is not believed anyway.
 """
 
+import itertools
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -17,8 +18,8 @@ from robot.config import BadInput
 from robot.gate.contract import FEATURES, NOVELTY_LIMIT
 from sim.gate.model import PhysicsGate
 
-DEGREES = (8, 10, 12)                 # tried in this order until one is good enough
-OVERSAMPLED = 1.4                     # grid points along each feature for each degree
+DEGREES = (9, 12, 15)                 # tried in this order until one is good enough
+OVERSAMPLED = 1.2                     # grid points along each feature for each degree
 NEAR_M = 0.8                          # where the weight has fallen to a third
 LEAST_WEIGHT = 1e-4
 RIDGE = 1e-12                         # of the normal equations, as a share of their mean diagonal
@@ -46,21 +47,27 @@ class Errors(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Surrogate:
-    """`middle` and `per_half` [3] map features to [-1, 1]; `coefficients` [2, K, K, K]: of mean in m, variance in m2.
+    """`middle` and `per_half` [3] map features to [-1, 1]; `orders` [M, 3] are the i, j, k of each product.
+
+    `coefficients` [2, M]: of the mean in m and of the variance in m2; `degree` the largest i + j + k.
 
     `least_m2`: below it the variance is not let, whatever the polynomial does far from the target.
     """
 
     middle: np.ndarray
     per_half: np.ndarray
+    orders: np.ndarray
     coefficients: np.ndarray
     least_m2: float
+
+    @property
+    def degree(self) -> int:
+        return int(self.orders.sum(axis=1).max())
 
     def latent(self, features: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mean and standard deviation of the height minus the target's centre, [n] in m, of features [n, 3]."""
         u = np.clip((np.asarray(features, np.float64) - self.middle) * self.per_half, -1.0, 1.0)
-        first, second, third = (chebyshev(u[:, k], self.coefficients.shape[1]) for k in range(3))
-        mean_m, square_m2 = np.einsum("cijk,ni,nj,nk->cn", self.coefficients, first, second, third, optimize=True)
+        mean_m, square_m2 = (products(u, self.orders) @ self.coefficients.T).T
         return mean_m, np.sqrt(np.maximum(square_m2, self.least_m2))
 
 
@@ -90,17 +97,17 @@ def fit_surrogate(gate: PhysicsGate, box: np.ndarray, degree: int) -> Surrogate:
     """Least squares on a Chebyshev grid over box [3, 2] (low, high), and on more points inside the domain."""
     half = np.maximum(0.5 * (box[:, 1] - box[:, 0]), 1e-6)
     middle = 0.5 * (box[:, 0] + box[:, 1])
-    points = int(np.ceil(OVERSAMPLED * degree))
+    points = int(np.ceil(OVERSAMPLED * (degree + 1)))
     nodes = np.cos(np.pi * np.arange(points) / (points - 1))           # the faces included: nothing is extrapolated
     grid = np.stack(np.meshgrid(nodes, nodes, nodes, indexing="ij"), axis=-1).reshape(-1, 3)
     features = np.concatenate([middle + half * grid, inside(gate, box, LEARNED, 1)])
-    u = np.clip((features - middle) / half, -1.0, 1.0)
+    orders = np.array([order for order in itertools.product(range(degree + 1), repeat=3) if sum(order) <= degree])
     mean_m, sigma_m = gate.latent(features)
-    columns = np.einsum("ni,nj,nk->nijk", *(chebyshev(u[:, k], degree) for k in range(3))).reshape(len(u), -1)
+    columns = products(np.clip((features - middle) / half, -1.0, 1.0), orders)
     weight = np.maximum(np.exp(-((mean_m / NEAR_M) ** 2)), LEAST_WEIGHT)
     weight *= np.where(gate.novelty(features) <= KNOWN, 1.0, UNKNOWN_WEIGHT)
     solved = np.stack([_solve(columns, weight, mean_m), _solve(columns, weight / sigma_m**4, sigma_m**2)])
-    return Surrogate(_exact(middle), _exact(1.0 / half), _exact(solved.reshape(2, degree, degree, degree)),
+    return Surrogate(_exact(middle), _exact(1.0 / half), orders, solved,
                      float(np.float32(0.5 * np.min(sigma_m) ** 2)))
 
 
@@ -122,9 +129,26 @@ def compare(gate: PhysicsGate, surrogate: Surrogate, features: np.ndarray,
     return Errors(worst_m, float(np.abs(gate.judge(given_m, spread_m) - gate.judge(mean_m, sigma_m)).max()))
 
 
-def chebyshev(u: np.ndarray, degree: int) -> np.ndarray:
-    """T_0 to T_(degree - 1) at u [n] in [-1, 1]: [n, degree]."""
-    return np.cos(np.arccos(u)[:, None] * np.arange(degree))
+def products(u: np.ndarray, orders: np.ndarray) -> np.ndarray:
+    """T_i T_j T_k at u [n, 3] in [-1, 1] for orders [M, 3]: [n, M]."""
+    turn = np.arccos(u)
+    single = np.cos(turn[:, :, None] * np.arange(orders.max() + 1))
+    return single[:, 0, orders[:, 0]] * single[:, 1, orders[:, 1]] * single[:, 2, orders[:, 2]]
+
+
+def as_cosines(surrogate: Surrogate) -> tuple[np.ndarray, np.ndarray]:
+    """The same polynomials as sums of cosines: frequencies [F, 3] and amplitudes [2, F] of cos(f . arccos u).
+
+    A product of three cosines is a quarter of the sum of four, of turns i a +- j b +- k c; equal ones are put together.
+    """
+    signs = np.array([(1, 1, 1), (1, 1, -1), (1, -1, 1), (1, -1, -1)])
+    turns = (surrogate.orders[:, None, :] * signs).reshape(-1, 3)
+    first = turns[np.arange(len(turns)), (turns != 0).argmax(axis=1)]
+    turns = np.where(first[:, None] < 0, -turns, turns)               # cos is even
+    frequencies, which = np.unique(turns, axis=0, return_inverse=True)
+    amplitudes = np.zeros((2, len(frequencies)))
+    np.add.at(amplitudes.T, which.ravel(), 0.25 * np.repeat(surrogate.coefficients.T, len(signs), axis=0))
+    return frequencies, amplitudes
 
 
 def _exact(values: np.ndarray) -> np.ndarray:
