@@ -5,6 +5,8 @@ import sys
 from importlib.metadata import version
 from typing import Any
 
+import numpy as np
+
 from doors.progress import make_progress
 from robot.config import BadInput
 from sim.gate.novelty import fit_novelty, novelty_record
@@ -17,6 +19,7 @@ from sim.train import Rows, accuracy, domain_of, split_heldout, training_rows
 NAME = "network"
 CURVE_POINTS = 50
 DEFAULT = Recipe()
+FEW = 15                              # held-out shots, fewer than which are remarked on
 
 
 def add_arguments(parser: argparse._ArgumentGroup) -> None:
@@ -38,6 +41,8 @@ def main(args: argparse.Namespace) -> int:
     check_recipe(Recipe(args.learning_rate, args.steps, args.patience))
     if args.epochs is not None and args.epochs < 1:
         raise BadInput(f"--epochs is {args.epochs}; at least 1 is needed")
+    if args.seed < 0:
+        raise BadInput(f"--seed is {args.seed}; it cannot be negative")
     real = load_rows(args.real)
     simulated = load_rows(args.sim) if args.sim else None
     kept, heldout = split_heldout(real, args.holdout, args.seed)
@@ -64,10 +69,23 @@ def _tell(args: argparse.Namespace, recipe: Recipe, trained: Trained, score: dic
     print(_sentence("learnt from", score["train"]))
     if score["validation"]["shots"]:
         print(_sentence("watched for when to stop", score["validation"]))
-    print(_sentence("never seen", score["heldout"]))
+    print(_sentence("held out", score["heldout"]))
     why = "no better after that" if trained.curve[-1].step < recipe.steps else "the last allowed"
     print(f"{args.out}: weights of step {trained.step} of {trained.curve[-1].step} ({why}); "
-          f"what counts is the line 'never seen'")
+          f"what counts is the line 'held out'")
+    for line in _careful(score, args.sim is not None):
+        print(f"careful: {line}")
+
+
+def _careful(score: dict[str, Any], simulated: bool) -> list[str]:
+    """What keeps the figures above from meaning much."""
+    lines = []
+    if score["heldout"]["shots"] < FEW:
+        lines.append(f"{score['heldout']['shots']} held-out shots say next to nothing about how good this is")
+    if simulated:
+        lines.append("if the coefficients behind the simulated shots were fitted to the held-out ones too, the figures "
+                     "flatter; shots of another session do not")
+    return lines
 
 
 def load_rows(directory: str) -> Rows:
@@ -77,6 +95,9 @@ def load_rows(directory: str) -> Rows:
         print(sentence, file=sys.stderr)
     if not len(rows.features):
         raise BadInput(f"{directory}: no shot has an outcome and all features; there is nothing to train on")
+    if len(np.unique(rows.labels, axis=0)) < 2:
+        print(f"{directory}: careful: every shot has the same outcome; nothing can be told apart from that",
+              file=sys.stderr)
     return rows
 
 

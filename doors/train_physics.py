@@ -51,8 +51,10 @@ def main(args: argparse.Namespace) -> int:
 def _tell(args: argparse.Namespace, gate: PhysicsGate, marks: Marks, heldout: Heldout | None) -> None:
     print(f"learned from {len(marks.level)} shots")
     print("\n".join(tell_residual(gate, marks.features, physics_of(gate.facts, gate.belief, marks.features))))
+    if len(set(marks.level[marks.level >= 0])) < 2:
+        print("careful: every shot has the same outcome; what is not the physics here is the prior")
     if heldout is None:
-        print("too few configurations to say what this is worth on others: fifteen at least")
+        print("careful: too few configurations to say what this is worth on others: fifteen at least")
     else:
         print("\n".join(tell_heldout(heldout, gate.temperature)))
         if args.reliability is not None:

@@ -9,8 +9,9 @@ from model_export.trained import Trained, load_trained
 from robot.gate.contract import NOVELTY_LIMIT
 from robot.gate.model import Gate
 
-# Of one and the same graph on other numbers of rows: float32 sums in another order, through a few steps of arithmetic.
-REPEAT_TOLERANCE = 1e-5
+# Of one and the same graph on other numbers of rows: float32 sums of several hundred products in another order. Found:
+# 1.5e-5 on a gate from 59 shots; far below what a graph may differ from its trainer (model_export/trained.py).
+REPEAT_TOLERANCE = 1e-4
 # Of novelty: |z - y|^2 from products of float32, a small difference of large numbers where a row is a landmark.
 NOVELTY_TOLERANCE = 5e-3
 THRESHOLD = 0.5

@@ -13,6 +13,7 @@ from sim.physics.shot import THREE, TWO, launch_of, require
 from sim.shots import Shots
 
 LOW, HIGH, STEP = 0.0, 5.0, 0.005     # the seed's grid, bounds included
+MOST_PARTS = 10000                    # of the range: a hundred times the seed's pairs
 
 Progress = Callable[[float, str], None]
 
@@ -100,6 +101,8 @@ def fit_grid(facts: Facts, shots: Shots, step: float = STEP, progress: Progress 
 def make_axis(step: float) -> np.ndarray:
     """The grid's values of one coefficient; BadInput when the step does not divide the range."""
     parts = (HIGH - LOW) / step if step > 0.0 else 0.0
+    if not parts <= MOST_PARTS:
+        raise BadInput(f"--step: {step:g} is too fine; {(HIGH - LOW) / MOST_PARTS:g} is the least")
     if parts < 1.0 or abs(parts - round(parts)) > 1e-6:
         raise BadInput(f"--step: {step:g} does not divide the range {LOW:g} to {HIGH:g}")
     return np.linspace(LOW, HIGH, round(parts) + 1)

@@ -9,7 +9,7 @@ from robot.facts import Facts
 from sim.belief import Belief
 from sim.gate.figures import Figures, figures_of, log_scores
 from sim.gate.fit import fit_widest
-from sim.gate.likelihood import Data, cell_probabilities
+from sim.gate.likelihood import PRIORS, Data, Shape, cell_probabilities, spread_m
 from sim.gate.marks import Marks, marks_of
 from sim.gate.model import PhysicsGate, Scaling, halves_of
 from sim.gate.novelty import fit_novelty
@@ -130,8 +130,9 @@ def _calibrate(gate: PhysicsGate, parts: list[_Fold], alone: Figures) -> tuple[P
 
 
 def _alone(gate: PhysicsGate, physics: Physics, marks: Marks) -> Figures:
-    """The forecast without residual or calibration, half-heights of rig.toml, on all judged rows."""
-    shape = gate.shape._replace(two_m=halves_of(gate.facts)[0], three_m=halves_of(gate.facts)[1], lapse=1e-6)
+    """The forecast with nothing learned here: spread as the belief has it, half-heights of rig.toml, judged rows."""
+    two_m, three_m = halves_of(gate.facts)
+    shape = Shape(1.0, PRIORS["floor_m"][0], two_m, three_m, PRIORS["lapse"][0])
     judged = marks.level >= 0
-    cells = np.asarray(cell_probabilities(shape, physics.deviation_m, physics.sigma_m))[judged]
+    cells = np.asarray(cell_probabilities(shape, physics.deviation_m, spread_m(shape, physics.sigma_m)))[judged]
     return figures_of(np.stack([cells[:, 1:4].sum(axis=1), cells[:, 2]], axis=1), marks.level[judged])

@@ -27,9 +27,10 @@ def tell_residual(gate: PhysicsGate, features: np.ndarray, physics: Physics) -> 
 
 
 def tell_heldout(heldout: Heldout, temperature: float) -> list[str]:
-    """What the gate was worth on configurations that it had not seen."""
-    lines = ["on configurations it had not learned from (each fifth in turn):",
-             _figures("  the physics alone", heldout.physics), _figures("  with what was learned", heldout.plain)]
+    """What the gate was worth on configurations that it had not seen, though the belief's fit may have."""
+    lines = ["on configurations that the correction had not learned from, each fifth in turn (the coefficients may "
+             "have been fitted to them):",
+             _figures("  the gate", heldout.plain)]
     if temperature == 1.0:
         return [*lines, "calibration: the spread is as fitted; stretching it made unseen configurations no likelier"]
     how = "wider" if temperature > 1.0 else "narrower"
