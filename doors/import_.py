@@ -22,7 +22,8 @@ def main(args: argparse.Namespace) -> int:
     """Read, say what came of it, write."""
     importer = next(importer for importer in IMPORTERS if importer.name == args.source)
     if len(args.files) != len(importer.files):
-        raise BadInput(f"{args.source} takes {len(importer.files)} files: {' '.join(importer.files)}")
+        raise BadInput(f"{args.source} takes {len(importer.files)} "
+                       f"{'file' if len(importer.files) == 1 else 'files'}: {' '.join(importer.files)}")
     dataset = importer.load(*args.files)
     save_dataset(args.out, dataset)
     samples = 0 if dataset.tracks is None else len(dataset.tracks.t_s)

@@ -9,11 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from robot.config import BadInput
 from robot.facts import Air, Ball, Believe, Facts, LauncherFacts, Noise, Wheel
-from sim.dataset.columns import parse_number
 from sim.dataset.problems import Problems, gathered
 from sim.dataset.table import Table, load_table
+from sim.importers.cells import need_columns, number_column, text_column
 from sim.shots import Dataset, Shots, Tracks
 
 LAUNCH_COLUMNS = ("set", "launch", "phi_cmd", "theta_cmd", "motor_top_left_rpm", "motor_top_right_rpm",
@@ -43,7 +42,7 @@ def import_mpi(launches: str | Path, tracks: str | Path) -> Dataset:
     """
     with gathered() as problems:
         table = load_table(Path(launches), problems)
-        _need(table, LAUNCH_COLUMNS)
+        need_columns(table, LAUNCH_COLUMNS)
         shot_id = _ids(table, problems)
         numbers = _launch_numbers(table, problems)
         flights = _flights(load_table(Path(tracks), problems), shot_id, problems)
@@ -57,42 +56,27 @@ def import_mpi(launches: str | Path, tracks: str | Path) -> Dataset:
 
 
 def _launch_numbers(table: Table, problems: Problems) -> dict[str, np.ndarray]:
-    numbers = {name: _numbers(table, name, problems) for name in ("phi_cmd", "theta_cmd", "n_samples")}
+    numbers = {name: number_column(table, name, problems) for name in ("phi_cmd", "theta_cmd", "n_samples")}
     for wheel, _ in WHEELS:
-        numbers[f"wheel_{wheel}_rad_s"] = _numbers(table, f"motor_{wheel}_rpm", problems) * RPM
+        numbers[f"wheel_{wheel}_rad_s"] = number_column(table, f"motor_{wheel}_rpm", problems) * RPM
     return numbers
 
 
 def _ids(table: Table, problems: Problems) -> list[str]:
     """set-launch of each row; each may stand once."""
     ids: list[str] = []
-    for row, (name, launch) in enumerate(zip(table.columns["set"], table.columns["launch"], strict=True)):
-        for column, cell in (("set", name), ("launch", launch)):
-            if cell is None:
-                problems.add(table.place(row), column, "is missing")
+    names = zip(text_column(table, "set", problems), text_column(table, "launch", problems), strict=True)
+    for row, (name, launch) in enumerate(names):
         if f"{name}-{launch}" in ids:
             problems.add(table.place(row), "launch", f"set {name!r} has launch {launch} already")
         ids.append(f"{name}-{launch}")
     return ids
 
 
-def _numbers(table: Table, name: str, problems: Problems) -> np.ndarray:
-    values = np.full(len(table.lines), np.nan)
-    for row, cell in enumerate(table.columns[name]):
-        number = parse_number(cell)
-        if cell is None:
-            problems.add(table.place(row), name, "is missing")
-        elif number is None or not math.isfinite(number):
-            problems.add(table.place(row), name, f"{cell!r} is not a finite number")
-        else:
-            values[row] = number
-    return values
-
-
 def _flights(table: Table, shot_id: list[str], problems: Problems) -> dict[str, _Flight]:
     """The samples of each launch, as they stand; times must grow within one."""
-    _need(table, TRACK_COLUMNS)
-    columns = np.stack([_numbers(table, name, problems) for name in ("t_s", "x_m", "y_m", "z_m")], axis=1)
+    need_columns(table, TRACK_COLUMNS)
+    columns = np.stack([number_column(table, name, problems) for name in ("t_s", "x_m", "y_m", "z_m")], axis=1)
     rows_of: dict[str, list[int]] = {name: [] for name in shot_id}
     for row, (name, launch) in enumerate(zip(table.columns["set"], table.columns["launch"], strict=True)):
         if f"{name}-{launch}" not in rows_of:
@@ -149,9 +133,3 @@ def _facts(cut: list[np.ndarray]) -> Facts:
     height_m = round(float(np.median(first_m)), 3) if cut else 0.0
     return Facts(ball=BALL, launcher=LauncherFacts(release_height_m=height_m, wheel=wheels), air=Air(1.2),
                  noise=Noise(track_m=TRACK_NOISE_M), believe=Believe(("gravity", "drag", "magnus")))
-
-
-def _need(table: Table, names: tuple[str, ...]) -> None:
-    for name in names:
-        if name not in table.columns:
-            raise BadInput(f"{table.place(-1)}: column {name} is missing")

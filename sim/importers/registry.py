@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from sim.importers.ball_drops import import_ball_drops
 from sim.importers.mpi import import_mpi
 from sim.shots import Dataset
 
@@ -16,4 +17,5 @@ class Importer:
 
 IMPORTERS = (
     Importer("mpi", ("LAUNCHES.csv", "TRACKS.csv"), import_mpi),
+    Importer("ball-drops", ("DROPS.csv",), import_ball_drops),
 )
