@@ -13,10 +13,10 @@ import numpy as np
 
 from robot.config import BadInput
 from robot.facts import Facts
-from sim.physics.catalogue import flight_terms
+from sim.physics.catalogue import effective, flight_terms
 from sim.physics.flight import fly
 from sim.physics.launch import Exit
-from sim.physics.shot import MISS, THREE, TWO, classify, launch_of, leave
+from sim.physics.shot import MISS, ORDINARY, THREE, TWO, classify, launch_of, leave, opening_of, sense
 from sim.shots import Shots
 
 OUTCOMES = (MISS, TWO, THREE)
@@ -60,13 +60,14 @@ def grid_heights(facts: Facts, coefficients: Mapping[str, Mapping[str, float]],
 
     By the simulator with gravity and these terms. BadInput when the rig cannot turn a motor ratio into a launch.
     """
-    terms = flight_terms({"gravity", *coefficients})
+    terms, values = flight_terms({"gravity", *coefficients}), effective(coefficients, ORDINARY)
     chunk = SHAPE[1] * SHAPE[2]                   # one motor ratio: flights of like length end together
     heights_m = []
     for number in range(SHAPE[0]):
         shots = grid_shots(np.arange(number * chunk, (number + 1) * chunk))
-        start = Exit(*map(np.asarray, leave(facts, coefficients, launch_of(facts, shots))))
-        crossing = fly(facts, terms, coefficients, start, shots.number("distance_m"), step_s=STEP_S)
+        exit, distance_m = sense(facts, values, launch_of(facts, shots), shots.number("distance_m"))
+        start = Exit(*map(np.asarray, leave(facts, values, exit)))
+        crossing = fly(facts, terms, values, start, distance_m, step_s=STEP_S)
         heights_m.append(np.asarray(crossing.height_m))
         progress((number + 1) / SHAPE[0], f"{(number + 1) * chunk} flights")
     return np.concatenate(heights_m)
@@ -75,8 +76,8 @@ def grid_heights(facts: Facts, coefficients: Mapping[str, Mapping[str, float]],
 def label_grid(facts: Facts, coefficients: Mapping[str, Mapping[str, float]],
                progress: Progress = lambda done, note: None) -> np.ndarray:
     """Outcome of every configuration of the grid, flat; BadInput as grid_heights, or when the rig has no target."""
-    classify(facts, np.zeros(0))                  # a rig without target is told before the work
-    return classify(facts, grid_heights(facts, coefficients, progress))
+    opening = opening_of(facts, effective(coefficients, ORDINARY))    # a rig without target is told before the work
+    return classify(facts, grid_heights(facts, coefficients, progress), opening)
 
 
 def taken_configurations(shots: Shots) -> np.ndarray:

@@ -20,10 +20,10 @@ from robot.facts import Facts
 from sim.belief import SCATTERS, Belief, draw
 from sim.fit.forecast import forecast
 from sim.fit.given import given_of
-from sim.physics.catalogue import flight_terms
+from sim.physics.catalogue import effective, flight_terms
 from sim.physics.flight import fly
 from sim.physics.launch import Exit
-from sim.physics.shot import MISS, classify, leave
+from sim.physics.shot import MISS, ORDINARY, Values, classify, leave, opening_of, sense, take_values
 from sim.shots import Shots
 from sim.synth import STEP_S, Progress, check_draw, grid_heights, grid_shots, sample_shots
 
@@ -68,10 +68,10 @@ def label_grid_draws(facts: Facts, belief: Belief, draws: int, seed: int,
     places = near_places(facts, belief, height_m)
     rng = np.random.default_rng([seed, 2])
     shots = grid_shots(places)
-    drawn_m = fly_draws(facts, shots, assign(draw(belief, draws, rng), len(places), rng), rng,
-                        lambda done, note: progress(0.5 + 0.5 * done, note))
+    drawn = assign(draw(belief, draws, rng), len(places), rng)
+    drawn_m = fly_draws(facts, shots, drawn, rng, lambda done, note: progress(0.5 + 0.5 * done, note))
     outcomes = np.full(len(height_m), MISS, dtype="<U5")
-    outcomes[places] = classify(facts, drawn_m)
+    outcomes[places] = classify(facts, drawn_m, opening_of(facts, effective(drawn.coefficients, ORDINARY)))
     return outcomes
 
 
@@ -106,26 +106,26 @@ def fly_draws(facts: Facts, shots: Shots, draws: Draws, rng: np.random.Generator
     rolling = Exit(given.rolling.speed_m_s * np.exp(np.sum(given.wheel_log_speed * noise, axis=1)),
                    given.rolling.elevation_rad + given.elevation_sd_rad * rng.standard_normal(count),
                    given.rolling.spin_rev_s + np.sum(given.wheel_spin_rev_s * noise, axis=1))
-    left = Exit(*map(np.asarray, leave(facts, draws.coefficients, rolling)))
+    values = effective(draws.coefficients, ORDINARY)
+    rolling, true_m = sense(facts, values, rolling, given.distance_m)
+    left = Exit(*map(np.asarray, leave(facts, values, rolling)))
     scattered = Exit(left.speed_m_s * np.exp(draws.scatter["speed"] * rng.standard_normal(count)),
                      left.elevation_rad + np.radians(draws.scatter["elevation_deg"]) * rng.standard_normal(count),
-                     left.spin_rev_s)
-    distance_m = given.distance_m + given.distance_sd_m * rng.standard_normal(count)
-    return _fly(facts, draws.coefficients, scattered, distance_m, progress)
+                     left.spin_rev_s, left.above_m)
+    distance_m = np.asarray(true_m) + given.distance_sd_m * rng.standard_normal(count)
+    return _fly(facts, values, scattered, distance_m, progress)
 
 
-def _fly(facts: Facts, coefficients: Mapping[str, Mapping[str, np.ndarray]], exit: Exit, distance_m: np.ndarray,
-         progress: Progress) -> np.ndarray:
+def _fly(facts: Facts, values: Values, exit: Exit, distance_m: np.ndarray, progress: Progress) -> np.ndarray:
     """Blocks of one size, since each is compiled, of flights that stay aloft about equally long."""
-    terms = flight_terms({"gravity", *coefficients})
-    named = {term.name: coefficients.get(term.name, {}) for term in terms}
+    terms = flight_terms({"gravity", *values})
+    named = {term.name: values.get(term.name, {}) for term in terms}
     order = np.argsort(exit.speed_m_s * np.sin(exit.elevation_rad), kind="stable")
     height_m = np.full(len(order), np.nan)
     for first in range(0, len(order), BLOCK):
         rows = order[first:first + BLOCK]
         lanes = np.resize(rows, BLOCK)
-        numbers = {term: {key: values[lanes] for key, values in table.items()} for term, table in named.items()}
-        crossing = fly(facts, terms, numbers, Exit(*(part[lanes] for part in exit)), distance_m[lanes], step_s=STEP_S)
+        crossing = fly(facts, terms, take_values(named, lanes), exit.take(lanes), distance_m[lanes], step_s=STEP_S)
         height_m[rows] = np.asarray(crossing.height_m)[:rows.size]
         progress((first + rows.size) / len(order), f"{first + rows.size} flights with doubt")
     return height_m

@@ -61,7 +61,7 @@ def gather(dataset: Dataset, terms: Sequence[str], progress: Progress) -> Gather
         evidences.append(track_evidence(tracks, channels, columns))
         fitted["tracks"] = dict(zip(evidences[0].shared, tracks.shared.tolist(), strict=True))
         if leaving is not None and launched[samples.rows].all():
-            evidences.append(launch_evidence(tracks, Exit(*(np.asarray(part)[samples.rows] for part in leaving))))
+            evidences.append(launch_evidence(tracks, leaving.take(samples.rows)))
     progress(0.5, "outcomes")
     outcome = _outcomes(dataset, believed_terms, launched, leaving, left_out)
     if outcome is not None:
@@ -113,8 +113,8 @@ def _launches(dataset: Dataset) -> tuple[Array, Exit | None]:
     if not known.any():
         return known, None
     part = launch_of(dataset.facts, shots.take(known))
-    whole = np.full((3, len(shots)), np.nan)
-    whole[:, known] = [np.asarray(column, dtype=float) for column in part]
+    whole = np.full((len(part), len(shots)), np.nan)
+    whole[:, known] = np.stack([np.broadcast_to(np.asarray(column, dtype=float), known.sum()) for column in part])
     return known, Exit(*whole)
 
 

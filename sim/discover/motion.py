@@ -173,7 +173,7 @@ def _fly_through(law: Law, release: Release, time_s: Any, substeps: int,
         ball, _ = lax.scan(step, ball, jnp.arange(substeps))
         return ball, (jnp.stack(ball.position_m), jnp.stack(ball.velocity_m_s))
 
-    first = BallState(Vec(*release.position_m), Vec(*release.velocity_m_s), spin)
+    first = BallState(Vec(*release.position_m), Vec(*release.velocity_m_s), spin, jnp.zeros(()))
     spans = (time_s[:-1], jnp.diff(time_s))
     _, (positions, velocities) = lax.scan(advance, first, spans)
     return (jnp.concatenate([release.position_m[None], positions]),
@@ -187,12 +187,12 @@ def _one_height(believed: Believed, launch: Any, spin_rev_s: Any, distance_m: An
     step_m = (distance_m + farther_m[0]) / PLANE_STEPS
 
     def slope(state: Any) -> Any:
-        """d(y, z, vx, vy, vz)/dx."""
+        """d(y, z, vx, vy, vz, t)/dx."""
         velocity = Vec(jnp.maximum(state[2], SLOWEST_M_S), state[3], state[4])
-        ball = BallState(Vec(0.0 * state[0], state[0], state[1]), velocity, Vec(*spin_rev_s))
+        ball = BallState(Vec(0.0 * state[0], state[0], state[1]), velocity, Vec(*spin_rev_s), state[5])
         along, up, _ = axes(velocity)
         force = [f + push_along[0] * a + push_up[0] * u for f, a, u in zip(law(ball), along, up, strict=True)]
-        return jnp.stack([velocity.y, velocity.z, *force]) / velocity.x
+        return jnp.stack([velocity.y, velocity.z, *force, jnp.ones(())]) / velocity.x
 
     def advance(carry: tuple[Any, Any], _: None) -> tuple[tuple[Any, Any], None]:
         state, near = carry
@@ -205,6 +205,6 @@ def _one_height(believed: Believed, launch: Any, spin_rev_s: Any, distance_m: An
         return (jnp.where(near, new, state), near), None
 
     zero = jnp.zeros_like(speed)
-    start = jnp.stack([zero, height_m[0], speed * jnp.cos(elevation), zero, speed * jnp.sin(elevation)])
+    start = jnp.stack([zero, height_m[0], speed * jnp.cos(elevation), zero, speed * jnp.sin(elevation), zero])
     (end, near), _ = lax.scan(advance, (start, start[2] > SLOWEST_M_S), None, length=PLANE_STEPS)
     return end[1], near

@@ -12,13 +12,12 @@ from scipy.special import ndtr
 from sim.fit.evidence import blind
 from sim.fit.forecast import forecast
 from sim.fit.given import EXIT_SPEED_SD_M_S, Given, given_of
+from sim.fit.heights import configured
 from sim.fit.identify import weakest
 from sim.fit.likelihood import Points, narrow, plane_of, values_at
 from sim.fit.marks import HEIGHT_SD_M, LAPSE
 from sim.fit.ml import MlFit
 from sim.fit.parameters import Model
-from sim.physics.launch import Exit
-from sim.physics.shot import leave
 from sim.shots import Shots
 
 SHOTS = 20                            # of each proposal
@@ -128,5 +127,5 @@ def _predict(model: Model, given: Given, u: Any) -> tuple[Any, Any, Any, Any]:
     launch = narrow(model, blind(given), Points(jnp.zeros((0, 3)), jnp.zeros((0, 4))), u)
     plane = plane_of(model, given, launch, u)
     values = values_at(model, u)
-    exit = leave(model.facts, values, Exit(*map(jnp.asarray, given.rolling)), given.rolled)
+    exit = configured(model.facts, values, given)[1]
     return plane.mean_m, jnp.log(plane.sd_m), jnp.log(exit.speed_m_s), launch.covariance[:, 0, 0]

@@ -10,7 +10,8 @@ from robot.facts import Facts
 from sim.fit.given import EXIT_DEG_SD, EXIT_SPEED_SD_M_S, Given, given_of
 from sim.fit.marks import Marks, make_marks
 from sim.fit.track_data import TrackData, gather_tracks
-from sim.physics.shot import spin_of
+from sim.physics.shot import ORDINARY, spin_of
+from sim.physics.term import Circumstances
 from sim.shots import Dataset, Shots
 
 KINDS = ("outcome", "side", "miss_height_m", "exit_speed_m_s", "exit_deg", "exit_spin_rev_s", "tracks")
@@ -40,6 +41,7 @@ class Evidence(NamedTuple):
     tracks: TrackData | None
     free: TrackData | None
     free_spin_rev_s: Any
+    free_circumstances: Circumstances = ORDINARY
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,10 +72,10 @@ def gather(facts: Facts, dataset: Dataset) -> Gathered:
     rows = np.flatnonzero(use)
     tracks = gather_tracks(dataset.tracks, rows)
     free = gather_tracks(dataset.tracks, np.flatnonzero(tracked & ~launched))
-    if not rows.size and free is None:
-        raise BadInput("no shot has both a launch (wheel speeds, motor_ratio or exit_speed_m_s, with an elevation) and "
-                       "something seen of its flight (outcome, side, miss_height_m, exit_* or a track)")
     left_out = _left_out(facts, shots, launched, marked, placed, tracked, use, (tracks, free))
+    if not rows.size and free is None:
+        raise BadInput(f"{shots.source}: there is nothing to fit to, neither a track nor a shot with both a launch and "
+                       f"something seen of its flight; {'; '.join(left_out)}")
     free_rows = np.flatnonzero(tracked & ~launched)[free.row if free is not None else np.zeros(0, np.int64)]
     evidence = Evidence(*_launches(facts, shots.take(rows), at_plane[rows]), tracks, free,
                         spin_of(facts, shots)[free_rows])
@@ -96,7 +98,7 @@ def _launches(facts: Facts, shots: Shots, at_plane: np.ndarray) -> tuple[Given, 
     numbers["exit_speed_m_s"] = np.where(wheels, np.nan, speed)
     numbers["exit_deg"] = np.where(hood, np.nan, elevation)
     numbers["distance_m"] = np.where(np.isfinite(shots.number("distance_m")), shots.number("distance_m"), 1.0)
-    given = given_of(facts, Shots(shots.shot_id, numbers, shots.texts))
+    given = given_of(facts, Shots(shots.shot_id, numbers, shots.texts, shots.source))
     speed_seen, elevation_seen = wheels & (speed > 0.0), hood & np.isfinite(elevation)
     seen = Seen(speed_seen, np.log(np.where(speed_seen, speed, 1.0)),
                 EXIT_SPEED_SD_M_S / np.where(speed_seen, speed, 1.0), elevation_seen,
@@ -118,9 +120,12 @@ def _has_wheels(facts: Facts, shots: Shots) -> np.ndarray:
     return np.all(known, axis=0) if known else np.zeros(len(shots), bool)
 
 
+def _has_speed(facts: Facts, shots: Shots) -> np.ndarray:
+    return _has_wheels(facts, shots) | np.isfinite(shots.number("exit_speed_m_s"))
+
+
 def _has_launch(facts: Facts, shots: Shots) -> np.ndarray:
-    speed = _has_wheels(facts, shots) | np.isfinite(shots.number("exit_speed_m_s"))
-    return speed & (np.isfinite(shots.number("hood_deg")) | np.isfinite(shots.number("exit_deg")))
+    return _has_speed(facts, shots) & (np.isfinite(shots.number("hood_deg")) | np.isfinite(shots.number("exit_deg")))
 
 
 def _has_mark(shots: Shots) -> np.ndarray:
@@ -134,12 +139,15 @@ def _has_mark(shots: Shots) -> np.ndarray:
 def _left_out(facts: Facts, shots: Shots, launched: np.ndarray, marked: np.ndarray, placed: np.ndarray,
               tracked: np.ndarray, use: np.ndarray, tracks: tuple[TrackData | None, ...]) -> tuple[str, ...]:
     unused = ~use & ~(tracked & ~launched)
-    beside = np.isin(shots.text("side"), ("left", "right")) & ~marked
+    beside, sped = np.isin(shots.text("side"), ("left", "right")) & ~marked, _has_speed(facts, shots)
     reasons = (
         (unused & launched & beside, "missed left or right, which says nothing about the height"),
-        (unused & launched & ~marked & ~beside, "nothing was seen of their flight"),
+        (unused & launched & ~marked & ~beside,
+         "nothing was seen of their flight: no outcome, side, miss_height_m, exit_* or track"),
         (unused & launched & marked & ~placed, "no distance_m"),
-        (unused & ~launched, "no launch: wheel speeds, motor_ratio or exit_speed_m_s, with hood_deg or exit_deg"),
+        (unused & ~sped, "no launch speed: motor_ratio (with launcher.free_speed_rad_s in rig.toml), every "
+                         "wheel_<name>_rad_s, or exit_speed_m_s"),
+        (unused & sped & ~launched, "no hood_deg or exit_deg"),
         (unused & launched & marked & placed & (facts.target is None), "rig.toml has no [target]"),
         (marked & tracked & ~launched, "their outcome only: no launch, the track alone counts"),
     )

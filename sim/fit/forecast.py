@@ -70,5 +70,4 @@ def _block(facts: Facts, belief: Belief, given: Given) -> tuple[np.ndarray, ...]
 
 
 def _take(given: Given, rows: np.ndarray) -> Given:
-    return Given(type(given.rolling)(*(np.asarray(part)[rows] for part in given.rolling)),
-                 *(np.asarray(part)[rows] for part in given[1:]))
+    return jax.tree.map(lambda part: part if np.ndim(part) == 0 else np.asarray(part)[rows], given)

@@ -6,7 +6,8 @@ import numpy as np
 
 from robot.facts import Facts
 from sim.physics.launch import Exit
-from sim.physics.shot import by_wheels, launch_of, require, roll
+from sim.physics.shot import ORDINARY, by_wheels, launch_of, require, roll
+from sim.physics.term import Circumstances
 from sim.shots import Shots
 
 # What instruments that give the exit_* columns are believed to do: standard deviations. A good high-speed camera or
@@ -20,34 +21,42 @@ SLOWEST_M_S = 0.1                     # a slower launch goes nowhere, whatever i
 class Given(NamedTuple):
     """Launches as the robot's own instruments have them before the shot; numpy arrays [n].
 
-    rolling: by the wheels without launch terms and the hood; a speed or elevation that was measured on the ball has
-    `rolled` or `hooded` False, and no scatter of the launch comes on top of it. wheel_log_speed and wheel_spin_rev_s
-    [n, w]: what one standard deviation of each wheel's noise does to the log of that speed and to the spin.
-    elevation_sd_rad and distance_sd_m: standard deviations.
+    rolling: by the wheels without launch terms and the hood; a speed, elevation or spin that was measured on the ball
+    has `rolled`, `hooded` or `spun` False, and no scatter of the launch comes on top of it. wheel_log_speed and
+    wheel_spin_rev_s [n, w]: what one standard deviation of each wheel's noise does to the log of that speed and to the
+    spin. elevation_sd_rad and distance_sd_m: standard deviations.
     """
 
     rolling: Exit
     rolled: Any
     hooded: Any
+    spun: Any
     distance_m: Any
     wheel_log_speed: Any
     wheel_spin_rev_s: Any
     elevation_sd_rad: Any
     distance_sd_m: Any
+    circumstances: Circumstances = ORDINARY
+
+    @property
+    def whose(self) -> Exit:
+        """Which parts of the launch are the robot's own, as sim.physics.shot wants it."""
+        return Exit(self.rolled, self.hooded, self.spun, True)
 
 
-def given_of(facts: Facts, shots: Shots) -> Given:
+def given_of(facts: Facts, shots: Shots, circumstances: Circumstances = ORDINARY) -> Given:
     """Launches of shots with wheel speeds (or motor_ratio) and hood_deg; BadInput names shots that lack one.
 
     Measured exit columns take precedence as in sim.physics.shot.launch_of, with the doubt stated above.
+    circumstances: of these shots.
     """
     speed_m_s = shots.number("exit_speed_m_s")
-    by_camera = ~np.isnan(shots.number("exit_deg"))
+    by_camera, spin_seen = (~np.isnan(shots.number(name)) for name in ("exit_deg", "exit_spin_rev_s"))
     exit = launch_of(facts, shots)
-    log_speed, spin_rev_s = _doubt(facts, exit, ~np.isnan(speed_m_s), ~np.isnan(shots.number("exit_spin_rev_s")))
-    return Given(exit, by_wheels(shots), ~by_camera, require(shots, "distance_m"), log_speed, spin_rev_s,
+    log_speed, spin_rev_s = _doubt(facts, exit, ~np.isnan(speed_m_s), spin_seen)
+    return Given(exit, by_wheels(shots), ~by_camera, ~spin_seen, require(shots, "distance_m"), log_speed, spin_rev_s,
                  np.radians(np.where(by_camera, EXIT_DEG_SD, facts.noise.hood_deg)),
-                 np.full(len(shots), facts.noise.distance_m))
+                 np.full(len(shots), facts.noise.distance_m), circumstances)
 
 
 def _doubt(facts: Facts, exit: Exit, speed_seen: np.ndarray, spin_seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -114,7 +114,7 @@ def make_scoring(facts: Facts, shots: Shots) -> Scoring:
         raise BadInput("rig.toml: [target] is needed to fit by outcomes")
     outcome = np.array(shots.text("outcome"))
     if not (outcome == THREE).any():
-        raise BadInput("fit by grid needs at least one shot whose outcome is three")
+        raise BadInput(f"{shots.source}: outcome: fit by grid needs at least one shot whose outcome is three")
     scoring = shots.take(np.flatnonzero((outcome == THREE) | (outcome == TWO)))
     flyer = make_flyer(facts, launch_of(facts, scoring), require(scoring, "distance_m"))
     target = (facts.target.centre_height_m, facts.target.three_half_height_m, facts.target.two_half_height_m)

@@ -10,12 +10,12 @@ import numpy as np
 
 from robot.facts import Facts
 from sim.fit.given import Given
-from sim.physics.catalogue import flight_terms
+from sim.physics.catalogue import effective, flight_terms
 from sim.physics.flight import make_law
 from sim.physics.launch import Exit
 from sim.physics.plane import reach_plane
 from sim.physics.scales import from_scale
-from sim.physics.shot import leave
+from sim.physics.shot import leave, sense
 
 STEPS = (1e-3, 1e-3, 1e-2)            # of a launch's deviations, for the heights' derivatives by them
 
@@ -51,22 +51,28 @@ def height_at(facts: Facts, values: Values, given: Given, log_speed: Any = 0.0, 
     launch terms. The derivatives by it are central differences of flights side by side, within 1e-5 of their size:
     nesting them into the derivatives by parameters costs a hundred times as much.
     """
-    law = make_law(facts, flight_terms({"gravity", *values}), values)
-    exit = leave(facts, values, Exit(*map(jnp.asarray, given.rolling)), given.rolled)
+    at, exit, distance_m = configured(facts, values, given)
+    law = make_law(facts, flight_terms({"gravity", *values}), at)
     steps = jnp.concatenate([jnp.zeros((1, 3)), jnp.diag(jnp.array(STEPS)), -jnp.diag(jnp.array(STEPS))]).T[:, :, None]
     leaving = Exit(exit.speed_m_s * jnp.exp(log_speed + steps[0]), exit.elevation_rad + elevation_rad + steps[1],
-                   exit.spin_rev_s + steps[2])
-    plane = reach_plane(facts, law, leaving, jnp.broadcast_to(given.distance_m, (7, *jnp.shape(given.distance_m))))
+                   exit.spin_rev_s + steps[2], exit.above_m)
+    plane = reach_plane(facts, law, leaving, jnp.broadcast_to(distance_m, (7, *jnp.shape(given.distance_m))))
     by_launch = (plane.height_m[1:4] - plane.height_m[4:]) / (2.0 * jnp.array(STEPS)[:, None])
     return Height(plane.height_m[0], by_launch.T, plane.climb[0], plane.near.all(0))
+
+
+def configured(facts: Facts, values: Values, given: Given) -> tuple[dict[str, dict[str, Any]], Exit, Any]:
+    """(effective values, launch, distance in m) of shots as they are in truth, by sensing and launch terms."""
+    at = effective(values, given.circumstances)
+    exit, distance_m = sense(facts, at, Exit(*map(jnp.asarray, given.rolling)), given.distance_m, given.whose)
+    return at, leave(facts, at, exit, given.whose), distance_m
 
 
 def speed_gain(facts: Facts, values: Values, given: Given) -> Any:
     """d log(exit speed) / d log(speed by the wheels) [n]: 1 where no launch term depends on the speed."""
     def log_speed(change: Any) -> Any:
-        exit = Exit(*map(jnp.asarray, given.rolling))
-        return jnp.log(leave(facts, values, exit._replace(speed_m_s=exit.speed_m_s * jnp.exp(change)),
-                             given.rolled).speed_m_s)
+        faster = given.rolling._replace(speed_m_s=given.rolling.speed_m_s * jnp.exp(change))
+        return jnp.log(configured(facts, values, given._replace(rolling=faster))[1].speed_m_s)
 
     return jax.jacfwd(log_speed)(0.0)
 

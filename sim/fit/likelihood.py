@@ -13,14 +13,14 @@ import jax.numpy as jnp
 
 from sim.fit.evidence import Evidence
 from sim.fit.given import Given
-from sim.fit.heights import height_at, speed_gain, with_numbers
+from sim.fit.heights import configured, height_at, speed_gain, with_numbers
 from sim.fit.marks import log_marks, outcome_probabilities
 from sim.fit.parameters import TRACK_NOISE, Model
 from sim.fit.track_likelihood import FREE_SD, LEAD_SD_S, Linear, launched, linear, loose
-from sim.physics.catalogue import flight_terms
-from sim.physics.flight import make_law
+from sim.physics.catalogue import effective, flight_terms
+from sim.physics.flight import Law, make_law
 from sim.physics.launch import Exit
-from sim.physics.shot import leave
+from sim.physics.term import Circumstances
 
 FLOOR_M = 0.005                       # of the height's deviation: what the model leaves out even of a perfect shot
 FAR_M = -20.0                         # stands for the height of a ball that turned back, which can only have missed
@@ -73,7 +73,7 @@ def narrow(model: Model, evidence: Evidence, points: Points, u: Any) -> Narrowed
     """What measured exits and tracks leave of each launch's deviation."""
     given, seen = evidence.given, evidence.seen
     values = values_at(model, u)
-    exit = leave(model.facts, values, Exit(*map(jnp.asarray, given.rolling)), given.rolled)
+    exit = configured(model.facts, values, given)[1]
     speed_var, elevation_var = _scatter(model, given, values, u)
     off = seen.log_speed - jnp.log(exit.speed_m_s), seen.elevation_rad - exit.elevation_rad
     speed = _update(speed_var, off[0], seen.log_speed_sd**2, seen.speed_seen)
@@ -107,7 +107,7 @@ def plane_of(model: Model, given: Given, launch: Narrowed, u: Any) -> Plane:
 
 def free_tracks(model: Model, evidence: Evidence, points: Points, u: Any) -> Linear:
     """Flights whose launch nobody knows: their start is integrated out."""
-    law = _law(model, u)
+    law = _law(model, u, evidence.free_circumstances)
     k = points.free.shape[0]
     sd = jnp.broadcast_to(jnp.array(FREE_SD), (k, len(FREE_SD)))
     data = evidence.free
@@ -140,7 +140,9 @@ def _update(variance: Any, off: Any, noise: Any, seen: Any) -> tuple[Any, Any, A
 
 def _track_update(model: Model, evidence: Evidence, points: Points, u: Any, exit: Exit, launch: Narrowed) -> Linear:
     data = evidence.tracks
-    law, height_m = _law(model, u), model.facts.launcher.release_height_m
+    around = jax.tree.map(lambda part: jnp.broadcast_to(part, launch.alone.shape)[data.row],
+                          evidence.given.circumstances)
+    law, height_m = _law(model, u, around), model.facts.launcher.release_height_m
     mine = Exit(*(jnp.broadcast_to(part, launch.alone.shape)[data.row] for part in exit))
     lead = jnp.zeros((data.row.shape[0], 1))
     mean = jnp.concatenate([launch.mean[data.row], points.launched[:, 2:]], axis=1)
@@ -150,8 +152,8 @@ def _track_update(model: Model, evidence: Evidence, points: Points, u: Any, exit
                   _value(model, TRACK_NOISE, u))
 
 
-def _law(model: Model, u: Any) -> Any:
-    return make_law(model.facts, flight_terms(model.terms), values_at(model, u))
+def _law(model: Model, u: Any, circumstances: Circumstances) -> Law:
+    return make_law(model.facts, flight_terms(model.terms), effective(values_at(model, u), circumstances))
 
 
 def _value(model: Model, name: str, u: Any) -> Any:
@@ -167,7 +169,7 @@ def relinearise(model: Model, evidence: Evidence, points: Points, u: Any) -> Poi
     if evidence.tracks is not None:
         bare = evidence._replace(tracks=None)
         values = values_at(model, u)
-        exit = leave(model.facts, values, Exit(*map(jnp.asarray, evidence.given.rolling)), evidence.given.rolled)
+        exit = configured(model.facts, values, evidence.given)[1]
         launched_at = _track_update(model, evidence, points, u, exit, narrow(model, bare, points, u)).mean
     if evidence.free is not None:
         free_at = free_tracks(model, evidence, points, u).mean

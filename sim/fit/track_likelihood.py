@@ -68,7 +68,7 @@ def launched(law: Law, exit: Any, release_height_m: float, at: Any, time_s: Any)
     """Positions of flights that leave with deviations at [k, 3]: log speed, elevation in rad, lead in s."""
     speed, elevation = exit.speed_m_s * jnp.exp(at[:, 0]), exit.elevation_rad + at[:, 1]
     zero = jnp.zeros_like(speed)
-    start = Start(zero, zero + release_height_m, speed * jnp.cos(elevation), speed * jnp.sin(elevation),
+    start = Start(zero, zero + release_height_m + exit.above_m, speed * jnp.cos(elevation), speed * jnp.sin(elevation),
                   exit.spin_rev_s + zero)
     return positions(law, start, at[:, 2], time_s)
 

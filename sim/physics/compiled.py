@@ -22,8 +22,8 @@ import numba
 import numpy as np
 
 from robot.facts import Facts
-from sim.physics.flight import make_law
-from sim.physics.term import BallState, FlightTerm
+from sim.physics.flight import make_law, needs_time
+from sim.physics.term import BallState, InFlight
 from sim.physics.vector import Vec, absent
 
 STATE = ("x_m", "z_m", "vx_m_s", "vz_m_s", "spin_rev_s")
@@ -42,12 +42,13 @@ class UntraceableLaw(ValueError):
     """The law uses something that this module cannot write out."""
 
 
-def make_source(facts: Facts, terms: Sequence[FlightTerm], values: Sequence[tuple[str, str]]) -> str:
+def make_source(facts: Facts, terms: Sequence[InFlight], values: Sequence[tuple[str, str]]) -> str:
     """Source of `acceleration(x_m, z_m, vx_m_s, vz_m_s, spin_rev_s, values, facts) -> (ax, az)` in m/s2.
 
     `values`: the (term, parameter) that the function takes as a tuple, in this order; the other parameters have their
     defaults. Numbers of the rig are taken as `facts`, the tuple that facts_values gives, so that one source serves
-    every rig. Raises UntraceableLaw where the law pushes sideways or uses an operation without a counterpart.
+    every rig. Raises UntraceableLaw where the law pushes sideways, changes with the time since release, or uses an
+    operation without a counterpart.
     """
     known = list(_leaves(facts))
 
@@ -58,7 +59,10 @@ def make_source(facts: Facts, terms: Sequence[FlightTerm], values: Sequence[tupl
             table.setdefault(term, {})[parameter] = value
         rig = _put(facts, iter(numbers))
         ball = BallState(Vec(x, 0.0, z), Vec(vx, 0.0, vz), Vec(0.0, -1.0 * spin, 0.0))
-        pushed = make_law(rig, terms, table)(ball)
+        law = make_law(rig, terms, table)
+        if needs_time(law, ball):
+            raise UntraceableLaw("the law changes with the time since release, which the grid does not keep")
+        pushed = law(ball)
         if not absent(pushed.y):
             raise UntraceableLaw("the law pushes sideways; the grid flies in a plane")
         return jnp.asarray(pushed.x, float), jnp.asarray(pushed.z, float)

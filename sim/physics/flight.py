@@ -15,7 +15,7 @@ from jax import lax
 
 from robot.facts import Facts
 from sim.physics.launch import Exit
-from sim.physics.term import BallState, FlightTerm, complete
+from sim.physics.term import AirTerm, BallState, InFlight, complete
 from sim.physics.vector import Vec, absent, add, length, plus, scale, times
 
 STEP_S = 0.002                        # longest RK4 step: heights of 30 000 random launches within 6e-9 m of DOP853
@@ -41,18 +41,18 @@ class _Flight(NamedTuple):
     steps: Any
     flying: Any
     time_s: Any
-    ball: BallState
+    ball: BallState                   # without its time
 
 
 @partial(jax.jit, static_argnames=("facts", "terms", "step_s", "turn_rad", "limit_s", "floor"))
-def fly(facts: Facts, terms: tuple[FlightTerm, ...], params: Mapping[str, Mapping[str, Any]], exit: Exit,
+def fly(facts: Facts, terms: tuple[InFlight, ...], params: Mapping[str, Mapping[str, Any]], exit: Exit,
         distance_m: Any, step_s: float = STEP_S, turn_rad: float = TURN_RAD, limit_s: float = LIMIT_S,
         floor: bool = True) -> Crossing:
     """Fly every lane to the plane x = distance_m.
 
-    params: {term: {parameter: value}}; they, exit and distance_m broadcast against each other, and the result has that
-    shape. Fixed-step RK4 in float64; each lane's step is at most step_s, and so short that the air turns or slows the
-    velocity by at most turn_rad in the first one; the crossing is solved on a part of the last step. Forward-mode
+    params: {term: {parameter: value}}, effective; they, exit and distance_m broadcast against each other, and the
+    result has that shape. Fixed-step RK4 in float64; each lane's step is at most step_s, and so short that the air
+    turns or slows the velocity by at most turn_rad in the first one; the crossing is solved on a part of the last step. Forward-mode
     differentiable (jax.jacfwd) in params, exit and distance. Without `floor` the flight goes on below it, so that the
     height is continuous in everything; only turning back and the time limit are then not reached.
     """
@@ -68,7 +68,7 @@ def fly(facts: Facts, terms: tuple[FlightTerm, ...], params: Mapping[str, Mappin
 
 
 @partial(jax.jit, static_argnames=("facts", "terms", "points", "step_s"))
-def path(facts: Facts, terms: tuple[FlightTerm, ...], params: Mapping[str, Mapping[str, Any]], exit: Exit,
+def path(facts: Facts, terms: tuple[InFlight, ...], params: Mapping[str, Mapping[str, Any]], exit: Exit,
          points: int, step_s: float = STEP_S) -> BallState:
     """The free flight of every lane, `points` states step_s apart (leading axis, launch first), through the floor."""
     law = make_law(facts, terms, params)
@@ -80,30 +80,45 @@ def path(facts: Facts, terms: tuple[FlightTerm, ...], params: Mapping[str, Mappi
     return lax.scan(advance, start, None, length=points)[1]
 
 
-def make_law(facts: Facts, terms: Sequence[FlightTerm], params: Mapping[str, Mapping[str, Any]]) -> Law:
-    """The sum of the terms' accelerations as a function of the ball's state."""
-    values = [complete(term, params.get(term.name)) for term in terms]
+def make_law(facts: Facts, terms: Sequence[InFlight], params: Mapping[str, Mapping[str, Any]]) -> Law:
+    """The sum of the terms' accelerations in m/s2 as a function of the ball's state.
+
+    terms: in the catalogue's order. params: effective values (sim.physics.catalogue.effective). First the terms about
+    the air make the ball as the air sees it; then each force in turn may be a share of those before it.
+    """
+    airs = [(term, complete(term, params.get(term.name))) for term in terms if isinstance(term, AirTerm)]
+    pushes = [(term, complete(term, params.get(term.name))) for term in terms if not isinstance(term, AirTerm)]
 
     def law(ball: BallState) -> Vec:
+        for air, values in airs:
+            ball = air.meet(facts, values, ball)
         total = Vec(0.0, 0.0, 0.0)
-        for term, value in zip(terms, values, strict=True):
-            total = add(total, term.acceleration(facts, value, ball))
+        forces: dict[str, Vec] = {}
+        for term, values in pushes:
+            forces[term.name] = term.acceleration(facts, values, ball, forces)
+            total = add(total, forces[term.name])
         return total
 
     return law
 
 
+def needs_time(law: Law, ball: BallState) -> bool:
+    """Whether the law says something else of a ball that has flown for longer; found by tracing it."""
+    traced = jax.make_jaxpr(lambda time_s: tuple(law(ball._replace(time_s=time_s))))(0.0).jaxpr
+    return any(atom is traced.invars[0] for equation in traced.eqns for atom in equation.invars)
+
+
 def start_of(facts: Facts, exit: Exit, shape: tuple[int, ...]) -> BallState:
     """The ball at the exit point, flying in the vertical plane, backspin about -y."""
-    speed, elevation, spin = (jnp.broadcast_to(jnp.asarray(part, dtype=float), shape) for part in exit)
+    speed, elevation, spin, above_m = (jnp.broadcast_to(jnp.asarray(part, dtype=float), shape) for part in exit)
     zero = jnp.zeros(shape)
-    return BallState(position_m=Vec(zero, 0.0, zero + facts.launcher.release_height_m),
+    return BallState(position_m=Vec(zero, 0.0, zero + facts.launcher.release_height_m + above_m),
                      velocity_m_s=Vec(speed * jnp.cos(elevation), 0.0, speed * jnp.sin(elevation)),
                      spin_rev_s=Vec(0.0, -spin, 0.0))
 
 
 def rk4(law: Law, ball: BallState, step_s: Any) -> BallState:
-    """One classical Runge-Kutta step of position and velocity; step_s a number or one a lane."""
+    """One classical Runge-Kutta step of position, velocity and time; step_s a number or one a lane."""
     half = times(0.5, step_s)
     v1 = ball.velocity_m_s
     a1 = law(ball)
@@ -111,12 +126,14 @@ def rk4(law: Law, ball: BallState, step_s: Any) -> BallState:
     v3, a3 = _slope(law, ball, v2, a2, half)
     v4, a4 = _slope(law, ball, v3, a3, step_s)
     return ball._replace(position_m=add(ball.position_m, scale(step_s / 6.0, _weigh(v1, v2, v3, v4))),
-                         velocity_m_s=add(ball.velocity_m_s, scale(step_s / 6.0, _weigh(a1, a2, a3, a4))))
+                         velocity_m_s=add(ball.velocity_m_s, scale(step_s / 6.0, _weigh(a1, a2, a3, a4))),
+                         time_s=plus(ball.time_s, step_s))
 
 
 def _slope(law: Law, ball: BallState, velocity: Vec, acceleration: Vec, step_s: Any) -> tuple[Vec, Vec]:
     moved = ball._replace(position_m=add(ball.position_m, scale(step_s, velocity)),
-                          velocity_m_s=add(ball.velocity_m_s, scale(step_s, acceleration)))
+                          velocity_m_s=add(ball.velocity_m_s, scale(step_s, acceleration)),
+                          time_s=plus(ball.time_s, step_s))
     return moved.velocity_m_s, law(moved)
 
 
@@ -128,12 +145,12 @@ def _settle(law: Law, ball: BallState) -> BallState:
     """Give the sideways components arrays if the law pushes sideways, so that the loop's state keeps its form."""
     if absent(law(ball).y) and absent(ball.velocity_m_s.y):
         return ball
-    return _dense(ball)
+    return _dense(ball)._replace(time_s=ball.time_s)
 
 
 def _dense(ball: BallState) -> BallState:
     zero = jnp.zeros_like(ball.position_m.x)
-    return BallState(*(Vec(*(plus(part, zero) for part in vec)) for vec in ball))
+    return BallState(*(Vec(*(plus(part, zero) for part in vec)) for vec in ball[:3]), plus(ball.time_s, zero))
 
 
 def _step_for(law: Law, start: BallState, step_s: float, turn_rad: float) -> Any:
@@ -152,7 +169,7 @@ def _fly_until(law: Law, start: BallState, step: Any, distance: Any, most_steps:
         return jnp.any(flight.flying) & (flight.steps < most_steps)
 
     def advance(flight: _Flight) -> _Flight:
-        old = _unpack(flight.ball)
+        old = _unpack(flight.ball, flight.time_s)
         new = rk4(law, old, step)
         moves = flight.flying & ~ends(old, new, step, distance) & (flight.time_s < limit_s)
         ball = jax.tree.map(lambda a, b: jnp.where(moves, b, a), flight.ball, _pack(new))
@@ -160,16 +177,16 @@ def _fly_until(law: Law, start: BallState, step: Any, distance: Any, most_steps:
 
     flying = (start.velocity_m_s.x > 0.0) & (start.position_m.x < distance)
     end = lax.while_loop(go_on, advance, _Flight(0, flying, jnp.zeros_like(step), _pack(start)))
-    return end._replace(ball=_unpack(end.ball))
+    return end._replace(ball=_unpack(end.ball, end.time_s))
 
 
 def _pack(ball: BallState) -> BallState:
-    """For JAX's loops, to which None is no array at all whereas 0.0 would become one."""
-    return BallState(*(Vec(*(None if absent(part) else part for part in vec)) for vec in ball))
+    """For JAX's loops, to which None is no array at all whereas 0.0 would become one; the loop itself has the time."""
+    return BallState(*(Vec(*(None if absent(part) else part for part in vec)) for vec in ball[:3]), None)
 
 
-def _unpack(ball: BallState) -> BallState:
-    return BallState(*(Vec(*(0.0 if part is None else part for part in vec)) for vec in ball))
+def _unpack(ball: BallState, time_s: Any) -> BallState:
+    return BallState(*(Vec(*(0.0 if part is None else part for part in vec)) for vec in ball[:3]), time_s)
 
 
 def _ends(old: BallState, new: BallState, step: Any, distance: Any, floor: bool) -> Any:

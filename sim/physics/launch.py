@@ -15,6 +15,11 @@ class Exit(NamedTuple):
     speed_m_s: Any
     elevation_rad: Any                # above horizontal
     spin_rev_s: Any                   # backspin positive
+    above_m: Any = 0.0                # of the rig's release height
+
+    def take(self, rows: Any) -> "Exit":
+        """Those lanes; a number that all lanes share stays as it is."""
+        return Exit(*(part if np.ndim(part) == 0 else part[rows] for part in self))
 
 
 def exit_seed(facts: Facts, motor_ratio: Any, hood_deg: Any) -> Exit:

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from jax import lax
 
 from robot.facts import Facts
-from sim.physics.flight import Law, start_of
+from sim.physics.flight import Law, needs_time, start_of
 from sim.physics.launch import Exit
 from sim.physics.term import BallState
 from sim.physics.vector import Vec, absent, plus, scale
@@ -37,59 +37,70 @@ def reach_plane(facts: Facts, law: Law, exit: Exit, distance_m: Any, steps: int 
     """
     shape = jnp.shape(distance_m)
     ball = start_of(facts, exit, shape)
+    zero = jnp.zeros(shape)
     if not absent(law(ball).y):
-        zero = jnp.zeros(shape)
-        ball = BallState(*(Vec(*(plus(part, zero) for part in vec)) for vec in ball))
+        ball = BallState(*(Vec(*(plus(part, zero) for part in vec)) for vec in ball[:3]))
+    if needs_time(law, ball):
+        ball = ball._replace(time_s=zero)
     step_m = distance_m / steps
     near = (ball.velocity_m_s.x > SLOWEST_M_S) & (step_m > 0.0)
-    flat = absent(ball.position_m.y)
 
     def advance(carry: Any, _: None) -> tuple[Any, None]:
-        place, velocity, near = carry
-        old = ball._replace(position_m=_full(place, flat), velocity_m_s=_full(velocity, flat))
-        new, slowest_m_s = _step(law, old, step_m, flat)
-        near = near & (jnp.minimum(slowest_m_s, new.velocity_m_s.x) > SLOWEST_M_S)
-        return (_kept(new.position_m, flat), _kept(new.velocity_m_s, flat), near), None
+        kept, near = carry
+        new, slowest_m_s = _step(law, ball, kept, step_m)
+        near = near & (jnp.minimum(slowest_m_s, _full(ball, new).velocity_m_s.x) > SLOWEST_M_S)
+        return (new, near), None
 
-    start = (_kept(ball.position_m, flat), _kept(ball.velocity_m_s, flat), near)
-    place, velocity, near = lax.scan(advance, start, None, length=steps)[0]
-    return Plane(place[-1], velocity[-1] / _pace(velocity[0]), near)
-
-
-def _kept(vec: Vec, flat: bool) -> tuple[Any, ...]:
-    return (vec.x, vec.z) if flat else (vec.x, vec.y, vec.z)
+    kept, near = lax.scan(advance, (_kept(ball), near), None, length=steps)[0]
+    end = _full(ball, kept)
+    return Plane(end.position_m.z, end.velocity_m_s.z / _pace(end.velocity_m_s.x), near)
 
 
-def _full(kept: tuple[Any, ...], flat: bool) -> Vec:
-    return Vec(kept[0], 0.0, kept[1]) if flat else Vec(*kept)
+def _kept(ball: BallState) -> tuple[Any, ...]:
+    """What a flight carries along: the components of place and velocity, and the time, that are not absent."""
+    return tuple(part for part in (*ball.position_m, *ball.velocity_m_s, ball.time_s) if not absent(part))
+
+
+def _full(like: BallState, kept: tuple[Any, ...]) -> BallState:
+    """The inverse of _kept, of a flight that carries what `like` has."""
+    rest = iter(kept)
+    place, velocity = (Vec(*(part if absent(part) else next(rest) for part in vec)) for vec in like[:2])
+    return like._replace(position_m=place, velocity_m_s=velocity,
+                         time_s=like.time_s if absent(like.time_s) else next(rest))
 
 
 def _pace(speed_m_s: Any) -> Any:
     return jnp.maximum(speed_m_s, SLOWEST_M_S)
 
 
-def _step(law: Law, ball: BallState, step_m: Any, flat: bool) -> tuple[BallState, Any]:
-    """One classical Runge-Kutta step of d(position, velocity)/dx = (v, a) / vx, and the least vx of its stages.
+def _step(law: Law, like: BallState, start: tuple[Any, ...], step_m: Any) -> tuple[tuple[Any, ...], Any]:
+    """One classical Runge-Kutta step of d(position, velocity, time)/dx = (v, a, 1) / vx; and the least vx on its way.
 
     The four stages are a loop of their own: derivatives of derivatives compile in a third of the time.
     """
-    start = (_kept(ball.position_m, flat), _kept(ball.velocity_m_s, flat))
-
     def stage(carry: Any, weights: Any) -> tuple[Any, None]:
-        place, velocity, total, slowest_m_s = carry
-        here = ball._replace(position_m=_full(place, flat), velocity_m_s=_full(velocity, flat))
-        rate = tuple(_kept(part, flat) for part in _rate(law, here))
+        kept, total, slowest_m_s = carry
+        here = _full(like, kept)
+        rate = _rate(law, here)
         total = jax.tree.map(lambda sum_, part: sum_ + weights[1] * part, total, rate)
         moved = jax.tree.map(lambda begin, part: begin + weights[0] * step_m * part, start, rate)
-        return (*moved, total, jnp.minimum(slowest_m_s, velocity[0])), None
+        return (moved, total, jnp.minimum(slowest_m_s, here.velocity_m_s.x)), None
 
     zero = jax.tree.map(jnp.zeros_like, start)
     weights = (jnp.array(AHEAD), jnp.array(SHARE))
-    _, _, total, slowest_m_s = lax.scan(stage, (*start, zero, ball.velocity_m_s.x), weights)[0]
-    place, velocity = jax.tree.map(lambda begin, part: begin + step_m * part, start, total)
-    return ball._replace(position_m=_full(place, flat), velocity_m_s=_full(velocity, flat)), slowest_m_s
+    first = (start, zero, _full(like, start).velocity_m_s.x)
+    _, total, slowest_m_s = lax.scan(stage, first, weights)[0]
+    return jax.tree.map(lambda begin, part: begin + step_m * part, start, total), slowest_m_s
 
 
-def _rate(law: Law, ball: BallState) -> tuple[Vec, ...]:
+def _rate(law: Law, ball: BallState) -> tuple[Any, ...]:
     per_m = 1.0 / _pace(ball.velocity_m_s.x)
-    return scale(per_m, ball.velocity_m_s), scale(per_m, law(ball))
+    carried = BallState(scale(per_m, ball.velocity_m_s), scale(per_m, _dense_like(law(ball), ball)), ball.spin_rev_s,
+                        ball.time_s if absent(ball.time_s) else per_m)
+    return _kept(carried)
+
+
+def _dense_like(pushed: Vec, ball: BallState) -> Vec:
+    """With a component, be it zero, wherever the velocity has one."""
+    return Vec(*(part if absent(speed) else plus(part, jnp.zeros_like(speed))
+                 for part, speed in zip(pushed, ball.velocity_m_s, strict=True)))

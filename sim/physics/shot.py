@@ -8,55 +8,112 @@ import numpy as np
 
 from robot.config import BadInput
 from robot.facts import Facts
-from sim.physics.catalogue import flight_terms, launch_terms
+from sim.physics.catalogue import arrival_terms, effective, flight_terms, launch_terms, sensing_terms, watch_terms
 from sim.physics.flight import Crossing, fly
 from sim.physics.launch import Exit, exit_no_slip, exit_opposed, is_opposed
-from sim.physics.term import complete
+from sim.physics.term import Circumstances, Opening, complete
+from sim.physics.vector import Vec
 from sim.shots import Shots
 
 MISS, TWO, THREE = "miss", "two", "three"
 BLOCK = 4096                          # rows flown at once
 NAMED = 5                             # shots that a message names before it only counts
+ORDINARY = Circumstances()
+
+Values = Mapping[str, Mapping[str, Any]]
 
 
 def predict(facts: Facts, coefficients: Mapping[str, Mapping[str, float]], shots: Shots,
-            progress: Callable[[float, str], None] = lambda done, note: None) -> Crossing:
+            progress: Callable[[float, str], None] = lambda done, note: None,
+            circumstances: Circumstances = ORDINARY) -> Crossing:
     """Fly each recorded configuration to its plane with gravity and the terms that `coefficients` names.
 
-    Launch terms change what the wheels say, never an exit speed that was measured. Returns numpy arrays, one row a
-    shot. BadInput names shots without a distance or a launch.
+    Sensing terms correct what the robot's sensors say and launch terms what the wheels do, never what was measured on
+    the ball. Returns numpy arrays, one row a shot. circumstances: of these shots (sim.circumstances); terms that
+    follow one are absent from ordinary shots. BadInput names shots without a distance or a launch.
     """
-    leaving = leave(facts, coefficients, launch_of(facts, shots), by_wheels(shots))
-    return _fly_rows(facts, coefficients, leaving, require(shots, "distance_m"), progress)
+    values = effective(coefficients, circumstances)
+    whose = by_robot(shots)
+    exit, distance_m = sense(facts, values, launch_of(facts, shots), require(shots, "distance_m"), whose)
+    return _fly_rows(facts, values, leave(facts, values, exit, whose), distance_m, progress)
 
 
 def fly_rows(facts: Facts, coefficients: Mapping[str, Mapping[str, float]], exit: Exit, distance_m: np.ndarray,
              progress: Callable[[float, str], None] = lambda done, note: None) -> Crossing:
-    """As predict, of launches by the wheels (before launch terms) given as numpy arrays [n]."""
-    return _fly_rows(facts, coefficients, leave(facts, coefficients, exit), distance_m, progress)
+    """As predict, of ordinary launches by the wheels (before sensing and launch terms) given as numpy arrays [n]."""
+    values = effective(coefficients, ORDINARY)
+    exit, distance_m = sense(facts, values, exit, distance_m)
+    return _fly_rows(facts, values, leave(facts, values, exit), distance_m, progress)
 
 
-def leave(facts: Facts, coefficients: Mapping[str, Mapping[str, Any]], exit: Exit, where: Any = True) -> Exit:
-    """The launch after the launch terms that `coefficients` names; numpy or JAX arrays [n].
+def sense(facts: Facts, values: Values, exit: Exit, distance_m: Any, where: Any = True) -> tuple[Exit, Any]:
+    """(launch by the wheels, distance) in truth, by the sensing terms among `values`; numpy or JAX arrays [n].
 
-    exit: the launch by the wheels. Terms act on the rows that `where` names; without such terms `exit` itself returns.
+    exit, distance_m: as the sensors have them. where: which parts of the launch the robot's own sensors told, an Exit
+    of booleans (by_robot) or one for all; a distance is always theirs.
+    """
+    changed = exit, distance_m
+    for term in sensing_terms(values):
+        changed = term.sense(facts, values[term.name], *changed)
+    return _where(where, changed[0], exit), changed[1]
+
+
+def leave(facts: Facts, values: Values, exit: Exit, where: Any = True) -> Exit:
+    """The launch after the launch terms among `values` (effective); numpy or JAX arrays [n].
+
+    exit: the launch by the wheels. Terms act on the parts that `where` names, an Exit of booleans (by_robot) or one for
+    all; without such terms `exit` itself returns.
     """
     changed = exit
-    for term in launch_terms(coefficients):
-        changed = term.leave(facts, complete(term, coefficients[term.name]), changed)
-    if changed is exit:
-        return exit
-    pick = np.where if all(isinstance(part, np.ndarray | float) for part in changed) else jnp.where
-    return Exit(*(pick(where, new, old) for new, old in zip(changed, exit, strict=True)))
+    for term in launch_terms(values):
+        changed = term.leave(facts, complete(term, values[term.name]), changed)
+    return _where(where, changed, exit)
 
 
-def _fly_rows(facts: Facts, coefficients: Mapping[str, Mapping[str, float]], exit: Exit, distance_m: np.ndarray,
+def watch(values: Values, position_m: Vec, velocity_m_s: Vec, time_s: Any) -> Vec:
+    """Where a tracker says a ball is, in m, that is in truth there time_s after release, by `values` (effective)."""
+    for term in watch_terms(values):
+        position_m = term.watch(values[term.name], position_m, velocity_m_s, time_s)
+    return position_m
+
+
+def opening_of(facts: Facts, values: Values) -> Opening:
+    """What the ball has to pass, by the rig's target and the arrival terms among `values` (effective).
+
+    BadInput when the rig has no target.
+    """
+    if facts.target is None:
+        raise BadInput("rig.toml: [target] is needed to tell an outcome")
+    opening = Opening(facts.target.centre_height_m, facts.target.three_half_height_m, facts.target.two_half_height_m)
+    for term in arrival_terms(values):
+        opening = term.arrive(values[term.name], opening)
+    return opening
+
+
+def _where(where: Any, new: Exit, old: Exit) -> Exit:
+    """The new parts of a launch where they apply."""
+    if new is old:
+        return old
+    masks = where if isinstance(where, Exit) else Exit(where, where, where, True)
+    pick = np.where if all(isinstance(part, np.ndarray | float) for part in new) else jnp.where
+    return Exit(*(b if a is b else pick(mask, a, b) for mask, a, b in zip(masks, new, old, strict=True)))
+
+
+def take_values(values: Values, rows: Any) -> dict[str, dict[str, Any]]:
+    """Those lanes of effective values; numbers that all lanes share stay as they are."""
+    return {name: {key: value if np.ndim(value) == 0 else value[rows] for key, value in table.items()}
+            for name, table in values.items()}
+
+
+def _fly_rows(facts: Facts, values: Values, exit: Exit, distance_m: np.ndarray,
               progress: Callable[[float, str], None]) -> Crossing:
     """Heights and times of launches as they leave.
 
     Rows fly in blocks of those that stay aloft about equally long, and in few different sizes, since each is compiled.
     """
-    terms = flight_terms({"gravity", *coefficients})
+    terms = flight_terms({"gravity", *values})
+    named = {term.name: values[term.name] for term in terms if term.name in values}
+    exit, distance_m = Exit(*map(np.asarray, exit)), np.asarray(distance_m)
     upward_m_s = exit.speed_m_s * np.sin(exit.elevation_rad)
     order = np.argsort(upward_m_s, kind="stable")
     height_m, time_s = np.full(len(order), np.nan), np.full(len(order), np.nan)
@@ -64,20 +121,21 @@ def _fly_rows(facts: Facts, coefficients: Mapping[str, Mapping[str, float]], exi
     for first in range(0, len(order), lanes):
         rows = order[first:first + lanes]
         padded = np.resize(rows, lanes)
-        part = fly(facts, terms, coefficients, Exit(*(column[padded] for column in exit)), distance_m[padded])
+        part = fly(facts, terms, take_values(named, padded), exit.take(padded), distance_m[padded])
         height_m[rows] = np.asarray(part.height_m)[:rows.size]
         time_s[rows] = np.asarray(part.time_s)[:rows.size]
         progress(min(first + lanes, len(order)) / len(order), f"{min(first + lanes, len(order))} shots")
     return Crossing(height_m, time_s, ~np.isnan(height_m))
 
 
-def classify(facts: Facts, height_m: np.ndarray) -> np.ndarray:
-    """Outcome of a height at the plane (nan = not reached): the seed's Eq. 13 and 14, bounds included."""
-    if facts.target is None:
-        raise BadInput("rig.toml: [target] is needed to tell an outcome")
-    deviation_m = np.abs(np.asarray(height_m, dtype=float) - facts.target.centre_height_m)
-    return np.where(deviation_m <= facts.target.three_half_height_m, THREE,
-                    np.where(deviation_m <= facts.target.two_half_height_m, TWO, MISS))
+def classify(facts: Facts, height_m: np.ndarray, opening: Opening | None = None) -> np.ndarray:
+    """Outcome of a height at the plane (nan = not reached): the seed's Eq. 13 and 14, bounds included.
+
+    opening: the target's; the rig's own when not given.
+    """
+    hole = opening_of(facts, {}) if opening is None else opening
+    deviation_m = np.abs(np.asarray(height_m, dtype=float) - hole.centre_m)
+    return np.where(deviation_m <= hole.three_half_m, THREE, np.where(deviation_m <= hole.two_half_m, TWO, MISS))
 
 
 def launch_of(facts: Facts, shots: Shots) -> Exit:
@@ -103,6 +161,14 @@ def spin_of(facts: Facts, shots: Shots) -> np.ndarray:
 def by_wheels(shots: Shots) -> np.ndarray:
     """Which shots' speed launch_of takes from the wheels, since none was measured."""
     return np.isnan(shots.number("exit_speed_m_s"))
+
+
+def by_robot(shots: Shots) -> Exit:
+    """Which parts of launch_of the robot's own sensors told, since they were not measured on the ball: booleans [n].
+
+    The release height is always the rig's.
+    """
+    return Exit(by_wheels(shots), np.isnan(shots.number("exit_deg")), np.isnan(shots.number("exit_spin_rev_s")), True)
 
 
 def require(shots: Shots, name: str) -> np.ndarray:
@@ -146,7 +212,9 @@ def _prefer(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 
 def _need(shots: Shots, lacking: np.ndarray, what: str) -> None:
+    if len(lacking) and lacking.all():
+        raise BadInput(f"{shots.source}: {what} is needed, and no shot has it")
     if lacking.any():
         names = [shots.shot_id[row] for row in np.flatnonzero(lacking)]
         more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
-        raise BadInput(f"shots {', '.join(names[:NAMED])}{more}: {what} is needed and missing")
+        raise BadInput(f"{shots.source}: shots {', '.join(names[:NAMED])}{more}: {what} is needed and missing")

@@ -1,4 +1,9 @@
-"""What one hypothesis about the physics is: a name, a stage, parameters, and what it contributes."""
+"""What one hypothesis about the physics is: a name, a stage, parameters, and what it contributes.
+
+Along the way of a shot: what the sensors say -> SensingTerm -> what is true -> LaunchTerm -> the ball as it leaves ->
+AirTerm, FlightTerm -> its flight -> ArrivalTerm -> the outcome; a WatchTerm is about a tracker that sees the flight.
+Values handed to hooks are effective: parameters as Term.at_shot leaves them, numbers or one a lane.
+"""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -29,7 +34,7 @@ class Prior:
 class Parameter:
     """One number of a term, looked for from `low` to `high`.
 
-    `unit` is a product of m, kg, s, rad, rev with powers, such as "1", "1/s" or "kg m/s2".
+    `unit` is a product of m, kg, s, rad, rev, deg with powers, such as "1", "1/s" or "kg m/s2"; a share is "1".
     `default` is the value that a coefficients file that does not mention it means.
     `prior` is what a likelihood fit believes beforehand; None: known, and not fitted.
     """
@@ -49,6 +54,31 @@ class BallState(NamedTuple):
     position_m: Vec
     velocity_m_s: Vec
     spin_rev_s: Vec                   # right-handed; backspin is about -y
+    time_s: Any = 0.0                 # since release
+
+
+class Circumstances(NamedTuple):
+    """What a term may know of a shot beside its configuration: arrays [n], or numbers; by itself the ordinary shot.
+
+    sim.circumstances gathers them from a dataset.
+    """
+
+    battery: Any = 0.0                # (battery_v - median) / median
+    since_last_shot_s: Any = 1e9      # unknown, or the first of its session: long ago
+    age: Any = 0.0                    # 0 to 1: how far through its session, or with ball_id through that ball's shots
+    droop: Any = 1.0                  # dip of the wheels while the ball passes, by traces, / its mean; 1 without traces
+    density: Any = 0.0                # of the air, / its median, - 1
+    hood_change: Any = 0.0            # sign of this hood_deg less that of the session's shot before
+    closing_speed_m_s: Any = 0.0      # of the robot, toward the target positive
+    ball: Any = 0.0                   # a ball's own departure in units of the balls' spread; nobody knows it: 0
+
+
+class Opening(NamedTuple):
+    """What a ball has to pass at the target plane; heights in m, as in rig.toml [target]."""
+
+    centre_m: Any
+    three_half_m: Any
+    two_half_m: Any
 
 
 @dataclass(frozen=True)
@@ -63,17 +93,42 @@ class Term(ABC):
     parameters: ClassVar[tuple[Parameter, ...]]
     symmetry: ClassVar[str]
     sentence: ClassVar[str]           # how a report says that this is at work
+    follows: ClassVar[str | None] = None    # the field of Circumstances that the amplitude is multiplied by
+
+    def at_shot(self, values: Mapping[str, Any], circumstances: Circumstances) -> dict[str, Any]:
+        """Values under the circumstances of shots: the amplitude times what it follows. Shapes broadcast."""
+        if self.follows is None:
+            return dict(values)
+        amplitude = self.parameters[0].name
+        return {**values, amplitude: values[amplitude] * getattr(circumstances, self.follows)}
 
 
 @dataclass(frozen=True)
-class FlightTerm(Term):
-    """A hypothesis about forces in the air."""
+class SensingTerm(Term):
+    """A hypothesis about what the robot's sensors make of a configuration."""
 
-    stage: ClassVar[str] = "flight"
+    stage: ClassVar[str] = "sensing"
 
     @abstractmethod
-    def acceleration(self, facts: Facts, values: Mapping[str, Any], ball: BallState) -> Vec:
-        """Its acceleration in m/s2 (lanes broadcast), launcher frame; differentiable in values and state."""
+    def sense(self, facts: Facts, values: Mapping[str, Any], exit: Exit, distance_m: Any) -> tuple[Exit, Any]:
+        """(launch by the wheels, distance in m) as they are in truth; differentiable.
+
+        exit, distance_m: as the sensors, and the sensing terms before this one in the catalogue, have them.
+        """
+
+
+@dataclass(frozen=True)
+class WatchTerm(Term):
+    """A hypothesis about a tracker that watches the flight."""
+
+    stage: ClassVar[str] = "sensing"
+
+    @abstractmethod
+    def watch(self, values: Mapping[str, Any], position_m: Vec, velocity_m_s: Vec, time_s: Any) -> Vec:
+        """Where the tracker says the ball is at time_s of its own clock since release, in m, launcher frame.
+
+        position_m, velocity_m_s: the ball in truth, time_s after release; differentiable.
+        """
 
 
 @dataclass(frozen=True)
@@ -88,6 +143,46 @@ class LaunchTerm(Term):
 
         exit: as the wheels' surfaces and the launch terms before this one in the catalogue have it.
         """
+
+
+@dataclass(frozen=True)
+class FlightTerm(Term):
+    """A hypothesis about forces in the air."""
+
+    stage: ClassVar[str] = "flight"
+
+    @abstractmethod
+    def acceleration(self, facts: Facts, values: Mapping[str, Any], ball: BallState,
+                     forces: Mapping[str, Vec]) -> Vec:
+        """Its acceleration in m/s2 (lanes broadcast), launcher frame; differentiable in values and state.
+
+        ball: as the air sees it. forces: {term: acceleration} of the terms at work before it in the catalogue.
+        """
+
+
+@dataclass(frozen=True)
+class AirTerm(Term):
+    """A hypothesis about what air the ball meets, or what is left of its spin when it does."""
+
+    stage: ClassVar[str] = "flight"
+
+    @abstractmethod
+    def meet(self, facts: Facts, values: Mapping[str, Any], ball: BallState) -> BallState:
+        """The ball as the air sees it: its velocity through the air, the spin that it has left; differentiable."""
+
+
+InFlight = FlightTerm | AirTerm
+
+
+@dataclass(frozen=True)
+class ArrivalTerm(Term):
+    """A hypothesis about the target."""
+
+    stage: ClassVar[str] = "arrival"
+
+    @abstractmethod
+    def arrive(self, values: Mapping[str, Any], opening: Opening) -> Opening:
+        """The opening as it is in truth; differentiable."""
 
 
 def complete(term: Term, values: Mapping[str, Any] | None) -> dict[str, Any]:

@@ -23,7 +23,8 @@ class Drag(FlightTerm):
     symmetry: ClassVar[str] = "any"
     sentence: ClassVar[str] = "The air slows the ball in proportion to the square of its speed."
 
-    def acceleration(self, facts: Facts, values: Mapping[str, Any], ball: BallState) -> Vec:
+    def acceleration(self, facts: Facts, values: Mapping[str, Any], ball: BallState,
+                     forces: Mapping[str, Vec]) -> Vec:
         area_m2 = math.pi * facts.ball.radius_m**2
         per_m = values["cd"] * (0.5 * area_m2 * facts.air.density_kg_m3 / facts.ball.mass_kg)
         return scale(-per_m * length(ball.velocity_m_s), ball.velocity_m_s)

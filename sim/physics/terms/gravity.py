@@ -20,5 +20,6 @@ class Gravity(FlightTerm):
     symmetry: ClassVar[str] = "vertical"
     sentence: ClassVar[str] = "The ball falls under its weight."
 
-    def acceleration(self, facts: Facts, values: Mapping[str, Any], ball: BallState) -> Vec:
+    def acceleration(self, facts: Facts, values: Mapping[str, Any], ball: BallState,
+                     forces: Mapping[str, Vec]) -> Vec:
         return Vec(0.0, 0.0, -facts.world.gravity_m_s2 * values["scale"])

@@ -24,6 +24,7 @@ class Magnus(FlightTerm):
     symmetry: ClassVar[str] = "any"
     sentence: ClassVar[str] = "The ball's spin bends its path, in proportion to spin and speed."
 
-    def acceleration(self, facts: Facts, values: Mapping[str, Any], ball: BallState) -> Vec:
+    def acceleration(self, facts: Facts, values: Mapping[str, Any], ball: BallState,
+                     forces: Mapping[str, Vec]) -> Vec:
         per_rev = 4.0 / 3.0 * 4.0 * math.pi**2 * facts.ball.radius_m**3 * facts.air.density_kg_m3 / facts.ball.mass_kg
         return scale(values["cl"] * per_rev, cross(ball.spin_rev_s, ball.velocity_m_s))

@@ -35,7 +35,8 @@ class Odd(FlightTerm):
     symmetry: ClassVar[str] = "none"
     sentence: ClassVar[str] = ""
 
-    def acceleration(self, facts: Any, values: Mapping[str, Any], ball: BallState) -> Vec:
+    def acceleration(self, facts: Any, values: Mapping[str, Any], ball: BallState,
+                     forces: Mapping[str, Vec]) -> Vec:
         v, z = ball.velocity_m_s, ball.position_m.z
         size = jnp.where(z > 1.0, jnp.exp(-z), jnp.tanh(v.x)) + jnp.maximum(v.x, 0.1) ** 3 + jnp.abs(v.z) ** 1.5
         size = size + jnp.sin(v.x) * jnp.arctan2(v.z, v.x) + jnp.log1p(length(v)) / (1.0 + z**2) + jnp.sign(v.z)
@@ -50,7 +51,8 @@ class Sideways(FlightTerm):
     symmetry: ClassVar[str] = "none"
     sentence: ClassVar[str] = ""
 
-    def acceleration(self, facts: Any, values: Mapping[str, Any], ball: BallState) -> Vec:
+    def acceleration(self, facts: Any, values: Mapping[str, Any], ball: BallState,
+                     forces: Mapping[str, Vec]) -> Vec:
         return Vec(0.0, values["amount"] * ball.velocity_m_s.x, 0.0)
 
 
@@ -62,7 +64,8 @@ class Strange(FlightTerm):
     symmetry: ClassVar[str] = "none"
     sentence: ClassVar[str] = ""
 
-    def acceleration(self, facts: Any, values: Mapping[str, Any], ball: BallState) -> Vec:
+    def acceleration(self, facts: Any, values: Mapping[str, Any], ball: BallState,
+                     forces: Mapping[str, Vec]) -> Vec:
         return Vec(jax.scipy.special.erf(ball.velocity_m_s.x) * values["amount"], 0.0, 0.0)
 
 
