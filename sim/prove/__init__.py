@@ -1,0 +1,1 @@
+"""Proving discovery: concealed worlds, made by code that the solver does not share."""
