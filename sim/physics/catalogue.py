@@ -17,14 +17,53 @@ from sim.physics.term import (
     WatchTerm,
     complete,
 )
+from sim.physics.terms.added_mass import AddedMass
+from sim.physics.terms.air_density import AirDensity
+from sim.physics.terms.ball_compression import BallCompression
+from sim.physics.terms.ball_spread import BallSpread
+from sim.physics.terms.ball_wear import BallWear
+from sim.physics.terms.battery_sag import BatterySag
+from sim.physics.terms.buoyancy import Buoyancy
+from sim.physics.terms.distance_bias import DistanceBias
+from sim.physics.terms.distance_scale import DistanceScale
 from sim.physics.terms.drag import Drag
+from sim.physics.terms.drag_reynolds import DragReynolds
+from sim.physics.terms.drag_wear import DragWear
+from sim.physics.terms.encoder_scale import EncoderScale
 from sim.physics.terms.exit_efficiency import ExitEfficiency
 from sim.physics.terms.gravity import Gravity
+from sim.physics.terms.hood_backlash import HoodBacklash
+from sim.physics.terms.hood_offset import HoodOffset
+from sim.physics.terms.lift_saturation import LiftSaturation
 from sim.physics.terms.magnus import Magnus
+from sim.physics.terms.rapid_fire import RapidFire
+from sim.physics.terms.release_height import ReleaseHeight
+from sim.physics.terms.rim_catch import RimCatch
+from sim.physics.terms.spin_decay import SpinDecay
+from sim.physics.terms.spin_drag import SpinDrag
+from sim.physics.terms.target_height import TargetHeight
+from sim.physics.terms.track_clock import TrackClock
+from sim.physics.terms.track_scale import TrackScale
+from sim.physics.terms.track_tilt import TrackTilt
+from sim.physics.terms.vision_latency import VisionLatency
+from sim.physics.terms.wheel_droop import WheelDroop
 from sim.physics.terms.wheel_slip import WheelSlip
+from sim.physics.terms.wind_x import WindX
+from sim.physics.terms.wind_y import WindY
+from sim.physics.terms.wind_z import WindZ
 
-# Launch terms act in this order: slip is a matter of the wheels' speed, the loss of what is left of it.
-TERMS: tuple[Term, ...] = (WheelSlip(), ExitEfficiency(), Gravity(), Drag(), Magnus())
+# The order in which they act. Launch: slip is a matter of the wheels' speed, the losses of what is left of it. In the
+# air: what air the ball meets, then forces, then shares of the forces before them; added mass is a share of them all.
+TERMS: tuple[Term, ...] = (
+    HoodOffset(), HoodBacklash(), EncoderScale(), DistanceScale(), DistanceBias(), VisionLatency(), TrackScale(),
+    TrackTilt(), TrackClock(),
+    WheelSlip(), ExitEfficiency(), WheelDroop(), BallCompression(), BallWear(), BallSpread(), BatterySag(),
+    RapidFire(), ReleaseHeight(),
+    SpinDecay(), WindX(), WindY(), WindZ(),
+    Gravity(), Drag(), Magnus(), SpinDrag(), DragReynolds(), LiftSaturation(), DragWear(), AirDensity(), Buoyancy(),
+    AddedMass(),
+    TargetHeight(), RimCatch(),
+)
 
 
 def find_terms(names: Iterable[str]) -> tuple[Term, ...]:

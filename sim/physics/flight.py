@@ -52,9 +52,9 @@ def fly(facts: Facts, terms: tuple[InFlight, ...], params: Mapping[str, Mapping[
 
     params: {term: {parameter: value}}, effective; they, exit and distance_m broadcast against each other, and the
     result has that shape. Fixed-step RK4 in float64; each lane's step is at most step_s, and so short that the air
-    turns or slows the velocity by at most turn_rad in the first one; the crossing is solved on a part of the last step. Forward-mode
-    differentiable (jax.jacfwd) in params, exit and distance. Without `floor` the flight goes on below it, so that the
-    height is continuous in everything; only turning back and the time limit are then not reached.
+    turns or slows the velocity by at most turn_rad in the first one; the crossing is solved on a part of the last step.
+    Forward-mode differentiable (jax.jacfwd) in params, exit and distance. Without `floor` the flight goes on below it,
+    so that the height is continuous in everything; only turning back and the time limit are then not reached.
     """
     law = make_law(facts, terms, params)
     shape = _shape(params, exit, distance_m)

@@ -1,0 +1,35 @@
+"""Weather: thin air pushes less than dense air."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar, final
+
+from robot.facts import Facts
+from sim.physics.term import BallState, FlightTerm, Parameter, Prior
+from sim.physics.vector import Vec, add, scale
+
+NOT_OF_AIR = ("gravity",)             # among the terms before this one in the catalogue
+
+
+@final
+@dataclass(frozen=True)
+class AirDensity(FlightTerm):
+    """All forces of the air x (1 + share x density's known departure from its median)."""
+
+    name: ClassVar[str] = "air_density"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("share", "1", -3.0, 4.0, 0.0, "1 by definition: forces of the air are proportional to its density, "
+                  "3.4 % for 10 K",
+                  Prior("linear", 0.0, 1.0, "0 is a simulation that knows no weather, 1 the ideal gas")),)
+    symmetry: ClassVar[str] = "any"
+    sentence: ClassVar[str] = "The forces of the air change with its pressure and temperature."
+    follows: ClassVar[str | None] = "density"
+
+    def acceleration(self, facts: Facts, values: Mapping[str, Any], ball: BallState,
+                     forces: Mapping[str, Vec]) -> Vec:
+        share = values["share"]
+        total = Vec(0.0, 0.0, 0.0)
+        for name, force in forces.items():
+            if name not in NOT_OF_AIR:
+                total = add(total, scale(share, force))
+        return total
