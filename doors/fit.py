@@ -4,6 +4,7 @@ import argparse
 from collections.abc import Callable, Mapping
 
 from doors import fit_grid, fit_ml
+from robot.config import BadInput
 
 DESCRIPTION = ("Find the drag and lift coefficient under which the simulator agrees best with recorded outcomes. "
                "grid: the seed's search, every pair from 0 to 5, by three-point accuracy, then two-point accuracy, "
@@ -22,4 +23,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(args: argparse.Namespace) -> int:
+    if args.method == "grid":
+        for option, value in (("--terms", args.terms), ("--posterior", args.posterior)):
+            if value is not None:
+                raise BadInput(f"{option}: the grid is of the seed's two coefficients; --method ml takes {option}")
     return METHODS[args.method](args)

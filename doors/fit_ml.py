@@ -38,8 +38,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     _check(args)
+    asked = None if args.terms is None else _names("--terms", args.terms)
     dataset = load_dataset(args.dataset)
-    terms = tuple(args.terms.split(",")) if args.terms else dataset.facts.believe.terms
+    terms = dataset.facts.believe.terms if asked is None else asked
     find_terms(terms)
     fit = fit_ml(dataset.facts, dataset, terms, make_progress("fit", args.quiet))
     _say("", say_evidence(fit))
@@ -67,6 +68,14 @@ def _check(args: argparse.Namespace) -> None:
         raise BadInput(f"--posterior is {args.posterior}; at least 1 sample is needed")
     if args.seed < 0:
         raise BadInput(f"--seed is {args.seed}; it cannot be negative")
+
+
+def _names(option: str, text: str) -> tuple[str, ...]:
+    """The names in a comma-separated list; BadInput when there is none."""
+    names = tuple(name.strip() for name in text.split(",") if name.strip())
+    if not names:
+        raise BadInput(f"{option}: names no term")
+    return names
 
 
 def _say(title: str, lines: Any) -> None:

@@ -87,10 +87,14 @@ def main(args: argparse.Namespace) -> int:
 
 
 def _numbers(option: str, text: str, kind: Callable[[str], Kind]) -> list[Kind]:
-    try:
-        return [kind(word) for word in text.split(",")]
-    except ValueError as error:
-        raise BadInput(f"{option} {text}: {error}") from error
+    numbers = []
+    for word in text.split(","):
+        try:
+            numbers.append(kind(word))
+        except ValueError as error:
+            what = "a whole number" if kind is int else "a number"
+            raise BadInput(f"{option}: {word.strip()!r} in {text!r} is not {what}") from error
+    return numbers
 
 
 def _train(jobs: Sequence[Job], recipe: Recipe, scheduler: str | None,

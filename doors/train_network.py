@@ -90,11 +90,12 @@ def _careful(score: dict[str, Any], simulated: bool) -> list[str]:
 
 def load_rows(directory: str) -> Rows:
     """Rows of a dataset; what is left out is told on stderr, BadInput when nothing is left."""
-    rows, left_out = training_rows(load_dataset(directory).shots, directory)
+    shots = load_dataset(directory).shots
+    rows, left_out = training_rows(shots, shots.source)
+    if not len(rows.features):
+        raise BadInput("there is nothing to train on; " + "; ".join(left_out or [f"{shots.source}: no shots"]))
     for sentence in left_out:
         print(sentence, file=sys.stderr)
-    if not len(rows.features):
-        raise BadInput(f"{directory}: no shot has an outcome and all features; there is nothing to train on")
     if len(np.unique(rows.labels, axis=0)) < 2:
         print(f"{directory}: careful: every shot has the same outcome; nothing can be told apart from that",
               file=sys.stderr)

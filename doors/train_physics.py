@@ -38,7 +38,7 @@ def main(args: argparse.Namespace) -> int:
     if args.reliability is not None and not Path(args.reliability).parent.is_dir():
         raise BadInput(f"{args.reliability}: there is no directory to write it to")
     belief, dataset = load_belief(args.coefficients), load_dataset(args.real)
-    marks, _, left_out = marks_of(dataset.shots, args.real)
+    marks, _, left_out = marks_of(dataset.shots, dataset.shots.source)
     for sentence in left_out:
         print(sentence, file=sys.stderr)
     gate, heldout = train_physics_gate(dataset.facts, belief, dataset.shots, args.seed, args.real,

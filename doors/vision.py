@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from doors.progress import make_progress
 from hw.reading import CameraFrame
-from robot.config import BadInput, CameraFile, Config, load_toml
+from robot.config import BadInput, CameraFile, Config, in_words, load_text, load_toml
 from robot.types import Sighting
 from robot.vision import detect
 
@@ -68,11 +68,7 @@ def load_camera(name: str | None) -> CameraFile:
     path = Path(str(files("robot") / "launcher.toml")) if name is None else Path(name)
     if name in _packaged():
         path = Path(str(files("robot") / "cameras" / f"{name}.toml"))
-    try:
-        whole = re.search(r"^\s*\[gate\]", path.read_text(encoding="utf-8"), re.MULTILINE)
-    except (OSError, UnicodeDecodeError) as error:
-        raise BadInput(f"{path}: {error}") from error
-    if whole is None:
+    if re.search(r"^\s*\[gate\]", load_text(path), re.MULTILINE) is None:
         return load_toml(path, CameraFile)
     config = load_toml(path, Config)
     return CameraFile(config.camera, config.tape, config.vision)
@@ -133,7 +129,7 @@ def _load_labels(path: str) -> dict[str, float]:
                 if row["label_distance_m"]:
                     labels[row["file"]] = _number(row["label_distance_m"], f"{path}:{rows.line_num}: label_distance_m")
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise BadInput(f"{path}: {error}") from error
+        raise BadInput(f"{path}: {in_words(error)}") from error
     return labels
 
 

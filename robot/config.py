@@ -204,11 +204,22 @@ def load_config(path: str | Path) -> Config:
 
 def load_toml(path: str | Path, kind: type[Kind]) -> Kind:
     """Read a TOML file into a struct; BadInput names file, key and line."""
+    return parse_toml(load_text(path), kind, str(path))
+
+
+def load_text(path: str | Path) -> str:
+    """The text of a file in UTF-8; BadInput names the file and says why it cannot be read."""
     try:
-        text = Path(path).read_text(encoding="utf-8")
+        return Path(path).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise BadInput(f"{path}: {error}") from error
-    return parse_toml(text, kind, str(path))
+        raise BadInput(f"{path}: {in_words(error)}") from error
+
+
+def in_words(error: Exception) -> str:
+    """What an error says, without the system's number of it and without the file, which our messages name first."""
+    if isinstance(error, OSError):
+        return error.strerror or str(error)
+    return "not UTF-8 text" if isinstance(error, UnicodeDecodeError) else str(error)
 
 
 def parse_toml(text: str, kind: type[Kind], name: str) -> Kind:
@@ -218,7 +229,7 @@ def parse_toml(text: str, kind: type[Kind], name: str) -> Kind:
     except tomllib.TOMLDecodeError as error:
         raise BadInput(f"{name}: {error}") from error
     except msgspec.ValidationError as error:
-        raise BadInput(f"{name}{_line_of(text, str(error))}: {_in_words(str(error))}") from error
+        raise BadInput(f"{name}{_line_of(text, str(error))}: {_reworded(str(error))}") from error
 
 
 def config_hash(config: Config) -> str:
@@ -226,7 +237,7 @@ def config_hash(config: Config) -> str:
     return hashlib.sha256(msgspec.json.encode(config, order="deterministic")).hexdigest()
 
 
-def _in_words(message: str) -> str:
+def _reworded(message: str) -> str:
     return (message.replace("Object contains unknown field", "unknown key")
             .replace("Object missing required field", "missing key").replace("`$.", "`").replace(" - at `$`", ""))
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-from robot.config import BadInput, Config, Prescribed
+from robot.config import BadInput, Config, Prescribed, in_words
 
 COLUMNS = ("distance_m", "motor_ratio", "hood_deg")
 SHOWN = 5                             # bad rows that a message names before it only counts
@@ -52,7 +52,7 @@ def _rows(file: Path) -> list[tuple[int, dict[str, str]]]:
                     raise BadInput(f"{file}:1: column {name} is missing")
             return [(reader.line_num, {name: row[name] or "" for name in COLUMNS}) for row in reader]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise BadInput(f"{file}: {error}") from error
+        raise BadInput(f"{file}: {in_words(error)}") from error
 
 
 def _parse_row(place: str, row: dict[str, str], config: Config, bad: list[str]) -> Prescribed | None:

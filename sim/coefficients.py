@@ -17,7 +17,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from robot.config import BadInput
+from robot.config import BadInput, load_text
 from sim.dataset.rig import make_toml
 from sim.physics.catalogue import TERMS
 
@@ -52,8 +52,8 @@ def save_coefficients(path: str | Path, coefficients: Mapping[str, Mapping[str, 
 def load_table(path: str | Path) -> dict[str, Any]:
     """All that the file says; BadInput when it is no coefficients file."""
     try:
-        table = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        table = tomllib.loads(load_text(path))
+    except tomllib.TOMLDecodeError as error:
         raise BadInput(f"{path}: {error}") from error
     if table.get("schema") != SCHEMA:
         raise BadInput(f"{path}: schema is {table.get('schema')!r}, not {SCHEMA!r}")

@@ -31,15 +31,18 @@ def training_rows(shots: Shots, name: str) -> tuple[Rows, list[str]]:
     outcomes = shots.text("outcome")
     judged = np.array([outcome in LABELS for outcome in outcomes], bool)
     whole = np.isfinite(features).all(axis=1)
-    left_out = [f"{name}: {int(lacks.sum())} of {len(shots)} shots left out: no {what}"
-                for what, lacks in (("outcome", ~judged), (_either_of_features(), judged & ~whole)) if lacks.any()]
+    reasons = (("no outcome", ~judged), (lacking_features(features[judged]), judged & ~whole))
+    left_out = [f"{name}: {int(lacks.sum())} of {len(shots)} shots left out: {why}" for why, lacks in reasons
+                if lacks.any()]
     kept = np.flatnonzero(judged & whole)
     labels = np.array([LABELS[outcomes[row]] for row in kept], float).reshape(-1, 2)
     return Rows(features[kept], labels), left_out
 
 
-def _either_of_features() -> str:
-    return " or no ".join(feature.name for feature in FEATURES)
+def lacking_features(features: np.ndarray) -> str:
+    """The features [n, 3] of which some are nan, in words."""
+    gaps = np.isnan(features).any(axis=0)
+    return " or ".join(f"no {feature.name}" for feature, gap in zip(FEATURES, gaps, strict=True) if gap)
 
 
 def cross_entropy(log_odds: Any, labels: Any) -> Any:

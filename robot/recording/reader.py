@@ -10,7 +10,7 @@ from mcap.exceptions import McapError
 from mcap.records import Message
 from mcap.stream_reader import StreamReader
 
-from robot.config import BadInput
+from robot.config import BadInput, in_words
 from robot.recording.session import TELEMETRY
 from robot.types import Tick
 
@@ -41,7 +41,7 @@ class TickReader:
         try:
             file = self.path.open("rb")
         except OSError as error:
-            raise BadInput(f"{self.path}: {error}") from error
+            raise BadInput(f"{self.path}: {in_words(error)}") from error
         with file:
             try:
                 for record in StreamReader(file, validate_crcs=True, record_size_limit=LARGEST).records:

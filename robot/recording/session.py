@@ -14,7 +14,7 @@ from pathlib import Path
 import msgspec
 from msgspec import Struct
 
-from robot.config import BadInput, Config, config_hash
+from robot.config import BadInput, Config, config_hash, in_words
 from robot.gate.model import Gate, load_gate
 from robot.types import Outcome, Shot
 
@@ -53,7 +53,7 @@ def load_header(session: Path) -> Header:
     try:
         header = msgspec.json.decode(path.read_bytes(), type=Header)
     except (OSError, msgspec.MsgspecError) as error:
-        raise BadInput(f"{path}: not a recording ({error})") from error
+        raise BadInput(f"{path}: not a recording ({in_words(error)})") from error
     if header.format != FORMAT:
         raise BadInput(f"{path}: format {header.format}, this version reads {FORMAT}")
     return header
@@ -65,7 +65,7 @@ def load_session_config(session: Path) -> Config:
     try:
         config = msgspec.json.decode(path.read_bytes(), type=Config)
     except (OSError, msgspec.MsgspecError) as error:
-        raise BadInput(f"{path}: {error}") from error
+        raise BadInput(f"{path}: {in_words(error)}") from error
     if config_hash(config) != header.config_sha256:
         raise BadInput(f"{path}: changed since the recording was made (hash differs from {HEADER})")
     return config
@@ -93,7 +93,7 @@ def load_trials(session: Path) -> list[Trial]:
     try:
         lines = path.read_bytes().split(b"\n") if path.exists() else []
     except OSError as error:
-        raise BadInput(f"{path}: {error}") from error
+        raise BadInput(f"{path}: {in_words(error)}") from error
     trials: dict[int, Trial] = {}
     for number, line in enumerate(lines, 1):
         if not line:

@@ -77,7 +77,7 @@ def _shots(table: Table, problems: Problems) -> Shots:
         else:
             texts[name] = _texts(table, name, problems)
     _check_sides(table, texts, problems)
-    return Shots(shot_id, numbers, texts)
+    return Shots(shot_id, numbers, texts, str(table.path))
 
 
 def _ids(table: Table, problems: Problems) -> tuple[str, ...]:

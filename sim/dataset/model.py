@@ -13,11 +13,15 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Shots:
-    """Shots in columns. `numbers`: float64 [n], nan = missing. `texts`: one string a shot, "" = missing."""
+    """Shots in columns. `numbers`: float64 [n], nan = missing. `texts`: one string a shot, "" = missing.
+
+    `source`: the file they were read from, for messages about them.
+    """
 
     shot_id: tuple[str, ...]
     numbers: dict[str, Floats]
     texts: dict[str, tuple[str, ...]]
+    source: str = "shots"
 
     def __len__(self) -> int:
         return len(self.shot_id)
@@ -35,7 +39,7 @@ class Shots:
         rows = np.arange(len(self))[np.asarray(index)]
         return Shots(tuple(self.shot_id[row] for row in rows),
                      {name: column[rows] for name, column in self.numbers.items()},
-                     {name: tuple(column[row] for row in rows) for name, column in self.texts.items()})
+                     {name: tuple(column[row] for row in rows) for name, column in self.texts.items()}, self.source)
 
 
 @dataclass(frozen=True)

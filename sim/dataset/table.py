@@ -49,6 +49,7 @@ def parse_csv(text: str, path: Path, problems: Problems) -> Table:
     _, header = next(rows, (1, []))
     if not header:
         raise BadInput(f"{path}:1: the header is missing")
+    _check_separator(header, path)
     for name in header:
         if not name.strip() or header.count(name) > 1:
             raise BadInput(f"{path}:1: column {name!r} " + ("stands twice" if name.strip() else "has no name"))
@@ -62,6 +63,14 @@ def parse_csv(text: str, path: Path, problems: Problems) -> Table:
         for name, cell in zip(header, cells, strict=True):
             columns[name].append(cell or None)
     return Table(path, columns, lines)
+
+
+def _check_separator(header: list[str], path: Path) -> None:
+    """Spreadsheets of many countries write semicolons, and then commas for decimal points."""
+    for mark, name in ((";", "semicolons"), ("\t", "tabs")):
+        if len(header) == 1 and mark in header[0]:
+            raise BadInput(f"{path}:1: cells are separated by {name}; save the table with commas between them (and "
+                           "points in decimal numbers)")
 
 
 def _rows(text: str, path: Path) -> Iterator[tuple[int, list[str]]]:

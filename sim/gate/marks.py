@@ -8,6 +8,7 @@ from robot.config import BadInput
 from robot.gate.contract import FEATURES
 from sim.physics.shot import MISS, THREE, TWO
 from sim.shots import Shots
+from sim.train import lacking_features
 
 # The plane from below to above: miss low, two low, three, two high, miss high.
 CELLS = 5
@@ -51,10 +52,11 @@ def marks_of(shots: Shots, name: str) -> tuple[Marks, np.ndarray, list[str]]:
     whole = np.isfinite(features).all(axis=1)
     silent = ~judged & np.isnan(miss_m)
     kept = np.flatnonzero(whole & ~silent)
-    left_out = [f"{name}: {int(lacks.sum())} of {len(shots)} shots left out: {what}" for what, lacks in (
-        ("no outcome", silent), ("no distance_m, motor_ratio or hood_deg", ~silent & ~whole)) if lacks.any()]
+    reasons = (("no outcome or miss_height_m", silent), (lacking_features(features[~silent]), ~silent & ~whole))
+    left_out = [f"{name}: {int(lacks.sum())} of {len(shots)} shots left out: {why}" for why, lacks in reasons
+                if lacks.any()]
     if not kept.size:
-        raise BadInput(f"{name}: no shot has an outcome and all features; there is nothing to train on")
+        raise BadInput("there is nothing to train on; " + "; ".join(left_out or [f"{name}: no shots"]))
     cells = np.array([_cells(outcome[row], side[row]) for row in kept], float)
     level = np.array([LEVEL.get(outcome[row], -1) for row in kept])
     aside = np.array([outcome[row] == MISS and side[row] in ASIDE for row in kept])

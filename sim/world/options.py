@@ -9,7 +9,7 @@ from typing import Annotated
 
 from msgspec import Meta, Struct
 
-from robot.config import BadInput, parse_toml
+from robot.config import load_toml
 
 Positive = Annotated[float, Meta(gt=0.0, le=100.0)]
 Share = Annotated[float, Meta(ge=0.0, le=0.05)]
@@ -80,10 +80,4 @@ def load_options(path: str | Path | None) -> Options:
 
     Raises BadInput that names file, line and key.
     """
-    if path is None:
-        return Options()
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise BadInput(f"{path}: {error}") from error
-    return parse_toml(text, Options, str(path))
+    return Options() if path is None else load_toml(path, Options)

@@ -125,11 +125,15 @@ def test_bad_input_is_named(home: Path, tmp_path: Path, capsys: pytest.CaptureFi
     unjudged = make_recorded(9)
     save_dataset(tmp_path / "unjudged", Dataset("x", FACTS, Shots(unjudged.shots.shot_id, unjudged.shots.numbers, {})))
     said = refusal(capsys, "train", "--real", f"{tmp_path}/unjudged", "-o", f"{tmp_path}/w")
-    assert "9 of 9 shots left out: no outcome" in said and "nothing to train on" in said
+    assert f"nothing to train on; {tmp_path}/unjudged/shots.csv: 9 of 9 shots left out: no outcome" in said
     numbers = {name: column for name, column in unjudged.shots.numbers.items() if name != "motor_ratio"}
     save_dataset(tmp_path / "gap", Dataset("x", FACTS, Shots(unjudged.shots.shot_id, numbers, {})))
     assert "motor_ratio" in refusal(capsys, "predict-gate", f"{home}/weights.onnx", f"{tmp_path}/gap", "-o",
                                     f"{tmp_path}/out.csv")
     assert not (tmp_path / "out.csv").exists()
+    judged = Shots(unjudged.shots.shot_id, numbers, {"outcome": ("two",) * 9})
+    save_dataset(tmp_path / "flat", Dataset("x", FACTS, judged))
+    said = refusal(capsys, "train", "--real", f"{tmp_path}/flat", "-o", f"{tmp_path}/w")
+    assert f"{tmp_path}/flat/shots.csv: 9 of 9 shots left out: no motor_ratio" in said
     assert "-n is 1" in refusal(capsys, "synth", "--quiet", "--rig", f"{home}/real/rig.toml", "--coefficients",
                                 f"{home}/coefficients.toml", "-n", "1", "-o", f"{tmp_path}/s")

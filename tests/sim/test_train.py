@@ -87,4 +87,4 @@ def test_rows_leave_out_what_they_cannot_use_and_say_so() -> None:
     assert rows.features.tolist() == [[1.0, 0.1, 10.0], [4.0, 0.4, 40.0]]
     assert rows.labels.tolist() == [[1.0, 1.0], [1.0, 0.0]]
     assert left_out == ["DIR: 1 of 4 shots left out: no outcome",
-                        "DIR: 1 of 4 shots left out: no distance_m or no motor_ratio or no hood_deg"]
+                        "DIR: 1 of 4 shots left out: no distance_m"]

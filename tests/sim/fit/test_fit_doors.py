@@ -84,6 +84,33 @@ def test_fit_refuses_by_name(home, capsys):
     assert "/nowhere/c.toml" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(("column", "message"), [
+    ("hood_deg", "hood_deg or exit_deg is needed, and no shot has it"),
+    ("distance_m", "distance_m is needed, and no shot has it"),
+    ("motor_ratio", "motor_ratio (with launcher.free_speed_rad_s in rig.toml), every wheel_<name>_rad_s, or"),
+    ("outcome", "outcome: fit by grid needs at least one shot whose outcome is three"),
+])
+def test_a_column_that_is_not_there_is_named_with_its_file(home, capsys, column, message):
+    path = home / "shots.csv"
+    path.write_text(path.read_text().replace(column, "unheard_of"))
+    assert main(["fit", str(home), "--quiet"]) == 2
+    assert f"truearc fit: {path}: {message}" in capsys.readouterr().err
+
+
+def test_a_cell_that_is_empty_is_named_with_file_shot_and_column(home, capsys):
+    path = home / "shots.csv"
+    path.write_text(path.read_text() + "late,,50.0,0.5,two\n")
+    assert path.read_text().startswith("shot_id,distance_m,hood_deg,motor_ratio,outcome\n")
+    assert main(["fit", str(home), "--quiet"]) == 2
+    assert f"{path}: shots late: distance_m is needed and missing" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("option", "value"), [("--terms", ""), ("--terms", "drag"), ("--posterior", "5")])
+def test_the_grid_refuses_options_that_it_would_not_heed(home, capsys, option, value):
+    assert main(["fit", str(home), option, value, "--quiet"]) == 2
+    assert f"truearc fit: {option}: the grid is of the seed's two coefficients" in capsys.readouterr().err
+
+
 def test_fit_says_what_it_found_and_where_to_be_careful(home, tmp_path, capsys):
     """Four shots: the tied pairs are listed, and one or two three-pointers are called few."""
     tied, picture = tmp_path / "tied.csv", tmp_path / "map.png"

@@ -149,13 +149,14 @@ def test_a_mixed_dataset_uses_each_shot_for_what_it_has():
     assert gathered.used == {"outcome": 3, "side": 2, "miss_height_m": 1, "exit_speed_m_s": 1}
     assert [gathered.shots.shot_id[row] for row in gathered.rows] == ["a", "b", "g", "h"]
     told = "\n".join(gathered.left_out)
-    for name, reason in (("c", "no launch"), ("d", "no distance_m"), ("e", "left or right"), ("f", "nothing was seen")):
+    for name, reason in (("c", "no launch speed"), ("d", "no distance_m"), ("e", "left or right"),
+                         ("f", "nothing was seen")):
         assert any(reason in line and f"({name})" in line for line in gathered.left_out), told
 
 
 def test_nothing_to_fit_to_is_bad_input():
     shots = Shots(("a",), {"distance_m": np.array([4.0]), "hood_deg": np.array([45.0])}, {"outcome": ("two",)})
-    with pytest.raises(BadInput, match="no shot has both a launch"):
+    with pytest.raises(BadInput, match=r"^shots: there is nothing to fit to.*: no launch speed: motor_ratio"):
         fit_ml(GUPPY, Dataset("d", GUPPY, shots), TERMS)
     with pytest.raises(BadInput, match="no term 'dragg'"):
         fit_ml(GUPPY, make_dataset(1, 20), ("dragg",))

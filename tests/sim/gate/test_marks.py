@@ -31,9 +31,9 @@ def test_silent_shots_are_counted_and_measured_ones_kept() -> None:
                  miss_height_m=[np.nan, np.nan, 0.2, np.nan])
     marks, rows, left_out = marks_of(shots, "DIR")
     assert rows.tolist() == [0, 2] and marks.level.tolist() == [2, -1]
-    assert left_out == ["DIR: 1 of 4 shots left out: no outcome",
-                        "DIR: 1 of 4 shots left out: no distance_m, motor_ratio or hood_deg"]
-    with pytest.raises(BadInput, match="DIR: no shot has an outcome"):
+    assert left_out == ["DIR: 1 of 4 shots left out: no outcome or miss_height_m",
+                        "DIR: 1 of 4 shots left out: no distance_m"]
+    with pytest.raises(BadInput, match=r"nothing to train on; DIR: 2 of 2 shots left out: no outcome or miss_height_m"):
         marks_of(make(("", "")), "DIR")
 
 
