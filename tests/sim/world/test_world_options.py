@@ -1,0 +1,134 @@
+"""Every option moves the world the way its words say, and nothing else."""
+
+import math
+
+import numpy as np
+import pytest
+
+from sim.world.bench import TICK_NS
+from sim.world.options import Options
+from sim.world.world import World
+from tests.sim.world.calm import CALM, calm, fire
+
+
+def _height(options: Options, **kwargs: float) -> float:
+    height = fire(options, **kwargs)[0].results[-1].z_m
+    assert height is not None
+    return height
+
+
+def test_writing_the_defaults_down_changes_nothing() -> None:
+    default = fire(Options(), shots=2)[0].results
+    written = fire(Options(**{name: getattr(Options(), name) for name in Options.__struct_fields__}), shots=2)[0]
+    assert written.results == default
+
+
+@pytest.mark.parametrize(("change", "sign", "least_m"), [
+    ({"wind_z_m_s": 2.0}, 1, 0.05),
+    ({"drag_coefficient": 0.6}, -1, 0.03),
+    ({"magnus_coefficient": 0.2}, -1, 0.05),
+    ({"spin_drag_coefficient": 10.0}, -1, 0.01),
+    ({"ball_mass_scale": 1.1}, -1, 0.05),
+    ({"ball_radius_scale": 1.03}, 1, 0.005),
+    ({"ball_stiffness_scale": 0.7}, -1, 0.03),
+    ({"ball_friction_scale": 0.8}, -1, 0.1),
+    ({"flywheel_inertia_scale": 0.6}, -1, 0.03),
+    ({"release_height_error_m": 0.1}, 1, 0.09),
+    ({"temperature_c": 40.0}, -1, 0.01),              # softer foam
+])
+def test_an_option_moves_the_crossing_the_way_it_should(change: dict[str, float], sign: int, least_m: float) -> None:
+    moved = _height(calm(**change)) - _height(CALM)
+    assert moved * sign > least_m
+
+
+@pytest.mark.parametrize(("change", "sign"), [
+    ({"wind_x_m_s": 2.0}, 1), ({"wind_x_m_s": -2.0}, -1), ({"air_density_kg_m3": 1.0}, 1),
+    ({"temperature_c": 40.0, "stiffness_per_c": 0.0}, 1), ({"drag_coefficient": 0.3}, 1)])
+def test_without_lift_less_air_resistance_carries_higher(change: dict[str, float], sign: int) -> None:
+    moved = _height(calm(magnus_coefficient=0.0, **change)) - _height(calm(magnus_coefficient=0.0))
+    assert moved * sign > 0.01
+
+
+def test_a_side_wind_moves_the_ball_to_its_side() -> None:
+    left = fire(calm(wind_y_m_s=2.0))[0].results[0].y_m
+    right = fire(calm(wind_y_m_s=-2.0))[0].results[0].y_m
+    still = fire()[0].results[0].y_m
+    assert left is not None and right is not None and still is not None
+    assert left > 0.03
+    assert right == pytest.approx(-left, abs=1e-6)
+    assert still == pytest.approx(0.0, abs=1e-9)
+
+
+def test_wear_shows_when_a_ball_comes_again() -> None:
+    world, _ = fire(calm(wear_stiffness_per_shot=0.05), shots=14)
+    ids = [shot.ball_id for shot in world.results]
+    fresh, worn = world.results[ids.index(ids[12])], world.results[12]
+    assert worn.z_m is not None and fresh.z_m is not None
+    assert worn.z_m < fresh.z_m - 0.005
+
+
+def test_without_scatter_every_shot_is_the_same_and_with_it_they_spread() -> None:
+    calm = [shot.z_m for shot in fire(CALM, shots=5)[0].results]
+    assert np.std(np.array(calm, float)) < 0.004      # what is left is where in a control period the ball came
+    spread = [shot.z_m for seed in range(2)
+              for shot in fire(Options(), seed=seed, shots=24, wheel=345.0, hood=40.0)[0].results]
+    assert 0.035 < np.std(np.array(spread, float)) < 0.09
+
+
+def test_the_battery_options_say_what_the_bus_does() -> None:
+    def idle_v(**changes: float) -> float:
+        world = World(1, calm(**changes))
+        world.advance(TICK_NS, {})
+        return world.bus_v()
+
+    assert idle_v(battery_resistance_ohm=0.0) == pytest.approx(12.6)
+    assert idle_v(battery_resistance_ohm=0.0, battery_start_v=11.5) == pytest.approx(11.5)
+    assert idle_v(battery_resistance_ohm=0.1) < idle_v()
+    worn, fresh = fire(calm(battery_drop_v_per_shot=0.2), shots=3)[0], fire(CALM, shots=3)[0]
+    for world in (worn, fresh):
+        world.advance(60_000_000_000, {})
+    assert fresh.bus_v() - worn.bus_v() == pytest.approx(0.6, abs=0.02)
+
+
+def test_the_driver_limit_is_a_current() -> None:
+    world = World(1, calm(driver_current_a=10.0))
+    world.advance(TICK_NS, {"flywheel_a": 2.0})
+    assert world.motor("flywheel_a").current_a == pytest.approx(10.0)
+    assert world.motor("flywheel_a").torque_nm == pytest.approx(10.0 * 12.0 / 594.0)
+
+
+def test_an_encoder_scale_changes_what_the_flywheels_say_and_nothing_else() -> None:
+    true, scaled = fire()[0], fire(calm(encoder_scale=1.03))[0]
+    assert scaled.results == true.results             # the bench controls on the truth
+    for name in ("flywheel_a", "flywheel_b"):
+        assert scaled.motor(name).velocity_rad_s == pytest.approx(1.03 * true.motor(name).velocity_rad_s)
+        assert scaled.motor(name).position_rad == pytest.approx(1.03 * true.motor(name).position_rad)
+    assert scaled.motor("hood") == true.motor("hood")
+
+
+def test_hood_options_reach_the_encoder_and_the_hood() -> None:
+    assert (math.degrees(World(1, calm(hood_offset_deg=2.0)).hood_encoder_rad())
+            == pytest.approx(World(1, CALM).hood_deg + 2.0))
+    loose, tight = (World(1, calm(hood_backlash_deg=play)) for play in (1.0, 0.0))
+    for world in (loose, tight):
+        world.advance(200_000_000, {"hood": 0.1})
+    assert tight.motor("hood") == loose.motor("hood")
+    assert tight.hood_deg - loose.hood_deg == pytest.approx(0.5)
+
+
+def test_the_exit_point_stays_put_unless_the_arc_is_asked_for() -> None:
+    def gain(hood: float) -> float:
+        return _height(calm(release_arc=True, air_density_kg_m3=0.0), hood=hood, wheel=450.0) \
+            - _height(calm(air_density_kg_m3=0.0), hood=hood, wheel=450.0)
+
+    arm = math.hypot(0.0889 - 0.023 + 0.0508, math.sqrt(0.1397**2 - (0.0889 - 0.023 + 0.0508)**2))
+    assert arm == pytest.approx(0.1397)
+    assert gain(45.0) == pytest.approx(0.0, abs=1e-3)
+    # lower wheel's axle to exit point, turned from 45 to 30 degrees: up by dz, forward by dx along a rising path
+    angle = math.atan2(0.0889 - 0.023 + 0.0508, math.sqrt(0.1397**2 - (0.0889 - 0.023 + 0.0508)**2))
+    dx = 0.1397 * (math.cos(angle + math.radians(30.0)) - math.cos(angle + math.radians(45.0)))
+    dz = 0.1397 * (math.sin(angle + math.radians(30.0)) - math.sin(angle + math.radians(45.0)))
+    shot = fire(calm(air_density_kg_m3=0.0), hood=30.0, wheel=450.0)[0].results[0]
+    across = shot.exit_speed_m_s * math.cos(math.radians(shot.exit_deg))
+    slope = math.tan(math.radians(shot.exit_deg)) - 9.81 * 5.0 / across**2
+    assert gain(30.0) == pytest.approx(dz - slope * dx, abs=5e-3)
