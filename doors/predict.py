@@ -11,8 +11,10 @@ import numpy as np
 
 from doors.progress import make_progress
 from robot.config import BadInput
+from sim.circumstances import circumstances_of
 from sim.coefficients import Coefficients, load_coefficients
-from sim.physics.shot import classify, predict
+from sim.physics.catalogue import effective
+from sim.physics.shot import classify, opening_of, predict
 from sim.shots import Dataset, load_dataset
 
 DESCRIPTION = ("Fly each shot of a dataset with the seed's simulator and print shot_id,height_m,deviation_m,outcome: "
@@ -70,9 +72,11 @@ def _rows(dataset: Dataset, coefficients: Coefficients,
           progress: Callable[[float, str], None]) -> Iterable[tuple[str, str, str, str]]:
     if dataset.facts.target is None:
         raise BadInput("rig.toml: [target] is needed to tell deviation and outcome")
-    height_m = predict(dataset.facts, coefficients, dataset.shots, progress).height_m
-    deviation_m = height_m - dataset.facts.target.centre_height_m
-    outcome = classify(dataset.facts, height_m)
+    circumstances = circumstances_of(dataset)
+    opening = opening_of(dataset.facts, effective(coefficients, circumstances))
+    height_m = predict(dataset.facts, coefficients, dataset.shots, progress, circumstances).height_m
+    deviation_m = height_m - opening.centre_m
+    outcome = classify(dataset.facts, height_m, opening)
     for row, name in enumerate(dataset.shots.shot_id):
         yield name, _text(height_m[row]), _text(deviation_m[row]), str(outcome[row])
 

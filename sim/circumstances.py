@@ -36,6 +36,11 @@ def circumstances_of(dataset: Dataset) -> Circumstances:
                             for name, known in found.items()}, ball=np.zeros(len(dataset.shots)))
 
 
+def take_circumstances(circumstances: Circumstances, rows: np.ndarray) -> Circumstances:
+    """Those of the shots `rows`; numbers that all shots share stay as they are."""
+    return Circumstances(*(part if np.ndim(part) == 0 else part[rows] for part in circumstances))
+
+
 def known(dataset: Dataset) -> frozenset[str]:
     """Fields of Circumstances that the data really have: said of at least two shots, and not of all alike."""
     return frozenset(name for name, one in _gather(dataset).items()

@@ -12,9 +12,9 @@ from robot.config import Config
 from robot.facts import Facts
 from robot.types import Tick
 from sim.intervals import wilson
-from sim.physics.catalogue import flight_terms
+from sim.physics.catalogue import effective, flight_terms
 from sim.physics.flight import path
-from sim.physics.shot import launch_of
+from sim.physics.shot import ORDINARY, by_robot, launch_of, leave, sense
 from sim.report import new_figure
 from sim.shots import Shots
 
@@ -76,7 +76,9 @@ def draw_trajectories(facts: Facts, coefficients: Mapping[str, Mapping[str, floa
 
 
 def _draw_flights(axes, facts, coefficients, shots, distance_m, colour, outcome) -> None:
-    states = path(facts, flight_terms({"gravity", *coefficients}), coefficients, launch_of(facts, shots),
+    values, whose = effective(coefficients, ORDINARY), by_robot(shots)
+    exit, distance_m = sense(facts, values, launch_of(facts, shots), distance_m, whose)
+    states = path(facts, flight_terms({"gravity", *coefficients}), values, leave(facts, values, exit, whose),
                   PATH_POINTS, PATH_STEP_S)
     x, z = np.asarray(states.position_m.x) - distance_m, np.asarray(states.position_m.z)
     for shot in range(len(shots)):

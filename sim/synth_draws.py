@@ -77,10 +77,10 @@ def label_grid_draws(facts: Facts, belief: Belief, draws: int, seed: int,
 
 def near_places(facts: Facts, belief: Belief, height_m: np.ndarray) -> np.ndarray:
     """Flat positions of the grid from which a draw may score: heights [grid] by the belief's own coefficients."""
-    assert facts.target is not None
+    opening = opening_of(facts, effective(belief.coefficients, ORDINARY))
     reached = np.flatnonzero(np.isfinite(height_m))
     sigma_m = forecast(facts, belief, grid_shots(reached)).sigma_m
-    beyond_m = np.abs(height_m[reached] - facts.target.centre_height_m) - facts.target.two_half_height_m
+    beyond_m = np.abs(height_m[reached] - opening.centre_m) - opening.two_half_m
     return reached[~(beyond_m > NEAR * sigma_m)]          # an unknown sigma is flown too
 
 

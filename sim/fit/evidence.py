@@ -7,6 +7,7 @@ import numpy as np
 
 from robot.config import BadInput
 from robot.facts import Facts
+from sim.circumstances import circumstances_of, take_circumstances
 from sim.fit.given import EXIT_DEG_SD, EXIT_SPEED_SD_M_S, Given, given_of
 from sim.fit.marks import Marks, make_marks
 from sim.fit.track_data import TrackData, gather_tracks
@@ -77,8 +78,10 @@ def gather(facts: Facts, dataset: Dataset) -> Gathered:
         raise BadInput(f"{shots.source}: there is nothing to fit to, neither a track nor a shot with both a launch and "
                        f"something seen of its flight; {'; '.join(left_out)}")
     free_rows = np.flatnonzero(tracked & ~launched)[free.row if free is not None else np.zeros(0, np.int64)]
-    evidence = Evidence(*_launches(facts, shots.take(rows), at_plane[rows]), tracks, free,
-                        spin_of(facts, shots)[free_rows])
+    around = circumstances_of(dataset)
+    given, seen, marks = _launches(facts, shots.take(rows), at_plane[rows])
+    evidence = Evidence(given._replace(circumstances=take_circumstances(around, rows)), seen, marks, tracks, free,
+                        spin_of(facts, shots)[free_rows], take_circumstances(around, free_rows))
     rows = np.concatenate([rows, free_rows])
     return Gathered(evidence, shots, rows, _used(shots.take(rows), evidence), left_out)
 

@@ -14,13 +14,14 @@ import jax.numpy as jnp
 from sim.fit.evidence import Evidence
 from sim.fit.given import Given
 from sim.fit.heights import configured, height_at, speed_gain, with_numbers
-from sim.fit.marks import log_marks, outcome_probabilities
+from sim.fit.marks import fit_edges, log_marks, outcome_probabilities
 from sim.fit.parameters import TRACK_NOISE, Model
-from sim.fit.track_likelihood import FREE_SD, LEAD_SD_S, Linear, launched, linear, loose
-from sim.physics.catalogue import effective, flight_terms
+from sim.fit.track_likelihood import FREE_SD, LEAD_SD_S, Linear, Look, launched, linear, loose
+from sim.physics.catalogue import arrival_terms, effective, flight_terms
 from sim.physics.flight import Law, make_law
 from sim.physics.launch import Exit
-from sim.physics.term import Circumstances
+from sim.physics.shot import ORDINARY, opening_of, watch
+from sim.physics.term import Circumstances, Opening
 
 FLOOR_M = 0.005                       # of the height's deviation: what the model leaves out even of a perfect shot
 FAR_M = -20.0                         # stands for the height of a ball that turned back, which can only have missed
@@ -43,7 +44,7 @@ class Narrowed(NamedTuple):
 
 
 class Plane(NamedTuple):
-    """Height above the target's centre [n], normal."""
+    """Height above the opening's centre [n], normal."""
 
     mean_m: Any
     sd_m: Any
@@ -54,7 +55,10 @@ def log_likelihood(model: Model, evidence: Evidence, points: Points, u: Any) -> 
     launch = narrow(model, evidence, points, u)
     units = launch.log_likelihood
     if evidence.marks is not None:
-        units = units + log_marks(evidence.marks, *plane_of(model, evidence.given, launch, u))
+        marks = evidence.marks
+        if arrival_terms(model.terms):
+            marks = fit_edges(marks, model.facts.target, opening_at(model, u))
+        units = units + log_marks(marks, *plane_of(model, evidence.given, launch, u))
     if evidence.free is None:
         return units
     return jnp.concatenate([units, free_tracks(model, evidence, points, u).log_likelihood])
@@ -66,7 +70,7 @@ def probabilities(model: Model, evidence: Evidence, points: Points, u: Any) -> A
         tracks=None, seen=evidence.seen._replace(speed_seen=jnp.zeros_like(evidence.seen.speed_seen),
                                                  elevation_seen=jnp.zeros_like(evidence.seen.elevation_seen)))
     plane = plane_of(model, evidence.given, narrow(model, evidence, points, u), u)
-    return outcome_probabilities(model.facts.target, *plane)
+    return outcome_probabilities(opening_at(model, u), *plane)
 
 
 def narrow(model: Model, evidence: Evidence, points: Points, u: Any) -> Narrowed:
@@ -91,7 +95,7 @@ def narrow(model: Model, evidence: Evidence, points: Points, u: Any) -> Narrowed
 
 
 def plane_of(model: Model, given: Given, launch: Narrowed, u: Any) -> Plane:
-    """Height above the target's centre [n] of launches so narrowed, with the noise of spin and distance."""
+    """Height above the opening's centre [n] of launches so narrowed, with the noise of spin and distance."""
     values = values_at(model, u)
     height = height_at(model.facts, values, given, launch.mean[:, 0], launch.mean[:, 1])
     by_launch = height.by_launch[:, :2]
@@ -100,7 +104,7 @@ def plane_of(model: Model, given: Given, launch: Narrowed, u: Any) -> Plane:
     by_speed = (by_launch[:, 0] * speed_gain(model.facts, values, given))[:, None] * given.wheel_log_speed
     variance = variance + (by_spin**2).sum(1) + jnp.where(launch.alone, 2.0 * (by_spin * by_speed).sum(1), 0.0)
     variance = variance + (height.by_distance * given.distance_sd_m)**2
-    centre_m = model.facts.target.centre_height_m if model.facts.target else 0.0
+    centre_m = opening_at(model, u).centre_m if model.facts.target else 0.0
     return Plane(jnp.where(height.near, height.height_m - centre_m, FAR_M),
                  jnp.sqrt(jnp.where(height.near, variance, 1.0)))
 
@@ -111,8 +115,14 @@ def free_tracks(model: Model, evidence: Evidence, points: Points, u: Any) -> Lin
     k = points.free.shape[0]
     sd = jnp.broadcast_to(jnp.array(FREE_SD), (k, len(FREE_SD)))
     data = evidence.free
-    return linear(lambda at: loose(law, evidence.free_spin_rev_s, at, data.time_s), data, points.free, points.free, sd,
-                  _value(model, TRACK_NOISE, u))
+    look = _tracker(model, u)
+    return linear(lambda at: loose(law, evidence.free_spin_rev_s, at, data.time_s, look), data, points.free,
+                  points.free, sd, _value(model, TRACK_NOISE, u))
+
+
+def opening_at(model: Model, u: Any) -> Opening:
+    """What the ball has to pass at u [p]; BadInput when the rig has no target."""
+    return opening_of(model.facts, effective(values_at(model, u), ORDINARY))
 
 
 def values_at(model: Model, u: Any) -> dict[str, dict[str, Any]]:
@@ -148,12 +158,17 @@ def _track_update(model: Model, evidence: Evidence, points: Points, u: Any, exit
     mean = jnp.concatenate([launch.mean[data.row], points.launched[:, 2:]], axis=1)
     variance = jnp.diagonal(launch.covariance, axis1=1, axis2=2)[data.row]
     sd = jnp.concatenate([jnp.sqrt(variance), lead + LEAD_SD_S], axis=1)
-    return linear(lambda at: launched(law, mine, height_m, at, data.time_s), data, points.launched, mean, sd,
+    look = _tracker(model, u)
+    return linear(lambda at: launched(law, mine, height_m, at, data.time_s, look), data, points.launched, mean, sd,
                   _value(model, TRACK_NOISE, u))
 
 
 def _law(model: Model, u: Any, circumstances: Circumstances) -> Law:
     return make_law(model.facts, flight_terms(model.terms), effective(values_at(model, u), circumstances))
+
+
+def _tracker(model: Model, u: Any) -> Look:
+    return partial(watch, effective(values_at(model, u), ORDINARY))
 
 
 def _value(model: Model, name: str, u: Any) -> Any:

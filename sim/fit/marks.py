@@ -12,6 +12,7 @@ from jax.scipy.special import log_ndtr
 
 from robot.facts import Target
 from sim.physics.shot import MISS, THREE, TWO
+from sim.physics.term import Opening
 
 # One mark in a hundred is taken to be a slip, so that no single one can rule the fit: it then says any of the three
 # outcomes alike, and a measured height any within two metres of the centre.
@@ -106,9 +107,21 @@ def _slope(at: tuple[Any, Any], change: tuple[Any, Any]) -> tuple[Any, Any]:
     return value, high * change[1] - low * change[0]
 
 
-def outcome_probabilities(target: Target, mean_m: Any, sd_m: Any) -> Any:
-    """P(miss, two, three) [n, 3], lapses included."""
-    three = jnp.exp(log_between(-target.three_half_height_m, target.three_half_height_m, mean_m, sd_m))
-    two = jnp.exp(log_between(-target.two_half_height_m, target.two_half_height_m, mean_m, sd_m)) - three
+def fit_edges(marks: Marks, target: Target, opening: Opening) -> Marks:
+    """Marks made for the rig's target with their edges where the opening has them."""
+    def moved(edge_m: Any) -> Any:
+        size, inner = jnp.abs(edge_m), target.three_half_height_m
+        grown = jnp.where(size == inner, opening.three_half_m,
+                          jnp.where(size == target.two_half_height_m, opening.two_half_m, size))
+        return jnp.sign(edge_m) * grown
+
+    return marks._replace(low_m=moved(marks.low_m), high_m=moved(marks.high_m), low2_m=moved(marks.low2_m),
+                          high2_m=moved(marks.high2_m))
+
+
+def outcome_probabilities(opening: Opening, mean_m: Any, sd_m: Any) -> Any:
+    """P(miss, two, three) [n, 3] of heights relative to the opening's centre, lapses included."""
+    three = jnp.exp(log_between(-opening.three_half_m, opening.three_half_m, mean_m, sd_m))
+    two = jnp.exp(log_between(-opening.two_half_m, opening.two_half_m, mean_m, sd_m)) - three
     clean = jnp.stack([1.0 - two - three, two, three], axis=-1)
     return (1.0 - LAPSE) * jnp.clip(clean, 0.0, 1.0) + LAPSE / 3.0

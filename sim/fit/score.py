@@ -6,7 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from robot.facts import Facts
-from sim.physics.shot import MISS, THREE, TWO, classify, predict
+from sim.physics.catalogue import effective
+from sim.physics.shot import MISS, ORDINARY, THREE, TWO, classify, opening_of, predict
 from sim.shots import Shots
 
 
@@ -30,10 +31,10 @@ def score(facts: Facts, coefficients: Mapping[str, Mapping[str, float]], shots: 
     known = shots.take(np.flatnonzero(np.isin(shots.text("outcome"), (MISS, TWO, THREE))))
     outcome = np.array(known.text("outcome"), dtype=str)
     height_m = predict(facts, coefficients, known).height_m
-    said = classify(facts, height_m)
+    opening = opening_of(facts, effective(coefficients, ORDINARY))
+    said = classify(facts, height_m, opening)
     is_three = outcome == THREE
-    centre_m = facts.target.centre_height_m if facts.target else np.nan
-    deviation_m = np.nan_to_num(np.abs(height_m - centre_m), nan=np.inf)[is_three]
+    deviation_m = np.nan_to_num(np.abs(height_m - opening.centre_m), nan=np.inf)[is_three]
     return Score(_share((said == THREE)[is_three]), _share((said != MISS)[outcome != MISS]), _share(said == outcome),
                  float(np.mean(deviation_m)) if is_three.any() else np.nan,
                  float(np.median(deviation_m)) if is_three.any() else np.nan, len(known))

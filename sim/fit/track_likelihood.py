@@ -4,6 +4,7 @@ About a point near the best one, positions are linear in a flight's unknowns d (
 left), so that y ~ N(f - J d0, J P J' + s^2 I) in closed form; P is the prior of d and s the tracker's noise.
 """
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
@@ -24,6 +25,9 @@ STEP = 1e-3                           # of every unknown, for the derivatives by
 SUBSTEPS = 2                          # between samples, which come every hundredth of a second or a few
 
 
+Look = Callable[[Vec, Vec, Any], Vec]    # position in m, velocity in m/s, time since release -> what a tracker says
+
+
 class Start(NamedTuple):
     """Where and how flights start, arrays [k]: place in m, velocity in m/s, backspin in rev/s."""
 
@@ -42,40 +46,54 @@ class Linear(NamedTuple):
     covariance: Any
 
 
-def positions(law: Law, start: Start, lead_s: Any, time_s: Any) -> Any:
-    """(down, up) [k, l, 2] at lead_s [k] + time_s [k, l] after the start."""
+def as_it_is(position_m: Vec, velocity_m_s: Vec, time_s: Any) -> Vec:
+    """A tracker that sees the ball where it is."""
+    return position_m
+
+
+def positions(law: Law, start: Start, lead_s: Any, time_s: Any, look: Look = as_it_is) -> Any:
+    """(down, up) [k, l, 2] as the tracker has them at lead_s [k] + time_s [k, l] after the start."""
     def step(state: tuple[Any, ...], step_s: Any, parts: int) -> tuple[Any, ...]:
         def part(state: tuple[Any, ...], _: None) -> tuple[tuple[Any, ...], None]:
-            x, z, vx, vz = state
-            ball = BallState(Vec(x, 0.0, z), Vec(vx, 0.0, vz), Vec(0.0, -start.spin_rev_s, 0.0))
+            x, z, vx, vz, flown_s = state
+            ball = BallState(Vec(x, 0.0, z), Vec(vx, 0.0, vz), Vec(0.0, -start.spin_rev_s, 0.0), flown_s)
             moved = rk4(law, ball, step_s / parts)
-            return (moved.position_m.x, moved.position_m.z, moved.velocity_m_s.x, moved.velocity_m_s.z), None
+            return (moved.position_m.x, moved.position_m.z, moved.velocity_m_s.x, moved.velocity_m_s.z,
+                    moved.time_s), None
 
         return lax.scan(part, state, None, length=parts)[0]
 
     def sample(state: tuple[Any, ...], step_s: Any) -> tuple[tuple[Any, ...], Any]:
         state = step(state, step_s, SUBSTEPS)
-        return state, jnp.stack(state[:2], axis=-1)
+        return state, looked(state)
+
+    def looked(state: tuple[Any, ...]) -> Any:
+        x, z, vx, vz, flown_s = state
+        place = look(Vec(x, 0.0, z), Vec(vx, 0.0, vz), flown_s)
+        return jnp.stack([place.x, place.z], axis=-1)
 
     shape = jnp.shape(time_s)[:1]
-    first = step(tuple(jnp.broadcast_to(part, shape) for part in start[:4]), lead_s, LEAD_STEPS)
+    first = step(tuple(jnp.broadcast_to(part, shape) for part in (*start[:4], jnp.zeros(()))), lead_s, LEAD_STEPS)
     rest = lax.scan(sample, first, jnp.diff(time_s, axis=1).T)[1]
-    whole = jnp.concatenate([jnp.stack(first[:2], axis=-1)[None], rest])
+    whole = jnp.concatenate([looked(first)[None], rest])
     return jnp.swapaxes(whole, 0, 1)
 
 
-def launched(law: Law, exit: Any, release_height_m: float, at: Any, time_s: Any) -> Any:
+def launched(law: Law, exit: Any, release_height_m: float, at: Any, time_s: Any, look: Look = as_it_is) -> Any:
     """Positions of flights that leave with deviations at [k, 3]: log speed, elevation in rad, lead in s."""
     speed, elevation = exit.speed_m_s * jnp.exp(at[:, 0]), exit.elevation_rad + at[:, 1]
     zero = jnp.zeros_like(speed)
     start = Start(zero, zero + release_height_m + exit.above_m, speed * jnp.cos(elevation), speed * jnp.sin(elevation),
                   exit.spin_rev_s + zero)
-    return positions(law, start, at[:, 2], time_s)
+    return positions(law, start, at[:, 2], time_s, look)
 
 
-def loose(law: Law, spin_rev_s: Any, at: Any, time_s: Any) -> Any:
-    """Positions of free flights that start with at [k, 4]: x, z in m, their velocities in m/s."""
-    return positions(law, Start(*at.T, spin_rev_s), jnp.zeros(at.shape[0]), time_s)
+def loose(law: Law, spin_rev_s: Any, at: Any, time_s: Any, look: Look = as_it_is) -> Any:
+    """Positions of free flights that start with at [k, 4]: x, z in m, their velocities in m/s.
+
+    spin_rev_s: at the first sample, from which the time since release is counted too: nobody knows the release.
+    """
+    return positions(law, Start(*at.T, spin_rev_s), jnp.zeros(at.shape[0]), time_s, look)
 
 
 def linear(fly: Any, data: TrackData, at: Any, mean: Any, sd: Any, noise_m: Any) -> Linear:

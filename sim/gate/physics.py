@@ -10,6 +10,8 @@ from robot.facts import Facts
 from robot.gate.contract import FEATURES
 from sim.belief import Belief
 from sim.fit.forecast import forecast
+from sim.physics.catalogue import effective
+from sim.physics.shot import ORDINARY, opening_of
 from sim.shots import Shots
 
 # Of a launcher whose scatter nobody has fitted; the gate fits one number that scales it.
@@ -35,7 +37,8 @@ def physics_of(facts: Facts, belief: Belief, features: np.ndarray) -> Physics:
     numbers = {feature.name: np.array(features[:, k], float) for k, feature in enumerate(FEATURES)}
     ahead = forecast(facts, with_scatter(belief), Shots(tuple(map(str, range(len(features)))), numbers, {}))
     back = np.isnan(ahead.height_m)
-    deviation_m = np.where(back, LOWEST_M, np.maximum(ahead.height_m - facts.target.centre_height_m, LOWEST_M))
+    centre_m = opening_of(facts, effective(belief.coefficients, ORDINARY)).centre_m
+    deviation_m = np.where(back, LOWEST_M, np.maximum(ahead.height_m - centre_m, LOWEST_M))
     by_speed_m = np.where(back, STEEPEST_M, STEEPEST_M * np.tanh(ahead.by_launch[:, 0] / STEEPEST_M))
     return Physics(deviation_m, np.where(back, WIDEST_M, WIDEST_M * np.tanh(ahead.sigma_m / WIDEST_M)), by_speed_m)
 

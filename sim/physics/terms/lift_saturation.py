@@ -5,9 +5,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, final
 
+import jax.numpy as jnp
+
 from robot.facts import Facts
 from sim.physics.term import BallState, FlightTerm, Parameter, Prior
 from sim.physics.vector import Vec, length, scale
+
+LEAST = 0.1                           # of 1 + rate S, should a search try rates far below 0
 
 
 @final
@@ -28,4 +32,5 @@ class LiftSaturation(FlightTerm):
         if "magnus" not in forces:
             return Vec(0.0, 0.0, 0.0)
         bend_m_s = values["rate"] * (2.0 * math.pi * facts.ball.radius_m) * length(ball.spin_rev_s)
-        return scale(-bend_m_s / (length(ball.velocity_m_s) + bend_m_s), forces["magnus"])
+        speed_m_s = length(ball.velocity_m_s)
+        return scale(-bend_m_s / jnp.maximum(speed_m_s + bend_m_s, LEAST * speed_m_s), forces["magnus"])

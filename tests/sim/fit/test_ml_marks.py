@@ -2,6 +2,7 @@
 
 import jax
 import jax.numpy as jnp
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -19,8 +20,10 @@ from sim.fit.marks import (
     make_marks,
     outcome_probabilities,
 )
+from sim.physics.term import Opening
 
 TARGET = Target(2.44)
+OPENING = Opening(*msgspec.structs.astuple(TARGET))
 NAN = np.full(1, np.nan)
 WORDS = (("miss", "low"), ("two", "low"), ("three", ""), ("two", "high"), ("miss", "high"))
 
@@ -43,7 +46,7 @@ def test_the_five_places_share_one_probability(mean, sd):
 @settings(deadline=None, max_examples=60)
 @given(st.floats(-3, 3), st.floats(0.01, 2.0))
 def test_an_outcome_alone_is_its_two_sides(mean, sd):
-    table = np.asarray(outcome_probabilities(TARGET, jnp.array([mean]), jnp.array([sd])))[0]
+    table = np.asarray(outcome_probabilities(OPENING, jnp.array([mean]), jnp.array([sd])))[0]
     assert table.sum() == pytest.approx(1.0, abs=1e-9)
     for column, outcome in enumerate(("miss", "two", "three")):
         whole = np.exp(_one(outcome, "", mean, sd))

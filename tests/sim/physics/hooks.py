@@ -1,0 +1,116 @@
+"""Every term's hook called alike, with states, forces and units to call it with."""
+
+import re
+
+import jax
+import jax.numpy as jnp
+import msgspec
+import numpy as np
+
+from robot.facts import Facts
+from sim.physics.catalogue import find_terms
+from sim.physics.launch import Exit
+from sim.physics.term import (
+    AirTerm,
+    ArrivalTerm,
+    BallState,
+    FlightTerm,
+    LaunchTerm,
+    Opening,
+    SensingTerm,
+    Term,
+    WatchTerm,
+    complete,
+)
+from sim.physics.vector import Vec
+from tests.sim.physics.rigs import GUPPY
+
+EXITS = Exit(np.array([0.5, 4.0, 9.0, 21.0]), np.array([0.1, 0.5, 0.9, 1.3]), np.array([-3.0, 0.0, 4.0, 11.0]),
+             np.array([0.0, 0.1, -0.2, 0.3]))
+DISTANCES_M = np.array([1.0, 2.5, 4.0, 7.7])
+HOLE = Opening(2.44, 0.07, 0.35)
+FLOWN_S = 0.7
+
+
+def typical(term: Term) -> dict[str, float]:
+    """Values at work: somewhere between the default of the amplitude and the end of its range."""
+    first = term.parameters[0]
+    values = {p.name: p.low + 0.37 * (p.high - p.low) for p in term.parameters}
+    return {**values, first.name: 0.37 * first.high}
+
+
+def state(seed: int) -> np.ndarray:
+    """Position, velocity and spin, nine numbers."""
+    rng = np.random.default_rng(seed)
+    return np.concatenate([rng.uniform(0, 5, 3), rng.uniform(-15, 15, 3), rng.uniform(-20, 20, 3)])
+
+
+def ball_of(numbers, time_s: float = FLOWN_S) -> BallState:
+    return BallState(*(Vec(*numbers[first:first + 3]) for first in (0, 3, 6)), time_s)
+
+
+def forces_on(facts: Facts, ball: BallState, names: tuple[str, ...]) -> dict[str, Vec]:
+    """What terms that are a share of others may find before them."""
+    return {term.name: term.acceleration(facts, complete(term, {"cd": 0.6, "cl": 0.2}), ball, {})
+            for term in find_terms(names)}
+
+
+def call(term: Term, values, numbers=None, facts: Facts = GUPPY, others=("gravity", "drag", "magnus"),
+         exit: Exit = EXITS, distance_m=DISTANCES_M, hole: Opening = HOLE, time_s: float = FLOWN_S) -> np.ndarray:
+    """All that a term's hook answers, as one array, whatever its stage; flight in the state `numbers`."""
+    ball = ball_of(state(1) if numbers is None else numbers, time_s)
+    if isinstance(term, FlightTerm):
+        answer = [tuple(term.acceleration(facts, values, ball, forces_on(facts, ball, others)))]
+    elif isinstance(term, AirTerm):
+        met = term.meet(facts, values, ball)
+        answer = [tuple(met.velocity_m_s), tuple(met.spin_rev_s)]
+    elif isinstance(term, SensingTerm):
+        answer = [tuple(part) for part in (*term.sense(facts, values, exit, distance_m)[0],
+                                           term.sense(facts, values, exit, distance_m)[1])]
+    elif isinstance(term, LaunchTerm):
+        answer = [tuple(part) for part in term.leave(facts, values, exit)]
+    elif isinstance(term, WatchTerm):
+        answer = [tuple(term.watch(values, ball.position_m, ball.velocity_m_s, ball.time_s))]
+    else:
+        assert isinstance(term, ArrivalTerm)
+        answer = [tuple(term.arrive(values, hole))]
+    return jnp.stack([jnp.stack([jnp.asarray(part, dtype=float) for part in row]) for row in answer])
+
+
+def untouched(term: Term) -> np.ndarray:
+    """What a hook answers that does nothing."""
+    ball = ball_of(state(1))
+    if isinstance(term, FlightTerm):
+        return np.zeros((1, 3))
+    if isinstance(term, AirTerm):
+        return np.array([ball.velocity_m_s, ball.spin_rev_s])
+    if isinstance(term, SensingTerm):
+        return np.stack([*EXITS, DISTANCES_M])
+    if isinstance(term, LaunchTerm):
+        return np.stack(EXITS)
+    return np.array([ball.position_m if isinstance(term, WatchTerm) else HOLE])
+
+
+def finite(tree) -> bool:
+    return all(np.isfinite(part).all() for part in jax.tree.leaves(tree))
+
+
+def factor(unit: str, length: float, time: float, mass: float) -> float:
+    """What a number with this unit ("1", "m/s2", "kg/m3", ...) is multiplied by in other units."""
+    bases = {"m": length, "s": time, "kg": mass, "rad": 1.0, "rev": 1.0, "deg": 1.0, "1": 1.0}
+    above, _, below = unit.partition("/")
+    result = 1.0
+    for part, sign in ((above, 1), (below, -1)):
+        for base, power in re.findall(r"(kg|rad|rev|deg|m|s|1)(\d*)", part):
+            result *= bases[base] ** (sign * int(power or 1))
+    return result
+
+
+def rescaled(length: float, time: float, mass: float) -> Facts:
+    """The rig in other units."""
+    return msgspec.structs.replace(
+        GUPPY,
+        ball=msgspec.structs.replace(GUPPY.ball, mass_kg=GUPPY.ball.mass_kg * mass,
+                                     radius_m=GUPPY.ball.radius_m * length),
+        air=msgspec.structs.replace(GUPPY.air, density_kg_m3=GUPPY.air.density_kg_m3 * mass / length**3),
+        world=msgspec.structs.replace(GUPPY.world, gravity_m_s2=GUPPY.world.gravity_m_s2 * length / time**2))
