@@ -10,6 +10,7 @@ import numpy as np
 from robot.recording.reader import TickReader
 from robot.recording.session import load_session_config, load_trials
 from sim.coefficients import load_coefficients
+from sim.dataset.columns import OUTCOMES
 from sim.discover.discover import Investigation
 from sim.discover.page import make_pictures
 from sim.gate.figures import Figures, figures_of
@@ -20,7 +21,6 @@ from sim.shots import Dataset, load_dataset
 
 NS = 1e-9
 BEFORE_S, AFTER_S = 1.5, 1.0
-OUTCOMES = ("miss", "two", "three")
 
 
 class Demo:

@@ -12,6 +12,8 @@ DESCRIPTION = ("Find the drag and lift coefficient under which the simulator agr
                "90 % intervals, and what the shots cannot tell apart.")
 EXAMPLE = "truearc fit shots/ --method grid -o coefficients.toml"
 METHODS: Mapping[str, Callable[[argparse.Namespace], int]] = {"grid": fit_grid.main, "ml": fit_ml.main}
+# What one method would not heed of the other's.
+FOREIGN = {"grid": ("map", "picture", "tied"), "ml": ("terms", "posterior")}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -23,8 +25,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(args: argparse.Namespace) -> int:
-    if args.method == "grid":
-        for option, value in (("--terms", args.terms), ("--posterior", args.posterior)):
-            if value is not None:
-                raise BadInput(f"{option}: the grid is of the seed's two coefficients; --method ml takes {option}")
+    for method, options in FOREIGN.items():
+        for option in options if method != args.method else ():
+            if getattr(args, option) is not None:
+                raise BadInput(f"--{option}: --method {args.method} makes no use of it; --method {method} does")
     return METHODS[args.method](args)

@@ -9,7 +9,7 @@ from pathlib import Path
 from doors.progress import make_progress
 from sim.belief import load_belief
 from sim.shots import Dataset, check_free, dataset_hash, load_dataset, load_rig, save_dataset
-from sim.synth import PROVENANCE_FILE, SHAPE, synthesise
+from sim.synth import OUTCOMES, PROVENANCE_FILE, SHAPE, synthesise
 from sim.synth_draws import check_belief, synthesise_draws
 
 DESCRIPTION = """Simulated shots for the classifier: every configuration of the seed's grid is flown with fitted
@@ -48,7 +48,7 @@ def main(args: argparse.Namespace) -> int:
                   "draws": args.draws, "scatter": belief.scatter if args.draws else None,
                   "excluded_sha256": dataset_hash(args.exclude) if args.exclude else None}
     (out / PROVENANCE_FILE).write_text(json.dumps(provenance, indent=1) + "\n", encoding="utf-8")
-    counts = {outcome: shots.text("outcome").count(outcome) for outcome in ("miss", "two", "three")}
+    counts = {outcome: shots.text("outcome").count(outcome) for outcome in OUTCOMES}
     print(f"{out}: {len(shots)} simulated shots of {SHAPE[0] * SHAPE[1] * SHAPE[2]} configurations: "
           + ", ".join(f"{count} {outcome}" for outcome, count in counts.items())
           + (f"; each with one of {args.draws} sets of coefficients, launch scatter and sensor noise"

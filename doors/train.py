@@ -3,6 +3,7 @@
 import argparse
 
 from doors import train_network, train_physics
+from robot.config import BadInput
 
 DESCRIPTION = """Train a classifier on recorded shots. network: the seed's (3-8-2, sigmoids), each batch of recorded
 shots paired with a batch of simulated ones whose loss is weighed by lambda. physics: the forecast of each shot by
@@ -10,6 +11,8 @@ fitted coefficients, plus a small learned correction and a calibrated spread."""
 EXAMPLE = "truearc train --real shots/ --sim simulated/ -o weights/"
 # Each has NAME, add_arguments(group of its own options) and main(args) -> exit code.
 MODELS = (train_network, train_physics)
+# What one model learns from and the other would not heed.
+FOREIGN = {train_network.NAME: ("sim", "epochs"), train_physics.NAME: ("coefficients", "reliability")}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -25,5 +28,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(args: argparse.Namespace) -> int:
+    for model, options in FOREIGN.items():
+        for option in options if model != args.model else ():
+            if getattr(args, option) is not None:
+                raise BadInput(f"--{option}: --model {args.model} makes no use of it; --model {model} does")
     chosen = {model.NAME: model for model in MODELS}[args.model]
     return int(chosen.main(args))

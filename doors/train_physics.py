@@ -16,6 +16,7 @@ from sim.gate.pictures import draw_reliability
 from sim.gate.store import save_physics_gate
 from sim.gate.train import Heldout, train_physics_gate
 from sim.gate.words import tell_heldout, tell_residual
+from sim.report import make_png
 from sim.shots import Dataset, hash_dataset, load_dataset
 from sim.train import domain_of
 
@@ -58,7 +59,7 @@ def _tell(args: argparse.Namespace, gate: PhysicsGate, marks: Marks, heldout: He
     else:
         print("\n".join(tell_heldout(heldout, gate.temperature)))
         if args.reliability is not None:
-            draw_reliability(heldout.p, heldout.level).savefig(args.reliability)
+            Path(args.reliability).write_bytes(make_png(draw_reliability(heldout.p, heldout.level)))
             print(f"{args.reliability}: stated against true shares")
     print(f"{args.out}: the gate; next: truearc export {args.out} -o gate.onnx")
 

@@ -116,7 +116,8 @@ def _walk(fit: MlFit, index: int, ground: _Ground, sign: float) -> tuple[float, 
         else:
             outside = (step, root)
         step = _next(inside, outside, sign)
-    return centre + step, _by_data(ground, there, index), True
+    closed = outside is not None      # else the walk ended before anything stopped it
+    return centre + step, closed and _by_data(ground, there, index), closed
 
 
 def _next(inside: tuple[float, float], outside: tuple[float, float] | None, sign: float) -> float:

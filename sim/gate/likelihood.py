@@ -17,6 +17,7 @@ import numpy as np
 from jax.scipy.stats import norm
 
 import sim.physics  # noqa: F401 - the house's one switch to double precision
+from sim.fit.marks import HEIGHT_SD_M
 
 FUNCTIONS = 10
 RESIDUAL = 2 * FUNCTIONS
@@ -26,7 +27,6 @@ PRIORS = {"scale": (1.0, 0.7), "floor_m": (0.02, 1.0), "two": (1.0, 0.1), "three
 SIZE = RESIDUAL + len(PRIORS)
 LAPSE_CELLS = np.array([1.0, 1.0, 2.0, 1.0, 1.0]) / 6.0       # miss, two and three alike, high as often as low
 LARGEST_MISS_M = 5.0                  # a lapse of a measured height may be anywhere within this
-MEASURED_SD_M = 0.02                  # of a measured height at the plane
 
 
 class Data(NamedTuple):
@@ -101,7 +101,7 @@ def log_likelihoods(theta: Any, widths: Widths, data: Data, halves_m: Any) -> An
     seen = jnp.sum(cell_probabilities(shape, mean_m, sigma_m) * data.cells, axis=1)
     measured = ~jnp.isnan(data.miss_m)
     apart = jnp.where(measured, data.miss_m, 0.0) - mean_m
-    density = norm.pdf(apart, scale=jnp.sqrt(sigma_m**2 + MEASURED_SD_M**2))
+    density = norm.pdf(apart, scale=jnp.sqrt(sigma_m**2 + HEIGHT_SD_M**2))
     anywhere = shape.lapse / (2.0 * LARGEST_MISS_M)
     return jnp.log(jnp.where(measured, (1.0 - shape.lapse) * density + anywhere, jnp.maximum(seen, 1e-300)))
 

@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from robot.config import BadInput
+from robot.config import BadInput, in_words
 from robot.facts import Facts
 from sim.belief import Belief
 from sim.gate.fit import Fit
@@ -44,7 +44,7 @@ def load_physics_gate(directory: str | Path) -> tuple[PhysicsGate, dict[str, Any
     try:
         table = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise BadInput(f"{path}: {getattr(error, 'strerror', None) or error}") from error
+        raise BadInput(f"{path}: {in_words(error)}") from error
     if not isinstance(table, dict) or table.get("schema") != MODEL_SCHEMA:
         raise BadInput(f"{path}: key 'schema' is not {MODEL_SCHEMA!r}")
     novelty = parse_novelty(record.get("novelty"), str(Path(directory) / RECORD_FILE))

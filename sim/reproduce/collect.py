@@ -96,7 +96,8 @@ def labels(sessions: Sequence[Path], name: str, settings: Settings) -> Dataset:
 def _aiming(facts: Facts, sessions: Sequence[Path]) -> Aiming:
     aiming = learn_aiming(facts, shots_from_sessions(sessions, "practice", telemetry=False).shots)
     if aiming is None:
-        raise BadInput("the practice sessions have shots on one side of the target only: more --practice trials")
+        raise BadInput("the practice sessions have misses on one side of the target only, from which nobody learns to "
+                       "aim: try another --seed, or without --quick")
     return aiming
 
 

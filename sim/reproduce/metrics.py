@@ -4,7 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-BINS = 10
+from sim.gate import figures
+
 CUT = 0.5
 CLASSES = {"miss": (False, False), "two": (True, False), "three": (True, True)}
 
@@ -15,7 +16,7 @@ class Metrics(NamedTuple):
     `accuracy`: rows whose outcome (of three) is called right. `class_three`, `class_two`: of the rows of that outcome,
     those called right, which is what the paper's "F1" is. `f1_three`, `f1_two`: F1 proper of that outcome against the
     others. `brier`: mean squared error of the probabilities, over rows and both outputs. `ece`: calibration error
-    expected over BINS equal bins of both outputs' probabilities, that is the mean over predictions of
+    expected over sim.gate.figures.BINS equal bins of both outputs' probabilities, that is the mean over predictions of
     |share of hits - mean probability| of their bin.
     """
 
@@ -50,13 +51,8 @@ def _of_class(said: np.ndarray, was: np.ndarray, outcome: str) -> tuple[float, f
 
 
 def calibration_error(p: np.ndarray, labels: np.ndarray) -> float:
-    """Expected calibration error over BINS equal bins, both outputs together; the last bin holds p = 1."""
-    if not len(p):
-        return float("nan")
-    flat, hits = p.ravel(), labels.ravel()
-    bins = np.minimum((flat * BINS).astype(int), BINS - 1)
-    gaps = [abs(hits[bins == k].sum() - flat[bins == k].sum()) for k in range(BINS)]
-    return float(sum(gaps) / len(flat))
+    """Expected calibration error of sim.gate.figures, both outputs together; NaN of nothing."""
+    return figures.calibration_error(p.ravel(), labels.ravel()) if len(p) else float("nan")
 
 
 def _share(right: np.ndarray) -> float:

@@ -9,13 +9,7 @@ from sim.network import probabilities
 from sim.reproduce.repetition import Repetition
 from sim.reproduce.settings import Settings
 from sim.sweep import Job, Recipe, train_many
-
-
-class Setting(NamedTuple):
-    """Number of simulated rows and their weight in the loss (lambda)."""
-
-    size: int
-    weight: float
+from sim.sweep_settings import Setting
 
 
 class Answer(NamedTuple):

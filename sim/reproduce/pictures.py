@@ -6,12 +6,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from sim.gate.figures import reliability
 from sim.pictures import COLOURS
 from sim.report import new_figure
 from sim.reproduce import paper
 from sim.reproduce.analysis import EVERYTHING, REAL, SIMULATED, Analysis, network_name
 from sim.reproduce.intervals import interval
-from sim.reproduce.metrics import BINS
 from sim.reproduce.networks import Setting
 from sim.reproduce.repetition import OURS, Repetition
 from sim.reproduce.settings import Settings
@@ -97,12 +97,9 @@ def draw_reliability(repetitions: Sequence[Repetition], answers: dict[str, list[
     panels = figure.subplots(1, max(len(answers), 1), sharey=True, squeeze=False)[0]
     hits = np.concatenate([one.asked.labels.ravel() for one in repetitions])
     for axes, (name, predictions) in zip(panels, answers.items(), strict=True):
-        p = np.concatenate([part.ravel() for part in predictions])
-        bins = np.minimum((p * BINS).astype(int), BINS - 1)
-        used = [k for k in range(BINS) if (bins == k).any()]
+        bins = reliability(np.concatenate([part.ravel() for part in predictions]), hits)
         axes.plot([0, 1], [0, 1], color=GREY, linewidth=1.0)
-        axes.scatter([p[bins == k].mean() for k in used], [hits[bins == k].mean() for k in used],
-                     s=[6 + 300 * (bins == k).mean() for k in used], color=BLUE)
+        axes.scatter(bins.stated, bins.came_true, s=6 + 300 * bins.count / bins.count.sum(), color=BLUE)
         axes.set(title=name, xlabel="stated probability", xlim=(0, 1), ylim=(0, 1), aspect="equal")
         axes.title.set_fontsize(9)
         axes.spines[["top", "right"]].set_visible(False)

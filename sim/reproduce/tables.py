@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sim.gate.figures import BINS
 from sim.reproduce import paper
 from sim.reproduce.analysis import (
     BY_TEST,
@@ -18,7 +19,7 @@ from sim.reproduce.analysis import (
     network_name,
 )
 from sim.reproduce.intervals import Interval, interval
-from sim.reproduce.metrics import BINS, Metrics
+from sim.reproduce.metrics import Metrics
 from sim.reproduce.networks import Setting
 from sim.reproduce.repetition import OURS, Repetition
 from sim.reproduce.settings import Settings

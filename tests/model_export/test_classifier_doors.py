@@ -121,6 +121,10 @@ def test_bad_input_is_named(home: Path, tmp_path: Path, capsys: pytest.CaptureFi
     assert str(bad) in refusal(capsys, "predict-gate", str(bad), f"{home}/real")
     assert "nothing" in refusal(capsys, "train", "--real", f"{home}/nothing", "-o", f"{tmp_path}/w")
     assert "--holdout" in refusal(capsys, "train", "--real", f"{home}/real", "--holdout", "1.5", "-o", f"{tmp_path}/w")
+    assert "--coefficients: --model network makes no use of it; --model physics does" in refusal(
+        capsys, "train", "--real", f"{home}/real", "--coefficients", "c.toml", "-o", f"{tmp_path}/w")
+    assert "--sim: --model physics makes no use of it; --model network does" in refusal(
+        capsys, "train", "--model", "physics", "--real", f"{home}/real", "--sim", "s", "-o", f"{tmp_path}/w")
     assert "weights.npz" in refusal(capsys, "export", f"{tmp_path}/none", "-o", f"{tmp_path}/x.onnx")
     unjudged = make_recorded(9)
     save_dataset(tmp_path / "unjudged", Dataset("x", FACTS, Shots(unjudged.shots.shot_id, unjudged.shots.numbers, {})))

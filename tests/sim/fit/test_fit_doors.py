@@ -108,7 +108,7 @@ def test_a_cell_that_is_empty_is_named_with_file_shot_and_column(home, capsys):
 @pytest.mark.parametrize(("option", "value"), [("--terms", ""), ("--terms", "drag"), ("--posterior", "5")])
 def test_the_grid_refuses_options_that_it_would_not_heed(home, capsys, option, value):
     assert main(["fit", str(home), option, value, "--quiet"]) == 2
-    assert f"truearc fit: {option}: the grid is of the seed's two coefficients" in capsys.readouterr().err
+    assert f"truearc fit: {option}: --method grid makes no use of it; --method ml does" in capsys.readouterr().err
 
 
 def test_fit_says_what_it_found_and_where_to_be_careful(home, tmp_path, capsys):

@@ -44,6 +44,7 @@ def test_a_fit_is_told_in_words_and_written_as_a_belief(directory, tmp_path, cap
     (["--terms", "drag,magnetism"], "no term 'magnetism'"),
     (["--terms", ""], "--terms: names no term"),
     (["--terms", " , "], "--terms: names no term"),
+    (["--picture", "map.png"], "--picture: --method ml makes no use of it; --method grid does"),
     (["--posterior", "0"], "--posterior is 0"),
     (["--posterior", "5", "--seed", "-1"], "--seed is -1"),
     (["-o", "nowhere/at/all.toml"], "nowhere/at/all.toml"),
