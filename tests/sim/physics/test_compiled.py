@@ -77,10 +77,10 @@ def _said(facts, terms, states, pairs):
                      for state, pair in zip(states, pairs, strict=True)])
 
 
-def _law(facts, terms, states, pairs):
+def _law(facts, terms, states, pairs, more=None):
     x, z, vx, vz, spin = states.T
     ball = BallState(Vec(x, 0.0, z), Vec(vx, 0.0, vz), Vec(0.0, -spin, 0.0))
-    pushed = make_law(facts, terms, {"drag": {"cd": pairs[:, 0]}, "magnus": {"cl": pairs[:, 1]}})(ball)
+    pushed = make_law(facts, terms, {**(more or {}), "drag": {"cd": pairs[:, 0]}, "magnus": {"cl": pairs[:, 1]}})(ball)
     return np.stack([np.broadcast_to(np.asarray(part, float), x.shape) for part in (pushed.x, pushed.z)], axis=1)
 
 
@@ -116,6 +116,25 @@ def test_what_cannot_be_written_out_is_refused_by_name():
         make_source(GUPPY, (*TERMS, Strange()), VALUES)
     with pytest.raises(UntraceableLaw, match="sideways"):
         make_source(GUPPY, (*TERMS, Sideways()), VALUES)
+
+
+NEW = {"spin_drag": {"share": 0.4}, "drag_reynolds": {"slope": -0.3}, "lift_saturation": {"rate": 1.1},
+       "buoyancy": {"share": 1.0}, "added_mass": {"share": 1.0}, "wind_x": {"speed_m_s": 1.2}}
+
+
+@pytest.mark.parametrize("name", NEW)
+def test_terms_of_the_catalogue_are_written_out_too(name):
+    terms, (key, size), = flight_terms(("gravity", "drag", "magnus", name)), *NEW[name].items()
+    states, pairs = _draw(6, 20)
+    kernel = load_kernel(make_source(GUPPY, terms, (*VALUES, (name, key))), TEMPLATE)
+    said = [kernel.acceleration(*map(float, state), (*map(float, pair), size), facts_values(GUPPY))
+            for state, pair in zip(states, pairs, strict=True)]
+    np.testing.assert_allclose(said, _law(GUPPY, terms, states, pairs, NEW), rtol=1e-12, atol=1e-12)
+
+
+def test_a_law_that_changes_in_flight_is_refused():
+    with pytest.raises(UntraceableLaw, match="time since release"):
+        make_source(GUPPY, flight_terms(("gravity", "magnus", "spin_decay")), VALUES)
 
 
 def test_without_a_place_to_keep_it_the_kernel_still_compiles(monkeypatch):

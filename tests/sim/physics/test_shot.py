@@ -7,7 +7,8 @@ import pytest
 from robot.config import BadInput
 from sim.physics.catalogue import flight_terms
 from sim.physics.flight import fly
-from sim.physics.shot import classify, fly_rows, launch_of, predict
+from sim.physics.shot import classify, fly_rows, launch_of, opening_of, predict
+from sim.physics.term import Circumstances
 from sim.shots import Shots
 from tests.sim.physics import reference
 from tests.sim.physics.rigs import GUPPY, with_wheels
@@ -129,3 +130,40 @@ def test_a_known_speed_without_spin_flies_without_spin():
     facts = msgspec.structs.replace(GUPPY, launcher=msgspec.structs.replace(GUPPY.launcher, wheel=()))
     exit = launch_of(facts, _shots(exit_speed_m_s=9.0, exit_deg=45.0))
     assert (exit.speed_m_s[0], exit.spin_rev_s[0]) == (9.0, 0.0)
+
+
+def test_predictions_take_circumstances_shot_by_shot():
+    """A battery that halves the speed of one shot in three, and a launch term, a wind and a hood for all of them."""
+    shots = _shots(hood_deg=50.0, motor_ratio=[0.5, 0.55, 0.6], distance_m=[1.0, 2.0, 3.0])
+    base = {"drag": {"cd": 0.5}, "magnus": {"cl": 0.05}, "gravity": {"scale": 1.0}}
+    more = {"battery_sag": {"sensitivity": 0.5}, "hood_offset": {"angle_deg": 2.0}, "wind_x": {"speed_m_s": 1.0}}
+    around = Circumstances(battery=np.array([0.0, -0.2, 0.1]))
+    said = predict(GUPPY, base | more, shots, circumstances=around)
+    speed = launch_of(GUPPY, shots).speed_m_s * (1.0 + 0.5 * around.battery)
+    by_hand = _shots(exit_deg=52.0, exit_speed_m_s=speed, exit_spin_rev_s=launch_of(GUPPY, shots).spin_rev_s,
+                     distance_m=[1.0, 2.0, 3.0])
+    wanted = predict(GUPPY, base | {"wind_x": {"speed_m_s": 1.0}}, by_hand)
+    np.testing.assert_allclose(said.height_m, wanted.height_m, atol=1e-12)
+    ordinary = predict(GUPPY, base | more, shots)
+    assert said.height_m[0] == pytest.approx(ordinary.height_m[0], abs=1e-12)
+    assert np.abs(said.height_m - ordinary.height_m)[1:].min() > 0.02
+
+
+def test_blocks_keep_each_shots_own_air():
+    """Age and density differ from row to row, through the sorting into blocks."""
+    shots = _random_shots(np.random.default_rng(17), 40)
+    around = Circumstances(age=np.linspace(0.0, 1.0, 40), density=np.linspace(0.1, -0.1, 40))
+    params = {"drag": {"cd": 0.9}, "magnus": {"cl": 0.05}}
+    said = predict(GUPPY, params | {"drag_wear": {"share": 0.3}, "air_density": {"share": 1.0}}, shots,
+                   circumstances=around)
+    factor = 1.0 + around.density
+    params = {"drag": {"cd": 0.9 * (1.0 + 0.3 * around.age) * factor}, "magnus": {"cl": 0.05 * factor}}
+    wanted = fly(GUPPY, SEED, params, launch_of(GUPPY, shots), shots.number("distance_m")).height_m
+    np.testing.assert_allclose(said.height_m, wanted, atol=1e-9, equal_nan=True)
+
+
+def test_the_opening_moves_and_grows():
+    heights = 2.44 + np.array([0.0, 0.09, -0.09, 0.37, -0.37])
+    hole = opening_of(GUPPY, {"target_height": {"rise_m": 0.03}, "rim_catch": {"reach_m": 0.02}})
+    assert list(classify(GUPPY, heights, hole)) == ["three", "three", "two", "two", "miss"]
+    assert list(classify(GUPPY, heights)) == ["three", "two", "two", "miss", "miss"]
