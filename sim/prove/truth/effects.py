@@ -24,7 +24,7 @@ class Effect(NamedTuple):
 CATALOGUED: tuple[Effect, ...] = (
     Effect("hood_offset", "sensing", 0.8, "deg", True, "true elevation minus what the hood's encoder says"),
     Effect("hood_backlash", "sensing", 0.6, "deg", False, "true elevation is this far short of the way the hood came"),
-    Effect("encoder_scale", "sensing", 0.01, "1", True, "the first wheel's true surface speed / that by encoder - 1"),
+    Effect("encoder_scale", "sensing", 0.01, "1", True, "true surface speeds of all wheels / those by encoder - 1"),
     Effect("distance_scale", "sensing", 0.02, "1", True, "true distance / measured - 1"),
     Effect("distance_bias", "sensing", 0.06, "m", True, "true distance minus measured"),
     Effect("vision_latency", "sensing", 0.05, "s", False, "the distance is this old; the robot was closing in"),
@@ -59,11 +59,15 @@ UNCATALOGUED: tuple[Effect, ...] = (
     Effect("supplier_drag", "flight", 0.15, "1", True, "relative drag of balls of supplier south"),
     Effect("seam_force", "flight", 0.5, "m/s2", True, "sideways push per 10 degrees C above 20"),
     Effect("hood_flex", "launch", 0.6, "deg", True, "elevation per 100 rad/s of the first wheel beyond 250 rad/s"),
+    Effect("worn_wheel", "launch", 0.03, "1", True, "true radius of the first wheel / stated - 1"),
     Effect("drag_crisis", "flight", -0.35, "1", False, "relative step of the drag coefficient at 9 m/s, 1 m/s wide"),
 )
 EFFECTS = CATALOGUED + UNCATALOGUED
 COVARIATE_EFFECTS = ("vision_latency", "wheel_droop", "battery_sag", "rapid_fire", "air_density", "ball_spread",
                      "supplier_drag", "seam_force")
+# a believed coefficient takes these up whole: all wheels too fast is a better efficiency and more lift, and the spin of
+# a squeezed ball is more lift; without a measured spin no data show them
+ABSORBED = ("encoder_scale", "ball_compression")
 TRACK_EFFECTS = ("track_scale", "track_tilt", "track_clock", "wind_y", "seam_force")
 
 

@@ -64,8 +64,9 @@ def leave(world: World, plan: Plan, wheels_rad_s: tuple[Floats, Floats], luck: L
 def surface_speeds(world: World, wheels_rad_s: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
     """True speeds of the (lower, upper) wheels' skins."""
     lower, upper = world.facts.launcher.wheel
-    return (wheels_rad_s[0] * lower.radius_m * (1.0 + world.amount("encoder_scale")),
-            wheels_rad_s[1] * upper.radius_m)
+    faster = 1.0 + world.amount("encoder_scale")
+    return (wheels_rad_s[0] * lower.radius_m * faster * (1.0 + world.amount("worn_wheel")),
+            wheels_rad_s[1] * upper.radius_m * faster)
 
 
 def roll(world: World, surface_m_s: tuple[Floats, Floats]) -> tuple[Floats, Floats]:

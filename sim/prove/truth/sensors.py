@@ -14,7 +14,7 @@ FRAMES_HZ, TRACKED_S = 60.0, 0.75
 MEMORY = 0.8                          # correlation of neighbouring frames, with that dirt
 LOST_FRAMES = 0.25
 HEAVY_TAILS = 3                       # degrees of freedom of Student's t
-TRACE_HZ, TRACE_S = 100.0, 0.4
+TRACE_HZ, TRACE_BEGINS_S, TRACE_S = 100.0, -0.05, 0.4
 FED_S, GRIP_S, RECOVERY_S = 0.12, 0.02, 0.3       # the ball meets the wheels, is held so long; the wheels recover
 BATTERY_NOISE_V, TEMPERATURE_NOISE_C, PRESSURE_NOISE_PA, CLOSING_NOISE_M_S = 0.02, 0.2, 20.0, 0.03
 
@@ -76,7 +76,7 @@ def see_telemetry(world: World, plan: Plan,
 def see_traces(world: World, plan: Plan, wheels_rad_s: tuple[Floats, Floats]) -> Traces:
     """Wheel speeds through every shot: steady, falling while they hold the ball, recovering."""
     rng, n = world.rng(7), world.shots
-    t = np.arange(round(TRACE_S * TRACE_HZ) + 1) / TRACE_HZ
+    t = np.arange(round(TRACE_BEGINS_S * TRACE_HZ), round(TRACE_S * TRACE_HZ) + 1) / TRACE_HZ
     after = np.maximum(t - FED_S - GRIP_S, 0.0)
     shape = np.clip((t - FED_S) / GRIP_S, 0.0, 1.0) * np.exp(-after / RECOVERY_S)
     dip = wheel_dip(world, plan, wheels_rad_s)

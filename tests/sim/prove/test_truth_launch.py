@@ -64,8 +64,11 @@ def test_slip_encoder_squeeze_height_and_flex():
     middle = (UP + LOW) / 2.0
     np.testing.assert_allclose(slipping.speed_m_s, efficiency * middle / (1.0 + size * middle))
     plain, scaled, _, size = both("encoder_scale")
-    np.testing.assert_allclose(scaled.speed_m_s - plain.speed_m_s, efficiency * size * LOW / 2.0)
-    np.testing.assert_allclose(scaled.backspin_rad_s - plain.backspin_rad_s, size * LOW / (2.0 * 0.0889))
+    np.testing.assert_allclose(scaled.speed_m_s, (1.0 + size) * plain.speed_m_s)
+    np.testing.assert_allclose(scaled.backspin_rad_s, (1.0 + size) * plain.backspin_rad_s)
+    plain, worn, _, size = both("worn_wheel")
+    np.testing.assert_allclose(worn.speed_m_s - plain.speed_m_s, efficiency * size * LOW / 2.0)
+    np.testing.assert_allclose(worn.backspin_rad_s - plain.backspin_rad_s, size * LOW / (2.0 * 0.0889))
     plain, squeezed, _, size = both("ball_compression")
     np.testing.assert_allclose(squeezed.backspin_rad_s * (1.0 - size), plain.backspin_rad_s)
     assert np.array_equal(squeezed.speed_m_s, plain.speed_m_s)

@@ -1,0 +1,144 @@
+"""How often discovery cries wolf, and how often it finds, places and names what a concealed world hides.
+
+    python benchmarks/discovery.py --what nulls,effects --level L0,L1,L2 --shots 300 --worlds 20 --seed 11 --out FILE
+    python benchmarks/discovery.py --table FILE
+
+Every world is a line of FILE; a world that is there already is not run again, so a run that was cut short goes on
+where it stopped. Worlds come from sim.prove.truth, which shares no code with what is tested. L2's effects are a quarter
+of their typical size, as in the design's targets, unless --scale says otherwise.
+"""
+
+import argparse
+import os
+import sys
+import time
+import traceback
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from doors.progress import make_progress
+from robot.config import BadInput
+from sim.discover.discover import discover
+from sim.discover.finding import make_json
+from sim.fanout import fan_out
+from sim.prove.grade import Grade, grade
+from sim.prove.suite import KINDS, Job, plan_jobs, world_of
+from sim.prove.table import make_tables
+from sim.prove.truth.shoot import shoot
+from sim.prove.truth.world import as_table
+
+SCALES = {"L0": 1.0, "L1": 1.0, "L2": 0.25}
+FALSE_ALARM = 0.05
+
+
+def run(path: str, job: Job) -> None:
+    """Make one world, discover in it, and append its line to the file."""
+    world = world_of(job)
+    begin = time.perf_counter()
+    dataset = shoot(world)
+    made = time.perf_counter()
+    finding, error = None, None
+    try:
+        finding = msgspec.json.decode(make_json(discover(dataset, None, FALSE_ALARM, seed=job.index).finding))
+    except Exception:  # one world that breaks the solver is a result, and must not take the night's others along
+        error = traceback.format_exc()
+    took = time.perf_counter() - made
+    line = {"key": job.key, "job": job, "truth": as_table(world), "seconds": took, "making_s": made - begin,
+            "finding": _short(finding), "error": error}
+    _append(path, msgspec.json.encode(line) + b"\n")
+
+
+def _short(finding: dict[str, Any] | None) -> dict[str, Any] | None:
+    """Without the long list of single tests."""
+    return finding and {**finding, "mismatch": {**finding["mismatch"], "tests": {}}}
+
+
+def _append(path: str, data: bytes) -> None:
+    """In one write at the end of the file: lines of two processes never mix."""
+    file = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
+    try:
+        os.write(file, data)
+    finally:
+        os.close(file)
+
+
+def lines_of(path: Path) -> Iterator[dict[str, Any]]:
+    """Whole lines of a file of worlds; the last may have been torn by a kill."""
+    for line in path.read_bytes().splitlines() if path.is_file() else ():
+        try:
+            yield msgspec.json.decode(line)
+        except msgspec.DecodeError:
+            print(f"{path}: a torn line is left out", file=sys.stderr)
+
+
+def grades_of(path: Path) -> tuple[list[Grade], list[str]]:
+    """(grades, keys of worlds in which the solver broke)."""
+    grades, broken = [], []
+    for line in lines_of(path):
+        job = msgspec.convert(line["job"], Job)
+        if line["finding"] is None:
+            broken.append(line["key"])
+        else:
+            grades.append(grade(job, line["finding"], line["seconds"], world_of(job)))
+    return grades, broken
+
+
+def main() -> int:
+    args = _arguments()
+    try:
+        if args.table is None:
+            _run_all(args)
+        _tell(Path(args.table or args.out))
+    except BadInput as error:
+        print(error, file=sys.stderr)
+        return 2
+    return 0
+
+
+def _run_all(args: argparse.Namespace) -> None:
+    kinds = KINDS if args.what == "all" else args.what.split(",")
+    levels = args.level.split(",")
+    scales = {level: args.scale if args.scale is not None else SCALES.get(level, 1.0) for level in levels}
+    jobs = plan_jobs(kinds, levels, [int(count) for count in args.shots.split(",")], args.worlds, args.seed, scales,
+                     args.only.split(",") if args.only else ())
+    done = {line["key"] for line in lines_of(Path(args.out)) if line["finding"] is not None or not args.again}
+    todo = [job for job in jobs if job.key not in done]
+    print(f"{len(jobs)} worlds, {len(jobs) - len(todo)} there already", file=sys.stderr)
+    path = Path(args.out)
+    if path.is_file() and not path.read_bytes().endswith(b"\n"):
+        _append(args.out, b"\n")
+    fan_out(partial(run, str(path.resolve())), todo, progress=make_progress("worlds"), workers=args.processes)
+
+
+def _tell(path: Path) -> None:
+    grades, broken = grades_of(path)
+    if not grades:
+        raise BadInput(f"{path}: no world is in it")
+    print(make_tables(grades))
+    if broken:
+        print(f"The solver broke in {len(broken)} worlds: {', '.join(broken[:10])}")
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--what", default="all", help=f"kinds of worlds, comma-separated: {', '.join(KINDS)}, or all")
+    parser.add_argument("--level", default="L0,L1,L2")
+    parser.add_argument("--shots", default="300", help="shots a world; several, comma-separated, are all run")
+    parser.add_argument("--worlds", type=int, default=20, help="of every name (20)")
+    parser.add_argument("--only", help="names of nulls or effects, comma-separated; also those that cannot be seen")
+    parser.add_argument("--seed", type=int, default=0, help="below 1000 to develop on; the reported table has 4001 (0)")
+    parser.add_argument("--scale", type=float, help="of the typical effects (1; 0.25 at L2)")
+    parser.add_argument("--processes", type=int, help="at a time (one a core)")
+    parser.add_argument("--again", action="store_true", help="run worlds again in which the solver broke")
+    where = parser.add_mutually_exclusive_group(required=True)
+    where.add_argument("--out", metavar="FILE", help="file of worlds to add to")
+    where.add_argument("--table", metavar="FILE", help="only print the tables of a file of worlds")
+    return parser.parse_args()
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

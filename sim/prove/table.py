@@ -1,0 +1,178 @@
+"""Grades -> tables in Markdown, beside the targets of the design."""
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import NamedTuple
+
+from sim.intervals import wilson
+from sim.prove.grade import Grade
+
+Setting = tuple[str, int, float]      # level, shots, scale of effects
+
+
+class Target(NamedTuple):
+    """What the design asks for (section 8); `least`: the figure must reach it, else stay at or below it."""
+
+    figure: str
+    least: bool
+    at: dict[Setting, float]
+
+
+L0_300, L0_1000, L1_300, L1_1000 = ("L0", 300, 1.0), ("L0", 1000, 1.0), ("L1", 300, 1.0), ("L1", 1000, 1.0)
+L2_300 = ("L2", 300, 0.25)
+SETTINGS = (L0_300, L0_1000, L1_300, L1_1000, L2_300)
+
+
+def _at(*values: float) -> dict[Setting, float]:
+    return dict(zip(SETTINGS, values, strict=True))
+
+
+TARGETS = (
+    Target("detected", True, _at(0.45, 0.72, 0.50, 0.74, 0.72)),
+    Target("stage", True, _at(0.72, 0.78, 0.82, 0.88, 0.97)),
+    Target("top-1", True, _at(0.62, 0.70, 0.74, 0.82, 0.88)),
+    Target("up to alias", True, _at(0.74, 0.82, 0.78, 0.86, 0.95)),
+    Target("in the set", True, _at(0.90, 0.90, 0.90, 0.90, 0.90)),
+    Target("set size", False, _at(5.0, 3.5, 4.5, 2.5, 1.6)),
+    Target("interval holds", True, _at(0.86, 0.86, 0.86, 0.86, 0.86)),
+    Target("gain kept", True, _at(0.70, 0.82, 0.75, 0.87, 0.90)),
+    Target("gain below 0", False, _at(0.05, 0.03, 0.05, 0.03, 0.02)),
+    Target("called unknown", False, _at(0.10, 0.10, 0.10, 0.08, 0.05)),
+    Target("named wrong", False, _at(0.10, 0.10, 0.10, 0.10, 0.05)),
+    Target("off: unknown", True, _at(0.40, 0.55, 0.55, 0.70, 0.85)),
+)
+LOWEST_ALARMS, HIGHEST_ALARMS = 0.03, 0.07
+
+
+class Share(NamedTuple):
+    """Successes of trials."""
+
+    yes: int
+    of: int
+
+    def words(self) -> str:
+        low, high = wilson(self.yes, self.of)
+        return f"{self.yes / self.of:.2f} ({low:.2f}-{high:.2f}), {self.of}" if self.of else "-"
+
+
+def make_tables(grades: Sequence[Grade]) -> str:
+    """Markdown: false alarms, then per setting every effect and the whole against the targets, then what it costs."""
+    settings = sorted({(g.level, g.shots, g.scale) for g in grades if g.kind != "nulls"})
+    parts = [_alarms([g for g in grades if g.kind == "nulls"])]
+    for setting in settings:
+        mine = [g for g in grades if g.kind != "nulls" and (g.level, g.shots, g.scale) == setting]
+        parts += [_effects(setting, mine), _against_targets(setting, mine)]
+    return "\n".join(part for part in [*parts, _seconds(grades)] if part)
+
+
+def _alarms(grades: Sequence[Grade]) -> str:
+    if not grades:
+        return ""
+    lines = ["## False alarms (nominal 0.05), share with Wilson 95 % and worlds", "",
+             "| level, shots | null | false alarms | a name was given | 0.03-0.07 |", "|---|---|---|---|---|"]
+    for level, shots in sorted({(g.level, g.shots) for g in grades}):
+        here = [g for g in grades if (g.level, g.shots) == (level, shots)]
+        for name in [*dict.fromkeys(g.name for g in here), "dirty together", "together"]:
+            mine = [g for g in here if name == "together" or g.name == name
+                    or (name == "dirty together" and g.name != "clean")]
+            share = share_of(mine, lambda g: g.found)
+            low, high = wilson(*share)
+            inside = ("reached" if LOWEST_ALARMS <= share.yes / share.of <= HIGHEST_ALARMS else
+                      "not told" if low <= HIGHEST_ALARMS and high >= LOWEST_ALARMS else "NO") if share.of else "-"
+            named = share_of(mine, lambda g: g.verdict in ("named", "set"))
+            lines.append(f"| {level}, {shots} | {name} | {share.words()} | {named.words()} | {inside} |")
+    return "\n".join([*lines, ""])
+
+
+def share_of(grades: Iterable[Grade], question: Callable[[Grade], bool | None]) -> Share:
+    """How many answer yes, of those to whom the question applies."""
+    answers = [answer for answer in map(question, grades) if answer is not None]
+    return Share(sum(answers), len(answers))
+
+
+def figures(grades: Sequence[Grade]) -> dict[str, float | None]:
+    """The figures that targets are about; None where no world says."""
+    catalogued = [g for g in grades if g.kind == "effects"]
+    found = [g for g in catalogued if g.found]
+    off = [g for g in grades if g.kind == "off" and g.found]
+    sizes = [g.set_size for g in found if g.set_size is not None]
+    shares = {
+        "detected": share_of(catalogued, lambda g: g.found), "stage": share_of(found, lambda g: g.stage_right),
+        "top-1": share_of(found, lambda g: g.top_right), "up to alias": share_of(found, lambda g: g.alias_right),
+        "in the set": share_of(found, lambda g: g.covered),
+        "interval holds": share_of(found, lambda g: g.interval_holds),
+        "gain below 0": share_of(found, lambda g: None if g.gain is None else g.gain < 0.0),
+        "called unknown": share_of(found, lambda g: g.verdict == "unknown"),
+        "named wrong": share_of(found, named_wrong), "off: unknown": share_of(off, lambda g: g.verdict == "unknown")}
+    values: dict[str, float | None] = {name: one.yes / one.of if one.of else None for name, one in shares.items()}
+    values["set size"] = sum(sizes) / len(sizes) if sizes else None
+    values["gain kept"] = gain_kept(found)
+    return values
+
+
+def named_wrong(grade: Grade) -> bool:
+    """One name is given, and it is neither the true one nor of its class."""
+    return grade.verdict == "named" and not grade.top_right and not grade.alias_right
+
+
+def gain_kept(grades: Iterable[Grade]) -> float | None:
+    """Held-out gain as a share of what the true term would have given, all worlds together; None when none says."""
+    pairs = [(g.gain, g.oracle_gain) for g in grades if g.gain is not None and g.oracle_gain is not None]
+    best = sum(oracle for _, oracle in pairs)
+    return sum(gain for gain, _ in pairs) / best if best > 0.0 else None
+
+
+def _effects(setting: Setting, grades: Sequence[Grade]) -> str:
+    level, shots, scale = setting
+    lines = [f"## {level}, {shots} shots, effects x {scale:g}", "",
+             "Detected with Wilson 95 % and worlds; the rest of those detected.", "",
+             "| hidden | detected | stage | top-1 | up to alias | in the set | set size | interval holds | verdicts "
+             "| gain a shot | gain kept |", "|" + "---|" * 11]
+    for kind, name in dict.fromkeys((g.kind, g.name) for g in sorted(grades, key=lambda g: g.kind)):
+        mine = [g for g in grades if (g.kind, g.name) == (kind, name)]
+        lines.append(_effect_line(f"{name}" if kind == "effects" else f"{name} ({kind})", mine))
+    return "\n".join([*lines, ""])
+
+
+def _effect_line(name: str, grades: Sequence[Grade]) -> str:
+    found = [g for g in grades if g.found]
+    sizes = [g.set_size for g in found if g.set_size is not None]
+    gains = [g.gain for g in found if g.gain is not None]
+    verdicts = ", ".join(f"{sum(g.verdict == one for g in grades)} {one}"
+                         for one in dict.fromkeys(g.verdict for g in grades))
+    cells = [name, share_of(grades, lambda g: g.found).words(), *(
+        _plain(share_of(found, question)) for question in (
+            lambda g: g.stage_right, lambda g: g.top_right, lambda g: g.alias_right, lambda g: g.covered)),
+        _number(sum(sizes) / len(sizes) if sizes else None, 1), _plain(share_of(found, lambda g: g.interval_holds)),
+        verdicts, _number(sum(gains) / len(gains) if gains else None, 3), _number(gain_kept(found), 2)]
+    return "| " + " | ".join(cells) + " |"
+
+
+def _plain(share: Share) -> str:
+    return f"{share.yes}/{share.of}" if share.of else "-"
+
+
+def _number(value: float | None, digits: int) -> str:
+    return "-" if value is None else f"{value:.{digits}f}"
+
+
+def _against_targets(setting: Setting, grades: Sequence[Grade]) -> str:
+    lines = [f"All of {setting[0]}, {setting[1]} shots, x {setting[2]:g}, against the design:", "",
+             "| figure | reached here | target | |", "|---|---|---|---|"]
+    values = figures(grades)
+    for target in TARGETS:
+        value, wanted = values[target.figure], target.at.get(setting)
+        said = "-" if wanted is None else (">= " if target.least else "<= ") + f"{wanted:g}"
+        if value is None or wanted is None:
+            verdict = "not asked" if wanted is None else "not measured"
+        else:
+            verdict = "reached" if (value >= wanted if target.least else value <= wanted) else "NOT REACHED"
+        lines.append(f"| {target.figure} | {_number(value, 3)} | {said} | {verdict} |")
+    return "\n".join([*lines, ""])
+
+
+def _seconds(grades: Sequence[Grade]) -> str:
+    lines = ["## Seconds a world", "", "| level, shots | worlds | median | slowest |", "|---|---|---|---|"]
+    for level, shots in sorted({(g.level, g.shots) for g in grades}):
+        taken = sorted(g.seconds for g in grades if (g.level, g.shots) == (level, shots))
+        lines.append(f"| {level}, {shots} | {len(taken)} | {taken[len(taken) // 2]:.1f} | {taken[-1]:.1f} |")
+    return "\n".join([*lines, ""])
