@@ -40,7 +40,12 @@ def say_estimates(intervals: Iterable[Interval], units: dict[str, str]) -> Itera
         factor, unit = (100.0, "%") if one.name in PERCENT else (1.0, "" if units[one.name] == "1" else units[one.name])
         numbers = [_number(factor * part) for part in (one.value, one.low90, one.high90)]
         line = f"{one.name:24s} {numbers[0]:>8s}    {numbers[1]} to {numbers[2]} {unit}"
-        yield f"{line:57s}  {MEANING.get(one.name, '')}{_doubt(one)}"
+        yield f"{line:57s}  {MEANING.get(one.name, _plain(one.name))}{_doubt(one)}"
+
+
+def _plain(name: str) -> str:
+    """A parameter by the name of its term."""
+    return name.partition(".")[0].replace("_", " ")
 
 
 def _number(value: float) -> str:
