@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sim.discover.ask import Clusters, Test
 from sim.discover.covariates import Covariate, smooth_shapes
 from sim.discover.evidence import Array, Evidence, shared_columns
-from sim.discover.family import Clusters, Test
+from sim.discover.refit import folds_of
 
-FOLDS = 5
 STEPS = 8                             # of Fisher scoring; one is exact for Gaussian evidence
 HALVINGS = 8
 RIDGES = (0.0003, 0.003, 0.03, 0.3, 3.0)      # of bends, relative to what the shots say of them
@@ -17,11 +17,15 @@ FIRM = 1e-6                           # of everything else, so that an alias of 
 
 @dataclass(frozen=True)
 class Correction:
-    """Changes [n, C+p] of amplitudes and coefficients: fitted to all, and for each shot fitted to the other folds."""
+    """Changes [n, 1 + p] of the test's column and the shared ones: for each shot fitted to the other folds.
+
+    evidence: with these columns only.
+    """
 
     test: Test
-    amplitude: Array                  # [n] of the channel, fitted to all shots
-    before: Array                     # [n, C+p] held out, coefficients alone refitted
+    evidence: Evidence
+    amplitude: Array                  # [n] of the column, fitted to all shots
+    before: Array                     # [n, 1 + p] held out, shared columns alone refitted
     after: Array
     log_before: Array                 # [n] held-out log score
     log_after: Array
@@ -34,29 +38,22 @@ class Correction:
 
 def correct(evidence: Evidence, test: Test, clusters: Clusters) -> Correction:
     """Fit the correction to all shots and to each fold's complement; folds keep clusters whole."""
+    evidence = evidence.pick(np.array([test.column, *range(evidence.first_shared, len(evidence.columns))]))
     basis = _basis(evidence, test)
-    fold = _folds(clusters.label[evidence.rows])
+    fold = folds_of(clusters.label[evidence.rows])
     shape = evidence.score.shape
     before, after = np.zeros(shape), np.zeros(shape)
     ridges = []
     for held in range(fold.max() + 1):
         train, out = fold != held, fold == held
-        before[out] = _fit(evidence, test.channel, basis[:, :0], train, 0.0)[out]
+        before[out] = _fit(evidence, 0, basis[:, :0], train, 0.0)[out]
         ridge = _choose_ridge(evidence, test, basis, train)
-        after[out] = _fit(evidence, test.channel, basis, train, ridge)[out]
+        after[out] = _fit(evidence, 0, basis, train, ridge)[out]
         ridges.append(ridge)
     whole = np.ones(len(fold), dtype=bool)
-    fitted = _fit(evidence, test.channel, basis, whole, _choose_ridge(evidence, test, basis, whole))
-    return Correction(test, fitted[:, test.channel], before, after, evidence.log_score + evidence.gain(before),
+    fitted = _fit(evidence, 0, basis, whole, _choose_ridge(evidence, test, basis, whole))
+    return Correction(test, evidence, fitted[:, 0], before, after, evidence.log_score + evidence.gain(before),
                       evidence.log_score + evidence.gain(after), tuple(ridges))
-
-
-def clustered_error(values: Array, label: Array) -> float:
-    """Standard error of the mean of values [n] whose clusters `label` [n] hang together."""
-    sums = np.zeros(label.max() + 1)
-    np.add.at(sums, label, values - values.mean())
-    count = len(np.unique(label))
-    return float(np.sqrt((sums**2).sum() * count / max(count - 1, 1)) / len(values))
 
 
 def _basis(evidence: Evidence, test: Test) -> Array:
@@ -68,12 +65,6 @@ def _basis(evidence: Evidence, test: Test) -> Array:
         return np.concatenate([ones, smooth_shapes(test.what.values[evidence.rows])], axis=1)
     codes = test.what.codes[evidence.rows]
     return np.concatenate([ones] + [(codes == k)[:, None] * 1.0 for k in range(1, len(test.what.levels))], axis=1)
-
-
-def _folds(label: Array) -> Array:
-    """Every fifth cluster in order of appearance, so that each fold sees the whole session."""
-    first = {cluster: k for k, cluster in enumerate(dict.fromkeys(label.tolist()))}
-    return np.array([first[cluster] % FOLDS for cluster in label.tolist()])
 
 
 def _fit(evidence: Evidence, channel: int, basis: Array, train: Array, ridge: float) -> Array:
@@ -127,7 +118,7 @@ def _penalty(evidence: Evidence, channel: int, basis: Array, train: Array, ridge
 
 def _choose_ridge(evidence: Evidence, test: Test, basis: Array, train: Array) -> float:
     """The ridge under which the training shots are likeliest, bends integrated out (Laplace, first step); groups: 0."""
-    q, channel = basis.shape[1], test.channel
+    q, channel = basis.shape[1], 0
     if q <= 2 or not isinstance(test.what, Covariate):
         return 0.0
     score, info = _normal(evidence, channel, basis, train, np.zeros_like(evidence.score))

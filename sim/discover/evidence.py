@@ -1,76 +1,161 @@
 """What the recordings say about every way in which the simulation could be wrong, one row a shot.
 
-A channel is a small extra effect with an amplitude, zero in the believed simulation: an acceleration along the flight,
-a change of launch speed, a raised target. Evidence holds the log-likelihood's slope and curvature in all channel
-amplitudes and in the parameters that all shots share, each shot's own unknowns (where its track starts, how fast)
-already removed. Everything after that (tests, place, free correction) needs no physics.
+A column is one number that the simulation could be wrong by: a parameter of a term, a deviation of the launch, a free
+push, or something fitted (a coefficient, a scatter) that all shots share. Evidence holds the log-likelihood's slope and
+curvature in all columns, each shot's own unknowns (how it left, its noise) already integrated out. Everything after
+that (tests, place, names) needs no physics.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sim.discover import outcomes
+from sim.discover.outcomes import Seen
+
 Array = np.ndarray
-
-
-# What a departure of each stage usually amounts to, one standard deviation, by its unit: speed lost to droop and slip
-# (launchers measured by others give 67-87 % of their wheels' surface speed), a degree of hood, 2 % of camera scale at
-# 6 m, an acceleration as of a wrong drag law or a breeze of 1 m/s, a target or an exit point 4 or 5 cm off. Such
-# effects' usual sizes; fitted to no data.
-USUAL = {("sensing", "m"): 0.12, ("sensing", "1"): 0.02, ("sensing", "rad"): 0.0175, ("launch", "1"): 0.2,
-         ("launch", "rad"): 0.0175, ("launch", "m"): 0.04, ("flight", "m/s2"): 1.5, ("arrival", "m"): 0.05}
+FLOOR_M = 0.005                       # of the height's spread: what the model leaves out even of a perfect shot
 
 
 @dataclass(frozen=True)
-class Channel:
-    """One way to be wrong. `direction`: along (the velocity), vertical (across it, up), lateral (left)."""
+class Column:
+    """One way to be wrong. `direction`: along (the velocity), vertical (across it, up), lateral (left).
+
+    kind: "term" (a term's amplitude), "free" (a deviation or push, which nobody has named) or "shared" (fitted).
+    `usual`: one standard deviation of what such a departure amounts to, in its unit.
+    """
 
     name: str
+    kind: str
     stage: str                        # sensing | launch | flight | arrival
     direction: str
     unit: str                         # of its amplitude
-    words: tuple[str, str]            # what a positive and a negative amplitude mean, compared with the simulation
+    usual: float
+    words: tuple[str, str] = ("more", "less")      # a positive and a negative amplitude, compared with the simulation
     follows: str = ""                 # what it varies with inside one flight; "" = an amplitude a shot
     times_s: tuple[float, float] | None = None
 
-    @property
-    def usual(self) -> float:
-        """One standard deviation of what such a departure amounts to, in the channel's unit."""
-        return USUAL[self.stage, self.unit]
+
+@dataclass(frozen=True)
+class Plane:
+    """Heights at the plane of m of the n shots (`rows`), normal: mean and spread [m] in m above the target's centre.
+
+    by_column [m, P]: of the mean; wider_by [m, P]: metres by which borders move outwards; log_spread_by [m, P].
+    """
+
+    rows: Array
+    seen: Seen
+    mean_m: Array
+    spread_m: Array
+    by_column: Array
+    wider_by: Array
+    log_spread_by: Array
+
+    def moved(self, change: Array) -> tuple[Seen, Array, Array]:
+        """(seen, mean, spread) after `change` [n, P]."""
+        mine = change[self.rows]
+        mean, wider, log_spread = (np.einsum("mp,mp->m", mine, by)
+                                   for by in (self.by_column, self.wider_by, self.log_spread_by))
+        seen = outcomes.widened(self.seen, wider) if wider.any() else self.seen
+        return seen, self.mean_m + mean, self.spread_m * np.exp(np.clip(log_spread, -2.0, 2.0))
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """Slopes and curvatures at the fitted believed model; n shots, C channels first, then p shared parameters.
+    """Slopes and curvatures about one point; n shots, P columns, the shared ones last.
 
-    `rows` [n] are the shots; `score` [n, C+p] the slope of each shot's log-likelihood; `info` [n, C+p, C+p] its
-    (expected) negative curvature; `precision` [p] and `pull` [p] curvature and slope of the shared parameters' log
-    prior; `log_score` [n] the log-likelihood of each shot under the fitted believed model.
+    `score` [n, P] slope of each shot's log-likelihood, `info` [n, P, P] its expected negative curvature. Of these the
+    part of tracks and measured exits is `linear` and `bend`, exact for what follows; that of the plane is worked out
+    anew wherever it is asked for. `precision` [p] and `pull` [p]: the shared columns' log prior; `log_score` [n].
+    `point` [P]: the columns' values where this was made (free ones: 0).
     """
 
-    kind: str                         # tracks | launch | outcomes
     rows: Array
-    channels: tuple[Channel, ...]
-    shared: tuple[str, ...]
-    score: Array
-    info: Array
+    columns: tuple[Column, ...]
+    point: Array
+    linear: Array
+    bend: Array
+    plane: Plane | None
     precision: Array
     pull: Array
     log_score: Array
+    score: Array
+    info: Array
+
+    @property
+    def first_shared(self) -> int:
+        return len(self.columns) - len(self.precision)
+
+    def index(self, name: str) -> int:
+        return next(k for k, column in enumerate(self.columns) if column.name == name)
 
     def gain(self, change: Array) -> Array:
-        """Log-likelihood gained by each shot when amplitudes and shared parameters change by `change` [n, C+p].
-
-        Exact for Gaussian residuals that are linear in them; other likelihoods override it.
-        """
-        bend = np.einsum("ni,nij,nj->n", change, self.info, change)
-        return np.einsum("ni,ni->n", self.score, change) - 0.5 * bend
+        """Log-likelihood gained by each shot [n] when columns change by `change` [n, P]; heights linear in it."""
+        value = (np.einsum("ni,ni->n", self.linear, change)
+                 - 0.5 * np.einsum("ni,nij,nj->n", change, self.bend, change))
+        if self.plane is not None:
+            plane = self.plane
+            before = outcomes.log_likelihood(plane.seen, plane.mean_m, plane.spread_m)
+            value[plane.rows] += outcomes.log_likelihood(*plane.moved(change)) - before
+        return value
 
     def slopes_at(self, change: Array) -> tuple[Array, Array]:
-        """Score [n, C+p] and information [n, C+p, C+p] after `change`; exact for the same likelihoods as `gain`."""
-        return self.score - np.einsum("nij,nj->ni", self.info, change), self.info
+        """Score [n, P] and information [n, P, P] after `change`."""
+        score = self.linear - np.einsum("nij,nj->ni", self.bend, change)
+        if self.plane is None:
+            return score, self.bend
+        more, inner = plane_terms(self.plane, *self.plane.moved(change))
+        info = self.bend.copy()
+        score[self.plane.rows] += more
+        info[self.plane.rows] += inner
+        return score, info
+
+    def moved(self, change: Array) -> "Evidence":
+        """The same about the point moved by `change` [n, P], heights and tracks taken as linear on the way."""
+        score, info = self.slopes_at(change)
+        plane = self.plane
+        if plane is not None:
+            seen, mean_m, spread_m = plane.moved(change)
+            plane = replace(plane, seen=seen, mean_m=mean_m, spread_m=spread_m)
+        linear = self.linear - np.einsum("nij,nj->ni", self.bend, change)
+        return replace(self, linear=linear, plane=plane, log_score=self.log_score + self.gain(change), score=score,
+                       info=info)
+
+    def pick(self, kept: Array) -> "Evidence":
+        """With these columns only, in this order; the shared ones must all be kept, and last."""
+        plane = self.plane
+        if plane is not None:
+            plane = replace(plane, by_column=plane.by_column[:, kept], wider_by=plane.wider_by[:, kept],
+                            log_spread_by=plane.log_spread_by[:, kept])
+        square = np.ix_(range(len(self.bend)), kept, kept)
+        return Evidence(self.rows, tuple(self.columns[k] for k in kept), self.point[kept], self.linear[:, kept],
+                        self.bend[square], plane, self.precision, self.pull, self.log_score, self.score[:, kept],
+                        self.info[square])
+
+
+def make_evidence(rows: Array, columns: tuple[Column, ...], point: Array, linear: Array, bend: Array,
+                  plane: Plane | None, precision: Array, pull: Array, log_linear: Array) -> Evidence:
+    """Put the parts together; log_linear [n]: log-likelihood of tracks and exits."""
+    score, info, log_score = linear.copy(), bend, log_linear.copy()
+    if plane is not None:
+        more, inner = plane_terms(plane, plane.seen, plane.mean_m, plane.spread_m)
+        info = bend.copy()
+        score[plane.rows] += more
+        info[plane.rows] += inner
+        log_score[plane.rows] += outcomes.log_likelihood(plane.seen, plane.mean_m, plane.spread_m)
+    return Evidence(rows, columns, point, linear, bend, plane, precision, pull, log_score, score, info)
+
+
+def plane_terms(plane: Plane, seen: Seen, mean_m: Array, spread_m: Array) -> tuple[Array, Array]:
+    """Score [m, P] and expected information [m, P, P] of what was seen at the plane."""
+    by_mean, by_log, by_width = outcomes.slopes(seen, mean_m, spread_m)
+    score = (by_mean[:, None] * plane.by_column + by_log[:, None] * plane.log_spread_by
+             + by_width[:, None] * plane.wider_by)
+    carry = np.stack([plane.by_column, plane.log_spread_by, plane.wider_by], axis=1)
+    inner = outcomes.information(seen, mean_m, spread_m)
+    return score, np.swapaxes(carry, 1, 2) @ (inner @ carry)
 
 
 def shared_columns(evidence: Evidence) -> slice:
     """Columns of the shared parameters in score and info."""
-    return slice(len(evidence.channels), None)
+    return slice(evidence.first_shared, None)

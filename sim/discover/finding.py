@@ -42,6 +42,7 @@ class Mismatch(Struct, frozen=True):
     false_alarm: float
     tests: dict[str, TestResult]
     tests_made: int
+    families: dict[str, float]        # terms | free | pattern -> p of the family alone
 
 
 class Where(Struct, frozen=True):
@@ -54,6 +55,24 @@ class Where(Struct, frozen=True):
     channel: str | None
     inseparable: tuple[str, ...]      # other names that go with the same shots as the covariate
     reason: str | None                # why a field above is null
+
+
+class Interval(Struct, frozen=True):
+    """A fitted amplitude: 90 % interval."""
+
+    value: float
+    sd: float
+    low90: float
+    high90: float
+    unit: str
+
+
+class Named(Struct, frozen=True):
+    term: str
+    probability: float
+    parameters: dict[str, Interval]
+    sentence: str
+    stage: str
 
 
 class Unknown(Struct, frozen=True):
@@ -82,14 +101,15 @@ class Finding(Struct, frozen=True):
     data: Data
     mismatch: Mismatch
     where: Where
-    verdict: str                      # unknown | none: nothing is named yet
+    verdict: str                      # named | set | unknown | none
     sentence: str
     unknown: Unknown | None
     fit: Fit | None
     schema: str = SCHEMA
-    what: tuple[dict[str, Any], ...] = ()
+    what: tuple[Named, ...] = ()
     set: tuple[str, ...] | None = None
     next: tuple[dict[str, Any], ...] = ()
+    also: tuple[Named, ...] = ()      # further effects, found after the first was put in
 
 
 def make_json(finding: Finding) -> bytes:

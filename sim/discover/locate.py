@@ -1,4 +1,4 @@
-"""Where the disagreement is: which test carries it, in which stage, over what of a covariate and of the flight."""
+"""Where the disagreement is: which free change carries it, in which stage, over what of covariate and flight."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,40 +6,40 @@ from typing import Any
 
 import numpy as np
 
+from sim.discover.ask import FREE, Asked, Clusters, Test
 from sim.discover.correct import Correction, correct
 from sim.discover.covariates import Covariate, Factor
-from sim.discover.evidence import Array, Channel, Evidence
-from sim.discover.family import Clusters, Test
-from sim.discover.statistics import Flips
+from sim.discover.evidence import Array, Column, Evidence
+from sim.discover.statistics import Judged
 from sim.physics.term import STAGES
 
 AS_GOOD = 0.9                         # of the largest gain: then the plainer description is preferred
 SHARE = 0.8                           # of the misfit that region and times must carry
 BINS = 6
 RESAMPLES = 400
-CERTAIN = 0.5                         # a stage more likely than this is named, except where outcomes alone speak
-NEARLY_RIGHT = 1.0                    # of the best gain: what one channel and covariate may miss of a real effect
 
 
 @dataclass(frozen=True)
 class Place:
-    """Where: the test that carries most, and the free correction over its covariate."""
+    """Where, without the catalogue: the free change that carries most, and its correction over its covariate.
+
+    `stage_probability`: by the best free change of each stage, on unseen shots.
+    """
 
     test: Test
-    channel: Channel
+    column: Column
     number: int                       # of the test
     correction: Correction
     stage_probability: dict[str, float]
-    stage: str | None
     region: dict[str, Any]
     times_s: tuple[float, float] | None
 
 
-def pick(tests: Sequence[Test], flips: Flips, among: Array) -> int:
+def pick(tests: Sequence[Test], judged: Judged, among: Array) -> int:
     """The test that explains most; of those nearly as good the plainest: same for all, then a number, then a group."""
-    best = flips.gain[among].max()
-    good = [k for k in among if flips.gain[k] >= AS_GOOD * best]
-    return min(good, key=lambda k: (_plainness(tests[k]), -flips.gain[k]))
+    best = judged.gain[among].max()
+    good = [k for k in among if judged.gain[k] >= AS_GOOD * best]
+    return min(good, key=lambda k: (_plainness(tests[k]), -judged.gain[k]))
 
 
 def _plainness(test: Test) -> int:
@@ -50,58 +50,50 @@ def _plainness(test: Test) -> int:
     return 1 if test.shape in ("straight", "proportional") else 2
 
 
-def locate(evidences: Sequence[Evidence], tests: Sequence[Test], flips: Flips, false_alarm: float, clusters: Clusters,
-           seed: int) -> Place:
-    """Take the best test of every stage, correct by it freely, and weigh the stages by what that gains held out.
+def locate(evidence: Evidence, asked: Asked, judged: Judged, false_alarm: float, clusters: Clusters,
+           seed: int) -> Place | None:
+    """Take the best free change of every stage, correct by it, and weigh the stages by what that gains held out.
 
-    When no test is beyond chance the likeliest stands alone.
+    None where nothing free could be asked.
     """
-    found = np.flatnonzero(flips.p_family <= false_alarm)
-    stage_of = np.array([evidences[test.evidence].channels[test.channel].stage for test in tests])
-    leader = pick(tests, flips, found) if len(found) else int(flips.p_family.argmin())
-    champions = {stage: pick(tests, flips, np.flatnonzero(stage_of == stage))
-                 for stage in STAGES if len(found) and (stage_of == stage).any()}
+    tests = asked.tests
+    free = np.array([k for k, test in enumerate(tests) if test.family == FREE], dtype=int)
+    if not len(free):
+        return None
+    found = free[judged.p_value[free] <= false_alarm]
+    stage_of = np.array([evidence.columns[test.column].stage for test in tests])
+    leader = pick(tests, judged, found if len(found) else free)
+    champions = {stage: pick(tests, judged, free[stage_of[free] == stage])
+                 for stage in STAGES if (stage_of[free] == stage).any()}
     champions[stage_of[leader]] = leader
-    corrections = {stage: correct(evidences[tests[k].evidence], tests[k], clusters) for stage, k in champions.items()}
-    weights = _weigh(evidences, corrections, clusters, seed)
-    stage = max(weights, key=lambda name: weights[name])
-    chosen = champions[stage] if flips.p_family[champions[stage]] <= false_alarm else leader
-    test = tests[chosen]
-    correction = next(c for c in corrections.values() if c.test is test)
-    evidence = evidences[test.evidence]
-    sure = weights[stage] > CERTAIN and evidence.kind != "outcomes" and champions[stage] == chosen
-    return Place(test, evidence.channels[test.channel], chosen, correction, weights, stage if sure else None,
-                 _region(evidence, correction), _times(evidence, test))
+    corrections = {stage: correct(evidence, tests[k], clusters) for stage, k in champions.items()}
+    weights = _weigh(evidence, corrections, clusters, seed)
+    correction = corrections[stage_of[leader]]
+    return Place(tests[leader], evidence.columns[tests[leader].column], leader, correction, weights,
+                 _region(evidence, correction), times_of(evidence, tests[leader]))
 
 
-def _weigh(evidences: Sequence[Evidence], corrections: dict[str, Correction], clusters: Clusters,
+def _weigh(evidence: Evidence, corrections: dict[str, Correction], clusters: Clusters,
            seed: int) -> dict[str, float]:
     """Probability of each stage: held-out gains under resampled clusters (pseudo-BMA with a Bayesian bootstrap), each
     stage at a disadvantage the larger its departure would have to be beside what is usual for such a one.
 
     Outcomes alone often fit a camera that is a metre out as well as a launch that is slow; nobody would believe
-    the first. And to outcomes every stage is one height a shot, so that stages differ in the shape of their covariates
-    only, which one channel and covariate catch but roughly: there, NEARLY_RIGHT times the best gain counts as one nat.
-    A stage that no channel of these data touches has 0. Yao et al. 2018, Using stacking to average predictive
-    distributions, section 3.4.
+    the first. Yao et al. 2018, Using stacking to average predictive distributions, section 3.4.
     """
     totals = np.zeros((len(corrections), clusters.count))
     for k, correction in enumerate(corrections.values()):
-        np.add.at(totals[k], clusters.label[evidences[correction.test.evidence].rows], correction.gain)
+        np.add.at(totals[k], clusters.label[evidence.rows], correction.gain)
     draws = np.random.default_rng(seed).dirichlet(np.ones(clusters.count), RESAMPLES) * clusters.count
-    power = draws @ totals.T
-    if all(evidences[correction.test.evidence].kind == "outcomes" for correction in corrections.values()):
-        power /= max(1.0, NEARLY_RIGHT * float(power.mean(axis=0).max()))
-    power += np.array([_plausibility(evidences, correction) for correction in corrections.values()])
+    power = draws @ totals.T + np.array([_plausibility(correction) for correction in corrections.values()])
     share = np.exp(power - power.max(axis=1, keepdims=True))
     mean = (share / share.sum(axis=1, keepdims=True)).mean(axis=0)
     return {stage: float(dict(zip(corrections, mean, strict=True)).get(stage, 0.0)) for stage in STAGES}
 
 
-def _plausibility(evidences: Sequence[Evidence], correction: Correction) -> float:
+def _plausibility(correction: Correction) -> float:
     """Log of a normal prior on the departure's size, relative to its peak."""
-    evidence = evidences[correction.test.evidence]
-    return -0.5 * (amplitude_of(evidence, correction) / evidence.channels[correction.test.channel].usual) ** 2
+    return -0.5 * (amplitude_of(correction) / correction.evidence.columns[0].usual) ** 2
 
 
 def _region(evidence: Evidence, correction: Correction) -> dict[str, Any]:
@@ -131,10 +123,10 @@ def _bin_edges(values: Array) -> Array:
     return np.unique(np.quantile(values, np.linspace(0.0, 1.0, BINS + 1)))
 
 
-def _times(evidence: Evidence, test: Test) -> tuple[float, float] | None:
+def times_of(evidence: Evidence, test: Test) -> tuple[float, float] | None:
     """Shortest run of bands of flight time that holds SHARE of what the test's weights explain, band by band."""
-    channel = evidence.channels[test.channel]
-    bands = [k for k, other in enumerate(evidence.channels) if other.times_s and other.direction == channel.direction]
+    channel = evidence.columns[test.column]
+    bands = [k for k, other in enumerate(evidence.columns) if other.times_s and other.direction == channel.direction]
     if channel.stage != "flight" or not bands:
         return None
     if channel.times_s:
@@ -144,7 +136,7 @@ def _times(evidence: Evidence, test: Test) -> tuple[float, float] | None:
     run = shortest_run(np.maximum(gained, 0.0))
     if run is None:
         return None
-    first, last = (evidence.channels[bands[k]].times_s for k in run)
+    first, last = (evidence.columns[bands[k]].times_s for k in run)
     return (first[0], last[1]) if first and last else None
 
 
@@ -166,8 +158,8 @@ def shortest_run(parts: Array) -> tuple[int, int] | None:
     return first, last
 
 
-def amplitude_of(evidence: Evidence, correction: Correction) -> float:
-    """Size of the effect in the channel's unit: how far it changes over the covariate's middle nine tenths.
+def amplitude_of(correction: Correction) -> float:
+    """Size of the effect in the column's unit: how far it changes over the covariate's middle nine tenths.
 
     The same in every shot: its value. Groups: the largest difference between two.
     """
@@ -175,7 +167,7 @@ def amplitude_of(evidence: Evidence, correction: Correction) -> float:
     if what is None:
         return float(amplitude.mean())
     if isinstance(what, Covariate):
-        values = what.values[evidence.rows]
+        values = what.values[correction.evidence.rows]
         known = np.isfinite(values)
         low, high = np.quantile(values[known], (0.05, 0.95))
         order = np.argsort(values[known], kind="stable")

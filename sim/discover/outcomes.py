@@ -1,15 +1,15 @@
 """How likely an outcome is: a normal height at the plane, cut into the classes that the operator can tell apart."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import log_ndtr, ndtr
 
 from robot.config import BadInput
 from robot.facts import Target
-from sim.discover.evidence import Array
 from sim.shots import Shots
 
+Array = np.ndarray
 LAPSE = 0.005                         # share of outcomes that mean nothing: a slip of the operator's finger
 CLASSES = {"miss": 0.0, "two": 1.0, "three": 2.0}
 SIGNED_SHARE = 0.5                    # of misses must have a side before the classes count as signed
@@ -82,30 +82,38 @@ def log_likelihood(seen: Seen, mean_m: Array, spread_m: Array) -> Array:
     return np.where(seen.measured, -0.5 * off**2 - np.log(spread_m) - 0.5 * np.log(2.0 * np.pi), np.log(chance))
 
 
-def slopes(seen: Seen, mean_m: Array, spread_m: Array) -> tuple[Array, Array]:
-    """Derivatives of the log-likelihood [n] by mean_m and by log spread_m."""
+def slopes(seen: Seen, mean_m: Array, spread_m: Array) -> tuple[Array, Array, Array]:
+    """Derivatives of the log-likelihood [n] by mean_m, by log spread_m, and by metres that all borders move out."""
     chance = (1.0 - LAPSE) * _chance(seen.low, seen.high, mean_m, spread_m).sum(1) + LAPSE / 3.0
-    by_mean, by_log = _chance_slopes(seen.low, seen.high, mean_m, spread_m)
+    by_mean, by_log, by_width = _chance_slopes(seen.low, seen.high, mean_m, spread_m)
     scale = (1.0 - LAPSE) / chance
     off = np.where(seen.measured, (seen.height_m - mean_m) / spread_m, 0.0)
     return (np.where(seen.measured, off / spread_m, by_mean.sum(1) * scale),
-            np.where(seen.measured, off**2 - 1.0, by_log.sum(1) * scale))
+            np.where(seen.measured, off**2 - 1.0, by_log.sum(1) * scale),
+            np.where(seen.measured, 0.0, by_width.sum(1) * scale))
 
 
 def information(seen: Seen, mean_m: Array, spread_m: Array) -> Array:
-    """Expected information [n, 2, 2] on mean_m and log spread_m, over all outcomes that could have been told apart."""
+    """Expected information [n, 3, 3] on what `slopes` differentiates by, over all outcomes that could be told apart."""
     low, high = _all_classes(seen)
     n = len(mean_m)
     chance = np.zeros((n, len(low)))
-    slope = np.zeros((n, len(low), 2))
+    slope = np.zeros((n, len(low), 3))
     for k, parts in enumerate(zip(low, high, strict=True)):
         bounds = [np.broadcast_to(np.array(part, dtype=float), (n, 2)) for part in parts]
         chance[:, k] = (1.0 - LAPSE) * _chance(*bounds, mean_m, spread_m).sum(1) + LAPSE / 3.0
         slope[:, k] = (1.0 - LAPSE) * np.stack(_chance_slopes(*bounds, mean_m, spread_m), axis=-1).sum(1)
     classed = np.einsum("nki,nkj,nk->nij", slope, slope, 1.0 / chance)
-    measured = np.zeros((n, 2, 2))
+    measured = np.zeros((n, 3, 3))
     measured[:, 0, 0], measured[:, 1, 1] = 1.0 / spread_m**2, 2.0
     return np.where(seen.measured[:, None, None], measured, classed)
+
+
+def widened(seen: Seen, wider_m: Array) -> Seen:
+    """The same outcomes where all borders lie `wider_m` [n] farther out."""
+    low, high = (np.where(np.isfinite(edge), edge + np.sign(edge) * wider_m[:, None], edge)
+                 for edge in (seen.low, seen.high))
+    return replace(seen, low=low, high=high)
 
 
 def best_class(seen: Seen, mean_m: Array, spread_m: Array) -> Array:
@@ -135,12 +143,14 @@ def _chance(low: Array, high: Array, mean_m: Array, spread_m: Array) -> Array:
     return np.where(low < high, np.exp(log_ndtr(b)) - np.exp(log_ndtr(a)), 0.0)
 
 
-def _chance_slopes(low: Array, high: Array, mean_m: Array, spread_m: Array) -> tuple[Array, Array]:
-    """Derivatives of the probabilities [n, k] by mean_m and by log spread_m."""
+def _chance_slopes(low: Array, high: Array, mean_m: Array, spread_m: Array) -> tuple[Array, Array, Array]:
+    """Derivatives of the probabilities [n, k] by mean_m, by log spread_m, and by borders moving outwards."""
     a, b = ((edge - mean_m[:, None]) / spread_m[:, None] for edge in (low, high))
     at_a, at_b = _density(a), _density(b)
     weigh_a, weigh_b = (np.where(np.isfinite(edge), edge, 0.0) for edge in (a, b))
-    return ((at_a - at_b) / spread_m[:, None], weigh_a * at_a - weigh_b * at_b)
+    out_a, out_b = (np.where(np.isfinite(edge), np.sign(edge), 0.0) for edge in (low, high))
+    return ((at_a - at_b) / spread_m[:, None], weigh_a * at_a - weigh_b * at_b,
+            (out_b * at_b - out_a * at_a) / spread_m[:, None])
 
 
 def _density(z: Array) -> Array:

@@ -1,11 +1,9 @@
 """The report: the verdict sentence, the pictures, the tests, the fine print."""
 
 from sim.discover.discover import Investigation
-from sim.discover.family import name_of
 from sim.discover.finding import Finding
-from sim.discover.pictures import covariate_png, flight_png
 from sim.discover.words import console_lines
-from sim.report import make_page, paragraph, picture, table
+from sim.report import make_page, paragraph, table
 
 METHOD = (
     "How it was judged: the believed terms were fitted, every flight's own start (tracks) or the scatter of the launch "
@@ -29,23 +27,9 @@ def make_report(name: str, investigation: Investigation) -> str:
 
 
 def make_pictures(investigation: Investigation) -> list[tuple[str, str]]:
-    """(heading, HTML) of what is missing: against its covariate, and along the flight where there are tracks."""
-    place = investigation.place
-    if place is None:
-        return []
-    evidence = investigation.gathered.evidences[place.test.evidence]
-    name = name_of(place.test, place.channel) if place.test.what is not None else None
-    found = investigation.finding.mismatch.found
-    about = "What is missing" if found else "The largest departure, which chance alone can bring"
-    shown = [(about, picture(covariate_png(evidence, place), f"{place.channel.name} against {name or 'shot'}",
-                             "Dots: what each shot (or bin of shots) asks for, with one standard error. "
-                             "Line: the free smooth correction, at the dots' level."))]
-    flight = flight_png(evidence, place)
-    if flight is not None:
-        shown.append(("Along the flight", picture(flight, "missing acceleration along the flight",
-                                                  "Fitted jointly in bands of flight time (level bars), each flight's "
-                                                  "start free; upright bars are one standard error.")))
-    return shown
+    """(heading, HTML) of what is missing; none of a dataset that carries no test."""
+    del investigation
+    return []
 
 
 def _tests(finding: Finding) -> str:

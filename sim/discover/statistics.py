@@ -9,7 +9,7 @@ tests under the same signs gives the probability of so large a largest one (the 
 imposed: Cameron, Gelbach and Miller 2008; max statistic: Westfall and Young 1993).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,16 +36,23 @@ class Scores:
     stretch: Array
     kept: Array
 
+    def take(self, kept: Array) -> "Scores":
+        """These of the tests."""
+        return Scores(self.psi[:, kept], self.kappa[:, kept], self.stretch[:, kept], self.kept[kept])
+
 
 @dataclass(frozen=True)
-class Flips:
-    """`statistic` [M] studentised |score|; `p_each` [M] one test alone; `p_family` [M] as the largest of all."""
+class Judged:
+    """`statistic` [M] studentised |score|; `p_each` [M] one test alone; `p_value` [M] as the largest of its family,
+    with the family's share of the allowance for false alarms; `families` {name: p of the family}; `p_any`: of all."""
 
     statistic: Array
     amplitude: Array                  # [M] one-step estimate of b
     gain: Array                       # [M] log-likelihood explained by it
     p_each: Array
-    p_family: Array
+    p_value: Array
+    families: dict[str, float]
+    p_any: float
 
 
 def efficient_scores(evidence: Evidence, channel: int, weights: Array, cluster: Array, clusters: int) -> Scores:
@@ -88,33 +95,62 @@ def _usable(kappa: Array, raw: Array) -> Array:
     return (total > LEAST_SHARE * raw) & (raw > 0.0) & (effective >= FEWEST_CLUSTERS)
 
 
-def join_scores(parts: list[Scores]) -> Scores:
-    """Several families of tests over the same clusters as one."""
-    return Scores(np.concatenate([part.psi for part in parts], axis=1),
-                  np.concatenate([part.kappa for part in parts], axis=1),
-                  np.concatenate([part.stretch for part in parts], axis=1),
-                  np.concatenate([part.kept for part in parts]))
+def judge(scores: Scores, family: Sequence[str], allowance: Mapping[str, float], draws: int, seed: int,
+          progress: Progress, pattern: Scores | None = None) -> Judged:
+    """Judge every test alone, in its family [M], and all families together, under `draws` random sign patterns.
 
-
-def flip_signs(scores: Scores, draws: int, seed: int, progress: Progress) -> Flips:
-    """Judge every test alone and all together under `draws` random sign patterns of the clusters."""
-    psi, kappa = scores.psi * scores.stretch, scores.kappa
+    pattern: tests of which only the sum of squares counts, as a family called "pattern". The families' probabilities,
+    each over its share of the allowance, are compared by their smallest under the same signs, so that sharing costs
+    no more than it must (Westfall and Young's min-p).
+    """
+    psi, kappa, total = scores.psi * scores.stretch, scores.kappa, scores.kappa.sum(0)
     observed = scores.psi.sum(0)
     rng = np.random.default_rng(seed)
-    total = kappa.sum(0)
     squares = (psi**2).sum(0), (psi * kappa).sum(0), (kappa**2).sum(0)
     seen = _studentise(observed[None], squares[1][None], squares, total)[0]
-    above_each, above_all = np.zeros(len(total)), np.zeros(len(total))
+    names = [name for name in allowance if name in set(family) or (name == "pattern" and pattern is not None)]
+    member = {name: np.array([one == name for one in family], dtype=bool) for name in names}
+    largest = {name: np.zeros(draws + 1) for name in names}
+    above_each = np.zeros(len(total))
     weighted = psi * kappa
     for start in range(0, draws, CHUNK):
-        signs = rng.choice((-1.0, 1.0), size=(min(CHUNK, draws - start), len(psi)))
+        count = min(CHUNK, draws - start)
+        signs = rng.choice((-1.0, 1.0), size=(count, len(psi)))
         flipped = _studentise(signs @ psi, signs @ weighted, squares, total)
         above_each += (flipped >= seen - 1e-9).sum(0)
-        above_all += (flipped.max(1)[:, None] >= seen[None] - 1e-9).sum(0)
-        progress((start + len(signs)) / draws, "chance")
+        for name in names:
+            largest[name][1 + start:1 + start + count] = (_power(signs, pattern) if name == "pattern"
+                                                          else flipped[:, member[name]].max(1))
+        progress((start + count) / draws, "chance")
+    for name in names:
+        largest[name][0] = _power(np.ones((1, len(psi))), pattern)[0] if name == "pattern" else seen[member[name]].max()
+    share = sum(allowance[name] for name in names)
+    weights = {name: allowance[name] / share for name in names}
+    p_value, families, p_any = _combine(seen, member, largest, weights)
     amplitude = observed / total
-    return Flips(seen, amplitude, 0.5 * amplitude * observed, (1.0 + above_each) / (1.0 + draws),
-                 (1.0 + above_all) / (1.0 + draws))
+    return Judged(seen, amplitude, 0.5 * amplitude * observed, (1.0 + above_each) / (1.0 + draws), p_value, families,
+                  p_any)
+
+
+def _combine(seen: Array, member: dict[str, Array], largest: dict[str, Array],
+             weights: dict[str, float]) -> tuple[Array, dict[str, float], float]:
+    """(p of each test, p of each family alone, p of any): `largest` holds what was observed first, then the draws."""
+    ranks = {name: (values[None] >= values[:, None] - 1e-9).mean(1) for name, values in largest.items()}
+    least = np.min([ranks[name] / weights[name] for name in largest], axis=0)
+    p_value = np.ones(len(seen))
+    for name, values in largest.items():
+        if name == "pattern":
+            continue
+        alone = (values[None] >= seen[member[name]][:, None] - 1e-9).mean(1) / weights[name]
+        p_value[member[name]] = (least[None] <= alone[:, None] + 1e-12).mean(1)
+    return p_value, {name: float(rank[0]) for name, rank in ranks.items()}, float((least <= least[0] + 1e-12).mean())
+
+
+def _power(signs: Array, pattern: Scores | None) -> Array:
+    """Sum of squared scores over their information [B]."""
+    assert pattern is not None
+    psi = pattern.psi * np.where(np.ptp(signs, axis=None) > 0.0, pattern.stretch, 1.0)
+    return ((signs @ psi)**2 / pattern.kappa.sum(0)).sum(1)
 
 
 def _studentise(score: Array, cross: Array, squares: tuple[Array, Array, Array], total: Array) -> Array:

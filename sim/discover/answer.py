@@ -1,0 +1,196 @@
+"""The investigation as an answer: truearc.finding/1."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sim.discover import outcomes
+from sim.discover.ask import Asked, Clusters, name_of
+from sim.discover.believed import Fitted
+from sim.discover.covariates import Covariate, carried_by, gather_factors
+from sim.discover.endpoints import end_errors
+from sim.discover.evidence import Array, Column, Evidence
+from sim.discover.finding import Data, Finding, Fit, Interval, Mismatch, Named, TestResult, Unknown, Where
+from sim.discover.forward import Step
+from sim.discover.intake import Intake
+from sim.discover.locate import Place, amplitude_of, times_of
+from sim.discover.next_steps import next_steps
+from sim.discover.refit import clustered_error, unseen_change, without
+from sim.discover.statistics import Judged
+from sim.discover.words import say_named, say_none, say_smallest, say_unknown
+from sim.physics.catalogue import find_terms
+from sim.physics.term import STAGES
+from sim.shots import Dataset
+
+SHOWN = 40                            # lines of the tests that the answer lists
+RANKED = 12                           # names that it lists
+NINETY = 1.6448536269514722
+# The column of a dataset behind what a term follows.
+COVARIATE = {"battery": "battery_v", "since_last_shot_s": "since_last_shot_s", "age": "t_s",
+             "density": "temperature_c", "hood_change": "hood_deg", "closing_speed_m_s": "robot_speed_m_s",
+             "droop": "dip"}
+UNSURE = 0.5
+
+
+def silent(dataset: Dataset, intake: Intake, terms: tuple[str, ...], false_alarm: float) -> Finding:
+    """Data that can say nothing."""
+    data = Data(len(dataset.shots), intake.level, intake.left_out, terms, {}, {"by": "shot", "count": 0})
+    nowhere = Where(None, None, None, None, {}, None, None, (), "the data carry no test")
+    return Finding(data, Mismatch(False, None, false_alarm, {}, 0, {}), nowhere, "none",
+                   say_none(terms, None, len(dataset.shots), false_alarm), None, None)
+
+
+def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: Fitted, clusters: Clusters, asked: Asked,
+                 judged: Judged, place: Place | None, steps: Sequence[Step], false_alarm: float) -> Finding:
+    """Put it together; without steps nothing was found."""
+    intake = fitted.intake
+    data = Data(len(dataset.shots), intake.level, intake.left_out, terms, {"all": fitted.values},
+                {"by": clusters.by, "count": clusters.count})
+    mismatch = Mismatch(bool(steps), judged.p_any, false_alarm, _results(fitted.evidence, asked, judged, false_alarm),
+                        len(asked.tests), judged.families)
+    fit = _fit(fitted, steps, clusters)
+    if not steps:
+        where = Where(None, None, None, None, {}, None, None, (), "nothing was found")
+        sentence = say_none(terms, judged.p_any, data.shots, false_alarm) + say_smallest(fitted.evidence)
+        return Finding(data, mismatch, where, "none", sentence, None, fit)
+    first = steps[0]
+    verdict = "unknown" if first.unknown else "named" if all(len(s.naming.chosen) == 1 for s in steps) else "set"
+    probability = _probabilities(first)
+    where = _where(dataset, first, asked, judged, false_alarm, probability)
+    unknown = _unknown(first, place)
+    what = tuple(_named(first, name, probability) for name in list(first.naming.probability)[:RANKED])
+    also = tuple(_named(step, step.naming.leader, step.naming.probability) for step in steps[1:] if not step.unknown)
+    chosen = None if first.unknown else tuple(name.partition(".")[0] for name in first.naming.chosen)
+    say = say_unknown if first.unknown else say_named
+    sentence = say(terms, judged.p_any, where, unknown, what, chosen, also, fit, place)
+    return Finding(data, mismatch, where, verdict, sentence, unknown if first.unknown or place else None, fit,
+                   what=what, set=chosen, next=next_steps(dataset, first, chosen), also=also)
+
+
+def _probabilities(step: Step) -> dict[str, float]:
+    """Of each name, with what is left for something that has none."""
+    share = 0.3 if step.unknown else 1.0 / (1.0 + _free_odds(step))
+    return {name: share * value for name, value in step.naming.probability.items()}
+
+
+def _free_odds(step: Step) -> float:
+    """Of a free curve against the best name: what it gains on unseen shots, a curve being worth a twentieth of one."""
+    if step.free is None:
+        return 0.02
+    return float(np.clip(0.05 * np.exp(np.clip((step.free - step.after).sum(), -5.0, 5.0)), 0.0, 5.0))
+
+
+def _where(dataset: Dataset, step: Step, asked: Asked, judged: Judged, false_alarm: float,
+           probability: dict[str, float]) -> Where:
+    evidence, place = step.fitted.evidence, step.place
+    stage_of = {column.name: column.stage for column in evidence.columns}
+    mass = {stage: sum(p for name, p in probability.items() if stage_of[name] == stage) for stage in STAGES}
+    rest = 1.0 - sum(probability.values())
+    if place is not None:
+        mass = {stage: value + rest * place.stage_probability[stage] for stage, value in mass.items()}
+    total = sum(mass.values())
+    mass = {stage: value / total for stage, value in mass.items()}
+    stage = max(mass, key=lambda name: mass[name])
+    reason = None if mass[stage] > UNSURE else "stage: these data cannot tell the likely stages apart"
+    column = evidence.columns[evidence.index(step.naming.leader)]
+    covariate, direction, others = _follows(dataset, column, step, judged, false_alarm)
+    times = None
+    if evidence.plane is None or step.fitted.intake.samples is not None:
+        times = times_of(evidence, place.test) if place is not None else None
+    return Where(stage, mass, covariate, direction, place.region if place else {}, times,
+                 place.column.name if place else None, others, reason)
+
+
+def _follows(dataset: Dataset, column: Column, step: Step, judged: Judged,
+             false_alarm: float) -> tuple[str | None, str | None, tuple[str, ...]]:
+    """(covariate, direction, other names that go with the same shots)."""
+    place = step.place
+    free = None if place is None else name_of(place.test, place.column)
+    sure = place is not None and judged.p_value[place.number] <= false_alarm if step.base == () else True
+    if step.unknown and place is not None:
+        name, direction = free, place.column.direction
+    elif column.follows in COVARIATE:
+        name, direction = COVARIATE[column.follows], column.direction
+    else:
+        name, direction = (free if sure else None), column.direction
+    others: tuple[str, ...] = ()
+    if place is not None and isinstance(place.test.what, Covariate) and name == free:
+        what = place.test.what
+        others = tuple(n for n in what.names if n != name) + carried_by(what, gather_factors(dataset.shots))
+    return name, direction, others
+
+
+def _unknown(step: Step, place: Place | None) -> Unknown | None:
+    if place is None:
+        return None
+    return Unknown(name_of(place.test, place.column), place.column.direction, amplitude_of(place.correction),
+                   place.column.unit, None)
+
+
+def _named(step: Step, name: str, probability: dict[str, float]) -> Named:
+    """One name with its amplitude: refitted where it was among the likely, one step from nothing otherwise."""
+    term_name, _, parameter = name.partition(".")
+    term = find_terms([term_name])[0]
+    column = step.fitted.evidence.columns[step.fitted.evidence.index(name)]
+    found = step.naming.refits.get(name)
+    if found is not None:
+        value, sd = float(found.amplitude[0]), float(found.sd[0])
+    else:
+        candidate = next(c for c in step.naming.candidates if c.name == name)
+        information = candidate.information + column.usual**-2.0
+        value, sd = candidate.amplitude * candidate.information / information, information**-0.5
+    interval = Interval(value, sd, value - NINETY * sd, value + NINETY * sd, column.unit)
+    return Named(term_name, probability[name], {parameter: interval}, term.sentence, column.stage)
+
+
+def _results(evidence: Evidence, asked: Asked, judged: Judged, false_alarm: float) -> dict[str, TestResult]:
+    """The strongest shape of each column and covariate, SHOWN of them: found ones first, by what they explain."""
+    best: dict[str, tuple[tuple[float, float], TestResult]] = {}
+    for k, test in enumerate(asked.tests):
+        column = evidence.columns[test.column]
+        covariate = name_of(test, column)
+        key = column.name + (f" ~ {covariate}" if covariate and not column.follows else "")
+        result = TestResult(column.stage, column.direction, covariate, test.shape, float(judged.statistic[k]),
+                            float(judged.p_each[k]), float(judged.p_value[k]), float(judged.amplitude[k]), column.unit,
+                            float(judged.gain[k]))
+        rank = (max(result.p_value, false_alarm), -result.log_gain)
+        if key not in best or rank < best[key][0]:
+            best[key] = (rank, result)
+    ordered = sorted(best.items(), key=lambda item: item[1][0])[:SHOWN]
+    return {key: result for key, (_, result) in ordered}
+
+
+def _fit(fitted: Fitted, steps: Sequence[Step], clusters: Clusters) -> Fit:
+    """Figures on unseen shots: as believed, and with every named effect (the free curve where there is no name)."""
+    null = without(fitted.evidence)
+    label = clusters.label[null.rows]
+    before_change = unseen_change(null, clusters)
+    before = null.log_score + null.gain(before_change)
+    rmse, accuracy = end_errors(fitted.intake, fitted.layout, fitted.spot, null, before_change), _accuracy(null,
+                                                                                                        before_change)
+    if not steps:
+        return Fit(len(null.rows), float(before.mean()), None, None, None, rmse, None, accuracy, None)
+    last = steps[-1]
+    if last.unknown:
+        after = last.free if last.free is not None else last.before
+        rmse_after, accuracy_after = None, None
+    else:
+        change = unseen_change(last.refit.evidence, clusters)
+        after = last.refit.evidence.log_score + last.refit.evidence.gain(change)
+        rmse_after = end_errors(fitted.intake, last.refit.layout, last.refit.spot, last.refit.evidence, change)
+        accuracy_after = _accuracy(last.refit.evidence, change)
+    gain = after - before
+    return Fit(len(null.rows), float(before.mean()), float(after.mean()), float(gain.mean()),
+               clustered_error(gain, label), rmse, rmse_after, accuracy, accuracy_after)
+
+
+def _accuracy(evidence: Evidence, change: Array) -> float | None:
+    """Share of recorded outcomes that were the likeliest."""
+    plane = evidence.plane
+    if plane is None:
+        return None
+    seen, mean_m, spread_m = plane.moved(change)
+    classed = np.isfinite(seen.classes)
+    if not classed.any():
+        return None
+    return float(np.mean((outcomes.best_class(seen, mean_m, spread_m) == seen.classes)[classed]))

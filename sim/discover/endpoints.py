@@ -1,0 +1,48 @@
+"""How far off a forecast of the height is: at the end of each track from its first part, or at the plane."""
+
+import numpy as np
+
+from sim.discover.evidence import Array, Evidence
+from sim.discover.intake import Intake
+from sim.discover.linear import Layout, Spot, slopes_of, variance_of
+from sim.discover.samples import whiten
+
+FORECAST = 0.4                        # of a track's samples tell its start; its end is foretold
+
+
+def end_errors(intake: Intake, layout: Layout, spot: Spot, evidence: Evidence, change: Array) -> float | None:
+    """RMS error in m of forecast heights, columns changed by `change` [n, P]; None where no height was measured.
+
+    With tracks: at each one's last sample, the shot's own deviation taken from its first FORECAST of samples. Without:
+    heights measured at the plane against those of the evidence.
+    """
+    if intake.samples is not None:
+        errors = _track_errors(intake, layout, spot, change)
+    else:
+        plane = evidence.plane
+        if plane is None or not plane.seen.measured.any():
+            return None
+        seen, mean_m, _ = plane.moved(change)
+        errors = (mean_m - seen.height_m)[seen.measured]
+    return float(np.sqrt(np.mean(errors**2)))
+
+
+def _track_errors(intake: Intake, layout: Layout, spot: Spot, change: Array) -> Array:
+    samples, rows, scatter = intake.samples, intake.tracked, intake.scatter
+    assert samples is not None and scatter is not None
+    inputs = layout.inputs
+    columns = np.flatnonzero(layout.source >= 0)
+    seen, slopes = slopes_of(intake, layout, spot)
+    by_column, by_deviate = np.split(slopes.track_m[rows], [len(inputs)], axis=3)
+    by_column = by_column[..., :len(columns)]
+    off = (samples.position_m - seen.track_m[rows] - np.einsum("klcp,kp->klc", by_column, change[rows][:, columns])
+           + np.einsum("klcd,kd->klc", by_deviate, spot.deviates[rows]))
+    sd = np.sqrt(variance_of(intake, spot.log_scatter))[rows][:, :by_deviate.shape[3]]
+    white = whiten(samples, scatter, np.concatenate([off[..., None], by_deviate * sd[:, None, None, :]], axis=3))
+    errors = np.zeros(len(rows))
+    for k, count in enumerate(samples.real.sum(1)):
+        early = white[k, :3 * max(int(FORECAST * count), 4)]
+        slope = early[:, 1:]
+        told = np.linalg.solve(np.eye(slope.shape[1]) + slope.T @ slope, slope.T @ early[:, 0])
+        errors[k] = off[k, count - 1, 2] - by_deviate[k, count - 1, 2] @ (sd[k] * told)
+    return errors

@@ -1,0 +1,105 @@
+"""Effects one after another: name one, put it in, ask again; at most three. Against each name runs a free curve."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sim.discover.ask import ALLOWANCE, Asked, Clusters, ask_everything
+from sim.discover.believed import Fitted, only_shared
+from sim.discover.covariates import Covariate, Factor
+from sim.discover.evidence import Array
+from sim.discover.linear import Layout, linearise
+from sim.discover.locate import Place, locate
+from sim.discover.name import Naming, name_terms
+from sim.discover.refit import Refit, clustered_error, unseen_score, without
+from sim.discover.statistics import Judged, judge
+
+Progress = Callable[[float, str], None]
+MOST = 3
+DRAWS = 999                           # after the first step, whose probability is the one that is promised
+CLEARLY = 2.0                         # standard errors by which a free curve must beat the best name on unseen shots
+
+
+@dataclass(frozen=True)
+class Step:
+    """One effect. `before`, `after`, `free` [n]: log scores of unseen shots by what was believed so far, with the
+    leading name, with the free curve; unknown: the curve beats the name, or nothing has one."""
+
+    naming: Naming
+    place: Place | None
+    before: Array
+    after: Array
+    free: Array | None
+    unknown: bool
+    base: tuple[str, ...]             # names put in before
+    fitted: Fitted                    # without this effect
+
+    @property
+    def refit(self) -> Refit:
+        return self.naming.refits[self.naming.leader]
+
+
+def go_forward(fitted: Fitted, clusters: Clusters, place: Place | None, covariates: tuple[Covariate, ...],
+               factors: tuple[Factor, ...], false_alarm: float, seed: int, progress: Progress) -> tuple[Step, ...]:
+    """Name the effect that was found, and go on while anything is left beyond chance."""
+    steps: list[Step] = []
+    for number in range(MOST):
+        span = (number / MOST, (number + 0.8) / MOST)
+        step = _step(fitted, clusters, place, tuple(name for each in steps for name in (each.naming.leader,)), seed,
+                     lambda done, note, span=span: progress(span[0] + done * (span[1] - span[0]), note))
+        steps.append(step)
+        if step.unknown or number == MOST - 1:
+            break
+        fitted = promote(fitted, step.refit)
+        asked = ask_everything(fitted.evidence, covariates, factors, clusters, seed)
+        if not asked.tests:
+            break
+        judged = _judge(asked, seed)
+        if judged.p_any > false_alarm:
+            break
+        place = locate(fitted.evidence, asked, judged, false_alarm, clusters, seed)
+    return tuple(steps)
+
+
+def promote(fitted: Fitted, found: Refit) -> Fitted:
+    """The fit with the named columns among the shared ones, at the refit's optimum."""
+    layout = promoted(fitted.layout, found.names)
+    spot = found.spot
+    return Fitted(fitted.intake, layout, spot, linearise(fitted.intake, layout, spot)[0])
+
+
+def promoted(layout: Layout, names: tuple[str, ...]) -> Layout:
+    """The layout with these columns moved from the asked to the shared ones."""
+    first = len(layout.columns) - len(layout.precision)
+    kept = [k for k in range(first) if layout.columns[k].name not in names]
+    inner = only_shared(layout, names)
+    shift = len(kept)
+    return replace(inner, columns=(*(layout.columns[k] for k in kept), *inner.columns),
+                   source=np.concatenate([layout.source[kept], inner.source]),
+                   scatters=tuple(place + shift if place >= 0 else -1 for place in inner.scatters))
+
+
+def _step(fitted: Fitted, clusters: Clusters, place: Place | None, base: tuple[str, ...], seed: int,
+          progress: Progress) -> Step:
+    naming = name_terms(fitted, clusters, seed, progress)
+    before = unseen_score(without(fitted.evidence), clusters)
+    after = unseen_score(naming.refits[naming.leader].evidence, clusters)
+    free = None if place is None else place.correction.log_after
+    return Step(naming, place, before, after, free, _is_unknown(naming, after, free, clusters, fitted), base, fitted)
+
+
+def _is_unknown(naming: Naming, after: Array, free: Array | None, clusters: Clusters, fitted: Fitted) -> bool:
+    """Nothing named explains as much as its own prior costs, or a free curve does clearly better on unseen shots."""
+    if naming.nats[naming.leader] <= 0.0:
+        return True
+    if free is None:
+        return False
+    ahead = free - after
+    error = clustered_error(ahead, clusters.label[fitted.evidence.rows])
+    return bool(ahead.mean() > CLEARLY * error and ahead.sum() > CLEARLY)
+
+
+def _judge(asked: Asked, seed: int) -> Judged:
+    return judge(asked.scores, [test.family for test in asked.tests], ALLOWANCE, DRAWS, seed, lambda done, note: None,
+                 asked.pattern)

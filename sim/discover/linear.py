@@ -1,0 +1,297 @@
+"""The likelihood about a point: each shot's own unknowns integrated out, as slopes and curvatures in all columns.
+
+A shot departs from its configuration by d ~ N(0, S). What the tracker and the exit's instruments say is, near the
+point, linear in d and in the columns; so d is integrated out exactly, and the height at the plane is normal given what
+they said. Only the outcome's likelihood is not Gaussian, and it is of one number.
+"""
+
+from dataclasses import dataclass, replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from sim.discover.chain import Chain, Lanes, Seen, see_slopes
+from sim.discover.evidence import FLOOR_M, Array, Column, Evidence, Plane, make_evidence
+from sim.discover.intake import Intake
+from sim.discover.samples import whiten
+
+SCATTERED = (0, 1, 2)                 # deviates that scatter: log speed, elevation, azimuth
+FAR_BELOW_M = -10.0                   # stands for a ball that never came near
+PAD = 32                              # lanes fly in multiples of this, since each size is compiled
+
+
+@dataclass(frozen=True)
+class Groups:
+    """Things that shots share a few at a time and that differ by luck, such as balls: each its own small effects.
+
+    label [n] numbers each shot's thing, below `count`; inputs, scale [B]: the chain's inputs that an effect moves, and
+    by how much a unit of it does.
+    """
+
+    label: Array
+    count: int
+    inputs: Array
+    scale: Array
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Which columns of the evidence are which inputs of the chain.
+
+    columns: free, terms, then shared. source [P]: for each column its input of the chain (slot, deviate or push), or
+    -1 for a scatter, -2 for a group's effect (those come last, effect by effect, group by group). scatters: columns of
+    the logs of SCATTERS, in that order, -1 where not fitted.
+    """
+
+    chain: Chain
+    columns: tuple[Column, ...]
+    source: Array
+    scatters: tuple[int, ...]
+    precision: Array
+    centre: Array
+    edges_s: Array
+    groups: Groups | None = None
+
+    @property
+    def inputs(self) -> Array:
+        """The chain's inputs that are flown, those of groups last."""
+        own = self.source[self.source >= 0]
+        return own if self.groups is None else np.concatenate([own, self.groups.inputs])
+
+    @property
+    def grouped(self) -> int:
+        """How many columns are effects of groups."""
+        return int((self.source == -2).sum())
+
+
+@dataclass(frozen=True)
+class Spot:
+    """Where the chain is linearised: `values` [slots], log scatters [3], each shot's deviates [n, D], and the effects
+    of groups [Q], to which all is taken to be linear."""
+
+    values: Array
+    log_scatter: Array
+    deviates: Array
+    effects: Array
+
+
+def linearise(intake: Intake, layout: Layout, spot: Spot) -> tuple[Evidence, Array]:
+    """(evidence at the spot, most likely deviates [n, D] there)."""
+    count, inputs = layout.chain.deviates, len(layout.inputs)
+    seen, slopes = slopes_of(intake, layout, spot)
+    real = len(layout.columns) - layout.grouped
+    bases = 0 if layout.groups is None else len(layout.groups.inputs)
+    columns = np.concatenate([np.flatnonzero(layout.source >= 0), real + np.arange(bases)])
+    sd = np.sqrt(variance_of(intake, spot.log_scatter))[:, :count]
+    gauss = _Gauss.make(intake, seen, slopes, spot, inputs, columns, real + bases)
+    left = _integrate(gauss, sd, spot)
+    score, info = _scatter_terms(intake, layout, spot, sd, left, real + bases)
+    plane = _plane(intake, layout, spot, seen, slopes, sd, left, columns, inputs, real + bases)
+    parts = _spread_groups(layout, left.score + score, left.info + info, plane)
+    point = _point(layout, spot)
+    pull = layout.precision * (layout.centre - point[len(layout.columns) - len(layout.precision):])
+    evidence = make_evidence(intake.rows, layout.columns, point, *parts, layout.precision, pull, left.log_likelihood)
+    if spot.effects.any():
+        change = np.concatenate([np.zeros(real), spot.effects])
+        evidence = evidence.moved(np.tile(change, (len(intake.rows), 1)))
+    return evidence, left.mean
+
+
+def _spread_groups(layout: Layout, linear: Array, bend: Array,
+                   plane: Plane | None) -> tuple[Array, Array, Plane | None]:
+    """The effects' base columns, which come last, dealt out to one column a group."""
+    groups = layout.groups
+    if groups is None:
+        return linear, bend, plane
+    real, n = len(layout.columns) - layout.grouped, len(linear)
+    index = np.concatenate([np.arange(real), np.repeat(real + np.arange(len(groups.inputs)), groups.count)])
+    member = (groups.label[:, None] == np.arange(groups.count)) * 1.0
+    mask = np.concatenate([np.ones((n, real)), *(member * scale for scale in groups.scale)], axis=1)
+    linear, bend = linear[:, index] * mask, bend[:, index][:, :, index] * mask[:, :, None] * mask[:, None, :]
+    if plane is not None:
+        mine = mask[plane.rows]
+        plane = replace(plane, by_column=plane.by_column[:, index] * mine, wider_by=plane.wider_by[:, index] * mine,
+                        log_spread_by=plane.log_spread_by[:, index] * mine)
+    return linear, bend, plane
+
+
+def _point(layout: Layout, spot: Spot) -> Array:
+    point = np.zeros(len(layout.columns))
+    slots = (layout.source >= 0) & (layout.source < len(layout.chain.slots))
+    point[slots] = spot.values[layout.source[slots]]
+    for number, column in enumerate(layout.scatters):
+        if column >= 0:
+            point[column] = spot.log_scatter[number]
+    point[layout.source == -2] = spot.effects
+    return point
+
+
+def slopes_of(intake: Intake, layout: Layout, spot: Spot) -> tuple[Seen, Seen]:
+    """What is seen at the spot, and its slopes by the columns that are inputs of the chain, then deviates (last axis).
+
+    Slopes by inputs are those of a shot without deviation: taken at the deviation that a track itself tells, they
+    would go with that track's noise, and the score of what bends with a deviation would lean to one side.
+    """
+    inputs, first = layout.inputs, len(layout.chain.slots)
+    deviates = first + np.arange(layout.chain.deviates)
+    both = np.concatenate([inputs, deviates])
+    if not spot.deviates.any():
+        return _fly(layout, intake.lanes, spot, _basis(layout, both))
+    _, still = _fly(layout, intake.lanes, replace(spot, deviates=np.zeros_like(spot.deviates)), _basis(layout, inputs))
+    seen, moving = _fly(layout, intake.lanes, spot, _basis(layout, deviates))
+    return seen, jax.tree.map(lambda a, b: np.concatenate([a, b], axis=-1), still, moving)
+
+
+def _basis(layout: Layout, inputs: Array) -> Array:
+    basis = np.zeros((layout.chain.size, len(inputs)))
+    basis[inputs, np.arange(len(inputs))] = 1.0
+    return basis
+
+
+def pad_lanes(lanes: Lanes) -> tuple[Lanes, int]:
+    """(lanes repeated up to a multiple of PAD, how many there were)."""
+    n = len(lanes.distance_m)
+    order = np.resize(np.arange(n), -(-n // PAD) * PAD)
+    return jax.tree.map(lambda part: np.asarray(part)[order] if np.ndim(part) else part, lanes), n
+
+
+def _fly(layout: Layout, lanes: Lanes, spot: Spot, basis: Array) -> tuple[Seen, Seen]:
+    """see_slopes of lanes so padded, as numpy arrays."""
+    padded, n = pad_lanes(lanes)
+    deviates = np.resize(spot.deviates, (len(padded.distance_m), spot.deviates.shape[1]))
+    seen, slopes = see_slopes(layout.chain, padded, jnp.asarray(spot.values), deviates, jnp.asarray(layout.edges_s),
+                              jnp.asarray(basis))
+    return tuple(jax.tree.map(lambda part: np.asarray(part)[:n], each) for each in (seen, slopes))
+
+
+def variance_of(intake: Intake, log_scatter: Array) -> Array:
+    """Variances [n, D] of the deviates."""
+    variance = intake.noise_var.copy()
+    variance[:, SCATTERED] += intake.scattered * np.exp(2.0 * log_scatter)
+    return variance
+
+
+@dataclass(frozen=True)
+class _Gauss:
+    """Whitened Gaussian observations [n, G]: residual at the spot, slopes by deviates [n, G, D] and columns [n, G, P].
+
+    log_noise [n]: minus half the log determinant of the noise, constants included.
+    """
+
+    residual: Array
+    by_deviate: Array
+    by_column: Array
+    log_noise: Array
+
+    @staticmethod
+    def make(intake: Intake, seen: Seen, slopes: Seen, spot: Spot, inputs: int, columns: Array,
+             count: int) -> "_Gauss":
+        parts = [_exit_part(intake, seen, slopes), *_track_part(intake, seen, slopes)]
+        raw = np.concatenate([part[0] for part in parts], axis=1)
+        by_deviate = raw[..., 1 + inputs:]
+        by_column = np.zeros((*raw.shape[:2], count))
+        by_column[..., columns] = raw[..., 1:1 + inputs]
+        # as seen from no deviation: the prior's mean
+        residual = raw[..., 0] + np.einsum("ngd,nd->ng", by_deviate, spot.deviates)
+        return _Gauss(residual, by_deviate, by_column, sum(part[1] for part in parts))
+
+
+def _exit_part(intake: Intake, seen: Seen, slopes: Seen) -> tuple[Array, Array]:
+    """White [n, 3, 1 + k] of the measured exits; unmeasured ones are 0."""
+    known = np.isfinite(intake.exits)
+    off = np.where(known, intake.exits - seen.exit, 0.0) / intake.exit_sd
+    white = np.where(known[..., None], slopes.exit / intake.exit_sd[..., None], 0.0)
+    log_noise = -(known * (np.log(intake.exit_sd) + 0.5 * np.log(2.0 * np.pi))).sum(1)
+    return np.concatenate([off[..., None], white], axis=2), log_noise
+
+
+def _track_part(intake: Intake, seen: Seen, slopes: Seen) -> list[tuple[Array, Array]]:
+    """White [n, 3 L, 1 + k] of the tracks; shots without one are 0."""
+    if intake.samples is None or intake.scatter is None:
+        return []
+    rows, samples, n = intake.tracked, intake.samples, len(intake.rows)
+    raw = np.concatenate([(samples.position_m - seen.track_m[rows])[..., None], slopes.track_m[rows]], axis=3)
+    white = np.zeros((n, 3 * raw.shape[1], raw.shape[3]))
+    white[rows] = whiten(samples, intake.scatter, raw)
+    log_noise = np.zeros(n)
+    log_noise[rows] = -0.5 * np.log(2.0 * np.pi) * 3.0 * samples.real.sum(1)
+    return [(white, log_noise)]
+
+
+@dataclass(frozen=True)
+class _Left:
+    """After the deviates are integrated out: score [n, P], info [n, P, P], log-likelihood [n]; and the deviates'
+    posterior mean [n, D], covariance [n, D, D] and the mean's slope by the columns [n, D, P]."""
+
+    score: Array
+    info: Array
+    log_likelihood: Array
+    mean: Array
+    covariance: Array
+    mean_by: Array
+
+
+def _integrate(gauss: _Gauss, sd: Array, spot: Spot) -> _Left:
+    white = gauss.by_deviate * sd[:, None, :]
+    turned = np.swapaxes(white, 1, 2)
+    inner = np.eye(white.shape[2]) + turned @ white
+    inverse = np.linalg.inv(inner)
+    onto_r = np.einsum("ndg,ng->nd", turned, gauss.residual)
+    onto_c = turned @ gauss.by_column
+    shift, mean_by = np.einsum("nde,ne->nd", inverse, onto_r), inverse @ onto_c
+    columns = np.swapaxes(gauss.by_column, 1, 2)
+    score = np.einsum("npg,ng->np", columns, gauss.residual) - np.einsum("ndp,nd->np", onto_c, shift)
+    info = columns @ gauss.by_column - np.swapaxes(onto_c, 1, 2) @ mean_by
+    quadratic = (gauss.residual**2).sum(1) - (onto_r * shift).sum(1)
+    value = -0.5 * (quadratic + np.linalg.slogdet(inner)[1]) + gauss.log_noise
+    return _Left(score, info, value, sd * shift, sd[:, :, None] * inverse * sd[:, None, :], -sd[:, :, None] * mean_by)
+
+
+def _scatter_terms(intake: Intake, layout: Layout, spot: Spot, sd: Array, left: _Left,
+                   count: int) -> tuple[Array, Array]:
+    """Score and information of the log scatters from tracks and exits (the plane adds its own)."""
+    n = len(sd)
+    score, info = np.zeros((n, count)), np.zeros((n, count, count))
+    variance = np.maximum(sd**2, 1e-300)
+    scattered = intake.scattered * np.exp(2.0 * spot.log_scatter)
+    for number, column in enumerate(layout.scatters):
+        if column < 0:
+            continue
+        total, kept = variance[:, number], left.covariance[:, number, number]
+        share = scattered[:, number] / total
+        known = np.clip(1.0 - kept / total, 0.0, 1.0)
+        score[:, column] = share * ((left.mean[:, number]**2 + kept) / total - 1.0)
+        info[:, column, column] = 2.0 * (share * known)**2
+    return score, info
+
+
+def _plane(intake: Intake, layout: Layout, spot: Spot, seen: Seen, slopes: Seen, sd: Array, left: _Left,
+           columns: Array, inputs: int, count: int) -> Plane | None:
+    """Heights given what tracks and exits said of the launch."""
+    rows = intake.marked
+    if not len(rows) or not layout.chain.plane:
+        return None
+    near = seen.near[rows]
+    slope = np.where(near[:, None, None], slopes.plane[rows], 0.0)
+    by_deviate = slope[:, 0, inputs:]
+    by_column, wider = np.zeros((2, len(rows), count))
+    by_column[:, columns] = slope[:, 0, :inputs]
+    wider[:, columns] = slope[:, 2:4, :inputs].mean(1)
+    by_column += np.einsum("md,mdp->mp", by_deviate, left.mean_by[rows])
+    mean = seen.plane[rows, 0] + np.einsum("md,md->m", by_deviate, left.mean[rows] - spot.deviates[rows])
+    variance = np.einsum("md,mde,me->m", by_deviate, left.covariance[rows], by_deviate) + FLOOR_M**2
+    log_spread = np.zeros((len(rows), count))
+    scattered = intake.scattered[rows] * np.exp(2.0 * spot.log_scatter)
+    kept = np.diagonal(left.covariance[rows], axis1=1, axis2=2)[:, :3] / np.maximum(sd[rows, :3]**2, 1e-300)
+    for number, column in enumerate(layout.scatters):
+        if column >= 0:
+            log_spread[:, column] = (by_deviate[:, number]**2 * scattered[:, number] * kept[:, number]**2) / variance
+    spread = np.where(near, np.sqrt(variance), 1.0)
+    return Plane(rows, intake.seen, np.where(near, mean, FAR_BELOW_M), spread, by_column, wider, log_spread)
+
+
+def nowhere(intake: Intake, layout: Layout, values: Array, log_scatter: Array) -> Spot:
+    """A spot without deviations."""
+    return Spot(values, log_scatter, np.zeros((len(intake.rows), layout.chain.deviates)), np.zeros(layout.grouped))
+

@@ -1,0 +1,163 @@
+"""Which term it is: one-step evidence for all, true refits of the likely, probabilities, and what cannot be told apart.
+
+Every term competes with a normal prior on its amplitude, of the size that such effects usually have: so a term that
+would have to be absurdly large to explain the data loses to one that need not. Decoys, whose slopes are those of the
+terms dealt out to other shots, compete too; no name is given that a decoy beats.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim.discover.ask import Clusters
+from sim.discover.believed import Fitted
+from sim.discover.evidence import Array, Evidence, shared_columns
+from sim.discover.refit import Refit, refit
+
+Progress = Callable[[float, str], None]
+REFITTED = 8                          # of the likeliest terms
+WITHIN = 7.0                          # nats of the likeliest by one step, beyond which none is refitted
+ALIAS = 0.95                          # correlation of two efficient slopes from which only words part them
+TOLD_APART = 2.0                      # nats between two such, all the same
+MASS = 0.9                            # that the set of names holds
+LEAST_INFORMATION = 1e-4              # of a term's own, that must be left by the shared columns
+BUSY = 1e-12
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A term's amplitude column after one step: z, amplitude, information left, and nats for it."""
+
+    name: str
+    column: int
+    z: float
+    amplitude: float
+    information: float
+    nats: float
+    visible: bool
+
+
+@dataclass(frozen=True)
+class Naming:
+    """Names ranked by probability (which sums to 1 over them); `alike` [K, K]: correlation of efficient slopes."""
+
+    candidates: tuple[Candidate, ...]
+    refits: dict[str, Refit]
+    nats: dict[str, float]
+    probability: dict[str, float]
+    chosen: tuple[str, ...]           # the set, likeliest first
+    aliases: tuple[str, ...]          # of the likeliest, whatever its probability
+    decoys_above: int
+
+    @property
+    def leader(self) -> str:
+        return self.chosen[0]
+
+
+def one_step(evidence: Evidence) -> tuple[tuple[Candidate, ...], Array]:
+    """(every term after one step, correlations of their efficient slopes [K, K])."""
+    columns = [k for k in range(evidence.first_shared) if evidence.columns[k].kind == "term"]
+    score, left = _efficient(evidence, np.array(columns, dtype=int))
+    total = evidence.info.sum(0)
+    found = []
+    for number, column in enumerate(columns):
+        own, kept = total[column, column], left[number, number]
+        visible = own > BUSY and kept > LEAST_INFORMATION * own
+        information = kept if visible else 0.0
+        usual = evidence.columns[column].usual
+        found.append(Candidate(evidence.columns[column].name, column,
+                               float(score[number] / np.sqrt(information)) if visible else 0.0,
+                               float(score[number] / information) if visible else 0.0, float(information),
+                               nats_for(score[number], information, usual), visible))
+    size = np.sqrt(np.maximum(np.diag(left), BUSY))
+    return tuple(found), left / np.outer(size, size)
+
+
+def nats_for(score: float, information: float, usual: float) -> float:
+    """Log Bayes factor of an amplitude ~ N(0, usual^2) against none, for a Gaussian score."""
+    if information <= 0.0:
+        return 0.0
+    size = information * usual**2
+    return float(0.5 * score**2 / information * size / (1.0 + size) - 0.5 * np.log1p(size))
+
+
+def name_terms(fitted: Fitted, clusters: Clusters, seed: int, progress: Progress) -> Naming:
+    """Rank the terms. At least one must be visible."""
+    candidates, alike = one_step(fitted.evidence)
+    visible = [c for c in candidates if c.visible]
+    likely = sorted(visible, key=lambda c: -c.nats)
+    likely = [c for c in likely[:REFITTED] if c.nats > likely[0].nats - WITHIN]
+    refits: dict[str, Refit] = {}
+    for number, candidate in enumerate(likely):
+        progress(number / len(likely), candidate.name.partition(".")[0])
+        refits[candidate.name] = refit(fitted, (candidate.name,), np.array([_tame(candidate, fitted.evidence)]))
+    nats = {c.name: c.nats for c in visible} | {name: one.log_evidence for name, one in refits.items()}
+    probability = _probabilities(nats)
+    ranked = sorted(nats, key=lambda name: -nats[name])
+    place = {c.name: number for number, c in enumerate(candidates)}
+    aliases = tuple(name for name in ranked[1:] if abs(alike[place[name], place[ranked[0]]]) > ALIAS
+                    and nats[name] > nats[ranked[0]] - TOLD_APART)
+    chosen = _smallest_set(ranked, probability, aliases)
+    return Naming(candidates, refits, nats, probability, chosen, aliases,
+                  _decoys_above(fitted.evidence, candidates, max(nats.values()), seed))
+
+
+def _tame(candidate: Candidate, evidence: Evidence) -> float:
+    """The one-step amplitude, drawn towards zero as its prior would, and no larger than three usual ones."""
+    usual = evidence.columns[candidate.column].usual
+    shrunk = candidate.amplitude * candidate.information / (candidate.information + usual**-2.0)
+    return float(np.clip(shrunk, -3.0 * usual, 3.0 * usual))
+
+
+def _efficient(evidence: Evidence, columns: Array) -> tuple[Array, Array]:
+    """(scores [K], information [K, K]) of columns with what the shared ones could explain projected out."""
+    shared = shared_columns(evidence)
+    info, score = evidence.info.sum(0), evidence.score.sum(0)
+    inner = info[shared, shared] + np.diag(evidence.precision)
+    cross = info[columns][:, shared]
+    lift = np.linalg.solve(inner, cross.T).T if len(inner) else np.zeros((len(columns), 0))
+    return (score[columns] - lift @ score[shared],
+            info[np.ix_(columns, columns)] - lift @ cross.T)
+
+
+def _probabilities(nats: dict[str, float]) -> dict[str, float]:
+    top = max(nats.values())
+    weight = {name: float(np.exp(value - top)) for name, value in nats.items()}
+    total = sum(weight.values())
+    return {name: value / total for name, value in sorted(weight.items(), key=lambda item: -item[1])}
+
+
+def _smallest_set(ranked: Sequence[str], probability: dict[str, float], aliases: Sequence[str]) -> tuple[str, ...]:
+    """The likeliest names that hold MASS together, and the leader's aliases."""
+    chosen: list[str] = []
+    held = 0.0
+    for name in ranked:
+        if held >= MASS:
+            break
+        chosen.append(name)
+        held += probability[name]
+    return tuple(name for name in ranked if name in chosen or name in aliases)
+
+
+def _decoys_above(evidence: Evidence, candidates: Sequence[Candidate], best: float, seed: int) -> int:
+    """How many decoys do better than the best name: every term's slopes, dealt out to other shots."""
+    rng = np.random.default_rng(seed)
+    visible = [c for c in candidates if c.visible]
+    order = rng.permutation(len(evidence.rows))
+    shared = shared_columns(evidence)
+    inner = evidence.info.sum(0)[shared, shared] + np.diag(evidence.precision)
+    above = 0
+    for candidate in visible:
+        # a decoy pushes each shot's height as the term pushes another's: its score keeps the shot's own surprise
+        size = np.sqrt(evidence.info[:, candidate.column, candidate.column])
+        sign = np.where(size > 0.0, size[order] / np.maximum(size, BUSY), 0.0)
+        sign = np.clip(sign, 0.0, 10.0)
+        score = sign * evidence.score[:, candidate.column]
+        cross = (sign[:, None] * evidence.info[:, candidate.column, shared]).sum(0)
+        own = (sign**2 * evidence.info[:, candidate.column, candidate.column]).sum()
+        lift = np.linalg.solve(inner, cross) if len(inner) else np.zeros(0)
+        left = own - cross @ lift
+        efficient = score.sum() - lift @ evidence.score[:, shared].sum(0)
+        above += nats_for(efficient, left, evidence.columns[candidate.column].usual) > best
+    return int(above)

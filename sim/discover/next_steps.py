@@ -1,0 +1,79 @@
+"""What to do next: a measurement that no shot can replace, and the shots of these that part the likeliest names."""
+
+from typing import Any
+
+import numpy as np
+
+from sim.discover.forward import Step
+from sim.shots import Dataset
+
+# What settles each term without shooting, discovery.md's cheap metrology.
+MEASURE = {
+    "hood_offset": "hood angle with an inclinometer",
+    "hood_backlash": "hood angle with an inclinometer, from both sides",
+    "encoder_scale": "wheel diameter with calipers, wheel speed with an optical tachometer",
+    "distance_scale": "distance with a tape at 3 stations",
+    "distance_bias": "distance with a tape at 3 stations",
+    "vision_latency": "delay of the camera: film it and a lamp that the robot switches",
+    "track_scale": "a ruler in the tracker's view",
+    "track_tilt": "a plumb line in the tracker's view",
+    "track_clock": "a stopwatch in the tracker's view",
+    "release_height": "exit height with a tape",
+    "target_height": "target height with a tape",
+    "rim_catch": "film where balls touch the rim",
+    "exit_efficiency": "exit speed with a high-speed camera",
+    "wheel_slip": "exit speed with a high-speed camera",
+    "wheel_droop": "wheel speed through the shot (traces)",
+    "ball_compression": "spin of a marked ball at 120 frames/s",
+    "ball_wear": "new and worn balls in turn",
+    "drag_wear": "drop new and worn balls side by side",
+    "ball_spread": "weigh and caliper each ball (ball_id)",
+    "battery_sag": "the same shot on a full and an empty battery",
+    "rapid_fire": "the same shot after 1 s and after 10 s",
+    "drag": "drop a ball from a known height and film it",
+    "magnus": "five shots without spin",
+    "buoyancy": "ball mass with a scale",
+    "added_mass": "ball mass with a scale",
+    "spin_decay": "spin of a marked ball at 120 frames/s, early and late",
+    "spin_drag": "five shots without spin",
+    "lift_saturation": "spin of a marked ball at 120 frames/s",
+    "drag_reynolds": "drop a ball from two heights",
+    "wind_x": "the wind with an anemometer",
+    "wind_y": "the wind with an anemometer",
+    "wind_z": "the wind with an anemometer",
+    "air_density": "temperature and pressure of each session",
+}
+SHOTS = 20
+FEW = 3                               # measurements proposed at most
+
+
+def next_steps(dataset: Dataset, step: Step, chosen: tuple[str, ...] | None) -> tuple[dict[str, Any], ...]:
+    """Measurements for the names that compete, and the configuration among the shots at which the first two differ
+    most; nothing where one name stands alone."""
+    if chosen is None or len(chosen) < 2:
+        return ()
+    wanted = dict.fromkeys(MEASURE[name] for name in chosen if name in MEASURE)
+    steps: list[dict[str, Any]] = [{"do": "measure", "what": what} for what in list(wanted)[:FEW]]
+    shot = _parting_shot(dataset, step, (step.naming.chosen[0], step.naming.chosen[1]))
+    return (*([shot] if shot else []), *steps)
+
+
+def _parting_shot(dataset: Dataset, step: Step, pair: tuple[str, str]) -> dict[str, Any] | None:
+    """The recorded configuration where the two, each fitted, foretell the most different heights."""
+    plane = step.fitted.evidence.plane
+    if plane is None or any(name not in step.naming.refits for name in pair):
+        return None
+    evidence = step.fitted.evidence
+    shared = np.arange(evidence.first_shared, len(evidence.columns))
+    gap = np.zeros(len(plane.rows))
+    for name, sign in zip(pair, (1.0, -1.0), strict=True):
+        one = step.naming.refits[name]
+        moved = one.evidence.point[1:] - evidence.point[shared]
+        gap += sign * (plane.by_column[:, evidence.index(name)] * one.amplitude[0] + plane.by_column[:, shared] @ moved)
+    apart = np.abs(gap) / plane.spread_m
+    shot = int(evidence.rows[plane.rows[int(apart.argmax())]])
+    numbers = {name: dataset.shots.number(name)[shot] for name in ("distance_m", "hood_deg", "motor_ratio")}
+    if not np.isfinite(list(numbers.values())).all():
+        return None
+    return {"do": "shoot", **{name: round(float(value), 3) for name, value in numbers.items()}, "shots": SHOTS,
+            "separates": [name.partition(".")[0] for name in pair]}

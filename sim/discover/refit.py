@@ -1,0 +1,113 @@
+"""One named change at a time, truly refitted, and what it is worth on shots that the fit has not seen."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim.discover.ask import Clusters
+from sim.discover.believed import Fitted, climb, moved, objective, only_shared
+from sim.discover.evidence import Array, Evidence
+from sim.discover.linear import Layout, Spot
+
+FOLDS = 5
+STEPS = 12
+HALVINGS = 6
+
+
+@dataclass(frozen=True)
+class Refit:
+    """The believed simulation with these terms' amplitudes fitted too.
+
+    evidence: at the optimum, named columns first, all shared. log_evidence: nats by which the data favour it over the
+    believed simulation, size of the amplitude integrated out (Laplace). amplitude, sd [k] of the named columns.
+    """
+
+    names: tuple[str, ...]
+    layout: Layout
+    spot: Spot
+    evidence: Evidence
+    amplitude: Array
+    sd: Array
+    log_evidence: float
+
+
+def refit(fitted: Fitted, names: tuple[str, ...], start: Array, base: "Refit | None" = None) -> Refit:
+    """Fit the named columns with the shared ones, from amplitudes `start` [k] at the fitted spot."""
+    layout = only_shared(fitted.layout, names)
+    order = [column.name for column in layout.columns[:len(names)]]
+    change = np.zeros(len(layout.columns))
+    change[:len(names)] = [start[names.index(name)] for name in order]
+    spot = moved(layout, fitted.spot if base is None else base.spot, change)
+    spot, evidence = climb(fitted.intake, layout, spot)
+    info = evidence.info.sum(0) + np.diag(evidence.precision)
+    covariance = np.linalg.pinv(info)
+    k = len(names)
+    null = fitted.evidence.pick(np.arange(fitted.evidence.first_shared, len(fitted.evidence.columns)))
+    null_info = null.info.sum(0) + np.diag(null.precision)
+    gained = objective(evidence, layout) - objective(null, only_shared(fitted.layout))
+    volume = 0.5 * (np.log(layout.precision[:k]).sum() - np.linalg.slogdet(info)[1] + np.linalg.slogdet(null_info)[1])
+    return Refit(tuple(order), layout, spot, evidence, evidence.point[:k], np.sqrt(np.diag(covariance)[:k]),
+                 float(gained + volume))
+
+
+def unseen_score(evidence: Evidence, clusters: Clusters) -> Array:
+    """Log score [n] of each shot by fits of all columns to the other folds; folds keep clusters whole."""
+    fold = folds_of(clusters.label[evidence.rows])
+    score = np.zeros(len(fold))
+    for held in range(fold.max() + 1):
+        change = fit_linear(evidence, fold != held)
+        out = fold == held
+        score[out] = (evidence.log_score + evidence.gain(np.tile(change, (len(fold), 1))))[out]
+    return score
+
+
+def unseen_change(evidence: Evidence, clusters: Clusters) -> Array:
+    """For each shot the change [n, P] that the other folds ask for."""
+    fold = folds_of(clusters.label[evidence.rows])
+    change = np.zeros((len(fold), len(evidence.columns)))
+    for held in range(fold.max() + 1):
+        change[fold == held] = fit_linear(evidence, fold != held)
+    return change
+
+
+def folds_of(label: Array) -> Array:
+    """Every fifth cluster in order of appearance, so that each fold sees the whole session."""
+    first = {cluster: k for k, cluster in enumerate(dict.fromkeys(label.tolist()))}
+    return np.array([first[cluster] % FOLDS for cluster in label.tolist()])
+
+
+def fit_linear(evidence: Evidence, train: Array) -> Array:
+    """Most probable change [P] of all columns, which must all be shared, given the shots in `train`."""
+    found, best = np.zeros(len(evidence.columns)), 0.0
+    n = len(evidence.rows)
+    for _ in range(STEPS):
+        score, info = evidence.slopes_at(np.tile(found, (n, 1)))
+        slope = score[train].sum(0) + evidence.pull - evidence.precision * found
+        step = np.linalg.solve(info[train].sum(0) + np.diag(evidence.precision), slope)
+        for halving in range(HALVINGS):
+            tried = found + step * 0.5**halving
+            value = (evidence.gain(np.tile(tried, (n, 1)))[train].sum() + evidence.pull @ tried
+                     - 0.5 * evidence.precision @ tried**2)
+            if value >= best:
+                break
+        else:
+            break
+        small, found, best = value - best < 1e-5, tried, value
+        if small:
+            break
+    return found
+
+
+def clustered_error(values: Array, label: Array) -> float:
+    """Standard error of the mean of values [n] whose clusters `label` [n] hang together."""
+    sums = np.zeros(label.max() + 1)
+    np.add.at(sums, label, values - values.mean())
+    count = len(np.unique(label))
+    return float(np.sqrt((sums**2).sum() * count / max(count - 1, 1)) / len(values))
+
+
+def without(evidence: Evidence) -> Evidence:
+    """The shared columns alone."""
+    return evidence.pick(np.arange(evidence.first_shared, len(evidence.columns)))
+
+
