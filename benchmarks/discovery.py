@@ -104,7 +104,7 @@ def _run_all(args: argparse.Namespace) -> None:
     levels = args.level.split(",")
     scales = {level: args.scale if args.scale is not None else SCALES.get(level, 1.0) for level in levels}
     jobs = plan_jobs(kinds, levels, [int(count) for count in args.shots.split(",")], args.worlds, args.seed, scales,
-                     args.only.split(",") if args.only else ())
+                     args.only.split(",") if args.only else (), args.side)
     done = {line["key"] for line in lines_of(Path(args.out)) if line["finding"] is not None or not args.again}
     todo = [job for job in jobs if job.key not in done]
     print(f"{len(jobs)} worlds, {len(jobs) - len(todo)} there already", file=sys.stderr)
@@ -132,6 +132,8 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--only", help="names of nulls or effects, comma-separated; also those that cannot be seen")
     parser.add_argument("--seed", type=int, default=0, help="below 1000 to develop on; the reported table has 4001 (0)")
     parser.add_argument("--scale", type=float, help="of the typical effects (1; 0.25 at L2)")
+    parser.add_argument("--side", action="store_true",
+                        help="it is noted on which side a shot passed; keep such worlds in a file of their own")
     parser.add_argument("--processes", type=int, help="at a time (one a core)")
     parser.add_argument("--again", action="store_true", help="run worlds again in which the solver broke")
     where = parser.add_mutually_exclusive_group(required=True)

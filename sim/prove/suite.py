@@ -37,11 +37,13 @@ class Job(Struct, frozen=True):
     scale: float
     base_seed: int
     index: int
+    side: bool = False                # the side on which a shot passed is noted
 
     @property
     def key(self) -> str:
         """The same for the same world."""
-        return (f"{self.kind}/{self.name}/{self.level}/{self.shots}/{self.scale:g}/{self.base_seed}/{self.index}")
+        key = f"{self.kind}/{self.name}/{self.level}/{self.shots}/{self.scale:g}/{self.base_seed}/{self.index}"
+        return key + ("/side" if self.side else "")
 
     @property
     def seed(self) -> int:
@@ -51,7 +53,7 @@ class Job(Struct, frozen=True):
 
 
 def plan_jobs(kinds: Sequence[str], levels: Sequence[str], shots: Sequence[int], worlds: int, base_seed: int,
-              scales: dict[str, float], only: Sequence[str] = ()) -> list[Job]:
+              scales: dict[str, float], only: Sequence[str] = (), side: bool = False) -> list[Job]:
     """All worlds of a benchmark, those of one shape together.
 
     scales: per level. only: names to keep (all when empty). BadInput for an unknown kind, or a name that no kind has.
@@ -61,7 +63,7 @@ def plan_jobs(kinds: Sequence[str], levels: Sequence[str], shots: Sequence[int],
             raise BadInput(f"there is no kind of worlds {kind!r}; there are {', '.join(KINDS)}")
     if not 0 < worlds <= SEEDS_A_NAME:
         raise BadInput(f"{worlds} worlds of a kind; 1 to {SEEDS_A_NAME} can be had")
-    jobs = [Job(kind, name, level, count, 0.0 if kind == "nulls" else scales[level], base_seed, index)
+    jobs = [Job(kind, name, level, count, 0.0 if kind == "nulls" else scales[level], base_seed, index, side)
             for level in levels for count in shots for index in range(worlds)
             for kind in kinds for name in names_of(kind, level, bool(only)) if not only or name in only]
     missing = set(only) - {job.name for job in jobs}
@@ -97,9 +99,7 @@ def amount_of(job: Job) -> float:
 
 def world_of(job: Job) -> World:
     """The world itself."""
-    if job.kind == "nulls":
-        return make_world({}, job.level, job.shots, job.seed, NULLS[job.name])
-    if job.kind == "cut":
-        believed = tuple(name for name in BELIEVED if name != job.name)
-        return make_world({}, job.level, job.shots, job.seed, believe=believed)
-    return make_world({job.name: amount_of(job)}, job.level, job.shots, job.seed)
+    dirt = NULLS[job.name] if job.kind == "nulls" else ()
+    effects = {job.name: amount_of(job)} if job.kind in ("effects", "off") else {}
+    believed = tuple(name for name in BELIEVED if job.kind != "cut" or name != job.name)
+    return make_world(effects, job.level, job.shots, job.seed, dirt, believed, job.side)

@@ -119,6 +119,8 @@ def test_amplitudes_take_turns_in_sign_where_nature_is_free():
     assert world_of(Job("nulls", "all", "L2", 300, 0.0, 7, 0)).dirt == NULLS["all"]
     assert dict(world_of(JOB).effects) == {"hood_offset": 0.8}
     assert make_world(seed=JOB.seed).cd == world_of(JOB).cd
+    noted = Job("nulls", "clean", "L0", 300, 0.0, 7, 0, side=True)
+    assert world_of(noted).side and noted.key != Job("nulls", "clean", "L0", 300, 0.0, 7, 0).key
 
 
 def marks(**changes):
