@@ -6,7 +6,7 @@ import numpy as np
 
 from sim.discover import outcomes
 from sim.discover.ask import Asked, Clusters, name_of
-from sim.discover.believed import Fitted
+from sim.discover.believed import Fitted, only_shared
 from sim.discover.covariates import Covariate, carried_by, gather_factors
 from sim.discover.endpoints import end_errors
 from sim.discover.evidence import Array, Column, Evidence
@@ -166,8 +166,8 @@ def _fit(fitted: Fitted, steps: Sequence[Step], clusters: Clusters) -> Fit:
     label = clusters.label[null.rows]
     before_change = unseen_change(null, clusters)
     before = null.log_score + null.gain(before_change)
-    rmse, accuracy = end_errors(fitted.intake, fitted.layout, fitted.spot, null, before_change), _accuracy(null,
-                                                                                                        before_change)
+    rmse = end_errors(fitted.intake, only_shared(fitted.layout), fitted.spot, null, before_change)
+    accuracy = _accuracy(null, before_change)
     if not steps:
         return Fit(len(null.rows), float(before.mean()), None, None, None, rmse, None, accuracy, None)
     last = steps[-1]
