@@ -1,18 +1,18 @@
-"""The verdict in sentences."""
+"""The verdict in sentences that a driver coach can act on."""
 
-import math
 from collections.abc import Sequence
 
-import numpy as np
-
-from sim.discover.evidence import Evidence, shared_columns
-from sim.discover.finding import Finding, Fit, Interval, Named, Unknown, Where
+from sim.discover.covariates import Factor
+from sim.discover.evidence import Evidence
+from sim.discover.finding import Finding, Fit, Named, Unknown, Where
+from sim.discover.identify import sight_of
 from sim.discover.locate import Place
+from sim.discover.sizes import plain, say_effect, scale_of, size_of
 
 STAGE_WORDS = {"sensing": "in what the sensors say", "launch": "at the launch", "flight": "in flight",
                "arrival": "at the target"}
 DIRECTION_WORDS = {"along": "along the flight", "vertical": "vertically", "lateral": "sideways"}
-EIGHTY = 7.85                         # what a 5 % test needs of amplitude^2 x information for 80 % power
+NINETY = 1.6448536269514722
 SHOWN = 6
 
 
@@ -20,20 +20,20 @@ def say_named(believed: tuple[str, ...], p_value: float, where: Where, unknown: 
               what: Sequence[Named], chosen: tuple[str, ...] | None, also: Sequence[Named], fit: Fit,
               place: Place | None) -> str:
     """One name, or those that cannot be told apart, with the size and what it gains."""
-    del unknown, place
+    del where, unknown, place
     leader = what[0]
     names = chosen or (leader.term,)
-    said = f"The simulation ({', '.join(believed)}) leaves something out (p = {p_value:.2g}). "
+    likeliest = say_effect(leader.term, next(iter(leader.parameters.values())), leader.sentence)
     if len(names) == 1:
-        said += f"{leader.sentence} {_amplitude(leader)}"
+        said = f"{_missing(believed)}: {likeliest}."
     else:
-        rest = [f"{one.term} ({one.probability:.0%})" for one in what if one.term in names]
-        stages = sorted({STAGE_WORDS[one.stage] for one in what if one.term in names})
-        said += (f"It lies {' or '.join(stages)}: {' or '.join(rest)}; these data cannot tell them apart. Likeliest: "
-                 f"{leader.sentence} {_amplitude(leader)}")
+        rest = [f"{plain(one.term)} ({one.probability:.0%})" for one in what if one.term in names]
+        stages = list(dict.fromkeys(STAGE_WORDS[one.stage] for one in what if one.term in names))
+        said = (f"{_missing(believed)}, {_either(stages)}: {_either(rest)}. These data cannot tell which of these it "
+                f"is. If it is the first, {likeliest}.")
     for one in also:
-        said += f" Besides: {one.sentence} {_amplitude(one)}"
-    return said + _gained(fit)
+        said += f" Besides, {say_effect(one.term, next(iter(one.parameters.values())), one.sentence)}."
+    return said + _gained(fit) + _luck(p_value)
 
 
 def say_unknown(believed: tuple[str, ...], p_value: float, where: Where, unknown: Unknown | None,
@@ -41,16 +41,23 @@ def say_unknown(believed: tuple[str, ...], p_value: float, where: Where, unknown
                 place: Place | None) -> str:
     """Nothing in the catalogue explains it; what it looks like all the same."""
     del chosen, also
-    said = (f"The simulation ({', '.join(believed)}) leaves something out (p = {p_value:.2g}), and no term of the "
-            f"catalogue explains it as well as a free curve does.")
+    said = f"{_missing(believed)} that has no name in the catalogue."
     if unknown is None or place is None:
-        return said
+        return said + _luck(p_value)
     words = place.column.words[unknown.amplitude < 0.0]
-    follows = f", depending on {unknown.covariate} (by {_size(abs(unknown.amplitude), unknown.unit)} over its range)" \
-        if unknown.covariate else f" by {_size(abs(unknown.amplitude), unknown.unit)} in every shot alike"
-    nearest = f" Nearest in the catalogue: {what[0].term}." if what else ""
-    return (f"{said} {words[0].upper() + words[1:]} than simulated{follows}, {DIRECTION_WORDS[unknown.direction]}; "
-            f"most likely {STAGE_WORDS[where.stage or 'flight']}.{nearest}{_gained(fit)}")
+    size = _size(abs(unknown.amplitude), unknown.unit)
+    if place.test.what is None and unknown.covariate is None:
+        seen = f" {_capital(words)} than simulated, by {size} in every shot alike"
+    elif unknown.covariate is None or place.column.follows:
+        seen = f" {_capital(words)} than simulated, by {size}"
+    elif isinstance(place.test.what, Factor):
+        seen = f" {_capital(words)} than simulated, by up to {size}, depending on {unknown.covariate}"
+    else:
+        seen = f" As {unknown.covariate} grows, {words} than simulated, by {size} over its range"
+    stage = f"; most likely it happens {STAGE_WORDS[where.stage]}" if where.stage and where.reason is None else ""
+    nearest = f" The nearest name is {plain(what[0].term)}, which explains it worse than a free curve does." \
+        if what else ""
+    return f"{said}{seen}{stage}.{nearest}{_gained(fit)}{_luck(p_value)}"
 
 
 def say_none(believed: tuple[str, ...], p_value: float | None, shots: int, false_alarm: float) -> str:
@@ -58,81 +65,99 @@ def say_none(believed: tuple[str, ...], p_value: float | None, shots: int, false
     if p_value is None:
         return (f"These {shots} shots cannot say anything about the simulation: too few of them have a track, or an "
                 "outcome or height, with distance and launch, that would tell.")
-    return (f"No mismatch: {shots} shots look as the simulation ({', '.join(believed)}) has them "
-            f"(p = {p_value:.2g}, false alarms {false_alarm:g}).")
+    return (f"No mismatch: {shots} shots differ from the simulation ({_list(believed)}) by no more than luck would "
+            f"have it (p = {p_value:.2g}, alarm at {false_alarm:g}).")
 
 
 def say_smallest(evidence: Evidence) -> str:
     """The smallest effects that would have been seen, of the terms that these data see best for their usual size."""
-    smallest = smallest_seen(evidence)[:SHOWN]
-    if not smallest:
+    terms = [one for one in sight_of(evidence, "", ()).terms if one.smallest is not None]
+    if not terms:
         return " Of no term could these data have shown anything."
-    parts = [f"{name.partition('.')[0]} of {_size(size, unit)}" for name, size, unit, _ in smallest]
-    return f" It would have shown (80 % power): {', '.join(parts)}."
-
-
-def smallest_seen(evidence: Evidence) -> list[tuple[str, float, str, float]]:
-    """(term's column, amplitude seen with 80 % power at 5 %, unit, that in usual ones), best seen first."""
-    shared = shared_columns(evidence)
-    info = evidence.info.sum(0)
-    inner = info[shared, shared] + np.diag(evidence.precision)
-    found = []
-    for k, column in enumerate(evidence.columns[:evidence.first_shared]):
-        if column.kind != "term" or info[k, k] <= 0.0:
-            continue
-        left = info[k, k] - info[k, shared] @ np.linalg.solve(inner, info[shared, k]) if len(inner) else info[k, k]
-        if left > 1e-4 * info[k, k]:
-            size = math.sqrt(EIGHTY / left)
-            found.append((column.name, size, column.unit, size / column.usual))
-    return sorted(found, key=lambda row: row[3])
+    best = sorted(terms, key=lambda one: (one.smallest or 0.0) / one.usual)[:SHOWN]
+    parts = [f"{plain(one.term)} of {size_of(one.term, one.smallest or 0.0, one.unit)}" for one in best]
+    return f" Smallest effects that they would have shown, four times in five: {', '.join(parts)}."
 
 
 def console_lines(finding: Finding) -> list[str]:
     """The verdict and a few lines below it."""
-    data, where, fit = finding.data, finding.where, finding.fit
+    data, where = finding.data, finding.where
     lines = [finding.sentence,
              f"{data.shots} shots, level {data.level}, {finding.mismatch.tests_made} tests over "
              f"{data.clusters['count']} clusters ({data.clusters['by']})"]
     lines += [f"fitted: {', '.join(f'{name} {value:.3g}' for name, value in values.items())}"
               for values in data.fitted.values() if values]
     if finding.what:
-        lines.append("names: " + ", ".join(f"{one.term} {one.probability:.2f}" for one in finding.what[:SHOWN]))
+        lines.append("names: " + ", ".join(f"{one.term} {one.probability:.0%}" for one in finding.what[:SHOWN]))
     if finding.mismatch.found and where.stage_probability:
-        lines.append("stages: " + ", ".join(f"{stage} {p:.2f}" for stage, p in where.stage_probability.items()))
+        lines.append("stages: " + ", ".join(f"{stage} {p:.0%}" for stage, p in where.stage_probability.items()))
     if where.inseparable:
         lines.append(f"{where.covariate} goes with {', '.join(where.inseparable)}: these data cannot tell them apart")
     if finding.mismatch.found and where.times_s:
         lines.append(f"along the flight: {where.times_s[0]:.2f} to {where.times_s[1]:.2f} s")
-    if fit and fit.height_rmse_before_m is not None:
-        after = "" if fit.height_rmse_after_m is None else f" before, {fit.height_rmse_after_m:.3g} m after"
-        lines.append(f"height foretold within {fit.height_rmse_before_m:.3g} m{after}")
-    for step in finding.next:
-        lines.append("next: measure " + step["what"] if step["do"] == "measure" else
-                     f"next: {step['shots']} shots at {step['distance_m']:g} m, hood {step['hood_deg']:g} deg, motor "
-                     f"{step['motor_ratio']:g}, to part {' from '.join(step['separates'])}")
+    lines += [f"next: {say_step(step)}" for step in finding.next]
     lines += [f"left out: {line}" for line in data.left_out]
     return lines
 
 
-def _gained(fit: Fit) -> str:
+def say_step(step: dict[str, object]) -> str:
+    """What to do next, in words."""
+    if step["do"] == "measure":
+        return f"measure {step['what']}"
+    if step["do"] == "record":
+        return f"record {step['what']}"
+    names = step["separates"]
+    assert isinstance(names, list)
+    return (f"{step['shots']} shots at {step['distance_m']:g} m, hood {step['hood_deg']:g}°, motor "
+            f"{step['motor_ratio']:g}, to tell {' from '.join(plain(name) for name in names)}")
+
+
+def gained_interval(fit: Fit) -> tuple[float, float] | None:
+    """90 % interval of the log score gained a shot."""
     if fit.gain_per_shot is None or fit.gain_se is None:
+        return None
+    return fit.gain_per_shot - NINETY * fit.gain_se, fit.gain_per_shot + NINETY * fit.gain_se
+
+
+def _gained(fit: Fit) -> str:
+    """What the change is worth on shots that the fit has not seen."""
+    interval = gained_interval(fit)
+    if interval is None:
         return ""
-    return (f" On shots it has not seen the corrected simulation gains {fit.gain_per_shot:.3g} +- {fit.gain_se:.2g} "
-            "nats a shot.")
+    parts = []
+    if fit.accuracy_before is not None and fit.accuracy_after is not None:
+        parts.append(f"{100.0 * fit.accuracy_after:.0f} of 100 outcomes right instead of "
+                     f"{100.0 * fit.accuracy_before:.0f}")
+    if fit.height_rmse_before_m is not None and fit.height_rmse_after_m is not None:
+        parts.append(f"heights within {_size(fit.height_rmse_after_m, 'm')} instead of "
+                     f"{_size(fit.height_rmse_before_m, 'm')}")
+    score = f"log score {fit.gain_per_shot:+.3f} a shot, 90 %: {interval[0]:+.3f} to {interval[1]:+.3f}"
+    if interval[0] <= 0.0:
+        return f" On shots it has not seen the corrected simulation is not surely better ({score})."
+    told = f"foretells {' and '.join(parts)}" if parts else "does better"
+    return f" On shots it has not seen the corrected simulation {told} ({score})."
 
 
-def _amplitude(named: Named) -> str:
-    parts = [f"{name.replace('_', ' ')} {_range(interval)}" for name, interval in named.parameters.items()]
-    return f"({'; '.join(parts)})."
+def _missing(believed: tuple[str, ...]) -> str:
+    return f"The simulation ({_list(believed)}) leaves something out"
 
 
-def _range(interval: Interval) -> str:
-    unit = "" if interval.unit == "1" else f" {interval.unit}"
-    return f"{interval.value:.2g}{unit}, 90 %: {interval.low90:.2g} to {interval.high90:.2g}"
+def _luck(p_value: float) -> str:
+    return f" Luck alone would look like this with p = {p_value:.2g}."
 
 
-def _size(amplitude: float, unit: str) -> str:
-    """An amplitude as people say it: shares in per cent, angles in degrees."""
-    if unit == "1":
-        return f"{100.0 * amplitude:.2g} %"
-    return f"{math.degrees(amplitude):.2g} degrees" if unit == "rad" else f"{amplitude:.2g} {unit}"
+def _list(names: Sequence[str]) -> str:
+    return ", ".join(plain(name) for name in names)
+
+
+def _either(names: Sequence[str]) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} or {names[-1]}"
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def _size(amount: float, unit: str) -> str:
+    factor, said = scale_of(unit)
+    return f"{amount * factor:.2g}{said}"

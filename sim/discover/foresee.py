@@ -1,0 +1,80 @@
+"""Expected evidence: of shots that nobody has taken, or of configurations without results, at believed coefficients."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from robot.facts import Facts
+from sim.discover.ask import groups_of
+from sim.discover.believed import default_of, fit_believed
+from sim.discover.columns import SCATTER_PRIOR, lay_out
+from sim.discover.evidence import Evidence
+from sim.discover.identify import Sight, sight_of
+from sim.discover.intake import SCATTERS, Intake, take_in
+from sim.discover.linear import Layout, Spot, linearise, nowhere
+from sim.discover.rehearse import ASIDE, mark, rehearse
+from sim.shots import Dataset, Shots
+
+Progress = Callable[[float, str], None]
+FEW = 5                               # results, from which a dataset speaks for itself
+
+
+def foresee(facts: Facts, believed: tuple[str, ...], level: str, shots: int, sides: bool = False, seed: int = 0,
+            progress: Progress = lambda done, note: None) -> Sight:
+    """What a season of `shots` with this rig could tell; BadInput as in rehearse."""
+    progress(0.0, "aim")
+    dataset = rehearse(facts, believed, level, shots, sides, seed)
+    progress(0.2, "slopes")
+    evidence, _ = _expected(dataset, believed)
+    progress(1.0, "done")
+    return sight_of(evidence, level, believed)
+
+
+def foresee_dataset(dataset: Dataset, believed: tuple[str, ...], sides: bool = False, seed: int = 0,
+                    progress: Progress = lambda done, note: None) -> Sight:
+    """What the shots of a dataset can tell: with results at the coefficients fitted to them, else as aimed beside the
+    centre with the usual coefficients."""
+    told = dataset.tracks is not None or sum(map(bool, dataset.shots.text("outcome"))) >= FEW or (
+        np.isfinite(dataset.shots.number("miss_height_m")).sum() >= FEW)
+    if told or dataset.facts.target is None:
+        intake = take_in(dataset)
+        layout = lay_out(intake, believed, groups_of(dataset.shots, intake.rows))
+        fitted = fit_believed(intake, layout, progress)
+        return sight_of(fitted.evidence, intake.level, believed)
+    progress(0.1, "slopes")
+    marked = Shots(dataset.shots.shot_id, dataset.shots.numbers,
+                   {**dataset.shots.texts, **mark(len(dataset.shots), sides)}, dataset.shots.source)
+    evidence, level = _expected(replace(dataset, shots=marked), believed)
+    progress(1.0, "done")
+    return sight_of(_as_aimed(evidence, seed), level, believed)
+
+
+def _expected(dataset: Dataset, believed: tuple[str, ...]) -> tuple[Evidence, str]:
+    """Evidence at the middle of the priors; its scores mean nothing."""
+    intake = take_in(dataset)
+    layout = lay_out(intake, believed, groups_of(dataset.shots, intake.rows))
+    return linearise(intake, layout, usual_spot(intake, layout))[0], intake.level
+
+
+def usual_spot(intake: Intake, layout: Layout) -> Spot:
+    """Coefficients and scatters in the middle of their priors, no shot off its configuration."""
+    slots = len(layout.chain.slots)
+    values = np.array([default_of(layout.chain, slot) for slot in layout.chain.slots])
+    first = len(layout.columns) - len(layout.precision)
+    for k in range(first, len(layout.columns)):
+        if 0 <= layout.source[k] < slots:
+            values[layout.source[k]] = layout.centre[k - first]
+    usual = [SCATTER_PRIOR[name][0] for name in SCATTERS]
+    return nowhere(intake, layout, values, np.log(usual))
+
+
+def _as_aimed(evidence: Evidence, seed: int) -> Evidence:
+    """Heights beside the centre, wherever the middle of the priors would have sent them."""
+    plane = evidence.plane
+    if plane is None:
+        return evidence
+    rng = np.random.default_rng(seed)
+    aside = rng.choice((-1.0, 1.0), len(plane.mean_m)) * rng.uniform(*ASIDE, len(plane.mean_m))
+    aimed = replace(evidence, plane=replace(plane, mean_m=aside * plane.spread_m))
+    return aimed.moved(np.zeros_like(evidence.score))
