@@ -4,21 +4,25 @@ import itertools
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
 from sim.discover import outcomes
-from sim.discover.chain import Chain, see
+from sim.discover.chain import Chain, plane_grid
 from sim.discover.evidence import Array, Evidence
 from sim.discover.intake import Intake
-from sim.discover.linear import Layout, Spot, linearise, nowhere, pad_lanes
+from sim.discover.linear import Flown, Layout, Spot, fly, linearise, nowhere
+from sim.physics.catalogue import flight_terms
 
 Progress = Callable[[float, str], None]
 GRID = (-1.0, -0.5, 0.0, 0.5, 1.0)    # of each coefficient's prior, in standard deviations, where the fit may start
+SOME = 96                             # outcomes that the grid looks at
 MOST_GRID = 3                         # coefficients that are gridded; more start from the prior's centre
 SCATTER_GRID = (1.0, 3.0, 10.0)       # times the usual one
 USUAL_SPEED = 0.015
-ROUNDS = 40
+ROUNDS = 20                           # of flying, and of steps between two flights
+INNER = 10
 HALVINGS = 8
 SETTLED = 1e-3                        # nats
 LEAST_ROUNDS = 2                      # with tracks, whose shots' own deviations must settle too
@@ -54,24 +58,52 @@ def fit_believed(intake: Intake, layout: Layout, progress: Progress = lambda don
 
 def climb(intake: Intake, layout: Layout, spot: Spot,
           progress: Progress = lambda done, note: None) -> tuple[Spot, Evidence]:
-    """Uphill in all columns of the layout, which must all be shared ones, until a step is far below their doubt."""
-    evidence, deviates = linearise(intake, layout, spot)
-    best = objective(evidence, layout)
+    """Uphill in all columns of the layout, which must all be shared ones, until a step is far below their doubt.
+
+    Between flights all is taken as linear; it is flown again at each top so found, until the top stays.
+    """
+    best = -np.inf
+    kept: tuple[Spot, Evidence, Array] | None = None
     for number in range(ROUNDS):
-        progress(0.9 * number / ROUNDS, "fit")
+        progress(number / ROUNDS, "fit")
+        flown = fly(intake, layout, spot)
+        evidence, deviates = linearise(intake, layout, spot, flown)
+        value = objective(evidence, layout)
+        if value < best - SLACK and kept is not None:
+            spot = _halfway(kept[0], spot)
+            continue
+        best, kept = value, (spot, evidence, deviates)
+        if newton_step(evidence)[1] < SETTLED and number >= LEAST_ROUNDS * (intake.samples is not None):
+            break
+        top, found = _climb_linear(intake, layout, spot, flown)
+        spot = replace(top, deviates=found)
+    assert kept is not None
+    return kept[0], kept[1]
+
+
+def _climb_linear(intake: Intake, layout: Layout, spot: Spot, flown: Flown) -> tuple[Spot, Array]:
+    """(the top without flying anew, most likely deviates there)."""
+    evidence, deviates = linearise(intake, layout, spot, flown)
+    best = objective(evidence, layout)
+    for _ in range(INNER):
         step, worth = newton_step(evidence)
-        if worth < SETTLED and number >= LEAST_ROUNDS * (intake.samples is not None):
+        if worth < SETTLED:
             break
         for halving in range(HALVINGS):
-            tried = moved(layout, replace(spot, deviates=deviates), step * 0.5**halving)
-            there, found = linearise(intake, layout, tried)
+            tried = moved(layout, spot, step * 0.5**halving)
+            there, found = linearise(intake, layout, tried, flown)
             value = objective(there, layout)
             if value >= best - SLACK:
                 break
         else:
             break
         best, spot, evidence, deviates = value, tried, there, found
-    return spot, evidence
+    return spot, deviates
+
+
+def _halfway(a: Spot, b: Spot) -> Spot:
+    return Spot(*(0.5 * (x + y) for x, y in ((a.values, b.values), (a.log_scatter, b.log_scatter),
+                                             (a.deviates, b.deviates), (a.effects, b.effects))))
 
 
 def newton_step(evidence: Evidence) -> tuple[Array, float]:
@@ -108,9 +140,21 @@ def only_shared(layout: Layout, more: Iterable[str] = ()) -> Layout:
     kept = [*named, *range(first, len(layout.columns))]
     place = {column: number for number, column in enumerate(kept)}
     precision = np.concatenate([[layout.columns[k].usual**-2.0 for k in named], layout.precision])
-    return Layout(layout.chain, tuple(layout.columns[k] for k in kept), layout.source[kept],
+    return Layout(_lean(layout, kept), tuple(layout.columns[k] for k in kept), layout.source[kept],
                   tuple(place.get(column, -1) for column in layout.scatters), precision,
                   np.concatenate([np.zeros(len(named)), layout.centre]), layout.edges_s, layout.groups)
+
+
+def _lean(layout: Layout, kept: list[int]) -> Chain:
+    """The chain with as few terms in the air as these columns need, but one of two: compiled code is shared."""
+    chain = layout.chain
+    first = len(layout.columns) - len(layout.precision)
+    airborne = {term.name for term in flight_terms(chain.terms)}
+    known = {layout.columns[k].name.partition(".")[0] for k in range(first, len(layout.columns))} | {"gravity"}
+    named = {layout.columns[k].name.partition(".")[0] for k in kept}
+    if named & airborne - known:
+        return chain
+    return replace(chain, terms=tuple(name for name in chain.terms if name not in airborne or name in known))
 
 
 def _start(intake: Intake, layout: Layout) -> Spot:
@@ -125,31 +169,26 @@ def _start(intake: Intake, layout: Layout) -> Spot:
     if len(intake.marked) < 5:
         return nowhere(intake, layout, values, log_scatter)
     axes = [(layout.source[k], layout.centre[k - first], layout.precision[k - first]**-0.5) for k in shared][:MOST_GRID]
-    found = [(-np.inf, nowhere(intake, layout, values, log_scatter))]
-    for steps in itertools.product(GRID, repeat=len(axes)):
-        tried = values.copy()
-        for step, (slot, centre, sd) in zip(steps, axes, strict=True):
-            tried[slot] = centre + step * sd
-        found += [(value - 0.5 * sum(step**2 for step in steps), spot)
-                  for value, spot in _rough(intake, layout, tried, log_scatter)]
-    return max(found, key=lambda pair: pair[0])[1]
+    steps = np.array(list(itertools.product(GRID, repeat=len(axes))))
+    points = np.tile(values, (len(steps), 1))
+    for number, (slot, centre, sd) in enumerate(axes):
+        points[:, slot] = centre + steps[:, number] * sd
+    likelihood = _rough(intake, layout, points) - 0.5 * (steps**2).sum(1)[:, None]
+    point, factor = np.unravel_index(int(likelihood.argmax()), likelihood.shape)
+    return nowhere(intake, layout, points[point], log_scatter + np.log(SCATTER_GRID[factor]))
 
 
-def _rough(intake: Intake, layout: Layout, values: Array, log_scatter: Array) -> list[tuple[float, Spot]]:
-    """Log-likelihood of the outcomes at some sizes of one scatter of the height."""
-    lanes, n = pad_lanes(intake.lanes)
-    chain = layout.chain
-    flying = replace(chain, track=False)
-    seen = see(flying, lanes, jnp.asarray(values), np.zeros((len(lanes.distance_m), flying.deviates)),
-               jnp.zeros(max(chain.bands - 1, 0)))
-    mean, near = np.asarray(seen.plane)[:n, 0][intake.marked], np.asarray(seen.near)[:n][intake.marked]
+def _rough(intake: Intake, layout: Layout, points: Array) -> Array:
+    """Log-likelihood [points, scatters] of some of the outcomes, at some sizes of one scatter of the height."""
+    some = np.arange(len(intake.marked))[::-(-len(intake.marked) // SOME)]
+    lanes = jax.tree.map(lambda part: np.asarray(part)[np.resize(intake.marked[some], SOME)] if np.ndim(part) else part,
+                         intake.lanes)
+    chain = replace(_lean(layout, []), track=False, bands=0)
+    mean, near = (np.asarray(part)[:, :len(some)] for part in plane_grid(chain, lanes, jnp.asarray(points)))
     mean = np.where(near, mean, -10.0)
-    spot = nowhere(intake, layout, values, log_scatter)
-    made = []
-    for factor in SCATTER_GRID:
-        value = outcomes.log_likelihood(intake.seen, mean, np.full(len(mean), 0.08 * factor)).sum()
-        made.append((float(value), replace(spot, log_scatter=log_scatter + np.log(factor))))
-    return made
+    seen = intake.seen.take(some)
+    return np.array([[outcomes.log_likelihood(seen, row, np.full(len(row), 0.08 * factor)).sum()
+                      for factor in SCATTER_GRID] for row in mean])
 
 
 def default_of(chain: Chain, slot: tuple[str, str]) -> float:

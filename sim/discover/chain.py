@@ -33,7 +33,7 @@ from sim.physics.vector import Vec, add
 # What makes one shot differ from its configuration. The last six are of flights whose launch nobody knows.
 DEVIATES = ("log_speed", "elevation_rad", "azimuth_rad", "spin_share", "distance_m", "lead_s",
             "x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s")
-PLANE_DEVIATES = 5
+PLANE_DEVIATES, LAUNCHED_DEVIATES = 5, 9
 DIRECTIONS = ("along", "vertical", "lateral")
 PLANE_STEPS = 32                      # Runge-Kutta over x
 AHEAD = (0.5, 0.5, 1.0, 0.0)          # where the next stage of a Runge-Kutta step is taken
@@ -88,7 +88,8 @@ class Seen(NamedTuple):
 
 @dataclass(frozen=True)
 class Chain:
-    """What the functions below are compiled for. `slots`: parameters that are varied; the rest have their defaults.
+    """What the functions below are compiled for. `slots`: parameters that may be varied; those of terms that are not
+    among `terms` do nothing. free: some launches are unknown.
 
     bands: number of stretches of the flight in which a free push may act, besides all of it. facts: noise and beliefs
     play no part here; strip them, so that the compiled code is shared.
@@ -101,11 +102,14 @@ class Chain:
     substeps: int = 1
     plane: bool = True
     track: bool = True
+    free: bool = True
 
     @property
     def deviates(self) -> int:
         """The first so many of DEVIATES; without tracks the others say nothing."""
-        return len(DEVIATES) if self.track else PLANE_DEVIATES
+        if not self.track:
+            return PLANE_DEVIATES
+        return len(DEVIATES) if self.free else LAUNCHED_DEVIATES
 
     @property
     def pushes(self) -> int:
@@ -146,6 +150,18 @@ def see_slopes(chain: Chain, lanes: Lanes, point: Any, deviates: Any, edges_s: A
     return jax.vmap(one)(lanes, deviates)
 
 
+@partial(jax.jit, static_argnames=("chain",))
+def plane_grid(chain: Chain, lanes: Lanes, points: Any) -> tuple[Any, Any]:
+    """Heights above the target's centre and whether the ball came there, [g, n] at the parameters points [g, slots]."""
+    rest = jnp.zeros(chain.size - len(chain.slots))
+
+    def one(point: Any, lane: Lanes) -> tuple[Any, Any]:
+        seen = _see(chain, lane, jnp.concatenate([point, rest]), jnp.zeros(max(chain.bands - 1, 0)))
+        return seen.plane[0], seen.near
+
+    return jax.vmap(lambda point: jax.vmap(lambda lane: one(point, lane))(lanes))(points)
+
+
 def _see(chain: Chain, lane: Lanes, at: Any, edges_s: Any) -> Seen:
     slots, count = len(chain.slots), chain.deviates
     values = _values(chain, at[:slots], lane.circumstances)
@@ -167,7 +183,8 @@ def _values(chain: Chain, at: Any, circumstances: Circumstances) -> dict[str, di
     """Effective values of all terms at the slots' numbers."""
     raw = {term.name: {p.name: p.default for p in term.parameters} for term in find_terms(chain.terms)}
     for index, (name, parameter) in enumerate(chain.slots):
-        raw[name][parameter] = at[index]
+        if name in raw:
+            raw[name][parameter] = at[index]
     return effective(raw, circumstances)
 
 

@@ -50,7 +50,7 @@ def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Array,
     slots = tuple((term.name, p.name) for term in TERMS for p in term.parameters)
     tracked = intake.samples is not None
     chain = Chain(intake.stripped, terms, slots, BANDS if tracked else 0, _substeps(intake), bool(len(intake.marked)),
-                  tracked)
+                  tracked, bool(np.asarray(intake.lanes.free).any()))
     edges = _edges(intake)
     free = [*FREE, *([AZIMUTH] if tracked else [])]
     columns = [column for _, column in free]

@@ -4,7 +4,7 @@ import numpy as np
 
 from sim.discover.evidence import Array, Evidence
 from sim.discover.intake import Intake
-from sim.discover.linear import Layout, Spot, slopes_of, variance_of
+from sim.discover.linear import Layout, Spot, fly, variance_of
 from sim.discover.samples import whiten
 
 FORECAST = 0.4                        # of a track's samples tell its start; its end is foretold
@@ -32,7 +32,8 @@ def _track_errors(intake: Intake, layout: Layout, spot: Spot, change: Array) -> 
     assert samples is not None and scatter is not None
     inputs = layout.inputs
     columns = np.flatnonzero(layout.source >= 0)
-    seen, slopes = slopes_of(intake, layout, spot)
+    flown = fly(intake, layout, spot)
+    seen, slopes = flown.seen, flown.slopes
     by_column, by_deviate = np.split(slopes.track_m[rows], [len(inputs)], axis=3)
     by_column = by_column[..., :len(columns)]
     off = (samples.position_m - seen.track_m[rows] - np.einsum("klcp,kp->klc", by_column, change[rows][:, columns])

@@ -76,12 +76,38 @@ class Spot:
     effects: Array
 
 
-def linearise(intake: Intake, layout: Layout, spot: Spot) -> tuple[Evidence, Array]:
-    """(evidence at the spot, most likely deviates [n, D] there)."""
+@dataclass(frozen=True)
+class Flown:
+    """What was seen about a spot, and its slopes by the layout's inputs, then deviates (last axis)."""
+
+    spot: Spot
+    seen: Seen
+    slopes: Seen
+
+    def at(self, layout: Layout, values: Array) -> Seen:
+        """What would be seen at other values of the inputs, all else the same, taken as linear."""
+        inputs = layout.inputs
+        change = np.where(inputs < len(values), values[np.minimum(inputs, len(values) - 1)]
+                          - self.spot.values[np.minimum(inputs, len(values) - 1)], 0.0)
+        change[len(inputs) - _bases(layout):] = 0.0
+        if not change.any():
+            return self.seen
+        return Seen(*(part if part.dtype == bool else part + slope[..., :len(inputs)] @ change
+                      for part, slope in zip(self.seen, self.slopes, strict=True)))
+
+
+def _bases(layout: Layout) -> int:
+    return 0 if layout.groups is None else len(layout.groups.inputs)
+
+
+def linearise(intake: Intake, layout: Layout, spot: Spot, flown: Flown | None = None) -> tuple[Evidence, Array]:
+    """(evidence at the spot, most likely deviates [n, D] there); of what was flown about a spot near by, if given,
+    with the same deviates."""
     count, inputs = layout.chain.deviates, len(layout.inputs)
-    seen, slopes = slopes_of(intake, layout, spot)
+    flown = flown or fly(intake, layout, spot)
+    seen, slopes = flown.at(layout, spot.values), flown.slopes
     real = len(layout.columns) - layout.grouped
-    bases = 0 if layout.groups is None else len(layout.groups.inputs)
+    bases = _bases(layout)
     columns = np.concatenate([np.flatnonzero(layout.source >= 0), real + np.arange(bases)])
     sd = np.sqrt(variance_of(intake, spot.log_scatter))[:, :count]
     gauss = _Gauss.make(intake, seen, slopes, spot, inputs, columns, real + bases)
@@ -127,8 +153,8 @@ def _point(layout: Layout, spot: Spot) -> Array:
     return point
 
 
-def slopes_of(intake: Intake, layout: Layout, spot: Spot) -> tuple[Seen, Seen]:
-    """What is seen at the spot, and its slopes by the columns that are inputs of the chain, then deviates (last axis).
+def fly(intake: Intake, layout: Layout, spot: Spot) -> Flown:
+    """Fly all shots at the spot.
 
     Slopes by inputs are those of a shot without deviation: taken at the deviation that a track itself tells, they
     would go with that track's noise, and the score of what bends with a deviation would lean to one side.
@@ -137,10 +163,10 @@ def slopes_of(intake: Intake, layout: Layout, spot: Spot) -> tuple[Seen, Seen]:
     deviates = first + np.arange(layout.chain.deviates)
     both = np.concatenate([inputs, deviates])
     if not spot.deviates.any():
-        return _fly(layout, intake.lanes, spot, _basis(layout, both))
+        return Flown(spot, *_fly(layout, intake.lanes, spot, _basis(layout, both)))
     _, still = _fly(layout, intake.lanes, replace(spot, deviates=np.zeros_like(spot.deviates)), _basis(layout, inputs))
     seen, moving = _fly(layout, intake.lanes, spot, _basis(layout, deviates))
-    return seen, jax.tree.map(lambda a, b: np.concatenate([a, b], axis=-1), still, moving)
+    return Flown(spot, seen, jax.tree.map(lambda a, b: np.concatenate([a, b], axis=-1), still, moving))
 
 
 def _basis(layout: Layout, inputs: Array) -> Array:

@@ -65,8 +65,8 @@ def efficient_scores(evidence: Evidence, channel: int, weights: Array, cluster: 
     project = np.linalg.solve(total, (weights.T @ k_ct).T).T if len(total) else np.zeros((weights.shape[1], 0))
     psi = weights * u[:, None] - s @ project.T
     raw = weights**2 * k_cc[:, None]
-    kappa = raw - 2.0 * weights * (k_ct @ project.T) + np.einsum("qa,nab,qb->nq", project, k_tt, project)
-    common = weights[:, :, None] * k_ct[:, None] - np.einsum("qa,nab->nqb", project, k_tt)
+    kappa = raw - 2.0 * weights * (k_ct @ project.T) + ((project @ k_tt) * project).sum(2)
+    common = weights[:, :, None] * k_ct[:, None] - project @ k_tt
     psi, kappa, common = (_sum_over(cluster, clusters, part) for part in (psi, kappa, common))
     return Scores(psi, kappa, _stretch(kappa, common, total), _usable(kappa, raw.sum(0)))
 
@@ -84,7 +84,7 @@ def _stretch(kappa: Array, common: Array, total: Array) -> Array:
     """
     if not len(total):
         return np.ones_like(kappa)
-    drawn = np.einsum("gqa,ab,gqb->gq", common, np.linalg.inv(total), common)
+    drawn = ((common @ np.linalg.inv(total)) * common).sum(2)
     leverage = drawn / np.maximum(kappa, 1e-300)
     return 1.0 / np.sqrt(1.0 - np.clip(leverage, 0.0, MOST_LEVERAGE))
 
