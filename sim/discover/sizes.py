@@ -94,10 +94,15 @@ PHRASES: dict[str, Phrase] = {
                         "the opening is tighter than stated, by {} at each edge", *LENGTH),
 }
 
+PLAIN = {"wind_x": "head or tail wind", "wind_y": "crosswind", "wind_z": "rising or sinking air", "magnus": "lift",
+         "drag_reynolds": "drag by speed", "spin_drag": "drag by spin", "drag_wear": "drag of worn balls",
+         "rim_catch": "forgiving rim", "rapid_fire": "rapid fire"}
+
 
 def plain(name: str) -> str:
     """A term's or column's name as words."""
-    return name.partition(".")[0].replace("_", " ")
+    term = name.partition(".")[0]
+    return PLAIN.get(term, term.replace("_", " "))
 
 
 def say_effect(term: str, interval: Interval, sentence: str) -> str:

@@ -12,8 +12,10 @@ from sim.discover.sizes import plain, say_effect, scale_of, size_of
 STAGE_WORDS = {"sensing": "in what the sensors say", "launch": "at the launch", "flight": "in flight",
                "arrival": "at the target"}
 DIRECTION_WORDS = {"along": "along the flight", "vertical": "vertically", "lateral": "sideways"}
+FLIGHT_WORDS = {"speed_in_flight_m_s": "the speed in flight", "time_in_flight_s": "the time in flight"}
 NINETY = 1.6448536269514722
 SHOWN = 6
+LISTED = 4                            # names of a set that a sentence lists
 
 
 def say_named(believed: tuple[str, ...], p_value: float, where: Where, unknown: Unknown | None,
@@ -27,7 +29,9 @@ def say_named(believed: tuple[str, ...], p_value: float, where: Where, unknown: 
     if len(names) == 1:
         said = f"{_missing(believed)}: {likeliest}."
     else:
-        rest = [f"{plain(one.term)} ({one.probability:.0%})" for one in what if one.term in names]
+        members = [one for one in what if one.term in names]
+        rest = [f"{plain(one.term)} ({one.probability:.0%})" for one in members[:LISTED]]
+        rest += [f"one of {len(names) - LISTED} others"] if len(names) > LISTED else []
         stages = list(dict.fromkeys(STAGE_WORDS[one.stage] for one in what if one.term in names))
         said = (f"{_missing(believed)}, {_either(stages)}: {_either(rest)}. These data cannot tell which of these it "
                 f"is. If it is the first, {likeliest}.")
@@ -46,14 +50,13 @@ def say_unknown(believed: tuple[str, ...], p_value: float, where: Where, unknown
         return said + _luck(p_value)
     words = place.column.words[unknown.amplitude < 0.0]
     size = _size(abs(unknown.amplitude), unknown.unit)
-    if place.test.what is None and unknown.covariate is None:
-        seen = f" {_capital(words)} than simulated, by {size} in every shot alike"
-    elif unknown.covariate is None or place.column.follows:
-        seen = f" {_capital(words)} than simulated, by {size}"
-    elif isinstance(place.test.what, Factor):
-        seen = f" {_capital(words)} than simulated, by up to {size}, depending on {unknown.covariate}"
+    if isinstance(place.test.what, Factor):
+        seen = f" Compared with it {words}, by up to {size}, depending on {unknown.covariate}"
+    elif place.test.what is None:
+        inside = f", the more so with {FLIGHT_WORDS[place.column.follows]}" if place.column.follows in FLIGHT_WORDS else ""
+        seen = f" Compared with it {words}, by {size} in every shot alike{inside}"
     else:
-        seen = f" As {unknown.covariate} grows, {words} than simulated, by {size} over its range"
+        seen = f" Compared with it {words} as {unknown.covariate} grows, by {size} over its range"
     stage = f"; most likely it happens {STAGE_WORDS[where.stage]}" if where.stage and where.reason is None else ""
     nearest = f" The nearest name is {plain(what[0].term)}, which explains it worse than a free curve does." \
         if what else ""
@@ -126,11 +129,11 @@ def _gained(fit: Fit) -> str:
         return ""
     parts = []
     if fit.accuracy_before is not None and fit.accuracy_after is not None:
-        parts.append(f"{100.0 * fit.accuracy_after:.0f} of 100 outcomes right instead of "
-                     f"{100.0 * fit.accuracy_before:.0f}")
+        before, after = f"{100.0 * fit.accuracy_before:.0f}", f"{100.0 * fit.accuracy_after:.0f}"
+        parts += [f"{after} of 100 outcomes right instead of {before}"] if before != after else []
     if fit.height_rmse_before_m is not None and fit.height_rmse_after_m is not None:
-        parts.append(f"heights within {_size(fit.height_rmse_after_m, 'm')} instead of "
-                     f"{_size(fit.height_rmse_before_m, 'm')}")
+        before, after = _size(fit.height_rmse_before_m, "m"), _size(fit.height_rmse_after_m, "m")
+        parts += [f"heights within {after} instead of {before}"] if before != after else []
     score = f"log score {fit.gain_per_shot:+.3f} a shot, 90 %: {interval[0]:+.3f} to {interval[1]:+.3f}"
     if interval[0] <= 0.0:
         return f" On shots it has not seen the corrected simulation is not surely better ({score})."
