@@ -1,29 +1,49 @@
-"""truearc discover: where recordings and simulation disagree."""
+"""truearc discover: where recordings and simulation disagree, and what recordings could tell at all."""
 
 import argparse
+import os
+import platform
 from pathlib import Path
+
+import jax
 
 from doors.progress import make_progress
 from robot.config import BadInput
+from robot.facts import Facts
 from sim.discover.discover import FALSE_ALARM, Investigation, discover
 from sim.discover.finding import make_json
+from sim.discover.foresee import foresee, foresee_dataset
+from sim.discover.identify import Sight, make_sight
 from sim.discover.page import make_report
+from sim.discover.rehearse import LEVELS, SHOTS
+from sim.discover.sight_page import make_sight_page, sight_lines
 from sim.discover.words import console_lines
-from sim.shots import load_dataset
+from sim.shots import load_dataset, load_rig
 
-DESCRIPTION = "Say whether a dataset disagrees with the simulation as it stands, and where."
+DESCRIPTION = """Say whether a dataset disagrees with the simulation as it stands, where, and what the simulation lacks.
+With --identifiability: say, before any data, which effects a season with a rig could show, and which it could not tell
+apart."""
 EXAMPLE = "truearc discover shots/ --believe gravity,drag --json finding.json --report finding.html"
+KEPT_S = 0.3                          # what compiles faster is not kept
+LEVEL = "L0"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    parser.add_argument("dataset", metavar="DIR", help="dataset directory")
+    parser.add_argument("dataset", metavar="DIR", nargs="?", help="dataset directory")
     parser.add_argument("--believe", metavar="TERMS", help="terms of the simulation, comma-separated; else rig.toml's")
     parser.add_argument("--json", metavar="FILE", help="write the finding as JSON")
     parser.add_argument("--report", metavar="FILE", help="write an HTML report")
     parser.add_argument("--false-alarm", type=float, default=FALSE_ALARM, metavar="P",
                         help="how often to cry wolf where there is none (default %(default)s)")
-    parser.add_argument("--seed", type=int, default=0, help="of the random signs (default %(default)s)")
+    parser.add_argument("--seed", type=int, default=0, help="of everything drawn at random (default %(default)s)")
+    before = parser.add_argument_group("before any data")
+    before.add_argument("--identifiability", metavar="RIG", help="rig.toml: a season of shots is planned for it; or a "
+                        "dataset directory: its own shots, with or without results")
+    before.add_argument("--shots", type=int, metavar="N", help=f"shots of a planned season (default {SHOTS})")
+    before.add_argument("--level", choices=LEVELS, help=f"what is recorded of them: outcomes, telemetry too, tracks "
+                        f"too (default {LEVEL})")
+    before.add_argument("--sides", action="store_true", help="high or low is noted of every miss")
 
 
 def main(args: argparse.Namespace) -> int:
@@ -35,6 +55,10 @@ def main(args: argparse.Namespace) -> int:
     believed = None if args.believe is None else [name.strip() for name in args.believe.split(",") if name.strip()]
     if believed == []:
         raise BadInput("--believe: names no term")
+    _check_modes(args)
+    keep_compiled()
+    if args.identifiability is not None:
+        return _identify(args, believed)
     found = discover(load_dataset(args.dataset), believed, args.false_alarm, args.seed,
                      make_progress("discover", args.quiet))
     tell(found, Path(args.dataset).name, args.json, args.report)
@@ -48,6 +72,61 @@ def tell(found: Investigation, name: str, json_path: str | Path | None, report_p
         _write(json_path, make_json(found.finding))
     if report_path:
         _write(report_path, make_report(name, found).encode())
+
+
+def keep_compiled() -> None:
+    """Keep compiled code among the user's caches, so that only a machine's first run compiles; else do nothing.
+
+    Where the user has chosen a place for it (JAX_COMPILATION_CACHE_DIR), that one is used. Code of one machine is not
+    for another, hence its name.
+    """
+    if jax.config.jax_compilation_cache_dir:
+        return
+    try:
+        folder = Path.home() / ".cache" / "truearc" / f"xla-{platform.node() or 'here'}"
+        folder.mkdir(parents=True, exist_ok=True)
+    except (OSError, RuntimeError):
+        return
+    if os.access(folder, os.W_OK):
+        jax.config.update("jax_compilation_cache_dir", str(folder))
+        jax.config.update("jax_persistent_cache_min_compile_time_secs", KEPT_S)
+
+
+def _check_modes(args: argparse.Namespace) -> None:
+    """Either data or a forecast of data; options that would not be heeded are refused."""
+    if (args.dataset is None) == (args.identifiability is None):
+        raise BadInput("give either a dataset directory, or --identifiability with a rig.toml or a directory")
+    if args.identifiability is None and (args.shots is not None or args.level is not None or args.sides):
+        raise BadInput("--shots, --level and --sides are for --identifiability")
+    if args.identifiability is not None and Path(args.identifiability).is_dir() and (
+            args.shots is not None or args.level is not None):
+        raise BadInput(f"--shots, --level: {args.identifiability} is a directory, whose own shots are looked at")
+
+
+def _identify(args: argparse.Namespace, believed: list[str] | None) -> int:
+    path = Path(args.identifiability)
+    progress = make_progress("identifiability", args.quiet)
+    if path.is_dir():
+        dataset = load_dataset(path)
+        sight = foresee_dataset(dataset, _terms(dataset.facts, believed), args.sides, args.seed, progress)
+    else:
+        facts = load_rig(path)
+        sight = foresee(facts, _terms(facts, believed), args.level or LEVEL, args.shots or SHOTS, args.sides,
+                        args.seed, progress)
+    _tell_sight(sight, path.name, args.json, args.report)
+    return 0
+
+
+def _terms(facts: Facts, believed: list[str] | None) -> tuple[str, ...]:
+    return tuple(facts.believe.terms if believed is None else believed)
+
+
+def _tell_sight(sight: Sight, name: str, json_path: str | None, report_path: str | None) -> None:
+    print("\n".join(sight_lines(sight)))
+    if json_path:
+        _write(json_path, make_sight(sight))
+    if report_path:
+        _write(report_path, make_sight_page(name, sight).encode())
 
 
 def _write(path: str | Path, data: bytes) -> None:

@@ -100,7 +100,7 @@ def _views(before: Evidence, after: Evidence | None, intake: Intake, along: tupl
     if chosen is None:
         return ""
     residual, against = chosen
-    after_words = "" if after is None else " If the name is right, the pattern is gone on the right."
+    after_words = "" if after is None else " Where that is right, the pattern is gone on the right."
     shown = picture(residual_png(residual, against, before.rows, what), f"{residual.name} against {against.name}",
                     f"What the real shots did less what the simulation says, in bins of {against.name}; bars are one "
                     f"standard error.{after_words}")
@@ -201,7 +201,7 @@ def _worth(finding: Finding) -> str:
     rows = [("outcomes foretold, of 100", _times(fit.accuracy_before, 100.0), _times(fit.accuracy_after, 100.0)),
             ("height error, rms [cm]", _times(fit.height_rmse_before_m, 100.0), _times(fit.height_rmse_after_m, 100.0)),
             ("log score a shot", fit.log_score_before, fit.log_score_after)]
-    shown = [row for row in rows if row[1] is not None]
+    shown = [row for row in rows if row[1] is not None and row[2] is not None]
     return table((f"{fit.heldout_shots} shots", "as simulated", "corrected"), shown) + paragraph(
         f"The log score gains {fit.gain_per_shot:.3f} a shot (90 %: {interval[0]:.3f} to {interval[1]:.3f}); above 0 "
         "the corrected simulation is the better forecast.")

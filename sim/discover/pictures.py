@@ -80,7 +80,8 @@ def flight_png(before: Evidence, after: Evidence | None, what: str,
         axes.set_title(DIRECTION_LABELS[way], loc="left", fontsize=11)
     for axes in grid[-1]:
         axes.set_xlabel("time in flight [s]")
-    figure.legend(*grid[0, -1].get_legend_handles_labels(), loc="outside upper right", ncols=2, frameon=False, fontsize=9)
+    figure.legend(*grid[0, -1].get_legend_handles_labels(), loc="outside upper right", ncols=2, frameon=False,
+                  fontsize=9)
     return make_png(figure)
 
 

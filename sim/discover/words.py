@@ -36,7 +36,9 @@ def say_named(believed: tuple[str, ...], p_value: float, where: Where, unknown: 
         said = (f"{_missing(believed)}, {_either(stages)}: {_either(rest)}. These data cannot tell which of these it "
                 f"is. If it is the first, {likeliest}.")
     for one in also:
-        said += f" Besides, {say_effect(one.term, next(iter(one.parameters.values())), one.sentence)}."
+        size = next(iter(one.parameters.values()))
+        said += (f" Besides, {say_effect(one.term, size, one.sentence)}." if size.low90 * size.high90 > 0.0 else
+                 f" Something more is left over; the likeliest name for it is {plain(one.term)}.")
     return said + _gained(fit) + _luck(p_value)
 
 
@@ -53,8 +55,8 @@ def say_unknown(believed: tuple[str, ...], p_value: float, where: Where, unknown
     if isinstance(place.test.what, Factor):
         seen = f" Compared with it {words}, by up to {size}, depending on {unknown.covariate}"
     elif place.test.what is None:
-        inside = f", the more so with {FLIGHT_WORDS[place.column.follows]}" if place.column.follows in FLIGHT_WORDS else ""
-        seen = f" Compared with it {words}, by {size} in every shot alike{inside}"
+        follows = FLIGHT_WORDS.get(place.column.follows)
+        seen = f" Compared with it {words}, by {size}, {f'along with {follows}' if follows else 'in every shot alike'}"
     else:
         seen = f" Compared with it {words} as {unknown.covariate} grows, by {size} over its range"
     stage = f"; most likely it happens {STAGE_WORDS[where.stage]}" if where.stage and where.reason is None else ""
