@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from sim.discover.ask import name_of
 from sim.discover.forward import Step
 from sim.shots import Dataset
 
@@ -43,19 +44,39 @@ MEASURE = {
     "wind_z": "the wind with an anemometer",
     "air_density": "temperature and pressure of each session",
 }
+IN_FLIGHT = ("speed_in_flight_m_s", "time_in_flight_s")
 SHOTS = 20
 FEW = 3                               # measurements proposed at most
 
 
 def next_steps(dataset: Dataset, step: Step, chosen: tuple[str, ...] | None) -> tuple[dict[str, Any], ...]:
-    """Measurements for the names that compete, and the configuration among the shots at which the first two differ
-    most; nothing where one name stands alone."""
-    if chosen is None or len(chosen) < 2:
-        return ()
+    """The configuration among the shots at which the two likeliest names differ most, measurements that settle the
+    names that compete (or confirm the only one), and what to note of every shot from now on."""
+    if chosen is None:
+        return (*_about_unknown(step), *_sides(dataset))
     wanted = dict.fromkeys(MEASURE[name] for name in chosen if name in MEASURE)
     steps: list[dict[str, Any]] = [{"do": "measure", "what": what} for what in list(wanted)[:FEW]]
+    if len(chosen) < 2:
+        return tuple(steps)
     shot = _parting_shot(dataset, step, (step.naming.chosen[0], step.naming.chosen[1]))
-    return (*([shot] if shot else []), *steps)
+    return (*([shot] if shot else []), *steps, *_sides(dataset))
+
+
+def _about_unknown(step: Step) -> tuple[dict[str, Any], ...]:
+    """What has no name is looked for beside what it goes with."""
+    place = step.place
+    name = None if place is None else name_of(place.test, place.column)
+    if name is None or name in IN_FLIGHT:
+        return ({"do": "measure", "what": "the flight with a camera from the side (tracks.csv)"},)
+    return ({"do": "measure", "what": f"what else changes with {name}, which it goes with"},)
+
+
+def _sides(dataset: Dataset) -> tuple[dict[str, Any], ...]:
+    """A miss without a side tells half of what it could."""
+    outcome, side = dataset.shots.text("outcome"), dataset.shots.text("side")
+    blind = sum(said in ("miss", "two") and not where for said, where in zip(outcome, side, strict=True))
+    return ({"do": "measure", "what": "on which side of the centre, low or high, each shot passes (column side)"},) \
+        if blind > 0.5 * sum(map(bool, outcome)) else ()
 
 
 def _parting_shot(dataset: Dataset, step: Step, pair: tuple[str, str]) -> dict[str, Any] | None:

@@ -109,8 +109,6 @@ def say_step(step: dict[str, object]) -> str:
     """What to do next, in words."""
     if step["do"] == "measure":
         return f"measure {step['what']}"
-    if step["do"] == "record":
-        return f"record {step['what']}"
     names = step["separates"]
     assert isinstance(names, list)
     return (f"{step['shots']} shots at {step['distance_m']:g} m, hood {step['hood_deg']:g}°, motor "
