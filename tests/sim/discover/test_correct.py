@@ -3,25 +3,23 @@
 import numpy as np
 import pytest
 
-from sim.discover.correct import clustered_error, correct
+from sim.discover.ask import Clusters, Test
+from sim.discover.correct import correct
 from sim.discover.covariates import Covariate, Factor, smooth_shapes
-from sim.discover.evidence import Channel, Evidence
-from sim.discover.family import Clusters, Test
+from sim.discover.evidence import Evidence
 from sim.discover.locate import amplitude_of, shortest_run
+from tests.sim.discover.made import column, gaussian
 
-CHANNEL = Channel("push", "flight", "vertical", "m/s2", ("up", "down"))
 N = 300
 
 
 def evidence_of(effect: np.ndarray, noise: np.ndarray) -> Evidence:
     """One unit of information a shot and no shared parameters: the score is what was seen."""
-    y = effect + noise
-    return Evidence("tracks", np.arange(len(y)), (CHANNEL,), (), y[:, None], np.ones((len(y), 1, 1)), np.zeros(0),
-                    np.zeros(0), -0.5 * y**2 - 0.5 * np.log(2.0 * np.pi))
+    return gaussian(effect + noise, np.ones((len(effect), 1)), (column("push"),))
 
 
 def asked(what: Covariate | Factor | None) -> Test:
-    return Test(0, 0, what, "straight", np.ones(N))
+    return Test("free", 0, what, "straight", np.ones(N))
 
 
 SINGLE = Clusters("shot", np.arange(N), N)
@@ -64,7 +62,7 @@ def test_groups_take_their_means() -> None:
     found = correct(evidence_of(y, np.zeros(N)), asked(what), SINGLE)
     means = np.array([y[codes == k].mean() for k in range(3)])
     assert np.allclose(found.amplitude, means[codes], atol=1e-3)
-    assert amplitude_of(evidence_of(y, np.zeros(N)), found) == pytest.approx(np.ptp(means), abs=1e-3)
+    assert amplitude_of(found) == pytest.approx(np.ptp(means), abs=1e-3)
 
 
 def test_the_spline_is_straight_beyond_its_last_knots() -> None:
@@ -73,13 +71,6 @@ def test_the_spline_is_straight_beyond_its_last_knots() -> None:
     second = np.abs(np.diff(basis, 2, axis=0))
     assert second[:30].max() < 1e-9 < second[500:1500].max()
     assert second[-30:].max() < 1e-9
-
-
-def test_clustered_error_of_copies_is_that_of_the_originals() -> None:
-    values = np.random.default_rng(4).normal(size=40)
-    plain = clustered_error(values, np.arange(40))
-    assert plain == pytest.approx(values.std(ddof=1) / np.sqrt(40), rel=1e-9)
-    assert clustered_error(np.repeat(values, 6), np.repeat(np.arange(40), 6)) == pytest.approx(plain, rel=1e-9)
 
 
 def test_the_shortest_run_holds_its_share() -> None:

@@ -13,7 +13,6 @@ from sim.discover.covariates import (
     test_groups,
     test_shapes,
 )
-from sim.discover.family import find_clusters
 from sim.shots import Dataset, Shots, Traces
 from tests.sim.discover.worlds import FACTS
 
@@ -101,10 +100,3 @@ def test_a_covariate_that_a_session_fixes_is_said_to_go_with_it() -> None:
 def test_groups_that_are_too_small_are_not_asked_about() -> None:
     factor = gather_factors(dataset({}, {"rig": ("a",) * 30 + ("b",) * 8 + ("c",) * 2}).shots)[0]
     assert test_groups(factor, np.arange(N))[1] == ("a", "b")
-
-
-def test_balls_hold_shots_together_when_they_are_many() -> None:
-    many = dataset({}, {"ball_id": tuple(f"b{k % 13}" for k in range(N))}).shots
-    few = dataset({}, {"ball_id": tuple(f"b{k % 4}" for k in range(N))}).shots
-    assert (find_clusters(many).by, find_clusters(many).count) == ("ball_id", 13)
-    assert (find_clusters(few).by, find_clusters(few).count) == ("shot", N)

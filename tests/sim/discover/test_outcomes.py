@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 from scipy.stats import norm
 
 from robot.config import BadInput
 from robot.facts import Target
 from sim.discover import outcomes
-from sim.discover.outcomes import LAPSE, Seen, see_outcomes
+from sim.discover.outcomes import LAPSE, Seen, see_outcomes, widened
 from sim.shots import Shots
 
 TARGET = Target(2.44)
@@ -18,11 +19,11 @@ means = st.floats(-1.0, 1.0)
 spreads = st.floats(0.02, 0.6)
 
 
-def seen_of(cells: list[tuple[str, str]], heights: list[float] | None = None) -> Seen:
+def seen_of(cells: list[tuple[str, str]], heights: list[float] | None = None, target: Target = TARGET) -> Seen:
     numbers = {} if heights is None else {"miss_height_m": np.array(heights)}
     shots = Shots(tuple(map(str, range(len(cells)))), numbers,
                   {"outcome": tuple(c[0] for c in cells), "side": tuple(c[1] for c in cells)})
-    return see_outcomes(shots, TARGET)[1]
+    return see_outcomes(shots, target)[1]
 
 
 def chance(seen: Seen, mean: float, spread: float) -> np.ndarray:
@@ -48,12 +49,21 @@ def test_slopes_agree_with_differences(mean: float, spread: float, measured: flo
     seen = seen_of([*CELLS, ("", "")], [np.nan] * len(CELLS) + [measured])
     n, step = len(seen.low), 1e-6
     m, s = np.full(n, mean), np.full(n, spread)
-    by_mean, by_log = outcomes.slopes(seen, m, s)
     value = outcomes.log_likelihood
-    scale = 1.0 / spread**2
-    assert np.allclose(by_mean, (value(seen, m + step, s) - value(seen, m - step, s)) / (2 * step), atol=1e-4 * scale)
-    assert np.allclose(by_log, (value(seen, m, s * np.exp(step)) - value(seen, m, s * np.exp(-step))) / (2 * step),
-                       atol=1e-4 * scale)
+    moved = ((value(seen, m + step, s), value(seen, m - step, s)),
+             (value(seen, m, s * np.exp(step)), value(seen, m, s * np.exp(-step))),
+             tuple(value(widened(seen, np.full(n, sign * step)), m, s) for sign in (1.0, -1.0)))
+    for slope, (more, less) in zip(outcomes.slopes(seen, m, s), moved, strict=True):
+        assert np.allclose(slope, (more - less) / (2 * step), atol=1e-4 / spread**2)
+
+
+@settings(max_examples=30, deadline=None)
+@given(wider=st.floats(-0.05, 0.1), mean=means, spread=spreads)
+def test_a_more_forgiving_rim_is_a_larger_target(wider: float, mean: float, spread: float) -> None:
+    larger = replace(TARGET, three_half_height_m=0.07 + wider, two_half_height_m=0.35 + wider)
+    cells, many = list(CELLS), np.full(len(CELLS), wider)
+    assert chance(widened(seen_of(cells), many), mean, spread) == pytest.approx(
+        chance(seen_of(cells, target=larger), mean, spread), abs=1e-12)
 
 
 @settings(max_examples=30, deadline=None)

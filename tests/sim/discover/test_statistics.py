@@ -1,4 +1,4 @@
-"""Flipped signs and projected scores, against enumeration, closed forms and invariance."""
+"""Flipped signs and projected scores, against enumeration, closed forms, invariance and the uniform law."""
 
 import itertools
 
@@ -6,25 +6,17 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.stats import kstest
 
-from sim.discover.evidence import Channel, Evidence
-from sim.discover.statistics import Scores, efficient_scores, flip_signs
+from sim.discover.evidence import Evidence
+from sim.discover.statistics import Judged, Scores, efficient_scores, judge
+from tests.sim.discover.made import at_least_squares
 
-CHANNEL = Channel("push", "flight", "vertical", "m/s2", ("up", "down"))
+ALLOWANCE = {"terms": 0.6, "free": 0.3, "pattern": 0.1}
 
 
 def quiet(done: float, note: str) -> None:
     """No progress."""
-
-
-def linear_model(y: np.ndarray, x: np.ndarray, z: np.ndarray) -> Evidence:
-    """y = b x + z theta + unit normal, one row a shot; theta at its least-squares value under b = 0."""
-    theta = np.linalg.lstsq(z, y, rcond=None)[0]
-    left = y - z @ theta
-    columns = np.concatenate([x[:, None], z], axis=1)
-    p = z.shape[1]
-    return Evidence("tracks", np.arange(len(y)), (CHANNEL,), tuple(f"t{k}" for k in range(p)), columns * left[:, None],
-                    columns[:, :, None] * columns[:, None, :], np.zeros(p), np.zeros(p), -0.5 * left**2)
 
 
 def one_test(evidence: Evidence, cluster: np.ndarray | None = None) -> Scores:
@@ -33,90 +25,173 @@ def one_test(evidence: Evidence, cluster: np.ndarray | None = None) -> Scores:
     return efficient_scores(evidence, 0, np.ones((n, 1)), label, int(label.max()) + 1)
 
 
+def plain(psi: np.ndarray, kappa: np.ndarray | None = None) -> Scores:
+    """Scores of unit information, or kappa, to which nothing was fitted."""
+    return Scores(psi, np.ones_like(psi) if kappa is None else kappa, np.ones_like(psi),
+                  np.ones(psi.shape[1], dtype=bool))
+
+
+def judged_of(scores: Scores, draws: int = 999, seed: int = 0, family: list[str] | None = None,
+              pattern: Scores | None = None) -> Judged:
+    names = ["terms"] * scores.psi.shape[1] if family is None else family
+    return judge(scores, names, ALLOWANCE, draws, seed, quiet, pattern)
+
+
 def test_amplitude_and_gain_are_those_of_least_squares() -> None:
     rng = np.random.default_rng(1)
     x, z = rng.normal(size=40), np.stack([np.ones(40), rng.normal(size=40)], axis=1)
     y = 0.7 * x + z @ [1.0, -2.0] + rng.normal(size=40)
-    flips = flip_signs(one_test(linear_model(y, x, z)), 10, 0, quiet)
+    found = judged_of(one_test(at_least_squares(y, x[:, None], z)), 10)
     whole = np.concatenate([x[:, None], z], axis=1)
     b, rest = np.linalg.lstsq(whole, y, rcond=None)[:2]
     without = np.linalg.lstsq(z, y, rcond=None)[1]
-    assert flips.amplitude[0] == pytest.approx(b[0], rel=1e-10)
-    assert flips.gain[0] == pytest.approx(0.5 * float(without[0] - rest[0]), rel=1e-10)
+    assert found.amplitude[0] == pytest.approx(b[0], rel=1e-10)
+    assert found.gain[0] == pytest.approx(0.5 * float(without[0] - rest[0]), rel=1e-10)
 
 
 def test_what_the_shared_parameters_explain_is_no_evidence() -> None:
     rng = np.random.default_rng(2)
     z = rng.normal(size=(30, 2))
-    scores = one_test(linear_model(rng.normal(size=30), z @ [0.3, 2.0], z))
-    assert not scores.kept[0]
+    assert not one_test(at_least_squares(rng.normal(size=30), z @ [[0.3], [2.0]], z)).kept[0]
 
 
 @settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 10_000), tilt=st.floats(-3.0, 3.0))
 def test_an_alias_added_to_the_covariate_changes_nothing(seed: int, tilt: float) -> None:
     rng = np.random.default_rng(seed)
-    x, z, y = rng.normal(size=30), rng.normal(size=(30, 2)), rng.normal(size=30)
-    plain = one_test(linear_model(y, x, z))
-    tilted = one_test(linear_model(y, x + tilt * z[:, 0], z))
-    assert np.allclose(plain.psi, tilted.psi, atol=1e-8)
+    x, z, y = rng.normal(size=(30, 1)), rng.normal(size=(30, 2)), rng.normal(size=30)
+    straight, tilted = (one_test(at_least_squares(y, x + part * z[:, :1], z)) for part in (0.0, tilt))
+    assert np.allclose(straight.psi, tilted.psi, atol=1e-8)
 
 
 def test_stretched_scores_have_the_spread_of_errors_that_nothing_was_fitted_to() -> None:
     """Least squares leaves residuals smaller than errors by 1 - leverage; the stretch is its inverse square root."""
     rng = np.random.default_rng(7)
-    x, z = rng.normal(size=20), rng.normal(size=(20, 3))
-    scores = one_test(linear_model(rng.normal(size=20), x, z))
+    x, z = rng.normal(size=(20, 1)), rng.normal(size=(20, 3))
     leverage = np.diag(z @ np.linalg.inv(z.T @ z) @ z.T)
+    scores = one_test(at_least_squares(rng.normal(size=20), x, z))
     assert np.allclose(scores.stretch[:, 0], 1.0 / np.sqrt(1.0 - leverage))
 
 
-def test_p_values_are_those_of_all_sign_patterns() -> None:
-    rng = np.random.default_rng(3)
-    psi = rng.normal(0.4, 1.0, (9, 3))
-    kappa = rng.uniform(0.5, 2.0, (9, 3))
-
+def all_signs(psi: np.ndarray, kappa: np.ndarray) -> np.ndarray:
+    """Studentised |score| [2^G, M] of every sign pattern, straight from the definition; the first is what was seen."""
     def statistic(scores: np.ndarray) -> np.ndarray:
         b = scores.sum(0) / kappa.sum(0)
         return np.abs(scores.sum(0)) / np.sqrt(((scores - b * kappa)**2).sum(0))
 
-    seen = statistic(psi)
-    all_signs = np.array([statistic(np.array(signs)[:, None] * psi) for signs in
-                          itertools.product((-1.0, 1.0), repeat=9)])
-    each = (all_signs >= seen - 1e-9).mean(0)
-    family = (all_signs.max(1)[:, None] >= seen - 1e-9).mean(0)
-    flips = flip_signs(Scores(psi, kappa, np.ones_like(psi), np.ones(3, dtype=bool)), 20_000, 4, quiet)
-    assert np.allclose(flips.statistic, seen)
-    assert np.allclose(flips.p_each, each, atol=0.015)
-    assert np.allclose(flips.p_family, family, atol=0.015)
+    return np.array([statistic(np.array(signs)[:, None] * psi)
+                     for signs in itertools.product((1.0, -1.0), repeat=len(psi))])
+
+
+def test_p_values_alone_in_the_family_and_of_any_are_those_of_all_sign_patterns() -> None:
+    rng = np.random.default_rng(3)
+    psi, kappa = rng.normal(0.4, 1.0, (9, 4)), rng.uniform(0.5, 2.0, (9, 4))
+    family = np.array(["terms", "terms", "terms", "free"])
+    every = all_signs(psi, kappa)
+    found = judged_of(plain(psi, kappa), 20_000, 4, family.tolist())
+    assert np.allclose(found.statistic, every[0])
+    assert np.allclose(found.p_each, (every >= every[0] - 1e-9).mean(0), atol=0.015)
+    # each family's largest, its rank over its share of the allowance, and the smallest of these over all patterns
+    weight = {"terms": 0.6 / 0.9, "free": 0.3 / 0.9}
+    largest = {name: every[:, family == name].max(1) for name in weight}
+    rank = {name: (values >= values[:, None] - 1e-9).mean(1) for name, values in largest.items()}
+    least = np.minimum(*(rank[name] / weight[name] for name in weight))
+    for name, value in found.families.items():
+        assert value == pytest.approx(rank[name][0], abs=0.015)
+    assert found.p_any == pytest.approx((least <= least[0] + 1e-12).mean(), abs=0.015)
+    for k, name in enumerate(family):
+        alone = (largest[name] >= every[0, k] - 1e-9).mean() / weight[name]
+        assert found.p_value[k] == pytest.approx((least <= alone + 1e-12).mean(), abs=0.02)
 
 
 @settings(max_examples=30, deadline=None)
 @given(seed=st.integers(0, 10_000), tests=st.integers(1, 6), clusters=st.integers(8, 25))
-def test_a_test_is_never_likelier_in_the_family_than_alone(seed: int, tests: int, clusters: int) -> None:
+def test_a_test_is_never_likelier_among_others_than_alone(seed: int, tests: int, clusters: int) -> None:
     rng = np.random.default_rng(seed)
-    scores = Scores(rng.standard_t(3, (clusters, tests)), rng.uniform(0.1, 3.0, (clusters, tests)),
-                    np.ones((clusters, tests)), np.ones(tests, dtype=bool))
-    flips = flip_signs(scores, 199, seed, quiet)
-    assert (flips.p_family >= flips.p_each - 1e-12).all()
-    assert ((flips.p_each > 0.0) & (flips.p_family <= 1.0)).all()
+    scores = plain(rng.standard_t(3, (clusters, tests)), rng.uniform(0.1, 3.0, (clusters, tests)))
+    family = ["terms" if k % 2 else "free" for k in range(tests)]
+    found = judged_of(scores, 199, seed, family)
+    assert (found.p_value >= found.p_each - 1.0 / 200.0 - 1e-12).all()
+    assert ((found.p_each > 0.0) & (found.p_value <= 1.0)).all()
+    assert found.p_any == pytest.approx(found.p_value.min(), abs=1e-12)
+
+
+def noise_only(rng: np.random.Generator, clusters: int) -> tuple[Scores, Scores]:
+    """(tests that hang together, waves) of nothing at all: heavy tails, unequal clusters."""
+    size = rng.uniform(0.2, 3.0, clusters)[:, None]
+    common = rng.standard_t(3, (clusters, 1))
+    draw = lambda count: size * (0.6 * common + rng.standard_t(3, (clusters, count)))          # noqa: E731
+    return (plain(draw(7), np.tile(size**2, 7)), plain(draw(5), np.tile(size**2, 5)))
+
+
+def test_under_pure_noise_p_of_any_is_uniform() -> None:
+    family, found = ["terms"] * 4 + ["free"] * 3, []
+    for seed in range(400):
+        rng = np.random.default_rng(seed)
+        scores, pattern = noise_only(rng, 25)
+        # ties at 1 / 200 steps are spread out, so that the law is continuous
+        p_any = judged_of(scores, 199, seed, family, pattern).p_any
+        found.append(p_any - rng.uniform(0.0, 1.0 / 200.0))
+    assert kstest(found, "uniform").pvalue > 1e-3
+
+
+def test_under_pure_noise_with_fitted_parameters_it_is_uniform_too() -> None:
+    found = []
+    for seed in range(250):
+        rng = np.random.default_rng(1000 + seed)
+        z = np.concatenate([np.ones((40, 1)), rng.normal(size=(40, 3))], axis=1)
+        evidence = at_least_squares(rng.normal(size=40), rng.normal(size=(40, 5)), z)
+        parts = [efficient_scores(evidence, k, np.ones((40, 1)), np.arange(40), 40) for k in range(5)]
+        scores = Scores(*(np.concatenate([getattr(part, name) for part in parts], axis=-1)
+                          for name in ("psi", "kappa", "stretch", "kept")))
+        found.append(judged_of(scores, 199, seed).p_any - rng.uniform(0.0, 1.0 / 200.0))
+    assert kstest(found, "uniform").pvalue > 1e-3
+
+
+def test_a_planted_effect_is_found_in_its_family() -> None:
+    rng = np.random.default_rng(11)
+    psi = rng.normal(size=(60, 8))
+    psi[:, 6] += 0.8
+    family = ["terms"] * 5 + ["free"] * 3
+    found = judged_of(plain(psi), 1999, 1, family)
+    assert found.families["free"] < 0.002 < 0.05 < found.families["terms"]
+    assert found.p_any == found.p_value[6] < 0.01
+    assert np.argmin(found.p_value) == 6 and (np.delete(found.p_value, 6) > 0.05).all()
+    assert found.amplitude[6] == pytest.approx(0.8, abs=0.4)
+
+
+def test_a_little_of_every_wave_is_found_as_a_pattern_alone() -> None:
+    rng = np.random.default_rng(12)
+    waves = rng.normal(size=(80, 40)) + 0.17 * rng.choice([-1.0, 1.0], 40)
+    quiet_tests = rng.normal(size=(80, 6))
+    found = judged_of(plain(quiet_tests), 999, 2, ["terms"] * 3 + ["free"] * 3, plain(waves))
+    assert found.families["pattern"] <= 0.005
+    assert min(found.families["terms"], found.families["free"]) > 0.05
+    assert found.p_any <= 0.05 < found.p_value.min()
+    assert "pattern" not in judged_of(plain(quiet_tests), 99).families
+
+
+def test_the_same_seed_gives_the_same_judgement() -> None:
+    scores = plain(np.random.default_rng(13).normal(size=(30, 4)))
+    first, second, other = (judged_of(scores, 499, seed) for seed in (5, 5, 6))
+    assert (first.p_value == second.p_value).all() and first.p_any == second.p_any
+    assert (first.p_each != other.p_each).any()
 
 
 def test_shots_of_one_cluster_count_once() -> None:
     """Every shot copied five times adds nothing when the copies are one cluster, and a lot when they are not."""
     rng = np.random.default_rng(5)
-    x, y = np.ones(12), rng.normal(0.25, 1.0, 12)
-    none = np.zeros((12, 0))
-    single = flip_signs(one_test(linear_model(y, x, none)), 4000, 0, quiet)
-    copies = linear_model(np.repeat(y, 5), np.repeat(x, 5), np.zeros((60, 0)))
-    held = flip_signs(one_test(copies, np.repeat(np.arange(12), 5)), 4000, 0, quiet)
-    loose = flip_signs(one_test(copies), 4000, 0, quiet)
+    y, none = rng.normal(0.25, 1.0, 12), np.zeros((12, 0))
+    single = judged_of(one_test(at_least_squares(y, np.ones((12, 1)), none)), 4000)
+    copies = at_least_squares(np.repeat(y, 5), np.ones((60, 1)), np.zeros((60, 0)))
+    held = judged_of(one_test(copies, np.repeat(np.arange(12), 5)), 4000)
+    loose = judged_of(one_test(copies), 4000)
     assert held.statistic[0] == pytest.approx(single.statistic[0])
     assert held.p_each[0] == pytest.approx(single.p_each[0], abs=0.03)
     assert loose.statistic[0] > 1.8 * held.statistic[0]
 
 
 def test_a_test_on_too_few_clusters_is_not_made() -> None:
-    x = np.zeros(40)
+    x = np.zeros((40, 1))
     x[:6] = 1.0
-    assert not one_test(linear_model(np.random.default_rng(6).normal(size=40), x, np.zeros((40, 0)))).kept[0]
+    assert not one_test(at_least_squares(np.random.default_rng(6).normal(size=40), x, np.zeros((40, 0)))).kept[0]
