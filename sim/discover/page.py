@@ -19,6 +19,7 @@ from sim.discover.residuals import (
     find_along,
     halves,
     residuals_of,
+    stage_of,
     stated_covariate,
 )
 from sim.discover.sight_page import sight_section
@@ -85,7 +86,7 @@ def make_pictures(investigation: Investigation) -> list[tuple[str, str]]:
         first = investigation.finding.where.covariate
         what = "the free curve" if step.unknown else plain(step.naming.leader)
         found = _views(step.fitted.evidence, evidence_after(step), fitted.intake, along,
-                       find_along(stated_covariate(step, first), along), what, field=step.base == ())
+                       find_along(stated_covariate(step, first), along), what, stage_of(step), step.base == ())
         heading = "Where it is" if step.base == () else f"Besides: {what}"
         if found:
             sections.append((heading, (_where(investigation.finding) if step.base == () else "") + found))
@@ -93,10 +94,10 @@ def make_pictures(investigation: Investigation) -> list[tuple[str, str]]:
 
 
 def _views(before: Evidence, after: Evidence | None, intake: Intake, along: tuple[Along, ...], stated: Along | None,
-           what: str, field: bool = True) -> str:
+           what: str, stage: str | None = None, field: bool = True) -> str:
     """Against the guilty covariate, along the flight, over the field."""
     residuals = residuals_of(before, after, intake.samples is not None)
-    chosen = choose(residuals, along if stated is None else (stated,), before.rows)
+    chosen = choose(residuals, along if stated is None else (stated,), before.rows, stage)
     if chosen is None:
         return ""
     residual, against = chosen

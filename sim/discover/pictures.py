@@ -9,7 +9,7 @@ from matplotlib.patches import Patch
 from sim.discover.evidence import Array, Evidence
 from sim.discover.identify import Sight
 from sim.discover.locate import joint_bands
-from sim.discover.residuals import Along, Bins, Residual, binned, bins_of
+from sim.discover.residuals import Along, Bins, Part, Residual, binned, bins_of
 from sim.discover.sizes import plain
 from sim.report import make_png, new_figure
 
@@ -42,7 +42,7 @@ def residual_png(residual: Residual, along: Along, rows: Array, what: str) -> by
     return make_png(figure)
 
 
-def _points(axes: Axes, bins: Bins, part: tuple[Array, Array], factor: float, colour: str) -> None:
+def _points(axes: Axes, bins: Bins, part: Part, factor: float, colour: str) -> None:
     value, error = binned(part, bins)
     axes.axhline(0.0, color=INK, lw=0.9)
     axes.errorbar(bins.middle, value * factor, error * factor, fmt="o", ms=6, color=colour, elinewidth=1.4, capsize=2.5)
@@ -131,9 +131,8 @@ def field_png(residual: Residual, across: tuple[str, Array], up: tuple[str, Arra
         axes.set_title(title, loc="left", fontsize=11, color=colour, fontweight="bold")
         axes.set_xlabel(across[0])
     panels[0].set_ylabel(up[0])
-    figure.colorbar(image, ax=list(panels), label="standard errors from 0", pad=0.01)
-    panels[-1].annotate(f"numbers: {residual.name} [{residual.unit}]", (1.0, 1.02), xycoords="axes fraction",
-                        ha="right", fontsize=9, color=INK)
+    figure.colorbar(image, ax=list(panels), pad=0.01,
+                    label=f"colour: standard errors from 0\nnumbers: {residual.name} [{residual.unit}]")
     return make_png(figure)
 
 
@@ -142,7 +141,7 @@ def _edges(values: Array, count: int) -> Array:
     return np.unique(np.quantile(known, np.linspace(0.0, 1.0, count + 1))) if len(known) else np.zeros(0)
 
 
-def _cells(part: tuple[Array, Array], settings: tuple[Array, Array], edges: Sequence[Array]) -> tuple[Array, Array]:
+def _cells(part: Part, settings: tuple[Array, Array], edges: Sequence[Array]) -> tuple[Array, Array]:
     """(mean residual, its standard error) [across, up]; nan in cells that hardly any shot is in."""
     place = [np.clip(np.searchsorted(edge, values, side="right") - 1, 0, len(edge) - 2)
              for edge, values in zip(edges, settings, strict=True)]
@@ -157,8 +156,12 @@ def _cells(part: tuple[Array, Array], settings: tuple[Array, Array], edges: Sequ
 def _write_cells(axes: Axes, edges: Sequence[Array], values: Array, sure: Array) -> None:
     middles = [(edge[1:] + edge[:-1]) / 2.0 for edge in edges]
     for i, j in np.argwhere(np.isfinite(values)):
-        axes.text(middles[0][i], middles[1][j], f"{values[i, j]:+.2g}", ha="center", va="center", fontsize=8.5,
+        axes.text(middles[0][i], middles[1][j], _signed(values[i, j]), ha="center", va="center", fontsize=8.5,
                   color="white" if abs(sure[i, j]) > 0.6 * SURE_SD else INK)
+
+
+def _signed(value: float) -> str:
+    return f"{value:+.0f}" if abs(value) >= 10.0 else f"{value:+.2g}"
 
 
 def sight_png(sight: Sight) -> bytes | None:

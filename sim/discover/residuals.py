@@ -1,7 +1,7 @@
-"""What each shot still asks for, before and after something is put into the simulation: what the pictures show.
+"""What shots still ask for, before and after something is put into the simulation: what the pictures show.
 
-A shot's residual in one free number (its height at the target, its launch speed, a push in flight) is its score over
-its information; many shots' is the sum of scores over the sum of informations.
+Many shots' residual in one free number (launch speed, a push in flight) is the sum of their scores over the sum of
+their informations; in the height at the target it is the shift under which their outcomes are likeliest.
 """
 
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from sim.discover import outcomes
 from sim.discover.answer import COVARIATE
 from sim.discover.ask import Asked
 from sim.discover.covariates import Covariate, Factor
-from sim.discover.evidence import Array, Evidence
+from sim.discover.evidence import Array, Evidence, Plane
 from sim.discover.forward import Step, promote
 from sim.discover.locate import Place
 from sim.discover.sizes import scale_of
@@ -21,22 +21,88 @@ from sim.discover.sizes import scale_of
 HEIGHT = "height at the target"
 MOST_BINS, BIN_SHOTS = 8, 6
 MOST_GROUPS = 3
+FEWEST = 3                            # shots of a bin
+SHIFTS, MOST_SPREADS = 201, 5.0       # of heights that are tried, as far as so many spreads of one shot
+AT_STAGE = 3.0                        # weight of numbers of the stage where it happens
 Along = Covariate | Factor
 
 
 @dataclass(frozen=True)
-class Residual:
-    """Score and information [n] of one number, before and after; `factor` turns it into `unit` as people say it.
+class Linear:
+    """Score and information [n] of a column."""
 
-    column: of the evidence, None for the height at the target. after None: nothing was put in.
+    score: Array
+    information: Array
+
+    def estimate(self, chosen: Array) -> tuple[float, float]:
+        """(residual, standard error) of the chosen shots [n]: by information, or by how these differ if that is more.
+
+        nan where they say nothing.
+        """
+        score, information = self.score[chosen], self.information[chosen]
+        if len(score) < FEWEST or not information.sum() > 0.0:
+            return np.nan, np.nan
+        value = score.sum() / information.sum()
+        spread = max(float(((score - information * value)**2).sum()), float(information.sum()))
+        return float(value), float(np.sqrt(spread) / information.sum())
+
+
+@dataclass(frozen=True)
+class Heights:
+    """What was seen at the plane, and what height is expected, of the shots `rows` of n."""
+
+    plane: Plane
+    shots: int
+
+    def estimate(self, chosen: Array) -> tuple[float, float]:
+        """(common shift of heights in m, uphill from none, its standard error by the likelihood); nan: none to be had.
+
+        A miss that may have been high or low has a second summit far off, which nobody would believe.
+        """
+        plane = self.plane
+        mine = np.flatnonzero(chosen[plane.rows])
+        if len(mine) < FEWEST:
+            return np.nan, np.nan
+        seen, mean_m, spread_m = plane.seen.take(mine), plane.mean_m[mine], plane.spread_m[mine]
+        shifts = np.linspace(-1.0, 1.0, SHIFTS) * MOST_SPREADS * float(np.median(spread_m))
+        value = np.array([outcomes.log_likelihood(seen, mean_m + shift, spread_m).sum() for shift in shifts])
+        best = _uphill(value, SHIFTS // 2)
+        low = best - int(np.argmax(value[best::-1] < value[best] - 0.5))
+        high = best + int(np.argmax(value[best:] < value[best] - 0.5))
+        if low == best or high == best:
+            return np.nan, np.nan
+        return float(shifts[best]), float((shifts[high] - shifts[low]) / 2.0)
+
+
+def _uphill(value: Array, start: int) -> int:
+    """Index of the summit that one comes to from `start`."""
+    here = start
+    while True:
+        near = range(max(here - 1, 0), min(here + 2, len(value)))
+        best = max(near, key=lambda k: value[k])
+        if value[best] <= value[here]:
+            return here
+        here = best
+
+
+Part = Linear | Heights
+
+
+@dataclass(frozen=True)
+class Residual:
+    """One number before and after; `factor` turns it into `unit` as people say it.
+
+    column: of the evidence, None for the height at the target. stage: where such a change happens. after None: nothing
+    was put in.
     """
 
     name: str
     column: int | None
+    stage: str
     factor: float
     unit: str
-    before: tuple[Array, Array]
-    after: tuple[Array, Array] | None
+    before: Part
+    after: Part | None
 
 
 @dataclass(frozen=True)
@@ -70,27 +136,21 @@ def residuals_of(before: Evidence, after: Evidence | None, tracked: bool) -> tup
     """The height at the target; with tracks also launch, distance and pushes throughout the flight."""
     found = []
     if before.plane is not None:
-        found.append(Residual(HEIGHT, None, 100.0, "cm", _height(before), None if after is None else _height(after)))
+        later = None if after is None or after.plane is None else Heights(after.plane, len(after.rows))
+        found.append(Residual(HEIGHT, None, "arrival", 100.0, "cm", Heights(before.plane, len(before.rows)), later))
     for k, column in enumerate(before.columns[:before.first_shared] if tracked else ()):
-        if column.kind == "free" and not column.follows and (before.info[:, k, k] > 0.0).any():
+        # a wrong distance is seen in nothing but the height
+        plain = column.kind == "free" and column.stage != "sensing" and not column.follows
+        if plain and (before.info[:, k, k] > 0.0).any():
             factor, unit = scale_of(column.unit)
-            later = None
-            if after is not None:
-                other = after.index(column.name)
-                later = after.score[:, other], after.info[:, other, other]
-            found.append(Residual(column.name, k, factor, unit.strip(), (before.score[:, k], before.info[:, k, k]),
-                                  later))
+            found.append(Residual(column.name, k, column.stage, factor, unit.strip(), _linear(before, column.name),
+                                  None if after is None else _linear(after, column.name)))
     return tuple(found)
 
 
-def _height(evidence: Evidence) -> tuple[Array, Array]:
-    """Score and information [n] of metres above the centre."""
-    plane, n = evidence.plane, len(evidence.rows)
-    score, information = np.zeros(n), np.zeros(n)
-    if plane is not None:
-        score[plane.rows] = outcomes.slopes(plane.seen, plane.mean_m, plane.spread_m)[0]
-        information[plane.rows] = outcomes.information(plane.seen, plane.mean_m, plane.spread_m)[:, 0, 0]
-    return score, information
+def _linear(evidence: Evidence, name: str) -> Linear:
+    k = evidence.index(name)
+    return Linear(evidence.score[:, k], evidence.info[:, k, k])
 
 
 def covariates_in(asked: Asked) -> tuple[Along, ...]:
@@ -128,37 +188,35 @@ def bins_of(along: Along, rows: Array) -> Bins:
     return Bins(along.name, index, middle)
 
 
-def binned(part: tuple[Array, Array], bins: Bins) -> tuple[Array, Array]:
-    """(residual, standard error) [B] by how the shots of a bin differ among themselves; nan where they say nothing."""
-    value, error = np.full((2, len(bins.middle)), np.nan)
-    for k in range(len(bins.middle)):
-        score, information = (each[bins.index == k] for each in part)
-        if information.sum() > 0.0 and len(score) > 1:
-            value[k] = score.sum() / information.sum()
-            error[k] = np.sqrt(((score - information * value[k])**2).sum()) / information.sum()
-    return value, error
+def binned(part: Part, bins: Bins) -> tuple[Array, Array]:
+    """(residual, standard error) [B]; nan where the shots of a bin say nothing of it."""
+    found = np.array([part.estimate(bins.index == k) for k in range(len(bins.middle))]).reshape(-1, 2)
+    return found[:, 0], found[:, 1]
 
 
-def choose(residuals: Sequence[Residual], along: Sequence[Along], rows: Array) -> tuple[Residual, Along] | None:
-    """The number and what to draw it against in which what was put in explains most; a group only if alone."""
+def choose(residuals: Sequence[Residual], along: Sequence[Along], rows: Array,
+           stage: str | None = None) -> tuple[Residual, Along] | None:
+    """The number and what to draw it against in which what was put in explains most.
+
+    Numbers of the stage where it happens count for more. Groups are drawn against only where nothing else is asked for.
+    """
     best: tuple[float, Residual, Along] | None = None
     for one in [each for each in along if isinstance(each, Covariate)] or along:
         bins = bins_of(one, rows)
         for residual in residuals:
             gained = _roughness(residual.before, bins)
             gained -= 0.0 if residual.after is None else _roughness(residual.after, bins)
+            gained *= AT_STAGE if residual.stage == stage and gained > 0.0 else 1.0
             if best is None or gained > best[0]:
                 best = gained, residual, one
     return None if best is None else best[1:]
 
 
-def _roughness(part: tuple[Array, Array], bins: Bins) -> float:
-    """Log-likelihood that the bins' means explain, times two, less what luck explains."""
-    total = -float(len(bins.middle))
-    for k in range(len(bins.middle)):
-        score, information = (float(each[bins.index == k].sum()) for each in part)
-        total += score**2 / information if information > 0.0 else 0.0
-    return total
+def _roughness(part: Part, bins: Bins) -> float:
+    """Log-likelihood that the bins' values explain, times two, less what luck explains."""
+    value, error = binned(part, bins)
+    known = np.isfinite(value) & (error > 0.0)
+    return float((((value[known] / error[known])**2) - 1.0).sum())
 
 
 def stated_covariate(step: Step, first: str | None) -> str | None:
@@ -168,6 +226,13 @@ def stated_covariate(step: Step, first: str | None) -> str | None:
         if column.follows in COVARIATE:
             return COVARIATE[column.follows]
     return first if step.base == () else None
+
+
+def stage_of(step: Step) -> str | None:
+    """Where the step's effect happens: by its name, or by the free change that carries it."""
+    if not step.unknown:
+        return step.fitted.evidence.columns[step.fitted.evidence.index(step.naming.leader)].stage
+    return None if step.place is None else step.place.column.stage
 
 
 def halves(along: Along | None, rows: Array) -> list[tuple[str, Array]]:
