@@ -19,6 +19,7 @@ class Phrase(NamedTuple):
     per: str = ""
 
 
+MOST_PLACES = 5                       # after the point; beyond, exponents
 SHARE, ANGLE, LENGTH, SPEED, NUMBER = (100.0, " %"), (1.0, "°"), (100.0, " cm"), (1.0, " m/s"), (1.0, "")
 PHRASES: dict[str, Phrase] = {
     "hood_offset": Phrase("the hood stands {} steeper than it reads", "the hood stands {} flatter than it reads",
@@ -111,12 +112,13 @@ def say_effect(term: str, interval: Interval, sentence: str) -> str:
     if phrase is None:
         unit = "" if interval.unit == "1" else f" {interval.unit}"
         said = sentence.rstrip(".")
-        return (f"{said[:1].lower()}{said[1:]} ({_number(interval.value)}{unit}, 90 %: {_number(interval.low90)} to "
-                f"{_number(interval.high90)})")
+        value, lowest, highest = _together(interval.value, interval.low90, interval.high90)
+        return f"{said[:1].lower()}{said[1:]} ({value}{unit}, 90 %: {lowest} to {highest})"
     less = interval.value < 0.0
     factor = -phrase.factor if less else phrase.factor
     low, high = sorted((interval.low90 * factor, interval.high90 * factor))
-    size = f"{_number(interval.value * factor)}{phrase.unit} (90 %: {_number(low)} to {_number(high)}{phrase.unit})"
+    value, lowest, highest = _together(interval.value * factor, low, high)
+    size = f"{value}{phrase.unit} (90 %: {lowest} to {highest}{phrase.unit})"
     return (phrase.less if less else phrase.more).format(size)
 
 
@@ -135,9 +137,19 @@ def scale_of(unit: str) -> tuple[float, str]:
         unit, (1.0, f" {unit}"))
 
 
+def _together(value: float, low: float, high: float) -> tuple[str, str, str]:
+    """A value and its interval to as many places as leave the interval's width two figures."""
+    width = high - low
+    places = max(1 - math.floor(math.log10(width) + 1e-9), 0) if 0.0 < width < math.inf else 3
+    if places > MOST_PLACES:
+        return _number(value), _number(low), _number(high)
+    shown = (f"{round(one, places) + 0.0:.{places}f}" for one in (value, low, high))
+    return next(shown), next(shown), next(shown)
+
+
 def _number(value: float) -> str:
     """Two figures, and no exponents where people use none."""
     if value == 0.0 or not math.isfinite(value):
         return f"{value:g}"
-    figures = max(1 - math.floor(math.log10(abs(value))), 0)
-    return f"{value:.{figures}f}" if figures <= 5 else f"{value:.1e}"
+    places = max(1 - math.floor(math.log10(abs(value)) + 1e-9), 0)
+    return f"{value:.{places}f}" if places <= MOST_PLACES else f"{value:.1e}"
