@@ -1,0 +1,95 @@
+"""A world in which everything is linear, in the place of the flights: names, refits and steps have closed forms there.
+
+One measured number a shot (as an exit speed is): y [n] = slopes [n, slots] times the parameters + unit normal noise.
+Only sim.discover.chain.see_slopes is replaced; everything after it is the real thing.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from robot.facts import Ball, Facts, Target
+from sim.discover.ask import Clusters
+from sim.discover.believed import Fitted, climb, only_shared
+from sim.discover.chain import DEVIATES, Chain, Lanes, Seen
+from sim.discover.evidence import Column
+from sim.discover.intake import Intake
+from sim.discover.linear import Layout, linearise, nowhere
+from sim.discover.outcomes import see_outcomes
+from sim.physics.launch import Exit
+from sim.physics.term import Circumstances
+from sim.shots import Shots
+from tests.sim.discover.made import column
+
+ASKED = ("wind_x.speed_m_s", "wind_y.speed_m_s", "wind_z.speed_m_s", "spin_decay.rate_per_s", "spin_drag.share",
+         "drag_reynolds.slope", "lift_saturation.rate", "drag_wear.share", "buoyancy.share", "added_mass.share",
+         "release_height.above_m", "battery_sag.sensitivity")
+SHARED = ("drag.cd", "magnus.cl")
+NAMES = (*ASKED, *SHARED)
+FACTS = Facts(Ball(0.1, 0.1), target=Target(2.44))
+
+
+def see_straight(slopes: np.ndarray) -> Callable[..., tuple[Seen, Seen]]:
+    """In the place of see_slopes; lanes carry the number of their shot as their distance."""
+    def see_slopes(chain: Chain, lanes: Lanes, point: Any, deviates: Any, edges_s: Any,
+                   basis: Any) -> tuple[Seen, Seen]:
+        mine = slopes[np.asarray(lanes.distance_m).astype(int)]
+        n, k = len(mine), basis.shape[1]
+        exit, by = np.zeros((n, 3)), np.zeros((n, 3, k))
+        exit[:, 0], by[:, 0] = mine @ np.asarray(point), mine @ np.asarray(basis)[:len(NAMES)]
+        none, none_by = np.zeros((n, 0, 3)), np.zeros((n, 0, 3, k))
+        return (Seen(exit, np.zeros((n, 4)), np.zeros(n, bool), none, none),
+                Seen(by, np.zeros((n, 4, k)), np.zeros(n), none_by, none_by))
+
+    return see_slopes
+
+
+def take_straight(y: np.ndarray) -> Intake:
+    """Shots of which nothing was seen but y."""
+    n, unknown = len(y), np.full(len(y), np.nan)
+    zero = np.zeros(n)
+    lanes = Lanes(Exit(zero, zero, zero, zero), 0.0, zero, zero, zero, zero, zero, np.arange(n), Circumstances(), 0.0,
+                  0.0, 0.0, zero, 0.0)
+    marked, seen = see_outcomes(Shots(tuple(map(str, range(n))), {}, {}), FACTS.target)
+    return Intake(FACTS, FACTS, np.arange(n), lanes, np.zeros((n, len(DEVIATES))), np.zeros((n, 3), bool),
+                  np.stack([y, unknown, unknown], axis=1), np.ones((n, 3)), marked, seen, np.zeros(0, int), None, None,
+                  frozenset(), "L1", ())
+
+
+def lay_straight(usual: np.ndarray) -> Layout:
+    """All of ASKED, `usual` [K] large, and SHARED about zero with a standard deviation of 2."""
+    slots = tuple((name.partition(".")[0], name.partition(".")[2]) for name in NAMES)
+    chain = Chain(FACTS, tuple(term for term, _ in slots), slots, plane=False, track=False)
+    columns: tuple[Column, ...] = (
+        *(column(name, "term", usual=size) for name, size in zip(ASKED, usual, strict=True)),
+        *(column(name, "shared") for name in SHARED))
+    return Layout(chain, columns, np.arange(len(NAMES)), (), np.full(2, 0.25), np.zeros(2), np.zeros(0))
+
+
+def slopes_and_y(planted: dict[str, float], seed: int, shots: int,
+                 copies: dict[str, str]) -> tuple[np.ndarray, np.ndarray]:
+    """Slopes all different, but for `copies` {name: of which}; SHARED are at work too."""
+    rng = np.random.default_rng(seed)
+    slopes = rng.normal(size=(shots, len(NAMES)))
+    for name, original in copies.items():
+        slopes[:, NAMES.index(name)] = slopes[:, NAMES.index(original)]
+    truth = {SHARED[0]: 0.5, SHARED[1]: -0.3, **planted}
+    return slopes, slopes @ [truth.get(name, 0.0) for name in NAMES] + rng.normal(size=shots)
+
+
+def fit_straight(monkeypatch: pytest.MonkeyPatch, planted: dict[str, float], seed: int, shots: int = 200,
+                 copies: dict[str, str] | None = None, usual: dict[str, float] | None = None) -> Fitted:
+    """The believed fit at its optimum; until the next call it is this world that flies."""
+    slopes, y = slopes_and_y(planted, seed, shots, copies or {})
+    monkeypatch.setattr("sim.discover.linear.see_slopes", see_straight(slopes))
+    layout = lay_straight(np.array([(usual or {}).get(name, 0.3) for name in ASKED]))
+    intake, bare = take_straight(y), only_shared(layout)
+    spot, _ = climb(intake, bare, nowhere(intake, bare, np.zeros(len(NAMES)), np.zeros(3)))
+    return Fitted(intake, layout, spot, linearise(intake, layout, spot)[0])
+
+
+def each_by_itself(fitted: Fitted) -> Clusters:
+    n = len(fitted.evidence.rows)
+    return Clusters("shot", np.arange(n), n)

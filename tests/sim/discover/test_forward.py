@@ -1,0 +1,57 @@
+"""One effect after another, where everything is linear: each is put in before the next is looked for."""
+
+import numpy as np
+import pytest
+
+from sim.discover.believed import Fitted
+from sim.discover.forward import MOST, Step, go_forward, promote
+from sim.discover.refit import refit
+from tests.sim.discover.straight import ASKED, SHARED, each_by_itself, fit_straight
+
+
+def steps_of(fitted: Fitted) -> tuple[Step, ...]:
+    return go_forward(fitted, each_by_itself(fitted), None, (), (), 0.05, 0, lambda done, note: None)
+
+
+def test_two_effects_are_named_in_turn_and_then_it_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    planted = {"wind_z.speed_m_s": 0.9, "added_mass.share": 0.5}
+    fitted = fit_straight(monkeypatch, planted, 2)
+    steps = steps_of(fitted)
+    assert [step.naming.leader for step in steps] == list(planted)
+    assert [step.base for step in steps] == [(), ("wind_z.speed_m_s",)]
+    assert not any(step.unknown for step in steps)
+    for step in steps:
+        assert step.after.sum() > step.before.sum() + 10.0
+    assert steps[1].before == pytest.approx(steps[0].after, abs=0.02)      # what was named is believed from then on
+    found = steps[1].refit.amplitude[0], steps[1].fitted.values["wind_z.speed_m_s"]
+    assert found == pytest.approx((0.5, 0.9), abs=0.25)
+
+
+def test_it_stops_after_so_many(monkeypatch: pytest.MonkeyPatch) -> None:
+    planted = {name: 1.0 - 0.1 * k for k, name in enumerate(ASKED[:5])}
+    assert len(steps_of(fit_straight(monkeypatch, planted, 3))) == MOST
+
+
+def test_nothing_that_is_worth_its_prior_is_unknown(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Asked to name what is not there, it names nothing and goes no further."""
+    steps = steps_of(fit_straight(monkeypatch, {}, 11))
+    assert len(steps) == 1
+    assert steps[0].naming.nats[steps[0].naming.leader] <= 0.0 and steps[0].unknown
+
+
+def test_the_promoted_column_has_no_slope_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    fitted = fit_straight(monkeypatch, {"buoyancy.share": 0.7, "wind_x.speed_m_s": 0.4}, 4)
+    found = refit(fitted, ("buoyancy.share",), np.array([0.5]))
+    there = promote(fitted, found)
+    columns = [one.name for one in there.evidence.columns]
+    assert columns == [*(name for name in ASKED if name != "buoyancy.share"), "buoyancy.share", *SHARED]
+    assert there.evidence.first_shared == len(ASKED) - 1
+    slope = there.evidence.score[:, there.evidence.first_shared:].sum(0) + there.evidence.pull
+    assert slope == pytest.approx(np.zeros(3), abs=0.5)                    # of information 200: a thousandth of an sd
+    information = there.evidence.info.sum(0).diagonal()[there.evidence.first_shared:]
+    assert (np.abs(slope) / np.sqrt(information) < 0.06).all()
+    assert there.evidence.log_score.sum() == pytest.approx(found.evidence.log_score.sum())
+    # the other effect is still to be seen, the promoted one's slots hold what was fitted
+    other = there.evidence.index("wind_x.speed_m_s")
+    assert there.evidence.score[:, other].sum() / np.sqrt(there.evidence.info[:, other, other].sum()) > 4.0
+    assert there.values["buoyancy.share"] == pytest.approx(found.amplitude[0])

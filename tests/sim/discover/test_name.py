@@ -1,0 +1,103 @@
+"""Names, where everything is linear: evidence against the exact marginal likelihood, sets, decoys."""
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+
+from sim.discover.believed import Fitted
+from sim.discover.name import Naming, name_terms, nats_for, one_step
+from tests.sim.discover.straight import ASKED, NAMES, SHARED, each_by_itself, fit_straight, slopes_and_y
+
+PLANTED = "spin_drag.share"
+
+
+def named(fitted: Fitted) -> Naming:
+    return name_terms(fitted, each_by_itself(fitted), 0, lambda done, note: None)
+
+
+def log_marginal(fitted: Fitted, names: tuple[str, ...], world: tuple[np.ndarray, np.ndarray]) -> float:
+    """Of y under normal priors on these names and the shared ones: one big covariance matrix."""
+    slopes, y = world
+    sd = np.array([*(fitted.evidence.columns[ASKED.index(name)].usual for name in names), 2.0, 2.0])
+    mine = slopes[:, [NAMES.index(name) for name in (*names, *SHARED)]] * sd
+    return float(multivariate_normal.logpdf(y, np.zeros(len(y)), np.eye(len(y)) + mine @ mine.T))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_right_name_wins_and_probabilities_sum_to_one(monkeypatch: pytest.MonkeyPatch, seed: int) -> None:
+    naming = named(fit_straight(monkeypatch, {PLANTED: 0.6}, seed))
+    assert naming.leader == PLANTED
+    assert sum(naming.probability.values()) == pytest.approx(1.0)
+    assert set(naming.probability) == set(ASKED)
+    assert naming.chosen == (PLANTED,) and naming.aliases == ()
+    assert naming.probability[PLANTED] > 0.99
+    found = naming.refits[PLANTED]
+    assert abs(found.amplitude[0] - 0.6) < 4.0 * found.sd[0] < 0.4
+
+
+def test_a_refits_evidence_is_the_exact_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    fitted = fit_straight(monkeypatch, {PLANTED: 0.2}, 3)
+    naming, world = named(fitted), slopes_and_y({PLANTED: 0.2}, 3, 200, {})
+    believed = log_marginal(fitted, (), world)
+    assert len(naming.refits) >= 3
+    for name, refit in naming.refits.items():
+        assert refit.log_evidence == pytest.approx(log_marginal(fitted, (name,), world) - believed, abs=1e-3)
+        assert naming.nats[name] == refit.log_evidence
+
+
+def test_one_step_is_exact_where_all_is_linear(monkeypatch: pytest.MonkeyPatch) -> None:
+    fitted = fit_straight(monkeypatch, {PLANTED: 0.3}, 4)
+    world = slopes_and_y({PLANTED: 0.3}, 4, 200, {})
+    believed = log_marginal(fitted, (), world)
+    for candidate in one_step(fitted.evidence)[0]:
+        assert candidate.nats == pytest.approx(log_marginal(fitted, (candidate.name,), world) - believed, abs=0.01)
+
+
+def test_nats_are_the_log_ratio_of_two_normal_laws() -> None:
+    """A score s ~ N(0, I) without the amplitude, N(0, I + I^2 u^2) with it."""
+    for score, information, usual in ((3.0, 2.0, 0.5), (-0.4, 9.0, 1.0), (7.0, 0.3, 0.1)):
+        with_it = multivariate_normal.logpdf(score, 0.0, information + (information * usual)**2)
+        without = multivariate_normal.logpdf(score, 0.0, information)
+        assert nats_for(score, information, usual) == pytest.approx(with_it - without)
+    assert nats_for(5.0, 0.0, 1.0) == 0.0
+
+
+def test_exact_aliases_come_as_a_set(monkeypatch: pytest.MonkeyPatch) -> None:
+    twin = "buoyancy.share"
+    naming = named(fit_straight(monkeypatch, {PLANTED: 0.6}, 5, copies={twin: PLANTED}))
+    assert set(naming.chosen) == {PLANTED, twin}
+    assert naming.probability[PLANTED] == pytest.approx(naming.probability[twin]) == pytest.approx(0.5, abs=1e-3)
+    assert len(naming.aliases) == 1 and naming.aliases[0] in {PLANTED, twin}
+
+
+def test_of_two_aliases_the_one_of_a_usual_size_leads(monkeypatch: pytest.MonkeyPatch) -> None:
+    twin = "buoyancy.share"
+    naming = named(fit_straight(monkeypatch, {PLANTED: 0.6}, 5, copies={twin: PLANTED}, usual={twin: 0.01}))
+    assert naming.leader == PLANTED
+    assert naming.probability[PLANTED] > 0.95
+    near = named(fit_straight(monkeypatch, {PLANTED: 0.6}, 5, copies={twin: PLANTED}, usual={twin: 2.0}))
+    assert near.leader == PLANTED and twin in near.chosen      # less likely, but nothing but words parts them
+
+
+def test_what_the_believed_terms_explain_is_invisible(monkeypatch: pytest.MonkeyPatch) -> None:
+    copies = {"wind_x.speed_m_s": "drag.cd"}
+    naming = named(fit_straight(monkeypatch, {PLANTED: 0.6}, 6, shots=5000, copies=copies))
+    hidden = next(c for c in naming.candidates if c.name == "wind_x.speed_m_s")
+    assert not hidden.visible and hidden.z == 0.0
+    assert "wind_x.speed_m_s" not in naming.probability
+
+
+def test_no_decoy_beats_a_clear_name_and_some_do_where_there_is_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    clear = [named(fit_straight(monkeypatch, {PLANTED: 0.6}, seed)).decoys_above for seed in range(12)]
+    nothing = [named(fit_straight(monkeypatch, {}, seed)).decoys_above for seed in range(12)]
+    assert clear == [0] * 12
+    # of twelve names and twelve decoys of nothing, the best is a decoy every second time
+    assert 2 <= sum(count > 0 for count in nothing) <= 10
+
+
+def test_a_name_that_is_nothing_gets_no_nats_on_average(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Bayes factors: under the believed simulation the mean of exp(nats) is 1, and that of nats below 0."""
+    nats = np.concatenate([[c.nats for c in one_step(fit_straight(monkeypatch, {}, 100 + seed).evidence)[0]]
+                           for seed in range(40)])
+    assert nats.mean() < -0.5
+    assert np.exp(nats).mean() == pytest.approx(1.0, abs=0.35)

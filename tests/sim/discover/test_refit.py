@@ -1,0 +1,101 @@
+"""Fits on some shots for the others: against ridge regression; folds and clustered errors by hand."""
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from sim.discover.ask import Clusters
+from sim.discover.evidence import Evidence
+from sim.discover.refit import (
+    FOLDS,
+    clustered_error,
+    fit_linear,
+    folds_of,
+    refit,
+    unseen_change,
+    unseen_score,
+    without,
+)
+from tests.sim.discover.made import column, gaussian, with_plane
+from tests.sim.discover.straight import NAMES, SHARED, fit_straight, slopes_and_y
+
+N = 60
+PRECISION, PULL = np.array([0.5, 4.0]), np.array([0.3, -1.0])
+
+
+def shared_only(seed: int) -> tuple[Evidence, np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    x = rng.normal(size=(N, 2))
+    y = x @ [0.7, -0.4] + rng.normal(size=N)
+    columns = (column("a", "shared"), column("b", "shared"))
+    return gaussian(y, x, columns, PRECISION, PULL), x, y
+
+
+def ridge(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    return np.linalg.solve(x.T @ x + np.diag(PRECISION), x.T @ y + PULL)
+
+
+def test_a_fit_to_some_shots_is_ridge_regression_on_these() -> None:
+    evidence, x, y = shared_only(0)
+    train = np.arange(N) % 3 != 0
+    assert fit_linear(evidence, train) == pytest.approx(ridge(x[train], y[train]), rel=1e-6)
+
+
+def test_unseen_scores_are_densities_by_fits_to_the_other_folds() -> None:
+    evidence, x, y = shared_only(1)
+    label = np.arange(N) // 2
+    fold, clusters = folds_of(label), Clusters("ball_id", label, N // 2)
+    expected = np.array([-0.5 * (y[k] - x[k] @ ridge(x[fold != fold[k]], y[fold != fold[k]]))**2
+                         for k in range(N)]) - 0.5 * np.log(2.0 * np.pi)
+    assert unseen_score(evidence, clusters) == pytest.approx(expected, abs=1e-5)
+    change = unseen_change(evidence, clusters)
+    assert evidence.log_score + evidence.gain(change) == pytest.approx(expected, abs=1e-5)
+
+
+def test_a_fit_with_heights_ends_at_the_top() -> None:
+    """Classes are not Gaussian: the fit must come to where SciPy's simplex finds nothing higher."""
+    for seed in range(20):
+        whole = with_plane(seed, n=40)
+        evidence = whole.pick(np.arange(whole.first_shared, len(whole.columns)))
+        train = np.arange(40) % 4 != 0
+
+        def value(change: np.ndarray, evidence: Evidence = evidence, train: np.ndarray = train) -> float:
+            gain = evidence.gain(np.tile(change, (40, 1)))[train].sum()
+            return float(gain + evidence.pull @ change - 0.5 * evidence.precision @ change**2)
+
+        found = fit_linear(evidence, train)
+        top = minimize(lambda change: -value(change), found, method="Nelder-Mead",
+                       options={"xatol": 1e-6, "fatol": 1e-8})
+        assert value(found) >= -top.fun - 1e-4
+
+
+def test_folds_keep_clusters_whole_and_come_in_turn() -> None:
+    label = np.array([7, 7, 3, 3, 7, 1, 9, 2, 5, 3])
+    fold = folds_of(label)
+    assert fold.tolist() == [0, 0, 1, 1, 0, 2, 3, 4, 0, 1]
+    assert fold.max() < FOLDS
+
+
+def test_clustered_error_of_copies_is_that_of_the_originals() -> None:
+    values = np.random.default_rng(4).normal(size=40)
+    single = clustered_error(values, np.arange(40))
+    assert single == pytest.approx(values.std(ddof=1) / np.sqrt(40), rel=1e-9)
+    assert clustered_error(np.repeat(values, 6), np.repeat(np.arange(40), 6)) == pytest.approx(single, rel=1e-9)
+
+
+def test_two_names_refitted_at_once_are_ridge_regression_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    names = ("wind_z.speed_m_s", "added_mass.share")
+    planted = {names[0]: 0.5, names[1]: -0.4}
+    fitted = fit_straight(monkeypatch, planted, 8)
+    found = refit(fitted, names, np.array([0.1, 0.1]))
+    assert found.names == names
+    slopes, y = slopes_and_y(planted, 8, 200, {})
+    x = slopes[:, [NAMES.index(name) for name in (*names, *SHARED)]]
+    inverse = np.linalg.inv(x.T @ x + np.diag([0.3**-2, 0.3**-2, 0.25, 0.25]))
+    assert found.evidence.point == pytest.approx(inverse @ x.T @ y, abs=1e-3)
+    assert found.sd == pytest.approx(np.sqrt(np.diag(inverse))[:2], rel=1e-6)
+
+
+def test_the_shared_columns_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    bare = without(fit_straight(monkeypatch, {}, 1).evidence)
+    assert tuple(one.name for one in bare.columns) == SHARED
