@@ -20,16 +20,18 @@ from typing import Any
 
 import msgspec
 
+from doors.discover import keep_compiled
 from doors.progress import make_progress
 from robot.config import BadInput
-from sim.discover.discover import discover
+from sim.discover.discover import Investigation, discover
 from sim.discover.finding import make_json
 from sim.fanout import fan_out
-from sim.prove.grade import Grade, grade
+from sim.prove.ceiling import oracle_gain, signal_of
+from sim.prove.grade import Grade, grade, true_parameter
 from sim.prove.suite import KINDS, Job, plan_jobs, world_of
 from sim.prove.table import make_tables
 from sim.prove.truth.shoot import shoot
-from sim.prove.truth.world import as_table
+from sim.prove.truth.world import World, as_table
 
 SCALES = {"L0": 1.0, "L1": 1.0, "L2": 0.25}
 FALSE_ALARM = 0.05
@@ -37,19 +39,33 @@ FALSE_ALARM = 0.05
 
 def run(path: str, job: Job) -> None:
     """Make one world, discover in it, and append its line to the file."""
+    keep_compiled()
     world = world_of(job)
     begin = time.perf_counter()
     dataset = shoot(world)
     made = time.perf_counter()
     finding, error = None, None
     try:
-        finding = msgspec.json.decode(make_json(discover(dataset, None, FALSE_ALARM, seed=job.index).finding))
+        found = discover(dataset, None, FALSE_ALARM, seed=job.index)
+        finding = msgspec.json.decode(make_json(found.finding))
+        took = time.perf_counter() - made
+        finding = _with_ceiling(finding, found, job, world)
     except Exception:  # one world that breaks the solver is a result, and must not take the night's others along
-        error = traceback.format_exc()
-    took = time.perf_counter() - made
+        finding, error = None, traceback.format_exc()
+        took = time.perf_counter() - made
     line = {"key": job.key, "job": job, "truth": as_table(world), "seconds": took, "making_s": made - begin,
             "finding": _short(finding), "error": error}
     _append(path, msgspec.json.encode(line) + b"\n")
+
+
+def _with_ceiling(finding: dict[str, Any], found: Investigation, job: Job, world: World) -> dict[str, Any]:
+    """The finding with what could have been found and gained."""
+    wanted = true_parameter(job, world)
+    if wanted is None:
+        return finding
+    name, amplitude = f"{job.name}.{wanted[0]}", wanted[1]
+    fit = {**(finding["fit"] or {}), "oracle_gain_per_shot": oracle_gain(found, name, amplitude)}
+    return {**finding, "fit": fit, "signal": signal_of(found, name, amplitude)}
 
 
 def _short(finding: dict[str, Any] | None) -> dict[str, Any] | None:

@@ -176,7 +176,7 @@ def _fit(fitted: Fitted, steps: Sequence[Step], clusters: Clusters) -> Fit:
         rmse_after, accuracy_after = None, None
     else:
         change = unseen_change(last.refit.evidence, clusters)
-        after = last.refit.evidence.log_score + last.refit.evidence.gain(change)
+        after = last.average
         rmse_after = end_errors(fitted.intake, last.refit.layout, last.refit.spot, last.refit.evidence, change)
         accuracy_after = _accuracy(last.refit.evidence, change)
     gain = after - before

@@ -26,6 +26,7 @@ INNER = 10
 HALVINGS = 8
 SETTLED = 1e-3                        # nats
 LEAST_ROUNDS = 2                      # with tracks, whose shots' own deviations must settle too
+FARTHEST = 2.0                        # usual sizes that a column may move by in one step: all is linear nearby only
 SLACK = 0.3                           # nats a step may lose: scores leave out that slopes change the spread, too
 
 
@@ -69,7 +70,7 @@ def climb(intake: Intake, layout: Layout, spot: Spot,
         flown = fly(intake, layout, spot)
         evidence, deviates = linearise(intake, layout, spot, flown)
         value = objective(evidence, layout)
-        if value < best - SLACK and kept is not None:
+        if kept is not None and not value >= best - SLACK:
             spot = _halfway(kept[0], spot)
             continue
         best, kept = value, (spot, evidence, deviates)
@@ -87,8 +88,9 @@ def _climb_linear(intake: Intake, layout: Layout, spot: Spot, flown: Flown) -> t
     best = objective(evidence, layout)
     for _ in range(INNER):
         step, worth = newton_step(evidence)
-        if worth < SETTLED:
+        if worth < SETTLED or not np.isfinite(step).all():
             break
+        step = step / max(1.0, float(np.abs(step * scale_of(layout)).max(initial=0.0)) / FARTHEST)
         for halving in range(HALVINGS):
             tried = moved(layout, spot, step * 0.5**halving)
             there, found = linearise(intake, layout, tried, flown)
@@ -111,6 +113,11 @@ def newton_step(evidence: Evidence) -> tuple[Array, float]:
     info, slope = evidence.info.sum(0) + np.diag(evidence.precision), evidence.score.sum(0) + evidence.pull
     step = np.linalg.solve(info + 1e-12 * np.diag(np.diag(info) + 1e-12), slope)
     return step, 0.5 * float(step @ slope)
+
+
+def scale_of(layout: Layout) -> Array:
+    """1 / a usual size of each column [P]."""
+    return 1.0 / np.array([column.usual for column in layout.columns])
 
 
 def objective(evidence: Evidence, layout: Layout) -> float:

@@ -12,7 +12,7 @@ from sim.discover.evidence import Array
 from sim.discover.linear import Layout, linearise
 from sim.discover.locate import Place, locate
 from sim.discover.name import Naming, name_terms
-from sim.discover.refit import Refit, clustered_error, unseen_score, without
+from sim.discover.refit import Refit, clustered_error, folds_of, unseen_score, without
 from sim.discover.statistics import Judged, judge
 
 Progress = Callable[[float, str], None]
@@ -23,13 +23,17 @@ CLEARLY = 2.0                         # standard errors by which a free curve mu
 
 @dataclass(frozen=True)
 class Step:
-    """One effect. `before`, `after`, `free` [n]: log scores of unseen shots by what was believed so far, with the
-    leading name, with the free curve; unknown: the curve beats the name, or nothing has one."""
+    """One effect. `before`, `after`, `average`, `free` [n]: log scores of unseen shots by what was believed so far,
+    with the leading name, with all names as far as they are likely, with the free curve.
+
+    unknown: the curve beats the name, or nothing has one.
+    """
 
     naming: Naming
     place: Place | None
     before: Array
     after: Array
+    average: Array
     free: Array | None
     unknown: bool
     base: tuple[str, ...]             # names put in before
@@ -84,9 +88,29 @@ def _step(fitted: Fitted, clusters: Clusters, place: Place | None, base: tuple[s
           progress: Progress) -> Step:
     naming = name_terms(fitted, clusters, seed, progress)
     before = unseen_score(without(fitted.evidence), clusters)
-    after = unseen_score(naming.refits[naming.leader].evidence, clusters)
+    scores = {name: unseen_score(one.evidence, clusters) for name, one in naming.refits.items()}
+    after, average = scores[naming.leader], _averaged(naming, before, scores, clusters.label[fitted.evidence.rows])
     free = None if place is None else place.correction.log_after
-    return Step(naming, place, before, after, free, _is_unknown(naming, after, free, clusters, fitted), base, fitted)
+    return Step(naming, place, before, after, average, free,
+                _is_unknown(naming, after, free, clusters, fitted), base, fitted)
+
+
+def _averaged(naming: Naming, before: Array, scores: dict[str, Array], label: Array) -> Array:
+    """Log score [n] of unseen shots by all refitted names and none, each as likely as the other folds' shots make it.
+
+    For forecasts: a name that is one of several likely ones forgoes what the others know (Hoeting et al. 1999).
+    """
+    fold = folds_of(label)
+    each = np.stack([before, *scores.values()])
+    nats = np.array([0.0, *(naming.nats[name] for name in scores)])
+    result = np.zeros(len(before))
+    for held in range(fold.max() + 1):
+        out = fold == held
+        weight = nats - (each[:, out] - before[out]).sum(1)
+        weight = np.exp(weight - weight.max())
+        top = each[:, out].max(0)
+        result[out] = top + np.log((weight / weight.sum()) @ np.exp(each[:, out] - top))
+    return result
 
 
 def _is_unknown(naming: Naming, after: Array, free: Array | None, clusters: Clusters, fitted: Fitted) -> bool:

@@ -92,7 +92,11 @@ def name_terms(fitted: Fitted, clusters: Clusters, seed: int, progress: Progress
     for number, candidate in enumerate(likely):
         progress(number / len(likely), candidate.name.partition(".")[0])
         refits[candidate.name] = refit(fitted, (candidate.name,), np.array([_tame(candidate, fitted.evidence)]))
-    nats = {c.name: c.nats for c in visible} | {name: one.log_evidence for name, one in refits.items()}
+    nats = {c.name: c.nats for c in visible if c not in likely} | {name: r.log_evidence for name, r in refits.items()}
+    while (top := max(nats, key=lambda name: nats[name])) not in refits:
+        candidate = next(c for c in visible if c.name == top)
+        refits[top] = refit(fitted, (top,), np.array([_tame(candidate, fitted.evidence)]))
+        nats[top] = refits[top].log_evidence
     probability = _probabilities(nats)
     ranked = sorted(nats, key=lambda name: -nats[name])
     place = {c.name: number for number, c in enumerate(candidates)}

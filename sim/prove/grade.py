@@ -62,6 +62,7 @@ class Grade(Struct, frozen=True):
     direction: str | None
     gain: float | None                # per held-out shot
     oracle_gain: float | None         # the same, had the true term been given
+    signal: float | None              # non-centrality of the true term in these data
     seconds: float
 
 
@@ -84,7 +85,7 @@ def grade(job: Job, finding: Finding, seconds: float, world: World | None = None
         job.name in names if found and named and names else None,
         len(names) if found and names else None,
         interval_holds(job, finding, world) if found and named and right else None,
-        where.get("covariate"), where.get("direction"), gain, oracle_gain, seconds)
+        where.get("covariate"), where.get("direction"), gain, oracle_gain, finding.get("signal"), seconds)
 
 
 def gain_said(finding: Finding) -> tuple[float | None, float | None]:

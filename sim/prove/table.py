@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
 from sim.intervals import wilson
+from sim.prove.ceiling import power_of
 from sim.prove.grade import Grade
 
 Setting = tuple[str, int, float]      # level, shots, scale of effects
@@ -125,8 +126,8 @@ def _effects(setting: Setting, grades: Sequence[Grade]) -> str:
     level, shots, scale = setting
     lines = [f"## {level}, {shots} shots, effects x {scale:g}", "",
              "Detected with Wilson 95 % and worlds; the rest of those detected.", "",
-             "| hidden | detected | stage | top-1 | up to alias | in the set | set size | interval holds | verdicts "
-             "| gain a shot | gain kept |", "|" + "---|" * 11]
+             "| hidden | detected | ceiling | stage | top-1 | up to alias | in the set | set size | interval holds "
+             "| verdicts | gain a shot | gain kept |", "|" + "---|" * 12]
     for kind, name in dict.fromkeys((g.kind, g.name) for g in sorted(grades, key=lambda g: g.kind)):
         mine = [g for g in grades if (g.kind, g.name) == (kind, name)]
         lines.append(_effect_line(f"{name}" if kind == "effects" else f"{name} ({kind})", mine))
@@ -139,12 +140,18 @@ def _effect_line(name: str, grades: Sequence[Grade]) -> str:
     gains = [g.gain for g in found if g.gain is not None]
     verdicts = ", ".join(f"{sum(g.verdict == one for g in grades)} {one}"
                          for one in dict.fromkeys(g.verdict for g in grades))
-    cells = [name, share_of(grades, lambda g: g.found).words(), *(
+    cells = [name, share_of(grades, lambda g: g.found).words(), _number(ceiling_of(grades), 2), *(
         _plain(share_of(found, question)) for question in (
             lambda g: g.stage_right, lambda g: g.top_right, lambda g: g.alias_right, lambda g: g.covered)),
         _number(sum(sizes) / len(sizes) if sizes else None, 1), _plain(share_of(found, lambda g: g.interval_holds)),
         verdicts, _number(sum(gains) / len(gains) if gains else None, 3), _number(gain_kept(found), 2)]
     return "| " + " | ".join(cells) + " |"
+
+
+def ceiling_of(grades: Iterable[Grade]) -> float | None:
+    """Mean power of a test that knows the coefficients' doubt but not which of some twenty terms it is."""
+    powers = [power_of(g.signal) for g in grades if g.signal is not None]
+    return sum(powers) / len(powers) if powers else None
 
 
 def _plain(share: Share) -> str:
@@ -156,7 +163,9 @@ def _number(value: float | None, digits: int) -> str:
 
 
 def _against_targets(setting: Setting, grades: Sequence[Grade]) -> str:
-    lines = [f"All of {setting[0]}, {setting[1]} shots, x {setting[2]:g}, against the design:", "",
+    catalogued = [g for g in grades if g.kind == "effects"]
+    lines = [f"All of {setting[0]}, {setting[1]} shots, x {setting[2]:g}, against the design; power that the "
+             f"information in these very data allows: {_number(ceiling_of(catalogued), 3)}:", "",
              "| figure | reached here | target | |", "|---|---|---|---|"]
     values = figures(grades)
     for target in TARGETS:

@@ -125,7 +125,7 @@ def test_amplitudes_take_turns_in_sign_where_nature_is_free():
 
 def marks(**changes):
     plain = Grade("effects", "wind_x", "L0", 300, 1.0, True, "named", 0.01, True, True, True, True, 2, True, None, None,
-                  0.1, 0.2, 2.0)
+                  0.1, 0.2, 5.0, 2.0)
     return Grade(**({name: getattr(plain, name) for name in plain.__struct_fields__} | changes))
 
 
