@@ -22,7 +22,7 @@ from sim.discover.residuals import (
     stage_of,
     stated_covariate,
 )
-from sim.discover.sight_page import sight_section
+from sim.discover.sight_page import sight_section, sight_sentence
 from sim.discover.sizes import plain, say_effect
 from sim.discover.words import FLIGHT_WORDS, STAGE_WORDS, gained_interval, say_step
 from sim.report import make_page, paragraph, picture, table
@@ -58,8 +58,9 @@ def make_report(name: str, investigation: Investigation) -> str:
     sections = [("", STYLE + _summary(finding))]
     if investigation.fitted is not None:
         sight = sight_of(investigation.fitted.evidence, finding.data.level, finding.data.believed)
-        sections.append((f"What these {finding.data.shots} shots could show",
-                         sight_section(sight, opened=finding.verdict == "none")))
+        opened = finding.verdict == "none"
+        shown = (paragraph(sight_sentence(sight)) if opened else "") + sight_section(sight, opened)
+        sections.append((f"What these {finding.data.shots} shots could show", shown))
     sections += make_pictures(investigation)
     if finding.what:
         sections.append(("What it is", _names(finding)))
@@ -87,7 +88,8 @@ def make_pictures(investigation: Investigation) -> list[tuple[str, str]]:
         what = "the free curve" if step.unknown else plain(step.naming.leader)
         found = _views(step.fitted.evidence, evidence_after(step), fitted.intake, along,
                        find_along(stated_covariate(step, first), along), what, stage_of(step), step.base == ())
-        heading = "Where it is" if step.base == () else f"Besides: {what}"
+        besides = "something without a name" if step.unknown else what
+        heading = "Where it is" if step.base == () else f"Besides: {besides}"
         if found:
             sections.append((heading, (_where(investigation.finding) if step.base == () else "") + found))
     return sections
@@ -204,7 +206,7 @@ def _worth(finding: Finding) -> str:
             ("log score a shot", fit.log_score_before, fit.log_score_after)]
     shown = [row for row in rows if row[1] is not None and row[2] is not None]
     return table((f"{fit.heldout_shots} shots", "as simulated", "corrected"), shown) + paragraph(
-        f"The log score gains {fit.gain_per_shot:.3f} a shot (90 %: {interval[0]:.3f} to {interval[1]:.3f}); above 0 "
+        f"The log score gains {fit.gain_per_shot:.4g} a shot (90 %: {interval[0]:.4g} to {interval[1]:.4g}); above 0 "
         "the corrected simulation is the better forecast.")
 
 

@@ -180,7 +180,7 @@ def sight_png(sight: Sight) -> bytes | None:
     axes.set_yticks(range(len(seen)), [plain(one.term) for one in reversed(seen)])
     axes.set_xscale("log")
     axes.set_xlim(0.8, 4.0 * max(max(one.shots_needed or 1 for one in seen), sight.shots))
-    axes.axvline(sight.shots, color=INK, lw=1.2, ls="--")
+    axes.axvline(sight.shots, color=INK, lw=1.2, ls="--", zorder=0)
     axes.text(sight.shots, len(seen) - 0.35, f" {sight.shots} shots", fontsize=9, color=INK, va="bottom")
     axes.set_ylim(-0.6, len(seen) + 0.3)
     axes.set_xlabel("shots needed to see it at its usual size, four times in five")
@@ -204,5 +204,5 @@ def _worded(name: str) -> str:
     return name.replace("_", " ")
 
 
-UNITS = (("rad_s", "rad/s"), ("rev_s", "rev/s"), ("m_s", "m/s"), ("deg", "°"), ("pa", "Pa"), ("ratio", "share of full"),
-         ("v", "V"), ("c", "°C"), ("m", "m"), ("s", "s"))
+UNITS = (("rad_s", "rad/s"), ("rev_s", "rev/s"), ("m_s", "m/s"), ("deg", "°"), ("kg", "kg"), ("pa", "Pa"),
+         ("ratio", "share of full"), ("v", "V"), ("c", "°C"), ("m", "m"), ("s", "s"))

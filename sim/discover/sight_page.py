@@ -52,10 +52,11 @@ def sight_sentence(sight: Sight) -> str:
     """How many effects would be seen, and the one thing to keep in mind."""
     shown = [one for one in sight.terms if one.power >= SURE]
     possible = [one for one in sight.terms if one.shots_needed is not None]
+    more, never = len(possible) - len(shown), len(sight.terms) - len(possible)
     said = (f"{sight.shots} shots of this kind ({sight.level}) would show {len(shown)} of {len(sight.terms)} effects "
-            f"at their usual size, four times in five; {len(possible) - len(shown)} more would take more shots")
-    never = len(sight.terms) - len(possible)
-    return f"{said}, and {never} no number of them could show." if never else f"{said}."
+            "at their usual size, four times in five")
+    said += f"; {more} more would take more shots" if more else ""
+    return said + (f"; {never} no number of them could show." if never else ".")
 
 
 def why_not(one: Seen) -> str:
@@ -64,13 +65,13 @@ def why_not(one: Seen) -> str:
         return "counted as luck: each ball may have a speed of its own"
     record = f"; record {RECORD[one.term]}" if one.term in RECORD else ""
     if one.why == TAKEN:
-        return f"what it does, {' and '.join(one.taken_by) or 'the fit'} would take up{record}"
+        return f"what it does, {', '.join(one.taken_by) or 'the fit'} would take up{record}"
     return f"nothing in these data depends on it{record}"
 
 
 def sight_section(sight: Sight, opened: bool = False) -> str:
-    """The summary, with picture and tables to unfold (or open)."""
-    parts = [paragraph(sight_sentence(sight)), _alike(sight)]
+    """The summary, with picture and tables to unfold; or these opened, for where the summary stands already."""
+    parts = [_alike(sight)] if opened else [paragraph(sight_sentence(sight)), _alike(sight)]
     png = sight_png(sight)
     inner = "" if png is None else picture(png, "shots needed for each effect", "Full colour: fewer than these shots "
                                            "will do.")
@@ -106,12 +107,12 @@ def _table(sight: Sight) -> str:
 
 def _never(sight: Sight) -> str:
     rows = [(plain(one.term), one.stage, why_not(one)) for one in sight.terms if one.shots_needed is None]
-    return table(("never seen", "stage", "why"), rows) if rows else ""
+    return paragraph("No number of these shots would show:") + table(("effect", "stage", "why"), rows) if rows else ""
 
 
 def _fitted(sight: Sight) -> str:
     rows = [(one.name, _doubt(one, one.before), _doubt(one, one.after)) for one in sight.fitted]
-    return table(("fitted anyway", "doubt before", "doubt after these shots"), rows)
+    return paragraph("Fitted anyway:") + table(("number", "doubt before", "doubt after these shots"), rows)
 
 
 def _doubt(one: Fittable, sd: float) -> str:

@@ -134,7 +134,9 @@ def _gained(fit: Fit) -> str:
     if fit.height_rmse_before_m is not None and fit.height_rmse_after_m is not None:
         before, after = _size(fit.height_rmse_before_m, "m"), _size(fit.height_rmse_after_m, "m")
         parts += [f"heights within {after} instead of {before}"] if before != after else []
-    score = f"log score {fit.gain_per_shot:+.3f} a shot, 90 %: {interval[0]:+.3f} to {interval[1]:+.3f}"
+    places = 3 if abs(fit.gain_per_shot or 0.0) < 10.0 else 0
+    score = (f"log score {fit.gain_per_shot:+.{places}f} a shot, 90 %: {interval[0]:+.{places}f} to "
+             f"{interval[1]:+.{places}f}")
     if interval[0] <= 0.0:
         return f" On shots it has not seen the corrected simulation is not surely better ({score})."
     told = f"foretells {' and '.join(parts)}" if parts else "does better"
