@@ -1,11 +1,17 @@
-"""Where the shared recordings are, and what runs when they are not there."""
+"""Where the shared recordings are, what runs when they are not there, and how a whole run is spread over the cores."""
 
 import os
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 DATA = Path(os.environ.get("TRUEARC_DATA", Path(__file__).parents[2] / "shared" / "data"))
+MOST_WORKERS = 4                      # each holds JAX and what it has compiled: a gigabyte
+
+# How long an example takes says how busy the machine is, not whether the code is right.
+settings.register_profile("house", deadline=None)
+settings.load_profile("house")
 
 
 @pytest.fixture(scope="session")
@@ -14,9 +20,18 @@ def data_dir() -> Path:
     return DATA
 
 
+def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
+    """A worker a core for a whole run; files named by hand run in this process, which is there sooner."""
+    whole = config.args_source is pytest.Config.ArgsSource.TESTPATHS
+    return min(len(os.sched_getaffinity(0)), MOST_WORKERS) if whole else 0
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if "data" in item.keywords and not DATA.is_dir():
             item.add_marker(pytest.mark.skip(reason="needs the shared recordings (TRUEARC_DATA)"))
         if "socketcan" in item.keywords and not Path("/sys/class/net/vcan0").exists():
             item.add_marker(pytest.mark.skip(reason="needs SocketCAN interface vcan0"))
+    # workers take files in this order: the long ones first, so that none of them runs alone at the end
+    slow = {item.path for item in items if "slow" in item.keywords}
+    items.sort(key=lambda item: item.path not in slow)
