@@ -39,8 +39,9 @@ PHRASES: dict[str, Phrase] = {
     "track_tilt": Phrase("the tracker is tilted: it sees what lies ahead {} too high",
                          "the tracker is tilted: it sees what lies ahead {} too low", *ANGLE),
     "track_clock": Phrase("the tracker's clock runs {} slow", "the tracker's clock runs {} fast", *SHARE),
-    "wheel_slip": Phrase("the faster the wheels run, the more the ball slips: it loses {} of its speed",
-                         "the faster the wheels run, the better they grip: the ball gains {} of its speed",
+    "wheel_slip": Phrase("the faster the wheels run, the more the ball slips: it loses {} of its speed "
+                         "for each m/s", "the faster the wheels run, the better they grip: the ball gains {} of its "
+                         "speed for each m/s",
                          100.0, " %", " per m/s of wheel surface"),
     "exit_efficiency": Phrase("the ball leaves {} slower than the wheels' surfaces run",
                               "the ball leaves {} faster than the wheels' surfaces run", *SHARE),

@@ -35,10 +35,13 @@ def say_named(believed: tuple[str, ...], p_value: float, where: Where, unknown: 
         stages = list(dict.fromkeys(STAGE_WORDS[one.stage] for one in what if one.term in names))
         said = (f"{_missing(believed)}, {_either(stages)}: {_either(rest)}. These data cannot tell which of these it "
                 f"is. If it is the first, {likeliest}.")
-    for one in also:
-        size = next(iter(one.parameters.values()))
-        said += (f" Besides, {say_effect(one.term, size, one.sentence)}." if size.low90 * size.high90 > 0.0 else
-                 f" Something more is left over; the likeliest name for it is {plain(one.term)}.")
+    sized = [(one, next(iter(one.parameters.values()))) for one in also]
+    for one, size in sized:
+        if size.low90 * size.high90 > 0.0:
+            said += f" Besides, {say_effect(one.term, size, one.sentence)}."
+    vague = [plain(one.term) for one, size in sized if size.low90 * size.high90 <= 0.0]
+    if vague:
+        said += f" Something more is left over, too little to be named: perhaps {_either(vague)}."
     return said + _gained(fit) + _luck(p_value)
 
 
@@ -111,8 +114,8 @@ def say_step(step: dict[str, object]) -> str:
         return f"measure {step['what']}"
     names = step["separates"]
     assert isinstance(names, list)
-    return (f"{step['shots']} shots at {step['distance_m']:g} m, hood {step['hood_deg']:g}°, motor "
-            f"{step['motor_ratio']:g}, to tell {' from '.join(plain(name) for name in names)}")
+    return (f"{step['shots']} shots at {step['distance_m']:.3g} m, hood {step['hood_deg']:.3g}°, motor "
+            f"{step['motor_ratio']:.3g}, to tell {' from '.join(plain(name) for name in names)}")
 
 
 def gained_interval(fit: Fit) -> tuple[float, float] | None:
@@ -130,10 +133,12 @@ def _gained(fit: Fit) -> str:
     parts = []
     if fit.accuracy_before is not None and fit.accuracy_after is not None:
         before, after = f"{100.0 * fit.accuracy_before:.0f}", f"{100.0 * fit.accuracy_after:.0f}"
-        parts += [f"{after} of 100 outcomes right instead of {before}"] if before != after else []
+        better = fit.accuracy_after > fit.accuracy_before and before != after
+        parts += [f"{after} of 100 outcomes right instead of {before}"] if better else []
     if fit.height_rmse_before_m is not None and fit.height_rmse_after_m is not None:
         before, after = _size(fit.height_rmse_before_m, "m"), _size(fit.height_rmse_after_m, "m")
-        parts += [f"heights within {after} instead of {before}"] if before != after else []
+        better = fit.height_rmse_after_m < fit.height_rmse_before_m and before != after
+        parts += [f"heights within {after} instead of {before}"] if better else []
     places = 3 if abs(fit.gain_per_shot or 0.0) < 10.0 else 0
     score = (f"log score {fit.gain_per_shot:+.{places}f} a shot, 90 %: {interval[0]:+.{places}f} to "
              f"{interval[1]:+.{places}f}")

@@ -92,7 +92,7 @@ def test_one_name_several_names_and_what_is_left_besides() -> None:
     sure, unsure = named("wind_x", 1.0, 0.1, unit="m/s"), named("target_height", 0.01, 0.02, unit="m")
     more = say_named(("gravity",), 0.01, WHERE, None, (first,), ("rapid_fire",), (sure, unsure), NO_FIT, None)
     assert "Besides, there is wind of 1.00 m/s (90 %: 0.80 to 1.20 m/s) toward" in more
-    assert "the likeliest name for it is target height" in more and "target stands" not in more
+    assert "too little to be named: perhaps target height" in more and "target stands" not in more
 
 
 def test_long_sets_are_cut_short() -> None:
@@ -107,6 +107,9 @@ def test_what_is_gained_is_told_in_outcomes_and_centimetres() -> None:
     assert "83 of 100 outcomes right instead of 71 and heights within 11 cm instead of 19 cm" in said
     low, high = map(float, re.search(r"90 %: ([+-][\d.]+) to ([+-][\d.]+)\)", said.partition("log score")[2]).groups())
     assert (low, high) == (pytest.approx(0.2 - 1.645 * 0.05, abs=1e-3), pytest.approx(0.2 + 1.645 * 0.05, abs=1e-3))
+    worse = Fit(100, -0.9, -0.7, 0.2, 0.05, None, None, 0.83, 0.71)
+    assert "does better (log score" in say_named((), 0.01, WHERE, None, (named("drag", 0.5, 0.1),), ("drag",), (), worse,
+                                                 None)
     doubtful = Fit(100, -0.9, -0.89, 0.01, 0.05, None, None, 0.71, 0.72)
     assert "not surely better" in say_named((), 0.01, WHERE, None, (named("drag", 0.5, 0.1),), ("drag",), (), doubtful,
                                             None)
