@@ -108,8 +108,8 @@ def test_what_is_gained_is_told_in_outcomes_and_centimetres() -> None:
     low, high = map(float, re.search(r"90 %: ([+-][\d.]+) to ([+-][\d.]+)\)", said.partition("log score")[2]).groups())
     assert (low, high) == (pytest.approx(0.2 - 1.645 * 0.05, abs=1e-3), pytest.approx(0.2 + 1.645 * 0.05, abs=1e-3))
     worse = Fit(100, -0.9, -0.7, 0.2, 0.05, None, None, 0.83, 0.71)
-    assert "does better (log score" in say_named((), 0.01, WHERE, None, (named("drag", 0.5, 0.1),), ("drag",), (), worse,
-                                                 None)
+    told = say_named((), 0.01, WHERE, None, (named("drag", 0.5, 0.1),), ("drag",), (), worse, None)
+    assert "does better (log score" in told
     doubtful = Fit(100, -0.9, -0.89, 0.01, 0.05, None, None, 0.71, 0.72)
     assert "not surely better" in say_named((), 0.01, WHERE, None, (named("drag", 0.5, 0.1),), ("drag",), (), doubtful,
                                             None)
