@@ -77,7 +77,7 @@ def _free_odds(step: Step) -> float:
     """Of a free curve against the best name: what it gains on unseen shots, a curve being worth a twentieth of one."""
     if step.free is None:
         return 0.02
-    return float(np.clip(0.05 * np.exp(np.clip((step.free - step.after).sum(), -5.0, 5.0)), 0.0, 5.0))
+    return float(np.clip(0.05 * np.exp(np.clip((step.free - step.after).sum(), -5.0, 5.0)), 0.0, 1.0))
 
 
 def _where(dataset: Dataset, step: Step, asked: Asked, judged: Judged, false_alarm: float,

@@ -52,6 +52,8 @@ def go_forward(fitted: Fitted, clusters: Clusters, place: Place | None, covariat
         span = (number / MOST, (number + 0.8) / MOST)
         step = _step(fitted, clusters, place, tuple(name for each in steps for name in (each.naming.leader,)), seed,
                      lambda done, note, span=span: progress(span[0] + done * (span[1] - span[0]), note))
+        if steps and not _pays(step, clusters):
+            break
         steps.append(step)
         if step.unknown or number == MOST - 1:
             break
@@ -64,6 +66,12 @@ def go_forward(fitted: Fitted, clusters: Clusters, place: Place | None, covariat
             break
         place = locate(fitted.evidence, asked, judged, false_alarm, clusters, seed)
     return tuple(steps)
+
+
+def _pays(step: Step, clusters: Clusters) -> bool:
+    """Whether a further effect does clearly better on unseen shots: chance finds something more than at first."""
+    gain = (step.free if step.unknown and step.free is not None else step.after) - step.before
+    return bool(gain.mean() > CLEARLY * clustered_error(gain, clusters.label[step.fitted.evidence.rows]))
 
 
 def promote(fitted: Fitted, found: Refit) -> Fitted:

@@ -41,12 +41,15 @@ def refit(fitted: Fitted, names: tuple[str, ...], start: Array, base: "Refit | N
     spot, evidence = climb(fitted.intake, layout, spot)
     info = evidence.info.sum(0) + np.diag(evidence.precision)
     covariance = np.linalg.pinv(info)
+    # what the shots themselves scatter by, where the model is too sure of itself
+    scattered = covariance @ (evidence.score.T @ evidence.score) @ covariance
+    sd = np.sqrt(np.maximum(np.diag(covariance), np.diag(scattered)))
     k = len(names)
     null = fitted.evidence.pick(np.arange(fitted.evidence.first_shared, len(fitted.evidence.columns)))
     null_info = null.info.sum(0) + np.diag(null.precision)
     gained = objective(evidence, layout) - objective(null, only_shared(fitted.layout))
     volume = 0.5 * (np.log(layout.precision[:k]).sum() - np.linalg.slogdet(info)[1] + np.linalg.slogdet(null_info)[1])
-    return Refit(tuple(order), layout, spot, evidence, evidence.point[:k], np.sqrt(np.diag(covariance)[:k]),
+    return Refit(tuple(order), layout, spot, evidence, evidence.point[:k], sd[:k],
                  float(gained + volume))
 
 
