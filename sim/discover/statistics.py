@@ -109,6 +109,8 @@ def judge(scores: Scores, family: Sequence[str], allowance: Mapping[str, float],
     squares = (psi**2).sum(0), (psi * kappa).sum(0), (kappa**2).sum(0)
     seen = _studentise(observed[None], squares[1][None], squares, total)[0]
     names = [name for name in allowance if name in set(family) or (name == "pattern" and pattern is not None)]
+    if not names:
+        return Judged(seen, observed, observed, seen, seen, {}, 1.0)
     member = {name: np.array([one == name for one in family], dtype=bool) for name in names}
     largest = {name: np.zeros(draws + 1) for name in names}
     above_each = np.zeros(len(total))

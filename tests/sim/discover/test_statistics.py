@@ -195,3 +195,8 @@ def test_a_test_on_too_few_clusters_is_not_made() -> None:
     x = np.zeros((40, 1))
     x[:6] = 1.0
     assert not one_test(at_least_squares(np.random.default_rng(6).normal(size=40), x, np.zeros((40, 0)))).kept[0]
+
+
+def test_where_nothing_can_be_asked_nothing_is_found() -> None:
+    found = judged_of(plain(np.zeros((20, 0))), 99)
+    assert found.p_any == 1.0 and found.families == {} and len(found.p_value) == 0
