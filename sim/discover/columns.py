@@ -40,14 +40,15 @@ ALONG_TERMS = ("drag", "drag_reynolds", "spin_drag", "air_density", "drag_wear",
                "distance_scale", "distance_bias", "vision_latency", "track_scale", "track_clock")
 
 
-def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Array, int] | None = None) -> Layout:
+def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Array, int] | None = None,
+            catalogue: tuple[Term, ...] = TERMS) -> Layout:
     """Every column that the data could speak of; BadInput for a believed term that there is none of.
 
     groups: (what, label [n] of the intake's shots, how many) of things that differ by luck, such as balls.
     """
     find_terms(believed)
-    terms = tuple(term.name for term in TERMS)
-    slots = tuple((term.name, p.name) for term in TERMS for p in term.parameters)
+    terms = tuple(term.name for term in catalogue)
+    slots = tuple((term.name, p.name) for term in catalogue for p in term.parameters)
     tracked = intake.samples is not None
     chain = Chain(intake.stripped, terms, slots, BANDS if tracked else 0, _substeps(intake), bool(len(intake.marked)),
                   tracked, bool(np.asarray(intake.lanes.free).any()))
@@ -59,7 +60,8 @@ def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Array,
     first_push = len(slots) + chain.deviates
     columns += [column for _, column in pushes]
     source += [first_push + number for number, _ in pushes]
-    asked = [term for term in TERMS if term.name not in (*believed, *KNOWN) and not (tracked and term.name in TRACKER)]
+    known = {*believed, *KNOWN, *(TRACKER if tracked else ())}
+    asked = [term for term in catalogue if term.name not in known]
     columns += [_term_column(term) for term in asked]
     source += [slots.index((term.name, term.parameters[0].name)) for term in asked]
     shared = _shared(intake, believed, slots)

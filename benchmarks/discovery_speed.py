@@ -1,0 +1,76 @@
+"""What discovery costs, against the number of shots and the size of the catalogue.
+
+    python benchmarks/discovery_speed.py [--shots 100,300,1000] [--level L1] [--seed 5]
+
+Each figure is the second run of its size, when all code is compiled. Detection: data in memory to a p-value. Report:
+data in memory to the HTML page, of a world with an effect that is found and named (wheel droop).
+"""
+
+import argparse
+import time
+from collections.abc import Callable
+
+from doors.discover import keep_compiled
+from sim.discover.ask import find_clusters, groups_of
+from sim.discover.believed import fit_believed
+from sim.discover.columns import lay_out
+from sim.discover.discover import detect, discover
+from sim.discover.intake import take_in
+from sim.discover.page import make_report
+from sim.physics.catalogue import TERMS
+from sim.physics.term import Term
+from sim.prove.truth.shoot import shoot
+from sim.prove.truth.world import make_world
+from sim.shots import Dataset
+
+EFFECT = {"wheel_droop": 0.05}
+SIZES = (8, 20, len(TERMS))           # terms that are asked about, besides the believed ones
+
+
+def detection(dataset: Dataset, catalogue: tuple[Term, ...] = TERMS) -> None:
+    """Everything that detection takes."""
+    intake = take_in(dataset)
+    layout = lay_out(intake, dataset.facts.believe.terms, groups_of(dataset.shots, intake.rows), catalogue)
+    detect(dataset, fit_believed(intake, layout), find_clusters(dataset.shots), 0, lambda done, note: None)
+
+
+def report(dataset: Dataset) -> None:
+    """From data to page."""
+    make_report(dataset.name, discover(dataset))
+
+
+def second(run: Callable[[], None]) -> tuple[float, float]:
+    """(wall, processor) seconds of the second of two runs."""
+    run()
+    wall, cpu = time.perf_counter(), time.process_time()
+    run()
+    return time.perf_counter() - wall, time.process_time() - cpu
+
+
+def smaller(believed: tuple[str, ...], count: int) -> tuple[Term, ...]:
+    """The believed terms, those of the tracker, and the first others up to `count` in all that are asked about."""
+    fixed = {*believed, "track_scale", "track_tilt", "track_clock"}
+    others = [term.name for term in TERMS if term.name not in fixed][:count]
+    return tuple(term for term in TERMS if term.name in fixed or term.name in others)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--shots", default="100,300,1000")
+    parser.add_argument("--level", default="L1")
+    parser.add_argument("--seed", type=int, default=5)
+    args = parser.parse_args()
+    keep_compiled()
+    print("| shots | terms | detection, s (processor) | report, s (processor) |\n|---|---|---|---|", flush=True)
+    for shots in map(int, args.shots.split(",")):
+        dataset = shoot(make_world(EFFECT, args.level, shots, args.seed))
+        for count in SIZES if shots == 300 else SIZES[-1:]:
+            catalogue = smaller(dataset.facts.believe.terms, count)
+            found = second(lambda dataset=dataset, catalogue=catalogue: detection(dataset, catalogue))
+            whole = "" if len(catalogue) < len(TERMS) else "{:.1f} ({:.1f})".format(
+                *second(lambda dataset=dataset: report(dataset)))
+            print(f"| {shots} | {len(catalogue)} | {found[0]:.2f} ({found[1]:.2f}) | {whole} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
