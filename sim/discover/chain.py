@@ -35,7 +35,7 @@ DEVIATES = ("log_speed", "elevation_rad", "azimuth_rad", "spin_share", "distance
             "x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s")
 PLANE_DEVIATES, LAUNCHED_DEVIATES = 5, 9
 DIRECTIONS = ("along", "vertical", "lateral")
-PLANE_STEPS = 24                      # Runge-Kutta over x: heights within 1e-4 m, far below any spread
+PLANE_STEPS = 16                      # Runge-Kutta over x: heights within 1e-4 m, far below any spread
 AHEAD = (0.5, 0.5, 1.0, 0.0)          # where the next stage of a Runge-Kutta step is taken
 SHARE = (1 / 6, 1 / 3, 1 / 3, 1 / 6)  # of each stage in the step
 LEAD_STEPS = 3                        # from the launch to the first sample of its track
