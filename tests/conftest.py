@@ -1,6 +1,12 @@
-"""Where the shared recordings are, what runs when they are not there, and how a whole run is spread over the cores."""
+"""Where the shared recordings are, what runs when they are not there, and how a whole run is spread over the cores.
+
+Nothing of a test may reach another process: buses, ports and pseudo-terminals are its own, files go to tmp_path, and
+the one real vcan0 belongs to one file. `-n 0` runs everything in one process.
+"""
 
 import os
+import shutil
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -18,6 +24,16 @@ settings.load_profile("house")
 def data_dir() -> Path:
     """Directory of real recordings by others; a test that asks for it carries the `data` mark."""
     return DATA
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """What one process has compiled, every process of this run may take; nothing is left to the next run."""
+    if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
+        folder = tempfile.mkdtemp(prefix="truearc-tests-")
+        os.environ |= {"JAX_COMPILATION_CACHE_DIR": folder, "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.2"}
+        config.add_cleanup(lambda: shutil.rmtree(folder, ignore_errors=True))
+    if "PYTEST_XDIST_WORKER" in os.environ:           # the cores are taken by the other workers
+        os.environ.setdefault("XLA_FLAGS", "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1")
 
 
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:

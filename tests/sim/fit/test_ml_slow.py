@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+import sim.fit.posterior
 from benchmarks.coverage import replicate
 from sim.fit.ml import fit_ml
 from sim.fit.posterior import sample, save_draws
@@ -17,10 +18,10 @@ pytestmark = pytest.mark.slow
 TERMS = ("drag", "magnus", "exit_efficiency")
 
 
-def test_the_sampler_agrees_with_the_profile(tmp_path):
+def test_the_sampler_agrees_with_the_profile(tmp_path, monkeypatch):
     """Measured heights make the posterior near normal: there both must say the same."""
-    fit = fit_ml(GUPPY, make_dataset(11, 100, height=True), TERMS)
-    drawn = sample(fit, 400, seed=1)
+    fit = fit_ml(GUPPY, make_dataset(11, 60, height=True), TERMS)
+    drawn = sample(fit, 200, seed=1)
     assert drawn.converged
     assert drawn.divergent < 10
     for index, name in enumerate(("exit_efficiency.loss", "drag.cd", "magnus.cl", "scatter.speed")):
@@ -30,7 +31,10 @@ def test_the_sampler_agrees_with_the_profile(tmp_path):
         width = found.high90 - found.low90
         assert low == pytest.approx(found.low90, abs=0.15 * width)
         assert high == pytest.approx(found.high90, abs=0.15 * width)
-    np.testing.assert_array_equal(sample(fit, 20, seed=3).draws, sample(fit, 20, seed=3).draws)
+    monkeypatch.setattr(sim.fit.posterior, "WARMUP", 10)          # enough for a sampler that goes on somehow
+    one, again, other = (sample(fit, 8, seed).draws for seed in (3, 3, 4))
+    np.testing.assert_array_equal(one, again)
+    assert not np.array_equal(one, other)
     save_draws(tmp_path / "p.npz", drawn)
     with np.load(tmp_path / "p.npz") as saved:
         assert tuple(saved["names"]) == drawn.names
@@ -38,12 +42,12 @@ def test_the_sampler_agrees_with_the_profile(tmp_path):
 
 
 def test_intervals_cover_the_truth():
-    """8 replicates x 5 parameters: fewer than the binomial's 0.1 % quantile inside would be chance once in a thousand.
+    """6 replicates x 5 parameters: fewer than the binomial's 0.1 % quantile inside would be chance once in a thousand.
 
     Parameters of one replicate are correlated, so the count is compared as if there were half as many.
     """
-    found = [one for one in (replicate(seed, 100, side=True) for seed in range(8)) if one is not None]
-    assert len(found) >= 7
+    found = [one for one in (replicate(seed, 60, side=True) for seed in range(6)) if one is not None]
+    assert len(found) >= 5
     share = np.mean([inside for one in found for inside in one.values()])
     half = len(found) * 5 // 2
     assert share * half >= stats.binom.ppf(0.001, half, 0.9)
