@@ -27,13 +27,16 @@ def data_dir() -> Path:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """What one process has compiled, every process of this run may take; nothing is left to the next run."""
+    """What XLA has compiled in one process, every process of this run may take; Numba's each keeps to itself."""
     if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
         folder = tempfile.mkdtemp(prefix="truearc-tests-")
         os.environ |= {"JAX_COMPILATION_CACHE_DIR": folder, "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.2"}
         config.add_cleanup(lambda: shutil.rmtree(folder, ignore_errors=True))
-    if "PYTEST_XDIST_WORKER" in os.environ:           # the cores are taken by the other workers
+    worker = os.environ.get("PYTEST_XDIST_WORKER")
+    if worker:                        # the other cores have workers of their own
         os.environ.setdefault("XLA_FLAGS", "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1")
+        # Numba names what it keeps by counting: two processes may give one name to code for different arguments
+        os.environ.setdefault("NUMBA_CACHE_DIR", str(Path(__file__).parents[1] / ".truearc_cache" / worker))
 
 
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:

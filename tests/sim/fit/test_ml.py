@@ -115,9 +115,9 @@ def test_slip_and_loss_at_one_speed_are_one_number():
 
 @pytest.mark.slow
 def test_tracks_recover_coefficients_scatter_and_noise():
-    fit = fit_ml(GUPPY, make_tracks(21, 20), TERMS)
+    fit = fit_ml(GUPPY, make_tracks(21, 12), TERMS)
     assert fit.converged
-    assert fit.gathered.used == {"tracks": 20}
+    assert fit.gathered.used == {"tracks": 12}
     for name, value in (TRUE | {"tracks.noise_m": 0.012}).items():
         assert deviance_at(fit, name, value) < 9.0
     assert fit.values["drag.cd"] == pytest.approx(0.5, abs=0.06)
@@ -128,7 +128,7 @@ def test_tracks_recover_coefficients_scatter_and_noise():
 @pytest.mark.slow
 def test_thrown_balls_need_no_launcher():
     facts = msgspec.structs.replace(GUPPY, launcher=msgspec.structs.replace(GUPPY.launcher, wheel=()))
-    fit = fit_ml(facts, make_tracks(22, 20, wheels=False), ("drag",))
+    fit = fit_ml(facts, make_tracks(22, 8, wheels=False), ("drag",))
     assert fit.converged
     assert fit.model.names == ("drag.cd", "tracks.noise_m")
     assert deviance_at(fit, "drag.cd", 0.5) < 9.0

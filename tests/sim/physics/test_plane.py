@@ -69,10 +69,16 @@ def test_derivatives_to_the_third_are_those_of_the_parabola():
         return reach_plane(GUPPY, law, Exit(v, angle, 0.0), jnp.array([distance])).height_m[0]
 
     drop = reference.GRAVITY_M_S2 * distance**2 / (2 * np.cos(angle)**2)
-    first, second = jax.jacfwd(height), jax.jacfwd(jax.jacfwd(height))
-    np.testing.assert_allclose(first(speed), 2 * drop / speed**3, rtol=1e-9)
-    np.testing.assert_allclose(second(speed), -6 * drop / speed**4, rtol=1e-9)
-    np.testing.assert_allclose(jax.jacfwd(second)(speed), 24 * drop / speed**5, rtol=1e-8)
+    def first(v):
+        return (jax.jacfwd(height)(v),)
+
+    def upto(lower):
+        return lambda v: (jax.jacfwd(lambda at: lower(at)[0])(v), *lower(v))
+
+    third, second, slope = jax.jit(upto(upto(first)))(speed)
+    np.testing.assert_allclose(slope, 2 * drop / speed**3, rtol=1e-9)
+    np.testing.assert_allclose(second, -6 * drop / speed**4, rtol=1e-9)
+    np.testing.assert_allclose(third, 24 * drop / speed**5, rtol=1e-8)
 
 
 def test_a_sideways_push_moves_no_height():
