@@ -9,73 +9,27 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from robot.facts import Ball, Facts, LauncherFacts, Noise, Target, Wheel
-from sim.shots import Dataset, Shots, Tracks
+from sim.shots import Dataset, Shots
 
 GRAVITY = 9.81
 FACTS = Facts(
     ball=Ball(0.14, 0.0889),
     launcher=LauncherFacts(0.75, 594.0, (Wheel("lower", 0.0508, 1.0, 180.0), Wheel("upper", 0.0349, 0.5625, 0.0))),
     target=Target(2.44), noise=Noise(0.03, 0.2, 0.5, 0.005))
-SAMPLES = 24
 
 
 @dataclass(frozen=True)
 class World:
-    """What is true. `lift_m_s2` per shot across the velocity and up; `wind_m_s` of the air along y."""
+    """What is true."""
 
     cd: float = 0.5
     cl: float = 0.06
-    wind_m_s: float = 0.0
     speed_scatter: float = 0.01
     angle_scatter_deg: float = 0.3
-    track_m: float = 0.005
-    track_memory: float = 0.0         # correlation of neighbouring samples (AR(1))
     aim_spread: float = 0.015         # of launch speed, from shot to shot, known to all
     speed_by_battery: float = 0.0     # relative change of launch speed per volt away from 11.8
     measured: bool = False            # heights at the plane are given
     speed_drift: float = 0.0          # relative change of launch speed from first to last shot
-    lift_by_temperature: float = 0.0  # m/s2 per degree away from 20
-    ball_spread: float = 0.0          # of drag, from ball to ball
-    balls: int = 0
-    efficiency: float | None = None   # tracks of the paper's rig, leaving with this share of its speed; None: by hand
-
-
-def make_tracks(world: World, shots: int, seed: int) -> Dataset:
-    """Flights of hand-thrown, spinless balls seen by a tracker; temperature_c matters if the world says so."""
-    rng = np.random.default_rng(seed)
-    temperature = rng.normal(20.0, 3.0, shots)
-    ball = rng.integers(0, max(world.balls, 1), shots)
-    drag = 1.0 + world.ball_spread * rng.normal(size=max(world.balls, 1))[ball]
-    ratio, hood, heading = rng.uniform(0.35, 0.5, shots), rng.uniform(35.0, 60.0, shots), rng.normal(0.0, 0.03, shots)
-    parts = []
-    for k in range(shots):
-        start, spin = _start(world, rng, ratio[k], hood[k], heading[k])
-        time_s = np.linspace(0.0, rng.uniform(0.7, 1.0), SAMPLES)
-        lift = world.lift_by_temperature * (temperature[k] - 20.0)
-        path = fly(start, time_s, (world.cd * drag[k], world.cl, spin, world.wind_m_s, lift))
-        parts.append((np.full(SAMPLES, k), time_s, path + _noise(rng, world, SAMPLES)))
-    numbers = {"temperature_c": temperature, "t_s": np.cumsum(rng.uniform(5.0, 20.0, shots))}
-    if world.efficiency is not None:
-        numbers |= {"motor_ratio": ratio, "hood_deg": hood}
-    texts = {"ball_id": tuple(f"ball{b}" for b in ball)} if world.balls else {}
-    tracks = Tracks(np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts]),
-                    *np.concatenate([p[2] for p in parts]).T)
-    facts = Facts(ball=FACTS.ball, noise=FACTS.noise) if world.efficiency is None else FACTS
-    return Dataset("world", facts, Shots(tuple(f"s{k}" for k in range(shots)), numbers, texts), tracks)
-
-
-def _start(world: World, rng: np.random.Generator, ratio: float, hood_deg: float,
-           heading: float) -> tuple[np.ndarray, float]:
-    """State of a ball at its first sample, and its spin in rev/s: thrown by hand, or by the paper's rig from x = 0."""
-    if world.efficiency is None:
-        speed, angle, spin, at = rng.uniform(6.0, 9.0), np.radians(hood_deg), 0.0, [0.3, 0.0, 1.0]
-    else:
-        lower, upper = ratio * 594.0 * 0.0508, ratio * 594.0 * 0.5625 * 0.0349
-        speed = world.efficiency * (lower + upper) / 2.0 * (1.0 + rng.normal(0.0, world.speed_scatter))
-        angle = np.radians(hood_deg + rng.normal(0.0, world.angle_scatter_deg))
-        spin, heading, at = (lower - upper) / (2.0 * np.pi * 0.0889), heading / 10.0, [0.0, 0.0, 0.75]
-    flat = speed * np.cos(angle)
-    return np.array([*at, flat * np.cos(heading), flat * np.sin(heading), speed * np.sin(angle)]), spin
 
 
 def make_outcomes(world: World, shots: int, seed: int, signed: bool = True) -> Dataset:
@@ -149,10 +103,3 @@ def _rate(t: float, state: np.ndarray, cd: float, cl: float, spin: np.ndarray | 
     flat = np.hypot(vx, vz)
     return np.array([vx, vy, vz, -drag * vx - turn * vz - lift * vz / flat, -drag * air_y,
                      -drag * vz + turn * vx + lift * vx / flat - GRAVITY])
-
-
-def _noise(rng: np.random.Generator, world: World, samples: int) -> np.ndarray:
-    noise = rng.normal(0.0, world.track_m, (samples, 3))
-    for k in range(1, samples):
-        noise[k] = world.track_memory * noise[k - 1] + np.sqrt(1.0 - world.track_memory**2) * noise[k]
-    return noise
