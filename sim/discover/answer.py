@@ -161,7 +161,7 @@ def _results(evidence: Evidence, asked: Asked, judged: Judged, false_alarm: floa
 
 
 def _fit(fitted: Fitted, steps: Sequence[Step], clusters: Clusters) -> Fit:
-    """Figures on unseen shots: as believed, and with every named effect (the free curve where there is no name)."""
+    """Figures on unseen shots: as believed, and with every named effect (log score: with the last free curve, too)."""
     null = without(fitted.evidence)
     label = clusters.label[null.rows]
     before_change = unseen_change(null, clusters)
@@ -170,15 +170,15 @@ def _fit(fitted: Fitted, steps: Sequence[Step], clusters: Clusters) -> Fit:
     accuracy = _accuracy(null, before_change)
     if not steps:
         return Fit(len(null.rows), float(before.mean()), None, None, None, rmse, None, accuracy, None)
-    last = steps[-1]
+    last, named = steps[-1], [step.refit for step in steps if not step.unknown]
+    after = last.average
     if last.unknown:
         after = last.free if last.free is not None else last.before
-        rmse_after, accuracy_after = None, None
-    else:
-        change = unseen_change(last.refit.evidence, clusters)
-        after = last.average
-        rmse_after = end_errors(fitted.intake, last.refit.layout, last.refit.spot, last.refit.evidence, change)
-        accuracy_after = _accuracy(last.refit.evidence, change)
+    rmse_after = accuracy_after = None
+    if named:
+        change = unseen_change(named[-1].evidence, clusters)
+        rmse_after = end_errors(fitted.intake, named[-1].layout, named[-1].spot, named[-1].evidence, change)
+        accuracy_after = _accuracy(named[-1].evidence, change)
     gain = after - before
     return Fit(len(null.rows), float(before.mean()), float(after.mean()), float(gain.mean()),
                clustered_error(gain, label), rmse, rmse_after, accuracy, accuracy_after)

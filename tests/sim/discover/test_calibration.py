@@ -16,7 +16,7 @@ from sim.shots import Dataset
 
 pytestmark = pytest.mark.slow
 WORLDS, SHOTS = 60, 100
-TRACKED = range(200, 208)
+TRACKED = range(200, 205)
 
 
 def believed_fit(dataset: Dataset) -> Fitted:

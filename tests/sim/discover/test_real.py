@@ -31,6 +31,8 @@ def test_backspin_lift_is_named_and_flights_end_where_it_says(data_dir: Path) ->
     assert interval.low90 > 0.0
     assert finding.fit is not None and finding.fit.gain_per_shot is not None and finding.fit.gain_se is not None
     assert finding.fit.gain_per_shot > 2.0 * finding.fit.gain_se
+    assert finding.fit.height_rmse_before_m is not None and finding.fit.height_rmse_after_m is not None
+    assert finding.fit.height_rmse_after_m < 0.5 * finding.fit.height_rmse_before_m
 
 
 def test_the_drag_of_falling_balls_is_named(data_dir: Path) -> None:
