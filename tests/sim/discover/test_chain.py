@@ -18,6 +18,7 @@ from sim.physics.shot import opening_of, predict
 from sim.shots import Dataset
 from tests.sim.discover.mixed import BELIEVED, FLOWN, LANDED, SHOTS, THROWN, make_mixed
 
+pytestmark = pytest.mark.slow
 RADIUS, MASS, RHO, G = 0.0889, 0.14, 1.2, 9.81
 HEIGHTS = 0.75, 2.44                  # release, target
 AIR = {"drag.cd": 0.5, "magnus.cl": 0.12, "spin_decay.rate_per_s": 0.8, "wind_x.speed_m_s": -1.5,

@@ -15,11 +15,12 @@ from sim.discover.chain import see
 from sim.discover.columns import LUCK, lay_out
 from sim.discover.evidence import FLOOR_M, Evidence
 from sim.discover.intake import Intake, take_in
-from sim.discover.linear import Layout, Spot, linearise, pad_lanes, variance_of
+from sim.discover.linear import Layout, Spot, fly, linearise, pad_lanes, variance_of
 from sim.discover.outcomes import LAPSE
 from sim.physics.catalogue import find_parameter
 from tests.sim.discover.mixed import BALLS, BELIEVED, FLOWN, LANDED, MEASURED, SHOTS, THROWN, make_mixed
 
+pytestmark = pytest.mark.slow
 SHOWN = (int(FLOWN[0]), int(LANDED[1]), int(LANDED[2]), int(MEASURED[1]), int(MEASURED[6]), int(THROWN[0]), 35, 38)
 COLUMNS = ("launch speed", "launch elevation", "distance", "spin_decay.rate_per_s", "lift_saturation.rate",
            "target_height.rise_m", "drag.cd", "exit_efficiency.loss", "track_tilt.angle_deg")
@@ -274,6 +275,20 @@ def test_at_the_most_likely_deviates_a_second_look_changes_them_little(bench: Be
     launched = np.setdiff1d(bench.intake.tracked, [*THROWN, *MEASURED])      # MEASURED's exits are drawn at random
     again = np.abs(bench.mean - bench.spot.deviates) / np.maximum(sd, 1e-12)
     assert again[launched].max() < 0.2
+
+
+def test_a_spot_near_by_is_foretold_without_flying_anew(bench: Bench) -> None:
+    """What was flown about one spot, taken as linear with the slopes of shots without deviation: nearly right."""
+    flown, slot = fly(bench.intake, bench.layout, bench.spot), bench.layout.chain.slots.index(("drag", "cd"))
+    ordinary = np.setdiff1d(np.arange(SHOTS), [*THROWN, *MEASURED])
+    values = bench.spot.values.copy()
+    values[slot] += 0.002
+    near = replace(bench.spot, values=values)
+    told = linearise(bench.intake, bench.layout, near, flown)[0].log_score[ordinary]
+    true = linearise(bench.intake, bench.layout, near)[0].log_score[ordinary]
+    change = true - bench.evidence.log_score[ordinary]
+    assert np.abs(change).max() > 0.1
+    assert np.abs(told - true).max() < 0.2 * np.abs(change).max()
 
 
 def test_the_centre_of_the_prior_pulls(bench: Bench) -> None:
