@@ -15,6 +15,11 @@ from hypothesis import settings
 DATA = Path(os.environ.get("TRUEARC_DATA", Path(__file__).parents[2] / "shared" / "data"))
 MOST_WORKERS = 4                      # each holds JAX and what it has compiled: a gigabyte
 
+# Arrays of tests are small, threads that wait for work of theirs take it from other processes; before NumPy is there.
+ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1",
+              "XLA_FLAGS": "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"}
+os.environ |= {name: value for name, value in ONE_THREAD.items() if name not in os.environ}
+
 # How long an example takes says how busy the machine is, not whether the code is right.
 settings.register_profile("house", deadline=None)
 settings.load_profile("house")
@@ -33,8 +38,7 @@ def pytest_configure(config: pytest.Config) -> None:
         os.environ |= {"JAX_COMPILATION_CACHE_DIR": folder, "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.2"}
         config.add_cleanup(lambda: shutil.rmtree(folder, ignore_errors=True))
     worker = os.environ.get("PYTEST_XDIST_WORKER")
-    if worker:                        # the other cores have workers of their own
-        os.environ.setdefault("XLA_FLAGS", "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1")
+    if worker:
         # Numba names what it keeps by counting: two processes may give one name to code for different arguments
         os.environ.setdefault("NUMBA_CACHE_DIR", str(Path(__file__).parents[1] / ".truearc_cache" / worker))
 

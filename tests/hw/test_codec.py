@@ -2,6 +2,7 @@
 
 import math
 import struct
+from functools import cache
 
 import cantools
 import pytest
@@ -60,11 +61,16 @@ def test_any_bytes_are_parsed_or_refused(codec, name, data) -> None:
     assert codec.parse(name, codec.make(name, values)) == values
 
 
+@cache
+def reference(codec_name):
+    return cantools.database.load_file(DBC / f"{codec_name}.dbc")
+
+
 @pytest.mark.parametrize(("codec", "name"), [(codec, name) for codec, name in MESSAGES if codec.limits(name)])
 @given(draw=st.data())
 def test_packing_by_layout_is_what_cantools_gives(codec, name, draw) -> None:
     """The reference is cantools on the same file, asked directly."""
-    message = cantools.database.load_file(DBC / f"{codec.name}.dbc").get_message_by_name(name)
+    message = reference(codec.name).get_message_by_name(name)
     values = {signal: draw.draw(st.floats(low, high, width=32) if codec.is_float(name, signal)
                                 else st.integers(math.ceil(low), math.floor(high)))
               for signal, (low, high) in codec.limits(name).items()

@@ -39,7 +39,7 @@ def test_verify_passes_and_says_what_it_compared(home: Path, capsys: pytest.Capt
 
 
 def test_verify_fails_on_another_gate(home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    save_dataset(tmp_path / "other", make_shots(5, 60))
+    save_dataset(tmp_path / "other", make_shots(5, 14))
     assert truearc.main(["train", "--quiet", "--model", "physics", "--real", f"{tmp_path}/other", "--coefficients",
                          f"{home}/coefficients.toml", "-o", f"{tmp_path}/w"]) == 0
     capsys.readouterr()
