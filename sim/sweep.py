@@ -132,9 +132,7 @@ class _Batch:
         self.scalings = [standardisation(job.real.features) for job in jobs]
         tables = [_table(job, *scaling) for job, scaling in zip(jobs, self.scalings, strict=True)]
         self.ends = np.array([ends for _, ends in tables])
-        self.rows = np.zeros((count, max(len(rows) for rows, _ in tables), COLUMNS), Real)
-        for number, (rows, _) in enumerate(tables):
-            self.rows[number, :len(rows)] = rows
+        self.rows, self.table = _stack([rows.astype(Real) for rows, _ in tables])
         share = np.array([job.simulated_weight if _count(job.simulated) else 0.0 for job in jobs])
         self.weights = (np.stack([np.ones(count), share]) / BATCH).astype(Real)
         self.state = np.zeros((3, PARAMETERS, count), Real)
@@ -152,11 +150,12 @@ class _Batch:
         """Steps of at most LANES networks, and their losses; lanes left over repeat networks and are thrown away."""
         lanes = np.resize(group, LANES)
         state = np.ascontiguousarray(self.state[:, :, lanes])
-        advance(self.rows, self.decks, lanes, len(group), np.ascontiguousarray(self.weights[:, lanes]), state, first,
-                steps, learning_rate)
+        weights = np.ascontiguousarray(self.weights[:, lanes])
+        advance(self.rows, self.table[lanes], self.decks, lanes, len(group), weights, state, first, steps,
+                learning_rate)
         self.state[:, :, group] = state[:, :, :len(group)]
         for lane, number in enumerate(group):
-            mean_losses(state[0, :, lane].astype(float), self.rows[number], self.ends[number],
+            mean_losses(state[0, :, lane].astype(float), self.rows[self.table[number]], self.ends[number],
                         self.losses[number])
 
     def judge(self, active: np.ndarray, step: int, patience: int) -> np.ndarray:
@@ -207,6 +206,17 @@ def _table(job: Job, mean: np.ndarray, scale: np.ndarray) -> tuple[np.ndarray, l
     parts = [np.hstack([(rows.features - mean) * scale, rows.labels]) if _count(rows) else np.zeros((0, COLUMNS))
              for rows in (job.real, job.simulated, job.validation)]
     return np.concatenate(parts), [0, *np.cumsum([len(part) for part in parts]).tolist()]
+
+
+def _stack(tables: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """(different tables [tables, longest, 5], padded; which one each network has): a sweep's networks share a few, and
+    rows that several of them have just read are near at hand."""
+    place = {table.tobytes(): number for number, table in enumerate(tables)}
+    order = {number: rank for rank, number in enumerate(place.values())}
+    stacked = np.zeros((len(place), max(map(len, tables)), COLUMNS), Real)
+    for number, rank in order.items():
+        stacked[rank, :len(tables[number])] = tables[number]
+    return stacked, np.array([order[place[table.tobytes()]] for table in tables])
 
 
 def _count(rows: Rows | None) -> int:

@@ -63,12 +63,13 @@ class Decks(NamedTuple):
 
 
 @njit(fastmath=_FAST, error_model="numpy", nogil=True, cache=True)
-def advance(rows: Any, decks: Decks, lanes: Any, real: int, weights: Any, state: Any, first: int, steps: int,
-            learning_rate: float) -> None:
+def advance(rows: Any, table: Any, decks: Decks, lanes: Any, real: int, weights: Any, state: Any, first: int,
+            steps: int, learning_rate: float) -> None:
     """Adam steps on LANES networks, in place; lanes from `real` on are there to fill up and get no minibatches.
 
-    rows [networks, n, 5]; lanes [LANES] which networks; weights [2, LANES] of a recorded and of a simulated row in the
-    loss; state [3, 50, LANES] parameters and Adam's two moments; `first` steps were made before.
+    rows [tables, n, 5]; table [LANES] which of them is whose; lanes [LANES] which networks; weights [2, LANES] of a
+    recorded and of a simulated row in the loss; state [3, 50, LANES] parameters and Adam's two moments; `first` steps
+    were made before.
     """
     batch = np.zeros((2 * BATCH, COLUMNS, LANES), Real)
     slope = np.empty((PARAMETERS, LANES), Real)
@@ -78,7 +79,7 @@ def advance(rows: Any, decks: Decks, lanes: Any, real: int, weights: Any, state:
     for step in range(steps):
         for lane in range(real):
             deal(decks, lanes[lane], picked)
-            _gather(rows[lanes[lane]], picked, lane, batch)
+            _gather(rows[table[lane]], picked, lane, batch)
         slope[:] = _ZERO
         for row in range(2 * BATCH):
             _forward(p, batch, row, hidden, out)
