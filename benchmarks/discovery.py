@@ -26,7 +26,7 @@ from robot.config import BadInput
 from sim.discover.discover import Investigation, discover
 from sim.discover.finding import make_json
 from sim.fanout import fan_out
-from sim.prove.ceiling import oracle_gain, signal_of
+from sim.prove.ceiling import ceiling_of, oracle_gain
 from sim.prove.grade import Grade, grade, true_parameter
 from sim.prove.suite import KINDS, Job, plan_jobs, world_of
 from sim.prove.table import make_tables
@@ -65,7 +65,8 @@ def _with_ceiling(finding: dict[str, Any], found: Investigation, job: Job, world
         return finding
     name, amplitude = f"{job.name}.{wanted[0]}", wanted[1]
     fit = {**(finding["fit"] or {}), "oracle_gain_per_shot": oracle_gain(found, name, amplitude)}
-    return {**finding, "fit": fit, "signal": signal_of(found, name, amplitude)}
+    ceiling = found.fitted and ceiling_of(found.fitted.evidence, job.level, name, amplitude, job.index)
+    return {**finding, "fit": fit, "ceiling": ceiling}
 
 
 def _short(finding: dict[str, Any] | None) -> dict[str, Any] | None:

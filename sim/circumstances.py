@@ -31,7 +31,7 @@ def circumstances_of(dataset: Dataset) -> Circumstances:
     droop: largest dip of the wheels from their speed as the ball is fed, in shares of it, mean of the wheels, by the
     mean over shots. hood_change: in the order of the rows within a session, or of t_s where all its shots have one.
     """
-    found = _gather(dataset)
+    found = gather_circumstances(dataset)
     return Circumstances(**{name: np.where(known.said, known.value, getattr(ORDINARY, name))
                             for name, known in found.items()}, ball=np.zeros(len(dataset.shots)))
 
@@ -43,11 +43,12 @@ def take_circumstances(circumstances: Circumstances, rows: np.ndarray) -> Circum
 
 def known(dataset: Dataset) -> frozenset[str]:
     """Fields of Circumstances that the data really have: said of at least two shots, and not of all alike."""
-    return frozenset(name for name, one in _gather(dataset).items()
+    return frozenset(name for name, one in gather_circumstances(dataset).items()
                      if one.said.sum() > 1 and np.ptp(one.value[one.said]) > 0.0)
 
 
-def _gather(dataset: Dataset) -> dict[str, Known]:
+def gather_circumstances(dataset: Dataset) -> dict[str, Known]:
+    """{field of Circumstances: its values, and of which shots the data say it}."""
     shots = dataset.shots
     return {"battery": _departure(shots.number("battery_v")), "since_last_shot_s": _since(shots), "age": _age(shots),
             "droop": _droop(dataset.traces, len(shots)), "density": _density(shots), "hood_change": _hood_change(shots),
@@ -99,10 +100,15 @@ def _since(shots: Shots) -> Known:
     return Known(np.where(said, value, 0.0), said)
 
 
+def counts_shots(shots: Shots) -> bool:
+    """Whether `age` counts what each ball has gone through: all balls are known."""
+    return all(shots.text("ball_id"))
+
+
 def _age(shots: Shots) -> Known:
     value = np.full(len(shots), np.nan)
     balls = np.array(shots.text("ball_id"))
-    if (balls != "").all():
+    if counts_shots(shots):
         return _plain(_shots_had(shots, balls))
     for rows in _sessions(shots):
         t_s = shots.number("t_s")[rows]

@@ -7,7 +7,7 @@ import numpy as np
 from sim.discover import outcomes
 from sim.discover.ask import Asked, Clusters, name_of
 from sim.discover.believed import Fitted, only_shared
-from sim.discover.covariates import Covariate, carried_by, gather_factors
+from sim.discover.covariates import Covariate, carried_by, followed_column, gather_covariates, gather_factors
 from sim.discover.endpoints import end_errors
 from sim.discover.evidence import Array, Column, Evidence
 from sim.discover.finding import Data, Finding, Fit, Interval, Mismatch, Named, TestResult, Unknown, Where
@@ -25,10 +25,6 @@ from sim.shots import Dataset
 SHOWN = 40                            # lines of the tests that the answer lists
 RANKED = 12                           # names that it lists
 NINETY = 1.6448536269514722
-# The column of a dataset behind what a term follows.
-COVARIATE = {"battery": "battery_v", "since_last_shot_s": "since_last_shot_s", "age": "t_s",
-             "density": "temperature_c", "hood_change": "hood_deg", "closing_speed_m_s": "robot_speed_m_s",
-             "droop": "dip"}
 UNSURE = 0.5
 
 
@@ -109,8 +105,8 @@ def _follows(dataset: Dataset, column: Column, step: Step, judged: Judged,
     sure = place is not None and judged.p_value[place.number] <= false_alarm if step.base == () else True
     if step.unknown and place is not None:
         name, direction = free, place.column.direction
-    elif column.follows in COVARIATE:
-        name, direction = COVARIATE[column.follows], column.direction
+    elif followed := followed_column(column.follows, gather_covariates(dataset)):
+        name, direction = followed, column.direction
     else:
         name, direction = (free if sure else None), column.direction
     others: tuple[str, ...] = ()

@@ -15,7 +15,9 @@ MANY = 10.0                           # groups, counted by size, from which they
 TERMS, FREE, PATTERN = "terms", "free", "pattern"
 # How the allowance for false alarms is shared out: a name is worth most, and most of what is left out has one.
 ALLOWANCE = {TERMS: 0.6, FREE: 0.3, PATTERN: 0.1}
-WAVES = 48                            # of the kernel score's random features, one covariate range long or longer
+CURVES = 2.5                          # standard deviations beyond which a covariate counts as no further out
+WAVES = 48                            # random features of a Gaussian kernel over pairs of covariates
+WAVE_LENGTH = 1.5                     # standard deviations of a covariate to a radian
 
 
 @dataclass(frozen=True)
@@ -42,7 +44,7 @@ class Test:
 
 @dataclass(frozen=True)
 class Asked:
-    """All tests with their scores [G, M]; `pattern` [G, W]: scores of random waves over all covariates at once."""
+    """All tests with their scores [G, M]; `pattern` [G, W]: scores of what two covariates could do together."""
 
     tests: tuple[Test, ...]
     scores: Scores
@@ -118,16 +120,21 @@ def _shapes(evidence: Evidence, covariates: Sequence[Covariate],
 
 
 def _pattern(evidence: Evidence, covariates: Sequence[Covariate], clusters: Clusters, seed: int) -> Scores | None:
-    """Scores of launch speed against random waves over all covariates at once (random Fourier features of a Gaussian
-    kernel): the generic score, which sees what depends on two of them together."""
+    """Scores of launch speed against what depends on two covariates together, whatever it is: their product, and
+    random waves over their plane (random Fourier features of a Gaussian kernel)."""
     known = [covariate.values[evidence.rows] for covariate in covariates]
-    scaled = [(v - np.nanmean(v)) / max(float(np.nanstd(v)), 1e-12) for v in known]
-    if not scaled:
+    known = [values for values in known if np.isfinite(values).any() and np.nanstd(values) > 0.0]
+    if len(known) < 2:
         return None
+    scaled = np.array([(values - np.nanmean(values)) / np.nanstd(values) for values in known])
+    place = np.nan_to_num(np.clip(scaled, -CURVES, CURVES))
+    first, second = np.triu_indices(len(place), 1)
     rng = np.random.default_rng(seed)
-    place = np.nan_to_num(np.stack(scaled, axis=1))
-    waves = rng.normal(size=(place.shape[1], WAVES)) * (0.7 / np.sqrt(place.shape[1]) ** 0.5)
-    weights = np.sqrt(2.0) * np.cos(place @ waves + rng.uniform(0.0, 2.0 * np.pi, WAVES))
-    found = efficient_scores(evidence, evidence.index("launch speed"), weights, clusters.label[evidence.rows],
-                             clusters.count)
+    some = rng.integers(0, len(first), WAVES)
+    turns = rng.normal(size=(2, WAVES, 1)) / WAVE_LENGTH
+    waves = np.sqrt(2.0) * np.cos(turns[0] * place[first[some]] + turns[1] * place[second[some]]
+                                  + rng.uniform(0.0, 2.0 * np.pi, (WAVES, 1)))
+    weights = np.concatenate([place[first] * place[second], waves]).T
+    found = efficient_scores(evidence, evidence.index("launch speed"), weights - weights.mean(0),
+                             clusters.label[evidence.rows], clusters.count)
     return found.take(np.flatnonzero(found.kept)) if found.kept.any() else None

@@ -10,8 +10,9 @@ import numpy as np
 
 from sim.discover import outcomes
 from sim.discover.chain import Chain, plane_grid
+from sim.discover.columns import SCATTER_PRIOR
 from sim.discover.evidence import Array, Evidence
-from sim.discover.intake import Intake
+from sim.discover.intake import SCATTERS, Intake
 from sim.discover.linear import Flown, Layout, Spot, fly, linearise, nowhere
 from sim.physics.catalogue import flight_terms
 
@@ -19,15 +20,17 @@ Progress = Callable[[float, str], None]
 GRID = (-1.0, -0.5, 0.0, 0.5, 1.0)    # of each coefficient's prior, in standard deviations, where the fit may start
 SOME = 96                             # outcomes that the grid looks at
 MOST_GRID = 3                         # coefficients that are gridded; more start from the prior's centre
-SCATTER_GRID = (1.0, 3.0, 10.0)       # times the usual one
-USUAL_SPEED = 0.015
+SCATTER_GRID = (1.0, 3.0, 10.0)       # times the usual one of a launch
+OF_LAUNCH = np.array([name != "scatter.distance" for name in SCATTERS])
+FEWEST = 5                            # outcomes that the grid can be judged by
 ROUNDS = 20                           # of flying, and of steps between two flights
 INNER = 10
 HALVINGS = 8
 SETTLED = 1e-3                        # nats
 LEAST_ROUNDS = 2                      # with tracks, whose shots' own deviations must settle too
 FARTHEST = 2.0                        # usual sizes that a column may move by in one step: all is linear nearby only
-SLACK = 0.3                           # nats a step may lose: scores leave out that slopes change the spread, too
+SLACK = 0.3                           # nats a step may lose with tracks: scores leave out that slopes change the spread
+FEW = 200                             # outcomes up to which the likelihood may have several tops
 
 
 @dataclass(frozen=True)
@@ -51,7 +54,12 @@ class Fitted:
 def fit_believed(intake: Intake, layout: Layout, progress: Progress = lambda done, note: None) -> Fitted:
     """Most probable shared columns by Newton's method with halved steps, relinearised at every step."""
     bare = only_shared(layout)
-    spot, _ = climb(intake, bare, _start(intake, layout), progress)
+    starts = usual_starts(intake, layout)
+    starts = starts[:1] if intake.samples is not None or len(intake.marked) > FEW else (
+        *starts, usual_spot(intake, layout))
+    tops = [climb(intake, bare, start, lambda done, note, k=k: progress(0.9 * (k + done) / len(starts), note))
+            for k, start in enumerate(starts)]
+    spot = max(tops, key=lambda top: objective(top[1], bare))[0]
     progress(0.9, "slopes")
     whole, _ = linearise(intake, layout, spot)
     return Fitted(intake, layout, spot, whole)
@@ -70,7 +78,7 @@ def climb(intake: Intake, layout: Layout, spot: Spot,
         flown = fly(intake, layout, spot)
         evidence, deviates = linearise(intake, layout, spot, flown)
         value = objective(evidence, layout)
-        if kept is not None and not value >= best - SLACK:
+        if kept is not None and not value >= best - _slack(intake):
             spot = _halfway(kept[0], spot)
             continue
         best, kept = value, (spot, evidence, deviates)
@@ -95,7 +103,7 @@ def _climb_linear(intake: Intake, layout: Layout, spot: Spot, flown: Flown) -> t
             tried = moved(layout, spot, step * 0.5**halving)
             there, found = linearise(intake, layout, tried, flown)
             value = objective(there, layout)
-            if value >= best - SLACK:
+            if value >= best - _slack(intake):
                 break
         else:
             break
@@ -164,25 +172,38 @@ def _lean(layout: Layout, kept: list[int]) -> Chain:
     return replace(chain, terms=tuple(name for name in chain.terms if name not in airborne or name in known))
 
 
-def _start(intake: Intake, layout: Layout) -> Spot:
-    """The best of a grid over up to MOST_GRID coefficients, by outcomes; the prior's middle without outcomes."""
-    chain = layout.chain
+def _slack(intake: Intake) -> float:
+    return SETTLED if intake.samples is None else SLACK
+
+
+def usual_starts(intake: Intake, layout: Layout) -> tuple[Spot, ...]:
+    """Where to climb from, the likeliest first: for each size of the scatter the best of a grid over up to MOST_GRID
+    coefficients, by outcomes; without outcomes the prior's middle alone."""
+    usual = usual_spot(intake, layout)
+    if len(intake.marked) < FEWEST:
+        return (usual,)
     first = len(layout.columns) - len(layout.precision)
-    values = np.array([default_of(chain, slot) for slot in chain.slots])
-    shared = [k for k in range(first, len(layout.columns)) if 0 <= layout.source[k] < len(chain.slots)]
-    for k in shared:
-        values[layout.source[k]] = layout.centre[k - first]
-    log_scatter = np.log([USUAL_SPEED, 0.007, 0.007])
-    if len(intake.marked) < 5:
-        return nowhere(intake, layout, values, log_scatter)
+    shared = [k for k in range(first, len(layout.columns)) if 0 <= layout.source[k] < len(layout.chain.slots)]
     axes = [(layout.source[k], layout.centre[k - first], layout.precision[k - first]**-0.5) for k in shared][:MOST_GRID]
     steps = np.array(list(itertools.product(GRID, repeat=len(axes))))
-    points = np.tile(values, (len(steps), 1))
+    points = np.tile(usual.values, (len(steps), 1))
     for number, (slot, centre, sd) in enumerate(axes):
         points[:, slot] = centre + steps[:, number] * sd
     likelihood = _rough(intake, layout, points) - 0.5 * (steps**2).sum(1)[:, None]
-    point, factor = np.unravel_index(int(likelihood.argmax()), likelihood.shape)
-    return nowhere(intake, layout, points[point], log_scatter + np.log(SCATTER_GRID[factor]))
+    return tuple(replace(usual, values=points[likelihood[:, k].argmax()],
+                         log_scatter=usual.log_scatter + np.log(SCATTER_GRID[k]) * OF_LAUNCH)
+                 for k in np.argsort(-likelihood.max(0)))
+
+
+def usual_spot(intake: Intake, layout: Layout) -> Spot:
+    """Coefficients and scatters in the middle of their priors, no shot off its configuration."""
+    slots = len(layout.chain.slots)
+    values = np.array([default_of(layout.chain, slot) for slot in layout.chain.slots])
+    first = len(layout.columns) - len(layout.precision)
+    for k in range(first, len(layout.columns)):
+        if 0 <= layout.source[k] < slots:
+            values[layout.source[k]] = layout.centre[k - first]
+    return nowhere(intake, layout, values, np.log([SCATTER_PRIOR[name][0] for name in SCATTERS]))
 
 
 def _rough(intake: Intake, layout: Layout, points: Array) -> Array:

@@ -10,12 +10,13 @@ from sim.physics.catalogue import TERMS, find_parameter, find_terms
 from sim.physics.term import Parameter, Term
 
 BANDS = 6                             # of the flight's time, with tracks
+LONGEST_STEP_S, MOST_DOUBLINGS = 0.02, 4          # of Runge-Kutta in a track
 WEAKER = 1.5                          # so that what is believed can hardly be argued away by its own prior
 KNOWN = ("gravity",)                  # terms whose parameters are known, not fitted
 # A tracker's calibration is never so sure that it could name physics: fitted always, its prior all but flat.
 TRACKER = {"track_scale": 0.1, "track_tilt": 5.0, "track_clock": 0.1}
 SCATTER_PRIOR = {"scatter.speed": (0.015, 3.0), "scatter.elevation_rad": (0.007, 3.0),
-                 "scatter.azimuth_rad": (0.007, 3.0)}      # median, factor
+                 "scatter.azimuth_rad": (0.007, 3.0), "scatter.distance": (1.0, 2.0)}      # median, factor
 
 # How much balls (or sessions, robots) differ from one another in exit speed and in drag: a share, one deviation.
 LUCK = {"speed": 0.03, "drag": 0.08}
@@ -138,7 +139,8 @@ def _shared(intake: Intake, believed: tuple[str, ...],
 
 def _scatter_place(intake: Intake, name: str, first: int, number: int) -> int:
     """The column of a scatter, or -1 where nothing could tell it."""
-    wanted = [bool(intake.scattered[:, k].any()) and (k < 2 or intake.samples is not None) for k in range(3)]
+    wanted = [bool(intake.scattered[:, k].any()) and (one != "scatter.azimuth_rad" or intake.samples is not None)
+              for k, one in enumerate(SCATTERS)]
     return first + sum(wanted[:number]) if wanted[number] else -1
 
 
@@ -172,6 +174,8 @@ def _edges(intake: Intake) -> Array:
 
 
 def _substeps(intake: Intake) -> int:
+    """Runge-Kutta steps between samples, a power of two, since each number is compiled."""
     if intake.samples is None:
         return 1
-    return int(np.clip(np.ceil(np.diff(intake.samples.time_s, axis=1).max(initial=0.0) / 0.02), 1, 16))
+    wanted = np.diff(intake.samples.time_s, axis=1).max(initial=0.0) / LONGEST_STEP_S
+    return int(2 ** np.clip(np.ceil(np.log2(max(wanted, 1.0))), 0, MOST_DOUBLINGS))

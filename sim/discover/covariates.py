@@ -1,10 +1,12 @@
 """What residuals might depend on: every numeric column, what can be derived from it, and every text column."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from robot.config import BadInput
+from sim.circumstances import counts_shots, gather_circumstances
 from sim.discover.evidence import Array
 from sim.physics.shot import launch_of
 from sim.shots import Dataset, Shots
@@ -16,6 +18,11 @@ FEWEST = 8                            # shots on each side of a step, and in a g
 DIGITS = 9                            # of derived columns: rounding errors are no covariate
 MOST_LEVELS = 20
 STEPS = 5
+WORN = "shots_of_ball"                # that its ball had before, by the most that any has had
+# Columns behind what a term follows from shot to shot, the fittest first.
+FOLLOWED = {"battery": ("battery_v",), "since_last_shot_s": ("since_last_shot_s",), "density": ("temperature_c",),
+            "closing_speed_m_s": ("robot_speed_m_s",), "hood_change": ("hood_change",), "droop": ("wheel_dip",),
+            "age": (WORN, "t_s")}
 LAUNCH_STATE = ("exit_speed_m_s", "exit_spin_rev_s")
 
 
@@ -60,7 +67,7 @@ def gather_covariates(dataset: Dataset) -> tuple[Covariate, ...]:
     Columns that run alike (|correlation| >= 0.98) are one covariate; constant ones are left out.
     """
     columns = {"t_s": dataset.shots.number("t_s"), **dataset.shots.numbers}
-    for derive in (_launch_columns, _time_columns, _trace_columns):
+    for derive in (_launch_columns, _time_columns, _circumstance_columns, _trace_columns):
         columns |= {name: values for name, values in derive(dataset).items() if name not in columns}
     found: list[Covariate] = []
     for name, values in columns.items():
@@ -83,6 +90,12 @@ def gather_factors(shots: Shots) -> tuple[Factor, ...]:
             codes = np.array([levels.index(text) if text else -1 for text in shots.text(name)])
             found.append(Factor(name, levels, codes))
     return tuple(found)
+
+
+def followed_column(follows: str, covariates: Iterable[Covariate]) -> str | None:
+    """The column behind what a term follows from shot to shot; None for what goes on inside a flight."""
+    names = {name for covariate in covariates for name in covariate.names}
+    return next((name for name in FOLLOWED.get(follows, ()) if name in names), None)
 
 
 def carried_by(covariate: Covariate, factors: tuple[Factor, ...]) -> tuple[str, ...]:
@@ -193,6 +206,15 @@ def _time_columns(dataset: Dataset) -> dict[str, Array]:
         order[rows] = np.arange(len(rows))
         wait[rows[1:]] = np.diff(shots.number("t_s")[rows])
     return {"order_in_session": order, "since_last_shot_s": wait}
+
+
+def _circumstance_columns(dataset: Dataset) -> dict[str, Array]:
+    """What terms follow and no column says as it is: the way the hood came, the wheels' dip, the ball's earlier shots.
+    """
+    wanted = {"hood_change": "hood_change", "droop": "wheel_dip"}
+    wanted |= {"age": WORN} if counts_shots(dataset.shots) else {}
+    found = gather_circumstances(dataset)
+    return {name: np.where(found[field].said, found[field].value, np.nan) for field, name in wanted.items()}
 
 
 def _trace_columns(dataset: Dataset) -> dict[str, Array]:

@@ -7,12 +7,12 @@ import numpy as np
 
 from robot.facts import Facts
 from sim.discover.ask import groups_of
-from sim.discover.believed import default_of, fit_believed
-from sim.discover.columns import SCATTER_PRIOR, lay_out
+from sim.discover.believed import fit_believed, usual_spot
+from sim.discover.columns import lay_out
 from sim.discover.evidence import Evidence
 from sim.discover.identify import Sight, sight_of
-from sim.discover.intake import SCATTERS, Intake, take_in
-from sim.discover.linear import Layout, Spot, linearise, nowhere
+from sim.discover.intake import take_in
+from sim.discover.linear import linearise
 from sim.discover.rehearse import ASIDE, mark, rehearse
 from sim.shots import Dataset, Shots
 
@@ -55,18 +55,6 @@ def _expected(dataset: Dataset, believed: tuple[str, ...]) -> tuple[Evidence, st
     intake = take_in(dataset)
     layout = lay_out(intake, believed, groups_of(dataset.shots, intake.rows))
     return linearise(intake, layout, usual_spot(intake, layout))[0], intake.level
-
-
-def usual_spot(intake: Intake, layout: Layout) -> Spot:
-    """Coefficients and scatters in the middle of their priors, no shot off its configuration."""
-    slots = len(layout.chain.slots)
-    values = np.array([default_of(layout.chain, slot) for slot in layout.chain.slots])
-    first = len(layout.columns) - len(layout.precision)
-    for k in range(first, len(layout.columns)):
-        if 0 <= layout.source[k] < slots:
-            values[layout.source[k]] = layout.centre[k - first]
-    usual = [SCATTER_PRIOR[name][0] for name in SCATTERS]
-    return nowhere(intake, layout, values, np.log(usual))
 
 
 def _as_aimed(evidence: Evidence, seed: int) -> Evidence:

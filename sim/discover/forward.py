@@ -4,9 +4,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import logsumexp
 
 from sim.discover.ask import ALLOWANCE, Asked, Clusters, ask_everything
 from sim.discover.believed import Fitted, only_shared
+from sim.discover.correct import correct
 from sim.discover.covariates import Covariate, Factor
 from sim.discover.evidence import Array
 from sim.discover.linear import Layout, linearise
@@ -99,8 +101,8 @@ def _step(fitted: Fitted, clusters: Clusters, place: Place | None, base: tuple[s
     scores = {name: unseen_score(one.evidence, clusters) for name, one in naming.refits.items()}
     after, average = scores[naming.leader], _averaged(naming, before, scores, clusters.label[fitted.evidence.rows])
     free = None if place is None else place.correction.log_after
-    return Step(naming, place, before, after, average, free,
-                _is_unknown(naming, after, free, clusters, fitted), base, fitted)
+    return Step(naming, place, before, after, average, free, _is_unknown(naming, after, place, clusters, fitted), base,
+                fitted)
 
 
 def _averaged(naming: Naming, before: Array, scores: dict[str, Array], label: Array) -> Array:
@@ -114,22 +116,28 @@ def _averaged(naming: Naming, before: Array, scores: dict[str, Array], label: Ar
     result = np.zeros(len(before))
     for held in range(fold.max() + 1):
         out = fold == held
-        weight = nats - (each[:, out] - before[out]).sum(1)
-        weight = np.exp(weight - weight.max())
-        top = each[:, out].max(0)
-        result[out] = top + np.log((weight / weight.sum()) @ np.exp(each[:, out] - top))
+        log_weight = nats - (each[:, out] - before[out]).sum(1)
+        result[out] = logsumexp(each[:, out].T + log_weight - logsumexp(log_weight), axis=1)
     return result
 
 
-def _is_unknown(naming: Naming, after: Array, free: Array | None, clusters: Clusters, fitted: Fitted) -> bool:
-    """Nothing named explains as much as its own prior costs, or a free curve does clearly better on unseen shots."""
+def _is_unknown(naming: Naming, after: Array, place: Place | None, clusters: Clusters, fitted: Fitted) -> bool:
+    """Nothing named explains as much as its own prior costs, or a free curve does clearly better on unseen shots:
+    instead of the name, and on top of it, too. The former alone compares two linearisations, and the latter alone
+    would take a second effect for proof against the first."""
     if naming.nats[naming.leader] <= 0.0:
         return True
-    if free is None:
+    if place is None or not _clearly(place.correction.log_after - after, clusters, fitted):
         return False
-    ahead = free - after
-    error = clustered_error(ahead, clusters.label[fitted.evidence.rows])
-    return bool(ahead.mean() > CLEARLY * error and ahead.sum() > CLEARLY)
+    named = promote(fitted, naming.refits[naming.leader])
+    more = correct(named.evidence, replace(place.test, column=named.evidence.index(place.column.name)), clusters)
+    return _clearly(more.gain, clusters, fitted)
+
+
+def _clearly(gain: Array, clusters: Clusters, fitted: Fitted) -> bool:
+    """Whether log scores [n] of unseen shots are better by more than chance, and by more than a trifle."""
+    error = clustered_error(gain, clusters.label[fitted.evidence.rows])
+    return bool(gain.mean() > CLEARLY * error and gain.sum() > CLEARLY)
 
 
 def _judge(asked: Asked, seed: int) -> Judged:

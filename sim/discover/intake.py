@@ -26,17 +26,18 @@ PLACE_M = 0.01
 FREE_PLACE_M = 0.3
 FREE_SPEED_M_S = 3.0
 SETTINGS = ("distance_m", "hood_deg", "motor_ratio", "miss_height_m", "t_s")
-SCATTERS = ("scatter.speed", "scatter.elevation_rad", "scatter.azimuth_rad")
+# What scatters by amounts that are fitted: launches, and measured distances as a multiple of what the rig states.
+SCATTERS = ("scatter.speed", "scatter.elevation_rad", "scatter.azimuth_rad", "scatter.distance")
 
 
 @dataclass(frozen=True)
 class Intake:
     """n shots (`rows` of the dataset) that say something; `stripped` facts for the chain.
 
-    noise_var [n, D]: variances of the deviates that are no scatter (sensors, release). scattered [n, 3]: whether log
-    speed, elevation and azimuth scatter from shot to shot on top. exits [n, 3], exit_sd [n, 3]: measured log speed,
-    elevation in rad, backspin, nan where not. seen: of the plane, rows `marked` [m] of the n. samples: tracks, with
-    `tracked` [k] their rows among the n.
+    noise_var [n, D]: variances of the deviates that are no scatter (sensors, release). scattered [n, S]: variances on
+    top where a scatter is 1: of log speed, elevation and azimuth 1 or 0, of the distance as stated. exits [n, 3],
+    exit_sd [n, 3]: measured log speed, elevation in rad, backspin, nan where not. seen: of the plane, rows `marked` [m]
+    of the n. samples: tracks, with `tracked` [k] their rows among the n.
     """
 
     facts: Facts
@@ -109,7 +110,7 @@ class _Part:
 
 def _lanes(part: _Part, circumstances: Circumstances, samples: Samples | None,
            place: Array) -> tuple[Lanes, Array, Array]:
-    """(lanes, noise variances [n, D], which deviates scatter [n, 3])."""
+    """(lanes, noise variances [n, D], what scatters on top [n, S])."""
     shots, n, free = part.shots, len(part.shots), ~part.launched
     numbers = {**shots.numbers}
     numbers["exit_speed_m_s"] = np.where(free, 1.0, np.where(part.wheels, np.nan, shots.number("exit_speed_m_s")))
@@ -129,11 +130,11 @@ def _lanes(part: _Part, circumstances: Circumstances, samples: Samples | None,
     noise[:, 1] = np.where(free, 0.0, given.elevation_sd_rad**2)
     spinning = np.maximum(np.abs(np.asarray(given.rolling.spin_rev_s)), 0.5)
     noise[:, 3] = SPIN_SHARE**2 + np.where(free, 0.0, (given.wheel_spin_rev_s**2).sum(1) / spinning**2)
-    noise[:, 4] = given.distance_sd_m**2
     noise[:, 5] = np.where(free, 0.0, LEAD_S**2)
     noise[:, 6:9] = np.where(free, FREE_PLACE_M, PLACE_M)[:, None]**2
     noise[:, 9:12] = np.where(free, FREE_SPEED_M_S, 0.0)[:, None]**2
-    return lanes, noise, np.stack([given.rolled & ~free, given.hooded & ~free, ~free], axis=1)
+    return lanes, noise, np.stack([given.rolled & ~free, given.hooded & ~free, ~free,
+                                   np.broadcast_to(given.distance_sd_m**2, n)], axis=1) * 1.0
 
 
 def _or_else(measured: Array, rig: float) -> Array:

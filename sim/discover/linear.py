@@ -14,9 +14,9 @@ import numpy as np
 from sim.discover.chain import Chain, Lanes, Seen, see_slopes
 from sim.discover.evidence import FLOOR_M, Array, Column, Evidence, Plane, make_evidence
 from sim.discover.intake import Intake
-from sim.discover.samples import whiten
+from sim.discover.samples import log_volume, whiten
 
-SCATTERED = (0, 1, 2)                 # deviates that scatter: log speed, elevation, azimuth
+SCATTERED = (0, 1, 2, 4)              # deviates that scatter: log speed, elevation, azimuth, distance
 FAR_BELOW_M = -10.0                   # stands for a ball that never came near
 PAD = 32                              # lanes fly in multiples of this, since each size is compiled
 
@@ -67,7 +67,7 @@ class Layout:
 
 @dataclass(frozen=True)
 class Spot:
-    """Where the chain is linearised: `values` [slots], log scatters [3], each shot's deviates [n, D], and the effects
+    """Where the chain is linearised: `values` [slots], log scatters [S], each shot's deviates [n, D], and the effects
     of groups [Q], to which all is taken to be linear."""
 
     values: Array
@@ -111,7 +111,8 @@ def linearise(intake: Intake, layout: Layout, spot: Spot, flown: Flown | None = 
     columns = np.concatenate([np.flatnonzero(layout.source >= 0), real + np.arange(bases)])
     sd = np.sqrt(variance_of(intake, spot.log_scatter))[:, :count]
     gauss = _Gauss.make(intake, seen, slopes, spot, inputs, columns, real + bases)
-    left = _integrate(gauss, sd, spot)
+    with np.errstate(over="ignore", invalid="ignore"):     # far from all that flies there is no likelihood: not finite
+        left = _integrate(gauss, sd, spot)
     score, info = _scatter_terms(intake, layout, spot, sd, left, real + bases)
     plane = _plane(intake, layout, spot, seen, slopes, sd, left, columns, inputs, real + bases)
     parts = _spread_groups(layout, left.score + score, left.info + info, plane)
@@ -202,7 +203,7 @@ def variance_of(intake: Intake, log_scatter: Array) -> Array:
 class _Gauss:
     """Whitened Gaussian observations [n, G]: residual at the spot, slopes by deviates [n, G, D] and columns [n, G, P].
 
-    log_noise [n]: minus half the log determinant of the noise, constants included.
+    log_noise [n]: log density of the noise where it is nothing, constants included.
     """
 
     residual: Array
@@ -241,7 +242,7 @@ def _track_part(intake: Intake, seen: Seen, slopes: Seen) -> list[tuple[Array, A
     white = np.zeros((n, 3 * raw.shape[1], raw.shape[3]))
     white[rows] = whiten(samples, intake.scatter, raw)
     log_noise = np.zeros(n)
-    log_noise[rows] = -0.5 * np.log(2.0 * np.pi) * 3.0 * samples.real.sum(1)
+    log_noise[rows] = log_volume(samples, intake.scatter)
     return [(white, log_noise)]
 
 
@@ -281,13 +282,13 @@ def _scatter_terms(intake: Intake, layout: Layout, spot: Spot, sd: Array, left: 
     score, info = np.zeros((n, count)), np.zeros((n, count, count))
     variance = np.maximum(sd**2, 1e-300)
     scattered = intake.scattered * np.exp(2.0 * spot.log_scatter)
-    for number, column in enumerate(layout.scatters):
+    for number, (column, deviate) in enumerate(zip(layout.scatters, SCATTERED, strict=True)):
         if column < 0:
             continue
-        total, kept = variance[:, number], left.covariance[:, number, number]
+        total, kept = variance[:, deviate], left.covariance[:, deviate, deviate]
         share = scattered[:, number] / total
         known = np.clip(1.0 - kept / total, 0.0, 1.0)
-        score[:, column] = share * ((left.mean[:, number]**2 + kept) / total - 1.0)
+        score[:, column] = share * ((left.mean[:, deviate]**2 + kept) / total - 1.0)
         info[:, column, column] = 2.0 * (share * known)**2
     return score, info
 
@@ -309,10 +310,10 @@ def _plane(intake: Intake, layout: Layout, spot: Spot, seen: Seen, slopes: Seen,
     variance = np.einsum("md,mde,me->m", by_deviate, left.covariance[rows], by_deviate) + FLOOR_M**2
     log_spread = np.zeros((len(rows), count))
     scattered = intake.scattered[rows] * np.exp(2.0 * spot.log_scatter)
-    kept = np.diagonal(left.covariance[rows], axis1=1, axis2=2)[:, :3] / np.maximum(sd[rows, :3]**2, 1e-300)
-    for number, column in enumerate(layout.scatters):
+    kept = np.diagonal(left.covariance[rows], axis1=1, axis2=2) / np.maximum(sd[rows]**2, 1e-300)
+    for number, (column, deviate) in enumerate(zip(layout.scatters, SCATTERED, strict=True)):
         if column >= 0:
-            log_spread[:, column] = (by_deviate[:, number]**2 * scattered[:, number] * kept[:, number]**2) / variance
+            log_spread[:, column] = (by_deviate[:, deviate]**2 * scattered[:, number] * kept[:, deviate]**2) / variance
     spread = np.where(near, np.sqrt(variance), 1.0)
     return Plane(rows, intake.seen, np.where(near, mean, FAR_BELOW_M), spread, by_column, wider, log_spread)
 

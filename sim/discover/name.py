@@ -7,6 +7,7 @@ terms dealt out to other shots, compete too; no name is given that a decoy beats
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -58,7 +59,7 @@ class Naming:
 def one_step(evidence: Evidence) -> tuple[tuple[Candidate, ...], Array]:
     """(every term after one step, correlations of their efficient slopes [K, K])."""
     columns = [k for k in range(evidence.first_shared) if evidence.columns[k].kind == "term"]
-    score, left = _efficient(evidence, np.array(columns, dtype=int))
+    score, left = efficient(evidence, np.array(columns, dtype=int))
     total = evidence.info.sum(0)
     found = []
     for number, column in enumerate(columns):
@@ -74,12 +75,20 @@ def one_step(evidence: Evidence) -> tuple[tuple[Candidate, ...], Array]:
     return tuple(found), left / np.outer(size, size)
 
 
-def nats_for(score: float, information: float, usual: float) -> float:
-    """Log Bayes factor of an amplitude ~ N(0, usual^2) against none, for a Gaussian score."""
+def visible_terms(evidence: Evidence) -> Array:
+    """Columns of terms of which the shots say anything that the shared ones could not."""
+    columns = np.array([k for k in range(evidence.first_shared) if evidence.columns[k].kind == "term"], dtype=int)
+    own, kept = evidence.info.sum(0)[columns, columns], np.diag(efficient(evidence, columns)[1])
+    return columns[(own > BUSY) & (kept > LEAST_INFORMATION * own)]
+
+
+def nats_for(score: Any, information: float, usual: float) -> Any:
+    """Log Bayes factor of an amplitude ~ N(0, usual^2) against none, for a Gaussian score or several."""
     if information <= 0.0:
-        return 0.0
+        return np.zeros_like(score) if np.ndim(score) else 0.0
     size = information * usual**2
-    return float(0.5 * score**2 / information * size / (1.0 + size) - 0.5 * np.log1p(size))
+    nats = 0.5 * score**2 / information * size / (1.0 + size) - 0.5 * np.log1p(size)
+    return nats if np.ndim(nats) else float(nats)
 
 
 def name_terms(fitted: Fitted, clusters: Clusters, seed: int, progress: Progress) -> Naming:
@@ -114,14 +123,14 @@ def _tame(candidate: Candidate, evidence: Evidence) -> float:
     return float(np.clip(shrunk, -3.0 * usual, 3.0 * usual))
 
 
-def _efficient(evidence: Evidence, columns: Array) -> tuple[Array, Array]:
+def efficient(evidence: Evidence, columns: Array) -> tuple[Array, Array]:
     """(scores [K], information [K, K]) of columns with what the shared ones could explain projected out."""
     shared = shared_columns(evidence)
     info, score = evidence.info.sum(0), evidence.score.sum(0)
     inner = info[shared, shared] + np.diag(evidence.precision)
     cross = info[columns][:, shared]
     lift = np.linalg.solve(inner, cross.T).T if len(inner) else np.zeros((len(columns), 0))
-    return (score[columns] - lift @ score[shared],
+    return (score[columns] - lift @ (score[shared] + evidence.pull),
             info[np.ix_(columns, columns)] - lift @ cross.T)
 
 
@@ -162,6 +171,6 @@ def _decoys_above(evidence: Evidence, candidates: Sequence[Candidate], best: flo
         own = (sign**2 * evidence.info[:, candidate.column, candidate.column]).sum()
         lift = np.linalg.solve(inner, cross) if len(inner) else np.zeros(0)
         left = own - cross @ lift
-        efficient = score.sum() - lift @ evidence.score[:, shared].sum(0)
+        efficient = score.sum() - lift @ (evidence.score[:, shared].sum(0) + evidence.pull)
         above += nats_for(efficient, left, evidence.columns[candidate.column].usual) > best
     return int(above)

@@ -37,13 +37,14 @@ STYLE = """<style>
 details summary { cursor: pointer; color: var(--accent); } li { margin: .2rem 0; }
 </style>"""
 METHOD = (
-    "How it was judged. The believed coefficients and the scatter of the launch were fitted, each shot's own deviation "
-    "integrated out. Every test asks whether one more effect is there: an effect of the catalogue, or a free change of "
-    "launch, distance or flight that goes with anything recorded, or any pattern at all. What the fitted numbers could "
-    "explain is taken out of its score first. The p-value is the chance that the strongest of all tests comes out as "
-    "strong when the signs of the shots' scores are drawn at random. Names are ranked by refitting the simulation with "
-    "each likely one; each has a prior on its size, and one that would have to be absurdly large loses to one that "
-    "need not. Gains and curves are judged on shots that the fit had not seen (every fifth in turn).")
+    "How it was judged. The believed coefficients and the scatter of the launch were fitted, each shot's own "
+    "deviation integrated out. Every test asks whether one more effect is there: an effect of the catalogue, or a "
+    "free change of launch, distance or flight that goes with anything recorded, or with two such things together. "
+    "What the fitted numbers could explain is taken out of its score first. The p-value is the chance that the "
+    "strongest of all tests comes out as strong when the signs of the shots' scores are drawn at random. Names are "
+    "ranked by refitting the simulation with each likely one; each has a prior on its size, and one that would have "
+    "to be absurdly large loses to one that need not. Gains and curves are judged on shots that the fit had not seen "
+    "(every fifth in turn).")
 UNTESTED = (
     "Not tested: differences between balls (or sessions, where there are many) count as luck, since each may have its "
     "own; gravity is taken as known; with tracks the tracker's scale, tilt and clock are fitted always. What two or "
@@ -87,7 +88,7 @@ def make_pictures(investigation: Investigation) -> list[tuple[str, str]]:
         first = investigation.finding.where.covariate
         what = "the free curve" if step.unknown else plain(step.naming.leader)
         found = _views(step.fitted.evidence, evidence_after(step), fitted.intake, along,
-                       find_along(stated_covariate(step, first), along), what, stage_of(step), step.base == ())
+                       find_along(stated_covariate(step, along, first), along), what, stage_of(step), step.base == ())
         besides = "something without a name" if step.unknown else what
         heading = "Where it is" if step.base == () else f"Besides: {besides}"
         if found:

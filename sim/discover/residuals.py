@@ -10,9 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim.discover import outcomes
-from sim.discover.answer import COVARIATE
 from sim.discover.ask import Asked
-from sim.discover.covariates import Covariate, Factor
+from sim.discover.covariates import Covariate, Factor, followed_column
 from sim.discover.evidence import Array, Evidence, Plane
 from sim.discover.forward import Step, promote
 from sim.discover.locate import Place
@@ -163,10 +162,10 @@ def covariates_in(asked: Asked) -> tuple[Along, ...]:
 
 
 def find_along(name: str | None, along: Sequence[Along]) -> Along | None:
-    """The covariate or factor of that name, under any of its names; dips of wheels count as "dip"."""
+    """The covariate or factor of that name, under any of its names."""
     for one in along:
         names = one.names if isinstance(one, Covariate) else (one.name,)
-        if name is not None and any(each == name or each.startswith(f"{name}_") for each in names):
+        if name in names:
             return one
     return None
 
@@ -219,12 +218,13 @@ def _roughness(part: Part, bins: Bins) -> float:
     return float((((value[known] / error[known])**2) - 1.0).sum())
 
 
-def stated_covariate(step: Step, first: str | None) -> str | None:
+def stated_covariate(step: Step, along: Sequence[Along], first: str | None) -> str | None:
     """What the named term follows, or what the answer says the effect goes with."""
     if not step.unknown:
         column = step.fitted.evidence.columns[step.fitted.evidence.index(step.naming.leader)]
-        if column.follows in COVARIATE:
-            return COVARIATE[column.follows]
+        followed = followed_column(column.follows, (one for one in along if isinstance(one, Covariate)))
+        if followed is not None:
+            return followed
     return first if step.base == () else None
 
 

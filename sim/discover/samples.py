@@ -13,6 +13,7 @@ ENOUGH_SAMPLES = 12                   # per track, to measure scatter from it
 GROSS = 8.0                           # robust standard deviations off a smooth flight: not a sample of the ball
 MEMORIES = np.linspace(0.0, 0.97, 50)  # correlations of neighbouring samples that are told apart
 LEAST_MEMORY = 0.03
+PAD = 16                              # tracks are padded to a multiple of this, since each length is compiled
 
 
 @dataclass(frozen=True)
@@ -95,6 +96,15 @@ def whiten(samples: Samples, scatter: Scatter, columns: Array) -> Array:
     return joined.reshape(len(columns), 3 * columns.shape[1], columns.shape[-1])
 
 
+def log_volume(samples: Samples, scatter: Scatter) -> Array:
+    """Log density [n] of each track's noise where all that `whiten` makes of it is 0."""
+    gaps_s = np.diff(samples.time_s, axis=1)[:, :, None]
+    memory = np.exp(-gaps_s / np.where(scatter.memory_s > 0.0, scatter.memory_s, 1e-9))
+    new = np.log(scatter.sigma_m) + 0.5 * np.log(1.0 - memory**2 + 1e-12)
+    first = np.log(scatter.sigma_m).sum() + 1.5 * np.log(2.0 * np.pi)
+    return -(first * samples.real[:, 0] + ((new.sum(2) + 1.5 * np.log(2.0 * np.pi)) * samples.real[:, 1:]).sum(1))
+
+
 def _detrend(time_s: Array, position_m: Array) -> Array:
     scaled = (time_s - time_s[0]) / max(float(np.ptp(time_s)), 1e-9) * 2.0 - 1.0
     basis = np.polynomial.legendre.legvander(scaled, SMOOTH_DEGREE)
@@ -117,7 +127,7 @@ def _sound(data: Array) -> Array:
 
 
 def _pad(kept: list[tuple[int, Array]]) -> Samples:
-    longest = max((len(data) for _, data in kept), default=1)
+    longest = -(-max((len(data) for _, data in kept), default=1) // PAD) * PAD
     padded = np.zeros((len(kept), longest, 4))
     real = np.zeros((len(kept), longest), dtype=bool)
     for k, (_, data) in enumerate(kept):

@@ -7,6 +7,10 @@ simulation a cluster's sum is as likely to be negative as positive, whatever its
 inside it hang together; so the same statistic under random signs is its null distribution, and the largest over all
 tests under the same signs gives the probability of so large a largest one (the wild cluster bootstrap-t with the null
 imposed: Cameron, Gelbach and Miller 2008; max statistic: Westfall and Young 1993).
+
+What is thought of a shared parameter beforehand is one more observation of it, which errs like any other, and so a
+cluster of its own. Without these a test that leans on priors (one supplier's balls against another's, where each ball
+may differ by luck) would take the priors' errors for a finding.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -25,7 +29,8 @@ CHUNK = 250                           # sign patterns at once
 
 @dataclass(frozen=True)
 class Scores:
-    """M tests over G clusters: `psi` [G, M] efficient scores, `kappa` [G, M] their information; `kept` [M] usable.
+    """M tests over G clusters, the shared parameters' priors last: `psi` [G, M] efficient scores, `kappa` [G, M] their
+    information; `kept` [M] usable.
 
     `stretch` [G, M]: fitting the shared parameters draws each cluster's score towards zero; times this it has the
     spread that it had before.
@@ -56,7 +61,8 @@ class Judged:
 
 
 def efficient_scores(evidence: Evidence, channel: int, weights: Array, cluster: Array, clusters: int) -> Scores:
-    """Scores of `weights` [n, q] (q tests on one channel), summed over `cluster` [n] (numbers below `clusters`)."""
+    """Scores of `weights` [n, q] (q tests on one channel), summed over `cluster` [n] (numbers below `clusters`); those
+    of the p priors follow."""
     shared = shared_columns(evidence)
     u, s = evidence.score[:, channel], evidence.score[:, shared]
     k_cc, k_ct = evidence.info[:, channel, channel], evidence.info[:, channel, shared]
@@ -67,7 +73,10 @@ def efficient_scores(evidence: Evidence, channel: int, weights: Array, cluster: 
     raw = weights**2 * k_cc[:, None]
     kappa = raw - 2.0 * weights * (k_ct @ project.T) + ((project @ k_tt) * project).sum(2)
     common = weights[:, :, None] * k_ct[:, None] - project @ k_tt
-    psi, kappa, common = (_sum_over(cluster, clusters, part) for part in (psi, kappa, common))
+    priors = (-project.T * evidence.pull[:, None], project.T**2 * evidence.precision[:, None],
+              -np.eye(len(total))[:, None] * (project.T * evidence.precision[:, None])[:, :, None])
+    psi, kappa, common = (np.concatenate([_sum_over(cluster, clusters, part), prior])
+                          for part, prior in zip((psi, kappa, common), priors, strict=True))
     return Scores(psi, kappa, _stretch(kappa, common, total), _usable(kappa, raw.sum(0)))
 
 
@@ -99,20 +108,40 @@ def judge(scores: Scores, family: Sequence[str], allowance: Mapping[str, float],
           progress: Progress, pattern: Scores | None = None) -> Judged:
     """Judge every test alone, in its family [M], and all families together, under `draws` random sign patterns.
 
-    pattern: tests of which only the sum of squares counts, as a family called "pattern". The families' probabilities,
+    pattern: tests of which only the largest counts, as a family called "pattern". The families' probabilities,
     each over its share of the allowance, are compared by their smallest under the same signs, so that sharing costs
     no more than it must (Westfall and Young's min-p).
     """
+    if pattern is not None:
+        scores, family = _joined(scores, pattern), [*family, *["pattern"] * pattern.psi.shape[1]]
     psi, kappa, total = scores.psi * scores.stretch, scores.kappa, scores.kappa.sum(0)
     observed = scores.psi.sum(0)
-    rng = np.random.default_rng(seed)
     squares = (psi**2).sum(0), (psi * kappa).sum(0), (kappa**2).sum(0)
     seen = _studentise(observed[None], squares[1][None], squares, total)[0]
-    names = [name for name in allowance if name in set(family) or (name == "pattern" and pattern is not None)]
-    if not names:
+    member = {name: np.array([one == name for one in family], dtype=bool) for name in allowance if name in set(family)}
+    if not member:
         return Judged(seen, observed, observed, seen, seen, {}, 1.0)
-    member = {name: np.array([one == name for one in family], dtype=bool) for name in names}
-    largest = {name: np.zeros(draws + 1) for name in names}
+    largest, above_each = _flip(psi, kappa, squares, total, seen, member, draws, seed, progress)
+    share = sum(allowance[name] for name in member)
+    p_value, families, p_any = _combine(seen, member, largest, {name: allowance[name] / share for name in member})
+    amplitude = observed / total
+    shown = slice(len(seen) - (0 if pattern is None else pattern.psi.shape[1]))
+    p_each = (1.0 + above_each) / (1.0 + draws)
+    return Judged(seen[shown], amplitude[shown], (0.5 * amplitude * observed)[shown], p_each[shown], p_value[shown],
+                  families, p_any)
+
+
+def _joined(scores: Scores, more: Scores) -> Scores:
+    return Scores(*(np.concatenate([getattr(scores, name), getattr(more, name)], axis=-1)
+                    for name in ("psi", "kappa", "stretch", "kept")))
+
+
+def _flip(psi: Array, kappa: Array, squares: tuple[Array, Array, Array], total: Array, seen: Array,
+          member: Mapping[str, Array], draws: int, seed: int,
+          progress: Progress) -> tuple[dict[str, Array], Array]:
+    """({family: its largest as observed, then in each draw}, draws [M] in which a test came out as large)."""
+    rng = np.random.default_rng(seed)
+    largest = {name: np.append(seen[inside].max(), np.zeros(draws)) for name, inside in member.items()}
     above_each = np.zeros(len(total))
     weighted = psi * kappa
     for start in range(0, draws, CHUNK):
@@ -120,18 +149,10 @@ def judge(scores: Scores, family: Sequence[str], allowance: Mapping[str, float],
         signs = rng.choice((-1.0, 1.0), size=(count, len(psi)))
         flipped = _studentise(signs @ psi, signs @ weighted, squares, total)
         above_each += (flipped >= seen - 1e-9).sum(0)
-        for name in names:
-            largest[name][1 + start:1 + start + count] = (_power(signs, pattern) if name == "pattern"
-                                                          else flipped[:, member[name]].max(1))
+        for name, inside in member.items():
+            largest[name][1 + start:1 + start + count] = flipped[:, inside].max(1)
         progress((start + count) / draws, "chance")
-    for name in names:
-        largest[name][0] = _power(np.ones((1, len(psi))), pattern)[0] if name == "pattern" else seen[member[name]].max()
-    share = sum(allowance[name] for name in names)
-    weights = {name: allowance[name] / share for name in names}
-    p_value, families, p_any = _combine(seen, member, largest, weights)
-    amplitude = observed / total
-    return Judged(seen, amplitude, 0.5 * amplitude * observed, (1.0 + above_each) / (1.0 + draws), p_value, families,
-                  p_any)
+    return largest, above_each
 
 
 def _combine(seen: Array, member: dict[str, Array], largest: dict[str, Array],
@@ -141,18 +162,9 @@ def _combine(seen: Array, member: dict[str, Array], largest: dict[str, Array],
     least = np.min([ranks[name] / weights[name] for name in largest], axis=0)
     p_value = np.ones(len(seen))
     for name, values in largest.items():
-        if name == "pattern":
-            continue
         alone = (values[None] >= seen[member[name]][:, None] - 1e-9).mean(1) / weights[name]
         p_value[member[name]] = (least[None] <= alone[:, None] + 1e-12).mean(1)
     return p_value, {name: float(rank[0]) for name, rank in ranks.items()}, float((least <= least[0] + 1e-12).mean())
-
-
-def _power(signs: Array, pattern: Scores | None) -> Array:
-    """Sum of squared scores over their information [B]."""
-    assert pattern is not None
-    psi = pattern.psi * np.where(np.ptp(signs, axis=None) > 0.0, pattern.stretch, 1.0)
-    return ((signs @ psi)**2 / pattern.kappa.sum(0)).sum(1)
 
 
 def _studentise(score: Array, cross: Array, squares: tuple[Array, Array, Array], total: Array) -> Array:

@@ -1,26 +1,76 @@
-"""What could have been done in a concealed world: by the information that its own data hold of the true term."""
+"""What could have been done in a concealed world, by the information that its own data hold.
+
+For small effects the scores are normal; the best that anybody can do with them is worked out by drawing them.
+"""
+
+from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import norm
 
 from sim.discover.discover import Investigation
-from sim.discover.name import one_step
+from sim.discover.evidence import Array, Evidence
+from sim.discover.name import ALIAS, efficient, nats_for, visible_terms
 from sim.discover.refit import refit, unseen_score, without
+from sim.prove.grade import ALIASES
 
-KNOWN, AMONG = 1.96, 2.9              # critical |z| at 5 %: of one term that is known, of the largest of some twenty
+FALSE_ALARM = 0.05
+DRAWS = 2000
 
 
-def signal_of(investigation: Investigation, name: str, amplitude: float) -> float | None:
-    """Non-centrality amplitude^2 x information left of the term's column; None where it was not asked about."""
-    if investigation.fitted is None:
+class Ceiling(NamedTuple):
+    """Chances that the largest of all terms' scores is significant, and that besides the likeliest term is the true
+    one, one of its class, one of its stage. `alike`: the terms of its class: those that the design lists for the level
+    and those whose slopes over these very shots correlate by ALIAS or more."""
+
+    detected: float
+    top: float
+    alias: float
+    stage: float
+    alike: tuple[str, ...]
+
+
+def ceiling_of(evidence: Evidence, level: str, name: str, amplitude: float, seed: int) -> Ceiling | None:
+    """For the term's column `name` at its true amplitude; None where it was not asked about.
+
+    Scores of terms, what the fitted numbers take up projected out, are drawn as N(information x amplitude,
+    information); the threshold is that of the largest of as many correlated scores of nothing.
+    """
+    columns = visible_terms(evidence)
+    names = [evidence.columns[k].name for k in columns]
+    if name not in {column.name for column in evidence.columns[:evidence.first_shared]}:
         return None
-    candidates = {candidate.name: candidate for candidate in one_step(investigation.fitted.evidence)[0]}
-    return candidates[name].information * amplitude**2 if name in candidates else None
+    if name not in names:
+        return Ceiling(FALSE_ALARM, 0.0, 0.0, 0.0, ())
+    left = efficient(evidence, columns)[1]
+    noise = _draw(left, np.random.default_rng(seed))
+    sd = np.sqrt(np.diag(left))
+    critical = np.quantile(np.abs(noise / sd).max(1), 1.0 - FALSE_ALARM)
+    scores = noise + left[:, names.index(name)] * amplitude
+    nats = np.stack([nats_for(scores[:, j], float(left[j, j]), evidence.columns[k].usual)
+                     for j, k in enumerate(columns)], axis=1)
+    detected, best = np.abs(scores / sd).max(1) > critical, nats.argmax(1)
+    alike = _alike(left, names, name, level)
+    stages = [evidence.columns[k].stage for k in columns]
+    right = ([one == name for one in names], [one == name or _term(one) in alike for one in names],
+             [stage == stages[names.index(name)] for stage in stages])
+    return Ceiling(float(detected.mean()), *(float((detected & np.array(one)[best]).mean()) for one in right), alike)
 
 
-def power_of(signal: float, critical: float = AMONG) -> float:
-    """Probability that a normal score of this non-centrality is beyond the critical value, either way."""
-    return float(norm.sf(critical - np.sqrt(signal)) + norm.cdf(-critical - np.sqrt(signal)))
+def _alike(left: Array, names: list[str], name: str, level: str) -> tuple[str, ...]:
+    size, true = np.sqrt(np.diag(left)), names.index(name)
+    together = np.abs(left[true]) / (size * size[true])
+    return tuple(_term(one) for k, one in enumerate(names) if k != true and (
+        together[k] >= ALIAS or any({_term(one), _term(name)} <= group for group in ALIASES[level])))
+
+
+def _term(column: str) -> str:
+    return column.partition(".")[0]
+
+
+def _draw(covariance: Array, rng: np.random.Generator) -> Array:
+    """[DRAWS, K] normal."""
+    values, vectors = np.linalg.eigh(covariance)
+    return rng.normal(size=(DRAWS, len(values))) @ (vectors * np.sqrt(np.maximum(values, 0.0))).T
 
 
 def oracle_gain(investigation: Investigation, name: str, amplitude: float) -> float | None:

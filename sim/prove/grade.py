@@ -62,7 +62,7 @@ class Grade(Struct, frozen=True):
     direction: str | None
     gain: float | None                # per held-out shot
     oracle_gain: float | None         # the same, had the true term been given
-    signal: float | None              # non-centrality of the true term in these data
+    ceiling: tuple[float, ...] | None  # sim.prove.ceiling.Ceiling's chances in these data
     seconds: float
 
 
@@ -81,11 +81,16 @@ def grade(job: Job, finding: Finding, seconds: float, world: World | None = None
         finding["mismatch"].get("p_value"),
         said_stage(where) == STAGE_OF[job.name] if found and hidden else None,
         right if found and named else None,
-        (right or job.name in names or is_alias(job.level, job.name, top)) if found and named else None,
+        (right or is_alias(job.level, job.name, top, finding)) if found and named else None,
         job.name in names if found and named and names else None,
         len(names) if found and names else None,
         interval_holds(job, finding, world) if found and named and right else None,
-        where.get("covariate"), where.get("direction"), gain, oracle_gain, finding.get("signal"), seconds)
+        where.get("covariate"), where.get("direction"), gain, oracle_gain, _ceiling(finding), seconds)
+
+
+def _ceiling(finding: Finding) -> tuple[float, ...] | None:
+    ceiling = finding.get("ceiling")
+    return None if ceiling is None else tuple(ceiling[:4])
 
 
 def gain_said(finding: Finding) -> tuple[float | None, float | None]:
@@ -118,9 +123,10 @@ def said_set(finding: Finding) -> list[str]:
     return names
 
 
-def is_alias(level: str, name: str, top: Sequence[str]) -> bool:
-    """Whether the first name said is of the true one's class."""
-    return bool(top) and any(name in names and top[0] in names for names in ALIASES[level])
+def is_alias(level: str, name: str, top: Sequence[str], finding: Finding | None = None) -> bool:
+    """Whether the first name said is of the true one's class: the level's, or these very data's (Ceiling.alike)."""
+    alike = ((finding or {}).get("ceiling") or [()])[-1]
+    return bool(top) and (top[0] in alike or any(name in names and top[0] in names for names in ALIASES[level]))
 
 
 def interval_holds(job: Job, finding: Finding, world: World | None = None) -> bool | None:

@@ -15,7 +15,7 @@ from sim.discover.ask import Clusters
 from sim.discover.believed import Fitted, climb, only_shared
 from sim.discover.chain import DEVIATES, Chain, Lanes, Seen
 from sim.discover.evidence import Column
-from sim.discover.intake import Intake
+from sim.discover.intake import SCATTERS, Intake
 from sim.discover.linear import Layout, linearise, nowhere
 from sim.discover.outcomes import see_outcomes
 from sim.physics.launch import Exit
@@ -53,7 +53,7 @@ def take_straight(y: np.ndarray) -> Intake:
     lanes = Lanes(Exit(zero, zero, zero, zero), 0.0, zero, zero, zero, zero, zero, np.arange(n), Circumstances(), 0.0,
                   0.0, 0.0, zero, 0.0)
     marked, seen = see_outcomes(Shots(tuple(map(str, range(n))), {}, {}), FACTS.target)
-    return Intake(FACTS, FACTS, np.arange(n), lanes, np.zeros((n, len(DEVIATES))), np.zeros((n, 3), bool),
+    return Intake(FACTS, FACTS, np.arange(n), lanes, np.zeros((n, len(DEVIATES))), np.zeros((n, len(SCATTERS))),
                   np.stack([y, unknown, unknown], axis=1), np.ones((n, 3)), marked, seen, np.zeros(0, int), None, None,
                   frozenset(), "L1", ())
 
@@ -65,7 +65,8 @@ def lay_straight(usual: np.ndarray) -> Layout:
     columns: tuple[Column, ...] = (
         *(column(name, "term", usual=size) for name, size in zip(ASKED, usual, strict=True)),
         *(column(name, "shared") for name in SHARED))
-    return Layout(chain, columns, np.arange(len(NAMES)), (), np.full(2, 0.25), np.zeros(2), np.zeros(0))
+    return Layout(chain, columns, np.arange(len(NAMES)), (-1,) * len(SCATTERS), np.full(2, 0.25), np.zeros(2),
+                  np.zeros(0))
 
 
 def slopes_and_y(planted: dict[str, float], seed: int, shots: int,
@@ -86,7 +87,7 @@ def fit_straight(monkeypatch: pytest.MonkeyPatch, planted: dict[str, float], see
     monkeypatch.setattr("sim.discover.linear.see_slopes", see_straight(slopes))
     layout = lay_straight(np.array([(usual or {}).get(name, 0.3) for name in ASKED]))
     intake, bare = take_straight(y), only_shared(layout)
-    spot, _ = climb(intake, bare, nowhere(intake, bare, np.zeros(len(NAMES)), np.zeros(3)))
+    spot, _ = climb(intake, bare, nowhere(intake, bare, np.zeros(len(NAMES)), np.zeros(len(SCATTERS))))
     return Fitted(intake, layout, spot, linearise(intake, layout, spot)[0])
 
 

@@ -51,8 +51,8 @@ def test_terms_are_asked_once_and_free_changes_over_every_shape() -> None:
                    (FREE, "launch speed", "distance_m"), (FREE, "launch speed", "supplier")}
     shapes = {test.shape for test in asked.tests if isinstance(test.what, Covariate)}
     assert {"straight", "bent"} < shapes and any(shape.startswith("step at") for shape in shapes)
-    assert asked.scores.psi.shape == (N, len(asked.tests)) and asked.scores.kept.all()
-    assert asked.pattern is not None and asked.pattern.psi.shape[0] == N
+    assert asked.scores.psi.shape == (N + 1, len(asked.tests)) and asked.scores.kept.all()
+    assert asked.pattern is not None and asked.pattern.psi.shape[0] == N + 1
 
 
 def test_what_goes_with_one_covariate_is_found_there() -> None:

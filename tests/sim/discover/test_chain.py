@@ -226,7 +226,8 @@ def test_free_pushes_are_accelerations_in_the_balls_own_directions(stage: Stage,
     still = slopes_along(stage, AIR, stage.none())
     row, size = int(FLOWN[1]), 1e-3
     state, spin = start_of(stage, row, stage.none()[row])
-    times = stage.intake.lanes.lead_s[row] + stage.intake.lanes.time_s[row]
+    padded = stage.intake.lanes.lead_s[row] + stage.intake.lanes.time_s[row]
+    times = np.unique(padded)
     low_s, high_s = stage.edges_s[0], stage.edges_s[1]
     shapes = {0: lambda t, speed: 1.0, 2: lambda t, speed: float(low_s <= t < high_s),
               width - 1: lambda t, speed: speed / 10.0}
@@ -246,7 +247,7 @@ def test_free_pushes_are_accelerations_in_the_balls_own_directions(stage: Stage,
                 tracks.append(solve_ivp(pushed, (0.0, times[-1] + 1e-9), state, "DOP853", rtol=1e-10, atol=1e-12,
                                         t_eval=times, max_step=0.005).y[:3].T)
             exact = (tracks[0] - tracks[1]) / (2.0 * size)
-            found = still[first + direction * width + place].track_m[row]
+            found = still[first + direction * width + place].track_m[row][:len(times)]
             # a band begins and ends inside a step: a tenth of a frame's worth
             assert found == pytest.approx(exact, abs=2e-3 if place == 2 else 1e-4), (direction, place)
 

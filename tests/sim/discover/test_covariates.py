@@ -8,6 +8,7 @@ from sim.discover.covariates import (
     FEWEST,
     Covariate,
     carried_by,
+    followed_column,
     gather_covariates,
     gather_factors,
     test_groups,
@@ -65,6 +66,22 @@ def test_traces_give_their_value_at_feeding_and_their_dip() -> None:
     found = gather_covariates(dataset({}, traces=traces))
     assert np.allclose(dict(named(found, "dip_battery_v").columns)["dip_battery_v"], np.arange(N) / 10.0)
     assert np.allclose(named(found, "fed_battery_v").values, 12.0 + np.sin(np.arange(N)))
+
+
+def test_what_terms_follow_is_there_to_be_asked_about() -> None:
+    balls = tuple(f"b{k % 4}" for k in range(N))
+    hood_deg = 45.0 + np.tile([0.0, 2.0, 1.0, 3.0], N // 4)
+    dip = 0.01 * (1.0 + np.arange(N) % 7)
+    values = np.stack([np.full(N, 200.0), 200.0 * (1.0 - dip)], axis=1).ravel()
+    traces = Traces(np.repeat(np.arange(N), 2), np.tile([0.0, 0.1], N), ("wheel_lower_rad_s",) * (2 * N), values)
+    found = gather_covariates(dataset({"hood_deg": hood_deg}, {"ball_id": balls}, traces))
+    assert np.allclose(named(found, "wheel_dip").values, dip / dip.mean())
+    assert np.allclose(dict(named(found, "shots_of_ball").columns)["shots_of_ball"], (np.arange(N) // 4) / 9.0)
+    assert named(found, "hood_change").values[1:].tolist() == [1.0, -1.0, 1.0, -1.0] * 9 + [1.0, -1.0, 1.0]
+    assert followed_column("age", found) == "shots_of_ball" and followed_column("droop", found) == "wheel_dip"
+    without = gather_covariates(dataset({"t_s": np.arange(N) * 1.0}))
+    assert followed_column("age", without) == "t_s"
+    assert followed_column("droop", without) is None and followed_column("speed_in_flight_m_s", found) is None
 
 
 def test_results_and_constants_are_no_covariates() -> None:

@@ -42,7 +42,7 @@ def assert_named(finding: Finding, name: str, amount: float) -> None:
 
 @pytest.mark.parametrize(("name", "amount", "stage", "covariate"), [
     ("battery_sag", 0.75, "launch", "battery_v"), ("rapid_fire", 0.12, "launch", "since_last_shot_s"),
-    ("hood_backlash", -1.8, "sensing", "hood_deg")])
+    ("hood_backlash", -1.8, "sensing", "hood_change"), ("ball_wear", 0.12, "launch", "shots_of_ball")])
 def test_effects_that_go_with_telemetry_are_named_from_outcomes(name: str, amount: float, stage: str,
                                                                 covariate: str) -> None:
     finding = look("L1", {name: abs(amount)}).finding        # there backlash is how far short the hood comes
@@ -154,6 +154,7 @@ def test_balls_that_fall_straight_down_show_their_drag() -> None:
     finding = discover(make_drops(14, 1), ("gravity",)).finding
     (first, *_) = finding.what
     assert finding.mismatch.found and first.term == "drag"
+    assert finding.verdict != "unknown"          # a curve fitted far from the truth must not beat the true name
     assert abs(first.parameters["cd"].value - 0.5) < 3.0 * first.parameters["cd"].sd < 0.1
     assert (finding.where.stage, finding.where.direction) == ("flight", "along")
 

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from scipy.stats import multivariate_normal
 
-from sim.discover.samples import Samples, gather_samples, measure_scatter, whiten
+from sim.discover.samples import Samples, Scatter, gather_samples, log_volume, measure_scatter, whiten
 from sim.shots import Tracks
 
 SIGMA_M, MEMORY, N, LENGTH, STEP_S = 0.004, 0.6, 60, 50, 0.01
@@ -33,9 +34,9 @@ def test_noise_with_memory_becomes_white() -> None:
     scatter = measure_scatter(samples, 1.0)
     assert np.allclose(np.exp(-STEP_S / scatter.memory_s), MEMORY, atol=0.04)
     assert np.allclose(scatter.sigma_m, SIGMA_M, rtol=0.06)
-    t = STEP_S * np.arange(LENGTH)
-    truth = np.stack([4.0 * t, 0.1 * t, 1.0 + 2.0 * t - 4.9 * t**2], axis=1)
-    white = whiten(samples, scatter, (samples.position_m - truth)[..., None]).reshape(N, LENGTH, 3)[:, 1:]
+    t = samples.time_s
+    truth = np.stack([4.0 * t, 0.1 * t, 1.0 + 2.0 * t - 4.9 * t**2], axis=2)
+    white = whiten(samples, scatter, (samples.position_m - truth)[..., None]).reshape(N, -1, 3)[:, 1:LENGTH]
     together = (white[:, 1:] * white[:, :-1]).mean() / (white**2).mean()
     assert abs(together) < 0.04
     assert white.std() == pytest.approx(1.0, abs=0.05)
@@ -59,8 +60,8 @@ def test_short_tracks_are_left_out_and_counted_and_padding_weighs_nothing() -> N
     assert samples.rows.tolist() == [0, 2]
     assert "1 tracks with fewer" in notes[0]
     assert samples.real.sum(1).tolist() == [10, 7]
-    white = whiten(samples, measure_scatter(samples, 0.01), np.ones((2, 10, 3, 1)))
-    assert (white.reshape(2, 10, 3)[1, 7:] == 0.0).all()
+    white = whiten(samples, measure_scatter(samples, 0.01), np.ones((*samples.time_s.shape, 3, 1)))
+    assert (white.reshape(2, -1, 3)[1, 7:] == 0.0).all()
 
 
 def test_with_short_tracks_only_the_believed_scatter_stands() -> None:
@@ -68,3 +69,19 @@ def test_with_short_tracks_only_the_believed_scatter_stands() -> None:
     samples, _, _ = gather_samples(Tracks(np.zeros(8, int), t, t, t, t), 1)
     assert isinstance(samples, Samples)
     assert measure_scatter(samples, 0.0123).sigma_m.tolist() == [0.0123] * 3
+
+
+def test_whitened_noise_has_the_density_of_the_big_normal() -> None:
+    rng = np.random.default_rng(5)
+    time_s = np.array([0.0, 0.01, 0.03, 0.035])
+    scatter = Scatter(np.array([0.004, 0.002, 0.01]), np.array([0.02, 0.0, 0.05]))
+    noise = rng.normal(0.0, 0.005, (4, 3))
+    samples = Samples(np.zeros(1, int), np.append(time_s, [0.035, 0.035])[None], np.zeros((1, 6, 3)),
+                      np.array([[True] * 4 + [False] * 2]))
+    white = whiten(samples, scatter, np.concatenate([noise, noise[-1:], noise[-1:]])[None, :, :, None])
+    apart = np.abs(time_s[:, None] - time_s)
+    exact = 0.0
+    for axis, (sigma, memory) in enumerate(zip(scatter.sigma_m, scatter.memory_s, strict=True)):
+        together = np.exp(-apart / memory) if memory else np.eye(4)
+        exact += multivariate_normal.logpdf(noise[:, axis], cov=sigma**2 * together)
+    assert log_volume(samples, scatter)[0] - 0.5 * (white**2).sum() == pytest.approx(exact, abs=1e-6)

@@ -10,7 +10,7 @@ from scipy.stats import kstest
 
 from sim.discover.evidence import Evidence
 from sim.discover.statistics import Judged, Scores, efficient_scores, judge
-from tests.sim.discover.made import at_least_squares
+from tests.sim.discover.made import at_least_squares, column, gaussian
 
 ALLOWANCE = {"terms": 0.6, "free": 0.3, "pattern": 0.1}
 
@@ -70,7 +70,26 @@ def test_stretched_scores_have_the_spread_of_errors_that_nothing_was_fitted_to()
     x, z = rng.normal(size=(20, 1)), rng.normal(size=(20, 3))
     leverage = np.diag(z @ np.linalg.inv(z.T @ z) @ z.T)
     scores = one_test(at_least_squares(rng.normal(size=20), x, z))
-    assert np.allclose(scores.stretch[:, 0], 1.0 / np.sqrt(1.0 - leverage))
+    assert np.allclose(scores.stretch[:20, 0], 1.0 / np.sqrt(1.0 - leverage))
+
+
+def test_a_prior_is_one_more_observation_of_what_it_is_about() -> None:
+    """A parameter that other shots told beforehand: the test is that of all the shots together."""
+    rng = np.random.default_rng(8)
+    x, z, y = rng.normal(size=(30, 1)), np.ones((30, 1)), rng.normal(size=30)
+    known = 0.4, 25.0                                          # what was told, and its precision
+    y_all, x_all, z_all = np.append(y, 5.0 * known[0]), np.append(x, 0.0)[:, None], np.append(z, 5.0)[:, None]
+    found = np.linalg.lstsq(np.concatenate([x_all, z_all], axis=1), y_all, rcond=None)[0]
+    best = np.linalg.lstsq(z_all, y_all, rcond=None)[0]
+    evidence = gaussian(y - z @ best, np.concatenate([x, z], axis=1), (column("t0", "term"), column("s0", "shared")),
+                        np.array([known[1]]), known[1] * (known[0] - best))
+    scores = one_test(evidence)
+    amplitude = scores.psi.sum(0) / scores.kappa.sum(0)
+    assert amplitude[0] == pytest.approx(found[0], rel=1e-9)
+    residual = y_all - z_all @ best
+    apart = x_all[:, 0] - z_all[:, 0] * (z_all[:, 0] @ x_all[:, 0]) / (z_all[:, 0] @ z_all[:, 0])
+    assert np.allclose(scores.psi[:, 0], residual * apart)     # the prior's own among them, last
+    assert np.allclose(scores.kappa[:, 0], apart**2)
 
 
 def all_signs(psi: np.ndarray, kappa: np.ndarray) -> np.ndarray:

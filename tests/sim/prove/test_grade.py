@@ -41,7 +41,7 @@ def test_a_wrong_name_an_alias_and_a_set():
     assert named_wrong(wrong)
     in_set = grade(JOB, finding(what=(("wheel_slip", 0.5), ("hood_offset", 0.4)), said=["wheel_slip", "hood_offset"],
                                 verdict="set"), 1.0)
-    assert (in_set.top_right, in_set.alias_right, in_set.covered, in_set.set_size) == (False, True, True, 2)
+    assert (in_set.top_right, in_set.alias_right, in_set.covered, in_set.set_size) == (False, False, True, 2)
     table = Job("effects", "target_height", "L1", 300, 1.0, 7, 0)
     alias = grade(table, finding(what=(("release_height", 0.95),), said=["release_height"]), 1.0)
     assert (alias.top_right, alias.alias_right, alias.covered) == (False, True, False) and not named_wrong(alias)
@@ -125,7 +125,7 @@ def test_amplitudes_take_turns_in_sign_where_nature_is_free():
 
 def marks(**changes):
     plain = Grade("effects", "wind_x", "L0", 300, 1.0, True, "named", 0.01, True, True, True, True, 2, True, None, None,
-                  0.1, 0.2, 5.0, 2.0)
+                  0.1, 0.2, (0.5, 0.25, 0.4, 0.3), 2.0)
     return Grade(**({name: getattr(plain, name) for name in plain.__struct_fields__} | changes))
 
 
@@ -144,7 +144,10 @@ def test_figures_count_what_they_say():
 def test_tables_say_reached_and_not_reached():
     nulls = [marks(kind="nulls", name="clean", scale=0.0, found=k < 4, verdict="none") for k in range(100)]
     text = make_tables([*nulls, *(marks() for _ in range(20)), marks(found=False, verdict="none")])
-    assert "| L0, 300 | clean | 0.04 (0.02-0.10), 100 |" in text and "| detected | 0.952 | >= 0.45 | reached |" in text
-    assert "| gain kept | 0.500 | >= 0.7 | NOT REACHED |" in text
-    assert "| off: unknown | - | >= 0.4 | not measured |" in text
+    assert "| L0, 300 | clean | 0.04 (0.02-0.10), 100 |" in text
+    # these data allow 0.50 where the design's allowed 0.53, and of those detected 0.25 / 0.5 named where it had 0.70
+    assert "| detected | 0.952 | 0.50 | >= 0.45 | >= 0.42 | reached |" in text
+    assert "| top-1 | 1.000 | 0.50 | >= 0.62 | >= 0.44 | reached |" in text
+    assert "| gain kept | 0.500 | - | >= 0.7 | - | NOT REACHED |" in text
+    assert "| off: unknown | - | - | >= 0.4 | - | not measured |" in text
     assert "not asked" in make_tables([marks(shots=100)])

@@ -1,0 +1,49 @@
+"""The fit of what is believed: at its top, and at the highest of several."""
+
+import numpy as np
+import pytest
+
+from sim.discover.ask import groups_of
+from sim.discover.believed import Fitted, climb, fit_believed, newton_step, objective, only_shared, usual_spot
+from sim.discover.columns import lay_out
+from sim.discover.intake import take_in
+from sim.prove.truth.shoot import shoot
+from sim.prove.truth.world import World, make_world
+
+pytestmark = pytest.mark.slow
+SHOTS = 100
+
+
+def fit_world(world: World) -> Fitted:
+    dataset = shoot(world)
+    intake = take_in(dataset)
+    layout = lay_out(intake, dataset.facts.believe.terms, groups_of(dataset.shots, intake.rows))
+    return fit_believed(intake, layout)
+
+
+def height_of(fitted: Fitted) -> float:
+    bare = only_shared(fitted.layout)
+    return objective(fitted.evidence.pick(np.arange(fitted.evidence.first_shared, len(fitted.evidence.columns))), bare)
+
+
+@pytest.mark.parametrize("seed", [2, 6, 16, 18])
+def test_no_climb_from_the_truth_or_the_priors_middle_ends_a_nat_higher(seed: int) -> None:
+    """Sixteen balls with effects of their own and 100 outcomes: a likelihood of several tops."""
+    world = make_world({"battery_sag": 0.5}, "L1", SHOTS, seed)
+    fitted = fit_world(world)
+    bare, middle = only_shared(fitted.layout), usual_spot(fitted.intake, fitted.layout)
+    true = middle.values.copy()
+    for name, value in (("drag", world.cd), ("magnus", world.lift_slope * 3.0 / 32.0),
+                        ("exit_efficiency", 1.0 - world.efficiency)):
+        true[next(k for k, slot in enumerate(fitted.layout.chain.slots) if slot[0] == name)] = value
+    for values in (true, middle.values):
+        for factor in (1.0, 4.0):
+            start = type(middle)(values, middle.log_scatter + np.log(factor), middle.deviates, middle.effects)
+            assert height_of(fitted) >= objective(climb(fitted.intake, bare, start)[1], bare) - 1.0
+
+
+@pytest.mark.parametrize("seed", [7, 18])
+def test_at_the_top_no_step_promises_anything(seed: int) -> None:
+    fitted = fit_world(make_world({}, "L1", SHOTS, seed))
+    first = fitted.evidence.first_shared
+    assert newton_step(fitted.evidence.pick(np.arange(first, len(fitted.evidence.columns))))[1] < 0.01
