@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.discover.covariates import Covariate, Factor, test_groups, test_shapes
+from sim.discover.covariates import Covariate, Factor, Pair, pair_shapes, test_groups, test_shapes
 from sim.discover.evidence import Array, Column, Evidence
 from sim.discover.statistics import Scores, efficient_scores
 from sim.shots import Shots
@@ -15,9 +15,6 @@ MANY = 10.0                           # groups, counted by size, from which they
 TERMS, FREE, PATTERN = "terms", "free", "pattern"
 # How the allowance for false alarms is shared out: a name is worth most, and most of what is left out has one.
 ALLOWANCE = {TERMS: 0.6, FREE: 0.3, PATTERN: 0.1}
-CURVES = 2.5                          # standard deviations beyond which a covariate counts as no further out
-WAVES = 48                            # random features of a Gaussian kernel over pairs of covariates
-WAVE_LENGTH = 1.5                     # standard deviations of a covariate to a radian
 
 
 @dataclass(frozen=True)
@@ -37,18 +34,17 @@ class Test:
 
     family: str
     column: int
-    what: Covariate | Factor | None
+    what: Covariate | Factor | Pair | None
     shape: str
     weights: Array
 
 
 @dataclass(frozen=True)
 class Asked:
-    """All tests with their scores [G, M]; `pattern` [G, W]: scores of what two covariates could do together."""
+    """All tests with their scores [G, M]."""
 
     tests: tuple[Test, ...]
     scores: Scores
-    pattern: Scores | None
 
 
 def find_clusters(shots: Shots) -> Clusters:
@@ -90,9 +86,14 @@ def ask_everything(evidence: Evidence, covariates: Sequence[Covariate], factors:
         tests += [Test(FREE, number, *shape) for shape in shapes]
         weights = np.stack([shape[2] for shape in shapes], axis=1)
         parts.append(efficient_scores(evidence, number, weights, label, clusters.count))
+    if pairs := pair_shapes(covariates, evidence.rows, seed):
+        number = evidence.index("launch speed")
+        tests += [Test(PATTERN, number, *shape) for shape in pairs]
+        weights = np.stack([shape[2] for shape in pairs], axis=1)
+        parts.append(efficient_scores(evidence, number, weights, label, clusters.count))
     scores = _join(parts)
     kept = np.flatnonzero(scores.kept)
-    return Asked(tuple(tests[k] for k in kept), scores.take(kept), _pattern(evidence, covariates, clusters, seed))
+    return Asked(tuple(tests[k] for k in kept), scores.take(kept))
 
 
 def name_of(test: Test, column: Column) -> str | None:
@@ -118,23 +119,3 @@ def _shapes(evidence: Evidence, covariates: Sequence[Covariate],
         shapes += [(factor, name, weights[:, k]) for k, name in enumerate(names)]
     return shapes
 
-
-def _pattern(evidence: Evidence, covariates: Sequence[Covariate], clusters: Clusters, seed: int) -> Scores | None:
-    """Scores of launch speed against what depends on two covariates together, whatever it is: their product, and
-    random waves over their plane (random Fourier features of a Gaussian kernel)."""
-    known = [covariate.values[evidence.rows] for covariate in covariates]
-    known = [values for values in known if np.isfinite(values).any() and np.nanstd(values) > 0.0]
-    if len(known) < 2:
-        return None
-    scaled = np.array([(values - np.nanmean(values)) / np.nanstd(values) for values in known])
-    place = np.nan_to_num(np.clip(scaled, -CURVES, CURVES))
-    first, second = np.triu_indices(len(place), 1)
-    rng = np.random.default_rng(seed)
-    some = rng.integers(0, len(first), WAVES)
-    turns = rng.normal(size=(2, WAVES, 1)) / WAVE_LENGTH
-    waves = np.sqrt(2.0) * np.cos(turns[0] * place[first[some]] + turns[1] * place[second[some]]
-                                  + rng.uniform(0.0, 2.0 * np.pi, (WAVES, 1)))
-    weights = np.concatenate([place[first] * place[second], waves]).T
-    found = efficient_scores(evidence, evidence.index("launch speed"), weights - weights.mean(0),
-                             clusters.label[evidence.rows], clusters.count)
-    return found.take(np.flatnonzero(found.kept)) if found.kept.any() else None

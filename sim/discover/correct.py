@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim.discover.ask import Clusters, Test
-from sim.discover.covariates import Covariate, smooth_shapes
+from sim.discover.covariates import Covariate, Pair, smooth_shapes
 from sim.discover.evidence import Array, Evidence, shared_columns
 from sim.discover.refit import folds_of
 
@@ -57,12 +57,17 @@ def correct(evidence: Evidence, test: Test, clusters: Clusters) -> Correction:
 
 
 def _basis(evidence: Evidence, test: Test) -> Array:
-    """[n, q]: the same for all, straight in the covariate and its bends, or each group's difference from the first."""
+    """[n, q]: the same for all; straight in the covariate and its bends, or each group's difference from the first, or
+    two covariates, their product and the wave that was found."""
     ones = np.ones((len(evidence.rows), 1))
     if test.what is None:
         return ones
     if isinstance(test.what, Covariate):
         return np.concatenate([ones, smooth_shapes(test.what.values[evidence.rows])], axis=1)
+    if isinstance(test.what, Pair):
+        a, b = test.what.place
+        own = [a * b] if test.shape == "product" else [a * b, test.weights]
+        return np.concatenate([ones, np.stack([a, b, *own], axis=1)], axis=1)
     codes = test.what.codes[evidence.rows]
     return np.concatenate([ones] + [(codes == k)[:, None] * 1.0 for k in range(1, len(test.what.levels))], axis=1)
 

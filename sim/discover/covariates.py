@@ -1,6 +1,7 @@
 """What residuals might depend on: every numeric column, what can be derived from it, and every text column."""
 
-from collections.abc import Iterable
+import itertools
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,6 +19,10 @@ FEWEST = 8                            # shots on each side of a step, and in a g
 DIGITS = 9                            # of derived columns: rounding errors are no covariate
 MOST_LEVELS = 20
 STEPS = 5
+STEP = "step at "                     # followed by where
+WAVES = 48                            # over planes of two covariates drawn at random
+WAVE_LENGTH = 1.5                     # standard deviations of a covariate to a radian
+FARTHEST = 2.5                        # standard deviations beyond which a covariate of a pair counts as no further out
 WORN = "shots_of_ball"                # that its ball had before, by the most that any has had
 # Columns behind what a term follows from shot to shot, the fittest first.
 FOLLOWED = {"battery": ("battery_v",), "since_last_shot_s": ("since_last_shot_s",), "density": ("temperature_c",),
@@ -59,6 +64,19 @@ class Factor:
     name: str
     levels: tuple[str, ...]
     codes: Array
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two covariates that something may depend on together: `place` [2, n] in standard deviations, 0 where unknown."""
+
+    first: Covariate
+    second: Covariate
+    place: Array
+
+    @property
+    def name(self) -> str:
+        return f"{self.first.name} x {self.second.name}"
 
 
 def gather_covariates(dataset: Dataset) -> tuple[Covariate, ...]:
@@ -123,7 +141,7 @@ def test_shapes(covariate: Covariate, rows: Array) -> tuple[Array, tuple[str, ..
         shapes, names = shapes[:1], names[:1]
     for cut in _cuts(values[known]):
         shapes.append((values > cut) - np.mean(values[known] > cut))
-        names.append(f"step at {cut:.4g}")
+        names.append(f"{STEP}{cut:.4g}")
     if {"exit_spin_rev_s", "exit_speed_m_s"} & set(covariate.names):
         shapes.append(values / np.abs(values[known]).max())
         names.append("proportional")
@@ -140,6 +158,28 @@ def test_groups(factor: Factor, rows: Array) -> tuple[Array, tuple[str, ...]]:
             shapes.append(np.where(codes >= 0, inside - inside[codes >= 0].mean(), 0.0))
             names.append(level)
     return (np.stack(shapes, axis=1) if shapes else np.zeros((len(rows), 0))), tuple(names)
+
+
+def pair_shapes(covariates: Sequence[Covariate], rows: Array, seed: int) -> list[tuple[Pair, str, Array]]:
+    """Weights [n] over the plane of every two covariates, centred: their product, and over some planes a random wave
+    (random Fourier features of a Gaussian kernel), so that whatever two of them do together leaves a trace."""
+    placed = [(one, _placed(one.values[rows])) for one in covariates if _varies(one.values[rows])]
+    pairs = [Pair(a, b, np.stack([x, y])) for (a, x), (b, y) in itertools.combinations(placed, 2)]
+    shapes = [(pair, "product", _centred(pair.place[0] * pair.place[1])) for pair in pairs]
+    rng = np.random.default_rng(seed)
+    for pair in [pairs[k] for k in rng.integers(0, len(pairs), WAVES)] if pairs else ():
+        turn, phase = rng.normal(size=2) / WAVE_LENGTH, rng.uniform(0.0, 2.0 * np.pi)
+        shapes.append((pair, "wave", _centred(np.sqrt(2.0) * np.cos(turn @ pair.place + phase))))
+    return shapes
+
+
+def _placed(values: Array) -> Array:
+    """In standard deviations from the mean, no farther than FARTHEST; unknown = 0."""
+    return np.nan_to_num(np.clip((values - np.nanmean(values)) / np.nanstd(values), -FARTHEST, FARTHEST))
+
+
+def _centred(weights: Array) -> Array:
+    return weights - weights.mean()
 
 
 def smooth_shapes(values: Array) -> Array:

@@ -66,5 +66,5 @@ def detect(dataset: Dataset, fitted: Fitted, clusters: Clusters, seed: int,
     """All tests of one fit, judged. Without a test nothing is judged."""
     covariates, factors = gather_covariates(dataset), gather_factors(dataset.shots)
     asked = ask_everything(fitted.evidence, covariates, factors, clusters, seed)
-    judged = judge(asked.scores, [test.family for test in asked.tests], ALLOWANCE, DRAWS, seed, progress, asked.pattern)
+    judged = judge(asked.scores, [test.family for test in asked.tests], ALLOWANCE, DRAWS, seed, progress)
     return asked, judged

@@ -141,5 +141,4 @@ def _clearly(gain: Array, clusters: Clusters, fitted: Fitted) -> bool:
 
 
 def _judge(asked: Asked, seed: int) -> Judged:
-    return judge(asked.scores, [test.family for test in asked.tests], ALLOWANCE, DRAWS, seed, lambda done, note: None,
-                 asked.pattern)
+    return judge(asked.scores, [test.family for test in asked.tests], ALLOWANCE, DRAWS, seed, lambda done, note: None)

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from sim.discover.ask import FREE, Asked, Clusters, Test
+from sim.discover.ask import FREE, PATTERN, Asked, Clusters, Test
 from sim.discover.correct import Correction, correct
-from sim.discover.covariates import Covariate, Factor
+from sim.discover.covariates import Covariate, Factor, Pair
 from sim.discover.evidence import Array, Column, Evidence
 from sim.discover.statistics import Judged
 from sim.physics.term import STAGES
@@ -45,7 +45,7 @@ def pick(tests: Sequence[Test], judged: Judged, among: Array) -> int:
 def _plainness(test: Test) -> int:
     if test.what is None:
         return 0
-    if isinstance(test.what, Factor):
+    if isinstance(test.what, Factor | Pair):
         return 3
     return 1 if test.shape in ("straight", "proportional") else 2
 
@@ -61,6 +61,9 @@ def locate(evidence: Evidence, asked: Asked, judged: Judged, false_alarm: float,
     if not len(free):
         return None
     found = free[judged.p_value[free] <= false_alarm]
+    if not len(found):
+        found = np.array([k for k, test in enumerate(tests) if test.family == PATTERN
+                          and judged.p_value[k] <= false_alarm], dtype=int)
     stage_of = np.array([evidence.columns[test.column].stage for test in tests])
     leader = pick(tests, judged, found if len(found) else free)
     champions = {stage: pick(tests, judged, free[stage_of[free] == stage])
@@ -99,7 +102,7 @@ def _plausibility(correction: Correction) -> float:
 def _region(evidence: Evidence, correction: Correction) -> dict[str, Any]:
     """Shortest run of the covariate's range that holds SHARE of what the correction gains on unseen shots."""
     what = correction.test.what
-    if what is None:
+    if what is None or isinstance(what, Pair):
         return {}
     if isinstance(what, Factor):
         return {"factor": what.name, "level": correction.test.shape}
@@ -161,7 +164,7 @@ def shortest_run(parts: Array) -> tuple[int, int] | None:
 def amplitude_of(correction: Correction) -> float:
     """Size of the effect in the column's unit: how far it changes over the covariate's middle nine tenths.
 
-    The same in every shot: its value. Groups: the largest difference between two.
+    The same in every shot: its value. Groups: the largest difference between two. Pairs: between any two shots.
     """
     what, amplitude = correction.test.what, correction.amplitude
     if what is None:

@@ -153,10 +153,10 @@ def _linear(evidence: Evidence, name: str) -> Linear:
 
 
 def covariates_in(asked: Asked) -> tuple[Along, ...]:
-    """Everything that tests were made along, each once."""
+    """Everything that tests were made along, by itself, each once."""
     found: dict[str, Along] = {}
     for test in asked.tests:
-        if test.what is not None:
+        if isinstance(test.what, Covariate | Factor):
             found.setdefault(test.what.name, test.what)
     return tuple(found.values())
 

@@ -105,15 +105,12 @@ def _usable(kappa: Array, raw: Array) -> Array:
 
 
 def judge(scores: Scores, family: Sequence[str], allowance: Mapping[str, float], draws: int, seed: int,
-          progress: Progress, pattern: Scores | None = None) -> Judged:
+          progress: Progress) -> Judged:
     """Judge every test alone, in its family [M], and all families together, under `draws` random sign patterns.
 
-    pattern: tests of which only the largest counts, as a family called "pattern". The families' probabilities,
-    each over its share of the allowance, are compared by their smallest under the same signs, so that sharing costs
-    no more than it must (Westfall and Young's min-p).
+    The families' probabilities, each over its share of the allowance, are compared by their smallest under the same
+    signs, so that sharing costs no more than it must (Westfall and Young's min-p).
     """
-    if pattern is not None:
-        scores, family = _joined(scores, pattern), [*family, *["pattern"] * pattern.psi.shape[1]]
     psi, kappa, total = scores.psi * scores.stretch, scores.kappa, scores.kappa.sum(0)
     observed = scores.psi.sum(0)
     squares = (psi**2).sum(0), (psi * kappa).sum(0), (kappa**2).sum(0)
@@ -125,15 +122,8 @@ def judge(scores: Scores, family: Sequence[str], allowance: Mapping[str, float],
     share = sum(allowance[name] for name in member)
     p_value, families, p_any = _combine(seen, member, largest, {name: allowance[name] / share for name in member})
     amplitude = observed / total
-    shown = slice(len(seen) - (0 if pattern is None else pattern.psi.shape[1]))
-    p_each = (1.0 + above_each) / (1.0 + draws)
-    return Judged(seen[shown], amplitude[shown], (0.5 * amplitude * observed)[shown], p_each[shown], p_value[shown],
-                  families, p_any)
-
-
-def _joined(scores: Scores, more: Scores) -> Scores:
-    return Scores(*(np.concatenate([getattr(scores, name), getattr(more, name)], axis=-1)
-                    for name in ("psi", "kappa", "stretch", "kept")))
+    return Judged(seen, amplitude, 0.5 * amplitude * observed, (1.0 + above_each) / (1.0 + draws), p_value, families,
+                  p_any)
 
 
 def _flip(psi: Array, kappa: Array, squares: tuple[Array, Array, Array], total: Array, seen: Array,

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from sim.discover.covariates import Factor
+from sim.discover.covariates import STEP, Factor, Pair
 from sim.discover.evidence import Evidence
 from sim.discover.finding import Finding, Fit, Named, Unknown, Where
 from sim.discover.identify import sight_of
@@ -57,9 +57,15 @@ def say_unknown(believed: tuple[str, ...], p_value: float, where: Where, unknown
     size = _size(abs(unknown.amplitude), unknown.unit)
     if isinstance(place.test.what, Factor):
         seen = f" Compared with it {words}, by up to {size}, depending on {unknown.covariate}"
+    elif isinstance(place.test.what, Pair):
+        first, second = place.test.what.first.name, place.test.what.second.name
+        seen = f" Compared with it {words}, by up to {size}, as {first} and {second} go together"
     elif place.test.what is None:
         follows = FLIGHT_WORDS.get(place.column.follows)
         seen = f" Compared with it {words}, by {size}, {f'along with {follows}' if follows else 'in every shot alike'}"
+    elif place.test.shape.startswith(STEP):
+        cut = place.test.shape.removeprefix(STEP)
+        seen = f" Compared with it {words} where {unknown.covariate} is above {cut}, by {size}: a step, not a drift"
     else:
         seen = f" Compared with it {words} as {unknown.covariate} grows, by {size} over its range"
     stage = f"; most likely it happens {STAGE_WORDS[where.stage]}" if where.stage and where.reason is None else ""

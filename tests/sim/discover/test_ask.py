@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from sim.discover.ask import ALLOWANCE, FREE, TERMS, Asked, ask_everything, find_clusters, groups_of, name_of
+from sim.discover.ask import ALLOWANCE, FREE, PATTERN, TERMS, Asked, ask_everything, find_clusters, groups_of, name_of
 from sim.discover.covariates import Covariate, Factor
 from sim.discover.evidence import Column, Evidence
+from sim.discover.locate import locate
 from sim.discover.statistics import Judged, judge
 from sim.shots import Shots
 from tests.sim.discover.made import column, gaussian
@@ -34,8 +35,7 @@ def evidence_of(effect: np.ndarray, seed: int = 1) -> Evidence:
 
 
 def judged_of(asked: Asked, seed: int = 0) -> Judged:
-    return judge(asked.scores, [test.family for test in asked.tests], ALLOWANCE, 999, seed, lambda done, note: None,
-                 asked.pattern)
+    return judge(asked.scores, [test.family for test in asked.tests], ALLOWANCE, 999, seed, lambda done, note: None)
 
 
 def asked_of(evidence: Evidence, factors: tuple[Factor, ...] = ()) -> Asked:
@@ -45,14 +45,17 @@ def asked_of(evidence: Evidence, factors: tuple[Factor, ...] = ()) -> Asked:
 
 def test_terms_are_asked_once_and_free_changes_over_every_shape() -> None:
     asked = asked_of(evidence_of(np.zeros(N)), (Factor("supplier", ("a", "b"), np.arange(N) % 2),))
-    own = {(test.family, COLUMNS[test.column].name, name_of(test, COLUMNS[test.column])) for test in asked.tests}
+    own = {(test.family, COLUMNS[test.column].name, name_of(test, COLUMNS[test.column])) for test in asked.tests
+           if test.family != PATTERN}
     assert own == {(TERMS, "wind_z.speed_m_s", None), (FREE, "push in proportion to speed", "speed_in_flight_m_s"),
                    (FREE, "launch speed", None), (FREE, "launch speed", "battery_v"),
                    (FREE, "launch speed", "distance_m"), (FREE, "launch speed", "supplier")}
     shapes = {test.shape for test in asked.tests if isinstance(test.what, Covariate)}
     assert {"straight", "bent"} < shapes and any(shape.startswith("step at") for shape in shapes)
     assert asked.scores.psi.shape == (N + 1, len(asked.tests)) and asked.scores.kept.all()
-    assert asked.pattern is not None and asked.pattern.psi.shape[0] == N + 1
+    pairs = [test for test in asked.tests if test.family == PATTERN]
+    assert {test.shape for test in pairs} == {"product", "wave"}
+    assert {name_of(test, COLUMNS[test.column]) for test in pairs} == {"battery_v x distance_m"}
 
 
 def test_what_goes_with_one_covariate_is_found_there() -> None:
@@ -70,16 +73,24 @@ def test_what_goes_with_two_covariates_together_is_found_as_a_pattern() -> None:
     """A product of two, which is flat over either of them alone."""
     battery, distance = covariates()
     product = battery.values * distance.values
-    found = judged_of(asked_of(evidence_of(2.0 * (product - product.mean()))))
+    evidence = evidence_of(2.0 * (product - product.mean()))
+    asked = asked_of(evidence)
+    found = judged_of(asked)
     assert found.families["pattern"] <= 0.01 < 0.05 < min(found.families["free"], found.families["terms"])
     assert found.p_any <= 0.05
+    best = asked.tests[int(found.p_value.argmin())]
+    assert (best.family, best.shape) == (PATTERN, "product")
+    clusters = find_clusters(shots_of(ball_id=("",) * N))
+    place = locate(evidence, asked, found, 0.05, clusters, 0)
+    assert place is not None and name_of(place.test, place.column) == "battery_v x distance_m"
+    assert place.correction.gain.sum() > 50.0
+    assert np.corrcoef(place.correction.amplitude, product)[0, 1] > 0.9
 
 
 def test_the_same_seed_asks_the_same_waves() -> None:
     evidence = evidence_of(np.zeros(N))
     first, second = asked_of(evidence), asked_of(evidence)
-    assert first.pattern is not None and second.pattern is not None
-    assert (first.pattern.psi == second.pattern.psi).all()
+    assert (first.scores.psi == second.scores.psi).all()
 
 
 def test_many_balls_differ_by_luck_few_could_be_known() -> None:

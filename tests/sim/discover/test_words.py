@@ -1,12 +1,18 @@
 """Verdicts in words: sizes in the units of a driver coach, signs that agree with what the terms do."""
 
 import re
+from typing import cast
 
 import numpy as np
 import pytest
 
 from robot.facts import Ball, Facts, LauncherFacts, Wheel
+from sim.discover.ask import Test
+from sim.discover.correct import Correction
+from sim.discover.covariates import Covariate, Factor, Pair
+from sim.discover.evidence import Column
 from sim.discover.finding import Data, Finding, Fit, Interval, Mismatch, Named, Unknown, Where
+from sim.discover.locate import Place
 from sim.discover.sizes import PHRASES, plain, say_effect, scale_of, size_of
 from sim.discover.words import console_lines, say_named, say_none, say_step, say_unknown
 from sim.physics.catalogue import TERMS, find_terms
@@ -16,6 +22,7 @@ from sim.physics.vector import Vec
 
 WHERE = Where("launch", None, None, None, {}, None, None, (), None)
 NO_FIT = Fit(100, -0.9, None, None, None, None, None, None, None)
+BATTERY, WARMTH = (Covariate(((name, np.arange(4.0)),)) for name in ("battery_v", "temperature_c"))
 FACTS = Facts(Ball(0.14, 0.0889), LauncherFacts(0.75, 594.0, (Wheel("lower", 0.05, 1.0, 180.0),
                                                              Wheel("upper", 0.03, 0.5, 0.0))))
 
@@ -120,6 +127,20 @@ def test_nothing_found_and_nothing_to_say() -> None:
     assert "cannot say anything" in say_none(("gravity",), None, 20, 0.05)
     unnamed = say_unknown(("gravity",), 0.01, WHERE, Unknown(None, "along", 0.1, "1", None), (), None, (), NO_FIT, None)
     assert "no name in the catalogue" in unnamed
+
+
+@pytest.mark.parametrize(("what", "shape", "said"), [
+    (BATTERY, "straight", "the ball leaves faster as battery_v grows, by 12 % over its range"),
+    (BATTERY, "step at 11.9", "the ball leaves faster where battery_v is above 11.9, by 12 %: a step, not a drift"),
+    (Pair(BATTERY, WARMTH, np.zeros((2, 4))), "product", "by up to 12 %, as battery_v and temperature_c go together"),
+    (Factor("supplier", ("a", "b"), np.zeros(4, int)), "a", "by up to 12 %, depending on supplier"),
+    (None, "same", "by 12 %, in every shot alike")])
+def test_what_has_no_name_is_described(what: Covariate | Pair | Factor | None, shape: str, said: str) -> None:
+    column = Column("launch speed", "free", "launch", "along", "1", 0.2, ("the ball leaves faster", "slower"))
+    correction = cast(Correction, None)
+    place = Place(Test("free", 0, what, shape, np.zeros(4)), column, 0, correction, {}, {}, None)
+    unknown = Unknown(None if what is None else what.name, "along", 0.12, "1", None)
+    assert said in say_unknown(("gravity",), 0.01, WHERE, unknown, (), None, (), NO_FIT, place)
 
 
 def test_sizes_in_the_units_of_people() -> None:
