@@ -4,11 +4,13 @@
     python benchmarks/discovery.py --table FILE
 
 Every world is a line of FILE; a world that is there already is not run again, so a run that was cut short goes on
-where it stopped. Worlds come from sim.prove.truth, which shares no code with what is tested. L2's effects are a quarter
-of their typical size, as in the design's targets, unless --scale says otherwise.
+where it stopped. --table reads packed files too: the reported run's is benchmarks/results/discovery.jsonl.xz. Worlds
+come from sim.prove.truth, which shares no code with what is tested. L2's effects are a quarter of their typical size,
+as in the design's targets, unless --scale says otherwise.
 """
 
 import argparse
+import lzma
 import os
 import sys
 import time
@@ -84,8 +86,9 @@ def _append(path: str, data: bytes) -> None:
 
 
 def lines_of(path: Path) -> Iterator[dict[str, Any]]:
-    """Whole lines of a file of worlds; the last may have been torn by a kill."""
-    for line in path.read_bytes().splitlines() if path.is_file() else ():
+    """Whole lines of a file of worlds, packed (.xz) or not; the last may have been torn by a kill."""
+    data = path.read_bytes() if path.is_file() else b""
+    for line in (lzma.decompress(data) if path.suffix == ".xz" else data).splitlines():
         try:
             yield msgspec.json.decode(line)
         except msgspec.DecodeError:
