@@ -10,6 +10,8 @@ import jax
 from doors.progress import make_progress
 from robot.config import BadInput
 from robot.facts import Facts
+from sim.belief import save_belief
+from sim.discover.adopt import make_belief
 from sim.discover.discover import FALSE_ALARM, Investigation, discover
 from sim.discover.finding import make_json
 from sim.discover.foresee import foresee, foresee_dataset
@@ -37,6 +39,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--false-alarm", type=float, default=FALSE_ALARM, metavar="P",
                         help="how often to cry wolf where there is none (default %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="of everything drawn at random (default %(default)s)")
+    parser.add_argument("--adopt", metavar="FILE", help="write what was fitted and named as coefficients, for predict, "
+                        "synth and train")
     before = parser.add_argument_group("before any data")
     before.add_argument("--identifiability", metavar="RIG", help="rig.toml: a season of shots is planned for it; or a "
                         "dataset directory: its own shots, with or without results")
@@ -62,6 +66,8 @@ def main(args: argparse.Namespace) -> int:
     found = discover(load_dataset(args.dataset), believed, args.false_alarm, args.seed,
                      make_progress("discover", args.quiet))
     tell(found, Path(args.dataset).name, args.json, args.report)
+    if args.adopt:
+        _adopt(found, args.dataset, args.adopt)
     return 0
 
 
@@ -72,6 +78,17 @@ def tell(found: Investigation, name: str, json_path: str | Path | None, report_p
         _write(json_path, make_json(found.finding))
     if report_path:
         _write(report_path, make_report(name, found).encode())
+
+
+def _adopt(found: Investigation, dataset: str, path: str) -> None:
+    """Write the belief that the finding leads to, and say what it has."""
+    try:
+        belief, provenance = make_belief(found)
+    except ValueError as error:
+        raise BadInput(f"--adopt: {dataset}: {error}") from error
+    save_belief(path, belief, {"dataset": str(dataset), **provenance})
+    named = provenance["adopted"]
+    print(f"adopted: {', '.join(named) if named else 'nothing named, the fitted coefficients alone'} -> {path}")
 
 
 def keep_compiled() -> None:

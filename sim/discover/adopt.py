@@ -1,0 +1,87 @@
+"""What discovery found becomes what is believed: the fitted coefficients with every named effect, and their doubt."""
+
+from typing import Any
+
+import numpy as np
+
+from sim.belief import SCATTER, Belief, scale_of
+from sim.coefficients import Coefficients
+from sim.discover.discover import Investigation
+from sim.discover.evidence import Array, Column, Evidence
+from sim.physics.catalogue import find_terms
+from sim.physics.scales import LEFT, LOG, fits_scale
+from sim.physics.term import complete
+
+# Names of scatters here -> in a belief; the others are of sensors, not of the launch.
+SCATTERS = {"scatter.speed": "speed", "scatter.elevation_rad": "elevation_deg"}
+TRACKER = "track_"                    # a tracker's errors are its own; no shot depends on them
+
+
+def make_belief(investigation: Investigation) -> tuple[Belief, dict[str, Any]]:
+    """(coefficients, scatter and covariance with all that was named, provenance); what has no name is left out.
+
+    Where several names could not be told apart the likeliest is taken. ValueError for data that carry no test.
+    """
+    if investigation.fitted is None:
+        raise ValueError("the data carry no test, so nothing was fitted")
+    named = [step for step in investigation.steps if not step.unknown]
+    evidence = named[-1].refit.evidence if named else _shared(investigation.fitted.evidence)
+    names = [name for step in named for name in step.refit.names]
+    columns = [k for k, column in enumerate(evidence.columns) if _belongs(column)]
+    coefficients = _coefficients(evidence, columns, investigation.finding.data.believed)
+    scatter = {SCATTERS[evidence.columns[k].name]: _scatter(evidence.columns[k].name, evidence.point[k])
+               for k in columns if evidence.columns[k].name in SCATTERS}
+    kept, covariance = _covariance(evidence, columns)
+    finding = investigation.finding
+    provenance = {"method": "discover", "shots": finding.data.shots, "level": finding.data.level,
+                  "verdict": finding.verdict, "adopted": [name.partition(".")[0] for name in names],
+                  "p_value": finding.mismatch.p_value if finding.mismatch.p_value is not None else "none"}
+    return Belief(coefficients, scatter, kept, covariance), provenance
+
+
+def _shared(evidence: Evidence) -> Evidence:
+    return evidence.pick(np.arange(evidence.first_shared, len(evidence.columns)))
+
+
+def _belongs(column: Column) -> bool:
+    """A parameter of the simulation or a scatter of the launch; no ball's luck, no tracker's calibration."""
+    if column.kind == "group" or column.name.startswith(TRACKER):
+        return False
+    return column.name in SCATTERS or not column.name.startswith(SCATTER + ".")
+
+
+def _coefficients(evidence: Evidence, columns: list[int], believed: tuple[str, ...]) -> Coefficients:
+    """Every believed and named term, with parameters that nobody fitted at their defaults."""
+    given: Coefficients = {name: {} for name in believed if name != "gravity"}
+    for k in columns:
+        term, _, parameter = evidence.columns[k].name.partition(".")
+        if term != SCATTER:
+            given.setdefault(term, {})[parameter] = float(evidence.point[k])
+    return {name: {key: float(value) for key, value in complete(find_terms([name])[0], values).items()}
+            for name, values in given.items()}
+
+
+def _scatter(name: str, log_value: float) -> float:
+    value = float(np.exp(log_value))
+    return float(np.degrees(value)) if name.endswith("_rad") else value
+
+
+def _covariance(evidence: Evidence, columns: list[int]) -> tuple[tuple[str, ...], Array]:
+    """(names, covariance on their scales); what has no place on its scale is taken as exact."""
+    information = evidence.info.sum(0) + np.diag(evidence.precision)
+    whole = np.linalg.pinv(information, hermitian=True)
+    names = {k: _believed_name(evidence.columns[k].name) for k in columns}
+    kept = [k for k in columns if evidence.columns[k].name in SCATTERS
+            or fits_scale(scale_of(names[k]), float(evidence.point[k]))]
+    slope = np.array([_slope(evidence.columns[k].name, names[k], float(evidence.point[k])) for k in kept])
+    return tuple(names[k] for k in kept), whole[np.ix_(kept, kept)] * np.outer(slope, slope)
+
+
+def _believed_name(name: str) -> str:
+    return f"{SCATTER}.{SCATTERS[name]}" if name in SCATTERS else name
+
+
+def _slope(name: str, believed: str, value: float) -> float:
+    """d(number on its scale) / d(column): scatters are columns of their logs already."""
+    scale = "" if name in SCATTERS else scale_of(believed)
+    return 1.0 / value if scale == LOG else 1.0 / (1.0 - value) if scale == LEFT else 1.0
