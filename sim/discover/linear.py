@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from sim.discover import outcomes
 from sim.discover.chain import Chain, Lanes, Seen, see_slopes
 from sim.discover.evidence import FLOOR_M, Array, Column, Evidence, Plane, make_evidence
 from sim.discover.intake import Intake
@@ -315,7 +316,17 @@ def _plane(intake: Intake, layout: Layout, spot: Spot, seen: Seen, slopes: Seen,
         if column >= 0:
             log_spread[:, column] = (by_deviate[:, deviate]**2 * scattered[:, number] * kept[:, deviate]**2) / variance
     spread = np.where(near, np.sqrt(variance), 1.0)
-    return Plane(rows, intake.seen, np.where(near, mean, FAR_BELOW_M), spread, by_column, wider, log_spread)
+    return Plane(rows, _opening(intake, seen, rows), np.where(near, mean, FAR_BELOW_M), spread, by_column, wider,
+                 log_spread)
+
+
+def _opening(intake: Intake, seen: Seen, rows: Array) -> outcomes.Seen:
+    """What was seen, of the opening as it is at the spot: arrival terms may have moved its borders."""
+    if intake.facts.target is None:
+        return intake.seen
+    rig = intake.facts.target.three_half_height_m, intake.facts.target.two_half_height_m
+    wider_m = float((seen.plane[rows, 2:4] - rig).mean())
+    return outcomes.reopened(intake.seen, wider_m) if wider_m != 0.0 else intake.seen
 
 
 def nowhere(intake: Intake, layout: Layout, values: Array, log_scatter: Array) -> Spot:

@@ -116,6 +116,12 @@ def widened(seen: Seen, wider_m: Array) -> Seen:
     return replace(seen, low=low, high=high)
 
 
+def reopened(seen: Seen, wider_m: float) -> Seen:
+    """The same outcomes of an opening whose half heights are both `wider_m` larger."""
+    borders = np.where(np.isfinite(seen.borders), seen.borders + np.sign(seen.borders) * wider_m, seen.borders)
+    return replace(widened(seen, np.full(len(seen.low), wider_m)), borders=borders)
+
+
 def best_class(seen: Seen, mean_m: Array, spread_m: Array) -> Array:
     """Index [n] of the likeliest of miss, two, three."""
     two, three = seen.borders[4], seen.borders[3]

@@ -37,6 +37,7 @@ ALIASES: dict[str, tuple[frozenset[str], ...]] = {
     "L1": (frozenset({"target_height", "release_height"}), frozenset({"buoyancy", "added_mass"})),
     "L2": (frozenset({"distance_bias", "distance_scale"}), frozenset({"buoyancy", "added_mass"})),
 }
+BY_BALL = ("ball_wear", "drag_wear")  # amplitudes are those of the most used ball
 STAGE_OF = {effect.name: effect.stage for effect in EFFECTS} | {
     "drag": "flight", "magnus": "flight", "exit_efficiency": "launch"}
 
@@ -130,7 +131,10 @@ def is_alias(level: str, name: str, top: Sequence[str], finding: Finding | None 
 
 
 def interval_holds(job: Job, finding: Finding, world: World | None = None) -> bool | None:
-    """Whether the 90 % interval of the right name holds the true amplitude; None when none is given."""
+    """Whether the 90 % interval of the right name holds the true amplitude; None when none is given, or where balls are
+    not told apart and wear can only mean what it comes to by the end, not that of the most used ball."""
+    if job.level == "L0" and job.name in BY_BALL:
+        return None
     wanted = true_parameter(job, world)
     entry = next(entry for entry in finding["what"] if entry["term"] == job.name)
     given = (entry.get("parameters") or {}).get(wanted[0]) if wanted else None

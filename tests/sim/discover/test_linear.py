@@ -179,14 +179,30 @@ def test_log_likelihoods_are_those_of_the_big_matrix_and_the_normal_cdf(bench: B
         assert bench.evidence.log_score[row] == pytest.approx(value, abs=2e-3), row
 
 
-def class_log(bench: Bench, place: int, mean: float, spread: float) -> float:
+def class_log(bench: Bench, place: int, mean: float, spread: float, wider: float = 0.0) -> float:
     """Log of the chance of what was seen of a height: by the normal CDF, intervals from rig.toml's half heights."""
     seen = bench.intake.seen
     if np.isfinite(seen.height_m[place]):
         return float(norm.logpdf(seen.height_m[place], mean, spread))
-    inside = {half: norm.cdf(half, mean, spread) - norm.cdf(-half, mean, spread) for half in (0.07, 0.35)}
+    inside = {half: norm.cdf(half + wider, mean, spread) - norm.cdf(-half - wider, mean, spread)
+              for half in (0.07, 0.35)}
     chance = (1.0 - inside[0.35], inside[0.35] - inside[0.07], inside[0.07])[int(seen.classes[place])]
     return float(np.log((1.0 - LAPSE) * chance + LAPSE / 3.0))
+
+
+def test_an_opening_that_has_grown_is_the_one_that_counts(bench: Bench) -> None:
+    values = bench.spot.values.copy()
+    values[bench.layout.chain.slots.index(("rim_catch", "reach_m"))] = 0.03
+    grown, _ = linearise(bench.intake, bench.layout, replace(bench.spot, values=values))
+    plane = bench.evidence.plane
+    assert plane is not None and grown.plane is not None
+    classed = [place for place in range(len(plane.rows)) if not np.isfinite(plane.seen.height_m[place])]
+    for place in classed:
+        mean, spread = float(plane.mean_m[place]), float(plane.spread_m[place])
+        gained = grown.log_score[plane.rows[place]] - bench.evidence.log_score[plane.rows[place]]
+        expected = class_log(bench, place, mean, spread, 0.03) - class_log(bench, place, mean, spread)
+        assert gained == pytest.approx(expected, abs=1e-6), place
+    assert np.allclose(grown.plane.seen.borders[1:-1], [-0.38, -0.1, 0.1, 0.38]) and len(classed) > 10
 
 
 def test_scores_and_information_are_those_of_the_big_matrix(bench: Bench, brute: dict[int, Brute]) -> None:

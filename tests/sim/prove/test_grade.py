@@ -64,6 +64,14 @@ def test_intervals_are_held_against_the_amplitude(low, high, holds):
     assert grade(JOB, finding(low=low, high=high), 1.0).interval_holds is holds
 
 
+def test_wear_of_balls_that_nobody_tells_apart_is_another_number():
+    job = Job("effects", "ball_wear", "L0", 300, 1.0, 7, 0)
+    worn = finding(what=(("ball_wear", 0.9),))
+    worn["what"][0]["parameters"] = {"loss": {"low90": 0.02, "high90": 0.04}}
+    assert grade(job, worn, 1.0).top_right and grade(job, worn, 1.0).interval_holds is None
+    assert grade(Job("effects", "ball_wear", "L1", 300, 1.0, 7, 0), worn, 1.0).interval_holds is True
+
+
 def test_a_set_that_is_not_said_is_the_likeliest_ninety_percent():
     assert said_set(finding(what=(("a", 0.5), ("b", 0.3), ("c", 0.05), ("d", 0.02)))) == ["a", "b"]
     assert said_set(finding(said=["z"])) == ["z"] and said_set({}) == []
