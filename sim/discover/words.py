@@ -15,6 +15,7 @@ DIRECTION_WORDS = {"along": "along the flight", "vertical": "vertically", "later
 FLIGHT_WORDS = {"speed_in_flight_m_s": "the speed in flight", "time_in_flight_s": "the time in flight"}
 NINETY = 1.6448536269514722
 SHOWN = 6
+DOUBTFUL = 0.25                       # probability of something without a name, from which a sentence says so
 LISTED = 4                            # names of a set that a sentence lists
 
 
@@ -35,6 +36,9 @@ def say_named(believed: tuple[str, ...], p_value: float, where: Where, unknown: 
         stages = list(dict.fromkeys(STAGE_WORDS[one.stage] for one in what if one.term in names))
         said = (f"{_missing(believed)}, {_either(stages)}: {_either(rest)}. These data cannot tell which of these it "
                 f"is. If it is the first, {likeliest}.")
+    nameless = 1.0 - sum(one.probability for one in what)
+    if nameless >= DOUBTFUL:
+        said += f" A free curve explains it about as well, so it may be something without a name ({nameless:.0%})."
     sized = [(one, next(iter(one.parameters.values()))) for one in also]
     for one, size in sized:
         if size.low90 * size.high90 > 0.0:

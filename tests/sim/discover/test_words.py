@@ -102,6 +102,12 @@ def test_one_name_several_names_and_what_is_left_besides() -> None:
     assert "too little to be named: perhaps target height" in more and "target stands" not in more
 
 
+def test_a_name_that_a_free_curve_rivals_is_said_with_that_doubt() -> None:
+    sure, unsure = (say_named(("gravity",), 0.01, WHERE, None, (named("wind_x", 1.0, 0.1, share, "m/s"),), ("wind_x",),
+                              (), NO_FIT, None) for share in (0.95, 0.5))
+    assert "without a name" not in sure and "without a name (50%)" in unsure
+
+
 def test_long_sets_are_cut_short() -> None:
     what = tuple(named(term.name, 0.1, 0.01, 0.05) for term in TERMS[:9])
     said = say_named(("gravity",), 0.01, WHERE, None, what, tuple(one.term for one in what), (), NO_FIT, None)
