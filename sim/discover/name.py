@@ -18,7 +18,8 @@ from sim.discover.refit import Refit, refit
 
 Progress = Callable[[float, str], None]
 REFITTED = 8                          # of the likeliest terms
-WITHIN = 7.0                          # nats of the likeliest by one step, beyond which none is refitted
+WITHIN = 7.0                          # nats of the likeliest by one step, beyond which none is refitted,
+SHARE = 0.5                           # or this share of its nats: one step is a poor guide to large effects
 ALIAS = 0.95                          # correlation of two efficient slopes from which only words part them
 TOLD_APART = 2.0                      # nats between two such, all the same
 MASS = 0.9                            # that the set of names holds
@@ -96,7 +97,8 @@ def name_terms(fitted: Fitted, clusters: Clusters, seed: int, progress: Progress
     candidates, alike = one_step(fitted.evidence)
     visible = [c for c in candidates if c.visible]
     likely = sorted(visible, key=lambda c: -c.nats)
-    likely = [c for c in likely[:REFITTED] if c.nats > likely[0].nats - WITHIN]
+    within = max(WITHIN, SHARE * likely[0].nats)
+    likely = [c for c in likely[:REFITTED] if c.nats > likely[0].nats - within]
     refits: dict[str, Refit] = {}
     for number, candidate in enumerate(likely):
         progress(number / len(likely), candidate.name.partition(".")[0])
