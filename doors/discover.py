@@ -128,7 +128,8 @@ def _identify(args: argparse.Namespace, believed: list[str] | None) -> int:
         sight = foresee_dataset(dataset, _terms(dataset.facts, believed), args.sides, args.seed, progress)
     else:
         facts = load_rig(path)
-        sight = foresee(facts, _terms(facts, believed), args.level or LEVEL, args.shots or SHOTS, args.sides,
+        shots = SHOTS if args.shots is None else args.shots
+        sight = foresee(facts, _terms(facts, believed), args.level or LEVEL, shots, args.sides,
                         args.seed, progress)
     _tell_sight(sight, path.name, args.json, args.report)
     return 0
