@@ -92,9 +92,17 @@ def _where(dataset: Dataset, step: Step, asked: Asked, judged: Judged, false_ala
     covariate, direction, others = _follows(dataset, column, step, judged, false_alarm)
     times = None
     if evidence.plane is None or step.fitted.intake.samples is not None:
-        times = times_of(evidence, place.test) if place is not None else None
+        times = _until_seen(step.fitted.intake, times_of(evidence, place.test)) if place is not None else None
     return Where(stage, mass, covariate, direction, place.region if place else {}, times,
                  place.column.name if place else None, others, reason)
+
+
+def _until_seen(intake: Intake, times: tuple[float, float] | None) -> tuple[float, float] | None:
+    """The last band of time has no end of its own: it ends with the longest track."""
+    if times is None or intake.samples is None:
+        return times
+    longest_s = (np.asarray(intake.lanes.lead_s)[intake.tracked, None] + intake.samples.time_s).max()
+    return times[0], float(min(times[1], longest_s))
 
 
 def _follows(dataset: Dataset, column: Column, step: Step, judged: Judged,

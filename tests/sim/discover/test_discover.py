@@ -73,6 +73,7 @@ def test_effects_in_tracks_are_named(name: str, amount: float, stage: str, direc
 def test_a_named_effect_makes_forecasts_better(decaying: Investigation) -> None:
     finding = decaying.finding
     assert finding.what[0].term == "spin_decay" and finding.what[0].stage == "flight"
+    assert finding.where.times_s is None or 0.0 <= finding.where.times_s[0] < finding.where.times_s[1] < 2.0
     assert_named(finding, "spin_decay", 1.2)
     fit = finding.fit
     assert fit is not None and fit.gain_per_shot is not None and fit.gain_se is not None
