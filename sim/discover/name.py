@@ -2,7 +2,7 @@
 
 Every term competes with a normal prior on its amplitude, of the size that such effects usually have: so a term that
 would have to be absurdly large to explain the data loses to one that need not. Decoys, whose slopes are those of the
-terms dealt out to other shots, compete too; no name is given that a decoy beats.
+terms dealt out to other shots, are counted where they do better than the best name; they decide nothing yet.
 """
 
 from collections.abc import Callable, Sequence
