@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sim.discover import outcomes
-from sim.discover.ask import Asked, Clusters, name_of
+from sim.discover.ask import TERMS, Asked, Clusters, name_of
 from sim.discover.believed import Fitted, only_shared
 from sim.discover.covariates import Covariate, carried_by, followed_column, gather_covariates, gather_factors
 from sim.discover.endpoints import end_errors
@@ -47,7 +47,8 @@ def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: Fitted, clust
     fit = _fit(fitted, steps, clusters)
     if not steps:
         where = Where(None, None, None, None, {}, None, None, (), "nothing was found")
-        sentence = say_none(terms, judged.p_any, data.shots, false_alarm) + say_smallest(fitted.evidence)
+        sentence = say_none(terms, judged.p_any, data.shots, false_alarm) + say_smallest(
+            fitted.evidence, judged.threshold(TERMS, false_alarm))
         return Finding(data, mismatch, where, "none", sentence, None, fit)
     first = steps[0]
     verdict = "unknown" if first.unknown else "named" if all(len(s.naming.chosen) == 1 for s in steps) else "set"

@@ -49,7 +49,10 @@ class Scores:
 @dataclass(frozen=True)
 class Judged:
     """`statistic` [M] studentised |score|; `p_each` [M] one test alone; `p_value` [M] as the largest of its family,
-    with the family's share of the allowance for false alarms; `families` {name: p of the family}; `p_any`: of all."""
+    with the family's share of the allowance for false alarms; `families` {name: p of the family}; `p_any`: of all.
+
+    largest {family: [1 + draws]} the largest of each as seen, then by chance; weights: their shares of the allowance.
+    """
 
     statistic: Array
     amplitude: Array                  # [M] one-step estimate of b
@@ -58,6 +61,15 @@ class Judged:
     p_value: Array
     families: dict[str, float]
     p_any: float
+    largest: dict[str, Array]
+    weights: dict[str, float]
+
+    def threshold(self, family: str, false_alarm: float) -> float:
+        """The statistic from which one test of the family is an alarm; infinite where nothing was asked."""
+        if family not in self.largest:
+            return float("inf")
+        allowed = np.quantile(_least(self.largest, self.weights)[1], false_alarm) * self.weights[family]
+        return float(np.quantile(self.largest[family], 1.0 - min(allowed, 1.0)))
 
 
 def efficient_scores(evidence: Evidence, channel: int, weights: Array, cluster: Array, clusters: int) -> Scores:
@@ -117,13 +129,14 @@ def judge(scores: Scores, family: Sequence[str], allowance: Mapping[str, float],
     seen = _studentise(observed[None], squares[1][None], squares, total)[0]
     member = {name: np.array([one == name for one in family], dtype=bool) for name in allowance if name in set(family)}
     if not member:
-        return Judged(seen, observed, observed, seen, seen, {}, 1.0)
+        return Judged(seen, observed, observed, seen, seen, {}, 1.0, {}, {})
     largest, above_each = _flip(psi, kappa, squares, total, seen, member, draws, seed, progress)
     share = sum(allowance[name] for name in member)
-    p_value, families, p_any = _combine(seen, member, largest, {name: allowance[name] / share for name in member})
+    weights = {name: allowance[name] / share for name in member}
+    p_value, families, p_any = _combine(seen, member, largest, weights)
     amplitude = observed / total
     return Judged(seen, amplitude, 0.5 * amplitude * observed, (1.0 + above_each) / (1.0 + draws), p_value, families,
-                  p_any)
+                  p_any, largest, weights)
 
 
 def _flip(psi: Array, kappa: Array, squares: tuple[Array, Array, Array], total: Array, seen: Array,
@@ -148,13 +161,18 @@ def _flip(psi: Array, kappa: Array, squares: tuple[Array, Array, Array], total: 
 def _combine(seen: Array, member: dict[str, Array], largest: dict[str, Array],
              weights: dict[str, float]) -> tuple[Array, dict[str, float], float]:
     """(p of each test, p of each family alone, p of any): `largest` holds what was observed first, then the draws."""
-    ranks = {name: (values[None] >= values[:, None] - 1e-9).mean(1) for name, values in largest.items()}
-    least = np.min([ranks[name] / weights[name] for name in largest], axis=0)
+    ranks, least = _least(largest, weights)
     p_value = np.ones(len(seen))
     for name, values in largest.items():
         alone = (values[None] >= seen[member[name]][:, None] - 1e-9).mean(1) / weights[name]
         p_value[member[name]] = (least[None] <= alone[:, None] + 1e-12).mean(1)
     return p_value, {name: float(rank[0]) for name, rank in ranks.items()}, float((least <= least[0] + 1e-12).mean())
+
+
+def _least(largest: dict[str, Array], weights: dict[str, float]) -> tuple[dict[str, Array], Array]:
+    """({family: p of each of its largest}, the smallest of these [1 + draws], each over its share of the allowance)."""
+    ranks = {name: (values[None] >= values[:, None] - 1e-9).mean(1) for name, values in largest.items()}
+    return ranks, np.min([ranks[name] / weights[name] for name in largest], axis=0)
 
 
 def _studentise(score: Array, cross: Array, squares: tuple[Array, Array, Array], total: Array) -> Array:

@@ -2,10 +2,13 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+from scipy.special import ndtri
+
 from sim.discover.covariates import STEP, Factor, Pair
 from sim.discover.evidence import Evidence
 from sim.discover.finding import Finding, Fit, Named, Unknown, Where
-from sim.discover.identify import sight_of
+from sim.discover.identify import EIGHTY, sight_of
 from sim.discover.locate import Place
 from sim.discover.sizes import plain, say_effect, scale_of, size_of
 
@@ -16,6 +19,7 @@ FLIGHT_WORDS = {"speed_in_flight_m_s": "the speed in flight", "time_in_flight_s"
 NINETY = 1.6448536269514722
 SHOWN = 6
 DOUBTFUL = 0.25                       # probability of something without a name, from which a sentence says so
+FOUR_IN_FIVE = 0.8
 LISTED = 4                            # names of a set that a sentence lists
 
 
@@ -87,13 +91,15 @@ def say_none(believed: tuple[str, ...], p_value: float | None, shots: int, false
             f"have it (p = {p_value:.2g}, alarm at {false_alarm:g}).")
 
 
-def say_smallest(evidence: Evidence) -> str:
-    """The smallest effects that would have been seen, of the terms that these data see best for their usual size."""
+def say_smallest(evidence: Evidence, threshold: float) -> str:
+    """The smallest effects that would have been seen four times in five among all that was asked, of the terms that
+    these data see best for their usual size. threshold: the |score| that a term needs, in standard deviations."""
     terms = [one for one in sight_of(evidence, "", ()).terms if one.smallest is not None]
-    if not terms:
+    if not terms or not np.isfinite(threshold):
         return " Of no term could these data have shown anything."
+    among_all = (threshold + ndtri(FOUR_IN_FIVE)) / np.sqrt(EIGHTY)
     best = sorted(terms, key=lambda one: (one.smallest or 0.0) / one.usual)[:SHOWN]
-    parts = [f"{plain(one.term)} of {size_of(one.term, one.smallest or 0.0, one.unit)}" for one in best]
+    parts = [f"{plain(one.term)} of {size_of(one.term, among_all * (one.smallest or 0.0), one.unit)}" for one in best]
     return f" Smallest effects that they would have shown, four times in five: {', '.join(parts)}."
 
 
@@ -140,22 +146,25 @@ def _gained(fit: Fit) -> str:
     interval = gained_interval(fit)
     if interval is None:
         return ""
-    parts = []
+    better, worse = [], []
     if fit.accuracy_before is not None and fit.accuracy_after is not None:
         before, after = f"{100.0 * fit.accuracy_before:.0f}", f"{100.0 * fit.accuracy_after:.0f}"
-        better = fit.accuracy_after > fit.accuracy_before and before != after
-        parts += [f"{after} of 100 outcomes right instead of {before}"] if better else []
+        part = f"{after} of 100 outcomes right instead of {before}"
+        if before != after:
+            (better if fit.accuracy_after > fit.accuracy_before else worse).append(part)
     if fit.height_rmse_before_m is not None and fit.height_rmse_after_m is not None:
         before, after = _size(fit.height_rmse_before_m, "m"), _size(fit.height_rmse_after_m, "m")
-        better = fit.height_rmse_after_m < fit.height_rmse_before_m and before != after
-        parts += [f"heights within {after} instead of {before}"] if better else []
+        part = f"heights within {after} instead of {before}"
+        if before != after:
+            (better if fit.height_rmse_after_m < fit.height_rmse_before_m else worse).append(part)
     places = 3 if abs(fit.gain_per_shot or 0.0) < 10.0 else 0
     score = (f"log score {fit.gain_per_shot:+.{places}f} a shot, 90 %: {interval[0]:+.{places}f} to "
              f"{interval[1]:+.{places}f}")
     if interval[0] <= 0.0:
         return f" On shots it has not seen the corrected simulation is not surely better ({score})."
-    told = f"foretells {' and '.join(parts)}" if parts else "does better"
-    return f" On shots it has not seen the corrected simulation {told} ({score})."
+    told = f"foretells {' and '.join(better)}" if better else "does better"
+    but = f", but foretells {' and '.join(worse)}" if worse else ""
+    return f" On shots it has not seen the corrected simulation {told} ({score}){but}."
 
 
 def _missing(believed: tuple[str, ...]) -> str:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.stats import kstest
+from scipy.stats import kstest, norm
 
 from sim.discover.evidence import Evidence
 from sim.discover.statistics import Judged, Scores, efficient_scores, judge
@@ -164,6 +164,19 @@ def test_under_pure_noise_with_fitted_parameters_it_is_uniform_too() -> None:
                           for name in ("psi", "kappa", "stretch", "kept")))
         found.append(judged_of(scores, 199, seed).p_any - rng.uniform(0.0, 1.0 / 200.0))
     assert kstest(found, "uniform").pvalue > 1e-3
+
+
+def test_the_threshold_is_that_of_the_largest_of_so_many_normal_scores() -> None:
+    rng = np.random.default_rng(21)
+    found = judged_of(plain(rng.normal(size=(800, 12))), 4000, 5)
+    assert found.threshold("terms", 0.05) == pytest.approx(norm.isf(0.5 * (1.0 - 0.95**(1.0 / 12.0))), abs=0.1)
+    assert found.threshold("free", 0.05) == np.inf
+    shared = judged_of(plain(rng.normal(size=(800, 12))), 4000, 5, ["terms"] * 6 + ["free"] * 6)
+    high = shared.threshold("free", 0.05)
+    # from there on a test of the family is an alarm, by the probabilities themselves
+    for k in range(6, 12):
+        assert (shared.p_value[k] <= 0.05) == (shared.statistic[k] >= high)
+    assert high > shared.threshold("terms", 0.05) > norm.isf(0.025)
 
 
 def test_a_planted_effect_is_found_in_its_family() -> None:

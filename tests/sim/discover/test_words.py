@@ -122,7 +122,7 @@ def test_what_is_gained_is_told_in_outcomes_and_centimetres() -> None:
     assert (low, high) == (pytest.approx(0.2 - 1.645 * 0.05, abs=1e-3), pytest.approx(0.2 + 1.645 * 0.05, abs=1e-3))
     worse = Fit(100, -0.9, -0.7, 0.2, 0.05, None, None, 0.83, 0.71)
     told = say_named((), 0.01, WHERE, None, (named("drag", 0.5, 0.1),), ("drag",), (), worse, None)
-    assert "does better (log score" in told
+    assert "does better (log score" in told and "but foretells 71 of 100 outcomes right instead of 83" in told
     doubtful = Fit(100, -0.9, -0.89, 0.01, 0.05, None, None, 0.71, 0.72)
     assert "not surely better" in say_named((), 0.01, WHERE, None, (named("drag", 0.5, 0.1),), ("drag",), (), doubtful,
                                             None)
