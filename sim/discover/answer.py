@@ -10,7 +10,7 @@ from sim.discover.believed import Fitted, only_shared
 from sim.discover.covariates import Covariate, carried_by, followed_column, gather_covariates, gather_factors
 from sim.discover.endpoints import end_errors
 from sim.discover.evidence import Array, Column, Evidence
-from sim.discover.finding import Data, Finding, Fit, Interval, Mismatch, Named, TestResult, Unknown, Where
+from sim.discover.finding import Data, Finding, Fit, Further, Interval, Mismatch, Named, TestResult, Unknown, Where
 from sim.discover.forward import Step
 from sim.discover.intake import Intake
 from sim.discover.locate import Place, amplitude_of, times_of
@@ -52,16 +52,20 @@ def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: Fitted, clust
         return Finding(data, mismatch, where, "none", sentence, None, fit)
     first = steps[0]
     verdict = "unknown" if first.unknown else "named" if all(len(s.naming.chosen) == 1 for s in steps) else "set"
-    probability = _probabilities(first)
-    where = _where(dataset, first, asked, judged, false_alarm, probability)
-    unknown = _unknown(first, place)
-    what = tuple(_named(first, name, probability) for name in list(first.naming.probability)[:RANKED])
-    also = tuple(_named(step, step.naming.leader, step.naming.probability) for step in steps[1:] if not step.unknown)
-    chosen = None if first.unknown else tuple(name.partition(".")[0] for name in first.naming.chosen)
+    where = _where(dataset, first, asked, judged, false_alarm, _probabilities(first))
+    leading, *also = (_further(step) for step in steps)
     say = say_unknown if first.unknown else say_named
-    sentence = say(terms, judged.p_any, where, unknown, what, chosen, also, fit, place)
-    return Finding(data, mismatch, where, verdict, sentence, unknown if first.unknown or place else None, fit,
-                   what=what, set=chosen, next=next_steps(dataset, first, chosen), also=also)
+    sentence = say(terms, judged.p_any, where, leading, also, fit, place)
+    return Finding(data, mismatch, where, verdict, sentence, leading.unknown, fit, what=leading.what, set=leading.set,
+                   next=next_steps(dataset, first, leading.set), also=tuple(also))
+
+
+def _further(step: Step) -> Further:
+    """What one step says."""
+    probability = _probabilities(step)
+    what = tuple(_named(step, name, probability) for name in list(step.naming.probability)[:RANKED])
+    chosen = None if step.unknown else tuple(name.partition(".")[0] for name in step.naming.chosen)
+    return Further(what, chosen, _unknown(step.place) if step.unknown else None)
 
 
 def _probabilities(step: Step) -> dict[str, float]:
@@ -72,9 +76,7 @@ def _probabilities(step: Step) -> dict[str, float]:
 
 def _free_odds(step: Step) -> float:
     """Of a free curve against the best name: what it gains on unseen shots, a curve being worth a twentieth of one."""
-    if step.free is None:
-        return 0.02
-    return float(np.clip(0.05 * np.exp(np.clip((step.free - step.after).sum(), -5.0, 5.0)), 0.0, 1.0))
+    return 0.02 if step.rival is None else float(0.05 * np.exp(np.clip(step.rival, -5.0, 5.0)))
 
 
 def _where(dataset: Dataset, step: Step, asked: Asked, judged: Judged, false_alarm: float,
@@ -125,7 +127,7 @@ def _follows(dataset: Dataset, column: Column, step: Step, judged: Judged,
     return name, direction, others
 
 
-def _unknown(step: Step, place: Place | None) -> Unknown | None:
+def _unknown(place: Place | None) -> Unknown | None:
     if place is None:
         return None
     return Unknown(name_of(place.test, place.column), place.column.direction, amplitude_of(place.correction),
@@ -168,7 +170,6 @@ def _results(evidence: Evidence, asked: Asked, judged: Judged, false_alarm: floa
 def _fit(fitted: Fitted, steps: Sequence[Step], clusters: Clusters) -> Fit:
     """Figures on unseen shots: as believed, and with every named effect (log score: with the last free curve, too)."""
     null = without(fitted.evidence)
-    label = clusters.label[null.rows]
     before_change = unseen_change(null, clusters)
     before = null.log_score + null.gain(before_change)
     rmse = end_errors(fitted.intake, only_shared(fitted.layout), fitted.spot, null, before_change)
@@ -186,7 +187,7 @@ def _fit(fitted: Fitted, steps: Sequence[Step], clusters: Clusters) -> Fit:
         accuracy_after = _accuracy(named[-1].evidence, change)
     gain = after - before
     return Fit(len(null.rows), float(before.mean()), float(after.mean()), float(gain.mean()),
-               clustered_error(gain, label), rmse, rmse_after, accuracy, accuracy_after)
+               clustered_error(gain, fitted.together), rmse, rmse_after, accuracy, accuracy_after)
 
 
 def _accuracy(evidence: Evidence, change: Array) -> float | None:

@@ -50,6 +50,12 @@ class Fitted:
         return {column.name: float(np.exp(value) if column.name.startswith("scatter.") else value)
                 for column, value in named if column.kind != "group"}
 
+    @property
+    def together(self) -> Array:
+        """Which shots hang together when figures are compared, a number each [n]: those of a group, else each alone."""
+        groups = self.layout.groups
+        return np.arange(len(self.evidence.rows)) if groups is None else groups.label
+
 
 def fit_believed(intake: Intake, layout: Layout, progress: Progress = lambda done, note: None) -> Fitted:
     """Most probable shared columns by Newton's method with halved steps, relinearised at every step."""

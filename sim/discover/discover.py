@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from sim.discover.answer import make_finding, silent
 from sim.discover.ask import ALLOWANCE, Asked, Clusters, ask_everything, find_clusters, groups_of
 from sim.discover.believed import Fitted, fit_believed
-from sim.discover.columns import lay_out
+from sim.discover.columns import KNOWN, lay_out
 from sim.discover.covariates import gather_covariates, gather_factors
 from sim.discover.finding import Finding
 from sim.discover.forward import Step, go_forward
@@ -37,10 +37,11 @@ def discover(dataset: Dataset, believed: Sequence[str] | None = None, false_alar
              progress: Progress = lambda done, note: None) -> Investigation:
     """Fit the believed terms, test whether anything is left over, say where, and name what.
 
-    believed: names of terms, the rig's own list when None. The same data and seed give the same answer. BadInput for
-    an unknown term, too few shots, or outcomes without a target.
+    believed: names of terms, the rig's own list when None; gravity always is. The same data and seed give the same
+    answer. BadInput for an unknown term, too few shots, or outcomes without a target.
     """
-    terms = tuple(dataset.facts.believe.terms if believed is None else believed)
+    given = tuple(dataset.facts.believe.terms if believed is None else believed)
+    terms = (*KNOWN, *(name for name in given if name not in KNOWN))       # nothing flies without gravity
     intake = take_in(dataset)
     clusters = find_clusters(dataset.shots)
     layout = lay_out(intake, terms, groups_of(dataset.shots, intake.rows))

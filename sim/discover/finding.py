@@ -83,6 +83,14 @@ class Unknown(Struct, frozen=True):
     formula: str | None
 
 
+class Further(Struct, frozen=True):
+    """One effect, those found before it put in: names as in Finding; `unknown` where none of them is it."""
+
+    what: tuple[Named, ...]
+    set: tuple[str, ...] | None
+    unknown: Unknown | None
+
+
 class Fit(Struct, frozen=True):
     """Figures on shots that the fit had not seen, before and after the free correction."""
 
@@ -109,7 +117,7 @@ class Finding(Struct, frozen=True):
     what: tuple[Named, ...] = ()
     set: tuple[str, ...] | None = None
     next: tuple[dict[str, Any], ...] = ()
-    also: tuple[Named, ...] = ()      # further effects, found after the first was put in
+    also: tuple[Further, ...] = ()
 
 
 def make_json(finding: Finding) -> bytes:

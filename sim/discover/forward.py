@@ -10,6 +10,7 @@ from sim.discover.ask import ALLOWANCE, Asked, Clusters, ask_everything
 from sim.discover.believed import Fitted, only_shared
 from sim.discover.correct import correct
 from sim.discover.covariates import Covariate, Factor
+from sim.discover.decoys import share_above
 from sim.discover.evidence import Array
 from sim.discover.linear import Layout, linearise
 from sim.discover.locate import Place, locate
@@ -21,6 +22,7 @@ Progress = Callable[[float, str], None]
 MOST = 3
 DRAWS = 999                           # after the first step, whose probability is the one that is promised
 CLEARLY = 2.0                         # standard errors by which a free curve must beat the best name on unseen shots
+FALSE_NAMES = 0.1                     # share of deals of decoys that may do as well as a name
 
 
 @dataclass(frozen=True)
@@ -28,7 +30,8 @@ class Step:
     """One effect. `before`, `after`, `average`, `free` [n]: log scores of unseen shots by what was believed so far,
     with the leading name, with all names as far as they are likely, with the free curve.
 
-    unknown: the curve beats the name, or nothing has one.
+    rival: nats by which the curve beats the name on unseen shots (None without a curve). decoys: share of deals in
+    which one does as well as the name. unknown: the curve beats it clearly, decoys do too often, or nothing has a name.
     """
 
     naming: Naming
@@ -37,6 +40,8 @@ class Step:
     after: Array
     average: Array
     free: Array | None
+    rival: float | None
+    decoys: float
     unknown: bool
     base: tuple[str, ...]             # names put in before
     fitted: Fitted                    # without this effect
@@ -54,7 +59,7 @@ def go_forward(fitted: Fitted, clusters: Clusters, place: Place | None, covariat
         span = (number / MOST, (number + 0.8) / MOST)
         step = _step(fitted, clusters, place, tuple(name for each in steps for name in (each.naming.leader,)), seed,
                      lambda done, note, span=span: progress(span[0] + done * (span[1] - span[0]), note))
-        if steps and not _pays(step, clusters):
+        if steps and not _pays(step):
             break
         steps.append(step)
         if step.unknown or number == MOST - 1:
@@ -70,10 +75,10 @@ def go_forward(fitted: Fitted, clusters: Clusters, place: Place | None, covariat
     return tuple(steps)
 
 
-def _pays(step: Step, clusters: Clusters) -> bool:
+def _pays(step: Step) -> bool:
     """Whether a further effect does clearly better on unseen shots: chance finds something more than at first."""
     gain = (step.free if step.unknown and step.free is not None else step.after) - step.before
-    return bool(gain.mean() > CLEARLY * clustered_error(gain, clusters.label[step.fitted.evidence.rows]))
+    return bool(gain.mean() > CLEARLY * clustered_error(gain, step.fitted.together))
 
 
 def promote(fitted: Fitted, found: Refit) -> Fitted:
@@ -96,13 +101,17 @@ def promoted(layout: Layout, names: tuple[str, ...]) -> Layout:
 
 def _step(fitted: Fitted, clusters: Clusters, place: Place | None, base: tuple[str, ...], seed: int,
           progress: Progress) -> Step:
-    naming = name_terms(fitted, clusters, seed, progress)
+    naming = name_terms(fitted, progress)
     before = unseen_score(without(fitted.evidence), clusters)
     scores = {name: unseen_score(one.evidence, clusters) for name, one in naming.refits.items()}
     after, average = scores[naming.leader], _averaged(naming, before, scores, clusters.label[fitted.evidence.rows])
     free = None if place is None else place.correction.log_after
-    return Step(naming, place, before, after, average, free, _is_unknown(naming, after, place, clusters, fitted), base,
-                fitted)
+    rivals = _rivals(naming, after, place, clusters, fitted)
+    decoys = share_above(fitted.evidence, clusters, naming.nats[naming.leader], seed)
+    unknown = (naming.nats[naming.leader] <= 0.0 or decoys > FALSE_NAMES
+               or (bool(rivals) and all(_clearly(gain, fitted) for gain in rivals)))
+    rival = min((_worth(gain, fitted) for gain in rivals), default=None)
+    return Step(naming, place, before, after, average, free, rival, decoys, unknown, base, fitted)
 
 
 def _averaged(naming: Naming, before: Array, scores: dict[str, Array], label: Array) -> Array:
@@ -121,23 +130,31 @@ def _averaged(naming: Naming, before: Array, scores: dict[str, Array], label: Ar
     return result
 
 
-def _is_unknown(naming: Naming, after: Array, place: Place | None, clusters: Clusters, fitted: Fitted) -> bool:
-    """Nothing named explains as much as its own prior costs, or a free curve does clearly better on unseen shots:
-    instead of the name, and on top of it, too. The former alone compares two linearisations, and the latter alone
-    would take a second effect for proof against the first."""
-    if naming.nats[naming.leader] <= 0.0:
-        return True
-    if place is None or not _clearly(place.correction.log_after - after, clusters, fitted):
-        return False
+def _rivals(naming: Naming, after: Array, place: Place | None, clusters: Clusters, fitted: Fitted) -> list[Array]:
+    """What the free curve gains [n] on unseen shots, twice: instead of the name, and, if that is anything, on top of
+    it. The former alone compares two linearisations, the latter alone would take a second effect for proof against
+    the first."""
+    if place is None:
+        return []
+    instead = place.correction.log_after - after
+    if instead.sum() <= 0.0:
+        return [instead]
     named = promote(fitted, naming.refits[naming.leader])
-    more = correct(named.evidence, replace(place.test, column=named.evidence.index(place.column.name)), clusters)
-    return _clearly(more.gain, clusters, fitted)
+    test = replace(place.test, column=named.evidence.index(place.column.name))
+    return [instead, correct(named.evidence, test, clusters).gain]
 
 
-def _clearly(gain: Array, clusters: Clusters, fitted: Fitted) -> bool:
+def _clearly(gain: Array, fitted: Fitted) -> bool:
     """Whether log scores [n] of unseen shots are better by more than chance, and by more than a trifle."""
-    error = clustered_error(gain, clusters.label[fitted.evidence.rows])
-    return bool(gain.mean() > CLEARLY * error and gain.sum() > CLEARLY)
+    return bool(gain.mean() > CLEARLY * clustered_error(gain, fitted.together) and gain.sum() > CLEARLY)
+
+
+def _worth(gain: Array, fitted: Fitted) -> float:
+    """Nats that log scores [n] of unseen shots gain; no more than their own spread vouches for, since shots that lie
+    far beyond their stated noise speak louder than they know."""
+    error = clustered_error(gain, fitted.together)
+    total = float(gain.sum())
+    return total if total <= 0.0 or error <= 0.0 else min(total, 0.5 * float(gain.mean() / error)**2)
 
 
 def _judge(asked: Asked, seed: int) -> Judged:

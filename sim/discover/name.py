@@ -1,8 +1,8 @@
 """Which term it is: one-step evidence for all, true refits of the likely, probabilities, and what cannot be told apart.
 
 Every term competes with a normal prior on its amplitude, of the size that such effects usually have: so a term that
-would have to be absurdly large to explain the data loses to one that need not. Decoys, whose slopes are those of the
-terms dealt out to other shots, are counted where they do better than the best name; they decide nothing yet.
+would have to be absurdly large to explain the data loses to one that need not, and beyond what the term allows it
+cannot win at all.
 """
 
 from collections.abc import Callable, Sequence
@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from sim.discover.ask import Clusters
 from sim.discover.believed import Fitted
 from sim.discover.evidence import Array, Evidence, shared_columns
 from sim.discover.refit import Refit, refit
+from sim.physics.catalogue import find_parameter
 
 Progress = Callable[[float, str], None]
 REFITTED = 8                          # of the likeliest terms
@@ -25,6 +25,9 @@ TOLD_APART = 2.0                      # nats between two such, all the same
 MASS = 0.9                            # that the set of names holds
 LEAST_INFORMATION = 1e-4              # of a term's own, that must be left by the shared columns
 BUSY = 1e-12
+MOST_USUAL = 6.0                      # usual sizes beyond which an amplitude is not what its name says,
+DOUBT = 2.0                           # by more standard deviations than this
+NEVER = -1e3                          # nats
 
 
 @dataclass(frozen=True)
@@ -50,7 +53,6 @@ class Naming:
     probability: dict[str, float]
     chosen: tuple[str, ...]           # the set, likeliest first
     aliases: tuple[str, ...]          # of the likeliest, whatever its probability
-    decoys_above: int
 
     @property
     def leader(self) -> str:
@@ -92,7 +94,7 @@ def nats_for(score: Any, information: float, usual: float) -> Any:
     return nats if np.ndim(nats) else float(nats)
 
 
-def name_terms(fitted: Fitted, clusters: Clusters, seed: int, progress: Progress) -> Naming:
+def name_terms(fitted: Fitted, progress: Progress) -> Naming:
     """Rank the terms. At least one must be visible."""
     candidates, alike = one_step(fitted.evidence)
     visible = [c for c in candidates if c.visible]
@@ -100,22 +102,35 @@ def name_terms(fitted: Fitted, clusters: Clusters, seed: int, progress: Progress
     within = max(WITHIN, SHARE * likely[0].nats)
     likely = [c for c in likely[:REFITTED] if c.nats > likely[0].nats - within]
     refits: dict[str, Refit] = {}
+    nats = {c.name: c.nats for c in visible}
     for number, candidate in enumerate(likely):
         progress(number / len(likely), candidate.name.partition(".")[0])
-        refits[candidate.name] = refit(fitted, (candidate.name,), np.array([_tame(candidate, fitted.evidence)]))
-    nats = {c.name: c.nats for c in visible if c not in likely} | {name: r.log_evidence for name, r in refits.items()}
+        _refit(fitted, candidate, refits, nats)
     while (top := max(nats, key=lambda name: nats[name])) not in refits:
-        candidate = next(c for c in visible if c.name == top)
-        refits[top] = refit(fitted, (top,), np.array([_tame(candidate, fitted.evidence)]))
-        nats[top] = refits[top].log_evidence
+        _refit(fitted, next(c for c in visible if c.name == top), refits, nats)
     probability = _probabilities(nats)
     ranked = sorted(nats, key=lambda name: -nats[name])
     place = {c.name: number for number, c in enumerate(candidates)}
     aliases = tuple(name for name in ranked[1:] if abs(alike[place[name], place[ranked[0]]]) > ALIAS
                     and nats[name] > nats[ranked[0]] - TOLD_APART)
     chosen = _smallest_set(ranked, probability, aliases)
-    return Naming(candidates, refits, nats, probability, chosen, aliases,
-                  _decoys_above(fitted.evidence, candidates, max(nats.values()), seed))
+    return Naming(candidates, refits, nats, probability, chosen, aliases)
+
+
+def _refit(fitted: Fitted, candidate: Candidate, refits: dict[str, Refit], nats: dict[str, float]) -> None:
+    """Refit one name into both."""
+    name = candidate.name
+    refits[name] = refit(fitted, (name,), np.array([_tame(candidate, fitted.evidence)]))
+    usual = fitted.evidence.columns[candidate.column].usual
+    nats[name] = refits[name].log_evidence if is_possible(refits[name], usual) else NEVER
+
+
+def is_possible(found: Refit, usual: float) -> bool:
+    """Whether the amplitude may lie in the range that its parameter declares, and within MOST_USUAL usual sizes."""
+    parameter = find_parameter(found.names[0])
+    value, doubt = float(found.amplitude[0]), DOUBT * float(found.sd[0])
+    low, high = max(parameter.low, -MOST_USUAL * usual), min(parameter.high, MOST_USUAL * usual)
+    return low - doubt <= value <= high + doubt
 
 
 def _tame(candidate: Candidate, evidence: Evidence) -> float:
@@ -154,25 +169,3 @@ def _smallest_set(ranked: Sequence[str], probability: dict[str, float], aliases:
         held += probability[name]
     return tuple(name for name in ranked if name in chosen or name in aliases)
 
-
-def _decoys_above(evidence: Evidence, candidates: Sequence[Candidate], best: float, seed: int) -> int:
-    """How many decoys do better than the best name: every term's slopes, dealt out to other shots."""
-    rng = np.random.default_rng(seed)
-    visible = [c for c in candidates if c.visible]
-    order = rng.permutation(len(evidence.rows))
-    shared = shared_columns(evidence)
-    inner = evidence.info.sum(0)[shared, shared] + np.diag(evidence.precision)
-    above = 0
-    for candidate in visible:
-        # a decoy pushes each shot's height as the term pushes another's: its score keeps the shot's own surprise
-        size = np.sqrt(evidence.info[:, candidate.column, candidate.column])
-        sign = np.where(size > 0.0, size[order] / np.maximum(size, BUSY), 0.0)
-        sign = np.clip(sign, 0.0, 10.0)
-        score = sign * evidence.score[:, candidate.column]
-        cross = (sign[:, None] * evidence.info[:, candidate.column, shared]).sum(0)
-        own = (sign**2 * evidence.info[:, candidate.column, candidate.column]).sum()
-        lift = np.linalg.solve(inner, cross) if len(inner) else np.zeros(0)
-        left = own - cross @ lift
-        efficient = score.sum() - lift @ (evidence.score[:, shared].sum(0) + evidence.pull)
-        above += nats_for(efficient, left, evidence.columns[candidate.column].usual) > best
-    return int(above)

@@ -6,7 +6,7 @@ import numpy as np
 
 from sim.discover.discover import Investigation
 from sim.discover.evidence import Array, Evidence
-from sim.discover.finding import Finding, Named
+from sim.discover.finding import Finding, Further
 from sim.discover.identify import sight_of
 from sim.discover.intake import Intake
 from sim.discover.pictures import field_png, flight_png, residual_png
@@ -23,8 +23,8 @@ from sim.discover.residuals import (
     stated_covariate,
 )
 from sim.discover.sight_page import sight_section, sight_sentence
-from sim.discover.sizes import plain, say_effect
-from sim.discover.words import FLIGHT_WORDS, STAGE_WORDS, gained_interval, say_step
+from sim.discover.sizes import in_words, plain, say_effect
+from sim.discover.words import STAGE_WORDS, besides, gained_interval, say_inseparable, say_step
 from sim.report import make_page, paragraph, picture, table
 
 STYLE = """<style>
@@ -139,7 +139,7 @@ def _summary(finding: Finding) -> str:
              f"{', '.join(map(plain, data.believed))}."]
     where = finding.where
     if finding.mismatch.found and where.inseparable:
-        lines.append(f"{where.covariate} goes with {', '.join(where.inseparable)}: these data cannot tell them apart.")
+        lines.append(f"{_capital(say_inseparable(where))}.")
     if finding.next:
         lines.append(f"Next: {say_step(finding.next[0])}.")
     if data.left_out:
@@ -155,13 +155,13 @@ def _where(finding: Finding) -> str:
     parts = [f"{STAGE_WORDS[stage]} ({p:.0%})" for stage, p in ranked if p >= 0.005]
     said = f"Where it happens: {', '.join(parts)}."
     if where.covariate:
-        said += f" It goes with {FLIGHT_WORDS.get(where.covariate, where.covariate)}."
+        said += f" It goes with {in_words(where.covariate)}."
     if where.times_s:
         said += f" Along the flight most of it lies between {where.times_s[0]:.2f} and {_until(where.times_s[1])}."
     region = where.region
     if "low" in region and region["share_of_gain"] < MOSTLY:
-        said += (f" {region['share_of_gain']:.0%} of the improvement comes from shots with {region['covariate']} "
-                 f"between {region['low']:.3g} and {region['high']:.3g}.")
+        said += (f" {region['share_of_gain']:.0%} of the improvement comes from shots with "
+                 f"{in_words(region['covariate'])} between {region['low']:.3g} and {region['high']:.3g}.")
     return paragraph(said)
 
 
@@ -190,11 +190,8 @@ def _bar(name: str, probability: float, kind: str, bold: bool, note: str) -> str
             f'style="width:{100.0 * probability:.1f}%"></div><span class="much">{probability:.0%}</span></div>{below}')
 
 
-def _also(also: tuple[Named, ...]) -> str:
-    said = [(_capital(say_effect(one.term, next(iter(one.parameters.values())), one.sentence)), one.probability)
-            for one in also]
-    items = "".join(f"<li>{html.escape(effect)} ({share:.0%} of what was left).</li>" for effect, share in said)
-    return f"<p>Besides, with that put in:</p><ul>{items}</ul>"
+def _also(also: tuple[Further, ...]) -> str:
+    return "".join(paragraph(besides(further).strip()) for further in also)
 
 
 def _worth(finding: Finding) -> str:
@@ -203,7 +200,7 @@ def _worth(finding: Finding) -> str:
     if fit is None or interval is None:
         return ""
     rows = [("outcomes foretold, of 100", _times(fit.accuracy_before, 100.0), _times(fit.accuracy_after, 100.0)),
-            ("height error, rms [cm]", _times(fit.height_rmse_before_m, 100.0), _times(fit.height_rmse_after_m, 100.0)),
+            ("height error, rms [m]", fit.height_rmse_before_m, fit.height_rmse_after_m),
             ("log score a shot", fit.log_score_before, fit.log_score_after)]
     shown = [row for row in rows if row[1] is not None and row[2] is not None]
     return table((f"{fit.heldout_shots} shots", "as simulated", "corrected"), shown) + paragraph(

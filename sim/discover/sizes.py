@@ -100,6 +100,22 @@ PLAIN = {"wind_x": "head or tail wind", "wind_y": "crosswind", "wind_z": "rising
          "drag_reynolds": "drag by speed", "spin_drag": "drag by spin", "drag_wear": "drag of worn balls",
          "rim_catch": "forgiving rim", "rapid_fire": "rapid fire"}
 
+# Columns of shots.csv, and what is derived from them or goes on inside a flight, as people say them.
+COLUMNS = {"battery_v": "the battery's voltage", "temperature_c": "the temperature", "pressure_pa": "the air pressure",
+           "distance_m": "the distance", "hood_deg": "the hood's angle", "motor_ratio": "the motor ratio",
+           "t_s": "the time in the session", "since_last_shot_s": "the time since the last shot",
+           "order_in_session": "the order in the session", "robot_speed_m_s": "the robot's speed",
+           "shots_of_ball": "the shots that a ball has had", "wheel_dip": "the dip of the wheels",
+           "hood_change": "the way the hood came", "exit_speed_m_s": "the launch speed",
+           "exit_spin_rev_s": "the launch spin", "exit_deg": "the launch elevation", "ball_id": "the ball",
+           "session": "the session", "speed_in_flight_m_s": "the speed in flight",
+           "time_in_flight_s": "the time in flight"}
+
+
+def in_words(column: str) -> str:
+    """A column as people say it; one that is the user's own: by its name, and so are two together."""
+    return " x ".join(COLUMNS.get(one, one) for one in column.split(" x "))
+
 
 def plain(name: str) -> str:
     """A term's or column's name as words."""

@@ -7,15 +7,14 @@ from scipy.special import ndtri
 
 from sim.discover.covariates import STEP, Factor, Pair
 from sim.discover.evidence import Evidence
-from sim.discover.finding import Finding, Fit, Named, Unknown, Where
+from sim.discover.finding import Finding, Fit, Further, Named, Unknown, Where
 from sim.discover.identify import EIGHTY, sight_of
 from sim.discover.locate import Place
-from sim.discover.sizes import plain, say_effect, scale_of, size_of
+from sim.discover.sizes import in_words, plain, say_effect, scale_of, size_of
 
 STAGE_WORDS = {"sensing": "in what the sensors say", "launch": "at the launch", "flight": "in flight",
                "arrival": "at the target"}
 DIRECTION_WORDS = {"along": "along the flight", "vertical": "vertically", "lateral": "sideways"}
-FLIGHT_WORDS = {"speed_in_flight_m_s": "the speed in flight", "time_in_flight_s": "the time in flight"}
 NINETY = 1.6448536269514722
 SHOWN = 6
 DOUBTFUL = 0.25                       # probability of something without a name, from which a sentence says so
@@ -23,14 +22,13 @@ FOUR_IN_FIVE = 0.8
 LISTED = 4                            # names of a set that a sentence lists
 
 
-def say_named(believed: tuple[str, ...], p_value: float, where: Where, unknown: Unknown | None,
-              what: Sequence[Named], chosen: tuple[str, ...] | None, also: Sequence[Named], fit: Fit,
-              place: Place | None) -> str:
+def say_named(believed: tuple[str, ...], p_value: float, where: Where, leading: Further, also: Sequence[Further],
+              fit: Fit, place: Place | None) -> str:
     """One name, or those that cannot be told apart, with the size and what it gains."""
-    del where, unknown, place
-    leader = what[0]
-    names = chosen or (leader.term,)
-    likeliest = say_effect(leader.term, next(iter(leader.parameters.values())), leader.sentence)
+    del where, place
+    what = leading.what
+    names = leading.set or (what[0].term,)
+    likeliest = _effect(what[0])
     if len(names) == 1:
         said = f"{_missing(believed)}: {likeliest}."
     else:
@@ -43,43 +41,54 @@ def say_named(believed: tuple[str, ...], p_value: float, where: Where, unknown: 
     nameless = 1.0 - sum(one.probability for one in what)
     if nameless >= DOUBTFUL:
         said += f" A free curve explains it about as well, so it may be something without a name ({nameless:.0%})."
-    sized = [(one, next(iter(one.parameters.values()))) for one in also]
-    for one, size in sized:
-        if size.low90 * size.high90 > 0.0:
-            said += f" Besides, {say_effect(one.term, size, one.sentence)}."
-    vague = [plain(one.term) for one, size in sized if size.low90 * size.high90 <= 0.0]
-    if vague:
-        said += f" Something more is left over, too little to be named: perhaps {_either(vague)}."
-    return said + _gained(fit) + _luck(p_value)
+    return said + "".join(map(besides, also)) + _gained(fit) + _luck(p_value)
 
 
-def say_unknown(believed: tuple[str, ...], p_value: float, where: Where, unknown: Unknown | None,
-                what: Sequence[Named], chosen: tuple[str, ...] | None, also: Sequence[Named], fit: Fit,
-                place: Place | None) -> str:
+def besides(further: Further) -> str:
+    """A further effect, after a space: what it looks like, for it may well be an error of the one named first."""
+    if further.unknown is not None:
+        goes = f", and goes with {in_words(further.unknown.covariate)}" if further.unknown.covariate else ""
+        return f" With that put in, something smaller is left over that has no name{goes}."
+    sized = [(one, next(iter(one.parameters.values()))) for one in further.what if one.term in (further.set or ())]
+    clear = [one for one, size in sized if size.low90 * size.high90 > 0.0]
+    if not clear:
+        vague = [plain(one.term) for one, _ in sized[:LISTED]]
+        return f" Something more is left over, too little to be named: perhaps {_either(vague)}."
+    others = [plain(one.term) for one, _ in sized if one is not clear[0]][:LISTED]
+    instead = f"; or {_either(others)}" if others else ""
+    return f" With that put in, what is left looks most as if {_effect(clear[0])}{instead}."
+
+
+def say_unknown(believed: tuple[str, ...], p_value: float, where: Where, leading: Further, also: Sequence[Further],
+                fit: Fit, place: Place | None) -> str:
     """Nothing in the catalogue explains it; what it looks like all the same."""
-    del chosen, also
+    del also
     said = f"{_missing(believed)} that has no name in the catalogue."
-    if unknown is None or place is None:
+    if leading.unknown is None or place is None:
         return said + _luck(p_value)
-    words = place.column.words[unknown.amplitude < 0.0]
-    size = _size(abs(unknown.amplitude), unknown.unit)
-    if isinstance(place.test.what, Factor):
-        seen = f" Compared with it {words}, by up to {size}, depending on {unknown.covariate}"
-    elif isinstance(place.test.what, Pair):
-        first, second = place.test.what.first.name, place.test.what.second.name
-        seen = f" Compared with it {words}, by up to {size}, as {first} and {second} go together"
-    elif place.test.what is None:
-        follows = FLIGHT_WORDS.get(place.column.follows)
-        seen = f" Compared with it {words}, by {size}, {f'along with {follows}' if follows else 'in every shot alike'}"
-    elif place.test.shape.startswith(STEP):
-        cut = place.test.shape.removeprefix(STEP)
-        seen = f" Compared with it {words} where {unknown.covariate} is above {cut}, by {size}: a step, not a drift"
-    else:
-        seen = f" Compared with it {words} as {unknown.covariate} grows, by {size} over its range"
     stage = f"; most likely it happens {STAGE_WORDS[where.stage]}" if where.stage and where.reason is None else ""
-    nearest = f" The nearest name is {plain(what[0].term)}, which explains it worse than a free curve does." \
-        if what else ""
-    return f"{said}{seen}{stage}.{nearest}{_gained(fit)}{_luck(p_value)}"
+    nearest = f" The nearest name is {plain(leading.what[0].term)}, which explains it worse than a free curve does." \
+        if leading.what else ""
+    return f"{said}{_looks(leading.unknown, place)}{stage}.{nearest}{_gained(fit)}{_luck(p_value)}"
+
+
+def _looks(unknown: Unknown, place: Place) -> str:
+    """How the real shots differ, and along with what."""
+    words = place.column.words[unknown.amplitude < 0.0]
+    size, name = _size(abs(unknown.amplitude), unknown.unit), in_words(unknown.covariate or "")
+    seen = f" Compared with it {words}"
+    if isinstance(place.test.what, Factor):
+        return f"{seen}, by up to {size}, depending on {name}"
+    if isinstance(place.test.what, Pair):
+        first, second = in_words(place.test.what.first.name), in_words(place.test.what.second.name)
+        return f"{seen}, by up to {size}, as {first} and {second} go together"
+    if place.test.what is None:
+        follows = place.column.follows
+        return f"{seen}, by {size}, {f'along with {in_words(follows)}' if follows else 'in every shot alike'}"
+    if place.test.shape.startswith(STEP):
+        cut = place.test.shape.removeprefix(STEP)
+        return f"{seen} where {name} is above {cut}, by {size}: a step, not a drift"
+    return f"{seen} as {name} grows, by {size} over its range"
 
 
 def say_none(believed: tuple[str, ...], p_value: float | None, shots: int, false_alarm: float) -> str:
@@ -116,12 +125,18 @@ def console_lines(finding: Finding) -> list[str]:
     if finding.mismatch.found and where.stage_probability:
         lines.append("stages: " + ", ".join(f"{stage} {p:.0%}" for stage, p in where.stage_probability.items()))
     if where.inseparable:
-        lines.append(f"{where.covariate} goes with {', '.join(where.inseparable)}: these data cannot tell them apart")
+        lines.append(say_inseparable(where))
     if finding.mismatch.found and where.times_s:
         lines.append(f"along the flight: {where.times_s[0]:.2f} to {where.times_s[1]:.2f} s")
     lines += [f"next: {say_step(step)}" for step in finding.next]
     lines += [f"left out: {line}" for line in data.left_out]
     return lines
+
+
+def say_inseparable(where: Where) -> str:
+    """Which other columns could stand in the guilty one's place."""
+    others = ", ".join(map(in_words, where.inseparable))
+    return f"{in_words(where.covariate or '')} goes with {others}: these data cannot tell them apart"
 
 
 def say_step(step: dict[str, object]) -> str:
@@ -167,6 +182,10 @@ def _gained(fit: Fit) -> str:
     return f" On shots it has not seen the corrected simulation {told} ({score}){but}."
 
 
+def _effect(one: Named) -> str:
+    return say_effect(one.term, next(iter(one.parameters.values())), one.sentence)
+
+
 def _missing(believed: tuple[str, ...]) -> str:
     return f"The simulation ({_list(believed)}) leaves something out"
 
@@ -183,10 +202,8 @@ def _either(names: Sequence[str]) -> str:
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} or {names[-1]}"
 
 
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]
-
-
 def _size(amount: float, unit: str) -> str:
+    if unit == "m" and amount >= 1.0:
+        return f"{amount:.2g} m"
     factor, said = scale_of(unit)
     return f"{amount * factor:.2g}{said}"

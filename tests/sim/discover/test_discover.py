@@ -98,7 +98,7 @@ def test_what_is_promoted_has_no_slope_left(decaying: Investigation) -> None:
 
 def test_two_effects_are_named_one_after_the_other() -> None:
     finding = look("L2", {"spin_decay": 1.2, "hood_offset": 2.0}).finding
-    assert {finding.what[0].term, *(one.term for one in finding.also)} == {"spin_decay", "hood_offset"}
+    assert {finding.what[0].term, *(further.what[0].term for further in finding.also)} == {"spin_decay", "hood_offset"}
 
 
 def test_what_no_term_says_is_called_unknown_and_placed() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from sim.discover.discover import Investigation, discover
-from sim.discover.finding import Interval, Named
+from sim.discover.finding import Further, Interval, Named
 from sim.discover.foresee import foresee
 from sim.discover.page import make_pictures, make_report
 from sim.discover.sight_page import make_sight_page, sight_lines, sight_sentence, why_not
@@ -85,11 +85,12 @@ def test_a_set_is_marked_and_a_name_besides_is_told(drifting: Investigation) -> 
     size = Interval(1.0, 0.1, 0.8, 1.2, "m/s")
     wind = Named("wind_x", 0.4, {"speed_m_s": size}, find_terms(["wind_x"])[0].sentence, "flight")
     first = replace_probability(finding.what[0], 0.5)
-    both = msgspec.structs.replace(finding, what=(first, wind), set=(first.term, "wind_x"), verdict="set", also=(wind,))
+    both = msgspec.structs.replace(finding, what=(first, wind), set=(first.term, "wind_x"), verdict="set",
+                                  also=(Further((wind,), ("wind_x",), None),))
     page = make_report("set", replace(drifting, finding=both))
     text = read(page)
     assert page.count('class="fill set"') == 2 and "apart; together they hold the orange bars" in text
-    assert "There is wind of 1.00 m/s (90 %: 0.80 to 1.20 m/s) toward the target" in text
+    assert "looks most as if there is wind of 1.00 m/s (90 %: 0.80 to 1.20 m/s) toward the target" in text
     assert "something without a name" in text and "10%" in text
 
 

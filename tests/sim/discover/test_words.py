@@ -11,7 +11,7 @@ from sim.discover.ask import Test
 from sim.discover.correct import Correction
 from sim.discover.covariates import Covariate, Factor, Pair
 from sim.discover.evidence import Column
-from sim.discover.finding import Data, Finding, Fit, Interval, Mismatch, Named, Unknown, Where
+from sim.discover.finding import Data, Finding, Fit, Further, Interval, Mismatch, Named, Unknown, Where
 from sim.discover.locate import Place
 from sim.discover.sizes import PHRASES, plain, say_effect, scale_of, size_of
 from sim.discover.words import console_lines, say_named, say_none, say_step, say_unknown
@@ -34,6 +34,13 @@ def interval(value: float, sd: float, unit: str = "1") -> Interval:
 def named(term: str, value: float, sd: float, probability: float = 0.9, unit: str = "1") -> Named:
     found = find_terms([term])[0]
     return Named(term, probability, {found.parameters[0].name: interval(value, sd, unit)}, found.sentence, found.stage)
+
+
+def told(what: tuple[Named, ...], chosen: tuple[str, ...] = (), also: tuple[Further, ...] = (), fit: Fit = NO_FIT,
+         believed: tuple[str, ...] = ("gravity",), p_value: float = 0.01) -> str:
+    """The sentence for these names; the first alone unless more are chosen."""
+    leading = Further(what, chosen or (what[0].term,), None)
+    return say_named(believed, p_value, WHERE, leading, also, fit, None)
 
 
 def test_every_term_has_words_for_either_sign_that_take_one_size() -> None:
@@ -89,56 +96,62 @@ def test_other_words_have_the_sign_of_the_term() -> None:
     assert tracked.x > 4.0 and "slow" in PHRASES["track_clock"].more
 
 
-def test_one_name_several_names_and_what_is_left_besides() -> None:
+def test_one_name_and_several() -> None:
     first, second = named("rapid_fire", 0.08, 0.01, 0.6), named("ball_wear", 0.03, 0.01, 0.3)
-    single = say_named(("gravity", "exit_efficiency"), 0.0005, WHERE, None, (first,), ("rapid_fire",), (), NO_FIT, None)
+    single = told((first,), believed=("gravity", "exit_efficiency"), p_value=0.0005)
     assert single.startswith("The simulation (gravity, exit efficiency) leaves something out: a shot right after")
     assert "p = 0.0005" in single and "cannot tell" not in single
-    both = say_named(("gravity",), 0.01, WHERE, None, (first, second), ("rapid_fire", "ball_wear"), (), NO_FIT, None)
+    both = told((first, second), ("rapid_fire", "ball_wear"))
     assert "at the launch: rapid fire (60%) or ball wear (30%)" in both and "cannot tell" in both
+
+
+def test_what_is_left_besides_is_what_it_looks_like() -> None:
+    first = named("rapid_fire", 0.08, 0.01)
     sure, unsure = named("wind_x", 1.0, 0.1, unit="m/s"), named("target_height", 0.01, 0.02, unit="m")
-    more = say_named(("gravity",), 0.01, WHERE, None, (first,), ("rapid_fire",), (sure, unsure), NO_FIT, None)
-    assert "Besides, there is wind of 1.00 m/s (90 %: 0.80 to 1.20 m/s) toward" in more
-    assert "too little to be named: perhaps target height" in more and "target stands" not in more
+    alone, either, vague = (told((first,), also=(Further(what, tuple(one.term for one in what), None),))
+                            for what in ((sure,), (sure, unsure), (unsure,)))
+    assert "looks most as if there is wind of 1.00 m/s (90 %: 0.80 to 1.20 m/s) toward the target." in alone
+    assert "toward the target; or target height." in either
+    assert "too little to be named: perhaps target height" in vague and "target stands" not in vague
+    nameless = Further((sure,), None, Unknown("battery_v", "along", 0.1, "1", None))
+    assert "no name, and goes with the battery's voltage." in told((first,), also=(nameless,))
 
 
 def test_a_name_that_a_free_curve_rivals_is_said_with_that_doubt() -> None:
-    sure, unsure = (say_named(("gravity",), 0.01, WHERE, None, (named("wind_x", 1.0, 0.1, share, "m/s"),), ("wind_x",),
-                              (), NO_FIT, None) for share in (0.95, 0.5))
+    sure, unsure = (told((named("wind_x", 1.0, 0.1, share, "m/s"),)) for share in (0.95, 0.5))
     assert "without a name" not in sure and "without a name (50%)" in unsure
 
 
 def test_long_sets_are_cut_short() -> None:
     what = tuple(named(term.name, 0.1, 0.01, 0.05) for term in TERMS[:9])
-    said = say_named(("gravity",), 0.01, WHERE, None, what, tuple(one.term for one in what), (), NO_FIT, None)
-    assert "or one of 5 others" in said
+    assert "or one of 5 others" in told(what, tuple(one.term for one in what))
 
 
 def test_what_is_gained_is_told_in_outcomes_and_centimetres() -> None:
-    fit = Fit(100, -0.9, -0.7, 0.2, 0.05, 0.19, 0.11, 0.71, 0.83)
-    said = say_named((), 0.01, WHERE, None, (named("drag", 0.5, 0.1),), ("drag",), (), fit, None)
+    drag = (named("drag", 0.5, 0.1),)
+    said = told(drag, fit=Fit(100, -0.9, -0.7, 0.2, 0.05, 0.19, 0.11, 0.71, 0.83))
     assert "83 of 100 outcomes right instead of 71 and heights within 11 cm instead of 19 cm" in said
     low, high = map(float, re.search(r"90 %: ([+-][\d.]+) to ([+-][\d.]+)\)", said.partition("log score")[2]).groups())
     assert (low, high) == (pytest.approx(0.2 - 1.645 * 0.05, abs=1e-3), pytest.approx(0.2 + 1.645 * 0.05, abs=1e-3))
-    worse = Fit(100, -0.9, -0.7, 0.2, 0.05, None, None, 0.83, 0.71)
-    told = say_named((), 0.01, WHERE, None, (named("drag", 0.5, 0.1),), ("drag",), (), worse, None)
-    assert "does better (log score" in told and "but foretells 71 of 100 outcomes right instead of 83" in told
-    doubtful = Fit(100, -0.9, -0.89, 0.01, 0.05, None, None, 0.71, 0.72)
-    assert "not surely better" in say_named((), 0.01, WHERE, None, (named("drag", 0.5, 0.1),), ("drag",), (), doubtful,
-                                            None)
+    worse = told(drag, fit=Fit(100, -0.9, -0.7, 0.2, 0.05, None, None, 0.83, 0.71))
+    assert "does better (log score" in worse and "but foretells 71 of 100 outcomes right instead of 83" in worse
+    assert "not surely better" in told(drag, fit=Fit(100, -0.9, -0.89, 0.01, 0.05, None, None, 0.71, 0.72))
+    far = told(drag, fit=Fit(100, -0.9, -0.7, 0.2, 0.05, 7.2, 0.84, None, None))
+    assert "heights within 84 cm instead of 7.2 m" in far
 
 
 def test_nothing_found_and_nothing_to_say() -> None:
     assert "No mismatch: 80 shots" in say_none(("gravity",), 0.4, 80, 0.05)
     assert "cannot say anything" in say_none(("gravity",), None, 20, 0.05)
-    unnamed = say_unknown(("gravity",), 0.01, WHERE, Unknown(None, "along", 0.1, "1", None), (), None, (), NO_FIT, None)
+    leading = Further((), None, Unknown(None, "along", 0.1, "1", None))
+    unnamed = say_unknown(("gravity",), 0.01, WHERE, leading, (), NO_FIT, None)
     assert "no name in the catalogue" in unnamed
 
 
 @pytest.mark.parametrize(("what", "shape", "said"), [
-    (BATTERY, "straight", "the ball leaves faster as battery_v grows, by 12 % over its range"),
-    (BATTERY, "step at 11.9", "the ball leaves faster where battery_v is above 11.9, by 12 %: a step, not a drift"),
-    (Pair(BATTERY, WARMTH, np.zeros((2, 4))), "product", "by up to 12 %, as battery_v and temperature_c go together"),
+    (BATTERY, "straight", "the ball leaves faster as the battery's voltage grows, by 12 % over its range"),
+    (BATTERY, "step at 11.9", "faster where the battery's voltage is above 11.9, by 12 %: a step, not a drift"),
+    (Pair(BATTERY, WARMTH, np.zeros((2, 4))), "product", "up to 12 %, as the battery's voltage and the temperature go"),
     (Factor("supplier", ("a", "b"), np.zeros(4, int)), "a", "by up to 12 %, depending on supplier"),
     (None, "same", "by 12 %, in every shot alike")])
 def test_what_has_no_name_is_described(what: Covariate | Pair | Factor | None, shape: str, said: str) -> None:
@@ -146,7 +159,7 @@ def test_what_has_no_name_is_described(what: Covariate | Pair | Factor | None, s
     correction = cast(Correction, None)
     place = Place(Test("free", 0, what, shape, np.zeros(4)), column, 0, correction, {}, {}, None)
     unknown = Unknown(None if what is None else what.name, "along", 0.12, "1", None)
-    assert said in say_unknown(("gravity",), 0.01, WHERE, unknown, (), None, (), NO_FIT, place)
+    assert said in say_unknown(("gravity",), 0.01, WHERE, Further((), None, unknown), (), NO_FIT, place)
 
 
 def test_sizes_in_the_units_of_people() -> None:
