@@ -174,8 +174,9 @@ def _fit(fitted: Fitted, steps: Sequence[Step], clusters: Clusters) -> Fit:
     before = null.log_score + null.gain(before_change)
     rmse = end_errors(fitted.intake, only_shared(fitted.layout), fitted.spot, null, before_change)
     accuracy = _accuracy(null, before_change)
+    height_at = "plane" if fitted.intake.samples is None else "track end"
     if not steps:
-        return Fit(len(null.rows), float(before.mean()), None, None, None, rmse, None, accuracy, None)
+        return Fit(len(null.rows), float(before.mean()), None, None, None, rmse, None, accuracy, None, height_at)
     last, named = steps[-1], [step.refit for step in steps if not step.unknown]
     after = last.average
     if last.unknown:
@@ -187,7 +188,7 @@ def _fit(fitted: Fitted, steps: Sequence[Step], clusters: Clusters) -> Fit:
         accuracy_after = _accuracy(named[-1].evidence, change)
     gain = after - before
     return Fit(len(null.rows), float(before.mean()), float(after.mean()), float(gain.mean()),
-               clustered_error(gain, fitted.together), rmse, rmse_after, accuracy, accuracy_after)
+               clustered_error(gain, fitted.together), rmse, rmse_after, accuracy, accuracy_after, height_at)
 
 
 def _accuracy(evidence: Evidence, change: Array) -> float | None:

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from robot.config import BadInput
 from sim.discover.answer import make_finding, silent
 from sim.discover.ask import ALLOWANCE, Asked, Clusters, ask_everything, find_clusters, groups_of
 from sim.discover.believed import Fitted, fit_believed
@@ -13,6 +14,7 @@ from sim.discover.forward import Step, go_forward
 from sim.discover.intake import take_in
 from sim.discover.locate import Place, locate
 from sim.discover.statistics import Judged, judge
+from sim.physics.catalogue import find_terms
 from sim.shots import Dataset
 
 Progress = Callable[[float, str], None]
@@ -40,8 +42,7 @@ def discover(dataset: Dataset, believed: Sequence[str] | None = None, false_alar
     believed: names of terms, the rig's own list when None; gravity always is. The same data and seed give the same
     answer. BadInput for an unknown term, too few shots, or outcomes without a target.
     """
-    given = tuple(dataset.facts.believe.terms if believed is None else believed)
-    terms = (*KNOWN, *(name for name in given if name not in KNOWN))       # nothing flies without gravity
+    terms = _terms(dataset, believed)
     intake = take_in(dataset)
     clusters = find_clusters(dataset.shots)
     layout = lay_out(intake, terms, groups_of(dataset.shots, intake.rows))
@@ -60,6 +61,18 @@ def discover(dataset: Dataset, believed: Sequence[str] | None = None, false_alar
     progress(1.0, "done")
     finding = make_finding(dataset, terms, fitted, clusters, asked, judged, place, steps, false_alarm)
     return Investigation(finding, fitted, clusters, asked, judged, place, steps)
+
+
+def _terms(dataset: Dataset, believed: Sequence[str] | None) -> tuple[str, ...]:
+    """What is believed, gravity first: nothing flies without it."""
+    given = tuple(dataset.facts.believe.terms if believed is None else believed)
+    try:
+        find_terms(given)
+    except BadInput as error:
+        if believed is not None:
+            raise
+        raise BadInput(f"{dataset.name}: rig.toml: believe.terms: {error}") from error
+    return (*KNOWN, *(name for name in given if name not in KNOWN))
 
 
 def detect(dataset: Dataset, fitted: Fitted, clusters: Clusters, seed: int,

@@ -103,6 +103,7 @@ class Fit(Struct, frozen=True):
     height_rmse_after_m: float | None
     accuracy_before: float | None
     accuracy_after: float | None
+    height_at: str = "plane"          # or "track end": told from the first 40 % of the track
 
 
 class Finding(Struct, frozen=True):

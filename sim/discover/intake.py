@@ -62,7 +62,7 @@ def take_in(dataset: Dataset) -> Intake:
     """BadInput when there are fewer than FEWEST_SHOTS shots or outcomes without a target."""
     facts, shots = dataset.facts, dataset.shots
     if len(shots) < FEWEST_SHOTS:
-        raise BadInput(f"{dataset.name}: shots: {len(shots)} are too few to judge a simulation by; "
+        raise BadInput(f"{shots.source}: {len(shots)} shots are too few to judge a simulation by; "
                        f"{FEWEST_SHOTS} at least")
     wheels, hood = _has_wheels(facts, shots), np.isfinite(shots.number("hood_deg"))
     launched = ((wheels | np.isfinite(shots.number("exit_speed_m_s")))

@@ -20,6 +20,7 @@ from sim.discover.samples import log_volume, whiten
 SCATTERED = (0, 1, 2, 4)              # deviates that scatter: log speed, elevation, azimuth, distance
 FAR_BELOW_M = -10.0                   # stands for a ball that never came near
 PAD = 32                              # lanes fly in multiples of this, since each size is compiled
+WIDTH = 12                            # slopes that are flown together
 
 
 @dataclass(frozen=True)
@@ -185,12 +186,16 @@ def pad_lanes(lanes: Lanes) -> tuple[Lanes, int]:
 
 
 def _fly(layout: Layout, lanes: Lanes, spot: Spot, basis: Array) -> tuple[Seen, Seen]:
-    """see_slopes of lanes so padded, as numpy arrays."""
+    """see_slopes of lanes so padded, as numpy arrays; WIDTH slopes at a time, so that one compilation serves all."""
     padded, n = pad_lanes(lanes)
     deviates = np.resize(spot.deviates, (len(padded.distance_m), spot.deviates.shape[1]))
-    seen, slopes = see_slopes(layout.chain, padded, jnp.asarray(spot.values), deviates, jnp.asarray(layout.edges_s),
-                              jnp.asarray(basis))
-    return tuple(jax.tree.map(lambda part: np.asarray(part)[:n], each) for each in (seen, slopes))
+    width = basis.shape[1]
+    wide = np.pad(basis, ((0, 0), (0, -width % WIDTH if width else WIDTH)))
+    parts = [see_slopes(layout.chain, padded, jnp.asarray(spot.values), deviates, jnp.asarray(layout.edges_s),
+                        jnp.asarray(some)) for some in np.split(wide, wide.shape[1] // WIDTH, axis=1)]
+    slopes = jax.tree.map(lambda *each: np.concatenate([np.asarray(one)[:n] for one in each], axis=-1)[..., :width],
+                          *(part for _, part in parts))
+    return jax.tree.map(lambda part: np.asarray(part)[:n], parts[0][0]), slopes
 
 
 def variance_of(intake: Intake, log_scatter: Array) -> Array:

@@ -6,6 +6,7 @@ import numpy as np
 
 from sim.discover.ask import name_of
 from sim.discover.forward import Step
+from sim.discover.sizes import IN_FLIGHT
 from sim.shots import Dataset
 
 # What settles each term without shooting, discovery.md's cheap metrology.
@@ -44,7 +45,6 @@ MEASURE = {
     "wind_z": "the wind with an anemometer",
     "air_density": "temperature and pressure of each session",
 }
-IN_FLIGHT = ("speed_in_flight_m_s", "time_in_flight_s")
 SHOTS = 20
 FEW = 3                               # measurements proposed at most
 

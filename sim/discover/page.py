@@ -23,8 +23,8 @@ from sim.discover.residuals import (
     stated_covariate,
 )
 from sim.discover.sight_page import sight_section, sight_sentence
-from sim.discover.sizes import in_words, plain, say_effect
-from sim.discover.words import STAGE_WORDS, besides, gained_interval, say_inseparable, say_step
+from sim.discover.sizes import IN_FLIGHT, in_words, plain, say_effect
+from sim.discover.words import STAGE_WORDS, THEN, besides, gained_interval, say_inseparable, say_step
 from sim.report import make_page, paragraph, picture, table
 
 STYLE = """<style>
@@ -81,14 +81,17 @@ def make_pictures(investigation: Investigation) -> list[tuple[str, str]]:
         return []
     along = covariates_in(asked)
     if not investigation.steps:
-        found = _views(fitted.evidence, None, fitted.intake, along, None, "")
+        found = "".join(_views(fitted.evidence, None, fitted.intake, along, None, ""))
         return [("Simulation and shots", found)] if found else []
     sections = []
     for step in investigation.steps:
         first = investigation.finding.where.covariate
         what = "the free curve" if step.unknown else plain(step.naming.leader)
-        found = _views(step.fitted.evidence, evidence_after(step), fitted.intake, along,
+        views = _views(step.fitted.evidence, evidence_after(step), fitted.intake, along,
                        find_along(stated_covariate(step, along, first), along), what, stage_of(step), step.base == ())
+        if step.base == () and first in IN_FLIGHT:
+            views = [views[1], views[0], *views[2:]]
+        found = "".join(views)
         besides = "something without a name" if step.unknown else what
         heading = "Where it is" if step.base == () else f"Besides: {besides}"
         if found:
@@ -97,24 +100,24 @@ def make_pictures(investigation: Investigation) -> list[tuple[str, str]]:
 
 
 def _views(before: Evidence, after: Evidence | None, intake: Intake, along: tuple[Along, ...], stated: Along | None,
-           what: str, stage: str | None = None, field: bool = True) -> str:
-    """Against the guilty covariate, along the flight, over the field."""
+           what: str, stage: str | None = None, field: bool = True) -> list[str]:
+    """Pictures against the guilty covariate, along the flight, over the field; "" for those that there are none of."""
     residuals = residuals_of(before, after, intake.samples is not None)
     chosen = choose(residuals, along if stated is None else (stated,), before.rows, stage)
     if chosen is None:
-        return ""
+        return ["", ""]
     residual, against = chosen
     after_words = "" if after is None else " Where that is right, the pattern is gone on the right."
-    shown = picture(residual_png(residual, against, before.rows, what), f"{residual.name} against {against.name}",
+    shown = [picture(residual_png(residual, against, before.rows, what), f"{residual.name} against {against.name}",
                     f"What the real shots did less what the simulation says, in bins of {against.name}; bars are one "
-                    f"standard error.{after_words}")
+                    f"standard error.{after_words}")]
     in_flight = residual.column is not None and before.columns[residual.column].stage == "flight"
     png = flight_png(before, after, what, halves(stated if in_flight else None, before.rows))
-    if png is not None:
-        shown += picture(png, "missing acceleration along the flight",
-                         "Acceleration that the simulation lacks, by time in flight, each shot's own launch left free. "
-                         "Bars are one standard error.")
-    return shown + (_field(residual, intake, what) if field else "")
+    shown.append("" if png is None else
+                 picture(png, "missing acceleration along the flight",
+                         "Acceleration that the simulation lacks, by time in flight, each shot's own launch left "
+                         "free. Bars are one standard error."))
+    return [*shown, _field(residual, intake, what)] if field else shown
 
 
 def _field(residual: Residual, intake: Intake, what: str) -> str:
@@ -191,7 +194,7 @@ def _bar(name: str, probability: float, kind: str, bold: bool, note: str) -> str
 
 
 def _also(also: tuple[Further, ...]) -> str:
-    return "".join(paragraph(besides(further).strip()) for further in also)
+    return "".join(paragraph(besides(further, then).strip()) for further, then in zip(also, THEN, strict=False))
 
 
 def _worth(finding: Finding) -> str:
@@ -200,7 +203,7 @@ def _worth(finding: Finding) -> str:
     if fit is None or interval is None:
         return ""
     rows = [("outcomes foretold, of 100", _times(fit.accuracy_before, 100.0), _times(fit.accuracy_after, 100.0)),
-            ("height error, rms [m]", fit.height_rmse_before_m, fit.height_rmse_after_m),
+            (f"height error at the {fit.height_at}, rms [m]", fit.height_rmse_before_m, fit.height_rmse_after_m),
             ("log score a shot", fit.log_score_before, fit.log_score_after)]
     shown = [row for row in rows if row[1] is not None and row[2] is not None]
     return table((f"{fit.heldout_shots} shots", "as simulated", "corrected"), shown) + paragraph(

@@ -49,7 +49,7 @@ def _points(axes: Axes, bins: Bins, part: Part, factor: float, colour: str) -> N
     if bins.labels:
         axes.set_xticks(bins.middle, bins.labels)
     elif len(bins.middle) <= 3:
-        axes.set_xticks(bins.middle, [f"{middle:g}" for middle in bins.middle])
+        axes.set_xticks(bins.middle, [f"{middle:.3g}" for middle in bins.middle])
     axes.margins(x=0.08)
     _clean(axes)
 

@@ -112,6 +112,9 @@ COLUMNS = {"battery_v": "the battery's voltage", "temperature_c": "the temperatu
            "time_in_flight_s": "the time in flight"}
 
 
+IN_FLIGHT = ("speed_in_flight_m_s", "time_in_flight_s")      # what forces vary with inside one flight
+
+
 def in_words(column: str) -> str:
     """A column as people say it; one that is the user's own: by its name, and so are two together."""
     return " x ".join(COLUMNS.get(one, one) for one in column.split(" x "))

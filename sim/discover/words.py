@@ -19,7 +19,9 @@ NINETY = 1.6448536269514722
 SHOWN = 6
 DOUBTFUL = 0.25                       # probability of something without a name, from which a sentence says so
 FOUR_IN_FIVE = 0.8
+HEIGHTS = {"plane": "heights", "track end": "where tracks end, from their first 40 %,"}
 LISTED = 4                            # names of a set that a sentence lists
+THEN = ("With that put in", "And with that, too")
 
 
 def say_named(believed: tuple[str, ...], p_value: float, where: Where, leading: Further, also: Sequence[Further],
@@ -41,14 +43,14 @@ def say_named(believed: tuple[str, ...], p_value: float, where: Where, leading: 
     nameless = 1.0 - sum(one.probability for one in what)
     if nameless >= DOUBTFUL:
         said += f" A free curve explains it about as well, so it may be something without a name ({nameless:.0%})."
-    return said + "".join(map(besides, also)) + _gained(fit) + _luck(p_value)
+    return said + "".join(map(besides, also, THEN)) + _gained(fit) + _luck(p_value)
 
 
-def besides(further: Further) -> str:
-    """A further effect, after a space: what it looks like, for it may well be an error of the one named first."""
+def besides(further: Further, then: str) -> str:
+    """A further effect, after `then`: what it looks like, for it may well be an error of the one named first."""
     if further.unknown is not None:
         goes = f", and goes with {in_words(further.unknown.covariate)}" if further.unknown.covariate else ""
-        return f" With that put in, something smaller is left over that has no name{goes}."
+        return f" {then}, something smaller is left over that has no name{goes}."
     sized = [(one, next(iter(one.parameters.values()))) for one in further.what if one.term in (further.set or ())]
     clear = [one for one, size in sized if size.low90 * size.high90 > 0.0]
     if not clear:
@@ -56,7 +58,7 @@ def besides(further: Further) -> str:
         return f" Something more is left over, too little to be named: perhaps {_either(vague)}."
     others = [plain(one.term) for one, _ in sized if one is not clear[0]][:LISTED]
     instead = f"; or {_either(others)}" if others else ""
-    return f" With that put in, what is left looks most as if {_effect(clear[0])}{instead}."
+    return f" {then}, what is left looks most as if {_effect(clear[0])}{instead}."
 
 
 def say_unknown(believed: tuple[str, ...], p_value: float, where: Where, leading: Further, also: Sequence[Further],
@@ -169,7 +171,7 @@ def _gained(fit: Fit) -> str:
             (better if fit.accuracy_after > fit.accuracy_before else worse).append(part)
     if fit.height_rmse_before_m is not None and fit.height_rmse_after_m is not None:
         before, after = _size(fit.height_rmse_before_m, "m"), _size(fit.height_rmse_after_m, "m")
-        part = f"heights within {after} instead of {before}"
+        part = f"{HEIGHTS[fit.height_at]} within {after} instead of {before}"
         if before != after:
             (better if fit.height_rmse_after_m < fit.height_rmse_before_m else worse).append(part)
     places = 3 if abs(fit.gain_per_shot or 0.0) < 10.0 else 0

@@ -4,6 +4,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -171,7 +172,10 @@ def test_data_that_can_say_nothing_say_so() -> None:
 
 def test_bad_input_is_named() -> None:
     base = concealed("L1", {}, 1)
-    with pytest.raises(BadInput, match="9 are too few"):
+    with pytest.raises(BadInput, match="9 shots are too few"):
         discover(replace(base, shots=base.shots.take(np.arange(9)), traces=None))
     with pytest.raises(BadInput, match="'magic'"):
         discover(base, ("gravity", "magic"))
+    rig = msgspec.structs.replace(base.facts, believe=msgspec.structs.replace(base.facts.believe, terms=("magic",)))
+    with pytest.raises(BadInput, match=r"rig\.toml: believe\.terms: .*'magic'"):
+        discover(replace(base, facts=rig))

@@ -138,6 +138,8 @@ def test_what_is_gained_is_told_in_outcomes_and_centimetres() -> None:
     assert "not surely better" in told(drag, fit=Fit(100, -0.9, -0.89, 0.01, 0.05, None, None, 0.71, 0.72))
     far = told(drag, fit=Fit(100, -0.9, -0.7, 0.2, 0.05, 7.2, 0.84, None, None))
     assert "heights within 84 cm instead of 7.2 m" in far
+    ends = told(drag, fit=Fit(100, -0.9, -0.7, 0.2, 0.05, 0.06, 0.02, None, None, "track end"))
+    assert "where tracks end, from their first 40 %, within 2 cm instead of 6 cm" in ends
 
 
 def test_nothing_found_and_nothing_to_say() -> None:
