@@ -23,6 +23,7 @@ class Sample(NamedTuple):
     wheel_rad_s: float
     hood_deg: float
     bus_v: float
+    ball: tuple[float, float, float, float] | None      # s since it left, x, y, z in the launcher's axes; in the air
 
 
 class Bench:
@@ -43,6 +44,7 @@ class Bench:
         world, had = self.world, len(self.world.results)
         until_ns = self.t_ns + round(longest_s * 1e9)
         fed, since = 0, CLEAR_TICKS
+        self._steady = 0                              # that was at other set points
         while len(world.results) < had + shots:
             if self.t_ns > until_ns:
                 raise TimeoutError(f"{len(world.results) - had} of {shots} balls after {longest_s} s")
@@ -61,7 +63,8 @@ class Bench:
         self.t_ns += TICK_NS
         world.advance(self.t_ns, {"flywheel_a": wheel_nm, "flywheel_b": wheel_nm, "hood": hood_nm,
                                   "feeder": feeder_nm})
-        self.samples.append(Sample(self.t_ns * 1e-9, world.wheel_rad_s, world.hood_deg, world.bus_v()))
+        self.samples.append(Sample(self.t_ns * 1e-9, world.wheel_rad_s, world.hood_deg, world.bus_v(),
+                                   world.ball_from_muzzle()))
 
     def _wheels(self, wanted_rad_s: float) -> tuple[float, float]:
         error = wanted_rad_s - self.world.wheel_rad_s

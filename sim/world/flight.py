@@ -42,6 +42,11 @@ class Flight:
         return np.array(self._data.qpos[:3])
 
     @property
+    def time_s(self) -> float:
+        """Since the ball left; position and velocity are of this moment."""
+        return float(self._data.time)
+
+    @property
     def velocity_m_s(self) -> np.ndarray:
         return np.array(self._data.qvel[:3])
 

@@ -14,7 +14,7 @@ from sim.world.hood import Hood
 from sim.world.motor import FEEDER, FLYWHEEL, HOOD, Drawn, Motor, drive_motor
 from sim.world.nip import Nip, Released
 from sim.world.options import Options
-from sim.world.shot import Launch, from_exit_point, in_field, result_of
+from sim.world.shot import Launch, from_exit_point, from_muzzle, in_field, result_of
 from sim.world.stand import Pose, Stand, look
 from sim.world.supply import Supply
 from sim.world.target import BallResult
@@ -127,6 +127,13 @@ class World:
     def ball_position_m(self) -> np.ndarray | None:
         """Field axes: x towards the target, 0 in its plane; of the ball that left last, None if none is in the air."""
         return self._flying[-1].flight.position_m if self._flying else None
+
+    def ball_from_muzzle(self) -> tuple[float, float, float, float] | None:
+        """(s since it left, x, y, z in the launcher's axes) of the ball that left last, None if none is in the air."""
+        if not self._flying:
+            return None
+        flight = self._flying[-1].flight
+        return (flight.time_s, *map(float, from_muzzle(flight.position_m, self._stand.pose())))
 
     # --- one step
 

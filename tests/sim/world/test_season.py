@@ -1,0 +1,93 @@
+"""A season straight from the world: what is read is what happened, as far as the sensors are right."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import robot
+from robot.config import load_config
+from sim.shots import Dataset, load_dataset, save_dataset
+from sim.world.options import Options
+from sim.world.practice import ASIDE, plan_season, reach_m, reach_table
+from sim.world.season import Sensors, Setting, shoot_season
+from sim.world.target import CENTRE_HEIGHT_M
+
+FACTS = load_config(Path(robot.__file__).parent / "launcher.toml").rig
+EXACT = Sensors(0.0, 0.0, 0.0, 0.0)
+CALM = Options(scatter_scale=0.0, pose_scale=0.0)
+SETTINGS = (Setting(5.4, 45.0, 0.55), Setting(5.7, 45.0, 0.55), Setting(6.5, 40.0, 0.6))
+
+
+def season(options: Options = CALM, level: str = "L2", sensors: Sensors = EXACT, seed: int = 3) -> Dataset:
+    return shoot_season(FACTS, options, seed, SETTINGS, level, sensors)
+
+
+def test_it_is_a_dataset_and_the_same_every_time(tmp_path: Path) -> None:
+    first, again = (season(Options(), sensors=Sensors()) for _ in range(2))
+    save_dataset(tmp_path / "season", first)
+    back = load_dataset(tmp_path / "season")
+    assert back.shots.text("outcome") == first.shots.text("outcome") and set(back.shots.text("outcome")) - {"miss"}
+    assert first.tracks is not None and again.tracks is not None and back.tracks is not None
+    np.testing.assert_array_equal(first.tracks.x_m, again.tracks.x_m)
+    np.testing.assert_allclose(back.tracks.z_m, first.tracks.z_m, atol=1e-6)
+
+
+def test_sensors_say_what_they_would() -> None:
+    """A wrong encoder, hood magnet and lens: the robot shoots by what it reads, the numbers read are the settings."""
+    wrong = Options(scatter_scale=0.0, pose_scale=0.0, encoder_scale=1.02, hood_offset_deg=1.0, camera_focal_scale=1.05)
+    true, askew = season(), season(wrong)
+    for name, wanted in (("hood_deg", [45.0, 45.0, 40.0]), ("motor_ratio", [0.55, 0.55, 0.6])):
+        assert askew.shots.number(name) == pytest.approx(wanted, abs=0.05)
+        assert true.shots.number(name) == pytest.approx(wanted, abs=0.05)
+    assert true.shots.number("distance_m") == pytest.approx([5.4, 5.7, 6.5])
+    assert askew.shots.number("distance_m") == pytest.approx((np.array([5.4, 5.7, 6.5]) + 0.2) / 1.05 - 0.2)
+    assert true.tracks is not None and askew.tracks is not None
+    # wheels that truly run 2 % slower and a hood that truly stands 1 degree lower throw shorter and lower
+    ends = [float(np.hypot(np.diff(one.tracks.x_m[:2]), np.diff(one.tracks.z_m[:2]))[0]) for one in (true, askew)]
+    assert ends[1] < ends[0]
+
+
+def test_levels_carry_what_they_should() -> None:
+    bare, told, tracked = (season(level=level) for level in ("L0", "L1", "L2"))
+    assert set(bare.shots.numbers) == {"distance_m", "hood_deg", "motor_ratio"} and bare.traces is None
+    assert {"battery_v", "since_last_shot_s", "t_s"} <= set(told.shots.numbers) and told.tracks is None
+    signals = {"wheel_lower_rad_s", "wheel_upper_rad_s", "battery_v"}
+    assert told.traces is not None and set(told.traces.signal) == signals
+    assert tracked.tracks is not None and bare.shots.text("outcome") == tracked.shots.text("outcome")
+    with pytest.raises(ValueError, match="L7"):
+        season(level="L7")
+
+
+def test_wheels_dip_while_the_ball_passes() -> None:
+    told = season(level="L1")
+    assert told.traces is not None
+    lower = np.array([signal == "wheel_lower_rad_s" for signal in told.traces.signal]) & (told.traces.shot == 0)
+    t_s, speed = told.traces.t_s[lower], told.traces.value[lower]
+    before, dip = speed[t_s < 0.0].mean(), speed[(t_s > 0.0) & (t_s < 0.1)].min()
+    assert before == pytest.approx(0.55 * 594.0, rel=0.01) and 0.04 < 1.0 - dip / before < 0.09
+
+
+def test_tracks_begin_at_the_muzzle_and_fall_as_a_ball_does() -> None:
+    """Without air: a parabola under 9.81 m/s2, through the exit point 0.75 m above the floor."""
+    told = season(Options(scatter_scale=0.0, pose_scale=0.0, air_density_kg_m3=0.0))
+    tracks = told.tracks
+    assert tracks is not None
+    for shot in range(3):
+        t_s, z_m, x_m = (part[tracks.shot == shot] for part in (tracks.t_s, tracks.z_m, tracks.x_m))
+        assert t_s[0] == 0.0 and t_s[-1] <= 0.75 + 0.02
+        bend, _, start = np.polyfit(t_s, z_m, 2)
+        assert 2.0 * bend == pytest.approx(-9.81, rel=0.002) and start == pytest.approx(0.75, abs=0.1)
+        assert np.polyfit(t_s, x_m, 2)[0] == pytest.approx(0.0, abs=0.01)
+
+
+def test_practice_says_where_balls_fall_through_the_goal() -> None:
+    """Shot where the table says, a ball passes near the centre; the plan spreads about that."""
+    setting = Setting(reach_m(46.0, 0.57), 46.0, 0.57)
+    tracks = shoot_season(FACTS, CALM, 0, (setting,), "L2", EXACT._replace(track_s=5.0)).tracks
+    assert tracks is not None and tracks.z_m[-1] == pytest.approx(CENTRE_HEIGHT_M, abs=0.15)
+    assert np.isnan(reach_m(10.0, 0.5)) and np.isfinite(reach_table()).mean() > 0.8
+    plan = plan_season(4, 60)
+    off = np.array([one.distance_m / reach_m(one.hood_deg, one.motor_ratio) - 1.0 for one in plan])
+    assert len(plan) == 60 and plan == plan_season(4, 60) and plan != plan_season(5, 60)
+    assert 0.6 * ASIDE < off.std() < 1.4 * ASIDE
