@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from sim.importers.ball_drops import import_ball_drops
 from sim.importers.mpi import import_mpi
+from sim.importers.set_points import import_254, import_2910, import_3476
 from sim.shots import Dataset
 
 
@@ -18,4 +19,7 @@ class Importer:
 IMPORTERS = (
     Importer("mpi", ("LAUNCHES.csv", "TRACKS.csv"), import_mpi),
     Importer("ball-drops", ("DROPS.csv",), import_ball_drops),
+    Importer("frc-254", ("TABLES.csv",), import_254),
+    Importer("frc-2910", ("TABLES.csv",), import_2910),
+    Importer("frc-3476", ("HISTORY.csv",), import_3476),
 )

@@ -1,0 +1,81 @@
+"""Importing tuned set points: the team's own numbers as configurations, extrapolations and repetitions left out."""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import truearc
+from robot.config import BadInput
+from sim.importers.set_points import BALL, import_254, import_2910, import_3476
+from sim.physics.launch import Exit
+from sim.physics.shot import launch_of
+from sim.shots import load_dataset
+
+HEADER = ("team", "table", "distance_m", "wheel_rpm", "hood_raw", "note")
+ROWS = [("254", "laser_old_ball", 2.67, 4500, 45.73, ""), ("254", "laser_old_ball", 5.76, 4500, 56.78, "EXTRAPOLATED"),
+        ("254", "laser_new_ball", 2.32, 4500, 45.76, ""), ("254", "lob", 4.37, 2500, 48.75, ""),
+        ("2910", "west_valley", 2.2352, 3400, 45.0, ""), ("1678", "v_1", 3.0, "", "", "no hood")]
+HISTORY = ("commit", "committed_at", "commit_message", "distance_m", "hood_eject_angle_deg", "flywheel_rpm")
+
+
+def write(path: Path, header: tuple[str, ...], rows: list[tuple[object, ...]]) -> Path:
+    with path.open("w", newline="") as file:
+        csv.writer(file).writerows([header, *rows])
+    return path
+
+
+def test_254s_balls_are_a_factor_and_flatter_is_larger(tmp_path: Path) -> None:
+    dataset = import_254(write(tmp_path / "t.csv", HEADER, ROWS))
+    shots = dataset.shots
+    assert shots.text("ball_quality") == ("old", "new")
+    assert shots.number("hood_deg") == pytest.approx([44.27, 44.24])
+    assert shots.number("distance_m") == pytest.approx([2.67, 2.32])
+    assert shots.number("miss_height_m").tolist() == [0.0, 0.0]
+    assert len(dataset.left_out) == 1 and "t.csv:3" in dataset.left_out[0]
+
+
+def test_a_ball_rolls_on_a_hood_that_stands_still_at_half_the_wheels_speed(tmp_path: Path) -> None:
+    dataset = import_2910(write(tmp_path / "t.csv", HEADER, ROWS))
+    leaving: Exit = launch_of(dataset.facts, dataset.shots)
+    surface_m_s = 3400.0 * 2.0 * np.pi / 60.0 * 0.0508
+    assert leaving.speed_m_s == pytest.approx([0.5 * surface_m_s])
+    # two wheels: the seed's Eq. 12, which has twice the backspin of rolling
+    assert leaving.spin_rev_s == pytest.approx([surface_m_s / (2.0 * np.pi * BALL.radius_m)])
+    assert "ball_quality" not in dataset.shots.texts
+
+
+def test_of_a_history_only_what_changed_is_a_shot(tmp_path: Path) -> None:
+    first, later = "2021-11-01T00:00:00+00:00", "2021-11-02T00:00:00+00:00"
+    rows: list[tuple[object, ...]] = [("b", later, "", 2.0, 30.0, 4400), ("b", later, "", 3.0, 25, 4500),
+                                      ("a", first, "", 2.0, 30.0, 4500), ("a", first, "", 3.0, 25, 4500)]
+    dataset = import_3476(write(tmp_path / "h.csv", HISTORY, rows))
+    assert dataset.shots.text("version") == ("a", "a", "b")
+    assert dataset.shots.number("t_s").tolist() == [0.0, 0.0, 86400.0]
+    assert dataset.shots.number("wheel_main_rad_s")[2] == pytest.approx(4400.0 * np.pi / 30.0)
+    assert dataset.left_out == ("1 set points that a version left as they were",)
+
+
+def test_bad_rows_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    bad = [*ROWS, ("254", "laser_new_ball", "far", 4500, 50.0, "")]
+    with pytest.raises(BadInput, match=r"t\.csv:8.*distance_m"):
+        import_254(write(tmp_path / "t.csv", HEADER, bad))
+    with pytest.raises(BadInput, match="no set points of 2910"):
+        import_2910(write(tmp_path / "u.csv", HEADER, ROWS[:2]))
+    when = [("a", "yesterday", "", 2.0, 30.0, 4500)]
+    with pytest.raises(BadInput, match=r"h\.csv:2.*committed_at"):
+        import_3476(write(tmp_path / "h.csv", HISTORY, when))
+    assert truearc.main(["import", "frc-254", str(tmp_path / "missing.csv"), "-o", str(tmp_path / "out")]) == 2
+    assert "missing.csv" in capsys.readouterr().err
+
+
+@pytest.mark.data
+def test_the_real_tables(data_dir: Path, tmp_path: Path) -> None:
+    out = tmp_path / "d"
+    assert truearc.main(["import", "frc-254", str(data_dir / "real/frc_shot_tables.csv"), "-o", str(out)]) == 0
+    shots = load_dataset(out).shots
+    assert shots.text("ball_quality") == ("old",) * 6 + ("new",) * 10
+    assert len(import_2910(data_dir / "real/frc_shot_tables.csv").shots) == 8
+    # the last of 14 versions only formats the file
+    assert len(set(import_3476(data_dir / "real/frc3476_tuning_history.csv").shots.text("version"))) == 13
