@@ -27,6 +27,7 @@ VERBS = {
     "predict-gate": "the gate's probabilities, row by row",
     "vision": "images to distances",
     "discover": "where recordings and simulation disagree",
+    "design": "the next shots, to tell apart what discover cannot",
     "reproduce": "the paper's tables and figures beside ours",
 }
 

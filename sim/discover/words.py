@@ -35,8 +35,9 @@ def say_named(believed: tuple[str, ...], p_value: float, where: Where, leading: 
         said = f"{_missing(believed)}: {likeliest}."
     else:
         members = [one for one in what if one.term in names]
-        rest = [f"{plain(one.term)} ({one.probability:.0%})" for one in members[:LISTED]]
-        rest += [f"one of {len(names) - LISTED} others"] if len(names) > LISTED else []
+        listed = members[:LISTED if len(names) > LISTED + 1 else LISTED + 1]
+        rest = [f"{plain(one.term)} ({one.probability:.0%})" for one in listed]
+        rest += [f"one of {len(names) - LISTED} others"] if len(names) > LISTED + 1 else []
         stages = list(dict.fromkeys(STAGE_WORDS[one.stage] for one in what if one.term in names))
         said = (f"{_missing(believed)}, {_either(stages)}: {_either(rest)}. These data cannot tell which of these it "
                 f"is. If it is the first, {likeliest}.")

@@ -1,0 +1,113 @@
+"""truearc design: the next shots, or the measurement, that would tell the remaining names apart."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from doors.discover import keep_compiled
+from doors.progress import make_progress
+from robot.config import BadInput
+from sim.discover.design import CONFIGURATIONS, MOST_RANDOM, SHOTS, Block, Design, make_design
+from sim.discover.discover import FALSE_ALARM, discover
+from sim.discover.forward import Step
+from sim.discover.sizes import plain
+from sim.shots import Dataset, Shots, load_dataset
+
+DESCRIPTION = """Say which shots, of those that the robot can take, or which measurement would best tell apart the names
+that discover leaves, and how likely they are to."""
+EXAMPLE = "truearc design shots/ --shots 100 --json next.json"
+SCHEMA = "truearc.design/1"
+SETTINGS = ("distance_m", "hood_deg", "motor_ratio", "exit_speed_m_s", "exit_deg")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the verb."""
+    parser.add_argument("dataset", metavar="DIR", help="dataset directory")
+    parser.add_argument("--believe", metavar="TERMS", help="terms of the simulation, comma-separated; else rig.toml's")
+    parser.add_argument("--shots", type=int, default=SHOTS, metavar="N", help="shots to plan (default %(default)s)")
+    parser.add_argument("--configurations", type=int, default=CONFIGURATIONS, metavar="K",
+                        help="that they are shared out to (default %(default)s)")
+    parser.add_argument("--false-alarm", type=float, default=FALSE_ALARM, metavar="P", help="as in discover")
+    parser.add_argument("--json", metavar="FILE", help="write the plan as JSON")
+    parser.add_argument("--seed", type=int, default=0, help="of everything drawn at random (default %(default)s)")
+
+
+def main(args: argparse.Namespace) -> int:
+    """0 whether or not there is anything to tell apart."""
+    if not 1 <= args.configurations <= args.shots:
+        raise BadInput(f"--shots {args.shots}, --configurations {args.configurations}: at least one shot each")
+    if args.seed < 0 or not 0.0 < args.false_alarm < 1.0:
+        raise BadInput("--seed cannot be negative, --false-alarm is between 0 and 1")
+    keep_compiled()
+    believed = None if args.believe is None else [name.strip() for name in args.believe.split(",") if name.strip()]
+    dataset = load_dataset(args.dataset)
+    found = discover(dataset, believed, args.false_alarm, args.seed, make_progress("design", args.quiet))
+    print(found.finding.sentence)
+    table: dict[str, Any] = {"schema": SCHEMA, "verdict": found.finding.verdict, "next": []}
+    competing = found.finding.verdict in ("set", "named") and len(found.finding.set or ()) > 1
+    if competing:
+        step = found.steps[0]
+        design = make_design(step, args.shots, args.configurations, args.seed)
+        table |= as_table(design, dataset, step)
+        print("\n".join(lines_of(table)))
+    else:
+        print("There are no names to tell apart by shots.")
+    if args.json:
+        _write(args.json, msgspec.json.format(msgspec.json.encode(table), indent=1) + b"\n")
+    return 0
+
+
+def as_table(design: Design, dataset: Dataset, step: Step) -> dict[str, Any]:
+    """What --json writes, besides schema and verdict; `next` as in truearc.finding/1."""
+    names = [name.partition(".")[0] for name in design.names]
+    rows = step.fitted.evidence.rows
+    shoot = [{"do": "shoot", **_settings(dataset.shots, int(rows[block.row])), "shots": block.shots, "separates": names}
+             for block in _together(design.blocks)]
+    measure = [{"do": "measure", "what": one.what, "separates": list(one.terms), "probability": one.probability}
+               for one in design.measurements]
+    return {"names": dict(zip(names, map(float, design.probability), strict=True)), "probability_before": design.before,
+            "probability_after": design.after, "random_shots_worth_as_much": design.random, "next": shoot + measure}
+
+
+def lines_of(table: dict[str, Any]) -> list[str]:
+    """The plan in words."""
+    names = ", ".join(f"{plain(name)} ({share:.0%})" for name, share in table["names"].items())
+    shoot = [one for one in table["next"] if one["do"] == "shoot"]
+    total = sum(one["shots"] for one in shoot)
+    lines = [f"To tell apart: {names}."]
+    for one in shoot:
+        where = ", ".join(f"{name} {value:.4g}" for name, value in one.items() if name in SETTINGS)
+        lines.append(f"  {one['shots']:4d} shots at {where} (as shot {one['like']})")
+    random = table["random_shots_worth_as_much"]
+    worth = f"more than {MOST_RANDOM} times as many as there are" if random is None else f"{random}"
+    lines.append(f"After these {total} shots the right one stands alone (95 % sure) with a probability of "
+                 f"{table['probability_after']:.0%}, now {table['probability_before']:.0%}; of shots like the present "
+                 f"ones it would take {worth} to part them as well.")
+    lines += [f"Or measure {one['what']}: {one['probability']:.0%}." for one in table["next"] if one["do"] == "measure"]
+    return lines
+
+
+def _together(blocks: tuple[Block, ...]) -> list[Block]:
+    """Blocks of one configuration as one."""
+    shots: dict[int, int] = {}
+    for block in blocks:
+        shots[block.row] = shots.get(block.row, 0) + block.shots
+    return [Block(row, count) for row, count in shots.items()]
+
+
+def _settings(shots: Shots, row: int) -> dict[str, Any]:
+    known = {name: float(shots.number(name)[row]) for name in (*SETTINGS, *_wheels(shots))}
+    return {"like": shots.shot_id[row], **{name: round(value, 4) for name, value in known.items() if value == value}}
+
+
+def _wheels(shots: Shots) -> list[str]:
+    return [name for name in shots.numbers if name.startswith("wheel_") and name.endswith("_rad_s")]
+
+
+def _write(path: str, data: bytes) -> None:
+    try:
+        Path(path).write_bytes(data)
+    except OSError as error:
+        raise BadInput(f"{path}: {error.strerror}") from error

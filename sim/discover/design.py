@@ -1,0 +1,188 @@
+"""Which shots, or which measurement, would tell the remaining names apart, and how likely they are to.
+
+Every configuration that has been shot is one that can be shot again: safe, within reach, and its information is known
+at the level of these very data. Shots are chosen one block after another by what they add to the separation of every
+two names (Fedorov's exchange without going back; the criterion of Box and Hill 1967, in its linear form).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import softmax
+
+from sim.discover.evidence import Array, Evidence, shared_columns
+from sim.discover.forward import Step
+from sim.discover.name import nats_for
+from sim.discover.next_steps import MEASURE
+
+CONFIGURATIONS = 5
+SHOTS = 100
+DRAWS = 4000
+SURE = 0.95                           # probability from which a name stands alone
+MOST_NAMES = 8
+MOST_RANDOM = 64                      # times the present shots, up to which random ones are counted
+
+# One standard deviation of what a team's tools say of a term's amplitude, in its unit.
+ACCURACY = {"hood_offset": 0.2, "hood_backlash": 0.2, "encoder_scale": 0.003, "distance_scale": 0.005,
+            "distance_bias": 0.01, "vision_latency": 0.005, "release_height": 0.01, "target_height": 0.01,
+            "rim_catch": 0.01, "exit_efficiency": 0.02, "wheel_slip": 0.003, "ball_wear": 0.02, "battery_sag": 0.1,
+            "rapid_fire": 0.02, "spin_decay": 0.1, "drag_wear": 0.05, "wind_x": 0.2, "wind_y": 0.2, "wind_z": 0.2}
+
+
+@dataclass(frozen=True)
+class Block:
+    """Shots of one configuration: `row` of the evidence's shots."""
+
+    row: int
+    shots: int
+
+
+@dataclass(frozen=True)
+class Measurement:
+    what: str
+    terms: tuple[str, ...]
+    probability: float                # that one name stands alone afterwards
+
+
+@dataclass(frozen=True)
+class Design:
+    """names with their probabilities; before, after: probability that the right one stands alone, now and with the
+    blocks. random: shots like the present ones that would part the names as well; None beyond MOST_RANDOM times."""
+
+    names: tuple[str, ...]
+    probability: Array
+    blocks: tuple[Block, ...]
+    before: float
+    after: float
+    random: int | None
+    measurements: tuple[Measurement, ...]
+
+
+@dataclass(frozen=True)
+class Contest:
+    """K names: columns of the evidence, amplitudes, sizes, probabilities, and what refits know beyond one step."""
+
+    evidence: Evidence
+    columns: Array
+    amplitude: Array
+    usual: Array
+    probability: Array
+    offset: Array                     # nats
+
+
+def make_design(step: Step, shots: int = SHOTS, configurations: int = CONFIGURATIONS, seed: int = 0) -> Design:
+    """Blocks of equal numbers of shots, most telling first. ValueError where fewer than two names compete."""
+    names = tuple(name for name in step.naming.chosen if name in step.naming.refits)[:MOST_NAMES]
+    if step.unknown or len(names) < 2:
+        raise ValueError("fewer than two names compete")
+    contest = _contest(step, names)
+    block = max(shots // configurations, 1)
+    rows = choose_blocks(contest, block, configurations)
+    more = block * contest.evidence.info[list(rows)].sum(0)
+    measurements = sorted(_measurements(contest, names, seed), key=lambda one: -one.probability)
+    return Design(names, contest.probability, tuple(Block(row, block) for row in rows),
+                  float((contest.probability * (contest.probability >= SURE)).sum()),
+                  chance_of_name(contest, more, seed), _random_equal(contest, more), tuple(measurements))
+
+
+def _contest(step: Step, names: tuple[str, ...]) -> Contest:
+    evidence, naming = step.fitted.evidence, step.naming
+    columns = np.array([evidence.index(name) for name in names], dtype=int)
+    usual = np.array([evidence.columns[k].usual for k in columns])
+    nats = np.array([naming.nats[name] for name in names])
+    score, left = efficient_with(evidence, columns, 0.0)
+    linear = np.array([nats_for(score[k], float(left[k, k]), usual[k]) for k in range(len(names))])
+    amplitude = np.array([naming.refits[name].amplitude[0] for name in names])
+    return Contest(evidence, columns, amplitude, usual, softmax(nats), nats - linear)
+
+
+def efficient_with(evidence: Evidence, columns: Array, more: Array | float) -> tuple[Array, Array]:
+    """(scores [K] as they are, information [K, K] with `more` [P, P] added), shared columns projected out."""
+    shared = shared_columns(evidence)
+    info, score = evidence.info.sum(0) + more, evidence.score.sum(0)
+    cross = info[columns][:, shared]
+    lift = np.linalg.solve(info[shared, shared] + np.diag(evidence.precision), cross.T).T
+    return (score[columns] - lift @ (score[shared] + evidence.pull),
+            info[np.ix_(columns, columns)] - lift @ cross.T)
+
+
+def separation(contest: Contest, more: Array | float) -> Array:
+    """Delta [K, K]: how far name k, at its best, is from data that j makes, as a chi-squared; 0 on the diagonal."""
+    left = efficient_with(contest.evidence, contest.columns, more)[1]
+    own = np.maximum(np.diag(left), 1e-300)
+    return contest.amplitude[:, None]**2 * np.maximum(own[:, None] - left**2 / own[None, :], 0.0)
+
+
+def worth(contest: Contest, more: Array | float) -> float:
+    """Mean log separation of pairs, each as likely as its two names; what a design is chosen by."""
+    weight = np.outer(contest.probability, contest.probability) * (1.0 - np.eye(len(contest.columns)))
+    return float((weight * np.log1p(separation(contest, more))).sum() / weight.sum())
+
+
+def choose_blocks(contest: Contest, block: int, count: int) -> list[int]:
+    """Rows of the shots whose configurations are shot again, `block` times each; one may come more than once."""
+    total: Array | float = 0.0
+    rows: list[int] = []
+    for _ in range(count):
+        value = [worth(contest, total + block * info) for info in contest.evidence.info]
+        rows.append(int(np.argmax(value)))
+        total = total + block * contest.evidence.info[rows[-1]]
+    return rows
+
+
+def chance_of_name(contest: Contest, more: Array, seed: int) -> float:
+    """Probability that the right name will hold SURE of the probability, were `more` information there.
+
+    Truths are drawn as likely as they are now, each at its fitted amplitude; scores to come are normal.
+    """
+    rng = np.random.default_rng(seed)
+    score, left = efficient_with(contest.evidence, contest.columns, 0.0)
+    after = efficient_with(contest.evidence, contest.columns, more)[1]
+    gained = after - left
+    values, vectors = np.linalg.eigh(gained)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    truth = rng.choice(len(contest.columns), DRAWS, p=contest.probability)
+    come = rng.normal(size=(DRAWS, len(values))) @ root.T + (gained[:, truth] * contest.amplitude[truth]).T
+    nats = np.stack([nats_for(score[k] + come[:, k], float(after[k, k]), contest.usual[k])
+                     for k in range(len(contest.columns))], axis=1)
+    return _stands_alone(nats + contest.offset, truth)
+
+
+def _stands_alone(nats: Array, truth: Array) -> float:
+    chance = softmax(nats, axis=1)
+    return float(np.mean(chance[np.arange(len(truth)), truth] >= SURE))
+
+
+def _random_equal(contest: Contest, more: Array) -> int | None:
+    """Shots drawn like the present ones that are worth as much as `more`."""
+    wanted, present = worth(contest, more), contest.evidence.info.sum(0)
+    shots = len(contest.evidence.rows)
+    low, high = 0.0, float(MOST_RANDOM)
+    if worth(contest, high * present) < wanted:
+        return None
+    for _ in range(30):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if worth(contest, middle * present) >= wanted else (middle, high)
+    return int(np.ceil(high * shots))
+
+
+def _measurements(contest: Contest, names: tuple[str, ...], seed: int) -> list[Measurement]:
+    """Each thing that can be measured, and what it would do: it finds the amplitude of its terms, or nothing."""
+    terms = [name.partition(".")[0] for name in names]
+    found = []
+    for what in dict.fromkeys(MEASURE[term] for term in terms if term in ACCURACY and term in MEASURE):
+        mine = [k for k, term in enumerate(terms) if MEASURE.get(term) == what and term in ACCURACY]
+        found.append(Measurement(what, tuple(terms[k] for k in mine), _chance_measured(contest, terms, mine, seed)))
+    return found
+
+
+def _chance_measured(contest: Contest, terms: list[str], mine: list[int], seed: int) -> float:
+    """As chance_of_name, for a measurement of the amplitudes of the terms `mine`."""
+    rng = np.random.default_rng(seed)
+    truth = rng.choice(len(terms), DRAWS, p=contest.probability)
+    nats = np.tile(np.log(contest.probability), (DRAWS, 1))
+    for k in mine:
+        sd, amplitude = ACCURACY[terms[k]], contest.amplitude[k]
+        seen = np.where(truth == k, amplitude, 0.0) + sd * rng.normal(size=DRAWS)
+        nats[:, k] += (seen**2 - (seen - amplitude)**2) / (2.0 * sd**2)
+    return _stands_alone(nats, truth)

@@ -1,0 +1,50 @@
+"""truearc design as a user types it; what a plan looks like in words."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import truearc
+from doors.design import as_table, lines_of
+from sim.discover.design import make_design
+from sim.discover.forward import go_forward
+from sim.shots import Dataset, Shots, save_dataset
+from tests.sim.discover.straight import FACTS as STRAIGHT
+from tests.sim.discover.straight import each_by_itself, fit_straight
+from tests.sim.discover.worlds import FACTS
+
+
+def test_a_plan_names_configurations_that_were_shot(monkeypatch: pytest.MonkeyPatch) -> None:
+    fitted = fit_straight(monkeypatch, {"spin_drag.share": 0.45}, 5, shots=30)
+    (step, *_) = go_forward(fitted, each_by_itself(fitted), None, (), (), 0.05, 0, lambda done, note: None)
+    step = replace(step, unknown=False)
+    distance_m = np.linspace(2.0, 6.0, 30)
+    shots = Shots(tuple(f"s{k}" for k in range(30)), {"distance_m": distance_m, "hood_deg": np.full(30, 45.0)}, {})
+    table = as_table(make_design(step, 40, 4), Dataset("d", STRAIGHT, shots), step)
+    shoot = [one for one in table["next"] if one["do"] == "shoot"]
+    assert sum(one["shots"] for one in shoot) == 40
+    assert all(one["distance_m"] == pytest.approx(distance_m[int(one["like"][1:])], abs=1e-4) for one in shoot)
+    assert json.loads(json.dumps(table)) == table
+    lines = lines_of(table)
+    assert lines[0].startswith("To tell apart: ") and "hood_deg 45" in lines[1]
+    assert any(line.startswith("After these 40 shots") for line in lines)
+
+
+def test_nothing_to_tell_apart_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    shots = Shots(tuple(map(str, range(20))), {"distance_m": np.linspace(2.0, 6.0, 20)}, {})
+    save_dataset(tmp_path / "mute", Dataset("mute", FACTS, shots))
+    out = tmp_path / "next.json"
+    assert truearc.main(["design", str(tmp_path / "mute"), "--json", str(out), "--quiet"]) == 0
+    assert "no names to tell apart" in capsys.readouterr().out
+    assert json.loads(out.read_text()) == {"schema": "truearc.design/1", "verdict": "none", "next": []}
+
+
+@pytest.mark.parametrize(("words", "message"), [
+    (["nowhere"], "nowhere"), (["d", "--shots", "2", "--configurations", "3"], "--configurations 3"),
+    (["d", "--seed", "-1"], "--seed"), (["d", "--false-alarm", "0"], "--false-alarm")])
+def test_what_cannot_be_done_is_said(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert truearc.main(["design", *words]) == 2
+    assert message in capsys.readouterr().err
