@@ -132,7 +132,7 @@ def test_each_ball_has_its_own_mass_and_size_where_they_were_measured(mixed: Dat
 
 def test_bad_input_is_named(mixed: Dataset) -> None:
     few = replace(mixed, shots=mixed.shots.take(np.arange(FEWEST_SHOTS - 1)), tracks=None)
-    with pytest.raises(BadInput, match=f"{FEWEST_SHOTS - 1} are too few.*{FEWEST_SHOTS} at least"):
+    with pytest.raises(BadInput, match=f"{FEWEST_SHOTS - 1} shots are too few.*{FEWEST_SHOTS} at least"):
         take_in(few)
     facts = type(mixed.facts)(ball=mixed.facts.ball, launcher=mixed.facts.launcher, noise=mixed.facts.noise)
     with pytest.raises(BadInput, match=r"\[target\] is needed"):
