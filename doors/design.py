@@ -1,15 +1,14 @@
 """truearc design: the next shots, or the measurement, that would tell the remaining names apart."""
 
 import argparse
-from pathlib import Path
 from typing import Any
 
 import msgspec
 
-from doors.discover import keep_compiled
+from doors.discover import keep_compiled, write_out
 from doors.progress import make_progress
 from robot.config import BadInput
-from sim.discover.design import CONFIGURATIONS, MOST_RANDOM, SHOTS, Block, Design, make_design
+from sim.discover.design import CONFIGURATIONS, MOST_RANDOM, SHOTS, Block, Design, can_design, make_design
 from sim.discover.discover import FALSE_ALARM, discover
 from sim.discover.forward import Step
 from sim.discover.sizes import plain
@@ -46,16 +45,14 @@ def main(args: argparse.Namespace) -> int:
     found = discover(dataset, believed, args.false_alarm, args.seed, make_progress("design", args.quiet))
     print(found.finding.sentence)
     table: dict[str, Any] = {"schema": SCHEMA, "verdict": found.finding.verdict, "next": []}
-    competing = found.finding.verdict in ("set", "named") and len(found.finding.set or ()) > 1
-    if competing:
+    if found.steps and can_design(found.steps[0]):
         step = found.steps[0]
-        design = make_design(step, args.shots, args.configurations, args.seed)
-        table |= as_table(design, dataset, step)
+        table |= as_table(make_design(step, args.shots, args.configurations, args.seed), dataset, step)
         print("\n".join(lines_of(table)))
     else:
         print("There are no names to tell apart by shots.")
     if args.json:
-        _write(args.json, msgspec.json.format(msgspec.json.encode(table), indent=1) + b"\n")
+        write_out(args.json, msgspec.json.format(msgspec.json.encode(table), indent=1) + b"\n")
     return 0
 
 
@@ -104,10 +101,3 @@ def _settings(shots: Shots, row: int) -> dict[str, Any]:
 
 def _wheels(shots: Shots) -> list[str]:
     return [name for name in shots.numbers if name.startswith("wheel_") and name.endswith("_rad_s")]
-
-
-def _write(path: str, data: bytes) -> None:
-    try:
-        Path(path).write_bytes(data)
-    except OSError as error:
-        raise BadInput(f"{path}: {error.strerror}") from error

@@ -75,9 +75,9 @@ def tell(found: Investigation, name: str, json_path: str | Path | None, report_p
     """Print the answer about the dataset called `name`, and write it where asked."""
     print("\n".join(console_lines(found.finding)))
     if json_path:
-        _write(json_path, make_json(found.finding))
+        write_out(json_path, make_json(found.finding))
     if report_path:
-        _write(report_path, make_report(name, found).encode())
+        write_out(report_path, make_report(name, found).encode())
 
 
 def _adopt(found: Investigation, dataset: str, path: str) -> None:
@@ -142,12 +142,12 @@ def _terms(facts: Facts, believed: list[str] | None) -> tuple[str, ...]:
 def _tell_sight(sight: Sight, name: str, json_path: str | None, report_path: str | None) -> None:
     print("\n".join(sight_lines(sight)))
     if json_path:
-        _write(json_path, make_sight(sight))
+        write_out(json_path, make_sight(sight))
     if report_path:
-        _write(report_path, make_sight_page(name, sight).encode())
+        write_out(report_path, make_sight_page(name, sight).encode())
 
 
-def _write(path: str | Path, data: bytes) -> None:
+def write_out(path: str | Path, data: bytes) -> None:
     try:
         Path(path).write_bytes(data)
     except OSError as error:

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import softmax
 
-from sim.discover.evidence import Array, Evidence, shared_columns
+from sim.discover.evidence import Array, Evidence
 from sim.discover.forward import Step
-from sim.discover.name import nats_for
+from sim.discover.name import efficient, nats_for
 from sim.discover.next_steps import MEASURE
 
 CONFIGURATIONS = 5
@@ -22,7 +22,7 @@ SURE = 0.95                           # probability from which a name stands alo
 MOST_NAMES = 8
 MOST_RANDOM = 64                      # times the present shots, up to which random ones are counted
 
-# One standard deviation of what a team's tools say of a term's amplitude, in its unit.
+# One standard deviation of what a team's tools say of a term's amplitude, in its unit: assumed, not measured.
 ACCURACY = {"hood_offset": 0.2, "hood_backlash": 0.2, "encoder_scale": 0.003, "distance_scale": 0.005,
             "distance_bias": 0.01, "vision_latency": 0.005, "release_height": 0.01, "target_height": 0.01,
             "rim_catch": 0.01, "exit_efficiency": 0.02, "wheel_slip": 0.003, "ball_wear": 0.02, "battery_sag": 0.1,
@@ -72,9 +72,9 @@ class Contest:
 
 def make_design(step: Step, shots: int = SHOTS, configurations: int = CONFIGURATIONS, seed: int = 0) -> Design:
     """Blocks of equal numbers of shots, most telling first. ValueError where fewer than two names compete."""
-    names = tuple(name for name in step.naming.chosen if name in step.naming.refits)[:MOST_NAMES]
-    if step.unknown or len(names) < 2:
+    if not can_design(step):
         raise ValueError("fewer than two names compete")
+    names = _competing(step)
     contest = _contest(step, names)
     block = max(shots // configurations, 1)
     rows = choose_blocks(contest, block, configurations)
@@ -85,30 +85,30 @@ def make_design(step: Step, shots: int = SHOTS, configurations: int = CONFIGURAT
                   chance_of_name(contest, more, seed), _random_equal(contest, more), tuple(measurements))
 
 
+def can_design(step: Step) -> bool:
+    """Whether there are two names or more to tell apart."""
+    return not step.unknown and len(_competing(step)) > 1
+
+
+def _competing(step: Step) -> tuple[str, ...]:
+    """Of the set the names that were truly refitted, whose amplitudes are known."""
+    return tuple(name for name in step.naming.chosen if name in step.naming.refits)[:MOST_NAMES]
+
+
 def _contest(step: Step, names: tuple[str, ...]) -> Contest:
     evidence, naming = step.fitted.evidence, step.naming
     columns = np.array([evidence.index(name) for name in names], dtype=int)
     usual = np.array([evidence.columns[k].usual for k in columns])
     nats = np.array([naming.nats[name] for name in names])
-    score, left = efficient_with(evidence, columns, 0.0)
+    score, left = efficient(evidence, columns, 0.0)
     linear = np.array([nats_for(score[k], float(left[k, k]), usual[k]) for k in range(len(names))])
     amplitude = np.array([naming.refits[name].amplitude[0] for name in names])
     return Contest(evidence, columns, amplitude, usual, softmax(nats), nats - linear)
 
 
-def efficient_with(evidence: Evidence, columns: Array, more: Array | float) -> tuple[Array, Array]:
-    """(scores [K] as they are, information [K, K] with `more` [P, P] added), shared columns projected out."""
-    shared = shared_columns(evidence)
-    info, score = evidence.info.sum(0) + more, evidence.score.sum(0)
-    cross = info[columns][:, shared]
-    lift = np.linalg.solve(info[shared, shared] + np.diag(evidence.precision), cross.T).T
-    return (score[columns] - lift @ (score[shared] + evidence.pull),
-            info[np.ix_(columns, columns)] - lift @ cross.T)
-
-
 def separation(contest: Contest, more: Array | float) -> Array:
     """Delta [K, K]: how far name k, at its best, is from data that j makes, as a chi-squared; 0 on the diagonal."""
-    left = efficient_with(contest.evidence, contest.columns, more)[1]
+    left = efficient(contest.evidence, contest.columns, more)[1]
     own = np.maximum(np.diag(left), 1e-300)
     return contest.amplitude[:, None]**2 * np.maximum(own[:, None] - left**2 / own[None, :], 0.0)
 
@@ -136,8 +136,8 @@ def chance_of_name(contest: Contest, more: Array, seed: int) -> float:
     Truths are drawn as likely as they are now, each at its fitted amplitude; scores to come are normal.
     """
     rng = np.random.default_rng(seed)
-    score, left = efficient_with(contest.evidence, contest.columns, 0.0)
-    after = efficient_with(contest.evidence, contest.columns, more)[1]
+    score, left = efficient(contest.evidence, contest.columns, 0.0)
+    after = efficient(contest.evidence, contest.columns, more)[1]
     gained = after - left
     values, vectors = np.linalg.eigh(gained)
     root = vectors * np.sqrt(np.maximum(values, 0.0))

@@ -140,10 +140,13 @@ def _tame(candidate: Candidate, evidence: Evidence) -> float:
     return float(np.clip(shrunk, -3.0 * usual, 3.0 * usual))
 
 
-def efficient(evidence: Evidence, columns: Array) -> tuple[Array, Array]:
-    """(scores [K], information [K, K]) of columns with what the shared ones could explain projected out."""
+def efficient(evidence: Evidence, columns: Array, more: Array | float = 0.0) -> tuple[Array, Array]:
+    """(scores [K], information [K, K]) of columns with what the shared ones could explain projected out.
+
+    more [P, P]: information of shots to come, added to that of the evidence; scores are those there are.
+    """
     shared = shared_columns(evidence)
-    info, score = evidence.info.sum(0), evidence.score.sum(0)
+    info, score = evidence.info.sum(0) + more, evidence.score.sum(0)
     inner = info[shared, shared] + np.diag(evidence.precision)
     cross = info[columns][:, shared]
     lift = np.linalg.solve(inner, cross.T).T if len(inner) else np.zeros((len(columns), 0))
