@@ -10,8 +10,8 @@ from doors.progress import make_progress
 from robot.config import BadInput
 from sim.discover.design import CONFIGURATIONS, MOST_RANDOM, SHOTS, Block, Design, can_design, make_design
 from sim.discover.discover import FALSE_ALARM, discover
-from sim.discover.forward import Step
 from sim.discover.sizes import plain
+from sim.discover.step import Step
 from sim.shots import Dataset, Shots, load_dataset
 
 DESCRIPTION = """Say which shots, of those that the robot can take, or which measurement would best tell apart the names

@@ -11,12 +11,12 @@ from sim.discover.covariates import Covariate, carried_by, followed_column, gath
 from sim.discover.endpoints import end_errors
 from sim.discover.evidence import Array, Column, Evidence
 from sim.discover.finding import Data, Finding, Fit, Further, Interval, Mismatch, Named, TestResult, Unknown, Where
-from sim.discover.forward import Step
 from sim.discover.intake import Intake
 from sim.discover.locate import Place, amplitude_of, times_of
 from sim.discover.next_steps import next_steps
 from sim.discover.refit import clustered_error, unseen_change, without
 from sim.discover.statistics import Judged
+from sim.discover.step import Step
 from sim.discover.words import say_named, say_none, say_smallest, say_unknown
 from sim.physics.catalogue import find_terms
 from sim.physics.term import STAGES

@@ -3,6 +3,7 @@
 import itertools
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from functools import cache
 
 import jax
 import jax.numpy as jnp
@@ -14,7 +15,8 @@ from sim.discover.columns import SCATTER_PRIOR
 from sim.discover.evidence import Array, Evidence
 from sim.discover.intake import SCATTERS, Intake
 from sim.discover.linear import Flown, Layout, Spot, fly, linearise, nowhere
-from sim.physics.catalogue import flight_terms
+from sim.physics.catalogue import find_parameter, flight_terms
+from sim.physics.scales import LOG
 
 Progress = Callable[[float, str], None]
 GRID = (-1.0, -0.5, 0.0, 0.5, 1.0)    # of each coefficient's prior, in standard deviations, where the fit may start
@@ -30,6 +32,7 @@ SETTLED = 1e-3                        # nats
 LEAST_ROUNDS = 2                      # with tracks, whose shots' own deviations must settle too
 FARTHEST = 2.0                        # usual sizes that a column may move by in one step: all is linear nearby only
 SLACK = 0.3                           # nats a step may lose with tracks: scores leave out that slopes change the spread
+ABSURD = 5.0                          # times the usual scatter of a launch
 FEW = 200                             # outcomes up to which the likelihood may have several tops
 
 
@@ -142,14 +145,26 @@ def objective(evidence: Evidence, layout: Layout) -> float:
 
 
 def moved(layout: Layout, spot: Spot, change: Array) -> Spot:
-    """The spot after its columns change by `change` [P]; log scatters by no more than 1 at a time."""
+    """The spot after its columns change by `change` [P], parameters no further than they can go; log scatters by no
+    more than 1 at a time."""
     values, log_scatter = spot.values.copy(), spot.log_scatter.copy()
     slots = (layout.source >= 0) & (layout.source < len(layout.chain.slots))
     values[layout.source[slots]] += change[slots]
+    values = np.clip(values, *_bounds(layout.chain.slots))
     for number, column in enumerate(layout.scatters):
         if column >= 0:
             log_scatter[number] = np.clip(log_scatter[number] + np.clip(change[column], -1.0, 1.0), -9.0, 1.0)
     return Spot(values, log_scatter, spot.deviates, spot.effects + change[layout.source == -2])
+
+
+@cache
+def _bounds(slots: tuple[tuple[str, str], ...]) -> tuple[Array, Array]:
+    """Lowest and highest [slots] that a fit may come to. A parameter's declared range, in which it is looked for, goes
+    on below zero where its scale does: lift may be reversed, an efficiency above one; drag cannot drive."""
+    parameters = [find_parameter(".".join(slot)) for slot in slots]
+    low = [one.low if one.prior is not None and one.prior.scale == LOG else min(one.low, -one.high)
+           for one in parameters]
+    return np.array(low), np.array([one.high for one in parameters])
 
 
 def only_shared(layout: Layout, more: Iterable[str] = ()) -> Layout:
@@ -212,6 +227,13 @@ def usual_spot(intake: Intake, layout: Layout) -> Spot:
     return nowhere(intake, layout, values, np.log([SCATTER_PRIOR[name][0] for name in SCATTERS]))
 
 
+def is_lost(fitted: Fitted) -> bool:
+    """Whether the fit takes the launch to scatter by ABSURD times what is usual: something great is missing, and what
+    was fitted without it is no place to start from."""
+    usual = np.log([SCATTER_PRIOR[name][0] for name in SCATTERS])
+    return bool(((fitted.spot.log_scatter - usual)[OF_LAUNCH] > np.log(ABSURD)).any())
+
+
 def _rough(intake: Intake, layout: Layout, points: Array) -> Array:
     """Log-likelihood [points, scatters] of some of the outcomes, at some sizes of one scatter of the height."""
     some = np.arange(len(intake.marked))[::-(-len(intake.marked) // SOME)]
@@ -227,5 +249,4 @@ def _rough(intake: Intake, layout: Layout, points: Array) -> Array:
 
 def default_of(chain: Chain, slot: tuple[str, str]) -> float:
     """The value of a parameter that nobody speaks of."""
-    from sim.physics.catalogue import find_parameter
     return float(find_parameter(".".join(slot)).default)

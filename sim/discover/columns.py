@@ -14,7 +14,7 @@ LONGEST_STEP_S, MOST_DOUBLINGS = 0.02, 4          # of Runge-Kutta in a track
 WEAKER = 1.5                          # so that what is believed can hardly be argued away by its own prior
 KNOWN = ("gravity",)                  # terms whose parameters are known, not fitted
 # A tracker's calibration is never so sure that it could name physics: fitted always, its prior all but flat.
-TRACKER = {"track_scale": 0.1, "track_tilt": 5.0, "track_clock": 0.1}
+TRACKER = {"track_scale": 0.05, "track_tilt": 2.5, "track_clock": 0.05}
 SCATTER_PRIOR = {"scatter.speed": (0.015, 3.0), "scatter.elevation_rad": (0.007, 3.0),
                  "scatter.azimuth_rad": (0.007, 3.0), "scatter.distance": (1.0, 2.0)}      # median, factor
 

@@ -11,9 +11,9 @@ import numpy as np
 from scipy.special import softmax
 
 from sim.discover.evidence import Array, Evidence
-from sim.discover.forward import Step
 from sim.discover.name import efficient, nats_for
 from sim.discover.next_steps import MEASURE
+from sim.discover.step import Step
 
 CONFIGURATIONS = 5
 SHOTS = 100

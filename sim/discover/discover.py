@@ -10,10 +10,11 @@ from sim.discover.believed import Fitted, fit_believed
 from sim.discover.columns import KNOWN, lay_out
 from sim.discover.covariates import gather_covariates, gather_factors
 from sim.discover.finding import Finding
-from sim.discover.forward import Step, go_forward
+from sim.discover.forward import Search, go_forward
 from sim.discover.intake import take_in
 from sim.discover.locate import Place, locate
 from sim.discover.statistics import Judged, judge
+from sim.discover.step import Step
 from sim.physics.catalogue import find_terms
 from sim.shots import Dataset
 
@@ -56,8 +57,8 @@ def discover(dataset: Dataset, believed: Sequence[str] | None = None, false_alar
     place = locate(fitted.evidence, asked, judged, false_alarm, clusters, seed)
     steps: tuple[Step, ...] = ()
     if found:
-        steps = go_forward(fitted, clusters, place, gather_covariates(dataset), gather_factors(dataset.shots),
-                           false_alarm, seed, lambda done, note: progress(0.5 + 0.5 * done, note))
+        search = Search(clusters, gather_covariates(dataset), gather_factors(dataset.shots), false_alarm, seed)
+        steps = go_forward(fitted, place, search, lambda done, note: progress(0.5 + 0.5 * done, note))
     progress(1.0, "done")
     finding = make_finding(dataset, terms, fitted, clusters, asked, judged, place, steps, false_alarm)
     return Investigation(finding, fitted, clusters, asked, judged, place, steps)

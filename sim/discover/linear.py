@@ -159,17 +159,24 @@ def _point(layout: Layout, spot: Spot) -> Array:
 def fly(intake: Intake, layout: Layout, spot: Spot) -> Flown:
     """Fly all shots at the spot.
 
-    Slopes by inputs are those of a shot without deviation: taken at the deviation that a track itself tells, they
-    would go with that track's noise, and the score of what bends with a deviation would lean to one side.
+    Slopes by inputs are those of a shot that deviates as all do on average: taken at the deviation that a track itself
+    tells, they would go with that track's noise, and the score of what bends with a deviation would lean to one side.
+    Taken without deviation, they would be those of another launcher where a loss of speed is not believed.
     """
     inputs, first = layout.inputs, len(layout.chain.slots)
     deviates = first + np.arange(layout.chain.deviates)
     both = np.concatenate([inputs, deviates])
     if not spot.deviates.any():
         return Flown(spot, *_fly(layout, intake.lanes, spot, _basis(layout, both)))
-    _, still = _fly(layout, intake.lanes, replace(spot, deviates=np.zeros_like(spot.deviates)), _basis(layout, inputs))
+    _, still = _fly(layout, intake.lanes, replace(spot, deviates=_common(spot.deviates)), _basis(layout, inputs))
     seen, moving = _fly(layout, intake.lanes, spot, _basis(layout, deviates))
     return Flown(spot, seen, jax.tree.map(lambda a, b: np.concatenate([a, b], axis=-1), still, moving))
+
+
+def _common(deviates: Array) -> Array:
+    """The mean [n, D] of those that deviate, for each of them; nothing for the others."""
+    own = deviates.any(axis=1)
+    return np.where(own[:, None], deviates[own].mean(axis=0), 0.0)
 
 
 def _basis(layout: Layout, inputs: Array) -> Array:

@@ -5,7 +5,7 @@ would have to be absurdly large to explain the data loses to one that need not, 
 cannot win at all.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -94,8 +94,8 @@ def nats_for(score: Any, information: float, usual: float) -> Any:
     return nats if np.ndim(nats) else float(nats)
 
 
-def name_terms(fitted: Fitted, progress: Progress) -> Naming:
-    """Rank the terms. At least one must be visible."""
+def name_terms(fitted: Fitted, progress: Progress, surmised: Mapping[str, float] | None = None) -> Naming:
+    """Rank the terms. At least one must be visible. surmised: {name: amplitude} refitted from there in any case."""
     candidates, alike = one_step(fitted.evidence)
     visible = [c for c in candidates if c.visible]
     likely = sorted(visible, key=lambda c: -c.nats)
@@ -103,6 +103,10 @@ def name_terms(fitted: Fitted, progress: Progress) -> Naming:
     likely = [c for c in likely[:REFITTED] if c.nats > likely[0].nats - within]
     refits: dict[str, Refit] = {}
     nats = {c.name: c.nats for c in visible}
+    for candidate in visible:
+        if candidate.name in (surmised or {}):
+            _refit(fitted, candidate, refits, nats, (surmised or {})[candidate.name])
+    likely = [c for c in likely if c.name not in refits]
     for number, candidate in enumerate(likely):
         progress(number / len(likely), candidate.name.partition(".")[0])
         _refit(fitted, candidate, refits, nats)
@@ -117,10 +121,11 @@ def name_terms(fitted: Fitted, progress: Progress) -> Naming:
     return Naming(candidates, refits, nats, probability, chosen, aliases)
 
 
-def _refit(fitted: Fitted, candidate: Candidate, refits: dict[str, Refit], nats: dict[str, float]) -> None:
-    """Refit one name into both."""
+def _refit(fitted: Fitted, candidate: Candidate, refits: dict[str, Refit], nats: dict[str, float],
+           start: float | None = None) -> None:
+    """Refit one name into both, from one step's amplitude unless a start is given."""
     name = candidate.name
-    refits[name] = refit(fitted, (name,), np.array([_tame(candidate, fitted.evidence)]))
+    refits[name] = refit(fitted, (name,), np.array([_tame(candidate, fitted.evidence) if start is None else start]))
     usual = fitted.evidence.columns[candidate.column].usual
     nats[name] = refits[name].log_evidence if is_possible(refits[name], usual) else NEVER
 

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 
 from sim.discover.ask import name_of
-from sim.discover.forward import Step
 from sim.discover.sizes import IN_FLIGHT
+from sim.discover.step import Step
 from sim.shots import Dataset
 
 # What settles each term without shooting, discovery.md's cheap metrology.

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim.discover.ask import Clusters
-from sim.discover.believed import Fitted, climb, moved, objective, only_shared
+from sim.discover.believed import Fitted, climb, is_lost, moved, objective, only_shared, usual_spot
 from sim.discover.evidence import Array, Evidence
 from sim.discover.linear import Layout, Spot
 
@@ -31,14 +31,17 @@ class Refit:
     log_evidence: float
 
 
-def refit(fitted: Fitted, names: tuple[str, ...], start: Array, base: "Refit | None" = None) -> Refit:
+def refit(fitted: Fitted, names: tuple[str, ...], start: Array) -> Refit:
     """Fit the named columns with the shared ones, from amplitudes `start` [k] at the fitted spot."""
     layout = only_shared(fitted.layout, names)
     order = [column.name for column in layout.columns[:len(names)]]
     change = np.zeros(len(layout.columns))
     change[:len(names)] = [start[names.index(name)] for name in order]
-    spot = moved(layout, fitted.spot if base is None else base.spot, change)
-    spot, evidence = climb(fitted.intake, layout, spot)
+    starts = [fitted.spot]
+    if is_lost(fitted):
+        starts.append(usual_spot(fitted.intake, layout))
+    tops = [climb(fitted.intake, layout, moved(layout, spot, change)) for spot in starts]
+    spot, evidence = max(tops, key=lambda top: objective(top[1], layout))
     info = evidence.info.sum(0) + np.diag(evidence.precision)
     covariance = np.linalg.pinv(info)
     # what the shots themselves scatter by, where the model is too sure of itself

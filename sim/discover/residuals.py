@@ -13,9 +13,9 @@ from sim.discover import outcomes
 from sim.discover.ask import Asked
 from sim.discover.covariates import Covariate, Factor, followed_column
 from sim.discover.evidence import Array, Evidence, Plane
-from sim.discover.forward import Step, promote
 from sim.discover.locate import Place
 from sim.discover.sizes import scale_of
+from sim.discover.step import Step, promote
 
 HEIGHT = "height at the target"
 MOST_BINS, BIN_SHOTS = 8, 6

@@ -58,12 +58,25 @@ class Trial(NamedTuple):
     track: np.ndarray                 # [k, 4] s after the ball left, x, y, z in the launcher's axes
 
 
+class Season(NamedTuple):
+    """The dataset, which is all that a solver gets, and the truth about every shot in it."""
+
+    dataset: Dataset
+    results: tuple[BallResult, ...]
+
+
 def shoot_season(facts: Facts, options: Options, seed: int, settings: Sequence[Setting], level: str,
                  sensors: Sensors = ORDINARY, progress: Progress = lambda done, note: None) -> Dataset:
     """Shoot the settings in this order with one robot on one battery. level: "L0", "L1" (telemetry), "L2" (tracks too).
 
     The same arguments give the same dataset. `session` is "1" throughout; balls are not told apart.
     """
+    return play_season(facts, options, seed, settings, level, sensors, progress).dataset
+
+
+def play_season(facts: Facts, options: Options, seed: int, settings: Sequence[Setting], level: str,
+                sensors: Sensors = ORDINARY, progress: Progress = lambda done, note: None) -> Season:
+    """As shoot_season, with what became of every ball beside it."""
     if level not in LEVELS:
         raise ValueError(f"no level {level!r}; there are {', '.join(LEVELS)}")
     bench = Bench(World(seed, options, settings[0].distance_m))
@@ -74,8 +87,9 @@ def shoot_season(facts: Facts, options: Options, seed: int, settings: Sequence[S
         before_ns = trials[-1].result.fed_t_ns if trials else None
         trials.append(_shoot(bench, facts, options, setting, before_ns, sensors, rng))
     name = f"world-{seed}"
-    return Dataset(name, facts, _shots(trials, level), _tracks(trials, sensors, rng) if level == "L2" else None,
-                   _traces(trials) if level != "L0" else None)
+    dataset = Dataset(name, facts, _shots(trials, level), _tracks(trials, sensors, rng) if level == "L2" else None,
+                      _traces(trials) if level != "L0" else None)
+    return Season(dataset, tuple(trial.result for trial in trials))
 
 
 def _shoot(bench: Bench, facts: Facts, options: Options, setting: Setting, before_ns: int | None, sensors: Sensors,

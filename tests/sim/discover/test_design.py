@@ -17,7 +17,8 @@ from sim.discover.design import (
     separation,
     worth,
 )
-from sim.discover.forward import Step, go_forward
+from sim.discover.forward import Search, go_forward
+from sim.discover.step import Step
 from tests.sim.discover.made import at_least_squares
 from tests.sim.discover.straight import ASKED, NAMES, SHARED, each_by_itself, fit_straight, slopes_and_y
 
@@ -27,7 +28,7 @@ SHOTS, SEED = 30, 5
 
 def step_of(monkeypatch: pytest.MonkeyPatch, shots: int = SHOTS, planted: dict[str, float] = PLANTED) -> Step:
     fitted = fit_straight(monkeypatch, planted, SEED, shots=shots)
-    step = go_forward(fitted, each_by_itself(fitted), None, (), (), 0.05, 0, lambda done, note: None)[0]
+    step = go_forward(fitted, None, Search(each_by_itself(fitted), (), (), 0.05, 0), lambda done, note: None)[0]
     return replace(step, unknown=False)          # so few shots hardly say that anything is there at all
 
 

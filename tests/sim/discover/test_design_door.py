@@ -10,7 +10,7 @@ import pytest
 import truearc
 from doors.design import as_table, lines_of
 from sim.discover.design import make_design
-from sim.discover.forward import go_forward
+from sim.discover.forward import Search, go_forward
 from sim.shots import Dataset, Shots, save_dataset
 from tests.sim.discover.straight import FACTS as STRAIGHT
 from tests.sim.discover.straight import each_by_itself, fit_straight
@@ -19,7 +19,7 @@ from tests.sim.discover.worlds import FACTS
 
 def test_a_plan_names_configurations_that_were_shot(monkeypatch: pytest.MonkeyPatch) -> None:
     fitted = fit_straight(monkeypatch, {"spin_drag.share": 0.45}, 5, shots=30)
-    (step, *_) = go_forward(fitted, each_by_itself(fitted), None, (), (), 0.05, 0, lambda done, note: None)
+    (step, *_) = go_forward(fitted, None, Search(each_by_itself(fitted), (), (), 0.05, 0), lambda done, note: None)
     step = replace(step, unknown=False)
     distance_m = np.linspace(2.0, 6.0, 30)
     shots = Shots(tuple(f"s{k}" for k in range(30)), {"distance_m": distance_m, "hood_deg": np.full(30, 45.0)}, {})

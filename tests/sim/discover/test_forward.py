@@ -1,16 +1,20 @@
 """One effect after another, where everything is linear: each is put in before the next is looked for."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from sim.discover.believed import Fitted
-from sim.discover.forward import MOST, Step, go_forward, promote
+from sim.discover.forward import MOST, Search, go_forward, without_outrun
+from sim.discover.name import name_terms
 from sim.discover.refit import refit
+from sim.discover.step import Step, promote
 from tests.sim.discover.straight import ASKED, SHARED, each_by_itself, fit_straight
 
 
 def steps_of(fitted: Fitted) -> tuple[Step, ...]:
-    return go_forward(fitted, each_by_itself(fitted), None, (), (), 0.05, 0, lambda done, note: None)
+    return go_forward(fitted, None, Search(each_by_itself(fitted), (), (), 0.05, 0), lambda done, note: None)
 
 
 def test_two_effects_are_named_in_turn_and_then_it_ends(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -22,9 +26,45 @@ def test_two_effects_are_named_in_turn_and_then_it_ends(monkeypatch: pytest.Monk
     assert not any(step.unknown for step in steps)
     for step in steps:
         assert step.after.sum() > step.before.sum() + 10.0
-    assert steps[1].before == pytest.approx(steps[0].after, abs=0.02)      # what was named is believed from then on
+    assert steps[1].after == pytest.approx(steps[0].after, abs=0.02)       # either with the other in
     found = steps[1].refit.amplitude[0], steps[1].fitted.values["wind_z.speed_m_s"]
     assert found == pytest.approx((0.5, 0.9), abs=0.25)
+
+
+def test_a_name_that_only_stood_for_two_others_goes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What lies between two effects explains more than either alone, and nothing once both are in."""
+    planted = {"wind_z.speed_m_s": 1.2, "added_mass.share": 0.8}
+    fitted = fit_straight(monkeypatch, planted, 5, 400, usual=dict.fromkeys(ASKED, 1.0),
+                          between={"drag_wear.share": tuple(planted)})
+    assert name_terms(fitted, lambda done, note: None).leader == "drag_wear.share"
+    steps = steps_of(fitted)
+    assert [step.naming.leader for step in steps] == list(planted)
+    assert [float(step.refit.amplitude[0]) for step in steps] == pytest.approx(list(planted.values()), abs=0.3)
+    assert [step.naming.chosen for step in steps] == [(name,) for name in planted]
+
+
+def outrun_steps(monkeypatch: pytest.MonkeyPatch, curve: float, second: float) -> tuple[Step, ...]:
+    """Two steps, the first outrun by a free curve that gains `curve` a shot over nothing; the second name gains
+    `second` a shot over the first."""
+    (step, *_) = steps_of(fit_straight(monkeypatch, {"wind_z.speed_m_s": 0.9}, 2))
+    rng = np.random.default_rng(0)
+    first = replace(step, unknown=True, outrun=True, free=step.before + curve + 0.1 * rng.normal(size=len(step.before)))
+    after = step.after + second + 0.1 * rng.normal(size=len(step.before))
+    return first, replace(step, before=step.after, after=after, unknown=False, outrun=False)
+
+
+def test_names_that_together_beat_the_curve_stand(monkeypatch: pytest.MonkeyPatch) -> None:
+    steps = outrun_steps(monkeypatch, 0.5, 1.0)
+    kept = without_outrun(steps)
+    assert len(kept) == 2 and not any(step.unknown for step in kept)
+    assert kept[0].rival is not None and kept[0].rival < 0.0
+
+
+@pytest.mark.parametrize("curve, second", [(3.0, 1.0), (0.5, 0.0)])
+def test_names_that_do_not_leave_the_unknown(monkeypatch: pytest.MonkeyPatch, curve: float, second: float) -> None:
+    """Worse than the curve all together, or no better than the first alone."""
+    kept = without_outrun(outrun_steps(monkeypatch, curve, second))
+    assert len(kept) == 1 and kept[0].unknown
 
 
 def test_it_stops_after_so_many(monkeypatch: pytest.MonkeyPatch) -> None:

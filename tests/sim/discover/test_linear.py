@@ -46,7 +46,10 @@ class Bench:
         return exit, plane, track
 
     def still(self) -> Spot:
-        return replace(self.spot, deviates=np.zeros_like(self.spot.deviates))
+        """Every shot that deviates does so as all of those do on average."""
+        deviates = self.spot.deviates
+        own = deviates.any(axis=1, keepdims=True)
+        return replace(self.spot, deviates=own * deviates[own[:, 0]].mean(0))
 
 
 @pytest.fixture(scope="module")
@@ -154,7 +157,7 @@ def brute(bench: Bench) -> dict[int, Brute]:
 
 
 def column_slope(bench: Bench, name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """What one column's input does to a shot without deviation, by differences of `see`."""
+    """What one column's input does to a shot that deviates as all do on average, by differences of `see`."""
     source, still, step = int(bench.layout.source[bench.evidence.index(name)]), bench.still(), 1e-5
     sides = []
     for sign in (1.0, -1.0):
@@ -163,8 +166,8 @@ def column_slope(bench: Bench, name: str) -> tuple[np.ndarray, np.ndarray, np.nd
             values[source] += sign * step
             sides.append(bench.see(replace(still, values=values)))
         else:
-            off = np.zeros_like(still.deviates)
-            off[:, source - len(bench.layout.chain.slots)] = sign * step
+            off = still.deviates.copy()
+            off[:, source - len(bench.layout.chain.slots)] += sign * step
             sides.append(bench.see(replace(still, deviates=off)))
     return tuple((a - b) / (2.0 * step) for a, b in zip(*sides, strict=True))       # type: ignore[return-value]
 

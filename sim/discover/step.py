@@ -1,0 +1,125 @@
+"""One effect: its name, and what the name is worth beside a free curve, beside decoys, and averaged with others."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import logsumexp
+
+from sim.discover.ask import Clusters
+from sim.discover.believed import Fitted, only_shared
+from sim.discover.correct import correct
+from sim.discover.decoys import share_above
+from sim.discover.evidence import Array
+from sim.discover.linear import Layout, linearise
+from sim.discover.locate import Place
+from sim.discover.name import Naming, name_terms
+from sim.discover.refit import Refit, clustered_error, folds_of, unseen_score, without
+
+Progress = Callable[[float, str], None]
+CLEARLY = 2.0                         # standard errors by which a free curve must beat the best name on unseen shots
+FALSE_NAMES = 0.1                     # share of deals of decoys that may do as well as a name
+
+
+@dataclass(frozen=True)
+class Step:
+    """One effect. `before`, `after`, `average`, `free` [n]: log scores of unseen shots without it, with the leading
+    name, with all names as far as they are likely, with the free curve. What else was named is in `fitted`.
+
+    rival: nats by which the curve beats the name on unseen shots (None without a curve). decoys: share of deals in
+    which one does as well as the name. unknown: the curve beats it clearly, decoys do too often, or nothing has a name.
+    """
+
+    naming: Naming
+    place: Place | None
+    before: Array
+    after: Array
+    average: Array
+    free: Array | None
+    rival: float | None
+    decoys: float
+    unknown: bool
+    base: tuple[str, ...]             # names put in before
+    fitted: Fitted                    # without this effect
+    outrun: bool                      # it is unknown for the curve's sake alone: more names might do better yet
+
+    @property
+    def refit(self) -> Refit:
+        return self.naming.refits[self.naming.leader]
+
+
+def make_step(fitted: Fitted, clusters: Clusters, place: Place | None, base: tuple[str, ...], seed: int,
+              progress: Progress) -> Step:
+    """Name what is left in `fitted`, and weigh the name against a free curve and decoys."""
+    naming = name_terms(fitted, progress)
+    before = unseen_score(without(fitted.evidence), clusters)
+    scores = {name: unseen_score(one.evidence, clusters) for name, one in naming.refits.items()}
+    after, average = scores[naming.leader], averaged(naming, before, scores, clusters.label[fitted.evidence.rows])
+    free = None if place is None else place.correction.log_after
+    rivals = _rivals(naming, after, place, clusters, fitted)
+    decoys = share_above(fitted.evidence, clusters, naming.nats[naming.leader], seed)
+    nameless = naming.nats[naming.leader] <= 0.0 or decoys > FALSE_NAMES
+    outrun = not nameless and bool(rivals) and all(_clearly(gain, fitted) for gain in rivals)
+    rival = min((worth(gain, fitted) for gain in rivals), default=None)
+    return Step(naming, place, before, after, average, free, rival, decoys, nameless or outrun, base, fitted, outrun)
+
+
+def averaged(naming: Naming, before: Array, scores: dict[str, Array], label: Array) -> Array:
+    """Log score [n] of unseen shots by all refitted names and none, each as likely as the other folds' shots make it.
+
+    For forecasts: a name that is one of several likely ones forgoes what the others know (Hoeting et al. 1999).
+    """
+    fold = folds_of(label)
+    each = np.stack([before, *scores.values()])
+    nats = np.array([0.0, *(naming.nats[name] for name in scores)])
+    result = np.zeros(len(before))
+    for held in range(fold.max() + 1):
+        out = fold == held
+        log_weight = nats - (each[:, out] - before[out]).sum(1)
+        result[out] = logsumexp(each[:, out].T + log_weight - logsumexp(log_weight), axis=1)
+    return result
+
+
+def _rivals(naming: Naming, after: Array, place: Place | None, clusters: Clusters, fitted: Fitted) -> list[Array]:
+    """What the free curve gains [n] on unseen shots, twice: instead of the name, and, if that is anything, on top of
+    it. The former alone compares two linearisations, the latter alone would take a second effect for proof against
+    the first."""
+    if place is None:
+        return []
+    instead = place.correction.log_after - after
+    if instead.sum() <= 0.0:
+        return [instead]
+    named = promote(fitted, naming.refits[naming.leader])
+    test = replace(place.test, column=named.evidence.index(place.column.name))
+    return [instead, correct(named.evidence, test, clusters).gain]
+
+
+def _clearly(gain: Array, fitted: Fitted) -> bool:
+    """Whether log scores [n] of unseen shots are better by more than chance, and by more than a trifle."""
+    return bool(gain.mean() > CLEARLY * clustered_error(gain, fitted.together) and gain.sum() > CLEARLY)
+
+
+def worth(gain: Array, fitted: Fitted) -> float:
+    """Nats that log scores [n] of unseen shots gain; no more than their own spread vouches for, since shots that lie
+    far beyond their stated noise speak louder than they know."""
+    error = clustered_error(gain, fitted.together)
+    total = float(gain.sum())
+    return total if total <= 0.0 or error <= 0.0 else min(total, 0.5 * float(gain.mean() / error)**2)
+
+
+def promote(fitted: Fitted, found: Refit) -> Fitted:
+    """The fit with the named columns among the shared ones, at the refit's optimum."""
+    layout = promoted(fitted.layout, found.names)
+    spot = found.spot
+    return Fitted(fitted.intake, layout, spot, linearise(fitted.intake, layout, spot)[0])
+
+
+def promoted(layout: Layout, names: tuple[str, ...]) -> Layout:
+    """The layout with these columns moved from the asked to the shared ones."""
+    first = len(layout.columns) - len(layout.precision)
+    kept = [k for k in range(first) if layout.columns[k].name not in names]
+    inner = only_shared(layout, names)
+    shift = len(kept)
+    return replace(inner, chain=layout.chain, columns=(*(layout.columns[k] for k in kept), *inner.columns),
+                   source=np.concatenate([layout.source[kept], inner.source]),
+                   scatters=tuple(place + shift if place >= 0 else -1 for place in inner.scatters))
