@@ -40,7 +40,7 @@ def find_table(directory: Path, stem: str) -> Path | None:
 
 def load_table(path: Path, problems: Problems) -> Table:
     """Read a table; rows of a wrong length become problems, an unreadable file is BadInput."""
-    return _load_parquet(path) if path.suffix == ".parquet" else parse_csv(_text_of(path), path, problems)
+    return _load_parquet(path) if path.suffix == ".parquet" else parse_csv(text_of(path), path, problems)
 
 
 def parse_csv(text: str, path: Path, problems: Problems) -> Table:
@@ -88,7 +88,8 @@ def _rows(text: str, path: Path) -> Iterator[tuple[int, list[str]]]:
             yield line, cells
 
 
-def _text_of(path: Path) -> str:
+def text_of(path: Path) -> str:
+    """A text file; BadInput names it, and the line that is no UTF-8."""
     try:
         data = path.read_bytes()
     except OSError as error:

@@ -16,6 +16,8 @@ from robot.facts import Air, Ball, Believe, Facts, LauncherFacts, Noise, Target,
 from sim.dataset.problems import Problems, gathered
 from sim.dataset.table import Table, load_table
 from sim.importers.cells import need_columns, number_column, text_column
+from sim.importers.frc_254 import load_254
+from sim.importers.originals import INCH_M, json_rows, scaled
 from sim.shots import Dataset, Shots
 
 RPM = 2.0 * math.pi / 60.0
@@ -25,25 +27,28 @@ OPENING_M = (0.0762, 0.381)           # half heights: the ball's margin in the i
 WHEEL_M = 0.0508                      # 4 in
 RELEASE_M = 0.75                      # stated by nobody
 DISTANCE_M = 0.05
+NO_DATE = "2021-01-01T00:00:00+00:00" # of a file without one: all its set points are of one moment
 
 
 @dataclass(frozen=True)
 class Robot:
     """How one team's numbers are read. elevation_deg: of its `hood_raw`; `taken`: tables of it, by the ball they are
-    for; a wheel of WHEEL_M runs against a hood that stands still."""
+    for; a wheel of WHEEL_M runs against a hood that stands still. load: its own files, or CSV."""
 
     team: str
     taken: dict[str, str]
     elevation_deg: Callable[[float], float]
+    load: Callable[[Path, Problems], Table] = load_table
 
 
 # larger numbers are flatter shots (its hood's home, 45, is the steepest); counted from the vertical
-ROBOT_254 = Robot("254", {"laser_old_ball": "old", "laser_new_ball": "new"}, lambda raw: 90.0 - raw)
+ROBOT_254 = Robot("254", {"laser_old_ball": "old", "laser_medium_ball": "medium", "laser_new_ball": "new"},
+                  lambda raw: 90.0 - raw, load_254)
 ROBOT_2910 = Robot("2910", {"west_valley": ""}, lambda raw: raw)
 
 
 def import_254(tables: str | Path) -> Dataset:
-    """Team 254 (2020), one table for new balls and one for old ones; as import_set_points."""
+    """Team 254 (2020), tables for old, medium and new balls, CSV or their Constants.java; as import_set_points."""
     return import_set_points(tables, ROBOT_254)
 
 
@@ -58,7 +63,7 @@ def import_set_points(tables: str | Path, robot: Robot) -> Dataset:
     BadInput names file, line and column of each bad row. Set points that the team itself extrapolated are left out.
     """
     with gathered() as problems:
-        table = load_table(Path(tables), problems)
+        table = robot.load(Path(tables), problems)
         need_columns(table, ("team", "table", "distance_m", "wheel_rpm", "hood_raw", "note"))
         team, name = text_column(table, "team", problems), text_column(table, "table", problems)
         mine = [row for row in range(len(team)) if team[row] == robot.team and name[row] in robot.taken]
@@ -81,10 +86,11 @@ def import_set_points(tables: str | Path, robot: Robot) -> Dataset:
 def import_3476(history: str | Path) -> Dataset:
     """Team 3476 (2021): dated versions of one table; a shot for each set point that a version changed.
 
-    `t_s` counts from the first version. Set points that a version kept are no new shots and are left out.
+    `t_s` counts from the first version. Set points that a version kept are no new shots and are left out. One version
+    alone can be read from its own shooterconfig.json.
     """
     with gathered() as problems:
-        table = load_table(Path(history), problems)
+        table = _history(Path(history), problems)
         need_columns(table, ("commit", "committed_at", "distance_m", "hood_eject_angle_deg", "flywheel_rpm"))
         commit, when = text_column(table, "commit", problems), text_column(table, "committed_at", problems)
         every = list(range(len(commit)))
@@ -99,8 +105,21 @@ def import_3476(history: str | Path) -> Dataset:
     distance_m, wheel_rpm, hood_deg = numbers[rows].T
     shots = _shots(tuple(f"{commit[row]}-{row:03d}" for row in rows), distance_m, wheel_rpm, hood_deg,
                    {"t_s": time_s[rows] - time_s.min()}, {"version": tuple(commit[row] for row in rows)})
+    same = len(every) - len(rows)
     return Dataset("frc-3476", _facts(), shots,
-                   left_out=(f"{len(every) - len(rows)} set points that a version left as they were",))
+                   left_out=(f"{same} set points that a version left as they were",) if same else ())
+
+
+def _history(path: Path, problems: Problems) -> Table:
+    """Versions in CSV; or a shooterconfig.json, which has no date."""
+    if path.suffix != ".json":
+        return load_table(path, problems)
+    found = json_rows(path, "shooterConfigs", ("distance", "hoodEjectAngle", "flywheelSpeed"))
+    count = len(found.lines)
+    return Table(path, {"commit": [path.stem] * count, "committed_at": [NO_DATE] * count,
+                        "distance_m": scaled(found.columns["distance"], INCH_M),
+                        "hood_eject_angle_deg": found.columns["hoodEjectAngle"],
+                        "flywheel_rpm": found.columns["flywheelSpeed"]}, found.lines)
 
 
 def _numbers(table: Table, rows: list[int], names: tuple[str, ...], problems: Problems) -> np.ndarray:

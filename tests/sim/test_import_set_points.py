@@ -1,6 +1,7 @@
 """Importing tuned set points: the team's own numbers as configurations, extrapolations and repetitions left out."""
 
 import csv
+import json
 from pathlib import Path
 
 import numpy as np
@@ -68,6 +69,61 @@ def test_bad_rows_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
         import_3476(write(tmp_path / "h.csv", HISTORY, when))
     assert truearc.main(["import", "frc-254", str(tmp_path / "missing.csv"), "-o", str(tmp_path / "out")]) == 2
     assert "missing.csv" in capsys.readouterr().err
+
+
+JAVA = """
+// kLaserOldHoodMap.put(new InterpolatingDouble(1.0), new InterpolatingDouble(1.0));
+kLaserOldHoodMap.put(new InterpolatingDouble(100.0), new InterpolatingDouble(46.0));
+kLaserOldHoodMap.put(new InterpolatingDouble(140.0), new InterpolatingDouble(50.0));
+kLaserOldHoodMap.put(new InterpolatingDouble(140.0), new InterpolatingDouble(50.0));
+kLaserOldHoodMap.put(new InterpolatingDouble(152.0), new InterpolatingDouble(51.2));
+kLaserMediumHoodMap.put(new InterpolatingDouble(200.0), new InterpolatingDouble(55.0));
+kLaserRPMMap.put(new InterpolatingDouble(0.0), new InterpolatingDouble(4500.0));
+kLobHoodMap.put(new InterpolatingDouble(172.0), new InterpolatingDouble(48.75));
+"""
+
+
+def test_254s_own_file_is_read_without_what_is_no_shot(tmp_path: Path) -> None:
+    path = tmp_path / "Constants.java"
+    path.write_text(JAVA)
+    dataset = import_254(path)
+    shots = dataset.shots
+    assert shots.text("ball_quality") == ("old", "old", "medium")
+    assert shots.number("distance_m") == pytest.approx([2.54, 3.556, 5.08])
+    assert shots.number("hood_deg") == pytest.approx([44.0, 40.0, 35.0])
+    assert shots.number("wheel_main_rad_s") == pytest.approx([471.23889803846896] * 3)
+    # 12 in further on the line of the two before
+    assert dataset.left_out == (f"{path}:6: extrapolated by the team",)
+    path.write_text(JAVA.replace("140.0", "far", 1))
+    with pytest.raises(BadInput, match=r"Constants\.java:4: distance_m: 'far' is not a finite number"):
+        import_254(path)
+    path.write_text(JAVA + "kLaserRPMMap.put(new InterpolatingDouble(9.0), new InterpolatingDouble(5000.0));")
+    with pytest.raises(BadInput, match="several speeds"):
+        import_254(path)
+    path.write_text("// nothing")
+    with pytest.raises(BadInput, match="holds no numbers"):
+        import_254(path)
+
+
+def config(angle: object, speed: float, distance: float) -> dict[str, object]:
+    return {"hoodEjectAngle": angle, "flywheelSpeed": speed, "distance": distance}
+
+
+def test_3476s_own_file_is_one_version_without_a_date(tmp_path: Path) -> None:
+    path = tmp_path / "shooterconfig.json"
+    path.write_text(json.dumps({"shooterConfigs": [config(29.0, 4500, 57), config(20, 4900.0, 135.0)]}, indent=1))
+    dataset = import_3476(path)
+    assert dataset.shots.number("distance_m") == pytest.approx([1.4478, 3.429])
+    assert dataset.shots.number("hood_deg").tolist() == [29.0, 20.0]
+    assert dataset.shots.number("t_s").tolist() == [0.0, 0.0]
+    assert dataset.left_out == ()
+    path.write_text(json.dumps({"shooterConfigs": [config(29.0, 4500, 57), config("steep", 1, 2)]}, indent=1))
+    with pytest.raises(BadInput, match=r"json:11: hood_eject_angle_deg: 'steep' is not a finite number"):
+        import_3476(path)
+    for text in ("{", "{}", '{"shooterConfigs": [{"distance": 1}]}'):
+        path.write_text(text)
+        with pytest.raises(BadInput, match="has no list 'shooterConfigs'"):
+            import_3476(path)
 
 
 @pytest.mark.data

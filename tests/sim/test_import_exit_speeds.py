@@ -1,0 +1,117 @@
+"""Importing measured exit speeds: wheels and speeds as they stand, backspin positive, every bad row named."""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import truearc
+from robot.config import BadInput
+from sim.importers.exit_speeds import import_971, import_fuel
+from sim.physics.shot import launch_of
+from sim.shots import Shots, load_dataset
+
+SPEEDS = ("ball_speed_mps", "accelerator_rad_s", "finisher_rad_s")
+FUEL = ("hood_elevation_deg", "motor_rpm", "exit_speed_mps", "spin_rev_s", "ball_mass_kg", "ball_radius_m")
+CONSTANTS = """
+  // {{9.9, {200.0, kVelocityFinisher}}
+  constexpr double kVelocityFinisher = 350.0;
+  shots = Table({{1.0, {0.01, 10.7}}, {1.2, {0.01, 10.7}}});
+  speeds = Table({{10.6, {250.0, kVelocityFinisher}},
+                  {17.0, {500.0,
+                          kVelocityFinisher}}});
+"""
+
+
+def write(path: Path, header: tuple[str, ...], rows: list[tuple[object, ...]]) -> Path:
+    with path.open("w", newline="") as file:
+        csv.writer(file).writerows([header, *rows])
+    return path
+
+
+def test_wheels_on_both_sides_drive_the_ball_at_surface_speed_without_spin(tmp_path: Path) -> None:
+    dataset = import_971(write(tmp_path / "s.csv", SPEEDS, [(10.6, 250, 350), (17, 500, 350)]))
+    shots = dataset.shots
+    unmeasured = Shots(shots.shot_id, {k: v for k, v in shots.numbers.items() if k != "exit_speed_m_s"}, {})
+    leaving = launch_of(dataset.facts, unmeasured)
+    assert leaving.speed_m_s == pytest.approx([12.7, 25.4])       # 250 and 500 rad/s of a 4-inch wheel
+    assert leaving.spin_rev_s == pytest.approx([0.0, 0.0], abs=1e-12)
+    assert dataset.shots.number("exit_speed_m_s").tolist() == [10.6, 17.0]
+    assert "distance_m" not in dataset.shots.numbers
+
+
+def test_the_teams_own_file_says_the_same_as_the_table(tmp_path: Path) -> None:
+    original = tmp_path / "constants.cc"
+    original.write_text(CONSTANTS)
+    shots = import_971(original).shots
+    assert shots.number("exit_speed_m_s").tolist() == [10.6, 17.0]
+    assert shots.number("wheel_left_rad_s").tolist() == [250.0, 500.0]
+    original.write_text(CONSTANTS.replace("17.0", "kFast"))
+    with pytest.raises(BadInput, match=r"constants\.cc:6: ball_speed_mps: 'kFast' is not a finite number"):
+        import_971(original)
+    original.write_text("int main() {}")
+    with pytest.raises(BadInput, match=r"constants\.cc: holds no numbers"):
+        import_971(original)
+
+
+def test_what_lifts_the_ball_is_backspin(tmp_path: Path) -> None:
+    path = write(tmp_path / "f.csv", FUEL, [(46, 3000, 5.6, -3.2, 0.215, 0.075), (46, 6000, 8.1, -6.7, 0.215, 0.075)])
+    dataset = import_fuel(path)
+    assert dataset.shots.number("exit_spin_rev_s").tolist() == [3.2, 6.7]
+    assert dataset.shots.number("hood_deg").tolist() == [46.0, 46.0]
+    assert (dataset.facts.ball.mass_kg, dataset.facts.ball.radius_m) == (0.215, 0.075)
+    assert dataset.facts.launcher.wheel == ()
+
+
+@pytest.mark.parametrize(("line", "column", "cell", "says"), [
+    (3, "exit_speed_mps", "fast", "f.csv:3: exit_speed_mps: 'fast' is not a finite number"),
+    (3, "exit_speed_mps", "-1", "f.csv:3: exit_speed_mps: -1 must be above 0"),
+    (2, "motor_rpm", "", "f.csv:2: motor_rpm: is missing"),
+    (2, "ball_mass_kg", "0", "f.csv:2: ball_mass_kg: 0 must be above 0"),
+])
+def test_a_bad_cell_is_named(tmp_path: Path, line: int, column: str, cell: str, says: str) -> None:
+    rows: list[list[object]] = [[46, 3000, 5.6, -3.2, 0.215, 0.075], [46, 6000, 8.1, -6.7, 0.215, 0.075]]
+    rows[line - 2][FUEL.index(column)] = cell
+    with pytest.raises(BadInput) as caught:
+        import_fuel(write(tmp_path / "f.csv", FUEL, [tuple(row) for row in rows]))
+    assert says in str(caught.value)
+
+
+def test_a_missing_column_is_named(tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match=r"s\.csv:1: column accelerator_rad_s is missing"):
+        import_971(write(tmp_path / "s.csv", SPEEDS[:1], [(10.6,)]))
+
+
+def test_too_few_to_judge_by_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = write(tmp_path / "f.csv", FUEL, [(46, 3000, 5.6, -3.2, 0.215, 0.075)])
+    assert truearc.main(["import", "fuel", str(path), "-o", str(tmp_path / "d")]) == 0
+    assert truearc.main(["discover", str(tmp_path / "d")]) == 2
+    assert "1 shots are too few" in capsys.readouterr().err
+
+
+@settings(max_examples=40, deadline=None)
+@given(rows=st.lists(st.tuples(st.floats(0.1, 60.0), st.floats(1.0, 900.0)), min_size=1, max_size=20))
+def test_every_row_arrives(tmp_path_factory: pytest.TempPathFactory, rows: list[tuple[float, float]]) -> None:
+    home = tmp_path_factory.mktemp("speeds")
+    table = [(speed, wheel, 350.0) for speed, wheel in rows]
+    assert truearc.main(["import", "frc-971", str(write(home / "s.csv", SPEEDS, table)), "-o", str(home / "d")]) == 0
+    shots = load_dataset(home / "d").shots
+    assert shots.number("exit_speed_m_s").tolist() == [speed for speed, _ in rows]
+    assert shots.number("wheel_right_rad_s").tolist() == [wheel for _, wheel in rows]
+
+
+@pytest.mark.data
+def test_the_real_speeds(data_dir: Path) -> None:
+    shots = import_971(data_dir / "real/frc971_wheel_to_ball_speed.csv").shots
+    with (data_dir / "real/frc971_wheel_to_ball_speed.csv").open(newline="") as file:
+        stated = [float(row["ball_over_surface"]) for row in csv.DictReader(file)]
+    share = shots.number("exit_speed_m_s") / (shots.number("wheel_left_rad_s") * 0.0508)
+    assert share == pytest.approx(stated, abs=1e-3)
+    # the share falls from its highest on, at wheel speeds that the team stepped by 25 rad/s
+    assert np.all(np.diff(share[2:]) < 0.0)
+    fuel = import_fuel(data_dir / "real/fuel_exit_speed_spin_46deg.csv").shots
+    assert len(fuel) == 4
+    assert np.all(np.diff(fuel.number("exit_spin_rev_s")) > 0.0)
