@@ -52,7 +52,9 @@ def run(path: str, rivals: tuple[str, ...], job: Job) -> None:
 
     _put(line, OURS, ours)
     believed = believed_of(found[0]) if found else None
-    if believed is not None:
+    if believed is None:
+        line["errors"] |= dict.fromkeys(rivals, "there is no believed fit to start from")
+    else:
         line["ceiling"] = _ceiling(job, world, found[0])
         for rival in rivals:
             _put(line, rival, partial(find_rival(rival), dataset, believed, job.index))
