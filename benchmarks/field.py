@@ -101,7 +101,7 @@ def main() -> int:
     try:
         if args.table is None:
             _run_all(args)
-        _tell(Path(args.table or args.out))
+        _tell(Path(args.table or args.out), args.everywhere)
     except BadInput as error:
         print(error, file=sys.stderr)
         return 2
@@ -129,11 +129,11 @@ def _whole(path: Path) -> dict[str, dict[str, Any]]:
     return worlds
 
 
-def _tell(path: Path) -> None:
+def _tell(path: Path, everywhere: bool) -> None:
     worlds = list(_whole(path).values())
     if not worlds:
         raise BadInput(f"{path}: no world is in it")
-    print(make_table(worlds))
+    print(make_table(worlds, everywhere))
     for line in worlds:
         for entrant, error in line["errors"].items():
             print(f"{entrant} broke in {line['key']}: {error.strip().splitlines()[-1]}")
@@ -150,6 +150,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--seed", type=int, default=0, help="below 1000 to develop on (0)")
     parser.add_argument("--processes", type=int, help="at a time (one a core)")
     parser.add_argument("--again", action="store_true", help="run worlds again in which somebody broke")
+    parser.add_argument("--everywhere", action="store_true", help="count worlds that cannot be resolved, too")
     where = parser.add_mutually_exclusive_group(required=True)
     where.add_argument("--out", metavar="FILE", help="file of worlds to add to")
     where.add_argument("--table", metavar="FILE", help="only print the table of a file of worlds")

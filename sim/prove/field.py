@@ -59,35 +59,40 @@ def marks_of(line: dict[str, Any]) -> list[Mark]:
     return found
 
 
-def make_table(lines: Sequence[dict[str, Any]]) -> str:
-    """Markdown: nulls, each hidden effect, all together; of each, every entrant. Shares with Wilson 95 % and counts."""
+def make_table(lines: Sequence[dict[str, Any]], everywhere: bool = False) -> str:
+    """Markdown: nulls, each hidden effect, all together; of each, every entrant. Shares with Wilson 95 % and counts.
+
+    Of worlds with something hidden only the resolvable ones are counted, unless `everywhere`.
+    """
     marks = [mark for line in lines for mark in marks_of(line)]
     entrants = [OURS, *dict.fromkeys(mark.entrant for mark in marks if mark.entrant != OURS)]
     rows = ["| " + " | ".join(HEAD) + " |", "|" + "---|" * len(HEAD)]
     nulls = [mark for mark in marks if mark.kind == "nulls"]
     for name in [*dict.fromkeys(mark.name for mark in nulls), "together"] if nulls else ():
         mine = [mark for mark in nulls if name in (mark.name, "together")]
-        rows += _lines(f"nothing: {name}", mine, entrants, hidden=False)
+        rows += _lines(f"nothing: {name}", mine, mine, entrants)
     hidden = [mark for mark in marks if mark.kind != "nulls"]
     for scale in sorted({mark.scale for mark in hidden}, reverse=True):
         here = [mark for mark in hidden if mark.scale == scale]
-        for kind, name in dict.fromkeys((mark.kind, mark.name) for mark in here):
-            said = f"{name}{' (cut)' if kind == 'cut' else ''} x {scale:g}"
-            rows += _lines(said, [mark for mark in here if (mark.kind, mark.name) == (kind, name)], entrants)
-        rows += _lines(f"**together x {scale:g}**", here, entrants)
+        for kind, name in [*dict.fromkeys((mark.kind, mark.name) for mark in here), ("", "")]:
+            said = f"{name}{' (cut)' if kind == 'cut' else ''} x {scale:g}" if name else f"**together x {scale:g}**"
+            mine = [mark for mark in here if not name or (mark.kind, mark.name) == (kind, name)]
+            rows += _lines(said, mine, [mark for mark in mine if everywhere or mark.resolvable], entrants)
     return "\n".join([*rows, "", *_against_target(hidden)])
 
 
-def _lines(hidden_name: str, marks: Sequence[Mark], entrants: Sequence[str], hidden: bool = True) -> list[str]:
-    """A row an entrant; of worlds with something hidden only the resolvable ones are counted."""
+def _lines(hidden: str, marks: Sequence[Mark], counted: Sequence[Mark], entrants: Sequence[str]) -> list[str]:
+    """A row an entrant, of the worlds that count; one row in all where none does."""
+    worlds = max(sum(mark.entrant == one for mark in marks) for one in entrants)
+    if not counted:
+        return [f"| {hidden} | 0 of {worlds} |" + " - |" * (len(HEAD) - 2)]
     rows = []
     for entrant in entrants:
-        mine = [mark for mark in marks if mark.entrant == entrant]
-        counted = [mark for mark in mine if mark.resolvable] if hidden else mine
-        cells = [hidden_name, f"{len(counted)} of {len(mine)}" if hidden else f"{len(mine)}", entrant,
-                 _words(counted, lambda mark: mark.says), _words(counted, lambda mark: mark.right),
-                 _words(counted, lambda mark: mark.alias), _ends(counted),
-                 f"{np.median([mark.seconds for mark in mine]):.0f}" if mine else "-"]
+        mine = [mark for mark in counted if mark.entrant == entrant]
+        seconds = f"{np.median([mark.seconds for mark in mine]):.0f}" if mine else "-"
+        cells = [hidden, f"{sum(mark.resolvable for mark in mine)} of {worlds}" if mine and mine[0].kind != "nulls"
+                 else f"{worlds}", entrant, _words(mine, lambda mark: mark.says),
+                 _words(mine, lambda mark: mark.right), _words(mine, lambda mark: mark.alias), _ends(mine), seconds]
         rows.append("| " + " | ".join(cells) + " |")
     return rows
 

@@ -44,6 +44,13 @@ def test_only_resolvable_worlds_are_counted_and_the_target_is_told() -> None:
     assert table["spin_decay x 1", "gp"][3:7] == [ALL, NONE, NONE, "-"]
     assert table["nothing: clean", "gp"][3:5] == [ALL, "-"]
     assert f"names it {ALL}: reached" in make_table(lines)
+    assert "| spin_decay x 1 | 1 of 2 | truearc | 0.50 (0.09-0.91), 2 |" in make_table(lines, everywhere=True)
+
+
+def test_what_cannot_be_resolved_anywhere_has_one_row() -> None:
+    lines = [line("effects", "spin_decay", {"truearc": MUTE, "gp": MUTE}, detected=0.5)]
+    assert make_table(lines).count("spin_decay x 1 | 0 of 1 | -") == 1
+    assert "No world with something hidden is resolvable." in make_table(lines)
 
 
 def test_what_is_hidden_belongs_to_the_flight() -> None:
