@@ -10,12 +10,9 @@ as in the design's targets, unless --scale says otherwise.
 """
 
 import argparse
-import lzma
-import os
 import sys
 import time
 import traceback
-from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -34,6 +31,7 @@ from sim.prove.suite import KINDS, Job, plan_jobs, world_of
 from sim.prove.table import make_tables
 from sim.prove.truth.shoot import shoot
 from sim.prove.truth.world import World, as_table
+from sim.prove.worldfile import append_line, lines_of, mend
 
 SCALES = {"L0": 1.0, "L1": 1.0, "L2": 0.25}
 FALSE_ALARM = 0.05
@@ -57,7 +55,7 @@ def run(path: str, job: Job) -> None:
         took = time.perf_counter() - made
     line = {"key": job.key, "job": job, "truth": as_table(world), "seconds": took, "making_s": made - begin,
             "finding": _short(finding), "error": error}
-    _append(path, msgspec.json.encode(line) + b"\n")
+    append_line(path, line)
 
 
 def _with_ceiling(finding: dict[str, Any], found: Investigation, job: Job, world: World) -> dict[str, Any]:
@@ -74,25 +72,6 @@ def _with_ceiling(finding: dict[str, Any], found: Investigation, job: Job, world
 def _short(finding: dict[str, Any] | None) -> dict[str, Any] | None:
     """Without the long list of single tests."""
     return finding and {**finding, "mismatch": {**finding["mismatch"], "tests": {}}}
-
-
-def _append(path: str, data: bytes) -> None:
-    """In one write at the end of the file: lines of two processes never mix."""
-    file = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
-    try:
-        os.write(file, data)
-    finally:
-        os.close(file)
-
-
-def lines_of(path: Path) -> Iterator[dict[str, Any]]:
-    """Whole lines of a file of worlds, packed (.xz) or not; the last may have been torn by a kill."""
-    data = path.read_bytes() if path.is_file() else b""
-    for line in (lzma.decompress(data) if path.suffix == ".xz" else data).splitlines():
-        try:
-            yield msgspec.json.decode(line)
-        except msgspec.DecodeError:
-            print(f"{path}: a torn line is left out", file=sys.stderr)
 
 
 def grades_of(path: Path) -> tuple[list[Grade], list[str]]:
@@ -129,8 +108,7 @@ def _run_all(args: argparse.Namespace) -> None:
     todo = [job for job in jobs if job.key not in done]
     print(f"{len(jobs)} worlds, {len(jobs) - len(todo)} there already", file=sys.stderr)
     path = Path(args.out)
-    if path.is_file() and not path.read_bytes().endswith(b"\n"):
-        _append(args.out, b"\n")
+    mend(path)
     fan_out(partial(run, str(path.resolve())), todo, progress=make_progress("worlds"), workers=args.processes)
 
 

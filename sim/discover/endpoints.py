@@ -17,7 +17,7 @@ def end_errors(intake: Intake, layout: Layout, spot: Spot, evidence: Evidence, c
     heights measured at the plane against those of the evidence.
     """
     if intake.samples is not None:
-        errors = _track_errors(intake, layout, spot, change)
+        errors = track_errors(intake, layout, spot, change)[:, 2]
     else:
         plane = evidence.plane
         if plane is None or not plane.seen.measured.any():
@@ -27,7 +27,8 @@ def end_errors(intake: Intake, layout: Layout, spot: Spot, evidence: Evidence, c
     return float(np.sqrt(np.mean(errors**2)))
 
 
-def _track_errors(intake: Intake, layout: Layout, spot: Spot, change: Array) -> Array:
+def track_errors(intake: Intake, layout: Layout, spot: Spot, change: Array) -> Array:
+    """[k, 3] in m: each track's last sample less its forecast from the first FORECAST of its samples."""
     samples, rows, scatter = intake.samples, intake.tracked, intake.scatter
     assert samples is not None and scatter is not None
     inputs = layout.inputs
@@ -40,10 +41,10 @@ def _track_errors(intake: Intake, layout: Layout, spot: Spot, change: Array) -> 
            + np.einsum("klcd,kd->klc", by_deviate, spot.deviates[rows]))
     sd = np.sqrt(variance_of(intake, spot.log_scatter))[rows][:, :by_deviate.shape[3]]
     white = whiten(samples, scatter, np.concatenate([off[..., None], by_deviate * sd[:, None, None, :]], axis=3))
-    errors = np.zeros(len(rows))
+    errors = np.zeros((len(rows), 3))
     for k, count in enumerate(samples.real.sum(1)):
         early = white[k, :3 * max(int(FORECAST * count), 4)]
         slope = early[:, 1:]
         told = np.linalg.solve(np.eye(slope.shape[1]) + slope.T @ slope, slope.T @ early[:, 0])
-        errors[k] = off[k, count - 1, 2] - by_deviate[k, count - 1, 2] @ (sd[k] * told)
+        errors[k] = off[k, count - 1] - by_deviate[k, count - 1] @ (sd[k] * told)
     return errors
