@@ -2,8 +2,8 @@
 
     python benchmarks/mujoco.py --level L1,L2 --shots 300 --worlds 5 --seed 11 --out FILE
 
-An unmodified world, from the seed's belief (gravity, drag, magnus): is the mismatch found, where, by what names, and how
-well does the adopted simulation foretell another session's heights at the plane, beside the world's own scatter from
+An unmodified world, from the seed's belief (gravity, drag, magnus): is the mismatch found, where, by what names, and
+how well does the adopted simulation foretell another session's heights at the plane, beside the world's own scatter from
 shot to shot (the same shots with and without it) and beside the seed's belief, fitted. A line of FILE a world; one that
 is there already is not run again. Development used seeds below 1000.
 """
@@ -103,7 +103,7 @@ def main() -> int:
     parser.add_argument("--level", default="L1,L2")
     parser.add_argument("--shots", type=int, default=300)
     parser.add_argument("--worlds", type=int, default=5)
-    parser.add_argument("--seed", type=int, default=11, help="of the first world; the next takes the one after the next")
+    parser.add_argument("--seed", type=int, default=11, help="of the first world; the next is two more")
     parser.add_argument("--out", required=True, metavar="FILE")
     args = parser.parse_args()
     keep_compiled()
