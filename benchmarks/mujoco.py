@@ -3,9 +3,9 @@
     python benchmarks/mujoco.py --level L1,L2 --shots 300 --worlds 5 --seed 11 --out FILE
 
 An unmodified world, from the seed's belief (gravity, drag, magnus): is the mismatch found, where, by what names, and
-how well does the adopted simulation foretell another session's heights at the plane, beside the world's own scatter from
-shot to shot (the same shots with and without it) and beside the seed's belief, fitted. A line of FILE a world; one that
-is there already is not run again. Development used seeds below 1000.
+how well does the adopted simulation foretell another session's heights at the plane, beside the world's own scatter
+from shot to shot (the same shots with and without it) and beside the seed's belief, fitted. A line of FILE a world; one
+that is there already is not run again. Development used seeds below 1000.
 """
 
 import argparse

@@ -70,14 +70,14 @@ def lay_straight(usual: np.ndarray) -> Layout:
 
 
 def slopes_and_y(planted: dict[str, float], seed: int, shots: int, copies: dict[str, str],
-                 between: dict[str, tuple[str, ...]]) -> tuple[np.ndarray, np.ndarray]:
+                 between: dict[str, tuple[str, ...]] | None = None) -> tuple[np.ndarray, np.ndarray]:
     """Slopes all different, but for `copies` {name: of which} and those `between` {name: which two}, nearly as alike to
     either; SHARED are at work too."""
     rng = np.random.default_rng(seed)
     slopes = rng.normal(size=(shots, len(NAMES)))
     for name, original in copies.items():
         slopes[:, NAMES.index(name)] = slopes[:, NAMES.index(original)]
-    for name, (first, second) in between.items():
+    for name, (first, second) in (between or {}).items():
         mean = (slopes[:, NAMES.index(first)] + slopes[:, NAMES.index(second)]) / np.sqrt(2.0)
         slopes[:, NAMES.index(name)] = mean + 0.2 * slopes[:, NAMES.index(name)]
     truth = {SHARED[0]: 0.5, SHARED[1]: -0.3, **planted}
@@ -88,7 +88,7 @@ def fit_straight(monkeypatch: pytest.MonkeyPatch, planted: dict[str, float], see
                  copies: dict[str, str] | None = None, usual: dict[str, float] | None = None,
                  between: dict[str, tuple[str, ...]] | None = None) -> Fitted:
     """The believed fit at its optimum; until the next call it is this world that flies."""
-    slopes, y = slopes_and_y(planted, seed, shots, copies or {}, between or {})
+    slopes, y = slopes_and_y(planted, seed, shots, copies or {}, between)
     monkeypatch.setattr("sim.discover.linear.see_slopes", see_straight(slopes))
     layout = lay_straight(np.array([(usual or {}).get(name, 0.3) for name in ASKED]))
     intake, bare = take_straight(y), only_shared(layout)
