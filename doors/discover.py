@@ -10,7 +10,7 @@ import jax
 from doors.progress import make_progress
 from robot.config import BadInput
 from robot.facts import Facts
-from sim.belief import save_belief
+from sim.belief import load_belief, save_belief
 from sim.discover.adopt import make_belief
 from sim.discover.discover import FALSE_ALARM, Investigation, discover
 from sim.discover.finding import make_json
@@ -34,6 +34,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
     parser.add_argument("dataset", metavar="DIR", nargs="?", help="dataset directory")
     parser.add_argument("--believe", metavar="TERMS", help="terms of the simulation, comma-separated; else rig.toml's")
+    parser.add_argument("--belief", metavar="FILE", help="coefficients.toml of this very rig from an earlier session "
+                        "(discover --adopt, fit --method ml): what is believed, with its doubts; what has changed?")
     parser.add_argument("--json", metavar="FILE", help="write the finding as JSON")
     parser.add_argument("--report", metavar="FILE", help="write an HTML report")
     parser.add_argument("--false-alarm", type=float, default=FALSE_ALARM, metavar="P",
@@ -63,8 +65,11 @@ def main(args: argparse.Namespace) -> int:
     keep_compiled()
     if args.identifiability is not None:
         return _identify(args, believed)
+    belief = None if args.belief is None else load_belief(args.belief)
+    if belief is not None and believed is not None:
+        raise BadInput("--belief and --believe exclude each other: the file names its terms")
     found = discover(load_dataset(args.dataset), believed, args.false_alarm, args.seed,
-                     make_progress("discover", args.quiet))
+                     make_progress("discover", args.quiet), belief)
     tell(found, Path(args.dataset).name, args.json, args.report)
     if args.adopt:
         _adopt(found, args.dataset, args.adopt)

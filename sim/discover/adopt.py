@@ -8,12 +8,11 @@ from sim.belief import SCATTER, Belief, scale_of
 from sim.coefficients import Coefficients
 from sim.discover.discover import Investigation
 from sim.discover.evidence import Array, Column, Evidence
+from sim.discover.prior import SCATTERS, believed_name, own_slope
 from sim.physics.catalogue import find_terms
-from sim.physics.scales import LEFT, LOG, fits_scale
+from sim.physics.scales import fits_scale
 from sim.physics.term import complete
 
-# Names of scatters here -> in a belief; the others are of sensors, not of the launch.
-SCATTERS = {"scatter.speed": "speed", "scatter.elevation_rad": "elevation_deg"}
 TRACKER = "track_"                    # a tracker's errors are its own; no shot depends on them
 
 
@@ -68,20 +67,10 @@ def _scatter(name: str, log_value: float) -> float:
 
 def _covariance(evidence: Evidence, columns: list[int]) -> tuple[tuple[str, ...], Array]:
     """(names, covariance on their scales); what has no place on its scale is taken as exact."""
-    information = evidence.info.sum(0) + np.diag(evidence.precision)
+    information = evidence.info.sum(0) + evidence.precision
     whole = np.linalg.pinv(information, hermitian=True)
-    names = {k: _believed_name(evidence.columns[k].name) for k in columns}
+    names = {k: believed_name(evidence.columns[k].name) for k in columns}
     kept = [k for k in columns if evidence.columns[k].name in SCATTERS
             or fits_scale(scale_of(names[k]), float(evidence.point[k]))]
-    slope = np.array([_slope(evidence.columns[k].name, names[k], float(evidence.point[k])) for k in kept])
+    slope = np.array([1.0 / own_slope(evidence.columns[k].name, float(evidence.point[k])) for k in kept])
     return tuple(names[k] for k in kept), whole[np.ix_(kept, kept)] * np.outer(slope, slope)
-
-
-def _believed_name(name: str) -> str:
-    return f"{SCATTER}.{SCATTERS[name]}" if name in SCATTERS else name
-
-
-def _slope(name: str, believed: str, value: float) -> float:
-    """d(number on its scale) / d(column): scatters are columns of their logs already."""
-    scale = "" if name in SCATTERS else scale_of(believed)
-    return 1.0 / value if scale == LOG else 1.0 / (1.0 - value) if scale == LEFT else 1.0

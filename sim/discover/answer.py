@@ -139,15 +139,24 @@ def _named(step: Step, name: str, probability: dict[str, float]) -> Named:
     term_name, _, parameter = name.partition(".")
     term = find_terms([term_name])[0]
     column = step.fitted.evidence.columns[step.fitted.evidence.index(name)]
-    found = step.naming.refits.get(name)
+    found, before = step.naming.refits.get(name), _believed_before(step, name)
     if found is not None:
-        value, sd = float(found.amplitude[0]), float(found.sd[0])
+        value, sd = float(found.value[0]), float(found.sd[0])
     else:
         candidate = next(c for c in step.naming.candidates if c.name == name)
         information = candidate.information + column.usual**-2.0
         value, sd = candidate.amplitude * candidate.information / information, information**-0.5
+        value += 0.0 if before is None else before
     interval = Interval(value, sd, value - NINETY * sd, value + NINETY * sd, column.unit)
-    return Named(term_name, probability[name], {parameter: interval}, term.sentence, column.stage)
+    return Named(term_name, probability[name], {parameter: interval}, term.sentence, column.stage, before)
+
+
+def _believed_before(step: Step, name: str) -> float | None:
+    """What the belief had of a number that may have changed; None of what it had nothing of."""
+    layout = step.fitted.layout
+    first = len(layout.columns) - len(layout.precision)
+    place = next((k for k, column in enumerate(layout.columns[first:]) if column.name == name), None)
+    return None if place is None else float(layout.centre[place])
 
 
 def _results(evidence: Evidence, asked: Asked, judged: Judged, false_alarm: float) -> dict[str, TestResult]:

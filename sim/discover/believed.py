@@ -8,6 +8,7 @@ from functools import cache
 import jax
 import jax.numpy as jnp
 import numpy as np
+from scipy.linalg import block_diag
 
 from sim.discover import outcomes
 from sim.discover.chain import Chain, plane_grid
@@ -127,7 +128,7 @@ def _halfway(a: Spot, b: Spot) -> Spot:
 
 def newton_step(evidence: Evidence) -> tuple[Array, float]:
     """(Fisher scoring step [P] for layouts of shared columns only, nats that it promises)."""
-    info, slope = evidence.info.sum(0) + np.diag(evidence.precision), evidence.score.sum(0) + evidence.pull
+    info, slope = evidence.info.sum(0) + evidence.precision, evidence.score.sum(0) + evidence.pull
     step = np.linalg.solve(info + 1e-12 * np.diag(np.diag(info) + 1e-12), slope)
     return step, 0.5 * float(step @ slope)
 
@@ -140,7 +141,7 @@ def scale_of(layout: Layout) -> Array:
 def objective(evidence: Evidence, layout: Layout) -> float:
     """Log posterior, up to a constant."""
     off = evidence.point[evidence.first_shared:] - layout.centre
-    value = float(evidence.log_score.sum() - 0.5 * (layout.precision * off**2).sum())
+    value = float(evidence.log_score.sum() - 0.5 * off @ layout.precision @ off)
     return value if np.isfinite(value) else -np.inf
 
 
@@ -169,16 +170,30 @@ def _bounds(slots: tuple[tuple[str, str], ...]) -> tuple[Array, Array]:
 
 def only_shared(layout: Layout, more: Iterable[str] = ()) -> Layout:
     """The layout without free columns and terms, but for the named ones, which become shared with their usual size
-    as a prior."""
+    as a prior. One that is a change of a shared number widens that one's prior instead, and puts it in front."""
     first = len(layout.columns) - len(layout.precision)
-    wanted = set(more)
-    named = [k for k, column in enumerate(layout.columns[:first]) if column.name in wanted]
-    kept = [*named, *range(first, len(layout.columns))]
+    asked = {column.name: k for k, column in enumerate(layout.columns[:first]) if column.name in set(more)}
+    shared = {column.name: k for k, column in enumerate(layout.columns) if k >= first}
+    changed = [shared[name] for name in asked if name in shared]
+    named = [k for name, k in asked.items() if name not in shared]
+    rest = [k for k in range(first, len(layout.columns)) if k not in changed]
+    kept = [*named, *changed, *rest]
     place = {column: number for number, column in enumerate(kept)}
-    precision = np.concatenate([[layout.columns[k].usual**-2.0 for k in named], layout.precision])
+    known = widened(layout.precision, [(k - first, layout.columns[asked[layout.columns[k].name]].usual)
+                                       for k in changed])
+    order = np.array([*changed, *rest], dtype=int) - first
+    precision = block_diag(np.diag([layout.columns[k].usual**-2.0 for k in named]), known[np.ix_(order, order)])
     return Layout(_lean(layout, kept), tuple(layout.columns[k] for k in kept), layout.source[kept],
                   tuple(place.get(column, -1) for column in layout.scatters), precision,
-                  np.concatenate([np.zeros(len(named)), layout.centre]), layout.edges_s, layout.groups)
+                  np.concatenate([np.zeros(len(named)), layout.centre[order]]), layout.edges_s, layout.groups)
+
+
+def widened(precision: Array, by: Iterable[tuple[int, float]]) -> Array:
+    """The prior's precision once numbers [(place, standard deviation)] may have changed (Sherman and Morrison)."""
+    for place, sd in by:
+        row = precision[place]
+        precision = precision - np.outer(row, row) * sd**2 / (1.0 + sd**2 * row[place])
+    return precision
 
 
 def _lean(layout: Layout, kept: list[int]) -> Chain:
@@ -205,7 +220,8 @@ def usual_starts(intake: Intake, layout: Layout) -> tuple[Spot, ...]:
         return (usual,)
     first = len(layout.columns) - len(layout.precision)
     shared = [k for k in range(first, len(layout.columns)) if 0 <= layout.source[k] < len(layout.chain.slots)]
-    axes = [(layout.source[k], layout.centre[k - first], layout.precision[k - first]**-0.5) for k in shared][:MOST_GRID]
+    known = np.sqrt(np.diag(np.linalg.inv(layout.precision)))
+    axes = [(layout.source[k], layout.centre[k - first], known[k - first]) for k in shared][:MOST_GRID]
     steps = np.array(list(itertools.product(GRID, repeat=len(axes))))
     points = np.tile(usual.values, (len(steps), 1))
     for number, (slot, centre, sd) in enumerate(axes):

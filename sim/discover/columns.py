@@ -1,11 +1,15 @@
 """The ways to be wrong that are asked about, for one dataset and belief: free ones, terms, and what is fitted."""
 
+from dataclasses import replace
+
 import numpy as np
 
+from sim.belief import Belief
 from sim.discover.chain import DIRECTIONS, Chain
 from sim.discover.evidence import Array, Column
 from sim.discover.intake import SCATTERS, Intake
 from sim.discover.linear import Groups, Layout
+from sim.discover.prior import inform, may_have_moved, tell
 from sim.physics.catalogue import TERMS, find_parameter, find_terms
 from sim.physics.term import Parameter, Term
 
@@ -42,8 +46,10 @@ ALONG_TERMS = ("drag", "drag_reynolds", "spin_drag", "air_density", "drag_wear",
 
 
 def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Array, int] | None = None,
-            catalogue: tuple[Term, ...] = TERMS) -> Layout:
+            catalogue: tuple[Term, ...] = TERMS, belief: Belief | None = None) -> Layout:
     """Every column that the data could speak of; BadInput for a believed term that there is none of.
+
+    belief: of this very rig, from an earlier session; whether a number in it has changed since is asked like any term.
 
     groups: (what, label [n] of the intake's shots, how many) of things that differ by luck, such as balls.
     """
@@ -66,10 +72,14 @@ def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Array,
     columns += [_term_column(term) for term in asked]
     source += [slots.index((term.name, term.parameters[0].name)) for term in asked]
     shared = _shared(intake, believed, slots)
+    changed = _changed(shared, belief)
+    columns += [column for column, _ in changed]
+    source += [place for _, place in changed]
     scatters = tuple(_scatter_place(intake, name, len(columns) + len(shared), k) for k, name in enumerate(SCATTERS))
     names = [name for name, place in zip(SCATTERS, scatters, strict=True) if place >= 0]
     prior = [(mean, sd) for _, _, mean, sd in shared]
     prior += [(np.log(SCATTER_PRIOR[name][0]), np.log(SCATTER_PRIOR[name][1])) for name in names]
+    first = len(columns)
     columns += [column for column, *_ in shared]
     columns += [Column(name, "shared", "launch", "along", "1", 1.0) for name in names]
     source += [place for _, place, *_ in shared] + [-1] * len(names)
@@ -80,7 +90,9 @@ def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Array,
         source += [-2] * (lucky.count * len(lucky.inputs))
         prior += [(0.0, 1.0)] * (lucky.count * len(lucky.inputs))
     centre, sd = np.array(prior, dtype=float).reshape(-1, 2).T
-    return Layout(chain, tuple(columns), np.array(source, dtype=int), scatters, sd**-2.0, centre, edges, lucky)
+    columns[first:] = tell(columns[first:], belief)
+    centre, precision = inform(columns[first:], centre, sd, belief)
+    return Layout(chain, tuple(columns), np.array(source, dtype=int), scatters, precision, centre, edges, lucky)
 
 
 def _groups(groups: tuple[str, Array, int], believed: tuple[str, ...], slots: tuple[tuple[str, str], ...]) -> Groups:
@@ -135,6 +147,12 @@ def _shared(intake: Intake, believed: tuple[str, ...],
             column = Column(f"{name}.{parameter.name}", "shared", "sensing", "along", parameter.unit, sd)
             found.append((column, slots.index((name, parameter.name)), 0.0, sd))
     return found
+
+
+def _changed(shared: list[tuple[Column, int, float, float]], belief: Belief | None) -> list[tuple[Column, int]]:
+    """(column, slot) of the changes since the belief; they have the names of what they are changes of."""
+    found = [(column, place, may_have_moved(belief, column.name)) for column, place, *_ in shared]
+    return [(replace(column, kind="term", usual=usual), place) for column, place, usual in found if usual is not None]
 
 
 def _scatter_place(intake: Intake, name: str, first: int, number: int) -> int:

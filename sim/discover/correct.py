@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from sim.discover.ask import Clusters, Test
 from sim.discover.covariates import Covariate, Pair, smooth_shapes
@@ -76,16 +77,16 @@ def _fit(evidence: Evidence, channel: int, basis: Array, train: Array, ridge: fl
     """Most likely change [n, C+p] with the channel's amplitude in the span of `basis`, fitted to rows in `train`."""
     shared = shared_columns(evidence)
     q, p = basis.shape[1], evidence.score[:, shared].shape[1]
-    penalty = np.concatenate([_penalty(evidence, channel, basis, train, ridge), evidence.precision])
+    penalty = block_diag(np.diag(_penalty(evidence, channel, basis, train, ridge)), evidence.precision)
     slope = np.concatenate([np.zeros(q), evidence.pull])
     found, best = np.zeros(q + p), 0.0
     for _ in range(STEPS):
         score, info = _normal(evidence, channel, basis, train, _spread(evidence, channel, basis, found))
-        step = np.linalg.solve(info + np.diag(penalty) + 1e-12 * np.eye(q + p), score + slope - penalty * found)
+        step = np.linalg.solve(info + penalty + 1e-12 * np.eye(q + p), score + slope - penalty @ found)
         for halving in range(HALVINGS):
             tried = found + step * 0.5**halving
             gained = evidence.gain(_spread(evidence, channel, basis, tried))[train].sum()
-            value = gained + slope @ tried - 0.5 * penalty @ tried**2
+            value = gained + slope @ tried - 0.5 * tried @ penalty @ tried
             if value >= best:
                 break
         else:
@@ -133,7 +134,7 @@ def _choose_ridge(evidence: Evidence, test: Test, basis: Array, train: Array) ->
 
 def _marginal(evidence: Evidence, channel: int, basis: Array, train: Array, ridge: float, score: Array,
               info: Array) -> float:
-    penalty = np.concatenate([_penalty(evidence, channel, basis, train, ridge), evidence.precision])
-    total = info + np.diag(penalty) + 1e-12 * np.eye(len(info))
-    volume = np.log(np.maximum(penalty[:basis.shape[1]], 1e-300)).sum() - np.linalg.slogdet(total)[1]
+    bends = _penalty(evidence, channel, basis, train, ridge)
+    total = info + block_diag(np.diag(bends), evidence.precision) + 1e-12 * np.eye(len(info))
+    volume = np.log(np.maximum(bends, 1e-300)).sum() - np.linalg.slogdet(total)[1]
     return float(0.5 * score @ np.linalg.solve(total, score) + 0.5 * volume)

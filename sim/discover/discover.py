@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from robot.config import BadInput
+from sim.belief import Belief
 from sim.discover.answer import make_finding, silent
 from sim.discover.ask import ALLOWANCE, Asked, Clusters, ask_everything, find_clusters, groups_of
 from sim.discover.believed import Fitted, fit_believed
@@ -37,16 +38,18 @@ class Investigation:
 
 
 def discover(dataset: Dataset, believed: Sequence[str] | None = None, false_alarm: float = FALSE_ALARM, seed: int = 0,
-             progress: Progress = lambda done, note: None) -> Investigation:
+             progress: Progress = lambda done, note: None, belief: Belief | None = None) -> Investigation:
     """Fit the believed terms, test whether anything is left over, say where, and name what.
 
-    believed: names of terms, the rig's own list when None; gravity always is. The same data and seed give the same
-    answer. BadInput for an unknown term, too few shots, or outcomes without a target.
+    believed: names of terms, the rig's own list when None; gravity always is. belief: of this very rig, from an earlier
+    session: its terms, with what is known of their numbers, are what is believed, and whether one of them has changed
+    is asked, too. The same data and seed give the same answer. BadInput for an unknown term, too few shots, or outcomes
+    without a target.
     """
-    terms = _terms(dataset, believed)
+    terms = _terms(dataset, believed if belief is None else tuple(belief.coefficients))
     intake = take_in(dataset)
     clusters = find_clusters(dataset.shots)
-    layout = lay_out(intake, terms, groups_of(dataset.shots, intake.rows))
+    layout = lay_out(intake, terms, groups_of(dataset.shots, intake.rows), belief=belief)
     if not len(intake.rows):
         return Investigation(silent(dataset, intake, terms, false_alarm))
     fitted = fit_believed(intake, layout, lambda done, note: progress(0.3 * done, note))

@@ -34,6 +34,7 @@ class Column:
     words: tuple[str, str] = ("more", "less")      # a positive and a negative amplitude, compared with the simulation
     follows: str = ""                 # what it varies with inside one flight; "" = an amplitude a shot
     times_s: tuple[float, float] | None = None
+    told: bool = False                # of a shared one: an earlier session said how large it is, and how surely
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,7 @@ class Evidence:
 
     `score` [n, P] slope of each shot's log-likelihood, `info` [n, P, P] its expected negative curvature. Of these the
     part of tracks and measured exits is `linear` and `bend`, exact for what follows; that of the plane is worked out
-    anew wherever it is asked for. `precision` [p] and `pull` [p]: the shared columns' log prior; `log_score` [n].
+    anew wherever it is asked for. `precision` [p, p] and `pull` [p]: the shared columns' log prior; `log_score` [n].
     `point` [P]: the columns' values where this was made (free ones: 0).
     """
 

@@ -73,6 +73,7 @@ class Named(Struct, frozen=True):
     parameters: dict[str, Interval]
     sentence: str
     stage: str
+    believed: float | None = None     # what the one parameter was thought to be, where a belief is what is asked about
 
 
 class Unknown(Struct, frozen=True):

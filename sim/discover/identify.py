@@ -99,8 +99,8 @@ def _efficient(evidence: Evidence, columns: Array) -> tuple[Array, Array, Array,
     inner, cross = info[shared, shared], info[columns][:, shared]
     square = info[np.ix_(columns, columns)]
     luck = np.array([column.kind == "group" for column in evidence.columns[shared]], dtype=bool)
-    lift = np.linalg.solve(inner + np.diag(evidence.precision), cross.T)
-    bare = np.linalg.pinv(inner + np.diag(np.where(luck, evidence.precision, 0.0)), rcond=1e-12, hermitian=True)
+    lift = np.linalg.solve(inner + evidence.precision, cross.T)
+    bare = np.linalg.pinv(inner + np.where(luck[:, None] & luck, evidence.precision, 0.0), rcond=1e-12, hermitian=True)
     parts = np.abs(lift.T) * np.sqrt(np.maximum(np.diag(inner), 0.0))
     return np.diag(square).copy(), square - cross @ lift, square - cross @ bare @ cross.T, parts
 
@@ -149,10 +149,11 @@ def _classes(names: list[str], alike: Array, visible: Array) -> tuple[tuple[str,
 
 def _fittable(evidence: Evidence) -> tuple[Fittable, ...]:
     shared = shared_columns(evidence)
-    covariance = np.linalg.inv(evidence.info.sum(0)[shared, shared] + np.diag(evidence.precision))
-    rows = zip(evidence.columns[shared], evidence.precision, np.diag(covariance), strict=True)
-    return tuple(Fittable(column.name, column.unit, float(precision**-0.5), float(np.sqrt(variance)))
-                 for column, precision, variance in rows if column.kind == "shared")
+    covariance = np.linalg.inv(evidence.info.sum(0)[shared, shared] + evidence.precision)
+    before = np.diag(np.linalg.inv(evidence.precision))
+    rows = zip(evidence.columns[shared], before, np.diag(covariance), strict=True)
+    return tuple(Fittable(column.name, column.unit, float(np.sqrt(known)), float(np.sqrt(variance)))
+                 for column, known, variance in rows if column.kind == "shared")
 
 
 def _term(column: Column) -> str:

@@ -43,7 +43,7 @@ class Layout:
 
     columns: free, terms, then shared. source [P]: for each column its input of the chain (slot, deviate or push), or
     -1 for a scatter, -2 for a group's effect (those come last, effect by effect, group by group). scatters: columns of
-    the logs of SCATTERS, in that order, -1 where not fitted.
+    the logs of SCATTERS, in that order, -1 where not fitted. precision [p, p], centre [p]: the shared columns' prior.
     """
 
     chain: Chain
@@ -119,7 +119,7 @@ def linearise(intake: Intake, layout: Layout, spot: Spot, flown: Flown | None = 
     plane = _plane(intake, layout, spot, seen, slopes, sd, left, columns, inputs, real + bases)
     parts = _spread_groups(layout, left.score + score, left.info + info, plane)
     point = _point(layout, spot)
-    pull = layout.precision * (layout.centre - point[len(layout.columns) - len(layout.precision):])
+    pull = layout.precision @ (layout.centre - point[len(layout.columns) - len(layout.precision):])
     evidence = make_evidence(intake.rows, layout.columns, point, *parts, layout.precision, pull, left.log_likelihood)
     if spot.effects.any():
         change = np.concatenate([np.zeros(real), spot.effects])

@@ -133,9 +133,9 @@ def _refit(fitted: Fitted, candidate: Candidate, refits: dict[str, Refit], nats:
 def is_possible(found: Refit, usual: float) -> bool:
     """Whether the amplitude may lie in the range that its parameter declares, and within MOST_USUAL usual sizes."""
     parameter = find_parameter(found.names[0])
-    value, doubt = float(found.amplitude[0]), DOUBT * float(found.sd[0])
-    low, high = max(parameter.low, -MOST_USUAL * usual), min(parameter.high, MOST_USUAL * usual)
-    return low - doubt <= value <= high + doubt
+    value, doubt = float(found.value[0]), DOUBT * float(found.sd[0])
+    most = MOST_USUAL * usual + doubt
+    return bool(parameter.low - doubt <= value <= parameter.high + doubt and abs(found.amplitude[0]) <= most)
 
 
 def _tame(candidate: Candidate, evidence: Evidence) -> float:
@@ -152,7 +152,7 @@ def efficient(evidence: Evidence, columns: Array, more: Array | float = 0.0) -> 
     """
     shared = shared_columns(evidence)
     info, score = evidence.info.sum(0) + more, evidence.score.sum(0)
-    inner = info[shared, shared] + np.diag(evidence.precision)
+    inner = info[shared, shared] + evidence.precision
     cross = info[columns][:, shared]
     lift = np.linalg.solve(inner, cross.T).T if len(inner) else np.zeros((len(columns), 0))
     return (score[columns] - lift @ (score[shared] + evidence.pull),

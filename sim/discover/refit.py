@@ -19,7 +19,8 @@ class Refit:
     """The believed simulation with these terms' amplitudes fitted too.
 
     evidence: at the optimum, named columns first, all shared. log_evidence: nats by which the data favour it over the
-    believed simulation, size of the amplitude integrated out (Laplace). amplitude, sd [k] of the named columns.
+    believed simulation, size of the amplitude integrated out (Laplace). amplitude, sd [k] of the named columns;
+    value [k]: the same but for changes of believed numbers, of which it is what they come to.
     """
 
     names: tuple[str, ...]
@@ -27,6 +28,7 @@ class Refit:
     spot: Spot
     evidence: Evidence
     amplitude: Array
+    value: Array
     sd: Array
     log_evidence: float
 
@@ -42,17 +44,19 @@ def refit(fitted: Fitted, names: tuple[str, ...], start: Array) -> Refit:
         starts.append(usual_spot(fitted.intake, layout))
     tops = [climb(fitted.intake, layout, moved(layout, spot, change)) for spot in starts]
     spot, evidence = max(tops, key=lambda top: objective(top[1], layout))
-    info = evidence.info.sum(0) + np.diag(evidence.precision)
+    info = evidence.info.sum(0) + evidence.precision
     covariance = np.linalg.pinv(info)
     # what the shots themselves scatter by, where the model is too sure of itself
     scattered = covariance @ (evidence.score.T @ evidence.score) @ covariance
     sd = np.sqrt(np.maximum(np.diag(covariance), np.diag(scattered)))
     k = len(names)
     null = fitted.evidence.pick(np.arange(fitted.evidence.first_shared, len(fitted.evidence.columns)))
-    null_info = null.info.sum(0) + np.diag(null.precision)
+    null_info = null.info.sum(0) + null.precision
     gained = objective(evidence, layout) - objective(null, only_shared(fitted.layout))
-    volume = 0.5 * (np.log(layout.precision[:k]).sum() - np.linalg.slogdet(info)[1] + np.linalg.slogdet(null_info)[1])
-    return Refit(tuple(order), layout, spot, evidence, evidence.point[:k], sd[:k],
+    priors = np.linalg.slogdet(layout.precision)[1] - np.linalg.slogdet(fitted.layout.precision)[1]
+    volume = 0.5 * (priors - np.linalg.slogdet(info)[1] + np.linalg.slogdet(null_info)[1])
+    value = evidence.point[:k]
+    return Refit(tuple(order), layout, spot, evidence, value - layout.centre[:k], value, sd[:k],
                  float(gained + volume))
 
 
@@ -88,12 +92,12 @@ def fit_linear(evidence: Evidence, train: Array) -> Array:
     n = len(evidence.rows)
     for _ in range(STEPS):
         score, info = evidence.slopes_at(np.tile(found, (n, 1)))
-        slope = score[train].sum(0) + evidence.pull - evidence.precision * found
-        step = np.linalg.solve(info[train].sum(0) + np.diag(evidence.precision), slope)
+        slope = score[train].sum(0) + evidence.pull - evidence.precision @ found
+        step = np.linalg.solve(info[train].sum(0) + evidence.precision, slope)
         for halving in range(HALVINGS):
             tried = found + step * 0.5**halving
             value = (evidence.gain(np.tile(tried, (n, 1)))[train].sum() + evidence.pull @ tried
-                     - 0.5 * evidence.precision @ tried**2)
+                     - 0.5 * tried @ evidence.precision @ tried)
             if value >= best:
                 break
         else:

@@ -24,6 +24,8 @@ Progress = Callable[[float, str], None]
 FEWEST_CLUSTERS = 8.0                 # a test that rests on fewer is not made: their signs can hardly say 1 %
 LEAST_SHARE = 1e-4                    # of a test's information that must survive the projection
 MOST_LEVERAGE = 0.9
+PIECES = 30                           # that an earlier session's word on one number is split into
+TINY = 1e-300                         # what is not known at all has a root, too
 CHUNK = 250                           # sign patterns at once
 
 
@@ -79,17 +81,39 @@ def efficient_scores(evidence: Evidence, channel: int, weights: Array, cluster: 
     u, s = evidence.score[:, channel], evidence.score[:, shared]
     k_cc, k_ct = evidence.info[:, channel, channel], evidence.info[:, channel, shared]
     k_tt = evidence.info[:, shared, shared]
-    total = k_tt.sum(0) + np.diag(evidence.precision)
+    total = k_tt.sum(0) + evidence.precision
     project = np.linalg.solve(total, (weights.T @ k_ct).T).T if len(total) else np.zeros((weights.shape[1], 0))
     psi = weights * u[:, None] - s @ project.T
     raw = weights**2 * k_cc[:, None]
     kappa = raw - 2.0 * weights * (k_ct @ project.T) + ((project @ k_tt) * project).sum(2)
     common = weights[:, :, None] * k_ct[:, None] - project @ k_tt
-    priors = (-project.T * evidence.pull[:, None], project.T**2 * evidence.precision[:, None],
-              -np.eye(len(total))[:, None] * (project.T * evidence.precision[:, None])[:, :, None])
+    priors = _prior_scores(evidence, project)
     psi, kappa, common = (np.concatenate([_sum_over(cluster, clusters, part), prior])
                           for part, prior in zip((psi, kappa, common), priors, strict=True))
     return Scores(psi, kappa, _stretch(kappa, common, total), _usable(kappa, raw.sum(0)))
+
+
+def _prior_scores(evidence: Evidence, project: Array) -> tuple[Array, Array, Array]:
+    """(psi [m, q], kappa [m, q], common [m, q, p]) of the priors, as independent observations of combinations of the
+    shared parameters: one each, or, of what an earlier session told, PIECES each.
+
+    A session's error is normal and as large as it says, so it may be split into many (its share of the error and
+    noise that adds up to nothing); a single one would leave a test that rests on it with one sign to flip. How far
+    the catalogue's priors err nobody knows: their one error stands for itself.
+    """
+    told = np.array([column.told for column in evidence.columns[shared_columns(evidence)]], dtype=bool)
+    root = np.linalg.cholesky(evidence.precision + TINY * np.eye(len(evidence.precision)))
+    error = np.linalg.solve(root, evidence.pull)
+    count = np.where(told, PIECES, 1)
+    whose = np.repeat(np.arange(len(told)), count)
+    noise = np.random.default_rng(0).normal(size=(len(told), PIECES))
+    noise = (noise - noise.mean(axis=1, keepdims=True)) / np.sqrt(PIECES)
+    piece = (error / count)[whose]
+    piece[told[whose]] += noise[told].ravel()
+    onto = (project @ root).T
+    share = 1.0 / count[whose, None]
+    return (-onto[whose] * piece[:, None], onto[whose]**2 * share,
+            -(onto[:, :, None] * root.T[:, None, :])[whose] * share[:, :, None])
 
 
 def _sum_over(cluster: Array, clusters: int, rows: Array) -> Array:

@@ -186,7 +186,9 @@ def _gained(fit: Fit) -> str:
 
 
 def _effect(one: Named) -> str:
-    return say_effect(one.term, next(iter(one.parameters.values())), one.sentence)
+    interval = next(iter(one.parameters.values()))
+    said = say_effect(one.term, interval, one.sentence)
+    return said if one.believed is None else f"{said}, and not {size_of(one.term, one.believed, interval.unit)}"
 
 
 def _missing(believed: tuple[str, ...]) -> str:

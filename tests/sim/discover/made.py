@@ -20,7 +20,7 @@ def gaussian(y: np.ndarray, slopes: np.ndarray, columns: tuple[Column, ...], pre
     shared = sum(one.kind == "shared" for one in columns)
     precision = np.zeros(shared) if precision is None else precision
     return make_evidence(np.arange(len(y)), columns, np.zeros(len(columns)), slopes * y[:, None],
-                         slopes[:, :, None] * slopes[:, None, :], None, precision,
+                         slopes[:, :, None] * slopes[:, None, :], None, np.diag(precision),
                          np.zeros(shared) if pull is None else pull, -0.5 * y**2 - 0.5 * np.log(2.0 * np.pi))
 
 
@@ -52,5 +52,5 @@ def with_plane(seed: int, n: int = 12, wide: int = 4) -> Evidence:
                   rng.normal(0.0, 0.1, (len(rows), wide)))
     columns = (*(column(f"c{k}") for k in range(wide - 2)), column("a", "shared"), column("b", "shared"))
     return make_evidence(np.arange(n), columns, np.zeros(wide), rng.normal(size=(n, wide)),
-                         root @ np.swapaxes(root, 1, 2), plane, np.array([2.0, 3.0]), np.array([0.3, -0.1]),
+                         root @ np.swapaxes(root, 1, 2), plane, np.diag([2.0, 3.0]), np.array([0.3, -0.1]),
                          rng.normal(size=n))

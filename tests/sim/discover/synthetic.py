@@ -11,7 +11,7 @@ def make_linear(slopes: np.ndarray, columns: tuple[Column, ...], precision: np.n
     seen = np.zeros(slopes.shape[:2]) if observed is None else observed
     score = np.einsum("ngp,ng->np", slopes, seen)
     info = np.swapaxes(slopes, 1, 2) @ slopes
-    return make_evidence(np.arange(len(slopes)), columns, np.zeros(len(columns)), score, info, None, precision,
+    return make_evidence(np.arange(len(slopes)), columns, np.zeros(len(columns)), score, info, None, np.diag(precision),
                          np.zeros(len(precision)), -0.5 * (seen**2).sum(1))
 
 

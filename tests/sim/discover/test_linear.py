@@ -311,5 +311,5 @@ def test_the_centre_of_the_prior_pulls(bench: Bench) -> None:
     place = evidence.index("drag.cd") - evidence.first_shared
     centre, sd = 0.5, 1.5 * 0.5 * 0.7         # the catalogue's log prior as a plain one, half as wide again
     assert layout.centre[place] == pytest.approx(centre)
-    assert evidence.precision[place] == pytest.approx(sd**-2.0)
+    assert evidence.precision[place, place] == pytest.approx(sd**-2.0)
     assert evidence.pull[place] == pytest.approx((centre - 0.45) / sd**2)

@@ -61,7 +61,7 @@ def test_a_fit_with_heights_ends_at_the_top() -> None:
 
         def value(change: np.ndarray, evidence: Evidence = evidence, train: np.ndarray = train) -> float:
             gain = evidence.gain(np.tile(change, (40, 1)))[train].sum()
-            return float(gain + evidence.pull @ change - 0.5 * evidence.precision @ change**2)
+            return float(gain + evidence.pull @ change - 0.5 * change @ evidence.precision @ change)
 
         found = fit_linear(evidence, train)
         top = minimize(lambda change: -value(change), found, method="Nelder-Mead",

@@ -1,0 +1,57 @@
+"""One rig, two sessions: what the first left is believed in the second, where only what has changed is named."""
+
+from dataclasses import replace
+
+import pytest
+
+from sim.belief import Belief
+from sim.discover.adopt import make_belief
+from sim.discover.discover import discover
+from sim.discover.finding import Finding
+from sim.prove.truth.shoot import shoot
+from sim.prove.truth.world import World, make_world
+
+pytestmark = pytest.mark.slow
+SHOTS = 60
+FIRST = make_world({}, "L2", SHOTS, 21, side=True)
+
+
+@pytest.fixture(scope="module")
+def belief() -> Belief:
+    return make_belief(discover(shoot(FIRST)))[0]
+
+
+def later(seed: int, **changes: float) -> World:
+    """The same rig, shot again."""
+    other = make_world({name: changes.pop(name) for name in ("hood_offset",) if name in changes}, "L2", SHOTS, seed,
+                       side=True)
+    return replace(other, cd=FIRST.cd * changes.get("cd", 1.0), lift_slope=FIRST.lift_slope,
+                   efficiency=FIRST.efficiency)
+
+
+def ask(world: World, belief: Belief) -> Finding:
+    return discover(shoot(world), belief=belief).finding
+
+
+@pytest.mark.parametrize("seed", [31, 32])
+def test_nothing_has_changed(belief: Belief, seed: int) -> None:
+    finding = ask(later(seed), belief)
+    assert finding.verdict == "none", finding.sentence
+    assert set(finding.data.believed) == {"gravity", "drag", "magnus", "exit_efficiency"}
+
+
+def test_a_believed_number_that_has_changed_is_named_with_both_values(belief: Belief) -> None:
+    finding = ask(later(33, cd=1.4), belief)
+    first = finding.what[0]
+    assert finding.verdict == "named" and first.term == "drag", finding.sentence
+    assert first.believed == pytest.approx(belief.value("drag.cd"))
+    assert first.parameters["cd"].low90 < 1.4 * FIRST.cd < first.parameters["cd"].high90
+    assert "and not" in finding.sentence
+
+
+def test_what_was_not_there_before_is_named_as_ever(belief: Belief) -> None:
+    finding = ask(later(34, hood_offset=1.5), belief)
+    first = finding.what[0]
+    assert finding.verdict == "named" and first.term == "hood_offset", finding.sentence
+    assert first.believed is None
+    assert first.parameters["angle_deg"].value == pytest.approx(1.5, abs=0.4)
