@@ -1,7 +1,7 @@
 """Effects one after another: name one, put it in, ask again; at most three. A free curve may outrun the first name only
 because more than one thing is missing: then further names go on probation, and stand if together they beat it."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,6 +12,7 @@ from sim.discover.covariates import Covariate, Factor
 from sim.discover.evidence import Array
 from sim.discover.locate import Place, locate
 from sim.discover.name import Naming, name_terms
+from sim.discover.pairs import best_pair
 from sim.discover.refit import Refit, clustered_error, refit, unseen_score, without
 from sim.discover.statistics import Judged, judge
 from sim.discover.step import CLEARLY, Step, averaged, make_step, promote, worth
@@ -34,31 +35,61 @@ class Search:
 
 def go_forward(fitted: Fitted, place: Place | None, search: Search, progress: Progress) -> tuple[Step, ...]:
     """Name the effect that was found, and go on while anything is left beyond chance."""
-    steps = _chain(fitted, place, search, lambda done, note: progress(0.8 * done, note))
-    steps = without_outrun(steps)
-    steps = _while_paying(steps)
-    return _together(fitted, steps, search, lambda done, note: progress(0.8 + 0.2 * done, note))
+    steps = _chain(fitted, place, search, (), lambda done, note: progress(0.7 * done, note))
+    steps = _while_paying(without_outrun(steps))
+    size = {step.naming.leader: float(step.refit.amplitude[0]) for step in steps if not step.unknown}
+    if steps[0].outrun:
+        steps, size = _in_company(fitted, steps[0], search)
+    return _together(fitted, steps, size, search, lambda done, note: progress(0.8 + 0.2 * done, note))
 
 
-def _chain(fitted: Fitted, place: Place | None, search: Search, progress: Progress) -> tuple[Step, ...]:
-    """Up to MOST steps, until nothing is left, or what is left has no name."""
+def _chain(fitted: Fitted, place: Place | None, search: Search, named: tuple[str, ...],
+           progress: Progress) -> tuple[Step, ...]:
+    """Up to MOST steps with those `named` before, until nothing is left, or what is left has no name."""
     steps: list[Step] = []
-    for number in range(MOST):
+    for number in range(len(named), MOST):
         span = (number / MOST, 0.8 / MOST)
-        base = tuple(step.naming.leader for step in steps)
+        base = (*named, *(step.naming.leader for step in steps))
         steps.append(make_step(fitted, search.clusters, place, base, search.seed,
                                lambda done, note, span=span: progress(span[0] + done * span[1], note)))
         if (steps[-1].unknown and not steps[-1].outrun) or number == MOST - 1:
             break
         fitted = promote(fitted, steps[-1].refit)
-        asked = ask_everything(fitted.evidence, search.covariates, search.factors, search.clusters, search.seed)
-        if not asked.tests:
+        left, place = _what_is_left(fitted, search)
+        if not left:
             break
-        judged = _judge(asked, search.seed)
-        if judged.p_any > search.false_alarm:
-            break
-        place = locate(fitted.evidence, asked, judged, search.false_alarm, search.clusters, search.seed)
     return tuple(steps)
+
+
+def _what_is_left(fitted: Fitted, search: Search) -> tuple[bool, Place | None]:
+    """(whether anything is, where)."""
+    asked = ask_everything(fitted.evidence, search.covariates, search.factors, search.clusters, search.seed)
+    if not asked.tests:
+        return False, None
+    judged = _judge(asked, search.seed)
+    if judged.p_any > search.false_alarm:
+        return False, None
+    return True, locate(fitted.evidence, asked, judged, search.false_alarm, search.clusters, search.seed)
+
+
+def _in_company(fitted: Fitted, step: Step, search: Search) -> tuple[tuple[Step, ...], dict[str, float]]:
+    """(the step, {}) whose name a free curve outran; or, where they catch up with the curve, the best pair of names and
+    what may follow it, with their amplitudes."""
+    pair = best_pair(fitted, step.naming)
+    if pair is None:
+        return (step,), {}
+    both, whole = unseen_score(pair.evidence, search.clusters), promote(fitted, pair)
+    left, place = _what_is_left(whole, search)
+    third = _chain(whole, place, search, pair.names, lambda done, note: None) if left else ()
+    third = tuple(one for one in third if _pays(one, both))
+    named = [one for one in third if not one.unknown]
+    last = named[-1].after if named else both
+    if not _makes_up(step, last):
+        return (step,), {}
+    first = replace(step, unknown=False, outrun=False, rival=_left_to(step, last))
+    second = replace(first, base=pair.names[:1], place=None)
+    size = dict(zip(pair.names, map(float, pair.amplitude), strict=True))
+    return (first, second, *third), size | {one.naming.leader: float(one.refit.amplitude[0]) for one in named}
 
 
 def without_outrun(steps: tuple[Step, ...]) -> tuple[Step, ...]:
@@ -68,44 +99,53 @@ def without_outrun(steps: tuple[Step, ...]) -> tuple[Step, ...]:
         if not step.outrun:
             continue
         last = max((k for k in range(number, len(steps)) if not steps[k].unknown), default=number)
-        if last == number or not _makes_up(step, steps[last]):
+        if last == number or not _makes_up(step, steps[last].after):
             return steps[:number + 1]
-        redeemed = tuple(replace(one, unknown=False, outrun=False, rival=_left_to(one, steps[last]))
+        redeemed = tuple(replace(one, unknown=False, outrun=False, rival=_left_to(one, steps[last].after))
                          for one in steps[number:last])
         return without_outrun((*steps[:number], *redeemed, *steps[last:]))
     return steps
 
 
-def _makes_up(step: Step, last: Step) -> bool:
-    gain = last.after - step.after
+def _makes_up(step: Step, after: Array) -> bool:
+    """Whether log scores [n] of several names are better than the step's name's by more than chance, and as good as its
+    free curve's."""
+    gain = after - step.after
     clear = gain.mean() > CLEARLY * clustered_error(gain, step.fitted.together)
-    return bool(clear and step.free is not None and last.after.sum() >= step.free.sum())
+    return bool(clear and step.free is not None and after.sum() >= step.free.sum())
 
 
-def _left_to(step: Step, last: Step) -> float | None:
+def _left_to(step: Step, after: Array) -> float | None:
     """Nats that the step's free curve has over all names together."""
-    return None if step.free is None else worth(step.free - last.after, step.fitted)
+    return None if step.free is None else worth(step.free - after, step.fitted)
 
 
 def _while_paying(steps: tuple[Step, ...]) -> tuple[Step, ...]:
-    """Up to the last effect with which unseen shots are clearly better foretold than with the first alone, or with
-    those up to the one before: chance finds something more than at first."""
+    """Up to the last effect with which unseen shots are clearly better foretold than by what was kept before it: chance
+    finds something more than at first."""
     kept = steps[:1]
     for number in range(1, len(steps)):
-        step, before = steps[number], kept[-1]
-        gain = (step.free if step.unknown and step.free is not None else step.after) - before.after
-        if gain.mean() > CLEARLY * clustered_error(gain, step.fitted.together):
+        if _pays(steps[number], kept[-1].after):
             kept = steps[:number + 1]
     return kept
 
 
-def _together(fitted: Fitted, steps: tuple[Step, ...], search: Search, progress: Progress) -> tuple[Step, ...]:
+def _pays(step: Step, before: Array) -> bool:
+    gain = (step.free if step.unknown and step.free is not None else step.after) - before
+    return bool(gain.mean() > CLEARLY * clustered_error(gain, step.fitted.together))
+
+
+def _together(fitted: Fitted, steps: tuple[Step, ...], size: dict[str, float], search: Search,
+              progress: Progress) -> tuple[Step, ...]:
     """Each name once more, with the others in: what the first took upon itself before there was a second is undone, a
-    name that has nothing left to do goes, and each has its rivals judged beside the same company."""
-    named = [step for step in steps if not step.unknown]
-    if len(named) < 2:
+    name that has nothing left to do goes, and each has its rivals judged beside the same company.
+
+    size: {name: amplitude} of the steps that have names.
+    """
+    if len(size) < 2:
         return steps
-    size = _still_at_work(fitted, refit(fitted, *_company(named)))
+    named = [step for step in steps if not step.unknown]
+    size = _still_at_work(fitted, refit(fitted, tuple(size), np.array(list(size.values()))))
     told: list[Step] = []
     for number, name in enumerate(tuple(size)):
         others = tuple(one for one in size if one != name)
@@ -115,12 +155,6 @@ def _together(fitted: Fitted, steps: tuple[Step, ...], search: Search, progress:
         size[naming.leader] = float(naming.refits[naming.leader].amplitude[0])
         told.append(_retold(named[number], naming, base, search.clusters))
     return (*told, *(step for step in steps if step.unknown))
-
-
-def _company(named: Sequence[Step]) -> tuple[tuple[str, ...], Array]:
-    """(names, amplitudes) of all steps."""
-    return (tuple(step.naming.leader for step in named),
-            np.array([float(step.refit.amplitude[0]) for step in named]))
 
 
 def _still_at_work(fitted: Fitted, whole: Refit) -> dict[str, float]:

@@ -125,20 +125,20 @@ def _refit(fitted: Fitted, candidate: Candidate, refits: dict[str, Refit], nats:
            start: float | None = None) -> None:
     """Refit one name into both, from one step's amplitude unless a start is given."""
     name = candidate.name
-    refits[name] = refit(fitted, (name,), np.array([_tame(candidate, fitted.evidence) if start is None else start]))
+    refits[name] = refit(fitted, (name,), np.array([tame(candidate, fitted.evidence) if start is None else start]))
     usual = fitted.evidence.columns[candidate.column].usual
     nats[name] = refits[name].log_evidence if is_possible(refits[name], usual) else NEVER
 
 
-def is_possible(found: Refit, usual: float) -> bool:
-    """Whether the amplitude may lie in the range that its parameter declares, and within MOST_USUAL usual sizes."""
-    parameter = find_parameter(found.names[0])
-    value, doubt = float(found.value[0]), DOUBT * float(found.sd[0])
-    most = MOST_USUAL * usual + doubt
-    return bool(parameter.low - doubt <= value <= parameter.high + doubt and abs(found.amplitude[0]) <= most)
+def is_possible(found: Refit, *usual: float) -> bool:
+    """Whether each amplitude may lie in the range that its parameter declares, and within MOST_USUAL usual sizes."""
+    low, high = np.array([(one.low, one.high) for one in map(find_parameter, found.names)]).T
+    doubt = DOUBT * found.sd
+    return bool(((found.value >= low - doubt) & (found.value <= high + doubt)
+                 & (np.abs(found.amplitude) <= MOST_USUAL * np.array(usual) + doubt)).all())
 
 
-def _tame(candidate: Candidate, evidence: Evidence) -> float:
+def tame(candidate: Candidate, evidence: Evidence) -> float:
     """The one-step amplitude, drawn towards zero as its prior would, and no larger than three usual ones."""
     usual = evidence.columns[candidate.column].usual
     shrunk = candidate.amplitude * candidate.information / (candidate.information + usual**-2.0)

@@ -1,6 +1,6 @@
 """What discovery makes of the MuJoCo world, which slips, droops and squeezes as the seed's simulation does not know.
 
-    python benchmarks/mujoco.py --level L1,L2 --shots 300 --worlds 5 --seed 11 --out FILE
+    python benchmarks/launcher_world.py --level L1,L2 --shots 300 --worlds 5 --seed 11 --out FILE
 
 An unmodified world, from the seed's belief (gravity, drag, magnus): is the mismatch found, where, by what names, and
 how well does the adopted simulation foretell another session's heights at the plane, beside the world's own scatter
