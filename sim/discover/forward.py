@@ -39,7 +39,7 @@ def go_forward(fitted: Fitted, place: Place | None, search: Search, progress: Pr
     steps = _while_paying(without_outrun(steps))
     size = {step.naming.leader: float(step.refit.amplitude[0]) for step in steps if not step.unknown}
     if steps[0].outrun:
-        steps, size = _in_company(fitted, steps[0], search)
+        steps, size = in_company(fitted, steps[0], search)
     return _together(fitted, steps, size, search, lambda done, note: progress(0.8 + 0.2 * done, note))
 
 
@@ -72,7 +72,7 @@ def _what_is_left(fitted: Fitted, search: Search) -> tuple[bool, Place | None]:
     return True, locate(fitted.evidence, asked, judged, search.false_alarm, search.clusters, search.seed)
 
 
-def _in_company(fitted: Fitted, step: Step, search: Search) -> tuple[tuple[Step, ...], dict[str, float]]:
+def in_company(fitted: Fitted, step: Step, search: Search) -> tuple[tuple[Step, ...], dict[str, float]]:
     """(the step, {}) whose name a free curve outran; or, where they catch up with the curve, the best pair of names and
     what may follow it, with their amplitudes."""
     pair = best_pair(fitted, step.naming)
