@@ -15,7 +15,7 @@ from sim.discover.name import Naming, name_terms
 from sim.discover.pairs import best_pair
 from sim.discover.refit import Refit, clustered_error, refit, unseen_score, without
 from sim.discover.statistics import Judged, judge
-from sim.discover.step import CLEARLY, Step, averaged, make_step, promote, worth
+from sim.discover.step import CLEARLY, Step, averaged, clearly, make_step, promote, worth
 
 Progress = Callable[[float, str], None]
 MOST = 3
@@ -93,8 +93,8 @@ def in_company(fitted: Fitted, step: Step, search: Search) -> tuple[tuple[Step, 
 
 
 def without_outrun(steps: tuple[Step, ...]) -> tuple[Step, ...]:
-    """Names that were outrun stand where names after them make up for it on unseen shots, by more than chance and to
-    more than the curve had; else the first that was outrun is without a name, and ends the chain."""
+    """Names that were outrun stand where names after them make up for it on unseen shots; else the first that was
+    outrun is without a name, and ends the chain."""
     for number, step in enumerate(steps):
         if not step.outrun:
             continue
@@ -108,11 +108,11 @@ def without_outrun(steps: tuple[Step, ...]) -> tuple[Step, ...]:
 
 
 def _makes_up(step: Step, after: Array) -> bool:
-    """Whether log scores [n] of several names are better than the step's name's by more than chance, and as good as its
-    free curve's."""
+    """Whether log scores [n] of several names are better than the step's name's by more than chance, and its free
+    curve's not clearly better than theirs."""
     gain = after - step.after
-    clear = gain.mean() > CLEARLY * clustered_error(gain, step.fitted.together)
-    return bool(clear and step.free is not None and after.sum() >= step.free.sum())
+    pays = gain.mean() > CLEARLY * clustered_error(gain, step.fitted.together)
+    return bool(pays) and step.free is not None and not clearly(step.free - after, step.fitted)
 
 
 def _left_to(step: Step, after: Array) -> float | None:

@@ -59,7 +59,7 @@ def make_step(fitted: Fitted, clusters: Clusters, place: Place | None, base: tup
     rivals = _rivals(naming, after, place, clusters, fitted)
     decoys = share_above(fitted.evidence, clusters, naming.nats[naming.leader], seed)
     nameless = naming.nats[naming.leader] <= 0.0 or decoys > FALSE_NAMES
-    outrun = not nameless and bool(rivals) and all(_clearly(gain, fitted) for gain in rivals)
+    outrun = not nameless and bool(rivals) and all(clearly(gain, fitted) for gain in rivals)
     rival = min((worth(gain, fitted) for gain in rivals), default=None)
     return Step(naming, place, before, after, average, free, rival, decoys, nameless or outrun, base, fitted, outrun)
 
@@ -94,7 +94,7 @@ def _rivals(naming: Naming, after: Array, place: Place | None, clusters: Cluster
     return [instead, correct(named.evidence, test, clusters).gain]
 
 
-def _clearly(gain: Array, fitted: Fitted) -> bool:
+def clearly(gain: Array, fitted: Fitted) -> bool:
     """Whether log scores [n] of unseen shots are better by more than chance, and by more than a trifle."""
     return bool(gain.mean() > CLEARLY * clustered_error(gain, fitted.together) and gain.sum() > CLEARLY)
 
