@@ -70,30 +70,30 @@ def main(args: argparse.Namespace) -> int:
         raise BadInput("--belief and --believe exclude each other: the file names its terms")
     found = discover(load_dataset(args.dataset), believed, args.false_alarm, args.seed,
                      make_progress("discover", args.quiet), belief)
+    adopted = [_adopt(found, args.dataset, args.adopt)] if args.adopt else []
     tell(found, Path(args.dataset).name, args.json, args.report)
-    if args.adopt:
-        _adopt(found, args.dataset, args.adopt)
+    print(*adopted, sep="\n", end="\n" if adopted else "")
     return 0
 
 
 def tell(found: Investigation, name: str, json_path: str | Path | None, report_path: str | Path | None) -> None:
-    """Print the answer about the dataset called `name`, and write it where asked."""
-    print("\n".join(console_lines(found.finding)))
+    """Write the answer about the dataset called `name` where asked, and print it: last, for its reader may be gone."""
     if json_path:
         write_out(json_path, make_json(found.finding))
     if report_path:
         write_out(report_path, make_report(name, found).encode())
+    print("\n".join(console_lines(found.finding)))
 
 
-def _adopt(found: Investigation, dataset: str, path: str) -> None:
-    """Write the belief that the finding leads to, and say what it has."""
+def _adopt(found: Investigation, dataset: str, path: str) -> str:
+    """Write the belief that the finding leads to; a line that says what it has."""
     try:
         belief, provenance = make_belief(found)
     except ValueError as error:
         raise BadInput(f"--adopt: {dataset}: {error}") from error
     save_belief(path, belief, {"dataset": str(dataset), **provenance})
     named = provenance["adopted"]
-    print(f"adopted: {', '.join(named) if named else 'nothing named, the fitted coefficients alone'} -> {path}")
+    return f"adopted: {', '.join(named) if named else 'nothing named, the fitted coefficients alone'} -> {path}"
 
 
 def keep_compiled() -> None:

@@ -118,9 +118,9 @@ def say_smallest(evidence: Evidence, threshold: float) -> str:
 def console_lines(finding: Finding) -> list[str]:
     """The verdict and a few lines below it."""
     data, where = finding.data, finding.where
-    lines = [finding.sentence,
-             f"{data.shots} shots, level {data.level}, {finding.mismatch.tests_made} tests over "
-             f"{data.clusters['count']} clusters ({data.clusters['by']})"]
+    made = finding.mismatch.tests_made
+    lines = [finding.sentence, f"{data.shots} shots, level {data.level}, {made} test{'s' * (made != 1)} over "
+                               f"{data.clusters['count']} clusters ({data.clusters['by']})"]
     lines += [f"fitted: {', '.join(f'{name} {value:.3g}' for name, value in values.items())}"
               for values in data.fitted.values() if values]
     if finding.what:
