@@ -11,7 +11,6 @@ number. A line of FILE a world; one that is there already is not run again. Deve
 """
 
 import argparse
-import os
 import sys
 import zlib
 from dataclasses import replace
@@ -33,6 +32,7 @@ from sim.discover.finding import make_json
 from sim.physics.shot import predict
 from sim.prove.changes import Change, seen_at
 from sim.prove.launcher_table import make_tables
+from sim.prove.worldfile import append_line, lines_of, mend
 from sim.world.options import Options
 from sim.world.practice import plan_season
 from sim.world.season import ORDINARY, Season, Sensors, play_season
@@ -92,9 +92,10 @@ def _off_m(facts: Facts, belief: Belief, season: Season) -> float:
 
 def main() -> int:
     args = _arguments()
-    lines = _lines(Path(args.table or args.out))
+    lines = {line["key"]: line for line in lines_of(Path(args.table or args.out))}
     if args.table is None:
         keep_compiled()
+        mend(args.out)
         _run_all(args, lines)
     print(make_tables(list(lines.values())))
     return 0
@@ -115,7 +116,7 @@ def _run_all(args: argparse.Namespace, lines: dict[str, Line]) -> None:
         said = (run_as_is(facts, level, args.shots, seed) if change is None else
                 run_changed(facts, level, args.shots, seed, change, _unpacked(lines[home]["belief"])))
         lines[key] = {"key": key, "name": name, "level": level, "shots": args.shots, "seed": seed, **said}
-        _append(args.out, msgspec.json.encode(lines[key]) + b"\n")
+        append_line(args.out, lines[key])
     progress(1.0, "done")
 
 
@@ -131,18 +132,6 @@ def _arguments() -> argparse.Namespace:
     place.add_argument("--out", metavar="FILE", help="where worlds are kept, a line each")
     place.add_argument("--table", metavar="FILE", help="print what is there, run nothing")
     return parser.parse_args()
-
-
-def _lines(path: Path) -> dict[str, Line]:
-    """{key: line}."""
-    found = [msgspec.json.decode(line) for line in path.read_bytes().splitlines()] if path.is_file() else []
-    return {line["key"]: line for line in found}
-
-
-def _append(path: str, data: bytes) -> None:
-    with open(path, "ab") as file:
-        file.write(data)
-        os.fsync(file.fileno())
 
 
 if __name__ == "__main__":
