@@ -8,7 +8,7 @@ setup: $(VENV)/.installed
 
 $(VENV)/.installed: pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[sim,test]'
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[sim,test,field]'
 	touch $@
 
 demo: setup

@@ -101,7 +101,9 @@ def test_a_name_beyond_what_its_term_allows_loses(monkeypatch: pytest.MonkeyPatc
 
 def test_amplitudes_of_the_wrong_sign_are_impossible_only_beyond_doubt() -> None:
     def found(value: float) -> Refit:
-        one = SimpleNamespace(names=("wheel_slip.loss_per_m_s",), amplitude=np.array([value]), sd=np.array([0.002]))
+        amplitude = np.array([value])
+        one = SimpleNamespace(names=("wheel_slip.loss_per_m_s",), amplitude=amplitude, value=amplitude,
+                              sd=np.array([0.002]))
         return cast(Refit, one)
 
     assert is_possible(found(0.01), 0.015) and is_possible(found(-0.003), 0.015)
