@@ -58,6 +58,8 @@ def main(args: argparse.Namespace) -> int:
         raise BadInput(f"--false-alarm: {args.false_alarm} is not between 0 and 1")
     if args.seed < 0:
         raise BadInput(f"--seed: {args.seed} is negative")
+    if args.belief is not None and args.believe is not None:
+        raise BadInput("--belief and --believe exclude each other: the file names its terms")
     believed = None if args.believe is None else [name.strip() for name in args.believe.split(",") if name.strip()]
     if believed == []:
         raise BadInput("--believe: names no term")
@@ -66,8 +68,6 @@ def main(args: argparse.Namespace) -> int:
     if args.identifiability is not None:
         return _identify(args, believed)
     belief = None if args.belief is None else load_belief(args.belief)
-    if belief is not None and believed is not None:
-        raise BadInput("--belief and --believe exclude each other: the file names its terms")
     found = discover(load_dataset(args.dataset), believed, args.false_alarm, args.seed,
                      make_progress("discover", args.quiet), belief)
     adopted = [_adopt(found, args.dataset, args.adopt)] if args.adopt else []
@@ -120,6 +120,8 @@ def _check_modes(args: argparse.Namespace) -> None:
         raise BadInput("give either a dataset directory, or --identifiability with a rig.toml or a directory")
     if args.identifiability is None and (args.shots is not None or args.level is not None or args.sides):
         raise BadInput("--shots, --level and --sides are for --identifiability")
+    if args.identifiability is not None and (args.belief is not None or args.adopt is not None):
+        raise BadInput("--belief and --adopt are for data, not for --identifiability")
     if args.identifiability is not None and Path(args.identifiability).is_dir() and (
             args.shots is not None or args.level is not None):
         raise BadInput(f"--shots, --level: {args.identifiability} is a directory, whose own shots are looked at")

@@ -12,6 +12,7 @@ from sim.physics.scales import LEFT, LOG
 
 # Names of scatters here -> in a belief; the others are of sensors, not of the launch.
 SCATTERS = {"scatter.speed": "speed", "scatter.elevation_rad": "elevation_deg"}
+SUREST = 1e-4                         # of the catalogue's doubt: a belief may take some combination for exact
 MOVES = 0.3                           # of a parameter's prior deviation, by which one and the same rig may have changed
 
 
@@ -50,6 +51,7 @@ def inform(columns: Sequence[Column], centre: Array, sd: Array, belief: Belief |
     number = [belief.names.index(believed_name(columns[k].name)) for k in known]
     slope = np.array([own_slope(columns[k].name, centre[k]) for k in known])
     covariance[np.ix_(known, known)] = belief.covariance[np.ix_(number, number)] * np.outer(slope, slope)
+    covariance += np.diag((SUREST * sd)**2)
     return centre, np.linalg.inv(covariance)
 
 
