@@ -2,11 +2,12 @@
 
 Pure numpy. A test asks whether a channel's amplitude is w_i b with given weights w (a covariate's shape) and b not 0.
 Its score is freed of the shared parameters (Neyman's C(alpha): what they could explain is projected out), summed over
-shots of one cluster, and divided by the spread that the clusters themselves show once b is fitted. Under the believed
-simulation a cluster's sum is as likely to be negative as positive, whatever its variance and however the samples
-inside it hang together; so the same statistic under random signs is its null distribution, and the largest over all
-tests under the same signs gives the probability of so large a largest one (the wild cluster bootstrap-t with the null
-imposed: Cameron, Gelbach and Miller 2008; max statistic: Westfall and Young 1993).
+shots of one cluster, and divided by the spread that the clusters themselves show. Under the believed simulation a
+cluster's sum is as likely to be negative as positive, whatever its variance and however the samples inside it hang
+together; so the same statistic under random signs is its null distribution, and the largest over all tests under the
+same signs gives the probability of so large a largest one (the score bootstrap: Kline and Santos 2012; max statistic:
+Westfall and Young 1993). The spread is of the scores as they are, not of what an effect would leave of them: signs do
+not change the former, so that tests that rest on few clusters have light tails, and do not raise the bar for all.
 
 What is thought of a shared parameter beforehand is one more observation of it, which errs like any other, and so a
 cluster of its own. Without these a test that leans on priors (one supplier's balls against another's, where each ball
@@ -50,7 +51,7 @@ class Scores:
 
 @dataclass(frozen=True)
 class Judged:
-    """`statistic` [M] studentised |score|; `p_each` [M] one test alone; `p_value` [M] as the largest of its family,
+    """`statistic` [M] |score| in units of its spread; `p_each` [M] one test alone; `p_value` [M] as the largest of its family,
     with the family's share of the allowance for false alarms; `families` {name: p of the family}; `p_any`: of all.
 
     largest {family: [1 + draws]} the largest of each as seen, then by chance; weights: their shares of the allowance.
@@ -147,14 +148,13 @@ def judge(scores: Scores, family: Sequence[str], allowance: Mapping[str, float],
     The families' probabilities, each over its share of the allowance, are compared by their smallest under the same
     signs, so that sharing costs no more than it must (Westfall and Young's min-p).
     """
-    psi, kappa, total = scores.psi * scores.stretch, scores.kappa, scores.kappa.sum(0)
-    observed = scores.psi.sum(0)
-    squares = (psi**2).sum(0), (psi * kappa).sum(0), (kappa**2).sum(0)
-    seen = _studentise(observed[None], squares[1][None], squares, total)[0]
+    psi, total, observed = scores.psi * scores.stretch, scores.kappa.sum(0), scores.psi.sum(0)
+    unit = psi / np.sqrt((psi**2).sum(0) + TINY)
+    seen = np.abs(observed) / np.sqrt((psi**2).sum(0) + TINY)
     member = {name: np.array([one == name for one in family], dtype=bool) for name in allowance if name in set(family)}
     if not member:
         return Judged(seen, observed, observed, seen, seen, {}, 1.0, {}, {})
-    largest, above_each = _flip(psi, kappa, squares, total, seen, member, draws, seed, progress)
+    largest, above_each = _flip(unit, seen, member, draws, seed, progress)
     share = sum(allowance[name] for name in member)
     weights = {name: allowance[name] / share for name in member}
     p_value, families, p_any = _combine(seen, member, largest, weights)
@@ -163,18 +163,18 @@ def judge(scores: Scores, family: Sequence[str], allowance: Mapping[str, float],
                   p_any, largest, weights)
 
 
-def _flip(psi: Array, kappa: Array, squares: tuple[Array, Array, Array], total: Array, seen: Array,
-          member: Mapping[str, Array], draws: int, seed: int,
+def _flip(unit: Array, seen: Array, member: Mapping[str, Array], draws: int, seed: int,
           progress: Progress) -> tuple[dict[str, Array], Array]:
-    """({family: its largest as observed, then in each draw}, draws [M] in which a test came out as large)."""
+    """({family: its largest as observed, then in each draw}, draws [M] in which a test came out as large).
+
+    `unit` [G, M]: each cluster's part of a test's score, in units of the spread.
+    """
     rng = np.random.default_rng(seed)
     largest = {name: np.append(seen[inside].max(), np.zeros(draws)) for name, inside in member.items()}
-    above_each = np.zeros(len(total))
-    weighted = psi * kappa
+    above_each = np.zeros(len(seen))
     for start in range(0, draws, CHUNK):
         count = min(CHUNK, draws - start)
-        signs = rng.choice((-1.0, 1.0), size=(count, len(psi)))
-        flipped = _studentise(signs @ psi, signs @ weighted, squares, total)
+        flipped = np.abs(rng.choice((-1.0, 1.0), size=(count, len(unit))) @ unit)
         above_each += (flipped >= seen - 1e-9).sum(0)
         for name, inside in member.items():
             largest[name][1 + start:1 + start + count] = flipped[:, inside].max(1)
@@ -197,10 +197,3 @@ def _least(largest: dict[str, Array], weights: dict[str, float]) -> tuple[dict[s
     """({family: p of each of its largest}, the smallest of these [1 + draws], each over its share of the allowance)."""
     ranks = {name: (values[None] >= values[:, None] - 1e-9).mean(1) for name, values in largest.items()}
     return ranks, np.min([ranks[name] / weights[name] for name in largest], axis=0)
-
-
-def _studentise(score: Array, cross: Array, squares: tuple[Array, Array, Array], total: Array) -> Array:
-    """|score| over the spread of cluster sums left when the effect it implies is taken out (signs square to 1)."""
-    amplitude = score / total
-    left = squares[0] - 2.0 * amplitude * cross + amplitude**2 * squares[2]
-    return np.abs(score) / np.sqrt(np.maximum(left, 1e-9 * squares[0] + 1e-300))

@@ -91,13 +91,9 @@ def test_a_prior_is_one_more_observation_of_what_it_is_about() -> None:
     assert np.allclose(scores.kappa[:, 0], apart**2)
 
 
-def all_signs(psi: np.ndarray, kappa: np.ndarray) -> np.ndarray:
-    """Studentised |score| [2^G, M] of every sign pattern, straight from the definition; the first is what was seen."""
-    def statistic(scores: np.ndarray) -> np.ndarray:
-        b = scores.sum(0) / kappa.sum(0)
-        return np.abs(scores.sum(0)) / np.sqrt(((scores - b * kappa)**2).sum(0))
-
-    return np.array([statistic(np.array(signs)[:, None] * psi)
+def all_signs(psi: np.ndarray) -> np.ndarray:
+    """|score| in units of its spread [2^G, M] of every sign pattern; the first is what was seen."""
+    return np.array([np.abs((np.array(signs) @ psi)) / np.sqrt((psi**2).sum(0))
                      for signs in itertools.product((1.0, -1.0), repeat=len(psi))])
 
 
@@ -105,7 +101,7 @@ def test_p_values_alone_in_the_family_and_of_any_are_those_of_all_sign_patterns(
     rng = np.random.default_rng(3)
     psi, kappa = rng.normal(0.4, 1.0, (9, 4)), rng.uniform(0.5, 2.0, (9, 4))
     family = np.array(["terms", "terms", "terms", "free"])
-    every = all_signs(psi, kappa)
+    every = all_signs(psi)
     found = judged_of(plain(psi, kappa), 20_000, 4, family.tolist())
     assert np.allclose(found.statistic, every[0])
     assert np.allclose(found.p_each, (every >= every[0] - 1e-9).mean(0), atol=0.015)
