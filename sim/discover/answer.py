@@ -11,6 +11,7 @@ from sim.discover.covariates import Covariate, carried_by, followed_column, gath
 from sim.discover.endpoints import end_errors
 from sim.discover.evidence import Array, Column, Evidence
 from sim.discover.finding import Data, Finding, Fit, Further, Interval, Mismatch, Named, TestResult, Unknown, Where
+from sim.discover.formula import find_formula
 from sim.discover.intake import Intake
 from sim.discover.locate import Place, amplitude_of, times_of
 from sim.discover.next_steps import next_steps
@@ -37,7 +38,8 @@ def silent(dataset: Dataset, intake: Intake, terms: tuple[str, ...], false_alarm
 
 
 def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: Fitted, clusters: Clusters, asked: Asked,
-                 judged: Judged, place: Place | None, steps: Sequence[Step], false_alarm: float) -> Finding:
+                 judged: Judged, place: Place | None, steps: Sequence[Step], false_alarm: float,
+                 seed: int) -> Finding:
     """Put it together; without steps nothing was found."""
     intake = fitted.intake
     data = Data(len(dataset.shots), intake.level, intake.left_out, terms, {"all": fitted.values},
@@ -53,19 +55,19 @@ def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: Fitted, clust
     first = steps[0]
     verdict = "unknown" if first.unknown else "named" if all(len(s.naming.chosen) == 1 for s in steps) else "set"
     where = _where(dataset, first, asked, judged, false_alarm, _probabilities(first))
-    leading, *also = (_further(step) for step in steps)
+    leading, *also = (_further(step, clusters, seed) for step in steps)
     say = say_unknown if first.unknown else say_named
     sentence = say(terms, judged.p_any, where, leading, also, fit, place)
     return Finding(data, mismatch, where, verdict, sentence, leading.unknown, fit, what=leading.what, set=leading.set,
                    next=next_steps(dataset, first, leading.set), also=tuple(also))
 
 
-def _further(step: Step) -> Further:
+def _further(step: Step, clusters: Clusters, seed: int) -> Further:
     """What one step says."""
     probability = _probabilities(step)
     what = tuple(_named(step, name, probability) for name in list(step.naming.probability)[:RANKED])
     chosen = None if step.unknown else tuple(name.partition(".")[0] for name in step.naming.chosen)
-    return Further(what, chosen, _unknown(step.place) if step.unknown else None)
+    return Further(what, chosen, _unknown(step, clusters, seed) if step.unknown else None)
 
 
 def _probabilities(step: Step) -> dict[str, float]:
@@ -127,11 +129,12 @@ def _follows(dataset: Dataset, column: Column, step: Step, judged: Judged,
     return name, direction, others
 
 
-def _unknown(place: Place | None) -> Unknown | None:
+def _unknown(step: Step, clusters: Clusters, seed: int) -> Unknown | None:
+    place = step.place
     if place is None:
         return None
     return Unknown(name_of(place.test, place.column), place.column.direction, amplitude_of(place.correction),
-                   place.column.unit, None)
+                   place.column.unit, find_formula(place.correction, step.fitted, clusters, seed))
 
 
 def _named(step: Step, name: str, probability: dict[str, float]) -> Named:

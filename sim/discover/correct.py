@@ -26,6 +26,7 @@ class Correction:
     test: Test
     evidence: Evidence
     amplitude: Array                  # [n] of the column, fitted to all shots
+    shared: Array                     # [p] changes of the shared columns that go with it
     before: Array                     # [n, 1 + p] held out, shared columns alone refitted
     after: Array
     log_before: Array                 # [n] held-out log score
@@ -47,14 +48,27 @@ def correct(evidence: Evidence, test: Test, clusters: Clusters) -> Correction:
     ridges = []
     for held in range(fold.max() + 1):
         train, out = fold != held, fold == held
-        before[out] = _fit(evidence, 0, basis[:, :0], train, 0.0)[out]
+        before[out] = _fitted(evidence, basis[:, :0], train, 0.0)[out]
         ridge = _choose_ridge(evidence, test, basis, train)
-        after[out] = _fit(evidence, 0, basis, train, ridge)[out]
+        after[out] = _fitted(evidence, basis, train, ridge)[out]
         ridges.append(ridge)
     whole = np.ones(len(fold), dtype=bool)
-    fitted = _fit(evidence, 0, basis, whole, _choose_ridge(evidence, test, basis, whole))
-    return Correction(test, evidence, fitted[:, 0], before, after, evidence.log_score + evidence.gain(before),
-                      evidence.log_score + evidence.gain(after), tuple(ridges))
+    found = _fit(evidence, 0, basis, whole, _choose_ridge(evidence, test, basis, whole))
+    q = basis.shape[1]
+    return Correction(test, evidence, basis @ found[:q], found[q:], before, after,
+                      evidence.log_score + evidence.gain(before), evidence.log_score + evidence.gain(after),
+                      tuple(ridges))
+
+
+def unseen(evidence: Evidence, basis: Array, clusters: Clusters) -> tuple[Array, Array]:
+    """(held-out log score [n], coefficients [q] fitted to all shots) with the first column's amplitude in the span of
+    `basis` [n, q]; folds as in `correct`."""
+    fold = folds_of(clusters.label[evidence.rows])
+    change = np.zeros(evidence.score.shape)
+    for held in range(fold.max() + 1):
+        change[fold == held] = _fitted(evidence, basis, fold != held, 0.0)[fold == held]
+    found = _fit(evidence, 0, basis, np.ones(len(fold), dtype=bool), 0.0)
+    return evidence.log_score + evidence.gain(change), found[:basis.shape[1]]
 
 
 def _basis(evidence: Evidence, test: Test) -> Array:
@@ -73,8 +87,13 @@ def _basis(evidence: Evidence, test: Test) -> Array:
     return np.concatenate([ones] + [(codes == k)[:, None] * 1.0 for k in range(1, len(test.what.levels))], axis=1)
 
 
+def _fitted(evidence: Evidence, basis: Array, train: Array, ridge: float) -> Array:
+    """Most likely change [n, 1+p] with the first column's amplitude in the span of `basis`, by rows in `train`."""
+    return _spread(evidence, 0, basis, _fit(evidence, 0, basis, train, ridge))
+
+
 def _fit(evidence: Evidence, channel: int, basis: Array, train: Array, ridge: float) -> Array:
-    """Most likely change [n, C+p] with the channel's amplitude in the span of `basis`, fitted to rows in `train`."""
+    """Coefficients of the basis and changes of the shared columns [q+p], likeliest for the rows in `train`."""
     shared = shared_columns(evidence)
     q, p = basis.shape[1], evidence.score[:, shared].shape[1]
     penalty = block_diag(np.diag(_penalty(evidence, channel, basis, train, ridge)), evidence.precision)
@@ -94,7 +113,7 @@ def _fit(evidence: Evidence, channel: int, basis: Array, train: Array, ridge: fl
         small, found, best = value - best < 1e-6, tried, value
         if small:
             break
-    return _spread(evidence, channel, basis, found)
+    return found
 
 
 def _spread(evidence: Evidence, channel: int, basis: Array, found: Array) -> Array:

@@ -63,7 +63,8 @@ def discover(dataset: Dataset, believed: Sequence[str] | None = None, false_alar
         search = Search(clusters, gather_covariates(dataset), gather_factors(dataset.shots), false_alarm, seed)
         steps = go_forward(fitted, place, search, lambda done, note: progress(0.5 + 0.5 * done, note))
     progress(1.0, "done")
-    finding = make_finding(dataset, terms, fitted, clusters, asked, judged, place, steps, false_alarm)
+    finding = make_finding(dataset, terms, fitted, clusters, asked, judged, place, steps, false_alarm,
+                           seed)
     return Investigation(finding, fitted, clusters, asked, judged, place, steps)
 
 

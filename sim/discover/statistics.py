@@ -51,8 +51,9 @@ class Scores:
 
 @dataclass(frozen=True)
 class Judged:
-    """`statistic` [M] |score| in units of its spread; `p_each` [M] one test alone; `p_value` [M] as the largest of its family,
-    with the family's share of the allowance for false alarms; `families` {name: p of the family}; `p_any`: of all.
+    """`statistic` [M] |score| in units of its spread; `p_each` [M] one test alone; `p_value` [M] as the largest of its
+    family, with the family's share of the allowance for false alarms; `families` {name: p of the family}; `p_any`: of
+    all.
 
     largest {family: [1 + draws]} the largest of each as seen, then by chance; weights: their shares of the allowance.
     """

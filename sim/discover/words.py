@@ -72,7 +72,9 @@ def say_unknown(believed: tuple[str, ...], p_value: float, where: Where, leading
     stage = f"; most likely it happens {STAGE_WORDS[where.stage]}" if where.stage and where.reason is None else ""
     nearest = f" The nearest name is {plain(leading.what[0].term)}, which explains it worse than a free curve does." \
         if leading.what else ""
-    return f"{said}{_looks(leading.unknown, place)}{stage}.{nearest}{_gained(fit)}{_luck(p_value)}"
+    formula = leading.unknown.formula
+    law = f" An empirical formula does as well as the curve: {formula}." if formula else ""
+    return f"{said}{_looks(leading.unknown, place)}{stage}.{law}{nearest}{_gained(fit)}{_luck(p_value)}"
 
 
 def _looks(unknown: Unknown, place: Place) -> str:

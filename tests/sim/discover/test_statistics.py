@@ -93,7 +93,7 @@ def test_a_prior_is_one_more_observation_of_what_it_is_about() -> None:
 
 def all_signs(psi: np.ndarray) -> np.ndarray:
     """|score| in units of its spread [2^G, M] of every sign pattern; the first is what was seen."""
-    return np.array([np.abs((np.array(signs) @ psi)) / np.sqrt((psi**2).sum(0))
+    return np.array([np.abs(np.array(signs) @ psi) / np.sqrt((psi**2).sum(0))
                      for signs in itertools.product((1.0, -1.0), repeat=len(psi))])
 
 
