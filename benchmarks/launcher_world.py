@@ -26,6 +26,7 @@ from doors.progress import make_progress
 from robot.config import load_config
 from robot.facts import Facts
 from sim.belief import Belief
+from sim.curve import before_the_shot
 from sim.discover.adopt import make_belief
 from sim.discover.discover import Investigation, discover
 from sim.discover.finding import make_json
@@ -50,11 +51,12 @@ def run_as_is(facts: Facts, level: str, shots: int, seed: int) -> Line:
     dataset = play_season(facts, Options(), seed, plan_season(seed, shots), level, ORDINARY).dataset
     found = discover(dataset, BELIEVED, seed=seed)
     after, before = make_belief(found)[0], make_belief(replace(found, steps=()))[0]
+    named = make_belief(replace(found, steps=tuple(step for step in found.steps if not step.unknown)))[0]
     settings = plan_season(seed + 1, UNSEEN)
     other = play_season(facts, Options(), seed + 1, settings, "L0", EXACT)
     still = play_season(facts, Options(scatter_scale=0.0), seed + 1, settings, "L0", EXACT)
     return {**_said(found), "before_m": _off_m(facts, before, other), "after_m": _off_m(facts, after, other),
-            "scatter_m": float(np.nanstd(_height_m(other) - _height_m(still))), "belief": _packed(after)}
+            "scatter_m": float(np.nanstd(_height_m(other) - _height_m(still))), "belief": _packed(named)}
 
 
 def run_changed(facts: Facts, level: str, shots: int, seed: int, change: Change, belief: Belief) -> Line:
@@ -86,7 +88,9 @@ def _height_m(season: Season) -> np.ndarray:
 
 def _off_m(facts: Facts, belief: Belief, season: Season) -> float:
     """RMS error of the heights that the belief foretells."""
-    told = np.asarray(predict(facts, belief.coefficients, season.dataset.shots).height_m)
+    shots = season.dataset.shots
+    around = before_the_shot(belief.curve, facts, shots)
+    told = np.asarray(predict(facts, belief.coefficients, shots, circumstances=around).height_m)
     return float(np.sqrt(np.nanmean((_height_m(season) - told)**2)))
 
 

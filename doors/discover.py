@@ -10,7 +10,7 @@ import jax
 from doors.progress import make_progress
 from robot.config import BadInput
 from robot.facts import Facts
-from sim.belief import load_belief, save_belief
+from sim.belief import Belief, load_belief, save_belief
 from sim.discover.adopt import make_belief
 from sim.discover.discover import FALSE_ALARM, Investigation, discover
 from sim.discover.finding import make_json
@@ -67,13 +67,21 @@ def main(args: argparse.Namespace) -> int:
     keep_compiled()
     if args.identifiability is not None:
         return _identify(args, believed)
-    belief = None if args.belief is None else load_belief(args.belief)
+    belief = None if args.belief is None else _known_physics(args.belief)
     found = discover(load_dataset(args.dataset), believed, args.false_alarm, args.seed,
                      make_progress("discover", args.quiet), belief)
     adopted = [_adopt(found, args.dataset, args.adopt)] if args.adopt else []
     tell(found, Path(args.dataset).name, args.json, args.report)
     print(*adopted, sep="\n", end="\n" if adopted else "")
     return 0
+
+
+def _known_physics(path: str) -> Belief:
+    """BadInput for a belief with an effect that has no name: there is nothing in it that could have changed."""
+    belief = load_belief(path)
+    if belief.curve is not None:
+        raise BadInput(f"{path}: curve: discovery starts from effects that have names; leave out [curve] and its term")
+    return belief
 
 
 def tell(found: Investigation, name: str, json_path: str | Path | None, report_path: str | Path | None) -> None:

@@ -11,8 +11,10 @@ import numpy as np
 
 from doors.progress import make_progress
 from robot.config import BadInput
+from sim.belief import Belief, load_belief, point_belief
 from sim.circumstances import circumstances_of
-from sim.coefficients import Coefficients, load_coefficients
+from sim.curve import along
+from sim.discover.covariates import number_columns
 from sim.physics.catalogue import effective
 from sim.physics.shot import classify, opening_of, predict
 from sim.shots import Dataset, load_dataset
@@ -34,9 +36,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(args: argparse.Namespace) -> int:
-    coefficients = _coefficients(args)
+    belief = _belief(args)
     dataset = load_dataset(args.dataset)
-    rows = list(_rows(dataset, coefficients, _progress(len(dataset.shots), args.quiet)))
+    rows = list(_rows(dataset, belief, _progress(len(dataset.shots), args.quiet)))
     if args.out is None:
         _write(sys.stdout, rows)
         return 0
@@ -53,28 +55,29 @@ def _progress(shots: int, quiet: bool) -> Callable[[float, str], None]:
     return make_progress("predict", quiet or shots < LONG)
 
 
-def _coefficients(args: argparse.Namespace) -> Coefficients:
+def _belief(args: argparse.Namespace) -> Belief:
     """From the file or from both options; BadInput when neither or both say."""
     pair = (args.cd, args.cl)
     if args.coefficients is not None:
         if pair != (None, None):
             raise BadInput("--coefficients and --cd, --cl exclude each other")
-        return load_coefficients(args.coefficients)
+        return load_belief(args.coefficients)
     for option, value in zip(("--cd", "--cl"), pair, strict=True):
         if value is None:
             raise BadInput(f"{option} is needed (or --coefficients FILE)")
         if not np.isfinite(value):
             raise BadInput(f"{option}: {value} is not a finite number")
-    return {"drag": {"cd": args.cd}, "magnus": {"cl": args.cl}}
+    return point_belief({"drag": {"cd": args.cd}, "magnus": {"cl": args.cl}})
 
 
-def _rows(dataset: Dataset, coefficients: Coefficients,
+def _rows(dataset: Dataset, belief: Belief,
           progress: Callable[[float, str], None]) -> Iterable[tuple[str, str, str, str]]:
     if dataset.facts.target is None:
         raise BadInput("rig.toml: [target] is needed to tell deviation and outcome")
-    circumstances = circumstances_of(dataset)
-    opening = opening_of(dataset.facts, effective(coefficients, circumstances))
-    height_m = predict(dataset.facts, coefficients, dataset.shots, progress, circumstances).height_m
+    columns = {**{name: dataset.shots.text(name) for name in dataset.shots.texts}, **number_columns(dataset)}
+    circumstances = along(belief.curve, circumstances_of(dataset), columns, len(dataset.shots))
+    opening = opening_of(dataset.facts, effective(belief.coefficients, circumstances))
+    height_m = predict(dataset.facts, belief.coefficients, dataset.shots, progress, circumstances).height_m
     deviation_m = height_m - opening.centre_m
     outcome = classify(dataset.facts, height_m, opening)
     for row, name in enumerate(dataset.shots.shot_id):

@@ -37,7 +37,7 @@ def main(args: argparse.Namespace) -> int:
     recorded = load_dataset(args.exclude).shots if args.exclude else None
     progress = make_progress("synth", args.quiet)
     if args.draws is None:
-        shots = synthesise(facts, belief.coefficients, args.n, recorded, args.seed, progress)
+        shots = synthesise(facts, belief, args.n, recorded, args.seed, progress)
     else:
         check_belief(belief, args.coefficients)
         shots = synthesise_draws(facts, belief, args.draws, args.n, recorded, args.seed, progress)

@@ -14,7 +14,7 @@ catalogue; scatters: their logarithm), on which the belief is about normal.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,7 @@ import numpy as np
 
 from robot.config import BadInput
 from sim.coefficients import Coefficients, load_coefficients, load_table, save_coefficients
+from sim.curve import Curve, read_curve, write_curve
 from sim.physics.catalogue import find_parameter
 from sim.physics.scales import LINEAR, LOG, fits_scale, from_scale, to_scale
 
@@ -36,12 +37,14 @@ class Belief:
     coefficients: {term: {parameter: value}}. scatter: {"speed": sd of the log of the exit speed from shot to shot,
     "elevation_deg": sd of the exit elevation}, empty when nobody fitted it. names: "term.parameter" or "scatter.x", one
     a row of `covariance` [p, p], which is on the parameters' own scales (module docstring); what has no name is exact.
+    curve: how large an effect without a name is; `coefficients` then has a term of sim.physics.nameless.
     """
 
     coefficients: Coefficients
     scatter: dict[str, float]
     names: tuple[str, ...]
     covariance: np.ndarray
+    curve: Curve | None = None
 
     def values(self) -> np.ndarray:
         """The named parameters [p] on their scales: the mean that `covariance` goes with."""
@@ -75,13 +78,13 @@ def replace_values(belief: Belief, numbers: np.ndarray) -> Belief:
         table, _, key = name.partition(".")
         place = scatter if table == SCATTER else coefficients[table]
         place[key] = float(from_scale(scale_of(name), number))
-    return point_belief(coefficients, scatter)
+    return replace(point_belief(coefficients, scatter), curve=belief.curve)
 
 
 def draw(belief: Belief, n: int, rng: np.random.Generator) -> list[Belief]:
     """`n` point beliefs, normal on the parameters' scales with the belief's covariance; without one, n times itself."""
     if not belief.names:
-        return [point_belief(belief.coefficients, belief.scatter)] * n
+        return [replace(point_belief(belief.coefficients, belief.scatter), curve=belief.curve)] * n
     drawn = rng.multivariate_normal(belief.values(), belief.covariance, size=n, method="eigh")
     return [replace_values(belief, numbers) for numbers in drawn]
 
@@ -93,6 +96,8 @@ def save_belief(path: str | Path, belief: Belief, provenance: Mapping[str, Any])
         more["scatter"] = {name: float(value) for name, value in belief.scatter.items()}
     if belief.names:
         more["covariance"] = {"names": list(belief.names), "matrix": np.asarray(belief.covariance, float).tolist()}
+    if belief.curve is not None:
+        more["curve"] = write_curve(belief.curve)
     save_coefficients(path, belief.coefficients, provenance, more)
 
 
@@ -107,7 +112,7 @@ def load_belief(path: str | Path) -> Belief:
     names, covariance = _covariance(path, table.get("covariance", {}))
     for name in names:
         _check(path, name, coefficients, scatter)
-    return Belief(coefficients, scatter, names, covariance)
+    return Belief(coefficients, scatter, names, covariance, read_curve(path, table.get("curve")))
 
 
 def _scatter(path: str | Path, table: Any) -> dict[str, float]:

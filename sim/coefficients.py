@@ -20,9 +20,10 @@ from typing import Any
 from robot.config import BadInput, load_text
 from sim.dataset.rig import make_toml
 from sim.physics.catalogue import TERMS
+from sim.physics.nameless import NAMELESS
 
 SCHEMA = "truearc.coefficients/1"
-APART = ("schema", "scatter", "covariance", "provenance")
+APART = ("schema", "scatter", "covariance", "curve", "provenance")
 
 Coefficients = dict[str, dict[str, float]]
 
@@ -61,9 +62,10 @@ def load_table(path: str | Path) -> dict[str, Any]:
 
 
 def _values(path: str | Path, name: str, values: Any) -> dict[str, float]:
-    known = {term.name: {parameter.name for parameter in term.parameters} for term in TERMS}
+    known = {term.name: {parameter.name for parameter in term.parameters} for term in (*TERMS, *NAMELESS)}
     if name not in known:
-        raise BadInput(f"{path}: there is no term {name!r}; the catalogue has {', '.join(sorted(known))}")
+        raise BadInput(f"{path}: there is no term {name!r}; the catalogue has "
+                       f"{', '.join(sorted(term.name for term in TERMS))}")
     if not isinstance(values, dict):
         raise BadInput(f"{path}: {name} is not a table")
     for key, value in values.items():

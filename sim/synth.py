@@ -13,6 +13,8 @@ import numpy as np
 
 from robot.config import BadInput
 from robot.facts import Facts
+from sim.belief import Belief
+from sim.curve import Curve, before_the_shot
 from sim.physics.catalogue import effective, flight_terms
 from sim.physics.flight import fly
 from sim.physics.launch import Exit
@@ -55,16 +57,18 @@ def grid_shots(index: np.ndarray) -> Shots:
 
 
 def grid_heights(facts: Facts, coefficients: Mapping[str, Mapping[str, float]],
-                 progress: Progress = lambda done, note: None) -> np.ndarray:
+                 progress: Progress = lambda done, note: None, curve: Curve | None = None) -> np.ndarray:
     """Height in m at the plane of every configuration of the grid, flat, nan where it is not reached.
 
-    By the simulator with gravity and these terms. BadInput when the rig cannot turn a motor ratio into a launch.
+    By the simulator with gravity and these terms, of which one may go with a curve. BadInput when the rig cannot turn a
+    motor ratio into a launch.
     """
-    terms, values = flight_terms({"gravity", *coefficients}), effective(coefficients, ORDINARY)
+    terms = flight_terms({"gravity", *coefficients})
     chunk = SHAPE[1] * SHAPE[2]                   # one motor ratio: flights of like length end together
     heights_m = []
     for number in range(SHAPE[0]):
         shots = grid_shots(np.arange(number * chunk, (number + 1) * chunk))
+        values = effective(coefficients, before_the_shot(curve, facts, shots))
         exit, distance_m = sense(facts, values, launch_of(facts, shots), shots.number("distance_m"))
         start = Exit(*map(np.asarray, leave(facts, values, exit)))
         crossing = fly(facts, terms, values, start, distance_m, step_s=STEP_S)
@@ -74,10 +78,10 @@ def grid_heights(facts: Facts, coefficients: Mapping[str, Mapping[str, float]],
 
 
 def label_grid(facts: Facts, coefficients: Mapping[str, Mapping[str, float]],
-               progress: Progress = lambda done, note: None) -> np.ndarray:
+               progress: Progress = lambda done, note: None, curve: Curve | None = None) -> np.ndarray:
     """Outcome of every configuration of the grid, flat; BadInput as grid_heights, or when the rig has no target."""
     opening = opening_of(facts, effective(coefficients, ORDINARY))    # a rig without target is told before the work
-    return classify(facts, grid_heights(facts, coefficients, progress), opening)
+    return classify(facts, grid_heights(facts, coefficients, progress, curve), opening)
 
 
 def taken_configurations(shots: Shots) -> np.ndarray:
@@ -115,11 +119,11 @@ def check_draw(count: int, seed: int) -> None:
         raise BadInput(f"--seed is {seed}; it cannot be negative")
 
 
-def synthesise(facts: Facts, coefficients: Mapping[str, Mapping[str, float]], count: int, recorded: Shots | None,
-               seed: int, progress: Progress = lambda done, note: None) -> Shots:
+def synthesise(facts: Facts, belief: Belief, count: int, recorded: Shots | None, seed: int,
+               progress: Progress = lambda done, note: None) -> Shots:
     """Simulated shots with an outcome each, none at a configuration that `recorded` has; same arguments, same shots."""
     check_draw(count, seed)                      # before the work, not after it
-    return sample_shots(label_grid(facts, coefficients, progress), count, recorded, seed)
+    return sample_shots(label_grid(facts, belief.coefficients, progress, belief.curve), count, recorded, seed)
 
 
 def sample_shots(outcomes: np.ndarray, count: int, recorded: Shots | None, seed: int) -> Shots:

@@ -18,12 +18,14 @@ import numpy as np
 from robot.config import BadInput
 from robot.facts import Facts
 from sim.belief import SCATTERS, Belief, draw
+from sim.curve import before_the_shot
 from sim.fit.forecast import forecast
 from sim.fit.given import given_of
 from sim.physics.catalogue import effective, flight_terms
 from sim.physics.flight import fly
 from sim.physics.launch import Exit
 from sim.physics.shot import MISS, ORDINARY, Values, classify, leave, opening_of, sense, take_values
+from sim.physics.term import Circumstances
 from sim.shots import Shots
 from sim.synth import STEP_S, Progress, check_draw, grid_heights, grid_shots, sample_shots
 
@@ -64,12 +66,13 @@ def label_grid_draws(facts: Facts, belief: Belief, draws: int, seed: int,
                      progress: Progress = lambda done, note: None) -> np.ndarray:
     """Outcome of one uncertain shot at every configuration of the grid, flat."""
     classify(facts, np.zeros(0))                  # a rig without target is told before the work
-    height_m = grid_heights(facts, belief.coefficients, lambda done, note: progress(0.5 * done, note))
+    height_m = grid_heights(facts, belief.coefficients, lambda done, note: progress(0.5 * done, note), belief.curve)
     places = near_places(facts, belief, height_m)
     rng = np.random.default_rng([seed, 2])
     shots = grid_shots(places)
     drawn = assign(draw(belief, draws, rng), len(places), rng)
-    drawn_m = fly_draws(facts, shots, drawn, rng, lambda done, note: progress(0.5 + 0.5 * done, note))
+    drawn_m = fly_draws(facts, shots, drawn, rng, lambda done, note: progress(0.5 + 0.5 * done, note),
+                        before_the_shot(belief.curve, facts, shots))
     outcomes = np.full(len(height_m), MISS, dtype="<U5")
     outcomes[places] = classify(facts, drawn_m, opening_of(facts, effective(drawn.coefficients, ORDINARY)))
     return outcomes
@@ -98,7 +101,7 @@ def assign(beliefs: list[Belief], count: int, rng: np.random.Generator) -> Draws
 
 
 def fly_draws(facts: Facts, shots: Shots, draws: Draws, rng: np.random.Generator,
-              progress: Progress = lambda done, note: None) -> np.ndarray:
+              progress: Progress = lambda done, note: None, circumstances: Circumstances = ORDINARY) -> np.ndarray:
     """Heights [n] in m at the plane, nan where not reached, of one shot at each measured configuration."""
     given = given_of(facts, shots)
     count = len(shots)
@@ -106,7 +109,7 @@ def fly_draws(facts: Facts, shots: Shots, draws: Draws, rng: np.random.Generator
     rolling = Exit(given.rolling.speed_m_s * np.exp(np.sum(given.wheel_log_speed * noise, axis=1)),
                    given.rolling.elevation_rad + given.elevation_sd_rad * rng.standard_normal(count),
                    given.rolling.spin_rev_s + np.sum(given.wheel_spin_rev_s * noise, axis=1))
-    values = effective(draws.coefficients, ORDINARY)
+    values = effective(draws.coefficients, circumstances)
     rolling, true_m = sense(facts, values, rolling, given.distance_m)
     left = Exit(*map(np.asarray, leave(facts, values, rolling)))
     scattered = Exit(left.speed_m_s * np.exp(draws.scatter["speed"] * rng.standard_normal(count)),

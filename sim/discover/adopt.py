@@ -8,6 +8,7 @@ from sim.belief import SCATTER, Belief, scale_of
 from sim.coefficients import Coefficients
 from sim.discover.discover import Investigation
 from sim.discover.evidence import Array, Column, Evidence
+from sim.discover.freed import freed
 from sim.discover.prior import SCATTERS, believed_name, own_slope
 from sim.physics.catalogue import find_terms
 from sim.physics.scales import fits_scale
@@ -17,15 +18,18 @@ TRACKER = "track_"                    # a tracker's errors are its own; no shot 
 
 
 def make_belief(investigation: Investigation) -> tuple[Belief, dict[str, Any]]:
-    """(coefficients, scatter and covariance with all that was named, provenance); what has no name is left out.
+    """(coefficients, scatter and covariance with all that was named, and the curve of what was not; provenance).
 
     Where several names could not be told apart the likeliest is taken. ValueError for data that carry no test.
     """
     if investigation.fitted is None:
         raise ValueError("the data carry no test, so nothing was fitted")
     named = [step for step in investigation.steps if not step.unknown]
-    evidence = named[-1].refit.evidence if named else _shared(investigation.fitted.evidence)
     names = [name for step in named for name in step.refit.names]
+    evidence = named[-1].refit.evidence if named else _shared(investigation.fitted.evidence)
+    free = freed(investigation.steps[-1]) if investigation.steps else None
+    if free is not None:
+        evidence = free.evidence
     columns = [k for k, column in enumerate(evidence.columns) if _belongs(column)]
     coefficients = _coefficients(evidence, columns, investigation.finding.data.believed)
     scatter = {SCATTERS[evidence.columns[k].name]: _scatter(evidence.columns[k].name, evidence.point[k])
@@ -33,9 +37,12 @@ def make_belief(investigation: Investigation) -> tuple[Belief, dict[str, Any]]:
     kept, covariance = _covariance(evidence, columns)
     finding = investigation.finding
     provenance = {"method": "discover", "shots": finding.data.shots, "level": finding.data.level,
-                  "verdict": finding.verdict, "adopted": [name.partition(".")[0] for name in names],
+                  "verdict": finding.verdict,
+                  "adopted": [name.partition(".")[0] for name in names] + ([free.said] if free else []),
                   "p_value": finding.mismatch.p_value if finding.mismatch.p_value is not None else "none"}
-    return Belief(coefficients, scatter, kept, covariance), provenance
+    if free is not None:
+        coefficients |= {free.term: free.values}
+    return Belief(coefficients, scatter, kept, covariance, free.curve if free else None), provenance
 
 
 def _shared(evidence: Evidence) -> Evidence:

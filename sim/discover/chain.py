@@ -15,7 +15,6 @@ import msgspec
 from jax import lax
 
 from robot.facts import Ball, Facts
-from sim.discover.frame import axes
 from sim.physics.catalogue import (
     arrival_terms,
     effective,
@@ -26,6 +25,7 @@ from sim.physics.catalogue import (
     watch_terms,
 )
 from sim.physics.flight import Law, make_law
+from sim.physics.frame import axes
 from sim.physics.launch import Exit
 from sim.physics.term import BallState, Circumstances, Opening
 from sim.physics.vector import Vec, add

@@ -2,21 +2,19 @@
 
 import itertools
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from robot.config import BadInput
 from sim.circumstances import counts_shots, gather_circumstances
 from sim.discover.evidence import Array
-from sim.physics.shot import launch_of
+from sim.physics.shot import LAUNCH_STATE, launch_state
 from sim.shots import Dataset, Shots
 
 # What a shot did, not what it was shot with.
 RESULTS = ("miss_height_m", "outcome", "side")
 SAME = 0.98                           # |correlation| from which two columns are one covariate with two names
 FEWEST = 8                            # shots on each side of a step, and in a group: the signs of fewer say little
-DIGITS = 9                            # of derived columns: rounding errors are no covariate
 MOST_LEVELS = 20
 STEPS = 5
 STEP = "step at "                     # followed by where
@@ -28,7 +26,6 @@ WORN = "shots_of_ball"                # that its ball had before, by the most th
 FOLLOWED = {"battery": ("battery_v",), "since_last_shot_s": ("since_last_shot_s",), "density": ("temperature_c",),
             "closing_speed_m_s": ("robot_speed_m_s",), "hood_change": ("hood_change",), "droop": ("wheel_dip",),
             "age": (WORN, "t_s")}
-LAUNCH_STATE = ("exit_speed_m_s", "exit_spin_rev_s")
 
 
 @dataclass(frozen=True)
@@ -84,11 +81,8 @@ def gather_covariates(dataset: Dataset) -> tuple[Covariate, ...]:
 
     Columns that run alike (|correlation| >= 0.98) are one covariate; constant ones are left out.
     """
-    columns = {"t_s": dataset.shots.number("t_s"), **dataset.shots.numbers}
-    for derive in (_launch_columns, _time_columns, _circumstance_columns, _trace_columns):
-        columns |= {name: values for name, values in derive(dataset).items() if name not in columns}
     found: list[Covariate] = []
-    for name, values in columns.items():
+    for name, values in number_columns(dataset).items():
         if name in RESULTS or not _varies(values):
             continue
         twin = next((k for k, other in enumerate(found) if _alike(other.values, values)), None)
@@ -97,6 +91,16 @@ def gather_covariates(dataset: Dataset) -> tuple[Covariate, ...]:
         else:
             found[twin] = Covariate((*found[twin].columns, (name, values)))
     return tuple(covariate.led_by_launch() for covariate in found)
+
+
+def number_columns(dataset: Dataset) -> dict[str, Array]:
+    """Every number a shot, by name: as recorded, and derived."""
+    columns = {"t_s": dataset.shots.number("t_s"), **dataset.shots.numbers}
+    derived = launch_state(dataset.facts, dataset.shots), *(
+        derive(dataset) for derive in (_time_columns, _circumstance_columns, _trace_columns))
+    for more in derived:
+        columns |= {name: values for name, values in more.items() if name not in columns}
+    return columns
 
 
 def gather_factors(shots: Shots) -> tuple[Factor, ...]:
@@ -185,14 +189,25 @@ def _centred(weights: Array) -> Array:
 def smooth_shapes(values: Array) -> Array:
     """Natural cubic spline basis [n, 4] on the quantiles of `values`: straight, and three bends; unknown = 0."""
     known = np.isfinite(values)
-    scaled = np.where(known, (values - values[known].mean()) / values[known].std(), 0.0)
-    knots = np.unique(np.quantile(scaled[known], (0.02, 0.27, 0.5, 0.73, 0.98)))
+    middle, width = values[known].mean(), values[known].std()
+    scaled = np.where(known, (values - middle) / width, 0.0)
+    knots = (_quantiles(values[known]) - middle) / width
     columns = [scaled]
     if len(knots) >= 4:
         last = _ramp(scaled, knots[-2], knots)
         columns += [_ramp(scaled, knot, knots) - last for knot in knots[:-2]]
     basis = np.where(known[:, None], np.stack(columns, axis=1), 0.0)
     return basis / np.maximum(basis.std(0), 1e-12)
+
+
+def spline_knots(values: Array) -> Array:
+    """Where the basis of `smooth_shapes` bends, ends included; two places where it does not."""
+    knots = _quantiles(values)
+    return knots if len(knots) >= 4 else knots[[0, -1]]
+
+
+def _quantiles(values: Array) -> Array:
+    return np.unique(np.quantile(values, (0.02, 0.27, 0.5, 0.73, 0.98)))
 
 
 def _ramp(scaled: Array, knot: float, knots: Array) -> Array:
@@ -222,18 +237,6 @@ def _alike(a: Array, b: Array) -> bool:
     if not (mostly and _varies(a[both]) and _varies(b[both])):
         return False
     return bool(abs(np.corrcoef(a[both], b[both])[0, 1]) >= SAME)
-
-
-def _launch_columns(dataset: Dataset) -> dict[str, Array]:
-    """Exit speed and backspin as the believed launch has them; nothing when wheels and speed are both unknown."""
-    shots = dataset.shots
-    level = replace(shots, numbers={**shots.numbers, "hood_deg": np.zeros(len(shots))})    # speed and spin only
-    try:
-        leaving = launch_of(dataset.facts, level)
-    except BadInput:
-        return {}
-    return {name: np.round(np.asarray(column), DIGITS) + 0.0      # no -0.0
-            for name, column in zip(LAUNCH_STATE, (leaving.speed_m_s, leaving.spin_rev_s), strict=True)}
 
 
 def _time_columns(dataset: Dataset) -> dict[str, Array]:

@@ -7,6 +7,7 @@ import numpy as np
 
 from robot.facts import Facts
 from sim.belief import SCATTER, Belief, scale_of
+from sim.curve import before_the_shot
 from sim.fit.given import Given, given_of
 from sim.fit.heights import Number, sensor_variance, slopes_at
 from sim.shots import Shots
@@ -38,7 +39,7 @@ def forecast(facts: Facts, belief: Belief, shots: Shots) -> Forecast:
 
     First-order propagation with exact derivatives, continuous in all parameters: the flight goes on through the floor.
     """
-    return forecast_given(facts, belief, given_of(facts, shots))
+    return forecast_given(facts, belief, given_of(facts, shots, before_the_shot(belief.curve, facts, shots)))
 
 
 def forecast_given(facts: Facts, belief: Belief, given: Given) -> Forecast:

@@ -4,6 +4,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from robot.config import BadInput
+from sim.physics.nameless import NAMELESS
 from sim.physics.term import (
     AirTerm,
     ArrivalTerm,
@@ -67,12 +68,12 @@ TERMS: tuple[Term, ...] = (
 
 
 def find_terms(names: Iterable[str]) -> tuple[Term, ...]:
-    """Terms by name, in the catalogue's order; BadInput names the first that there is none of."""
+    """Terms by name, in the catalogue's order, effects without a name last; BadInput names the first that there is none
+    of."""
     wanted = set(names)
-    known = {term.name for term in TERMS}
-    for name in sorted(wanted - known):
-        raise BadInput(f"there is no term {name!r}; the catalogue has {', '.join(sorted(known))}")
-    return tuple(term for term in TERMS if term.name in wanted)
+    for name in sorted(wanted - {term.name for term in (*TERMS, *NAMELESS)}):
+        raise BadInput(f"there is no term {name!r}; the catalogue has {', '.join(sorted(one.name for one in TERMS))}")
+    return tuple(term for term in (*TERMS, *NAMELESS) if term.name in wanted)
 
 
 def sensing_terms(names: Iterable[str]) -> tuple[SensingTerm, ...]:

@@ -1,6 +1,7 @@
 """The seed's simulator: a recorded configuration -> height at the target plane -> outcome."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import jax.numpy as jnp
@@ -17,6 +18,8 @@ from sim.shots import Shots
 
 MISS, TWO, THREE = "miss", "two", "three"
 BLOCK = 4096                          # rows flown at once
+LAUNCH_STATE = ("exit_speed_m_s", "exit_spin_rev_s")
+DIGITS = 9                            # of derived columns: rounding errors are no covariate
 NAMED = 5                             # shots that a message names before it only counts
 ORDINARY = Circumstances()
 
@@ -150,6 +153,17 @@ def launch_of(facts: Facts, shots: Shots) -> Exit:
           "wheel_<name>_rad_s, or exit_speed_m_s")
     _need(shots, np.isnan(elevation_deg), "hood_deg or exit_deg")
     return Exit(speed_m_s, np.radians(elevation_deg), spin_of(facts, shots))
+
+
+def launch_state(facts: Facts, shots: Shots) -> dict[str, np.ndarray]:
+    """Exit speed and backspin as the believed launch has them; nothing when wheels and speed are both unknown."""
+    level = replace(shots, numbers={**shots.numbers, "hood_deg": np.zeros(len(shots))})    # speed and spin only
+    try:
+        leaving = launch_of(facts, level)
+    except BadInput:
+        return {}
+    return {name: np.round(np.asarray(column), DIGITS) + 0.0      # no -0.0
+            for name, column in zip(LAUNCH_STATE, (leaving.speed_m_s, leaving.spin_rev_s), strict=True)}
 
 
 def spin_of(facts: Facts, shots: Shots) -> np.ndarray:

@@ -70,6 +70,7 @@ class Circumstances(NamedTuple):
     density: Any = 0.0                # of the air, / its median, - 1
     hood_change: Any = 0.0            # sign of this hood_deg less that of the session's shot before
     closing_speed_m_s: Any = 0.0      # of the robot, toward the target positive
+    curve: Any = 0.0                  # size of an effect without a name, by sim.curve
     ball: Any = 0.0                   # a ball's own departure in units of the balls' spread; nobody knows it: 0
 
 

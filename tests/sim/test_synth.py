@@ -10,6 +10,7 @@ from scipy.integrate import solve_ivp
 
 from robot.config import BadInput
 from robot.facts import Ball, Facts, LauncherFacts, Target, Wheel
+from sim.belief import point_belief
 from sim.shots import Shots
 from sim.synth import (
     AXES,
@@ -148,7 +149,7 @@ def test_shots_beside_the_grid_or_with_gaps_take_nothing() -> None:
 
 def test_recorded_configurations_are_replaced(outcomes: np.ndarray) -> None:
     first = sample_balanced(outcomes, 90, np.zeros(0, np.int64), 5)
-    shots = synthesise(FACTS, BELIEF, 90, grid_shots(first), 5)
+    shots = synthesise(FACTS, point_belief(BELIEF), 90, grid_shots(first), 5)
     assert len(shots) == 90
     assert not set(shots.shot_id) & set(grid_shots(first).shot_id)
     assert sorted(map(shots.text("outcome").count, ("miss", "two", "three"))) == [30, 30, 30]

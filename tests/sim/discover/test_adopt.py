@@ -7,6 +7,7 @@ import pytest
 
 from sim.belief import load_belief, save_belief
 from sim.circumstances import circumstances_of
+from sim.curve import before_the_shot
 from sim.discover.adopt import make_belief
 from sim.discover.discover import Investigation, discover
 from sim.physics.shot import classify, predict
@@ -67,3 +68,22 @@ def test_data_that_say_nothing_lead_to_no_belief() -> None:
     shots = Shots(tuple(map(str, range(20))), {"distance_m": np.linspace(2.0, 6.0, 20)}, {})
     with pytest.raises(ValueError, match="no test"):
         make_belief(discover(Dataset("mute", make_world().facts, shots)))
+
+
+def test_what_has_no_name_is_adopted_as_a_curve(tmp_path: Path) -> None:
+    """Beyond some distance the ball leaves faster than it should: nobody knows why, but other shots are foretold."""
+    seen, unseen = (shoot(make_world({"far_kick": 0.1}, "L2", 200, seed)) for seed in (3, 4))
+    found = discover(seen, seed=1)
+    assert found.finding.verdict == "unknown"
+    belief, provenance = make_belief(found)
+    assert provenance["adopted"] == ["launch speed by distance_m"]
+    save_belief(tmp_path / "adopted.toml", belief, provenance)
+    adopted = load_belief(tmp_path / "adopted.toml")
+    assert adopted.curve is not None and adopted.curve.covariate == "distance_m"
+    around = before_the_shot(adopted.curve, unseen.facts, unseen.shots)
+    with_it = predict(unseen.facts, adopted.coefficients, unseen.shots, circumstances=around).height_m
+    plain = {name: values for name, values in adopted.coefficients.items() if name != "free_speed"}
+    without = predict(unseen.facts, plain, unseen.shots).height_m
+    truth = np.array(unseen.shots.text("outcome"))
+    share = [np.mean(classify(unseen.facts, height_m) == truth) for height_m in (with_it, without)]
+    assert share[0] > share[1] + 0.03
