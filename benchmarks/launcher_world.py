@@ -25,7 +25,7 @@ from doors.discover import keep_compiled
 from doors.progress import make_progress
 from robot.config import load_config
 from robot.facts import Facts
-from sim.belief import Belief
+from sim.belief import Belief, as_table, from_table
 from sim.curve import before_the_shot
 from sim.discover.adopt import make_belief
 from sim.discover.discover import Investigation, discover
@@ -56,7 +56,7 @@ def run_as_is(facts: Facts, level: str, shots: int, seed: int) -> Line:
     other = play_season(facts, Options(), seed + 1, settings, "L0", EXACT)
     still = play_season(facts, Options(scatter_scale=0.0), seed + 1, settings, "L0", EXACT)
     return {**_said(found), "before_m": _off_m(facts, before, other), "after_m": _off_m(facts, after, other),
-            "scatter_m": float(np.nanstd(_height_m(other) - _height_m(still))), "belief": _packed(named)}
+            "scatter_m": float(np.nanstd(_height_m(other) - _height_m(still))), "belief": as_table(named)}
 
 
 def run_changed(facts: Facts, level: str, shots: int, seed: int, change: Change, belief: Belief) -> Line:
@@ -65,15 +65,6 @@ def run_changed(facts: Facts, level: str, shots: int, seed: int, change: Change,
     options = Options(**change.options)
     dataset = play_season(facts, options, own, plan_season(own, shots), level, ORDINARY).dataset
     return _said(discover(dataset, seed=own, belief=belief))
-
-
-def _packed(belief: Belief) -> Line:
-    return {"coefficients": belief.coefficients, "scatter": belief.scatter, "names": belief.names,
-            "covariance": belief.covariance.tolist()}
-
-
-def _unpacked(line: Line) -> Belief:
-    return Belief(line["coefficients"], line["scatter"], tuple(line["names"]), np.array(line["covariance"]))
 
 
 def _said(found: Investigation) -> Line:
@@ -118,7 +109,7 @@ def _run_all(args: argparse.Namespace, lines: dict[str, Line]) -> None:
             continue
         progress(count / len(todo), key)
         said = (run_as_is(facts, level, args.shots, seed) if change is None else
-                run_changed(facts, level, args.shots, seed, change, _unpacked(lines[home]["belief"])))
+                run_changed(facts, level, args.shots, seed, change, from_table(lines[home]["belief"], home)))
         lines[key] = {"key": key, "name": name, "level": level, "shots": args.shots, "seed": seed, **said}
         append_line(args.out, lines[key])
     progress(1.0, "done")

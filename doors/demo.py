@@ -1,6 +1,7 @@
 """truearc demo: the whole loop on the emulated robot, and one report."""
 
 import argparse
+import json
 import shutil
 import sys
 import time
@@ -11,18 +12,21 @@ from joblib import Parallel, delayed
 from msgspec.structs import replace
 
 import robot
-from doors.demo_report import Demo, headline, save_report
-from doors.discover import tell
+from doors.demo_files import Demo
+from doors.demo_report import headline, save_report
+from doors.discover import adopt, tell
 from doors.progress import make_progress
 from doors.twin import emulate
 from robot.config import BadInput, Config, load_config
 from robot.recording.reader import TickReader
 from sim.discover.discover import Investigation, discover
 from sim.shots import load_dataset
+from sim.world.target import BallResult
 from truearc import main as front_door
 
-DESCRIPTION = """The whole loop on the emulated robot: record, fit, simulate, train, export, verify, drive gated and
-ungated sessions, say where simulation and recordings disagree, and write one report."""
+DESCRIPTION = """The whole loop on the emulated robot: record, fit, simulate, train, export, verify, say where
+simulation and recordings disagree, put what was found into the simulation, drive with the gate of before, with that of
+after and without one, and write one report."""
 EXAMPLE = "truearc demo --out report"
 SHIPPED = Path(robot.__file__).parent / "launcher.toml"
 FEWEST = 30
@@ -46,8 +50,9 @@ def main(args: argparse.Namespace) -> int:
     demo = Demo(_fresh_folder(args.out), args.seed)
     _collect(demo, args.trials, args.quiet)
     _learn(demo, args.quiet)
-    _compare(demo, args.test_trials, args.quiet)
     found = _explain(demo, args.quiet)
+    _adopt(demo, args.quiet)
+    _compare(demo, args.test_trials, args.quiet)
     report = save_report(demo, found)
     print("\n".join(["", *headline(demo), f"report: {report}   ({time.monotonic() - began:.0f} s)"]))
     return 0
@@ -94,18 +99,24 @@ def _learn(demo: Demo, quiet: bool) -> None:
 
 
 def _compare(demo: Demo, trials: int, quiet: bool) -> None:
-    """Two sessions of another seed, alike but for the gate, side by side on two cores."""
-    _say(f"6 drive: {trials} trials with the gate and the same {trials} without it, from where practice ended")
+    """Three sessions of another seed, alike but for the gate, side by side on two cores."""
+    _say(f"8 drive: the same {trials} trials without a gate, with the first one, and with that of what was found")
     config = _walked_in(load_config(SHIPPED), demo.collect)
-    jobs: list[Callable[[], object]] = [
-        delayed(emulate)(config, demo.gated, trials, demo.seed + 1, gate_path=demo.gate,
-                         progress=make_progress("drive", quiet)),
-        delayed(emulate)(config, demo.ungated, trials, demo.seed + 1)]
-    Parallel(n_jobs=2)(jobs)
-    for session, shots in ((demo.gated, demo.gated_shots), (demo.ungated, demo.ungated_shots)):
+    sessions = ((demo.ungated, None), (demo.gated, demo.gate), (demo.after, demo.gate_after))
+    jobs: list[Callable[[], list[BallResult]]] = [
+        delayed(emulate)(config, session, trials, demo.seed + 1, gate_path=gate,
+                         progress=make_progress("drive", quiet or session is not demo.ungated))
+        for session, gate in sessions]
+    results = Parallel(n_jobs=2)(jobs)
+    for (session, _), shots in zip(sessions, (demo.ungated_shots, demo.gated_shots, demo.after_shots), strict=True):
         _run("shots", session, "-o", shots, "--quiet")
-    _run("predict-gate", demo.gate, demo.ungated_shots, "-o", demo.ratings)
-    _run("predict-gate", demo.network, demo.ungated_shots, "-o", demo.network_ratings)
+    demo.truth.write_text(json.dumps([[one.fed_t_ns, one.z_m] for one in results[0]]), encoding="utf-8")
+    for gate, ratings in ((demo.gate, demo.ratings), (demo.gate_after, demo.ratings_after),
+                          (demo.network, demo.network_ratings)):
+        _run("predict-gate", gate, demo.ungated_shots, "-o", ratings)
+    for coefficients, heights in ((demo.coefficients, demo.heights_grid), (demo.belief, demo.heights),
+                                  (demo.adopted, demo.heights_after)):
+        _run("predict", demo.ungated_shots, "--coefficients", coefficients, "-o", heights)
 
 
 def _walked_in(config: Config, session: Path) -> Config:
@@ -117,12 +128,22 @@ def _walked_in(config: Config, session: Path) -> Config:
 
 
 def _explain(demo: Demo, quiet: bool) -> Investigation:
-    _say("7 discover: where do simulation and recordings disagree?")
-    _run("shots", demo.collect, demo.ungated, "-o", demo.all_shots, "--quiet")
-    print(f"$ truearc discover {demo.all_shots} --json {demo.finding} --report {demo.finding_page} --seed {demo.seed}")
-    found = discover(load_dataset(demo.all_shots), seed=demo.seed, progress=make_progress("discover", quiet))
-    tell(found, demo.all_shots.name, demo.finding, demo.finding_page)
+    _say("6 discover: where do simulation and recordings disagree?")
+    print(f"$ truearc discover {demo.shots} --json {demo.finding} --report {demo.finding_page} --adopt {demo.adopted} "
+          f"--seed {demo.seed}")
+    found = discover(load_dataset(demo.shots), seed=demo.seed, progress=make_progress("discover", quiet))
+    print(adopt(found, str(demo.shots), str(demo.adopted)))
+    tell(found, demo.shots.name, demo.finding, demo.finding_page)
     return found
+
+
+def _adopt(demo: Demo, quiet: bool) -> None:
+    _say("7 put it in: the same gate, trained on the same shots, with what was found in its physics")
+    hush = ["--quiet"] if quiet else []
+    _run("train", "--model", "physics", "--real", demo.shots, "--coefficients", demo.adopted, "--seed", demo.seed, "-o",
+         demo.weights_after, *hush)
+    _run("export", demo.weights_after, "-o", demo.gate_after, *hush)
+    _run("verify", demo.gate_after, "--weights", demo.weights_after, "--data", demo.shots, *hush)
 
 
 def _say(text: str) -> None:

@@ -1,12 +1,13 @@
 """The demo's one page: what was launched, what was learnt, what the gate was worth, where the physics is wrong."""
 
-import csv
 import json
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+from doors.demo_files import Demo, read_ratings, score, share
+from doors.demo_worth import put_in, worth_of_it
 from robot.recording.reader import TickReader
 from robot.recording.session import load_session_config, load_trials
 from sim.coefficients import load_coefficients
@@ -17,27 +18,10 @@ from sim.gate.figures import Figures, figures_of
 from sim.intervals import difference
 from sim.pictures import Share, draw_shares, draw_shot, draw_trajectories
 from sim.report import make_page, make_png, paragraph, picture, table
-from sim.shots import Dataset, load_dataset
+from sim.shots import load_dataset
 
 NS = 1e-9
 BEFORE_S, AFTER_S = 1.5, 1.0
-
-
-class Demo:
-    """Where everything of one demo lies."""
-
-    def __init__(self, folder: Path, seed: int) -> None:
-        self.folder, self.seed = folder, seed
-        sessions = folder / "sessions"
-        self.collect, self.gated, self.ungated = (sessions / name for name in ("practice", "gated", "ungated"))
-        self.shots, self.gated_shots, self.ungated_shots, self.all_shots, self.simulated = (
-            folder / "data" / name for name in ("practice", "gated", "ungated", "all", "simulated"))
-        self.coefficients, self.fit_map = folder / "coefficients.toml", folder / "fit_map.png"
-        self.belief = folder / "belief.toml"
-        self.weights, self.gate, self.ratings = folder / "weights", folder / "gate.onnx", folder / "ratings.csv"
-        self.network_weights, self.network, self.network_ratings = (
-            folder / "network_weights", folder / "network.onnx", folder / "network_ratings.csv")
-        self.finding, self.finding_page = folder / "finding.json", folder / "discover.html"
 
 
 def headline(demo: Demo) -> list[str]:
@@ -46,9 +30,9 @@ def headline(demo: Demo) -> list[str]:
     lines = [f"practice: {len(load_dataset(demo.shots).shots)} marked shots; with the gate the robot fired "
              f"{len(gated.shots)} of {len(load_trials(demo.gated))} asked for, without it {len(ungated.shots)}"]
     for name, kinds in SCORES:
-        with_gate, without = _score(gated, kinds), _score(ungated, kinds)
+        with_gate, without = score(gated, kinds), score(ungated, kinds)
         low, high = difference(with_gate, without)
-        lines.append(f"{name}: {_share(with_gate)} with the gate, {_share(without)} without; "
+        lines.append(f"{name}: {share(with_gate)} with the gate, {share(without)} without; "
                      f"difference {low:+.0%} to {high:+.0%} (95 %)")
     ours, network = _judged(demo)
     lines.append(f"told beforehand, of {ours.shots} shots neither had seen: our gate right on {ours.accuracy:.0%} "
@@ -57,7 +41,7 @@ def headline(demo: Demo) -> list[str]:
     lines.append("fit (grid): " + ", ".join(f"{term}.{name} = {value:.3f}" for term, values in coefficients.items()
                                      for name, value in values.items()))
     lines.append("discover: " + json.loads(demo.finding.read_text(encoding="utf-8"))["sentence"])
-    return lines
+    return [*lines, put_in(demo)]
 
 
 SCORES = (("two or three points", ("two", "three")), ("three points", ("three",)))
@@ -70,6 +54,7 @@ def save_report(demo: Demo, found: Investigation) -> Path:
         ("In numbers", "<ul>" + "".join(f"<li>{line}</li>" for line in lines) + "</ul>"),
         ("What the gate is worth", _gate_worth(demo)),
         ("Where simulation and recordings disagree", _disagreement(demo, found)),
+        ("What putting it in is worth", worth_of_it(demo)),
         ("One shot", _one_shot(demo)),
         ("Recorded shots, flown by the fitted simulator", _trajectories(demo)),
         ("The fit", _fit(demo)),
@@ -83,23 +68,14 @@ def save_report(demo: Demo, found: Investigation) -> Path:
 
 def _verdict(demo: Demo) -> str:
     gated, ungated = load_dataset(demo.gated_shots), load_dataset(demo.ungated_shots)
-    with_gate, without = _score(gated, ("three",)), _score(ungated, ("three",))
-    return (f"Of the shots the gate let through {_share(with_gate)} scored three points; of the same driver's shots "
-            f"without it, {_share(without)}.")
-
-
-def _score(dataset: Dataset, kinds: tuple[str, ...]) -> tuple[int, int]:
-    outcomes = dataset.shots.text("outcome")
-    return sum(outcome in kinds for outcome in outcomes), len(outcomes)
-
-
-def _share(score: tuple[int, int]) -> str:
-    return f"{score[0] / max(score[1], 1):.0%} ({score[0]} of {score[1]})"
+    with_gate, without = score(gated, ("three",)), score(ungated, ("three",))
+    return (f"Of the shots the gate let through {share(with_gate)} scored three points; of the same driver's shots "
+            f"without it, {share(without)}.")
 
 
 def _gate_worth(demo: Demo) -> str:
     gated, ungated = load_dataset(demo.gated_shots), load_dataset(demo.ungated_shots)
-    shares = [Share(f"{name}, {which}", *_score(dataset, kinds)) for name, kinds in SCORES
+    shares = [Share(f"{name}, {which}", *score(dataset, kinds)) for name, kinds in SCORES
               for which, dataset in (("with the gate", gated), ("without", ungated))]
     held = [trial for trial in load_trials(demo.gated) if trial.outcome.outcome == "held"]
     return picture(make_png(draw_shares(shares)), "shares with and without the gate") + paragraph(
@@ -143,16 +119,11 @@ class Rated(NamedTuple):
 
 def _rated(demo: Demo) -> Rated:
     shots = load_dataset(demo.ungated_shots).shots
-    ours, network = _ratings(demo.ratings), _ratings(demo.network_ratings)
+    ours, network = read_ratings(demo.ratings), read_ratings(demo.network_ratings)
     kept = [row for row, rating in enumerate(ours) if rating["in_domain"] == "true" and rating["p_two"]]
     p = [np.array([[float(ratings[row][name]) for name in ("p_two", "p_three")] for row in kept]).reshape(-1, 2)
          for ratings in (ours, network)]
     return Rated(*p, np.array([OUTCOMES.index(shots.text("outcome")[row]) for row in kept], int))
-
-
-def _ratings(path: Path) -> list[dict[str, str]]:
-    with path.open(encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
 
 
 def _judged(demo: Demo) -> tuple[Figures, Figures]:

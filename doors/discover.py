@@ -70,7 +70,7 @@ def main(args: argparse.Namespace) -> int:
     belief = None if args.belief is None else _known_physics(args.belief)
     found = discover(load_dataset(args.dataset), believed, args.false_alarm, args.seed,
                      make_progress("discover", args.quiet), belief)
-    adopted = [_adopt(found, args.dataset, args.adopt)] if args.adopt else []
+    adopted = [adopt(found, args.dataset, args.adopt)] if args.adopt else []
     tell(found, Path(args.dataset).name, args.json, args.report)
     print(*adopted, sep="\n", end="\n" if adopted else "")
     return 0
@@ -93,7 +93,7 @@ def tell(found: Investigation, name: str, json_path: str | Path | None, report_p
     print("\n".join(console_lines(found.finding)))
 
 
-def _adopt(found: Investigation, dataset: str, path: str) -> str:
+def adopt(found: Investigation, dataset: str, path: str) -> str:
     """Write the belief that the finding leads to; a line that says what it has."""
     try:
         belief, provenance = make_belief(found)

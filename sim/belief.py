@@ -89,6 +89,21 @@ def draw(belief: Belief, n: int, rng: np.random.Generator) -> list[Belief]:
     return [replace_values(belief, numbers) for numbers in drawn]
 
 
+def as_table(belief: Belief) -> dict[str, Any]:
+    """Plain values, as JSON has them, that `from_table` makes the same belief of."""
+    curve = {} if belief.curve is None else {"curve": write_curve(belief.curve)}
+    return {"coefficients": belief.coefficients, "scatter": belief.scatter, "names": list(belief.names),
+            "covariance": np.asarray(belief.covariance, float).tolist(), **curve}
+
+
+def from_table(table: Mapping[str, Any], name: str) -> Belief:
+    """The inverse of `as_table`; `name` is for messages. KeyError, ValueError, BadInput: it is no such table."""
+    names = tuple(map(str, table["names"]))
+    return Belief(table["coefficients"], table["scatter"], names,
+                  np.array(table["covariance"], float).reshape(len(names), len(names)),
+                  read_curve(name, table.get("curve")))
+
+
 def save_belief(path: str | Path, belief: Belief, provenance: Mapping[str, Any]) -> None:
     """Write a coefficients.toml with scatter and covariance; every float reads back exactly."""
     more: dict[str, Any] = {}

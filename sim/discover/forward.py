@@ -154,7 +154,23 @@ def _together(fitted: Fitted, steps: tuple[Step, ...], size: dict[str, float], s
                             {name: size.pop(name)})
         size[naming.leader] = float(naming.refits[naming.leader].amplitude[0])
         told.append(_retold(named[number], naming, base, search.clusters))
-    return (*told, *(step for step in steps if step.unknown))
+    rest = any(step.unknown for step in steps)
+    return (*told, *(_left_over(fitted, size, told[-1].after, search) if rest else ()))
+
+
+def _left_over(fitted: Fitted, size: dict[str, float], after: Array, search: Search) -> tuple[Step, ...]:
+    """What is left beside the names as they are now, if anything: what was left before some were told anew is another.
+
+    after [n]: log scores of unseen shots by these names.
+    """
+    if len(size) == MOST:
+        return ()
+    whole = promote(fitted, refit(fitted, tuple(size), np.array(list(size.values()))))
+    left, place = _what_is_left(whole, search)
+    if not left:
+        return ()
+    step = make_step(whole, search.clusters, place, tuple(size), search.seed, lambda done, note: None)
+    return (step,) if _pays(step, after) else ()
 
 
 def _still_at_work(fitted: Fitted, whole: Refit) -> dict[str, float]:

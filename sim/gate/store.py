@@ -10,7 +10,7 @@ import numpy as np
 
 from robot.config import BadInput, in_words
 from robot.facts import Facts
-from sim.belief import Belief
+from sim.belief import as_table, from_table
 from sim.gate.fit import Fit
 from sim.gate.likelihood import SIZE, Widths
 from sim.gate.model import PhysicsGate, Scaling
@@ -49,7 +49,7 @@ def load_physics_gate(directory: str | Path) -> tuple[PhysicsGate, dict[str, Any
         raise BadInput(f"{path}: key 'schema' is not {MODEL_SCHEMA!r}")
     novelty = parse_novelty(record.get("novelty"), str(Path(directory) / RECORD_FILE))
     try:
-        gate = PhysicsGate(msgspec.convert(table["facts"], Facts), _belief(table["belief"]),
+        gate = PhysicsGate(msgspec.convert(table["facts"], Facts), from_table(table["belief"], str(path)),
                            Scaling(*(_array(table["scaling"][name], (3,)) for name in
                                      ("mean", "deviation", "low", "high"))), _fit(table["fit"]),
                            float(table["temperature"]), float(table["aside"]), novelty)
@@ -70,21 +70,14 @@ def gate_hash(directory: str | Path) -> str:
 
 
 def _plain(gate: PhysicsGate) -> dict[str, Any]:
-    belief, fit = gate.belief, gate.fit
+    fit = gate.fit
     return {
         "facts": msgspec.to_builtins(gate.facts),
-        "belief": {"coefficients": belief.coefficients, "scatter": belief.scatter, "names": list(belief.names),
-                   "covariance": np.asarray(belief.covariance, float).tolist()},
+        "belief": as_table(gate.belief),
         "scaling": {name: getattr(gate.scaling, name).tolist() for name in ("mean", "deviation", "low", "high")},
         "fit": {"height_m": float(fit.widths.height_m), "speed": float(fit.widths.speed), "theta": fit.theta.tolist(),
                 "covariance": fit.covariance.tolist(), "evidence": fit.evidence},
         "temperature": gate.temperature, "aside": gate.aside}
-
-
-def _belief(table: dict[str, Any]) -> Belief:
-    names = tuple(map(str, table["names"]))
-    return Belief(table["coefficients"], table["scatter"], names,
-                  np.array(table["covariance"], float).reshape(len(names), len(names)))
 
 
 def _fit(table: dict[str, Any]) -> Fit:

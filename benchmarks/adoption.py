@@ -1,0 +1,153 @@
+"""Does the gate improve when the simulation learns what it lacked?
+
+    python benchmarks/adoption.py --worlds 2 --shots 300 --seed 71 --out FILE
+    python benchmarks/adoption.py --table FILE
+
+Worlds are MuJoCo's with one thing changed each (sim.prove.changes), or nothing. From a recorded session of each, by
+telemetry and outcomes (L1), gates are trained in pairs that are alike in all but their physics: the seed's (gravity,
+drag and lift, fitted), and what discovery adopted from the same session. `ours`: truearc's gate, which adds what it
+learns of the rest; `network`: the paper's, from the recorded shots and 900 simulated ones with its lambda of 0.01;
+`network, even`: with a lambda of 1. All are put to another session of the same world, whose shots the rule of
+launcher.toml would fire or hold. Pairs of worlds, not of shots, make the intervals. A line of FILE a
+world; one that is there already is not run again. Development used seeds below 1000.
+"""
+
+import argparse
+import sys
+import zlib
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import robot
+from doors.discover import keep_compiled
+from doors.progress import make_progress
+from robot.config import Config, load_config
+from robot.facts import Facts
+from robot.gate.contract import NOVELTY_LIMIT
+from sim.belief import Belief
+from sim.curve import before_the_shot
+from sim.discover.adopt import make_belief
+from sim.discover.discover import discover
+from sim.gate.figures import figures_of
+from sim.gate.marks import Marks, marks_of
+from sim.gate.novelty import fit_novelty
+from sim.gate.train import train_physics_gate
+from sim.network import probabilities
+from sim.physics.shot import predict
+from sim.prove.adoption_table import make_table
+from sim.prove.changes import Change, seen_at
+from sim.prove.worldfile import append_line, lines_of, mend
+from sim.shots import Shots
+from sim.sweep import Job, train_many
+from sim.synth import synthesise
+from sim.train import split_heldout, training_rows
+from sim.world.options import Options
+from sim.world.practice import plan_season
+from sim.world.season import ORDINARY, Season, play_season
+
+BELIEVED = ("gravity", "drag", "magnus")
+LEVEL = "L1"
+UNSEEN = 400                          # shots of the other session
+APART = 1000                          # seeds of one number of world from the next's
+
+SIMULATED, VALIDATION = 900, 0.25     # as truearc synth and truearc train have them
+LAMBDAS = {"network": 0.01, "network, even": 1.0}
+
+Line = dict[str, Any]
+Gate = Callable[[np.ndarray], np.ndarray]
+
+
+def run(config: Config, change: Change, shots: int, seed: int) -> Line:
+    """One world: what was found, and both gates' figures on the other session."""
+    own = seed + zlib.crc32(change.name.encode()) % (APART - 1)
+    seen, unseen = (play_season(config.rig, Options(**change.options), own + k, plan_season(own + k, count), LEVEL,
+                                ORDINARY) for k, count in enumerate((shots, UNSEEN)))
+    found = discover(seen.dataset, BELIEVED, seed=own)
+    beliefs = {"before": make_belief(replace(found, steps=()))[0], "after": make_belief(found)[0]}
+    finding, marks = found.finding, _inside(seen.dataset.shots, unseen.dataset.shots)
+    line: Line = {"found": finding.mismatch.found, "verdict": finding.verdict,
+                  "adopted": make_belief(found)[1]["adopted"]}
+    for name, belief in beliefs.items():
+        gates = _gates(config.rig, belief, seen.dataset.shots, own)
+        line[name] = {"off_m": _off_m(config.rig, belief, unseen),
+                      "gates": {kind: _judged(config, gate, marks) for kind, gate in gates.items()}}
+    return line
+
+
+def _gates(facts: Facts, belief: Belief, shots: Shots, seed: int) -> dict[str, Gate]:
+    """What turns features [n, 3] into p [n, 2], of each kind, all learnt from these shots."""
+    simulated = training_rows(synthesise(facts, belief, SIMULATED, shots, seed), "simulated")[0]
+    learnt, validation = split_heldout(training_rows(shots, "recorded")[0], VALIDATION, seed)
+    networks = train_many([Job(learnt, simulated, validation, weight, seed) for weight in LAMBDAS.values()])
+    return {"ours": train_physics_gate(facts, belief, shots, seed)[0].probabilities,
+            **{name: partial(probabilities, one.network) for name, one in zip(LAMBDAS, networks, strict=True)}}
+
+
+def _inside(seen: Shots, unseen: Shots) -> Marks:
+    """Judged shots of the other session that are like recorded ones: elsewhere every gate holds."""
+    marks = marks_of(unseen, "unseen")[0]
+    known = fit_novelty(marks_of(seen, "seen")[0].features)(marks.features) <= NOVELTY_LIMIT
+    return marks.take(np.flatnonzero(known & (marks.level >= 0)))
+
+
+def _judged(config: Config, gate: Gate, marks: Marks) -> Line:
+    """Figures of the gate; what it fires, and what of that scores three points."""
+    p, level = gate(marks.features), marks.level
+    fired = p[:, 1] >= config.gate.threshold
+    return {**figures_of(p, level)._asdict(), "brier": figures_of(p, level).brier, "ece": figures_of(p, level).ece,
+            "fired": int(fired.sum()), "scored": int((level[fired] == 2).sum())}
+
+
+def _off_m(facts: Facts, belief: Belief, unseen: Season) -> float:
+    """RMS error of the heights that the simulation alone foretells."""
+    shots = unseen.dataset.shots
+    around = before_the_shot(belief.curve, facts, shots)
+    told = predict(facts, belief.coefficients, shots, circumstances=around).height_m
+    true = np.array([np.nan if one.z_m is None else one.z_m for one in unseen.results])
+    return float(np.sqrt(np.nanmean((true - np.asarray(told))**2)))
+
+
+def main() -> int:
+    args = _arguments()
+    lines = {line["key"]: line for line in lines_of(Path(args.table or args.out))}
+    if args.table is None:
+        keep_compiled()
+        mend(args.out)
+        _run_all(args, lines)
+    print(make_table(list(lines.values())))
+    return 0
+
+
+def _run_all(args: argparse.Namespace, lines: dict[str, Line]) -> None:
+    config, progress = load_config(Path(robot.__file__).parent / "launcher.toml"), make_progress("worlds")
+    todo = [(number, change) for number in range(args.worlds) for change in seen_at(LEVEL)]
+    for count, (number, change) in enumerate(todo):
+        seed = args.seed * APART + number * APART
+        key = f"{change.name}/{args.shots}/{seed}"
+        if key in lines:
+            continue
+        progress(count / len(todo), key)
+        lines[key] = {"key": key, "name": change.name, "shots": args.shots, "seed": seed,
+                      **run(config, change, args.shots, seed)}
+        append_line(args.out, lines[key])
+    progress(1.0, "done")
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--shots", type=int, default=300, help="recorded in each world")
+    parser.add_argument("--worlds", type=int, default=2, help="of each change")
+    parser.add_argument("--seed", type=int, default=11, help="of the first number of world; the next has the next")
+    place = parser.add_mutually_exclusive_group(required=True)
+    place.add_argument("--out", metavar="FILE", help="where worlds are kept, a line each")
+    place.add_argument("--table", metavar="FILE", help="print what is there, run nothing")
+    return parser.parse_args()
+
+
+if __name__ == "__main__":
+    sys.exit(main())
