@@ -5,7 +5,7 @@ from typing import Any
 
 import msgspec
 
-from doors.discover import keep_compiled, write_out
+from doors.discover import believed_terms, keep_compiled, known_physics, write_out
 from doors.progress import make_progress
 from robot.config import BadInput
 from sim.discover.design import CONFIGURATIONS, MOST_RANDOM, SHOTS, Block, Design, can_design, make_design
@@ -25,6 +25,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
     parser.add_argument("dataset", metavar="DIR", help="dataset directory")
     parser.add_argument("--believe", metavar="TERMS", help="terms of the simulation, comma-separated; else rig.toml's")
+    parser.add_argument("--belief", metavar="FILE", help="coefficients.toml of this very rig from an earlier session, "
+                        "as in discover")
     parser.add_argument("--shots", type=int, default=SHOTS, metavar="N", help="shots to plan (default %(default)s)")
     parser.add_argument("--configurations", type=int, default=CONFIGURATIONS, metavar="K",
                         help="that they are shared out to (default %(default)s)")
@@ -39,10 +41,10 @@ def main(args: argparse.Namespace) -> int:
         raise BadInput(f"--shots {args.shots}, --configurations {args.configurations}: at least one shot each")
     if args.seed < 0 or not 0.0 < args.false_alarm < 1.0:
         raise BadInput("--seed cannot be negative, --false-alarm is between 0 and 1")
+    believed, belief = believed_terms(args), known_physics(args)
     keep_compiled()
-    believed = None if args.believe is None else [name.strip() for name in args.believe.split(",") if name.strip()]
     dataset = load_dataset(args.dataset)
-    found = discover(dataset, believed, args.false_alarm, args.seed, make_progress("design", args.quiet))
+    found = discover(dataset, believed, args.false_alarm, args.seed, make_progress("design", args.quiet), belief)
     print(found.finding.sentence)
     table: dict[str, Any] = {"schema": SCHEMA, "verdict": found.finding.verdict, "next": []}
     if found.steps and can_design(found.steps[0]):

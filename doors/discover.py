@@ -58,16 +58,12 @@ def main(args: argparse.Namespace) -> int:
         raise BadInput(f"--false-alarm: {args.false_alarm} is not between 0 and 1")
     if args.seed < 0:
         raise BadInput(f"--seed: {args.seed} is negative")
-    if args.belief is not None and args.believe is not None:
-        raise BadInput("--belief and --believe exclude each other: the file names its terms")
-    believed = None if args.believe is None else [name.strip() for name in args.believe.split(",") if name.strip()]
-    if believed == []:
-        raise BadInput("--believe: names no term")
+    believed = believed_terms(args)
     _check_modes(args)
     keep_compiled()
     if args.identifiability is not None:
         return _identify(args, believed)
-    belief = None if args.belief is None else _known_physics(args.belief)
+    belief = known_physics(args)
     found = discover(load_dataset(args.dataset), believed, args.false_alarm, args.seed,
                      make_progress("discover", args.quiet), belief)
     adopted = [adopt(found, args.dataset, args.adopt)] if args.adopt else []
@@ -76,11 +72,22 @@ def main(args: argparse.Namespace) -> int:
     return 0
 
 
-def _known_physics(path: str) -> Belief:
-    """BadInput for a belief with an effect that has no name: there is nothing in it that could have changed."""
-    belief = load_belief(path)
-    if belief.curve is not None:
-        raise BadInput(f"{path}: curve: discovery starts from effects that have names; leave out [curve] and its term")
+def believed_terms(args: argparse.Namespace) -> list[str] | None:
+    """What --believe names; BadInput where it names nothing, or --belief does."""
+    if args.belief is not None and args.believe is not None:
+        raise BadInput("--belief and --believe exclude each other: the file names its terms")
+    believed = None if args.believe is None else [name.strip() for name in args.believe.split(",") if name.strip()]
+    if believed == []:
+        raise BadInput("--believe: names no term")
+    return believed
+
+
+def known_physics(args: argparse.Namespace) -> Belief | None:
+    """What --belief has; BadInput for one with an effect that has no name: nothing in that could have changed."""
+    belief = None if args.belief is None else load_belief(args.belief)
+    if belief is not None and belief.curve is not None:
+        raise BadInput(f"{args.belief}: curve: discovery starts from effects that have names; leave out [curve] and "
+                       "its term")
     return belief
 
 

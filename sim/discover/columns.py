@@ -40,9 +40,10 @@ PUSH_WORDS = {"along": ("the ball is driven along its flight", "the ball is held
               "vertical": ("the ball is lifted across its flight", "the ball is pressed down across its flight"),
               "lateral": ("the ball is pushed to its left", "the ball is pushed to its right")}
 PUSH_USUAL = 1.5                      # m/s2, as of a wrong drag law or a breeze of 1 m/s
-ALONG_TERMS = ("drag", "drag_reynolds", "spin_drag", "air_density", "drag_wear", "wind_x", "exit_efficiency",
-               "wheel_slip", "wheel_droop", "ball_wear", "battery_sag", "rapid_fire", "encoder_scale", "ball_spread",
-               "distance_scale", "distance_bias", "vision_latency", "track_scale", "track_clock")
+ALONG_TERMS = ("drag", "drag_reynolds", "spin_drag", "air_density", "air_change", "drag_wear", "wind_x",
+               "exit_efficiency", "wheel_slip", "wheel_droop", "ball_wear", "battery_sag", "rapid_fire",
+               "encoder_scale", "ball_spread", "distance_scale", "distance_bias", "vision_latency", "track_scale",
+               "track_clock")
 
 
 def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Array, int] | None = None,
@@ -68,7 +69,7 @@ def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Array,
     columns += [column for _, column in pushes]
     source += [first_push + number for number, _ in pushes]
     known = {*believed, *KNOWN, *(TRACKER if tracked else ())}
-    asked = [term for term in catalogue if term.name not in known]
+    asked = [term for term in catalogue if term.name not in known and (belief is not None or not term.relative)]
     columns += [_term_column(term) for term in asked]
     source += [slots.index((term.name, term.parameters[0].name)) for term in asked]
     shared = _shared(intake, believed, slots)

@@ -43,6 +43,7 @@ MEASURE = {
     "wind_x": "the wind with an anemometer",
     "wind_y": "the wind with an anemometer",
     "wind_z": "the wind with an anemometer",
+    "air_change": "temperature and pressure, and those of the session before",
     "air_density": "temperature and pressure of each session",
 }
 SHOTS = 20

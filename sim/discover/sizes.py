@@ -85,6 +85,8 @@ PHRASES: dict[str, Phrase] = {
     "air_density": Phrase("the forces of the air follow its pressure and temperature, with {} of what the gas law says",
                           "the forces of the air go against its pressure and temperature, with {} of what the gas law "
                           "says", *SHARE),
+    "air_change": Phrase("the air is {} denser than when the simulation was fitted",
+                         "the air is {} thinner than when the simulation was fitted", *SHARE),
     "buoyancy": Phrase("the air carries part of the ball's weight, {} of that of the air it displaces",
                        "the ball is heavier than stated, by {} of the weight of the air it displaces", *SHARE),
     "added_mass": Phrase("the ball has to move some air along, {} of what theory gives it",
@@ -98,7 +100,7 @@ PHRASES: dict[str, Phrase] = {
 
 PLAIN = {"wind_x": "head or tail wind", "wind_y": "crosswind", "wind_z": "rising or sinking air", "magnus": "lift",
          "drag_reynolds": "drag by speed", "spin_drag": "drag by spin", "drag_wear": "drag of worn balls",
-         "rim_catch": "forgiving rim", "rapid_fire": "rapid fire"}
+         "air_change": "denser or thinner air", "rim_catch": "forgiving rim", "rapid_fire": "rapid fire"}
 
 # Columns of shots.csv, and what is derived from them or goes on inside a flight, as people say them.
 COLUMNS = {"battery_v": "the battery's voltage", "temperature_c": "the temperature", "pressure_pa": "the air pressure",

@@ -19,6 +19,7 @@ from sim.physics.term import (
     complete,
 )
 from sim.physics.terms.added_mass import AddedMass
+from sim.physics.terms.air_change import AirChange
 from sim.physics.terms.air_density import AirDensity
 from sim.physics.terms.ball_compression import BallCompression
 from sim.physics.terms.ball_spread import BallSpread
@@ -61,8 +62,8 @@ TERMS: tuple[Term, ...] = (
     WheelSlip(), ExitEfficiency(), WheelDroop(), BallCompression(), BallWear(), BallSpread(), BatterySag(),
     RapidFire(), ReleaseHeight(),
     SpinDecay(), WindX(), WindY(), WindZ(),
-    Gravity(), Drag(), Magnus(), SpinDrag(), DragReynolds(), LiftSaturation(), DragWear(), AirDensity(), Buoyancy(),
-    AddedMass(),
+    Gravity(), Drag(), Magnus(), SpinDrag(), DragReynolds(), LiftSaturation(), DragWear(), AirDensity(), AirChange(),
+    Buoyancy(), AddedMass(),
     TargetHeight(), RimCatch(),
 )
 

@@ -70,8 +70,8 @@ class Circumstances(NamedTuple):
     density: Any = 0.0                # of the air, / its median, - 1
     hood_change: Any = 0.0            # sign of this hood_deg less that of the session's shot before
     closing_speed_m_s: Any = 0.0      # of the robot, toward the target positive
-    curve: Any = 0.0                  # size of an effect without a name, by sim.curve
     ball: Any = 0.0                   # a ball's own departure in units of the balls' spread; nobody knows it: 0
+    curve: Any = 0.0                  # size of an effect without a name, by sim.curve
 
 
 class Opening(NamedTuple):
@@ -95,6 +95,7 @@ class Term(ABC):
     symmetry: ClassVar[str]
     sentence: ClassVar[str]           # how a report says that this is at work
     follows: ClassVar[str | None] = None    # the field of Circumstances that the amplitude is multiplied by
+    relative: ClassVar[bool] = False  # asked about only where an earlier session told what it changes
 
     def at_shot(self, values: Mapping[str, Any], circumstances: Circumstances) -> dict[str, Any]:
         """Values under the circumstances of shots: the amplitude times what it follows. Shapes broadcast."""

@@ -25,7 +25,7 @@ CHANGES: tuple[Change, ...] = (
     Change("tail_wind", {"wind_x_m_s": 1.5}, ("wind_x",), ("flight",)),
     Change("head_wind", {"wind_x_m_s": -1.5}, ("wind_x",), ("flight",)),
     Change("cross_wind", {"wind_y_m_s": 1.5}, ("wind_y",), ("flight",), tracks_only=True),
-    Change("dense_air", {"air_density_kg_m3": 1.44}, ("drag", "magnus", "air_density"), ("flight",)),
+    Change("dense_air", {"air_density_kg_m3": 1.44}, ("air_change", "drag", "magnus"), ("flight",)),
     Change("soft_ball", {"ball_stiffness_scale": 0.6}, LAUNCH, ("launch",)),
     Change("worn_ball", {"wear_stiffness_per_shot": 0.005, "wear_friction_per_shot": 0.002},
            ("ball_wear", *LAUNCH), ("launch",)),

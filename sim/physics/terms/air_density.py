@@ -27,9 +27,13 @@ class AirDensity(FlightTerm):
 
     def acceleration(self, facts: Facts, values: Mapping[str, Any], ball: BallState,
                      forces: Mapping[str, Vec]) -> Vec:
-        share = values["share"]
-        total = Vec(0.0, 0.0, 0.0)
-        for name, force in forces.items():
-            if name not in NOT_OF_AIR:
-                total = add(total, scale(share, force))
-        return total
+        return share_of_air(values["share"], forces)
+
+
+def share_of_air(share: Any, forces: Mapping[str, Vec]) -> Vec:
+    """That share of the forces of the air among these."""
+    total = Vec(0.0, 0.0, 0.0)
+    for name, force in forces.items():
+        if name not in NOT_OF_AIR:
+            total = add(total, scale(share, force))
+    return total

@@ -49,6 +49,15 @@ def test_a_believed_number_that_has_changed_is_named_with_both_values(belief: Be
     assert "and not" in finding.sentence
 
 
+def test_denser_air_is_one_thing_and_not_two(belief: Belief) -> None:
+    world = later(35)
+    finding = ask(replace(world, cd=1.2 * world.cd, lift_slope=1.2 * world.lift_slope), belief)
+    assert finding.verdict in ("named", "set") and finding.also == (), finding.sentence
+    assert "air_change" in (finding.set or ())
+    size = next(one for one in finding.what if one.term == "air_change").parameters["share"]
+    assert size.low90 < 0.2 < size.high90
+
+
 def test_what_was_not_there_before_is_named_as_ever(belief: Belief) -> None:
     finding = ask(later(34, hood_offset=1.5), belief)
     first = finding.what[0]

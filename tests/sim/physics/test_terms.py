@@ -46,7 +46,7 @@ STAGES = {
     "launch": "exit_efficiency wheel_slip wheel_droop ball_compression ball_wear ball_spread battery_sag rapid_fire "
               "release_height",
     "flight": "gravity drag magnus buoyancy added_mass spin_decay spin_drag drag_reynolds lift_saturation wind_x "
-              "wind_y wind_z air_density drag_wear",
+              "wind_y wind_z air_density air_change drag_wear",
     "arrival": "target_height rim_catch",
 }
 every_term = pytest.mark.parametrize("term", TERMS, ids=lambda term: term.name)

@@ -45,6 +45,7 @@ def _watched(name, values, place=(3.0, 0.2, 2.0), speed=(6.0, 0.1, -1.0), time_s
     ("lift_saturation", {"rate": 0.8}, (0, 0, 2.0 * (1 / (1 + 0.8 * S) - 1))),
     ("drag_wear", {"share": 0.1}, (-0.5, 0, 0)),
     ("air_density", {"share": 0.04}, (-0.2, 0, 0.08)),
+    ("air_change", {"share": 0.04}, (-0.2, 0, 0.08)),
     ("buoyancy", {"share": 1.0}, (0, 0, 1.2 * VOLUME_M3 * 9.81 / 0.14)),
     ("added_mass", {"share": 1.0}, np.array([-5.0, 0, -7.81]) * (1 / (1 + 0.6 * VOLUME_M3 / 0.14) - 1)),
 ])
@@ -57,7 +58,8 @@ def test_a_ball_floats_by_two_and_a_half_per_cent_of_its_weight():
     assert _force("buoyancy", {"share": 1.0})[2] / 9.81 == pytest.approx(0.0252, abs=1e-4)
 
 
-@pytest.mark.parametrize("name", ["drag_reynolds", "lift_saturation", "drag_wear", "air_density", "added_mass"])
+@pytest.mark.parametrize("name", ["drag_reynolds", "lift_saturation", "drag_wear", "air_density", "air_change",
+                                  "added_mass"])
 def test_a_share_of_nothing_is_nothing(name):
     term, = find_terms([name])
     values = {p.name: 0.5 for p in term.parameters}
