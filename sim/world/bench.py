@@ -3,6 +3,7 @@
 It looks at the truth instead of at sensors, so that surveys and tests measure the world and nothing else.
 """
 
+from collections import deque
 from typing import NamedTuple
 
 from sim.world.hood import COULOMB_NM
@@ -14,6 +15,7 @@ FEED_NM = 0.2
 FEED_TICKS = 50
 CLEAR_TICKS = 160                 # from one feeding to the next, at least
 DEADBAND_DEG = 0.03
+LAG_TICKS = 1                     # how old a wheel's speed is when a torque answers to it, as over the robot's bus
 
 
 class Sample(NamedTuple):
@@ -34,6 +36,7 @@ class Bench:
         self.t_ns = 0
         self.samples: list[Sample] = []
         self._integral_nm = 0.0
+        self._speeds = deque([world.wheel_rad_s], LAG_TICKS + 1)
         self._steady = 0
 
     def fire(self, wheel_rad_s: float, hood_deg: float, shots: int, longest_s: float = 120.0) -> list[BallResult]:
@@ -67,7 +70,8 @@ class Bench:
                                    world.ball_from_muzzle()))
 
     def _wheels(self, wanted_rad_s: float) -> tuple[float, float]:
-        error = wanted_rad_s - self.world.wheel_rad_s
+        self._speeds.append(self.world.wheel_rad_s)
+        error = wanted_rad_s - self._speeds[0]
         if abs(error) < 20.0:
             self._integral_nm = min(max(self._integral_nm + 0.1 * error * TICK_NS * 1e-9, -0.3), 0.3)
         ahead_nm = 0.02 + 1.5e-4 * wanted_rad_s
