@@ -40,6 +40,8 @@ def go_forward(fitted: Fitted, place: Place | None, search: Search, progress: Pr
     size = {step.naming.leader: float(step.refit.amplitude[0]) for step in steps if not step.unknown}
     if steps[0].outrun:
         steps, size = in_company(fitted, steps[0], search)
+    elif len(size) > 1:
+        steps, size = or_likelier_pair(fitted, steps, size, search)
     return _together(fitted, steps, size, search, lambda done, note: progress(0.8 + 0.2 * done, note))
 
 
@@ -78,18 +80,38 @@ def in_company(fitted: Fitted, step: Step, search: Search) -> tuple[tuple[Step, 
     pair = best_pair(fitted, step.naming)
     if pair is None:
         return (step,), {}
+    steps, size, last = _from_pair(fitted, step, pair, search)
+    if not _makes_up(step, last):
+        return (step,), {}
+    left = _left_to(step, last)
+    return (*(replace(one, rival=left) for one in steps[:2]), *steps[2:]), size
+
+
+def or_likelier_pair(fitted: Fitted, steps: tuple[Step, ...], size: dict[str, float],
+                     search: Search) -> tuple[tuple[Step, ...], dict[str, float]]:
+    """(steps, names with amplitudes) as they are, or from the best pair where that makes the data likelier: a first
+    name that stood for two others leads on to wrong ones."""
+    pair = best_pair(fitted, steps[0].naming)
+    if pair is None or pair.log_evidence <= refit(fitted, tuple(size), np.array(list(size.values()))).log_evidence:
+        return steps, size
+    return _from_pair(fitted, steps[0], pair, search)[:2]
+
+
+def _from_pair(fitted: Fitted, step: Step, pair: Refit,
+               search: Search) -> tuple[tuple[Step, ...], dict[str, float], Array]:
+    """(steps of the two names and of what may follow them, all names with amplitudes, log scores of unseen shots by
+    all names); `step` is what was found before anything had a name."""
     both, whole = unseen_score(pair.evidence, search.clusters), promote(fitted, pair)
     left, place = _what_is_left(whole, search)
     third = _chain(whole, place, search, pair.names, lambda done, note: None) if left else ()
     third = tuple(one for one in third if _pays(one, both))
     named = [one for one in third if not one.unknown]
     last = named[-1].after if named else both
-    if not _makes_up(step, last):
-        return (step,), {}
-    first = replace(step, unknown=False, outrun=False, rival=_left_to(step, last))
+    first = replace(step, unknown=False, outrun=False)
     second = replace(first, base=pair.names[:1], place=None)
     size = dict(zip(pair.names, map(float, pair.amplitude), strict=True))
-    return (first, second, *third), size | {one.naming.leader: float(one.refit.amplitude[0]) for one in named}
+    size |= {one.naming.leader: float(one.refit.amplitude[0]) for one in named}
+    return (first, second, *third), size, last
 
 
 def without_outrun(steps: tuple[Step, ...]) -> tuple[Step, ...]:

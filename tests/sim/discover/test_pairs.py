@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sim.discover.believed import Fitted
-from sim.discover.forward import Search, in_company
+from sim.discover.forward import Search, in_company, or_likelier_pair
 from sim.discover.name import name_terms
 from sim.discover.pairs import best_pair
 from sim.discover.step import make_step
@@ -64,3 +64,15 @@ def test_a_pair_stands_where_it_catches_up_with_the_curve(fitted: Fitted, share:
     steps, size = in_company(fitted, outrun, Search(clusters, (), (), 0.05, 0))
     assert sorted(size or {step.naming.leader: 0.0}) == sorted(names)
     assert steps[0].unknown == (share > 1.0)
+
+
+@pytest.mark.parametrize(("chain", "names"), [
+    ({"drag_wear.share": 1.0, "wind_x.speed_m_s": 0.01}, list(PLANTED)), (PLANTED, list(PLANTED))])
+def test_a_chain_that_began_with_the_wrong_name_gives_way_to_a_likelier_pair(
+        fitted: Fitted, chain: dict[str, float], names: list[str]) -> None:
+    clusters = each_by_itself(fitted)
+    step = make_step(fitted, clusters, None, (), 0, lambda done, note: None)
+    steps, size = or_likelier_pair(fitted, (step, step), dict(chain), Search(clusters, (), (), 0.05, 0))
+    assert sorted(size) == sorted(names)
+    assert all(size[name] == pytest.approx(PLANTED[name], abs=0.2) for name in names)
+    assert not any(one.unknown for one in steps)
