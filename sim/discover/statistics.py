@@ -120,7 +120,10 @@ def _prior_scores(evidence: Evidence, project: Array) -> tuple[Array, Array, Arr
 
 def _sum_over(cluster: Array, clusters: int, rows: Array) -> Array:
     summed = np.zeros((clusters, *rows.shape[1:]))
-    np.add.at(summed, cluster, rows)
+    if len(np.unique(cluster)) == len(cluster):       # each shot by itself, as ever but in tests: 4 times as fast
+        summed[cluster] = rows
+    else:
+        np.add.at(summed, cluster, rows)
     return summed
 
 
