@@ -95,7 +95,7 @@ def share_of(grades: Iterable[Grade], question: Callable[[Grade], bool | None]) 
 
 def figures(grades: Sequence[Grade]) -> dict[str, float | None]:
     """The figures that targets are about; None where no world says."""
-    catalogued = [g for g in grades if g.kind == "effects"]
+    catalogued = _asked_about(grades)
     found = [g for g in catalogued if g.found]
     off = [g for g in grades if g.kind == "off" and g.found]
     sizes = [g.set_size for g in found if g.set_size is not None]
@@ -111,6 +111,11 @@ def figures(grades: Sequence[Grade]) -> dict[str, float | None]:
     values["set size"] = sum(sizes) / len(sizes) if sizes else None
     values["gain kept"] = gain_kept(found)
     return values
+
+
+def _asked_about(grades: Iterable[Grade]) -> list[Grade]:
+    """Hidden effects that are asked about at all: a tracker's errors are fitted with tracks, whoever has them."""
+    return [g for g in grades if g.kind == "effects" and g.ceiling is not None]
 
 
 def named_wrong(grade: Grade) -> bool:
@@ -175,7 +180,7 @@ def _against_targets(setting: Setting, grades: Sequence[Grade]) -> str:
     lines = [f"All of {setting[0]}, {setting[1]} shots, x {setting[2]:g}, against the design:", "",
              "| figure | reached here | these data allow | design's target | scaled to what these data allow | |",
              "|---|---|---|---|---|---|"]
-    catalogued = [g for g in grades if g.kind == "effects"]
+    catalogued = _asked_about(grades)
     values = figures(grades)
     for target in TARGETS:
         value, wanted = values[target.figure], target.at.get(setting)
