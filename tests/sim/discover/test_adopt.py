@@ -72,7 +72,7 @@ def test_data_that_say_nothing_lead_to_no_belief() -> None:
 
 def test_what_has_no_name_is_adopted_as_a_curve(tmp_path: Path) -> None:
     """Beyond some distance the ball leaves faster than it should: nobody knows why, but other shots are foretold."""
-    seen, unseen = (shoot(make_world({"far_kick": 0.1}, "L2", 200, seed)) for seed in (3, 4))
+    seen, unseen = (shoot(make_world({"far_kick": 0.15}, "L2", 120, seed)) for seed in (3, 4))
     found = discover(seen, seed=1)
     assert found.finding.verdict == "unknown"
     belief, provenance = make_belief(found)

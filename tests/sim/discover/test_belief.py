@@ -33,7 +33,7 @@ def ask(world: World, belief: Belief) -> Finding:
     return discover(shoot(world), belief=belief).finding
 
 
-@pytest.mark.parametrize("seed", [31, 32])
+@pytest.mark.parametrize("seed", [31])
 def test_nothing_has_changed(belief: Belief, seed: int) -> None:
     finding = ask(later(seed), belief)
     assert finding.verdict == "none", finding.sentence
