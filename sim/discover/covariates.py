@@ -203,7 +203,7 @@ def smooth_shapes(values: Array) -> Array:
 def spline_knots(values: Array) -> Array:
     """Where the basis of `smooth_shapes` bends, ends included; two places where it does not."""
     knots = _quantiles(values)
-    return knots if len(knots) >= 4 else knots[[0, -1]]
+    return knots if len(knots) >= 4 else np.array([values.min(), values.max()])
 
 
 def _quantiles(values: Array) -> Array:

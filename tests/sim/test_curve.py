@@ -109,3 +109,7 @@ def test_a_table_that_is_no_curve_is_refused(tmp_path: Path, table: str, said: s
     file.write_text(f'schema = "truearc.coefficients/1"\n[curve]\n{table}\n')
     with pytest.raises(BadInput, match=said):
         load_belief(file)
+
+
+def test_a_covariate_that_hardly_ever_departs_has_two_knots_all_the_same() -> None:
+    assert spline_knots(np.r_[np.zeros(992), np.ones(8)]) == pytest.approx([0.0, 1.0])
