@@ -30,7 +30,6 @@ from robot.config import Config, load_config
 from robot.facts import Facts
 from robot.gate.contract import NOVELTY_LIMIT
 from sim.belief import Belief
-from sim.curve import before_the_shot
 from sim.discover.adopt import make_belief
 from sim.discover.discover import discover
 from sim.gate.figures import figures_of
@@ -38,17 +37,17 @@ from sim.gate.marks import Marks, marks_of
 from sim.gate.novelty import fit_novelty
 from sim.gate.train import train_physics_gate
 from sim.network import probabilities
-from sim.physics.shot import predict
 from sim.prove.adoption_table import make_table
 from sim.prove.changes import Change, seen_at
-from sim.prove.worldfile import append_line, lines_of, mend
+from sim.prove.unseen import off_m
+from sim.prove.worldfile import fill, lines_of
 from sim.shots import Shots
 from sim.sweep import Job, train_many
 from sim.synth import synthesise
 from sim.train import split_heldout, training_rows
 from sim.world.options import Options
 from sim.world.practice import plan_season
-from sim.world.season import ORDINARY, Season, play_season
+from sim.world.season import ORDINARY, play_season
 
 BELIEVED = ("gravity", "drag", "magnus")
 LEVEL = "L1"
@@ -62,19 +61,21 @@ Line = dict[str, Any]
 Gate = Callable[[np.ndarray], np.ndarray]
 
 
-def run(config: Config, change: Change, shots: int, seed: int) -> Line:
-    """One world: what was found, and both gates' figures on the other session."""
+def run(config: Config, world: tuple[Change, int, int]) -> Line:
+    """One world (its change, shots, seed): what was found, and all gates' figures on the other session."""
+    keep_compiled()
+    change, shots, seed = world
     own = seed + zlib.crc32(change.name.encode()) % (APART - 1)
     seen, unseen = (play_season(config.rig, Options(**change.options), own + k, plan_season(own + k, count), LEVEL,
                                 ORDINARY) for k, count in enumerate((shots, UNSEEN)))
     found = discover(seen.dataset, BELIEVED, seed=own)
     beliefs = {"before": make_belief(replace(found, steps=()))[0], "after": make_belief(found)[0]}
     finding, marks = found.finding, _inside(seen.dataset.shots, unseen.dataset.shots)
-    line: Line = {"found": finding.mismatch.found, "verdict": finding.verdict,
-                  "adopted": make_belief(found)[1]["adopted"]}
+    line: Line = {"name": change.name, "shots": shots, "seed": seed, "found": finding.mismatch.found,
+                  "verdict": finding.verdict, "adopted": make_belief(found)[1]["adopted"]}
     for name, belief in beliefs.items():
         gates = _gates(config.rig, belief, seen.dataset.shots, own)
-        line[name] = {"off_m": _off_m(config.rig, belief, unseen),
+        line[name] = {"off_m": off_m(config.rig, belief, unseen),
                       "gates": {kind: _judged(config, gate, marks) for kind, gate in gates.items()}}
     return line
 
@@ -103,39 +104,19 @@ def _judged(config: Config, gate: Gate, marks: Marks) -> Line:
             "fired": int(fired.sum()), "scored": int((level[fired] == 2).sum())}
 
 
-def _off_m(facts: Facts, belief: Belief, unseen: Season) -> float:
-    """RMS error of the heights that the simulation alone foretells."""
-    shots = unseen.dataset.shots
-    around = before_the_shot(belief.curve, facts, shots)
-    told = predict(facts, belief.coefficients, shots, circumstances=around).height_m
-    true = np.array([np.nan if one.z_m is None else one.z_m for one in unseen.results])
-    return float(np.sqrt(np.nanmean((true - np.asarray(told))**2)))
-
-
 def main() -> int:
     args = _arguments()
-    lines = {line["key"]: line for line in lines_of(Path(args.table or args.out))}
-    if args.table is None:
-        keep_compiled()
-        mend(args.out)
-        _run_all(args, lines)
+    path = Path(args.table or args.out)
+    if args.table:
+        lines = {line["key"]: line for line in lines_of(path)}
+    else:
+        config = load_config(Path(robot.__file__).parent / "launcher.toml")
+        jobs = {f"{change.name}/{args.shots}/{seed}": (change, args.shots, seed)
+                for seed in (APART * (args.seed + number) for number in range(args.worlds))
+                for change in seen_at(LEVEL)}
+        lines = fill(path, jobs, partial(run, config), make_progress("worlds"), args.processes)
     print(make_table(list(lines.values())))
     return 0
-
-
-def _run_all(args: argparse.Namespace, lines: dict[str, Line]) -> None:
-    config, progress = load_config(Path(robot.__file__).parent / "launcher.toml"), make_progress("worlds")
-    todo = [(number, change) for number in range(args.worlds) for change in seen_at(LEVEL)]
-    for count, (number, change) in enumerate(todo):
-        seed = args.seed * APART + number * APART
-        key = f"{change.name}/{args.shots}/{seed}"
-        if key in lines:
-            continue
-        progress(count / len(todo), key)
-        lines[key] = {"key": key, "name": change.name, "shots": args.shots, "seed": seed,
-                      **run(config, change, args.shots, seed)}
-        append_line(args.out, lines[key])
-    progress(1.0, "done")
 
 
 def _arguments() -> argparse.Namespace:
@@ -143,6 +124,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--shots", type=int, default=300, help="recorded in each world")
     parser.add_argument("--worlds", type=int, default=2, help="of each change")
     parser.add_argument("--seed", type=int, default=11, help="of the first number of world; the next has the next")
+    parser.add_argument("--processes", type=int, help="at a time (one a core)")
     place = parser.add_mutually_exclusive_group(required=True)
     place.add_argument("--out", metavar="FILE", help="where worlds are kept, a line each")
     place.add_argument("--table", metavar="FILE", help="print what is there, run nothing")

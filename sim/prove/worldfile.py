@@ -3,11 +3,34 @@
 import lzma
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import msgspec
+
+from sim.fanout import Progress, fan_out
+
+Job = TypeVar("Job")
+Line = dict[str, Any]
+
+
+def fill(path: Path, jobs: Mapping[str, Job], run: Callable[[Job], Line], progress: Progress,
+         workers: int | None = None) -> dict[str, Line]:
+    """{key: line} of the whole file, once the jobs whose keys were not there have run.
+
+    Each line is appended, with its key, as soon as its job is done: what is cut short goes on where it stopped.
+    """
+    mend(path)
+    there = {line["key"] for line in lines_of(path)}
+    todo = [(key, job) for key, job in jobs.items() if key not in there]
+    fan_out(partial(_add, path.resolve(), run), todo, progress=progress, workers=workers)
+    return {line["key"]: line for line in lines_of(path)}
+
+
+def _add(path: Path, run: Callable[[Job], Line], job: tuple[str, Job]) -> None:
+    append_line(path, {"key": job[0], **run(job[1])})
 
 
 def append_line(path: str | Path, line: Any) -> None:

@@ -1,0 +1,22 @@
+"""How well a belief foretells a MuJoCo session that nothing was fitted to."""
+
+import numpy as np
+
+from robot.facts import Facts
+from sim.belief import Belief
+from sim.curve import before_the_shot
+from sim.physics.shot import predict
+from sim.world.season import Season
+
+
+def heights_m(season: Season) -> np.ndarray:
+    """Where each ball crossed the target's plane [n], in m above the floor; nan where it fell before it."""
+    return np.array([np.nan if one.z_m is None else one.z_m for one in season.results])
+
+
+def off_m(facts: Facts, belief: Belief, season: Season) -> float:
+    """RMS error in m of the heights that the belief foretells from what was read of each shot before it."""
+    shots = season.dataset.shots
+    around = before_the_shot(belief.curve, facts, shots)
+    told = np.asarray(predict(facts, belief.coefficients, shots, circumstances=around).height_m)
+    return float(np.sqrt(np.nanmean((heights_m(season) - told)**2)))
