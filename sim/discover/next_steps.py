@@ -20,6 +20,7 @@ MEASURE = {
     "track_scale": "a ruler in the tracker's view",
     "track_tilt": "a plumb line in the tracker's view",
     "track_clock": "a stopwatch in the tracker's view",
+    "track_perspective": "a ruler at two heights in the tracker's view",
     "release_height": "exit height with a tape",
     "target_height": "target height with a tape",
     "rim_catch": "where balls touch the rim, on film",

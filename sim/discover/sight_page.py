@@ -18,6 +18,7 @@ RECORD = {
     "vision_latency": "robot_speed_m_s of each shot", "air_density": "temperature_c and pressure_pa",
     "wheel_droop": "wheel speeds through the shot (traces.csv)", "wind_y": "tracks of the ball",
     "track_scale": "tracks of the ball", "track_tilt": "tracks of the ball", "track_clock": "tracks of the ball",
+    "track_perspective": "tracks of the ball",
     "hood_backlash": "hood_deg of shots in their order", "target_height": "outcomes", "rim_catch": "outcomes",
 }
 METHOD = (

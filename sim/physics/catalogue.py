@@ -45,6 +45,7 @@ from sim.physics.terms.spin_decay import SpinDecay
 from sim.physics.terms.spin_drag import SpinDrag
 from sim.physics.terms.target_height import TargetHeight
 from sim.physics.terms.track_clock import TrackClock
+from sim.physics.terms.track_perspective import TrackPerspective
 from sim.physics.terms.track_scale import TrackScale
 from sim.physics.terms.track_tilt import TrackTilt
 from sim.physics.terms.vision_latency import VisionLatency
@@ -58,7 +59,7 @@ from sim.physics.terms.wind_z import WindZ
 # air: what air the ball meets, then forces, then shares of the forces before them; added mass is a share of them all.
 TERMS: tuple[Term, ...] = (
     HoodOffset(), HoodBacklash(), EncoderScale(), DistanceScale(), DistanceBias(), VisionLatency(), TrackScale(),
-    TrackTilt(), TrackClock(),
+    TrackTilt(), TrackClock(), TrackPerspective(),
     WheelSlip(), ExitEfficiency(), WheelDroop(), BallCompression(), BallWear(), BallSpread(), BatterySag(),
     RapidFire(), ReleaseHeight(),
     SpinDecay(), WindX(), WindY(), WindZ(),

@@ -1,6 +1,6 @@
 """Tables of what discovery made of the MuJoCo world, as it is and changed."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from sim.intervals import wilson
@@ -66,11 +66,12 @@ def _changed_row(change: Change, lines: Sequence[Line]) -> str:
              sum(bool(set(names) & set(change.names)) for names in told)]
     cells = [f"{mark}/{len(found)}" if change.names else "-" for mark in marks]
     return (f"| {change.name} | {len(found) / len(lines):.2f} ({low:.2f}-{high:.2f}), {len(lines)} | "
-            f"{' | '.join(cells)} | {_counted(one['verdict'] for one in lines)} | {_counted(first)} |")
+            f"{' | '.join(cells)} | {counted(one['verdict'] for one in lines)} | {counted(first)} |")
 
 
-def _counted(words: Any) -> str:
+def counted(words: Iterable[str]) -> str:
+    """How often each word comes, the commonest first; "-" where there is none."""
     counts: dict[str, int] = {}
     for word in words:
         counts[word] = counts.get(word, 0) + 1
-    return ", ".join(f"{count} {word}" for word, count in sorted(counts.items(), key=lambda item: -item[1]))
+    return ", ".join(f"{count} {word}" for word, count in sorted(counts.items(), key=lambda item: -item[1])) or "-"

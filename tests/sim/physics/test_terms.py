@@ -42,7 +42,7 @@ UNIT = re.compile(r"(1|((kg|rad|rev|deg|m|s)\d*)+)(/((kg|rad|rev|deg|m|s)\d*)+)?
 # formats.md section 2, and what was added to it
 STAGES = {
     "sensing": "hood_offset hood_backlash encoder_scale distance_scale distance_bias vision_latency track_scale "
-               "track_tilt track_clock",
+               "track_tilt track_clock track_perspective",
     "launch": "exit_efficiency wheel_slip wheel_droop ball_compression ball_wear ball_spread battery_sag rapid_fire "
               "release_height",
     "flight": "gravity drag magnus buoyancy added_mass spin_decay spin_drag drag_reynolds lift_saturation wind_x "

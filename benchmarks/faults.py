@@ -1,0 +1,84 @@
+"""Is a fault of the tracker taken for physics of the ball?
+
+    python benchmarks/faults.py --worlds 10 --seed 61 --out FILE
+    python benchmarks/faults.py --tracks DIR --believe gravity,drag,magnus --out FILE
+    python benchmarks/faults.py --table FILE
+
+The tracks of worlds in which nothing is hidden (sim.prove.truth, L2, 300 shots), or those of a dataset that somebody
+recorded, are spoilt as a bad tracker would have spoilt them (sim.prove.faults), and discovery is asked about each, and
+about the same tracks unspoilt. A line of FILE an answer; one that is there already is not worked out again.
+"""
+
+import argparse
+import sys
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from doors.discover import keep_compiled
+from doors.progress import make_progress
+from robot.config import BadInput
+from sim.discover.discover import discover
+from sim.discover.finding import make_json
+from sim.prove.fault_table import make_table
+from sim.prove.faults import FAULTS, with_fault
+from sim.prove.suite import Job, world_of
+from sim.prove.truth.shoot import shoot
+from sim.prove.worldfile import fill, lines_of
+from sim.shots import Dataset, load_dataset
+
+NONE = "none"
+SHOTS = 300
+
+
+def run(recorded: Dataset | None, believed: tuple[str, ...] | None, job: tuple[str, Job]) -> dict[str, Any]:
+    """What discovery says of one set of tracks with one fault (or none)."""
+    keep_compiled()
+    fault, world = job
+    dataset = shoot(world_of(world)) if recorded is None else recorded
+    found = discover(dataset if fault == NONE else with_fault(dataset, fault), believed, seed=world.index)
+    finding = msgspec.json.decode(make_json(found.finding))
+    return {"fault": fault, "source": dataset.name, "number": world.index, "found": finding["mismatch"]["found"],
+            **{key: finding[key] for key in ("verdict", "where", "sentence", "what", "set", "also")}}
+
+
+def main() -> int:
+    args = _arguments()
+    path = Path(args.table or args.out)
+    try:
+        lines = _run_all(args, path) if args.table is None else {line["key"]: line for line in lines_of(path)}
+    except BadInput as error:
+        print(error, file=sys.stderr)
+        return 2
+    print(make_table(list(lines.values())))
+    return 0
+
+
+def _run_all(args: argparse.Namespace, path: Path) -> dict[str, dict[str, Any]]:
+    recorded = None if args.tracks is None else load_dataset(args.tracks)
+    if recorded is not None and recorded.tracks is None:
+        raise BadInput(f"{args.tracks}: has no tracks")
+    believed = None if args.believe is None else tuple(args.believe.split(","))
+    name, worlds = ("simulated", args.worlds) if recorded is None else (recorded.name, 1)
+    jobs = {f"{fault}/{name}/{args.seed}/{index}": (fault, Job("nulls", "clean", "L2", SHOTS, 0.0, args.seed, index))
+            for index in range(worlds) for fault in (NONE, *FAULTS)}
+    return fill(path, jobs, partial(run, recorded, believed), make_progress("tracks"), args.processes)
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--tracks", metavar="DIR", help="spoil this dataset's instead of simulated ones")
+    parser.add_argument("--believe", help="terms, comma-separated (as the dataset says)")
+    parser.add_argument("--worlds", type=int, default=10)
+    parser.add_argument("--seed", type=int, default=11, help="of the simulated worlds; below 1000 to develop on")
+    parser.add_argument("--processes", type=int, help="at a time (one a core)")
+    place = parser.add_mutually_exclusive_group(required=True)
+    place.add_argument("--out", metavar="FILE", help="where answers are kept, a line each")
+    place.add_argument("--table", metavar="FILE", help="print what is there, run nothing")
+    return parser.parse_args()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

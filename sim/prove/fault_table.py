@@ -1,0 +1,51 @@
+"""Table of what discovery made of a tracker's faults: which of them it took for physics of the ball."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from sim.intervals import wilson
+from sim.prove.launcher_table import counted
+
+AIR = "flight"
+
+Line = Mapping[str, Any]
+
+
+def make_table(lines: Sequence[Line]) -> str:
+    """Markdown: one row a fault and source. Shares have Wilson 95 % intervals and counts."""
+    rows = ["| fault | tracks | something found | put down to the air alone | verdicts | names |",
+            "|---|---|---|---|---|---|"]
+    sources = sorted({_source(one) for one in lines})
+    for source, fault in ((source, fault) for source in sources
+                          for fault in dict.fromkeys(one["fault"] for one in lines)):
+        mine = [one for one in lines if one["fault"] == fault and _source(one) == source]
+        if mine:
+            rows.append(f"| {fault} | {source} | {_share([one['found'] for one in mine])} | "
+                        f"{_share([blames_the_air(one) for one in mine])} | "
+                        f"{counted(one['verdict'] for one in mine)} | {counted(_names(mine))} |")
+    return "\n".join(rows)
+
+
+def blames_the_air(line: Line) -> bool:
+    """Whether the first effect it tells is of the flight, and no name that it leaves open is of anything else."""
+    if not line["found"]:
+        return False
+    left = [one["stage"] for one in line["what"] if one["term"] in (line["set"] or ())]
+    return all(stage == AIR for stage in left) if left else line["where"]["stage"] == AIR
+
+
+def _source(line: Line) -> str:
+    return "simulated" if line["key"].split("/")[1] == "simulated" else str(line["source"])
+
+
+def _names(lines: Sequence[Line]) -> Iterator[str]:
+    for line in lines:
+        for each in (line, *line["also"]):
+            if line["found"]:
+                yield " or ".join(each["set"]) if each["set"] else "something without a name"
+
+
+def _share(marks: Sequence[bool]) -> str:
+    low, high = wilson(sum(marks), len(marks))
+    return f"{sum(marks)}/{len(marks)} ({low:.2f}-{high:.2f})"
+
