@@ -15,7 +15,7 @@ the samples as `discover` measures it on the drop that is learned from. --ask ru
 
 import argparse
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -27,7 +27,7 @@ from sim.importers.ball_drops import import_ball_drops
 from sim.physics.catalogue import find_parameter, find_terms
 from sim.physics.flight import path
 from sim.physics.launch import Exit
-from sim.shots import Dataset, Tracks
+from sim.shots import Dataset, take_shots
 
 LEFT_OUT = "bowlingball"
 FRAME = 42
@@ -83,15 +83,9 @@ def main() -> None:
 
 def only(dataset: Dataset, session: str, without: str = "") -> Dataset:
     """The drops of one session."""
-    shots, tracks = dataset.shots, dataset.tracks
-    assert tracks is not None
-    rows = [row for row in range(len(shots))
-            if shots.text("session")[row] == session and shots.text("ball_id")[row] != without]
-    here = np.isin(tracks.shot, rows)
-    place = np.full(len(shots), -1)
-    place[rows] = np.arange(len(rows))
-    kept = Tracks(place[tracks.shot[here]], tracks.t_s[here], tracks.x_m[here], tracks.y_m[here], tracks.z_m[here])
-    return replace(dataset, shots=shots.take(rows), tracks=kept)
+    balls = dataset.shots.text("ball_id")
+    return take_shots(dataset, [row for row, name in enumerate(dataset.shots.text("session"))
+                                if name == session and balls[row] != without])
 
 
 def half_of(dataset: Dataset) -> Half:

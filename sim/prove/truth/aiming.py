@@ -55,8 +55,13 @@ def aim(world: World, plan: Plan, seen_distance_m: Floats, seen_hood_deg: Floats
     aside = rng.choice([-1.0, 1.0], world.shots) * rng.uniform(NEAREST_SD, FARTHEST_SD, world.shots)
     wanted = centre_m + aside * _height_sd(plain, seen, _ratio_for(heights, np.full(world.shots, centre_m)))
     ratio = _ratio_for(heights, wanted)
-    flight_s = np.nan_to_num(_coarse(plain, seen, ratio).time_s, nan=1.0)
+    flight_s = intended_s(world, seen, ratio)
     return _corrected(world, plan, ratio, wanted, flight_s), flight_s
+
+
+def intended_s(world: World, seen: Plan, ratio: Floats) -> Floats:
+    """Flight times [n] by the physics that is believed, of a plan as the sensors see it."""
+    return np.nan_to_num(_coarse(replace(world, effects={}, dirt=()), seen, ratio).time_s, nan=1.0)
 
 
 def _coarse(world: World, plan: Plan, ratio: Floats, luck: Luck | None = None,

@@ -39,6 +39,15 @@ def play(world: World) -> Season:
     plan = plan_shots(world)
     distance, hood = see_places(world, plan)
     ratio, flight_s = aim(world, plan, distance, hood)
+    return record(world, plan, (distance, hood), ratio, flight_s)
+
+
+def record(world: World, plan: Plan, seen: tuple[Floats, Floats], ratio: Floats, flight_s: Floats) -> Season:
+    """The shots of a plan and what the sensors say of them.
+
+    seen: (distance, elevation) as measured. ratio: of the motors. flight_s: of the aimed shots.
+    """
+    distance, hood = seen
     off = world.scatter.wheel * world.rng(9).normal(size=world.shots)
     wheels = wheel_speeds(world, ratio * (1.0 + off))
     flown = shoot_all(world, plan, wheels, flight_s)
