@@ -28,6 +28,7 @@ OF_LAUNCH = np.array([name != "scatter.distance" for name in SCATTERS])
 FEWEST = 5                            # outcomes that the grid can be judged by
 ROUNDS = 20                           # of flying, and of steps between two flights
 INNER = 10
+PATIENCE = 4                          # flights that gain nothing, before what slopes promise is no longer believed
 HALVINGS = 8
 SETTLED = 1e-3                        # nats
 LEAST_ROUNDS = 2                      # with tracks, whose shots' own deviations must settle too
@@ -81,13 +82,18 @@ def climb(intake: Intake, layout: Layout, spot: Spot,
 
     Between flights all is taken as linear; it is flown again at each top so found, until the top stays.
     """
-    best = -np.inf
+    best = highest = -np.inf
+    idle = 0
     kept: tuple[Spot, Evidence, Array] | None = None
     for number in range(ROUNDS):
         progress(number / ROUNDS, "fit")
         flown = fly(intake, layout, spot)
         evidence, deviates = linearise(intake, layout, spot, flown)
         value = objective(evidence, layout)
+        idle = 0 if value > highest + _slack(intake) else idle + 1
+        highest = max(highest, value)
+        if idle > PATIENCE:
+            break
         if kept is not None and not value >= best - _slack(intake):
             spot = _halfway(kept[0], spot)
             continue

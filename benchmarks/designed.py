@@ -1,0 +1,132 @@
+"""Do 100 designed shots part names that look alike as well as 300 shots taken at random?
+
+    python benchmarks/designed.py --level L0,L1 --worlds 10 --seed 81 --out FILE
+    python benchmarks/designed.py --table FILE
+
+Worlds of sim.prove.truth hide one effect that others are easily taken for, at --scale times its usual size. Where
+discovery finds something in 300 shots and leaves several names, the hidden one among them, the world is shot again:
+at the configurations that truearc design asks for (5 x 20), and, as another future, at those of all 300 shots once
+more. Discovery is run on the old shots together with either. What is compared is the probability of the hidden name
+among the names that were left. A line of FILE a world; one that is there already is not run again.
+"""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.special import log_softmax
+from scipy.stats import t as student
+
+from doors.discover import keep_compiled
+from doors.progress import make_progress
+from sim.discover.design import can_design, make_design
+from sim.discover.discover import discover
+from sim.prove.suite import Job, amount_of
+from sim.prove.truth.follow import Asked, follow
+from sim.prove.truth.shoot import shoot
+from sim.prove.truth.world import World, make_world
+from sim.prove.worldfile import fill, lines_of
+from sim.shots import Dataset, Shots, join_datasets
+
+ALIKE = ("hood_offset", "wheel_slip", "drag_reynolds", "spin_drag", "wind_x", "wind_z", "distance_scale",
+         "distance_bias", "release_height", "target_height")
+SHOTS, DESIGNED, CONFIGURATIONS = 300, 100, 5
+ONCE_MORE = 2                         # number of the follow-up at random; the designed one's is 1
+LEVEL = 0.95
+
+Line = dict[str, Any]
+
+
+def run(job: Job) -> Line:
+    """One world: which names were left, and the log probability of the hidden one among them, three times."""
+    keep_compiled()
+    world = make_world({job.name: amount_of(job)}, job.level, job.shots, job.seed)
+    dataset = shoot(world)
+    found = discover(dataset, seed=job.index)
+    line: Line = {"level": job.level, "name": job.name, "index": job.index, "found": bool(found.steps), "names": []}
+    if not found.steps or not can_design(found.steps[0]):
+        return line
+    step = found.steps[0]
+    design = make_design(step, DESIGNED, CONFIGURATIONS, job.index)
+    names = [name.partition(".")[0] for name in design.names]
+    if job.name not in names:
+        return {**line, "names": names}
+    rows = [(int(step.fitted.evidence.rows[block.row]), block.shots) for block in design.blocks]
+    again = {"designed": _asked(dataset.shots, rows),
+             "random": _asked(dataset.shots, [(row, 1) for row in range(len(dataset.shots))])}
+    told = {which: _told(world, dataset, asked, number, design.names, job)
+            for number, (which, asked) in enumerate(again.items(), 1)}
+    return {**line, "names": names, "before": float(np.log(design.probability[names.index(job.name)])), **told}
+
+
+def _asked(shots: Shots, rows: Sequence[tuple[int, int]]) -> list[Asked]:
+    """Settings of (row, how often)."""
+    return [Asked(*(float(shots.number(name)[row]) for name in ("distance_m", "hood_deg", "motor_ratio")), count)
+            for row, count in rows]
+
+
+def _told(world: World, dataset: Dataset, asked: list[Asked], number: int, names: Sequence[str], job: Job) -> float:
+    """Log probability of the hidden name among the names, once these shots are there too."""
+    more = replace(follow(world, asked, number), name=dataset.name)
+    found = discover(join_datasets(dataset, more), seed=job.index)
+    if not found.steps:
+        return float(-np.log(len(names)))
+    nats = found.steps[0].naming.nats
+    least = min(nats.values())
+    told = log_softmax([nats.get(name, least) for name in names])
+    return float(told[[name.partition(".")[0] for name in names].index(job.name)])
+
+
+def make_table(lines: Sequence[Line]) -> str:
+    """Markdown: a level a row, means over worlds, the paired difference with Student's 95 % interval."""
+    rows = ["| level | worlds, something found, several names with the hidden one | names left | mean log probability "
+            "of the hidden one: before | + 100 designed | + 300 at random | designed - random | worlds better, worse |",
+            "|---|---|---|---|---|---|---|---|"]
+    for level in sorted({one["level"] for one in lines}):
+        mine = [one for one in lines if one["level"] == level]
+        left = [one for one in mine if "designed" in one]
+        if len(left) > 1:
+            before, designed, random = (np.array([one[key] for one in left])
+                                        for key in ("before", "designed", "random"))
+            gain = designed - random
+            half = student.ppf(0.5 + LEVEL / 2.0, len(gain) - 1) * gain.std(ddof=1) / np.sqrt(len(gain))
+            rows.append(f"| {level} | {len(mine)}, {sum(one['found'] for one in mine)}, {len(left)} | "
+                        f"{np.mean([len(one['names']) for one in left]):.1f} | {before.mean():.2f} | "
+                        f"{designed.mean():.2f} | {random.mean():.2f} | {gain.mean():+.2f} "
+                        f"({gain.mean() - half:+.2f} to {gain.mean() + half:+.2f}) | {int((gain > 0).sum())}, "
+                        f"{int((gain < 0).sum())} |")
+    return "\n".join(rows)
+
+
+def main() -> int:
+    args = _arguments()
+    path = Path(args.table or args.out)
+    if args.table:
+        lines = {line["key"]: line for line in lines_of(path)}
+    else:
+        jobs = [Job("effects", name, level, SHOTS, args.scale, args.seed, index) for level in args.level.split(",")
+                for index in range(args.worlds) for name in ALIKE]
+        lines = fill(path, {job.key: job for job in jobs}, run, make_progress("worlds"), args.processes)
+    print(make_table(list(lines.values())))
+    return 0
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--level", default="L0,L1")
+    parser.add_argument("--worlds", type=int, default=10, help="of each effect")
+    parser.add_argument("--scale", type=float, default=2.0, help="times the effect's usual size (%(default)s)")
+    parser.add_argument("--seed", type=int, default=11, help="below 1000 to develop on")
+    parser.add_argument("--processes", type=int, help="at a time (one a core)")
+    place = parser.add_mutually_exclusive_group(required=True)
+    place.add_argument("--out", metavar="FILE", help="where worlds are kept, a line each")
+    place.add_argument("--table", metavar="FILE", help="print what is there, run nothing")
+    return parser.parse_args()
+
+
+if __name__ == "__main__":
+    sys.exit(main())
