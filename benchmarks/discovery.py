@@ -25,11 +25,11 @@ from robot.config import BadInput
 from sim.discover.discover import Investigation, discover
 from sim.discover.finding import make_json
 from sim.fanout import fan_out
-from sim.prove.ceiling import ceiling_of, oracle_gain
+from sim.prove.ceiling import ceiling_of, oracle_gain, strength_of
 from sim.prove.grade import Grade, grade, true_parameter
 from sim.prove.suite import KINDS, Job, plan_jobs, world_of
 from sim.prove.table import make_tables
-from sim.prove.truth.shoot import shoot
+from sim.prove.truth.shoot import shift_m, shoot
 from sim.prove.truth.world import World, as_table
 from sim.prove.worldfile import append_line, lines_of, mend
 
@@ -61,6 +61,8 @@ def run(path: str, job: Job) -> None:
 def _with_ceiling(finding: dict[str, Any], found: Investigation, job: Job, world: World) -> dict[str, Any]:
     """The finding with what could have been found and gained."""
     wanted = true_parameter(job, world)
+    if job.kind == "off" and found.fitted is not None:
+        return {**finding, "strength": strength_of(found.fitted.evidence, shift_m(world))}
     if wanted is None:
         return finding
     name, amplitude = f"{job.name}.{wanted[0]}", wanted[1]

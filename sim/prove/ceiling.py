@@ -3,12 +3,13 @@
 For small effects the scores are normal; the best that anybody can do with them is worked out by drawing them.
 """
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from sim.discover.discover import Investigation
-from sim.discover.evidence import Array, Evidence
+from sim.discover.evidence import Array, Evidence, plane_terms, shared_columns
 from sim.discover.name import ALIAS, efficient, nats_for, visible_terms
 from sim.discover.refit import refit, unseen_score, without
 from sim.prove.grade import ALIASES
@@ -71,6 +72,25 @@ def _draw(covariance: Array, rng: np.random.Generator) -> Array:
     """[DRAWS, K] normal."""
     values, vectors = np.linalg.eigh(covariance)
     return rng.normal(size=(DRAWS, len(values))) @ (vectors * np.sqrt(np.maximum(values, 0.0))).T
+
+
+def strength_of(evidence: Evidence, shift_m: Array) -> float | None:
+    """How plain an effect is that moves the heights at the plane by shift_m (one of each of the dataset's shots): the
+    chi-squared (lambda) by which the outcomes speak of it, what the fitted numbers can take up projected out.
+
+    None where tracks or measured exits speak too, and where there are no outcomes: heights are not all there is then.
+    """
+    plane, shared = evidence.plane, shared_columns(evidence)
+    if plane is None or evidence.bend.any():
+        return None
+    mine = np.nan_to_num(shift_m[evidence.rows[plane.rows]])
+    by = np.concatenate([mine[:, None], plane.by_column[:, shared]], axis=1)
+    none = np.zeros((len(by), 1))
+    wider, spread = (np.concatenate([none, part[:, shared]], axis=1) for part in (plane.wider_by, plane.log_spread_by))
+    info = plane_terms(replace(plane, by_column=by, wider_by=wider, log_spread_by=spread), plane.seen, plane.mean_m,
+                       plane.spread_m)[1].sum(0)
+    taken = np.linalg.solve(info[1:, 1:] + evidence.precision, info[1:, 0])
+    return float(info[0, 0] - info[0, 1:] @ taken)
 
 
 def oracle_gain(investigation: Investigation, name: str, amplitude: float) -> float | None:

@@ -65,6 +65,7 @@ class Grade(Struct, frozen=True):
     oracle_gain: float | None         # the same, had the true term been given
     ceiling: tuple[float, ...] | None  # sim.prove.ceiling.Ceiling's chances in these data
     seconds: float
+    strength: float | None = None     # lambda of what is in no catalogue, where only heights speak of it
 
 
 def grade(job: Job, finding: Finding, seconds: float, world: World | None = None) -> Grade:
@@ -86,7 +87,8 @@ def grade(job: Job, finding: Finding, seconds: float, world: World | None = None
         job.name in names if found and named and names else None,
         len(names) if found and names else None,
         interval_holds(job, finding, world) if found and named and right else None,
-        where.get("covariate"), where.get("direction"), gain, oracle_gain, _ceiling(finding), seconds)
+        where.get("covariate"), where.get("direction"), gain, oracle_gain, _ceiling(finding), seconds,
+        finding.get("strength"))
 
 
 def _ceiling(finding: Finding) -> tuple[float, ...] | None:

@@ -44,6 +44,7 @@ TARGETS = (
 DESIGN_CEILING = {"detected": _at(0.53, 0.82, 0.56, 0.83, 0.80), "top-1": _at(0.70, 0.77, 0.81, 0.88, 0.92),
                   "up to alias": _at(0.80, 0.88, 0.82, 0.90, 0.98), "stage": _at(0.79, 0.83, 0.88, 0.92, 0.99)}
 CEILINGS = {"detected": 0, "top-1": 1, "up to alias": 2, "stage": 3}      # places in sim.prove.ceiling.Ceiling
+RESOLVABLE = 50.0                     # lambda, from which what has no name should be told as such (the design)
 LOWEST_ALARMS, HIGHEST_ALARMS = 0.03, 0.07
 
 
@@ -97,7 +98,7 @@ def figures(grades: Sequence[Grade]) -> dict[str, float | None]:
     """The figures that targets are about; None where no world says."""
     catalogued = _asked_about(grades)
     found = [g for g in catalogued if g.found]
-    off = [g for g in grades if g.kind == "off" and g.found]
+    off = [g for g in grades if g.kind == "off" and g.found and (g.strength is None or g.strength >= RESOLVABLE)]
     sizes = [g.set_size for g in found if g.set_size is not None]
     shares = {
         "detected": share_of(catalogued, lambda g: g.found), "stage": share_of(found, lambda g: g.stage_right),

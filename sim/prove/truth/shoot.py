@@ -4,8 +4,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
-from sim.prove.truth.aiming import Flown, aim, shoot_all
-from sim.prove.truth.launch import wheel_speeds
+import numpy as np
+
+from sim.prove.truth.aiming import Flown, aim, fly_shots, shoot_all
+from sim.prove.truth.launch import draw_luck, wheel_speeds
 from sim.prove.truth.plan import Floats, Plan, plan_shots
 from sim.prove.truth.sensors import see_outcomes, see_places, see_telemetry, see_traces, see_tracks
 from sim.prove.truth.world import World
@@ -40,6 +42,14 @@ def play(world: World) -> Season:
     distance, hood = see_places(world, plan)
     ratio, flight_s = aim(world, plan, distance, hood)
     return record(world, plan, (distance, hood), ratio, flight_s)
+
+
+def shift_m(world: World) -> Floats:
+    """What the world's effects of launch and flight do to each shot's height at the plane [n]; nan: falls short."""
+    season = play(world)
+    none = np.full(world.shots, np.inf)              # a gust that never sets in
+    plain = fly_shots(replace(world, effects={}), season.plan, season.wheels_rad_s, draw_luck(world), none)
+    return season.flown.arrival.height_m - plain.arrival.height_m
 
 
 def record(world: World, plan: Plan, seen: tuple[Floats, Floats], ratio: Floats, flight_s: Floats) -> Season:

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from sim.discover.evidence import Evidence
-from sim.prove.ceiling import ceiling_of
-from tests.sim.discover.made import column, gaussian
+from sim.discover.evidence import Evidence, Plane, make_evidence
+from sim.discover.name import efficient
+from sim.prove.ceiling import ceiling_of, strength_of
+from tests.sim.discover.made import column, gaussian, heights
 
 N = 400
 
@@ -51,3 +52,19 @@ def test_what_nothing_depends_on_is_found_by_chance_alone() -> None:
     found = ceiling_of(evidence_of(("wind_x", "wind_y"), straight(1) * [[1.0, 0.0]]), "L2", "wind_y.amplitude", 1.0, 0)
     assert found == (0.05, 0.0, 0.0, 0.0, ())
     assert ceiling_of(evidence_of(("wind_x",), straight(1)), "L2", "magnus.amplitude", 1.0, 0) is None
+
+
+def test_what_moves_heights_as_a_term_does_is_as_plain_as_the_term() -> None:
+    rng = np.random.default_rng(4)
+    by = rng.normal(0.0, 0.1, (N, 3))
+    plane = Plane(np.arange(N), heights(N, rng), rng.normal(0.0, 0.3, N), rng.uniform(0.1, 0.2, N), by,
+                  np.zeros((N, 3)), np.zeros((N, 3)))
+    columns = (column("wind_x.speed_m_s", "term"), column("a", "shared"), column("b", "shared"))
+    silent = np.zeros((N, 3))
+    found = make_evidence(np.arange(N), columns, np.zeros(3), silent, np.zeros((N, 3, 3)), plane, np.diag([0.1, 2.0]),
+                          np.zeros(2), np.zeros(N))
+    left = efficient(found, np.array([0]))[1][0, 0]
+    assert strength_of(found, 0.7 * by[:, 0]) == pytest.approx(0.49 * left, rel=1e-9)
+    shared = strength_of(found, by[:, 1])
+    assert shared is not None and shared < 0.01 * left            # a fitted number takes it up but for its prior
+    assert strength_of(evidence_of(("wind_x",), straight(1)), np.ones(N)) is None
