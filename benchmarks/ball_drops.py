@@ -35,7 +35,8 @@ EARLY = (6, 18, 35)
 STEP_S, LONGEST_S = 0.005, 5.0
 RELEASE_S, HEIGHT_M = (0.15, 0.3), 0.3        # prior of the release after the first sample; of the height about it
 MODELS = {"gravity": (), "gravity, drag of each ball": ("drag",),
-          "... and a share of it that goes with speed": ("drag", "drag_reynolds")}
+          "... and a share of it that goes with speed": ("drag", "drag_reynolds"),
+          "drag of each ball, and a film whose metre goes with height": ("drag", "track_perspective")}
 Array = np.ndarray
 
 
@@ -51,10 +52,11 @@ class Half:
 
 @dataclass(frozen=True)
 class Learned:
-    """log_cd of each ball; slope: of the drag coefficient over speed, shared."""
+    """log_cd of each ball; shared: slope of the drag coefficient over speed, and of the film's metre over height."""
 
     log_cd: Array
     slope: float
+    per_m: float
 
 
 BALL = Ball(0.142, 0.0889)
@@ -101,31 +103,34 @@ def half_of(dataset: Dataset) -> Half:
 
 def forecast(seen: Half, unseen: Half, terms: Sequence[str], early: int) -> float:
     """Mean error at frame 42 of the unseen drops."""
-    fallen = fallen_m(unseen, learn(seen, terms), terms)
-    start = least_squares(lambda at: np.concatenate([misfit(unseen, fallen, at, seen.scatter, early),
+    learned = learn(seen, terms)
+    fallen = fallen_m(unseen, learned, terms)
+    start = least_squares(lambda at: np.concatenate([misfit(unseen, fallen, at, seen.scatter, learned.per_m, early),
                                                      start_prior(unseen, at)]), first(unseen)).x
-    told = heights(fallen, start, unseen.landing[:, :1])[:, 0]
+    told = heights(fallen, start, unseen.landing[:, :1], learned.per_m)[:, 0]
     return float(np.abs(told - unseen.landing[:, 1]).mean())
 
 
 def learn(half: Half, terms: Sequence[str]) -> Learned:
-    """Most probable drag of each ball and slope of all, with each drop's own start."""
+    """Most probable drag of each ball and what all share, with each drop's own start."""
     n = len(half.area)
-    drag, slope = (find_parameter(name).prior for name in ("drag.cd", "drag_reynolds.slope"))
-    assert drag is not None and slope is not None
+    drag, *shared = (find_parameter(name) for name in ("drag.cd", "drag_reynolds.slope", "track_perspective.per_m"))
+    at_work = np.array([name in terms for name in ("drag_reynolds", "track_perspective")])
+    sd = np.array([one.prior.sd for one in shared if one.prior])
+    assert drag.prior is not None and len(sd) == len(shared)
 
     def split(at: Array) -> Learned:
-        return Learned(at[:n], at[n] * ("drag_reynolds" in terms))
+        return Learned(at[:n], *(at[n:n + 2] * at_work))
 
     def misfits(at: Array) -> Array:
         here = split(at)
-        return np.concatenate([misfit(half, fallen_m(half, here, terms), at[n + 1:], half.scatter),
-                               (here.log_cd - np.log(drag.centre)) / drag.sd, [at[n] / slope.sd],
-                               start_prior(half, at[n + 1:])])
+        return np.concatenate([misfit(half, fallen_m(half, here, terms), at[n + 2:], half.scatter, here.per_m),
+                               (here.log_cd - np.log(drag.prior.centre)) / drag.prior.sd, at[n:n + 2] / sd,
+                               start_prior(half, at[n + 2:])])
 
-    centre = np.concatenate([np.full(n, np.log(drag.centre)), [0.0], first(half)])
+    centre = np.concatenate([np.full(n, np.log(drag.prior.centre)), np.zeros(2), first(half)])
     low, high = np.full(len(centre), -np.inf), np.full(len(centre), np.inf)
-    low[n], high[n] = find_parameter("drag_reynolds.slope").low, find_parameter("drag_reynolds.slope").high
+    low[n:n + 2], high[n:n + 2] = [one.low for one in shared], [one.high for one in shared]
     return split(least_squares(misfits, centre, bounds=(low, high)).x)
 
 
@@ -139,17 +144,18 @@ def fallen_m(half: Half, learned: Learned, terms: Sequence[str]) -> Array:
     return -np.asarray(flown.position_m.z).T
 
 
-def heights(fallen: Array, start: Array, time_s: Array) -> Array:
-    """Heights [n, L] at times from the first sample; start: heights of release, then moments of release."""
+def heights(fallen: Array, start: Array, time_s: Array, per_m: float) -> Array:
+    """Heights [n, L] as filmed at times from the first sample; start: heights of release, then moments of release."""
     height_m, release_s = np.split(start, 2)
     clock_s = np.arange(fallen.shape[1]) * STEP_S
-    return height_m[:, None] - np.array([np.interp(times - late, clock_s, row) for times, late, row
-                                         in zip(time_s, release_s, fallen, strict=True)])
+    above = height_m[:, None] - np.array([np.interp(times - late, clock_s, row) for times, late, row
+                                          in zip(time_s, release_s, fallen, strict=True)])
+    return above * (1.0 + per_m * above)
 
 
-def misfit(half: Half, fallen: Array, start: Array, scatter: Scatter, early: int | None = None) -> Array:
+def misfit(half: Half, fallen: Array, start: Array, scatter: Scatter, per_m: float, early: int | None = None) -> Array:
     """Whitened heights of the first samples, seen less told."""
-    off = half.samples.position_m[:, :, 2] - heights(fallen, start, half.samples.time_s)
+    off = half.samples.position_m[:, :, 2] - heights(fallen, start, half.samples.time_s, per_m)
     columns = np.stack([0.0 * off, 0.0 * off, off], axis=2)[..., None]
     white = whiten(half.samples, scatter, columns).reshape(*off.shape, 3)[:, :, 2]
     return white[:, :early].ravel()
