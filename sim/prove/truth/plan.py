@@ -15,6 +15,7 @@ TARGET_ABOVE_EXIT_M = 1.69
 STEEPER_DEG = 12.0                    # than the straight line to the target, at least
 LOBS = 0.15                           # share of shots from within LOB_M lobbed steeper than 60 degrees
 LOB_M = 4.0
+FULL_V, RUN_DOWN_V = 12.8, 1.5
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,8 @@ def plan_shots(world: World) -> Plan:
     distance, hood = _places(rng, n)
     change = np.sign(np.diff(hood, prepend=hood[0]))
     weather = _weather(rng, session, t_s)
+    if "battery_with_wear" in world.dirt:            # one battery for all, weaker and weaker as the balls wear
+        weather = (FULL_V - RUN_DOWN_V * used + rng.normal(0.0, 0.1, n), *weather[1:])
     return Plan(session, t_s, since, ball, used, own[ball], drag_own[ball], south[ball], *weather,
                 np.where(rng.random(n) < 0.4, 0.0, np.clip(rng.normal(0.0, 1.0, n), -2.0, 2.0)),
                 distance, hood, np.where(place == 0, 0.0, change), np.exp(rng.normal(0.0, 0.3, n)))

@@ -12,7 +12,8 @@ from sim.prove.truth.effects import check_effects
 
 LEVELS = ("L0", "L1", "L2")
 BELIEVED = ("gravity", "drag", "magnus", "exit_efficiency")
-DIRT = ("track_memory", "balls", "outliers", "noise_understated", "noise_overstated", "missing_frames", "clipped")
+DIRT = ("track_memory", "balls", "outliers", "noise_understated", "noise_overstated", "missing_frames", "clipped",
+        "battery_with_wear")
 TRACK_DIRT = ("track_memory", "missing_frames", "clipped")
 NOISE = Noise(distance_m=0.03, hood_deg=0.2, wheel_rad_s=0.5, track_m=0.015)
 FEWEST = 10

@@ -1,0 +1,82 @@
+"""How plain each hidden effect is at its usual size, by level: the lambda of 300 shots in sim/prove/truth/ladder.toml.
+
+    python benchmarks/ladder.py --worlds 5 > sim/prove/truth/ladder.toml
+
+Lambda is the chi-squared by which the data speak of the effect once the fitted numbers have taken what they can, from
+the information in worlds that hide nothing. Concealed worlds have their sizes by it (sim.prove.mix), so that worlds of
+different effects and levels are equally hard; it is a table, so that the truth shares no code with what is tested.
+"""
+
+import argparse
+import sys
+from dataclasses import replace
+
+import numpy as np
+
+from doors.discover import keep_compiled
+from sim.discover.ask import groups_of
+from sim.discover.believed import fit_believed
+from sim.discover.columns import lay_out
+from sim.discover.evidence import Evidence
+from sim.discover.intake import take_in
+from sim.discover.name import efficient, visible_terms
+from sim.prove.ceiling import strength_of
+from sim.prove.grade import true_parameter
+from sim.prove.suite import Job, world_of
+from sim.prove.truth.effects import ABSORBED, EFFECTS
+from sim.prove.truth.shoot import shift_m, shoot
+from sim.prove.truth.world import BELIEVED, LEVELS, World
+
+SHOTS = 300
+
+
+def lambdas(level: str, worlds: int, seed: int) -> dict[str, float]:
+    """{effect: mean lambda at its usual size}; of what the data show and, below L2, of what is in no catalogue."""
+    found: dict[str, list[float]] = {}
+    for index in range(worlds):
+        world = world_of(Job("nulls", "clean", level, SHOTS, 0.0, seed, index))
+        dataset = shoot(world)
+        intake = take_in(dataset)
+        layout = lay_out(intake, BELIEVED, groups_of(dataset.shots, intake.rows))
+        evidence = fit_believed(intake, layout).evidence
+        columns = visible_terms(evidence)
+        left = np.diag(efficient(evidence, columns)[1])
+        information = {evidence.columns[k].name: float(value) for k, value in zip(columns, left, strict=True)}
+        for effect in EFFECTS:
+            wanted = true_parameter(Job("effects", effect.name, level, SHOTS, 1.0, seed, 0))
+            if effect.name in ABSORBED:
+                continue
+            if wanted is not None and f"{effect.name}.{wanted[0]}" in information:
+                found.setdefault(effect.name, []).append(information[f"{effect.name}.{wanted[0]}"] * wanted[1]**2)
+            elif wanted is None and level != "L2":
+                found.setdefault(effect.name, []).append(_of_heights(world, effect.name, effect.typical, evidence))
+        print(f"{level}: {index + 1} of {worlds} worlds", file=sys.stderr)
+    return {name: float(np.mean(values)) for name, values in found.items()}
+
+
+def _of_heights(world: World, name: str, typical: float, evidence: Evidence) -> float:
+    """Lambda of what no catalogue has, where outcomes are all there is."""
+    return strength_of(evidence, shift_m(replace(world, effects={name: typical}))) or 0.0
+
+
+def main() -> int:
+    args = _arguments()
+    keep_compiled()
+    print(f"# lambda of {SHOTS} shots at each effect's usual size: "
+          f"benchmarks/ladder.py --worlds {args.worlds} --seed {args.seed}")
+    for level in LEVELS:
+        print(f"\n[{level}]")
+        for name, value in lambdas(level, args.worlds, args.seed).items():
+            print(f"{name} = {value:.3g}")
+    return 0
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--worlds", type=int, default=5, help="of every level")
+    parser.add_argument("--seed", type=int, default=21, help="of worlds that nothing else is counted on")
+    return parser.parse_args()
+
+
+if __name__ == "__main__":
+    sys.exit(main())
