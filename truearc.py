@@ -28,6 +28,7 @@ VERBS = {
     "vision": "images to distances",
     "discover": "where recordings and simulation disagree",
     "design": "the next shots, to tell apart what discover cannot",
+    "prove": "concealed worlds, sealed before and opened after",
     "reproduce": "the paper's tables and figures beside ours",
 }
 

@@ -1,0 +1,76 @@
+"""truearc prove: worlds whose truth is sealed, what the solver says of them, and what was true."""
+
+import argparse
+import subprocess
+import sys
+from pathlib import Path
+
+from doors.discover import keep_compiled
+from doors.progress import make_progress
+from robot.config import BadInput
+from sim.prove.keeper import Plan, entropy, load_plan, seal_round
+from sim.prove.mix import MUJOCO, NUMPY
+from sim.prove.opener import grade_round
+from sim.prove.proof_table import make_tables
+from sim.prove.room import Room
+from sim.prove.solver import solve_round
+
+DESCRIPTION = """Draw concealed worlds, seal what is true of them, discover in their data, open the seals and mark what
+was said. Without a role all are played, the solver's in a process of its own that cannot read the seals; seal, solve
+and grade are the roles apart. What was cut short goes on where it stopped."""
+EXAMPLE = "truearc prove --worlds 60 --level L1 --shots 300 --seed-from-entropy --out round/"
+ROLES = ("seal", "solve", "grade")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the verb."""
+    parser.add_argument("role", nargs="?", choices=ROLES, help="one of the roles; all without it")
+    parser.add_argument("--out", metavar="ROUND", required=True, help="directory of the round")
+    parser.add_argument("--worlds", type=int, default=60, metavar="N", help="how many (%(default)s)")
+    parser.add_argument("--level", default="L1", help="L0, L1 or L2 (%(default)s)")
+    parser.add_argument("--shots", type=int, default=300, metavar="N", help="of each world (%(default)s)")
+    parser.add_argument("--engines", default=f"{NUMPY},{MUJOCO}", help="comma-separated (%(default)s)")
+    source = parser.add_mutually_exclusive_group()
+    source.add_argument("--seed", type=int, help="that the worlds are drawn from")
+    source.add_argument("--seed-from-entropy", action="store_true", help="draw it (a round that goes on keeps its own)")
+    parser.add_argument("--processes", type=int, help="at a time (one a core)")
+    parser.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask cluster to run on instead")
+
+
+def main(args: argparse.Namespace) -> int:
+    """0 when the round is done, whatever it says; 2 where something was tampered with."""
+    room = Room(Path(args.out))
+    keep_compiled()
+    if args.role in (None, "seal"):
+        seal_round(room, _plan(args, room), make_progress("seal", args.quiet), args.processes, args.scheduler)
+    if args.role == "solve":
+        solve_round(room, make_progress("solve", args.quiet), args.processes, args.scheduler)
+    elif args.role is None:
+        _solve_apart(args)
+    if args.role in (None, "grade"):
+        marks = grade_round(room, make_progress("grade", args.quiet), args.processes, args.scheduler)
+        print(make_tables(marks) if marks else "Nothing has been claimed yet.")
+    return 0
+
+
+def _plan(args: argparse.Namespace, room: Room) -> Plan:
+    """What the round is drawn from: as it was begun, or as the arguments say."""
+    if room.plan.exists() and args.seed is None:
+        seed = load_plan(room).seed
+    elif args.seed is None and not args.seed_from_entropy:
+        raise BadInput("--seed N, or --seed-from-entropy")
+    else:
+        seed = entropy() if args.seed is None else args.seed
+    if seed < 0 or args.worlds < 1:
+        raise BadInput("--seed cannot be negative, --worlds is 1 or more")
+    return Plan(seed, args.worlds, args.level, args.shots, tuple(args.engines.split(",")))
+
+
+def _solve_apart(args: argparse.Namespace) -> None:
+    """The solver, in a process of its own."""
+    more = ["--processes", str(args.processes)] if args.processes else []
+    more += ["--scheduler", args.scheduler] if args.scheduler else []
+    more += ["--quiet"] if args.quiet else []
+    done = subprocess.run([sys.executable, "-m", "truearc", "prove", "solve", "--out", args.out, *more], check=False)
+    if done.returncode:
+        raise BadInput(f"the solver ended with exit code {done.returncode}")

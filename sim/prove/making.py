@@ -1,0 +1,39 @@
+"""A drawn world -> the data that are given away, by the engine that it was drawn for."""
+
+from dataclasses import replace
+from importlib.metadata import version
+from pathlib import Path
+
+from msgspec import structs
+
+import robot
+from robot.config import load_config
+from robot.facts import Believe
+from sim.prove.mix import MUJOCO, Drawn
+from sim.prove.truth.shoot import write
+from sim.prove.truth.world import make_world
+from sim.shots import save_dataset
+from sim.world.options import Options
+from sim.world.practice import plan_season
+from sim.world.season import ORDINARY, shoot_season
+
+HOME = "home"                         # the session of the unmodified robot that MuJoCo's worlds are compared with
+
+
+def make_data(drawn: Drawn, directory: Path) -> str:
+    """Write the dataset; whose work it is (engine and version). The directory must be new or empty."""
+    if drawn.engine == MUJOCO:
+        # what is to be believed of it is not said in rig.toml but shown in the home session
+        facts = structs.replace(load_config(Path(robot.__file__).parent / "launcher.toml").rig, believe=Believe(()))
+        dataset = shoot_season(facts, Options(**drawn.effects), drawn.seed, plan_season(drawn.seed, drawn.shots),
+                               drawn.level, ORDINARY)
+        save_dataset(directory, replace(dataset, name=directory.name))
+        return f"mujoco {version('mujoco')}, truearc {version('truearc')}"
+    write(make_world(drawn.effects, drawn.level, drawn.shots, drawn.seed, drawn.dirt), directory)
+    return f"numpy {version('numpy')}, truearc {version('truearc')}"
+
+
+def home_of(worlds: tuple[Drawn, ...], seed: int) -> Drawn | None:
+    """The unmodified session that a round with MuJoCo's worlds begins with; None for one without."""
+    mine = [one for one in worlds if one.engine == MUJOCO]
+    return None if not mine else Drawn(HOME, MUJOCO, "clean", mine[0].level, mine[0].shots, seed, change="nothing")

@@ -1,0 +1,107 @@
+"""Marks of one opened world: what was claimed against what was true."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from msgspec import Struct, structs
+
+from sim.prove.changes import CHANGES
+from sim.prove.grade import PARAMETER, STAGE_OF, gain_said, is_alias, names_ranked, said_set, said_stage
+from sim.prove.measure import Measured
+from sim.prove.mix import MUJOCO, Drawn
+
+Finding = Mapping[str, Any]
+NULLS = ("clean", "dirty")
+CHANGE = {change.name: change for change in CHANGES}
+
+
+class Mark(Struct, frozen=True):
+    """One world's; None where the question does not arise. `hidden`: what was true of it.
+
+    first: the first name is right. alias: or of a class with the right one. covered: the set has a right name. both:
+    of two effects both are named. error: amplitude of the right name, less the truth, over the best standard error that
+    anybody could have (Cramer and Rao). kept: held-out gain over the gain of the true term itself, likewise gain and
+    oracle_gain. allowed: chances that the data allow to find, name, name up to alias, place.
+    """
+
+    world: str
+    engine: str
+    kind: str
+    level: str
+    shots: int
+    hidden: tuple[str, ...]
+    strength: float | None
+    found: bool
+    p_value: float | None
+    verdict: str
+    names: tuple[str, ...]
+    set_size: int | None = None
+    stage: bool | None = None
+    first: bool | None = None
+    alias: bool | None = None
+    covered: bool | None = None
+    both: bool | None = None
+    holds: bool | None = None
+    error: float | None = None
+    gain: float | None = None
+    oracle_gain: float | None = None
+    allowed: tuple[float, ...] | None = None
+
+
+def mark(drawn: Drawn, finding: Finding, measured: Measured) -> Mark:
+    """Against the sealed truth; `measured`: what the data themselves allow, as far as it was worked out."""
+    names, found = names_ranked(finding)[:1], bool(finding["mismatch"]["found"])
+    further = [one["what"][0]["term"] for one in finding.get("also") or () if one.get("set") and one["what"]]
+    said = said_set(finding) if found else []
+    plain = Mark(drawn.name, drawn.engine, drawn.kind, drawn.level, drawn.shots, hidden_of(drawn),
+                 min(drawn.strength.values(), default=None), found, finding["mismatch"].get("p_value"),
+                 str(finding["verdict"]), tuple(said) if finding["verdict"] in ("named", "set") else (),
+                 len(said) if said else None)
+    if not found or drawn.kind in NULLS:
+        return structs.replace(plain, allowed=measured.allowed)
+    right, stages = right_names(drawn), right_stages(drawn)
+    more = {"stage": said_stage(finding.get("where") or {}) in stages, "gain": gain_said(finding)[0],
+            "allowed": measured.allowed, "oracle_gain": measured.oracle_gain}
+    if not right:                     # in no catalogue: only the stage can be right, and no name
+        return structs.replace(plain, **more)
+    more |= {"first": bool(names) and names[0] in right, "covered": bool(set(said) & set(right)),
+             "alias": bool(names) and (names[0] in right or any(
+                 is_alias(drawn.level, name, names) for name in right) or names[0] in measured.alike)}
+    if drawn.kind == "two":
+        more["both"] = set(right) <= {*names, *further}
+    return structs.replace(plain, **more, **_size(drawn, finding, measured))
+
+
+def hidden_of(drawn: Drawn) -> tuple[str, ...]:
+    """What is hidden, by name; a change of MuJoCo's robot by the change's."""
+    if drawn.engine == MUJOCO:
+        return () if drawn.change == CHANGES[0].name else (drawn.change,)
+    return tuple(drawn.effects)
+
+
+def right_names(drawn: Drawn) -> tuple[str, ...]:
+    """Names of the catalogue that would be right; none of what no catalogue has."""
+    if drawn.engine == MUJOCO:
+        return CHANGE[drawn.change].names
+    return tuple(name for name in drawn.effects if name in PARAMETER)
+
+
+def right_stages(drawn: Drawn) -> tuple[str, ...]:
+    if drawn.engine == MUJOCO:
+        return CHANGE[drawn.change].stages
+    return tuple(STAGE_OF[name] for name in drawn.effects)
+
+
+def _size(drawn: Drawn, finding: Finding, measured: Measured) -> dict[str, Any]:
+    """Whether the interval of the first name, where that is the one hidden effect, holds the truth, and its error."""
+    if drawn.engine == MUJOCO or len(drawn.effects) != 1 or names_ranked(finding)[:1] != list(drawn.effects):
+        return {}
+    (name, amount), = drawn.effects.items()
+    parameter, value = PARAMETER[name]
+    given = next(one for one in finding["what"] if one["term"] == name)["parameters"].get(parameter)
+    if given is None or (drawn.level == "L0" and name in ("ball_wear", "drag_wear")):
+        return {}                     # balls that nobody tells apart: wear means something else there
+    truth = value(amount)
+    error = None if measured.best_sd is None else (given["value"] - truth) / measured.best_sd
+    return {"holds": given["low90"] <= truth <= given["high90"], "error": error}
+

@@ -1,0 +1,57 @@
+"""What the data of an opened world would have allowed anybody: worked out by the grader, who knows the truth."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from sim.discover.ask import find_clusters, groups_of
+from sim.discover.believed import Fitted, fit_believed
+from sim.discover.columns import lay_out
+from sim.discover.intake import take_in
+from sim.discover.name import efficient
+from sim.discover.refit import refit, unseen_score, without
+from sim.prove.ceiling import ceiling_of, strength_of
+from sim.prove.grade import PARAMETER
+from sim.prove.mix import NUMPY, Drawn
+from sim.prove.truth.shoot import shift_m
+from sim.prove.truth.world import make_world
+from sim.shots import Dataset
+
+
+class Measured(NamedTuple):
+    """allowed: as sim.prove.ceiling.Ceiling, of one hidden effect of the catalogue; alike: terms of its class in these
+    data; best_sd: least standard error of its amplitude; oracle_gain: nats a shot on unseen shots, had somebody said
+    which term it is; strength: lambda of an effect that no catalogue has, where only heights speak of it."""
+
+    allowed: tuple[float, ...] | None = None
+    alike: tuple[str, ...] = ()
+    best_sd: float | None = None
+    oracle_gain: float | None = None
+    strength: float | None = None
+
+
+def measure(drawn: Drawn, dataset: Dataset, seed: int = 0) -> Measured:
+    """Of worlds of the NumPy engine with one hidden effect; of others nothing is known."""
+    if drawn.engine != NUMPY or len(drawn.effects) != 1:
+        return Measured()
+    (name, amount), = drawn.effects.items()
+    intake = take_in(dataset)
+    fitted = fit_believed(intake, lay_out(intake, dataset.facts.believe.terms, groups_of(dataset.shots, intake.rows)))
+    if name not in PARAMETER:
+        world = make_world(drawn.effects, drawn.level, drawn.shots, drawn.seed, drawn.dirt)
+        return Measured(strength=strength_of(fitted.evidence, shift_m(world)))
+    column, amplitude = f"{name}.{PARAMETER[name][0]}", PARAMETER[name][1](amount)
+    ceiling = ceiling_of(fitted.evidence, drawn.level, column, amplitude, seed)
+    if ceiling is None:
+        return Measured()
+    index = np.array([fitted.evidence.index(column)])
+    information = float(efficient(fitted.evidence, index)[1][0, 0])
+    best_sd = information**-0.5 if information > 0.0 else None
+    return Measured(tuple(ceiling[:4]), ceiling.alike, best_sd, _oracle_gain(fitted, dataset, column, amplitude))
+
+
+def _oracle_gain(fitted: Fitted, dataset: Dataset, column: str, amplitude: float) -> float:
+    """Nats a shot on unseen shots by the true term alone."""
+    clusters = find_clusters(dataset.shots)
+    told = refit(fitted, (column,), np.array([amplitude]))
+    return float((unseen_score(told.evidence, clusters) - unseen_score(without(fitted.evidence), clusters)).mean())

@@ -1,0 +1,73 @@
+"""Marks of claims made up so that the right mark is plain."""
+
+from typing import Any
+
+import pytest
+
+from sim.prove.marking import Mark, mark
+from sim.prove.measure import Measured
+from sim.prove.mix import Drawn
+from sim.prove.proof_table import make_tables
+
+ONE = Drawn("w1", "numpy", "one", "L1", 300, 1, {"wind_x": 2.0}, (), "", {"wind_x": 20.0})
+
+
+def finding(*names: tuple[str, float], found: bool = True, verdict: str = "named", stage: str = "flight",
+            value: float = 2.2, also: tuple[str, ...] = ()) -> dict[str, Any]:
+    parameters = {"speed_m_s": {"value": value, "low90": value - 0.5, "high90": value + 0.5}}
+    what = [{"term": name, "probability": share, "parameters": parameters} for name, share in names]
+    return {"mismatch": {"found": found, "p_value": 0.01}, "verdict": verdict, "where": {"stage": stage},
+            "what": what, "set": [name for name, _ in names] or None, "fit": {"gain_per_shot": 0.1},
+            "also": [{"what": [{"term": name}], "set": [name]} for name in also]}
+
+
+def test_the_right_name_with_its_size() -> None:
+    told = mark(ONE, finding(("wind_x", 0.95)), Measured((0.9, 0.8, 0.85, 0.9), (), 0.4, 0.2))
+    assert (told.found, told.stage, told.first, told.alias, told.covered, told.holds) == (True,) * 6
+    assert told.error == pytest.approx(0.5)
+    assert (told.gain, told.oracle_gain, told.strength, told.hidden) == (0.1, 0.2, 20.0, ("wind_x",))
+
+
+def test_a_wrong_name_and_a_set_that_has_the_right_one() -> None:
+    wrong = mark(ONE, finding(("wheel_slip", 0.95), stage="launch"), Measured())
+    assert (wrong.stage, wrong.first, wrong.alias, wrong.covered, wrong.holds) == (False, False, False, False, None)
+    told = mark(ONE, finding(("spin_drag", 0.5), ("wind_x", 0.4), verdict="set"), Measured())
+    assert (told.first, told.alias, told.covered, told.set_size) == (False, False, True, 2)
+    alike = mark(ONE, finding(("spin_drag", 0.95)), Measured(None, ("spin_drag",)))
+    assert (alike.first, alike.alias) == (False, True)
+
+
+def test_nothing_found_is_asked_nothing() -> None:
+    told = mark(ONE, finding(found=False, verdict="none"), Measured((0.5, 0.4, 0.4, 0.4)))
+    assert (told.found, told.first, told.stage, told.names) == (False, None, None, ())
+    assert told.allowed == (0.5, 0.4, 0.4, 0.4)
+
+
+def test_two_effects_are_both_right_only_together() -> None:
+    two = Drawn("w2", "numpy", "two", "L1", 300, 1, {"wind_x": 2.0, "wheel_slip": 0.02})
+    assert mark(two, finding(("wind_x", 0.95), also=("wheel_slip",)), Measured()).both
+    assert mark(two, finding(("wind_x", 0.95), also=("rim_catch",)), Measured()).both is False
+
+
+def test_what_no_catalogue_has_can_be_named_only_wrongly() -> None:
+    off = Drawn("w3", "numpy", "off", "L1", 300, 1, {"hood_flex": 2.0})
+    told = mark(off, finding(verdict="unknown", stage="launch"), Measured())
+    assert (told.stage, told.first, told.covered, told.names) == (True, None, None, ())
+
+
+def test_a_changed_robot_may_be_told_by_several_names() -> None:
+    soft = Drawn("w4", "mujoco", "one", "L1", 300, 1, {"ball_stiffness_scale": 0.6}, (), "soft_ball")
+    told = mark(soft, finding(("exit_efficiency", 0.95), stage="launch"), Measured())
+    assert (told.first, told.stage, told.hidden, told.holds) == (True, True, ("soft_ball",), None)
+    still = Drawn("w5", "mujoco", "clean", "L1", 300, 1, change="nothing")
+    assert mark(still, finding(("wind_x", 0.9)), Measured()).hidden == ()
+
+
+def test_tables_count_every_world_once() -> None:
+    clean = Drawn("w6", "numpy", "clean", "L1", 300, 1)
+    marks: list[Mark] = [mark(clean, finding(found=False, verdict="none"), Measured())] * 19
+    marks += [mark(clean, finding(("wind_x", 0.9)), Measured()), mark(ONE, finding(("wind_x", 0.95)), Measured())]
+    text = make_tables(marks)
+    assert "| together | 1/20 = 0.05 (0.01-0.24) | 1/20" in text
+    assert "| nothing | 19 | 1 | 0 | 0 |" in text
+    assert "| 15-35 | 1/1" in text

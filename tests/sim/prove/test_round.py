@@ -1,0 +1,163 @@
+"""A round of proof from end to end, and every way of cheating in it that we could think of."""
+
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from robot.config import BadInput
+from sim.prove.keeper import Plan, load_plan, seal_round
+from sim.prove.ledger import read_ledger
+from sim.prove.opener import grade_round
+from sim.prove.room import Room
+from sim.prove.seal import load_seal
+
+pytestmark = pytest.mark.slow
+ARGUMENTS = ["--worlds", "3", "--level", "L0", "--shots", "40", "--engines", "numpy", "--seed", "3", "--processes", "1"]
+
+
+def quiet(done: float, note: str) -> None:
+    pass
+
+
+def prove(root: Path, *more: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-m", "truearc", "prove", *more, "--out", str(root)], capture_output=True,
+                          text=True, check=False)
+
+
+@pytest.fixture(scope="module")
+def played(tmp_path_factory: pytest.TempPathFactory) -> Room:
+    """Sealed and claimed; nothing opened yet."""
+    room = Room(tmp_path_factory.mktemp("prove") / "round")
+    for role in (["seal", *ARGUMENTS], ["solve", "--processes", "1"]):
+        done = prove(room.root, *role)
+        assert done.returncode == 0, done.stderr
+    return room
+
+
+@pytest.fixture
+def room(played: Room, tmp_path: Path) -> Room:
+    """A copy of it, to be spoilt."""
+    shutil.copytree(played.root, tmp_path / "round")
+    return Room(tmp_path / "round")
+
+
+def test_every_world_is_sealed_claimed_opened_and_marked_in_that_order(room: Room) -> None:
+    marks = grade_round(room, quiet, 1)
+    assert [one.world for one in marks] == ["w0001", "w0002", "w0003"]
+    for world in ("w0001", "w0002", "w0003"):
+        assert [entry.what for entry in read_ledger(room.ledger) if entry.world == world] == [
+            "sealed", "claimed", "opened", "graded"]
+    before = room.ledger.read_bytes(), room.grades.read_bytes()
+    assert grade_round(room, quiet, 1) == marks
+    assert (room.ledger.read_bytes(), room.grades.read_bytes()) == before      # never marked twice
+
+
+def test_marks_are_about_what_was_sealed(room: Room) -> None:
+    for one in grade_round(room, quiet, 1):
+        sealed = load_seal(room.seal(one.world)).world
+        claims = msgspec.json.decode(room.claims(one.world).read_bytes())
+        assert (one.kind, one.hidden) == (sealed["kind"], tuple(sealed["effects"]))
+        assert one.found == claims["finding"]["mismatch"]["found"]
+
+
+def change_data(room: Room) -> Path:
+    path = next(room.data("w0002").glob("shots.*"))
+    path.write_bytes(path.read_bytes() + b"\n")
+    return path
+
+
+def change_claims(room: Room) -> Path:
+    path = room.claims("w0001")
+    path.write_bytes(path.read_bytes().replace(b'"verdict":"', b'"verdict":"x', 1))
+    return path
+
+
+def change_seal(room: Room) -> Path:
+    path = room.seal("w0003")
+    path.write_bytes(path.read_bytes().replace(b'"seed": ', b'"seed": 1', 1))
+    return path
+
+
+def lose_claims(room: Room) -> Path:
+    room.claims("w0003").unlink()
+    return room.claims("w0003")
+
+
+def add_data(room: Room) -> Path:
+    path = room.data("w0001") / "hint.txt"
+    path.write_text("it is the wind")
+    return path
+
+
+@pytest.mark.parametrize("cheat", [change_data, change_claims, change_seal, lose_claims, add_data])
+def test_whatever_was_changed_is_named(room: Room, cheat: Callable[[Room], Path]) -> None:
+    path = cheat(room)
+    with pytest.raises(BadInput, match=path.name):
+        grade_round(room, quiet, 1)
+    assert not room.grades.exists() or not room.grades.read_bytes()
+
+
+def test_a_line_taken_out_of_the_ledger_breaks_it(room: Room) -> None:
+    lines = room.ledger.read_bytes().splitlines(keepends=True)
+    room.ledger.write_bytes(b"".join(lines[:1] + lines[2:]))
+    with pytest.raises(BadInput, match="line 2: does not follow"):
+        grade_round(room, quiet, 1)
+
+
+def test_what_was_cut_short_goes_on(room: Room) -> None:
+    """Killed after the first world was sealed and claimed: the same data come again, and what is there stays."""
+    claims = room.claims("w0001").read_bytes()
+    lines = room.ledger.read_bytes().splitlines(keepends=True)
+    kept = [line for line in lines[:3] if b'"w0001"' in line]
+    assert len(kept) == 1
+    room.ledger.write_bytes(kept[0])
+    data = {path: path.read_bytes() for path in room.data("w0003").iterdir()}
+    shutil.rmtree(room.data("w0003"))
+    (room.data("w0002") / "torn").write_bytes(b"")
+    seal_round(room, load_plan(room), quiet, 1)
+    assert [(one.world, one.what) for one in read_ledger(room.ledger)] == [
+        ("w0001", "sealed"), ("w0002", "sealed"), ("w0003", "sealed")]
+    assert {path: path.read_bytes() for path in room.data("w0003").iterdir()} == data
+    assert room.claims("w0001").read_bytes() == claims
+
+
+def test_another_plan_needs_another_directory(room: Room) -> None:
+    with pytest.raises(BadInput, match="drawn from something else"):
+        seal_round(room, Plan(4, 3, "L0", 40, ("numpy",)), quiet, 1)
+
+
+def test_the_solver_can_open_nothing_of_the_keepers(tmp_path: Path) -> None:
+    (tmp_path / "keeper").mkdir()
+    for name in ("keeper/seal.json", "other.json"):
+        (tmp_path / name).write_text("{}")
+    program = f"""
+import os, pathlib
+from sim.prove.solver import forbid
+os.chdir({str(tmp_path)!r})
+os.symlink("keeper/seal.json", "way_round") if hasattr(os, "symlink") else None
+forbid(pathlib.Path("keeper"))
+assert open("other.json").read() == "{{}}"
+for attempt in (lambda: open("keeper/seal.json"), lambda: open("way_round"), lambda: os.listdir("keeper"),
+                lambda: os.open("keeper/seal.json", os.O_RDONLY), lambda: list(os.scandir("keeper")),
+                lambda: pathlib.Path("other/../keeper/seal.json").read_text(),
+                lambda: os.rename("keeper/seal.json", "mine.json"), lambda: os.link("keeper/seal.json", "mine.json")):
+    try:
+        attempt()
+    except (PermissionError, FileNotFoundError):
+        continue
+    raise SystemExit(f"opened: {{attempt}}")
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert (tmp_path / "keeper" / "seal.json").exists()
+
+
+def test_a_round_needs_a_seed(tmp_path: Path) -> None:
+    done = prove(tmp_path / "round", "seal", "--worlds", "2")
+    assert done.returncode == 2
+    assert "--seed" in done.stderr
