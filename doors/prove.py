@@ -3,23 +3,25 @@
 import argparse
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 from doors.discover import keep_compiled
 from doors.progress import make_progress
 from robot.config import BadInput
-from sim.prove.keeper import Plan, entropy, load_plan, seal_round
+from sim.prove.keeper import Plan, answer_round, entropy, load_plan, seal_round
 from sim.prove.mix import MUJOCO, NUMPY
-from sim.prove.opener import grade_round
-from sim.prove.proof_table import make_tables
+from sim.prove.opener import Graded, grade_round
+from sim.prove.proof_table import follow_up_table, make_tables
 from sim.prove.room import Room
 from sim.prove.solver import solve_round
 
 DESCRIPTION = """Draw concealed worlds, seal what is true of them, discover in their data, open the seals and mark what
-was said. Without a role all are played, the solver's in a process of its own that cannot read the seals; seal, solve
-and grade are the roles apart. What was cut short goes on where it stopped."""
+was said. Without a role all are played, the solver's in a process of its own that cannot read the seals; seal, solve,
+answer (shoot what the solver asks for; then solve again) and grade are the roles apart. What was cut short goes on
+where it stopped."""
 EXAMPLE = "truearc prove --worlds 60 --level L1 --shots 300 --seed-from-entropy --out round/"
-ROLES = ("seal", "solve", "grade")
+ROLES = ("seal", "solve", "answer", "grade")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -33,6 +35,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     source = parser.add_mutually_exclusive_group()
     source.add_argument("--seed", type=int, help="that the worlds are drawn from")
     source.add_argument("--seed-from-entropy", action="store_true", help="draw it (a round that goes on keeps its own)")
+    parser.add_argument("--follow-up", action="store_true", help="where names are left, let the solver ask for up to 5 "
+                        "configurations, 100 shots together, and say what it makes of them")
     parser.add_argument("--processes", type=int, help="at a time (one a core)")
     parser.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask cluster to run on instead")
 
@@ -47,10 +51,20 @@ def main(args: argparse.Namespace) -> int:
         solve_round(room, make_progress("solve", args.quiet), args.processes, args.scheduler)
     elif args.role is None:
         _solve_apart(args)
+    if args.role == "answer" or (args.role is None and args.follow_up):
+        answer_round(room, make_progress("answer", args.quiet), args.processes, args.scheduler)
+    if args.role is None and args.follow_up:
+        _solve_apart(args)
     if args.role in (None, "grade"):
-        marks = grade_round(room, make_progress("grade", args.quiet), args.processes, args.scheduler)
-        print(make_tables(marks) if marks else "Nothing has been claimed yet.")
+        _tell(grade_round(room, make_progress("grade", args.quiet), args.processes, args.scheduler))
     return 0
+
+
+def _tell(graded: Sequence[Graded]) -> None:
+    again = [(one.first, one.again) for one in graded if one.again is not None]
+    print(make_tables([one.first for one in graded]) if graded else "Nothing has been claimed yet.")
+    if again:
+        print(f"\n{follow_up_table(again)}")
 
 
 def _plan(args: argparse.Namespace, room: Room) -> Plan:

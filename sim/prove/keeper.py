@@ -11,13 +11,15 @@ from msgspec import Struct
 
 from robot.config import BadInput
 from sim.fanout import fan_out
-from sim.prove.ledger import append
-from sim.prove.making import home_of, make_data
-from sim.prove.mix import FIRST_SEED, MUJOCO, NUMPY, Drawn, draw_round
-from sim.prove.room import SEALED, Room
-from sim.prove.seal import make_seal, save_seal
+from sim.prove.ledger import append, digest
+from sim.prove.making import home_of, make_data, make_more
+from sim.prove.mix import FIRST_SEED, MUJOCO, NUMPY, Drawn, draw_round, drawn_of
+from sim.prove.room import ANSWERED, ASKED, CLAIMED, OPENED, SEALED, Room
+from sim.prove.seal import canonical, hash_files, load_seal, make_seal, save_seal
+from sim.prove.truth.follow import Asked
 
 Progress = Callable[[float, str], None]
+MOST_CONFIGURATIONS, MOST_SHOTS = 5, 100     # of a follow-up
 AT_ONCE = 8                           # worlds made between two entries in the ledger
 
 
@@ -60,6 +62,45 @@ def seal_round(room: Room, plan: Plan, progress: Progress, workers: int | None =
             save_seal(room.seal(drawn.name), seal)
             append(room.ledger, SEALED, drawn.name, seal.commitment)
     progress(1.0, f"{len(worlds)} worlds sealed")
+
+
+def answer_round(room: Room, progress: Progress, workers: int | None = None, scheduler: str | None = None) -> None:
+    """Shoot what the solver has asked for, in every world that is claimed and not opened yet."""
+    steps = room.steps()
+    todo = [name for name, done in steps.items() if CLAIMED in done and not {ANSWERED, OPENED} & set(done)]
+    asked = {name: asked_of(room, name) for name in todo}
+    todo = [name for name in todo if asked[name]]
+    for first in range(0, len(todo), AT_ONCE):
+        batch = todo[first:first + AT_ONCE]
+        progress(first / len(todo), "more shots are given")
+        for name in batch:
+            if ASKED not in steps[name]:
+                append(room.ledger, ASKED, name, digest(canonical([one._asdict() for one in asked[name]])))
+        fan_out(partial(_answer, room.root.resolve()), batch, scheduler, workers=workers)
+        for name in batch:
+            append(room.ledger, ANSWERED, name, digest(canonical(hash_files(room.more(name)))))
+    progress(1.0, f"{len(todo)} worlds shot again")
+
+
+def asked_of(room: Room, world: str) -> list[Asked]:
+    """What a world's claims ask for; BadInput for more than the rules allow."""
+    path = room.claims(world)
+    try:
+        asked = [Asked(**one) for one in msgspec.json.decode(path.read_bytes())["asked"]]
+    except (OSError, msgspec.DecodeError, KeyError, TypeError) as error:
+        raise BadInput(f"{path}: asked: {error}") from error
+    if len(asked) > MOST_CONFIGURATIONS or sum(one.shots for one in asked) > MOST_SHOTS or any(
+            one.shots < 1 for one in asked):
+        raise BadInput(f"{path}: asked: at most {MOST_CONFIGURATIONS} configurations and {MOST_SHOTS} shots")
+    return asked
+
+
+def _answer(root: Path, world: str) -> None:
+    room = Room(root)
+    directory = room.more(world)
+    shutil.rmtree(directory, ignore_errors=True)
+    directory.parent.mkdir(parents=True, exist_ok=True)
+    make_more(drawn_of(load_seal(room.seal(world)).world, room.seal(world)), asked_of(room, world), directory)
 
 
 def load_plan(room: Room) -> Plan:

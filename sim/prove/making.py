@@ -1,5 +1,6 @@
 """A drawn world -> the data that are given away, by the engine that it was drawn for."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
@@ -10,12 +11,13 @@ import robot
 from robot.config import load_config
 from robot.facts import Believe
 from sim.prove.mix import MUJOCO, Drawn
+from sim.prove.truth.follow import Asked, follow
 from sim.prove.truth.shoot import write
 from sim.prove.truth.world import make_world
-from sim.shots import save_dataset
+from sim.shots import Dataset, save_dataset
 from sim.world.options import Options
 from sim.world.practice import plan_season
-from sim.world.season import ORDINARY, shoot_season
+from sim.world.season import ORDINARY, Setting, shoot_season
 
 HOME = "home"                         # the session of the unmodified robot that MuJoCo's worlds are compared with
 
@@ -23,14 +25,30 @@ HOME = "home"                         # the session of the unmodified robot that
 def make_data(drawn: Drawn, directory: Path) -> str:
     """Write the dataset; whose work it is (engine and version). The directory must be new or empty."""
     if drawn.engine == MUJOCO:
-        # what is to be believed of it is not said in rig.toml but shown in the home session
-        facts = structs.replace(load_config(Path(robot.__file__).parent / "launcher.toml").rig, believe=Believe(()))
-        dataset = shoot_season(facts, Options(**drawn.effects), drawn.seed, plan_season(drawn.seed, drawn.shots),
-                               drawn.level, ORDINARY)
-        save_dataset(directory, replace(dataset, name=directory.name))
+        save_dataset(directory, _season(drawn, drawn.seed, plan_season(drawn.seed, drawn.shots), directory.name))
         return f"mujoco {version('mujoco')}, truearc {version('truearc')}"
     write(make_world(drawn.effects, drawn.level, drawn.shots, drawn.seed, drawn.dirt), directory)
     return f"numpy {version('numpy')}, truearc {version('truearc')}"
+
+
+def make_more(drawn: Drawn, asked: Sequence[Asked], directory: Path) -> None:
+    """Write the dataset of more shots of the same world: in MuJoCo another session of its robot, with fresh balls."""
+    if drawn.engine == MUJOCO:
+        settings = [Setting(*one[:3]) for one in asked for _ in range(one.shots)]
+        dataset = _season(drawn, drawn.seed + 1, settings, directory.name)
+        ids = tuple(f"f1-{one}" for one in dataset.shots.shot_id)
+        texts = {**dataset.shots.texts, "session": ("2",) * len(ids)}
+        save_dataset(directory, replace(dataset, shots=replace(dataset.shots, shot_id=ids, texts=texts)))
+        return
+    dataset = follow(make_world(drawn.effects, drawn.level, drawn.shots, drawn.seed, drawn.dirt), asked)
+    save_dataset(directory, replace(dataset, name=directory.name))
+
+
+def _season(drawn: Drawn, seed: int, settings: Sequence[Setting], name: str) -> Dataset:
+    # what is to be believed of it is not said in rig.toml but shown in the home session
+    facts = structs.replace(load_config(Path(robot.__file__).parent / "launcher.toml").rig, believe=Believe(()))
+    dataset = shoot_season(facts, Options(**drawn.effects), seed, settings, drawn.level, ORDINARY)
+    return replace(dataset, name=name)
 
 
 def home_of(worlds: tuple[Drawn, ...], seed: int) -> Drawn | None:

@@ -9,9 +9,10 @@ import tomllib
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from msgspec import Struct, structs
+from msgspec import Struct, ValidationError, convert, structs
 
 from robot.config import BadInput
 from sim.prove.changes import CHANGES, seen_at
@@ -166,3 +167,11 @@ def lambdas(level: str) -> Mapping[str, float]:
     """{effect: lambda of LADDER_SHOTS shots at its usual size}; what the data hardly show is not in it."""
     table = tomllib.loads((Path(__file__).parent / "truth" / "ladder.toml").read_text())
     return {name: value for name, value in table[level].items() if value > 0.1}
+
+
+def drawn_of(world: Mapping[str, Any], path: Path) -> Drawn:
+    """The world of a seal; BadInput, with the seal's path, where it is of another kind than these engines make."""
+    try:
+        return convert(world, Drawn)
+    except ValidationError as error:
+        raise BadInput(f"{path}: world: {error}: it can be verified here, but neither marked nor shot again") from error

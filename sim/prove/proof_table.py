@@ -15,6 +15,20 @@ def make_tables(marks: Sequence[Mark]) -> str:
     return "\n\n".join([_alarms(marks), _ladder(marks), _right(marks), _matrix(marks)])
 
 
+def follow_up_table(pairs: Sequence[tuple[Mark, Mark]]) -> str:
+    """(first, again) of the worlds that were shot again: what the further shots told."""
+    rows = ["| worlds shot again | set before | after | first name right before | after | the right name alone before "
+            "| after |", "|---|---|---|---|---|---|---|"]
+    named = [pair for pair in pairs if pair[0].first is not None]
+    if not named:
+        return ""
+    sizes = [[one.set_size for one in side if one.set_size is not None] for side in zip(*named, strict=True)]
+    cells = [f"{sum(side) / len(side):.1f}" if side else "-" for side in sizes]
+    for question in (lambda one: one.first, lambda one: bool(one.first) and one.names == one.hidden):
+        cells += [said(*share(side, question)) for side in zip(*named, strict=True)]
+    return "\n".join([*rows, f"| {len(named)} | {' | '.join(cells)} |"])
+
+
 def share(marks: Iterable[Mark], question: Question) -> tuple[int, int]:
     """(yes, of) of those that answer."""
     answers = [answer for answer in map(question, marks) if answer is not None]

@@ -3,7 +3,9 @@
     ROUND/ledger.jsonl            every step of every world, chained (sim.prove.ledger)
     ROUND/data/w0001/             a dataset, given away
     ROUND/data/home/              MuJoCo's robot before anything was changed, where there are such worlds
-    ROUND/claims/w0001.json       what the solver says of it
+    ROUND/claims/w0001.json       what the solver says of it, and which more shots it asks for
+    ROUND/more/w0001/             those shots, given away
+    ROUND/again/w0001.json        what the solver says once it has them
     ROUND/keeper/round.json       how the round was drawn; not for the solver
     ROUND/keeper/w0001.json       its seal; not for the solver
     ROUND/grades.jsonl            marks of opened worlds
@@ -15,6 +17,7 @@ from typing import NamedTuple
 from sim.prove.ledger import committed, read_ledger
 
 SEALED, CLAIMED, OPENED, GRADED = "sealed", "claimed", "opened", "graded"
+ASKED, ANSWERED, CLAIMED_AGAIN = "asked", "answered", "claimed again"
 
 
 class Room(NamedTuple):
@@ -37,6 +40,12 @@ class Room(NamedTuple):
     @property
     def grades(self) -> Path:
         return self.root / "grades.jsonl"
+
+    def more(self, world: str) -> Path:
+        return self.root / "more" / world
+
+    def again(self, world: str) -> Path:
+        return self.root / "again" / f"{world}.json"
 
     def data(self, world: str) -> Path:
         return self.root / "data" / world

@@ -19,19 +19,21 @@ import sim
 from robot.config import BadInput
 from sim.belief import Belief
 from sim.discover.adopt import make_belief
-from sim.discover.discover import discover
+from sim.discover.design import can_design, make_design
+from sim.discover.discover import Investigation, discover
 from sim.discover.finding import make_json
 from sim.fanout import fan_out
 from sim.prove.ledger import append, digest
 from sim.prove.making import HOME
-from sim.prove.room import CLAIMED, SEALED, Room
+from sim.prove.room import ANSWERED, CLAIMED, CLAIMED_AGAIN, SEALED, Room
 from sim.prove.seal import canonical, hash_files
-from sim.shots import load_dataset
+from sim.shots import Dataset, join_datasets, load_dataset
 
 Progress = Callable[[float, str], None]
 SCHEMA = "truearc.claims/1"
 FALSE_ALARM = 0.05
 AT_HOME = ("gravity", "drag", "magnus")      # what is believed of MuJoCo's robot before its unmodified session
+MORE_SHOTS, MORE_CONFIGURATIONS = 100, 5     # at most, in a follow-up
 AT_ONCE = 8                           # worlds solved between two entries in the ledger
 OPENING = ("open", "os.listdir", "os.scandir", "os.rename", "os.link", "os.symlink")
 ROOMS = ("discover", "physics", "fit")       # whose sources say which solver it was
@@ -40,18 +42,21 @@ _forbidden: list[str] = []
 
 
 def solve_round(room: Room, progress: Progress, workers: int | None = None, scheduler: str | None = None) -> None:
-    """Claims for every sealed world that has none in the ledger. Call it in a process of its own: afterwards this one
-    can open nothing of the keeper's any more."""
+    """Claims for every sealed world that has none in the ledger, and second ones where more shots were given. Call it
+    in a process of its own: afterwards this one can open nothing of the keeper's any more."""
     steps = room.steps()
-    names = [name for name, done in steps.items() if SEALED in done and name != HOME]
-    todo = [name for name in names if CLAIMED not in steps[name]]
     forbid(room.keeper)
-    for first in range(0, len(todo), AT_ONCE):
-        batch = todo[first:first + AT_ONCE]
-        progress((len(names) - len(todo) + first) / len(names), "worlds are discovered in")
-        fan_out(partial(solve, room.root.resolve()), batch, scheduler, workers=workers)
-        for name in batch:
-            append(room.ledger, CLAIMED, name, digest(room.claims(name).read_bytes()))
+    names = [name for name, done in steps.items() if SEALED in done and name != HOME]
+    first = [name for name in names if CLAIMED not in steps[name]]
+    again = [name for name in names if ANSWERED in steps[name] and CLAIMED_AGAIN not in steps[name]]
+    for todo, work, step, path in ((first, solve, CLAIMED, room.claims),
+                                   (again, solve_again, CLAIMED_AGAIN, room.again)):
+        for begin in range(0, len(todo), AT_ONCE):
+            batch = todo[begin:begin + AT_ONCE]
+            progress(begin / len(todo), f"worlds are discovered in ({step})")
+            fan_out(partial(work, room.root.resolve()), batch, scheduler, workers=workers)
+            for name in batch:
+                append(room.ledger, step, name, digest(path(name).read_bytes()))
     progress(1.0, f"{len(names)} worlds claimed")
 
 
@@ -60,12 +65,46 @@ def solve(root: Path, world: str) -> None:
     room = Room(root)
     forbid(room.keeper)
     directory = room.data(world)
-    dataset = load_dataset(directory)
-    belief = None if dataset.facts.believe.terms else home_belief(room.data(HOME))
-    finding = discover(dataset, None, FALSE_ALARM, 0, belief=belief).finding
+    found, dataset = _discover(room, world, None)
     claims = {"schema": SCHEMA, "world": world, "solver": solver_id(), "data": hash_files(directory),
-              "finding": msgspec.json.decode(make_json(finding))}
-    path = room.claims(world)
+              "finding": msgspec.json.decode(make_json(found.finding)), "asked": asked_for(found, dataset)}
+    _write(room.claims(world), claims)
+
+
+def solve_again(root: Path, world: str) -> None:
+    """The same with the shots that were asked for."""
+    room = Room(root)
+    forbid(room.keeper)
+    found, _ = _discover(room, world, load_dataset(room.more(world)))
+    claims = {"schema": SCHEMA, "world": world, "solver": solver_id(),
+              "data": {**hash_files(room.data(world)), **_below("more", hash_files(room.more(world)))},
+              "finding": msgspec.json.decode(make_json(found.finding)), "asked": []}
+    _write(room.again(world), claims)
+
+
+def _below(folder: str, files: dict[str, str]) -> dict[str, str]:
+    return {f"{folder}/{name}": value for name, value in files.items()}
+
+
+def _discover(room: Room, world: str, more: Dataset | None) -> tuple[Investigation, Dataset]:
+    dataset = load_dataset(room.data(world))
+    belief = None if dataset.facts.believe.terms else home_belief(room.data(HOME))
+    whole = dataset if more is None else join_datasets(dataset, more)
+    return discover(whole, None, FALSE_ALARM, 0, belief=belief), whole
+
+
+def asked_for(found: Investigation, dataset: Dataset) -> list[dict[str, float]]:
+    """Configurations to be shot again, where several names are left; each once, with how many shots."""
+    if not found.steps or not can_design(found.steps[0]):
+        return []
+    rows = [int(found.steps[0].fitted.evidence.rows[block.row]) for block in make_design(
+        found.steps[0], MORE_SHOTS, MORE_CONFIGURATIONS).blocks]
+    settings = {name: dataset.shots.number(name) for name in ("distance_m", "hood_deg", "motor_ratio")}
+    return [{**{name: float(values[row]) for name, values in settings.items()},
+             "shots": rows.count(row) * MORE_SHOTS // MORE_CONFIGURATIONS} for row in dict.fromkeys(rows)]
+
+
+def _write(path: Path, claims: dict[str, Any]) -> None:
     path.parent.mkdir(exist_ok=True)
     half = path.with_suffix(".half")
     half.write_bytes(canonical(claims) + b"\n")

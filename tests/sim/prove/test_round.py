@@ -10,11 +10,12 @@ import msgspec
 import pytest
 
 from robot.config import BadInput
-from sim.prove.keeper import Plan, load_plan, seal_round
-from sim.prove.ledger import read_ledger
+from sim.prove.keeper import Plan, answer_round, load_plan, seal_round
+from sim.prove.ledger import append, digest, read_ledger
 from sim.prove.opener import grade_round
 from sim.prove.room import Room
-from sim.prove.seal import load_seal
+from sim.prove.seal import canonical, load_seal
+from sim.shots import load_dataset
 
 pytestmark = pytest.mark.slow
 ARGUMENTS = ["--worlds", "3", "--level", "L0", "--shots", "40", "--engines", "numpy", "--seed", "3", "--processes", "1"]
@@ -48,7 +49,7 @@ def room(played: Room, tmp_path: Path) -> Room:
 
 def test_every_world_is_sealed_claimed_opened_and_marked_in_that_order(room: Room) -> None:
     marks = grade_round(room, quiet, 1)
-    assert [one.world for one in marks] == ["w0001", "w0002", "w0003"]
+    assert [one.first.world for one in marks] == ["w0001", "w0002", "w0003"]
     for world in ("w0001", "w0002", "w0003"):
         assert [entry.what for entry in read_ledger(room.ledger) if entry.world == world] == [
             "sealed", "claimed", "opened", "graded"]
@@ -61,8 +62,8 @@ def test_marks_are_about_what_was_sealed(room: Room) -> None:
     for one in grade_round(room, quiet, 1):
         sealed = load_seal(room.seal(one.world)).world
         claims = msgspec.json.decode(room.claims(one.world).read_bytes())
-        assert (one.kind, one.hidden) == (sealed["kind"], tuple(sealed["effects"]))
-        assert one.found == claims["finding"]["mismatch"]["found"]
+        assert (one.first.kind, one.first.hidden) == (sealed["kind"], tuple(sealed["effects"]))
+        assert one.first.found == claims["finding"]["mismatch"]["found"]
 
 
 def change_data(room: Room) -> Path:
@@ -124,6 +125,43 @@ def test_what_was_cut_short_goes_on(room: Room) -> None:
         ("w0001", "sealed"), ("w0002", "sealed"), ("w0003", "sealed")]
     assert {path: path.read_bytes() for path in room.data("w0003").iterdir()} == data
     assert room.claims("w0001").read_bytes() == claims
+
+
+def ask(room: Room, world: str, asked: list[dict[str, float]]) -> None:
+    """As if the solver had asked for these shots, and had said so in time."""
+    claims = msgspec.json.decode(room.claims(world).read_bytes())
+    room.claims(world).write_bytes(canonical({**claims, "asked": asked}) + b"\n")
+    entries = [one for one in read_ledger(room.ledger) if (one.what, one.world) != ("claimed", world)]
+    room.ledger.unlink()
+    for one in entries:
+        append(room.ledger, one.what, one.world, one.sha256)
+    append(room.ledger, "claimed", world, digest(room.claims(world).read_bytes()))
+
+
+def test_more_shots_are_given_and_a_second_claim_is_marked_beside_the_first(room: Room) -> None:
+    ask(room, "w0002", [{"distance_m": 4.0, "hood_deg": 48.0, "motor_ratio": 0.55, "shots": 12}])
+    answer_round(room, quiet, 1)
+    assert len(load_dataset(room.more("w0002")).shots) == 12 and not room.more("w0001").exists()
+    assert [one.world for one in grade_round(room, quiet, 1)] == ["w0001", "w0003"]      # it is waited for
+    assert prove(room.root, "solve", "--processes", "1").returncode == 0
+    second = {one.world: one.again for one in grade_round(room, quiet, 1)}
+    assert second["w0001"] is None and second["w0002"] is not None
+    assert [one.what for one in read_ledger(room.ledger) if one.world == "w0002"] == [
+        "sealed", "claimed", "asked", "answered", "claimed again", "opened", "graded"]
+    path = next(room.more("w0002").glob("shots.*"))
+    path.write_bytes(path.read_bytes() + b"\n")
+    with pytest.raises(BadInput, match="is not what was given"):
+        grade_round(room, quiet, 1)
+
+
+@pytest.mark.parametrize("asked", [[{"distance_m": 4.0, "hood_deg": 48.0, "motor_ratio": 0.5, "shots": 101}],
+                                   [{"distance_m": 4.0, "hood_deg": 48.0, "motor_ratio": 0.5, "shots": 1}] * 6,
+                                   [{"distance_m": 4.0, "hood_deg": 48.0, "motor_ratio": 0.5, "shots": 0}],
+                                   [{"where": "everywhere"}]])
+def test_nobody_gets_more_than_the_rules_allow(room: Room, asked: list[dict[str, float]]) -> None:
+    ask(room, "w0001", asked)
+    with pytest.raises(BadInput, match="asked"):
+        answer_round(room, quiet, 1)
 
 
 def test_another_plan_needs_another_directory(room: Room) -> None:
