@@ -9,7 +9,7 @@ from pathlib import Path
 from doors.discover import keep_compiled
 from doors.progress import make_progress
 from robot.config import BadInput
-from sim.prove.keeper import Plan, answer_round, entropy, load_plan, seal_round
+from sim.prove.keeper import Plan, answer_round, entropy, load_plan, seal_own, seal_round
 from sim.prove.mix import MUJOCO, NUMPY
 from sim.prove.opener import Graded, grade_round
 from sim.prove.proof_table import follow_up_table, make_tables
@@ -37,6 +37,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     source.add_argument("--seed-from-entropy", action="store_true", help="draw it (a round that goes on keeps its own)")
     parser.add_argument("--follow-up", action="store_true", help="where names are left, let the solver ask for up to 5 "
                         "configurations, 100 shots together, and say what it makes of them")
+    parser.add_argument("--world", metavar="FILE", help="with seal: JSON of what is true of your own world")
+    parser.add_argument("--data", metavar="DIR", help="with --world: its dataset")
     parser.add_argument("--processes", type=int, help="at a time (one a core)")
     parser.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask cluster to run on instead")
 
@@ -45,6 +47,8 @@ def main(args: argparse.Namespace) -> int:
     """0 when the round is done, whatever it says; 2 where something was tampered with."""
     room = Room(Path(args.out))
     keep_compiled()
+    if args.world or args.data:
+        return _seal_own(args, room)
     if args.role in (None, "seal"):
         seal_round(room, _plan(args, room), make_progress("seal", args.quiet), args.processes, args.scheduler)
     if args.role == "solve":
@@ -65,6 +69,13 @@ def _tell(graded: Sequence[Graded]) -> None:
     print(make_tables([one.first for one in graded]) if graded else "Nothing has been claimed yet.")
     if again:
         print(f"\n{follow_up_table(again)}")
+
+
+def _seal_own(args: argparse.Namespace, room: Room) -> int:
+    if args.role != "seal" or not (args.world and args.data):
+        raise BadInput("--world and --data go together, with the role seal")
+    print(f"sealed: {seal_own(room, Path(args.world), Path(args.data))}")
+    return 0
 
 
 def _plan(args: argparse.Namespace, room: Room) -> Plan:

@@ -5,6 +5,7 @@ import shutil
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import msgspec
 from msgspec import Struct
@@ -13,10 +14,11 @@ from robot.config import BadInput
 from sim.fanout import fan_out
 from sim.prove.ledger import append, digest
 from sim.prove.making import home_of, make_data, make_more
-from sim.prove.mix import FIRST_SEED, MUJOCO, NUMPY, Drawn, draw_round, drawn_of
+from sim.prove.mix import FIRST_SEED, MUJOCO, NUMPY, OWN, Drawn, draw_round, drawn_of
 from sim.prove.room import ANSWERED, ASKED, CLAIMED, OPENED, SEALED, Room
 from sim.prove.seal import canonical, hash_files, load_seal, make_seal, save_seal
 from sim.prove.truth.follow import Asked
+from sim.shots import load_dataset
 
 Progress = Callable[[float, str], None]
 MOST_CONFIGURATIONS, MOST_SHOTS = 5, 100     # of a follow-up
@@ -64,12 +66,37 @@ def seal_round(room: Room, plan: Plan, progress: Progress, workers: int | None =
     progress(1.0, f"{len(worlds)} worlds sealed")
 
 
+def seal_own(room: Room, world: Path, data: Path) -> str:
+    """Seal a world that somebody else has made, with its data; its commitment, to be told before the data are.
+
+    world: JSON, {"kind": "one", "effects": {"wind_x": 2.0}} and whatever else is true of it; kinds are those of
+    sim.prove.mix, effects the catalogue's parameters' values, or names of their own for what no catalogue has.
+    BadInput for a file that is no such thing, a directory that is no dataset, or one of that name sealed already.
+    """
+    try:
+        truth = msgspec.json.decode(world.read_bytes(), type=dict[str, Any])
+    except (OSError, msgspec.MsgspecError) as error:
+        raise BadInput(f"{world}: {error}") from error
+    name, dataset = data.resolve().name, load_dataset(data)
+    if name in room.steps():
+        raise BadInput(f"{room.ledger}: {name} is sealed already")
+    level = "L2" if dataset.tracks is not None else "L1" if dataset.traces is not None else "L0"
+    whole = {**truth, "name": name, "engine": OWN, "level": level, "shots": len(dataset.shots), "seed": 0}
+    drawn_of(whole, world)
+    room.keeper.mkdir(parents=True, exist_ok=True)
+    shutil.copytree(data, room.data(name))
+    seal = make_seal(whole, "somebody else", room.data(name))
+    save_seal(room.seal(name), seal)
+    append(room.ledger, SEALED, name, seal.commitment)
+    return seal.commitment
+
+
 def answer_round(room: Room, progress: Progress, workers: int | None = None, scheduler: str | None = None) -> None:
     """Shoot what the solver has asked for, in every world that is claimed and not opened yet."""
     steps = room.steps()
     todo = [name for name, done in steps.items() if CLAIMED in done and not {ANSWERED, OPENED} & set(done)]
-    asked = {name: asked_of(room, name) for name in todo}
-    todo = [name for name in todo if asked[name]]
+    asked = {name: asked_of(room, name) for name in todo if _ours(room, name)}
+    todo = [name for name in todo if asked.get(name)]
     for first in range(0, len(todo), AT_ONCE):
         batch = todo[first:first + AT_ONCE]
         progress(first / len(todo), "more shots are given")
@@ -93,6 +120,11 @@ def asked_of(room: Room, world: str) -> list[Asked]:
             one.shots < 1 for one in asked):
         raise BadInput(f"{path}: asked: at most {MOST_CONFIGURATIONS} configurations and {MOST_SHOTS} shots")
     return asked
+
+
+def _ours(room: Room, world: str) -> bool:
+    """Whether an engine of ours can shoot it again; somebody else's worlds only they can."""
+    return drawn_of(load_seal(room.seal(world)).world, room.seal(world)).engine != OWN
 
 
 def _answer(root: Path, world: str) -> None:

@@ -8,7 +8,7 @@ from msgspec import Struct, structs
 from sim.prove.changes import CHANGES
 from sim.prove.grade import PARAMETER, STAGE_OF, gain_said, is_alias, names_ranked, said_set, said_stage
 from sim.prove.measure import Measured
-from sim.prove.mix import MUJOCO, Drawn
+from sim.prove.mix import MUJOCO, OWN, Drawn
 
 Finding = Mapping[str, Any]
 NULLS = ("clean", "dirty")
@@ -60,8 +60,8 @@ def mark(drawn: Drawn, finding: Finding, measured: Measured) -> Mark:
     if not found or drawn.kind in NULLS:
         return structs.replace(plain, allowed=measured.allowed)
     right, stages = right_names(drawn), right_stages(drawn)
-    more = {"stage": said_stage(finding.get("where") or {}) in stages, "gain": gain_said(finding)[0],
-            "allowed": measured.allowed, "oracle_gain": measured.oracle_gain}
+    more = {"stage": said_stage(finding.get("where") or {}) in stages if stages else None, "allowed": measured.allowed,
+            "gain": gain_said(finding)[0], "oracle_gain": measured.oracle_gain}
     if not right:                     # in no catalogue: only the stage can be right, and no name
         return structs.replace(plain, **more)
     more |= {"first": bool(names) and names[0] in right, "covered": bool(set(said) & set(right)),
@@ -89,7 +89,7 @@ def right_names(drawn: Drawn) -> tuple[str, ...]:
 def right_stages(drawn: Drawn) -> tuple[str, ...]:
     if drawn.engine == MUJOCO:
         return CHANGE[drawn.change].stages
-    return tuple(STAGE_OF[name] for name in drawn.effects)
+    return tuple(STAGE_OF[name] for name in drawn.effects if name in STAGE_OF)
 
 
 def _size(drawn: Drawn, finding: Finding, measured: Measured) -> dict[str, Any]:
@@ -98,6 +98,7 @@ def _size(drawn: Drawn, finding: Finding, measured: Measured) -> dict[str, Any]:
         return {}
     (name, amount), = drawn.effects.items()
     parameter, value = PARAMETER[name]
+    value = float if drawn.engine == OWN else value      # strangers state the catalogue's own number
     given = next(one for one in finding["what"] if one["term"] == name)["parameters"].get(parameter)
     if given is None or (drawn.level == "L0" and name in ("ball_wear", "drag_wear")):
         return {}                     # balls that nobody tells apart: wear means something else there

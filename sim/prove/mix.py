@@ -22,6 +22,7 @@ from sim.prove.truth.world import LEVELS, TRACK_DIRT
 from sim.world.options import Options
 
 NUMPY, MUJOCO = "numpy", "mujoco"
+OWN = "own"                           # somebody else's world, by an engine of theirs
 # Shares of kinds; of MuJoCo's worlds, which have no decoys and no ladder, only `clean` and `one` are made.
 SHARES = {"clean": 0.175, "dirty": 0.175, "one": 0.30, "two": 0.10, "off": 0.15, "alias": 0.05, "decoy": 0.05}
 IN_MUJOCO = 0.2                       # of the kinds that it makes
@@ -170,8 +171,11 @@ def lambdas(level: str) -> Mapping[str, float]:
 
 
 def drawn_of(world: Mapping[str, Any], path: Path) -> Drawn:
-    """The world of a seal; BadInput, with the seal's path, where it is of another kind than these engines make."""
+    """The world of a seal, whatever else is noted of it; BadInput, with the path, for what cannot be marked."""
     try:
-        return convert(world, Drawn)
+        drawn = convert({name: world[name] for name in Drawn.__struct_fields__ if name in world}, Drawn)
     except ValidationError as error:
-        raise BadInput(f"{path}: world: {error}: it can be verified here, but neither marked nor shot again") from error
+        raise BadInput(f"{path}: {error}") from error
+    if drawn.kind not in SHARES:
+        raise BadInput(f"{path}: kind: there is no {drawn.kind!r}; there are {', '.join(SHARES)}")
+    return drawn

@@ -86,7 +86,7 @@ def _check_claims(path: Path, claimed: str, data: dict[str, str]) -> list[str]:
 
 
 def mark_world(root: Path, world: str) -> Graded:
-    """One world's marks; BadInput where its seal is of no world that this grader knows."""
+    """One world's marks; BadInput where its seal is of no world that this grader can mark."""
     room = Room(root)
     drawn = drawn_of(load_seal(room.seal(world)).world, room.seal(world))
     measured = measure(drawn, load_dataset(room.data(world)))

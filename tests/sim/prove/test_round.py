@@ -10,7 +10,7 @@ import msgspec
 import pytest
 
 from robot.config import BadInput
-from sim.prove.keeper import Plan, answer_round, load_plan, seal_round
+from sim.prove.keeper import Plan, answer_round, load_plan, seal_own, seal_round
 from sim.prove.ledger import append, digest, read_ledger
 from sim.prove.opener import grade_round
 from sim.prove.room import Room
@@ -125,6 +125,22 @@ def test_what_was_cut_short_goes_on(room: Room) -> None:
         ("w0001", "sealed"), ("w0002", "sealed"), ("w0003", "sealed")]
     assert {path: path.read_bytes() for path in room.data("w0003").iterdir()} == data
     assert room.claims("w0001").read_bytes() == claims
+
+
+def test_somebody_elses_world_is_sealed_with_their_data(room: Room, tmp_path: Path) -> None:
+    data, truth = tmp_path / "challenge", tmp_path / "truth.json"
+    shutil.copytree(room.data("w0001"), data)
+    truth.write_text('{"kind": "one", "effects": {"wind_x": 2.0}, "note": "a fan"}')
+    done = prove(room.root, "seal", "--world", str(truth), "--data", str(data))
+    assert done.returncode == 0, done.stderr
+    seal = load_seal(room.seal("challenge"))
+    assert seal.commitment in done.stdout and seal.world["note"] == "a fan"
+    assert room.steps()["challenge"] == {"sealed": seal.commitment}
+    with pytest.raises(BadInput, match="sealed already"):
+        seal_own(room, truth, data)
+    truth.write_text('{"kind": "storm"}')
+    with pytest.raises(BadInput, match=r"truth\.json: kind: there is no 'storm'"):
+        seal_own(Room(tmp_path / "other"), truth, data)
 
 
 def ask(room: Room, world: str, asked: list[dict[str, float]]) -> None:
