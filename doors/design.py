@@ -5,7 +5,7 @@ from typing import Any
 
 import msgspec
 
-from doors.discover import believed_terms, keep_compiled, known_physics, write_out
+from doors.discover import RAREST, believed_terms, check_place, keep_compiled, known_physics, write_out
 from doors.progress import make_progress
 from robot.config import BadInput
 from sim.discover.design import CONFIGURATIONS, MOST_RANDOM, SHOTS, Block, Design, can_design, make_design
@@ -39,8 +39,9 @@ def main(args: argparse.Namespace) -> int:
     """0 whether or not there is anything to tell apart."""
     if not 1 <= args.configurations <= args.shots:
         raise BadInput(f"--shots {args.shots}, --configurations {args.configurations}: at least one shot each")
-    if args.seed < 0 or not 0.0 < args.false_alarm < 1.0:
-        raise BadInput("--seed cannot be negative, --false-alarm is between 0 and 1")
+    if args.seed < 0 or not RAREST <= args.false_alarm < 1.0:
+        raise BadInput(f"--seed cannot be negative, --false-alarm is between {RAREST} and 1")
+    check_place(args.json)
     believed, belief = believed_terms(args), known_physics(args)
     keep_compiled()
     dataset = load_dataset(args.dataset)

@@ -12,6 +12,7 @@ from robot.config import BadInput
 from robot.facts import Facts
 from sim.belief import Belief, load_belief, save_belief
 from sim.discover.adopt import make_belief
+from sim.discover.columns import check_believed
 from sim.discover.discover import FALSE_ALARM, Investigation, discover
 from sim.discover.finding import make_json
 from sim.discover.foresee import foresee, foresee_dataset
@@ -28,6 +29,7 @@ apart."""
 EXAMPLE = "truearc discover shots/ --believe gravity,drag --json finding.json --report finding.html"
 KEPT_S = 0.3                          # what compiles faster is not kept
 LEVEL = "L0"
+RAREST = 0.002                        # alarm that a p of at least 1 in 1000 can tell
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -54,12 +56,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """0 whether or not something was found."""
-    if not 0.0 < args.false_alarm < 1.0:
-        raise BadInput(f"--false-alarm: {args.false_alarm} is not between 0 and 1")
+    if not RAREST <= args.false_alarm < 1.0:
+        raise BadInput(f"--false-alarm: {args.false_alarm} is not between {RAREST} (rarer alarms would take more draws "
+                       "than are made) and 1")
     if args.seed < 0:
         raise BadInput(f"--seed: {args.seed} is negative")
     believed = believed_terms(args)
     _check_modes(args)
+    for path in (args.json, args.report, args.adopt):
+        check_place(path)
     keep_compiled()
     if args.identifiability is not None:
         return _identify(args, believed)
@@ -79,6 +84,10 @@ def believed_terms(args: argparse.Namespace) -> list[str] | None:
     believed = None if args.believe is None else [name.strip() for name in args.believe.split(",") if name.strip()]
     if believed == []:
         raise BadInput("--believe: names no term")
+    try:
+        check_believed(tuple(believed or ()))
+    except BadInput as error:
+        raise BadInput(f"--believe: {error}") from error
     return believed
 
 
@@ -167,6 +176,12 @@ def _tell_sight(sight: Sight, name: str, json_path: str | None, report_path: str
         write_out(json_path, make_sight(sight))
     if report_path:
         write_out(report_path, make_sight_page(name, sight).encode())
+
+
+def check_place(path: str | None) -> None:
+    """BadInput where an answer could not be written, before it is worked out."""
+    if path is not None and not Path(path).resolve().parent.is_dir():
+        raise BadInput(f"{path}: there is no such directory to write to")
 
 
 def write_out(path: str | Path, data: bytes) -> None:

@@ -53,7 +53,7 @@ def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: Fitted, clust
             fitted.evidence, judged.threshold(TERMS, false_alarm))
         return Finding(data, mismatch, where, "none", sentence, None, fit)
     first = steps[0]
-    verdict = "unknown" if first.unknown else "named" if all(len(s.naming.chosen) == 1 for s in steps) else "set"
+    verdict = "unknown" if first.unknown else "named" if len(first.naming.chosen) == 1 else "set"
     where = _where(dataset, first, asked, judged, false_alarm, _probabilities(first))
     leading, *also = (_further(step, clusters, seed) for step in steps)
     say = say_unknown if first.unknown else say_named

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from robot.config import BadInput
 from sim.belief import Belief
 from sim.discover.chain import DIRECTIONS, Chain
 from sim.discover.evidence import Array, Column
@@ -11,6 +12,7 @@ from sim.discover.intake import SCATTERS, Intake
 from sim.discover.linear import Groups, Layout
 from sim.discover.prior import inform, may_have_moved, tell
 from sim.physics.catalogue import TERMS, find_parameter, find_terms
+from sim.physics.nameless import NAMELESS
 from sim.physics.term import Parameter, Term
 
 BANDS = 6                             # of the flight's time, with tracks
@@ -54,7 +56,7 @@ def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Array,
 
     groups: (what, label [n] of the intake's shots, how many) of things that differ by luck, such as balls.
     """
-    find_terms(believed)
+    check_believed(believed)
     terms = tuple(term.name for term in catalogue)
     slots = tuple((term.name, p.name) for term in catalogue for p in term.parameters)
     tracked = intake.samples is not None
@@ -131,6 +133,14 @@ def weak_prior(parameter: Parameter) -> tuple[float, float]:
         return parameter.default, 0.2 * (parameter.high - parameter.low)
     spread = {"linear": 1.0, "log": prior.centre, "left": 1.0 - prior.centre}[prior.scale]
     return prior.centre, WEAKER * spread * prior.sd
+
+
+def check_believed(believed: tuple[str, ...]) -> None:
+    """BadInput for a term that there is none of, and for one that stands for an effect without a name."""
+    for term in find_terms(believed):
+        if term in NAMELESS:
+            raise BadInput(f"{term.name} stands for an effect without a name; discovery starts from effects "
+                           "that have names")
 
 
 def _shared(intake: Intake, believed: tuple[str, ...],

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from sim.discover.ask import Clusters, Test
-from sim.discover.covariates import Covariate, Pair, smooth_shapes
+from sim.discover.covariates import STEP, Covariate, Pair, smooth_shapes
 from sim.discover.evidence import Array, Evidence, shared_columns
 from sim.discover.refit import folds_of
 
@@ -72,13 +72,14 @@ def unseen(evidence: Evidence, basis: Array, clusters: Clusters) -> tuple[Array,
 
 
 def _basis(evidence: Evidence, test: Test) -> Array:
-    """[n, q]: the same for all; straight in the covariate and its bends, or each group's difference from the first, or
-    two covariates, their product and the wave that was found."""
+    """[n, q]: the same for all; straight in the covariate and its bends, after the step where one was found; or each
+    group's difference from the first; or two covariates, their product and the wave that was found."""
     ones = np.ones((len(evidence.rows), 1))
     if test.what is None:
         return ones
     if isinstance(test.what, Covariate):
-        return np.concatenate([ones, smooth_shapes(test.what.values[evidence.rows])], axis=1)
+        step = [test.weights[:, None]] if test.shape.startswith(STEP) else []
+        return np.concatenate([ones, *step, smooth_shapes(test.what.values[evidence.rows])], axis=1)
     if isinstance(test.what, Pair):
         a, b = test.what.place
         own = [a * b] if test.shape == "product" else [a * b, test.weights]

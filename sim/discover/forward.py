@@ -9,6 +9,7 @@ import numpy as np
 from sim.discover.ask import ALLOWANCE, Asked, Clusters, ask_everything
 from sim.discover.believed import Fitted
 from sim.discover.covariates import Covariate, Factor
+from sim.discover.decoys import share_above
 from sim.discover.evidence import Array
 from sim.discover.locate import Place, locate
 from sim.discover.name import Naming, name_terms
@@ -175,7 +176,8 @@ def _together(fitted: Fitted, steps: tuple[Step, ...], size: dict[str, float], s
         naming = name_terms(base, lambda done, note, number=number: progress((number + done) / len(named), note),
                             {name: size.pop(name)})
         size[naming.leader] = float(naming.refits[naming.leader].amplitude[0])
-        told.append(_retold(named[number], naming, base, search.clusters))
+        own = next((one for one in named if one.naming.leader == name), named[number])
+        told.append(_retold(own, naming, base, search))
     rest = any(step.unknown for step in steps)
     return (*told, *(_left_over(fitted, size, told[-1].after, search) if rest else ()))
 
@@ -212,16 +214,18 @@ def _less(fitted: Fitted, whole: Refit, name: str) -> Refit:
     return refit(fitted, tuple(whole.names[k] for k in kept), whole.amplitude[kept])
 
 
-def _retold(step: Step, naming: Naming, base: Fitted, clusters: Clusters) -> Step:
+def _retold(step: Step, naming: Naming, base: Fitted, search: Search) -> Step:
     """The step with this name, among these others."""
+    clusters = search.clusters
     before = unseen_score(without(base.evidence), clusters)
     scores = {name: unseen_score(one.evidence, clusters) for name, one in naming.refits.items()}
     average = averaged(naming, before, scores, clusters.label[base.evidence.rows])
     place = step.place
     if place is not None:
         place = replace(place, test=replace(place.test, column=base.evidence.index(place.column.name)))
+    decoys = share_above(base.evidence, clusters, naming.nats[naming.leader], search.seed)
     return replace(step, naming=naming, place=place, before=before, after=scores[naming.leader], average=average,
-                   fitted=base)
+                   decoys=decoys, fitted=base)
 
 
 def _judge(asked: Asked, seed: int) -> Judged:

@@ -100,18 +100,19 @@ def _plausibility(correction: Correction) -> float:
 
 
 def _region(evidence: Evidence, correction: Correction) -> dict[str, Any]:
-    """Shortest run of the covariate's range that holds SHARE of what the correction gains on unseen shots."""
+    """Shortest run of the covariate's range that holds SHARE of what the correction gains on unseen shots; {} where it
+    gains nothing, or as much everywhere."""
     what = correction.test.what
-    if what is None or isinstance(what, Pair):
+    if what is None or isinstance(what, Pair) or correction.gain.sum() <= 0.0:
         return {}
     if isinstance(what, Factor):
         return {"factor": what.name, "level": correction.test.shape}
     values = what.values[evidence.rows]
     edges = _bin_edges(values[np.isfinite(values)])
     where = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
-    gained = np.bincount(where, np.where(np.isfinite(values), np.maximum(correction.gain, 0.0), 0.0), len(edges) - 1)
+    gained = np.maximum(np.bincount(where, np.where(np.isfinite(values), correction.gain, 0.0), len(edges) - 1), 0.0)
     run = shortest_run(gained)
-    if run is None:
+    if run is None or run == (0, len(gained) - 1):
         return {}
     first, last = run
     return {"covariate": what.name, "low": float(edges[first]), "high": float(edges[last + 1]),

@@ -26,7 +26,7 @@ MEASURE = {
     "rim_catch": "where balls touch the rim, on film",
     "exit_efficiency": "exit speed with a high-speed camera",
     "wheel_slip": "exit speed with a high-speed camera",
-    "wheel_droop": "wheel speed through the shot (traces)",
+    "wheel_droop": "exit speed at little and at much dip with a high-speed camera",
     "ball_compression": "spin of a marked ball at 120 frames/s",
     "ball_wear": "the speed of new and worn balls in turn",
     "drag_wear": "the fall of new and worn balls side by side, on film",
@@ -45,7 +45,7 @@ MEASURE = {
     "wind_y": "the wind with an anemometer",
     "wind_z": "the wind with an anemometer",
     "air_change": "temperature and pressure, and those of the session before",
-    "air_density": "temperature and pressure of each session",
+    "air_density": "the fall of a ball on a cold and on a warm day, on film",
 }
 SHOTS = 20
 FEW = 3                               # measurements proposed at most

@@ -39,8 +39,8 @@ PHRASES: dict[str, Phrase] = {
     "track_tilt": Phrase("the tracker is tilted: it sees what lies ahead {} too high",
                          "the tracker is tilted: it sees what lies ahead {} too low", *ANGLE),
     "track_clock": Phrase("the tracker's clock runs {} slow", "the tracker's clock runs {} fast", *SHARE),
-    "track_perspective": Phrase("the higher the ball, the larger the tracker sees lengths, by {}",
-                                "the higher the ball, the smaller the tracker sees lengths, by {}",
+    "track_perspective": Phrase("the higher the ball, the larger the tracker sees lengths, by {} a metre",
+                                "the higher the ball, the smaller the tracker sees lengths, by {} a metre",
                                 100.0, " %", " per m of height"),
     "wheel_slip": Phrase("the faster the wheels run, the more the ball slips: it loses {} of its speed "
                          "for each m/s", "the faster the wheels run, the better they grip: the ball gains {} of its "

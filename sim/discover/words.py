@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.special import ndtri
 
-from sim.discover.covariates import STEP, Factor, Pair
+from sim.discover.covariates import STEP, Covariate, Factor, Pair
 from sim.discover.evidence import Evidence
 from sim.discover.finding import Finding, Fit, Further, Named, Unknown, Where
 from sim.discover.identify import EIGHTY, sight_of
@@ -20,6 +20,7 @@ SHOWN = 6
 DOUBTFUL = 0.25                       # probability of something without a name, from which a sentence says so
 FOUR_IN_FIVE = 0.8
 HEIGHTS = {"plane": "heights", "track end": "where tracks end, from their first 40 %,"}
+TIMES = ("t_s", "order_in_session", "shots_of_ball")
 LISTED = 4                            # names of a set that a sentence lists
 THEN = ("With that put in", "And with that, too")
 
@@ -27,7 +28,7 @@ THEN = ("With that put in", "And with that, too")
 def say_named(believed: tuple[str, ...], p_value: float, where: Where, leading: Further, also: Sequence[Further],
               fit: Fit, place: Place | None) -> str:
     """One name, or those that cannot be told apart, with the size and what it gains."""
-    del where, place
+    del where
     what = leading.what
     names = leading.set or (what[0].term,)
     likeliest = _effect(what[0])
@@ -44,7 +45,15 @@ def say_named(believed: tuple[str, ...], p_value: float, where: Where, leading: 
     nameless = 1.0 - sum(one.probability for one in what)
     if nameless >= DOUBTFUL:
         said += f" A free curve explains it about as well, so it may be something without a name ({nameless:.0%})."
-    return said + "".join(map(besides, also, THEN)) + _gained(fit) + _luck(p_value)
+    return said + _since(place) + "".join(map(besides, also, THEN)) + _gained(fit) + _luck(p_value)
+
+
+def _since(place: Place | None) -> str:
+    """When it began, where a step in time is what shows it best."""
+    if place is None or not isinstance(place.test.what, Covariate) or not place.test.shape.startswith(STEP):
+        return ""
+    name, cut = place.test.what.name, place.test.shape.removeprefix(STEP)
+    return f" It shows best as a step where {in_words(name)} is above {cut}." if name in TIMES else ""
 
 
 def besides(further: Further, then: str) -> str:

@@ -5,7 +5,7 @@ import pytest
 
 from sim.discover.ask import Clusters, Test
 from sim.discover.correct import correct
-from sim.discover.covariates import Covariate, Factor, smooth_shapes
+from sim.discover.covariates import STEP, Covariate, Factor, smooth_shapes
 from sim.discover.evidence import Evidence
 from sim.discover.locate import amplitude_of, shortest_run
 from tests.sim.discover.made import column, gaussian
@@ -41,6 +41,19 @@ def test_a_bent_effect_is_followed() -> None:
     found = correct(evidence_of(truth, rng.normal(size=N)), asked(Covariate((("x", x),))), SINGLE)
     assert np.sqrt(np.mean((found.amplitude - truth)**2)) < 0.3
     assert found.gain.mean() > 0.4 * np.mean(truth**2)
+
+
+def test_a_step_is_a_step_and_no_bend() -> None:
+    rng = np.random.default_rng(2)
+    x = np.arange(N) / N
+    after = (x > 0.4) * 1.0
+    evidence = evidence_of(0.6 * after, rng.normal(size=N))
+    bent, found = (correct(evidence, Test("free", 0, Covariate((("x", x),)), shape, after - after.mean()), SINGLE)
+                   for shape in ("straight", f"{STEP}0.4"))
+    jump = found.amplitude[121] - found.amplitude[119]
+    assert jump == pytest.approx(0.6, abs=3.0 * np.sqrt(1.0 / 120 + 1.0 / 180))
+    assert abs(bent.amplitude[121] - bent.amplitude[119]) < 0.05
+    assert found.gain.sum() > bent.gain.sum()
 
 
 def test_pure_noise_is_not_followed_far() -> None:

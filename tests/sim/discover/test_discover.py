@@ -14,7 +14,7 @@ from sim.discover.finding import Finding, make_json
 from sim.discover.step import promote
 from sim.prove.truth.shoot import shoot
 from sim.prove.truth.world import make_world
-from sim.shots import Dataset, Shots
+from sim.shots import Dataset, Shots, join_datasets, take_shots
 from tests.sim.discover.odd_rigs import make_drops, make_three_wheels
 
 pytestmark = pytest.mark.slow
@@ -179,3 +179,18 @@ def test_bad_input_is_named() -> None:
     rig = msgspec.structs.replace(base.facts, believe=msgspec.structs.replace(base.facts.believe, terms=("magic",)))
     with pytest.raises(BadInput, match=r"rig\.toml: believe\.terms: .*'magic'"):
         discover(replace(base, facts=rig))
+
+
+def test_what_changes_at_once_is_told_as_a_step() -> None:
+    """A hood that slips by two degrees half way through one long session, and a driver who goes on aiming."""
+    before, after = (shoot(make_world(effects, "L0", 300, 825)) for effects in ({}, {"hood_offset": 2.0}))
+    whole = join_datasets(take_shots(before, range(150)), take_shots(after, range(150, 300)))
+    shots = replace(whole.shots, numbers={**whole.shots.numbers, "t_s": 20.0 * np.arange(300)},
+                    texts={**whole.shots.texts, "session": ("day1",) * 300})
+    finding = discover(replace(whole, shots=shots), seed=1).finding
+    assert finding.verdict == "unknown" and finding.unknown is not None
+    assert "a step, not a drift" in finding.sentence
+    assert finding.unknown.amplitude == pytest.approx(np.radians(2.0), abs=np.radians(1.0))
+    cut = float(finding.sentence.split("is above ")[1].split(",")[0])
+    assert finding.unknown.covariate in ("t_s", "order_in_session")
+    assert 110 < cut / (20.0 if finding.unknown.covariate == "t_s" else 1.0) < 190

@@ -48,7 +48,10 @@ def test_a_directory_of_settings_is_enough_too(tmp_path: Path, capsys: pytest.Ca
     (["--identifiability", "RIG", "--believe", "magic"], "'magic'"),
     (["--identifiability", "nowhere.toml"], "nowhere.toml"),
     (["--identifiability", "DIR", "--shots", "30"], "directory"), (["d", "--false-alarm", "2"], "--false-alarm"),
-    (["d", "--seed", "-1"], "--seed")])
+    (["d", "--seed", "-1"], "--seed"), (["d", "--false-alarm", "0.0004"], "--false-alarm"),
+    (["d", "--json", "nowhere/x.json"], "nowhere/x.json: there is no such directory"),
+    (["d", "--believe", "gravity,magic"], "--believe"),
+    (["--identifiability", "RIG", "--believe", "gravity,free_push"], "without a name")])
 def test_what_cannot_be_done_is_said(words: list[str], message: str, rig: Path, tmp_path: Path,
                                      capsys: pytest.CaptureFixture[str]) -> None:
     typed = [{"RIG": str(rig), "DIR": str(tmp_path)}.get(word, word) for word in words]

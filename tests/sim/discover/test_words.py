@@ -164,6 +164,16 @@ def test_what_has_no_name_is_described(what: Covariate | Pair | Factor | None, s
     assert said in say_unknown(("gravity",), 0.01, WHERE, Further((), None, unknown), (), NO_FIT, place)
 
 
+def test_a_name_that_shows_as_a_step_in_time_says_since_when() -> None:
+    column = Column("launch elevation", "free", "launch", "vertical", "rad", 0.02, ("steeper", "flatter"))
+    time = Covariate((("t_s", np.arange(4.0)),))
+    leading = Further((named("ball_wear", 0.1, 0.01),), ("ball_wear",), None)
+    for what, shape, told in ((time, "step at 2990", True), (time, "straight", False), (BATTERY, "step at 12", False)):
+        place = Place(Test("free", 0, what, shape, np.zeros(4)), column, 0, cast(Correction, None), {}, {}, None)
+        said = say_named(("gravity",), 0.01, WHERE, leading, (), NO_FIT, place)
+        assert ("as a step where the time in the session is above 2990" in said) == told
+
+
 def test_sizes_in_the_units_of_people() -> None:
     assert size_of("hood_offset.angle_deg", 0.8, "deg") == "0.80°"
     assert size_of("rim_catch", 0.03, "m") == "3.0 cm"
