@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 
 import robot
+from doors.benchmark import fill_and_tell, parser_of
 from doors.discover import keep_compiled
 from doors.progress import make_progress
 from robot.config import Config, load_config
@@ -40,7 +41,7 @@ from sim.network import probabilities
 from sim.prove.adoption_table import make_table
 from sim.prove.changes import Change, seen_at
 from sim.prove.unseen import off_m
-from sim.prove.worldfile import fill, lines_of
+from sim.prove.worldfile import fill
 from sim.shots import Shots
 from sim.sweep import Job, train_many
 from sim.synth import synthesise
@@ -106,28 +107,21 @@ def _judged(config: Config, gate: Gate, marks: Marks) -> Line:
 
 def main() -> int:
     args = _arguments()
-    path = Path(args.table or args.out)
-    if args.table:
-        lines = {line["key"]: line for line in lines_of(path)}
-    else:
-        config = load_config(Path(robot.__file__).parent / "launcher.toml")
-        jobs = {f"{change.name}/{args.shots}/{seed}": (change, args.shots, seed)
-                for seed in (APART * (args.seed + number) for number in range(args.worlds))
-                for change in seen_at(LEVEL)}
-        lines = fill(path, jobs, partial(run, config), make_progress("worlds"), args.processes)
-    print(make_table(list(lines.values())))
-    return 0
+    return fill_and_tell(args, partial(_run_all, args), make_table)
+
+
+def _run_all(args: argparse.Namespace, path: Path) -> dict[str, Line]:
+    config = load_config(Path(robot.__file__).parent / "launcher.toml")
+    jobs = {f"{change.name}/{args.shots}/{seed}": (change, args.shots, seed)
+            for seed in (APART * (args.seed + number) for number in range(args.worlds)) for change in seen_at(LEVEL)}
+    return fill(path, jobs, partial(run, config), make_progress("worlds"), args.processes)
 
 
 def _arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = parser_of(__doc__)
     parser.add_argument("--shots", type=int, default=300, help="recorded in each world")
     parser.add_argument("--worlds", type=int, default=2, help="of each change")
     parser.add_argument("--seed", type=int, default=11, help="of the first number of world; the next has the next")
-    parser.add_argument("--processes", type=int, help="at a time (one a core)")
-    place = parser.add_mutually_exclusive_group(required=True)
-    place.add_argument("--out", metavar="FILE", help="where worlds are kept, a line each")
-    place.add_argument("--table", metavar="FILE", help="print what is there, run nothing")
     return parser.parse_args()
 
 

@@ -14,6 +14,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ import numpy as np
 from scipy.special import log_softmax
 from scipy.stats import t as student
 
+from doors.benchmark import fill_and_tell, parser_of
 from doors.discover import keep_compiled
 from doors.progress import make_progress
 from sim.discover.design import can_design, make_design
@@ -29,7 +31,7 @@ from sim.prove.suite import Job, amount_of
 from sim.prove.truth.follow import Asked, follow
 from sim.prove.truth.shoot import shoot
 from sim.prove.truth.world import World, make_world
-from sim.prove.worldfile import fill, lines_of
+from sim.prove.worldfile import fill
 from sim.shots import Dataset, Shots, join_datasets
 
 ALIKE = ("hood_offset", "wheel_slip", "drag_reynolds", "spin_drag", "wind_x", "wind_z", "distance_scale",
@@ -104,27 +106,21 @@ def make_table(lines: Sequence[Line]) -> str:
 
 def main() -> int:
     args = _arguments()
-    path = Path(args.table or args.out)
-    if args.table:
-        lines = {line["key"]: line for line in lines_of(path)}
-    else:
-        jobs = [Job("effects", name, level, SHOTS, args.scale, args.seed, index) for level in args.level.split(",")
-                for index in range(args.worlds) for name in ALIKE]
-        lines = fill(path, {job.key: job for job in jobs}, run, make_progress("worlds"), args.processes)
-    print(make_table(list(lines.values())))
-    return 0
+    return fill_and_tell(args, partial(_run_all, args), make_table)
+
+
+def _run_all(args: argparse.Namespace, path: Path) -> dict[str, Line]:
+    jobs = [Job("effects", name, level, SHOTS, args.scale, args.seed, index) for level in args.level.split(",")
+            for index in range(args.worlds) for name in ALIKE]
+    return fill(path, {job.key: job for job in jobs}, run, make_progress("worlds"), args.processes)
 
 
 def _arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = parser_of(__doc__)
     parser.add_argument("--level", default="L0,L1")
     parser.add_argument("--worlds", type=int, default=10, help="of each effect")
     parser.add_argument("--scale", type=float, default=2.0, help="times the effect's usual size (%(default)s)")
     parser.add_argument("--seed", type=int, default=11, help="below 1000 to develop on")
-    parser.add_argument("--processes", type=int, help="at a time (one a core)")
-    place = parser.add_mutually_exclusive_group(required=True)
-    place.add_argument("--out", metavar="FILE", help="where worlds are kept, a line each")
-    place.add_argument("--table", metavar="FILE", help="print what is there, run nothing")
     return parser.parse_args()
 
 

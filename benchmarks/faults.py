@@ -17,6 +17,7 @@ from typing import Any
 
 import msgspec
 
+from doors.benchmark import fill_and_tell, parser_of
 from doors.discover import keep_compiled
 from doors.progress import make_progress
 from robot.config import BadInput
@@ -26,7 +27,7 @@ from sim.prove.fault_table import make_table
 from sim.prove.faults import FAULTS, with_fault
 from sim.prove.suite import Job, world_of
 from sim.prove.truth.shoot import shoot
-from sim.prove.worldfile import fill, lines_of
+from sim.prove.worldfile import fill
 from sim.shots import Dataset, load_dataset
 
 NONE = "none"
@@ -46,14 +47,7 @@ def run(recorded: Dataset | None, believed: tuple[str, ...] | None, job: tuple[s
 
 def main() -> int:
     args = _arguments()
-    path = Path(args.table or args.out)
-    try:
-        lines = _run_all(args, path) if args.table is None else {line["key"]: line for line in lines_of(path)}
-    except BadInput as error:
-        print(error, file=sys.stderr)
-        return 2
-    print(make_table(list(lines.values())))
-    return 0
+    return fill_and_tell(args, partial(_run_all, args), make_table)
 
 
 def _run_all(args: argparse.Namespace, path: Path) -> dict[str, dict[str, Any]]:
@@ -68,15 +62,11 @@ def _run_all(args: argparse.Namespace, path: Path) -> dict[str, dict[str, Any]]:
 
 
 def _arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = parser_of(__doc__)
     parser.add_argument("--tracks", metavar="DIR", help="spoil this dataset's instead of simulated ones")
     parser.add_argument("--believe", help="terms, comma-separated (as the dataset says)")
     parser.add_argument("--worlds", type=int, default=10)
     parser.add_argument("--seed", type=int, default=11, help="of the simulated worlds; below 1000 to develop on")
-    parser.add_argument("--processes", type=int, help="at a time (one a core)")
-    place = parser.add_mutually_exclusive_group(required=True)
-    place.add_argument("--out", metavar="FILE", help="where answers are kept, a line each")
-    place.add_argument("--table", metavar="FILE", help="print what is there, run nothing")
     return parser.parse_args()
 
 

@@ -22,6 +22,7 @@ import msgspec
 import numpy as np
 
 import robot
+from doors.benchmark import fill_and_tell, parser_of
 from doors.discover import keep_compiled
 from doors.progress import make_progress
 from robot.config import load_config
@@ -33,7 +34,7 @@ from sim.discover.finding import make_json
 from sim.prove.changes import Change, seen_at
 from sim.prove.launcher_table import AS_IS, make_tables
 from sim.prove.unseen import heights_m, off_m
-from sim.prove.worldfile import fill, lines_of
+from sim.prove.worldfile import fill
 from sim.world.options import Options
 from sim.world.practice import plan_season
 from sim.world.season import ORDINARY, Sensors, play_season
@@ -83,10 +84,7 @@ def _said(found: Investigation) -> Line:
 
 def main() -> int:
     args = _arguments()
-    path = Path(args.table or args.out)
-    lines = {line["key"]: line for line in lines_of(path)} if args.table else _run_all(args, path)
-    print(make_tables(list(lines.values())))
-    return 0
+    return fill_and_tell(args, partial(_run_all, args), make_tables)
 
 
 def _run_all(args: argparse.Namespace, path: Path) -> dict[str, Line]:
@@ -108,17 +106,13 @@ def _key(name: str, level: str, shots: int, seed: int) -> str:
 
 
 def _arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = parser_of(__doc__)
     parser.add_argument("--what", default=AS_IS, choices=(AS_IS, f"{AS_IS},changed"))
     parser.add_argument("--level", default="L1,L2")
     parser.add_argument("--shots", type=int, default=300)
     parser.add_argument("--worlds", type=int, default=10, help="of each kind")
     parser.add_argument("--seed", type=int, default=11, help="of the first number of world; the next has the next")
     parser.add_argument("--only", help="changes, comma-separated; else all")
-    parser.add_argument("--processes", type=int, help="at a time (one a core)")
-    place = parser.add_mutually_exclusive_group(required=True)
-    place.add_argument("--out", metavar="FILE", help="where worlds are kept, a line each")
-    place.add_argument("--table", metavar="FILE", help="print what is there, run nothing")
     return parser.parse_args()
 
 
