@@ -9,6 +9,7 @@ from pathlib import Path
 from doors.discover import keep_compiled
 from doors.progress import make_progress
 from robot.config import BadInput
+from sim.discover.intake import FEWEST_SHOTS
 from sim.prove.keeper import Plan, answer_round, entropy, load_plan, seal_own, seal_round
 from sim.prove.mix import MUJOCO, NUMPY
 from sim.prove.opener import Graded, grade_round
@@ -46,6 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     """0 when the round is done, whatever it says; 2 where something was tampered with."""
     room = Room(Path(args.out))
+    _check(args)
     keep_compiled()
     if args.world or args.data:
         return _seal_own(args, room)
@@ -62,6 +64,14 @@ def main(args: argparse.Namespace) -> int:
     if args.role in (None, "grade"):
         _tell(grade_round(room, make_progress("grade", args.quiet), args.processes, args.scheduler))
     return 0
+
+
+def _check(args: argparse.Namespace) -> None:
+    """BadInput for numbers that no round can have."""
+    for name, least in (("seed", 0), ("worlds", 1), ("shots", FEWEST_SHOTS), ("processes", 1)):
+        value = getattr(args, name)
+        if value is not None and value < least:
+            raise BadInput(f"--{name} {value}: {least} or more")
 
 
 def _tell(graded: Sequence[Graded]) -> None:
@@ -86,8 +96,6 @@ def _plan(args: argparse.Namespace, room: Room) -> Plan:
         raise BadInput("--seed N, or --seed-from-entropy")
     else:
         seed = entropy() if args.seed is None else args.seed
-    if seed < 0 or args.worlds < 1:
-        raise BadInput("--seed cannot be negative, --worlds is 1 or more")
     return Plan(seed, args.worlds, args.level, args.shots, tuple(args.engines.split(",")))
 
 

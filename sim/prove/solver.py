@@ -1,4 +1,4 @@
-"""The solver's part: discovery on data whose truth is sealed. It can open no file of the keeper's, nor the ledger's.
+"""The solver's part: discovery on data whose truth is sealed. It can open no file of the keeper's.
 
 That is enforced where it runs (an audit hook of the interpreter, which cannot be taken off again), so that nobody has
 to take it on trust that no seal was read.
