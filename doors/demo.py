@@ -101,7 +101,7 @@ def _learn(demo: Demo, quiet: bool) -> None:
 def _compare(demo: Demo, trials: int, quiet: bool) -> None:
     """Three sessions of another seed, alike but for the gate, side by side on two cores."""
     _say(f"8 drive: the same {trials} trials without a gate, with the first one, and with that of what was found")
-    config = _walked_in(load_config(SHIPPED), demo.collect)
+    config = walked_in(load_config(SHIPPED), demo.collect)
     sessions = ((demo.ungated, None), (demo.gated, demo.gate), (demo.after, demo.gate_after))
     jobs: list[Callable[[], list[BallResult]]] = [
         delayed(emulate)(config, session, trials, demo.seed + 1, gate_path=gate,
@@ -119,7 +119,7 @@ def _compare(demo: Demo, trials: int, quiet: bool) -> None:
         _run("predict", demo.ungated_shots, "--coefficients", coefficients, "-o", heights)
 
 
-def _walked_in(config: Config, session: Path) -> Config:
+def walked_in(config: Config, session: Path) -> Config:
     """The configuration with the aim as the driver's marks left it at the end of a session."""
     walk = (0.0, 0.0, 0.0)
     for tick, _ in TickReader(session):

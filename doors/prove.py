@@ -8,12 +8,16 @@ from pathlib import Path
 
 from doors.discover import keep_compiled
 from doors.progress import make_progress
+from doors.prove_drive import driven_table, learn_gates, play_driven
 from robot.config import BadInput
 from sim.discover.intake import FEWEST_SHOTS
 from sim.prove.keeper import Plan, answer_round, entropy, load_plan, seal_own, seal_round
+from sim.prove.ledger import read_ledger
 from sim.prove.mix import MUJOCO, NUMPY
 from sim.prove.opener import Graded, grade_round
-from sim.prove.proof_table import follow_up_table, make_tables
+from sim.prove.proof_page import make_proof_page, verdict
+from sim.prove.proof_table import make_tables
+from sim.prove.rivals.entrants import RIVALS, check_rivals
 from sim.prove.room import Room
 from sim.prove.solver import solve_round
 
@@ -22,7 +26,7 @@ was said. Without a role all are played, the solver's in a process of its own th
 answer (shoot what the solver asks for; then solve again) and grade are the roles apart. What was cut short goes on
 where it stopped."""
 EXAMPLE = "truearc prove --worlds 60 --level L1 --shots 300 --seed-from-entropy --out round/"
-ROLES = ("seal", "solve", "answer", "grade")
+ROLES = ("seal", "solve", "answer", "grade", "drive", "gates")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -38,6 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     source.add_argument("--seed-from-entropy", action="store_true", help="draw it (a round that goes on keeps its own)")
     parser.add_argument("--follow-up", action="store_true", help="where names are left, let the solver ask for up to 5 "
                         "configurations, 100 shots together, and say what it makes of them")
+    parser.add_argument("--rivals", metavar="NAMES", help=f"put others to the same tracks, too: {', '.join(RIVALS)}")
     parser.add_argument("--world", metavar="FILE", help="with seal: JSON of what is true of your own world")
     parser.add_argument("--data", metavar="DIR", help="with --world: its dataset")
     parser.add_argument("--processes", type=int, help="at a time (one a core)")
@@ -49,12 +54,15 @@ def main(args: argparse.Namespace) -> int:
     room = Room(Path(args.out))
     _check(args)
     keep_compiled()
+    if args.role in ("drive", "gates"):
+        return _drive(args, room)
     if args.world or args.data:
         return _seal_own(args, room)
     if args.role in (None, "seal"):
         seal_round(room, _plan(args, room), make_progress("seal", args.quiet), args.processes, args.scheduler)
     if args.role == "solve":
-        solve_round(room, make_progress("solve", args.quiet), args.processes, args.scheduler)
+        solve_round(room, make_progress("solve", args.quiet), args.processes, args.scheduler, check_rivals(
+            args.rivals.split(",") if args.rivals else ()))
     elif args.role is None:
         _solve_apart(args)
     if args.role == "answer" or (args.role is None and args.follow_up):
@@ -62,7 +70,17 @@ def main(args: argparse.Namespace) -> int:
     if args.role is None and args.follow_up:
         _solve_apart(args)
     if args.role in (None, "grade"):
-        _tell(grade_round(room, make_progress("grade", args.quiet), args.processes, args.scheduler))
+        _tell(room, grade_round(room, make_progress("grade", args.quiet), args.processes, args.scheduler))
+    return 0
+
+
+def _drive(args: argparse.Namespace, room: Room) -> int:
+    """The chain from recordings of the emulated robot to what its gates score; `gates` is the solver's part of it."""
+    if args.role == "gates":
+        learn_gates(room.root, args.processes)
+    else:
+        print(driven_table(play_driven(room.root, args.worlds, args.shots, _seed(args),
+                                       make_progress("drive", args.quiet), args.processes)).markdown())
     return 0
 
 
@@ -74,11 +92,15 @@ def _check(args: argparse.Namespace) -> None:
             raise BadInput(f"--{name} {value}: {least} or more")
 
 
-def _tell(graded: Sequence[Graded]) -> None:
-    again = [(one.first, one.again) for one in graded if one.again is not None]
-    print(make_tables([one.first for one in graded]) if graded else "Nothing has been claimed yet.")
-    if again:
-        print(f"\n{follow_up_table(again)}")
+def _tell(room: Room, graded: Sequence[Graded]) -> None:
+    """The tables, and the page."""
+    if not graded:
+        print("Nothing has been claimed yet.")
+        return
+    marks, again = [one.first for one in graded], [(one.first, one.again) for one in graded if one.again is not None]
+    room.report.write_text(make_proof_page(marks, again, read_ledger(room.ledger)), encoding="utf-8")
+    tables = [one.markdown() for one in make_tables(marks, again)]
+    print("\n\n".join([verdict(marks), *tables, f"report: {room.report}; every mark: {room.grades}"]))
 
 
 def _seal_own(args: argparse.Namespace, room: Room) -> int:
@@ -90,13 +112,14 @@ def _seal_own(args: argparse.Namespace, room: Room) -> int:
 
 def _plan(args: argparse.Namespace, room: Room) -> Plan:
     """What the round is drawn from: as it was begun, or as the arguments say."""
-    if room.plan.exists() and args.seed is None:
-        seed = load_plan(room).seed
-    elif args.seed is None and not args.seed_from_entropy:
-        raise BadInput("--seed N, or --seed-from-entropy")
-    else:
-        seed = entropy() if args.seed is None else args.seed
+    seed = load_plan(room).seed if room.plan.exists() and args.seed is None else _seed(args)
     return Plan(seed, args.worlds, args.level, args.shots, tuple(args.engines.split(",")))
+
+
+def _seed(args: argparse.Namespace) -> int:
+    if args.seed is None and not args.seed_from_entropy:
+        raise BadInput("--seed N, or --seed-from-entropy")
+    return entropy() if args.seed is None else int(args.seed)
 
 
 def _solve_apart(args: argparse.Namespace) -> None:
@@ -104,6 +127,7 @@ def _solve_apart(args: argparse.Namespace) -> None:
     more = ["--processes", str(args.processes)] if args.processes else []
     more += ["--scheduler", args.scheduler] if args.scheduler else []
     more += ["--quiet"] if args.quiet else []
+    more += ["--rivals", args.rivals] if args.rivals else []
     done = subprocess.run([sys.executable, "-m", "truearc", "prove", "solve", "--out", args.out, *more], check=False)
     if done.returncode:
         raise BadInput(f"the solver ended with exit code {done.returncode}")

@@ -1,6 +1,6 @@
 """Marks of one opened world: what was claimed against what was true."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from msgspec import Struct, structs
@@ -20,8 +20,10 @@ class Mark(Struct, frozen=True):
 
     first: the first name is right. alias: or of a class with the right one. covered: the set has a right name. both:
     of two effects both are named. error: amplitude of the right name, less the truth, over the best standard error that
-    anybody could have (Cramer and Rao). kept: held-out gain over the gain of the true term itself, likewise gain and
-    oracle_gain. allowed: chances that the data allow to find, name, name up to alias, place.
+    anybody could have (Cramer and Rao). gain, oracle_gain: held out, here and by the true term itself, nats a shot.
+    allowed: chances that the data allow to find, name, name up to alias, place. right: names of the catalogue that
+    would be right. rivals: of others put to the same data, whether each says something, and of its first name what
+    `first` and `alias` are of ours.
     """
 
     world: str
@@ -46,30 +48,53 @@ class Mark(Struct, frozen=True):
     gain: float | None = None
     oracle_gain: float | None = None
     allowed: tuple[float, ...] | None = None
+    right: tuple[str, ...] = ()
+    rivals: dict[str, tuple[bool, bool | None, bool | None]] = {}
 
 
-def mark(drawn: Drawn, finding: Finding, measured: Measured) -> Mark:
-    """Against the sealed truth; `measured`: what the data themselves allow, as far as it was worked out."""
+def mark(drawn: Drawn, finding: Finding, measured: Measured, rivals: Mapping[str, Any] | None = None) -> Mark:
+    """Against the sealed truth; `measured`: what the data themselves allow, as far as it was worked out; rivals:
+    {name: its claim (sim.prove.rivals.claim)}."""
     names, found = names_ranked(finding)[:1], bool(finding["mismatch"]["found"])
     further = [one["what"][0]["term"] for one in finding.get("also") or () if one.get("set") and one["what"]]
     said = said_set(finding) if found else []
     plain = Mark(drawn.name, drawn.engine, drawn.kind, drawn.level, drawn.shots, hidden_of(drawn),
-                 min(drawn.strength.values(), default=None), found, finding["mismatch"].get("p_value"),
+                 _strength(drawn, measured), found, finding["mismatch"].get("p_value"),
                  str(finding["verdict"]), tuple(said) if finding["verdict"] in ("named", "set") else (),
                  len(said) if said else None)
-    if not found or drawn.kind in NULLS:
-        return structs.replace(plain, allowed=measured.allowed)
     right, stages = right_names(drawn), right_stages(drawn)
-    more = {"stage": said_stage(finding.get("where") or {}) in stages if stages else None, "allowed": measured.allowed,
+    plain = structs.replace(plain, allowed=measured.allowed, right=right, rivals={
+        name: _rival(drawn, claim, right, measured) for name, claim in (rivals or {}).items()})
+    if not found or drawn.kind in NULLS:
+        return plain
+    more = {"stage": said_stage(finding.get("where") or {}) in stages if stages else None,
             "gain": gain_said(finding)[0], "oracle_gain": measured.oracle_gain}
     if not right:                     # in no catalogue: only the stage can be right, and no name
         return structs.replace(plain, **more)
     more |= {"first": bool(names) and names[0] in right, "covered": bool(set(said) & set(right)),
-             "alias": bool(names) and (names[0] in right or any(
-                 is_alias(drawn.level, name, names) for name in right) or names[0] in measured.alike)}
+             "alias": _alike(drawn, names, right, measured)}
     if drawn.kind == "two":
         more["both"] = set(right) <= {*names, *further}
     return structs.replace(plain, **more, **_size(drawn, finding, measured))
+
+
+def _strength(drawn: Drawn, measured: Measured) -> float | None:
+    """Lambda in these very data where it was worked out, else by the ladder's table."""
+    return min(drawn.strength.values(), default=None) if measured.strength is None else measured.strength
+
+
+def _alike(drawn: Drawn, names: Sequence[str], right: Sequence[str], measured: Measured) -> bool:
+    """Whether the first of these names is right, or of a class with a right one."""
+    return bool(names) and (names[0] in right or names[0] in measured.alike
+                            or any(is_alias(drawn.level, name, names) for name in right))
+
+
+def _rival(drawn: Drawn, claim: Mapping[str, Any], right: Sequence[str],
+           measured: Measured) -> tuple[bool, bool | None, bool | None]:
+    says, names = bool(claim["says_something"]), list(claim["names"])[:1]
+    if not right:
+        return says, None, None
+    return says, says and bool(names) and names[0] in right, says and _alike(drawn, names, right, measured)
 
 
 def hidden_of(drawn: Drawn) -> tuple[str, ...]:

@@ -87,7 +87,7 @@ def _shared_out(worlds: int) -> list[int]:
 def _draw(rng: np.random.Generator, name: str, kind: str, level: str, shots: int, engines: tuple[str, ...]) -> Drawn:
     seed = FIRST_SEED + int(rng.integers(1 << 62))
     if MUJOCO in engines and kind in ("clean", "one") and (NUMPY not in engines or rng.random() < IN_MUJOCO):
-        return _changed(rng, Drawn(name, MUJOCO, kind, level, shots, seed))
+        return change_one(rng, Drawn(name, MUJOCO, kind, level, shots, seed))
     sizes = _sizes(rng, kind, level, shots)
     effects = {effect: _amount(rng, effect, level, shots, size) for effect, size in sizes.items()}
     strength = {effect: strength_of(effect, amount, level, shots) for effect, amount in effects.items()}
@@ -146,7 +146,7 @@ def _dirt(rng: np.random.Generator, kind: str, level: str) -> tuple[str, ...]:
     return ()
 
 
-def _changed(rng: np.random.Generator, drawn: Drawn) -> Drawn:
+def change_one(rng: np.random.Generator, drawn: Drawn) -> Drawn:
     """A MuJoCo world: nothing changed, or one thing, by so much."""
     if drawn.kind == "clean":
         return structs.replace(drawn, change=CHANGES[0].name)

@@ -90,10 +90,10 @@ def mark_world(root: Path, world: str) -> Graded:
     room = Room(root)
     drawn = drawn_of(load_seal(room.seal(world)).world, room.seal(world))
     measured = measure(drawn, load_dataset(room.data(world)))
-    first, again = (mark(drawn, msgspec.json.decode(path.read_bytes())["finding"], measured) if path.is_file() else None
-                    for path in (room.claims(world), room.again(world)))
-    assert first is not None
-    return Graded(world, first, again)
+    claims = [msgspec.json.decode(path.read_bytes()) for path in (room.claims(world), room.again(world))
+              if path.is_file()]
+    first, *again = (mark(drawn, one["finding"], measured, one.get("rivals")) for one in claims)
+    return Graded(world, first, again[0] if again else None)
 
 
 def graded_of(room: Room) -> tuple[Graded, ...]:

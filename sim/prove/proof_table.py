@@ -1,38 +1,43 @@
 """Tables of a round of proof, with Wilson 95 % intervals."""
 
 from collections.abc import Callable, Iterable, Sequence
+from itertools import pairwise
+from operator import attrgetter
+from typing import NamedTuple
 
 from sim.intervals import wilson
 from sim.prove.marking import NULLS, Mark
+from sim.prove.proof_targets import against_targets
 
-PLAIN = 50.0                          # lambda, from which what has no name should be told as such (the design)
 VERDICTS = ("none", "named", "set", "unknown")
+GROUPS = {"nothing": NULLS, "one of the catalogue": ("one", "decoy"), "aliases": ("alias",), "two": ("two",),
+          "in no catalogue": ("off",)}
+STEPS = (0.0, 1.0, 3.0, 7.0, 15.0, 35.0, 100.0, float("inf"))      # of lambda
 Question = Callable[[Mark], bool | None]
+Again = Sequence[tuple[Mark, Mark]]
 
 
-def make_tables(marks: Sequence[Mark]) -> str:
-    """Markdown: false alarms, what was found by how plain it was, what was right, and the abstention matrix."""
-    return "\n\n".join([_alarms(marks), _ladder(marks), _right(marks), _matrix(marks)])
+class Table(NamedTuple):
+    title: str
+    head: tuple[str, ...]
+    rows: list[list[str]]
+
+    def markdown(self) -> str:
+        lines = [self.head, ["---"] * len(self.head), *self.rows]
+        return f"### {self.title}\n\n" + "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
-def follow_up_table(pairs: Sequence[tuple[Mark, Mark]]) -> str:
-    """(first, again) of the worlds that were shot again: what the further shots told."""
-    rows = ["| worlds shot again | set before | after | first name right before | after | the right name alone before "
-            "| after |", "|---|---|---|---|---|---|---|"]
-    named = [pair for pair in pairs if pair[0].first is not None]
-    if not named:
-        return ""
-    sizes = [[one.set_size for one in side if one.set_size is not None] for side in zip(*named, strict=True)]
-    cells = [f"{sum(side) / len(side):.1f}" if side else "-" for side in sizes]
-    for question in (lambda one: one.first, lambda one: bool(one.first) and one.names == one.hidden):
-        cells += [said(*share(side, question)) for side in zip(*named, strict=True)]
-    return "\n".join([*rows, f"| {len(named)} | {' | '.join(cells)} |"])
+def make_tables(marks: Sequence[Mark], again: Again = ()) -> list[Table]:
+    """False alarms, what was found by how plain it was, what was right, the abstention matrix, against the design, and
+    what further shots told; again: (first, then) of the worlds that were shot again."""
+    tables = [_alarms(marks), _ladder(marks), _right(marks), _matrix(marks), _targets(marks), _rivals(marks),
+              _again(again)]
+    return [one for one in tables if one.rows]
 
 
 def share(marks: Iterable[Mark], question: Question) -> tuple[int, int]:
     """(yes, of) of those that answer."""
-    answers = [answer for answer in map(question, marks) if answer is not None]
-    return sum(answers), len(answers)
+    return _yes(map(question, marks))
 
 
 def said(yes: int, of: int) -> str:
@@ -40,68 +45,107 @@ def said(yes: int, of: int) -> str:
     return f"{yes}/{of} = {yes / of:.2f} ({low:.2f}-{high:.2f})" if of else "-"
 
 
-def _alarms(marks: Sequence[Mark]) -> str:
-    rows = ["| worlds in which nothing is missing | false alarms | a name was given |", "|---|---|---|"]
+def matrix_of(marks: Sequence[Mark]) -> dict[str, list[int]]:
+    """{what was true: worlds by verdict}, of what there was."""
+    return {title: [sum(one.verdict == word for one in marks if one.kind in kinds) for word in VERDICTS]
+            for title, kinds in GROUPS.items() if any(one.kind in kinds for one in marks)}
+
+
+def ladder_of(marks: Sequence[Mark]) -> list[tuple[float, float, list[Mark]]]:
+    """(least lambda, most, worlds with one hidden effect of the catalogue in between)."""
+    single = [one for one in marks if one.kind in ("one", "alias")]
+    steps = [(low, high, [one for one in single if one.strength is not None and low <= one.strength < high])
+             for low, high in pairwise(STEPS)]
+    return [step for step in steps if step[2]]
+
+
+def _alarms(marks: Sequence[Mark]) -> Table:
     nulls = [one for one in marks if one.kind in NULLS]
-    for title, mine in (("clean", [one for one in nulls if one.kind == "clean" and one.engine == "numpy"]),
-                        ("dirty", [one for one in nulls if one.kind == "dirty"]),
-                        ("MuJoCo, unchanged", [one for one in nulls if one.engine == "mujoco"]), ("together", nulls)):
-        rows.append(f"| {title} | {said(*share(mine, lambda one: one.found))} | "
-                    f"{said(*share(mine, lambda one: bool(one.names)))} |")
-    return "\n".join(rows)
+    groups = {"clean": [one for one in nulls if one.kind == "clean" and one.engine == "numpy"],
+              "dirty": [one for one in nulls if one.kind == "dirty"],
+              "MuJoCo, unchanged": [one for one in nulls if one.engine == "mujoco"], "together": nulls}
+    rows = [[title, said(*share(mine, lambda one: one.found)), said(*share(mine, lambda one: bool(one.names)))]
+            for title, mine in groups.items() if mine]
+    return Table("Worlds in which nothing is missing (nominal 0.05)", ("", "false alarms", "a name was given"), rows)
 
 
-def _ladder(marks: Sequence[Mark]) -> str:
-    """One hidden effect of the catalogue, by lambda."""
-    rows = ["| one hidden effect, lambda | found | these data allow | first name right | up to alias | in the set | "
-            "stage |", "|---|---|---|---|---|---|---|"]
-    single = [one for one in marks if one.kind in ("one", "alias") and one.strength is not None]
-    for low, high in ((0.0, 1.0), (1.0, 3.0), (3.0, 7.0), (7.0, 15.0), (15.0, 35.0), (35.0, 100.0), (100.0, 1e9)):
-        mine = [one for one in single if one.strength is not None and low <= one.strength < high]
-        if mine:
-            allowed = [one.allowed[0] for one in mine if one.allowed]
-            cells = [said(*share(mine, lambda one: one.found)),
+def _ladder(marks: Sequence[Mark]) -> Table:
+    rows = []
+    for low, high, mine in ladder_of(marks):
+        allowed = [one.allowed[0] for one in mine if one.allowed]
+        rows.append([f"{low:g}-{high:g}" if high < STEPS[-1] else f"{low:g} and more",
+                     said(*share(mine, lambda one: one.found)),
                      f"{sum(allowed) / len(allowed):.2f}" if allowed else "-",
-                     *(said(*share(mine, question)) for question in (
-                         lambda one: one.first, lambda one: one.alias, lambda one: one.covered, lambda one: one.stage))]
-            rows.append(f"| {low:g}-{high:g} | {' | '.join(cells)} |" if high < 1e9 else
-                        f"| {low:g} and more | {' | '.join(cells)} |")
-    return "\n".join(rows)
+                     *(said(*share(mine, attrgetter(name))) for name in ("first", "alias", "covered", "stage"))])
+    return Table("One hidden effect, by how plain it is", (
+        "lambda", "found", "these data allow", "first name right", "up to alias", "in the set", "stage"), rows)
 
 
-def _right(marks: Sequence[Mark]) -> str:
+def _right(marks: Sequence[Mark]) -> Table:
     """Each kind of world in which something is hidden, of those found."""
-    rows = ["| hidden | found | stage | first name right | up to alias | in the set | set size | interval holds | "
-            "error / least possible, RMS | gain kept |", "|---|---|---|---|---|---|---|---|---|---|"]
     kinds = {"one effect": ("numpy", "one"), "two effects": ("numpy", "two"), "aliases": ("numpy", "alias"),
              "with a decoy": ("numpy", "decoy"), "in no catalogue": ("numpy", "off"),
-             "MuJoCo, one thing changed": ("mujoco", "one")}
+             "MuJoCo, one thing changed": ("mujoco", "one"), "somebody else's": ("own", "one")}
+    rows = []
     for title, (engine, kind) in kinds.items():
         mine = [one for one in marks if (one.engine, one.kind) == (engine, kind)]
-        if not mine:
-            continue
         errors = [one.error for one in mine if one.error is not None]
         sizes = [one.set_size for one in mine if one.set_size is not None]
         pairs = [(one.gain, one.oracle_gain) for one in mine if one.gain is not None and one.oracle_gain is not None]
         best = sum(oracle for _, oracle in pairs)
-        cells = [*(said(*share(mine, question)) for question in (
-                     lambda one: one.found, lambda one: one.stage, lambda one: one.first, lambda one: one.alias,
-                     lambda one: one.covered)),
-                 f"{sum(sizes) / len(sizes):.1f}" if sizes else "-", said(*share(mine, lambda one: one.holds)),
-                 f"{(sum(error**2 for error in errors) / len(errors))**0.5:.2f}" if errors else "-",
-                 f"{sum(gain for gain, _ in pairs) / best:.2f}" if best > 0.0 else "-"]
-        rows.append(f"| {title} | {' | '.join(cells)} |")
-    return "\n".join(rows)
-
-
-def _matrix(marks: Sequence[Mark]) -> str:
-    """What was true against what was said."""
-    rows = [f"| true, said | {' | '.join(VERDICTS)} |", "|---|" + "---|" * len(VERDICTS)]
-    groups = {"nothing": NULLS, "one of the catalogue": ("one", "decoy"), "aliases": ("alias",), "two": ("two",),
-              "in no catalogue": ("off",)}
-    for title, kinds in groups.items():
-        mine = [one for one in marks if one.kind in kinds]
         if mine:
-            rows.append(f"| {title} | {' | '.join(str(sum(one.verdict == word for one in mine)) for word in VERDICTS)} "
-                        "|")
-    return "\n".join(rows)
+            rows.append([title, *(said(*share(mine, attrgetter(name)))
+                                  for name in ("found", "stage", "first", "alias", "covered")),
+                         f"{sum(sizes) / len(sizes):.1f}" if sizes else "-",
+                         said(*share(mine, lambda one: one.holds)),
+                         f"{(sum(error**2 for error in errors) / len(errors))**0.5:.2f}" if errors else "-",
+                         f"{sum(gain for gain, _ in pairs) / best:.2f}" if best > 0.0 else "-"])
+    return Table("Worlds in which something is hidden; from `stage` on, of those found", (
+        "hidden", "found", "stage", "first name right", "up to alias", "in the set", "set size", "interval holds",
+        "error / least possible, RMS", "gain kept"), rows)
+
+
+def _matrix(marks: Sequence[Mark]) -> Table:
+    rows = [[title, *map(str, counts)] for title, counts in matrix_of(marks).items()]
+    return Table("What was true against what was said", ("true, said", *VERDICTS), rows)
+
+
+def _targets(marks: Sequence[Mark]) -> Table:
+    return Table("Against the design's targets", (
+        "level, shots", "figure", "here", "these data allow", "wanted", ""), against_targets(marks))
+
+
+def _rivals(marks: Sequence[Mark]) -> Table:
+    """truearc and the rest, in the same worlds: those that rivals were put to."""
+    mine = [(one, {"truearc": _ours(one)} | one.rivals) for one in marks if one.rivals]
+    said_of = {name: [(one, answers[name]) for one, answers in mine if name in answers]
+               for name in dict.fromkeys(name for _, answers in mine for name in answers)}
+    rows = []
+    for name, answers in said_of.items():
+        nulls = [answer[0] for one, answer in answers if one.kind in NULLS]
+        hidden = [answer for one, answer in answers if one.kind not in NULLS]
+        rows.append([name, said(sum(nulls), len(nulls)), *(said(*_yes([answer[k] for answer in hidden]))
+                                                          for k in range(3))])
+    return Table("Beside others, in the same worlds (with tracks)", (
+        "", "says something though nothing is missing", "says something where something is hidden",
+        "first name right, of all with a name to be found", "up to alias"), rows)
+
+
+def _ours(one: Mark) -> tuple[bool, bool | None, bool | None]:
+    return (one.found, bool(one.first), bool(one.alias)) if one.right else (one.found, None, None)
+
+
+def _yes(answers: Iterable[bool | None]) -> tuple[int, int]:
+    known = [answer for answer in answers if answer is not None]
+    return sum(known), len(known)
+
+
+def _again(pairs: Again) -> Table:
+    named = [pair for pair in pairs if pair[0].first is not None]
+    sizes = [[one.set_size for one in side if one.set_size is not None] for side in zip(*named, strict=True)]
+    cells = [f"{sum(side) / len(side):.1f}" if side else "-" for side in sizes]
+    for question in (lambda one: one.first, lambda one: bool(one.first) and one.names == one.hidden):
+        cells += [said(*share(side, question)) for side in zip(*named, strict=True)]
+    return Table("What the shots that were asked for told", (
+        "worlds shot again", "set before", "after", "first name right before", "after",
+        "the right name alone before", "after"), [[str(len(named)), *cells]] if named else [])

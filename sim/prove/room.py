@@ -9,6 +9,7 @@
     ROUND/keeper/round.json       how the round was drawn; not for the solver
     ROUND/keeper/w0001.json       its seal; not for the solver
     ROUND/grades.jsonl            marks of opened worlds
+    ROUND/report.html             them all, in pictures and tables
 """
 
 from pathlib import Path
@@ -40,6 +41,10 @@ class Room(NamedTuple):
     @property
     def grades(self) -> Path:
         return self.root / "grades.jsonl"
+
+    @property
+    def report(self) -> Path:
+        return self.root / "report.html"
 
     def more(self, world: str) -> Path:
         return self.root / "more" / world

@@ -25,6 +25,8 @@ from sim.discover.finding import make_json
 from sim.fanout import fan_out
 from sim.prove.ledger import append, digest
 from sim.prove.making import HOME
+from sim.prove.rivals.claim import believed_of
+from sim.prove.rivals.entrants import find_rival
 from sim.prove.room import ANSWERED, CLAIMED, CLAIMED_AGAIN, SEALED, Room
 from sim.prove.seal import canonical, hash_files
 from sim.shots import Dataset, join_datasets, load_dataset
@@ -41,33 +43,38 @@ ROOMS = ("discover", "physics", "fit")       # whose sources say which solver it
 _forbidden: list[str] = []
 
 
-def solve_round(room: Room, progress: Progress, workers: int | None = None, scheduler: str | None = None) -> None:
-    """Claims for every sealed world that has none in the ledger, and second ones where more shots were given. Call it
-    in a process of its own: afterwards this one can open nothing of the keeper's any more."""
+def solve_round(room: Room, progress: Progress, workers: int | None = None, scheduler: str | None = None,
+                rivals: tuple[str, ...] = ()) -> None:
+    """Claims for every sealed world that has none in the ledger, and second ones where more shots were given; rivals:
+    others (sim.prove.rivals) that are put to the same tracks. Call it in a process of its own: afterwards this one can
+    open nothing of the keeper's any more."""
     steps = room.steps()
     forbid(room.keeper)
     names = [name for name, done in steps.items() if SEALED in done and name != HOME]
     first = [name for name in names if CLAIMED not in steps[name]]
     again = [name for name in names if ANSWERED in steps[name] and CLAIMED_AGAIN not in steps[name]]
-    for todo, work, step, path in ((first, solve, CLAIMED, room.claims),
-                                   (again, solve_again, CLAIMED_AGAIN, room.again)):
+    for todo, work, step, path in ((first, partial(solve, room.root.resolve(), rivals), CLAIMED, room.claims),
+                                   (again, partial(solve_again, room.root.resolve()), CLAIMED_AGAIN, room.again)):
         for begin in range(0, len(todo), AT_ONCE):
             batch = todo[begin:begin + AT_ONCE]
             progress(begin / len(todo), f"worlds are discovered in ({step})")
-            fan_out(partial(work, room.root.resolve()), batch, scheduler, workers=workers)
+            fan_out(work, batch, scheduler, workers=workers)
             for name in batch:
                 append(room.ledger, step, name, digest(path(name).read_bytes()))
     progress(1.0, f"{len(names)} worlds claimed")
 
 
-def solve(root: Path, world: str) -> None:
-    """One world's claims, written whole or not at all."""
+def solve(root: Path, rivals: tuple[str, ...], world: str) -> None:
+    """One world's claims, and those of rivals where there are tracks, written whole or not at all."""
     room = Room(root)
     forbid(room.keeper)
     directory = room.data(world)
     found, dataset = _discover(room, world, None)
     claims = {"schema": SCHEMA, "world": world, "solver": solver_id(), "data": hash_files(directory),
               "finding": msgspec.json.decode(make_json(found.finding)), "asked": asked_for(found, dataset)}
+    believed = believed_of(found)
+    if rivals and dataset.tracks is not None and believed is not None:
+        claims["rivals"] = {name: msgspec.to_builtins(find_rival(name)(dataset, believed, 0)) for name in rivals}
     _write(room.claims(world), claims)
 
 

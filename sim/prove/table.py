@@ -22,27 +22,28 @@ L2_300 = ("L2", 300, 0.25)
 SETTINGS = (L0_300, L0_1000, L1_300, L1_1000, L2_300)
 
 
-def _at(*values: float) -> dict[Setting, float]:
+def goals(*values: float) -> dict[Setting, float]:
+    """{setting: figure}, of SETTINGS."""
     return dict(zip(SETTINGS, values, strict=True))
 
 
 TARGETS = (
-    Target("detected", True, _at(0.45, 0.72, 0.50, 0.74, 0.72)),
-    Target("stage", True, _at(0.72, 0.78, 0.82, 0.88, 0.97)),
-    Target("top-1", True, _at(0.62, 0.70, 0.74, 0.82, 0.88)),
-    Target("up to alias", True, _at(0.74, 0.82, 0.78, 0.86, 0.95)),
-    Target("in the set", True, _at(0.90, 0.90, 0.90, 0.90, 0.90)),
-    Target("set size", False, _at(5.0, 3.5, 4.5, 2.5, 1.6)),
-    Target("interval holds", True, _at(0.86, 0.86, 0.86, 0.86, 0.86)),
-    Target("gain kept", True, _at(0.70, 0.82, 0.75, 0.87, 0.90)),
-    Target("gain below 0", False, _at(0.05, 0.03, 0.05, 0.03, 0.02)),
-    Target("called unknown", False, _at(0.10, 0.10, 0.10, 0.08, 0.05)),
-    Target("named wrong", False, _at(0.10, 0.10, 0.10, 0.10, 0.05)),
-    Target("off: unknown", True, _at(0.40, 0.55, 0.55, 0.70, 0.85)),
+    Target("detected", True, goals(0.45, 0.72, 0.50, 0.74, 0.72)),
+    Target("stage", True, goals(0.72, 0.78, 0.82, 0.88, 0.97)),
+    Target("top-1", True, goals(0.62, 0.70, 0.74, 0.82, 0.88)),
+    Target("up to alias", True, goals(0.74, 0.82, 0.78, 0.86, 0.95)),
+    Target("in the set", True, goals(0.90, 0.90, 0.90, 0.90, 0.90)),
+    Target("set size", False, goals(5.0, 3.5, 4.5, 2.5, 1.6)),
+    Target("interval holds", True, goals(0.86, 0.86, 0.86, 0.86, 0.86)),
+    Target("gain kept", True, goals(0.70, 0.82, 0.75, 0.87, 0.90)),
+    Target("gain below 0", False, goals(0.05, 0.03, 0.05, 0.03, 0.02)),
+    Target("called unknown", False, goals(0.10, 0.10, 0.10, 0.08, 0.05)),
+    Target("named wrong", False, goals(0.10, 0.10, 0.10, 0.10, 0.05)),
+    Target("off: unknown", True, goals(0.40, 0.55, 0.55, 0.70, 0.85)),
 )
 # The ceilings that the design's targets were set against (its section 4.4).
-DESIGN_CEILING = {"detected": _at(0.53, 0.82, 0.56, 0.83, 0.80), "top-1": _at(0.70, 0.77, 0.81, 0.88, 0.92),
-                  "up to alias": _at(0.80, 0.88, 0.82, 0.90, 0.98), "stage": _at(0.79, 0.83, 0.88, 0.92, 0.99)}
+DESIGN_CEILING = {"detected": goals(0.53, 0.82, 0.56, 0.83, 0.80), "top-1": goals(0.70, 0.77, 0.81, 0.88, 0.92),
+                  "up to alias": goals(0.80, 0.88, 0.82, 0.90, 0.98), "stage": goals(0.79, 0.83, 0.88, 0.92, 0.99)}
 CEILINGS = {"detected": 0, "top-1": 1, "up to alias": 2, "stage": 3}      # places in sim.prove.ceiling.Ceiling
 RESOLVABLE = 50.0                     # lambda, from which what has no name should be told as such (the design)
 LOWEST_ALARMS, HIGHEST_ALARMS = 0.03, 0.07
@@ -186,7 +187,7 @@ def _against_targets(setting: Setting, grades: Sequence[Grade]) -> str:
     for target in TARGETS:
         value, wanted = values[target.figure], target.at.get(setting)
         allowed = ceiling_of(catalogued, CEILINGS[target.figure]) if target.figure in CEILINGS else None
-        scaled = _scaled(setting, target, allowed)
+        scaled = scaled_target(setting, target, allowed)
         said = ["-" if goal is None else f"{'>=' if target.least else '<='} {goal:.2g}" for goal in (wanted, scaled)]
         goal = wanted if scaled is None else scaled
         if value is None or goal is None:
@@ -198,7 +199,7 @@ def _against_targets(setting: Setting, grades: Sequence[Grade]) -> str:
     return "\n".join([*lines, ""])
 
 
-def _scaled(setting: Setting, target: Target, allowed: float | None) -> float | None:
+def scaled_target(setting: Setting, target: Target, allowed: float | None) -> float | None:
     """The target times our ceiling over the design's (its section 8 asks to keep the ratios); None without either."""
     theirs = DESIGN_CEILING.get(target.figure, {}).get(setting)
     wanted = target.at.get(setting)

@@ -4,10 +4,13 @@ from typing import Any
 
 import pytest
 
+from sim.prove.ledger import Entry
 from sim.prove.marking import Mark, mark
 from sim.prove.measure import Measured
 from sim.prove.mix import Drawn
+from sim.prove.proof_page import make_proof_page, verdict
 from sim.prove.proof_table import make_tables
+from sim.prove.proof_targets import against_targets
 
 ONE = Drawn("w1", "numpy", "one", "L1", 300, 1, {"wind_x": 2.0}, (), "", {"wind_x": 20.0})
 
@@ -67,7 +70,40 @@ def test_tables_count_every_world_once() -> None:
     clean = Drawn("w6", "numpy", "clean", "L1", 300, 1)
     marks: list[Mark] = [mark(clean, finding(found=False, verdict="none"), Measured())] * 19
     marks += [mark(clean, finding(("wind_x", 0.9)), Measured()), mark(ONE, finding(("wind_x", 0.95)), Measured())]
-    text = make_tables(marks)
+    text = "\n".join(one.markdown() for one in make_tables(marks))
     assert "| together | 1/20 = 0.05 (0.01-0.24) | 1/20" in text
     assert "| nothing | 19 | 1 | 0 | 0 |" in text
     assert "| 15-35 | 1/1" in text
+
+
+def test_what_others_say_of_the_same_world_is_marked_by_the_same_rule() -> None:
+    claims = {"gp": {"says_something": True, "names": []}, "argmax": {"says_something": True, "names": ["spin_drag"]},
+              "boosted": {"says_something": False, "names": ["wind_x"]}}
+    told = mark(ONE, finding(("wind_x", 0.95)), Measured(None, ("spin_drag",)), claims)
+    assert told.rivals == {"gp": (True, False, False), "argmax": (True, False, True), "boosted": (False, False, False)}
+    clean = mark(Drawn("w6", "numpy", "clean", "L2", 300, 1), finding(found=False, verdict="none"), Measured(), claims)
+    assert clean.rivals["argmax"] == (True, None, None)
+    (table,) = [one for one in make_tables([told, clean]) if "Beside others" in one.title]
+    rows = {row[0]: row[1:] for row in table.rows}
+    assert rows["truearc"][0].startswith("0/1") and rows["truearc"][2].startswith("1/1")
+    assert rows["argmax"][0].startswith("1/1") and rows["argmax"][2].startswith("0/1")
+    assert rows["argmax"][3].startswith("1/1")
+
+
+def test_figures_stand_beside_the_design_s_targets_scaled_to_what_the_data_allow() -> None:
+    allowed = Measured((0.28, 0.2, 0.25, 0.26), (), 0.4, 0.2)
+    seen = mark(ONE, finding(("wind_x", 0.95)), allowed)
+    missed = mark(ONE, finding(found=False, verdict="none"), allowed)
+    rows = {row[1]: row[2:] for row in against_targets([seen, missed, missed, missed])}
+    assert rows["detected"] == ["1/4 = 0.25 (0.05-0.70)", "0.28", ">= 0.25 (scaled)", "reached"]      # .50 of .56
+    assert rows["top-1"][3] == "reached" and rows["amplitude's RMS error / least"][0] == "0.50"
+    assert rows["gain kept"] == ["0.50", "-", ">= 0.75", "NOT REACHED"]
+    assert "off: unknown" not in rows                # nothing of that kind was there
+
+
+def test_the_page_says_all_in_a_sentence_and_holds_every_world_and_line() -> None:
+    marks = [mark(ONE, finding(("wind_x", 0.95)), Measured()),
+             mark(Drawn("w6", "numpy", "clean", "L1", 300, 1), finding(found=False, verdict="none"), Measured())]
+    assert verdict(marks).startswith("Where nothing was missing, something was claimed in 0 of 1 worlds (0% to 79%).")
+    page = make_proof_page(marks, (), (Entry(1, "sealed", "w1", "ab" * 32, "0" * 64),))
+    assert page.count("data:image/png") == 3 and "wind_x" in page and "abababababababab" in page

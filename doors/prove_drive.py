@@ -1,0 +1,218 @@
+"""The whole chain in sealed worlds: the emulated robot records, the solver learns gates, the robot drives with them.
+
+A round of its own, in ROUND/driven, with its own ledger. A world is MuJoCo's with one thing changed that nobody is
+told; its data are recordings of the emulated robot, through its buses and camera. From them alone the solver fits the
+seed's physics, discovers and adopts what that lacks, and trains a gate on either: `before` and `after`, alike in all
+else. Then the seal is opened, and the same robot drives in the same world without a gate and with each.
+"""
+
+import contextlib
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+
+import msgspec
+import numpy as np
+from msgspec import Struct
+
+import robot
+from doors.demo import TERMS, walked_in
+from doors.demo_files import Score, score
+from doors.discover import adopt, keep_compiled
+from doors.twin import emulate
+from robot.config import BadInput, load_config
+from sim.discover.discover import discover
+from sim.discover.finding import make_json
+from sim.fanout import fan_out
+from sim.intervals import difference
+from sim.prove.ledger import append, digest
+from sim.prove.mix import FIRST_SEED, MUJOCO, Drawn, change_one, drawn_of
+from sim.prove.opener import check_world
+from sim.prove.proof_table import Table, said
+from sim.prove.room import CLAIMED, GRADED, OPENED, SEALED, Room
+from sim.prove.seal import canonical, hash_files, load_seal, make_seal, save_seal
+from sim.prove.solver import FALSE_ALARM, SCHEMA, forbid, solver_id
+from sim.prove.worldfile import append_line, lines_of, mend
+from sim.recordings import shots_from_sessions
+from sim.shots import load_dataset, save_dataset
+from sim.world.options import Options
+from truearc import main as front_door
+
+LEVEL = "L1"
+AT_ONCE = 4                           # worlds between two entries in the ledger
+SHIPPED = Path(robot.__file__).parent / "launcher.toml"
+NO_GATE, SIDES = "no gate", ("before", "after")
+Progress = Callable[[float, str], None]
+
+
+class Driven(Struct, frozen=True):
+    """One world: (threes, fired) without a gate and with either, and what discovery had said of it."""
+
+    world: str
+    change: str
+    verdict: str
+    names: tuple[str, ...]
+    scored: dict[str, Score]
+
+
+def room_of(root: Path) -> Room:
+    """Where the driven worlds of a round are."""
+    return Room(root / "driven")
+
+
+def play_driven(root: Path, worlds: int, trials: int, seed: int, progress: Progress,
+                workers: int | None = None) -> list[Driven]:
+    """Seal, have gates learnt by a process that is refused the seals, open, and drive; nothing is done twice."""
+    room = room_of(root)
+    room.keeper.mkdir(parents=True, exist_ok=True)
+    names = [f"r{number:04d}" for number in range(1, worlds + 1)]
+    _in_batches([name for name in names if SEALED not in room.steps().get(name, {})],
+                partial(_seal, room.root.resolve(), trials, seed), room, SEALED,
+                lambda done: progress(0.3 * done, "the emulated robot records"), workers)
+    progress(0.3, "gates are learnt")
+    more = ["--processes", str(workers)] if workers else []
+    if subprocess.run([sys.executable, "-m", "truearc", "prove", "gates", "--out", str(root), *more],
+                      check=False).returncode:
+        raise BadInput(f"{room.root}: no gates were learnt; the reason is above")
+    _open(room, names)
+    mend(room.grades)
+    _in_batches([name for name in names if GRADED not in room.steps()[name]],
+                partial(_drive, room.root.resolve(), trials), room, GRADED,
+                lambda done: progress(0.5 + 0.5 * done, "the robot drives"), workers)
+    return driven_of(room)
+
+
+def _in_batches(names: Sequence[str], work: Callable[[str], str], room: Room, step: str,
+                progress: Callable[[float], None], workers: int | None) -> None:
+    """Work, and enter its hash in the ledger, a few worlds at a time."""
+    for first in range(0, len(names), AT_ONCE):
+        progress(first / len(names))
+        batch = names[first:first + AT_ONCE]
+        for name, sha256 in zip(batch, fan_out(work, batch, workers=workers), strict=True):
+            append(room.ledger, step, name, sha256)
+
+
+def _seal(root: Path, trials: int, seed: int, name: str) -> str:
+    """Record a practice session in a world that is drawn from seed and name; the commitment to it."""
+    room, rng = Room(root), np.random.default_rng([seed, *name.encode()])
+    drawn = change_one(rng, Drawn(name, MUJOCO, "one", LEVEL, trials, FIRST_SEED + int(rng.integers(1 << 40))))
+    session = _session(room, name, "practice")
+    for old in (session, room.data(name)):
+        shutil.rmtree(old, ignore_errors=True)
+    emulate(load_config(SHIPPED), session, trials, drawn.seed, _options(drawn))
+    save_dataset(room.data(name), shots_from_sessions([session], name))
+    seal = make_seal(msgspec.to_builtins(drawn), "the emulated robot", room.data(name))
+    save_seal(room.seal(name), seal)
+    return seal.commitment
+
+
+def learn_gates(root: Path, workers: int | None = None) -> None:
+    """The solver's part, in a process of its own: gates and claims for every sealed world that has none."""
+    room = room_of(root)
+    steps = room.steps()
+    forbid(room.keeper)
+    _in_batches([name for name, done in steps.items() if CLAIMED not in done], partial(_learn, room.root.resolve()),
+                room, CLAIMED, lambda done: None, workers)
+
+
+def _learn(root: Path, name: str) -> str:
+    """Both gates from the recordings, as anyone could with truearc's verbs; the claims' hash."""
+    room = Room(root)
+    forbid(room.keeper)
+    keep_compiled()
+    data, folder = room.data(name), room.root / "gates" / name
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    found = discover(load_dataset(data), None, FALSE_ALARM, 0)
+    with (folder / "verbs.txt").open("w", encoding="utf-8") as said_here, contextlib.redirect_stdout(said_here):
+        adopt(found, str(data), str(folder / "after.toml"))
+        _verb("fit", data, "--method", "ml", "--terms", TERMS, "-o", folder / "before.toml", "--quiet")
+        for side in SIDES:
+            weights, gate = folder / f"{side}_weights", _gate(room, name, side)
+            _verb("train", "--model", "physics", "--real", data, "--coefficients", folder / f"{side}.toml", "-o",
+                  weights, "--quiet")
+            _verb("export", weights, "-o", gate)
+            _verb("verify", gate, "--weights", weights, "--data", data)
+    claims = {"schema": SCHEMA, "world": name, "solver": solver_id(), "data": hash_files(data),
+              "finding": msgspec.json.decode(make_json(found.finding)), "gates": _gate_hashes(room, name)}
+    text = canonical(claims) + b"\n"
+    room.claims(name).parent.mkdir(exist_ok=True)
+    room.claims(name).write_bytes(text)
+    return digest(text)
+
+
+def _verb(*words: object) -> None:
+    """One verb, as anyone could type it."""
+    if front_door([str(word) for word in words]) != 0:
+        raise BadInput(f"truearc {' '.join(map(str, words))}: failed")
+
+
+def _open(room: Room, names: Sequence[str]) -> None:
+    """Enter in the ledger that seals are opened; BadInput where anything was tampered with."""
+    steps = room.steps()
+    wrong = [line for name in names for line in check_world(room, name, steps[name])]
+    wrong += [f"{_gate(room, name, side)}: is not what was claimed" for name in names
+              for side, sha256 in msgspec.json.decode(room.claims(name).read_bytes())["gates"].items()
+              if _gate_hashes(room, name)[side] != sha256]
+    if wrong:
+        raise BadInput("\n".join(wrong))
+    for name in names:
+        if OPENED not in steps[name]:
+            append(room.ledger, OPENED, name, digest(room.seal(name).read_bytes()))
+
+
+def _drive(root: Path, trials: int, name: str) -> str:
+    """The same world and driver three times, alike but for the gate; the hash of what came of it."""
+    room = Room(root)
+    drawn = drawn_of(load_seal(room.seal(name)).world, room.seal(name))
+    config = walked_in(load_config(SHIPPED), _session(room, name, "practice"))
+    scored = {}
+    for side in (NO_GATE, *SIDES):
+        session = _session(room, name, side)
+        shutil.rmtree(session, ignore_errors=True)
+        emulate(config, session, trials, drawn.seed + 1, _options(drawn),
+                None if side == NO_GATE else _gate(room, name, side))
+        scored[side] = score(shots_from_sessions([session], name, telemetry=False), ("three",))
+    finding = msgspec.json.decode(room.claims(name).read_bytes())["finding"]
+    driven = Driven(name, drawn.change, finding["verdict"], tuple(one["term"] for one in finding["what"][:1]), scored)
+    append_line(room.grades, driven)
+    return digest(canonical(msgspec.to_builtins(driven)))
+
+
+def driven_of(room: Room) -> list[Driven]:
+    """What is there, a world each, in its order."""
+    lines = [msgspec.convert(line, Driven) for line in lines_of(room.grades)]
+    return [one for _, one in sorted({one.world: one for one in lines}.items())]
+
+
+def driven_table(driven: Sequence[Driven]) -> Table:
+    """Worlds, then all together with the difference of the two gates (Newcombe's 95 %)."""
+    sides = (NO_GATE, *SIDES)
+    rows = [[one.world, one.change, one.verdict, ", ".join(one.names),
+             *(f"{one.scored[side][0]} of {one.scored[side][1]}" for side in sides)] for one in driven]
+    total = {side: (sum(one.scored[side][0] for one in driven), sum(one.scored[side][1] for one in driven))
+             for side in sides}
+    low, high = difference(total["after"], total["before"])
+    rows.append(["together", "", "", f"after - before: {low:+.0%} to {high:+.0%} (95 %)",
+                 *(said(*total[side]) for side in sides)])
+    return Table("Driven: three points of shots fired, in sealed worlds of the emulated robot", (
+        "world", "changed", "verdict", "first name", NO_GATE, "the seed's physics", "what was adopted"), rows)
+
+
+def _options(drawn: Drawn) -> Options:
+    return msgspec.convert(drawn.effects, Options)
+
+
+def _session(room: Room, name: str, which: str) -> Path:
+    return room.root / "sessions" / name / which.replace(" ", "_")
+
+
+def _gate(room: Room, name: str, side: str) -> Path:
+    return room.root / "gates" / name / f"{side}.onnx"
+
+
+def _gate_hashes(room: Room, name: str) -> dict[str, str]:
+    return {side: digest(_gate(room, name, side).read_bytes()) for side in SIDES}
