@@ -6,6 +6,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from doors.demo import FEWEST
 from doors.discover import keep_compiled
 from doors.progress import make_progress
 from doors.prove_drive import driven_table, learn_gates, play_driven
@@ -24,7 +25,8 @@ from sim.prove.solver import solve_round
 DESCRIPTION = """Draw concealed worlds, seal what is true of them, discover in their data, open the seals and mark what
 was said. Without a role all are played, the solver's in a process of its own that cannot read the seals; seal, solve,
 answer (shoot what the solver asks for; then solve again) and grade are the roles apart. What was cut short goes on
-where it stopped."""
+where it stopped. drive plays the whole chain in worlds of its own: recordings of the emulated robot (--shots trials
+each), discovery, adoption, gates, and what is scored with them; gates is the solver's part of that."""
 EXAMPLE = "truearc prove --worlds 60 --level L1 --shots 300 --seed-from-entropy --out round/"
 ROLES = ("seal", "solve", "answer", "grade", "drive", "gates")
 
@@ -86,7 +88,8 @@ def _drive(args: argparse.Namespace, room: Room) -> int:
 
 def _check(args: argparse.Namespace) -> None:
     """BadInput for numbers that no round can have."""
-    for name, least in (("seed", 0), ("worlds", 1), ("shots", FEWEST_SHOTS), ("processes", 1)):
+    fewest = FEWEST if args.role == "drive" else FEWEST_SHOTS
+    for name, least in (("seed", 0), ("worlds", 1), ("shots", fewest), ("processes", 1)):
         value = getattr(args, name)
         if value is not None and value < least:
             raise BadInput(f"--{name} {value}: {least} or more")

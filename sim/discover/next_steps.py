@@ -5,6 +5,8 @@ from typing import Any
 import numpy as np
 
 from sim.discover.ask import name_of
+from sim.discover.evidence import Array, Evidence
+from sim.discover.refit import Refit
 from sim.discover.sizes import IN_FLIGHT
 from sim.discover.step import Step
 from sim.shots import Dataset
@@ -60,7 +62,7 @@ def next_steps(dataset: Dataset, step: Step, chosen: tuple[str, ...] | None) -> 
     steps: list[dict[str, Any]] = [{"do": "measure", "what": what} for what in list(wanted)[:FEW]]
     if len(chosen) < 2:
         return tuple(steps)
-    shot = _parting_shot(dataset, step, (step.naming.chosen[0], step.naming.chosen[1]))
+    shot = parting_shot(dataset, step, (step.naming.chosen[0], step.naming.chosen[1]))
     return (*([shot] if shot else []), *steps, *_sides(dataset))
 
 
@@ -81,22 +83,34 @@ def _sides(dataset: Dataset) -> tuple[dict[str, Any], ...]:
         if blind > 0.5 * sum(map(bool, outcome)) else ()
 
 
-def _parting_shot(dataset: Dataset, step: Step, pair: tuple[str, str]) -> dict[str, Any] | None:
+def parting_shot(dataset: Dataset, step: Step, pair: tuple[str, str]) -> dict[str, Any] | None:
     """The recorded configuration where the two, each fitted, foretell the most different heights."""
     plane = step.fitted.evidence.plane
     if plane is None or any(name not in step.naming.refits for name in pair):
         return None
-    evidence = step.fitted.evidence
-    shared = np.arange(evidence.first_shared, len(evidence.columns))
-    gap = np.zeros(len(plane.rows))
-    for name, sign in zip(pair, (1.0, -1.0), strict=True):
-        one = step.naming.refits[name]
-        moved = one.evidence.point[1:] - evidence.point[shared]
-        gap += sign * (plane.by_column[:, evidence.index(name)] * one.amplitude[0] + plane.by_column[:, shared] @ moved)
-    apart = np.abs(gap) / plane.spread_m
-    shot = int(evidence.rows[plane.rows[int(apart.argmax())]])
+    one, other = (plane.by_column @ moved_by(step.fitted.evidence, step.naming.refits[name]) for name in pair)
+    apart = np.abs(one - other) / plane.spread_m
+    shot = int(step.fitted.evidence.rows[plane.rows[int(apart.argmax())]])
     numbers = {name: dataset.shots.number(name)[shot] for name in ("distance_m", "hood_deg", "motor_ratio")}
     if not np.isfinite(list(numbers.values())).all():
         return None
     return {"do": "shoot", **{name: round(float(value), 3) for name, value in numbers.items()}, "shots": SHOTS,
             "separates": [name.partition(".")[0] for name in pair]}
+
+
+def moved_by(evidence: Evidence, one: Refit) -> Array:
+    """Change [P] of the evidence's columns that a refit of one name amounts to.
+
+    A name that is a fitted number itself (one that has changed since the belief) stands in that number's place: it is
+    then a move from where the number was fitted, not from where it was believed.
+    """
+    (name,) = one.names
+    shared = range(evidence.first_shared, len(evidence.columns))
+    rest = [k for k in shared if evidence.columns[k].name != name]
+    change = np.zeros(len(evidence.columns))
+    change[rest] = one.evidence.point[1:] - evidence.point[rest]
+    if len(rest) == len(shared):
+        change[evidence.index(name)] = one.amplitude[0]
+    for k in set(shared) - set(rest):
+        change[k] = one.evidence.point[0] - evidence.point[k]
+    return change

@@ -2,12 +2,14 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from sim.belief import Belief
 from sim.discover.adopt import make_belief
 from sim.discover.discover import discover
 from sim.discover.finding import Finding
+from sim.discover.next_steps import moved_by, parting_shot
 from sim.prove.truth.shoot import shoot
 from sim.prove.truth.world import World, make_world
 
@@ -47,6 +49,23 @@ def test_a_believed_number_that_has_changed_is_named_with_both_values(belief: Be
     assert first.believed == pytest.approx(belief.value("drag.cd"))
     assert first.parameters["cd"].low90 < 1.4 * FIRST.cd < first.parameters["cd"].high90
     assert "and not" in finding.sentence
+
+
+def test_the_shot_that_parts_a_changed_number_from_another_name_goes_by_what_their_refits_do(belief: Belief) -> None:
+    world = replace(make_world({}, "L1", 200, 33, side=True), cd=1.4 * FIRST.cd, lift_slope=FIRST.lift_slope,
+                    efficiency=FIRST.efficiency)
+    dataset = shoot(world)
+    step = discover(dataset, belief=belief).steps[0]
+    plane, refits = step.fitted.evidence.plane, step.naming.refits
+    assert plane is not None and "drag.cd" in refits and len(refits) > 1
+    for refit in refits.values():
+        after = refit.evidence.plane
+        assert after is not None
+        foretold = plane.by_column @ moved_by(step.fitted.evidence, refit)
+        assert np.corrcoef(foretold, after.mean_m - plane.mean_m)[0, 1] > 0.97, refit.names
+    other = next(name for name in refits if name != "drag.cd")
+    shot = parting_shot(dataset, step, ("drag.cd", other))
+    assert shot is not None and shot["separates"] == ["drag", other.partition(".")[0]]
 
 
 def test_denser_air_is_one_thing_and_not_two(belief: Belief) -> None:
