@@ -38,6 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--worlds", type=int, default=60, metavar="N", help="how many (%(default)s)")
     parser.add_argument("--level", default="L1", help="L0, L1 or L2 (%(default)s)")
     parser.add_argument("--shots", type=int, default=300, metavar="N", help="of each world (%(default)s)")
+    parser.add_argument("--trials", type=int, metavar="N", help="with drive: of each gate (as many as --shots)")
     parser.add_argument("--engines", default=f"{NUMPY},{MUJOCO}", help="comma-separated (%(default)s)")
     source = parser.add_mutually_exclusive_group()
     source.add_argument("--seed", type=int, help="that the worlds are drawn from")
@@ -81,15 +82,16 @@ def _drive(args: argparse.Namespace, room: Room) -> int:
     if args.role == "gates":
         learn_gates(room.root, args.processes)
     else:
-        print(driven_table(play_driven(room.root, args.worlds, args.shots, _seed(args),
-                                       make_progress("drive", args.quiet), args.processes)).markdown())
+        driven = play_driven(room.root, args.worlds, args.shots, args.trials or args.shots, _seed(args),
+                             make_progress("drive", args.quiet), args.processes)
+        print(driven_table(driven).markdown())
     return 0
 
 
 def _check(args: argparse.Namespace) -> None:
     """BadInput for numbers that no round can have."""
     fewest = FEWEST if args.role == "drive" else FEWEST_SHOTS
-    for name, least in (("seed", 0), ("worlds", 1), ("shots", fewest), ("processes", 1)):
+    for name, least in (("seed", 0), ("worlds", 1), ("shots", fewest), ("trials", 1), ("processes", 1)):
         value = getattr(args, name)
         if value is not None and value < least:
             raise BadInput(f"--{name} {value}: {least} or more")

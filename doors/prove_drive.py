@@ -63,14 +63,15 @@ def room_of(root: Path) -> Room:
     return Room(root / "driven")
 
 
-def play_driven(root: Path, worlds: int, trials: int, seed: int, progress: Progress,
+def play_driven(root: Path, worlds: int, recorded: int, trials: int, seed: int, progress: Progress,
                 workers: int | None = None) -> list[Driven]:
-    """Seal, have gates learnt by a process that is refused the seals, open, and drive; nothing is done twice."""
+    """Seal worlds with `recorded` trials each, have gates learnt by a process that is refused the seals, open, and
+    drive `trials` with each gate; nothing is done twice. BadInput for whatever was tampered with."""
     room = room_of(root)
     room.keeper.mkdir(parents=True, exist_ok=True)
     names = [f"r{number:04d}" for number in range(1, worlds + 1)]
     _in_batches([name for name in names if SEALED not in room.steps().get(name, {})],
-                partial(_seal, room.root.resolve(), trials, seed), room, SEALED,
+                partial(_seal, room.root.resolve(), recorded, seed), room, SEALED,
                 lambda done: progress(0.3 * done, "the emulated robot records"), workers)
     progress(0.3, "gates are learnt")
     more = ["--processes", str(workers)] if workers else []
@@ -95,14 +96,14 @@ def _in_batches(names: Sequence[str], work: Callable[[str], str], room: Room, st
             append(room.ledger, step, name, sha256)
 
 
-def _seal(root: Path, trials: int, seed: int, name: str) -> str:
+def _seal(root: Path, recorded: int, seed: int, name: str) -> str:
     """Record a practice session in a world that is drawn from seed and name; the commitment to it."""
     room, rng = Room(root), np.random.default_rng([seed, *name.encode()])
-    drawn = change_one(rng, Drawn(name, MUJOCO, "one", LEVEL, trials, FIRST_SEED + int(rng.integers(1 << 40))))
+    drawn = change_one(rng, Drawn(name, MUJOCO, "one", LEVEL, recorded, FIRST_SEED + int(rng.integers(1 << 40))))
     session = _session(room, name, "practice")
     for old in (session, room.data(name)):
         shutil.rmtree(old, ignore_errors=True)
-    emulate(load_config(SHIPPED), session, trials, drawn.seed, _options(drawn))
+    emulate(load_config(SHIPPED), session, recorded, drawn.seed, _options(drawn))
     save_dataset(room.data(name), shots_from_sessions([session], name))
     seal = make_seal(msgspec.to_builtins(drawn), "the emulated robot", room.data(name))
     save_seal(room.seal(name), seal)

@@ -21,6 +21,7 @@ STEP = "step at "                     # followed by where
 WAVES = 48                            # over planes of two covariates drawn at random
 WAVE_LENGTH = 1.5                     # standard deviations of a covariate to a radian
 FARTHEST = 2.5                        # standard deviations beyond which a covariate of a pair counts as no further out
+ENERGY = "energy_of_wheels"           # taken by a shot, (rad/s)^2: times their inertia it is in joules
 WORN = "shots_of_ball"                # that its ball had before, by the most that any has had
 # Columns behind what a term follows from shot to shot, the fittest first.
 FOLLOWED = {"battery": ("battery_v",), "since_last_shot_s": ("since_last_shot_s",), "density": ("temperature_c",),
@@ -261,7 +262,7 @@ def _circumstance_columns(dataset: Dataset) -> dict[str, Array]:
 
 
 def _trace_columns(dataset: Dataset) -> dict[str, Array]:
-    """Of each telemetry signal its value when the ball is fed, and how far it dips below that."""
+    """Of each telemetry signal its value when the ball is fed, and how far it dips below that; the wheels' energy."""
     if dataset.traces is None:
         return {}
     traces, n = dataset.traces, len(dataset.shots)
@@ -277,4 +278,15 @@ def _trace_columns(dataset: Dataset) -> dict[str, Array]:
             first[shot] = traces.value[rows][fed]
             lowest[shot] = first[shot] - traces.value[rows][fed:].min()
         columns |= {f"fed_{signal}": first, f"dip_{signal}": lowest}
-    return columns
+    return columns | _energy_column(columns)
+
+
+def _energy_column(columns: dict[str, Array]) -> dict[str, Array]:
+    """What the wheels give the ball and lose beside it, all told: half the drop of their squared speeds, summed, which
+    is energy over the inertia that no file states. A ball that leaves slower than what it took would have it has lost
+    the rest: squeezed, slipped, rubbed."""
+    wheels = [name.removeprefix("fed_") for name in columns if name.startswith("fed_wheel_")]
+    if not wheels:
+        return {}
+    drops = [0.5 * (columns[f"fed_{one}"]**2 - (columns[f"fed_{one}"] - columns[f"dip_{one}"])**2) for one in wheels]
+    return {ENERGY: np.sum(drops, axis=0)}

@@ -6,7 +6,7 @@ cannot win at all.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,7 @@ REFITTED = 8                          # of the likeliest terms
 WITHIN = 7.0                          # nats of the likeliest by one step, beyond which none is refitted,
 SHARE = 0.5                           # or this share of its nats: one step is a poor guide to large effects
 ALIAS = 0.95                          # correlation of two efficient slopes from which only words part them
-TOLD_APART = 2.0                      # nats between two such, all the same
+TOLD_APART = 2.0                      # nats by which one of two such fits the better, all the same
 MASS = 0.9                            # that the set of names holds
 LEAST_INFORMATION = 1e-4              # of a term's own, that must be left by the shared columns
 BUSY = 1e-12
@@ -110,13 +110,21 @@ def name_terms(fitted: Fitted, progress: Progress, surmised: Mapping[str, float]
     for number, candidate in enumerate(likely):
         progress(number / len(likely), candidate.name.partition(".")[0])
         _refit(fitted, candidate, refits, nats)
-    while (top := max(nats, key=lambda name: nats[name])) not in refits:
-        _refit(fitted, next(c for c in visible if c.name == top), refits, nats)
+    place = {c.name: number for number, c in enumerate(candidates)}
+
+    def kin(top: str) -> list[Candidate]:
+        """The likeliest, and what one step cannot tell from it, which must not lose for want of a refit."""
+        return [c for c in visible if abs(alike[place[c.name], place[top]]) > ALIAS or c.name == top]
+
+    while missing := [c for c in kin(max(nats, key=lambda name: nats[name])) if c.name not in refits]:
+        _refit(fitted, missing[0], refits, nats)
+    top = next(c for c in visible if c.name == max(nats, key=lambda name: nats[name]))
+    for one in kin(top.name):
+        if refits[one.name].log_evidence < refits[top.name].log_evidence - TOLD_APART:
+            _refit_beside(fitted, one, top, refits, nats)
     probability = _probabilities(nats)
     ranked = sorted(nats, key=lambda name: -nats[name])
-    place = {c.name: number for number, c in enumerate(candidates)}
-    aliases = tuple(name for name in ranked[1:] if abs(alike[place[name], place[ranked[0]]]) > ALIAS
-                    and nats[name] > nats[ranked[0]] - TOLD_APART)
+    aliases = _aliases(ranked, [c.name for c in kin(ranked[0])], refits, nats)
     chosen = _smallest_set(ranked, probability, aliases)
     return Naming(candidates, refits, nats, probability, chosen, aliases)
 
@@ -128,6 +136,22 @@ def _refit(fitted: Fitted, candidate: Candidate, refits: dict[str, Refit], nats:
     refits[name] = refit(fitted, (name,), np.array([tame(candidate, fitted.evidence) if start is None else start]))
     usual = fitted.evidence.columns[candidate.column].usual
     nats[name] = refits[name].log_evidence if is_possible(refits[name], usual) else NEVER
+
+
+def _refit_beside(fitted: Fitted, one: Candidate, top: Candidate, refits: dict[str, Refit],
+                  nats: dict[str, float]) -> None:
+    """Refit a name once more, from where the likeliest came to rest: a fit may have several tops, and two names that
+    one step cannot tell apart must not differ by which of them their climbs ended on."""
+    best = refits[top.name]
+    values = best.spot.values.copy()
+    own = best.layout.source[0]
+    values[own] = fitted.spot.values[own]
+    start = np.array([best.amplitude[0] * one.amplitude / top.amplitude])
+    again = refit(fitted, (one.name,), start, replace(best.spot, values=values))
+    if again.log_evidence > refits[one.name].log_evidence:
+        refits[one.name] = again
+        usual = fitted.evidence.columns[one.column].usual
+        nats[one.name] = again.log_evidence if is_possible(again, usual) else NEVER
 
 
 def is_possible(found: Refit, *usual: float) -> bool:
@@ -164,6 +188,17 @@ def _probabilities(nats: dict[str, float]) -> dict[str, float]:
     weight = {name: float(np.exp(value - top)) for name, value in nats.items()}
     total = sum(weight.values())
     return {name: value / total for name, value in sorted(weight.items(), key=lambda item: -item[1])}
+
+
+def _aliases(ranked: Sequence[str], kin: Sequence[str], refits: Mapping[str, Refit],
+             nats: Mapping[str, float]) -> tuple[str, ...]:
+    """Of what one step cannot tell from the likeliest, that which a true fit cannot either, and which is possible.
+
+    By how well they fit: that one of them would have to be unusually large is no word of the data's.
+    """
+    fit = {name: float(refits[name].evidence.log_score.sum()) for name in kin}
+    return tuple(name for name in ranked[1:]
+                 if name in fit and fit[name] > fit[ranked[0]] - TOLD_APART and nats[name] > NEVER)
 
 
 def _smallest_set(ranked: Sequence[str], probability: dict[str, float], aliases: Sequence[str]) -> tuple[str, ...]:

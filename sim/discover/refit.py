@@ -33,14 +33,14 @@ class Refit:
     log_evidence: float
 
 
-def refit(fitted: Fitted, names: tuple[str, ...], start: Array) -> Refit:
-    """Fit the named columns with the shared ones, from amplitudes `start` [k] at the fitted spot."""
+def refit(fitted: Fitted, names: tuple[str, ...], start: Array, near: Spot | None = None) -> Refit:
+    """Fit the named columns with the shared ones, from amplitudes `start` [k] at the fitted spot, or at `near`."""
     layout = only_shared(fitted.layout, names)
     order = [column.name for column in layout.columns[:len(names)]]
     change = np.zeros(len(layout.columns))
     change[:len(names)] = [start[names.index(name)] for name in order]
-    starts = [fitted.spot]
-    if is_lost(fitted):
+    starts = [fitted.spot if near is None else near]
+    if near is None and is_lost(fitted):
         starts.append(usual_spot(fitted.intake, layout))
     tops = [climb(fitted.intake, layout, moved(layout, spot, change)) for spot in starts]
     spot, evidence = max(tops, key=lambda top: objective(top[1], layout))

@@ -37,6 +37,15 @@ ALIASES: dict[str, tuple[frozenset[str], ...]] = {
     "L1": (frozenset({"target_height", "release_height"}), frozenset({"buoyancy", "added_mass"})),
     "L2": (frozenset({"distance_bias", "distance_scale"}), frozenset({"buoyancy", "added_mass"})),
 }
+# Of what is in no catalogue: covariates of which any would be right, and the direction. Balls of one supplier are told
+# by the ball's or the supplier's name; what goes on inside a flight by time or speed in it.
+SPEEDS = ("motor_ratio", "exit_speed_m_s", "exit_spin_rev_s", "wheel_lower_rad_s", "wheel_upper_rad_s",
+          "fed_wheel_lower_rad_s", "fed_wheel_upper_rad_s")
+GOES_WITH: dict[str, tuple[tuple[str, ...], str]] = {
+    "late_gust": (("time_in_flight_s", "height_in_flight_m", "distance_in_flight_m"), "along"),
+    "far_kick": (("distance_m",), "along"), "supplier_drag": (("supplier", "ball_id"), "along"),
+    "seam_force": (("temperature_c",), "lateral"), "hood_flex": (SPEEDS, "vertical"), "worn_wheel": (SPEEDS, "along"),
+    "drag_crisis": (("speed_in_flight_m_s",), "along")}
 BY_BALL = ("ball_wear", "drag_wear")  # amplitudes are those of the most used ball
 STAGE_OF = {effect.name: effect.stage for effect in EFFECTS} | {
     "drag": "flight", "magnus": "flight", "exit_efficiency": "launch"}
@@ -66,6 +75,7 @@ class Grade(Struct, frozen=True):
     ceiling: tuple[float, ...] | None  # sim.prove.ceiling.Ceiling's chances in these data
     seconds: float
     strength: float | None = None     # lambda of what is in no catalogue, where only heights speak of it
+    goes_with_right: bool | None = None        # covariate and direction of what is in no catalogue
 
 
 def grade(job: Job, finding: Finding, seconds: float, world: World | None = None) -> Grade:
@@ -88,7 +98,16 @@ def grade(job: Job, finding: Finding, seconds: float, world: World | None = None
         len(names) if found and names else None,
         interval_holds(job, finding, world) if found and named and right else None,
         where.get("covariate"), where.get("direction"), gain, oracle_gain, _ceiling(finding), seconds,
-        finding.get("strength"))
+        finding.get("strength"), goes_with_right(job.name, finding) if found and job.kind == "off" else None)
+
+
+def goes_with_right(name: str, finding: Finding) -> bool:
+    """Whether what has no name is said to go with what it does go with, in its direction."""
+    where, unknown = finding.get("where") or {}, finding.get("unknown") or {}
+    said = unknown if unknown.get("covariate") else where
+    covariates, direction = GOES_WITH[name]
+    names = {said.get("covariate"), *(where.get("inseparable") or ())}
+    return bool(names & set(covariates)) and said.get("direction") == direction
 
 
 def _ceiling(finding: Finding) -> tuple[float, ...] | None:

@@ -6,7 +6,17 @@ from typing import Any
 from msgspec import Struct, structs
 
 from sim.prove.changes import CHANGES
-from sim.prove.grade import PARAMETER, STAGE_OF, gain_said, is_alias, names_ranked, said_set, said_stage
+from sim.prove.grade import (
+    GOES_WITH,
+    PARAMETER,
+    STAGE_OF,
+    gain_said,
+    goes_with_right,
+    is_alias,
+    names_ranked,
+    said_set,
+    said_stage,
+)
 from sim.prove.measure import Measured
 from sim.prove.mix import MUJOCO, OWN, Drawn
 
@@ -21,7 +31,8 @@ class Mark(Struct, frozen=True):
     first: the first name is right. alias: or of a class with the right one. covered: the set has a right name. both:
     of two effects both are named. error: amplitude of the right name, less the truth, over the best standard error that
     anybody could have (Cramer and Rao). gain, oracle_gain: held out, here and by the true term itself, nats a shot.
-    allowed: chances that the data allow to find, name, name up to alias, place. right: names of the catalogue that
+    allowed: chances that the data allow to find, name, name up to alias, place. goes_with: covariate and direction of
+    what is in no catalogue. right: names of the catalogue that
     would be right. rivals: of others put to the same data, whether each says something, and of its first name what
     `first` and `alias` are of ours.
     """
@@ -48,6 +59,7 @@ class Mark(Struct, frozen=True):
     gain: float | None = None
     oracle_gain: float | None = None
     allowed: tuple[float, ...] | None = None
+    goes_with: bool | None = None
     right: tuple[str, ...] = ()
     rivals: dict[str, tuple[bool, bool | None, bool | None]] = {}
 
@@ -70,7 +82,9 @@ def mark(drawn: Drawn, finding: Finding, measured: Measured, rivals: Mapping[str
     more = {"stage": said_stage(finding.get("where") or {}) in stages if stages else None,
             "gain": gain_said(finding)[0], "oracle_gain": measured.oracle_gain}
     if not right:                     # in no catalogue: only the stage can be right, and no name
-        return structs.replace(plain, **more)
+        known = drawn.kind == "off" and len(drawn.effects) == 1 and set(drawn.effects) <= set(GOES_WITH)
+        return structs.replace(plain, **more, goes_with=goes_with_right(
+            next(iter(drawn.effects)), finding) if known else None)
     more |= {"first": bool(names) and names[0] in right, "covered": bool(set(said) & set(right)),
              "alias": _alike(drawn, names, right, measured)}
     if drawn.kind == "two":

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from sim.intervals import wilson
 from sim.prove.marking import Mark
-from sim.prove.table import CEILINGS, SETTINGS, TARGETS, Setting, Target, goals, scaled_target
+from sim.prove.table import CEILINGS, SETTINGS, TARGETS, Setting, Target, goals, is_reached, scaled_target, words_of
 
 RESOLVABLE = 50.0                     # lambda, from which what has no name should be told as such
 
@@ -47,10 +47,9 @@ def _judged(setting: Setting, target: Target, figure: Figure) -> list[str]:
     scaled = scaled_target(setting, target, figure.allowed)
     wanted = target.at[setting] if scaled is None else scaled
     assert figure.value is not None
-    reached = figure.value >= wanted if target.least else figure.value <= wanted
     return [figure.words, "-" if figure.allowed is None else f"{figure.allowed:.2f}",
-            f"{'>=' if target.least else '<='} {wanted:.2f}" + ("" if scaled is None else " (scaled)"),
-            "reached" if reached else "NOT REACHED"]
+            words_of(target, wanted) + ("" if scaled is None else " (scaled)"),
+            "reached" if is_reached(target, figure.value, wanted) else "NOT REACHED"]
 
 
 def figures_of(marks: Sequence[Mark]) -> dict[str, Figure]:
@@ -70,6 +69,7 @@ def figures_of(marks: Sequence[Mark]) -> dict[str, Figure]:
         "gain below 0": [None if one.gain is None else one.gain < 0.0 for one in found],
         "called unknown": [one.verdict == "unknown" for one in found], "named wrong": [_wrong(one) for one in found],
         "off: unknown": [one.verdict == "unknown" for one in off],
+        "off: covariate and direction": [one.goes_with for one in off],
         "aliases: the set": [_told_as_set(one) for one in marks if one.kind == "alias" and one.found],
         "decoy named": [_wrong(one) for one in marks if one.kind == "decoy"],
         "two: one is right": [one.first for one in two], "two: both are right": [one.both for one in two]}

@@ -1,5 +1,6 @@
 """Grades -> tables in Markdown, beside the targets of the design."""
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
@@ -10,11 +11,13 @@ Setting = tuple[str, int, float]      # level, shots, scale of effects
 
 
 class Target(NamedTuple):
-    """What the design asks for (section 8); `least`: the figure must reach it, else stay at or below it."""
+    """What the design asks for (section 8); `least`: the figure must reach it, else stay at or below it; `most`: and
+    not go beyond this."""
 
     figure: str
     least: bool
     at: dict[Setting, float]
+    most: float = math.inf
 
 
 L0_300, L0_1000, L1_300, L1_1000 = ("L0", 300, 1.0), ("L0", 1000, 1.0), ("L1", 300, 1.0), ("L1", 1000, 1.0)
@@ -34,12 +37,13 @@ TARGETS = (
     Target("up to alias", True, goals(0.74, 0.82, 0.78, 0.86, 0.95)),
     Target("in the set", True, goals(0.90, 0.90, 0.90, 0.90, 0.90)),
     Target("set size", False, goals(5.0, 3.5, 4.5, 2.5, 1.6)),
-    Target("interval holds", True, goals(0.86, 0.86, 0.86, 0.86, 0.86)),
+    Target("interval holds", True, goals(0.86, 0.86, 0.86, 0.86, 0.86), 0.94),
     Target("gain kept", True, goals(0.70, 0.82, 0.75, 0.87, 0.90)),
     Target("gain below 0", False, goals(0.05, 0.03, 0.05, 0.03, 0.02)),
     Target("called unknown", False, goals(0.10, 0.10, 0.10, 0.08, 0.05)),
     Target("named wrong", False, goals(0.10, 0.10, 0.10, 0.10, 0.05)),
     Target("off: unknown", True, goals(0.40, 0.55, 0.55, 0.70, 0.85)),
+    Target("off: covariate and direction", True, {L2_300: 0.75}),
 )
 # The ceilings that the design's targets were set against (its section 4.4).
 DESIGN_CEILING = {"detected": goals(0.53, 0.82, 0.56, 0.83, 0.80), "top-1": goals(0.70, 0.77, 0.81, 0.88, 0.92),
@@ -108,7 +112,8 @@ def figures(grades: Sequence[Grade]) -> dict[str, float | None]:
         "interval holds": share_of(found, lambda g: g.interval_holds),
         "gain below 0": share_of(found, lambda g: None if g.gain is None else g.gain < 0.0),
         "called unknown": share_of(found, lambda g: g.verdict == "unknown"),
-        "named wrong": share_of(found, named_wrong), "off: unknown": share_of(off, lambda g: g.verdict == "unknown")}
+        "named wrong": share_of(found, named_wrong), "off: unknown": share_of(off, lambda g: g.verdict == "unknown"),
+        "off: covariate and direction": share_of(off, lambda g: g.goes_with_right)}
     values: dict[str, float | None] = {name: one.yes / one.of if one.of else None for name, one in shares.items()}
     values["set size"] = sum(sizes) / len(sizes) if sizes else None
     values["gain kept"] = gain_kept(found)
@@ -188,15 +193,23 @@ def _against_targets(setting: Setting, grades: Sequence[Grade]) -> str:
         value, wanted = values[target.figure], target.at.get(setting)
         allowed = ceiling_of(catalogued, CEILINGS[target.figure]) if target.figure in CEILINGS else None
         scaled = scaled_target(setting, target, allowed)
-        said = ["-" if goal is None else f"{'>=' if target.least else '<='} {goal:.2g}" for goal in (wanted, scaled)]
+        said = ["-" if goal is None else words_of(target, goal) for goal in (wanted, scaled)]
         goal = wanted if scaled is None else scaled
         if value is None or goal is None:
             verdict = "not asked" if goal is None else "not measured"
         else:
-            verdict = "reached" if (value >= goal if target.least else value <= goal) else "NOT REACHED"
+            verdict = "reached" if is_reached(target, value, goal) else "NOT REACHED"
         lines.append(f"| {target.figure} | {_number(value, 3)} | {_number(allowed, 2)} | {said[0]} | {said[1]} "
                      f"| {verdict} |")
     return "\n".join([*lines, ""])
+
+
+def is_reached(target: Target, value: float, goal: float) -> bool:
+    return goal <= value <= target.most if target.least else value <= goal
+
+
+def words_of(target: Target, goal: float) -> str:
+    return f"{'>=' if target.least else '<='} {goal:.2g}" + (f", <= {target.most:.2g}" if target.most < 1.0 else "")
 
 
 def scaled_target(setting: Setting, target: Target, allowed: float | None) -> float | None:

@@ -28,6 +28,10 @@ class Sample(NamedTuple):
     ball: tuple[float, float, float, float] | None      # s since it left, x, y, z in the launcher's axes; in the air
 
 
+class NotReady(TimeoutError):
+    """The robot does not get to the set points; no ball was fed."""
+
+
 class Bench:
     """Torque control of one world: proportional plus integral on the wheels, proportional-derivative on the screw."""
 
@@ -39,16 +43,19 @@ class Bench:
         self._speeds = deque([world.wheel_rad_s], LAG_TICKS + 1)
         self._steady = 0
 
-    def fire(self, wheel_rad_s: float, hood_deg: float, shots: int, longest_s: float = 120.0) -> list[BallResult]:
+    def fire(self, wheel_rad_s: float, hood_deg: float, shots: int, longest_s: float = 120.0,
+             ready_s: float = 120.0) -> list[BallResult]:
         """Hold both set points, feed that many balls one at a time, and wait until they have arrived.
 
-        Raises TimeoutError if the world does not get there.
+        Raises NotReady if the set points are not reached within ready_s, TimeoutError if balls do not arrive.
         """
         world, had = self.world, len(self.world.results)
-        until_ns = self.t_ns + round(longest_s * 1e9)
+        until_ns, ready_ns = (self.t_ns + round(one * 1e9) for one in (longest_s, ready_s))
         fed, since = 0, CLEAR_TICKS
         self._steady = 0                              # that was at other set points
         while len(world.results) < had + shots:
+            if fed == 0 and self.t_ns > ready_ns:
+                raise NotReady(f"not at {wheel_rad_s:.0f} rad/s and {hood_deg:.1f} deg after {ready_s} s")
             if self.t_ns > until_ns:
                 raise TimeoutError(f"{len(world.results) - had} of {shots} balls after {longest_s} s")
             if fed < shots and since >= CLEAR_TICKS and self._steady > 20 and len(world.results) == had + fed:

@@ -4,6 +4,7 @@ What the robot's sensors would have said of each shot is read from the world as 
 with their errors), the camera's distance is the truth seen through a wrong focal length, with noise.
 """
 
+import contextlib
 import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -12,7 +13,7 @@ import numpy as np
 
 from robot.facts import Facts
 from sim.shots import Dataset, Shots, Traces, Tracks
-from sim.world.bench import Bench
+from sim.world.bench import Bench, NotReady
 from sim.world.options import Options
 from sim.world.target import BallResult
 from sim.world.world import World
@@ -21,6 +22,7 @@ NS = 1e-9
 BEFORE_S, AFTER_S = 0.1, 0.7          # telemetry kept around the feeding of each ball, as in recorded sessions
 MARKS = {"miss-low": ("miss", "low"), "miss-high": ("miss", "high"), "two": ("two", ""), "three": ("three", "")}
 SETTLED_TICKS = 40                    # standing before a shot
+READY_S = 10.0                        # then a driver gives a shot up: the battery may not have the speed in it any more
 LEVELS = ("L0", "L1", "L2")
 
 Progress = Callable[[float, str], None]
@@ -69,6 +71,7 @@ def shoot_season(facts: Facts, options: Options, seed: int, settings: Sequence[S
                  sensors: Sensors = ORDINARY, progress: Progress = lambda done, note: None) -> Dataset:
     """Shoot the settings in this order with one robot on one battery. level: "L0", "L1" (telemetry), "L2" (tracks too).
 
+    A shot that the robot does not get ready for is given up, and is not in the dataset. TimeoutError when all are.
     The same arguments give the same dataset. `session` is "1" throughout; balls are not told apart.
     """
     return play_season(facts, options, seed, settings, level, sensors, progress).dataset
@@ -85,7 +88,10 @@ def play_season(facts: Facts, options: Options, seed: int, settings: Sequence[Se
     for number, setting in enumerate(settings):
         progress(number / len(settings), f"{number} of {len(settings)} shots")
         before_ns = trials[-1].result.fed_t_ns if trials else None
-        trials.append(_shoot(bench, facts, options, setting, before_ns, sensors, rng))
+        with contextlib.suppress(NotReady):
+            trials.append(_shoot(bench, facts, options, setting, before_ns, sensors, rng))
+    if not trials:
+        raise TimeoutError("the robot never got ready for a shot")
     name = f"world-{seed}"
     dataset = Dataset(name, facts, _shots(trials, level), _tracks(trials, sensors, rng) if level == "L2" else None,
                       _traces(trials) if level != "L0" else None)
@@ -104,7 +110,7 @@ def _shoot(bench: Bench, facts: Facts, options: Options, setting: Setting, befor
     for _ in range(SETTLED_TICKS):
         bench.tick(wheel_rad_s, hood_deg)
     first = len(bench.samples)
-    (result,) = bench.fire(wheel_rad_s, hood_deg, 1)
+    (result,) = bench.fire(wheel_rad_s, hood_deg, 1, ready_s=READY_S)
     samples = bench.samples[max(first - round(BEFORE_S * 200.0), 0):]
     bench.samples.clear()
     fed_s = result.fed_t_ns * NS

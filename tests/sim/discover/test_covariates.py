@@ -68,6 +68,17 @@ def test_traces_give_their_value_at_feeding_and_their_dip() -> None:
     assert np.allclose(named(found, "fed_battery_v").values, 12.0 + np.sin(np.arange(N)))
 
 
+def test_what_a_shot_takes_out_of_the_wheels_is_what_their_kinetic_energies_lose() -> None:
+    fed, lowest = 200.0 + 5.0 * np.sin(np.arange(N)), 180.0 + 4.0 * np.cos(3.0 * np.arange(N))
+    values = {"wheel_lower_rad_s": (fed, lowest), "wheel_upper_rad_s": (1.2 * fed, 1.1 * lowest)}
+    signals = tuple(name for name in values for _ in range(2 * N))
+    traces = Traces(np.tile(np.repeat(np.arange(N), 2), 2), np.tile([0.0, 0.1], 2 * N), signals,
+                    np.concatenate([np.stack(pair, axis=1).ravel() for pair in values.values()]))
+    taken = named(gather_covariates(dataset({}, traces=traces)), "energy_of_wheels").values
+    wanted = sum(0.5 * (first**2 - last**2) for first, last in values.values())
+    assert np.allclose(taken, wanted)
+
+
 def test_what_terms_follow_is_there_to_be_asked_about() -> None:
     balls = tuple(f"b{k % 4}" for k in range(N))
     hood_deg = 45.0 + np.tile([0.0, 2.0, 1.0, 3.0], N // 4)

@@ -8,8 +8,11 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from sim.discover.believed import Fitted
+from sim.discover.discover import discover
 from sim.discover.name import NEVER, Naming, is_possible, name_terms, nats_for, one_step
 from sim.discover.refit import Refit
+from sim.prove.suite import Job, world_of
+from sim.prove.truth.shoot import shoot
 from tests.sim.discover.straight import ASKED, NAMES, SHARED, fit_straight, slopes_and_y
 
 PLANTED = "spin_drag.share"
@@ -117,3 +120,13 @@ def test_a_name_that_is_nothing_gets_no_nats_on_average(monkeypatch: pytest.Monk
                            for seed in range(40)])
     assert nats.mean() < -0.5
     assert np.exp(nats).mean() == pytest.approx(1.0, abs=0.35)
+
+
+@pytest.mark.slow
+def test_two_names_of_one_thing_come_as_a_set_whichever_top_their_climbs_end_on() -> None:
+    """Without telemetry a dip of the wheels is a loss of efficiency, to the letter; here the climb of the true name, by
+    itself, came to rest on a far lower top, and the other one was named alone."""
+    job = Job("cut", "exit_efficiency", "L0", 300, 1.0, 5001, 3)
+    finding = discover(shoot(world_of(job)), seed=job.index).finding
+    assert finding.verdict == "set" and finding.set is not None
+    assert set(finding.set) >= {"exit_efficiency", "wheel_droop"}, finding.sentence

@@ -91,3 +91,13 @@ def test_practice_says_where_balls_fall_through_the_goal() -> None:
     off = np.array([one.distance_m / reach_m(one.hood_deg, one.motor_ratio) - 1.0 for one in plan])
     assert len(plan) == 60 and plan == plan_season(4, 60) and plan != plan_season(5, 60)
     assert 0.6 * ASIDE < off.std() < 1.4 * ASIDE
+
+
+def test_a_shot_that_the_battery_has_no_speed_for_is_given_up_and_the_next_is_shot() -> None:
+    slow, fast = Setting(3.0, 50.0, 0.5), Setting(3.0, 50.0, 0.8)
+    empty = Options(battery_start_v=7.5)
+    shots = shoot_season(FACTS, empty, 1, [slow, fast, slow], "L0").shots
+    assert len(shots) == 2
+    assert shots.number("motor_ratio") == pytest.approx([0.5, 0.5], abs=0.01)
+    with pytest.raises(TimeoutError, match="never got ready"):
+        shoot_season(FACTS, empty, 1, [fast], "L0")
