@@ -74,7 +74,8 @@ def test_what_a_shot_takes_out_of_the_wheels_is_what_their_kinetic_energies_lose
     signals = tuple(name for name in values for _ in range(2 * N))
     traces = Traces(np.tile(np.repeat(np.arange(N), 2), 2), np.tile([0.0, 0.1], 2 * N), signals,
                     np.concatenate([np.stack(pair, axis=1).ravel() for pair in values.values()]))
-    taken = named(gather_covariates(dataset({}, traces=traces)), "energy_of_wheels").values
+    found = named(gather_covariates(dataset({}, traces=traces)), "energy_of_wheels")
+    taken = dict(found.columns)["energy_of_wheels"]
     wanted = sum(0.5 * (first**2 - last**2) for first, last in values.values())
     assert np.allclose(taken, wanted)
 
