@@ -160,8 +160,10 @@ def _identify(args: argparse.Namespace, believed: list[str] | None) -> int:
     else:
         facts = load_rig(path)
         shots = SHOTS if args.shots is None else args.shots
-        sight = foresee(facts, _terms(facts, believed), args.level or LEVEL, shots, args.sides,
-                        args.seed, progress)
+        try:
+            sight = foresee(facts, _terms(facts, believed), args.level or LEVEL, shots, args.sides, args.seed, progress)
+        except BadInput as error:
+            raise BadInput(f"{path}: {error}") from error
     _tell_sight(sight, path.name, args.json, args.report)
     return 0
 

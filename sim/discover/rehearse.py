@@ -59,7 +59,7 @@ def rehearse(facts: Facts, believed: tuple[str, ...], level: str, shots: int = S
     coefficients = usual_coefficients(believed)
     rng = np.random.default_rng(seed)
     if facts.target is None and level != "L2":
-        raise BadInput("rig.toml: [target] is needed to tell an outcome")
+        raise BadInput("[target] is needed to tell an outcome; level L2, by tracks, does without")
     plan = _throw(facts, shots, rng) if facts.target is None else _aim(facts, coefficients, shots, rng)
     numbers, texts = settings(facts, plan), {}
     if facts.target is not None:

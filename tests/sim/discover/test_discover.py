@@ -194,3 +194,15 @@ def test_what_changes_at_once_is_told_as_a_step() -> None:
     cut = float(finding.sentence.split("is above ")[1].split(",")[0])
     assert finding.unknown.covariate in ("t_s", "order_in_session")
     assert 110 < cut / (20.0 if finding.unknown.covariate == "t_s" else 1.0) < 190
+
+
+def test_a_few_sessions_that_differ_by_luck_are_told_as_sessions_and_get_no_name() -> None:
+    """Five sessions are too few to know how sessions differ; that they do is no law of motion."""
+    dataset = shoot(make_world({}, "L0", 300, 990003))
+    session = np.arange(300) * 5 // 300
+    luck = 1.0 + 0.015 * np.random.default_rng(3).normal(size=5)
+    numbers = {**dataset.shots.numbers, "motor_ratio": dataset.shots.number("motor_ratio") * luck[session]}
+    texts = {**dataset.shots.texts, "session": tuple(f"s{number}" for number in session)}
+    told = discover(replace(dataset, shots=Shots(dataset.shots.shot_id, numbers, texts))).finding
+    assert told.mismatch.found and told.verdict == "unknown", told.sentence
+    assert told.where.covariate == "session" and told.set is None
