@@ -1,6 +1,7 @@
 """The investigation as an answer: truearc.finding/1."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -52,14 +53,28 @@ def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: Fitted, clust
         sentence = say_none(terms, judged.p_any, data.shots, false_alarm) + say_smallest(
             fitted.evidence, judged.threshold(TERMS, false_alarm))
         return Finding(data, mismatch, where, "none", sentence, None, fit)
-    first = steps[0]
+    told = (replace(steps[0], unknown=True),) if is_stand_in(steps) else steps
+    first = told[0]
     verdict = "unknown" if first.unknown else "named" if len(first.naming.chosen) == 1 else "set"
     where = _where(dataset, first, asked, judged, false_alarm, _probabilities(first))
-    leading, *also = (_further(step, clusters, seed) for step in steps)
+    leading, *rest = (_further(step, clusters, seed) for step in (first, *steps[1:]))
+    also = rest if len(told) > 1 else []
     say = say_unknown if first.unknown else say_named
-    sentence = say(terms, judged.p_any, where, leading, also, fit, place)
+    sentence = say(terms, judged.p_any, where, leading, rest, fit, place)
     return Finding(data, mismatch, where, verdict, sentence, leading.unknown, fit, what=leading.what, set=leading.set,
                    next=next_steps(dataset, first, leading.set), also=tuple(also))
+
+
+def is_stand_in(steps: Sequence[Step]) -> bool:
+    """Whether the first name leaves something over, without a name, that goes with the very covariate, and pushes in
+    the direction, by which it was found: then it only stands in for what is missing."""
+    goes_with, *left = [(step.unknown, _goes_with(step.place)) for step in steps]
+    return not goes_with[0] and goes_with[1] is not None and (True, goes_with[1]) in left
+
+
+def _goes_with(place: Place | None) -> tuple[str, str] | None:
+    covariate = None if place is None else name_of(place.test, place.column)
+    return None if place is None or covariate is None else (covariate, place.column.direction)
 
 
 def _further(step: Step, clusters: Clusters, seed: int) -> Further:

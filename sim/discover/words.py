@@ -73,14 +73,14 @@ def besides(further: Further, then: str) -> str:
 
 def say_unknown(believed: tuple[str, ...], p_value: float, where: Where, leading: Further, also: Sequence[Further],
                 fit: Fit, place: Place | None) -> str:
-    """Nothing in the catalogue explains it; what it looks like all the same."""
-    del also
+    """Nothing in the catalogue explains it; what it looks like all the same. also: what the nearest name leaves."""
     said = f"{_missing(believed)} that has no name in the catalogue."
     if leading.unknown is None or place is None:
         return said + _luck(p_value)
     stage = f"; most likely it happens {STAGE_WORDS[where.stage]}" if where.stage and where.reason is None else ""
-    nearest = f" The nearest name is {plain(leading.what[0].term)}, which explains it worse than a free curve does." \
-        if leading.what else ""
+    falls_short = f"leaves something over that goes with {in_words(where.covariate or '')}, too" if also else (
+        "explains it worse than a free curve does")
+    nearest = f" The nearest name is {plain(leading.what[0].term)}, which {falls_short}." if leading.what else ""
     formula = leading.unknown.formula
     law = f" An empirical formula does as well as the curve: {formula}." if formula else ""
     return f"{said}{_looks(leading.unknown, place)}{stage}.{law}{nearest}{_gained(fit)}{_luck(p_value)}"
