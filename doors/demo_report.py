@@ -17,6 +17,10 @@ from sim.discover.page import make_pictures
 from sim.gate.figures import Figures, figures_of
 from sim.intervals import difference
 from sim.pictures import Share, draw_shares, draw_shot, draw_trajectories
+from sim.prove.opener import graded_of
+from sim.prove.proof_page import verdict
+from sim.prove.proof_pictures import matrix_png
+from sim.prove.room import Room
 from sim.report import make_page, make_png, paragraph, picture, table
 from sim.shots import load_dataset
 
@@ -41,7 +45,8 @@ def headline(demo: Demo) -> list[str]:
     lines.append("fit (grid): " + ", ".join(f"{term}.{name} = {value:.3f}" for term, values in coefficients.items()
                                      for name, value in values.items()))
     lines.append("discover: " + json.loads(demo.finding.read_text(encoding="utf-8"))["sentence"])
-    return [*lines, put_in(demo)]
+    marks = [one.first for one in graded_of(Room(demo.round))]
+    return [*lines, put_in(demo), f"sealed worlds: {verdict(marks)}"]
 
 
 SCORES = (("two or three points", ("two", "three")), ("three points", ("three",)))
@@ -55,6 +60,7 @@ def save_report(demo: Demo, found: Investigation) -> Path:
         ("What the gate is worth", _gate_worth(demo)),
         ("Where simulation and recordings disagree", _disagreement(demo, found)),
         ("What putting it in is worth", worth_of_it(demo)),
+        ("Worlds whose truth was sealed", _sealed(demo)),
         ("One shot", _one_shot(demo)),
         ("Recorded shots, flown by the fitted simulator", _trajectories(demo)),
         ("The fit", _fit(demo)),
@@ -88,6 +94,15 @@ def _disagreement(demo: Demo, found: Investigation) -> str:
     return paragraph(found.finding.sentence) + pictures + (
         f'<p class="dim">The whole finding: <a href="{demo.finding_page.name}">{demo.finding_page.name}</a>; '
         f'as data: <a href="{demo.finding.name}">{demo.finding.name}</a>.</p>')
+
+
+def _sealed(demo: Demo) -> str:
+    room = Room(demo.round)
+    marks = [one.first for one in graded_of(room)]
+    return picture(matrix_png(marks), "worlds by what was true and what was said") + (
+        f'<p class="dim">Eight worlds by another simulator, drawn from the seed, their truth committed to before '
+        f'discovery saw the data: a taste, no proof. <a href="{room.root.name}/{room.report.name}">The round</a>; '
+        f"<code>truearc prove --seed-from-entropy</code> plays one that nobody has seen.</p>")
 
 
 def _one_shot(demo: Demo) -> str:

@@ -5,6 +5,7 @@ from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 
+import mujoco
 from msgspec import structs
 
 import robot
@@ -26,7 +27,7 @@ def make_data(drawn: Drawn, directory: Path) -> str:
     """Write the dataset; whose work it is (engine and version). The directory must be new or empty."""
     if drawn.engine == MUJOCO:
         save_dataset(directory, _season(drawn, drawn.seed, plan_season(drawn.seed, drawn.shots), directory.name))
-        return f"mujoco {version('mujoco')}, truearc {version('truearc')}"
+        return f"mujoco {mujoco.__version__}, truearc {version('truearc')}"
     write(make_world(drawn.effects, drawn.level, drawn.shots, drawn.seed, drawn.dirt), directory)
     return f"numpy {version('numpy')}, truearc {version('truearc')}"
 

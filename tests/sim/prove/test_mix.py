@@ -2,15 +2,19 @@
 
 from collections import Counter
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from robot.config import BadInput
-from sim.prove.mix import LADDER, LARGEST, MUJOCO, NUMPY, SHARES, Drawn, draw_round
+from sim.prove.making import make_data, make_more
+from sim.prove.mix import LADDER, LARGEST, MUJOCO, NUMPY, SHARES, Drawn, change_one, draw_round
 from sim.prove.truth.effects import UNCATALOGUED, find_effect
+from sim.prove.truth.follow import Asked
 from sim.prove.truth.shoot import shoot
 from sim.prove.truth.world import make_world
+from sim.shots import load_dataset
 from sim.world.options import Options
 
 LEVELS = ("L0", "L1", "L2")
@@ -83,3 +87,14 @@ def test_a_decoys_battery_falls_as_its_balls_wear() -> None:
     order = np.arange(300)
     assert np.corrcoef(order, decoy.number("battery_v"))[0, 1] < -0.8
     assert abs(np.corrcoef(order, plain.number("battery_v"))[0, 1]) < 0.4
+
+
+@pytest.mark.slow
+def test_mujoco_s_worlds_become_data_that_do_not_say_what_is_to_be_believed(tmp_path: Path) -> None:
+    drawn = change_one(np.random.default_rng(1), Drawn("w1", MUJOCO, "one", "L1", 12, 5))
+    assert make_data(drawn, tmp_path / "w1").startswith("mujoco ")
+    make_more(drawn, [Asked(4.0, 50.0, 0.6, 3)], tmp_path / "more")
+    first, more = load_dataset(tmp_path / "w1"), load_dataset(tmp_path / "more")
+    assert len(first.shots) == 12 and first.facts.believe.terms == () and first.traces is not None
+    assert len(more.shots) == 3 and not set(more.shots.shot_id) & set(first.shots.shot_id)
+    assert more.shots.number("distance_m") == pytest.approx([4.0] * 3, abs=0.5)
