@@ -9,15 +9,15 @@ from pathlib import Path
 from doors.demo import FEWEST
 from doors.discover import keep_compiled
 from doors.progress import make_progress
-from doors.prove_drive import driven_table, learn_gates, play_driven
+from doors.prove_drive import driven_of, driven_table, learn_gates, play_driven, room_of
 from robot.config import BadInput
 from sim.discover.intake import FEWEST_SHOTS
 from sim.prove.keeper import Plan, answer_round, entropy, load_plan, seal_own, seal_round
 from sim.prove.ledger import read_ledger
 from sim.prove.mix import MUJOCO, NUMPY
-from sim.prove.opener import Graded, grade_round
+from sim.prove.opener import Graded, grade_round, graded_of
 from sim.prove.proof_page import make_proof_page, verdict
-from sim.prove.proof_table import make_tables
+from sim.prove.proof_table import Table, make_tables
 from sim.prove.rivals.entrants import RIVALS, check_rivals
 from sim.prove.room import Room
 from sim.prove.solver import solve_round
@@ -64,8 +64,8 @@ def main(args: argparse.Namespace) -> int:
     if args.role in (None, "seal"):
         seal_round(room, _plan(args, room), make_progress("seal", args.quiet), args.processes, args.scheduler)
     if args.role == "solve":
-        solve_round(room, make_progress("solve", args.quiet), args.processes, args.scheduler, check_rivals(
-            args.rivals.split(",") if args.rivals else ()))
+        solve_round(room, make_progress("solve", args.quiet), args.processes, args.scheduler,
+                    _rivals(args))
     elif args.role is None:
         _solve_apart(args)
     if args.role == "answer" or (args.role is None and args.follow_up):
@@ -85,6 +85,8 @@ def _drive(args: argparse.Namespace, room: Room) -> int:
         driven = play_driven(room.root, args.worlds, args.shots, args.trials or args.shots, _seed(args),
                              make_progress("drive", args.quiet), args.processes)
         print(driven_table(driven).markdown())
+        if room.grades.exists():
+            _save_report(room, graded_of(room))
     return 0
 
 
@@ -95,6 +97,11 @@ def _check(args: argparse.Namespace) -> None:
         value = getattr(args, name)
         if value is not None and value < least:
             raise BadInput(f"--{name} {value}: {least} or more")
+    check_rivals(_rivals(args))
+
+
+def _rivals(args: argparse.Namespace) -> tuple[str, ...]:
+    return tuple(args.rivals.split(",")) if args.rivals else ()
 
 
 def _tell(room: Room, graded: Sequence[Graded]) -> None:
@@ -102,10 +109,18 @@ def _tell(room: Room, graded: Sequence[Graded]) -> None:
     if not graded:
         print("Nothing has been claimed yet.")
         return
+    tables = [one.markdown() for one in _save_report(room, graded)]
+    said = verdict([one.first for one in graded])
+    print("\n\n".join([said, *tables, f"report: {room.report}; every mark: {room.grades}"]))
+
+
+def _save_report(room: Room, graded: Sequence[Graded]) -> list[Table]:
+    """Write the page; its tables, that of the driven worlds among them where there are any."""
     marks, again = [one.first for one in graded], [(one.first, one.again) for one in graded if one.again is not None]
-    room.report.write_text(make_proof_page(marks, again, read_ledger(room.ledger)), encoding="utf-8")
-    tables = [one.markdown() for one in make_tables(marks, again)]
-    print("\n\n".join([verdict(marks), *tables, f"report: {room.report}; every mark: {room.grades}"]))
+    driven = driven_of(room_of(room.root))
+    tables = [*make_tables(marks, again), *([driven_table(driven)] if driven else [])]
+    room.report.write_text(make_proof_page(marks, tables, read_ledger(room.ledger)), encoding="utf-8")
+    return tables
 
 
 def _seal_own(args: argparse.Namespace, room: Room) -> int:

@@ -7,7 +7,7 @@ from sim.intervals import wilson
 from sim.prove.ledger import Entry
 from sim.prove.marking import NULLS, Mark
 from sim.prove.proof_pictures import chance_png, ladder_png, matrix_png
-from sim.prove.proof_table import Again, Question, ladder_of, make_tables, share
+from sim.prove.proof_table import Question, Table, ladder_of, share
 from sim.report import make_page, paragraph, picture, table
 
 SHOWN = 16                            # of a hash's digits; the ledger has them all
@@ -15,7 +15,7 @@ LAMBDA = ("Lambda is how plain an effect is in such data: the square of its ampl
           "that anybody could have.")
 
 
-def make_proof_page(marks: Sequence[Mark], again: Again, entries: Sequence[Entry]) -> str:
+def make_proof_page(marks: Sequence[Mark], tables: Sequence[Table], entries: Sequence[Entry]) -> str:
     """HTML that needs nothing but itself. entries: the round's ledger."""
     levels = sorted({f"{one.level}, {one.shots} shots" for one in marks})
     sections = [("What was said of what was true", _matrix(marks))]
@@ -25,7 +25,7 @@ def make_proof_page(marks: Sequence[Mark], again: Again, entries: Sequence[Entry
     chance = chance_png(marks)
     if chance is not None:
         sections.append(("Where nothing is missing", picture(chance, "p-values of the nulls against chance")))
-    sections += [(one.title, table(one.head, one.rows)) for one in make_tables(marks, again)]
+    sections += [(one.title, table(one.head, one.rows)) for one in tables]
     sections += [("Every world", _worlds(marks)), ("The ledger", _ledger(entries))]
     return make_page(f"truearc prove: {len(marks)} concealed worlds, {'; '.join(levels)}", verdict(marks), sections)
 
