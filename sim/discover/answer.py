@@ -66,15 +66,10 @@ def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: Fitted, clust
 
 
 def is_stand_in(steps: Sequence[Step]) -> bool:
-    """Whether the first name leaves something over, without a name, that goes with the very covariate, and pushes in
-    the direction, by which it was found: then it only stands in for what is missing."""
-    goes_with, *left = [(step.unknown, _goes_with(step.place)) for step in steps]
-    return not goes_with[0] and goes_with[1] is not None and (True, goes_with[1]) in left
-
-
-def _goes_with(place: Place | None) -> tuple[str, str] | None:
-    covariate = None if place is None else name_of(place.test, place.column)
-    return None if place is None or covariate is None else (covariate, place.column.direction)
+    """Whether the first name leaves something over, without a name, that pushes in the direction in which the effect
+    was found: then it only stands in for what is missing, and what else it takes does not make it right."""
+    first, *later = [(step.unknown, None if step.place is None else step.place.column.direction) for step in steps]
+    return not first[0] and first[1] is not None and (True, first[1]) in later
 
 
 def _further(step: Step, clusters: Clusters, seed: int) -> Further:

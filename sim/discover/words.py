@@ -78,8 +78,10 @@ def say_unknown(believed: tuple[str, ...], p_value: float, where: Where, leading
     if leading.unknown is None or place is None:
         return said + _luck(p_value)
     stage = f"; most likely it happens {STAGE_WORDS[where.stage]}" if where.stage and where.reason is None else ""
-    falls_short = f"leaves something over that goes with {in_words(where.covariate or '')}, too" if also else (
-        "explains it worse than a free curve does")
+    falls_short = "explains it worse than a free curve does"
+    if also:
+        left = next((one.unknown.covariate for one in also if one.unknown is not None), None)
+        falls_short = "leaves something of the kind over" + (f" that goes with {in_words(left)}" if left else "")
     nearest = f" The nearest name is {plain(leading.what[0].term)}, which {falls_short}." if leading.what else ""
     formula = leading.unknown.formula
     law = f" An empirical formula does as well as the curve: {formula}." if formula else ""

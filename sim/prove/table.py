@@ -23,6 +23,9 @@ class Target(NamedTuple):
 L0_300, L0_1000, L1_300, L1_1000 = ("L0", 300, 1.0), ("L0", 1000, 1.0), ("L1", 300, 1.0), ("L1", 1000, 1.0)
 L2_300 = ("L2", 300, 0.25)
 SETTINGS = (L0_300, L0_1000, L1_300, L1_1000, L2_300)
+PLAIN = ("L2", 300, 1.0)              # tracks, usual sizes: everything should be seen and named
+LARGE = ("L2", 300, 2.0)              # where what is in no catalogue is looked at
+PLAINLY = {PLAIN: 0.97}
 
 
 def goals(*values: float) -> dict[Setting, float]:
@@ -31,23 +34,25 @@ def goals(*values: float) -> dict[Setting, float]:
 
 
 TARGETS = (
-    Target("detected", True, goals(0.45, 0.72, 0.50, 0.74, 0.72)),
-    Target("stage", True, goals(0.72, 0.78, 0.82, 0.88, 0.97)),
-    Target("top-1", True, goals(0.62, 0.70, 0.74, 0.82, 0.88)),
-    Target("up to alias", True, goals(0.74, 0.82, 0.78, 0.86, 0.95)),
-    Target("in the set", True, goals(0.90, 0.90, 0.90, 0.90, 0.90)),
+    Target("detected", True, goals(0.45, 0.72, 0.50, 0.74, 0.72) | PLAINLY),
+    Target("stage", True, goals(0.72, 0.78, 0.82, 0.88, 0.97) | PLAINLY),
+    Target("top-1", True, goals(0.62, 0.70, 0.74, 0.82, 0.88) | PLAINLY),
+    Target("up to alias", True, goals(0.74, 0.82, 0.78, 0.86, 0.95) | PLAINLY),
+    Target("in the set", True, goals(0.90, 0.90, 0.90, 0.90, 0.90) | PLAINLY),
     Target("set size", False, goals(5.0, 3.5, 4.5, 2.5, 1.6)),
     Target("interval holds", True, goals(0.86, 0.86, 0.86, 0.86, 0.86), 0.94),
     Target("gain kept", True, goals(0.70, 0.82, 0.75, 0.87, 0.90)),
     Target("gain below 0", False, goals(0.05, 0.03, 0.05, 0.03, 0.02)),
     Target("called unknown", False, goals(0.10, 0.10, 0.10, 0.08, 0.05)),
     Target("named wrong", False, goals(0.10, 0.10, 0.10, 0.10, 0.05)),
-    Target("off: unknown", True, goals(0.40, 0.55, 0.55, 0.70, 0.85)),
-    Target("off: covariate and direction", True, {L2_300: 0.75}),
+    Target("off: unknown", True, goals(0.40, 0.55, 0.55, 0.70, 0.85) | {LARGE: 0.85}),
+    Target("off: covariate and direction", True, {L2_300: 0.75, LARGE: 0.75}),
 )
 # The ceilings that the design's targets were set against (its section 4.4).
-DESIGN_CEILING = {"detected": goals(0.53, 0.82, 0.56, 0.83, 0.80), "top-1": goals(0.70, 0.77, 0.81, 0.88, 0.92),
-                  "up to alias": goals(0.80, 0.88, 0.82, 0.90, 0.98), "stage": goals(0.79, 0.83, 0.88, 0.92, 0.99)}
+DESIGN_CEILING = {"detected": goals(0.53, 0.82, 0.56, 0.83, 0.80) | {PLAIN: 1.0},
+                  "top-1": goals(0.70, 0.77, 0.81, 0.88, 0.92) | {PLAIN: 1.0},
+                  "up to alias": goals(0.80, 0.88, 0.82, 0.90, 0.98) | {PLAIN: 1.0},
+                  "stage": goals(0.79, 0.83, 0.88, 0.92, 0.99) | {PLAIN: 1.0}}
 CEILINGS = {"detected": 0, "top-1": 1, "up to alias": 2, "stage": 3}      # places in sim.prove.ceiling.Ceiling
 RESOLVABLE = 50.0                     # lambda, from which what has no name should be told as such (the design)
 LOWEST_ALARMS, HIGHEST_ALARMS = 0.03, 0.07
