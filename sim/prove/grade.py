@@ -42,7 +42,7 @@ ALIASES: dict[str, tuple[frozenset[str], ...]] = {
 SPEEDS = ("motor_ratio", "exit_speed_m_s", "exit_spin_rev_s", "wheel_lower_rad_s", "wheel_upper_rad_s",
           "fed_wheel_lower_rad_s", "fed_wheel_upper_rad_s")
 GOES_WITH: dict[str, tuple[tuple[str, ...], str]] = {
-    "late_gust": (("time_in_flight_s", "height_in_flight_m", "distance_in_flight_m"), "along"),
+    "late_gust": (("time_in_flight_s",), "along"),
     "far_kick": (("distance_m",), "along"), "supplier_drag": (("supplier", "ball_id"), "along"),
     "seam_force": (("temperature_c",), "lateral"), "hood_flex": (SPEEDS, "vertical"), "worn_wheel": (SPEEDS, "along"),
     "drag_crisis": (("speed_in_flight_m_s",), "along")}
