@@ -100,9 +100,10 @@ def _sealed(demo: Demo) -> str:
     room = Room(demo.round)
     marks = [one.first for one in graded_of(room)]
     return picture(matrix_png(marks), "worlds by what was true and what was said") + (
-        f'<p class="dim">{len(marks)} worlds by another simulator, drawn from the seed, their truth committed to before '
-        f'discovery saw the data: a taste, no proof. <a href="{room.root.name}/{room.report.name}">The round</a>; '
-        f"<code>truearc prove --seed-from-entropy</code> plays one that nobody has seen.</p>")
+        f'<p class="dim">{len(marks)} worlds by another simulator, drawn from the seed, their truth committed to '
+        "before discovery saw the data: a taste, no proof. "
+        f'<a href="{room.root.name}/{room.report.name}">The round</a>; '
+        "<code>truearc prove --seed-from-entropy</code> plays one that nobody has seen.</p>")
 
 
 def _one_shot(demo: Demo) -> str:

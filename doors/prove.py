@@ -91,13 +91,16 @@ def _drive(args: argparse.Namespace, room: Room) -> int:
 
 
 def _check(args: argparse.Namespace) -> None:
-    """BadInput for numbers that no round can have."""
+    """BadInput for numbers that no round can have, rivals that there are none of, and a round that is not there."""
     fewest = FEWEST if args.role == "drive" else FEWEST_SHOTS
     for name, least in (("seed", 0), ("worlds", 1), ("shots", fewest), ("trials", 1), ("processes", 1)):
         value = getattr(args, name)
         if value is not None and value < least:
             raise BadInput(f"--{name} {value}: {least} or more")
     check_rivals(_rivals(args))
+    begun = room_of(Path(args.out)) if args.role == "gates" else Room(Path(args.out))
+    if args.role in ("solve", "answer", "grade", "gates") and not begun.ledger.exists():
+        raise BadInput(f"{begun.ledger}: is missing: no round was begun there")
 
 
 def _rivals(args: argparse.Namespace) -> tuple[str, ...]:

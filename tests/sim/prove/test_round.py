@@ -215,3 +215,9 @@ def test_a_round_needs_a_seed(tmp_path: Path) -> None:
     done = prove(tmp_path / "round", "seal", "--worlds", "2")
     assert done.returncode == 2
     assert "--seed" in done.stderr
+
+
+@pytest.mark.parametrize("role", ["solve", "answer", "grade", "gates"])
+def test_a_directory_without_a_round_is_refused(tmp_path: Path, role: str) -> None:
+    done = prove(tmp_path / "nothing", role)
+    assert done.returncode == 2 and "ledger.jsonl: is missing" in done.stderr, done.stderr
