@@ -74,7 +74,7 @@ def _scatter(name: str, log_value: float) -> float:
 
 def _covariance(evidence: Evidence, columns: list[int]) -> tuple[tuple[str, ...], Array]:
     """(names, covariance on their scales); what has no place on its scale is taken as exact."""
-    information = evidence.info.sum(0) + evidence.precision
+    information = evidence.information + evidence.precision
     whole = np.linalg.pinv(information, hermitian=True)
     names = {k: believed_name(evidence.columns[k].name) for k in columns}
     kept = [k for k in columns if evidence.columns[k].name in SCATTERS

@@ -215,10 +215,9 @@ def _fit(fitted: Fitted, steps: Sequence[Step], clusters: Clusters) -> Fit:
 
 def _accuracy(evidence: Evidence, change: Array) -> float | None:
     """Share of recorded outcomes that were the likeliest."""
-    plane = evidence.plane
-    if plane is None:
+    if evidence.plane is None:
         return None
-    seen, mean_m, spread_m = plane.moved(change)
+    seen, mean_m, spread_m = evidence.heights(change)
     classed = np.isfinite(seen.classes)
     if not classed.any():
         return None

@@ -134,7 +134,7 @@ def _halfway(a: Spot, b: Spot) -> Spot:
 
 def newton_step(evidence: Evidence) -> tuple[Array, float]:
     """(Fisher scoring step [P] for layouts of shared columns only, nats that it promises)."""
-    info, slope = evidence.info.sum(0) + evidence.precision, evidence.score.sum(0) + evidence.pull
+    info, slope = evidence.information + evidence.precision, evidence.score.sum(0) + evidence.pull
     step = np.linalg.solve(info + 1e-12 * np.diag(np.diag(info) + 1e-12), slope)
     return step, 0.5 * float(step @ slope)
 

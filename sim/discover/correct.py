@@ -128,12 +128,12 @@ def _spread(evidence: Evidence, channel: int, basis: Array, found: Array) -> Arr
 def _normal(evidence: Evidence, channel: int, basis: Array, train: Array, change: Array) -> tuple[Array, Array]:
     """Score [q+p] and information [q+p, q+p] of basis coefficients and shared parameters at `change`."""
     score, info = (part[train] for part in evidence.slopes_at(change))
-    shared = shared_columns(evidence)
+    shared, deal = shared_columns(evidence), evidence.deal.some(train)
     shapes = basis[train]
-    cross = np.einsum("nq,np->qp", shapes, info[:, channel, shared])
+    cross = shapes.T @ deal.spread(info[:, channel])[:, shared]
     top = np.einsum("nq,nr,n->qr", shapes, shapes, info[:, channel, channel])
-    return (np.concatenate([shapes.T @ score[:, channel], score[:, shared].sum(0)]),
-            np.block([[top, cross], [cross.T, info[:, shared, shared].sum(0)]]))
+    return (np.concatenate([shapes.T @ score[:, channel], deal.spread(score)[:, shared].sum(0)]),
+            np.block([[top, cross], [cross.T, deal.total(info)[shared, shared]]]))
 
 
 def _penalty(evidence: Evidence, channel: int, basis: Array, train: Array, ridge: float) -> Array:

@@ -78,7 +78,7 @@ def make_design(step: Step, shots: int = SHOTS, configurations: int = CONFIGURAT
     contest = _contest(step, names)
     block = max(shots // configurations, 1)
     rows = choose_blocks(contest, block, configurations)
-    more = block * contest.evidence.info[list(rows)].sum(0)
+    more = block * contest.evidence.told_by(list(rows))
     measurements = sorted(_measurements(contest, names, seed), key=lambda one: -one.probability)
     return Design(names, contest.probability, tuple(Block(row, block) for row in rows),
                   float((contest.probability * (contest.probability >= SURE)).sum()),
@@ -121,12 +121,13 @@ def worth(contest: Contest, more: Array | float) -> float:
 
 def choose_blocks(contest: Contest, block: int, count: int) -> list[int]:
     """Rows of the shots whose configurations are shot again, `block` times each; one may come more than once."""
+    evidence = contest.evidence
     total: Array | float = 0.0
     rows: list[int] = []
     for _ in range(count):
-        value = [worth(contest, total + block * info) for info in contest.evidence.info]
+        value = [worth(contest, total + block * evidence.told_by([row])) for row in range(len(evidence.rows))]
         rows.append(int(np.argmax(value)))
-        total = total + block * contest.evidence.info[rows[-1]]
+        total = total + block * evidence.told_by([rows[-1]])
     return rows
 
 
@@ -155,7 +156,7 @@ def _stands_alone(nats: Array, truth: Array) -> float:
 
 def _random_equal(contest: Contest, more: Array) -> int | None:
     """Shots drawn like the present ones that are worth as much as `more`."""
-    wanted, present = worth(contest, more), contest.evidence.info.sum(0)
+    wanted, present = worth(contest, more), contest.evidence.information
     shots = len(contest.evidence.rows)
     low, high = 0.0, float(MOST_RANDOM)
     if worth(contest, high * present) < wanted:

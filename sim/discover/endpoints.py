@@ -19,10 +19,9 @@ def end_errors(intake: Intake, layout: Layout, spot: Spot, evidence: Evidence, c
     if intake.samples is not None:
         errors = track_errors(intake, layout, spot, change)[:, 2]
     else:
-        plane = evidence.plane
-        if plane is None or not plane.seen.measured.any():
+        if evidence.plane is None or not evidence.plane.seen.measured.any():
             return None
-        seen, mean_m, _ = plane.moved(change)
+        seen, mean_m, _ = evidence.heights(change)
         errors = (mean_m - seen.height_m)[seen.measured]
     return float(np.sqrt(np.mean(errors**2)))
 

@@ -6,11 +6,14 @@ curvature in all columns, each shot's own unknowns (how it left, its noise) alre
 that (tests, place, names) needs no physics.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from sim.discover import outcomes
+from sim.discover.deal import Deal
 from sim.discover.outcomes import Seen
 
 Array = np.ndarray
@@ -41,7 +44,7 @@ class Column:
 class Plane:
     """Heights at the plane of m of the n shots (`rows`), normal: mean and spread [m] in m above the target's centre.
 
-    by_column [m, P]: of the mean; wider_by [m, P]: metres by which borders move outwards; log_spread_by [m, P].
+    by_column [m, C]: of the mean; wider_by [m, C]: metres by which borders move outwards; log_spread_by [m, C].
     """
 
     rows: Array
@@ -53,7 +56,7 @@ class Plane:
     log_spread_by: Array
 
     def moved(self, change: Array) -> tuple[Seen, Array, Array]:
-        """(seen, mean, spread) after `change` [n, P]."""
+        """(seen, mean, spread) after `change` [n, C]."""
         mine = change[self.rows]
         mean, wider, log_spread = (np.einsum("mp,mp->m", mine, by)
                                    for by in (self.by_column, self.wider_by, self.log_spread_by))
@@ -65,14 +68,16 @@ class Plane:
 class Evidence:
     """Slopes and curvatures about one point; n shots, P columns, the shared ones last.
 
-    `score` [n, P] slope of each shot's log-likelihood, `info` [n, P, P] its expected negative curvature. Of these the
-    part of tracks and measured exits is `linear` and `bend`, exact for what follows; that of the plane is worked out
-    anew wherever it is asked for. `precision` [p, p] and `pull` [p]: the shared columns' log prior; `log_score` [n].
-    `point` [P]: the columns' values where this was made (free ones: 0).
+    Each shot speaks of C columns of its own, as the `deal` has it: all but those of other groups. `own_score` [n, C] is
+    the slope of its log-likelihood, `info` [n, C, C] its expected negative curvature. Of these the part of tracks and
+    measured exits is `linear` and `bend`, exact for what follows; that of the plane is worked out anew wherever it is
+    asked for. `precision` [p, p] and `pull` [p]: the shared columns' log prior; `log_score` [n]. `point` [P]: the
+    columns' values where this was made (free ones: 0).
     """
 
     rows: Array
     columns: tuple[Column, ...]
+    deal: Deal
     point: Array
     linear: Array
     bend: Array
@@ -80,75 +85,101 @@ class Evidence:
     precision: Array
     pull: Array
     log_score: Array
-    score: Array
+    own_score: Array
     info: Array
 
     @property
     def first_shared(self) -> int:
         return len(self.columns) - len(self.precision)
 
+    @cached_property
+    def score(self) -> Array:
+        """Slope [n, P] of each shot's log-likelihood."""
+        return self.deal.spread(self.own_score)
+
+    @cached_property
+    def information(self) -> Array:
+        """What all shots say together [P, P], without the prior."""
+        return self.deal.total(self.info)
+
     def index(self, name: str) -> int:
         return next(k for k, column in enumerate(self.columns) if column.name == name)
 
+    def told_by(self, rows: Sequence[int]) -> Array:
+        """The information [P, P] of these shots."""
+        chosen = np.asarray(rows)
+        return self.deal.some(chosen).total(self.info[chosen])
+
     def gain(self, change: Array) -> Array:
         """Log-likelihood gained by each shot [n] when columns change by `change` [n, P]; heights linear in it."""
-        value = (np.einsum("ni,ni->n", self.linear, change)
-                 - 0.5 * np.einsum("ni,nij,nj->n", change, self.bend, change))
+        own = self.deal.own(change)
+        value = np.einsum("ni,ni->n", self.linear, own) - 0.5 * np.einsum("ni,nij,nj->n", own, self.bend, own)
         if self.plane is not None:
             plane = self.plane
             before = outcomes.log_likelihood(plane.seen, plane.mean_m, plane.spread_m)
-            value[plane.rows] += outcomes.log_likelihood(*plane.moved(change)) - before
+            value[plane.rows] += outcomes.log_likelihood(*plane.moved(own)) - before
         return value
 
+    def heights(self, change: Array) -> tuple[Seen, Array, Array]:
+        """(seen, mean, spread) at the plane after `change` [n, P]; there must be one."""
+        assert self.plane is not None
+        return self.plane.moved(self.deal.own(change))
+
     def slopes_at(self, change: Array) -> tuple[Array, Array]:
-        """Score [n, P] and information [n, P, P] after `change`."""
-        score = self.linear - np.einsum("nij,nj->ni", self.bend, change)
-        if self.plane is None:
-            return score, self.bend
-        more, inner = plane_terms(self.plane, *self.plane.moved(change))
-        info = self.bend.copy()
-        score[self.plane.rows] += more
-        info[self.plane.rows] += inner
-        return score, info
+        """Own score [n, C] and information [n, C, C] after `change` [n, P]."""
+        own = self.deal.own(change)
+        score = self.linear - np.einsum("nij,nj->ni", self.bend, own)
+        return score, self.bend if self.plane is None else _with_plane(self.plane, self.plane.moved(own), score,
+                                                                      self.bend)
 
     def moved(self, change: Array) -> "Evidence":
         """The same about the point moved by `change` [n, P], heights and tracks taken as linear on the way."""
         score, info = self.slopes_at(change)
-        plane = self.plane
+        plane, own = self.plane, self.deal.own(change)
         if plane is not None:
-            seen, mean_m, spread_m = plane.moved(change)
+            seen, mean_m, spread_m = plane.moved(own)
             plane = replace(plane, seen=seen, mean_m=mean_m, spread_m=spread_m)
-        linear = self.linear - np.einsum("nij,nj->ni", self.bend, change)
-        return replace(self, linear=linear, plane=plane, log_score=self.log_score + self.gain(change), score=score,
+        linear = self.linear - np.einsum("nij,nj->ni", self.bend, own)
+        return replace(self, linear=linear, plane=plane, log_score=self.log_score + self.gain(change), own_score=score,
                        info=info)
 
     def pick(self, kept: Array) -> "Evidence":
         """With these columns only, in this order; the shared ones must all be kept, and last."""
+        deal, own = self.deal.pick(kept)
         plane = self.plane
         if plane is not None:
-            plane = replace(plane, by_column=plane.by_column[:, kept], wider_by=plane.wider_by[:, kept],
-                            log_spread_by=plane.log_spread_by[:, kept])
-        square = np.ix_(range(len(self.bend)), kept, kept)
-        return Evidence(self.rows, tuple(self.columns[k] for k in kept), self.point[kept], self.linear[:, kept],
-                        self.bend[square], plane, self.precision, self.pull, self.log_score, self.score[:, kept],
+            plane = replace(plane, by_column=plane.by_column[:, own], wider_by=plane.wider_by[:, own],
+                            log_spread_by=plane.log_spread_by[:, own])
+        square = np.ix_(range(len(self.bend)), own, own)
+        return Evidence(self.rows, tuple(self.columns[k] for k in kept), deal, self.point[kept], self.linear[:, own],
+                        self.bend[square], plane, self.precision, self.pull, self.log_score, self.own_score[:, own],
                         self.info[square])
 
 
 def make_evidence(rows: Array, columns: tuple[Column, ...], point: Array, linear: Array, bend: Array,
-                  plane: Plane | None, precision: Array, pull: Array, log_linear: Array) -> Evidence:
-    """Put the parts together; log_linear [n]: log-likelihood of tracks and exits."""
+                  plane: Plane | None, precision: Array, pull: Array, log_linear: Array,
+                  deal: Deal | None = None) -> Evidence:
+    """Put the parts together; log_linear [n]: log-likelihood of tracks and exits. No deal: all columns are everyone's.
+    """
     score, info, log_score = linear.copy(), bend, log_linear.copy()
     if plane is not None:
-        more, inner = plane_terms(plane, plane.seen, plane.mean_m, plane.spread_m)
-        info = bend.copy()
-        score[plane.rows] += more
-        info[plane.rows] += inner
+        info = _with_plane(plane, (plane.seen, plane.mean_m, plane.spread_m), score, bend)
         log_score[plane.rows] += outcomes.log_likelihood(plane.seen, plane.mean_m, plane.spread_m)
-    return Evidence(rows, columns, point, linear, bend, plane, precision, pull, log_score, score, info)
+    deal = deal or Deal.plain(len(rows), len(columns))
+    return Evidence(rows, columns, deal, point, linear, bend, plane, precision, pull, log_score, score, info)
+
+
+def _with_plane(plane: Plane, there: tuple[Seen, Array, Array], score: Array, bend: Array) -> Array:
+    """What the plane says `there` added to the score, in place, and to the information, which comes back."""
+    more, inner = plane_terms(plane, *there)
+    info = bend.copy()
+    score[plane.rows] += more
+    info[plane.rows] += inner
+    return info
 
 
 def plane_terms(plane: Plane, seen: Seen, mean_m: Array, spread_m: Array) -> tuple[Array, Array]:
-    """Score [m, P] and expected information [m, P, P] of what was seen at the plane."""
+    """Score [m, C] and expected information [m, C, C] of what was seen at the plane."""
     by_mean, by_log, by_width = outcomes.slopes(seen, mean_m, spread_m)
     score = (by_mean[:, None] * plane.by_column + by_log[:, None] * plane.log_spread_by
              + by_width[:, None] * plane.wider_by)

@@ -95,7 +95,7 @@ def _efficient(evidence: Evidence, columns: Array) -> tuple[Array, Array, Array,
     parts: of each term's score, in its own standard deviations, what each shared column takes up by itself.
     """
     shared = shared_columns(evidence)
-    info = evidence.info.sum(0)
+    info = evidence.information
     inner, cross = info[shared, shared], info[columns][:, shared]
     square = info[np.ix_(columns, columns)]
     luck = np.array([column.kind == "group" for column in evidence.columns[shared]], dtype=bool)
@@ -149,7 +149,7 @@ def _classes(names: list[str], alike: Array, visible: Array) -> tuple[tuple[str,
 
 def _fittable(evidence: Evidence) -> tuple[Fittable, ...]:
     shared = shared_columns(evidence)
-    covariance = np.linalg.inv(evidence.info.sum(0)[shared, shared] + evidence.precision)
+    covariance = np.linalg.inv(evidence.information[shared, shared] + evidence.precision)
     before = np.diag(np.linalg.inv(evidence.precision))
     rows = zip(evidence.columns[shared], before, np.diag(covariance), strict=True)
     return tuple(Fittable(column.name, column.unit, float(np.sqrt(known)), float(np.sqrt(variance)))

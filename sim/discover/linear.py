@@ -6,6 +6,7 @@ they said. Only the outcome's likelihood is not Gaussian, and it is of one numbe
 """
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -13,13 +14,15 @@ import numpy as np
 
 from sim.discover import outcomes
 from sim.discover.chain import Chain, Lanes, Seen, see_slopes
+from sim.discover.deal import Deal
 from sim.discover.evidence import FLOOR_M, Array, Column, Evidence, Plane, make_evidence
 from sim.discover.intake import Intake
 from sim.discover.samples import log_volume, whiten
 
 SCATTERED = (0, 1, 2, 4)              # deviates that scatter: log speed, elevation, azimuth, distance
 FAR_BELOW_M = -10.0                   # stands for a ball that never came near
-PAD = 32                              # lanes fly in multiples of this, since each size is compiled
+PAD = 32                              # lanes fly in multiples of this, since each size is compiled,
+BLOCK = 160                           # and at most so many at once: a power of two would be twice as slow (caches)
 WIDTH = 12                            # slopes that are flown together
 
 
@@ -117,32 +120,34 @@ def linearise(intake: Intake, layout: Layout, spot: Spot, flown: Flown | None = 
         left = _integrate(gauss, sd, spot)
     score, info = _scatter_terms(intake, layout, spot, sd, left, real + bases)
     plane = _plane(intake, layout, spot, seen, slopes, sd, left, columns, inputs, real + bases)
-    parts = _spread_groups(layout, left.score + score, left.info + info, plane)
+    parts = _scaled(layout, left.score + score, left.info + info, plane)
     point = _point(layout, spot)
     pull = layout.precision @ (layout.centre - point[len(layout.columns) - len(layout.precision):])
-    evidence = make_evidence(intake.rows, layout.columns, point, *parts, layout.precision, pull, left.log_likelihood)
+    evidence = make_evidence(intake.rows, layout.columns, point, *parts, layout.precision, pull, left.log_likelihood,
+                             _deal(layout))
     if spot.effects.any():
         change = np.concatenate([np.zeros(real), spot.effects])
         evidence = evidence.moved(np.tile(change, (len(intake.rows), 1)))
     return evidence, left.mean
 
 
-def _spread_groups(layout: Layout, linear: Array, bend: Array,
-                   plane: Plane | None) -> tuple[Array, Array, Plane | None]:
-    """The effects' base columns, which come last, dealt out to one column a group."""
+def _scaled(layout: Layout, linear: Array, bend: Array, plane: Plane | None) -> tuple[Array, Array, Plane | None]:
+    """The effects of a shot's own group, which come last, in units of their own."""
     groups = layout.groups
     if groups is None:
         return linear, bend, plane
-    real, n = len(layout.columns) - layout.grouped, len(linear)
-    index = np.concatenate([np.arange(real), np.repeat(real + np.arange(len(groups.inputs)), groups.count)])
-    member = (groups.label[:, None] == np.arange(groups.count)) * 1.0
-    mask = np.concatenate([np.ones((n, real)), *(member * scale for scale in groups.scale)], axis=1)
-    linear, bend = linear[:, index] * mask, bend[:, index][:, :, index] * mask[:, :, None] * mask[:, None, :]
+    scale = np.concatenate([np.ones(len(layout.columns) - layout.grouped), groups.scale])
     if plane is not None:
-        mine = mask[plane.rows]
-        plane = replace(plane, by_column=plane.by_column[:, index] * mine, wider_by=plane.wider_by[:, index] * mine,
-                        log_spread_by=plane.log_spread_by[:, index] * mine)
-    return linear, bend, plane
+        plane = replace(plane, by_column=plane.by_column * scale, wider_by=plane.wider_by * scale,
+                        log_spread_by=plane.log_spread_by * scale)
+    return linear * scale, bend * scale[:, None] * scale, plane
+
+
+def _deal(layout: Layout) -> Deal | None:
+    groups = layout.groups
+    if groups is None:
+        return None
+    return Deal(len(layout.columns) - layout.grouped, len(groups.inputs), groups.count, groups.label)
 
 
 def _point(layout: Layout, spot: Spot) -> Array:
@@ -185,24 +190,30 @@ def _basis(layout: Layout, inputs: Array) -> Array:
     return basis
 
 
-def pad_lanes(lanes: Lanes) -> tuple[Lanes, int]:
-    """(lanes repeated up to a multiple of PAD, how many there were)."""
+def pad_lanes(lanes: Lanes, multiple: int = PAD) -> tuple[Lanes, int]:
+    """(lanes repeated up to a multiple, how many there were)."""
     n = len(lanes.distance_m)
-    order = np.resize(np.arange(n), -(-n // PAD) * PAD)
-    return jax.tree.map(lambda part: np.asarray(part)[order] if np.ndim(part) else part, lanes), n
+    return _take(lanes, np.resize(np.arange(n), -(-n // multiple) * multiple)), n
+
+
+def _take(lanes: Lanes, rows: Any) -> Lanes:
+    return jax.tree.map(lambda part: np.asarray(part)[rows] if np.ndim(part) else part, lanes)
 
 
 def _fly(layout: Layout, lanes: Lanes, spot: Spot, basis: Array) -> tuple[Seen, Seen]:
-    """see_slopes of lanes so padded, as numpy arrays; WIDTH slopes at a time, so that one compilation serves all."""
-    padded, n = pad_lanes(lanes)
+    """see_slopes of all lanes, as numpy arrays; BLOCK lanes and WIDTH slopes at a time, so that one compilation serves
+    all."""
+    padded, n = pad_lanes(lanes, PAD if len(lanes.distance_m) <= BLOCK else BLOCK)
     deviates = np.resize(spot.deviates, (len(padded.distance_m), spot.deviates.shape[1]))
     width = basis.shape[1]
     wide = np.pad(basis, ((0, 0), (0, -width % WIDTH if width else WIDTH)))
-    parts = [see_slopes(layout.chain, padded, jnp.asarray(spot.values), deviates, jnp.asarray(layout.edges_s),
-                        jnp.asarray(some)) for some in np.split(wide, wide.shape[1] // WIDTH, axis=1)]
-    slopes = jax.tree.map(lambda *each: np.concatenate([np.asarray(one)[:n] for one in each], axis=-1)[..., :width],
-                          *(part for _, part in parts))
-    return jax.tree.map(lambda part: np.asarray(part)[:n], parts[0][0]), slopes
+    bases = np.split(wide, wide.shape[1] // WIDTH, axis=1)
+    blocks = [slice(first, first + BLOCK) for first in range(0, len(deviates), BLOCK)]
+    parts = [[see_slopes(layout.chain, _take(padded, rows), jnp.asarray(spot.values), deviates[rows],
+                         jnp.asarray(layout.edges_s), jnp.asarray(some)) for some in bases] for rows in blocks]
+    seen = jax.tree.map(lambda *each: np.concatenate(each)[:n], *(part[0][0] for part in parts))
+    slopes = [jax.tree.map(lambda *each: np.concatenate(each, axis=-1), *(one for _, one in part)) for part in parts]
+    return seen, jax.tree.map(lambda *each: np.concatenate(each)[:n][..., :width], *slopes)
 
 
 def variance_of(intake: Intake, log_scatter: Array) -> Array:

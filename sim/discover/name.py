@@ -63,7 +63,7 @@ def one_step(evidence: Evidence) -> tuple[tuple[Candidate, ...], Array]:
     """(every term after one step, correlations of their efficient slopes [K, K])."""
     columns = [k for k in range(evidence.first_shared) if evidence.columns[k].kind == "term"]
     score, left = efficient(evidence, np.array(columns, dtype=int))
-    total = evidence.info.sum(0)
+    total = evidence.information
     found = []
     for number, column in enumerate(columns):
         own, kept = total[column, column], left[number, number]
@@ -81,7 +81,7 @@ def one_step(evidence: Evidence) -> tuple[tuple[Candidate, ...], Array]:
 def visible_terms(evidence: Evidence) -> Array:
     """Columns of terms of which the shots say anything that the shared ones could not."""
     columns = np.array([k for k in range(evidence.first_shared) if evidence.columns[k].kind == "term"], dtype=int)
-    own, kept = evidence.info.sum(0)[columns, columns], np.diag(efficient(evidence, columns)[1])
+    own, kept = evidence.information[columns, columns], np.diag(efficient(evidence, columns)[1])
     return columns[(own > BUSY) & (kept > LEAST_INFORMATION * own)]
 
 
@@ -175,7 +175,7 @@ def efficient(evidence: Evidence, columns: Array, more: Array | float = 0.0) -> 
     more [P, P]: information of shots to come, added to that of the evidence; scores are those there are.
     """
     shared = shared_columns(evidence)
-    info, score = evidence.info.sum(0) + more, evidence.score.sum(0)
+    info, score = evidence.information + more, evidence.score.sum(0)
     inner = info[shared, shared] + evidence.precision
     cross = info[columns][:, shared]
     lift = np.linalg.solve(inner, cross.T).T if len(inner) else np.zeros((len(columns), 0))

@@ -85,12 +85,14 @@ def _sides(dataset: Dataset) -> tuple[dict[str, Any], ...]:
 
 def parting_shot(dataset: Dataset, step: Step, pair: tuple[str, str]) -> dict[str, Any] | None:
     """The recorded configuration where the two, each fitted, foretell the most different heights."""
-    plane = step.fitted.evidence.plane
+    evidence = step.fitted.evidence
+    plane = evidence.plane
     if plane is None or any(name not in step.naming.refits for name in pair):
         return None
-    one, other = (plane.by_column @ moved_by(step.fitted.evidence, step.naming.refits[name]) for name in pair)
+    changes = (np.tile(moved_by(evidence, step.naming.refits[name]), (len(evidence.rows), 1)) for name in pair)
+    one, other = (evidence.heights(change)[1] for change in changes)
     apart = np.abs(one - other) / plane.spread_m
-    shot = int(step.fitted.evidence.rows[plane.rows[int(apart.argmax())]])
+    shot = int(evidence.rows[plane.rows[int(apart.argmax())]])
     numbers = {name: dataset.shots.number(name)[shot] for name in ("distance_m", "hood_deg", "motor_ratio")}
     if not np.isfinite(list(numbers.values())).all():
         return None

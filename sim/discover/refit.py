@@ -44,14 +44,14 @@ def refit(fitted: Fitted, names: tuple[str, ...], start: Array, near: Spot | Non
         starts.append(usual_spot(fitted.intake, layout))
     tops = [climb(fitted.intake, layout, moved(layout, spot, change)) for spot in starts]
     spot, evidence = max(tops, key=lambda top: objective(top[1], layout))
-    info = evidence.info.sum(0) + evidence.precision
+    info = evidence.information + evidence.precision
     covariance = np.linalg.pinv(info)
     # what the shots themselves scatter by, where the model is too sure of itself
     scattered = covariance @ (evidence.score.T @ evidence.score) @ covariance
     sd = np.sqrt(np.maximum(np.diag(covariance), np.diag(scattered)))
     k = len(names)
     null = fitted.evidence.pick(np.arange(fitted.evidence.first_shared, len(fitted.evidence.columns)))
-    null_info = null.info.sum(0) + null.precision
+    null_info = null.information + null.precision
     gained = objective(evidence, layout) - objective(null, only_shared(fitted.layout))
     priors = np.linalg.slogdet(layout.precision)[1] - np.linalg.slogdet(fitted.layout.precision)[1]
     volume = 0.5 * (priors - np.linalg.slogdet(info)[1] + np.linalg.slogdet(null_info)[1])
@@ -89,11 +89,11 @@ def folds_of(label: Array) -> Array:
 def fit_linear(evidence: Evidence, train: Array) -> Array:
     """Most probable change [P] of all columns, which must all be shared, given the shots in `train`."""
     found, best = np.zeros(len(evidence.columns)), 0.0
-    n = len(evidence.rows)
+    n, deal = len(evidence.rows), evidence.deal.some(train)
     for _ in range(STEPS):
         score, info = evidence.slopes_at(np.tile(found, (n, 1)))
-        slope = score[train].sum(0) + evidence.pull - evidence.precision @ found
-        step = np.linalg.solve(info[train].sum(0) + evidence.precision, slope)
+        slope = deal.spread(score[train]).sum(0) + evidence.pull - evidence.precision @ found
+        step = np.linalg.solve(deal.total(info[train]) + evidence.precision, slope)
         for halving in range(HALVINGS):
             tried = found + step * 0.5**halving
             value = (evidence.gain(np.tile(tried, (n, 1)))[train].sum() + evidence.pull @ tried

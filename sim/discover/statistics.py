@@ -79,25 +79,29 @@ class Judged:
 def efficient_scores(evidence: Evidence, channel: int, weights: Array, cluster: Array, clusters: int) -> Scores:
     """Scores of `weights` [n, q] (q tests on one channel), summed over `cluster` [n] (numbers below `clusters`); those
     of the p priors follow."""
-    shared = shared_columns(evidence)
-    u, s = evidence.score[:, channel], evidence.score[:, shared]
-    k_cc, k_ct = evidence.info[:, channel, channel], evidence.info[:, channel, shared]
-    k_tt = evidence.info[:, shared, shared]
-    total = k_tt.sum(0) + evidence.precision
-    project = np.linalg.solve(total, (weights.T @ k_ct).T).T if len(total) else np.zeros((weights.shape[1], 0))
-    psi = weights * u[:, None] - s @ project.T
+    shared, first = shared_columns(evidence), evidence.first_shared
+    place = evidence.deal.place[:, first:] - first
+    k_cc, k_ct, k_tt = (evidence.info[:, channel, channel], evidence.info[:, channel, first:],
+                        evidence.info[:, first:, first:])
+    across = evidence.deal.spread(evidence.info[:, channel])[:, shared]
+    total = evidence.information[shared, shared] + evidence.precision
+    project = np.linalg.solve(total, (weights.T @ across).T).T if len(total) else np.zeros((weights.shape[1], 0))
+    mine = np.swapaxes(project[:, place], 0, 1)
+    known = mine @ k_tt
+    psi = weights * evidence.score[:, channel, None] - evidence.score[:, shared] @ project.T
     raw = weights**2 * k_cc[:, None]
-    kappa = raw - 2.0 * weights * (k_ct @ project.T) + ((project @ k_tt) * project).sum(2)
-    common = weights[:, :, None] * k_ct[:, None] - project @ k_tt
-    priors = _prior_scores(evidence, project)
-    psi, kappa, common = (np.concatenate([_sum_over(cluster, clusters, part), prior])
-                          for part, prior in zip((psi, kappa, common), priors, strict=True))
-    return Scores(psi, kappa, _stretch(kappa, common, total), _usable(kappa, raw.sum(0)))
+    kappa = raw - 2.0 * weights * (across @ project.T) + (known * mine).sum(2)
+    common = weights[:, :, None] * k_ct[:, None] - known
+    summed = (_sum_over(cluster, clusters, psi), _sum_over(cluster, clusters, kappa),
+              _drawn(cluster, clusters, common, place, np.linalg.inv(total)))
+    psi, kappa, drawn = (np.concatenate(both) for both in zip(summed, _prior_scores(evidence, project, total),
+                                                              strict=True))
+    return Scores(psi, kappa, _stretch(kappa, drawn), _usable(kappa, raw.sum(0)))
 
 
-def _prior_scores(evidence: Evidence, project: Array) -> tuple[Array, Array, Array]:
-    """(psi [m, q], kappa [m, q], common [m, q, p]) of the priors, as independent observations of combinations of the
-    shared parameters: one each, or, of what an earlier session told, PIECES each.
+def _prior_scores(evidence: Evidence, project: Array, total: Array) -> tuple[Array, Array, Array]:
+    """(psi, kappa, drawn) [m, q] of the priors, as independent observations of combinations of the shared parameters:
+    one each, or, of what an earlier session told, PIECES each.
 
     A session's error is normal and as large as it says, so it may be split into many (its share of the error and
     noise that adds up to nothing); a single one would leave a test that rests on it with one sign to flip. How far
@@ -114,27 +118,40 @@ def _prior_scores(evidence: Evidence, project: Array) -> tuple[Array, Array, Arr
     piece[told[whose]] += noise[told].ravel()
     onto = (project @ root).T
     share = 1.0 / count[whose, None]
-    return (-onto[whose] * piece[:, None], onto[whose]**2 * share,
-            -(onto[:, :, None] * root.T[:, None, :])[whose] * share[:, :, None])
+    leaned = np.einsum("ij,ij->i", root.T @ np.linalg.inv(total), root.T)[whose, None]
+    return -onto[whose] * piece[:, None], onto[whose]**2 * share, onto[whose]**2 * leaned * share**2
 
 
 def _sum_over(cluster: Array, clusters: int, rows: Array) -> Array:
     summed = np.zeros((clusters, *rows.shape[1:]))
-    if len(np.unique(cluster)) == len(cluster):       # each shot by itself, as ever but in tests: 4 times as fast
+    if _each_by_itself(cluster):      # 4 times as fast
         summed[cluster] = rows
     else:
         np.add.at(summed, cluster, rows)
     return summed
 
 
-def _stretch(kappa: Array, common: Array, total: Array) -> Array:
-    """1 / sqrt(1 - leverage), each cluster's leverage in each test as its information has it (HC2 of linear models).
+def _drawn(cluster: Array, clusters: int, common: Array, place: Array, inverse: Array) -> Array:
+    """[G, q]: how far fitting the shared parameters draws each cluster's score, as a variance.
 
-    `common` [G, q, p]: covariance of a cluster's efficient score with its score of the shared parameters.
+    `common` [n, q, c]: covariance of a shot's efficient score with its own score of the shared parameters, of which
+    `place` [n, c] says which of the p they are; inverse [p, p] of what is known of these.
     """
-    if not len(total):
-        return np.ones_like(kappa)
-    drawn = ((common @ np.linalg.inv(total)) * common).sum(2)
+    if _each_by_itself(cluster):
+        own = inverse[place[:, :, None], place[:, None, :]]
+        return _sum_over(cluster, clusters, ((common @ own) * common).sum(2))
+    summed = np.zeros((clusters, len(inverse), common.shape[1]))
+    np.add.at(summed, (cluster[:, None], place), np.swapaxes(common, 1, 2))
+    return np.einsum("gpq,pr,grq->gq", summed, inverse, summed, optimize=True)
+
+
+def _each_by_itself(cluster: Array) -> bool:
+    """As ever but in tests."""
+    return len(np.unique(cluster)) == len(cluster)
+
+
+def _stretch(kappa: Array, drawn: Array) -> Array:
+    """1 / sqrt(1 - leverage), each cluster's leverage in each test as its information has it (HC2 of linear models)."""
     leverage = drawn / np.maximum(kappa, 1e-300)
     return 1.0 / np.sqrt(1.0 - np.clip(leverage, 0.0, MOST_LEVERAGE))
 

@@ -84,9 +84,10 @@ def strength_of(evidence: Evidence, shift_m: Array) -> float | None:
     if plane is None or evidence.bend.any():
         return None
     mine = np.nan_to_num(shift_m[evidence.rows[plane.rows]])
-    by = np.concatenate([mine[:, None], plane.by_column[:, shared]], axis=1)
-    none = np.zeros((len(by), 1))
-    wider, spread = (np.concatenate([none, part[:, shared]], axis=1) for part in (plane.wider_by, plane.log_spread_by))
+    none = np.zeros((len(mine), 1))
+    deal = evidence.deal.some(plane.rows)
+    by, wider, spread = (np.concatenate([first, deal.spread(part)[:, shared]], axis=1) for first, part in (
+        (mine[:, None], plane.by_column), (none, plane.wider_by), (none, plane.log_spread_by)))
     info = plane_terms(replace(plane, by_column=by, wider_by=wider, log_spread_by=spread), plane.seen, plane.mean_m,
                        plane.spread_m)[1].sum(0)
     taken = np.linalg.solve(info[1:, 1:] + evidence.precision, info[1:, 0])

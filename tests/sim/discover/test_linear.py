@@ -265,9 +265,9 @@ def test_an_effect_of_a_ball_is_the_same_slope_in_that_balls_shots_alone(bench: 
     assert len(groups) == 10 and groups[-1] == len(evidence.columns) - 1
     member = np.tile(BALLS[:, None] == np.arange(5), 2) * scale
     assert evidence.score[:, groups] == pytest.approx(member * evidence.score[:, base], rel=1e-9, abs=1e-9)
-    other = evidence.index("magnus.cl")
-    assert evidence.info[:, groups, other] == pytest.approx(member * evidence.info[:, base, other], rel=1e-9, abs=1e-9)
-    inner = evidence.info[:, groups][:, :, groups]
+    other, told = evidence.index("magnus.cl"), np.stack([evidence.told_by([row]) for row in range(SHOTS)])
+    assert told[:, groups, other] == pytest.approx(member * evidence.info[:, base, other], rel=1e-9, abs=1e-9)
+    inner = told[:, groups][:, :, groups]
     dealt = member[:, :, None] * member[:, None, :] * evidence.info[:, base][:, :, base]
     assert inner == pytest.approx(dealt, rel=1e-9, abs=1e-9)
 
@@ -280,7 +280,7 @@ def test_effects_of_balls_already_found_move_the_evidence_along(bench: Bench) ->
     change[-len(effects):] = effects
     tiled = np.tile(change, (SHOTS, 1))
     assert there.log_score == pytest.approx(bench.evidence.log_score + bench.evidence.gain(tiled), abs=1e-9)
-    assert there.score == pytest.approx(bench.evidence.slopes_at(tiled)[0], abs=1e-9)
+    assert there.own_score == pytest.approx(bench.evidence.slopes_at(tiled)[0], abs=1e-9)
     assert there.pull[-len(effects):] == pytest.approx(-effects)
 
 
