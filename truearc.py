@@ -32,9 +32,15 @@ VERBS = {
     "reproduce": "the paper's tables and figures beside ours",
 }
 
+# Arrays here are small: threads of the linear algebra would only wait for one another, and, where another process keeps
+# a core busy, for that (a batch of 300 products 68 wide: 2.3 s instead of 0.01). Before NumPy is there.
+ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+
 
 def main(argv: list[str] | None = None) -> int:
     """Run one verb; exit 0 done, 1 a check failed, 2 bad input."""
+    for name in ONE_THREAD:
+        os.environ.setdefault(name, "1")
     argv = list(sys.argv[1:] if argv is None else argv)
     if argv == ["--version"]:
         print(f"truearc {version('truearc')}")
