@@ -17,7 +17,7 @@ from sim.discover.chain import Chain, Lanes, Seen, see_slopes
 from sim.discover.deal import Deal
 from sim.discover.evidence import FLOOR_M, Array, Column, Evidence, Plane, make_evidence
 from sim.discover.intake import Intake
-from sim.discover.samples import log_volume, whiten
+from sim.discover.normal import Normal, multiply_out
 
 SCATTERED = (0, 1, 2, 4)              # deviates that scatter: log speed, elevation, azimuth, distance
 FAR_BELOW_M = -10.0                   # stands for a ball that never came near
@@ -83,22 +83,31 @@ class Spot:
 
 @dataclass(frozen=True)
 class Flown:
-    """What was seen about a spot, and its slopes by the layout's inputs, then deviates (last axis)."""
+    """What was seen about a spot, its slopes by the layout's inputs, then deviates (last axis), and what tracks and
+    exits say of both."""
 
     spot: Spot
     seen: Seen
     slopes: Seen
+    normal: Normal
 
-    def at(self, layout: Layout, values: Array) -> Seen:
-        """What would be seen at other values of the inputs, all else the same, taken as linear."""
+    def plane_at(self, layout: Layout, values: Array) -> Seen:
+        """What would be seen at the plane at other values of the inputs, all else the same, taken as linear."""
+        change = self._change(layout, values)
+        return self.seen._replace(plane=self.seen.plane + self.slopes.plane[..., :len(change)] @ change)
+
+    def normal_at(self, layout: Layout, values: Array) -> Normal:
+        """What tracks and exits say there."""
+        return self.normal.at(np.concatenate([self._change(layout, values), np.zeros(layout.chain.deviates)]))
+
+    def _change(self, layout: Layout, values: Array) -> Array:
+        """From the spot, of the inputs; those of groups do not change."""
         inputs = layout.inputs
-        change = np.where(inputs < len(values), values[np.minimum(inputs, len(values) - 1)]
-                          - self.spot.values[np.minimum(inputs, len(values) - 1)], 0.0)
-        change[len(inputs) - _bases(layout):] = 0.0
-        if not change.any():
-            return self.seen
-        return Seen(*(part if part.dtype == bool else part + slope[..., :len(inputs)] @ change
-                      for part, slope in zip(self.seen, self.slopes, strict=True)))
+        slots = inputs < len(values)
+        slots[len(inputs) - _bases(layout):] = False
+        change = np.zeros(len(inputs))
+        change[slots] = (values - self.spot.values)[inputs[slots]]
+        return change
 
 
 def _bases(layout: Layout) -> int:
@@ -110,14 +119,13 @@ def linearise(intake: Intake, layout: Layout, spot: Spot, flown: Flown | None = 
     with the same deviates."""
     count, inputs = layout.chain.deviates, len(layout.inputs)
     flown = flown or fly(intake, layout, spot)
-    seen, slopes = flown.at(layout, spot.values), flown.slopes
+    seen, slopes = flown.plane_at(layout, spot.values), flown.slopes
     real = len(layout.columns) - layout.grouped
     bases = _bases(layout)
     columns = np.concatenate([np.flatnonzero(layout.source >= 0), real + np.arange(bases)])
     sd = np.sqrt(variance_of(intake, spot.log_scatter))[:, :count]
-    gauss = _Gauss.make(intake, seen, slopes, spot, inputs, columns, real + bases)
     with np.errstate(over="ignore", invalid="ignore"):     # far from all that flies there is no likelihood: not finite
-        left = _integrate(gauss, sd, spot)
+        left = _integrate(flown.normal_at(layout, spot.values), sd, columns, real + bases)
     score, info = _scatter_terms(intake, layout, spot, sd, left, real + bases)
     plane = _plane(intake, layout, spot, seen, slopes, sd, left, columns, inputs, real + bases)
     parts = _scaled(layout, left.score + score, left.info + info, plane)
@@ -172,10 +180,12 @@ def fly(intake: Intake, layout: Layout, spot: Spot) -> Flown:
     deviates = first + np.arange(layout.chain.deviates)
     both = np.concatenate([inputs, deviates])
     if not spot.deviates.any():
-        return Flown(spot, *_fly(layout, intake.lanes, spot, _basis(layout, both)))
+        seen, slopes = _fly(layout, intake.lanes, spot, _basis(layout, both))
+        return Flown(spot, seen, slopes, multiply_out(intake, seen, slopes, spot.deviates))
     _, still = _fly(layout, intake.lanes, replace(spot, deviates=_common(spot.deviates)), _basis(layout, inputs))
     seen, moving = _fly(layout, intake.lanes, spot, _basis(layout, deviates))
-    return Flown(spot, seen, jax.tree.map(lambda a, b: np.concatenate([a, b], axis=-1), still, moving))
+    slopes = jax.tree.map(lambda a, b: np.concatenate([a, b], axis=-1), still, moving)
+    return Flown(spot, seen, slopes, multiply_out(intake, seen, slopes, spot.deviates))
 
 
 def _common(deviates: Array) -> Array:
@@ -224,53 +234,6 @@ def variance_of(intake: Intake, log_scatter: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class _Gauss:
-    """Whitened Gaussian observations [n, G]: residual at the spot, slopes by deviates [n, G, D] and columns [n, G, P].
-
-    log_noise [n]: log density of the noise where it is nothing, constants included.
-    """
-
-    residual: Array
-    by_deviate: Array
-    by_column: Array
-    log_noise: Array
-
-    @staticmethod
-    def make(intake: Intake, seen: Seen, slopes: Seen, spot: Spot, inputs: int, columns: Array,
-             count: int) -> "_Gauss":
-        parts = [_exit_part(intake, seen, slopes), *_track_part(intake, seen, slopes)]
-        raw = np.concatenate([part[0] for part in parts], axis=1)
-        by_deviate = raw[..., 1 + inputs:]
-        by_column = np.zeros((*raw.shape[:2], count))
-        by_column[..., columns] = raw[..., 1:1 + inputs]
-        # as seen from no deviation: the prior's mean
-        residual = raw[..., 0] + np.einsum("ngd,nd->ng", by_deviate, spot.deviates)
-        return _Gauss(residual, by_deviate, by_column, sum(part[1] for part in parts))
-
-
-def _exit_part(intake: Intake, seen: Seen, slopes: Seen) -> tuple[Array, Array]:
-    """White [n, 3, 1 + k] of the measured exits; unmeasured ones are 0."""
-    known = np.isfinite(intake.exits)
-    off = np.where(known, intake.exits - seen.exit, 0.0) / intake.exit_sd
-    white = np.where(known[..., None], slopes.exit / intake.exit_sd[..., None], 0.0)
-    log_noise = -(known * (np.log(intake.exit_sd) + 0.5 * np.log(2.0 * np.pi))).sum(1)
-    return np.concatenate([off[..., None], white], axis=2), log_noise
-
-
-def _track_part(intake: Intake, seen: Seen, slopes: Seen) -> list[tuple[Array, Array]]:
-    """White [n, 3 L, 1 + k] of the tracks; shots without one are 0."""
-    if intake.samples is None or intake.scatter is None:
-        return []
-    rows, samples, n = intake.tracked, intake.samples, len(intake.rows)
-    raw = np.concatenate([(samples.position_m - seen.track_m[rows])[..., None], slopes.track_m[rows]], axis=3)
-    white = np.zeros((n, 3 * raw.shape[1], raw.shape[3]))
-    white[rows] = whiten(samples, intake.scatter, raw)
-    log_noise = np.zeros(n)
-    log_noise[rows] = log_volume(samples, intake.scatter)
-    return [(white, log_noise)]
-
-
-@dataclass(frozen=True)
 class _Left:
     """After the deviates are integrated out: score [n, P], info [n, P, P], log-likelihood [n]; and the deviates'
     posterior mean [n, D], covariance [n, D, D] and the mean's slope by the columns [n, D, P]."""
@@ -283,20 +246,21 @@ class _Left:
     mean_by: Array
 
 
-def _integrate(gauss: _Gauss, sd: Array, spot: Spot) -> _Left:
-    white = gauss.by_deviate * sd[:, None, :]
-    turned = np.swapaxes(white, 1, 2)
-    inner = np.eye(white.shape[2]) + turned @ white
+def _integrate(normal: Normal, sd: Array, columns: Array, count: int) -> _Left:
+    """`columns`: which of the P = count the inputs are; in the others nothing is said."""
+    inputs = len(columns)
+    inner, cross = normal.inner[:, inputs:, inputs:], normal.inner[:, inputs:, :inputs]
+    inner = np.eye(sd.shape[1]) + sd[:, :, None] * inner * sd[:, None, :]
     inverse = np.linalg.inv(inner)
-    onto_r = np.einsum("ndg,ng->nd", turned, gauss.residual)
-    onto_c = turned @ gauss.by_column
-    shift, mean_by = np.einsum("nde,ne->nd", inverse, onto_r), inverse @ onto_c
-    columns = np.swapaxes(gauss.by_column, 1, 2)
-    score = np.einsum("npg,ng->np", columns, gauss.residual) - np.einsum("ndp,nd->np", onto_c, shift)
-    info = columns @ gauss.by_column - np.swapaxes(onto_c, 1, 2) @ mean_by
-    quadratic = (gauss.residual**2).sum(1) - (onto_r * shift).sum(1)
-    value = -0.5 * (quadratic + np.linalg.slogdet(inner)[1]) + gauss.log_noise
-    return _Left(score, info, value, sd * shift, sd[:, :, None] * inverse * sd[:, None, :], -sd[:, :, None] * mean_by)
+    onto_r, onto_c = sd * normal.onto[:, inputs:], sd[:, :, None] * cross
+    shift, by = np.einsum("nde,ne->nd", inverse, onto_r), inverse @ onto_c
+    score, info, mean_by = np.zeros((len(sd), count)), np.zeros((len(sd), count, count)), np.zeros((*sd.shape, count))
+    score[:, columns] = normal.onto[:, :inputs] - np.einsum("ndp,nd->np", onto_c, shift)
+    info[:, columns[:, None], columns] = normal.inner[:, :inputs, :inputs] - np.swapaxes(onto_c, 1, 2) @ by
+    mean_by[:, :, columns] = -sd[:, :, None] * by
+    quadratic = normal.square - (onto_r * shift).sum(1)
+    value = -0.5 * (quadratic + np.linalg.slogdet(inner)[1]) + normal.log_noise
+    return _Left(score, info, value, sd * shift, sd[:, :, None] * inverse * sd[:, None, :], mean_by)
 
 
 def _scatter_terms(intake: Intake, layout: Layout, spot: Spot, sd: Array, left: _Left,

@@ -44,7 +44,8 @@ SPEEDS = ("motor_ratio", "exit_speed_m_s", "exit_spin_rev_s", "wheel_lower_rad_s
 GOES_WITH: dict[str, tuple[tuple[str, ...], str]] = {
     "late_gust": (("time_in_flight_s",), "along"),
     "far_kick": (("distance_m",), "along"), "supplier_drag": (("supplier", "ball_id"), "along"),
-    "seam_force": (("temperature_c",), "lateral"), "hood_flex": (SPEEDS, "vertical"), "worn_wheel": (SPEEDS, "along"),
+    "seam_force": (("temperature_c",), "lateral"), "cold_rubber": (("temperature_c",), "along"),
+    "hood_flex": (SPEEDS, "vertical"), "worn_wheel": (SPEEDS, "along"),
     "drag_crisis": (("speed_in_flight_m_s",), "along")}
 BY_BALL = ("ball_wear", "drag_wear")  # amplitudes are those of the most used ball
 STAGE_OF = {effect.name: effect.stage for effect in EFFECTS} | {

@@ -60,11 +60,12 @@ UNCATALOGUED: tuple[Effect, ...] = (
     Effect("seam_force", "flight", 0.5, "m/s2", True, "sideways push per 10 degrees C above 20"),
     Effect("hood_flex", "launch", 0.6, "deg", True, "elevation per 100 rad/s of the first wheel beyond 250 rad/s"),
     Effect("worn_wheel", "launch", 0.03, "1", True, "true radius of the first wheel / stated - 1"),
+    Effect("cold_rubber", "launch", 0.03, "1", True, "relative speed per 10 degrees C above 20"),
     Effect("drag_crisis", "flight", -0.35, "1", False, "relative step of the drag coefficient at 9 m/s, 1 m/s wide"),
 )
 EFFECTS = CATALOGUED + UNCATALOGUED
 COVARIATE_EFFECTS = ("vision_latency", "wheel_droop", "battery_sag", "rapid_fire", "air_density", "ball_spread",
-                     "supplier_drag", "seam_force")
+                     "supplier_drag", "seam_force", "cold_rubber")
 # a believed coefficient takes these up whole: all wheels too fast is a better efficiency and more lift, and the spin of
 # a squeezed ball is more lift; without a measured spin no data show them
 ABSORBED = ("encoder_scale", "ball_compression")

@@ -93,7 +93,8 @@ def _kept(world: World, plan: Plan, wheels_rad_s: tuple[Floats, Floats]) -> Floa
             * (1.0 - world.amount("wheel_droop") * dip / dip.mean())
             * (1.0 - world.amount("ball_wear") * plan.used)
             * (1.0 + spread * plan.fresh_ball)
-            * (1.0 + world.amount("far_kick") * (plan.distance_m - 4.5) / 2.5))
+            * (1.0 + world.amount("far_kick") * (plan.distance_m - 4.5) / 2.5)
+            * (1.0 + world.amount("cold_rubber") * (plan.temperature_c - 20.0) / 10.0))
 
 
 def wheel_dip(world: World, plan: Plan, wheels_rad_s: tuple[Floats, Floats]) -> Floats:

@@ -44,6 +44,7 @@ SPEED = {
                                                                 np.exp(-np.nan_to_num(plan.since_last_s))),
     "wheel_droop": lambda plan, size, dip: 1.0 - size * dip / dip.mean(),
     "far_kick": lambda plan, size, dip: 1.0 + size * (plan.distance_m - 4.5) / 2.5,
+    "cold_rubber": lambda plan, size, dip: 1.0 + size * (plan.temperature_c - 20.0) / 10.0,
 }
 
 
