@@ -155,10 +155,13 @@ def _refit_beside(fitted: Fitted, one: Candidate, top: Candidate, refits: dict[s
 
 
 def is_possible(found: Refit, *usual: float) -> bool:
-    """Whether each amplitude may lie in the range that its parameter declares, and within MOST_USUAL usual sizes."""
+    """Whether each amplitude may lie in the range that its parameter declares, and within MOST_USUAL usual sizes.
+
+    By where it would go, so that a fit that came to rest at the end of its range does not pass for one inside it.
+    """
     low, high = np.array([(one.low, one.high) for one in map(find_parameter, found.names)]).T
     doubt = DOUBT * found.sd
-    return bool(((found.value >= low - doubt) & (found.value <= high + doubt)
+    return bool(((found.wanted >= low - doubt) & (found.wanted <= high + doubt)
                  & (np.abs(found.amplitude) <= MOST_USUAL * np.array(usual) + doubt)).all())
 
 

@@ -20,7 +20,8 @@ class Refit:
 
     evidence: at the optimum, named columns first, all shared. log_evidence: nats by which the data favour it over the
     believed simulation, size of the amplitude integrated out (Laplace). amplitude, sd [k] of the named columns;
-    value [k]: the same but for changes of believed numbers, of which it is what they come to.
+    value [k]: the same but for changes of believed numbers, of which it is what they come to. wanted [k]: value, or
+    where the fit would go from there if the end of the parameter's range did not stop it.
     """
 
     names: tuple[str, ...]
@@ -29,6 +30,7 @@ class Refit:
     evidence: Evidence
     amplitude: Array
     value: Array
+    wanted: Array
     sd: Array
     log_evidence: float
 
@@ -56,7 +58,8 @@ def refit(fitted: Fitted, names: tuple[str, ...], start: Array, near: Spot | Non
     priors = np.linalg.slogdet(layout.precision)[1] - np.linalg.slogdet(fitted.layout.precision)[1]
     volume = 0.5 * (priors - np.linalg.slogdet(info)[1] + np.linalg.slogdet(null_info)[1])
     value = evidence.point[:k]
-    return Refit(tuple(order), layout, spot, evidence, value - layout.centre[:k], value, sd[:k],
+    wanted = value + (covariance @ (evidence.score.sum(0) + evidence.pull))[:k]
+    return Refit(tuple(order), layout, spot, evidence, value - layout.centre[:k], value, wanted, sd[:k],
                  float(gained + volume))
 
 

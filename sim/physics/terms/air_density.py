@@ -18,7 +18,7 @@ class AirDensity(FlightTerm):
 
     name: ClassVar[str] = "air_density"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("share", "1", -3.0, 4.0, 0.0, "1 by definition: forces of the air are proportional to its density, "
+        Parameter("share", "1", 0.0, 2.0, 0.0, "1 by definition: forces of the air are proportional to its density, "
                   "3.4 % for 10 K",
                   Prior("linear", 0.0, 1.0, "0 is a simulation that knows no weather, 1 the ideal gas")),)
     symmetry: ClassVar[str] = "any"

@@ -103,15 +103,17 @@ def test_a_name_beyond_what_its_term_allows_loses(monkeypatch: pytest.MonkeyPatc
 
 
 def test_amplitudes_of_the_wrong_sign_are_impossible_only_beyond_doubt() -> None:
-    def found(value: float) -> Refit:
+    def found(value: float, wanted: float | None = None) -> Refit:
         amplitude = np.array([value])
         one = SimpleNamespace(names=("wheel_slip.loss_per_m_s",), amplitude=amplitude, value=amplitude,
-                              sd=np.array([0.002]))
+                              wanted=amplitude if wanted is None else np.array([wanted]), sd=np.array([0.002]))
         return cast(Refit, one)
 
     assert is_possible(found(0.01), 0.015) and is_possible(found(-0.003), 0.015)
     assert not is_possible(found(-0.006), 0.015)
     assert is_possible(found(0.053), 0.015) and not is_possible(found(0.056), 0.015)
+    # a fit that the end of its range stopped
+    assert is_possible(found(0.05, 0.053), 0.015) and not is_possible(found(0.05, 0.08), 0.015)
 
 
 def test_a_name_that_is_nothing_gets_no_nats_on_average(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -27,7 +27,8 @@ def believed(signal: float, seed: int = 0) -> Believed:
         made = gaussian(y - y.mean() - amplitude * slopes[:, k], np.column_stack([slopes[:, k], np.ones(N)]),
                         (column("t", "shared"), column("s0", "shared")))
         name = f"t{k}.amplitude"
-        refits[name] = Refit((name,), None, None, made, np.array([amplitude]), np.array([amplitude]), np.ones(1), 0.0)
+        here = np.array([amplitude])
+        refits[name] = Refit((name,), None, None, made, here, here, here, np.ones(1), 0.0)
     return Believed(Fitted(SimpleNamespace(samples=None), None, None, evidence), Clusters("shot", np.arange(N), N),
                     refits)
 
