@@ -24,6 +24,7 @@ from robot.config import BadInput
 from sim.coefficients import Coefficients, load_coefficients, load_table, save_coefficients
 from sim.curve import Curve, read_curve, write_curve
 from sim.physics.catalogue import find_parameter
+from sim.physics.nameless import NAMELESS
 from sim.physics.scales import LINEAR, LOG, fits_scale, from_scale, to_scale
 
 SCATTERS = ("speed", "elevation_deg")
@@ -127,7 +128,13 @@ def load_belief(path: str | Path) -> Belief:
     names, covariance = _covariance(path, table.get("covariance", {}))
     for name in names:
         _check(path, name, coefficients, scatter)
-    return Belief(coefficients, scatter, names, covariance, read_curve(path, table.get("curve")))
+    curve = read_curve(path, table.get("curve"))
+    taking = [term.name for term in NAMELESS if term.name in coefficients]
+    if curve is not None and not taking:
+        raise BadInput(f"{path}: curve: no term takes it, such as [free_speed]")
+    if taking and curve is None:
+        raise BadInput(f"{path}: {taking[0]}: has no [curve] to say how large it is")
+    return Belief(coefficients, scatter, names, covariance, curve)
 
 
 def _scatter(path: str | Path, table: Any) -> dict[str, float]:

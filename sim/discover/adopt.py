@@ -1,15 +1,18 @@
 """What discovery found becomes what is believed: the fitted coefficients with every named effect, and their doubt."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from sim.belief import SCATTER, Belief, scale_of
 from sim.coefficients import Coefficients
+from sim.discover.believed import out_of_range
 from sim.discover.discover import Investigation
 from sim.discover.evidence import Array, Column, Evidence
 from sim.discover.freed import freed
 from sim.discover.prior import SCATTERS, believed_name, own_slope
+from sim.discover.words import gained_interval
 from sim.physics.catalogue import find_terms
 from sim.physics.scales import fits_scale
 from sim.physics.term import complete
@@ -24,6 +27,10 @@ def make_belief(investigation: Investigation) -> tuple[Belief, dict[str, Any]]:
     """
     if investigation.fitted is None:
         raise ValueError("the data carry no test, so nothing was fitted")
+    refused = _refused(investigation)
+    if refused:
+        belief, provenance = make_belief(replace(investigation, steps=()))
+        return belief, provenance | {"refused": refused}
     named = [step for step in investigation.steps if not step.unknown]
     names = [name for step in named for name in step.refit.names]
     evidence = named[-1].refit.evidence if named else _shared(investigation.fitted.evidence)
@@ -43,6 +50,17 @@ def make_belief(investigation: Investigation) -> tuple[Belief, dict[str, Any]]:
     if free is not None:
         coefficients |= {free.term: free.values}
     return Belief(coefficients, scatter, kept, covariance, free.curve if free else None), provenance
+
+
+def _refused(investigation: Investigation) -> str:
+    """Why what was found is not to be believed, and then the fitted coefficients alone are adopted; "" where it is."""
+    interval = gained_interval(investigation.finding.fit) if investigation.steps else None
+    if interval is not None and interval[1] < 0.0:
+        return "what was found foretells unseen shots surely worse"
+    free = freed(investigation.steps[-1]) if investigation.steps else None
+    beyond = [] if free is None else out_of_range({column.name: float(value) for column, value in zip(
+        free.evidence.columns, free.evidence.point, strict=True) if column.kind == "shared" and _belongs(column)})
+    return f"beside the free curve {', '.join(beyond)} would be no possible value" if beyond else ""
 
 
 def _shared(evidence: Evidence) -> Evidence:

@@ -1,7 +1,7 @@
 """The believed simulation fitted to a dataset: coefficients and scatter that all shots share."""
 
 import itertools
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -162,6 +162,14 @@ def moved(layout: Layout, spot: Spot, change: Array) -> Spot:
         if column >= 0:
             log_scatter[number] = np.clip(log_scatter[number] + np.clip(change[column], -1.0, 1.0), -9.0, 1.0)
     return Spot(values, log_scatter, spot.deviates, spot.effects + change[layout.source == -2])
+
+
+def out_of_range(values: Mapping[str, float]) -> list[str]:
+    """Names ("term.parameter") of values that no fit may come to; scatters have no range."""
+    slots = tuple(tuple(name.split(".", 1)) for name in values if not name.startswith("scatter."))
+    low, high = _bounds(slots)
+    return [".".join(slot) for slot, least, most in zip(slots, low, high, strict=True)
+            if not least <= values[".".join(slot)] <= most]
 
 
 @cache

@@ -77,7 +77,10 @@ def say_unknown(believed: tuple[str, ...], p_value: float, where: Where, leading
     said = f"{_missing(believed)} that has no name in the catalogue."
     if leading.unknown is None or place is None:
         return said + _luck(p_value)
-    stage = f"; most likely it happens {STAGE_WORDS[where.stage]}" if where.stage and where.reason is None else ""
+    stage = ""
+    if where.stage and where.reason is None:
+        likely = "most likely it happens" if where.stage == place.column.stage else "it may as well happen"
+        stage = f"; {likely} {STAGE_WORDS[where.stage]}"
     falls_short = "explains it worse than a free curve does"
     if also:
         left = next((one.unknown.covariate for one in also if one.unknown is not None), None)
@@ -191,6 +194,8 @@ def _gained(fit: Fit) -> str:
     places = 3 if abs(fit.gain_per_shot or 0.0) < 10.0 else 0
     score = (f"log score {fit.gain_per_shot:+.{places}f} a shot, 90 %: {interval[0]:+.{places}f} to "
              f"{interval[1]:+.{places}f}")
+    if interval[1] < 0.0:
+        return f" On shots it has not seen the corrected simulation is surely worse ({score}): do not use it."
     if interval[0] <= 0.0:
         return f" On shots it has not seen the corrected simulation is not surely better ({score})."
     told = f"foretells {' and '.join(better)}" if better else "does better"

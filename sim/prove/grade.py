@@ -103,12 +103,13 @@ def grade(job: Job, finding: Finding, seconds: float, world: World | None = None
 
 
 def goes_with_right(name: str, finding: Finding) -> bool:
-    """Whether what has no name is said to go with what it does go with, in its direction."""
+    """Whether it is said to have no name, and to go with what it does go with, in its direction."""
     where, unknown = finding.get("where") or {}, finding.get("unknown") or {}
     said = unknown if unknown.get("covariate") else where
     covariates, direction = GOES_WITH[name]
     names = {said.get("covariate"), *(where.get("inseparable") or ())}
-    return bool(names & set(covariates)) and said.get("direction") == direction
+    return (finding.get("verdict") == "unknown" and bool(names & set(covariates))
+            and said.get("direction") == direction)
 
 
 def _ceiling(finding: Finding) -> tuple[float, ...] | None:

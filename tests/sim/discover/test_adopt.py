@@ -1,9 +1,11 @@
 """What was named is believed from then on, and the simulator that believes it foretells better."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from sim.belief import load_belief, save_belief
 from sim.circumstances import circumstances_of
@@ -47,6 +49,29 @@ def test_the_named_effect_is_among_the_coefficients(hasty: tuple[Dataset, Invest
     save_belief(path, belief, provenance)
     again = load_belief(path)
     assert again.coefficients == belief.coefficients and np.allclose(again.covariance, belief.covariance)
+
+
+def test_what_foretells_unseen_shots_worse_is_not_adopted(hasty: tuple[Dataset, Investigation]) -> None:
+    found = hasty[1]
+    fit = structs.replace(found.finding.fit, gain_per_shot=-0.1, gain_se=0.02)
+    worse = structs.replace(found.finding, fit=fit)
+    belief, provenance = make_belief(replace(found, finding=worse))
+    assert "rapid_fire" not in belief.coefficients and provenance["adopted"] == []
+    assert "surely worse" in provenance["refused"]
+
+
+def test_a_curve_beside_which_a_coefficient_is_impossible_is_not_adopted() -> None:
+    found = discover(shoot(make_world({"far_kick": 0.15}, "L2", 120, 3)), seed=1)
+    last = found.steps[-1]
+    assert last.place is not None
+    correction = last.place.correction
+    k = [column.name for column in correction.evidence.columns].index("drag.cd") - 1
+    shared = correction.shared.copy()
+    shared[k] = -5.0
+    place = replace(last.place, correction=replace(correction, shared=shared))
+    belief, provenance = make_belief(replace(found, steps=(*found.steps[:-1], replace(last, place=place))))
+    assert belief.curve is None and belief.coefficients["drag"]["cd"] > 0.0
+    assert "drag.cd would be no possible value" in provenance["refused"]
 
 
 def test_the_simulator_that_believes_it_foretells_better(hasty: tuple[Dataset, Investigation]) -> None:

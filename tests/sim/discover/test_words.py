@@ -136,6 +136,7 @@ def test_what_is_gained_is_told_in_outcomes_and_centimetres() -> None:
     worse = told(drag, fit=Fit(100, -0.9, -0.7, 0.2, 0.05, None, None, 0.83, 0.71))
     assert "does better (log score" in worse and "but foretells 71 of 100 outcomes right instead of 83" in worse
     assert "not surely better" in told(drag, fit=Fit(100, -0.9, -0.89, 0.01, 0.05, None, None, 0.71, 0.72))
+    assert "surely worse" in told(drag, fit=Fit(100, -0.9, -1.0, -0.1, 0.05, None, None, 0.71, 0.70))
     far = told(drag, fit=Fit(100, -0.9, -0.7, 0.2, 0.05, 7.2, 0.84, None, None))
     assert "heights within 84 cm instead of 7.2 m" in far
     ends = told(drag, fit=Fit(100, -0.9, -0.7, 0.2, 0.05, 0.06, 0.02, None, None, "track end"))
