@@ -57,18 +57,18 @@ def run(job: Job) -> Line:
     names = [name.partition(".")[0] for name in design.names]
     if job.name not in names:
         return {**line, "names": names}
-    rows = [(int(step.fitted.evidence.rows[block.row]), block.shots) for block in design.blocks]
+    rows = [(int(step.fitted.evidence.rows[block.row]), block.pace, block.shots) for block in design.blocks]
     again = {"designed": _asked(dataset.shots, rows),
-             "random": _asked(dataset.shots, [(row, 1) for row in range(len(dataset.shots))])}
+             "random": _asked(dataset.shots, [(row, 1.0, 1) for row in range(len(dataset.shots))])}
     told = {which: _told(world, dataset, asked, number, design.names, job)
             for number, (which, asked) in enumerate(again.items(), 1)}
     return {**line, "names": names, "before": float(np.log(design.probability[names.index(job.name)])), **told}
 
 
-def _asked(shots: Shots, rows: Sequence[tuple[int, int]]) -> list[Asked]:
-    """Settings of (row, how often)."""
-    return [Asked(*(float(shots.number(name)[row]) for name in ("distance_m", "hood_deg", "motor_ratio")), count)
-            for row, count in rows]
+def _asked(shots: Shots, rows: Sequence[tuple[int, float, int]]) -> list[Asked]:
+    """Settings of (row, pace of its wheels, how often)."""
+    distance, hood, ratio = (shots.number(name) for name in ("distance_m", "hood_deg", "motor_ratio"))
+    return [Asked(float(distance[row]), float(hood[row]), float(pace * ratio[row]), count) for row, pace, count in rows]
 
 
 def _told(world: World, dataset: Dataset, asked: list[Asked], number: int, names: Sequence[str], job: Job) -> float:

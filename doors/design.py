@@ -12,12 +12,17 @@ from sim.discover.design import CONFIGURATIONS, MOST_RANDOM, SHOTS, Block, Desig
 from sim.discover.discover import FALSE_ALARM, discover
 from sim.discover.sizes import plain
 from sim.discover.step import Step
+from sim.physics.catalogue import find_terms
 from sim.shots import Dataset, Shots, load_dataset
 
 DESCRIPTION = """Say which shots, of those that the robot can take, or which measurement would best tell apart the names
 that discover leaves, and how likely they are to."""
 EXAMPLE = "truearc design shots/ --shots 100 --json next.json"
 SCHEMA = "truearc.design/1"
+# How a shot must be like the one it is named after, where a name that competes follows a circumstance.
+AS_THEN = {"age": "a ball that has been shot as often", "ball": "the same ball", "droop": "wheels that dip as far",
+           "closing_speed_m_s": "the robot driving as fast", "battery": "the battery as full", "density": "air as warm",
+           "hood_change": "the hood coming from the same side"}
 SETTINGS = ("distance_m", "hood_deg", "motor_ratio", "exit_speed_m_s", "exit_deg")
 
 
@@ -63,12 +68,16 @@ def as_table(design: Design, dataset: Dataset, step: Step) -> dict[str, Any]:
     """What --json writes, besides schema and verdict; `next` as in truearc.finding/1."""
     names = [name.partition(".")[0] for name in design.names]
     rows = step.fitted.evidence.rows
-    shoot = [{"do": "shoot", **_settings(dataset.shots, int(rows[block.row])), "shots": block.shots, "separates": names}
+    shoot = [{"do": "shoot", **_settings(dataset.shots, int(rows[block.row]), block.pace), "shots": block.shots,
+              "separates": names}
              for block in _together(design.blocks)]
     measure = [{"do": "measure", "what": one.what, "separates": list(one.terms), "probability": one.probability}
                for one in design.measurements]
-    return {"names": dict(zip(names, map(float, design.probability), strict=True)), "probability_before": design.before,
-            "probability_after": design.after, "random_shots_worth_as_much": design.random, "next": shoot + measure}
+    follow = [term.follows for term in find_terms(names)]
+    return {"names": dict(zip(names, map(float, design.probability), strict=True)),
+            "as_then": [AS_THEN[one] for one in dict.fromkeys(follow) if one in AS_THEN],
+            "probability_before": design.before, "probability_after": design.after,
+            "random_shots_worth_as_much": design.random, "next": shoot + measure}
 
 
 def lines_of(table: dict[str, Any]) -> list[str]:
@@ -79,7 +88,11 @@ def lines_of(table: dict[str, Any]) -> list[str]:
     lines = [f"To tell apart: {names}."]
     for one in shoot:
         where = ", ".join(f"{name} {value:.4g}" for name, value in one.items() if name in SETTINGS)
-        lines.append(f"  {one['shots']:4d} shots at {where} (as shot {one['like']})")
+        pace = one.get("pace", 1.0)
+        wheels = "" if pace == 1.0 else f", wheels {abs(pace - 1.0):.0%} {'faster' if pace > 1.0 else 'slower'}"
+        lines.append(f"  {one['shots']:4d} shots at {where} (as shot {one['like']}{wheels})")
+    if table["as_then"]:
+        lines.append(f"As then also with {', '.join(table['as_then'])}: a name that is left follows that.")
     random = table["random_shots_worth_as_much"]
     worth = f"more than {MOST_RANDOM} times as many as there are" if random is None else f"{random}"
     lines.append(f"After these {total} shots the right one stands alone (95 % sure) with a probability of "
@@ -91,15 +104,19 @@ def lines_of(table: dict[str, Any]) -> list[str]:
 
 def _together(blocks: tuple[Block, ...]) -> list[Block]:
     """Blocks of one configuration as one."""
-    shots: dict[int, int] = {}
+    shots: dict[tuple[int, float], int] = {}
     for block in blocks:
-        shots[block.row] = shots.get(block.row, 0) + block.shots
-    return [Block(row, count) for row, count in shots.items()]
+        place = block.row, block.pace
+        shots[place] = shots.get(place, 0) + block.shots
+    return [Block(row, count, pace) for (row, pace), count in shots.items()]
 
 
-def _settings(shots: Shots, row: int) -> dict[str, Any]:
-    known = {name: float(shots.number(name)[row]) for name in (*SETTINGS, *_wheels(shots))}
-    return {"like": shots.shot_id[row], **{name: round(value, 4) for name, value in known.items() if value == value}}
+def _settings(shots: Shots, row: int, pace: float) -> dict[str, Any]:
+    driven = {"motor_ratio", "exit_speed_m_s", *_wheels(shots)}
+    known = {name: float(shots.number(name)[row]) * (pace if name in driven else 1.0)
+             for name in (*SETTINGS, *_wheels(shots))}
+    like = {"like": shots.shot_id[row], **({} if pace == 1.0 else {"pace": pace})}
+    return {**like, **{name: round(value, 4) for name, value in known.items() if value == value}}
 
 
 def _wheels(shots: Shots) -> list[str]:

@@ -1,16 +1,21 @@
 """Which shots, or which measurement, would tell the remaining names apart, and how likely they are to.
 
 Every configuration that has been shot is one that can be shot again: safe, within reach, and its information is known
-at the level of these very data. Shots are chosen one block after another by what they add to the separation of every
-two names (Fedorov's exchange without going back; the criterion of Box and Hill 1967, in its linear form).
+at the level of these very data. So is the same place and hood with the wheels a little slower or faster, as far as they
+have turned at all: drivers aim at the middle, and outcomes tell most at its edge. Shots are chosen one block after
+another by what they add to the separation of every two names (Fedorov's exchange without going back; the criterion of
+Box and Hill 1967, in its linear form).
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import softmax
 
+from sim.discover.believed import Fitted
 from sim.discover.evidence import Array, Evidence
+from sim.discover.linear import linearise
 from sim.discover.name import efficient, nats_for
 from sim.discover.next_steps import MEASURE
 from sim.discover.step import Step
@@ -18,6 +23,8 @@ from sim.discover.step import Step
 CONFIGURATIONS = 5
 SHOTS = 100
 DRAWS = 4000
+PACES = (1.0, 0.94, 0.97, 1.03, 1.06)             # of the wheels, times the recorded one
+KEPT = 300                            # of the candidates, the best by themselves, that further blocks are chosen from
 SURE = 0.95                           # probability from which a name stands alone
 MOST_NAMES = 8
 MOST_RANDOM = 64                      # times the present shots, up to which random ones are counted
@@ -28,13 +35,16 @@ ACCURACY = {"hood_offset": 0.2, "hood_backlash": 0.2, "encoder_scale": 0.003, "d
             "rim_catch": 0.01, "exit_efficiency": 0.02, "wheel_slip": 0.003, "ball_wear": 0.02, "battery_sag": 0.1,
             "rapid_fire": 0.02, "spin_decay": 0.1, "drag_wear": 0.05, "wind_x": 0.2, "wind_y": 0.2, "wind_z": 0.2}
 
+Option = tuple[int, float]            # row of the evidence's shots, pace
+
 
 @dataclass(frozen=True)
 class Block:
-    """Shots of one configuration: `row` of the evidence's shots."""
+    """Shots of one configuration: `row` of the evidence's shots, its wheels `pace` times as fast."""
 
     row: int
     shots: int
+    pace: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -77,10 +87,15 @@ def make_design(step: Step, shots: int = SHOTS, configurations: int = CONFIGURAT
     names = _competing(step)
     contest = _contest(step, names)
     block = max(shots // configurations, 1)
-    rows = choose_blocks(contest, block, configurations)
-    more = block * contest.evidence.told_by(list(rows))
+    there = at_paces(step.fitted)
+
+    def told(option: Option) -> Array:
+        return there[option[1]].told_by([option[0]])
+
+    chosen = choose_blocks(contest, block, within_reach(step.fitted, there), configurations, told)
+    more = block * np.sum([told(option) for option in chosen], axis=0)
     measurements = sorted(_measurements(contest, names, seed), key=lambda one: -one.probability)
-    return Design(names, contest.probability, tuple(Block(row, block) for row in rows),
+    return Design(names, contest.probability, tuple(Block(row, block, pace) for row, pace in chosen),
                   float((contest.probability * (contest.probability >= SURE)).sum()),
                   chance_of_name(contest, more, seed), _random_equal(contest, more), tuple(measurements))
 
@@ -119,16 +134,44 @@ def worth(contest: Contest, more: Array | float) -> float:
     return float((weight * np.log1p(separation(contest, more))).sum() / weight.sum())
 
 
-def choose_blocks(contest: Contest, block: int, count: int) -> list[int]:
-    """Rows of the shots whose configurations are shot again, `block` times each; one may come more than once."""
-    evidence = contest.evidence
+def at_paces(fitted: Fitted) -> dict[float, Evidence]:
+    """{pace: expected evidence of all shots so}; the recorded one alone where tracks or measured exits tell how fast
+    each ball was."""
+    intake, there = fitted.intake, {1.0: fitted.evidence}
+    if intake.samples is not None or np.isfinite(intake.exits).any() or not np.asarray(intake.lanes.rolled).any():
+        return there
+    rolling = intake.lanes.rolling
+    for pace in PACES[1:]:
+        faster = rolling._replace(speed_m_s=pace * np.asarray(rolling.speed_m_s),
+                                  spin_rev_s=pace * np.asarray(rolling.spin_rev_s))
+        lanes = intake.lanes._replace(rolling=faster)
+        there[pace] = linearise(replace(intake, lanes=lanes), fitted.layout, fitted.spot)[0]
+    return there
+
+
+def within_reach(fitted: Fitted, paces: Iterable[float]) -> list[tuple[int, float]]:
+    """(row, pace) of every configuration whose wheels turn no slower and no faster than they have been seen to."""
+    lanes = fitted.intake.lanes
+    speed, rolled = np.asarray(lanes.rolling.speed_m_s), np.asarray(lanes.rolled)
+    low, high = (speed[rolled].min(), speed[rolled].max()) if rolled.any() else (0.0, 0.0)
+    return [(row, pace) for pace in paces for row in range(len(speed))
+            if pace == 1.0 or (rolled[row] and low <= pace * speed[row] <= high)]
+
+
+def choose_blocks(contest: Contest, block: int, options: Sequence[Option], count: int,
+                  told: Callable[[Option], Array]) -> list[Option]:
+    """The options of which `block` shots each are taken; one may come more than once. told: what one shot of it says
+    [P, P]."""
     total: Array | float = 0.0
-    rows: list[int] = []
+    chosen: list[Option] = []
+    left = list(options)
     for _ in range(count):
-        value = [worth(contest, total + block * evidence.told_by([row])) for row in range(len(evidence.rows))]
-        rows.append(int(np.argmax(value)))
-        total = total + block * evidence.told_by([rows[-1]])
-    return rows
+        value = np.array([worth(contest, total + block * told(option)) for option in left])
+        chosen.append(left[int(np.argmax(value))])
+        total = total + block * told(chosen[-1])
+        if not chosen[1:]:
+            left = [left[k] for k in np.argsort(-value, kind="stable")[:KEPT]]
+    return chosen
 
 
 def chance_of_name(contest: Contest, more: Array, seed: int) -> float:

@@ -104,11 +104,13 @@ def asked_for(found: Investigation, dataset: Dataset) -> list[dict[str, float]]:
     """Configurations to be shot again, where several names are left; each once, with how many shots."""
     if not found.steps or not can_design(found.steps[0]):
         return []
-    rows = [int(found.steps[0].fitted.evidence.rows[block.row]) for block in make_design(
+    rows = found.steps[0].fitted.evidence.rows
+    asked = [(int(rows[block.row]), block.pace) for block in make_design(
         found.steps[0], MORE_SHOTS, MORE_CONFIGURATIONS).blocks]
-    settings = {name: dataset.shots.number(name) for name in ("distance_m", "hood_deg", "motor_ratio")}
-    return [{**{name: float(values[row]) for name, values in settings.items()},
-             "shots": rows.count(row) * MORE_SHOTS // MORE_CONFIGURATIONS} for row in dict.fromkeys(rows)]
+    distance, hood, ratio = (dataset.shots.number(name) for name in ("distance_m", "hood_deg", "motor_ratio"))
+    block = MORE_SHOTS // MORE_CONFIGURATIONS
+    return [{"distance_m": float(distance[row]), "hood_deg": float(hood[row]), "motor_ratio": float(pace * ratio[row]),
+             "shots": block * asked.count((row, pace))} for row, pace in dict.fromkeys(asked)]
 
 
 def _write(path: Path, claims: dict[str, Any]) -> None:

@@ -7,18 +7,28 @@ import pytest
 from scipy.special import softmax
 from scipy.stats import multivariate_normal
 
+from sim.discover.believed import fit_believed
+from sim.discover.columns import lay_out
 from sim.discover.design import (
+    PACES,
     SURE,
     Contest,
     _contest,
+    at_paces,
     chance_of_name,
     choose_blocks,
     make_design,
     separation,
+    within_reach,
     worth,
 )
 from sim.discover.forward import Search, go_forward
+from sim.discover.intake import take_in
 from sim.discover.step import Step
+from sim.physics.shot import predict
+from sim.prove.truth.shoot import shoot
+from sim.prove.truth.world import make_world
+from sim.shots import Shots
 from tests.sim.discover.made import at_least_squares
 from tests.sim.discover.straight import ASKED, NAMES, SHARED, each_by_itself, fit_straight, slopes_and_y
 
@@ -37,6 +47,12 @@ def doubtful(monkeypatch: pytest.MonkeyPatch) -> tuple[Contest, tuple[str, ...]]
     names = tuple(step.naming.chosen[:4])
     assert len(names) >= 2
     return _contest(step, names), names
+
+
+def chosen_rows(contest: Contest, block: int, count: int) -> list[int]:
+    options = [(row, 1.0) for row in range(len(contest.evidence.rows))]
+    return [row for row, _ in choose_blocks(contest, block, options, count,
+                                            lambda option: contest.evidence.told_by([option[0]]))]
 
 
 def test_separations_are_least_squares_misfits(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -66,7 +82,7 @@ def test_of_a_confounded_pair_100_chosen_shots_are_worth_300_random_ones() -> No
     x = np.random.default_rng(1).normal(1.0, 0.12, 200)
     evidence = at_least_squares(0.5 * x, np.stack([x, x**2], axis=1), np.ones((200, 1)))
     contest = Contest(evidence, np.array([0, 1]), np.array([0.5, 0.25]), np.ones(2), np.array([0.5, 0.5]), np.zeros(2))
-    rows = choose_blocks(contest, 20, 5)
+    rows = chosen_rows(contest, 20, 5)
     assert set(rows) <= set(np.argsort(x)[[0, 1, 2, -3, -2, -1]]) | set(np.argsort(np.abs(x - 1.0))[:40])
     designed, random = 20.0 * evidence.info[rows].sum(0), evidence.info.mean(0)
     assert worth(contest, designed) > worth(contest, 300.0 * random) > worth(contest, 100.0 * random)
@@ -78,7 +94,7 @@ def test_chances_are_those_of_shots_really_taken(monkeypatch: pytest.MonkeyPatch
     """Truths and results drawn anew, judged by the exact marginal likelihood of old and new shots together."""
     contest, names = doubtful(monkeypatch)
     slopes, y = slopes_and_y(PLANTED, SEED, SHOTS, {})
-    rows = choose_blocks(contest, 2, 3)
+    rows = chosen_rows(contest, 2, 3)
     said = chance_of_name(contest, 2.0 * contest.evidence.info[rows].sum(0), 1)
     repeated = np.repeat(rows, 2)
     rng = np.random.default_rng(2)
@@ -123,3 +139,30 @@ def test_a_measurement_of_the_true_term_settles_it_when_it_is_sharp(monkeypatch:
 def test_one_name_leaves_nothing_to_design(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(ValueError, match="fewer than two"):
         make_design(step_of(monkeypatch, 400, {"spin_drag.share": 0.9}))
+
+
+def test_slower_and_faster_wheels_are_foretold_as_the_simulator_has_them() -> None:
+    """Expected heights at another pace, against another code's flights at those motor ratios."""
+    dataset = shoot(make_world({}, "L0", 60, 3))
+    fitted = fit_believed(take_in(dataset), lay_out(take_in(dataset), dataset.facts.believe.terms))
+    coefficients = {name: {} for name in dataset.facts.believe.terms if name != "gravity"}
+    for name, value in fitted.values.items():
+        term, _, parameter = name.partition(".")
+        if term in coefficients:
+            coefficients[term][parameter] = value
+    there, ratio = at_paces(fitted), dataset.shots.number("motor_ratio")
+    assert set(there) == set(PACES)
+    for pace, evidence in there.items():
+        shots = Shots(dataset.shots.shot_id, {**dataset.shots.numbers, "motor_ratio": pace * ratio},
+                      dataset.shots.texts)
+        height_m = predict(dataset.facts, coefficients, shots).height_m - dataset.facts.target.centre_height_m
+        assert evidence.plane is not None
+        near = evidence.plane.mean_m > -5.0
+        assert near.sum() > 30
+        flown_m = height_m[evidence.rows[evidence.plane.rows]]
+        assert evidence.plane.mean_m[near] == pytest.approx(flown_m[near], abs=2e-3)
+    options = within_reach(fitted, there)
+    assert {row for row, pace in options if pace == 1.0} == set(range(len(ratio)))
+    asked = np.array([pace * ratio[fitted.evidence.rows[row]] for row, pace in options])
+    assert ratio.min() - 1e-9 <= asked.min() and asked.max() <= ratio.max() + 1e-9
+    assert len(options) > 3 * len(ratio)

@@ -3,14 +3,17 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 
 import truearc
 from doors.design import as_table, lines_of
-from sim.discover.design import make_design
+from sim.discover.design import Block, Design, make_design
 from sim.discover.forward import Search, go_forward
+from sim.discover.step import Step
 from sim.shots import Dataset, Shots, save_dataset
 from tests.sim.discover.straight import FACTS as STRAIGHT
 from tests.sim.discover.straight import each_by_itself, fit_straight
@@ -31,6 +34,19 @@ def test_a_plan_names_configurations_that_were_shot(monkeypatch: pytest.MonkeyPa
     lines = lines_of(table)
     assert lines[0].startswith("To tell apart: ") and "hood_deg 45" in lines[1]
     assert any(line.startswith("After these 40 shots") for line in lines)
+
+
+def test_wheels_that_shall_run_otherwise_and_what_must_be_alike_are_said() -> None:
+    shots = Shots(("a", "b"), {"distance_m": np.array([3.0, 4.0]), "motor_ratio": np.array([0.4, 0.5])}, {})
+    design = Design(("drag_wear.share", "wheel_slip.loss_per_m_s"), np.array([0.5, 0.5]),
+                    (Block(1, 20, 1.06), Block(1, 20), Block(1, 20, 1.06)), 0.0, 0.5, None, ())
+    step = SimpleNamespace(fitted=SimpleNamespace(evidence=SimpleNamespace(rows=np.arange(2))))
+    table = as_table(design, Dataset("d", STRAIGHT, shots), cast(Step, step))
+    faster, plain = (one for one in table["next"] if one["do"] == "shoot")
+    assert (faster["shots"], faster["motor_ratio"], faster["pace"]) == (40, pytest.approx(0.53), 1.06)
+    assert (plain["shots"], plain["motor_ratio"]) == (20, 0.5) and "pace" not in plain
+    lines = "\n".join(lines_of(table))
+    assert "as shot b, wheels 6% faster" in lines and "a ball that has been shot as often" in lines
 
 
 def test_nothing_to_tell_apart_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
