@@ -11,6 +11,8 @@ FEWEST_SAMPLES = 6                    # per track; fewer cannot say more than wh
 SMOOTH_DEGREE = 4                     # of the polynomial that stands for "any smooth flight" when scatter is measured
 ENOUGH_SAMPLES = 12                   # per track, to measure scatter from it
 GROSS = 8.0                           # robust standard deviations off a smooth flight: not a sample of the ball
+LEAPS, MOST_LOST = 3, 4               # the longest steps of a track, behind which up to so many frames may be lost
+SURE_NATS = 30.0                      # that stamps put right must gain
 MEMORIES = np.linspace(0.0, 0.97, 50)  # correlations of neighbouring samples that are told apart
 LEAST_MEMORY = 0.03
 PAD = 16                              # tracks are padded to a multiple of this, since each length is compiled
@@ -35,14 +37,17 @@ class Scatter:
 
 
 def gather_samples(tracks: Tracks, shots: int) -> tuple[Samples, tuple[str, ...], int]:
-    """(padded tracks, rows of tracks too short to use as text, number of gross outliers left out)."""
-    kept, short, gross = [], 0, 0
+    """(padded tracks, what was left out in words, number of gross outliers left out)."""
+    kept, short, gross, leapt = [], 0, 0, 0
     for shot in range(shots):
         where = np.flatnonzero(tracks.shot == shot)
         data = np.stack([tracks.t_s[where], tracks.x_m[where], tracks.y_m[where], tracks.z_m[where]], axis=1)
         sound = _sound(data)
         gross += int((~sound).sum())
         data = data[sound]
+        stamps = put_right(data)
+        leapt += bool((stamps != data[:, 0]).any())
+        data[:, 0] = stamps
         if len(data) >= FEWEST_SAMPLES:
             kept.append((shot, data))
         elif len(data):
@@ -50,7 +55,29 @@ def gather_samples(tracks: Tracks, shots: int) -> tuple[Samples, tuple[str, ...]
     notes = (f"{short} tracks with fewer than {FEWEST_SAMPLES} samples",) if short else ()
     if gross:
         notes += (f"{gross} track samples more than {GROSS:g} standard deviations off a smooth flight",)
+    if leapt:
+        notes += (f"{leapt} tracks that leap ahead as if frames had been lost in between: their stamps are put right",)
     return _pad(kept), notes, gross
+
+
+def put_right(data: Array) -> Array:
+    """Stamps [L] of samples (t, x, y, z), put on by whole frames where some were lost in between without a word.
+
+    A smooth flight through samples that leap ahead along their own way fits far better once the stamps leap, too. No
+    force on a ball does that.
+    """
+    time_s = data[:, 0]
+    if len(data) < ENOUGH_SAMPLES:
+        return time_s
+    frame_s = float(np.median(np.diff(time_s)))
+    length = np.linalg.norm(np.diff(data[:, 1:], axis=0), axis=1) / np.maximum(np.diff(time_s), 1e-9)
+    places = np.argsort(-length, kind="stable")[:LEAPS] + 1
+    tried = [time_s + lost * frame_s * (np.arange(len(data)) >= place) for place in places
+             for lost in range(1, MOST_LOST + 1)]
+    left = np.array([(_detrend(stamps, data[:, 1:])**2).sum() for stamps in (time_s, *tried)])
+    best = int(left[1:].argmin())
+    gain = 1.5 * len(data) * np.log(left[0] / max(left[1 + best], 1e-300))
+    return tried[best] if gain > SURE_NATS else time_s
 
 
 def measure_scatter(samples: Samples, believed_m: float) -> Scatter:

@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
 
 from sim.discover.samples import Samples, Scatter, gather_samples, log_volume, measure_scatter, whiten
@@ -85,3 +87,32 @@ def test_whitened_noise_has_the_density_of_the_big_normal() -> None:
         together = np.exp(-apart / memory) if memory else np.eye(4)
         exact += multivariate_normal.logpdf(noise[:, axis], cov=sigma**2 * together)
     assert log_volume(samples, scatter)[0] - 0.5 * (white**2).sum() == pytest.approx(exact, abs=1e-6)
+
+
+@pytest.mark.parametrize(("at", "lost"), [(20, 1), (20, 2), (35, 3)])
+def test_stamps_of_a_track_with_lost_frames_are_put_right(at: int, lost: int) -> None:
+    """Frames gone in the middle, and what follows stamped as if they were not: in one of ten tracks."""
+    tracks = noisy(0.0)
+    hurt = tracks.shot % 10 == 3
+    frame = np.tile(np.arange(LENGTH), N)
+    kept = ~(hurt & (frame >= at) & (frame < at + lost))
+    t_s = np.where(hurt & (frame >= at), tracks.t_s - lost * STEP_S, tracks.t_s)
+    damaged = Tracks(*(part[kept] for part in (tracks.shot, t_s, tracks.x_m, tracks.y_m, tracks.z_m)))
+    samples, notes, _ = gather_samples(damaged, N)
+    for row in range(N):
+        mine = tracks.shot == row
+        assert samples.time_s[row][samples.real[row]] == pytest.approx(tracks.t_s[mine & kept], abs=1e-9)
+    assert notes == (f"{N // 10} tracks that leap ahead as if frames had been lost in between: their stamps are put "
+                     "right",)
+
+
+@settings(max_examples=20, deadline=None)
+@given(seed=st.integers(0, 1000), memory=st.sampled_from([0.0, MEMORY]), slow=st.sampled_from([1.0, 0.1]))
+def test_noise_gaps_in_the_stamps_and_stray_samples_are_no_leaps(seed: int, memory: float, slow: float) -> None:
+    tracks = noisy(memory, seed)
+    rng = np.random.default_rng(seed)
+    z_m, kept = tracks.z_m.copy(), rng.random(len(tracks.t_s)) > 0.1
+    z_m[rng.integers(0, len(z_m), 5)] += 0.3
+    parts = (tracks.shot, tracks.t_s, slow * tracks.x_m, tracks.y_m, z_m)
+    notes = gather_samples(Tracks(*(part[kept] for part in parts)), N)[1]
+    assert not any("leap" in note for note in notes)
