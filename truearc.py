@@ -32,8 +32,8 @@ VERBS = {
     "reproduce": "the paper's tables and figures beside ours",
 }
 
-# Arrays here are small: threads of the linear algebra would only wait for one another, and, where another process keeps
-# a core busy, for that (a batch of 300 products 68 wide: 2.3 s instead of 0.01). Before NumPy is there.
+# Arrays here are small: threads of the linear algebra would only wait for one another and, where another process keeps
+# a core busy, for that. Before NumPy is there.
 ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 

@@ -28,6 +28,11 @@ def hasty() -> tuple[Dataset, Investigation]:
     return dataset, discover(dataset, seed=1)
 
 
+@pytest.fixture(scope="module")
+def nameless() -> Investigation:
+    return discover(shoot(make_world({"far_kick": 0.15}, "L2", 120, 3)), seed=1)
+
+
 def right(dataset: Dataset, coefficients: dict[str, dict[str, float]]) -> float:
     """Share of outcomes that the simulator foretells without any scatter: another code than the fit's."""
     height_m = predict(dataset.facts, coefficients, dataset.shots, circumstances=circumstances_of(dataset)).height_m
@@ -60,8 +65,8 @@ def test_what_foretells_unseen_shots_worse_is_not_adopted(hasty: tuple[Dataset, 
     assert "surely worse" in provenance["refused"]
 
 
-def test_a_curve_beside_which_a_coefficient_is_impossible_is_not_adopted() -> None:
-    found = discover(shoot(make_world({"far_kick": 0.15}, "L2", 120, 3)), seed=1)
+def test_a_curve_beside_which_a_coefficient_is_impossible_is_not_adopted(nameless: Investigation) -> None:
+    found = nameless
     last = found.steps[-1]
     assert last.place is not None
     correction = last.place.correction
@@ -95,10 +100,9 @@ def test_data_that_say_nothing_lead_to_no_belief() -> None:
         make_belief(discover(Dataset("mute", make_world().facts, shots)))
 
 
-def test_what_has_no_name_is_adopted_as_a_curve(tmp_path: Path) -> None:
+def test_what_has_no_name_is_adopted_as_a_curve(nameless: Investigation, tmp_path: Path) -> None:
     """Beyond some distance the ball leaves faster than it should: nobody knows why, but other shots are foretold."""
-    seen, unseen = (shoot(make_world({"far_kick": 0.15}, "L2", 120, seed)) for seed in (3, 4))
-    found = discover(seen, seed=1)
+    found, unseen = nameless, shoot(make_world({"far_kick": 0.15}, "L2", 120, 4))
     assert found.finding.verdict == "unknown"
     belief, provenance = make_belief(found)
     assert provenance["adopted"] == ["launch speed by distance_m"]
