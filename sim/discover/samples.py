@@ -12,7 +12,8 @@ SMOOTH_DEGREE = 4                     # of the polynomial that stands for "any s
 ENOUGH_SAMPLES = 12                   # per track, to measure scatter from it
 GROSS = 8.0                           # robust standard deviations off a smooth flight: not a sample of the ball
 LEAPS, MOST_LOST = 3, 4               # the longest steps of a track, behind which up to so many frames may be lost
-SURE_NATS = 30.0                      # that stamps put right must gain
+SURE_NATS = 30.0                      # that stamps put right must gain,
+COMMON = 0.03                         # and share of tracks that must leap: bad noise alone makes one in a hundred
 MEMORIES = np.linspace(0.0, 0.97, 50)  # correlations of neighbouring samples that are told apart
 LEAST_MEMORY = 0.03
 PAD = 16                              # tracks are padded to a multiple of this, since each length is compiled
@@ -38,16 +39,13 @@ class Scatter:
 
 def gather_samples(tracks: Tracks, shots: int) -> tuple[Samples, tuple[str, ...], int]:
     """(padded tracks, what was left out in words, number of gross outliers left out)."""
-    kept, short, gross, leapt = [], 0, 0, 0
+    kept, short, gross = [], 0, 0
     for shot in range(shots):
         where = np.flatnonzero(tracks.shot == shot)
         data = np.stack([tracks.t_s[where], tracks.x_m[where], tracks.y_m[where], tracks.z_m[where]], axis=1)
         sound = _sound(data)
         gross += int((~sound).sum())
         data = data[sound]
-        stamps = put_right(data)
-        leapt += bool((stamps != data[:, 0]).any())
-        data[:, 0] = stamps
         if len(data) >= FEWEST_SAMPLES:
             kept.append((shot, data))
         elif len(data):
@@ -55,7 +53,11 @@ def gather_samples(tracks: Tracks, shots: int) -> tuple[Samples, tuple[str, ...]
     notes = (f"{short} tracks with fewer than {FEWEST_SAMPLES} samples",) if short else ()
     if gross:
         notes += (f"{gross} track samples more than {GROSS:g} standard deviations off a smooth flight",)
-    if leapt:
+    right = [put_right(data) for _, data in kept]
+    leapt = sum(bool((stamps != data[:, 0]).any()) for stamps, (_, data) in zip(right, kept, strict=True))
+    if leapt > COMMON * len(kept):
+        for stamps, (_, data) in zip(right, kept, strict=True):
+            data[:, 0] = stamps
         notes += (f"{leapt} tracks that leap ahead as if frames had been lost in between: their stamps are put right",)
     return _pad(kept), notes, gross
 
