@@ -117,9 +117,8 @@ def adopt(found: Investigation, dataset: str, path: str) -> str:
         raise BadInput(f"--adopt: {dataset}: {error}") from error
     save_belief(path, belief, {"dataset": str(dataset), **provenance})
     named = provenance["adopted"]
-    if "refused" in provenance:
-        return f"adopted: the fitted coefficients alone, for {provenance['refused']} -> {path}"
-    return f"adopted: {', '.join(named) if named else 'nothing named, the fitted coefficients alone'} -> {path}"
+    but = f" (not all: {provenance['refused']})" if "refused" in provenance else ""
+    return f"adopted: {', '.join(named) if named else 'nothing named, the fitted coefficients alone'}{but} -> {path}"
 
 
 def keep_compiled() -> None:

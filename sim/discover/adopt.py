@@ -12,6 +12,7 @@ from sim.discover.discover import Investigation
 from sim.discover.evidence import Array, Column, Evidence
 from sim.discover.freed import freed
 from sim.discover.prior import SCATTERS, believed_name, own_slope
+from sim.discover.step import Step
 from sim.discover.words import gained_interval
 from sim.physics.catalogue import find_terms
 from sim.physics.scales import fits_scale
@@ -27,10 +28,10 @@ def make_belief(investigation: Investigation) -> tuple[Belief, dict[str, Any]]:
     """
     if investigation.fitted is None:
         raise ValueError("the data carry no test, so nothing was fitted")
-    refused = _refused(investigation)
+    steps, refused = _credible(investigation)
     if refused:
-        belief, provenance = make_belief(replace(investigation, steps=()))
-        return belief, provenance | {"refused": refused}
+        belief, provenance = make_belief(replace(investigation, steps=steps))
+        return belief, {"refused": refused, **provenance}
     named = [step for step in investigation.steps if not step.unknown]
     names = [name for step in named for name in step.refit.names]
     evidence = named[-1].refit.evidence if named else _shared(investigation.fitted.evidence)
@@ -52,15 +53,17 @@ def make_belief(investigation: Investigation) -> tuple[Belief, dict[str, Any]]:
     return Belief(coefficients, scatter, kept, covariance, free.curve if free else None), provenance
 
 
-def _refused(investigation: Investigation) -> str:
-    """Why what was found is not to be believed, and then the fitted coefficients alone are adopted; "" where it is."""
-    interval = gained_interval(investigation.finding.fit) if investigation.steps else None
+def _credible(investigation: Investigation) -> tuple[tuple[Step, ...], str]:
+    """(the steps that may be believed, why the others may not): nothing that foretells unseen shots surely worse, no
+    free curve beside which a coefficient would be impossible."""
+    steps = investigation.steps
+    interval = gained_interval(investigation.finding.fit) if steps else None
     if interval is not None and interval[1] < 0.0:
-        return "what was found foretells unseen shots surely worse"
-    free = freed(investigation.steps[-1]) if investigation.steps else None
+        return (), "what was found foretells unseen shots surely worse"
+    free = freed(steps[-1]) if steps else None
     beyond = [] if free is None else out_of_range({column.name: float(value) for column, value in zip(
         free.evidence.columns, free.evidence.point, strict=True) if column.kind == "shared" and _belongs(column)})
-    return f"beside the free curve {', '.join(beyond)} would be no possible value" if beyond else ""
+    return (steps[:-1], f"beside the free curve {', '.join(beyond)} would be impossible") if beyond else (steps, "")
 
 
 def _shared(evidence: Evidence) -> Evidence:

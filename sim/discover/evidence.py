@@ -129,8 +129,9 @@ class Evidence:
         """Own score [n, C] and information [n, C, C] after `change` [n, P]."""
         own = self.deal.own(change)
         score = self.linear - np.einsum("nij,nj->ni", self.bend, own)
-        return score, self.bend if self.plane is None else _with_plane(self.plane, self.plane.moved(own), score,
-                                                                      self.bend)
+        if self.plane is None:
+            return score, self.bend
+        return score, _with_plane(self.plane, self.plane.moved(own), score, self.bend)
 
     def moved(self, change: Array) -> "Evidence":
         """The same about the point moved by `change` [n, P], heights and tracks taken as linear on the way."""

@@ -76,7 +76,7 @@ def test_a_curve_beside_which_a_coefficient_is_impossible_is_not_adopted(nameles
     place = replace(last.place, correction=replace(correction, shared=shared))
     belief, provenance = make_belief(replace(found, steps=(*found.steps[:-1], replace(last, place=place))))
     assert belief.curve is None and belief.coefficients["drag"]["cd"] > 0.0
-    assert "drag.cd would be no possible value" in provenance["refused"]
+    assert "drag.cd would be impossible" in provenance["refused"]
 
 
 def test_the_simulator_that_believes_it_foretells_better(hasty: tuple[Dataset, Investigation]) -> None:
