@@ -55,13 +55,12 @@ def run_as_is(facts: Facts, world: tuple[str, int, int]) -> Line:
     dataset = play_season(facts, Options(), seed, plan_season(seed, shots), level, ORDINARY).dataset
     found = discover(dataset, BELIEVED, seed=seed)
     after, before = make_belief(found)[0], make_belief(replace(found, steps=()))[0]
-    named = make_belief(replace(found, steps=tuple(step for step in found.steps if not step.unknown)))[0]
     settings = plan_season(seed + 1, UNSEEN)
     other = play_season(facts, Options(), seed + 1, settings, "L0", EXACT)
     still = play_season(facts, Options(scatter_scale=0.0), seed + 1, settings, "L0", EXACT)
     return {"name": AS_IS, "level": level, "shots": shots, "seed": seed, **_said(found),
             "before_m": off_m(facts, before, other), "after_m": off_m(facts, after, other),
-            "scatter_m": float(np.nanstd(heights_m(other) - heights_m(still))), "belief": as_table(named)}
+            "scatter_m": float(np.nanstd(heights_m(other) - heights_m(still))), "belief": as_table(after)}
 
 
 def run_changed(facts: Facts, world: tuple[Change, Line]) -> Line:

@@ -5,9 +5,10 @@ from typing import Any
 
 import msgspec
 
-from doors.discover import RAREST, believed_terms, check_place, keep_compiled, known_physics, write_out
+from doors.discover import RAREST, believed_terms, check_place, keep_compiled, write_out
 from doors.progress import make_progress
 from robot.config import BadInput
+from sim.belief import load_belief
 from sim.discover.design import CONFIGURATIONS, MOST_RANDOM, SHOTS, Block, Design, can_design, make_design
 from sim.discover.discover import FALSE_ALARM, discover
 from sim.discover.sizes import plain
@@ -47,7 +48,7 @@ def main(args: argparse.Namespace) -> int:
     if args.seed < 0 or not RAREST <= args.false_alarm < 1.0:
         raise BadInput(f"--seed cannot be negative, --false-alarm is between {RAREST} and 1")
     check_place(args.json)
-    believed, belief = believed_terms(args), known_physics(args)
+    believed, belief = believed_terms(args), None if args.belief is None else load_belief(args.belief)
     keep_compiled()
     dataset = load_dataset(args.dataset)
     found = discover(dataset, believed, args.false_alarm, args.seed, make_progress("design", args.quiet), belief)

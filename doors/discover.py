@@ -10,7 +10,7 @@ import jax
 from doors.progress import make_progress
 from robot.config import BadInput
 from robot.facts import Facts
-from sim.belief import Belief, load_belief, save_belief
+from sim.belief import load_belief, save_belief
 from sim.discover.adopt import make_belief
 from sim.discover.columns import check_believed
 from sim.discover.discover import FALSE_ALARM, Investigation, discover
@@ -68,7 +68,7 @@ def main(args: argparse.Namespace) -> int:
     keep_compiled()
     if args.identifiability is not None:
         return _identify(args, believed)
-    belief = known_physics(args)
+    belief = None if args.belief is None else load_belief(args.belief)
     found = discover(load_dataset(args.dataset), believed, args.false_alarm, args.seed,
                      make_progress("discover", args.quiet), belief)
     adopted = [adopt(found, args.dataset, args.adopt)] if args.adopt else []
@@ -89,15 +89,6 @@ def believed_terms(args: argparse.Namespace) -> list[str] | None:
     except BadInput as error:
         raise BadInput(f"--believe: {error}") from error
     return believed
-
-
-def known_physics(args: argparse.Namespace) -> Belief | None:
-    """What --belief has; BadInput for one with an effect that has no name: nothing in that could have changed."""
-    belief = None if args.belief is None else load_belief(args.belief)
-    if belief is not None and belief.curve is not None:
-        raise BadInput(f"{args.belief}: curve: discovery starts from effects that have names; leave out [curve] and "
-                       "its term")
-    return belief
 
 
 def tell(found: Investigation, name: str, json_path: str | Path | None, report_path: str | Path | None) -> None:

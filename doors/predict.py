@@ -14,7 +14,7 @@ from robot.config import BadInput
 from sim.belief import Belief, load_belief, point_belief
 from sim.circumstances import circumstances_of
 from sim.curve import along
-from sim.discover.covariates import number_columns
+from sim.discover.covariates import every_column
 from sim.physics.catalogue import effective
 from sim.physics.shot import classify, opening_of, predict
 from sim.shots import Dataset, load_dataset
@@ -74,8 +74,7 @@ def _rows(dataset: Dataset, belief: Belief,
           progress: Callable[[float, str], None]) -> Iterable[tuple[str, str, str, str]]:
     if dataset.facts.target is None:
         raise BadInput("rig.toml: [target] is needed to tell deviation and outcome")
-    columns = {**{name: dataset.shots.text(name) for name in dataset.shots.texts}, **number_columns(dataset)}
-    circumstances = along(belief.curve, circumstances_of(dataset), columns, len(dataset.shots))
+    circumstances = along(belief.curves, circumstances_of(dataset), every_column(dataset), len(dataset.shots))
     opening = opening_of(dataset.facts, effective(belief.coefficients, circumstances))
     height_m = predict(dataset.facts, belief.coefficients, dataset.shots, progress, circumstances).height_m
     deviation_m = height_m - opening.centre_m

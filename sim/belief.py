@@ -10,11 +10,12 @@ A coefficients.toml with two more tables, which a fit by likelihood writes and t
     matrix = [[0.01, 0.0], [0.0, 0.04]]
 
 The matrix is that of the numbers on each parameter's own scale (sim.physics.scales, named by its prior in the
-catalogue; scatters: their logarithm), on which the belief is about normal.
+catalogue; scatters: their logarithm), on which the belief is about normal. The points of a curve (sim.curve) are
+numbers, too: "curve.free_speed.0", "curve.free_speed.1", ...
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,9 +23,9 @@ import numpy as np
 
 from robot.config import BadInput
 from sim.coefficients import Coefficients, load_coefficients, load_table, save_coefficients
-from sim.curve import Curve, read_curve, write_curve
+from sim.curve import Curve, read_curves, write_curve
 from sim.physics.catalogue import find_parameter
-from sim.physics.nameless import NAMELESS
+from sim.physics.nameless import CURVE, NAMELESS
 from sim.physics.scales import LINEAR, LOG, fits_scale, from_scale, to_scale
 
 SCATTERS = ("speed", "elevation_deg")
@@ -38,14 +39,14 @@ class Belief:
     coefficients: {term: {parameter: value}}. scatter: {"speed": sd of the log of the exit speed from shot to shot,
     "elevation_deg": sd of the exit elevation}, empty when nobody fitted it. names: "term.parameter" or "scatter.x", one
     a row of `covariance` [p, p], which is on the parameters' own scales (module docstring); what has no name is exact.
-    curve: how large an effect without a name is; `coefficients` then has a term of sim.physics.nameless.
+    curves: how large effects without a name are, by their terms of sim.physics.nameless in `coefficients`.
     """
 
     coefficients: Coefficients
     scatter: dict[str, float]
     names: tuple[str, ...]
     covariance: np.ndarray
-    curve: Curve | None = None
+    curves: dict[str, Curve] = field(default_factory=dict)
 
     def values(self) -> np.ndarray:
         """The named parameters [p] on their scales: the mean that `covariance` goes with."""
@@ -54,7 +55,18 @@ class Belief:
     def value(self, name: str) -> float:
         """One parameter by its "term.parameter" or "scatter.x", in its own unit."""
         table, _, key = name.partition(".")
+        if table == CURVE:
+            term, _, point = key.partition(".")
+            return self.curves[term].point(point)
         return self.scatter[key] if table == SCATTER else self.coefficients[table][key]
+
+    def has(self, name: str) -> bool:
+        """Whether there is such a number in it."""
+        try:
+            self.value(name)
+        except KeyError:
+            return False
+        return True
 
 
 def point_belief(coefficients: Mapping[str, Mapping[str, float]], scatter: Mapping[str, float] | None = None) -> Belief:
@@ -74,27 +86,33 @@ def scale_of(name: str) -> str:
 def replace_values(belief: Belief, numbers: np.ndarray) -> Belief:
     """A point belief whose named parameters have these values, given on their scales [p]."""
     coefficients = {name: dict(values) for name, values in belief.coefficients.items()}
-    scatter = dict(belief.scatter)
+    scatter, points = dict(belief.scatter), dict[str, float]()
     for name, number in zip(belief.names, numbers, strict=True):
         table, _, key = name.partition(".")
-        place = scatter if table == SCATTER else coefficients[table]
+        place = {SCATTER: scatter, CURVE: points, **coefficients}[table]
         place[key] = float(from_scale(scale_of(name), number))
-    return replace(point_belief(coefficients, scatter), curve=belief.curve)
+    return replace(point_belief(coefficients, scatter), curves=moved_curves(belief.curves, points))
+
+
+def moved_curves(curves: Mapping[str, Curve], points: Mapping[str, float]) -> dict[str, Curve]:
+    """With these points {"free_speed.0": value} at other values."""
+    return {term: curve.moved({key.removeprefix(term + "."): value for key, value in points.items()
+                               if key.startswith(term + ".")}) for term, curve in curves.items()}
 
 
 def draw(belief: Belief, n: int, rng: np.random.Generator) -> list[Belief]:
     """`n` point beliefs, normal on the parameters' scales with the belief's covariance; without one, n times itself."""
     if not belief.names:
-        return [replace(point_belief(belief.coefficients, belief.scatter), curve=belief.curve)] * n
+        return [replace(point_belief(belief.coefficients, belief.scatter), curves=belief.curves)] * n
     drawn = rng.multivariate_normal(belief.values(), belief.covariance, size=n, method="eigh")
     return [replace_values(belief, numbers) for numbers in drawn]
 
 
 def as_table(belief: Belief) -> dict[str, Any]:
     """Plain values, as JSON has them, that `from_table` makes the same belief of."""
-    curve = {} if belief.curve is None else {"curve": write_curve(belief.curve)}
     return {"coefficients": belief.coefficients, "scatter": belief.scatter, "names": list(belief.names),
-            "covariance": np.asarray(belief.covariance, float).tolist(), **curve}
+            "covariance": np.asarray(belief.covariance, float).tolist(),
+            CURVE: {term: write_curve(curve) for term, curve in belief.curves.items()}}
 
 
 def from_table(table: Mapping[str, Any], name: str) -> Belief:
@@ -102,7 +120,7 @@ def from_table(table: Mapping[str, Any], name: str) -> Belief:
     names = tuple(map(str, table["names"]))
     return Belief(table["coefficients"], table["scatter"], names,
                   np.array(table["covariance"], float).reshape(len(names), len(names)),
-                  read_curve(name, table.get("curve")))
+                  read_curves(name, table.get(CURVE, {})))
 
 
 def save_belief(path: str | Path, belief: Belief, provenance: Mapping[str, Any]) -> None:
@@ -112,8 +130,8 @@ def save_belief(path: str | Path, belief: Belief, provenance: Mapping[str, Any])
         more["scatter"] = {name: float(value) for name, value in belief.scatter.items()}
     if belief.names:
         more["covariance"] = {"names": list(belief.names), "matrix": np.asarray(belief.covariance, float).tolist()}
-    if belief.curve is not None:
-        more["curve"] = write_curve(belief.curve)
+    if belief.curves:
+        more[CURVE] = {term: write_curve(curve) for term, curve in belief.curves.items()}
     save_coefficients(path, belief.coefficients, provenance, more)
 
 
@@ -126,15 +144,18 @@ def load_belief(path: str | Path) -> Belief:
     table = load_table(path)
     scatter = _scatter(path, table.get("scatter", {}))
     names, covariance = _covariance(path, table.get("covariance", {}))
-    for name in names:
-        _check(path, name, coefficients, scatter)
-    curve = read_curve(path, table.get("curve"))
+    curves = read_curves(path, table.get(CURVE, {}))
     taking = [term.name for term in NAMELESS if term.name in coefficients]
-    if curve is not None and not taking:
-        raise BadInput(f"{path}: curve: no term takes it, such as [free_speed]")
-    if taking and curve is None:
-        raise BadInput(f"{path}: {taking[0]}: has no [curve] to say how large it is")
-    return Belief(coefficients, scatter, names, covariance, curve)
+    for term in curves:
+        if term not in taking:
+            raise BadInput(f"{path}: curve.{term}: no term takes it, such as [free_speed] takes [curve.free_speed]")
+    for term in taking:
+        if term not in curves:
+            raise BadInput(f"{path}: {term}: has no [curve.{term}] to say how large it is")
+    belief = Belief(coefficients, scatter, names, covariance, curves)
+    for name in names:
+        _check(path, name, belief)
+    return belief
 
 
 def _scatter(path: str | Path, table: Any) -> dict[str, float]:
@@ -165,10 +186,8 @@ def _covariance(path: str | Path, table: Any) -> tuple[tuple[str, ...], np.ndarr
     return tuple(names), matrix
 
 
-def _check(path: str | Path, name: str, coefficients: Coefficients, scatter: Mapping[str, float]) -> None:
-    table, _, key = name.partition(".")
-    place = scatter if table == SCATTER else coefficients.get(table, {})
-    if key not in place:
+def _check(path: str | Path, name: str, belief: Belief) -> None:
+    if not belief.has(name):
         raise BadInput(f"{path}: covariance.names: {name} has no value in the file")
-    if not fits_scale(scale_of(name), place[key]):
-        raise BadInput(f"{path}: {name}: {place[key]:g} has no place on its scale, which is {scale_of(name)}")
+    if not fits_scale(scale_of(name), belief.value(name)):
+        raise BadInput(f"{path}: {name}: {belief.value(name):g} has no place on its scale, which is {scale_of(name)}")

@@ -1,8 +1,8 @@
-"""A free curve of an effect without a name: how its size goes with a covariate, and what it is at every shot.
+"""Free curves of effects without a name: how their sizes go with a covariate, and what they are at every shot.
 
     [free_speed]                      # what it changes, a term of sim.physics.nameless
     share = 1.0
-    [curve]
+    [curve.free_speed]
     covariate = "distance_m"          # absent: the same in every shot
     at = [2.1, 3.4, 4.6, 5.8, 7.2]    # or levels = ["north", "south"] of a text column
     value = [0.0, 0.0, 0.01, 0.03, 0.06]
@@ -13,7 +13,7 @@
 Between the knots it is the natural cubic spline of discovery's own fit, beyond the outer ones straight.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +29,7 @@ from sim.physics.term import Circumstances
 from sim.shots import Shots
 
 Columns = Mapping[str, Any]           # name -> numbers [n], or texts (n of them)
+Curves = Mapping[str, "Curve"]        # by the term of sim.physics.nameless that takes it
 
 
 class Curve(Struct, frozen=True, forbid_unknown_fields=True):
@@ -42,20 +43,44 @@ class Curve(Struct, frozen=True, forbid_unknown_fields=True):
     low: float = -np.inf
     high: float = np.inf
 
-    def size(self, columns: Columns, n: int) -> np.ndarray:
-        """Its size [n] at shots that have these columns."""
-        if not self.covariate:
-            return np.full(n, self.otherwise)
-        column = columns.get(self.covariate)
-        if column is None:
-            return np.full(n, self.otherwise)
-        if self.levels:
-            known = dict(zip(self.levels, self.value, strict=True))
-            return np.array([known.get(text, self.otherwise) for text in column])
-        x = np.asarray(column, dtype=float)
+    @property
+    def points(self) -> np.ndarray:
+        """The numbers [K + 1] that it is linear in: `value`, then `otherwise`."""
+        return np.array([*self.value, self.otherwise])
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """What the points are called: their numbers."""
+        return tuple(map(str, range(len(self.value) + 1)))
+
+    @property
+    def fitted(self) -> tuple[str, ...]:
+        """Keys of the points that recordings tell; the mean of what was recorded follows from them."""
+        return self.keys[:-1] or self.keys
+
+    def point(self, key: str) -> float:
+        """KeyError for a key that there is none of."""
+        return float(dict(zip(self.keys, self.points, strict=True))[key])
+
+    def moved(self, points: Mapping[str, float]) -> "Curve":
+        """With these points at other values."""
+        now = [points.get(key, value) for key, value in zip(self.keys, self.points, strict=True)]
+        return msgspec.structs.replace(self, value=tuple(map(float, now[:-1])), otherwise=float(now[-1]))
+
+    def by(self, columns: Columns, n: int) -> np.ndarray:
+        """Derivatives [n, K + 1] by the points of its size at shots that have these columns."""
+        by = np.zeros((n, len(self.keys)))
+        column = columns.get(self.covariate) if self.covariate else None
+        if column is not None and self.levels:
+            place = {level: k for k, level in enumerate(self.levels)}
+            by[np.arange(n), [place.get(text, -1) for text in column]] = 1.0
+            return by
+        x = np.full(n, np.nan) if column is None else np.asarray(column, dtype=float)
         said = np.isfinite(x)
-        return np.where(said, natural(np.array(self.at), np.clip(np.where(said, x, 0.0), self.low, self.high))
-                        @ np.array(self.value), self.otherwise)
+        by[~said, -1] = 1.0
+        if said.any():
+            by[said, :-1] = natural(np.array(self.at), np.clip(x[said], self.low, self.high))
+        return by
 
 
 def natural(knots: np.ndarray, x: np.ndarray) -> np.ndarray:
@@ -65,33 +90,54 @@ def natural(knots: np.ndarray, x: np.ndarray) -> np.ndarray:
     return np.asarray(spline(inside) + (x - inside)[:, None] * spline(inside, 1))
 
 
-def along(curve: Curve | None, circumstances: Circumstances, columns: Columns, n: int) -> Circumstances:
-    """The circumstances of n shots with these columns, the curve's size among them."""
-    return circumstances if curve is None else circumstances._replace(curve=curve.size(columns, n))
+def along(curves: Curves, circumstances: Circumstances, columns: Columns, n: int) -> Circumstances:
+    """The circumstances of n shots with these columns, the curves' sizes among them."""
+    if not curves:
+        return circumstances
+    by = np.concatenate([curve.by(columns, n) for curve in curves.values()], axis=1)
+    points = np.concatenate([curve.points for curve in curves.values()])
+    return resized(circumstances._replace(curve_by=by), owners(curves), points)
 
 
-def before_the_shot(curve: Curve | None, facts: Facts, shots: Shots) -> Circumstances:
-    """Ordinary circumstances of configurations: only the columns of the launch and the distance say how large it is."""
-    if curve is None:
+def owners(curves: Curves) -> tuple[str, ...]:
+    """Whose each of all points is, in the order of `Circumstances.curve_by`."""
+    return tuple(term for term, curve in curves.items() for _ in curve.keys)
+
+
+def resized(circumstances: Circumstances, whose: Sequence[str], points: Any) -> Circumstances:
+    """With the curves' points at these values [K], or [n, K] of each shot; `whose`: the owners. Differentiable."""
+    shares = circumstances.curve_by * points
+    mine = {term: np.array([owner == term for owner in whose]) for term in whose}
+    return circumstances._replace(**{term: shares[..., here].sum(-1) for term, here in mine.items()})
+
+
+def before_the_shot(curves: Curves, facts: Facts, shots: Shots) -> Circumstances:
+    """Ordinary circumstances of configurations: only the columns of the launch and the distance say how large they are.
+    """
+    if not curves:
         return ORDINARY
-    return along(curve, ORDINARY, {**shots.numbers, **launch_state(facts, shots)}, len(shots))
+    return along(curves, ORDINARY, {**shots.numbers, **launch_state(facts, shots)}, len(shots))
 
 
-def read_curve(path: str | Path, table: Any) -> Curve | None:
-    """From the file's [curve] table, if it has one; BadInput names file and key."""
-    if table is None:
-        return None
+def read_curves(path: str | Path, tables: Any) -> dict[str, Curve]:
+    """From the file's [curve.TERM] tables; BadInput names file and key."""
+    if not isinstance(tables, dict):
+        raise BadInput(f"{path}: curve: not one table a term, such as [curve.free_speed]")
+    return {str(term): _read(f"{path}: curve.{term}", table) for term, table in tables.items()}
+
+
+def _read(place: str, table: Any) -> Curve:
     try:
         curve = msgspec.convert(table, Curve)
     except msgspec.ValidationError as error:
-        raise BadInput(f"{path}: curve: {error}") from error
+        raise BadInput(f"{place}: {error}") from error
     numbers = (*curve.value, *curve.at, curve.otherwise)
     if not np.isfinite(numbers).all():
-        raise BadInput(f"{path}: curve: a number in it is not finite")
+        raise BadInput(f"{place}: a number in it is not finite")
     if curve.covariate and len(curve.value) != len(curve.levels or curve.at):
-        raise BadInput(f"{path}: curve.value: {len(curve.value)} of them for {len(curve.levels or curve.at)} places")
+        raise BadInput(f"{place}.value: {len(curve.value)} of them for {len(curve.levels or curve.at)} places")
     if curve.at and (len(curve.at) < 2 or not (np.diff(curve.at) > 0.0).all()):
-        raise BadInput(f"{path}: curve.at: not two or more numbers in rising order")
+        raise BadInput(f"{place}.at: not two or more numbers in rising order")
     return curve
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from robot.config import BadInput
 from robot.facts import Facts
 from sim.belief import Belief
-from sim.curve import Curve, before_the_shot
+from sim.curve import Curves, before_the_shot
 from sim.physics.catalogue import effective, flight_terms
 from sim.physics.flight import fly
 from sim.physics.launch import Exit
@@ -24,6 +24,7 @@ from sim.shots import Shots
 OUTCOMES = (MISS, TWO, THREE)
 PROVENANCE_FILE = "synth.json"
 Progress = Callable[[float, str], None]
+NONE: Curves = {}
 STEP_S = 0.01                         # heights then agree with the simulator's own finer step to 1e-6 m
 
 
@@ -57,10 +58,10 @@ def grid_shots(index: np.ndarray) -> Shots:
 
 
 def grid_heights(facts: Facts, coefficients: Mapping[str, Mapping[str, float]],
-                 progress: Progress = lambda done, note: None, curve: Curve | None = None) -> np.ndarray:
+                 progress: Progress = lambda done, note: None, curves: Curves = NONE) -> np.ndarray:
     """Height in m at the plane of every configuration of the grid, flat, nan where it is not reached.
 
-    By the simulator with gravity and these terms, of which one may go with a curve. BadInput when the rig cannot turn a
+    By the simulator with gravity and these terms, of which some may go with curves. BadInput when the rig cannot turn a
     motor ratio into a launch.
     """
     terms = flight_terms({"gravity", *coefficients})
@@ -68,7 +69,7 @@ def grid_heights(facts: Facts, coefficients: Mapping[str, Mapping[str, float]],
     heights_m = []
     for number in range(SHAPE[0]):
         shots = grid_shots(np.arange(number * chunk, (number + 1) * chunk))
-        values = effective(coefficients, before_the_shot(curve, facts, shots))
+        values = effective(coefficients, before_the_shot(curves, facts, shots))
         exit, distance_m = sense(facts, values, launch_of(facts, shots), shots.number("distance_m"))
         start = Exit(*map(np.asarray, leave(facts, values, exit)))
         crossing = fly(facts, terms, values, start, distance_m, step_s=STEP_S)
@@ -78,10 +79,10 @@ def grid_heights(facts: Facts, coefficients: Mapping[str, Mapping[str, float]],
 
 
 def label_grid(facts: Facts, coefficients: Mapping[str, Mapping[str, float]],
-               progress: Progress = lambda done, note: None, curve: Curve | None = None) -> np.ndarray:
+               progress: Progress = lambda done, note: None, curves: Curves = NONE) -> np.ndarray:
     """Outcome of every configuration of the grid, flat; BadInput as grid_heights, or when the rig has no target."""
     opening = opening_of(facts, effective(coefficients, ORDINARY))    # a rig without target is told before the work
-    return classify(facts, grid_heights(facts, coefficients, progress, curve), opening)
+    return classify(facts, grid_heights(facts, coefficients, progress, curves), opening)
 
 
 def taken_configurations(shots: Shots) -> np.ndarray:
@@ -123,7 +124,7 @@ def synthesise(facts: Facts, belief: Belief, count: int, recorded: Shots | None,
                progress: Progress = lambda done, note: None) -> Shots:
     """Simulated shots with an outcome each, none at a configuration that `recorded` has; same arguments, same shots."""
     check_draw(count, seed)                      # before the work, not after it
-    return sample_shots(label_grid(facts, belief.coefficients, progress, belief.curve), count, recorded, seed)
+    return sample_shots(label_grid(facts, belief.coefficients, progress, belief.curves), count, recorded, seed)
 
 
 def sample_shots(outcomes: np.ndarray, count: int, recorded: Shots | None, seed: int) -> Shots:

@@ -18,7 +18,7 @@ import numpy as np
 from robot.config import BadInput
 from robot.facts import Facts
 from sim.belief import SCATTERS, Belief, draw
-from sim.curve import before_the_shot
+from sim.curve import before_the_shot, owners, resized
 from sim.fit.forecast import forecast
 from sim.fit.given import given_of
 from sim.physics.catalogue import effective, flight_terms
@@ -34,10 +34,13 @@ BLOCK = 4096                          # flights at once
 
 
 class Draws(NamedTuple):
-    """Numbers of each flight [n]: {term: {parameter: values}} and {"speed", "elevation_deg": standard deviations}."""
+    """Numbers of each flight [n]: {term: {parameter: values}}, {"speed", "elevation_deg": standard deviations}, and the
+    points [n, k] of all curves, with whose each is."""
 
     coefficients: dict[str, dict[str, np.ndarray]]
     scatter: dict[str, np.ndarray]
+    points: np.ndarray
+    whose: tuple[str, ...]
 
 
 def check_belief(belief: Belief, name: str) -> None:
@@ -66,13 +69,13 @@ def label_grid_draws(facts: Facts, belief: Belief, draws: int, seed: int,
                      progress: Progress = lambda done, note: None) -> np.ndarray:
     """Outcome of one uncertain shot at every configuration of the grid, flat."""
     classify(facts, np.zeros(0))                  # a rig without target is told before the work
-    height_m = grid_heights(facts, belief.coefficients, lambda done, note: progress(0.5 * done, note), belief.curve)
+    height_m = grid_heights(facts, belief.coefficients, lambda done, note: progress(0.5 * done, note), belief.curves)
     places = near_places(facts, belief, height_m)
     rng = np.random.default_rng([seed, 2])
     shots = grid_shots(places)
     drawn = assign(draw(belief, draws, rng), len(places), rng)
     drawn_m = fly_draws(facts, shots, drawn, rng, lambda done, note: progress(0.5 + 0.5 * done, note),
-                        before_the_shot(belief.curve, facts, shots))
+                        before_the_shot(belief.curves, facts, shots))
     outcomes = np.full(len(height_m), MISS, dtype="<U5")
     outcomes[places] = classify(facts, drawn_m, opening_of(facts, effective(drawn.coefficients, ORDINARY)))
     return outcomes
@@ -97,7 +100,9 @@ def assign(beliefs: list[Belief], count: int, rng: np.random.Generator) -> Draws
     first = beliefs[0]
     coefficients = {term: {key: column([one.coefficients[term] for one in beliefs], key) for key in values}
                     for term, values in first.coefficients.items()}
-    return Draws(coefficients, {key: column([one.scatter for one in beliefs], key) for key in first.scatter})
+    points = np.array([[value for curve in one.curves.values() for value in curve.points] for one in beliefs])
+    return Draws(coefficients, {key: column([one.scatter for one in beliefs], key) for key in first.scatter},
+                 points[which], owners(first.curves))
 
 
 def fly_draws(facts: Facts, shots: Shots, draws: Draws, rng: np.random.Generator,
@@ -109,7 +114,7 @@ def fly_draws(facts: Facts, shots: Shots, draws: Draws, rng: np.random.Generator
     rolling = Exit(given.rolling.speed_m_s * np.exp(np.sum(given.wheel_log_speed * noise, axis=1)),
                    given.rolling.elevation_rad + given.elevation_sd_rad * rng.standard_normal(count),
                    given.rolling.spin_rev_s + np.sum(given.wheel_spin_rev_s * noise, axis=1))
-    values = effective(draws.coefficients, circumstances)
+    values = effective(draws.coefficients, resized(circumstances, draws.whose, draws.points))
     rolling, true_m = sense(facts, values, rolling, given.distance_m)
     left = Exit(*map(np.asarray, leave(facts, values, rolling)))
     scattered = Exit(left.speed_m_s * np.exp(draws.scatter["speed"] * rng.standard_normal(count)),

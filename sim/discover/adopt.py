@@ -1,20 +1,20 @@
 """What discovery found becomes what is believed: the fitted coefficients with every named effect, and their doubt."""
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from sim.belief import SCATTER, Belief, scale_of
+from sim.belief import SCATTER, Belief, moved_curves, scale_of
 from sim.coefficients import Coefficients
-from sim.discover.believed import out_of_range
+from sim.curve import Curve
 from sim.discover.discover import Investigation
 from sim.discover.evidence import Array, Column, Evidence
-from sim.discover.freed import freed
+from sim.discover.freed import Freed, all_freed
 from sim.discover.prior import SCATTERS, believed_name, own_slope
 from sim.discover.step import Step
 from sim.discover.words import gained_interval
 from sim.physics.catalogue import find_terms
+from sim.physics.nameless import CURVE, NAMELESS
 from sim.physics.scales import fits_scale
 from sim.physics.term import complete
 
@@ -28,42 +28,49 @@ def make_belief(investigation: Investigation) -> tuple[Belief, dict[str, Any]]:
     """
     if investigation.fitted is None:
         raise ValueError("the data carry no test, so nothing was fitted")
-    steps, refused = _credible(investigation)
-    if refused:
-        belief, provenance = make_belief(replace(investigation, steps=steps))
-        return belief, {"refused": refused, **provenance}
-    named = [step for step in investigation.steps if not step.unknown]
+    worse = _surely_worse(investigation)
+    steps = () if worse else investigation.steps
+    named = [step for step in steps if not step.unknown]
     names = [name for step in named for name in step.refit.names]
-    evidence = named[-1].refit.evidence if named else _shared(investigation.fitted.evidence)
-    free = freed(investigation.steps[-1]) if investigation.steps else None
-    if free is not None:
-        evidence = free.evidence
+    free, why = _free(investigation, steps)
+    evidence = (free[-1].evidence if free else named[-1].refit.evidence if named
+                else _shared(investigation.fitted.evidence))
     columns = [k for k, column in enumerate(evidence.columns) if _belongs(column)]
-    coefficients = _coefficients(evidence, columns, investigation.finding.data.believed)
+    coefficients, curves = _nameless(evidence, free, investigation.belief)
+    coefficients |= _coefficients(evidence, columns, investigation.finding.data.believed)
     scatter = {SCATTERS[evidence.columns[k].name]: _scatter(evidence.columns[k].name, evidence.point[k])
                for k in columns if evidence.columns[k].name in SCATTERS}
     kept, covariance = _covariance(evidence, columns)
     finding = investigation.finding
     provenance = {"method": "discover", "shots": finding.data.shots, "level": finding.data.level,
                   "verdict": finding.verdict,
-                  "adopted": [name.partition(".")[0] for name in names] + ([free.said] if free else []),
+                  "adopted": [name.partition(".")[0] for name in names] + [one.said for one in free],
                   "p_value": finding.mismatch.p_value if finding.mismatch.p_value is not None else "none"}
-    if free is not None:
-        coefficients |= {free.term: free.values}
-    return Belief(coefficients, scatter, kept, covariance, free.curve if free else None), provenance
+    refused = {"refused": worse or why} if worse or why else {}
+    return Belief(coefficients, scatter, kept, covariance, curves), {**refused, **provenance}
 
 
-def _credible(investigation: Investigation) -> tuple[tuple[Step, ...], str]:
-    """(the steps that may be believed, why the others may not): nothing that foretells unseen shots surely worse, no
-    free curve beside which a coefficient would be impossible."""
-    steps = investigation.steps
-    interval = gained_interval(investigation.finding.fit) if steps else None
-    if interval is not None and interval[1] < 0.0:
-        return (), "what was found foretells unseen shots surely worse"
-    free = freed(steps[-1]) if steps else None
-    beyond = [] if free is None else out_of_range({column.name: float(value) for column, value in zip(
-        free.evidence.columns, free.evidence.point, strict=True) if column.kind == "shared" and _belongs(column)})
-    return (steps[:-1], f"beside the free curve {', '.join(beyond)} would be impossible") if beyond else (steps, "")
+def _surely_worse(investigation: Investigation) -> str:
+    interval = gained_interval(investigation.finding.fit) if investigation.steps else None
+    surely = interval is not None and interval[1] < 0.0
+    return "what was found foretells unseen shots surely worse" if surely else ""
+
+
+def _free(investigation: Investigation, steps: tuple[Step, ...]) -> tuple[tuple[Freed, ...], str]:
+    """(curves of what has no name, why one is not believed)."""
+    if not steps or not steps[-1].unknown or investigation.search is None:
+        return (), ""
+    return all_freed(steps[-1], investigation.search)
+
+
+def _nameless(evidence: Evidence, free: tuple[Freed, ...],
+              belief: Belief | None) -> tuple[Coefficients, dict[str, Curve]]:
+    """({term: values}, {term: curve}) of effects without a name, those believed before and those found, as fitted."""
+    curves = {**({} if belief is None else belief.curves), **{one.term: one.curve for one in free}}
+    before = {} if belief is None else {name: dict(belief.coefficients[name]) for name in belief.curves}
+    points = {column.name.removeprefix(CURVE + "."): float(value) for column, value in zip(
+        evidence.columns, evidence.point, strict=True) if column.name.startswith(CURVE + ".")}
+    return {**before, **{one.term: dict(one.values) for one in free}}, moved_curves(curves, points)
 
 
 def _shared(evidence: Evidence) -> Evidence:
@@ -78,11 +85,12 @@ def _belongs(column: Column) -> bool:
 
 
 def _coefficients(evidence: Evidence, columns: list[int], believed: tuple[str, ...]) -> Coefficients:
-    """Every believed and named term, with parameters that nobody fitted at their defaults."""
-    given: Coefficients = {name: {} for name in believed if name != "gravity"}
+    """Every believed and named term that has a name, with parameters that nobody fitted at their defaults."""
+    nameless = {term.name for term in NAMELESS}
+    given: Coefficients = {name: {} for name in believed if name != "gravity" and name not in nameless}
     for k in columns:
         term, _, parameter = evidence.columns[k].name.partition(".")
-        if term != SCATTER:
+        if term not in (SCATTER, CURVE):
             given.setdefault(term, {})[parameter] = float(evidence.point[k])
     return {name: {key: float(value) for key, value in complete(find_terms([name])[0], values).items()}
             for name, values in given.items()}

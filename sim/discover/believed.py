@@ -17,6 +17,7 @@ from sim.discover.evidence import Array, Evidence
 from sim.discover.intake import SCATTERS, Intake
 from sim.discover.linear import Flown, Layout, Spot, fly, linearise, nowhere
 from sim.physics.catalogue import find_parameter, flight_terms
+from sim.physics.nameless import CURVE, NAMELESS
 from sim.physics.scales import LOG
 
 Progress = Callable[[float, str], None]
@@ -165,11 +166,12 @@ def moved(layout: Layout, spot: Spot, change: Array) -> Spot:
 
 
 def out_of_range(values: Mapping[str, float]) -> list[str]:
-    """Names ("term.parameter") of values that no fit may come to; scatters have no range."""
+    """Names ("term.parameter") of values that no fit may come to, or that stopped at their limit; scatters have none.
+    """
     slots = tuple(tuple(name.split(".", 1)) for name in values if not name.startswith("scatter."))
     low, high = _bounds(slots)
     return [".".join(slot) for slot, least, most in zip(slots, low, high, strict=True)
-            if not least <= values[".".join(slot)] <= most]
+            if not least < values[".".join(slot)] < most]
 
 
 @cache
@@ -199,7 +201,8 @@ def only_shared(layout: Layout, more: Iterable[str] = ()) -> Layout:
     precision = block_diag(np.diag([layout.columns[k].usual**-2.0 for k in named]), known[np.ix_(order, order)])
     return Layout(_lean(layout, kept), tuple(layout.columns[k] for k in kept), layout.source[kept],
                   tuple(place.get(column, -1) for column in layout.scatters), precision,
-                  np.concatenate([np.zeros(len(named)), layout.centre[order]]), layout.edges_s, layout.groups)
+                  np.concatenate([np.zeros(len(named)), layout.centre[order]]), layout.edges_s, layout.usual,
+                  layout.groups)
 
 
 def widened(precision: Array, by: Iterable[tuple[int, float]]) -> Array:
@@ -216,6 +219,7 @@ def _lean(layout: Layout, kept: list[int]) -> Chain:
     first = len(layout.columns) - len(layout.precision)
     airborne = {term.name for term in flight_terms(chain.terms)}
     known = {layout.columns[k].name.partition(".")[0] for k in range(first, len(layout.columns))} | {"gravity"}
+    known |= {term.name for term in NAMELESS}
     named = {layout.columns[k].name.partition(".")[0] for k in kept}
     if named & airborne - known:
         return chain
@@ -233,7 +237,9 @@ def usual_starts(intake: Intake, layout: Layout) -> tuple[Spot, ...]:
     if len(intake.marked) < FEWEST:
         return (usual,)
     first = len(layout.columns) - len(layout.precision)
-    shared = [k for k in range(first, len(layout.columns)) if 0 <= layout.source[k] < len(layout.chain.slots)]
+    slots = layout.chain.slots
+    shared = [k for k in range(first, len(layout.columns))
+              if 0 <= layout.source[k] < len(slots) and slots[layout.source[k]][0] != CURVE]
     known = np.sqrt(np.diag(np.linalg.inv(layout.precision)))
     axes = [(layout.source[k], layout.centre[k - first], known[k - first]) for k in shared][:MOST_GRID]
     steps = np.array(list(itertools.product(GRID, repeat=len(axes))))
@@ -249,7 +255,7 @@ def usual_starts(intake: Intake, layout: Layout) -> tuple[Spot, ...]:
 def usual_spot(intake: Intake, layout: Layout) -> Spot:
     """Coefficients and scatters in the middle of their priors, no shot off its configuration."""
     slots = len(layout.chain.slots)
-    values = np.array([default_of(layout.chain, slot) for slot in layout.chain.slots])
+    values = layout.usual.copy()
     first = len(layout.columns) - len(layout.precision)
     for k in range(first, len(layout.columns)):
         if 0 <= layout.source[k] < slots:
@@ -275,8 +281,3 @@ def _rough(intake: Intake, layout: Layout, points: Array) -> Array:
     seen = intake.seen.take(some)
     return np.array([[outcomes.log_likelihood(seen, row, np.full(len(row), 0.08 * factor)).sum()
                       for factor in SCATTER_GRID] for row in mean])
-
-
-def default_of(chain: Chain, slot: tuple[str, str]) -> float:
-    """The value of a parameter that nobody speaks of."""
-    return float(find_parameter(".".join(slot)).default)

@@ -15,6 +15,7 @@ import msgspec
 from jax import lax
 
 from robot.facts import Ball, Facts
+from sim.curve import resized
 from sim.physics.catalogue import (
     arrival_terms,
     effective,
@@ -27,6 +28,7 @@ from sim.physics.catalogue import (
 from sim.physics.flight import Law, make_law
 from sim.physics.frame import axes
 from sim.physics.launch import Exit
+from sim.physics.nameless import CURVE
 from sim.physics.term import BallState, Circumstances, Opening
 from sim.physics.vector import Vec, add
 
@@ -185,6 +187,9 @@ def _values(chain: Chain, at: Any, circumstances: Circumstances) -> dict[str, di
     for index, (name, parameter) in enumerate(chain.slots):
         if name in raw:
             raw[name][parameter] = at[index]
+    points = {index: key.partition(".")[0] for index, (name, key) in enumerate(chain.slots) if name == CURVE}
+    if points:
+        circumstances = resized(circumstances, tuple(points.values()), at[jnp.array(tuple(points))])
     return effective(raw, circumstances)
 
 

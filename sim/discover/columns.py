@@ -6,11 +6,12 @@ import numpy as np
 
 from robot.config import BadInput
 from sim.belief import Belief
+from sim.discover.bent import bent
 from sim.discover.chain import DIRECTIONS, Chain
 from sim.discover.evidence import Array, Column
 from sim.discover.intake import SCATTERS, Intake
 from sim.discover.linear import Groups, Layout
-from sim.discover.prior import inform, may_have_moved, tell
+from sim.discover.prior import inform, may_have_moved
 from sim.physics.catalogue import TERMS, find_parameter, find_terms
 from sim.physics.nameless import NAMELESS
 from sim.physics.term import Parameter, Term
@@ -56,9 +57,10 @@ def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Array,
 
     groups: (what, label [n] of the intake's shots, how many) of things that differ by luck, such as balls.
     """
-    check_believed(believed)
+    check_believed(tuple(name for name in believed if belief is None or name not in belief.coefficients))
     terms = tuple(term.name for term in catalogue)
     slots = tuple((term.name, p.name) for term in catalogue for p in term.parameters)
+    usual = np.array([float(p.default) for term in catalogue for p in term.parameters])
     tracked = intake.samples is not None
     chain = Chain(intake.stripped, terms, slots, BANDS if tracked else 0, _substeps(intake), bool(len(intake.marked)),
                   tracked, bool(np.asarray(intake.lanes.free).any()))
@@ -82,7 +84,6 @@ def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Array,
     names = [name for name, place in zip(SCATTERS, scatters, strict=True) if place >= 0]
     prior = [(mean, sd) for _, _, mean, sd in shared]
     prior += [(np.log(SCATTER_PRIOR[name][0]), np.log(SCATTER_PRIOR[name][1])) for name in names]
-    first = len(columns)
     columns += [column for column, *_ in shared]
     columns += [Column(name, "shared", "launch", "along", "1", 1.0) for name in names]
     source += [place for _, place, *_ in shared] + [-1] * len(names)
@@ -93,9 +94,9 @@ def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Array,
         source += [-2] * (lucky.count * len(lucky.inputs))
         prior += [(0.0, 1.0)] * (lucky.count * len(lucky.inputs))
     centre, sd = np.array(prior, dtype=float).reshape(-1, 2).T
-    columns[first:] = tell(columns[first:], belief)
-    centre, precision = inform(columns[first:], centre, sd, belief)
-    return Layout(chain, tuple(columns), np.array(source, dtype=int), scatters, precision, centre, edges, lucky)
+    layout = Layout(chain, tuple(columns), np.array(source, dtype=int), scatters, np.diag(sd**-2.0), centre, edges,
+                    usual, lucky)
+    return layout if belief is None else inform(bent(layout, belief), belief)
 
 
 def _groups(groups: tuple[str, Array, int], believed: tuple[str, ...], slots: tuple[tuple[str, str], ...]) -> Groups:
@@ -148,7 +149,7 @@ def _shared(intake: Intake, believed: tuple[str, ...],
     """(column, slot, mean, sd) of the believed terms' parameters and of the tracker's calibration."""
     found = []
     for term in find_terms(believed):
-        for parameter in term.parameters if term.name not in KNOWN else ():
+        for parameter in term.parameters if term.name not in KNOWN and term not in NAMELESS else ():
             centre, sd = weak_prior(parameter)
             column = Column(f"{term.name}.{parameter.name}", "shared", term.stage, "along", parameter.unit, sd)
             found.append((column, slots.index((term.name, parameter.name)), centre, sd))

@@ -3,6 +3,7 @@
 import itertools
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -92,6 +93,11 @@ def gather_covariates(dataset: Dataset) -> tuple[Covariate, ...]:
         else:
             found[twin] = Covariate((*found[twin].columns, (name, values)))
     return tuple(covariate.led_by_launch() for covariate in found)
+
+
+def every_column(dataset: Dataset) -> dict[str, Any]:
+    """All that is known of each shot by name: numbers [n], and texts."""
+    return {**{name: dataset.shots.text(name) for name in dataset.shots.texts}, **number_columns(dataset)}
 
 
 def number_columns(dataset: Dataset) -> dict[str, Array]:

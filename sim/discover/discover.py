@@ -26,7 +26,8 @@ FALSE_ALARM = 0.05
 
 @dataclass(frozen=True)
 class Investigation:
-    """The answer, and what the report draws from. `steps`: one a named effect; all but finding are None for silence."""
+    """The answer, and what the report draws from. `steps`: one a named effect; all but finding are None for silence.
+    belief: of the earlier session that was started from; search: what every step asked with."""
 
     finding: Finding
     fitted: Fitted | None = None
@@ -35,6 +36,8 @@ class Investigation:
     judged: Judged | None = None
     place: Place | None = None
     steps: tuple[Step, ...] = ()
+    belief: Belief | None = None
+    search: Search | None = None
 
 
 def discover(dataset: Dataset, believed: Sequence[str] | None = None, false_alarm: float = FALSE_ALARM, seed: int = 0,
@@ -47,7 +50,7 @@ def discover(dataset: Dataset, believed: Sequence[str] | None = None, false_alar
     without a target.
     """
     terms = _terms(dataset, believed if belief is None else tuple(belief.coefficients))
-    intake = take_in(dataset)
+    intake = take_in(dataset, {} if belief is None else belief.curves)
     clusters = find_clusters(dataset.shots)
     layout = lay_out(intake, terms, groups_of(dataset.shots, intake.rows), belief=belief)
     if not len(intake.rows):
@@ -59,13 +62,13 @@ def discover(dataset: Dataset, believed: Sequence[str] | None = None, false_alar
     found = judged.p_any <= false_alarm
     place = locate(fitted.evidence, asked, judged, false_alarm, clusters, seed)
     steps: tuple[Step, ...] = ()
+    search = Search(clusters, gather_covariates(dataset), gather_factors(dataset.shots), false_alarm, seed)
     if found:
-        search = Search(clusters, gather_covariates(dataset), gather_factors(dataset.shots), false_alarm, seed)
         steps = go_forward(fitted, place, search, lambda done, note: progress(0.5 + 0.5 * done, note))
     progress(1.0, "done")
     finding = make_finding(dataset, terms, fitted, clusters, asked, judged, place, steps, false_alarm,
                            seed)
-    return Investigation(finding, fitted, clusters, asked, judged, place, steps)
+    return Investigation(finding, fitted, clusters, asked, judged, place, steps, belief, search)
 
 
 def _terms(dataset: Dataset, believed: Sequence[str] | None) -> tuple[str, ...]:

@@ -69,7 +69,7 @@ def _what_is_left(fitted: Fitted, search: Search) -> tuple[bool, Place | None]:
     asked = ask_everything(fitted.evidence, search.covariates, search.factors, search.clusters, search.seed)
     if not asked.tests:
         return False, None
-    judged = _judge(asked, search.seed)
+    judged = judge_left(asked, search.seed)
     if judged.p_any > search.false_alarm:
         return False, None
     return True, locate(fitted.evidence, asked, judged, search.false_alarm, search.clusters, search.seed)
@@ -228,5 +228,6 @@ def _retold(step: Step, naming: Naming, base: Fitted, search: Search) -> Step:
                    decoys=decoys, fitted=base)
 
 
-def _judge(asked: Asked, seed: int) -> Judged:
+def judge_left(asked: Asked, seed: int) -> Judged:
+    """All tests of what is left beside what was found already."""
     return judge(asked.scores, [test.family for test in asked.tests], ALLOWANCE, DRAWS, seed, lambda done, note: None)

@@ -1,46 +1,128 @@
-"""An effect without a name as part of the simulation: its free curve, and the term that takes it."""
+"""Effects without a name as part of the simulation: their free curves, and the terms that take them."""
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from sim.curve import Curve, natural
-from sim.discover.correct import Correction
+from sim.discover.ask import FREE, Test, ask_everything
+from sim.discover.believed import Fitted, climb, moved, only_shared, out_of_range
+from sim.discover.bent import with_curve
+from sim.discover.correct import Correction, correct
 from sim.discover.covariates import Covariate, Factor, Pair, spline_knots
 from sim.discover.evidence import Array, Column, Evidence
-from sim.discover.step import Step
+from sim.discover.forward import Search, judge_left
+from sim.discover.linear import linearise
+from sim.discover.step import Step, clearly
 
 TERMS = {"launch speed": ("free_speed", {"share": 1.0}), "launch elevation": ("free_elevation", {"angle_rad": 1.0}),
          "distance": ("free_distance", {"bias_m": 1.0})}
 SIDES = {"along": "along", "vertical": "up", "lateral": "left"}
 LONGEST_S = 60.0
+MOST = 3                              # curves; so many things a robot's nip may do beyond its names
+APART = ("scatter.", "track_", "curve.")      # columns that are no coefficients
 
 
 @dataclass(frozen=True)
 class Freed:
-    """`term` with `values` takes the curve; evidence: the shared columns as fitted beside it; `said` in short."""
+    """`term` with `values` takes the curve; fitted: with its points among the shared columns; evidence: these and the
+    other shared ones alone; `said` in short."""
 
     term: str
     values: dict[str, float]
     curve: Curve
+    fitted: Fitted
     evidence: Evidence
     said: str
 
 
-def freed(step: Step) -> Freed | None:
-    """None for a step with a name, and for what no simulation of single shots can take: two covariates together, or a
-    launch to one side, on which no height depends."""
-    place = step.place
-    if not step.unknown or place is None:
-        return None
-    correction, column = place.correction, place.column
+def all_freed(step: Step, search: Search) -> tuple[tuple[Freed, ...], str]:
+    """(curves of the step without a name, then of what is left beside them, each surely better on unseen shots; why one
+    was not taken, if it was not).
+
+    Not taken: beside which a coefficient comes to the end of what is possible; what no simulation of single shots can
+    take (two covariates together; a launch to one side, on which no height depends); a second curve of the same thing.
+    """
+    if step.place is None:
+        return (), ""
+    found: list[Freed] = []
+    fitted, correction = step.fitted, step.place.correction
+    while correction is not None and len(found) < MOST:
+        one = freed(fitted, correction)
+        if one is None:
+            return tuple(found), "" if found else "no simulation of single shots can take what has no name"
+        beyond = _impossible(one)
+        if beyond:
+            return tuple(found), f"beside the free curve {', '.join(beyond)} would be impossible"
+        found.append(one)
+        fitted = one.fitted
+        correction = _what_is_left(fitted, search)
+    return tuple(found), ""
+
+
+def freed(fitted: Fitted, correction: Correction) -> Freed | None:
+    """None for what cannot be taken."""
+    column = fitted.evidence.columns[correction.test.column]
     taken, curve = _term(column), _curve(correction)
-    if taken is None or curve is None:
+    if taken is None or curve is None or taken[0] in fitted.layout.chain.terms:
         return None
-    evidence = correction.evidence.pick(np.arange(1, len(correction.evidence.columns)))
-    evidence = replace(evidence, point=evidence.point + correction.shared)
+    curve, whole, evidence = _fly(fitted, correction, *taken, curve)
     goes = f" by {curve.covariate}" if curve.covariate else ""
-    return Freed(*taken, curve, evidence, f"{column.name}{goes}")
+    return Freed(*taken, curve, whole, evidence, f"{column.name}{goes}")
+
+
+def _impossible(free: Freed) -> list[str]:
+    values = zip(free.evidence.columns, map(float, free.evidence.point), strict=True)
+    return out_of_range({column.name: value for column, value in values
+                         if column.kind == "shared" and not column.name.startswith(APART)})
+
+
+def _what_is_left(fitted: Fitted, search: Search) -> Correction | None:
+    """The free change that explains most of what is left beyond chance, of those that a curve can take."""
+    asked = ask_everything(fitted.evidence, search.covariates, search.factors, search.clusters, search.seed)
+    if not asked.tests:
+        return None
+    judged = judge_left(asked, search.seed)
+    able = np.array([k for k, test in enumerate(asked.tests) if test.family == FREE and _can(fitted, test)], dtype=int)
+    if judged.p_any > search.false_alarm or not len(able):
+        return None
+    best = able[judged.gain[able].argmax()]      # not the plainest: what it leaves over would be found again
+    correction = correct(fitted.evidence, asked.tests[best], search.clusters)
+    return correction if clearly(correction.gain, fitted) else None
+
+
+def _can(fitted: Fitted, test: Test) -> bool:
+    taken = _term(fitted.evidence.columns[test.column])
+    return taken is not None and taken[0] not in fitted.layout.chain.terms
+
+
+def _fly(fitted: Fitted, correction: Correction, term: str, values: dict[str, float],
+         curve: Curve) -> tuple[Curve, Fitted, Evidence]:
+    """(the curve, all, shared evidence) where the simulation that has both fits best: the correction was but a step on
+    slopes."""
+    lanes, n = fitted.intake.lanes, len(fitted.intake.rows)
+    by, before = curve.by(_columns(correction), n), np.asarray(lanes.circumstances.curve_by)
+    curve_by = np.concatenate([before, by], axis=1) if before.ndim == 2 else by
+    intake = replace(fitted.intake, lanes=lanes._replace(circumstances=lanes.circumstances._replace(curve_by=curve_by)))
+    layout = with_curve(fitted.layout, term, values, curve)
+    bare, new = only_shared(layout), len(layout.usual) - len(fitted.spot.values)
+    spot = replace(fitted.spot, values=np.concatenate([fitted.spot.values, layout.usual[-new:]]))
+    start = moved(bare, spot, np.concatenate([np.zeros(len(curve.fitted)), correction.shared]))
+    top, evidence = climb(intake, bare, start)
+    found = curve.moved({key: float(evidence.point[k]) for k, key in enumerate(curve.fitted)})
+    if curve.covariate:
+        found = found.moved({curve.keys[-1]: float(by.mean(0) @ found.points)})
+    return found, Fitted(intake, layout, top, linearise(intake, layout, top)[0]), evidence
+
+
+def _columns(correction: Correction) -> dict[str, Any]:
+    """The covariate of each of the evidence's shots, by name."""
+    what, rows = correction.test.what, correction.evidence.rows
+    if isinstance(what, Covariate):
+        return {what.name: what.values[rows]}
+    return {what.name: [what.levels[code] if code >= 0 else "" for code in what.codes[rows]]} if isinstance(
+        what, Factor) else {}
 
 
 def _term(column: Column) -> tuple[str, dict[str, float]] | None:

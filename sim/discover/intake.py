@@ -8,7 +8,9 @@ import numpy as np
 from robot.config import BadInput
 from robot.facts import Believe, Facts, Noise
 from sim.circumstances import circumstances_of, known
+from sim.curve import Curves, along
 from sim.discover.chain import DEVIATES, Lanes
+from sim.discover.covariates import every_column
 from sim.discover.evidence import Array
 from sim.discover.outcomes import Seen, see_outcomes
 from sim.discover.samples import Samples, Scatter, gather_samples, measure_scatter
@@ -17,6 +19,7 @@ from sim.physics.launch import Exit, exit_no_slip, is_opposed
 from sim.physics.term import Circumstances
 from sim.shots import Dataset, Shots
 
+NONE: Curves = {}
 FEWEST_SHOTS = 10
 # Standard deviations of what nobody fits: spin from shot to shot (a share), the moment of release against the first
 # sample, where the ball leaves; and of a flight whose launch nobody knows.
@@ -58,8 +61,11 @@ class Intake:
     left_out: tuple[str, ...]
 
 
-def take_in(dataset: Dataset) -> Intake:
-    """BadInput when there are fewer than FEWEST_SHOTS shots or outcomes without a target."""
+def take_in(dataset: Dataset, curves: Curves = NONE) -> Intake:
+    """BadInput when there are fewer than FEWEST_SHOTS shots or outcomes without a target.
+
+    curves: of effects without a name that are believed.
+    """
     facts, shots = dataset.facts, dataset.shots
     if len(shots) < FEWEST_SHOTS:
         raise BadInput(f"{shots.source}: {len(shots)} shots are too few to judge a simulation by; "
@@ -83,7 +89,9 @@ def take_in(dataset: Dataset) -> Intake:
     left_out = [*dataset.left_out, *notes]
     if not usable.all():
         left_out.append(f"{int((~usable).sum())} outcomes without distance_m, or without hood_deg and a launch speed")
-    lanes, noise_var, scattered = _lanes(part, _pick(circumstances_of(dataset), rows), samples, place)
+    columns = every_column(dataset) if curves else {}
+    around = along(curves, circumstances_of(dataset), columns, len(shots))
+    lanes, noise_var, scattered = _lanes(part, _pick(around, rows), samples, place)
     exits, exit_sd = _exits(part)
     scatter = None if samples is None else measure_scatter(samples, facts.noise.track_m)
     stripped = replace_facts(facts)

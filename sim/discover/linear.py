@@ -47,6 +47,7 @@ class Layout:
     columns: free, terms, then shared. source [P]: for each column its input of the chain (slot, deviate or push), or
     -1 for a scatter, -2 for a group's effect (those come last, effect by effect, group by group). scatters: columns of
     the logs of SCATTERS, in that order, -1 where not fitted. precision [p, p], centre [p]: the shared columns' prior.
+    usual [slots]: what the chain's parameters are where nobody says anything else.
     """
 
     chain: Chain
@@ -56,6 +57,7 @@ class Layout:
     precision: Array
     centre: Array
     edges_s: Array
+    usual: Array
     groups: Groups | None = None
 
     @property

@@ -1,12 +1,11 @@
 """What is thought of the fitted numbers before the data: the catalogue's wide priors, or what a session left."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from sim.belief import SCATTER, Belief, scale_of
-from sim.discover.evidence import Array, Column
+from sim.discover.linear import Layout
 from sim.physics.catalogue import find_parameter
 from sim.physics.scales import LEFT, LOG
 
@@ -36,35 +35,25 @@ def own_slope(name: str, value: float) -> float:
     return {LOG: value, LEFT: 1.0 - value}.get(scale_of(name), 1.0)
 
 
-def inform(columns: Sequence[Column], centre: Array, sd: Array, belief: Belief | None) -> tuple[Array, Array]:
-    """(centre [p], precision [p, p]) of columns with independent priors, of which the belief, if any, knows better.
+def inform(layout: Layout, belief: Belief) -> Layout:
+    """The layout, whose priors are independent, with what the belief knows better.
 
     A coefficient that the belief states without doubt keeps its width and takes the belief's value.
     """
-    centre, covariance = centre.copy(), np.diag(sd**2.0)
-    if belief is None:
-        return centre, np.diag(sd**-2.0)
+    first = len(layout.columns) - len(layout.precision)
+    columns = [replace(column, told=believed_name(column.name) in belief.names) for column in layout.columns[first:]]
+    centre, covariance = layout.centre.copy(), np.diag(1.0 / np.diag(layout.precision))
+    usual = np.sqrt(np.diag(covariance))
     for k, column in enumerate(columns):
-        if has_value(belief, column.name):
+        if belief.has(believed_name(column.name)):
             centre[k] = own_value(belief, column.name)
     known = [k for k, column in enumerate(columns) if believed_name(column.name) in belief.names]
     number = [belief.names.index(believed_name(columns[k].name)) for k in known]
     slope = np.array([own_slope(columns[k].name, centre[k]) for k in known])
     covariance[np.ix_(known, known)] = belief.covariance[np.ix_(number, number)] * np.outer(slope, slope)
-    covariance += np.diag((SUREST * sd)**2)
-    return centre, np.linalg.inv(covariance)
-
-
-def tell(columns: Sequence[Column], belief: Belief | None) -> list[Column]:
-    """The columns, marked where the belief knows them."""
-    names = () if belief is None else belief.names
-    return [replace(column, told=believed_name(column.name) in names) for column in columns]
-
-
-def has_value(belief: Belief, name: str) -> bool:
-    """Whether the belief says anything of the column."""
-    table, _, key = believed_name(name).partition(".")
-    return key in (belief.scatter if table == SCATTER else belief.coefficients.get(table, {}))
+    covariance += np.diag((SUREST * usual)**2)
+    return replace(layout, columns=(*layout.columns[:first], *columns), centre=centre,
+                   precision=np.linalg.inv(covariance))
 
 
 def may_have_moved(belief: Belief | None, name: str) -> float | None:

@@ -103,7 +103,9 @@ PHRASES: dict[str, Phrase] = {
 
 PLAIN = {"wind_x": "head or tail wind", "wind_y": "crosswind", "wind_z": "rising or sinking air", "magnus": "lift",
          "drag_reynolds": "drag by speed", "spin_drag": "drag by spin", "drag_wear": "drag of worn balls",
-         "air_change": "denser or thinner air", "rim_catch": "forgiving rim", "rapid_fire": "rapid fire"}
+         "air_change": "denser or thinner air", "rim_catch": "forgiving rim", "rapid_fire": "rapid fire",
+         "free_speed": "a curve of the launch speed", "free_elevation": "a curve of the launch elevation",
+         "free_distance": "a curve of the distance", "free_push": "a curve of a push"}
 
 # Columns of shots.csv, and what is derived from them or goes on inside a flight, as people say them.
 COLUMNS = {"battery_v": "the battery's voltage", "temperature_c": "the temperature", "pressure_pa": "the air pressure",

@@ -7,9 +7,10 @@ import numpy as np
 
 from robot.facts import Facts
 from sim.belief import SCATTER, Belief, scale_of
-from sim.curve import before_the_shot
+from sim.curve import before_the_shot, owners
 from sim.fit.given import Given, given_of
 from sim.fit.heights import Number, sensor_variance, slopes_at
+from sim.physics.nameless import CURVE
 from sim.shots import Shots
 
 LANES = 256                           # rows fly in multiples of this, since each size is compiled
@@ -39,7 +40,7 @@ def forecast(facts: Facts, belief: Belief, shots: Shots) -> Forecast:
 
     First-order propagation with exact derivatives, continuous in all parameters: the flight goes on through the floor.
     """
-    return forecast_given(facts, belief, given_of(facts, shots, before_the_shot(belief.curve, facts, shots)))
+    return forecast_given(facts, belief, given_of(facts, shots, before_the_shot(belief.curves, facts, shots)))
 
 
 def forecast_given(facts: Facts, belief: Belief, given: Given) -> Forecast:
@@ -54,8 +55,7 @@ def forecast_given(facts: Facts, belief: Belief, given: Given) -> Forecast:
 
 def _block(facts: Facts, belief: Belief, given: Given) -> tuple[np.ndarray, ...]:
     inner = [index for index, name in enumerate(belief.names) if not name.startswith(SCATTER + ".")]
-    numbers: tuple[Number, ...] = tuple((*belief.names[index].split(".", 1), scale_of(belief.names[index]))
-                                        for index in inner)
+    numbers = tuple(_number(belief, belief.names[index]) for index in inner)
     flown = slopes_at(facts, belief.coefficients, numbers, belief.values()[inner], given)
     height, by_number = (jax.tree.map(np.asarray, part) for part in (flown.height, flown.by_number))
     speed, elevation_deg = (belief.scatter.get(name, 0.0) for name in ("speed", "elevation_deg"))
@@ -68,6 +68,14 @@ def _block(facts: Facts, belief: Belief, given: Given) -> tuple[np.ndarray, ...]
     slopes = np.column_stack([height.by_launch, height.by_distance])
     near = height.near
     return *(np.where(near, column, np.nan) for column in columns), np.where(near[:, None], slopes, np.nan)
+
+
+def _number(belief: Belief, name: str) -> Number:
+    table, _, key = name.partition(".")
+    if table == CURVE:
+        term, _, point = key.partition(".")
+        key = f"{term}.{owners(belief.curves).index(term) + int(point)}"
+    return table, key, scale_of(name)
 
 
 def _take(given: Given, rows: np.ndarray) -> Given:

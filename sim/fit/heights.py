@@ -13,6 +13,7 @@ from sim.fit.given import Given
 from sim.physics.catalogue import effective, flight_terms
 from sim.physics.flight import make_law
 from sim.physics.launch import Exit
+from sim.physics.nameless import CURVE
 from sim.physics.plane import reach_plane
 from sim.physics.scales import from_scale
 from sim.physics.shot import leave, sense
@@ -87,9 +88,12 @@ class Slopes(NamedTuple):
 
 @partial(jax.jit, static_argnames=("facts", "numbers"))
 def slopes_at(facts: Facts, fixed: Values, numbers: tuple[Number, ...], at: Any, given: Given) -> Slopes:
-    """Heights and exact derivatives; `numbers` names what `at` [p] holds, `fixed` has the values of the rest."""
+    """Heights and exact derivatives; `numbers` names what `at` [p] holds, `fixed` has the values of the rest.
+
+    A point of the given circumstances' curves is called by its term and its place among all their points.
+    """
     def height(at: Any) -> tuple[Any, Height]:
-        flown = height_at(facts, with_numbers(fixed, numbers, at), given)
+        flown = height_at(facts, with_numbers(fixed, numbers, at), along_curve(given, numbers, at))
         return flown.height_m, flown
 
     by_number, flown = jax.jacfwd(height, has_aux=True)(at)
@@ -100,8 +104,21 @@ def with_numbers(fixed: Values, numbers: tuple[Number, ...], at: Any) -> dict[st
     """`fixed` with the numbers' values in it."""
     values = {name: dict(part) for name, part in fixed.items()}
     for index, (term, parameter, scale) in enumerate(numbers):
-        values.setdefault(term, {})[parameter] = from_scale(scale, at[index])
+        if term != CURVE:
+            values.setdefault(term, {})[parameter] = from_scale(scale, at[index])
     return values
+
+
+def along_curve(given: Given, numbers: tuple[Number, ...], at: Any) -> Given:
+    """The same, with derivatives by those of the numbers that are points of its curves."""
+    around = given.circumstances
+    for index, (table, point, _) in enumerate(numbers):
+        if table == CURVE:
+            term, _, place = point.partition(".")
+            nothing = at[index] - jax.lax.stop_gradient(at[index])
+            size = getattr(around, term) + around.curve_by[:, int(place)] * nothing
+            around = around._replace(**{term: size})
+    return given._replace(circumstances=around)
 
 
 def sensor_variance(height: Height, gain: Any, given: Given) -> Any:

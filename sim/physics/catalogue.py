@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from robot.config import BadInput
-from sim.physics.nameless import NAMELESS
+from sim.physics.nameless import CURVE, NAMELESS, POINT
 from sim.physics.term import (
     AirTerm,
     ArrivalTerm,
@@ -112,8 +112,10 @@ def effective(params: Mapping[str, Mapping[str, Any]], circumstances: Circumstan
 
 
 def find_parameter(name: str) -> Parameter:
-    """The parameter called "term.parameter"; BadInput when the catalogue has none of that name."""
+    """The parameter called "term.parameter", or a curve's point; BadInput when the catalogue has none of that name."""
     term_name, _, key = name.partition(".")
+    if term_name == CURVE:
+        return POINT
     for term in find_terms([term_name]):
         for parameter in term.parameters:
             if parameter.name == key:

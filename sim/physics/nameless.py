@@ -1,9 +1,10 @@
 """What an effect without a name does: a free change of the launch, the distance or the flight, as fitted.
 
-Each amplitude is multiplied by `Circumstances.curve`, which sim.curve works out for every shot. They are no hypotheses:
-no discovery asks about them.
+Each amplitude is multiplied by the circumstance of the term's name, which sim.curve works out for every shot. They are
+no hypotheses: no discovery asks about them. A curve's points are numbers like a term's: "curve.free_speed.0", ...
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, final
@@ -18,6 +19,8 @@ from sim.physics.vector import Vec, length
 
 FOUND = "as discovery found it in recordings"
 AT_SPEED_M_S = 10.0                   # where a push that goes with the speed is stated
+CURVE = "curve"
+POINT = Parameter("point", "1", -math.inf, math.inf, 0.0, FOUND)
 
 
 @final
@@ -29,7 +32,7 @@ class FreeSpeed(LaunchTerm):
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("share", "1", -5.0, 5.0, 0.0, FOUND),)
     symmetry: ClassVar[str] = "any"
     sentence: ClassVar[str] = "The ball leaves faster or slower, for a reason without a name."
-    follows: ClassVar[str | None] = "curve"
+    follows: ClassVar[str | None] = "free_speed"
 
     def leave(self, facts: Facts, values: Mapping[str, Any], exit: Exit) -> Exit:
         return exit._replace(speed_m_s=exit.speed_m_s * jnp.exp(values["share"]))
@@ -44,7 +47,7 @@ class FreeElevation(LaunchTerm):
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("angle_rad", "rad", -1.5, 1.5, 0.0, FOUND),)
     symmetry: ClassVar[str] = "any"
     sentence: ClassVar[str] = "The ball leaves steeper or flatter, for a reason without a name."
-    follows: ClassVar[str | None] = "curve"
+    follows: ClassVar[str | None] = "free_elevation"
 
     def leave(self, facts: Facts, values: Mapping[str, Any], exit: Exit) -> Exit:
         return exit._replace(elevation_rad=exit.elevation_rad + values["angle_rad"])
@@ -59,7 +62,7 @@ class FreeDistance(SensingTerm):
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("bias_m", "m", -20.0, 20.0, 0.0, FOUND),)
     symmetry: ClassVar[str] = "any"
     sentence: ClassVar[str] = "The target is farther or nearer than measured, for a reason without a name."
-    follows: ClassVar[str | None] = "curve"
+    follows: ClassVar[str | None] = "free_distance"
 
     def sense(self, facts: Facts, values: Mapping[str, Any], exit: Exit, distance_m: Any) -> tuple[Exit, Any]:
         return exit, distance_m + values["bias_m"]
@@ -80,7 +83,7 @@ class FreePush(FlightTerm):
         Parameter("with_speed", "1", 0.0, 1.0, 0.0, "0 or 1"))
     symmetry: ClassVar[str] = "vertical"
     sentence: ClassVar[str] = "Something without a name pushes the ball in flight."
-    follows: ClassVar[str | None] = "curve"
+    follows: ClassVar[str | None] = "free_push"
 
     def acceleration(self, facts: Facts, values: Mapping[str, Any], ball: BallState,
                      forces: Mapping[str, Vec]) -> Vec:

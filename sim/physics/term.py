@@ -71,7 +71,11 @@ class Circumstances(NamedTuple):
     hood_change: Any = 0.0            # sign of this hood_deg less that of the session's shot before
     closing_speed_m_s: Any = 0.0      # of the robot, toward the target positive
     ball: Any = 0.0                   # a ball's own departure in units of the balls' spread; nobody knows it: 0
-    curve: Any = 0.0                  # size of an effect without a name, by sim.curve
+    free_speed: Any = 0.0             # sizes of effects without a name, by sim.curve,
+    free_elevation: Any = 0.0
+    free_distance: Any = 0.0
+    free_push: Any = 0.0
+    curve_by: Any = 0.0               # and their derivatives by their curves' points, one curve after another [n, K]
 
 
 class Opening(NamedTuple):

@@ -8,7 +8,6 @@ import hashlib
 import os
 import sys
 from collections.abc import Callable
-from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -122,11 +121,11 @@ def _write(path: Path, claims: dict[str, Any]) -> None:
 
 @cache
 def home_belief(directory: Path) -> Belief:
-    """What the unmodified robot's session leaves to be believed; effects without a name are left out."""
+    """What the unmodified robot's session leaves to be believed."""
     if not directory.is_dir():
         raise BadInput(f"{directory}: is missing: these worlds are to be compared with it")
     found = discover(load_dataset(directory), AT_HOME, FALSE_ALARM, 0)
-    return make_belief(replace(found, steps=tuple(step for step in found.steps if not step.unknown)))[0]
+    return make_belief(found)[0]
 
 
 @cache

@@ -17,6 +17,6 @@ def heights_m(season: Season) -> np.ndarray:
 def off_m(facts: Facts, belief: Belief, season: Season) -> float:
     """RMS error in m of the heights that the belief foretells from what was read of each shot before it."""
     shots = season.dataset.shots
-    around = before_the_shot(belief.curve, facts, shots)
+    around = before_the_shot(belief.curves, facts, shots)
     told = np.asarray(predict(facts, belief.coefficients, shots, circumstances=around).height_m)
     return float(np.sqrt(np.nanmean((heights_m(season) - told)**2)))

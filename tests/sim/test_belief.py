@@ -81,8 +81,8 @@ matrix = [[0.04, 0.001], [0.001, 0.09]]
     ("[0.001, 0.09]", "[0.001, nan]", "not finite and symmetric"),
     ("[[0.04, 0.001], [0.001, 0.09]]", "[[0.04, 0.1], [0.1, 0.09]]", "negative variance"),
     ("cd = 0.5", "cd = 0.0", "drag.cd: 0 has no place on its scale, which is log"),
-    ("cd = 0.5", "cd = 0.5\n[free_speed]\nshare = 1.0", "free_speed: has no [curve]"),
-    ("[covariance]", "[curve]\nvalue = []\notherwise = 0.1\n[covariance]", "curve: no term takes it"),
+    ("cd = 0.5", "cd = 0.5\n[free_speed]\nshare = 1.0", "free_speed: has no [curve.free_speed]"),
+    ("[covariance]", "[curve.free_push]\nvalue = []\notherwise = 0.1\n[covariance]", "free_push: no term takes it"),
 ])
 def test_a_bad_file_is_named(tmp_path, old, new, message):
     path = tmp_path / "coefficients.toml"

@@ -66,7 +66,7 @@ def lay_straight(usual: np.ndarray) -> Layout:
         *(column(name, "term", usual=size) for name, size in zip(ASKED, usual, strict=True)),
         *(column(name, "shared") for name in SHARED))
     return Layout(chain, columns, np.arange(len(NAMES)), (-1,) * len(SCATTERS), np.diag(np.full(2, 0.25)), np.zeros(2),
-                  np.zeros(0))
+                  np.zeros(0), np.zeros(len(slots)))
 
 
 def slopes_and_y(planted: dict[str, float], seed: int, shots: int, copies: dict[str, str],

@@ -7,11 +7,20 @@ import numpy as np
 import pytest
 from msgspec import structs
 
-from sim.belief import load_belief, save_belief
+from sim.belief import Belief, load_belief, point_belief, save_belief
 from sim.circumstances import circumstances_of
-from sim.curve import before_the_shot
+from sim.curve import Curve, before_the_shot
+from sim.dataset.parts import take_shots
+from sim.discover import freed
 from sim.discover.adopt import make_belief
+from sim.discover.believed import Fitted, usual_spot
+from sim.discover.columns import lay_out
+from sim.discover.correct import Correction
 from sim.discover.discover import Investigation, discover
+from sim.discover.freed import Freed
+from sim.discover.intake import take_in
+from sim.discover.linear import linearise
+from sim.physics.catalogue import find_parameter
 from sim.physics.shot import classify, predict
 from sim.prove.truth.shoot import shoot
 from sim.prove.truth.world import make_world
@@ -65,17 +74,21 @@ def test_what_foretells_unseen_shots_worse_is_not_adopted(hasty: tuple[Dataset, 
     assert "surely worse" in provenance["refused"]
 
 
-def test_a_curve_beside_which_a_coefficient_is_impossible_is_not_adopted(nameless: Investigation) -> None:
-    found = nameless
-    last = found.steps[-1]
-    assert last.place is not None
-    correction = last.place.correction
-    k = [column.name for column in correction.evidence.columns].index("drag.cd") - 1
-    shared = correction.shared.copy()
-    shared[k] = -5.0
-    place = replace(last.place, correction=replace(correction, shared=shared))
-    belief, provenance = make_belief(replace(found, steps=(*found.steps[:-1], replace(last, place=place))))
-    assert belief.curve is None and belief.coefficients["drag"]["cd"] > 0.0
+def test_a_curve_beside_which_a_coefficient_is_impossible_is_not_adopted(nameless: Investigation,
+                                                                         monkeypatch: pytest.MonkeyPatch) -> None:
+    """As where recordings would have the ball driven by the air: the fit stops at no drag at all."""
+    plain = freed.freed
+
+    def driven(fitted: Fitted, correction: Correction) -> Freed | None:
+        free = plain(fitted, correction)
+        assert free is not None
+        point = free.evidence.point.copy()
+        point[free.evidence.index("drag.cd")] = find_parameter("drag.cd").low
+        return replace(free, evidence=replace(free.evidence, point=point))
+
+    monkeypatch.setattr(freed, "freed", driven)
+    belief, provenance = make_belief(nameless)
+    assert not belief.curves and belief.coefficients["drag"]["cd"] > 0.1
     assert "drag.cd would be impossible" in provenance["refused"]
 
 
@@ -108,11 +121,50 @@ def test_what_has_no_name_is_adopted_as_a_curve(nameless: Investigation, tmp_pat
     assert provenance["adopted"] == ["launch speed by distance_m"]
     save_belief(tmp_path / "adopted.toml", belief, provenance)
     adopted = load_belief(tmp_path / "adopted.toml")
-    assert adopted.curve is not None and adopted.curve.covariate == "distance_m"
-    around = before_the_shot(adopted.curve, unseen.facts, unseen.shots)
+    assert adopted.curves["free_speed"].covariate == "distance_m"
+    around = before_the_shot(adopted.curves, unseen.facts, unseen.shots)
     with_it = predict(unseen.facts, adopted.coefficients, unseen.shots, circumstances=around).height_m
     plain = {name: values for name, values in adopted.coefficients.items() if name != "free_speed"}
     without = predict(unseen.facts, plain, unseen.shots).height_m
     truth = np.array(unseen.shots.text("outcome"))
     share = [np.mean(classify(unseen.facts, height_m) == truth) for height_m in (with_it, without)]
     assert share[0] > share[1] + 0.03
+
+
+def test_a_curve_that_is_believed_is_not_found_again() -> None:
+    """And what is new beside it is named; without the curve the same shots speak of it once more."""
+    season = shoot(make_world({"far_kick": 0.15}, "L2", 240, 3))
+    first, later = take_shots(season, range(120)), take_shots(season, range(120, 240))
+    belief = make_belief(discover(first, seed=1))[0]
+    curve = belief.curves["free_speed"]
+    kept = [k for k, name in enumerate(belief.names) if not name.startswith("curve.")]
+    plain = Belief({name: value for name, value in belief.coefficients.items() if name != "free_speed"}, belief.scatter,
+                   tuple(belief.names[k] for k in kept), belief.covariance[np.ix_(kept, kept)])
+    assert not discover(later, seed=1, belief=belief).finding.mismatch.found
+    assert discover(later, seed=1, belief=plain).finding.mismatch.found
+    numbers = {**later.shots.numbers, "hood_deg": later.shots.number("hood_deg") - 2.0}
+    bent = discover(replace(later, shots=replace(later.shots, numbers=numbers)), seed=1, belief=belief)
+    assert bent.finding.verdict == "named" and bent.finding.what[0].term == "hood_offset"
+    adopted, provenance = make_belief(bent)
+    assert provenance["adopted"] == ["hood_offset"] and "refused" not in provenance
+    assert adopted.coefficients["hood_offset"]["angle_deg"] == pytest.approx(2.0, abs=0.3)
+    again = adopted.curves["free_speed"]
+    assert again.at == curve.at and again.value != curve.value and np.allclose(again.value, curve.value, atol=0.02)
+
+
+def test_points_of_a_curve_are_felt_as_far_as_a_shot_goes_with_them() -> None:
+    """The same as a deviation of that shot's elevation, which the chain knows without any curve."""
+    curve = Curve((0.01, 0.02, 0.0), 0.0, "distance_m", (2.0, 4.0, 6.0), low=2.0, high=6.0)
+    belief = replace(point_belief({"drag": {"cd": 0.5}, "magnus": {"cl": 0.06}, "free_elevation": {"angle_rad": 1.0}}),
+                     curves={"free_elevation": curve})
+    dataset = shoot(make_world({}, "L1", 40, 9))
+    intake = take_in(dataset, belief.curves)
+    layout = lay_out(intake, ("gravity", *belief.coefficients), belief=belief)
+    evidence, _ = linearise(intake, layout, usual_spot(intake, layout))
+    steeper = evidence.score[:, evidence.index("launch elevation")]
+    by = curve.by({"distance_m": dataset.shots.number("distance_m")[intake.rows]}, len(intake.rows))
+    for k in range(3):
+        felt = evidence.score[:, evidence.index(f"curve.free_elevation.{k}")]
+        assert np.allclose(felt, by[:, k] * steeper, atol=1e-9)
+    first = evidence.columns[evidence.index("curve.free_elevation.0")]
+    assert first.kind == "shared" and first.stage == "launch" and not first.told

@@ -12,11 +12,13 @@ from sim.discover.prior import inform, may_have_moved
 from sim.discover.statistics import PIECES, Scores, efficient_scores
 from sim.physics.scales import to_scale
 from tests.sim.discover.made import column, gaussian
+from tests.sim.discover.straight import ASKED, lay_straight
 
 COLUMNS: tuple[Column, ...] = tuple(column(name, "shared") for name in (
     "drag.cd", "exit_efficiency.loss", "hood_offset.angle_deg", "scatter.speed", "scatter.elevation_rad",
     "track_scale.share"))
 CENTRE, SD = np.array([0.4, 0.1, 0.0, -4.0, -5.0, 0.0]), np.array([0.3, 0.2, 1.0, 1.0, 1.0, 0.05])
+LAYOUT = replace(lay_straight(np.ones(len(ASKED))), columns=COLUMNS, precision=np.diag(SD**-2.0), centre=CENTRE)
 NAMES = ("hood_offset.angle_deg", "drag.cd", "scatter.elevation_deg", "exit_efficiency.loss")
 ROOT = np.random.default_rng(3).normal(size=(4, 4)) * 0.1
 
@@ -28,7 +30,8 @@ def belief() -> Belief:
 
 
 def test_what_is_believed_is_the_centre_and_its_doubt_the_prior(belief: Belief) -> None:
-    centre, precision = inform(COLUMNS, CENTRE, SD, belief)
+    told = inform(LAYOUT, belief)
+    centre, precision = told.centre, told.precision
     assert centre == pytest.approx([0.5, 0.2, -1.5, np.log(0.02), np.log(np.radians(0.4)), 0.0])
     # draws on the belief's scales, taken to the columns' units by the scales themselves
     step = 1e-6
@@ -41,19 +44,15 @@ def test_what_is_believed_is_the_centre_and_its_doubt_the_prior(belief: Belief) 
     # what the belief knows without doubt, or not at all, is as wide as before
     assert found[3, 3] == pytest.approx(SD[3]**2) and found[5, 5] == pytest.approx(SD[5]**2)
     assert found[3, order] == pytest.approx(np.zeros(4), abs=1e-9)
-
-
-def test_without_a_belief_all_is_as_it_was() -> None:
-    centre, precision = inform(COLUMNS, CENTRE, SD, None)
-    assert centre == pytest.approx(CENTRE) and precision == pytest.approx(np.diag(SD**-2.0))
+    assert [column.name for column in told.columns if column.told] == [COLUMNS[k].name for k in (0, 1, 2, 4)]
 
 
 def test_a_belief_may_take_a_combination_for_exact(belief: Belief) -> None:
     """Two numbers known only by their sum: no precision is infinite."""
     root = ROOT[:, :1]
-    centre, precision = inform(COLUMNS, CENTRE, SD, replace(belief, covariance=root @ root.T))
-    assert np.isfinite(precision).all() and np.linalg.eigvalsh(precision).min() > 0.0
-    assert centre[0] == pytest.approx(0.5)
+    told = inform(LAYOUT, replace(belief, covariance=root @ root.T))
+    assert np.isfinite(told.precision).all() and np.linalg.eigvalsh(told.precision).min() > 0.0
+    assert told.centre[0] == pytest.approx(0.5)
 
 
 def test_only_what_a_belief_doubts_can_have_changed(belief: Belief) -> None:
