@@ -1,12 +1,13 @@
 """Is a fault of the tracker taken for physics of the ball?
 
     python benchmarks/faults.py --worlds 10 --seed 61 --out FILE
-    python benchmarks/faults.py --tracks DIR --believe gravity,drag,magnus --out FILE
+    python benchmarks/faults.py --tracks DIR --believe gravity,drag,magnus [--since] --out FILE
     python benchmarks/faults.py --table FILE
 
 The tracks of worlds in which nothing is hidden (sim.prove.truth, L2, 300 shots), or those of a dataset that somebody
 recorded, are spoilt as a bad tracker would have spoilt them (sim.prove.faults), and discovery is asked about each, and
-about the same tracks unspoilt. A line of FILE an answer; one that is there already is not worked out again.
+about the same tracks unspoilt. --since: what has changed, to someone who believes what the unspoilt tracks led to? A
+line of FILE an answer; one that is there already is not worked out again.
 """
 
 import argparse
@@ -21,6 +22,8 @@ from doors.benchmark import fill_and_tell, parser_of
 from doors.discover import keep_compiled
 from doors.progress import make_progress
 from robot.config import BadInput
+from sim.belief import Belief
+from sim.discover.adopt import make_belief
 from sim.discover.discover import discover
 from sim.discover.finding import make_json
 from sim.prove.fault_table import make_table
@@ -31,17 +34,21 @@ from sim.prove.worldfile import fill
 from sim.shots import Dataset, load_dataset
 
 NONE = "none"
+SINCE = ", since"
 SHOTS = 300
 
 
-def run(recorded: Dataset | None, believed: tuple[str, ...] | None, job: tuple[str, Job]) -> dict[str, Any]:
+def run(recorded: Dataset | None, believed: tuple[str, ...] | None, belief: Belief | None,
+        job: tuple[str, Job]) -> dict[str, Any]:
     """What discovery says of one set of tracks with one fault (or none)."""
     keep_compiled()
     fault, world = job
     dataset = shoot(world_of(world)) if recorded is None else recorded
-    found = discover(dataset if fault == NONE else with_fault(dataset, fault), believed, seed=world.index)
+    tracks = dataset if fault == NONE else with_fault(dataset, fault)
+    found = discover(tracks, believed, seed=world.index, belief=belief)
     finding = msgspec.json.decode(make_json(found.finding))
-    return {"fault": fault, "source": dataset.name, "number": world.index, "found": finding["mismatch"]["found"],
+    return {"fault": fault, "source": dataset.name + (SINCE if belief is not None else ""), "number": world.index,
+            "found": finding["mismatch"]["found"],
             **{key: finding[key] for key in ("verdict", "where", "sentence", "what", "set", "also")}}
 
 
@@ -55,16 +62,20 @@ def _run_all(args: argparse.Namespace, path: Path) -> dict[str, dict[str, Any]]:
     if recorded is not None and recorded.tracks is None:
         raise BadInput(f"{args.tracks}: has no tracks")
     believed = None if args.believe is None else tuple(args.believe.split(","))
-    name, worlds = ("simulated", args.worlds) if recorded is None else (recorded.name, 1)
+    if args.since and recorded is None:
+        raise BadInput("--since: of which --tracks?")
+    name, worlds = ("simulated", args.worlds) if recorded is None else (recorded.name + SINCE * args.since, 1)
+    belief = make_belief(discover(recorded, believed))[0] if args.since and recorded is not None else None
     jobs = {f"{fault}/{name}/{args.seed}/{index}": (fault, Job("nulls", "clean", "L2", SHOTS, 0.0, args.seed, index))
             for index in range(worlds) for fault in (NONE, *FAULTS)}
-    return fill(path, jobs, partial(run, recorded, believed), make_progress("tracks"), args.processes)
+    return fill(path, jobs, partial(run, recorded, believed, belief), make_progress("tracks"), args.processes)
 
 
 def _arguments() -> argparse.Namespace:
     parser = parser_of(__doc__)
     parser.add_argument("--tracks", metavar="DIR", help="spoil this dataset's instead of simulated ones")
     parser.add_argument("--believe", help="terms, comma-separated (as the dataset says)")
+    parser.add_argument("--since", action="store_true", help="with --tracks: believe what they led to unspoilt")
     parser.add_argument("--worlds", type=int, default=10)
     parser.add_argument("--seed", type=int, default=11, help="of the simulated worlds; below 1000 to develop on")
     return parser.parse_args()
