@@ -5,8 +5,9 @@ from pathlib import Path
 
 from robot.doctor.finding import Finding, failure, ok, warning
 
-FULL_BYTES = 200_000_000              # less is a few minutes of recording
-SCARCE_BYTES = 2_000_000_000
+RECORDING_BYTES_S = 100_000           # ticks and CAN frames: 90 kB/s on the emulated robot, and half a MB a shot
+FULL_BYTES = 200_000_000              # half an hour
+SCARCE_BYTES = 2_000_000_000          # half a day
 
 
 def check_clock(synchronised: bool | None) -> Finding:
@@ -31,7 +32,7 @@ def check_disk(folder: Path, free_bytes: int | None, writable: bool) -> Finding:
     check = "disk"
     if free_bytes is None or not writable:
         return failure(check, f"{folder} cannot be written to", "give --out a folder that this user may write to")
-    room = f"{free_bytes / 1e9:.1f} GB are free in {folder}"
+    room = f"{free_bytes / 1e9:.1f} GB are free in {folder}, {free_bytes / RECORDING_BYTES_S / 3600:.1f} h of recording"
     if free_bytes < FULL_BYTES:
         return failure(check, room, "copy recordings elsewhere and delete them here")
     if free_bytes < SCARCE_BYTES:
