@@ -13,6 +13,8 @@ from robot.config import BadInput
 VERBS = {
     "demo": "the whole loop on the emulated robot, and one report",
     "run": "the robot",
+    "doctor": "is the robot fit to run?",
+    "deploy": "the robot's computer, made to start by itself",
     "emulate": "the real runtime on the emulated robot",
     "replay": "recompute every output of a recording",
     "shots": "recordings to a dataset",

@@ -1,6 +1,8 @@
 """truearc run: the robot."""
 
 import argparse
+import gc
+import os
 import signal
 import sys
 from contextlib import ExitStack
@@ -14,18 +16,22 @@ from hw.reading import CameraFrame
 from hw.real.camera import open_camera
 from hw.real.can_bus import open_can
 from hw.real.clock import MonotonicClock, wall_clock
+from hw.real.realtime import ask_core, ask_fifo, ask_locked_memory
 from hw.real.serial_port import open_serial
+from hw.real.service import ServiceManager
 from robot.config import BadInput, Config, load_config
 from robot.eyes import InlineEyes
 from robot.gate.model import load_gate
+from robot.lateness import Lateness, TimedRig
 from robot.plan import load_plan, with_plan
 from robot.recording.candump import TappedBus
 from robot.recording.session import make_header
 from robot.recording.writer import SessionWriter
-from robot.rig import HardwareRig
+from robot.rig import NS_PER_S, HardwareRig
 from robot.runtime import run
 from robot.types import Sighting
 from robot.vision import detect
+from robot.watched import WatchedRig
 
 DESCRIPTION = "Run the launcher on its real wires and record it; ends on Ctrl-C or SIGTERM with the motors idle."
 EXAMPLE = "truearc run --config launcher.toml --gate gate.onnx --out sessions"
@@ -38,6 +44,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--repeats", type=int, metavar="N", help="shots at each configuration (default: [collect])")
     parser.add_argument("--gate", type=Path, help="exported model; needed when the policy is 'model'")
     parser.add_argument("--out", type=Path, default=Path("sessions"), help="folder to make the session's folder in")
+    parser.add_argument("--core", type=int, metavar="N", help="keep the control loop on this core (default: any)")
+    parser.add_argument("--priority", type=int, default=50, metavar="P", help="of the control loop under SCHED_FIFO, "
+                        "1 to 99, where the system allows it (default: 50); 0 does not ask")
 
 
 class Ending:
@@ -53,6 +62,7 @@ class Ending:
 
 
 def main(args: argparse.Namespace) -> int:
+    _check_real_time(args)
     config = load_config(args.config)
     config = with_plan(config, load_plan(args.plan, config) if args.plan else (), args.repeats)
     gate = None if args.gate is None else load_gate(args.gate)
@@ -74,10 +84,16 @@ def main(args: argparse.Namespace) -> int:
             return detect(frame, config.camera, config.tape, config.vision)
 
         eyes = InlineEyes(camera, see)
+        manager = ServiceManager(os.environ.get("NOTIFY_SOCKET"))
+        wires.callback(manager.close)
+        lateness = Lateness(recorder.keep_lateness, NS_PER_S // config.tick_hz)
+        wires.callback(lateness.close)
         rig = HardwareRig(config, TappedBus(bus, recorder.tap), box, eyes, clock, lambda: ending.asked)
         wires.callback(rig.release)               # first of all to be done on the way out, whatever happened
-        ticks = run(rig, config, gate, recorder)
+        _ask_for_real_time(args)
+        ticks = run(WatchedRig(TimedRig(rig, lateness), config, manager.say), config, gate, recorder)
     print(f"{folder}: {ticks} ticks" + (f", {recorder.dropped} batches lost" if recorder.dropped else ""))
+    print(*lateness.lines(), sep="\n")
     if recorder.failed is not None:
         raise BadInput(f"{folder}: the recording stopped: {recorder.failed}")
     return 0
@@ -98,3 +114,21 @@ def _open_wires(config: Config, wires: ExitStack) -> tuple[Bus, Stream, Camera, 
     except LinkLost as error:
         raise BadInput(f"cannot start: {error}") from error
     return bus, box, camera, clock
+
+
+def _check_real_time(args: argparse.Namespace) -> None:
+    if not 0 <= args.priority <= 99:
+        raise BadInput(f"--priority {args.priority}: 1 to 99, or 0 not to ask")
+    if args.core is not None and args.core < 0:
+        raise BadInput(f"--core {args.core}: cores count from 0")
+
+
+def _ask_for_real_time(args: argparse.Namespace) -> None:
+    """Ask for all that keeps ticks on time, just before the first: what has started by now stays as it was."""
+    answers = [] if args.priority == 0 else [ask_fifo(args.priority), ask_locked_memory()]
+    answers += [] if args.core is None else [ask_core(args.core)]
+    for asked, refused in answers:
+        print(f"truearc run: {asked}: " + (f"REFUSED ({refused}); ticks may come late, see docs/deploy.md" if refused
+                                           else "granted"), file=sys.stderr)
+    gc.collect()
+    gc.freeze()                                   # what is there by now will stay: the collector need not look again

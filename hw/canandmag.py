@@ -35,7 +35,7 @@ def fault_words(faults: int) -> tuple[str, ...]:
 
 
 def frame_ids(encoder: Encoder) -> tuple[int, ...]:
-    """Arbitration ids (29 bits) of the frames that `parse` understands."""
+    """Arbitration ids (29 bits) of the frames that `parse` understands; the angle's comes first."""
     codec = load_codec("canandmag")
     return tuple(codec.base_id(message) + encoder.device for message in MESSAGES)
 

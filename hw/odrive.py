@@ -80,6 +80,11 @@ def frame_ids(axis: Axis) -> tuple[int, ...]:
     return tuple(axis.node << 5 | command for command in READINGS)
 
 
+def parameter_id(axis: Axis) -> int:
+    """Arbitration id of the answers that `parse_parameter` understands."""
+    return axis.node << 5 | SDO_COMMAND
+
+
 def version_id(axis: Axis) -> int:
     """Arbitration id of the answer that `parse_version` understands."""
     return axis.node << 5 | VERSION_COMMAND
@@ -117,7 +122,12 @@ def make_estop(axis: Axis) -> Frame:
 
 def make_endstop_query(axis: Axis) -> Frame:
     """Ask for the limit switch; the answer is a TxSdo frame, which `parse` takes."""
-    return _make(axis, "RxSdo", {"opcode": SDO_READ, "endpoint": axis.endstop_endpoint, "value": 0})
+    return make_parameter_query(axis, axis.endstop_endpoint)
+
+
+def make_parameter_query(axis: Axis, endpoint: int) -> Frame:
+    """Ask for one parameter by its number in the firmware's own table; `parse_parameter` takes the answer."""
+    return _make(axis, "RxSdo", {"opcode": SDO_READ, "endpoint": endpoint, "value": 0})
 
 
 def make_version_query(axis: Axis) -> Frame:
@@ -160,6 +170,14 @@ def parse_version(axis: Axis, frame: Frame) -> Version:
     values = {name: int(value) for name, value in _parse(axis, "Get_Version", frame).items()}
     return Version((values["hardware_line"], values["hardware_version"], values["hardware_variant"]),
                    (values["firmware_major"], values["firmware_minor"], values["firmware_revision"]))
+
+
+def parse_parameter(axis: Axis, frame: Frame) -> tuple[int, bytes]:
+    """The parameter's number and its four bytes (shorter ones come first); BadFrame for anything else."""
+    if frame.arbitration_id != parameter_id(axis) or frame.is_remote:
+        raise BadFrame(f"odrive node {axis.node}: frame 0x{frame.arbitration_id:03x} is not a parameter of it")
+    values = _parse(axis, "TxSdo", frame)
+    return int(values["endpoint"]), int(values["value"]).to_bytes(4, "little")
 
 
 def _with_endstop(axis: Axis, values: Values, t_ns: int, previous: MotorReading) -> MotorReading:

@@ -37,6 +37,7 @@ class HardwareRig:
         self._box_seq: int | None = None
         self._cycle = 0
         self._due_ns = clock.now_ns()
+        self.late_ns = 0              # how long after its turn the newest tick came
         self._asked_ns = [0] * len(self._axes)
         self._asked_nm = [0.0] * len(self._axes)
         self._fed_ns = [0] * len(self._axes)
@@ -50,9 +51,11 @@ class HardwareRig:
         if self._over():
             return None
         period = NS_PER_S // self._config.tick_hz
-        self._due_ns = max(self._due_ns + period, self._clock.now_ns())   # after a stall: skip, never burst
+        turn_ns = self._due_ns + period
+        self._due_ns = max(turn_ns, self._clock.now_ns())   # after a stall: skip, never burst
         self._clock.sleep_until_ns(self._due_ns)
         t_ns = self._clock.now_ns()
+        self.late_ns = t_ns - turn_ns
         self._faults = []
         self._read_bus()
         buttons = self._read_box(t_ns)

@@ -30,6 +30,7 @@ class OdriveSettings(Struct, frozen=True):
     torque_nm_a: float = 0.02                     # the motor's torque constant, as the device believes it
     velocity_gain_nm_s: float = 0.02              # how torque is taken back towards the velocity limit, per rad/s
     firmware: tuple[int, int, int] = (0, 6, 10)
+    parameters: tuple[tuple[int, int], ...] = ()  # (endpoint, its four bytes as a number) of what else can be read
 
 
 class OdriveNode:
@@ -166,9 +167,12 @@ class OdriveNode:
 
     def _take_sdo(self, values: Values, t_ns: int) -> list[Frame]:
         endpoint = int(values["endpoint"])
-        if values["opcode"] != odrive.SDO_READ or self._endstop is None or endpoint != self._axis.endstop_endpoint:
+        table = dict(self._settings.parameters)
+        if self._endstop is not None:
+            table[self._axis.endstop_endpoint] = int(self._endstop())
+        if values["opcode"] != odrive.SDO_READ or endpoint not in table:
             return []                             # a parameter that this device does not have
-        return [self._make("TxSdo", {"endpoint": endpoint, "value": int(self._endstop())})]
+        return [self._make("TxSdo", {"endpoint": endpoint, "value": table[endpoint]})]
 
     def _feed(self, t_ns: int) -> None:
         self._expires_ns = t_ns + self._settings.watchdog_ms * MS if self._settings.watchdog_ms else NEVER_NS

@@ -6,6 +6,7 @@
     can0.log         every CAN frame both ways, candump text
     trials.jsonl     one fsynced line an outcome
     frames/          the image behind each shot, and frames.jsonl
+    lateness.jsonl   one line a second: how late ticks came (robot.lateness); on a real robot only
 """
 
 from importlib.metadata import version
@@ -19,8 +20,9 @@ from robot.gate.model import Gate, load_gate
 from robot.types import Outcome, Shot
 
 FORMAT = "truearc.session/1"
-HEADER, CONFIG, MODEL, TELEMETRY, CAN, TRIALS, FRAMES = (
-    "session.json", "config.json", "model.onnx", "telemetry.mcap", "can0.log", "trials.jsonl", "frames")
+HEADER, CONFIG, MODEL, TELEMETRY, CAN, TRIALS, FRAMES, LATENESS = (
+    "session.json", "config.json", "model.onnx", "telemetry.mcap", "can0.log", "trials.jsonl", "frames",
+    "lateness.jsonl")
 
 
 class Header(Struct, frozen=True):

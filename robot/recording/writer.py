@@ -13,8 +13,20 @@ from mcap.writer import CompressionType, Writer
 from hw.link import Frame
 from hw.reading import CameraFrame
 from robot.config import BadInput, Config
+from robot.lateness import Second
 from robot.recording.candump import candump_line
-from robot.recording.session import CAN, CONFIG, FRAMES, HEADER, MODEL, TELEMETRY, TRIALS, Header, Trial
+from robot.recording.session import (
+    CAN,
+    CONFIG,
+    FRAMES,
+    HEADER,
+    LATENESS,
+    MODEL,
+    TELEMETRY,
+    TRIALS,
+    Header,
+    Trial,
+)
 from robot.types import Sent, Tick
 
 BATCH_TICKS = 25                      # handed to the thread together: a wake-up a tick would cost the loop its rhythm
@@ -64,6 +76,9 @@ class SessionWriter:
 
     def keep_picture(self, picture: CameraFrame) -> None:
         self._put(("picture", picture))
+
+    def keep_lateness(self, second: Second) -> None:
+        self._put(("lateness", self._encoder.encode(second)))
 
     def close(self) -> None:
         """Write out what is queued and close the files."""
@@ -141,3 +156,7 @@ class _Files:
         cv2.imwrite(str(self._folder / FRAMES / name), picture.image, [cv2.IMWRITE_PNG_COMPRESSION, 1])
         with (self._folder / FRAMES / "frames.jsonl").open("ab") as index:
             index.write(msgspec.json.encode({"t_ns": picture.t_ns, "file": name}) + b"\n")
+
+    def _write_lateness(self, row: bytes) -> None:
+        with (self._folder / LATENESS).open("ab") as file:
+            file.write(row + b"\n")

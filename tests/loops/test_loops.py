@@ -1,6 +1,7 @@
 """One code, three worlds: what the emulated robot records replays to the bit, and what breaks ends in HOLD."""
 
 import filecmp
+import itertools
 import shutil
 from pathlib import Path
 
@@ -15,7 +16,10 @@ from robot.config import BadInput, Prescribed, config_hash, load_config
 from robot.plan import with_plan
 from robot.recording.reader import TickReader
 from robot.recording.replay import Difference, replay
-from robot.recording.session import CONFIG, load_trials
+from robot.recording.session import CONFIG, load_session_config, load_trials
+from robot.rig import ReplayRig
+from robot.types import Command
+from robot.watched import WatchedRig
 from sim.recordings import shots_from_sessions
 from truearc import main
 
@@ -155,3 +159,18 @@ def test_prescribed_shots_are_shot_as_they_stand_and_replay_to_the_bit(tmp_path)
         assert trial.shot.hood_deg == pytest.approx(row.hood_deg, abs=0.35)
         assert result.distance_m == pytest.approx(row.distance_m, abs=1e-6)
     assert replay(tmp_path / "s")[1] is None
+
+
+def test_a_service_is_ready_within_a_second_and_alive_ten_times_a_second(session):
+    """What systemd would hear of that run: of the same rig's recorded inputs."""
+    folder, _ = session
+    heard, rig = [], ReplayRig(tick for tick, _ in TickReader(folder))
+    watched = WatchedRig(rig, load_session_config(folder), lambda message: heard.append((rig.recorded, message)))
+    ticks = 0
+    while watched.read() is not None:
+        watched.write(Command(False, 0.0, 0.0, 0.0))
+        ticks += 1
+    ready = [tick.inputs.cycle for tick, message in heard if message.startswith("READY=1")]
+    assert len(ready) == 1 and ready[0] <= 200
+    alive = [tick.inputs.cycle for tick, message in heard if message == "WATCHDOG=1"]
+    assert {after - before for before, after in itertools.pairwise(alive)} == {20} and ticks - alive[-1] <= 20

@@ -1,0 +1,39 @@
+"""The absolute encoder on the hood's pivot."""
+
+from hw import canandmag
+from hw.canandmag import Encoder
+from hw.link import BadFrame
+from hw.reading import AngleReading
+from robot.config import Config
+from robot.doctor.finding import Finding, failure, ok, warning
+from robot.doctor.listening import Heard
+
+CHECK = "hood encoder"
+ENOUGH = 3                            # angles within the age that may still fire
+
+
+def check_encoder(config: Config, heard: Heard) -> Finding:
+    """Whether the angle comes, often enough, from a healthy device. Its position is not filtered in the device."""
+    encoder = Encoder(config.hood_encoder.device)
+    ids = canandmag.frame_ids(encoder)
+    reading: AngleReading | None = None
+    for frame in heard.frames:
+        if not frame.is_extended or frame.arbitration_id not in ids:
+            continue
+        try:
+            reading = canandmag.parse(encoder, frame, reading)
+        except BadFrame as error:
+            return failure(CHECK, f"sends what cannot be ({error})", "look at the wiring, and for another such device")
+    if reading is None:
+        return failure(CHECK, f"device {encoder.device} is silent",
+                       "look at its power and plug, and at its device number")
+    if not reading.magnet_ok:
+        return failure(CHECK, "cannot see its magnet", "look at the magnet on the hood's pivot and its distance")
+    angles_s = len(heard.of(ids[0], extended=True)) / heard.seconds
+    if angles_s < ENOUGH / config.gate.reading_age_s:
+        return failure(CHECK, f"{angles_s:.0f} angles/s; firing needs "
+                       f"{ENOUGH / config.gate.reading_age_s:.0f}",
+                       f"set its position period to {config.hood_encoder.period_ms} ms")
+    if reading.faults:
+        return warning(CHECK, ", ".join(canandmag.fault_words(reading.faults)), "look into it before a match")
+    return ok(CHECK, f"{angles_s:.0f} angles/s, magnet in sight; positions are not filtered")

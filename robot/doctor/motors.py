@@ -1,0 +1,95 @@
+"""One motor axis: does it answer, with the right firmware, often enough, and without standing errors?"""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from hw import odrive
+from hw.link import BadFrame, Frame
+from hw.odrive import Axis
+from hw.reading import MotorReading
+from robot.config import Axes
+from robot.doctor.finding import Finding, failure, ok, warning
+from robot.doctor.listening import Heard
+from robot.rig import make_axis
+
+FIRMWARE = (0, 6)                     # whose frames hw/dbc/odrive.dbc describes; 0.5 has other ones under the same ids
+KNOWN_REVISION = 10                   # whose parameter numbers robot/launcher.toml names
+ENOUGH = 0.8                          # of the reports that should come in the time listened
+LOOK = "look at its power and plug, and at its node id"
+# Message -> (command, longest period in ms) that truearc needs of an axis; what it cannot do without comes first
+FLYWHEEL = MappingProxyType({"Heartbeat": (0x01, 100), "Get_Encoder_Estimates": (0x09, 10), "Get_Iq": (0x14, 10),
+                             "Get_Bus_Voltage_Current": (0x17, 100)})
+HOOD = MappingProxyType(FLYWHEEL | {"Get_Iq": (0x14, 100)})
+FEEDER = MappingProxyType(HOOD | {"Get_Encoder_Estimates": (0x09, 50)})
+NEEDED = ("Heartbeat", "Get_Encoder_Estimates")
+Rates = Mapping[str, tuple[int, int]]
+
+
+def named_axes(axes: Axes) -> list[tuple[str, Axis, Rates]]:
+    """Every axis of the configuration: its name as on the robot's page, its driver, the rates it needs."""
+    wheels = [(f"flywheel motor {number}", make_axis(axis), FLYWHEEL) for number, axis in enumerate(axes.flywheels, 1)]
+    return [*wheels, ("hood motor", make_axis(axes.hood), HOOD), ("feeder motor", make_axis(axes.feeder), FEEDER)]
+
+
+def check_firmware(name: str, axis: Axis, heard: Heard) -> Finding:
+    """Who answered the question for its version."""
+    check = f"{name}, firmware"
+    answers = heard.of(odrive.version_id(axis))
+    if not answers:
+        return failure(check, f"node {axis.node} does not answer", f"{LOOK}, which `odrivetool` shows")
+    if len(answers) > 1:
+        return failure(check, f"{len(answers)} devices answer as node {axis.node}", "give each a node id of its own")
+    try:
+        firmware = odrive.parse_version(axis, answers[0]).firmware
+    except BadFrame as error:
+        return failure(check, f"answers what cannot be read ({error})", "is it an ODrive with firmware 0.6?")
+    version = ".".join(map(str, firmware))
+    if firmware[:2] != FIRMWARE:
+        return failure(check, f"has firmware {version}; its frames differ from 0.6's", "flash it with 0.6")
+    if axis.endstop_endpoint and firmware[2] != KNOWN_REVISION:
+        return warning(check, f"has firmware {version}, and parameter numbers differ between revisions",
+                       "see that endstop_endpoint is that revision's own: give its table to --endpoints")
+    return ok(check, f"firmware {version}")
+
+
+def check_rates(name: str, axis: Axis, rates: Rates, heard: Heard) -> Finding:
+    """Whether what the robot needs to know comes, and often enough."""
+    check = f"{name}, status rates"
+    counts = {message: len(heard.of(axis.node << 5 | command)) for message, (command, _) in rates.items()}
+    if not any(counts.values()):
+        return failure(check, f"node {axis.node} is silent", LOOK)
+    slow = {message: f"{message} {counts[message] / heard.seconds:.0f}/s instead of {1000 / period_ms:.0f}/s"
+            for message, (_, period_ms) in rates.items()
+            if counts[message] < ENOUGH * heard.seconds * 1000 / period_ms}
+    if not slow:
+        return ok(check, ", ".join(f"{message} {counts[message] / heard.seconds:.0f}/s" for message in rates))
+    do = "set the axis's CAN message rates (periods in ms: " + ", ".join(
+        f"{message} {rates[message][1]}" for message in slow) + "), and save them"
+    if set(slow) & set(NEEDED):
+        return failure(check, "; ".join(slow.values()), do)
+    return warning(check, "; ".join(slow.values()) + ": recordings will lack it", do)
+
+
+def check_errors(name: str, axis: Axis, heard: Heard) -> Finding:
+    """Standing errors, and frames that cannot be meant."""
+    check = f"{name}, errors"
+    reading, refused = MotorReading(), ""
+    for frame in heard.frames:
+        if frame.arbitration_id in odrive.frame_ids(axis) and not frame.is_extended:
+            reading, refused = _read(axis, frame, reading, refused)
+    if refused:
+        return failure(check, f"sends what cannot be ({refused})",
+                       "look at the wiring and at whether another device has its node id")
+    if reading.axis_error:
+        return warning(check, ", ".join(odrive.error_words(reading.axis_error)),
+                       "arming clears errors; one that comes back has a cause")
+    if reading.heartbeat_t_ns == 0:
+        return failure(check, "no heartbeat says how it is", "set the axis's heartbeat to 100 ms")
+    return ok(check, "none")
+
+
+def _read(axis: Axis, frame: Frame, reading: MotorReading, refused: str) -> tuple[MotorReading, str]:
+    try:
+        return odrive.parse(axis, frame, reading), refused
+    except BadFrame as error:
+        return reading, str(error)

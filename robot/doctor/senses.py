@@ -1,0 +1,73 @@
+"""Button box and camera."""
+
+import numpy as np
+
+from hw.buttons import parse_lines
+from hw.link import Camera, Clock, LinkLost, Stream
+from hw.machine import Exposure
+from hw.reading import CameraFrame
+from robot.config import CameraConfig
+from robot.doctor.finding import Finding, failure, ok, warning
+
+NS_PER_S = 1_000_000_000
+LOOK_NS = 20_000_000
+BOX_S, CAMERA_S = 1.6, 3.0            # three heartbeats of the box; a camera that starts slowly
+GLARE = 0.25                          # of the image at full brightness: nothing of a target can be told from it
+EXPOSURE_DO = "set it: `v4l2-ctl -d {} -c auto_exposure=1 -c exposure_time_absolute=50` (5 ms), or deploy --exposure-ms"
+
+
+def check_box(box: Stream, clock: Clock) -> Finding:
+    """Whether the button box says that it is there."""
+    check, pending, wrong = "button box", b"", ""
+    began_ns = clock.now_ns()
+    while clock.now_ns() - began_ns < BOX_S * NS_PER_S:
+        clock.sleep_until_ns(clock.now_ns() + LOOK_NS)
+        try:
+            events, pending, faults = parse_lines(pending, box.read(), clock.now_ns())
+        except LinkLost as error:
+            return failure(check, str(error), "look at its plug")
+        if events:
+            return ok(check, "it says that it is there")
+        wrong = faults[0] if faults else wrong
+    if wrong:
+        return failure(check, f"what it says cannot be read ({wrong})", "compare its program with docs/button-box.md")
+    return failure(check, f"silent for {BOX_S:g} s", "look at its power and at [buttons] port and baud")
+
+
+def check_exposure(camera: CameraConfig, exposure: Exposure | None) -> Finding:
+    """Whether images are taken with a fixed exposure that ends before the next begins."""
+    check, do = "camera exposure", EXPOSURE_DO.format(camera.device)
+    if exposure is None or exposure.automatic is None:
+        return warning(check, "the camera does not say how it exposes", do)
+    if exposure.automatic:
+        return failure(check, "automatic: a bright tape in a dark hall will be blurred and washed out", do)
+    if exposure.length_s is None:
+        return ok(check, "fixed")
+    if exposure.length_s * camera.fps > 1.0:
+        return failure(check, f"{exposure.length_s * 1e3:g} ms are longer than from one image to the next "
+                       f"({1e3 / camera.fps:g} ms)", do)
+    return ok(check, f"fixed at {exposure.length_s * 1e3:g} ms")
+
+
+def check_camera(camera: Camera, clock: Clock) -> Finding:
+    """Whether images come, and whether anything can be seen in them."""
+    check = "camera"
+    began_ns = clock.now_ns()
+    try:
+        while (picture := camera.read()) is None and clock.now_ns() - began_ns < CAMERA_S * NS_PER_S:
+            clock.sleep_until_ns(clock.now_ns() + LOOK_NS)
+    except LinkLost as error:
+        return failure(check, str(error), "look at its plug")
+    if picture is None:
+        return failure(check, f"no image within {CAMERA_S:g} s", "look at its plug; does another program use it?")
+    return _judge(check, picture)
+
+
+def _judge(check: str, picture: CameraFrame) -> Finding:
+    height, width = picture.image.shape[:2]
+    glare = float(np.mean(picture.image.max(axis=2) >= 255))
+    if glare > GLARE:
+        return warning(check, f"{glare:.0%} of its image are at full brightness", "shorten the exposure")
+    if not picture.image.any():
+        return warning(check, "its image is black all over", "take the cap off, switch the ring light on")
+    return ok(check, f"images of {width} x {height} pixels come")

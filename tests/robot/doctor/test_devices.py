@@ -1,0 +1,254 @@
+"""The doctor listens to emulated devices on a virtual bus: well ones, and each of the things that go wrong with one."""
+
+import itertools
+import struct
+
+import cantools
+import pytest
+from msgspec.structs import replace
+
+from doors.doctor import look_at_bus
+from doors.twin import FLYWHEEL, SETTINGS
+from hw.canandmag import Encoder
+from hw.emulated.canandmag_node import CanandmagNode
+from hw.emulated.clock import StepClock
+from hw.emulated.faults import SILENT, TRUNCATED, UNPLUGGED, Fault, FaultyNode
+from hw.emulated.odrive_node import OdriveNode
+from hw.emulated.twin import Twin
+from hw.frc import CONTROLLER_HEARTBEAT, locked_spark
+from hw.link import Frame, LinkLost
+from hw.real.can_bus import open_can
+from robot.config import BadInput
+from robot.doctor.finding import FAILURE, OK, WARNING
+from robot.doctor.listening import listen
+from robot.doctor.parameters import load_endpoints
+from robot.rig import make_axis
+from tests.hw.spinning_plant import SpinningPlant
+from tests.robot.good_tick import CONFIG
+
+CHANNELS = itertools.count()
+ALWAYS = 1 << 60
+NAMES = ("flywheel_a", "flywheel_b", "hood", "feeder")
+ENDPOINTS = """{"fw_version": "0.6.10", "hw_version": "5.2.0", "endpoints": {
+ "axis0.config.enable_watchdog": {"id": 200, "type": "bool"}, "axis0.min_endstop.endstop_state": {"id": 596},
+ "axis0.config.watchdog_timeout": {"id": 201, "type": "float"}, "save_configuration": {"id": 9, "type": "function"},
+ "axis0.config.encoder_bandwidth": {"id": 243, "type": "float"}, "vbus_voltage": {"id": 1, "type": "float"}}}"""
+
+
+def as_number(value: float) -> int:
+    return int.from_bytes(struct.pack("<f", value), "little")
+
+
+def inside(watchdog: bool = True, timeout_s: float = 0.1, bandwidth: float = 1000.0):
+    return ((200, int(watchdog)), (201, as_number(timeout_s)), (243, as_number(bandwidth)))
+
+
+@pytest.fixture
+def endpoints(tmp_path):
+    path = tmp_path / "flat_endpoints.json"
+    path.write_text(ENDPOINTS)
+    return load_endpoints(path)
+
+
+class Bench:
+    """All the devices of the shipped configuration; `settings` and `faults` by device name."""
+
+    def __init__(self, settings=None, faults=None, more=()):
+        plant = SpinningPlant()
+        axes = [*CONFIG.axes.flywheels, CONFIG.axes.hood, CONFIG.axes.feeder]
+        self.nodes = {}
+        for name, axis in zip(NAMES, axes, strict=True):
+            well = replace(SETTINGS.get(name, FLYWHEEL), parameters=inside())
+            self.nodes[name] = OdriveNode(make_axis(axis), name, plant, (settings or {}).get(name, well),
+                                          plant.hood_at_limit if axis.endstop_endpoint else None)
+        self.nodes["hood_encoder"] = CanandmagNode(Encoder(CONFIG.hood_encoder.device), plant, 40.0, 1)
+        nodes = [FaultyNode(node, (faults or {})[name]) if name in (faults or {}) else node
+                 for name, node in self.nodes.items()]
+        self.clock = StepClock(lambda t_ns: self.twin.advance(t_ns))
+        channel = f"doctor-{next(CHANNELS)}"
+        self.near, self.far = (open_can("virtual", channel, 1_000_000, self.clock) for _ in range(2))
+        self.twin = Twin(plant, self.far, (*nodes, *more), (self._say_more,))
+        self.more: list[Frame] = []
+
+    def _say_more(self, t_ns):
+        for frame in self.more:
+            self.far.write(frame)
+
+    def findings(self, endpoints=None):
+        try:
+            return {finding.check: finding
+                    for finding in look_at_bus(CONFIG, self.near, self.clock, None, endpoints, 1.0)}
+        finally:
+            self.near.close()
+            self.far.close()
+
+
+def levels(findings, level):
+    return {check for check, finding in findings.items() if finding.level == level}
+
+
+def fault(kind, frame_id=None, length=0):
+    return (Fault(kind, 0, ALWAYS, frame_id, length),)
+
+
+def test_a_well_robot_passes_everything(endpoints):
+    findings = Bench().findings(endpoints)
+    assert levels(findings, OK) == set(findings) and len(findings) == 2 + 4 * 6 + 1
+    assert findings["flywheel motor 1, firmware"].says == "firmware 0.6.10"
+    assert findings["hood motor, watchdog"].says == "0.1 s"
+
+
+def test_listening_moves_and_changes_nothing(endpoints):
+    bench = Bench()
+    bench.findings(endpoints)
+    assert all(node.state == 1 and node.errors == 0 for name, node in bench.nodes.items() if name in NAMES)
+    assert all(node.bad_frames == 0 for node in bench.nodes.values())
+
+
+def test_without_a_table_what_it_could_not_ask_is_a_warning():
+    findings = Bench().findings()
+    assert levels(findings, FAILURE) == set()
+    assert levels(findings, WARNING) == {f"{name}, {what}" for what in ("watchdog", "encoder filter")
+                                         for name in ("flywheel motor 1", "flywheel motor 2", "hood motor",
+                                                      "feeder motor")}
+
+
+@pytest.mark.parametrize(("device", "name"), [("flywheel_b", "flywheel motor 2"), ("hood", "hood motor"),
+                                              ("feeder", "feeder motor")])
+def test_a_silent_axis_is_named_and_no_other(endpoints, device, name):
+    findings = Bench(faults={device: fault(UNPLUGGED)}).findings(endpoints)
+    assert levels(findings, FAILURE) == {f"{name}, firmware", f"{name}, status rates", f"{name}, errors"}
+    assert "silent" in findings[f"{name}, status rates"].says and "power" in findings[f"{name}, status rates"].do
+
+
+def test_a_silent_hood_encoder_is_a_failure(endpoints):
+    findings = Bench(faults={"hood_encoder": fault(SILENT)}).findings(endpoints)
+    assert levels(findings, FAILURE) == {"hood encoder"} and "device 5 is silent" in findings["hood encoder"].says
+
+
+def test_a_lost_magnet_is_a_failure(endpoints):
+    bench = Bench()
+    bench.nodes["hood_encoder"].magnet_ok = False
+    findings = bench.findings(endpoints)
+    assert levels(findings, FAILURE) == {"hood encoder"} and "magnet" in findings["hood encoder"].says
+
+
+def test_a_bus_without_anybody_says_so():
+    findings = Bench(faults={name: fault(UNPLUGGED) for name in (*NAMES, "hood_encoder")}).findings()
+    assert findings["bitrate"].level == FAILURE and "nothing at all" in findings["bitrate"].says
+
+
+@pytest.mark.parametrize(("firmware", "level"), [((0, 5, 6), FAILURE), ((0, 7, 0), FAILURE), ((0, 6, 11), WARNING)])
+def test_the_wrong_firmware(firmware, level):
+    settings = replace(SETTINGS["hood"], firmware=firmware)
+    findings = Bench({"hood": settings}).findings()
+    assert findings["hood motor, firmware"].level == level
+    assert ".".join(map(str, firmware)) in findings["hood motor, firmware"].says
+
+
+def test_another_revision_matters_only_where_a_parameter_is_read():
+    assert Bench({"feeder": replace(SETTINGS["feeder"], firmware=(0, 6, 11))}).findings()[
+        "feeder motor, firmware"].level == OK
+
+
+@pytest.mark.parametrize(("changes", "level", "words"), [
+    ({"encoder_ms": 20}, FAILURE, "Get_Encoder_Estimates 50/s instead of 100/s"),
+    ({"heartbeat_ms": 0}, FAILURE, "Heartbeat 0/s instead of 10/s"),
+    ({"current_ms": 0}, WARNING, "Get_Iq 0/s instead of 100/s"),
+    ({"bus_ms": 0}, WARNING, "Get_Bus_Voltage_Current 0/s instead of 10/s"),
+    ({"encoder_ms": 5}, OK, "Get_Encoder_Estimates 200/s"),
+])
+def test_status_rates(changes, level, words):
+    finding = Bench({"flywheel_a": replace(FLYWHEEL, **changes)}).findings()["flywheel motor 1, status rates"]
+    assert finding.level == level and words in finding.says
+    assert (finding.do == "") == (level == OK)
+
+
+def test_frames_that_cannot_be_are_a_failure():
+    finding = Bench(faults={"flywheel_a": fault(TRUNCATED, 0x29, 4)}).findings()["flywheel motor 1, errors"]
+    assert finding.level == FAILURE and "0x029" in finding.says
+
+
+def test_a_standing_error_is_told_in_words():
+    bench = Bench()
+    bench.nodes["feeder"].errors = 0x2000
+    finding = bench.findings()["feeder motor, errors"]
+    assert finding.level == WARNING and "motor too hot" in finding.says
+
+
+def test_two_devices_with_one_number():
+    twin = OdriveNode(make_axis(CONFIG.axes.feeder), "feeder", SpinningPlant(), SETTINGS["feeder"])
+    finding = Bench(more=(twin,)).findings()["feeder motor, firmware"]
+    assert finding.level == FAILURE and "2 devices answer as node 4" in finding.says
+
+
+@pytest.mark.parametrize(("changes", "check", "level", "words"), [
+    ({"watchdog": False}, "watchdog", FAILURE, "go on turning"),
+    ({"timeout_s": 5.0}, "watchdog", FAILURE, "waits 5 s"),
+    ({"timeout_s": 0.01}, "watchdog", FAILURE, "waits 0.01 s"),
+    ({"timeout_s": float("nan")}, "watchdog", FAILURE, "waits nan s"),
+    ({"bandwidth": 100.0}, "encoder filter", WARNING, "lags by 10 ms"),
+    ({"bandwidth": float("nan")}, "encoder filter", WARNING, "does not answer"),
+])
+def test_settings_inside_an_axis(endpoints, changes, check, level, words):
+    settings = replace(FLYWHEEL, parameters=inside(**changes))
+    finding = Bench({"flywheel_b": settings}).findings(endpoints)[f"flywheel motor 2, {check}"]
+    assert finding.level == level and words in finding.says and finding.do
+
+
+def test_an_axis_that_does_not_know_a_parameter(endpoints):
+    findings = Bench({"flywheel_b": FLYWHEEL}).findings(endpoints)
+    assert levels(findings, WARNING) == {"flywheel motor 2, watchdog", "flywheel motor 2, encoder filter"}
+
+
+def test_the_table_of_another_firmware(endpoints):
+    findings = Bench().findings(replace(endpoints, firmware="0.6.9"))
+    assert "hood motor, parameter numbers" in levels(findings, FAILURE)
+
+
+def test_a_limit_switch_that_the_table_knows_as_something_else(endpoints):
+    ids = dict(endpoints.ids) | {"axis0.min_endstop.endstop_state": 600, "vbus_voltage": 596}
+    finding = Bench().findings(replace(endpoints, ids=ids))["hood motor, parameter numbers"]
+    assert finding.level == FAILURE and "596 is vbus_voltage" in finding.says
+    assert "600 = axis0.min_endstop.endstop_state" in finding.do
+
+
+@pytest.mark.parametrize("text", ["", "[]", '{"endpoints": {}}', '{"fw_version": "0.6.10", "endpoints": {"a": 3}}',
+                                  '{"fw_version": "0.6.10", "endpoints": {}}'])
+def test_a_table_that_is_none_is_named(tmp_path, text):
+    path = tmp_path / "table.json"
+    path.write_text(text)
+    with pytest.raises(BadInput, match=r"table\.json"):
+        load_endpoints(path)
+
+
+def test_a_robot_controller_on_the_bus_is_a_failure():
+    bench = Bench()
+    bench.more = [Frame(0, CONTROLLER_HEARTBEAT, bytes(8), is_extended=True)]
+    finding = bench.findings()["heartbeat lock"]
+    assert finding.level == FAILURE and "robot controller is on this bus" in finding.says
+
+
+@pytest.mark.data
+def test_a_locked_spark_is_told_by_the_makers_own_table(data_dir):
+    """Against REV's published table of frames, not ours."""
+    table = cantools.database.load_file(data_dir / "dbc" / "rev_spark_2.1.0_generated.dbc", strict=False)
+    message = table.get_message_by_name("STATUS_0")
+    lock = next(signal.name for signal in message.signals if "HEARTBEAT_LOCK" in signal.name.upper())
+    for value in (0, 1):
+        signals = {signal.name: 1 if signal.name != lock else value for signal in message.signals
+                   if signal.length == 1} | {signal.name: 0 for signal in message.signals if signal.length > 1}
+        frame = Frame(0, message.frame_id + 7, message.encode(signals, scaling=False), is_extended=True)
+        assert locked_spark(frame) == (7 if value else None)
+    bench = Bench()
+    bench.more = [frame]
+    finding = bench.findings()["heartbeat lock"]
+    assert finding.level == FAILURE and "SPARK 7" in finding.says and "power off" in finding.do
+
+
+def test_an_adapter_that_goes_away_is_a_lost_link():
+    bench = Bench()
+    bench.near.close()
+    with pytest.raises(LinkLost):
+        listen(bench.near, bench.clock, [], 1.0)
+    bench.far.close()

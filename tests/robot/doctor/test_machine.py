@@ -1,0 +1,221 @@
+"""The doctor and the machine: the interface as `ip` prints it, disk, time of day, permissions, camera, box, model."""
+
+import struct
+import sys
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from msgspec.structs import replace
+
+import hw.real.machine
+import robot
+from hw.buttons import make_heartbeat
+from hw.link import LinkLost
+from hw.machine import CanLink, Exposure, parse_link
+from hw.reading import CameraFrame
+from hw.real.machine import read_exposure
+from robot.doctor.bus import check_adapter, check_bitrate
+from robot.doctor.finding import FAILURE, OK, WARNING, failure, line, ok
+from robot.doctor.listening import Heard
+from robot.doctor.machine import check_clock, check_disk, check_real_time
+from robot.doctor.model import check_model
+from robot.doctor.senses import check_box, check_camera, check_exposure
+from tests.robot.gate.test_model import METADATA, build
+from tests.robot.good_tick import CONFIG
+from tests.robot.test_rig import Stream, Time
+from truearc import main
+
+# As iproute2 prints a gs_usb adapter and a virtual interface.
+CAN0 = ('[{"ifindex":3,"ifname":"can0","flags":["NOARP","UP","LOWER_UP","ECHO"],"mtu":16,"operstate":"UP",'
+        '"txqlen":64,"link_type":"can","linkinfo":{"info_kind":"can","info_data":{"state":"ERROR-ACTIVE",'
+        '"berr_counter":{"tx":0,"rx":0},"restart_ms":100,"bittiming":{"bitrate":1000000,"sample_point":"0.750"},'
+        '"clock":48000000}}}]')
+VCAN0 = ('[{"ifname":"vcan0","flags":["NOARP","UP","LOWER_UP"],"txqlen":1000,"link_type":"can",'
+         '"linkinfo":{"info_kind":"vcan"}}]')
+WELL = CanLink(True, 64, "ERROR-ACTIVE", 1_000_000, 100)
+HEARD = Heard((None,) * 50, 1.0)
+
+
+def test_an_interface_is_read_as_ip_prints_it():
+    assert parse_link(CAN0) == WELL
+    assert parse_link(VCAN0) == CanLink(True, 1000, None, None, None)
+
+
+@given(st.recursive(st.none() | st.booleans() | st.floats(allow_nan=False) | st.text(),
+                    lambda inner: st.lists(inner) | st.dictionaries(
+                        st.sampled_from(["linkinfo", "info_data", "bittiming", "flags", "txqlen"]), inner)))
+def test_whatever_else_it_prints_raises_nothing(said):
+    parse_link(msgspec.json.encode(said).decode())
+
+
+@given(st.text())
+def test_what_is_no_json_is_no_interface(text):
+    assert parse_link("{" + text) is None
+
+
+@pytest.mark.parametrize(("link", "level", "words"), [
+    (WELL, OK, "up"),
+    (None, FAILURE, "no network interface can0"),
+    (replace(WELL, is_up=False), FAILURE, "down"),
+    (replace(WELL, state="BUS-OFF"), FAILURE, "bus-off"),
+    (replace(WELL, state="ERROR-PASSIVE"), FAILURE, "error-passive"),
+    (replace(WELL, restart_ms=0), WARNING, "restart-ms 0"),
+    (replace(WELL, queue=10), WARNING, "10 frames"),
+    (CanLink(True, None, None, None, None), OK, "up"),
+])
+def test_the_adapter(link, level, words):
+    finding = check_adapter(CONFIG.can, link)
+    assert finding.level == level and words in finding.says and bool(finding.do) == (level != OK)
+
+
+@pytest.mark.parametrize(("link", "heard", "level"), [
+    (WELL, HEARD, OK), (None, HEARD, OK), (replace(WELL, bitrate=250_000), HEARD, FAILURE),
+    (WELL, Heard((), 1.0), FAILURE),
+])
+def test_the_bitrate(link, heard, level):
+    assert check_bitrate(CONFIG.can, link, heard).level == level
+
+
+@pytest.mark.parametrize(("free_bytes", "writable", "level"), [
+    (30_000_000_000, True, OK), (1_500_000_000, True, WARNING), (150_000_000, True, FAILURE), (0, True, FAILURE),
+    (30_000_000_000, False, FAILURE), (None, True, FAILURE),
+])
+def test_a_disk_that_is_nearly_full(free_bytes, writable, level):
+    assert check_disk(Path("sessions"), free_bytes, writable).level == level
+
+
+@pytest.mark.parametrize(("synchronised", "level"), [(True, OK), (False, WARNING), (None, WARNING)])
+def test_the_time_of_day(synchronised, level):
+    assert check_clock(synchronised).level == level
+
+
+def test_what_the_system_refuses_is_a_warning_with_its_reason():
+    findings = check_real_time([("real-time scheduling (SCHED_FIFO 50)", "Operation not permitted"),
+                                ("locked memory", "")])
+    assert [finding.level for finding in findings] == [WARNING, OK] and "not permitted" in findings[0].says
+
+
+@pytest.mark.parametrize(("exposure", "level"), [
+    (Exposure(False, 0.005), OK), (Exposure(False, None), OK), (Exposure(True, 0.005), FAILURE),
+    (Exposure(False, 0.051), FAILURE), (Exposure(None, None), WARNING), (None, WARNING),
+])
+def test_exposure(exposure, level):
+    finding = check_exposure(CONFIG.camera, exposure)           # 20 images/s: 50 ms from one to the next
+    assert finding.level == level and bool(finding.do) == (level != OK)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="V4L2 is Linux's")
+@pytest.mark.parametrize(("controls", "exposure"), [
+    ({0x9A0901: 1, 0x9A0902: 50}, Exposure(False, 0.005)), ({0x9A0901: 3, 0x9A0902: 157}, Exposure(True, 0.0157)),
+    ({0x9A0902: 50}, Exposure(None, 0.005)), ({}, Exposure(None, None)),
+])
+def test_a_cameras_controls_are_asked_as_the_kernel_defines_them(monkeypatch, tmp_path, controls, exposure):
+    def ioctl(handle, request, data):
+        number, _ = struct.unpack("Ii", data)
+        assert request == 0xC008561B                            # printed by a C program from <linux/videodev2.h>
+        if number not in controls:
+            raise OSError(22, "Invalid argument")
+        return struct.pack("Ii", number, controls[number])
+
+    monkeypatch.setattr("fcntl.ioctl", ioctl)
+    (tmp_path / "video").touch()
+    assert read_exposure(str(tmp_path / "video")) == exposure
+    assert read_exposure(str(tmp_path / "none")) is None
+
+
+def test_what_a_tool_does_not_say_is_none(monkeypatch):
+    monkeypatch.setenv("PATH", "")
+    assert hw.real.machine.read_link("can0") is None and hw.real.machine.is_clock_synchronised() is None
+
+
+class Showing:
+    def __init__(self, *images):
+        self.images = list(images)
+
+    def read(self):
+        image = self.images.pop(0) if self.images else None
+        if isinstance(image, Exception):
+            raise image
+        return None if image is None else CameraFrame(1, image)
+
+    def close(self): ...
+
+
+def grey(value, share=1.0):
+    image = np.zeros((480, 640, 3), np.uint8)
+    image[:int(480 * share)] = value
+    return image
+
+
+@pytest.mark.parametrize(("images", "level", "words"), [
+    ([None, None, grey(40)], OK, "640 x 480"), ([], FAILURE, "no image"), ([grey(255)], WARNING, "full brightness"),
+    ([grey(255, 0.1)], OK, "640"), ([grey(0)], WARNING, "black"), ([LinkLost("camera 0: gone")], FAILURE, "gone"),
+])
+def test_images(images, level, words):
+    finding = check_camera(Showing(*images), Time())
+    assert finding.level == level and words in finding.says
+
+
+@pytest.mark.parametrize(("data", "lost", "level", "words"), [
+    (make_heartbeat(3), False, OK, "there"), (b"at*00\r\n" + make_heartbeat(3), False, OK, "there"),
+    (b"", False, FAILURE, "silent"), (b"$H,0*00\r\n", False, FAILURE, "cannot be read"), (b"", True, FAILURE, "unpl"),
+])
+def test_the_button_box(data, lost, level, words):
+    box = Stream()
+    box.data, box.lost = data, lost
+    finding = check_box(box, Time())
+    assert finding.level == level and words in finding.says
+
+
+def test_the_gate_model(tmp_path):
+    path = tmp_path / "gate.onnx"
+    path.write_bytes(build())
+    asked = replace(CONFIG.gate, policy="model")
+    assert check_model(CONFIG.gate, None).level == OK and check_model(asked, None).level == FAILURE
+    finding = check_model(asked, path)
+    assert finding.level == OK and "hood_deg 20 to 60" in finding.says
+    path.write_bytes(build(metadata=METADATA | {"truearc.contract_sha256": "0" * 64}))
+    finding = check_model(asked, path)
+    assert finding.level == FAILURE and "another contract" in finding.says
+    assert check_model(CONFIG.gate, tmp_path / "nowhere.onnx").level == FAILURE
+
+
+def test_a_finding_is_one_plain_line():
+    assert line(ok("disk", "9 GB are free")) == "ok       disk: 9 GB are free"
+    assert line(failure("camera", "gone", "plug it in")) == "FAILURE  camera: gone -> plug it in"
+
+
+@pytest.fixture
+def virtual(tmp_path):
+    """launcher.toml of a robot whose wires all lead nowhere."""
+    text = (Path(robot.__file__).parent / "launcher.toml").read_text()
+    text = text.replace('"socketcan"', '"virtual"').replace('"/dev/buttonbox"', '"/dev/nobox"')
+    path = tmp_path / "launcher.toml"
+    path.write_text(text.replace('"/dev/video0"', '"/dev/novideo"'))
+    return path
+
+
+def test_the_door_says_all_that_is_wrong_and_ends_with_1(virtual, tmp_path, capsys):
+    words = ["doctor", "--config", str(virtual), "--out", str(tmp_path), "--seconds", "0.5"]
+    assert main(words) == 1
+    said = capsys.readouterr().out.splitlines()
+    assert said[-1].startswith(f"{len(said) - 1} checks: ")
+    for start in ("ok       CAN adapter", "FAILURE  bitrate", "FAILURE  flywheel motor 1, firmware",
+                  "FAILURE  button box", "FAILURE  camera: ", "ok       gate model"):
+        assert any(row.startswith(start) for row in said), start
+    assert all(" -> " in row for row in said[:-1] if not row.startswith("ok"))
+    assert main([*words, "--json"]) == 1
+    told = msgspec.json.decode(capsys.readouterr().out)
+    assert told["failures"] == sum(row.startswith("FAILURE") for row in said)
+    assert {finding["level"] for finding in told["findings"]} == {"ok", "warning", "failure"}
+
+
+@pytest.mark.parametrize("words", [["--seconds", "0"], ["--seconds", "nan"], ["--priority", "0"],
+                                   ["--endpoints", "nowhere.json"], ["--config", "nowhere.toml"]])
+def test_bad_input_ends_with_2(virtual, words, capsys):
+    assert main(["doctor", "--config", str(virtual), *words]) == 2
+    assert words[1] in capsys.readouterr().err

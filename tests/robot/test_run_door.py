@@ -1,0 +1,82 @@
+"""`truearc run` from first line to last on hand-made wires: real time asked for, systemd told, ticks timed."""
+
+import signal
+import socket
+import sys
+from pathlib import Path
+
+import msgspec
+import pytest
+
+import doors.run
+import robot
+from hw.buttons import make_heartbeat
+from robot.recording.session import LATENESS
+from tests.robot.test_rig import Blind, Stream, Time, Wire
+from truearc import main
+
+CONFIG = str(Path(robot.__file__).parent / "launcher.toml")
+TICKS = 450
+
+
+class Box(Stream):
+    def read(self):
+        return make_heartbeat(0)
+
+
+class Stopping(Time):
+    """A clock that oversleeps once, by 3 ms, and asks for the end after TICKS ticks."""
+
+    def __init__(self):
+        super().__init__()
+        self.slept = 0
+
+    def sleep_until_ns(self, t_ns):
+        self.slept += 1
+        super().sleep_until_ns(t_ns + 3_000_000 * (self.slept == 100))
+        if self.slept == TICKS:
+            signal.raise_signal(signal.SIGTERM)
+
+
+@pytest.fixture
+def wires(monkeypatch):
+    bus = Wire()
+    monkeypatch.setattr(doors.run, "_open_wires", lambda config, stack: (bus, Box(), Blind(), Stopping()))
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    yield bus
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="AF_UNIX datagrams: POSIX only")
+def test_a_run_ends_idle_timed_and_announced(wires, tmp_path, monkeypatch, capsys):
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as systemd:
+        systemd.bind(str(tmp_path / "notify"))
+        systemd.settimeout(5.0)
+        monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
+        assert main(["run", "--config", CONFIG, "--out", str(tmp_path / "s"), "--priority", "0"]) == 0
+        told = [systemd.recv(200) for _ in range(2)]
+    assert told == [b"STATUS=waiting: flywheel motor 1", b"STOPPING=1"]       # no device ever answered: never ready
+    assert [frame.data[0] for frame in wires.sent[-4:]] == [1, 1, 1, 1]       # every axis asked to be idle
+    out = capsys.readouterr().out
+    assert f"{TICKS} ticks" in out and f"3.00 ms (all); 0 of {TICKS - 1} by a whole tick or more" in out
+    rows = [msgspec.json.decode(row) for row in next((tmp_path / "s").iterdir()).joinpath(LATENESS).open("rb")]
+    assert sum(sum(row["counts"]) for row in rows) == TICKS - 1 and len(rows) == 3
+    assert max(row["worst_us"] for row in rows) == 3000.0
+
+
+def test_what_is_refused_is_said_loudly_and_is_never_fatal(wires, tmp_path, monkeypatch, capsys):
+    monkeypatch.delenv("NOTIFY_SOCKET", raising=False)
+    monkeypatch.setattr(doors.run, "ask_fifo", lambda priority: (f"priority {priority}", "not allowed"))
+    monkeypatch.setattr(doors.run, "ask_locked_memory", lambda: ("locked memory", ""))
+    monkeypatch.setattr(doors.run, "ask_core", lambda core: (f"core {core}", ""))
+    assert main(["run", "--config", CONFIG, "--out", str(tmp_path / "s"), "--core", "3"]) == 0
+    err = capsys.readouterr().err
+    assert "priority 50: REFUSED (not allowed)" in err and "core 3: granted" in err and "locked memory: granted" in err
+
+
+@pytest.mark.parametrize("words", [["--priority", "100"], ["--priority", "-1"], ["--core", "-1"]])
+def test_what_cannot_be_asked_for_is_bad_input(words, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["run", "--config", "nowhere.toml", *words]) == 2
+    assert words[0] in capsys.readouterr().err and not list(tmp_path.iterdir())
