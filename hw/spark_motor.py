@@ -109,7 +109,8 @@ class SparkMotor:
 
     def _take_version(self, frame: Frame) -> None:
         self._version = spark.parse_version(self._axis, frame)
-        self._asked_ns = -RETRY_NS
+        if self._speaks_our_frames():
+            self._asked_ns = -RETRY_NS            # the next question need not wait
 
     def _take_statuses(self, frame: Frame) -> None:
         answer = spark.parse_statuses(self._axis, frame)

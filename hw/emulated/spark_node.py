@@ -14,7 +14,7 @@ from hw.spark import REVOLUTION_RAD, RPM_RAD_S, Axis
 
 UNIVERSAL_HEARTBEAT = 0x01011840                  # of a competition controller; the first one locks the device to it
 PHASE_NS = 3 * MS                                 # of the reports, as the other axes'
-LOOP_NS = 1 * MS                                  # the device works out its output this often while it drives
+LOOP_NS = 1 * MS                                  # the device works out its output this often while it is enabled
 SAMPLE_NS = MS // 2                               # unit of the sample delta
 UINT, FLOAT = 2, 3                                # parameter types
 FULL_DUTY = 0.99998                               # the most that STATUS_0 says is applied: 32442 of its 16 bits
@@ -121,7 +121,7 @@ class SparkNode:
         return self._torque_nm
 
     def _plan(self, t_ns: int) -> None:
-        loop_ns = t_ns + LOOP_NS if self.output else NEVER_NS
+        loop_ns = t_ns + LOOP_NS if self._enabled else NEVER_NS
         self._due_ns = min(self._expires_ns, loop_ns, *(report.due_ns for report in self._reports))
 
     # --- what it does
