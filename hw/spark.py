@@ -212,8 +212,8 @@ def parse_setting(axis: Axis, frame: Frame) -> Setting | None:
 
 
 def _errors(values: Values) -> int:
-    warnings = int(values["warnings"]) | int(values["sticky_warnings"])
-    reset = HAS_RESET if warnings & RESET_WARNING else 0
+    # Sticky ones too: what came and went since they were last cleared is to be looked at before anything moves.
+    reset = HAS_RESET if int(values["sticky_warnings"]) & RESET_WARNING else 0
     return int(values["faults"]) | int(values["sticky_faults"]) | reset
 
 

@@ -174,7 +174,9 @@ def test_released_is_duty_zero_and_disabled_at_once(make) -> None:
 def test_release_ends_it_whatever_stood_before(make) -> None:
     bench = make()
     armed(bench, 0.1)
-    for frame in bench.motor.release():
+    frames = bench.motor.release()
+    assert [frame[1:3] for frame in frames] == [(0x02050083, bytes(8)), (HEARTBEAT, bytes(8))]
+    for frame in frames:
         bench.near.write(frame)
     bench.twin.advance(bench.clock.t_ns + MS)
     assert bench.node.output == 0.0
@@ -252,6 +254,23 @@ def test_answers_that_never_come_are_named(make) -> None:
     assert bench.faults() == ("spark 3 has not turned its status frames on",)
 
 
+def test_a_status_frame_that_stays_off_is_not_taken_for_on(make) -> None:
+    bench = make(faults=(Fault(OVERWRITTEN, 0, FOREVER, frame_id=0x02050443, at=3, data=b"\x03"),))
+    bench.run(100, 0.1)
+    assert bench.faults() == ("spark 3 has not turned its status frames on",) and bench.enabled() == []
+
+
+def test_what_a_reset_may_have_lost_is_set_again_before_it_drives(make) -> None:
+    bench = make()
+    bench.run(60)
+    assert bench.motor.reading.axis_error == spark.HAS_RESET and len(bench.frames(0x3800)) == 6
+    bench.run(60, 0.0)
+    assert len(bench.frames(0x3800)) == 12 and bench.motor.reading.axis_state == spark.DRIVEN
+    bench.run(20)
+    bench.run(60, 0.0)
+    assert len(bench.frames(0x3800)) == 12                 # nothing has been lost since
+
+
 def test_refused_parameters_are_named(make) -> None:
     bench = make(faults=(Fault(OVERWRITTEN, 0, FOREVER, frame_id=0x02053843, at=6, data=b"\x01"),))
     bench.run(100, 0.1)
@@ -291,7 +310,9 @@ def test_against_its_switch_it_may_rest(make, plant) -> None:
     bench = make()
     plant.limit = True
     armed(bench)
+    bench.sent.clear()
     bench.run(100, -0.05)
+    assert 20 <= len(bench.frames(0x080)) <= 21            # in 0.5 s: a duty that stands is repeated every 25 ms
     assert bench.motor.reading.endstop and bench.faults() == () and plant.velocity_rad_s["hood"] == 0.0
     assert bench.motor.reading.axis_state == spark.DRIVEN
 

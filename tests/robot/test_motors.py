@@ -1,10 +1,12 @@
 """Drivers are config lines: what the rig and the gate make of each, on hand-made wires."""
 
+import io
 import re
 import struct
 import tomllib
 from pathlib import Path
 
+import can
 import msgspec
 import pytest
 from msgspec.structs import replace
@@ -16,6 +18,7 @@ from robot.estimate import estimate
 from robot.eyes import InlineEyes
 from robot.gate.verdict import judge
 from robot.motors import make_motors, name_axes
+from robot.recording.candump import candump_line
 from robot.rig import HardwareRig
 from robot.types import Command, Sent, Sighting
 from tests.robot.good_tick import CONFIG, good_inputs, good_memory
@@ -101,7 +104,11 @@ def test_a_spark_that_is_driven_may_fire() -> None:
     for _ in range(5):
         bench.tick(ASKED, 3)
     assert bench.inputs.hood_motor.axis_state == spark.DRIVEN
-    assert verdict_of(SPARK_HOOD, with_hood(bench)) == ()
+    inputs = with_hood(bench)
+    assert verdict_of(SPARK_HOOD, inputs) == ()
+    for state in (spark.UNKNOWN, spark.IDLE):
+        released = replace(inputs, hood_motor=replace(inputs.hood_motor, axis_state=state))
+        assert verdict_of(SPARK_HOOD, released)[0] == f"hood motor is not under control (state {state})"
 
 
 @pytest.mark.parametrize(("spoilt", "reason"), [
@@ -161,3 +168,10 @@ def test_the_lines_in_the_manual_are_taken() -> None:
     axes = tomllib.loads(re.search(r"```toml\n(.*?)```", manual, re.DOTALL)[1])["axes"]
     taken = [msgspec.convert(lines, Axis) for lines in (axes["feeder"], axes["hood"], axes["flywheels"][0])]
     assert [type(axis) for axis in taken] == [OdriveAxis, SparkAxis, AdvisoryAxis]
+
+
+def test_a_question_is_logged_with_the_length_of_its_answer() -> None:
+    line = candump_line(spark.make_version_query(spark.Axis(3, 1)), True, 1_500_000_000)
+    assert line == "(1.500000) can0 02052603#R8 T\n"
+    message, = can.CanutilsLogReader(io.StringIO(line))
+    assert (message.arbitration_id, message.is_remote_frame, message.dlc) == (0x02052603, True, 8)
