@@ -7,6 +7,7 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from doors.twin_eyes import TwinEyes
+from hw import odrive, spark
 from hw.canandmag import Encoder
 from hw.emulated.canandmag_node import CanandmagNode
 from hw.emulated.clock import StepClock
@@ -14,17 +15,21 @@ from hw.emulated.faults import Fault, FaultyNode
 from hw.emulated.nodes import Node
 from hw.emulated.odrive_node import OdriveNode, OdriveSettings
 from hw.emulated.serial_port import open_button_box
+from hw.emulated.spark_node import SparkNode, SparkSettings
 from hw.emulated.twin import Twin
 from hw.real.can_bus import open_can
 from hw.real.serial_port import open_serial
-from robot.config import Config
+from robot.config import AdvisoryAxis, Axis, Config, OdriveAxis, SparkAxis
 from robot.gate.model import Gate, load_gate
+from robot.motors import name_axes, odrive_axis, spark_axis
 from robot.recording.candump import TappedBus
 from robot.recording.session import make_header
 from robot.recording.writer import SessionWriter
-from robot.rig import HardwareRig, make_axis
+from robot.rig import HardwareRig
 from robot.runtime import run
 from sim.world.driver import Driver
+from sim.world.motor import FEEDER, HOOD
+from sim.world.motor import FLYWHEEL as FLYWHEEL_MOTOR
 from sim.world.options import Options
 from sim.world.target import BallResult
 from sim.world.world import World
@@ -96,11 +101,26 @@ def run_twin(config: Config, world: World, trials: int, seed: int, gate: Gate | 
 def make_nodes(config: Config, world: World, faults: Mapping[str, tuple[Fault, ...]]) -> tuple[Node, ...]:
     """The far end of every device that the configuration names."""
     names = [f"flywheel_{letter}" for letter, _ in zip("ab", config.axes.flywheels, strict=True)] + ["hood", "feeder"]
-    axes = [*config.axes.flywheels, config.axes.hood, config.axes.feeder]
-    nodes: dict[str, Node] = {
-        name: OdriveNode(make_axis(axis), name, world, SETTINGS.get(name, FLYWHEEL),
-                         world.hood_at_limit if axis.endstop_endpoint else None)
-        for name, axis in zip(names, axes, strict=True)}
+    nodes = {name: make_axis_node(axis, name, world)
+             for name, (_, axis) in zip(names, name_axes(config), strict=True)}
     encoder = config.hood_encoder
     nodes["hood_encoder"] = CanandmagNode(Encoder(encoder.device), world, encoder.zero_deg, encoder.direction)
     return tuple(FaultyNode(node, faults[name]) if name in faults else node for name, node in nodes.items())
+
+
+def make_axis_node(axis: Axis, name: str, world: World) -> Node:
+    """The device at the far end of one axis, with the world's motor `name` on it; nobody commands an advisory one."""
+    settings = SETTINGS.get(name, FLYWHEEL)
+    motor = {"hood": HOOD, "feeder": FEEDER}.get(name, FLYWHEEL_MOTOR)
+    sparks = SparkSettings(motor.kt_nm_a, motor.resistance_ohm)
+    switch = world.hood_at_limit if name == "hood" else None
+    match axis:
+        case OdriveAxis():
+            return OdriveNode(odrive_axis(axis), name, world, settings, switch if axis.endstop_endpoint else None)
+        case SparkAxis():
+            return SparkNode(spark_axis(axis), name, world, sparks, switch if axis.has_endstop else None)
+        case AdvisoryAxis(listens_to="odrive"):
+            return OdriveNode(odrive.Axis(axis.device, axis.direction), name, world, settings)
+        case AdvisoryAxis():
+            theirs = spark.Axis(axis.device, axis.direction, axis.has_endstop)
+            return SparkNode(theirs, name, world, sparks, switch if axis.has_endstop else None)

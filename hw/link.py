@@ -14,7 +14,10 @@ class BadFrame(ValueError):
 
 
 class Frame(NamedTuple):
-    """One CAN frame. `t_ns` is the monotonic receive time; 0 on a frame that has yet to be sent."""
+    """One CAN frame. `t_ns` is the monotonic receive time; 0 on a frame that has yet to be sent.
+
+    A remote frame has no data on the wire; the length of `data`, all zeros, is how long an answer it asks for.
+    """
 
     t_ns: int
     arbitration_id: int

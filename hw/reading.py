@@ -17,8 +17,8 @@ class MotorReading(Struct, frozen=True):
     position_rad: float = 0.0
     velocity_rad_s: float = 0.0
     heartbeat_t_ns: int = 0
-    axis_state: int = 0               # device's own code; hw.odrive names them
-    axis_error: int = 0               # 0 = healthy
+    axis_state: int = 0               # its driver's code; hw.odrive and hw.spark name theirs
+    axis_error: int = 0               # likewise; 0 = healthy
     current_t_ns: int = 0
     current_a: float = 0.0            # torque-producing (Iq), sign of torque
     bus_t_ns: int = 0

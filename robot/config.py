@@ -4,7 +4,7 @@ import hashlib
 import re
 import tomllib
 from pathlib import Path
-from typing import Annotated, TypeVar
+from typing import Annotated, Literal, TypeVar
 
 import msgspec
 from msgspec import Struct
@@ -14,6 +14,8 @@ from robot.facts import Facts
 Kind = TypeVar("Kind")
 Positive = Annotated[float, msgspec.Meta(gt=0.0, lt=1e9)]
 Count = Annotated[int, msgspec.Meta(gt=0, lt=1_000_000)]
+CanNode = Annotated[int, msgspec.Meta(ge=0, le=62)]     # 63 means everybody to ODrives, and to the FRC's devices
+Direction = Literal[-1, 1]            # sign that makes positive launch a ball or raise the hood
 
 
 class BadInput(Exception):
@@ -31,15 +33,39 @@ class Buttons(Struct, frozen=True, forbid_unknown_fields=True):
     baud: int
 
 
-class Axis(Struct, frozen=True, forbid_unknown_fields=True):
-    driver: str                       # "odrive"
-    node: int                         # CAN id of the axis on its bus
-    direction: int                    # +1 or -1: sign that makes positive launch a ball or raise the hood
+class OdriveAxis(Struct, frozen=True, forbid_unknown_fields=True, tag_field="driver", tag="odrive"):
+    """An ODrive, given torques."""
+
+    node: CanNode
+    direction: Direction
     endstop_endpoint: int             # SDO endpoint that reads the limit switch; 0 = none
 
 
+class SparkAxis(Struct, frozen=True, forbid_unknown_fields=True, tag_field="driver", tag="spark"):
+    """A REV SPARK MAX or Flex, given duties, which follow from what the motor's data sheet says; see hw.dc_motor."""
+
+    device: CanNode
+    direction: Direction
+    has_endstop: bool                 # a limit switch on its data port ends the negative direction
+    stall_torque_nm: Positive         # at the shaft that the encoder counts, at the rated voltage
+    free_speed_rad_s: Positive
+    rated_v: Positive
+
+
+class AdvisoryAxis(Struct, frozen=True, forbid_unknown_fields=True, tag_field="driver", tag="advisory"):
+    """Somebody else's motor: its frames are heard, and nothing is ever sent to it."""
+
+    listens_to: Literal["odrive", "spark"]    # whose frames they are
+    device: CanNode
+    direction: Direction
+    has_endstop: bool                 # its frames tell of a limit switch at the negative end; only a SPARK's do
+
+
+Axis = OdriveAxis | SparkAxis | AdvisoryAxis
+
+
 class Axes(Struct, frozen=True, forbid_unknown_fields=True):
-    flywheels: tuple[Axis, ...]       # every motor on the one flywheel belt
+    flywheels: Annotated[tuple[Axis, ...], msgspec.Meta(min_length=1)]    # every motor on the one flywheel belt
     hood: Axis
     feeder: Axis
 
@@ -47,7 +73,7 @@ class Axes(Struct, frozen=True, forbid_unknown_fields=True):
 class HoodEncoder(Struct, frozen=True, forbid_unknown_fields=True):
     driver: str                       # "canandmag"
     device: int
-    period_ms: int                    # asked of the device at start
+    period_ms: Annotated[int, msgspec.Meta(ge=0, le=65535)]    # asked of the device at start; 0: nothing is sent to it
     zero_deg: float                   # encoder reading when the launch elevation is 0
     direction: int                    # +1 if the reading grows with elevation
 
@@ -243,10 +269,16 @@ def _reworded(message: str) -> str:
 
 
 def _line_of(text: str, message: str) -> str:
-    """':line' of the last key that the message quotes, or '' when it stands nowhere in the text."""
-    for name in re.findall(r"`([^`]+)`", message):
-        key = re.split(r"[.\[]", name.removeprefix("$.").rstrip("]"))[-1]
-        for number, line in enumerate(text.splitlines(), 1):
-            if re.match(rf"\s*{re.escape(key)}\s*=", line):
-                return f":{number}"
-    return ""
+    """':line' of the key that the message quotes, in the table that it quotes, else of that table; '' if neither is."""
+    *names, place = [re.sub(r"\[.*?\]", "", quoted.removeprefix("$").removeprefix("."))
+                     for quoted in re.findall(r"`([^`]+)`", message)] or [""]
+    table, _, key = place.rpartition(".")
+    places = {(place, name) for name in names} | {(table, key)}
+    header, begins = "", ""
+    for number, line in enumerate(text.splitlines(), 1):
+        if found := re.match(r"\s*\[+\s*([\w.]+)\s*\]", line):
+            header = found[1]
+            begins = begins or (f":{number}" if header == place else "")
+        elif (found := re.match(r"\s*([\w-]+)\s*=", line)) and (header, found[1]) in places:
+            return f":{number}"
+    return begins

@@ -2,18 +2,19 @@
 
 from collections.abc import Callable, Iterable, Iterator
 
-from hw import canandmag, odrive
+from msgspec import UNSET
+
+from hw import canandmag
 from hw.buttons import lost_presses, parse_lines
 from hw.link import BadFrame, Bus, Clock, Frame, LinkLost, Stream
-from hw.reading import AngleReading, ButtonEvent, CameraFrame, MotorReading
-from robot.config import Axis, BadInput, Config
+from hw.motor import Order
+from hw.reading import AngleReading, ButtonEvent, CameraFrame
+from robot.config import Config
 from robot.eyes import Eyes
+from robot.motors import make_motors, name_axes
 from robot.types import Command, Inputs, Sent, Sighting, Tick
 
 NS_PER_S = 1_000_000_000
-RETRY_NS = 100_000_000                # how often an axis that will not come up is asked again
-ENDSTOP_NS = 50_000_000               # how often the limit switch is read
-FEED_NS = 25_000_000                  # an unchanged torque is repeated this often: the axes' watchdogs want to hear it
 BOX_SILENT_NS = 1_500_000_000         # three missed heartbeats of the button box
 
 
@@ -27,8 +28,8 @@ class HardwareRig:
                  over: Callable[[], bool]) -> None:
         self._config, self._bus, self._box, self._eyes, self._clock = config, bus, box, eyes, clock
         self._over = over
-        self._axes = [make_axis(axis) for axis in (*config.axes.flywheels, config.axes.hood, config.axes.feeder)]
-        self._motors = [MotorReading() for _ in self._axes]
+        self._motors = make_motors(config)
+        self._names = [name for name, _ in name_axes(config)]
         self._encoder = canandmag.Encoder(config.hood_encoder.device)
         self._angle: AngleReading | None = None
         self._handlers = self._make_handlers()
@@ -38,11 +39,6 @@ class HardwareRig:
         self._cycle = 0
         self._due_ns = clock.now_ns()
         self.late_ns = 0              # how long after its turn the newest tick came
-        self._asked_ns = [0] * len(self._axes)
-        self._asked_nm = [0.0] * len(self._axes)
-        self._fed_ns = [0] * len(self._axes)
-        self._endstop_ns = 0
-        self._enabled = False
         self._started = False
         self._faults: list[str] = []
 
@@ -60,45 +56,39 @@ class HardwareRig:
         self._read_bus()
         buttons = self._read_box(t_ns)
         sighting = self._read_eyes()
+        for name, motor in zip(self._names, self._motors, strict=True):
+            self._faults += [f"{name}: {fault}" for fault in motor.faults(t_ns)]
         self._cycle += 1
-        count = len(self._config.axes.flywheels)
-        return Inputs(t_ns, self._cycle, tuple(self._motors[:count]), self._motors[count], self._motors[count + 1],
-                      self._angle, sighting, tuple(buttons), tuple(self._faults))
+        *flywheels, hood, feeder = (motor.reading for motor in self._motors)
+        return Inputs(t_ns, self._cycle, tuple(flywheels), hood, feeder, self._angle, sighting, tuple(buttons),
+                      tuple(self._faults))
 
     def write(self, command: Command) -> Sent:
-        """Send what keeps the axes in the asked state, then the torques; says what really went out."""
+        """Send what each motor needs to do as asked; says what really went out."""
         t_ns = self._clock.now_ns()
-        frames = self._housekeeping(command, t_ns)
-        flywheel = self._clamp(command.flywheel_torque_nm, self._config.flywheel.pid.output_high)
-        hood = self._clamp(command.hood_torque_nm, self._config.hood.pid.output_high)
-        feeder = self._clamp(command.feeder_torque_nm, self._config.feeder.torque_nm)
-        if command.enable:
-            torques = [flywheel] * len(self._config.axes.flywheels) + [hood, feeder]
-            frames += self._make_torques(torques, t_ns)
+        frames = self._start()
+        orders = [motor.order(torque_nm if command.enable else None, t_ns)
+                  for motor, torque_nm in zip(self._motors, self._torques_nm(command), strict=True)]
+        for order in orders:
+            frames += order.frames
         refused = sum(not self._send(frame) for frame in frames)
-        return Sent(command.enable, flywheel, hood, feeder, refused)
+        return _sent(command.enable, orders, refused)
 
     def picture(self) -> CameraFrame | None:
         return self._eyes.picture()
 
     def release(self) -> None:
         """Leave every motor idle; for the end, whatever brought it."""
-        for axis in self._axes:
-            self._send(odrive.make_state(axis, odrive.IDLE))
+        for motor in self._motors:
+            for frame in motor.release():
+                self._send(frame)
 
-    def _make_handlers(self) -> dict[int, Callable[[Frame], None]]:
-        handlers: dict[int, Callable[[Frame], None]] = {}
-        for index, axis in enumerate(self._axes):
-            for frame_id in odrive.frame_ids(axis):
-                handlers[frame_id] = self._make_motor_handler(index, axis)
+    def _make_handlers(self) -> dict[tuple[int, bool], Callable[[Frame], None]]:
+        handlers: dict[tuple[int, bool], Callable[[Frame], None]] = {
+            key: motor.take for motor in self._motors for key in motor.ids()}
         for frame_id in canandmag.frame_ids(self._encoder):
-            handlers[frame_id] = self._take_angle
+            handlers[frame_id, True] = self._take_angle
         return handlers
-
-    def _make_motor_handler(self, index: int, axis: odrive.Axis) -> Callable[[Frame], None]:
-        def take(frame: Frame) -> None:
-            self._motors[index] = odrive.parse(axis, frame, self._motors[index])
-        return take
 
     def _take_angle(self, frame: Frame) -> None:
         self._angle = canandmag.parse(self._encoder, frame, self._angle)
@@ -111,7 +101,7 @@ class HardwareRig:
             return
         handlers = self._handlers
         for frame in frames:
-            handler = handlers.get(frame.arbitration_id)
+            handler = handlers.get((frame.arbitration_id, frame.is_extended))
             if handler is None or frame.is_remote:
                 continue
             try:
@@ -144,42 +134,25 @@ class HardwareRig:
             self._faults.append(f"camera lost: {error}")
             return None
 
-    def _housekeeping(self, command: Command, t_ns: int) -> list[Frame]:
-        frames: list[Frame] = []
-        if not self._started:
-            self._started = True
-            frames.append(canandmag.make_position_period(self._encoder, self._config.hood_encoder.period_ms))
-        if command.enable and not self._enabled:
-            frames += [odrive.make_clear_errors(axis) for axis in self._axes]   # arming is the operator's re-arm
-        self._enabled = command.enable
-        wanted = odrive.CLOSED_LOOP if command.enable else odrive.IDLE
-        for index, axis in enumerate(self._axes):
-            if self._motors[index].axis_state != wanted and t_ns - self._asked_ns[index] >= RETRY_NS:
-                self._asked_ns[index] = t_ns
-                frames += _make_state(axis, wanted)
-        if t_ns - self._endstop_ns >= ENDSTOP_NS:
-            self._endstop_ns = t_ns
-            frames += [odrive.make_endstop_query(axis) for axis in self._axes if axis.endstop_endpoint]
-        return frames
+    def _start(self) -> list[Frame]:
+        """What is said once, before everything else."""
+        period_ms = self._config.hood_encoder.period_ms
+        if self._started or period_ms == 0:
+            return []
+        self._started = True
+        return [canandmag.make_position_period(self._encoder, period_ms)]
 
-    def _make_torques(self, torques_nm: list[float], t_ns: int) -> list[Frame]:
-        """A frame for each axis whose torque changed or whose watchdog wants feeding."""
-        frames = []
-        for index, torque_nm in enumerate(torques_nm):
-            if torque_nm != self._asked_nm[index] or t_ns - self._fed_ns[index] >= FEED_NS:
-                self._asked_nm[index], self._fed_ns[index] = torque_nm, t_ns
-                frames.append(odrive.make_torque(self._axes[index], torque_nm))
-        return frames
+    def _torques_nm(self, command: Command) -> list[float]:
+        config = self._config
+        flywheel = _clamp(command.flywheel_torque_nm, config.flywheel.pid.output_high)
+        return [*[flywheel] * len(config.axes.flywheels), _clamp(command.hood_torque_nm, config.hood.pid.output_high),
+                _clamp(command.feeder_torque_nm, config.feeder.torque_nm)]
 
     def _send(self, frame: Frame) -> bool:
         try:
             return self._bus.write(frame)
         except LinkLost:
             return False              # the next read reports the lost bus
-
-    @staticmethod
-    def _clamp(torque_nm: float, limit_nm: float) -> float:
-        return min(max(torque_nm, -abs(limit_nm)), abs(limit_nm))
 
 
 class ReplayRig:
@@ -201,15 +174,12 @@ class ReplayRig:
         return None
 
 
-def make_axis(axis: Axis) -> odrive.Axis:
-    """The driver of one axis line of the configuration."""
-    if axis.driver != "odrive":
-        raise BadInput(f"axes: no driver called {axis.driver!r} (there is: odrive)")
-    return odrive.Axis(axis.node, axis.direction, axis.endstop_endpoint)
+def _clamp(torque_nm: float, limit_nm: float) -> float:
+    return min(max(torque_nm, -abs(limit_nm)), abs(limit_nm))
 
 
-def _make_state(axis: odrive.Axis, state: int) -> list[Frame]:
-    if state == odrive.CLOSED_LOOP:
-        return [odrive.make_controller_mode(axis, odrive.TORQUE, odrive.PASSTHROUGH),
-                odrive.make_state(axis, state)]
-    return [odrive.make_state(axis, state)]
+def _sent(enable: bool, orders: list[Order], refused: int) -> Sent:
+    *flywheels, hood, feeder = (order.torque_nm for order in orders)
+    duties = tuple(order.duty for order in orders)
+    return Sent(enable, sum(flywheels) / len(flywheels), hood, feeder, refused,
+                UNSET if all(duty is None for duty in duties) else duties)

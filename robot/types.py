@@ -7,7 +7,7 @@ structs rather than dataclasses because a row is written 200 times a second and 
 Absent numbers are None, never NaN: JSON has no NaN, and a None cannot pass a comparison by accident.
 """
 
-from msgspec import Struct, field
+from msgspec import UNSET, Struct, UnsetType, field
 
 from hw.reading import AngleReading, ButtonEvent, MotorReading
 
@@ -81,13 +81,18 @@ class Command(Struct, frozen=True):
 
 
 class Sent(Struct, frozen=True):
-    """What really went out, after limits, and how many frames the bus refused."""
+    """What really went out, after all limits, and how many frames the bus refused.
+
+    Of an axis that takes duties the torque is what the duty means; of one that is not driven it is 0.
+    """
 
     enable: bool
-    flywheel_torque_nm: float
+    flywheel_torque_nm: float                     # mean over the flywheel motors
     hood_torque_nm: float
     feeder_torque_nm: float
     refused: int = 0
+    # flywheels, hood, feeder: the duty each was sent, None for none; absent when no axis was sent one
+    duties: tuple[float | None, ...] | UnsetType = UNSET
 
 
 class Pid(Struct, frozen=True):

@@ -31,12 +31,16 @@ class CanandmagNode:
         self.bad_frames = 0
         self._encoder, self._plant = encoder, plant
         self._zero_rad, self._direction = math.radians(zero_deg), direction
+        self._codec = load_codec("canandmag")
+        self.restart(0)
+
+    def restart(self, t_ns: int) -> None:
+        """Power is back: an ephemeral period is forgotten, and the count of turns begins anew."""
         self._sticky = POWER_CYCLE
         self._start_counts = self._counts()
-        self._codec = load_codec("canandmag")
-        self._position = Report(POSITION_PERIOD_NS, 0, self._make_position)
-        self._reports = (self._position, Report(STATUS_PERIOD_NS, 0, self._make_status))
-        self._due_ns = 0
+        self._position = Report(POSITION_PERIOD_NS, t_ns, self._make_position)
+        self._reports = (self._position, Report(STATUS_PERIOD_NS, t_ns, self._make_status))
+        self._due_ns = t_ns
 
     def ids(self) -> tuple[tuple[int, bool], ...]:
         return tuple((self._id(name), True) for name in ("SET_SETTING", "CLEAR_STICKY_FAULTS"))

@@ -7,9 +7,10 @@ from hw.link import Frame
 
 SILENT = "silent"                                 # it hears, but nothing of it reaches the bus
 UNPLUGGED = "unplugged"                           # neither
+UNPOWERED = "unpowered"                           # nor does it drive; when it ends the device starts anew
 TRUNCATED = "truncated"                           # its frames keep their first `length` bytes
 OVERWRITTEN = "overwritten"                       # its frames say `data` from byte `at` on
-KINDS = (SILENT, UNPLUGGED, TRUNCATED, OVERWRITTEN)
+KINDS = (SILENT, UNPLUGGED, UNPOWERED, TRUNCATED, OVERWRITTEN)
 
 
 class Fault(Struct, frozen=True):
@@ -29,28 +30,46 @@ class Fault(Struct, frozen=True):
 
 
 class FaultyNode:
-    """A node with things wrong with it; what drives its motor is unaffected, unless it no longer hears commands."""
+    """A node with things wrong with it.
+
+    What drives its motor is unaffected, unless it no longer hears commands or has no power.
+    """
 
     def __init__(self, node: Node, faults: tuple[Fault, ...]) -> None:
         self.motor = node.motor
         self._node, self._faults = node, faults
+        self._cuts = sorted((fault.begin_ns, fault.end_ns) for fault in faults if fault.kind == UNPOWERED)
+        self._dark_until_ns: int | None = None
 
     def ids(self) -> tuple[tuple[int, bool], ...]:
         return self._node.ids()
 
     def receive(self, frame: Frame, t_ns: int) -> list[Frame]:
-        if any(fault.kind == UNPLUGGED for fault in self._standing(t_ns)):
+        if not self._has_power(t_ns) or any(fault.kind == UNPLUGGED for fault in self._standing(t_ns)):
             return []
         return self._spoil(self._node.receive(frame, t_ns), t_ns)
 
     def due_ns(self) -> int:
-        return self._node.due_ns()
+        if self._dark_until_ns is not None:
+            return self._dark_until_ns
+        return min([self._node.due_ns(), *(begin_ns for begin_ns, _ in self._cuts[:1])])
 
     def step(self, t_ns: int) -> list[Frame]:
-        return self._spoil(self._node.step(t_ns), t_ns)
+        return self._spoil(self._node.step(t_ns), t_ns) if self._has_power(t_ns) else []
 
     def torque_nm(self) -> float:
-        return self._node.torque_nm()
+        return 0.0 if self._dark_until_ns is not None else self._node.torque_nm()
+
+    def restart(self, t_ns: int) -> None:
+        self._node.restart(t_ns)
+
+    def _has_power(self, t_ns: int) -> bool:
+        if self._dark_until_ns is not None and t_ns >= self._dark_until_ns:
+            self._dark_until_ns = None
+            self._node.restart(t_ns)
+        if self._cuts and t_ns >= self._cuts[0][0]:
+            self._dark_until_ns = self._cuts.pop(0)[1]
+        return self._dark_until_ns is None
 
     def _standing(self, t_ns: int) -> list[Fault]:
         return [fault for fault in self._faults if fault.begin_ns <= t_ns < fault.end_ns]

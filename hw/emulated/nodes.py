@@ -28,6 +28,9 @@ class Node(Protocol):
     def torque_nm(self) -> float:
         """What it asks of its motor now; positive launches a ball or raises the hood."""
 
+    def restart(self, t_ns: int) -> None:
+        """Power is back: forget what was not stored, and count turns anew."""
+
 
 class Report:
     """One cyclic frame: every `period_ns`, first at `phase_ns`; 0 = never."""

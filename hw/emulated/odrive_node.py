@@ -44,27 +44,30 @@ class OdriveNode:
     def __init__(self, axis: Axis, motor: str, plant: Plant, settings: OdriveSettings | None = None,
                  endstop: Callable[[], bool] | None = None) -> None:
         self.motor: str | None = motor
-        self.state = odrive.IDLE
-        self.errors = 0
-        self.disarm_reason = 0
         self.bad_frames = 0
         self._axis, self._name, self._plant, self._endstop = axis, motor, plant, endstop
         self._settings = settings or OdriveSettings()
         self._codec = load_codec("odrive")
         self._base_id = axis.node << 5
-        self._procedure_result = 0
+        self._handlers = {self._codec.base_id(name): (name, take) for name, take in (
+            ("Estop", self._take_estop), ("RxSdo", self._take_sdo), ("Set_Axis_State", self._take_state),
+            ("Set_Controller_Mode", self._take_mode), ("Set_Input_Torque", self._take_torque),
+            ("Set_Limits", self._take_limits), ("Clear_Errors", self._take_clear))}
+        self.restart(0)
+
+    def restart(self, t_ns: int) -> None:
+        """Power is back: idle, without errors, modes and limits as configured, and the position counts anew."""
+        self.state = odrive.IDLE
+        self.errors = self.disarm_reason = self._procedure_result = 0
         self._control_mode, self._input_mode = odrive.POSITION, odrive.PASSTHROUGH     # a new device's own
         self._velocity_limit_rad_s = self._settings.velocity_limit_rad_s
         self._current_limit_a = self._settings.current_limit_a
         self._asked_nm = 0.0                      # the device's own sign, as the float32 that came
         self._torque_nm = 0.0                     # the robot's sign
-        self._truth = plant.motor(motor)
+        self._truth = self._plant.motor(self._name)
+        self._start_rad = self._truth.position_rad
         self._expires_ns = NEVER_NS
-        self._handlers = {self._codec.base_id(name): (name, take) for name, take in (
-            ("Estop", self._take_estop), ("RxSdo", self._take_sdo), ("Set_Axis_State", self._take_state),
-            ("Set_Controller_Mode", self._take_mode), ("Set_Input_Torque", self._take_torque),
-            ("Set_Limits", self._take_limits), ("Clear_Errors", self._take_clear))}
-        self._reports = self._make_reports()
+        self._reports = self._make_reports(t_ns + PHASE_NS)
         self._due_ns = min(report.due_ns for report in self._reports)
 
     def ids(self) -> tuple[tuple[int, bool], ...]:
@@ -177,8 +180,8 @@ class OdriveNode:
     def _feed(self, t_ns: int) -> None:
         self._expires_ns = t_ns + self._settings.watchdog_ms * MS if self._settings.watchdog_ms else NEVER_NS
 
-    def _make_reports(self) -> tuple[Report, ...]:
-        settings, phase_ns = self._settings, PHASE_NS
+    def _make_reports(self, phase_ns: int) -> tuple[Report, ...]:
+        settings = self._settings
         periods_ms = (settings.heartbeat_ms, settings.error_ms, settings.encoder_ms, settings.current_ms,
                       settings.bus_ms)
         return tuple(Report(period_ms * MS, phase_ns, make)
@@ -204,7 +207,8 @@ class OdriveNode:
 
     def _make_estimates(self) -> Frame:
         truth, sign = self._truth, self._axis.direction
-        return self._make("Get_Encoder_Estimates", {"position_rev": sign * truth.position_rad / REVOLUTION_RAD,
+        turned_rad = truth.position_rad - self._start_rad
+        return self._make("Get_Encoder_Estimates", {"position_rev": sign * turned_rad / REVOLUTION_RAD,
                                                     "velocity_rev_s": sign * truth.velocity_rad_s / REVOLUTION_RAD})
 
     def _make_iq(self) -> Frame:

@@ -50,7 +50,8 @@ class CanBus:
                 if message.is_error_frame:
                     self.error_frames += 1
                 else:
-                    frames.append(Frame(t_ns, message.arbitration_id, bytes(message.data), message.is_extended_id,
+                    data = bytes(message.dlc) if message.is_remote_frame else bytes(message.data)
+                    frames.append(Frame(t_ns, message.arbitration_id, data, message.is_extended_id,
                                         message.is_remote_frame))
         except (can.CanError, OSError, ValueError) as error:    # ValueError: a socket closed under the reader
             raise LinkLost(f"{self.name}: {error}") from error
@@ -59,7 +60,7 @@ class CanBus:
     def write(self, frame: Frame) -> bool:
         """Queue one frame; False when the queue is full; LinkLost when the adapter is gone."""
         message = _Outgoing(0.0, frame.arbitration_id, frame.is_extended, frame.is_remote,
-                            data=None if frame.is_remote else frame.data)
+                            dlc=len(frame.data), data=None if frame.is_remote else frame.data)
         try:
             self._bus.send(message, timeout=self._write_timeout_s)
         except (can.CanError, OSError, ValueError) as error:

@@ -1,4 +1,4 @@
-"""One motor axis: does it answer, with the right firmware, often enough, and without standing errors?"""
+"""One ODrive axis: does it answer, with the right firmware, often enough, and without standing errors?"""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -7,10 +7,8 @@ from hw import odrive
 from hw.link import BadFrame, Frame
 from hw.odrive import Axis
 from hw.reading import MotorReading
-from robot.config import Axes
 from robot.doctor.finding import Finding, failure, ok, warning
 from robot.doctor.listening import Heard
-from robot.rig import make_axis
 
 FIRMWARE = (0, 6)                     # whose frames hw/dbc/odrive.dbc describes; 0.5 has other ones under the same ids
 KNOWN_REVISION = 10                   # whose parameter numbers robot/launcher.toml names
@@ -25,10 +23,9 @@ NEEDED = ("Heartbeat", "Get_Encoder_Estimates")
 Rates = Mapping[str, tuple[int, int]]
 
 
-def named_axes(axes: Axes) -> list[tuple[str, Axis, Rates]]:
-    """Every axis of the configuration: its name as on the robot's page, its driver, the rates it needs."""
-    wheels = [(f"flywheel motor {number}", make_axis(axis), FLYWHEEL) for number, axis in enumerate(axes.flywheels, 1)]
-    return [*wheels, ("hood motor", make_axis(axes.hood), HOOD), ("feeder motor", make_axis(axes.feeder), FEEDER)]
+def rates_of(name: str) -> Rates:
+    """What the axis of this name must report."""
+    return {"hood motor": HOOD, "feeder motor": FEEDER}.get(name, FLYWHEEL)
 
 
 def check_firmware(name: str, axis: Axis, heard: Heard) -> Finding:

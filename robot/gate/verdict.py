@@ -5,11 +5,11 @@ FIRE means: the driver asked, everything that can be checked is known and good, 
 
 import math
 
-from hw.odrive import CLOSED_LOOP, error_words
 from hw.reading import MotorReading
-from robot.config import Config, GateConfig
+from robot.config import Axis, Config, GateConfig
 from robot.gate.contract import NOVELTY_LIMIT
 from robot.gate.model import Gate, Rating
+from robot.motors import error_words, is_driven, name_axes
 from robot.types import Aim, Estimate, Inputs, Memory, Verdict
 
 NS = 1e-9
@@ -45,10 +45,9 @@ def _operator(memory: Memory) -> list[str]:
 
 def _readings(inputs: Inputs, memory: Memory, config: Config) -> list[str]:
     reasons: list[str] = []
-    for number, motor in enumerate(inputs.flywheels, 1):
-        reasons += _motor(f"flywheel motor {number}", motor, inputs.t_ns, config.gate)
-    reasons += _motor("hood motor", inputs.hood_motor, inputs.t_ns, config.gate)
-    reasons += _motor("feeder motor", inputs.feeder, inputs.t_ns, config.gate)
+    motors = (*inputs.flywheels, inputs.hood_motor, inputs.feeder)
+    for (name, axis), motor in zip(name_axes(config), motors, strict=True):
+        reasons += _motor(name, axis, motor, inputs.t_ns, config.gate)
     angle = inputs.hood_angle
     if angle is None:
         reasons.append("hood encoder has never answered")
@@ -61,16 +60,16 @@ def _readings(inputs: Inputs, memory: Memory, config: Config) -> list[str]:
     return reasons
 
 
-def _motor(name: str, motor: MotorReading, t_ns: int, gate: GateConfig) -> list[str]:
+def _motor(name: str, axis: Axis, motor: MotorReading, t_ns: int, gate: GateConfig) -> list[str]:
     if motor.t_ns == 0 or motor.heartbeat_t_ns == 0:
         return [f"{name} has never answered"]
     if not _young(t_ns - motor.t_ns, gate.reading_age_s):
         return [f"{name} silent for {(t_ns - motor.t_ns) * NS:.2f} s"]
     if not _young(t_ns - motor.heartbeat_t_ns, HEARTBEAT_S):
         return [f"{name} sends no heartbeat since {(t_ns - motor.heartbeat_t_ns) * NS:.2f} s"]
-    if motor.axis_error:
-        return [f"{name}: {', '.join(error_words(motor.axis_error))}"]
-    if motor.axis_state != CLOSED_LOOP:
+    if words := error_words(axis, motor):
+        return [f"{name}: {', '.join(words)}"]
+    if not is_driven(axis, motor):
         return [f"{name} is not under control (state {motor.axis_state})"]
     return []
 

@@ -8,7 +8,7 @@ from hw.link import Bus, Frame
 def candump_line(frame: Frame, sent: bool, t_ns: int, channel: str = "can0") -> str:
     """One line of text; the time is the tick's, on the rig's monotonic clock."""
     name = f"{frame.arbitration_id:08X}" if frame.is_extended else f"{frame.arbitration_id:03X}"
-    data = "R" if frame.is_remote else frame.data.hex().upper()
+    data = f"R{len(frame.data) or ''}" if frame.is_remote else frame.data.hex().upper()
     return f"({t_ns // 1_000_000_000}.{t_ns // 1000 % 1_000_000:06d}) {channel} {name}#{data} {'T' if sent else 'R'}\n"
 
 

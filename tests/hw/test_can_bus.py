@@ -17,7 +17,8 @@ standard, extended, payloads = st.integers(0, 0x7FF), st.integers(0, 0x1FFFFFFF)
 frames = st.one_of(
     st.tuples(standard, payloads).map(lambda drawn: Frame(0, *drawn)),
     st.tuples(extended, payloads).map(lambda drawn: Frame(0, *drawn, is_extended=True)),
-    standard.map(lambda frame_id: Frame(0, frame_id, b"", is_remote=True)))
+    st.tuples(standard, st.integers(0, 8)).map(lambda drawn: Frame(0, drawn[0], bytes(drawn[1]), is_remote=True)),
+    st.tuples(extended, st.integers(0, 8)).map(lambda drawn: Frame(0, drawn[0], bytes(drawn[1]), True, True)))
 
 
 @pytest.fixture

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from hw.codec import DBC, load_codec
 from hw.link import BadFrame
 
-ODRIVE, CANANDMAG = load_codec("odrive"), load_codec("canandmag")
-MESSAGES = [(codec, name) for codec in (ODRIVE, CANANDMAG) for name in codec.messages]
+ODRIVE, CANANDMAG, SPARK = load_codec("odrive"), load_codec("canandmag"), load_codec("spark")
+MESSAGES = [(codec, name) for codec in (ODRIVE, CANANDMAG, SPARK) for name in codec.messages]
 
 
 def test_every_dbc_file_loads() -> None:

@@ -6,7 +6,9 @@ import struct
 import pytest
 
 from hw import odrive
-from hw.emulated.faults import OVERWRITTEN, SILENT, TRUNCATED, UNPLUGGED, Fault, FaultyNode
+from hw.canandmag import Encoder, make_position_period
+from hw.emulated.canandmag_node import CanandmagNode
+from hw.emulated.faults import OVERWRITTEN, SILENT, TRUNCATED, UNPLUGGED, UNPOWERED, Fault, FaultyNode
 from hw.emulated.odrive_node import OdriveNode
 from hw.emulated.twin import Twin
 from hw.link import BadFrame
@@ -83,3 +85,29 @@ def test_mad_frames_are_refused_by_the_driver_and_only_those(wired, fault: Fault
 def test_unknown_faults_are_refused() -> None:
     with pytest.raises(ValueError, match="tired"):
         Fault("tired", 0, 1)
+
+
+def test_a_node_without_power_is_silent_drives_nothing_and_starts_anew(plant, wired) -> None:
+    heard, node = wired(Fault(UNPOWERED, 300 * MS, 700 * MS))
+    assert not [frame for frame in heard if 300 * MS < frame.t_ns < 700 * MS]
+    assert len(estimates(heard)) == 60 and node.state == IDLE and node.errors == 0
+    gained = 0.01 / plant.inertia_kg_m2 * 0.3               # torque for 0.3 s, and then none
+    assert plant.velocity_rad_s["flywheel_a"] == pytest.approx(gained)
+    again = odrive.parse(AXIS, estimates(heard)[-1], MotorReading())
+    assert again.position_rad == pytest.approx(gained * (again.t_ns - 702 * MS) * 1e-9, abs=0.01)
+
+
+def test_an_encoder_without_power_forgets_its_period_and_its_turns(plant, clock) -> None:
+    near, far = (open_can("virtual", "test_faults_encoder", 1_000_000, clock) for _ in range(2))
+    node = CanandmagNode(Encoder(5), plant, 0.0, 1)
+    twin = Twin(plant, far, (FaultyNode(node, (Fault(UNPOWERED, 200 * MS, 300 * MS),)),))
+    near.write(make_position_period(Encoder(5), 10))
+    plant.hood_rad = 0.9
+    twin.advance(199 * MS)
+    before = [frame for frame in near.read() if frame.arbitration_id == 0x070E07C5]
+    twin.advance(500 * MS)
+    after = [frame for frame in near.read() if frame.arbitration_id == 0x070E07C5]
+    near.close()
+    far.close()
+    assert (len(before), len(after)) == (19, 11)            # every 10 ms; then every 20 ms from 300 ms on
+    assert before[-1].data[:4] != bytes(4) and after[-1].data[:4] == bytes(4)

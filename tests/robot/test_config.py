@@ -30,6 +30,26 @@ def test_a_mistake_is_named(old, new, message):
         parse_toml(TEXT.replace(old, new, 1), Config, "my.toml")
 
 
+@pytest.mark.parametrize(("old", "new", "message"), [
+    ('[axes.feeder]\ndriver = "odrive"', '[axes.feeder]\ndriver = "sprak"',
+     "Invalid value 'sprak' - at `axes.feeder.driver`"),
+    ("node = 4", "node = 64", "Expected `int` <= 62 - at `axes.feeder.node`"),
+    ("node = 3\ndirection = 1", "node = 3\ndirection = 2", "Invalid enum value 2 - at `axes.hood.direction`"),
+    ("[hood.pid]\nkp = 0.05", "[hood.pid]", "missing key `kp` - at `hood.pid`"),
+    ('[axes.hood]\ndriver = "odrive"', '[axes.hood]\ndriver = "spark"', "unknown key `node` - at `axes.hood`"),
+])
+def test_the_line_is_that_of_the_right_table(old, new, message):
+    """Many tables have a `driver`, a `node`, a `kp`."""
+    assert TEXT.count(old) == 1
+    text = TEXT.replace(old, new)
+    if "unknown" in message:
+        new += "\nnode"
+    line = text[:text.index(new)].count("\n") + new.count("\n") + 1
+    with pytest.raises(BadInput) as error:
+        parse_toml(text, Config, "my.toml")
+    assert str(error.value) == f"my.toml:{line}: {message}"
+
+
 def test_a_missing_file_is_named(tmp_path):
     with pytest.raises(BadInput, match=r"nowhere\.toml"):
         load_config(tmp_path / "nowhere.toml")

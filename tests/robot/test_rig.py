@@ -1,13 +1,11 @@
 """HardwareRig on hand-made wires: what it reads, what it sends, what it says of wires that fail."""
 
 import pytest
-from msgspec.structs import replace
 
 from hw import buttons, odrive
 from hw.link import Frame, LinkLost
-from robot.config import BadInput
 from robot.eyes import InlineEyes
-from robot.rig import HardwareRig, make_axis
+from robot.rig import HardwareRig
 from robot.types import Command, Sighting
 from tests.robot.good_tick import CONFIG
 
@@ -143,8 +141,3 @@ def test_a_silent_box_is_reported(bench):
     _, _, clock, rig = bench
     clock.t_ns += 3_000_000_000
     assert any("button box silent" in fault for fault in rig.read().faults)
-
-
-def test_an_unknown_driver_is_named():
-    with pytest.raises(BadInput, match="'spark'"):
-        make_axis(replace(CONFIG.axes.hood, driver="spark"))

@@ -22,7 +22,7 @@ from robot.config import BadInput
 from robot.doctor.finding import FAILURE, OK, WARNING
 from robot.doctor.listening import listen
 from robot.doctor.parameters import load_endpoints
-from robot.rig import make_axis
+from robot.motors import odrive_axis
 from tests.hw.spinning_plant import SpinningPlant
 from tests.robot.good_tick import CONFIG
 
@@ -59,7 +59,7 @@ class Bench:
         self.nodes = {}
         for name, axis in zip(NAMES, axes, strict=True):
             well = replace(SETTINGS.get(name, FLYWHEEL), parameters=inside())
-            self.nodes[name] = OdriveNode(make_axis(axis), name, plant, (settings or {}).get(name, well),
+            self.nodes[name] = OdriveNode(odrive_axis(axis), name, plant, (settings or {}).get(name, well),
                                           plant.hood_at_limit if axis.endstop_endpoint else None)
         self.nodes["hood_encoder"] = CanandmagNode(Encoder(CONFIG.hood_encoder.device), plant, 40.0, 1)
         nodes = [FaultyNode(node, (faults or {})[name]) if name in (faults or {}) else node
@@ -177,7 +177,7 @@ def test_a_standing_error_is_told_in_words():
 
 
 def test_two_devices_with_one_number():
-    twin = OdriveNode(make_axis(CONFIG.axes.feeder), "feeder", SpinningPlant(), SETTINGS["feeder"])
+    twin = OdriveNode(odrive_axis(CONFIG.axes.feeder), "feeder", SpinningPlant(), SETTINGS["feeder"])
     finding = Bench(more=(twin,)).findings()["feeder motor, firmware"]
     assert finding.level == FAILURE and "2 devices answer as node 4" in finding.says
 

@@ -1,0 +1,36 @@
+"""Somebody else's motor: heard, and never spoken to. For use beside a competition controller, which drives it."""
+
+from collections.abc import Callable
+
+from hw.link import Frame
+from hw.motor import Order
+from hw.reading import MotorReading
+
+Parse = Callable[[Frame, MotorReading], MotorReading]
+
+
+class AdvisoryMotor:
+    """A Motor that commands nothing: whatever is asked of it, no frame comes out.
+
+    `parse` is that of the family of the device that is listened to, `frame_ids` what it understands.
+    """
+
+    def __init__(self, frame_ids: tuple[int, ...], is_extended: bool, parse: Parse) -> None:
+        self.reading = MotorReading()
+        self._ids = tuple((frame_id, is_extended) for frame_id in frame_ids)
+        self._parse = parse
+
+    def ids(self) -> tuple[tuple[int, bool], ...]:
+        return self._ids
+
+    def take(self, frame: Frame) -> None:
+        self.reading = self._parse(frame, self.reading)
+
+    def faults(self, t_ns: int) -> tuple[str, ...]:
+        return ()
+
+    def order(self, torque_nm: float | None, t_ns: int) -> Order:
+        return Order()
+
+    def release(self) -> tuple[Frame, ...]:
+        return ()

@@ -1,0 +1,55 @@
+"""One SPARK axis, as far as it tells without being set up: its firmware, whether it speaks, what is wrong with it."""
+
+from collections.abc import Iterator
+
+from hw import spark
+from hw.link import BadFrame
+from hw.reading import MotorReading
+from hw.spark import Axis
+from robot.doctor.finding import Finding, failure, ok, warning
+from robot.doctor.listening import Heard
+
+LOOK = "look at its power and plug, and at its CAN id in REV's hardware client"
+
+
+def check_spark(name: str, axis: Axis, heard: Heard) -> Iterator[Finding]:
+    """STATUS_1 and STATUS_2 are turned on, and its parameters set, by the run itself: nothing is asked of them here."""
+    yield check_firmware(name, axis, heard)
+    yield check_status(name, axis, heard)
+
+
+def check_firmware(name: str, axis: Axis, heard: Heard) -> Finding:
+    """Who answered the question for its version."""
+    check = f"{name}, firmware"
+    answers = heard.of(spark.frame_id(axis, "GET_FIRMWARE_VERSION"), extended=True)
+    if not answers:
+        return failure(check, f"device {axis.device} does not answer", LOOK)
+    if len(answers) > 1:
+        return failure(check, f"{len(answers)} devices answer as {axis.device}", "give each a CAN id of its own")
+    try:
+        version = spark.parse_version(axis, answers[0])
+    except BadFrame as error:
+        return failure(check, f"answers what cannot be read ({error})", "is it a SPARK MAX or Flex?")
+    said = ".".join(map(str, version))
+    if not spark.OLDEST_FIRMWARE <= version.major <= spark.NEWEST_FIRMWARE:
+        return failure(check, f"has firmware {said}; its frames are not known to be those of "
+                       f"{spark.OLDEST_FIRMWARE} and {spark.NEWEST_FIRMWARE}", "update it with REV's hardware client")
+    return ok(check, f"firmware {said}")
+
+
+def check_status(name: str, axis: Axis, heard: Heard) -> Finding:
+    """What its status frames say of it; that it obeys another controller is a check of its own."""
+    check, reading = f"{name}, status", MotorReading()
+    ids = spark.frame_ids(axis)
+    try:
+        for frame in heard.frames:
+            if frame.is_extended and not frame.is_remote and frame.arbitration_id in ids:
+                reading = spark.parse(axis, frame, reading)
+    except BadFrame as error:
+        return failure(check, f"sends what cannot be ({error})",
+                       "look at the wiring and at whether another device has its CAN id")
+    if not any(heard.of(frame_id, extended=True) for frame_id in ids):
+        return failure(check, f"device {axis.device} is silent", LOOK)
+    if words := spark.error_words(reading.axis_error & spark.FAULTS):
+        return warning(check, ", ".join(words), "arming clears what does not stand; what comes back has a cause")
+    return ok(check, "speaks, and has no fault that it tells of")

@@ -1,0 +1,37 @@
+"""Somebody else's motor is heard and never spoken to."""
+
+from functools import partial
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hw import odrive, spark
+from hw.advisory_motor import AdvisoryMotor
+from hw.link import Frame
+
+THEIRS = spark.Axis(7, 1, has_endstop=True)
+
+
+def heard() -> AdvisoryMotor:
+    return AdvisoryMotor(spark.frame_ids(THEIRS), True, partial(spark.parse, THEIRS))
+
+
+@given(ticks=st.lists(st.tuples(st.one_of(st.none(), st.floats(-10.0, 10.0)), st.binary(min_size=8, max_size=8))))
+def test_nothing_that_is_asked_or_heard_makes_it_send(ticks) -> None:
+    motor = heard()
+    for number, (torque_nm, data) in enumerate(ticks):
+        motor.take(Frame(number, 0x0205B847, data, True))
+        order = motor.order(torque_nm, number * 5_000_000)
+        assert order.frames == () and order.torque_nm == 0.0 and order.duty is None
+    assert motor.release() == () and motor.faults(0) == ()
+
+
+def test_it_hears_what_its_family_says() -> None:
+    motor = heard()
+    assert motor.ids() == ((0x0205B807, True), (0x0205B847, True), (0x0205B887, True))
+    motor.take(Frame(9, 0x0205B807, bytes.fromhex("5D3F662622230200"), True))
+    assert motor.reading.heartbeat_t_ns == 9 and motor.reading.endstop
+    theirs = odrive.Axis(2, 1)
+    other = AdvisoryMotor(odrive.frame_ids(theirs), False, partial(odrive.parse, theirs))
+    other.take(Frame(9, 0x41, bytes([0, 0, 0, 0, 8, 0, 0, 0])))
+    assert other.reading.axis_state == odrive.CLOSED_LOOP

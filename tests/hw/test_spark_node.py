@@ -1,0 +1,293 @@
+"""The emulated SPARK by itself, frames written by hand: rates, heartbeat, limits, what it forgets."""
+
+import struct
+
+import pytest
+
+from hw.emulated.spark_node import SparkNode, SparkSettings
+from hw.emulated.twin import Twin
+from hw.link import Frame
+from hw.real.can_bus import open_can
+from hw.spark import Axis
+from tests.hw.spinning_plant import SpinningPlant
+
+MS = 1_000_000
+KT, OHM = 0.02, 0.1
+HEARTBEAT, BASE = 0x02052C80, 0x02050000
+STATUS_0, STATUS_1, STATUS_2 = 0xB800, 0xB840, 0xB880
+
+
+class Bench:
+    """One device on a bus; this end of it is the test."""
+
+    def __init__(self, plant, clock, axis: Axis | None = None, settings: SparkSettings | None = None) -> None:
+        self.axis, self.plant, self.clock = axis or Axis(3, 1), plant, clock
+        self.near, self.far = (open_can("virtual", "test_spark_node", 1_000_000, clock) for _ in range(2))
+        self.node = SparkNode(self.axis, "hood", plant, settings, plant.hood_at_limit)
+        self.twin = Twin(plant, self.far, (self.node,))
+        self.log: list[Frame] = []
+
+    def send(self, command: int, data: bytes, is_remote: bool = False) -> None:
+        assert self.near.write(Frame(0, BASE + command + self.axis.device, data, True, is_remote))
+
+    def beat(self, bits: int = 1 << 3) -> None:
+        assert self.near.write(Frame(0, HEARTBEAT, bits.to_bytes(8, "little"), True))
+
+    def duty(self, duty: float) -> None:
+        self.send(0x080, struct.pack("<fI", duty, 0))
+
+    def run(self, ms: int, beating: bool = False) -> None:
+        """Let so many ms pass, in steps of 1 ms; with a heartbeat every 20 if `beating`."""
+        for number in range(ms):
+            if beating and number % 20 == 0:
+                self.beat()
+            self.twin.advance(self.clock.t_ns + MS)
+            self.clock.t_ns += MS
+            self.log += self.near.read()
+
+    def heard(self, command: int) -> list[bytes]:
+        return [frame.data for frame in self.log if frame.arbitration_id == BASE + command + self.axis.device]
+
+
+@pytest.fixture
+def make(plant, clock):
+    benches = []
+
+    def build(*args, **kwargs):
+        benches.append(Bench(plant, clock, *args, **kwargs))
+        return benches[-1]
+
+    yield build
+    for bench in benches:
+        bench.near.close()
+        bench.far.close()
+
+
+@pytest.fixture
+def bench(make):
+    return make()
+
+
+def test_rates_of_a_new_device(bench) -> None:
+    bench.run(2000)
+    assert [len(bench.heard(status)) for status in (STATUS_0, STATUS_1, STATUS_2)] == [200, 8, 0]
+
+
+def test_status_2_is_turned_on_and_says_so(bench) -> None:
+    bench.send(0x400, bytes([0x04, 0, 0x04, 0]))
+    bench.run(1000)
+    assert bench.heard(0x440) == [bytes([0, 0x04, 0, 0x07, 0])]
+    assert len(bench.heard(STATUS_2)) == 50
+    bench.send(0x400, bytes([0x05, 0, 0x04, 0]))
+    bench.log.clear()
+    bench.run(100)
+    assert bench.heard(0x440) == [bytes([0, 0x05, 0, 0x06, 0])] and bench.heard(STATUS_0) == []
+
+
+def test_a_status_that_it_does_not_have_is_refused(bench) -> None:
+    bench.send(0x400, bytes([0, 0x80, 0, 0x80]))
+    bench.run(1)
+    assert bench.heard(0x440) == [bytes([1, 0, 0x80, 0x03, 0])]
+
+
+def test_nothing_moves_without_a_heartbeat_that_names_it(bench, plant) -> None:
+    bench.duty(0.5)
+    bench.run(50)
+    bench.beat(1 << 4)
+    bench.run(50)
+    assert plant.velocity_rad_s["hood"] == 0.0
+    bench.beat()
+    bench.run(50)
+    assert plant.velocity_rad_s["hood"] > 10.0
+
+
+@pytest.mark.parametrize("last_ms", [0, 40])
+def test_the_output_is_zero_100_ms_after_the_last_heartbeat(bench, plant, last_ms: int) -> None:
+    bench.duty(0.5)
+    bench.beat()
+    if last_ms:
+        bench.run(last_ms)
+        bench.beat()
+    bench.run(99)
+    assert bench.node.output == 0.5 and bench.node.torque_nm() > 0.0
+    bench.run(1)
+    assert bench.node.output == 0.0 and bench.node.torque_nm() == 0.0
+    speed = plant.velocity_rad_s["hood"]
+    bench.run(200)
+    assert plant.velocity_rad_s["hood"] == speed
+    assert bench.heard(STATUS_0)[-1][:2] == bytes(2)
+    bench.beat()
+    bench.run(1)
+    assert bench.node.output == 0.5                       # the setpoint stood all the while
+
+
+def test_a_heartbeat_without_its_bit_disables_at_once(bench) -> None:
+    bench.duty(0.5)
+    bench.run(30, beating=True)
+    bench.beat(0)
+    bench.run(1)
+    assert bench.node.output == 0.0
+
+
+def test_torque_is_that_of_a_motor_at_a_share_of_the_bus_voltage(bench, plant) -> None:
+    """dw/dt = kt (d V - kt w) / (R J): the closed form, against the device's 1 ms loop."""
+    bench.duty(0.25)
+    bench.run(400, beating=True)
+    tau_s = plant.inertia_kg_m2 * OHM / KT**2
+    assert plant.velocity_rad_s["hood"] == pytest.approx(
+        0.25 * 12.25 / KT * (1.0 - 2.718281828 ** (-0.4 / tau_s)), rel=0.01)
+
+
+def test_at_a_duty_of_zero_it_coasts(bench, plant) -> None:
+    plant.velocity_rad_s["hood"] = 100.0
+    bench.duty(0.0)
+    bench.run(100, beating=True)
+    assert plant.velocity_rad_s["hood"] == 100.0
+
+
+def test_stall_current_is_limited(bench, plant) -> None:
+    bench.duty(1.0)
+    bench.run(1, beating=True)
+    assert bench.node.torque_nm() == pytest.approx(80.0 * KT)      # 122 A would flow
+    bench.send(0x3800, bytes([59, 10, 0, 0, 0]))
+    bench.run(1)
+    assert bench.node.torque_nm() == pytest.approx(10.0 * KT)
+
+
+@pytest.mark.parametrize(("direction", "duty", "stops"), [(1, -0.25, True), (1, 0.25, False),
+                                                          (-1, 0.25, True), (-1, -0.25, False)])
+def test_a_closed_switch_stops_it_in_one_direction(make, plant, direction: int, duty: float, stops: bool) -> None:
+    bench, plant.limit = make(Axis(3, direction)), True
+    bench.duty(duty)
+    bench.run(20, beating=True)
+    assert (plant.velocity_rad_s["hood"] == 0.0) is stops
+    assert bench.heard(STATUS_0)[-1][6] == (2 if direction > 0 else 1)
+    plant.limit = False
+    bench.run(2)
+    assert bench.node.output == duty
+
+
+def test_status_2_is_the_motor_in_the_devices_sign(make, plant) -> None:
+    bench = make(Axis(3, -1))
+    bench.send(0x400, bytes([0x04, 0, 0x04, 0]))
+    bench.send(0x3800, bytes([71, 16, 0, 0, 0]))
+    plant.velocity_rad_s["hood"] = 62.8318530718           # 10 turns a second, the robot's way
+    bench.run(200)
+    rpm, turns = struct.unpack("<ff", bench.heard(STATUS_2)[-1])
+    assert rpm == pytest.approx(-600.0, rel=1e-4)
+    at_s = round(-turns / 10.0, 6)
+    assert 0.17 < at_s <= 0.2
+
+
+def test_a_new_device_smears_speed_over_a_tenth_of_a_second_and_less_is_a_setting(bench, plant) -> None:
+    bench.send(0x400, bytes([0x04, 0, 0x04, 0]))
+    bench.run(300)
+    plant.velocity_rad_s["hood"] = 62.8318530718
+    bench.run(60)
+    assert 200.0 < struct.unpack("<ff", bench.heard(STATUS_2)[-1])[0] < 400.0     # it turns for half of the window
+    bench.send(0x3800, bytes([71, 16, 0, 0, 0]))
+    bench.run(40)
+    assert bench.heard(0x3840) == [bytes([71, 2, 16, 0, 0, 0, 0])]
+    assert struct.unpack("<ff", bench.heard(STATUS_2)[-1])[0] == pytest.approx(600.0, rel=1e-4)
+
+
+def test_velocity_setpoints_need_gains(bench, plant) -> None:
+    bench.send(0x000, struct.pack("<fI", 600.0, 0))
+    bench.run(50, beating=True)
+    assert plant.velocity_rad_s["hood"] == 0.0
+    bench.send(0x3800, bytes([71, 2, 0, 0, 0]))
+    bench.send(0x3800, bytes([13]) + struct.pack("<f", 0.002))
+    bench.send(0x3800, bytes([16]) + struct.pack("<f", KT * 6.2831853 / 60.0 / 12.25))      # what 1 rpm needs, free
+    bench.run(1000, beating=True)
+    assert plant.velocity_rad_s["hood"] == pytest.approx(62.83, rel=0.02)
+
+
+def test_a_duty_feedforward_is_added(bench) -> None:
+    bench.send(0x080, struct.pack("<fhBB", 0.25, 256, 1 << 2, 0))
+    bench.run(1, beating=True)
+    assert bench.node.output == pytest.approx(0.25 + 256 * 0.0009765923)
+    bench.send(0x080, struct.pack("<fhBB", 0.25, 1024, 0, 0))                     # a volt, of 12.25
+    bench.run(1)
+    assert bench.node.output == pytest.approx(0.25 + 1024 * 0.0009765923 / 12.25)
+
+
+def test_an_unknown_parameter_is_refused(bench) -> None:
+    bench.send(0x3800, bytes([250, 16, 0, 0, 0]))
+    bench.send(0x3800, bytes([136]) + struct.pack("<f", float("nan")))
+    bench.run(1)
+    assert bench.heard(0x3840) == [bytes([250, 0, 0, 0, 0, 0, 1]), bytes([136, 3]) + struct.pack("<f", 0.03125) + b"\1"]
+
+
+def test_it_says_that_it_has_reset_until_faults_are_cleared(bench) -> None:
+    bench.run(250)
+    assert bench.heard(STATUS_1)[-1] == bytes([0, 0, 0x40, 0, 0, 0x40, 0, 0])
+    bench.send(0x1B80, b"")
+    bench.run(250)
+    assert bench.heard(STATUS_1)[-1] == bytes(8)
+
+
+def test_a_restart_forgets_what_was_set(bench, plant) -> None:
+    bench.send(0x400, bytes([0x04, 0, 0x04, 0]))
+    bench.send(0x3800, bytes([71, 16, 0, 0, 0]))
+    bench.send(0x1B80, b"")
+    bench.duty(0.5)
+    bench.run(300, beating=True)
+    bench.node.restart(bench.clock.t_ns)
+    bench.log.clear()
+    bench.run(300)
+    assert bench.node.output == 0.0 and bench.node.parameters[71] == 200.0
+    assert bench.heard(STATUS_2) == [] and bench.heard(STATUS_1)[-1][5] == 0x40
+    bench.send(0x400, bytes([0x04, 0, 0x04, 0]))
+    bench.run(30)
+    turned = plant.velocity_rad_s["hood"] * 0.33 / 6.2831853
+    assert 0.0 < struct.unpack("<ff", bench.heard(STATUS_2)[-1])[1] <= turned * 1.01       # counted from the restart on
+
+
+def test_a_competition_controllers_heartbeat_locks_it_until_power_is_cycled(bench, plant) -> None:
+    bench.duty(0.5)
+    bench.run(10, beating=True)
+    assert bench.near.write(Frame(0, 0x01011840, bytes(8), True))
+    bench.run(30, beating=True)
+    speed = plant.velocity_rad_s["hood"]
+    bench.run(50, beating=True)
+    assert plant.velocity_rad_s["hood"] == speed and bench.node.output == 0.0
+    assert bench.heard(STATUS_0)[-1][6] == 0x20
+    bench.node.restart(bench.clock.t_ns)
+    bench.duty(0.5)
+    bench.run(10, beating=True)
+    assert bench.node.output == 0.5
+
+
+def test_old_firmware_has_only_its_version_in_common(make, plant) -> None:
+    bench = make(settings=SparkSettings(firmware=(24, 0, 1)))
+    bench.send(0x2600, bytes(8), is_remote=True)
+    bench.send(0x400, bytes([0x04, 0, 0x04, 0]))
+    bench.duty(0.5)
+    bench.run(300, beating=True)
+    assert [frame.data for frame in bench.log] == [bytes([24, 0, 0, 1, 0, 0, 0, 0])]
+    assert plant.velocity_rad_s["hood"] == 0.0
+
+
+def test_malformed_frames_are_counted_and_change_nothing(bench) -> None:
+    bench.duty(0.5)
+    bench.run(5, beating=True)
+    bench.duty(float("nan"))
+    bench.duty(1.5)
+    bench.send(0x080, bytes(3))
+    assert bench.near.write(Frame(0, HEARTBEAT, bytes(4), True))
+    bench.run(5)
+    assert bench.node.output == 0.5 and bench.node.bad_frames == 4
+
+
+def test_two_runs_are_the_same_bytes(clock) -> None:
+    logs = []
+    for _ in range(2):
+        clock.t_ns = 0
+        bench = Bench(SpinningPlant(), clock)
+        bench.send(0x400, bytes([0x04, 0, 0x04, 0]))
+        bench.duty(0.123)
+        bench.run(200, beating=True)
+        logs.append([frame._replace(t_ns=0) for frame in bench.log])
+        bench.near.close()
+        bench.far.close()
+    assert logs[0] == logs[1] and len(logs[0]) > 25

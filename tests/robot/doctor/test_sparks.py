@@ -1,0 +1,84 @@
+"""The doctor on SPARK and advisory axes: emulated devices answer and speak for a second, well or not."""
+
+import pytest
+
+from hw import spark
+from hw.emulated.faults import SILENT, TRUNCATED, UNPLUGGED, Fault, FaultyNode
+from hw.emulated.nodes import Node
+from hw.emulated.odrive_node import OdriveNode
+from hw.emulated.spark_node import SparkNode, SparkSettings
+from hw.odrive import Axis
+from robot.config import SparkAxis
+from robot.doctor.devices import check_devices, questions
+from robot.doctor.finding import FAILURE, OK, WARNING, Finding
+from robot.doctor.listening import Heard
+from robot.motors import name_axes, spark_axis
+from tests.hw.spinning_plant import SpinningPlant
+from tests.robot.sparks import ALL_SPARK, SPARK_HOOD, only_advice
+
+MS, ALWAYS = 1_000_000, 1 << 60
+PLANT = SpinningPlant()
+MOTORS = {"flywheel motor 1": "flywheel_a", "flywheel motor 2": "flywheel_b", "hood motor": "hood",
+          "feeder motor": "feeder"}
+
+
+def hear(nodes: list[Node], config) -> dict[str, Finding]:
+    """What the doctor makes of a second of these devices, each asked once and stamped as a bus would."""
+    frames = [answer for question in questions(config, None) for node in nodes
+              if (question.arbitration_id, question.is_extended) in node.ids() for answer in node.receive(question, 0)]
+    for t_ns in range(MS, 1000 * MS, MS):
+        frames += [frame._replace(t_ns=t_ns) for node in nodes if node.due_ns() <= t_ns for frame in node.step(t_ns)]
+    return {finding.check: finding for finding in check_devices(config, None, Heard(tuple(frames), 1.0))}
+
+
+def sparks(config, faults=(), settings: SparkSettings | None = None) -> list[Node]:
+    """The configuration's SPARKs; the hood's has the faults and settings."""
+    nodes: list[Node] = []
+    for name, axis in name_axes(config):
+        if isinstance(axis, SparkAxis):
+            mine = settings if name == "hood motor" else None
+            node = SparkNode(spark_axis(axis), MOTORS[name], PLANT, mine,
+                             PLANT.hood_at_limit if axis.has_endstop else None)
+            nodes.append(FaultyNode(node, faults) if name == "hood motor" else node)
+    return nodes
+
+
+def test_well_sparks_answer_and_speak():
+    findings = hear(sparks(ALL_SPARK), ALL_SPARK)
+    assert {check: finding.level for check, finding in findings.items() if "encoder" not in check} == {
+        f"{name}, {what}": OK for name, _ in name_axes(ALL_SPARK) for what in ("firmware", "status")}
+    assert findings["hood motor, firmware"].says == "firmware 26.1.0"
+
+
+@pytest.mark.parametrize(("fault", "settings", "check", "level", "words"), [
+    (Fault(UNPLUGGED, 0, ALWAYS), None, "firmware", FAILURE, "device 3 does not answer"),
+    (Fault(SILENT, 0, ALWAYS), None, "status", FAILURE, "device 3 is silent"),
+    (None, SparkSettings(firmware=(24, 0, 1)), "firmware", FAILURE, "24.0.1"),
+    (None, SparkSettings(firmware=(27, 0, 0)), "firmware", FAILURE, "27.0.0"),
+    (Fault(TRUNCATED, 0, ALWAYS, frame_id=0x0205B803, length=3), None, "status", FAILURE, "cannot be"),
+    (Fault(TRUNCATED, 0, ALWAYS, frame_id=0x02052603, length=1), None, "firmware", FAILURE, "cannot be read"),
+])
+def test_what_is_wrong_with_a_spark_is_said(fault, settings, check, level, words):
+    finding = hear(sparks(SPARK_HOOD, (fault,) if fault else (), settings), SPARK_HOOD)[f"hood motor, {check}"]
+    assert finding.level == level and words in finding.says and finding.do
+
+
+def test_a_standing_fault_is_told_in_words():
+    (node,) = sparks(SPARK_HOOD, settings=SparkSettings(faults=0x10))
+    node.receive(spark.make_statuses(spark_axis(SPARK_HOOD.axes.hood), spark.STATUSES), 0)      # as a run leaves it
+    finding = hear([node], SPARK_HOOD)["hood motor, status"]
+    assert finding.level == WARNING and "too hot" in finding.says
+
+
+def test_two_devices_with_one_number():
+    both = sparks(SPARK_HOOD) + sparks(SPARK_HOOD)
+    assert "2 devices answer as 3" in hear(both, SPARK_HOOD)["hood motor, firmware"].says
+
+
+def test_of_advisory_axes_nothing_is_asked_and_each_must_be_heard():
+    config = only_advice("odrive")
+    assert questions(config, None) == []
+    there = OdriveNode(Axis(11, 1), "flywheel_a", PLANT)
+    findings = hear([there], config)
+    assert findings["flywheel motor 1, status"].level == OK
+    assert findings["flywheel motor 2, status"].level == FAILURE
