@@ -13,7 +13,7 @@ import numpy as np
 
 from sim.identify.record import MARGIN_S, Floats, Record, Run
 
-LONGEST_STEP_S = 0.025                # of the simulation; efforts change more often as a rule
+LONGEST_STEP_S = 0.025                # of the simulation where the effort does not change
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,8 @@ def lay_out(record: Record, runs: Sequence[Run]) -> Pieces:
 def _knots(record: Record, run: Run) -> tuple[Floats, Floats]:
     begin_s = record.speed_t_s[run.first] - MARGIN_S
     end_s = record.speed_t_s[run.last - 1] + MARGIN_S
-    inside = (record.effort_t_s > begin_s) & (record.effort_t_s < end_s)
+    changes = np.diff(record.effort, prepend=np.nan) != 0.0
+    inside = changes & (record.effort_t_s > begin_s) & (record.effort_t_s < end_s)
     knots = np.concatenate([[begin_s], record.effort_t_s[inside], [end_s]])
     if np.diff(knots).max() > LONGEST_STEP_S:
         knots = np.union1d(knots, np.arange(begin_s, end_s, LONGEST_STEP_S))
