@@ -26,7 +26,7 @@ def draw_fit(fit: Fit) -> Figure:
     at_s, foretold = _with_gaps(record.speed_t_s[rows], fit.foretold_rad_s, rows)
     speed.plot(at_s, foretold, color=LINE, linewidth=1.0, label="foretold from efforts alone")
     speed.set_ylabel("speed, rad/s")
-    speed.legend(frameon=False, loc="best")
+    speed.legend(frameon=False, loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=2, borderaxespad=0.0)
     missed = record.speed_rad_s[rows] - fit.foretold_rad_s
     residual.axhline(0.0, color=INK, linewidth=0.7)
     residual.plot(record.speed_t_s[rows], missed, ".", color=MISS, markersize=2)

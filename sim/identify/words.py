@@ -18,8 +18,8 @@ def say_fit(fit: Fit) -> list[str]:
     """One line for each number, and one for what it is worth."""
     units = UNITS[fit.record.unit]
     named = {"v": {"kv": "back-EMF and friction by speed", "ka": "inertia, as voltage"}}.get(fit.record.unit, {})
-    lines = [f"{fit.record.name}: {fit.moving_s:.1f} s of motion in {len(fit.runs)} runs, cut into {len(fit.pieces)} "
-             f"pieces"]
+    lines = [f"{fit.record.name}: {fit.moving_s:.1f} s of motion in {len(fit.runs)} "
+             f"{'run' if len(fit.runs) == 1 else 'runs'}, cut into {len(fit.pieces)} pieces"]
     for number in fit.numbers.values():
         words = named.get(number.name, WORDS[number.name])
         lines.append(f"  {number.name:8s} {number.value:12.5g} {units[number.name]:6s} {_interval(number)}  {words}")
