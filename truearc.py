@@ -15,6 +15,7 @@ VERBS = {
     "run": "the robot",
     "doctor": "is the robot fit to run?",
     "deploy": "the robot's computer, made to start by itself",
+    "identify": "friction, inertia and gains of flywheels and hood",
     "emulate": "the real runtime on the emulated robot",
     "replay": "recompute every output of a recording",
     "shots": "recordings to a dataset",
@@ -50,13 +51,18 @@ def main(argv: list[str] | None = None) -> int:
     if not argv or argv[0] not in VERBS:
         return _explain(argv)
     try:
-        door = importlib.import_module("doors." + argv[0].replace("-", "_").replace("import", "import_"))
+        return _open(argv)
     except ModuleNotFoundError as error:
         if error.name is None or error.name.partition(".")[0] in ("doors", "model_export", "sim", "robot", "hw"):
             raise                     # ours: a defect, not an install without the companion
         print(f"truearc {argv[0]}: needs {error.name}, which the robot's base install leaves out: "
               "pip install 'truearc[sim]'", file=sys.stderr)
         return 2
+
+
+def _open(argv: list[str]) -> int:
+    """The door behind the verb; some need the companion's packages for some options only."""
+    door = importlib.import_module("doors." + argv[0].replace("-", "_").replace("import", "import_"))
     parser = argparse.ArgumentParser(prog=f"truearc {argv[0]}", description=door.DESCRIPTION,
                                      epilog=f"example: {door.EXAMPLE}")
     parser.add_argument("--quiet", action="store_true", help="no progress")

@@ -184,7 +184,7 @@ class Prescribed(Struct, frozen=True, forbid_unknown_fields=True):
 class Collect(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """Deliberately spread set points, aimed by vacuum ballistics times a correction walked by the driver's marks.
 
-    With `prescribed` they are those, one after the other, and no mark changes them. It is the one key with a default,
+    With `prescribed` they are those, one after the other, and no mark changes them. It has a default,
     so that recordings from before it was there still say what they said.
     """
 
@@ -198,7 +198,33 @@ class Collect(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=Tru
     prescribed: tuple[Prescribed, ...] = ()       # what `--plan` gives; see robot.plan
 
 
-class Config(Struct, frozen=True, forbid_unknown_fields=True):
+class Excite(Struct, frozen=True, forbid_unknown_fields=True):
+    """How `truearc identify` drives one joint: torque at the motor shaft, speed at the motor."""
+
+    repeats: Annotated[int, msgspec.Meta(ge=0, le=20)]       # 0 leaves the joint alone
+    ramp_nm_s: Positive               # quasistatic: the torque grows this fast, up to that of the step
+    step_nm: Positive                 # dynamic: this torque at once
+    top_rad_s: Positive               # here driving ends and coasting begins
+    longest_s: Positive               # of one phase
+
+
+class ExciteFlywheel(Excite, frozen=True, forbid_unknown_fields=True):
+    reverse: bool                     # may the wheels be driven backwards?
+
+
+class ExciteHood(Excite, frozen=True, forbid_unknown_fields=True):
+    margin_deg: Positive              # driving ends this far before the ends of the hood's travel
+
+
+class Identify(Struct, frozen=True, forbid_unknown_fields=True):
+    flywheel: ExciteFlywheel
+    hood: ExciteHood
+
+
+class Config(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """launcher.toml. Without [identify] the robot drives nothing to identify it, and recordings from before that
+    section was there still say what they said."""
+
     tick_hz: int
     can: Can
     buttons: Buttons
@@ -213,6 +239,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True):
     gate: GateConfig
     collect: Collect
     rig: Facts
+    identify: Identify | None = None
 
 
 class CameraFile(Struct, frozen=True, forbid_unknown_fields=True):

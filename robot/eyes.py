@@ -18,6 +18,16 @@ class Eyes(Protocol):
         """The image behind the newest sighting read."""
 
 
+class NoEyes:
+    """For what needs no target."""
+
+    def read(self) -> Sighting | None:
+        return None
+
+    def picture(self) -> CameraFrame | None:
+        return None
+
+
 class InlineEyes:
     """Camera and vision in the caller's own time."""
 

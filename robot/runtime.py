@@ -1,5 +1,6 @@
 """The loop: read -> tick -> write -> record. One identical line on hardware, on the twin and on replay."""
 
+from collections.abc import Callable
 from typing import Protocol
 
 from hw.reading import CameraFrame
@@ -7,6 +8,8 @@ from robot.config import Config
 from robot.gate.model import Gate
 from robot.tick import step
 from robot.types import Command, Inputs, Memory, Sent, Tick
+
+Think = Callable[[Inputs, Memory, Config, Gate | None], Tick]
 
 
 class Rig(Protocol):
@@ -29,12 +32,12 @@ class Recorder(Protocol):
     def keep_picture(self, picture: CameraFrame) -> None: ...
 
 
-def run(rig: Rig, config: Config, gate: Gate | None, recorder: Recorder) -> int:
-    """Run until the rig is over; returns the number of ticks."""
+def run(rig: Rig, config: Config, gate: Gate | None, recorder: Recorder, think: Think = step) -> int:
+    """Run until the rig is over; returns the number of ticks. `think` is what one tick does: launching, if not said."""
     memory = Memory()
     ticks = 0
     while (inputs := rig.read()) is not None:
-        tick = step(inputs, memory, config, gate)
+        tick = think(inputs, memory, config, gate)
         recorder.record(tick, rig.write(tick.command))
         if tick.shot is not None and (picture := rig.picture()) is not None:
             recorder.keep_picture(picture)

@@ -130,6 +130,14 @@ class Outcome(Struct, frozen=True):
     reasons: tuple[str, ...] = ()                 # for "held": what stood in the way
 
 
+class Progress(Struct, frozen=True):
+    """How far `truearc identify` has come: the phase that runs, since when, and what ended it all."""
+
+    phase: int = 0                                # index into robot.identify.program.phases
+    since_t_ns: int = 0                           # 0 = the operator has not armed yet
+    over: str = ""                                # "done", or why it was stopped; nothing is driven any more
+
+
 class Memory(Struct, frozen=True):
     """All that one tick hands to the next."""
 
@@ -148,6 +156,7 @@ class Memory(Struct, frozen=True):
     awaiting: bool = False                        # the last shot has no outcome yet
     walk: tuple[float, float, float] = (0.0, 0.0, 0.0)    # log speed correction learnt from the driver's marks
     last_sighting: Sighting | None = None         # newest with a target in it
+    identify: Progress | UnsetType = UNSET        # only while identifying, so that other recordings know nothing of it
 
 
 class Tick(Struct, frozen=True):

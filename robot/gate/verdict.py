@@ -18,8 +18,9 @@ HEARTBEAT_S = 0.25                    # axes say how they are every 0.1 s; two m
 
 def judge(inputs: Inputs, estimate: Estimate, aim: Aim, memory: Memory, config: Config, gate: Gate | None) -> Verdict:
     """The verdict of one tick; `reasons` is empty exactly when `fire` is true."""
-    reasons = [*_operator(memory), *inputs.faults, *_readings(inputs, memory, config),
-               *_launcher(inputs, estimate, aim, memory, config), *_target(estimate, config)]
+    reasons = [*_operator(memory), *inputs.faults, *doubted_readings(inputs, config),
+               *([] if memory.homed else ["hood not homed"]), *_launcher(inputs, estimate, aim, memory, config),
+               *_target(estimate, config)]
     p_two, p_three, doubts = _model(estimate, config.gate, gate)
     reasons += doubts
     return Verdict(not reasons, tuple(reasons), p_two, p_three)
@@ -43,7 +44,8 @@ def _operator(memory: Memory) -> list[str]:
     return reasons
 
 
-def _readings(inputs: Inputs, memory: Memory, config: Config) -> list[str]:
+def doubted_readings(inputs: Inputs, config: Config) -> list[str]:
+    """What is missing, stale or reports an error among the motors and the hood's encoder, in words."""
     reasons: list[str] = []
     motors = (*inputs.flywheels, inputs.hood_motor, inputs.feeder)
     for (name, axis), motor in zip(name_axes(config), motors, strict=True):
@@ -55,8 +57,6 @@ def _readings(inputs: Inputs, memory: Memory, config: Config) -> list[str]:
         reasons.append(f"hood encoder silent for {(inputs.t_ns - angle.t_ns) * NS:.2f} s")
     elif not angle.magnet_ok:
         reasons.append("hood encoder cannot see its magnet")
-    if not memory.homed:
-        reasons.append("hood not homed")
     return reasons
 
 

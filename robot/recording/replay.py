@@ -8,10 +8,12 @@ import msgspec
 
 from hw.reading import CameraFrame
 from robot.config import BadInput
+from robot.identify.tick import POLICY, make_step
 from robot.recording.reader import TickReader
-from robot.recording.session import load_session_config, load_session_gate
+from robot.recording.session import load_header, load_session_config, load_session_gate
 from robot.rig import ReplayRig
 from robot.runtime import run
+from robot.tick import step
 from robot.types import Sent, Tick
 
 
@@ -55,7 +57,8 @@ def replay(session: Path) -> tuple[int, str | None]:
     config, gate = load_session_config(session), load_session_gate(session)
     reader = TickReader(session)
     rows = RecordedRows(reader)
-    ticks = run(ReplayRig(rows), config, gate, Comparer(rows))
+    think = make_step(config) if load_header(session).policy == POLICY else step
+    ticks = run(ReplayRig(rows), config, gate, Comparer(rows), think)
     if ticks == 0:
         raise BadInput(f"{reader.path}: no ticks to replay" + (f" ({reader.cut_short})" if reader.cut_short else ""))
     return ticks, reader.cut_short

@@ -1,0 +1,135 @@
+"""truearc identify on the emulated robot: doubts and buttons end in HOLD, and bad input says what is wrong."""
+
+import signal
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from msgspec.structs import replace
+
+import robot
+from doors.identify_twin import ARM, drive_twin
+from doors.twin import emulate
+from hw.emulated.faults import SILENT, Fault
+from hw.emulated.serial_port import open_button_box
+from robot.config import load_config
+from robot.recording.reader import TickReader
+from robot.recording.replay import replay
+from sim.identify.session import load_driven
+from sim.world.world import World
+from truearc import main
+
+SHIPPED = Path(robot.__file__).parent / "launcher.toml"
+CONFIG = load_config(SHIPPED)
+SECOND = 1_000_000_000
+FOREVER = 1 << 62
+
+
+def only(joint):
+    both = {name: replace(getattr(CONFIG.identify, name), repeats=int(name == joint)) for name in ("flywheel", "hood")}
+    return replace(CONFIG, identify=replace(CONFIG.identify, **both))
+
+
+@pytest.mark.parametrize(("device", "joint"), [("flywheel_b", "flywheel"), ("hood_encoder", "hood"),
+                                               ("feeder", "hood")])
+def test_a_reading_that_goes_stale_ends_it_in_hold(tmp_path, device, joint):
+    fault = Fault(SILENT, 3 * SECOND, FOREVER)
+    over = drive_twin(only(joint), tmp_path / "s", World(2), lambda text: None, faults={device: (fault,)})
+    assert "silent" in over
+    last = [tick for tick, _ in TickReader(tmp_path / "s")][-1]
+    assert not last.sent.enable and last.sent.flywheel_torque_nm == last.sent.hood_torque_nm == 0.0
+    assert last.inputs.t_ns <= 3 * SECOND + (CONFIG.gate.reading_age_s + 0.1) * SECOND
+    assert not last.verdict.fire and "silent" in last.verdict.reasons[0]
+    assert replay(tmp_path / "s")[1] is None
+    driven = load_driven(tmp_path / "s")
+    assert not driven.whole and not driven.records and joint in driven.warnings[0]
+
+
+def test_the_operators_button_ends_it(tmp_path, capsys):
+    over = drive_twin(only("flywheel"), tmp_path / "s", World(2), lambda text: None, (*ARM, (4 * SECOND, "fire")))
+    assert over == "released by the operator (fire)"
+    assert main(["identify", str(tmp_path / "s"), "--quiet"]) == 1
+    assert "released by the operator" in capsys.readouterr().err
+
+
+def test_nobody_arms_nothing_moves(tmp_path):
+    presses = ((SECOND, "fire"), (2 * SECOND, "arm"), (3 * SECOND, "arm"))
+    over = drive_twin(only("flywheel"), tmp_path / "s", World(2), lambda text: None, presses)
+    assert over == "released by the operator (arm)"
+    ticks = [tick for tick, _ in TickReader(tmp_path / "s")]
+    early = [tick for tick in ticks if tick.inputs.t_ns < 2 * SECOND]
+    assert len(early) > 300 and all(not tick.sent.enable and tick.inputs.flywheels[0].velocity_rad_s == 0.0
+                                    for tick in early)
+    assert any(tick.sent.flywheel_torque_nm > 0.0 for tick in ticks)
+
+
+def test_a_session_of_shooting_is_refused(tmp_path, capsys):
+    emulate(CONFIG, tmp_path / "s", trials=0, seed=0)
+    assert main(["identify", str(tmp_path / "s")]) == 2
+    assert "not a recording of `truearc identify`" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("arguments", "words"), [
+    ([], "give --config"), (["--emulate"], "needs --out"), (["--config", "nowhere.toml"], "nowhere.toml"),
+    (["--csv", "nowhere.csv"], "nowhere.csv"), (["--emulate", "--out", "x", "--seed", "-1"], "cannot be negative"),
+    (["--csv", "a.csv", "-o", "no/such/gains.toml"], "no directory"),
+])
+def test_bad_input_is_exit_2_with_a_name(arguments, words, capsys):
+    assert main(["identify", *arguments]) == 2
+    assert words in capsys.readouterr().err
+
+
+def test_a_robot_without_the_section_is_told(tmp_path, capsys):
+    text = SHIPPED.read_text(encoding="utf-8")
+    begin, end = text.index("[identify.flywheel]"), text.index("[rig.ball]")
+    (tmp_path / "old.toml").write_text(text[:begin] + text[end:], encoding="utf-8")
+    assert main(["identify", "--config", str(tmp_path / "old.toml")]) == 2
+    assert "[identify] is missing" in capsys.readouterr().err
+
+
+@pytest.fixture
+def handlers():
+    """The door takes over Ctrl-C; give it back."""
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+def test_the_real_door_with_silent_devices_ends_in_hold_and_leaves_a_session(tmp_path, handlers, capsys):
+    """Real clock, a real serial port, a bus on which nobody answers: the operator arms, and nothing is ever driven."""
+    box, over = open_button_box(), threading.Event()
+
+    def operate():
+        begin_ns, armed = time.monotonic_ns(), False
+        while not over.wait(0.05):
+            box.step(time.monotonic_ns() - begin_ns)
+            if not armed and time.monotonic_ns() - begin_ns > SECOND // 2:
+                box.press("arm")
+                armed = True
+
+    text = SHIPPED.read_text(encoding="utf-8").replace("/dev/buttonbox", box.port)
+    text = text.replace('interface = "socketcan"', 'interface = "virtual"').replace('"can0"', f'"{tmp_path.name}"')
+    (tmp_path / "launcher.toml").write_text(text, encoding="utf-8")
+    operator = threading.Thread(target=operate)
+    operator.start()
+    try:
+        code = main(["identify", "--config", str(tmp_path / "launcher.toml"), "--out", str(tmp_path / "s")])
+    finally:
+        over.set()
+        operator.join()
+        box.unplug()
+    said = capsys.readouterr().err
+    assert code == 1 and "waiting for the axes" in said and "has never answered" in said
+    ticks = [tick for tick, _ in TickReader(tmp_path / "s")]
+    assert any(tick.sent.enable for tick in ticks)
+    assert all(tick.sent.flywheel_torque_nm == tick.sent.hood_torque_nm == 0.0 for tick in ticks)
+    assert replay(tmp_path / "s")[1] is None
+
+
+def test_wires_that_cannot_be_opened_are_named(tmp_path, handlers, capsys):
+    text = SHIPPED.read_text(encoding="utf-8").replace('interface = "socketcan"', 'interface = "virtual"')
+    (tmp_path / "launcher.toml").write_text(text.replace("/dev/buttonbox", "/dev/no-such-box"), encoding="utf-8")
+    assert main(["identify", "--config", str(tmp_path / "launcher.toml"), "--out", str(tmp_path / "s")]) == 2
+    assert "cannot start: " in capsys.readouterr().err and not (tmp_path / "s").exists()

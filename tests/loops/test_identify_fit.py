@@ -1,0 +1,127 @@
+"""truearc identify on the emulated robot: what is fitted is what the world was made of."""
+
+import tomllib
+from pathlib import Path
+
+import msgspec
+import pytest
+from msgspec.structs import replace
+
+import robot
+from doors.identify_twin import drive_twin
+from doors.twin import emulate
+from robot.config import Config, load_config
+from robot.recording.reader import TickReader
+from robot.recording.replay import replay
+from robot.recording.session import load_trials
+from sim.identify.fit import fit_law, fit_motion
+from sim.identify.session import load_driven
+from sim.world import belt, hood
+from sim.world.options import Options
+from sim.world.world import World
+from truearc import main
+
+SHIPPED = Path(robot.__file__).parent / "launcher.toml"
+CONFIG = load_config(SHIPPED)
+MOTORS = len(CONFIG.axes.flywheels)
+pytestmark = pytest.mark.slow
+
+
+def repeated(flywheel, hood):
+    both = {"flywheel": replace(CONFIG.identify.flywheel, repeats=flywheel),
+            "hood": replace(CONFIG.identify.hood, repeats=hood)}
+    return replace(CONFIG, identify=replace(CONFIG.identify, **both))
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("identify") / "first"
+    assert drive_twin(repeated(1, 2), folder, World(3), lambda text: None) == "done"
+    return folder
+
+
+@pytest.fixture(scope="module")
+def fits(session):
+    driven = load_driven(session)
+    assert driven.whole and not driven.warnings
+    return {joint: fit_motion(record) for joint, record in driven.records.items()}
+
+
+def test_the_flywheels_friction_and_inertia_are_the_worlds(fits):
+    fit = fits["flywheel"]
+    assert fit.r2 > 0.9999
+    assert fit.value("ka") * MOTORS == pytest.approx(belt.INERTIA_KG_M2, rel=0.005)
+    assert fit.value("ks") * MOTORS == pytest.approx(belt.COULOMB_NM, rel=0.02)
+    assert fit.value("kv") * MOTORS == pytest.approx(belt.VISCOUS_NM_S, rel=0.02)
+    assert fit.value("kq") * MOTORS == pytest.approx(belt.WINDAGE_NM_S2, rel=0.02)
+
+
+def test_the_hoods_friction_and_inertia_are_the_worlds(fits):
+    fit = fits["hood"]
+    assert fit.r2 > 0.9999
+    for name, truth in (("ka", hood.INERTIA_KG_M2), ("ks", hood.COULOMB_NM), ("ks_back", hood.COULOMB_NM),
+                        ("kv", hood.VISCOUS_NM_S)):
+        assert fit.value(name) == pytest.approx(truth, rel=0.02), name
+
+
+def test_the_delay_is_that_of_the_devices_reports(fits):
+    """They report at 3, 13, 23... ms, which the robot reads at 5, 15, 25... ms."""
+    for fit in fits.values():
+        assert fit.value("delay_s") == pytest.approx(0.002, abs=0.0005)
+
+
+def test_a_replay_is_bit_equal(session):
+    ticks, cut_short = replay(session)
+    assert ticks > 1000 and cut_short is None
+
+
+def test_only_what_was_programmed_was_sent(session):
+    """No wheel was driven backwards, no ball was fed, the hood stayed inside."""
+    sent = [(tick.sent, tick.estimate.hood_deg) for tick, _ in TickReader(session)]
+    assert all(0.0 <= one.flywheel_torque_nm <= CONFIG.identify.flywheel.step_nm for one, _ in sent)
+    assert all(one.feeder_torque_nm == 0.0 for one, _ in sent)
+    assert max(deg for _, deg in sent if deg is not None) < CONFIG.hood.high_deg - 0.5 * CONFIG.identify.hood.margin_deg
+
+
+def test_another_worlds_inertia_is_found_without_being_told(tmp_path):
+    world = World(1, Options(flywheel_inertia_scale=1.6, battery_start_v=12.0))
+    assert drive_twin(repeated(1, 0), tmp_path / "s", world, lambda text: None) == "done"
+    driven = load_driven(tmp_path / "s")
+    fit = fit_law(driven.records["flywheel"], windage=True)
+    assert fit.value("ka") * MOTORS == pytest.approx(1.6 * belt.INERTIA_KG_M2, rel=0.01)
+
+
+def test_a_driver_that_gives_less_than_was_asked_is_noticed(tmp_path):
+    world = World(1, Options(driver_current_a=6.0))
+    drive_twin(repeated(1, 0), tmp_path / "s", world, lambda text: None)
+    assert any("current does not go with the torque" in warning for warning in load_driven(tmp_path / "s").warnings)
+
+
+def merged(fragment: str) -> Config:
+    """The shipped configuration with the fragment's keys pasted in."""
+    def put(into: dict, what: dict) -> None:
+        for key, value in what.items():
+            if isinstance(value, dict):
+                put(into[key], value)
+            else:
+                assert key in into, key
+                into[key] = value
+    whole = tomllib.loads(SHIPPED.read_text(encoding="utf-8"))
+    put(whole, tomllib.loads(fragment))
+    return msgspec.convert(whole, Config)
+
+
+def test_the_door_writes_gains_that_the_robot_shoots_with(session, tmp_path, capsys):
+    gains, page = tmp_path / "gains.toml", tmp_path / "page.html"
+    before = SHIPPED.read_bytes()
+    assert main(["identify", str(session), "-o", str(gains), "--report", str(page), "--quiet"]) == 0
+    out = capsys.readouterr().out
+    assert out == gains.read_text(encoding="utf-8") and "R^2" in out
+    assert page.read_text(encoding="utf-8").count("data:image/png") == 2
+    assert main(["identify", str(session), "-o", str(gains), "--quiet"]) == 2
+    assert "exists already" in capsys.readouterr().err and SHIPPED.read_bytes() == before
+    config = merged(out)
+    assert config.flywheel.pid.kp != CONFIG.flywheel.pid.kp and config.hood.pid.kp != CONFIG.hood.pid.kp
+    results = emulate(config, tmp_path / "shots", trials=3, seed=11)
+    assert len(results) == 3
+    assert all(trial.outcome.outcome != "held" for trial in load_trials(tmp_path / "shots"))
