@@ -1,6 +1,7 @@
 """Puts the emulated robot together: the robot's own code on one end of every wire, devices and a world on the other."""
 
 import itertools
+from collections import Counter
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from hw.emulated.serial_port import open_button_box
 from hw.emulated.twin import Twin
 from hw.real.can_bus import open_can
 from hw.real.serial_port import open_serial
+from robot.bus_rules import guard
 from robot.config import Config
 from robot.gate.model import Gate, load_gate
 from robot.recording.candump import TappedBus
@@ -85,7 +87,8 @@ def run_twin(config: Config, world: World, trials: int, seed: int, gate: Gate | 
         return driver.done or clock.now_ns() > limit_ns
 
     try:
-        run(HardwareRig(config, TappedBus(near, recorder.tap), stream, eyes, clock, over), config, gate, recorder)
+        bus = TappedBus(guard(near, config, clock, Counter()), recorder.tap)
+        run(HardwareRig(config, bus, stream, eyes, clock, over), config, gate, recorder)
     finally:
         for wire in (near, far, stream, eyes):
             wire.close()

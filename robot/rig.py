@@ -52,11 +52,11 @@ class HardwareRig:
         period = NS_PER_S // self._config.tick_hz
         self._due_ns = max(self._due_ns + period, self._clock.now_ns())   # after a stall: skip, never burst
         self._clock.sleep_until_ns(self._due_ns)
-        t_ns = self._clock.now_ns()
         self._faults = []
         self._read_bus()
-        buttons = self._read_box(t_ns)
         sighting = self._read_eyes()
+        t_ns = self._clock.now_ns()               # nothing that was stamped on its way in is younger than the tick
+        buttons = self._read_box(t_ns)
         self._cycle += 1
         count = len(self._config.axes.flywheels)
         return Inputs(t_ns, self._cycle, tuple(self._motors[:count]), self._motors[count], self._motors[count + 1],
@@ -101,6 +101,7 @@ class HardwareRig:
         self._angle = canandmag.parse(self._encoder, frame, self._angle)
 
     def _read_bus(self) -> None:
+        self._faults += self._bus.faults()
         try:
             frames = self._bus.read()
         except LinkLost as error:

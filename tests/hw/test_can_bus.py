@@ -72,7 +72,7 @@ def test_error_frames_are_counted_and_are_not_data(clock) -> None:
     bus = open_can("virtual", "errors", 1_000_000, clock)
     raw.send(can.Message(arbitration_id=4, is_error_frame=True, data=bytes(8)))
     raw.send(can.Message(arbitration_id=5, data=b"", is_extended_id=False))
-    assert [frame.arbitration_id for frame in bus.read()] == [5] and bus.error_frames == 1
+    assert [frame.arbitration_id for frame in bus.read()] == [5] and bus.tally["error frames: controller"] == 1
     bus.close()
     raw.shutdown()
 
@@ -80,7 +80,7 @@ def test_error_frames_are_counted_and_are_not_data(clock) -> None:
 def test_a_full_queue_refuses_and_is_counted(clock) -> None:
     reader = can.Bus(interface="virtual", channel="full", rx_queue_size=1, ignore_config=True)
     bus = open_can("virtual", "full", 1_000_000, clock)
-    assert bus.write(Frame(0, 1, b"")) and not bus.write(Frame(0, 2, b"")) and bus.refused == 1
+    assert bus.write(Frame(0, 1, b"")) and not bus.write(Frame(0, 2, b"")) and bus.tally.total() == 1
     assert reader.recv(0).arbitration_id == 1 and bus.write(Frame(0, 3, b""))
     bus.close()
     reader.shutdown()
