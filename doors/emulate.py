@@ -27,6 +27,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--bus", default="virtual", metavar="INTERFACE:CHANNEL", help="slcan:auto (a serial adapter on "
                         "a pseudo-terminal), slcan:socket or socketcan:vcan0: play the devices alone, in real time, "
                         "for `truearc run` in another process, which records (default: virtual, all in this process)")
+    parser.add_argument("--watchdog-ms", type=int, default=100, metavar="MS", help="with --bus: for how long a motor "
+                        "driver goes on without hearing from the robot; more on a machine that stalls (default: 100)")
     parser.add_argument("--config", type=Path, default=SHIPPED, help="launcher.toml (default: the shipped one)")
     parser.add_argument("--world", type=Path, help="world.toml; the robot never sees it (default: an honest world)")
     parser.add_argument("--gate", type=Path, help="model that must agree before the robot fires")
@@ -61,10 +63,14 @@ def _serve(args: argparse.Namespace, config: Config, trials: int) -> list[BallRe
         if value is not None:
             raise BadInput(f"{option} is for `truearc run` with --bus {args.bus}: that process is the robot")
 
+    if args.watchdog_ms < 1:
+        raise BadInput(f"--watchdog-ms {args.watchdog_ms}: at least 1")
+
     def say(command: str) -> None:
         print(f"the devices wait on {args.bus}; start the robot in another terminal:\n  {command}", flush=True)
 
-    return serve(config, args.config, args.bus, trials, args.seed, load_options(args.world), say)
+    return serve(config, args.config, args.bus, args.watchdog_ms, trials, args.seed,
+                 load_options(args.world), say)
 
 
 def _trials(asked: int | None, config: Config) -> int:

@@ -30,11 +30,11 @@ STEP_NS = 2_000_000                   # the devices hear what came in, and the w
 LATE_NS = 50_000_000                  # world time stands still where this machine did, rather than catch up
 
 
-def serve(config: Config, config_path: Path, bus_name: str, trials: int, seed: int, options: Options | None,
-          say: Callable[[str], None]) -> list[BallResult]:
+def serve(config: Config, config_path: Path, bus_name: str, watchdog_ms: int, trials: int, seed: int,
+          options: Options | None, say: Callable[[str], None]) -> list[BallResult]:
     """Let a robot that opens the ports which `say` is told shoot `trials` balls; what the world knows of each.
 
-    The driver begins when the robot is first heard on the bus.
+    The driver begins when the robot is first heard on the bus. `watchdog_ms`: of the motor drivers.
     """
     world = World(seed, options)
     clock = MonotonicClock()
@@ -58,7 +58,8 @@ def serve(config: Config, config_path: Path, bus_name: str, trials: int, seed: i
             if heard.is_set():
                 driver.step(t_ns)
 
-        twin = Twin(world, TappedBus(bus, listen), make_nodes(config, world, {}), (box.step, drive, camera.step))
+        twin = Twin(world, TappedBus(bus, listen), make_nodes(config, world, {}, watchdog_ms),
+                    (box.step, drive, camera.step))
         say(shlex.join(["truearc", "run", "--config", str(config_path), "--can", channel, "--buttons", box.port,
                         "--camera", camera.url]))
         keep_time(clock, twin.advance, lambda: driver.done)

@@ -96,12 +96,13 @@ def run_twin(config: Config, world: World, trials: int, seed: int, gate: Gate | 
     progress(1.0, f"{len(world.results)} balls in {clock.now_ns() * 1e-9:.0f} s of robot time")
 
 
-def make_nodes(config: Config, world: World, faults: Mapping[str, tuple[Fault, ...]]) -> tuple[Node, ...]:
+def make_nodes(config: Config, world: World, faults: Mapping[str, tuple[Fault, ...]],
+               watchdog_ms: int = FLYWHEEL.watchdog_ms) -> tuple[Node, ...]:
     """The far end of every device that the configuration names."""
     names = [f"flywheel_{letter}" for letter, _ in zip("ab", config.axes.flywheels, strict=True)] + ["hood", "feeder"]
     axes = [*config.axes.flywheels, config.axes.hood, config.axes.feeder]
     nodes: dict[str, Node] = {
-        name: OdriveNode(make_axis(axis), name, world, SETTINGS.get(name, FLYWHEEL),
+        name: OdriveNode(make_axis(axis), name, world, replace(SETTINGS.get(name, FLYWHEEL), watchdog_ms=watchdog_ms),
                          world.hood_at_limit if axis.endstop_endpoint else None)
         for name, axis in zip(names, axes, strict=True)}
     encoder = config.hood_encoder

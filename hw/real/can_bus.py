@@ -6,6 +6,7 @@ from collections import Counter
 from typing import Any
 
 import can
+import serial
 
 from hw.link import Clock, Frame, LinkLost
 from hw.real.can_errors import BUS_OFF, error_words
@@ -131,7 +132,8 @@ def _make_frame(message: can.Message, t_ns: int) -> Frame:
 
 
 def _is_full(error: Exception) -> bool:
-    if isinstance(error, can.CanTimeoutError):
+    # A serial port that could not be written to in time says so to python-can, which tells another story.
+    if isinstance(error, can.CanTimeoutError) or isinstance(error.__cause__, serial.SerialTimeoutException):
         return True
     code = error.error_code if isinstance(error, can.CanError) else getattr(error, "errno", None)
     return code in QUEUE_FULL or (code is None and str(error) in QUEUE_FULL_WORDS)
