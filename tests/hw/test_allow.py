@@ -19,7 +19,7 @@ class Wire:
 
     def __init__(self) -> None:
         self.sent: list[Frame] = []
-        self.full = False
+        self.full = self.closed = False
 
     def read(self) -> list[Frame]:
         return [TORQUE]
@@ -31,7 +31,8 @@ class Wire:
     def faults(self) -> list[str]:
         return ["wire"]
 
-    def close(self) -> None: ...
+    def close(self) -> None:
+        self.closed = True
 
 
 @pytest.fixture
@@ -41,6 +42,9 @@ def bench(clock):
 
 
 def test_an_example_gives_its_kind() -> None:
+    assert WINDOW_NS == 100_000_000
+    with pytest.raises(AttributeError):
+        LIST[0].most = 1000
     assert list(LIST) == [Allowed(0x2E, False, False, 8, 3), Allowed(0x20, False, True, 0, 1),
                           Allowed(0x2E, True, False, 0, 2)]
 
@@ -105,3 +109,5 @@ def test_a_full_queue_is_the_wires_own_refusal(bench) -> None:
     wire, _, tally, bus = bench
     wire.full = True
     assert not bus.write(TORQUE) and not tally and bus.faults() == ["wire"] and bus.read() == [TORQUE]
+    bus.close()
+    assert wire.closed

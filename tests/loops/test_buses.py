@@ -97,6 +97,14 @@ def reference(tmp_path_factory) -> Trial:
     return read_trial(folder)
 
 
+def tell(session: Path) -> str:
+    """What the robot was told, what was wrong and what held it, for whoever reads of a failure."""
+    ticks = [tick for tick, _ in TickReader(session)]
+    heard = [f"{tick.inputs.cycle}: {[event.button for event in tick.inputs.buttons]} {tick.inputs.faults}"
+             for tick in ticks if tick.inputs.buttons or tick.inputs.faults]
+    return "\n".join([*heard[:50], f"last: {ticks[-1].verdict.reasons}"])
+
+
 def read_trial(session: Path) -> Trial:
     (line,) = (session / "trials.jsonl").read_bytes().splitlines()
     return msgspec.json.decode(line, type=Trial)
@@ -111,6 +119,7 @@ def test_the_same_session_on_every_bus(bus: str, config_path: Path, tmp_path: Pa
     else:
         session, said, recorded = shoot_in_two(bus, config_path, tmp_path / "out")
     assert not re.search("not allowed|unknown|another host|garbled", recorded), recorded
+    assert (session / "trials.jsonl").read_bytes(), said + recorded + tell(session)
     trial = read_trial(session)
     assert "1 balls launched (" in said and f"1 {trial.outcome.outcome}" in said      # as the world saw it
     assert trial.shot is not None and reference.shot is not None
