@@ -1,5 +1,6 @@
 """Drives a launcher by the program of [identify] and records it: on its real wires, or on the emulated robot."""
 
+from collections import Counter
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
@@ -7,9 +8,9 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from doors.run import Ending
+from doors.wires import open_bus
 from hw.link import LinkLost
 from hw.reading import CameraFrame
-from hw.real.can_bus import open_can
 from hw.real.clock import MonotonicClock, wall_clock
 from hw.real.serial_port import open_serial
 from robot.config import BadInput, Config
@@ -59,8 +60,7 @@ def drive_robot(config: Config, folder: Path | None, tell: Say) -> Path:
     with ExitStack() as wires:
         clock = MonotonicClock()
         try:
-            bus = open_can(config.can.interface, config.can.channel, config.can.bitrate, clock)
-            wires.callback(bus.close)
+            bus = open_bus(config, clock, wires, Counter())
             box = open_serial(config.buttons.port, config.buttons.baud)
             wires.callback(box.close)
         except LinkLost as error:

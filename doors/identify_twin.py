@@ -1,5 +1,6 @@
 """Drives the emulated robot by the program of [identify]: real frames, a button box, a world that nobody looks into."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -12,6 +13,7 @@ from hw.emulated.serial_port import open_button_box
 from hw.emulated.twin import Twin
 from hw.real.can_bus import open_can
 from hw.real.serial_port import open_serial
+from robot.bus_rules import guard
 from robot.config import Config
 from robot.eyes import NoEyes
 from robot.identify.tick import make_step
@@ -47,7 +49,8 @@ def drive_twin(config: Config, folder: Path, world: World, tell: Say, presses: S
         stream = open_serial(box.port, config.buttons.baud)
         wires.callback(stream.close)
         watch = Watch(recorder, config, tell)
-        rig = HardwareRig(config, TappedBus(near, recorder.tap), stream, NoEyes(), clock,
+        bus = guard(near, config, clock, Counter())
+        rig = HardwareRig(config, TappedBus(bus, recorder.tap), stream, NoEyes(), clock,
                           lambda: bool(watch.over) or clock.now_ns() > LONGEST_NS)
         run(rig, config, None, watch, step)
     if recorder.failed is not None:

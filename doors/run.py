@@ -5,16 +5,18 @@ import gc
 import os
 import signal
 import sys
+from collections import Counter
 from contextlib import ExitStack
 from pathlib import Path
 from types import FrameType
 
 import cv2
 
+from doors.ports import add_port_arguments, with_ports
+from doors.wires import open_bus
 from hw.link import Bus, Camera, Clock, LinkLost, Stream
 from hw.reading import CameraFrame
 from hw.real.camera import open_camera
-from hw.real.can_bus import open_can
 from hw.real.clock import MonotonicClock, wall_clock
 from hw.real.realtime import ask_core, ask_fifo, ask_locked_memory
 from hw.real.serial_port import open_serial
@@ -39,6 +41,7 @@ EXAMPLE = "truearc run --config launcher.toml --gate gate.onnx --out sessions"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--config", type=Path, required=True, help="launcher.toml")
+    add_port_arguments(parser)
     parser.add_argument("--plan", type=Path, metavar="TABLE", help="shoot these configurations: a CSV file with "
                         "distance_m, motor_ratio, hood_deg, or a dataset directory; it says where to stand")
     parser.add_argument("--repeats", type=int, metavar="N", help="shots at each configuration (default: [collect])")
@@ -63,7 +66,7 @@ class Ending:
 
 def main(args: argparse.Namespace) -> int:
     _check_real_time(args)
-    config = load_config(args.config)
+    config = with_ports(load_config(args.config), args.can, args.buttons, args.camera)
     config = with_plan(config, load_plan(args.plan, config) if args.plan else (), args.repeats)
     gate = None if args.gate is None else load_gate(args.gate)
     if config.gate.policy == "model" and gate is None:
@@ -75,7 +78,8 @@ def main(args: argparse.Namespace) -> int:
     folder = args.out / started.replace(":", "")
     ending = Ending()
     with ExitStack() as wires:
-        bus, box, camera, clock = _open_wires(config, wires)
+        tally: Counter[str] = Counter()
+        bus, box, camera, clock = _open_wires(config, wires, tally)
         recorder = SessionWriter(folder, make_header(config, gate, started), config,
                                  args.gate.read_bytes() if args.gate else None, lossless=False)
         wires.callback(recorder.close)
@@ -94,18 +98,22 @@ def main(args: argparse.Namespace) -> int:
         ticks = run(WatchedRig(TimedRig(rig, lateness), config, manager.say), config, gate, recorder)
     print(f"{folder}: {ticks} ticks" + (f", {recorder.dropped} batches lost" if recorder.dropped else ""))
     print(*lateness.lines(), sep="\n")
+    for what, count in sorted(tally.items()):
+        print(f"  CAN: {what}: {count}")
     if recorder.failed is not None:
         raise BadInput(f"{folder}: the recording stopped: {recorder.failed}")
     return 0
 
 
-def _open_wires(config: Config, wires: ExitStack) -> tuple[Bus, Stream, Camera, Clock]:
-    """Every wire of the configuration, to be closed by `wires`; BadInput names the one that cannot be opened."""
+def _open_wires(config: Config, wires: ExitStack, tally: Counter[str]) -> tuple[Bus, Stream, Camera, Clock]:
+    """Every wire of the configuration, to be closed by `wires`; BadInput names the one that cannot be opened.
+
+    `tally` counts what happens on the CAN bus beside what should.
+    """
     cv2.setNumThreads(1)
     clock = MonotonicClock()
     try:
-        bus = open_can(config.can.interface, config.can.channel, config.can.bitrate, clock)
-        wires.callback(bus.close)
+        bus = open_bus(config, clock, wires, tally)
         box = open_serial(config.buttons.port, config.buttons.baud)
         wires.callback(box.close)
         camera = open_camera(config.camera.device, config.camera.width_px, config.camera.height_px, config.camera.fps,

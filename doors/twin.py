@@ -1,6 +1,7 @@
 """Puts the emulated robot together: the robot's own code on one end of every wire, devices and a world on the other."""
 
 import itertools
+from collections import Counter
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from hw.emulated.spark_node import SparkNode, SparkSettings
 from hw.emulated.twin import Twin
 from hw.real.can_bus import open_can
 from hw.real.serial_port import open_serial
+from robot.bus_rules import guard
 from robot.config import AdvisoryAxis, Axis, Config, OdriveAxis, SparkAxis
 from robot.gate.model import Gate, load_gate
 from robot.motors import name_axes, odrive_axis, spark_axis
@@ -90,7 +92,8 @@ def run_twin(config: Config, world: World, trials: int, seed: int, gate: Gate | 
         return driver.done or clock.now_ns() > limit_ns
 
     try:
-        run(HardwareRig(config, TappedBus(near, recorder.tap), stream, eyes, clock, over), config, gate, recorder)
+        bus = TappedBus(guard(near, config, clock, Counter()), recorder.tap)
+        run(HardwareRig(config, bus, stream, eyes, clock, over), config, gate, recorder)
     finally:
         for wire in (near, far, stream, eyes):
             wire.close()
@@ -98,19 +101,20 @@ def run_twin(config: Config, world: World, trials: int, seed: int, gate: Gate | 
     progress(1.0, f"{len(world.results)} balls in {clock.now_ns() * 1e-9:.0f} s of robot time")
 
 
-def make_nodes(config: Config, world: World, faults: Mapping[str, tuple[Fault, ...]]) -> tuple[Node, ...]:
+def make_nodes(config: Config, world: World, faults: Mapping[str, tuple[Fault, ...]],
+               watchdog_ms: int = FLYWHEEL.watchdog_ms) -> tuple[Node, ...]:
     """The far end of every device that the configuration names."""
     names = [f"flywheel_{letter}" for letter, _ in zip("ab", config.axes.flywheels, strict=True)] + ["hood", "feeder"]
-    nodes = {name: make_axis_node(axis, name, world)
+    nodes = {name: make_axis_node(axis, name, world, watchdog_ms)
              for name, (_, axis) in zip(names, name_axes(config), strict=True)}
     encoder = config.hood_encoder
     nodes["hood_encoder"] = CanandmagNode(Encoder(encoder.device), world, encoder.zero_deg, encoder.direction)
     return tuple(FaultyNode(node, faults[name]) if name in faults else node for name, node in nodes.items())
 
 
-def make_axis_node(axis: Axis, name: str, world: World) -> Node:
+def make_axis_node(axis: Axis, name: str, world: World, watchdog_ms: int) -> Node:
     """The device at the far end of one axis, with the world's motor `name` on it; nobody commands an advisory one."""
-    settings = SETTINGS.get(name, FLYWHEEL)
+    settings = replace(SETTINGS.get(name, FLYWHEEL), watchdog_ms=watchdog_ms)
     motor = {"hood": HOOD, "feeder": FEEDER}.get(name, FLYWHEEL_MOTOR)
     sparks = SparkSettings(motor.kt_nm_a, motor.resistance_ohm)
     switch = world.hood_at_limit if name == "hood" else None

@@ -40,6 +40,12 @@ def frame_ids(encoder: Encoder) -> tuple[int, ...]:
     return tuple(codec.base_id(message) + encoder.device for message in MESSAGES)
 
 
+def ids_sent_by(encoder: Encoder, node: str) -> tuple[int, ...]:
+    """Arbitration ids (29 bits) of all frames about it that the "Encoder" or a "Host" sends, by the DBC file."""
+    codec = load_codec("canandmag")
+    return tuple(codec.base_id(message) + encoder.device for message in codec.sent_by(node))
+
+
 def make_position_period(encoder: Encoder, period_ms: int) -> Frame:
     """Ask for an angle every `period_ms` (1-65535) until the next power-down."""
     if not 1 <= period_ms <= 65535:

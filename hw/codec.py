@@ -57,6 +57,10 @@ class Codec:
         """Names of all messages, in the file's order."""
         return tuple(self._messages)
 
+    def sent_by(self, node: str) -> tuple[str, ...]:
+        """Names of the messages that `node` of the DBC file sends ("Host", or what the file calls the device)."""
+        return tuple(name for name, entry in self._messages.items() if node in entry.message.senders)
+
     def base_id(self, message: str) -> int:
         """Arbitration id of a message for device 0."""
         return int(self._messages[message].message.frame_id)

@@ -25,6 +25,11 @@ class Frame(NamedTuple):
     is_extended: bool = False
     is_remote: bool = False
 
+    @property
+    def name(self) -> str:
+        """Its id as people write it: 0x02e, or 0x070e00c5 when it is extended."""
+        return f"0x{self.arbitration_id:08x}" if self.is_extended else f"0x{self.arbitration_id:03x}"
+
 
 class Bus(Protocol):
     """A CAN bus. Neither call blocks; both raise LinkLost when the adapter is gone."""
@@ -34,6 +39,9 @@ class Bus(Protocol):
 
     def write(self, frame: Frame) -> bool:
         """Queue one frame; False when the transmit queue refused it (counted, never retried here)."""
+
+    def faults(self) -> list[str]:
+        """What has been wrong with the wire since the last call, in words; empty when nothing was."""
 
     def close(self) -> None: ...
 

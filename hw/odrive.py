@@ -45,11 +45,12 @@ ERROR_WORDS = (
 
 SDO_READ = 0
 VERSION_COMMAND = 0x00                            # message Get_Version
+HEARTBEAT_COMMAND = 0x01                          # message Heartbeat
 SDO_COMMAND = 0x05                                # message TxSdo
 # Command -> message, of what becomes part of a MotorReading
 READINGS = MappingProxyType({
-    0x01: "Heartbeat", 0x03: "Get_Error", SDO_COMMAND: "TxSdo", 0x09: "Get_Encoder_Estimates", 0x14: "Get_Iq",
-    0x17: "Get_Bus_Voltage_Current",
+    HEARTBEAT_COMMAND: "Heartbeat", 0x03: "Get_Error", SDO_COMMAND: "TxSdo", 0x09: "Get_Encoder_Estimates",
+    0x14: "Get_Iq", 0x17: "Get_Bus_Voltage_Current",
 })
 
 
@@ -83,6 +84,17 @@ def frame_ids(axis: Axis) -> tuple[int, ...]:
 def parameter_id(axis: Axis) -> int:
     """Arbitration id of the answers that `parse_parameter` understands."""
     return axis.node << 5 | SDO_COMMAND
+
+
+def ids_sent_by(axis: Axis, node: str) -> tuple[int, ...]:
+    """Arbitration ids of all frames about this axis that the "Axis" or a "Host" sends, by the DBC file."""
+    codec = load_codec("odrive")
+    return tuple(axis.node << 5 | codec.base_id(message) for message in codec.sent_by(node))
+
+
+def heartbeat_id(axis: Axis) -> int:
+    """Arbitration id of the frame that an axis sends ten times a second unless it is set otherwise."""
+    return axis.node << 5 | HEARTBEAT_COMMAND
 
 
 def version_id(axis: Axis) -> int:

@@ -20,6 +20,7 @@ from hw.reading import MotorReading
 RPM_RAD_S = 2.0 * math.pi / 60.0
 REVOLUTION_RAD = 2.0 * math.pi
 OLDEST_FIRMWARE, NEWEST_FIRMWARE = 25, 26         # before 25 the frames had other ids; after 26 nobody has looked
+HEARTBEAT = "SECONDARY_HEARTBEAT"                    # one frame about all devices
 HEARTBEAT_LOST_MS = 100                           # without a secondary heartbeat for this long the output is 0
 
 # The device has no states of its own; these are what this house knows of it
@@ -105,6 +106,14 @@ def frame_id(axis: Axis, message: str) -> int:
     return load_codec("spark").base_id(message) + axis.device
 
 
+def ids_sent_by(axis: Axis, node: str) -> tuple[int, ...]:
+    """Arbitration ids of all frames about this axis that the "Spark" or a "Host" sends, by the DBC file; the heartbeat
+    is about all axes."""
+    codec = load_codec("spark")
+    return tuple(codec.base_id(message) if message == HEARTBEAT else frame_id(axis, message)
+                 for message in codec.sent_by(node))
+
+
 def frame_ids(axis: Axis) -> tuple[int, ...]:
     """Arbitration ids of the frames that `parse` understands."""
     return tuple(frame_id(axis, message) for message in READINGS)
@@ -126,8 +135,8 @@ def make_heartbeat(devices: Iterable[int]) -> Frame:
     """Enable these devices and disable every other SPARK on the bus; to be sent by the tick, every 20 to 50 ms."""
     bits = sum(1 << device for device in set(devices))
     codec = load_codec("spark")
-    data = codec.make("SECONDARY_HEARTBEAT", {"devices_0_31": bits & 0xFFFFFFFF, "devices_32_63": bits >> 32})
-    return Frame(0, codec.base_id("SECONDARY_HEARTBEAT"), data, is_extended=True)
+    data = codec.make(HEARTBEAT, {"devices_0_31": bits & 0xFFFFFFFF, "devices_32_63": bits >> 32})
+    return Frame(0, codec.base_id(HEARTBEAT), data, is_extended=True)
 
 
 def make_statuses(axis: Axis, enabled: int) -> Frame:

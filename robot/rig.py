@@ -50,12 +50,12 @@ class HardwareRig:
         turn_ns = self._due_ns + period
         self._due_ns = max(turn_ns, self._clock.now_ns())   # after a stall: skip, never burst
         self._clock.sleep_until_ns(self._due_ns)
-        t_ns = self._clock.now_ns()
-        self.late_ns = t_ns - turn_ns
+        self.late_ns = self._clock.now_ns() - turn_ns
         self._faults = []
         self._read_bus()
-        buttons = self._read_box(t_ns)
         sighting = self._read_eyes()
+        t_ns = self._clock.now_ns()               # nothing that was stamped on its way in is younger than the tick
+        buttons = self._read_box(t_ns)
         for name, motor in zip(self._names, self._motors, strict=True):
             self._faults += [f"{name}: {fault}" for fault in motor.faults(t_ns)]
         self._cycle += 1
@@ -94,6 +94,7 @@ class HardwareRig:
         self._angle = canandmag.parse(self._encoder, frame, self._angle)
 
     def _read_bus(self) -> None:
+        self._faults += self._bus.faults()
         try:
             frames = self._bus.read()
         except LinkLost as error:

@@ -1,45 +1,7 @@
-"""The button box at the far end of its cable: a pseudo-terminal, or a loopback socket where there are none."""
-
-import contextlib
-import socket
-from typing import Protocol
+"""The button box at the far end of its cable."""
 
 from hw import buttons
-
-
-class Cable(Protocol):
-    """What a box hangs on. `port` is what the robot opens with pyserial."""
-
-    port: str
-
-    def write(self, data: bytes) -> None:
-        """Say `data`; returns once the other end can read it. Lost when nobody listens."""
-
-    def close(self) -> None: ...
-
-
-class SocketCable:
-    """A listener on the loopback interface, for one reader."""
-
-    def __init__(self) -> None:
-        self._listener = socket.create_server(("127.0.0.1", 0))
-        self._listener.setblocking(False)
-        self._reader: socket.socket | None = None
-        self.port = f"socket://127.0.0.1:{self._listener.getsockname()[1]}"
-
-    def write(self, data: bytes) -> None:
-        if self._reader is None:
-            with contextlib.suppress(BlockingIOError):
-                self._reader, _ = self._listener.accept()
-                self._reader.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        if self._reader is not None:
-            with contextlib.suppress(BlockingIOError, BrokenPipeError, ConnectionResetError):
-                self._reader.send(data)
-
-    def close(self) -> None:
-        if self._reader is not None:
-            self._reader.close()
-        self._listener.close()
+from hw.emulated.cable import Cable, open_cable
 
 
 class ButtonBox:
@@ -73,10 +35,6 @@ class ButtonBox:
             self._cable.write(line)
 
 
-def open_button_box(start_ns: int = 0) -> ButtonBox:
-    """A box on a pseudo-terminal, or on a loopback socket where the system has none to give."""
-    try:
-        from hw.emulated.pty_cable import PtyCable
-        return ButtonBox(PtyCable(), start_ns)
-    except (ImportError, OSError):                # ImportError: Windows
-        return ButtonBox(SocketCable(), start_ns)
+def open_button_box(start_ns: int = 0, prompt: bool = True) -> ButtonBox:
+    """A box on a cable; `prompt` as hw.emulated.cable.open_cable has it."""
+    return ButtonBox(open_cable(prompt), start_ns)

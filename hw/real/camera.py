@@ -1,4 +1,4 @@
-"""A V4L2 camera through OpenCV, read by its own thread, which keeps only the newest image."""
+"""A camera through OpenCV, on V4L2 or on the network, read by its own thread, which keeps only the newest image."""
 
 import threading
 from typing import Any
@@ -19,11 +19,13 @@ class CameraThread:
     """hw.link.Camera over an open capture, which it owns.
 
     `capture`: what cv2.VideoCapture offers (read, get, release). `exposure_s`: length of one exposure; images are
-    stamped with its middle, from the driver's own start-of-frame stamp when it is on the machine's monotonic clock.
+    stamped with its middle, from the driver's own start-of-frame stamp when it is on the machine's monotonic clock
+    (which a network camera's is not: not `stamped`), else from when they came.
     """
 
-    def __init__(self, capture: Any, clock: Clock, name: str, exposure_s: float = 0.0) -> None:
+    def __init__(self, capture: Any, clock: Clock, name: str, exposure_s: float = 0.0, *, stamped: bool = True) -> None:
         self.name = name
+        self._stamped = stamped
         self._capture, self._clock = capture, clock
         self._half_exposure_ns = int(exposure_s * 5e8)
         self._lock = threading.Lock()
@@ -70,7 +72,7 @@ class CameraThread:
 
     def _keep(self, image: np.ndarray[Any, np.dtype[np.uint8]]) -> None:
         now_ns = self._clock.now_ns()
-        driver_ns = int(self._capture.get(cv2.CAP_PROP_POS_MSEC) * NS_PER_MS)
+        driver_ns = int(self._capture.get(cv2.CAP_PROP_POS_MSEC) * NS_PER_MS) if self._stamped else 0
         began_ns = driver_ns if now_ns - STALE_NS < driver_ns <= now_ns else now_ns
         with self._lock:
             self._newest = CameraFrame(min(began_ns + self._half_exposure_ns, now_ns), image)
@@ -79,11 +81,14 @@ class CameraThread:
 
 def open_camera(device: str, width_px: int, height_px: int, fps: float, clock: Clock,
                 exposure_s: float = 0.0) -> CameraThread:
-    """Open a V4L2 device (path or index); LinkLost names it when it is absent or will not give that size.
+    """Open a V4L2 device (path or index) or a network camera (URL); LinkLost names it when it is absent or will not
+    give that size.
 
     Calibration holds at one size only, so another size is an error rather than a surprise.
     """
-    capture = cv2.VideoCapture(int(device) if device.isdecimal() else device, cv2.CAP_V4L2)
+    is_stream = "://" in device
+    capture = cv2.VideoCapture(int(device) if device.isdecimal() else device,
+                               cv2.CAP_FFMPEG if is_stream else cv2.CAP_V4L2)
     capture.set(cv2.CAP_PROP_FRAME_WIDTH, width_px)
     capture.set(cv2.CAP_PROP_FRAME_HEIGHT, height_px)
     capture.set(cv2.CAP_PROP_FPS, fps)
@@ -95,4 +100,4 @@ def open_camera(device: str, width_px: int, height_px: int, fps: float, clock: C
     if size != (width_px, height_px):
         capture.release()
         raise LinkLost(f"camera {device}: gives {size[0]} x {size[1]} pixels, not {width_px} x {height_px}")
-    return CameraThread(capture, clock, device, exposure_s)
+    return CameraThread(capture, clock, device, exposure_s, stamped=not is_stream)

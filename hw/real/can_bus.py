@@ -2,11 +2,14 @@
 
 import contextlib
 import errno
+from collections import Counter
 from typing import Any
 
 import can
+import serial
 
 from hw.link import Clock, Frame, LinkLost
+from hw.real.can_errors import BUS_OFF, error_words
 
 QUEUE_FULL = (errno.ENOBUFS, errno.EAGAIN)
 # python-can gives no code for these two (socketcan, virtual)
@@ -31,31 +34,37 @@ class _Outgoing(can.Message):  # type: ignore[misc]  # the library is not looked
 class CanBus:
     """hw.link.Bus over an open python-can bus, which it owns.
 
-    Frames are stamped with the clock's time at which they were read: python-can's own stamps are wall-clock time.
-    `error_frames` and `refused` count what is not data, and what the transmit queue had no room for.
+    Frames are stamped with the clock's time at which they were taken in: python-can's own stamps are wall-clock time.
+    `tally` counts what is not data, what the transmit queue had no room for, and lines that a serial adapter cannot
+    have meant (`serial_lines`). A controller that went bus-off is a lost link: adapters differ in what gets them out
+    of it, and closing and opening again is what does for all.
     """
 
-    def __init__(self, bus: can.BusABC, clock: Clock, name: str, write_timeout_s: float = 0.0) -> None:
+    def __init__(self, bus: can.BusABC, clock: Clock, name: str, write_timeout_s: float = 0.0, *,
+                 serial_lines: bool = False, tally: Counter[str] | None = None) -> None:
         self.name = name
-        self.error_frames = 0
-        self.refused = 0
+        self.tally: Counter[str] = Counter() if tally is None else tally
         self._bus, self._clock, self._write_timeout_s = bus, clock, write_timeout_s
+        self._serial_lines = serial_lines
 
     def read(self) -> list[Frame]:
-        """All frames received since the last call, oldest first; LinkLost when the adapter is gone."""
+        """All frames received since the last call, oldest first; LinkLost when the adapter is gone.
+
+        A serial adapter's own answers stand between the frames and end a read early; `receive` waits them out.
+        """
         frames: list[Frame] = []
         t_ns = self._clock.now_ns()
-        try:
-            while (message := self._bus.recv(0)) is not None:
-                if message.is_error_frame:
-                    self.error_frames += 1
-                else:
-                    data = bytes(message.dlc) if message.is_remote_frame else bytes(message.data)
-                    frames.append(Frame(t_ns, message.arbitration_id, data, message.is_extended_id,
-                                        message.is_remote_frame))
-        except (can.CanError, OSError, ValueError) as error:    # ValueError: a socket closed under the reader
-            raise LinkLost(f"{self.name}: {error}") from error
+        while (message := self._take(0.0)) is not None:
+            if not message.is_error_frame:
+                frames.append(_make_frame(message, t_ns))
         return frames
+
+    def receive(self, wait_s: float) -> Frame | None:
+        """The next frame, waited for at most about `wait_s`; None when there was none, or no data; else as `read`."""
+        message = self._take(wait_s)
+        if message is None or message.is_error_frame:
+            return None
+        return _make_frame(message, self._clock.now_ns())
 
     def write(self, frame: Frame) -> bool:
         """Queue one frame; False when the queue is full; LinkLost when the adapter is gone."""
@@ -66,20 +75,40 @@ class CanBus:
         except (can.CanError, OSError, ValueError) as error:
             if not _is_full(error):
                 raise LinkLost(f"{self.name}: {error}") from error
-            self.refused += 1
+            self.tally["frames that found the queue full"] += 1
             return False
         return True
+
+    def faults(self) -> list[str]:
+        return []
 
     def close(self) -> None:
         with contextlib.suppress(can.CanError, OSError, ValueError):    # an unplugged adapter may refuse even this
             self._bus.shutdown()
 
+    def _take(self, wait_s: float) -> can.Message | None:
+        try:
+            message = self._bus.recv(wait_s)
+        except (can.CanError, OSError, ValueError, IndexError) as error:
+            if self._serial_lines and isinstance(error, ValueError | IndexError):
+                self.tally["garbled lines"] += 1
+                return None
+            raise LinkLost(f"{self.name}: {error}") from error          # ValueError: a socket closed under the reader
+        if message is not None and message.is_error_frame:
+            words = error_words(message.arbitration_id, bytes(message.data))
+            self.tally.update(f"error frames: {word}" for word in words)
+            if BUS_OFF in words:
+                raise LinkLost(f"{self.name}: {BUS_OFF}")
+        return message
 
-def open_can(interface: str, channel: str, bitrate: int, clock: Clock) -> CanBus:
+
+def open_can(interface: str, channel: str, bitrate: int, clock: Clock, wait_s: float = 0.0,
+             tally: Counter[str] | None = None) -> CanBus:
     """Open a CAN bus; LinkLost names interface and channel when it cannot be.
 
     `bitrate` is for adapters that set their own; socketcan's is set where the interface is brought up. On `virtual`
-    every bus with one channel name in one process is on the same wire, and does not hear itself.
+    every bus with one channel name in one process is on the same wire, and does not hear itself. `wait_s`: how long
+    `receive` will be asked to wait; a serial adapter waits for its bytes in steps of it instead of spinning.
     """
     options: dict[str, Any] = {"bitrate": bitrate}
     write_timeout_s = 0.0
@@ -88,18 +117,24 @@ def open_can(interface: str, channel: str, bitrate: int, clock: Clock) -> CanBus
     elif interface == "socketcan":
         options = {}
     elif interface == "slcan":
-        options |= {"sleep_after_open": 0.0, "timeout": 0.0}
+        options |= {"sleep_after_open": 0.0, "timeout": wait_s}
         write_timeout_s = SLCAN_WRITE_S
     name = f"CAN {interface} {channel}"
     try:
         bus = can.Bus(interface=interface, channel=channel, ignore_config=True, **options)
     except (can.CanError, NotImplementedError, OSError, ValueError, TypeError) as error:
         raise LinkLost(f"{name}: {error}") from error
-    return CanBus(bus, clock, name, write_timeout_s)
+    return CanBus(bus, clock, name, write_timeout_s, serial_lines=interface == "slcan", tally=tally)
+
+
+def _make_frame(message: can.Message, t_ns: int) -> Frame:
+    data = bytes(message.dlc) if message.is_remote_frame else bytes(message.data)
+    return Frame(t_ns, message.arbitration_id, data, message.is_extended_id, message.is_remote_frame)
 
 
 def _is_full(error: Exception) -> bool:
-    if isinstance(error, can.CanTimeoutError):
+    # A serial port that could not be written to in time says so to python-can, which tells another story.
+    if isinstance(error, can.CanTimeoutError) or isinstance(error.__cause__, serial.SerialTimeoutException):
         return True
     code = error.error_code if isinstance(error, can.CanError) else getattr(error, "errno", None)
     return code in QUEUE_FULL or (code is None and str(error) in QUEUE_FULL_WORDS)

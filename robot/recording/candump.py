@@ -30,5 +30,8 @@ class TappedBus:
             self._tap(frame, True)
         return taken
 
+    def faults(self) -> list[str]:
+        return self._bus.faults()
+
     def close(self) -> None:
         self._bus.close()

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from hw.link import Frame, LinkLost
 from hw.real.can_bus import CanBus, open_can
+from hw.real.can_errors import error_words
 
 standard, extended, payloads = st.integers(0, 0x7FF), st.integers(0, 0x1FFFFFFF), st.binary(max_size=8)
 frames = st.one_of(
@@ -73,7 +74,7 @@ def test_error_frames_are_counted_and_are_not_data(clock) -> None:
     bus = open_can("virtual", "errors", 1_000_000, clock)
     raw.send(can.Message(arbitration_id=4, is_error_frame=True, data=bytes(8)))
     raw.send(can.Message(arbitration_id=5, data=b"", is_extended_id=False))
-    assert [frame.arbitration_id for frame in bus.read()] == [5] and bus.error_frames == 1
+    assert [frame.arbitration_id for frame in bus.read()] == [5] and bus.tally["error frames: controller"] == 1
     bus.close()
     raw.shutdown()
 
@@ -81,7 +82,7 @@ def test_error_frames_are_counted_and_are_not_data(clock) -> None:
 def test_a_full_queue_refuses_and_is_counted(clock) -> None:
     reader = can.Bus(interface="virtual", channel="full", rx_queue_size=1, ignore_config=True)
     bus = open_can("virtual", "full", 1_000_000, clock)
-    assert bus.write(Frame(0, 1, b"")) and not bus.write(Frame(0, 2, b"")) and bus.refused == 1
+    assert bus.write(Frame(0, 1, b"")) and not bus.write(Frame(0, 2, b"")) and bus.tally.total() == 1
     assert reader.recv(0).arbitration_id == 1 and bus.write(Frame(0, 3, b""))
     bus.close()
     reader.shutdown()
@@ -182,16 +183,61 @@ def test_an_unplugged_slcan_adapter_is_a_lost_link(adapter, clock) -> None:
     bus.close()
 
 
-@pytest.mark.socketcan
-def test_socketcan_round_trip(clock) -> None:
-    near, far = (open_can("socketcan", "vcan0", 1_000_000, clock) for _ in range(2))
-    done = threading.Event()
-    assert near.write(Frame(0, 0x29, bytes(8)))
-    while not (received := far.read()):
-        done.wait(0.001)
-    assert received == [Frame(0, 0x29, bytes(8))]
-    near.close()
-    far.close()
+def receive_until(bus, data: bytes) -> list[Frame]:
+    """Frames as they come, until one says `data`."""
+    frames: list[Frame] = []
+    for _ in range(1000):
+        frame = bus.receive(0.02)
+        frames += [] if frame is None else [frame]
+        if frame is not None and frame.data == data:
+            break
+    return frames
+
+
+def test_an_adapters_answers_are_waited_out(adapter, clock) -> None:
+    far, port = adapter
+    bus = open_can("slcan", port, 1_000_000, clock, wait_s=0.02)
+    os.write(far, b"\r\r\a\rz\rt02980000C03F00000040\rZ\rz\rt0290\r")
+    assert receive_until(bus, b"") == [Frame(0, 0x29, bytes.fromhex("0000C03F00000040")), Frame(0, 0x29, b"")]
+    bus.close()
+
+
+def test_a_garbled_line_is_counted_and_the_next_one_heard(adapter, clock) -> None:
+    far, port = adapter
+    bus = open_can("slcan", port, 1_000_000, clock, wait_s=0.02)
+    os.write(far, b"t1\rtXYZ0\rt0291\rt02918\rt02911\rt029199\r")   # cut short, no number, half a byte, and one whole
+    assert receive_until(bus, b"\x99")[-1] == Frame(0, 0x29, b"\x99") and bus.tally["garbled lines"] >= 3
+    bus.close()
+
+
+def test_an_adapter_that_takes_nothing_refuses(adapter, clock) -> None:
+    _, port = adapter
+    bus = open_can("slcan", port, 1_000_000, clock)
+    taken = 0
+    while bus.write(Frame(0, 0x2E, bytes(8))):
+        taken += 1
+    assert 10 < taken < 100_000 and bus.tally == {"frames that found the queue full": 1}
+    bus.close()
+
+
+@pytest.mark.parametrize(("frame_id", "data", "words"), [
+    (0x004, "0001000000000000", ("receive overrun",)), (0x004, "0030000000000000", ("error passive",)),
+    (0x040, "0000000000000000", ("bus off",)), (0x100, "", ("restarted",)), (0x004, "", ("controller",)),
+    (0x0A8, "0000000000000000", ("protocol violation", "nobody acknowledges", "bus error")),
+    (0x000, "", ("of an unknown kind",))])
+def test_error_frames_in_words(frame_id: int, data: str, words: tuple[str, ...]) -> None:
+    assert error_words(frame_id, bytes.fromhex(data)) == words
+
+
+def test_a_controller_that_went_bus_off_is_a_lost_link(clock) -> None:
+    raw = can.Bus(interface="virtual", channel="bus-off", ignore_config=True)
+    bus = open_can("virtual", "bus-off", 1_000_000, clock)
+    raw.send(can.Message(arbitration_id=0x40, is_error_frame=True, data=bytes(8)))
+    with pytest.raises(LinkLost, match="bus-off: bus off"):
+        bus.receive(0.1)
+    assert bus.tally == {"error frames: bus off": 1}
+    bus.close()
+    raw.shutdown()
 
 
 class _Failing:

@@ -5,8 +5,9 @@ import os
 import pytest
 
 from hw.buttons import BUTTONS, Heartbeat, make_press, parse_lines
+from hw.emulated.cable import SocketCable
 from hw.emulated.pty_cable import PtyCable
-from hw.emulated.serial_port import ButtonBox, SocketCable, open_button_box
+from hw.emulated.serial_port import ButtonBox, open_button_box
 from hw.link import LinkLost
 from hw.reading import ButtonEvent
 from hw.real.serial_port import open_serial

@@ -30,6 +30,9 @@ class Wire:
         self.sent.append(frame)
         return True
 
+    def faults(self):
+        return []
+
     def close(self): ...
 
 

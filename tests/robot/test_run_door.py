@@ -41,7 +41,7 @@ class Stopping(Time):
 @pytest.fixture
 def wires(monkeypatch):
     bus = Wire()
-    monkeypatch.setattr(doors.run, "_open_wires", lambda config, stack: (bus, Box(), Blind(), Stopping()))
+    monkeypatch.setattr(doors.run, "_open_wires", lambda config, stack, tally: (bus, Box(), Blind(), Stopping()))
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     yield bus
     for number, handler in before.items():

@@ -1,0 +1,130 @@
+"""A CAN bus that outlives its adapter: read by a thread of its own, and opened again whenever it is lost.
+
+python-can's Notifier would not do: an exception in it ends its thread without a word.
+"""
+
+import threading
+from collections import Counter, deque
+from collections.abc import Callable, Iterator
+
+from hw.link import Clock, Frame, LinkLost
+from hw.real.can_bus import CanBus
+
+WAIT_S = 0.02                         # how often a thread that hears nothing looks up
+SILENT_NS = 1_000_000_000             # a bus on which nothing is heard for so long is lost: not all adapters tell
+ROOM = 4096                           # frames that may wait for the tick: two seconds of a busy bus
+FIRST_S, LONGEST_S = 0.05, 2.0        # pauses between attempts to open it again
+
+
+class SupervisedBus:
+    """hw.link.Bus over whatever `open_bus` opens, again and again.
+
+    One thread takes every frame in as it comes, stamped with that moment, so that its age is its own and not the
+    tick's. When the bus is lost, or silent for a second (an adapter that went bus-off without saying so), it is closed
+    and opened again, after pauses that grow; `read` and `write` raise LinkLost meanwhile, and from then until
+    something is heard again there is a fault. `tally` counts.
+    """
+
+    def __init__(self, open_bus: Callable[[], CanBus], clock: Clock, tally: Counter[str]) -> None:
+        """Opens the bus at once, so that one that cannot be is an error here: LinkLost."""
+        self._open_bus, self._clock, self._tally = open_bus, clock, tally
+        self._bus: CanBus | None = open_bus()
+        self.name = self._bus.name
+        self._lock = threading.Lock()             # of writing to the bus and of taking it away; the thread alone reads
+        self._frames: deque[Frame] = deque()
+        self._lost = ""                           # why, until something is heard again
+        self._broken = ""                        # why a write found the bus lost
+        self._overruns = 0
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._supervise, name=self.name, daemon=True)
+        self._thread.start()
+
+    def read(self) -> list[Frame]:
+        """All frames received since the last call, oldest first; LinkLost, saying why, while there is no bus."""
+        if self._bus is None:
+            raise LinkLost(self._lost)
+        return [self._frames.popleft() for _ in range(len(self._frames))]
+
+    def write(self, frame: Frame) -> bool:
+        with self._lock:
+            if self._bus is None:
+                raise LinkLost(self._lost)
+            try:
+                return self._bus.write(frame)
+            except LinkLost as error:
+                self._broken = str(error)
+                raise
+
+    def faults(self) -> list[str]:
+        overruns, self._overruns = self._overruns, 0
+        faults = [f"{self.name}: {overruns} frames lost, the tick came too late for them"] if overruns else []
+        lost = self._lost
+        if lost and self._bus is not None:
+            faults.append(f"{self.name}: opened again, nothing heard yet ({lost})")
+        return faults
+
+    def close(self) -> None:
+        self._stop.set()
+        self._thread.join(timeout=1.0)
+        self._take_away("closed")
+
+    def _supervise(self) -> None:
+        pauses_s = make_pauses_s()
+        while not self._stop.is_set():
+            if self._bus is None:
+                if not self._stop.wait(next(pauses_s)):
+                    self._open_again()
+            elif why := self._listen(self._bus):
+                if not self._lost:                # it had been heard: this is a new trouble
+                    pauses_s = make_pauses_s()
+                self._tally["times lost"] += 1
+                self._take_away(why)
+
+    def _open_again(self) -> None:
+        try:
+            bus = self._open_bus()
+        except LinkLost as error:
+            self._lost = str(error)
+            return
+        self._broken = ""
+        self._bus = bus
+
+    def _listen(self, bus: CanBus) -> str:
+        """Take frames in until the bus is lost; returns why."""
+        heard_ns = self._clock.now_ns()
+        try:
+            while not self._stop.is_set() and not self._broken:
+                frame = bus.receive(WAIT_S)
+                if frame is not None:
+                    heard_ns = frame.t_ns
+                    self._keep(frame)
+                elif self._clock.now_ns() - heard_ns >= SILENT_NS:
+                    return f"{self.name}: nothing heard for {SILENT_NS * 1e-9:g} s"
+        except LinkLost as error:
+            return str(error)
+        except Exception as error:    # whatever a driver may raise: a reader that dies in silence is what must not be
+            return f"{self.name}: {type(error).__name__}: {error}"
+        return self._broken
+
+    def _keep(self, frame: Frame) -> None:
+        self._lost = ""
+        if len(self._frames) >= ROOM:             # the newest is lost, as in a controller: only the tick takes out
+            self._overruns += 1
+            self._tally["frames lost to overrun"] += 1
+        else:
+            self._frames.append(frame)
+
+    def _take_away(self, why: str) -> None:
+        with self._lock:
+            self._lost = why
+            bus, self._bus = self._bus, None
+        if bus is not None:
+            bus.close()
+
+
+def make_pauses_s() -> Iterator[float]:
+    """How long to wait before each attempt: twice as long each time, up to LONGEST_S."""
+    pause_s = FIRST_S
+    while True:
+        yield pause_s
+        pause_s = min(2.0 * pause_s, LONGEST_S)

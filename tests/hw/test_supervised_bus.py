@@ -1,0 +1,232 @@
+"""A bus that is lost and comes back: adapters that fail on demand, and a pseudo-terminal that is pulled out."""
+
+import itertools
+import queue
+import threading
+from collections import Counter
+
+import pytest
+
+from hw.emulated.pty_cable import PtyCable
+from hw.emulated.slcan_adapter import SlcanAdapter
+from hw.link import Frame, LinkLost
+from hw.real import supervised_bus
+from hw.real.can_bus import open_can
+from hw.real.clock import MonotonicClock
+from hw.real.supervised_bus import FIRST_S, LONGEST_S, ROOM, SILENT_NS, WAIT_S, SupervisedBus, make_pauses_s
+
+HELLO = Frame(7, 0x21, bytes(8))
+PATIENCE_S = 20.0
+
+
+class Adapter:
+    """As much of a CanBus as is supervised; what is put into `coming` is heard, or raised."""
+
+    name = "CAN test 0"
+
+    def __init__(self) -> None:
+        self.coming: queue.Queue[Frame | Exception] = queue.Queue()
+        self.sent: list[Frame] = []
+        self.dead = self.closed = False
+
+    def receive(self, wait_s: float) -> Frame | None:
+        try:
+            what = self.coming.get(timeout=wait_s)
+        except queue.Empty:
+            return None
+        if isinstance(what, Exception):
+            raise what
+        return what
+
+    def write(self, frame: Frame) -> bool:
+        if self.dead:
+            raise LinkLost("CAN test 0: cannot write")
+        self.sent.append(frame)
+        return True
+
+    def close(self) -> None:
+        self.closed = True
+
+
+class Bench:
+    """A supervised bus whose adapters come out of `drawer`: an adapter, or what opening it raises; then no more."""
+
+    def __init__(self, clock, *drawer: Adapter | Exception) -> None:
+        self.clock, self.tally = clock, Counter()
+        self.drawer, self.opened = list(drawer), 0
+        self.bus = SupervisedBus(self.open, clock, self.tally)
+
+    def open(self) -> Adapter:
+        self.opened += 1
+        what = self.drawer.pop(0) if self.drawer else LinkLost("CAN test 0: no such device")
+        if isinstance(what, Exception):
+            raise what
+        return what
+
+
+def eventually(true) -> None:
+    """Wait until it is: threads take the time that they take."""
+    pause = threading.Event()
+    for _ in range(int(PATIENCE_S / 0.005)):
+        if true():
+            return
+        pause.wait(0.005)
+    raise AssertionError("it never came")
+
+
+def why_lost(bus: SupervisedBus) -> str:
+    try:
+        bus.read()
+    except LinkLost as error:
+        return str(error)
+    return ""
+
+
+@pytest.fixture
+def benches(clock):
+    made: list[Bench] = []
+
+    def make(*drawer: Adapter | Exception) -> Bench:
+        made.append(Bench(clock, *drawer))
+        return made[-1]
+
+    yield make
+    for bench in made:
+        bench.bus.close()
+
+
+def gather(bus: SupervisedBus, count: int) -> list[Frame]:
+    frames: list[Frame] = []
+    eventually(lambda: frames.extend(bus.read()) or len(frames) >= count)
+    return frames
+
+
+def test_frames_come_in_order_with_the_stamps_of_their_arrival(benches) -> None:
+    adapter = Adapter()
+    bench = benches(adapter)
+    sent = [HELLO._replace(t_ns=t_ns) for t_ns in range(100)]
+    for frame in sent:
+        adapter.coming.put(frame)
+    assert gather(bench.bus, 100) == sent and bench.bus.read() == []
+    assert bench.bus.write(HELLO) and adapter.sent == [HELLO] and bench.bus.faults() == [] and not bench.tally
+
+
+def test_a_bus_that_cannot_be_opened_at_first_is_an_error_at_once(clock) -> None:
+    with pytest.raises(LinkLost, match="no such device"):
+        Bench(clock)
+
+
+@pytest.mark.parametrize(("trouble", "words"), [
+    (LinkLost("CAN test 0: unplugged"), "CAN test 0: unplugged"),
+    (LinkLost("CAN test 0: bus off"), "CAN test 0: bus off"),
+    (RuntimeError("a driver's own"), "CAN test 0: RuntimeError: a driver's own")])
+def test_lost_and_back_again_without_a_restart(benches, trouble: Exception, words: str) -> None:
+    first, second = Adapter(), Adapter()
+    bench = benches(first)
+    first.coming.put(HELLO)
+    gather(bench.bus, 1)
+    first.coming.put(trouble)
+    eventually(lambda: why_lost(bench.bus))
+    assert first.closed and why_lost(bench.bus) in (words, "CAN test 0: no such device")
+    with pytest.raises(LinkLost, match="CAN test 0"):
+        bench.bus.write(HELLO)
+    bench.drawer.append(second)
+    eventually(lambda: not why_lost(bench.bus))
+    assert ["opened again, nothing heard yet" in fault for fault in bench.bus.faults()] == [True]
+    assert bench.bus.write(HELLO) and second.sent == [HELLO]       # whoever must be asked can be asked
+    second.coming.put(HELLO)
+    assert gather(bench.bus, 1) == [HELLO]
+    assert bench.bus.faults() == [] and bench.tally == {"times lost": 1}
+
+
+def test_a_write_that_finds_the_bus_gone_has_it_opened_again(benches) -> None:
+    first, second = Adapter(), Adapter()
+    bench = benches(first, second)
+    first.dead = True
+    with pytest.raises(LinkLost, match="cannot write"):
+        bench.bus.write(HELLO)
+    eventually(lambda: bench.opened == 2 and not why_lost(bench.bus))
+    assert first.closed and bench.bus.write(HELLO) and second.sent == [HELLO]
+
+
+def test_silence_is_a_loss(benches, clock) -> None:
+    first, second = Adapter(), Adapter()
+    bench = benches(first, second)
+    first.coming.put(HELLO._replace(t_ns=0))
+    gather(bench.bus, 1)
+    clock.t_ns = SILENT_NS
+    eventually(lambda: first.closed)
+    eventually(lambda: bench.opened == 2 and not why_lost(bench.bus))
+    (fault,) = bench.bus.faults()
+    assert "nothing heard for 1 s" in fault
+
+
+def test_pauses_grow_to_a_limit() -> None:
+    pauses_s = list(itertools.islice(make_pauses_s(), 12))
+    assert pauses_s[0] == FIRST_S and pauses_s[-1] == LONGEST_S
+    assert all(later == min(2 * sooner, LONGEST_S) for sooner, later in itertools.pairwise(pauses_s))
+
+
+def test_pauses_grow_until_something_is_heard(benches, monkeypatch) -> None:
+    taken: list[list[float]] = []
+
+    def record():
+        taken.append([])
+        for pause_s in make_pauses_s():
+            taken[-1].append(pause_s)
+            yield 0.0
+
+    monkeypatch.setattr(supervised_bus, "make_pauses_s", record)
+    refusals = [LinkLost("CAN test 0: not yet")] * 3
+    first, mute, second, third = Adapter(), Adapter(), Adapter(), Adapter()
+    bench = benches(first, *refusals, mute, *refusals, second, third)
+    for adapter in (first, second):
+        adapter.coming.put(HELLO)
+        adapter.coming.put(LinkLost("CAN test 0: unplugged"))
+    mute.coming.put(LinkLost("CAN test 0: unplugged"))             # opened, and lost again before a word was heard
+    third.coming.put(HELLO)
+    gather(bench.bus, 1)
+    eventually(lambda: bench.opened == 10)
+    growing = list(itertools.islice(make_pauses_s(), 8))
+    assert [pauses_s for pauses_s in taken if pauses_s] == [growing, [FIRST_S]]
+
+
+def test_what_the_tick_comes_too_late_for_is_counted_and_is_a_fault(benches, monkeypatch) -> None:
+    monkeypatch.setattr(supervised_bus, "ROOM", 10)
+    adapter = Adapter()
+    bench = benches(adapter)
+    for t_ns in range(15):
+        adapter.coming.put(HELLO._replace(t_ns=t_ns))
+    eventually(lambda: bench.tally["frames lost to overrun"] == 5)
+    assert bench.bus.faults() == ["CAN test 0: 5 frames lost, the tick came too late for them"]
+    assert [frame.t_ns for frame in bench.bus.read()] == list(range(10)) and bench.bus.faults() == []
+    assert ROOM >= 2000                                    # a second and more of a busy bus
+
+
+def test_closing_ends_the_thread_and_lets_go(benches) -> None:
+    adapter = Adapter()
+    bench = benches(adapter)
+    bench.bus.close()
+    assert adapter.closed and why_lost(bench.bus) == "closed"
+    assert not any(thread.name == "CAN test 0" for thread in threading.enumerate())
+
+
+def test_a_serial_adapter_pulled_out_and_put_back(tmp_path) -> None:
+    """By its stable name, as /dev/serial/by-id gives one; real pyserial and python-can on real pseudo-terminals."""
+    plug, clock, tally = tmp_path / "adapter", MonotonicClock(), Counter()
+    adapter = SlcanAdapter(PtyCable(prompt=False))
+    plug.symlink_to(adapter.port)
+    bus = SupervisedBus(lambda: open_can("slcan", str(plug), 1_000_000, clock, WAIT_S, tally), clock, tally)
+    for said in (b"\x01", b"\x02"):
+        eventually(lambda plugged=adapter: plugged.read() is not None and plugged.is_open)
+        adapter.write(Frame(0, 0x21, said))
+        assert [frame.data for frame in gather(bus, 1)] == [said] and bus.faults() == []
+        adapter.close()
+        eventually(lambda: why_lost(bus))
+        assert str(plug) in why_lost(bus)
+        adapter = SlcanAdapter(PtyCable(prompt=False))
+        plug.unlink()
+        plug.symlink_to(adapter.port)
+    assert tally["times lost"] == 2
+    bus.close()
+    adapter.close()

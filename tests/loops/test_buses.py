@@ -1,0 +1,264 @@
+"""The same short session, armed, homed and fired, on every bus; and a bus that is pulled out in the middle of one."""
+
+import itertools
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+from collections import Counter
+from pathlib import Path
+
+import msgspec
+import pytest
+from msgspec.structs import replace
+
+import robot
+from doors.far_end import keep_time, open_far_bus
+from doors.ports import split_bus, with_ports
+from doors.twin import make_nodes
+from hw.emulated.pty_cable import PtyCable
+from hw.emulated.slcan_adapter import SlcanAdapter
+from hw.emulated.twin import Twin
+from hw.link import Frame
+from hw.real.can_bus import open_can
+from hw.real.clock import MonotonicClock
+from hw.real.supervised_bus import WAIT_S, SupervisedBus
+from robot.bus_rules import guard
+from robot.config import BadInput, load_config
+from robot.eyes import InlineEyes
+from robot.recording.reader import TickReader
+from robot.recording.session import Trial
+from robot.rig import HardwareRig
+from robot.tick import step
+from robot.types import Memory, Sighting
+from tests.hw.spinning_plant import SpinningPlant
+from truearc import main
+
+ROOT = Path(__file__).parents[2]
+SHIPPED = Path(robot.__file__).parent / "launcher.toml"
+# A robot has its machine for itself; the one that runs tests may stall for longer than a robot would put up with.
+PATIENT = {"reading_age_s = 0.1": "reading_age_s = 1.0", "sighting_age_s = 0.3": "sighting_age_s = 2.0",
+           "request_s = 8.0": "request_s = 60.0"}
+WATCHDOG_MS = 2000
+LIMIT_S = 240.0
+
+posix = pytest.mark.skipif(os.name != "posix", reason="ends the robot with a signal")
+BUSES = ["virtual", pytest.param("slcan:auto", marks=[posix, pytest.mark.slow]),
+         pytest.param("slcan:socket", marks=[posix, pytest.mark.slow]),
+         pytest.param("socketcan:vcan0", marks=[posix, pytest.mark.slow, pytest.mark.socketcan])]
+
+
+@pytest.fixture
+def config_path(tmp_path: Path) -> Path:
+    text = SHIPPED.read_text(encoding="utf-8")
+    for shipped, patient in PATIENT.items():
+        assert shipped in text
+        text = text.replace(shipped, patient)
+    path = tmp_path / "launcher.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def begin(*words: object) -> subprocess.Popen[str]:
+    """A verb in a process of its own."""
+    return subprocess.Popen([sys.executable, "-m", "truearc", *map(str, words)], cwd=ROOT, text=True,
+                            stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+
+
+def shoot_in_two(bus: str, config_path: Path, out: Path) -> tuple[Path, str, str]:
+    """One trial with the robot and its devices in two processes; the session, and what either has said."""
+    devices = begin("emulate", "--trials", 1, "--seed", 3, "--bus", bus, "--config", config_path,
+                    "--watchdog-ms", WATCHDOG_MS)
+    late = threading.Timer(LIMIT_S, devices.kill)
+    late.start()
+    try:
+        assert devices.stdout is not None and devices.stderr is not None
+        devices.stdout.readline()
+        command = devices.stdout.readline().split()
+        assert command[:2] == ["truearc", "run"], devices.stderr.read()
+        near = begin(*command[1:], "--out", out)
+        said, _ = devices.communicate()
+        near.send_signal(signal.SIGTERM)
+        recorded, complaint = near.communicate(timeout=LIMIT_S)
+        assert devices.returncode == 0 and near.returncode == 0, complaint
+    finally:
+        late.cancel()
+        devices.kill()
+    return next(out.iterdir()), said, recorded
+
+
+@pytest.fixture(scope="module")
+def reference(tmp_path_factory) -> Trial:
+    """The session that all buses should give, but for what time does: on the virtual bus, in stepped time."""
+    folder = tmp_path_factory.mktemp("reference") / "session"
+    assert main(["emulate", "--quiet", "--trials", "1", "--seed", "3", "--out", str(folder)]) == 0
+    return read_trial(folder)
+
+
+def tell(session: Path) -> str:
+    """What the robot was told, what was wrong and what held it, for whoever reads of a failure."""
+    ticks = [tick for tick, _ in TickReader(session)]
+    heard = [f"{tick.inputs.cycle}: {[event.button for event in tick.inputs.buttons]} {tick.inputs.faults}"
+             for tick in ticks if tick.inputs.buttons or tick.inputs.faults]
+    return "\n".join([*heard[:50], f"last: {ticks[-1].verdict.reasons}"])
+
+
+def read_trial(session: Path) -> Trial:
+    (line,) = (session / "trials.jsonl").read_bytes().splitlines()
+    return msgspec.json.decode(line, type=Trial)
+
+
+@pytest.mark.parametrize("bus", BUSES)
+def test_the_same_session_on_every_bus(bus: str, config_path: Path, tmp_path: Path, reference: Trial, capsys) -> None:
+    if bus == "virtual":
+        session, recorded = tmp_path / "session", ""
+        assert main(["emulate", "--quiet", "--trials", "1", "--seed", "3", "--out", str(session)]) == 0
+        said = capsys.readouterr().out
+    else:
+        session, said, recorded = shoot_in_two(bus, config_path, tmp_path / "out")
+    assert not re.search("not allowed|unknown|another host|garbled", recorded), recorded
+    assert (session / "trials.jsonl").read_bytes(), said + recorded + tell(session)
+    trial = read_trial(session)
+    assert "1 balls launched (" in said and f"1 {trial.outcome.outcome}" in said      # as the world saw it
+    assert trial.shot is not None and reference.shot is not None
+    assert trial.shot.distance_m == pytest.approx(reference.shot.distance_m, abs=0.06)
+    assert trial.shot.hood_deg == pytest.approx(reference.shot.hood_deg, abs=0.7)      # both within 0.3 of the aim
+    assert trial.shot.motor_rad_s == pytest.approx(reference.shot.motor_rad_s, abs=8.0)
+    ticks = [tick for tick, _ in TickReader(session)]
+    assert [sum(tick.verdict.fire for tick in ticks), ticks[0].memory.armed, ticks[0].memory.homed] == [1, False, False]
+    fired = next(tick for tick in ticks if tick.verdict.fire)
+    assert fired.memory.armed and fired.memory.homed and not fired.inputs.faults
+
+
+@pytest.mark.socketcan
+def test_socketcan_round_trip() -> None:
+    near, far = (open_can("socketcan", "vcan0", 1_000_000, MonotonicClock()) for _ in range(2))
+    sent = [Frame(0, 0x29, bytes(8)), Frame(0, 0x070E00C5, b"\x01", True), Frame(0, 0x20, b"", is_remote=True)]
+    assert all(near.write(frame) for frame in sent)
+    received = [far.receive(10.0) for _ in sent]
+    assert [frame._replace(t_ns=0) for frame in received if frame is not None] == sent
+    assert all(frame is not None and frame.t_ns > 0 for frame in received) and near.read() == []
+    near.close()
+    far.close()
+
+
+class Silent:
+    """A camera and a button box that have nothing to say."""
+
+    def read(self) -> bytes | None:
+        return b""
+
+    def write(self, data: bytes) -> None: ...
+
+    def close(self) -> None: ...
+
+
+class Devices(threading.Thread):
+    """The launcher's devices at the far end of a serial adapter, until it is pulled out."""
+
+    def __init__(self, plug: Path) -> None:
+        super().__init__(daemon=True)
+        self.adapter = SlcanAdapter(PtyCable(prompt=False))
+        plug.unlink(missing_ok=True)
+        plug.symlink_to(self.adapter.port)
+        plant = SpinningPlant()
+        self.twin = Twin(plant, self.adapter, make_nodes(CONFIG, plant, {}))
+        self.over = threading.Event()
+        self.start()
+
+    def run(self) -> None:
+        keep_time(MonotonicClock(), self.twin.advance, self.over.is_set)
+
+    def pull_out(self) -> None:
+        self.over.set()
+        self.join()
+        self.adapter.close()
+
+
+CONFIG = load_config(SHIPPED)
+CONFIG = replace(CONFIG, gate=replace(CONFIG.gate, reading_age_s=1.0))
+
+
+@posix
+def test_an_adapter_pulled_out_is_a_hold_that_says_so_and_back_in_needs_no_restart(tmp_path: Path) -> None:
+    plug, clock, tally = tmp_path / "adapter", MonotonicClock(), Counter[str]()
+    devices = Devices(plug)
+    bus = SupervisedBus(lambda: open_can("slcan", str(plug), 1_000_000, clock, WAIT_S, tally), clock, tally)
+    rig = HardwareRig(CONFIG, guard(bus, CONFIG, clock, tally), Silent(),
+                      InlineEyes(Silent(), lambda frame: Sighting(0, False, "dark")), clock, lambda: False)
+
+    def reasons_once(true) -> list[str]:
+        """The verdict's reasons at the first tick whose reasons, in one line, are as asked."""
+        for _ in range(20_000):
+            tick = step(rig.read(), Memory(), CONFIG, None)
+            rig.write(tick.command)
+            assert not tick.verdict.fire
+            if true(" | ".join(tick.verdict.reasons)):
+                return list(tick.verdict.reasons)
+        raise AssertionError("it never came")
+
+    for _ in range(2):
+        reasons_once(lambda words: not re.search("CAN|never answered|silent for", words))
+        devices.pull_out()
+        assert any(str(plug) in reason for reason in reasons_once(lambda words: "CAN lost" in words))
+        reasons_once(lambda words: "motor 1 silent for" in words)
+        devices = Devices(plug)
+    assert tally["times lost"] == 2
+    rig.release()
+    bus.close()
+    devices.pull_out()
+
+
+def test_ports_on_the_command_line_take_the_place_of_the_configurations() -> None:
+    config = with_ports(CONFIG, "slcan:socket://127.0.0.1:5000", "/dev/pts/3", "http://127.0.0.1:5001/")
+    assert (config.can.interface, config.can.channel) == ("slcan", "socket://127.0.0.1:5000")
+    assert (config.buttons.port, config.camera.device) == ("/dev/pts/3", "http://127.0.0.1:5001/")
+    assert replace(config, can=CONFIG.can, buttons=CONFIG.buttons, camera=CONFIG.camera) == CONFIG
+    assert with_ports(CONFIG, None, None, None) == CONFIG
+
+
+@pytest.mark.parametrize("bus", ["slcan", "", ":can0", "slcan:"])
+def test_a_bus_that_is_no_bus_is_named(bus: str) -> None:
+    with pytest.raises(BadInput, match=f"--can {bus}: an interface and a channel"):
+        split_bus(bus, "--can")
+
+
+@pytest.mark.parametrize("bus", ["slcan:/dev/ttyACM0", "pcan:0", "socketcan:nosuchcan7"])
+def test_a_far_end_that_cannot_be_had_is_named(bus: str) -> None:
+    with pytest.raises(BadInput, match=f"--bus {bus}"):
+        open_far_bus(bus, CONFIG, MonotonicClock())
+
+
+@pytest.mark.parametrize(("words", "complaint"), [
+    (["--trials", "1"], "--out is needed"),
+    (["--trials", "1", "--bus", "slcan:auto", "--out", "x"], "--out is for `truearc run`"),
+    (["--trials", "1", "--bus", "slcan:auto", "--gate", "x"], "--gate is for `truearc run`"),
+    (["--trials", "1", "--bus", "slcan:auto", "--watchdog-ms", "0"], "--watchdog-ms 0"),
+    (["--trials", "1", "--bus", "nonsense"], "--bus nonsense")])
+def test_options_that_do_not_go_together(words: list[str], complaint: str, capsys) -> None:
+    assert main(["emulate", *words]) == 2
+    assert complaint in capsys.readouterr().err
+
+
+def test_a_world_keeps_time_and_stands_still_where_the_machine_did() -> None:
+    class Clock:
+        t_ns = 0
+
+        def now_ns(self) -> int:
+            return self.t_ns
+
+        def sleep_until_ns(self, t_ns: int) -> None:
+            self.t_ns = max(self.t_ns, t_ns)
+
+    clock, moments = Clock(), []
+
+    def advance(t_ns: int) -> None:
+        moments.append((t_ns, clock.t_ns))
+        clock.t_ns += 10_000_000_000 if len(moments) == 100 else 0
+
+    keep_time(clock, advance, lambda: len(moments) == 200)
+    steps = {later[0] - sooner[0] for sooner, later in itertools.pairwise(moments)}
+    assert steps == {2_000_000}                        # never a leap, for the devices' watchdogs would bite
+    assert moments[98][1] == moments[98][0] and moments[-1][1] == moments[-1][0] + 10_000_000_000 - 2_000_000
