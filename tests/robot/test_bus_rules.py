@@ -83,6 +83,14 @@ def test_another_host_that_commands_our_axes_is_told(bench, command: int) -> Non
     assert bus.faults() == [f"another host sends 0x{2 << 5 | command:03x}, which is ours to send"]
 
 
+def test_another_host_is_a_fault_of_the_very_tick_that_hears_it(bench) -> None:
+    wire, clock, _, bus = bench
+    rig = HardwareRig(CONFIG, bus, Stream(), InlineEyes(Blind(), lambda frame: Sighting(0, False, "")), clock,
+                      lambda: False)
+    wire.frames = [Frame(clock.t_ns, 0x2E, bytes(8))]
+    assert any("another host" in fault for fault in rig.read().faults)
+
+
 def test_nothing_that_devices_send_is_ours_and_their_pulses_are_theirs() -> None:
     devices, host = set(make_sent_by(CONFIG, "Axis", "Encoder")), set(make_sent_by(CONFIG, "Host", "Host"))
     assert devices and host and not devices & host
