@@ -53,6 +53,7 @@ class HardwareRig:
         self.late_ns = self._clock.now_ns() - turn_ns
         self._faults = []
         self._read_bus()
+        self._faults += self._bus.faults()
         sighting = self._read_eyes()
         t_ns = self._clock.now_ns()               # nothing that was stamped on its way in is younger than the tick
         buttons = self._read_box(t_ns)
@@ -94,7 +95,6 @@ class HardwareRig:
         self._angle = canandmag.parse(self._encoder, frame, self._angle)
 
     def _read_bus(self) -> None:
-        self._faults += self._bus.faults()
         try:
             frames = self._bus.read()
         except LinkLost as error:

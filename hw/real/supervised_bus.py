@@ -3,6 +3,7 @@
 python-can's Notifier would not do: an exception in it ends its thread without a word.
 """
 
+import contextlib
 import threading
 from collections import Counter, deque
 from collections.abc import Callable, Iterator
@@ -13,6 +14,7 @@ from hw.real.can_bus import CanBus
 WAIT_S = 0.02                         # how often a thread that hears nothing looks up
 SILENT_NS = 1_000_000_000             # a bus on which nothing is heard for so long is lost: not all adapters tell
 ROOM = 4096                           # frames that may wait for the tick: two seconds of a busy bus
+OVERRUN = "frames lost to overrun"
 FIRST_S, LONGEST_S = 0.05, 2.0        # pauses between attempts to open it again
 
 
@@ -33,8 +35,8 @@ class SupervisedBus:
         self._lock = threading.Lock()             # of writing to the bus and of taking it away; the thread alone reads
         self._frames: deque[Frame] = deque()
         self._lost = ""                           # why, until something is heard again
-        self._broken = ""                        # why a write found the bus lost
-        self._overruns = 0
+        self._broken = ""                         # why a write found the bus lost
+        self._told = 0                            # frames lost to overrun of which there has been a fault
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._supervise, name=self.name, daemon=True)
         self._thread.start()
@@ -56,8 +58,9 @@ class SupervisedBus:
                 raise
 
     def faults(self) -> list[str]:
-        overruns, self._overruns = self._overruns, 0
-        faults = [f"{self.name}: {overruns} frames lost, the tick came too late for them"] if overruns else []
+        before, self._told = self._told, self._tally[OVERRUN]
+        late = self._told - before
+        faults = [f"{self.name}: {late} frames lost, the tick came too late for them"] if late else []
         lost = self._lost
         if lost and self._bus is not None:
             faults.append(f"{self.name}: opened again, nothing heard yet ({lost})")
@@ -83,8 +86,8 @@ class SupervisedBus:
     def _open_again(self) -> None:
         try:
             bus = self._open_bus()
-        except LinkLost as error:
-            self._lost = str(error)
+        except Exception as error:    # as in _listen
+            self._lost = self._in_words(error)
             return
         self._broken = ""
         self._bus = bus
@@ -100,17 +103,17 @@ class SupervisedBus:
                     self._keep(frame)
                 elif self._clock.now_ns() - heard_ns >= SILENT_NS:
                     return f"{self.name}: nothing heard for {SILENT_NS * 1e-9:g} s"
-        except LinkLost as error:
-            return str(error)
         except Exception as error:    # whatever a driver may raise: a reader that dies in silence is what must not be
-            return f"{self.name}: {type(error).__name__}: {error}"
+            return self._in_words(error)
         return self._broken
+
+    def _in_words(self, error: Exception) -> str:
+        return str(error) if isinstance(error, LinkLost) else f"{self.name}: {type(error).__name__}: {error}"
 
     def _keep(self, frame: Frame) -> None:
         self._lost = ""
         if len(self._frames) >= ROOM:             # the newest is lost, as in a controller: only the tick takes out
-            self._overruns += 1
-            self._tally["frames lost to overrun"] += 1
+            self._tally[OVERRUN] += 1
         else:
             self._frames.append(frame)
 
@@ -119,7 +122,8 @@ class SupervisedBus:
             self._lost = why
             bus, self._bus = self._bus, None
         if bus is not None:
-            bus.close()
+            with contextlib.suppress(Exception):  # it is gone, whatever its driver says of that
+                bus.close()
 
 
 def make_pauses_s() -> Iterator[float]:

@@ -46,6 +46,8 @@ class Adapter:
 
     def close(self) -> None:
         self.closed = True
+        if self.dead:
+            raise RuntimeError("a driver that cannot even close")
 
 
 class Bench:
@@ -141,11 +143,11 @@ def test_lost_and_back_again_without_a_restart(benches, trouble: Exception, word
 
 def test_a_write_that_finds_the_bus_gone_has_it_opened_again(benches) -> None:
     first, second = Adapter(), Adapter()
-    bench = benches(first, second)
+    bench = benches(first, RuntimeError("a driver that cannot open"), second)
     first.dead = True
     with pytest.raises(LinkLost, match="cannot write"):
         bench.bus.write(HELLO)
-    eventually(lambda: bench.opened == 2 and not why_lost(bench.bus))
+    eventually(lambda: bench.opened == 3 and not why_lost(bench.bus))
     assert first.closed and bench.bus.write(HELLO) and second.sent == [HELLO]
 
 

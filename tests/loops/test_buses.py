@@ -38,9 +38,11 @@ from truearc import main
 
 ROOT = Path(__file__).parents[2]
 SHIPPED = Path(robot.__file__).parent / "launcher.toml"
-# A robot has its machine for itself; the one that runs tests may stall for longer than a robot would put up with.
+# A robot has its machine for itself; the one that runs tests may stall for longer than a robot would put up with, and
+# its emulated world be slower than the robot: a ball takes longer to feed, but the next comes no sooner than in 0.6 s.
 PATIENT = {"reading_age_s = 0.1": "reading_age_s = 1.0", "sighting_age_s = 0.3": "sighting_age_s = 2.0",
-           "request_s = 8.0": "request_s = 60.0"}
+           "request_s = 8.0": "request_s = 60.0", "feed_s = 0.25": "feed_s = 0.6", "clear_s = 0.6": "clear_s = 1.2",
+           "fps = 20.0": "fps = 5.0"}
 WATCHDOG_MS = 2000
 LIMIT_S = 240.0
 

@@ -90,6 +90,14 @@ def test_another_host_that_commands_our_axes_is_told(bench, command: int) -> Non
     assert bus.faults() == [f"another host sends 0x{2 << 5 | command:03x}, which is ours to send"]
 
 
+def test_another_host_is_a_fault_of_the_very_tick_that_hears_it(bench) -> None:
+    wire, clock, _, bus = bench
+    rig = HardwareRig(CONFIG, bus, Stream(), InlineEyes(Blind(), lambda frame: Sighting(0, False, "")), clock,
+                      lambda: False)
+    wire.frames = [Frame(clock.t_ns, 0x2E, bytes(8))]
+    assert any("another host" in fault for fault in rig.read().faults)
+
+
 def test_nothing_that_devices_send_is_ours_and_their_pulses_are_theirs() -> None:
     devices, host = ({kind for one in make_rules(CONFIG) for kind in part(one)} for part in (
         lambda one: one.by_device, lambda one: one.by_host))

@@ -121,6 +121,24 @@ def test_lost_wires_are_faults_in_words_and_nothing_raises(bench):
     assert any("button box lost" in fault for fault in inputs.faults)
 
 
+def test_what_comes_in_while_a_tick_gathers_is_not_from_its_future(bench):
+    bus, _, clock, rig = bench
+
+    def read():
+        clock.t_ns += 1_000_000                           # a real clock goes on
+        return [Frame(clock.t_ns, 0x29, bytes(8))]
+
+    bus.read = read
+    inputs = rig.read()
+    assert inputs.t_ns >= inputs.flywheels[0].t_ns > 0
+
+
+def test_what_the_bus_says_is_wrong_is_a_fault(bench):
+    bus, _, _, rig = bench
+    bus.faults = lambda: ["two devices with one id?"]
+    assert "two devices with one id?" in rig.read().faults
+
+
 def test_a_short_frame_is_named_and_changes_nothing(bench):
     bus, _, _, rig = bench
     bus.frames = [Frame(1, 0x29, bytes(4))]
