@@ -1,6 +1,8 @@
 """truearc run: the robot."""
 
 import argparse
+import itertools
+import shutil
 import signal
 import sys
 from contextlib import ExitStack
@@ -14,6 +16,7 @@ from hw.reading import CameraFrame
 from hw.real.camera import open_camera
 from hw.real.can_bus import open_can
 from hw.real.clock import MonotonicClock, wall_clock
+from hw.real.reopen import MendedCamera, MendedStream
 from hw.real.serial_port import open_serial
 from robot.config import BadInput, Config, load_config
 from robot.eyes import InlineEyes
@@ -21,6 +24,7 @@ from robot.gate.model import load_gate
 from robot.plan import load_plan, with_plan
 from robot.recording.candump import TappedBus
 from robot.recording.session import make_header
+from robot.recording.watch import WatchedRig
 from robot.recording.writer import SessionWriter
 from robot.rig import HardwareRig
 from robot.runtime import run
@@ -29,6 +33,7 @@ from robot.vision import detect
 
 DESCRIPTION = "Run the launcher on its real wires and record it; ends on Ctrl-C or SIGTERM with the motors idle."
 EXAMPLE = "truearc run --config launcher.toml --gate gate.onnx --out sessions"
+ROOM_BYTES = 100 << 20                # a quarter of an hour of recording, which a session should find to begin with
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -62,7 +67,7 @@ def main(args: argparse.Namespace) -> int:
         print(f"truearc run: {args.config} has gate.policy {config.gate.policy!r}: the model is asked, not obeyed",
               file=sys.stderr)
     started = wall_clock()
-    folder = args.out / started.replace(":", "")
+    folder = make_room(args.out, started)
     ending = Ending()
     with ExitStack() as wires:
         bus, box, camera, clock = _open_wires(config, wires)
@@ -76,11 +81,25 @@ def main(args: argparse.Namespace) -> int:
         eyes = InlineEyes(camera, see)
         rig = HardwareRig(config, TappedBus(bus, recorder.tap), box, eyes, clock, lambda: ending.asked)
         wires.callback(rig.release)               # first of all to be done on the way out, whatever happened
-        ticks = run(rig, config, gate, recorder)
+        ticks = run(WatchedRig(rig, recorder), config, gate, recorder)
     print(f"{folder}: {ticks} ticks" + (f", {recorder.dropped} batches lost" if recorder.dropped else ""))
     if recorder.failed is not None:
         raise BadInput(f"{folder}: the recording stopped: {recorder.failed}")
     return 0
+
+
+def make_room(out: Path, started: str) -> Path:
+    """A folder in `out` that is not there yet, named by the time of day; BadInput when the disk is all but full.
+
+    A clock that was set back, or starts at the same time after every power-up, only costs a number behind the name.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    free = shutil.disk_usage(out).free
+    if free < ROOM_BYTES:
+        raise BadInput(f"{out}: only {free >> 20} MB free; a recording needs {ROOM_BYTES >> 20} MB to begin with")
+    name = started.replace(":", "")
+    names = itertools.chain([name], (f"{name}-{number}" for number in itertools.count(2)))
+    return next(out / name for name in names if not (out / name).exists())
 
 
 def _open_wires(config: Config, wires: ExitStack) -> tuple[Bus, Stream, Camera, Clock]:
@@ -90,10 +109,10 @@ def _open_wires(config: Config, wires: ExitStack) -> tuple[Bus, Stream, Camera, 
     try:
         bus = open_can(config.can.interface, config.can.channel, config.can.bitrate, clock)
         wires.callback(bus.close)
-        box = open_serial(config.buttons.port, config.buttons.baud)
+        box = MendedStream(lambda: open_serial(config.buttons.port, config.buttons.baud))
         wires.callback(box.close)
-        camera = open_camera(config.camera.device, config.camera.width_px, config.camera.height_px, config.camera.fps,
-                             clock)
+        look = config.camera
+        camera = MendedCamera(lambda: open_camera(look.device, look.width_px, look.height_px, look.fps, clock))
         wires.callback(camera.close)
     except LinkLost as error:
         raise BadInput(f"cannot start: {error}") from error

@@ -21,6 +21,7 @@ from robot.config import Config
 from robot.gate.model import Gate, load_gate
 from robot.recording.candump import TappedBus
 from robot.recording.session import make_header
+from robot.recording.watch import WatchedRig
 from robot.recording.writer import SessionWriter
 from robot.rig import HardwareRig, make_axis
 from robot.runtime import run
@@ -85,7 +86,8 @@ def run_twin(config: Config, world: World, trials: int, seed: int, gate: Gate | 
         return driver.done or clock.now_ns() > limit_ns
 
     try:
-        run(HardwareRig(config, TappedBus(near, recorder.tap), stream, eyes, clock, over), config, gate, recorder)
+        rig = HardwareRig(config, TappedBus(near, recorder.tap), stream, eyes, clock, over)
+        run(WatchedRig(rig, recorder), config, gate, recorder)
     finally:
         for wire in (near, far, stream, eyes):
             wire.close()

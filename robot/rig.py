@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator
 
 from hw import canandmag, odrive
-from hw.buttons import lost_presses, parse_lines
+from hw.buttons import SEQ_COUNT, lost_presses, parse_lines
 from hw.link import BadFrame, Bus, Clock, Frame, LinkLost, Stream
 from hw.reading import AngleReading, ButtonEvent, CameraFrame, MotorReading
 from robot.config import Axis, BadInput, Config
@@ -15,6 +15,7 @@ RETRY_NS = 100_000_000                # how often an axis that will not come up 
 ENDSTOP_NS = 50_000_000               # how often the limit switch is read
 FEED_NS = 25_000_000                  # an unchanged torque is repeated this often: the axes' watchdogs want to hear it
 BOX_SILENT_NS = 1_500_000_000         # three missed heartbeats of the button box
+CAN_LOST = "CAN lost: "               # how that fault begins
 
 
 class HardwareRig:
@@ -44,6 +45,7 @@ class HardwareRig:
         self._enabled = False
         self._started = False
         self._faults: list[str] = []
+        self._frames = 0
 
     def read(self) -> Inputs | None:
         """Wait for the next tick, then gather what came in since the last one."""
@@ -60,7 +62,7 @@ class HardwareRig:
         self._cycle += 1
         count = len(self._config.axes.flywheels)
         return Inputs(t_ns, self._cycle, tuple(self._motors[:count]), self._motors[count], self._motors[count + 1],
-                      self._angle, sighting, tuple(buttons), tuple(self._faults))
+                      self._angle, sighting, tuple(buttons), tuple(self._faults), self._frames)
 
     def write(self, command: Command) -> Sent:
         """Send what keeps the axes in the asked state, then the torques; says what really went out."""
@@ -101,11 +103,13 @@ class HardwareRig:
         self._angle = canandmag.parse(self._encoder, frame, self._angle)
 
     def _read_bus(self) -> None:
+        self._frames = 0
         try:
             frames = self._bus.read()
         except LinkLost as error:
-            self._faults.append(f"CAN lost: {error}")
+            self._faults.append(f"{CAN_LOST}{error}")
             return
+        self._frames = len(frames)
         handlers = self._handlers
         for frame in frames:
             handler = handlers.get(frame.arbitration_id)
@@ -120,6 +124,7 @@ class HardwareRig:
         try:
             events, self._pending, faults = parse_lines(self._pending, self._box.read(), t_ns)
         except LinkLost as error:
+            self._pending = b""       # half a line that was on its way when the plug was pulled
             self._faults.append(f"button box lost: {error}")
             return []
         for event in events:
@@ -127,7 +132,8 @@ class HardwareRig:
             # A press counts itself; a heartbeat repeats the number of the newest press.
             expected = event.seq if isinstance(event, ButtonEvent) else event.seq + 1
             if self._box_seq is not None and (lost := lost_presses(self._box_seq, expected)):
-                faults.append(f"{lost} presses lost")
+                # Half the count ahead is behind: a box that was without power counts from the start again.
+                faults.append(f"{lost} presses lost" if lost < SEQ_COUNT // 2 else "restarted")
             self._box_seq = event.seq
         self._faults += [f"button box: {fault}" for fault in faults]
         if t_ns - self._heard_box_ns > BOX_SILENT_NS:
