@@ -52,10 +52,10 @@ class _Told:
 
 
 def recover(session: Path) -> Recovered:
-    """Repair a session's files in place; BadInput for no session, one being recorded, or one without any tick.
+    """Repair a session's files in place; BadInput for no session and for one being recorded.
 
-    Ticks: a readable MCAP file with a summary. Trials: no torn line, and those that only the ticks know. CAN: whole
-    lines. Images: an index of those that are there. Running it again changes nothing.
+    Ticks: a readable MCAP file with a summary, of no tick if none is whole. Trials: no torn line, and those that only
+    the ticks know. CAN: whole lines. Images: an index of those that are there. Running it again changes nothing.
     """
     load_session_config(session)
     _check_not_recording(session)
@@ -115,8 +115,6 @@ def _write_ticks(new: Path, damaged: Path, told: _Told) -> None:
         raise BadInput(f"{damaged}: row {told.ticks + 1}: {error}") from error
     finally:
         file.file.close()
-    if told.ticks == 0:
-        raise BadInput(f"{damaged}: not one whole tick in it")
 
 
 def _recover_trials(session: Path, told: _Told, repairs: list[str]) -> int:

@@ -148,3 +148,18 @@ def test_a_silent_box_is_reported(bench):
 def test_an_unknown_driver_is_named():
     with pytest.raises(BadInput, match="'spark'"):
         make_axis(replace(CONFIG.axes.hood, driver="spark"))
+
+
+def test_a_box_that_was_without_power_is_said_to_have_restarted(bench):
+    _, box, _, rig = bench
+    box.data = buttons.make_heartbeat(500)
+    rig.read()
+    box.data = b"$B,501,fi"                                # the plug is pulled in the middle of a line
+    rig.read()
+    box.lost = True
+    assert any("button box lost" in fault for fault in rig.read().faults)
+    box.lost, box.data = False, buttons.make_heartbeat(0) + buttons.make_press(1, "fire")
+    inputs = rig.read()
+    assert inputs.faults == ("button box: restarted",) and [event.button for event in inputs.buttons] == ["fire"]
+    box.data = buttons.make_heartbeat(1)
+    assert rig.read().faults == ()
