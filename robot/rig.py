@@ -54,9 +54,9 @@ class HardwareRig:
         period = NS_PER_S // self._config.tick_hz
         self._due_ns = max(self._due_ns + period, self._clock.now_ns())   # after a stall: skip, never burst
         self._clock.sleep_until_ns(self._due_ns)
-        t_ns = self._clock.now_ns()
         self._faults = []
         self._read_bus()
+        t_ns = self._clock.now_ns()       # after the frames have their stamps: none may be from the tick's future
         buttons = self._read_box(t_ns)
         sighting = self._read_eyes()
         self._cycle += 1

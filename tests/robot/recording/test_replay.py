@@ -1,19 +1,28 @@
 """Replay from the wires, and with something changed."""
 
 import shutil
+import struct
 
 import cv2
 import numpy as np
 import pytest
 
 import robot
+from hw.link import Frame
 from robot.config import BadInput, load_config
+from robot.eyes import InlineEyes
+from robot.recording.candump import TappedBus
 from robot.recording.changes import config_changes, find_changes
 from robot.recording.images import load_pictures
 from robot.recording.reader import TickReader
 from robot.recording.replay import Difference, replay, replay_frames
-from robot.recording.writer import TickFile
+from robot.recording.session import make_header
+from robot.recording.writer import SessionWriter, TickFile
+from robot.rig import HardwareRig
+from robot.runtime import run
+from robot.types import Sighting
 from tests.robot.recording.conftest import CONFIG
+from tests.robot.test_rig import Blind, Stream, Time, Wire
 from truearc import main
 
 
@@ -42,6 +51,33 @@ def test_the_frames_that_the_robot_refused_are_refused_again(faulty):
     """Faults are recomputed, not copied: the golden session has them."""
     faults = {fault for tick, _ in TickReader(faulty) for fault in tick.inputs.faults}
     assert any("bad frame" in fault for fault in faults)
+
+
+def test_frames_with_stamps_of_their_own_and_a_lost_bus_are_parsed_again(tmp_path):
+    """As a real bus gives them: stamped when they came, between ticks, some in none's time, and once not at all."""
+    bus, box, clock = Wire(), Stream(), Time()
+    recorder = SessionWriter(tmp_path / "s", make_header(CONFIG, None, None), CONFIG, None, lossless=True)
+    eyes = InlineEyes(Blind(), lambda frame: Sighting(frame.t_ns, False, "dark"))
+    rig = HardwareRig(CONFIG, TappedBus(bus, recorder.tap), box, eyes, clock, lambda: clock.t_ns > 2_000_000_000)
+
+    class Feeding:
+        """Puts frames on the wire before each tick."""
+
+        write, picture = rig.write, rig.picture
+
+        def read(self):
+            velocity = struct.pack("<ff", 1.0, clock.t_ns * 1e-9)
+            bus.frames = [Frame(clock.t_ns + 1_234_000 * at, 0x29 + 0x20 * (at % 4), velocity)
+                          for at in range(clock.t_ns // 5_000_000 % 4)]
+            bus.lost = 1_500_000_000 < clock.t_ns < 1_600_000_000
+            return rig.read()
+
+    run(Feeding(), CONFIG, None, recorder)
+    recorder.close()
+    faults = {fault for tick, _ in TickReader(tmp_path / "s") for fault in tick.inputs.faults}
+    assert "CAN lost: unplugged" in faults
+    replayed, again = replay_frames(tmp_path / "s")
+    assert replayed == replay(tmp_path / "s") and replayed.ticks == 201 and again.frames > 200
 
 
 def test_one_bit_of_one_frame_is_a_difference_that_names_the_input(session, capsys):
