@@ -35,10 +35,6 @@ class Lane:
         """How many jobs have not been begun."""
         return self._jobs.qsize()
 
-    def settle(self) -> None:
-        """Return when all that was handed over is done."""
-        self._jobs.join()
-
     def close(self) -> None:
         """Do what waits, and end."""
         self._jobs.put(None)

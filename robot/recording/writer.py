@@ -1,10 +1,11 @@
 """Writes a session. The tick only encodes and hands over; three threads own the files.
 
-Ticks and CAN frames are handed to the system every tenth of a second, trials at once and each with its own fsync, and
-pictures and the fsync of the ticks have a thread to themselves: none waits for a slow disk that another is using.
+Ticks and CAN frames are handed to the system every tenth of a second, trials at once. What may take long, pictures and
+every fsync, has a thread to itself, so that neither of the others waits for it.
 """
 
 import os
+import threading
 from functools import partial
 from pathlib import Path
 
@@ -35,6 +36,7 @@ from robot.types import Sent, Tick
 
 BATCH_NS = 100_000_000                # handed over together: a wake-up a tick would cost the loop its rhythm
 SYNC_NS = 1_000_000_000               # a power cut may cost this much
+MARK_S = 0.01                         # so long a tick waits, at most, until the system has its trial; usually under 1 ms
 SLOW_JOBS = 20                        # two seconds of batches wait: the disk does not answer
 Row = tuple[int, bytes, list[tuple[Frame, bool]]]     # t_ns, the encoded Tick, raw frames of the tick
 
@@ -42,9 +44,10 @@ Row = tuple[int, bytes, list[tuple[Frame, bool]]]     # t_ns, the encoded Tick, 
 class SessionWriter:
     """A Recorder that keeps everything in a folder made for it; BadInput when that cannot be made.
 
-    A process that is killed loses what is younger than a fifth of a second. `lossless`: a disk that lags makes the
-    caller wait instead of losing batches, and a trial is on disk when `record` returns; for the twin, whose time can
-    wait. `trouble` says in words why ticks or trials are not reaching the disk; after `close`, `failed` does.
+    A process that is killed loses no tick older than a fifth of a second, and no trial: `record` returns when the
+    system has its row, unless the disk stalls for longer than MARK_S. `lossless`: whatever the disk does, the caller
+    waits and nothing is dropped; for the twin, whose time can wait. `trouble` says in words why ticks or trials are not
+    reaching the disk; after `close`, `failed` does.
     """
 
     def __init__(self, folder: Path, header: Header, config: Config, model: bytes | None, lossless: bool) -> None:
@@ -78,19 +81,16 @@ class SessionWriter:
 
     def record(self, tick: Tick, sent: Sent) -> None:
         t_ns = tick.inputs.t_ns
-        trials = [self._encoder.encode(trial) for trial in make_trials(tick)]
-        for row in trials:
-            self._trials.hand(partial(self._files.write_trial, row))
-        if trials and self._lossless:
-            self._trials.settle()
+        for trial in make_trials(tick):
+            self._record_trial(self._encoder.encode(trial))
         frames, self._frames = self._frames, []
         self._rows.append((t_ns, self._encoder.encode(msgspec.structs.replace(tick, sent=sent)), frames))
         if t_ns - self._rows[0][0] >= BATCH_NS:
             self._hand_rows()
         if t_ns - self._synced_ns >= SYNC_NS:
             self._synced_ns = t_ns
-            self._trials.hand(self._files.sync_trials)
-            self._slow.hand(self._files.sync_ticks)
+            self._trials.hand(self._files.flush_trials)
+            self._slow.hand(self._files.sync)
 
     def keep_picture(self, picture: CameraFrame) -> None:
         self._slow.hand(partial(self._files.write_picture, picture))
@@ -107,6 +107,12 @@ class SessionWriter:
         except OSError as error:
             troubles.append(error)
         self.failed = troubles[0] if troubles else None
+
+    def _record_trial(self, row: bytes) -> None:
+        written = threading.Event()
+        self._trials.hand(partial(self._files.write_trial, row, written))
+        written.wait(None if self._lossless else MARK_S)
+        self._slow.hand(self._files.sync_trials)
 
     def _hand_rows(self) -> None:
         rows, self._rows = self._rows, []
@@ -156,17 +162,22 @@ class _Files:
         finally:
             self._telemetry.flush()
 
-    def write_trial(self, row: bytes) -> None:
+    def write_trial(self, row: bytes, written: threading.Event) -> None:
         self._trials.write(row + b"\n")
-        self.sync_trials()
+        try:
+            self._trials.flush()
+        finally:
+            written.set()
+
+    def flush_trials(self) -> None:
+        self._trials.flush()
 
     def sync_trials(self) -> None:
-        self._trials.flush()
         self._trials.sync()
 
-    def sync_ticks(self) -> None:
-        self._telemetry.file.sync()
-        self._can.sync()
+    def sync(self) -> None:
+        for file in (self._trials, self._telemetry.file, self._can):
+            file.sync()
 
     def write_picture(self, picture: CameraFrame) -> None:
         name = f"{picture.t_ns // 1_000_000:09d}.png"
