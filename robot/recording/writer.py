@@ -36,7 +36,7 @@ from robot.types import Sent, Tick
 
 BATCH_NS = 100_000_000                # handed over together: a wake-up a tick would cost the loop its rhythm
 SYNC_NS = 1_000_000_000               # a power cut may cost this much
-MARK_S = 0.01                         # so long a tick waits, at most, until the system has its trial; usually under 1 ms
+MARK_S = 0.01                         # a tick waits no longer for its trial to be written; usually under 1 ms
 SLOW_JOBS = 20                        # two seconds of batches wait: the disk does not answer
 Row = tuple[int, bytes, list[tuple[Frame, bool]]]     # t_ns, the encoded Tick, raw frames of the tick
 
