@@ -18,6 +18,8 @@ VERBS = {
     "identify": "friction, inertia and gains of flywheels and hood",
     "emulate": "the real runtime on the emulated robot",
     "replay": "recompute every output of a recording",
+    "recover": "make a recording that was cut short whole",
+    "convert": "a recording as WPILOG, MCAP, CSV or Parquet",
     "shots": "recordings to a dataset",
     "import": "other people's recordings to a dataset",
     "predict": "the seed's simulator, row by row",

@@ -2,7 +2,9 @@
 
 import argparse
 import gc
+import itertools
 import os
+import shutil
 import signal
 import sys
 from collections import Counter
@@ -19,6 +21,7 @@ from hw.reading import CameraFrame
 from hw.real.camera import open_camera
 from hw.real.clock import MonotonicClock, wall_clock
 from hw.real.realtime import ask_core, ask_fifo, ask_locked_memory
+from hw.real.reopen import MendedCamera, MendedStream
 from hw.real.serial_port import open_serial
 from hw.real.service import ServiceManager
 from robot.config import BadInput, Config, load_config
@@ -28,6 +31,7 @@ from robot.lateness import Lateness, TimedRig
 from robot.plan import load_plan, with_plan
 from robot.recording.candump import TappedBus
 from robot.recording.session import make_header
+from robot.recording.watch import RecordingRig
 from robot.recording.writer import SessionWriter
 from robot.rig import NS_PER_S, HardwareRig
 from robot.runtime import run
@@ -37,6 +41,7 @@ from robot.watched import WatchedRig
 
 DESCRIPTION = "Run the launcher on its real wires and record it; ends on Ctrl-C or SIGTERM with the motors idle."
 EXAMPLE = "truearc run --config launcher.toml --gate gate.onnx --out sessions"
+ROOM_BYTES = 100 << 20                # a quarter of an hour of recording, which a session should find to begin with
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -75,7 +80,7 @@ def main(args: argparse.Namespace) -> int:
         print(f"truearc run: {args.config} has gate.policy {config.gate.policy!r}: the model is asked, not obeyed",
               file=sys.stderr)
     started = wall_clock()
-    folder = args.out / started.replace(":", "")
+    folder = make_room(args.out, started)
     ending = Ending()
     with ExitStack() as wires:
         tally: Counter[str] = Counter()
@@ -95,7 +100,8 @@ def main(args: argparse.Namespace) -> int:
         rig = HardwareRig(config, TappedBus(bus, recorder.tap), box, eyes, clock, lambda: ending.asked)
         wires.callback(rig.release)               # first of all to be done on the way out, whatever happened
         _ask_for_real_time(args)
-        ticks = run(WatchedRig(TimedRig(rig, lateness), config, manager.say), config, gate, recorder)
+        kept = RecordingRig(TimedRig(rig, lateness), recorder)
+        ticks = run(WatchedRig(kept, config, manager.say), config, gate, recorder)
     print(f"{folder}: {ticks} ticks" + (f", {recorder.dropped} batches lost" if recorder.dropped else ""))
     print(*lateness.lines(), sep="\n")
     for what, count in sorted(tally.items()):
@@ -103,6 +109,20 @@ def main(args: argparse.Namespace) -> int:
     if recorder.failed is not None:
         raise BadInput(f"{folder}: the recording stopped: {recorder.failed}")
     return 0
+
+
+def make_room(out: Path, started: str) -> Path:
+    """A folder in `out` that is not there yet, named by the time of day; BadInput when the disk is all but full.
+
+    A clock that was set back, or starts at the same time after every power-up, only costs a number behind the name.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    free = shutil.disk_usage(out).free
+    if free < ROOM_BYTES:
+        raise BadInput(f"{out}: only {free >> 20} MB free; a recording needs {ROOM_BYTES >> 20} MB to begin with")
+    name = started.replace(":", "")
+    names = itertools.chain([name], (f"{name}-{number}" for number in itertools.count(2)))
+    return next(out / name for name in names if not (out / name).exists())
 
 
 def _open_wires(config: Config, wires: ExitStack, tally: Counter[str]) -> tuple[Bus, Stream, Camera, Clock]:
@@ -114,10 +134,10 @@ def _open_wires(config: Config, wires: ExitStack, tally: Counter[str]) -> tuple[
     clock = MonotonicClock()
     try:
         bus = open_bus(config, clock, wires, tally)
-        box = open_serial(config.buttons.port, config.buttons.baud)
+        box = MendedStream(lambda: open_serial(config.buttons.port, config.buttons.baud))
         wires.callback(box.close)
-        camera = open_camera(config.camera.device, config.camera.width_px, config.camera.height_px, config.camera.fps,
-                             clock)
+        look = config.camera
+        camera = MendedCamera(lambda: open_camera(look.device, look.width_px, look.height_px, look.fps, clock))
         wires.callback(camera.close)
     except LinkLost as error:
         raise BadInput(f"cannot start: {error}") from error

@@ -26,6 +26,7 @@ from robot.gate.model import Gate, load_gate
 from robot.motors import name_axes, odrive_axis, spark_axis
 from robot.recording.candump import TappedBus
 from robot.recording.session import make_header
+from robot.recording.watch import RecordingRig
 from robot.recording.writer import SessionWriter
 from robot.rig import HardwareRig
 from robot.runtime import run
@@ -93,7 +94,8 @@ def run_twin(config: Config, world: World, trials: int, seed: int, gate: Gate | 
 
     try:
         bus = TappedBus(guard(near, config, clock, Counter()), recorder.tap)
-        run(HardwareRig(config, bus, stream, eyes, clock, over), config, gate, recorder)
+        rig = HardwareRig(config, bus, stream, eyes, clock, over)
+        run(RecordingRig(rig, recorder), config, gate, recorder)
     finally:
         for wire in (near, far, stream, eyes):
             wire.close()

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Iterator
 from msgspec import UNSET
 
 from hw import canandmag
-from hw.buttons import lost_presses, parse_lines
+from hw.buttons import SEQ_COUNT, lost_presses, parse_lines
 from hw.link import BadFrame, Bus, Clock, Frame, LinkLost, Stream
 from hw.motor import Order
 from hw.reading import AngleReading, ButtonEvent, CameraFrame
@@ -16,6 +16,7 @@ from robot.types import Command, Inputs, Sent, Sighting, Tick
 
 NS_PER_S = 1_000_000_000
 BOX_SILENT_NS = 1_500_000_000         # three missed heartbeats of the button box
+CAN_LOST = "CAN lost: "               # how that fault begins
 
 
 class HardwareRig:
@@ -41,6 +42,7 @@ class HardwareRig:
         self.late_ns = 0              # how long after its turn the newest tick came
         self._started = False
         self._faults: list[str] = []
+        self._frames = 0
 
     def read(self) -> Inputs | None:
         """Wait for the next tick, then gather what came in since the last one."""
@@ -62,7 +64,7 @@ class HardwareRig:
         self._cycle += 1
         *flywheels, hood, feeder = (motor.reading for motor in self._motors)
         return Inputs(t_ns, self._cycle, tuple(flywheels), hood, feeder, self._angle, sighting, tuple(buttons),
-                      tuple(self._faults))
+                      tuple(self._faults), self._frames)
 
     def write(self, command: Command) -> Sent:
         """Send what each motor needs to do as asked; says what really went out."""
@@ -95,11 +97,13 @@ class HardwareRig:
         self._angle = canandmag.parse(self._encoder, frame, self._angle)
 
     def _read_bus(self) -> None:
+        self._frames = 0
         try:
             frames = self._bus.read()
         except LinkLost as error:
-            self._faults.append(f"CAN lost: {error}")
+            self._faults.append(f"{CAN_LOST}{error}")
             return
+        self._frames = len(frames)
         handlers = self._handlers
         for frame in frames:
             handler = handlers.get((frame.arbitration_id, frame.is_extended))
@@ -114,6 +118,7 @@ class HardwareRig:
         try:
             events, self._pending, faults = parse_lines(self._pending, self._box.read(), t_ns)
         except LinkLost as error:
+            self._pending = b""       # half a line that was on its way when the plug was pulled
             self._faults.append(f"button box lost: {error}")
             return []
         for event in events:
@@ -121,7 +126,8 @@ class HardwareRig:
             # A press counts itself; a heartbeat repeats the number of the newest press.
             expected = event.seq if isinstance(event, ButtonEvent) else event.seq + 1
             if self._box_seq is not None and (lost := lost_presses(self._box_seq, expected)):
-                faults.append(f"{lost} presses lost")
+                # Half the count ahead is behind: a box that was without power counts from the start again.
+                faults.append(f"{lost} presses lost" if lost < SEQ_COUNT // 2 else "restarted")
             self._box_seq = event.seq
         self._faults += [f"button box: {fault}" for fault in faults]
         if t_ns - self._heard_box_ns > BOX_SILENT_NS:

@@ -25,8 +25,11 @@ class Sighting(Struct, frozen=True):
     corners_px: tuple[tuple[float, float], ...] = ()
 
 
-class Inputs(Struct, frozen=True):
-    """All that the tick may know about the outside; a replay needs nothing else."""
+class Inputs(Struct, frozen=True, omit_defaults=True):
+    """All that the tick may know about the outside; a replay needs nothing else.
+
+    `frames` is the one field with a default, so that recordings from before it was there still say what they said.
+    """
 
     t_ns: int
     cycle: int
@@ -37,6 +40,7 @@ class Inputs(Struct, frozen=True):
     sighting: Sighting | None                     # what vision made of an image that came since the last tick
     buttons: tuple[ButtonEvent, ...]              # since the last tick
     faults: tuple[str, ...]                       # wires lost, frames refused, in words
+    frames: int = 0                               # CAN frames received since the last tick: its lines of can0.log
 
 
 class Estimate(Struct, frozen=True):

@@ -25,7 +25,8 @@ def test_no_verb_and_an_unknown_one_list_the_verbs(capsys):
 
 
 @pytest.mark.parametrize("words", [
-    ["replay", "nowhere"], ["shots", "nowhere", "-o", "d"], ["predict", "nowhere", "--cd", "1", "--cl", "0"],
+    ["replay", "nowhere"], ["recover", "nowhere"], ["convert", "nowhere", "--to", "csv", "-o", "x.csv"],
+    ["shots", "nowhere", "-o", "d"], ["predict", "nowhere", "--cd", "1", "--cl", "0"],
     ["fit", "nowhere"], ["train", "--real", "nowhere", "-o", "w"], ["export", "nowhere", "-o", "g.onnx"],
     ["verify", "nowhere.onnx"], ["predict-gate", "nowhere.onnx", "nowhere"], ["discover", "nowhere"],
     ["synth", "--rig", "nowhere.toml", "--coefficients", "nowhere.toml", "-o", "d"], ["vision", "nowhere.jpg"],

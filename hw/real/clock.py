@@ -5,10 +5,13 @@ from datetime import datetime
 
 
 class MonotonicClock:
-    """The machine's monotonic clock; unmoved by the wall clock being set."""
+    """The machine's monotonic clock, in whole microseconds; unmoved by the wall clock being set.
+
+    Candump and WPILOG files have six decimals: what they say of a time is all there is to it.
+    """
 
     def now_ns(self) -> int:
-        return time.monotonic_ns()
+        return time.monotonic_ns() // 1000 * 1000
 
     def sleep_until_ns(self, t_ns: int) -> None:
         """Return at `t_ns` or as soon after as the machine allows; at once when that is past.
@@ -16,7 +19,7 @@ class MonotonicClock:
         Deadlines are absolute, so being late once does not make the next one late. Whoever keeps a cadence skips the
         deadlines that were missed rather than running them in a burst.
         """
-        while (left_ns := t_ns - time.monotonic_ns()) > 0:
+        while (left_ns := t_ns - self.now_ns()) > 0:
             time.sleep(left_ns / 1e9)
 
 

@@ -1,15 +1,31 @@
 """Raw CAN as candump text: `(seconds.microseconds) can0 ID#DATA R|T`; opens in can-utils, SavvyCAN and python-can."""
 
+import re
 from collections.abc import Callable
 
 from hw.link import Bus, Frame
 
+_LINE = re.compile(r"\((\d+)\.(\d{6})\) \S+ ([0-9A-F]{3}|[0-9A-F]{8})#(R[1-8]?|(?:[0-9A-F]{2}){0,64}) ([RT])\n")
+
 
 def candump_line(frame: Frame, sent: bool, t_ns: int, channel: str = "can0") -> str:
-    """One line of text; the time is the tick's, on the rig's monotonic clock."""
+    """One line of text, times on the rig's monotonic clock: when it was received, or the tick `t_ns` that sent it."""
+    t_ns = t_ns if sent else frame.t_ns
     name = f"{frame.arbitration_id:08X}" if frame.is_extended else f"{frame.arbitration_id:03X}"
     data = f"R{len(frame.data) or ''}" if frame.is_remote else frame.data.hex().upper()
     return f"({t_ns // 1_000_000_000}.{t_ns // 1000 % 1_000_000:06d}) {channel} {name}#{data} {'T' if sent else 'R'}\n"
+
+
+def parse_candump(line: str) -> tuple[Frame, bool] | None:
+    """The frame that `candump_line` wrote, and whether it was sent; None for any other line, a torn one included."""
+    match = _LINE.fullmatch(line)
+    if match is None:
+        return None
+    seconds, micros, name, data, way = match.groups()
+    remote = data.startswith("R")                 # a question has the length of its answer
+    content = bytes(int(data[1:] or 0)) if remote else bytes.fromhex(data)
+    frame = Frame(int(seconds) * 1_000_000_000 + int(micros) * 1000, int(name, 16), content, len(name) == 8, remote)
+    return (frame._replace(t_ns=0) if way == "T" else frame), way == "T"
 
 
 class TappedBus:

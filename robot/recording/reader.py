@@ -20,6 +20,8 @@ LARGEST = 1 << 28                     # bytes of a record; a damaged length must
 class TickReader:
     """Iterates over (Tick, its recorded bytes); afterwards `cut_short` says what was wrong with the tail, if anything.
 
+    `share` is how much of the file has been read, 0 to 1.
+
     A file that ends early (power loss, kill) gives every tick of its complete chunks. BadInput when there is no
     telemetry at all or a whole row cannot be read.
     """
@@ -27,6 +29,7 @@ class TickReader:
     def __init__(self, session: Path) -> None:
         self.path = session / TELEMETRY
         self.cut_short: str | None = None
+        self.share = 0.0
 
     def __iter__(self) -> Iterator[tuple[Tick, bytes]]:
         decode = msgspec.json.Decoder(Tick).decode
@@ -42,10 +45,12 @@ class TickReader:
             file = self.path.open("rb")
         except OSError as error:
             raise BadInput(f"{self.path}: {in_words(error)}") from error
+        size = max(self.path.stat().st_size, 1)
         with file:
             try:
                 for record in StreamReader(file, validate_crcs=True, record_size_limit=LARGEST).records:
                     if isinstance(record, Message):
+                        self.share = file.tell() / size
                         yield record.data
             except (McapError, EOFError, ValueError, struct.error, zstandard.ZstdError) as error:
                 self.cut_short = f"{self.path}: cut short or damaged ({type(error).__name__}: {error})"

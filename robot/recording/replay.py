@@ -1,24 +1,35 @@
-"""Replay: recompute every output from the recorded inputs and compare to the last bit."""
+"""Replay: recompute every output of a recording and compare to the last bit.
+
+From the recorded inputs, or from deeper: the raw CAN frames and the kept images, parsed and seen again.
+"""
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 
 from hw.reading import CameraFrame
-from robot.config import BadInput
+from robot.config import BadInput, Config
 from robot.identify.tick import POLICY, make_step
+from robot.recording.frames import FramesRig, Recomputed
 from robot.recording.reader import TickReader
 from robot.recording.session import load_header, load_session_config, load_session_gate
 from robot.rig import ReplayRig
-from robot.runtime import run
+from robot.runtime import Think, run
 from robot.tick import step
 from robot.types import Sent, Tick
 
 
 class Difference(Exception):
     """The first recomputed value that is not the recorded one; the message names tick and field."""
+
+
+class Replayed(NamedTuple):
+    """What came out bit-equal."""
+
+    ticks: int
+    cut_short: str | None             # what was wrong with the file's tail, if anything
 
 
 class Comparer:
@@ -37,31 +48,65 @@ class Comparer:
 
 
 class RecordedRows:
-    """Feeds ticks to a ReplayRig while keeping the bytes of the current one."""
+    """Feeds ticks to a ReplayRig while keeping the bytes of the current one.
+
+    Difference where ticks were never recorded, for what follows cannot be recomputed from what came before.
+    """
 
     def __init__(self, reader: TickReader) -> None:
         self._reader = reader
         self.current = b""
 
     def __iter__(self) -> Iterator[Tick]:
+        before = 0
         for tick, row in self._reader:
-            self.current = row
+            cycle = tick.inputs.cycle
+            if cycle != before + 1:
+                raise Difference(f"cycle {cycle} follows {before}: the ticks between are not in the recording")
+            self.current, before = row, cycle
             yield tick
 
 
-def replay(session: Path) -> tuple[int, str | None]:
-    """Number of ticks that came out bit-equal, and what was wrong with the file's tail, if anything.
+def replay(session: Path) -> Replayed:
+    """Recompute the outputs of every tick from its recorded inputs.
 
     Raises Difference at the first tick that does not match; BadInput when there is nothing to match.
     """
     config, gate = load_session_config(session), load_session_gate(session)
     reader = TickReader(session)
     rows = RecordedRows(reader)
-    think = make_step(config) if load_header(session).policy == POLICY else step
-    ticks = run(ReplayRig(rows), config, gate, Comparer(rows), think)
+    ticks = run(ReplayRig(rows), config, gate, Comparer(rows), _think(session, config))
+    return _matched(ticks, reader)
+
+
+def replay_frames(session: Path) -> tuple[Replayed, Recomputed]:
+    """As `replay`, with the inputs recomputed, too, from what can0.log and frames/ hold of them."""
+    config, gate = load_session_config(session), load_session_gate(session)
+    reader = TickReader(session)
+    rows = RecordedRows(reader)
+    rig = FramesRig(ReplayRig(rows), config, session)
+    try:
+        ticks = run(rig, config, gate, Comparer(rows), _think(session, config))
+    except Difference as difference:
+        if rig.done.frames == 0:
+            raise BadInput(f"{reader.path}: does not say which frames each tick had read: recorded before that was "
+                           "kept") from difference
+        raise
+    if rig.done.frames == 0:
+        raise BadInput(f"{session}: no frames to parse again")
+    replayed = _matched(ticks, reader)
+    return Replayed(ticks, replayed.cut_short or rig.done.ended or None), rig.done
+
+
+def _think(session: Path, config: Config) -> Think:
+    """The tick that the session was recorded by."""
+    return make_step(config) if load_header(session).policy == POLICY else step
+
+
+def _matched(ticks: int, reader: TickReader) -> Replayed:
     if ticks == 0:
         raise BadInput(f"{reader.path}: no ticks to replay" + (f" ({reader.cut_short})" if reader.cut_short else ""))
-    return ticks, reader.cut_short
+    return Replayed(ticks, reader.cut_short)
 
 
 def _first_difference(was: bytes, now: bytes) -> str:

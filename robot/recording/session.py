@@ -7,6 +7,7 @@
     trials.jsonl     one fsynced line an outcome
     frames/          the image behind each shot, and frames.jsonl
     lateness.jsonl   one line a second: how late ticks came (robot.lateness); on a real robot only
+    damaged/         what `truearc recover` has replaced, if it had to
 """
 
 from importlib.metadata import version
@@ -17,12 +18,13 @@ from msgspec import Struct
 
 from robot.config import BadInput, Config, config_hash, in_words
 from robot.gate.model import Gate, load_gate
-from robot.types import Outcome, Shot
+from robot.types import Outcome, Shot, Tick
 
 FORMAT = "truearc.session/1"
 HEADER, CONFIG, MODEL, TELEMETRY, CAN, TRIALS, FRAMES, LATENESS = (
     "session.json", "config.json", "model.onnx", "telemetry.mcap", "can0.log", "trials.jsonl", "frames",
     "lateness.jsonl")
+INDEX, DAMAGED = "frames.jsonl", "damaged"
 
 
 class Header(Struct, frozen=True):
@@ -41,6 +43,20 @@ class Trial(Struct, frozen=True):
 
     outcome: Outcome
     shot: Shot | None
+
+
+class Picture(Struct, frozen=True):
+    """One line of frames/frames.jsonl."""
+
+    t_ns: int                         # middle of the exposure
+    file: str
+
+
+def make_trials(tick: Tick) -> list[Trial]:
+    """What trials.jsonl will say of a tick's outcomes."""
+    shot = tick.memory.last_shot
+    return [Trial(outcome, shot if shot is not None and shot.trial == outcome.trial else None)
+            for outcome in tick.outcomes]
 
 
 def make_header(config: Config, gate: Gate | None, started: str | None) -> Header:

@@ -56,7 +56,7 @@ def test_only_one_file_reads_a_clock():
 
 
 @pytest.mark.parametrize("module", ["doors.run", "doors.replay", "doors.vision", "doors.doctor", "doors.deploy",
-                                    "doors.identify"])
+                                    "doors.identify", "doors.recover", "doors.convert"])
 def test_the_robots_own_doors_need_only_the_base_install(module):
     """Imported in a process in which the heavy packages do not exist."""
     code = (f"import sys\nfor name in {HEAVY!r}: sys.modules[name] = None\n"

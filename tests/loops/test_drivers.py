@@ -6,7 +6,7 @@ from msgspec.structs import replace
 from doors.twin import emulate
 from hw.emulated.faults import OVERWRITTEN, SILENT, UNPOWERED, Fault
 from robot.recording.reader import TickReader
-from robot.recording.replay import replay
+from robot.recording.replay import replay, replay_frames
 from robot.recording.session import CAN, load_trials
 from tests.robot.sparks import ALL_SPARK, SPARK_HOOD, SPARK_WHEELS, only_advice
 
@@ -23,6 +23,8 @@ def test_a_session_is_shot_and_replays_to_the_bit(tmp_path, config) -> None:
         assert trial.shot.hood_deg == pytest.approx(result.hood_deg, abs=0.15)
     ticks, cut_short = replay(tmp_path / "s")
     assert ticks > 800 and cut_short is None
+    again, from_wires = replay_frames(tmp_path / "s")
+    assert again.ticks == ticks and from_wires.frames > ticks and not from_wires.ended
     shot = next(tick for tick, _ in TickReader(tmp_path / "s") if tick.shot)
     assert len(shot.sent.duties) == 4 and shot.sent.flywheel_torque_nm > 0.0
 

@@ -142,6 +142,24 @@ def test_a_device_that_fails_is_a_hold_that_names_it(tmp_path, device, fault, wo
     assert replay(tmp_path / "s")[1] is None
 
 
+def test_a_disk_that_fills_up_is_a_hold_and_the_session_can_be_recovered(tmp_path, capsys):
+    resource = pytest.importorskip("resource")             # POSIX
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, hard))     # some two seconds' worth
+    try:
+        code = main(["emulate", "--trials", "2", "--seed", "3", "--out", str(tmp_path / "s"), "--quiet"])
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert code == 2 and "File too large" in capsys.readouterr().err
+    assert main(["replay", str(tmp_path / "s"), "--check"]) == 1
+    assert main(["recover", str(tmp_path / "s")]) == 0
+    assert replay(tmp_path / "s")[1] is None
+    for tick, _ in TickReader(tmp_path / "s"):
+        assert not (tick.verdict.fire and any("not recording" in fault for fault in tick.inputs.faults))
+    held = [reason for trial in load_trials(tmp_path / "s") for reason in trial.outcome.reasons]
+    assert "not recording: File too large" in held
+
+
 def test_a_device_that_comes_back_is_fired_with_again(tmp_path):
     fault = Fault(SILENT, 1 * SECOND, 6 * SECOND)
     results = emulate(CONFIGURATION, tmp_path / "s", trials=3, seed=5, faults={"flywheel_a": (fault,)})

@@ -158,7 +158,36 @@ def test_lost_presses_are_reported(bench):
     assert any("1 presses lost" in fault for fault in rig.read().faults)
 
 
+def test_no_reading_is_younger_than_its_tick(bench, monkeypatch):
+    """On a real clock time passes while the bus is read, and a negative age would be a HOLD."""
+    bus, _, clock, rig = bench
+
+    def read():
+        clock.t_ns += 40_000
+        return [Frame(clock.t_ns, 0x29, bytes(8))]
+
+    monkeypatch.setattr(bus, "read", read)
+    inputs = rig.read()
+    assert inputs.flywheels[0].t_ns > 0 and inputs.frames == 1
+    assert inputs.t_ns >= inputs.flywheels[0].t_ns
+
+
 def test_a_silent_box_is_reported(bench):
     _, _, clock, rig = bench
     clock.t_ns += 3_000_000_000
     assert any("button box silent" in fault for fault in rig.read().faults)
+
+
+def test_a_box_that_was_without_power_is_said_to_have_restarted(bench):
+    _, box, _, rig = bench
+    box.data = buttons.make_heartbeat(500)
+    rig.read()
+    box.data = b"$B,501,fi"                                # the plug is pulled in the middle of a line
+    rig.read()
+    box.lost = True
+    assert any("button box lost" in fault for fault in rig.read().faults)
+    box.lost, box.data = False, buttons.make_heartbeat(0) + buttons.make_press(1, "fire")
+    inputs = rig.read()
+    assert inputs.faults == ("button box: restarted",) and [event.button for event in inputs.buttons] == ["fire"]
+    box.data = buttons.make_heartbeat(1)
+    assert rig.read().faults == ()

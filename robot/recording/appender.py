@@ -1,0 +1,59 @@
+"""A file that only grows, on a disk that may refuse."""
+
+import contextlib
+import os
+from pathlib import Path
+from typing import IO
+
+PENDING_BYTES = 64 << 20              # kept for a disk that takes nothing: some ten minutes of ticks
+
+
+class Appender:
+    """What the disk does not take is kept, and tried again at every `flush`: space that is made in time loses nothing.
+
+    With more than PENDING_BYTES waiting nothing further is taken, so what is on disk is always one whole beginning.
+    A new file only; it stays locked, where the system has locks, until it is closed or its process has died.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._file = path.open("xb", buffering=0)
+        with contextlib.suppress(OSError):        # a file system without locks
+            claim(self._file)
+        self._pending = bytearray()
+        self._on_disk = 0
+        self._gave_up = False
+
+    def write(self, data: bytes) -> int:
+        self._gave_up = self._gave_up or len(self._pending) > PENDING_BYTES
+        if not self._gave_up:
+            self._pending += data
+        return len(data)
+
+    def tell(self) -> int:
+        return self._on_disk + len(self._pending)
+
+    def flush(self) -> None:
+        """Hand everything to the system, which keeps it whatever becomes of this process; OSError when it refuses."""
+        while self._pending:
+            taken = self._file.write(self._pending) or 0
+            self._on_disk += taken
+            del self._pending[:taken]
+        if self._gave_up:
+            raise OSError("the disk took nothing for so long that the rest is not kept")
+
+    def sync(self) -> None:
+        """Wait until what was flushed would survive a power cut."""
+        os.fsync(self._file.fileno())
+
+    def close(self) -> None:
+        self._file.close()
+
+
+def claim(file: IO[bytes]) -> None:
+    """Lock a file for whoever holds it open; BlockingIOError when someone else does. Nothing on Windows."""
+    try:
+        import fcntl
+    except ImportError:
+        return
+    fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -1,0 +1,190 @@
+"""Makes a session that was cut short whole again: nothing whole is lost, and what is replaced is kept in damaged/."""
+
+import os
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+from msgspec import Struct
+
+from robot.config import BadInput, in_words
+from robot.recording.appender import claim
+from robot.recording.candump import parse_candump
+from robot.recording.images import load_image
+from robot.recording.reader import TickReader
+from robot.recording.salvage import salvage
+from robot.recording.session import (
+    CAN,
+    DAMAGED,
+    FRAMES,
+    INDEX,
+    TELEMETRY,
+    TRIALS,
+    Picture,
+    Trial,
+    load_session_config,
+    make_trials,
+)
+from robot.recording.writer import BATCH_NS, TickFile
+from robot.types import Tick
+
+
+class Recovered(Struct):
+    """What a session holds now, and in words what was done to it (nothing for one that was whole)."""
+
+    ticks: int
+    trials: int
+    repairs: list[str]
+
+
+class _Told:
+    """What ticks say of their session, without keeping them: an hour of them would fill the memory."""
+
+    def __init__(self) -> None:
+        self.ticks = self.last_cycle = 0
+        self.trials: list[Trial] = []
+
+    def hear(self, tick: Tick) -> None:
+        self.ticks += 1
+        self.last_cycle = tick.inputs.cycle
+        self.trials += make_trials(tick)
+
+
+def recover(session: Path) -> Recovered:
+    """Repair a session's files in place; BadInput for no session and for one being recorded.
+
+    Ticks: a readable MCAP file with a summary, of no tick if none is whole. Trials: no torn line, and those that only
+    the ticks know. CAN: whole lines. Images: an index of those that are there. Running it again changes nothing.
+    """
+    load_session_config(session)
+    _check_not_recording(session)
+    repairs: list[str] = []
+    told = _recover_ticks(session, repairs)
+    trials = _recover_trials(session, told, repairs)
+    _recover_lines(session, CAN, "CAN frames", lambda line: parse_candump(line.decode("ascii", "replace") + "\n")
+                   is not None, repairs)
+    _recover_lines(session, f"{FRAMES}/{INDEX}", "images", lambda line: _has_image(session, line), repairs)
+    return Recovered(told.ticks, trials, repairs)
+
+
+def _check_not_recording(session: Path) -> None:
+    path = session / TELEMETRY
+    if not path.exists():
+        return
+    with path.open("rb") as file:
+        try:
+            claim(file)
+        except BlockingIOError as error:
+            raise BadInput(f"{path}: is being recorded") from error
+        except OSError:               # a file system without locks
+            return
+
+
+def _recover_ticks(session: Path, repairs: list[str]) -> _Told:
+    """What the ticks say of the session; their file is written anew when it is not whole."""
+    path = session / TELEMETRY
+    reader, told = TickReader(session), _Told()
+    if path.exists():
+        for tick, _ in reader:
+            told.hear(tick)
+        if not reader.cut_short:
+            return told
+    told = _Told()
+    _replace(path, session, lambda new: _write_ticks(new, path, told))
+    missing = told.last_cycle - told.ticks
+    repairs.append(f"{TELEMETRY}: {told.ticks} ticks kept"
+                   + (f", {missing} before the last of them were damaged or never written" if missing else ""))
+    return told
+
+
+def _write_ticks(new: Path, damaged: Path, told: _Told) -> None:
+    decode = msgspec.json.Decoder(Tick).decode
+    file, flushed_ns = TickFile(new), 0
+    try:
+        for row in salvage(damaged.read_bytes() if damaged.exists() else b""):
+            tick = decode(row)
+            told.hear(tick)
+            file.write(tick.inputs.t_ns, row)
+            if tick.inputs.t_ns - flushed_ns >= BATCH_NS:
+                flushed_ns = tick.inputs.t_ns
+                file.flush()
+        file.finish()
+        file.file.sync()
+    except msgspec.MsgspecError as error:
+        raise BadInput(f"{damaged}: row {told.ticks + 1}: {error}") from error
+    finally:
+        file.file.close()
+
+
+def _recover_trials(session: Path, told: _Told, repairs: list[str]) -> int:
+    path = session / TRIALS
+    lines = path.read_bytes().split(b"\n") if path.exists() else []
+    trials: list[Trial] = []
+    torn = 0
+    for line in filter(None, lines):
+        try:
+            trials.append(msgspec.json.decode(line, type=Trial))
+        except msgspec.MsgspecError:
+            torn += 1
+    known = [trial for trial in told.trials if trial not in trials]
+    if torn or known or (lines and lines[-1]):
+        trials = sorted(trials + known, key=lambda trial: trial.outcome.t_ns)
+        text = b"".join(msgspec.json.encode(trial) + b"\n" for trial in trials)
+        _replace(path, session, lambda new: _save(new, text))
+        repairs.append(f"{TRIALS}: {len(trials)} rows kept, {torn} torn, {len(known)} put back from the ticks")
+    return len({trial.outcome.trial for trial in trials})
+
+
+def _recover_lines(session: Path, name: str, what: str, is_whole: Callable[[bytes], bool],
+                   repairs: list[str]) -> None:
+    """Leave only the whole lines of a text file."""
+    path = session / name
+    if not path.exists():
+        return
+    data = path.read_bytes()
+    lines = data.split(b"\n")
+    kept = [line for line in lines if line and is_whole(line)]
+    text = b"".join(line + b"\n" for line in kept)
+    if text != data:
+        _replace(path, session, lambda new: _save(new, text))
+        repairs.append(f"{name}: {len(kept)} {what} kept, {len(list(filter(None, lines))) - len(kept)} torn or missing")
+
+
+def _has_image(session: Path, line: bytes) -> bool:
+    try:
+        return load_image(session, msgspec.json.decode(line, type=Picture)) is not None
+    except msgspec.MsgspecError:
+        return False
+
+
+def _replace(path: Path, session: Path, write: Callable[[Path], None]) -> None:
+    """Put what `write` makes in a file's place, at one stroke, with the old one kept aside."""
+    new = path.with_name(path.name + ".part")
+    new.unlink(missing_ok=True)       # of a recovery that was cut short itself
+    try:
+        write(new)
+        if path.exists():
+            _keep_aside(path, session / DAMAGED)
+        new.replace(path)
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be repaired: {in_words(error)}") from error
+    finally:
+        new.unlink(missing_ok=True)
+
+
+def _keep_aside(path: Path, damaged: Path) -> None:
+    damaged.mkdir(exist_ok=True)
+    aside = damaged / path.name
+    number = 1
+    while aside.exists():
+        number += 1
+        aside = damaged / f"{path.stem}-{number}{path.suffix}"
+    shutil.copy2(path, aside)
+
+
+def _save(path: Path, data: bytes) -> None:
+    with path.open("wb") as file:
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())

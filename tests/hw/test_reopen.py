@@ -1,0 +1,118 @@
+"""A button box and a camera that are unplugged and come back, the box on a real pseudo-terminal under a stable name."""
+
+import time
+
+import numpy as np
+import pytest
+
+from hw.buttons import make_heartbeat, make_press, parse_lines
+from hw.link import LinkLost
+from hw.reading import CameraFrame
+from hw.real.reopen import MendedCamera, MendedStream
+from hw.real.serial_port import open_serial
+
+PATIENCE_S = 20.0                                          # of a loaded machine; usually a few milliseconds
+
+
+def wait_for(what):
+    """The first answer of `what` that is not None and does not say LinkLost."""
+    end = time.monotonic() + PATIENCE_S
+    while time.monotonic() < end:
+        try:
+            if (answer := what()) is not None:
+                return answer
+        except LinkLost:
+            pass
+        time.sleep(0.001)
+    raise AssertionError("never came back")
+
+
+def test_a_box_that_is_plugged_in_again_is_heard_again(tmp_path):
+    PtyCable = pytest.importorskip("hw.emulated.pty_cable").PtyCable
+    name = tmp_path / "buttonbox"                          # as udev's link of a device by its serial number
+    cable = PtyCable()
+    name.symlink_to(cable.port)
+    stream = MendedStream(lambda: open_serial(str(name), 115200), pause_s=0.005)
+    cable.write(make_press(1, "arm"))
+    assert stream.read() == make_press(1, "arm")
+    cable.close()
+    name.unlink()
+    for _ in range(50):                                    # every read says so, until it is back
+        with pytest.raises(LinkLost, match="buttonbox"):
+            stream.read()
+        time.sleep(0.001)
+    again = PtyCable()
+    name.symlink_to(again.port)
+    wait_for(stream.read)
+    again.write(make_heartbeat(0))
+    again.write(make_press(1, "fire"))
+    heard = b""
+    while b"fire" not in heard:
+        heard += wait_for(lambda: stream.read() or None)
+    events, _, faults = parse_lines(b"", heard, 0)
+    assert [getattr(event, "button", "beat") for event in events] == ["beat", "fire"] and not faults
+    stream.close()
+    again.close()
+
+
+class Lens:
+    """A camera that gives so many images and is then gone."""
+
+    def __init__(self, images):
+        self.images, self.closed = images, False
+
+    def read(self):
+        if not self.images:
+            raise LinkLost("camera 0: stopped giving images")
+        return self.images.pop()
+
+    def close(self):
+        self.closed = True
+
+
+def picture(t_ns):
+    return CameraFrame(t_ns, np.zeros((8, 8, 3), np.uint8))
+
+
+def test_a_camera_that_comes_back_is_looked_through_again_and_the_old_one_is_let_go():
+    lenses = [Lens([picture(1)]), None, None, Lens([picture(2)])]
+    made = []
+
+    def open_lens():
+        lens = lenses.pop(0)
+        if lens is None:
+            raise LinkLost("camera 0: cannot be opened")
+        made.append(lens)
+        return lens
+
+    camera = MendedCamera(open_lens, pause_s=0.001)
+    assert camera.read().t_ns == 1
+    with pytest.raises(LinkLost, match="stopped giving images"):
+        camera.read()
+    assert wait_for(camera.read).t_ns == 2
+    assert made[0].closed and lenses == []
+    camera.close()
+    assert made[1].closed
+
+
+def test_what_is_not_there_at_the_start_is_said_at_once():
+    with pytest.raises(LinkLost, match="nowhere"):
+        MendedStream(lambda: open_serial("/dev/nowhere", 115200))
+
+
+def test_closing_while_it_is_lost_ends_the_search():
+    lens = Lens([])
+    openings = [lens]
+
+    def open_lens():
+        if not openings:
+            raise LinkLost("gone")
+        return openings.pop()
+
+    camera = MendedCamera(open_lens, pause_s=0.001)
+    with pytest.raises(LinkLost):
+        camera.read()
+    camera.close()
+    with pytest.raises(LinkLost):
+        camera.read()
+    assert lens.closed

@@ -1,0 +1,43 @@
+"""Sessions of the emulated robot, recorded from fixed seeds: they are small, and the same on every run."""
+
+from pathlib import Path
+
+import pytest
+from msgspec.structs import replace
+
+import robot
+from doors.twin import emulate
+from hw.emulated.faults import SILENT, TRUNCATED, Fault
+from robot.config import load_config
+from tests.robot.gate.test_model import build
+
+CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")
+SECOND = 1_000_000_000
+
+
+@pytest.fixture(scope="session")
+def plain(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two shots, both marked."""
+    folder = tmp_path_factory.mktemp("recorded") / "plain"
+    emulate(CONFIG, folder, trials=2, seed=3)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def faulty(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Torn frames for a while, then a camera that is gone."""
+    folder = tmp_path_factory.mktemp("recorded") / "faulty"
+    config = replace(CONFIG, gate=replace(CONFIG.gate, request_s=2.0))
+    emulate(config, folder, trials=1, seed=5, faults={
+        "flywheel_a": (Fault(TRUNCATED, SECOND, 2 * SECOND, length=4),), "camera": (Fault(SILENT, SECOND, 1 << 62),)})
+    return folder
+
+
+@pytest.fixture(scope="session")
+def gated(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A gate of random weights, which lets nothing through."""
+    folder = tmp_path_factory.mktemp("recorded")
+    (folder / "gate.onnx").write_bytes(build())
+    config = replace(CONFIG, gate=replace(CONFIG.gate, request_s=3.0, doubt_s=0.2, threshold=1.0))
+    emulate(config, folder / "gated", trials=1, seed=4, gate_path=folder / "gate.onnx")
+    return folder / "gated"
