@@ -13,8 +13,9 @@ from typing import IO, Any
 
 import cv2
 
-from hw.emulated.camera import EmulatedCamera, Lens, TapeSize
+from hw.emulated.camera import EmulatedCamera, TapeSize
 from hw.emulated.faults import Fault
+from hw.emulated.lens import Lens
 from hw.emulated.plant import Plant, View
 from hw.link import LinkLost
 from hw.reading import CameraFrame

@@ -13,6 +13,7 @@ from robot.facts import Facts
 
 Kind = TypeVar("Kind")
 Positive = Annotated[float, msgspec.Meta(gt=0.0, lt=1e9)]
+Doubt = Annotated[float, msgspec.Meta(ge=0.0, lt=1e9)]
 Count = Annotated[int, msgspec.Meta(gt=0, lt=1_000_000)]
 
 
@@ -99,8 +100,12 @@ class Feeder(Struct, frozen=True, forbid_unknown_fields=True):
     clear_s: float                    # no new shot for this long after one
 
 
-class CameraConfig(Struct, frozen=True, forbid_unknown_fields=True):
-    """Pinhole and Brown distortion at the stated size; the mounting relative to the ball's exit point."""
+class CameraConfig(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """Pinhole and Brown distortion at the stated size; the mounting relative to the ball's exit point.
+
+    The calibration's own doubts, one standard deviation each, are 0 where nothing is said: recordings from before they
+    were there still say what they said. `truearc vision calibrate` writes them.
+    """
 
     device: str                       # V4L2 path or index
     width_px: Count
@@ -116,6 +121,11 @@ class CameraConfig(Struct, frozen=True, forbid_unknown_fields=True):
     pitch_deg: float                  # optical axis above horizontal
     pitch_sigma_deg: Positive         # how well that, and that the camera is not rolled, is known
     behind_exit_m: float              # lens behind the ball's exit point
+    focal_sigma: Doubt = 0.0          # of both focal lengths together, as a share
+    aspect_sigma: Doubt = 0.0         # of fy / fx, as a share
+    centre_sigma_px: Doubt = 0.0      # of cx and of cy
+    bias_m: float = 0.0               # distances come out this much too long whatever they are
+    bias_sigma_m: Doubt = 0.0
 
 
 class Tape(Struct, frozen=True, forbid_unknown_fields=True):
@@ -134,7 +144,7 @@ class Vision(Struct, frozen=True, forbid_unknown_fields=True):
     saturation_low: int
     value_low: int
     min_area_px: float
-    corner_sigma_px: Positive         # one standard deviation of a corner coordinate
+    corner_sigma_px: Positive         # of a corner's coordinate, beside what its edges' own unevenness shows
     max_reprojection_px: Positive
 
 

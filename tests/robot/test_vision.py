@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 import robot
-from hw.emulated.camera import EmulatedCamera, Lens, TapeSize
+from hw.emulated.camera import EmulatedCamera, TapeSize
+from hw.emulated.lens import Lens
 from hw.emulated.plant import View
 from hw.reading import CameraFrame
 from robot.config import CameraConfig, CameraFile, load_config, load_toml

@@ -10,7 +10,8 @@ import pytest
 
 import robot
 import truearc
-from hw.emulated.camera import EmulatedCamera, Lens, TapeSize
+from hw.emulated.camera import EmulatedCamera, TapeSize
+from hw.emulated.lens import Lens
 from hw.emulated.plant import View
 from robot.config import load_config
 
