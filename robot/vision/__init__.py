@@ -17,7 +17,7 @@ from robot.vision.optics import Optics, make_optics
 from robot.vision.outline import Doubt, find_outline
 from robot.vision.pose import Pose, solve_pose
 from robot.vision.shape import make_shape
-from robot.vision.threshold import Region, find_regions
+from robot.vision.threshold import Image, Region, find_regions
 
 SAME_M = 0.02
 
@@ -38,19 +38,9 @@ def detect(frame: CameraFrame, camera: CameraConfig, tape: Tape, vision: Vision)
     if min(height_px, width_px) < 8:
         return _lost(frame, f"the image is only {width_px} x {height_px} pixels")
     optics = make_optics(camera, width_px, height_px)
-    regions = find_regions(frame.image, vision, vision.min_area_px * optics.scale**2)
-    if not regions:
-        return _lost(frame, "nothing of the tape's colour is large enough")
-    found: list[tuple[Marks, Pose]] = []
-    doubts: list[tuple[float, str]] = []
-    for region in regions:
-        answer = explain(region, optics, camera, tape, vision)
-        if isinstance(answer, Doubt):
-            doubts.append((answer.area_px, answer.reason))
-        elif all(_apart(answer[1], other) for _, other in found):
-            found.append(answer)
+    found, doubts = look(frame.image, optics, camera, tape, vision)
     if not found:
-        return _lost(frame, max(doubts)[1])
+        return _lost(frame, max(doubts).reason if doubts else "nothing of the tape's colour is large enough")
     if len(found) > 1:
         return _lost(frame, f"{len(found)} things in view look like the target")
     marks, pose = found[0]
@@ -58,6 +48,20 @@ def detect(frame: CameraFrame, camera: CameraConfig, tape: Tape, vision: Vision)
     return Sighting(t_ns=frame.t_ns, found=True, reason="", distance_m=pose.distance_m - camera.bias_m,
                     sigma_m=math.hypot(pose.sigma_m, camera.bias_sigma_m), bearing_deg=math.degrees(pose.bearing_rad),
                     corners_px=tuple((float(x), float(y)) for x, y in corners))
+
+
+def look(image: Image, optics: Optics, camera: CameraConfig, tape: Tape,
+         vision: Vision) -> tuple[list[tuple[Marks, Pose]], list[Doubt]]:
+    """All that looks like the target, and for all else of its colour why it does not."""
+    found: list[tuple[Marks, Pose]] = []
+    doubts: list[Doubt] = []
+    for region in find_regions(image, vision, vision.min_area_px * optics.scale**2):
+        answer = explain(region, optics, camera, tape, vision)
+        if isinstance(answer, Doubt):
+            doubts.append(answer)
+        elif all(_apart(answer[1], other) for _, other in found):
+            found.append(answer)
+    return found, doubts
 
 
 def explain(region: Region, optics: Optics, camera: CameraConfig, tape: Tape,

@@ -32,6 +32,7 @@ class Pose(NamedTuple):
     sigma_m: float
     bearing_rad: float                # tape right of the optical axis is positive, about the vertical
     off_px: Array                     # (8,) of the marks
+    gain: Array                       # (6, 8) how rvec and tvec follow the marks, per px
     reprojection_px: float            # root mean square over the marks, of what no doubt about the calibration explains
     cost: float                       # sum of squared normalised residuals, beliefs included
     doubt: str                        # "" or what the pose says against itself
@@ -77,14 +78,15 @@ def _refine(rvec: Array, tvec: Array, ideal_px: Array, whiten: Array, optics: Op
     if not np.all(np.isfinite(state)) or state[5] <= 0.0:
         return None
     rotation, turning = _rotation(state[:3])
-    distance_m, gradient = _horizontal(rotation, turning, state[3:])
+    distance_m, gradient = horizontal(rotation, turning, state[3:])
     sigma_m = math.sqrt(float(gradient @ np.linalg.solve(normal, gradient)))
     doubt, strain = "", np.abs(residual[8:])
     if strain.max() > DOUBT_SIGMAS:
         name = ("height", "pitch", "roll")[int(strain.argmax())]
         doubt = f"seen so, the camera's {name} would be far from what the configuration says"
-    return Pose(state[:3], state[3:], distance_m, sigma_m, _bearing(rotation, state[3:]),
-                off_px.ravel(), math.inf, float(residual @ residual), doubt)
+    gain: Array = np.asarray(np.linalg.solve(normal, slope[:8].T @ whiten), dtype=np.float64)
+    return Pose(state[:3], state[3:], distance_m, sigma_m, _bearing(rotation, state[3:]), off_px.ravel(), gain,
+                math.inf, float(residual @ residual), doubt)
 
 
 def _rotation(rvec: Array) -> tuple[Array, Array]:
@@ -111,7 +113,7 @@ def _beliefs(rotation: Array, turning: Array, tvec_m: Array, camera: CameraConfi
     return residual, slope
 
 
-def _horizontal(rotation: Array, turning: Array, tvec_m: Array) -> tuple[float, Array]:
+def horizontal(rotation: Array, turning: Array, tvec_m: Array) -> tuple[float, Array]:
     """Horizontal distance from lens to tape centre, and its derivative (6,)."""
     x_m, z_m = -rotation[:, 0] @ tvec_m, -rotation[:, 2] @ tvec_m     # the lens in the target's frame
     distance_m = math.hypot(x_m, z_m)

@@ -11,7 +11,7 @@ from msgspec.structs import replace
 import robot
 from robot.config import load_config
 from robot.vision.optics import make_optics
-from robot.vision.pose import _beliefs, _horizontal, _rotation, solve_pose
+from robot.vision.pose import _beliefs, _rotation, horizontal, solve_pose
 from robot.vision.shape import make_shape
 
 CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")
@@ -67,11 +67,11 @@ def test_derivatives_are_the_numerical_ones():
     def values(state):
         rotation, turning = _rotation(state[:3])
         return np.append(_beliefs(rotation, turning, state[3:], CAMERA, TAPE)[0],
-                         _horizontal(rotation, turning, state[3:])[0])
+                         horizontal(rotation, turning, state[3:])[0])
 
     rotation, turning = _rotation(state[:3])
     slope = np.vstack([_beliefs(rotation, turning, state[3:], CAMERA, TAPE)[1],
-                       _horizontal(rotation, turning, state[3:])[1]])
+                       horizontal(rotation, turning, state[3:])[1]])
     for k in range(6):
         step = np.zeros(6)
         step[k] = 1e-6
