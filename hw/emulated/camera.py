@@ -12,12 +12,11 @@ from functools import reduce
 import cv2
 import numpy as np
 
-from hw.emulated.lens import Array, Lens, Plane, distort, ideal_pixels
-from hw.emulated.look import DARK_BGR, HALO_BLUR_PX, HALO_MARGIN_PX, USUAL, Image, Look, Patch, paint, spread
+from hw.emulated.lens import Array, Lens, Plane, distort, ideal_pixels, project
+from hw.emulated.look import DARK_BGR, HALO_BLUR_PX, HALO_MARGIN_PX, TAPE_BGR, USUAL, Image, Look, Patch, paint, spread
 from hw.emulated.plant import Plant, View
 from hw.reading import CameraFrame
 
-TAPE_BGR = (113.0, 213.0, 6.0)        # of the tape under a green ring light, well exposed
 UNEVEN = 0.1                          # the ring light is this much dimmer at one end of the tape
 EXPOSURE_JITTER = 0.04                # from frame to frame, one standard deviation
 SHAKES = 2.0                          # flywheels shake the lens; a rolling shutter bends the picture in waves
@@ -123,11 +122,9 @@ class EmulatedCamera:
     def _edges(self, view: View) -> Array | None:
         """The outline (8, 2) in ideal pixels, or None when it is not wholly before the camera."""
         lens = self._lens
-        seen_m = self._outline_m @ view.camera_from_target[:3, :3].T + view.camera_from_target[:3, 3]
-        if seen_m[:, 2].min() < NEAREST_M:
+        pixels, ahead_m = project(self._outline_m, view.camera_from_target, lens, view.focal_scale)
+        if ahead_m.min() < NEAREST_M:
             return None
-        focal_px = np.array([lens.fx_px, lens.fy_px]) * view.focal_scale
-        pixels: Array = seen_m[:, :2] / seen_m[:, 2:] * focal_px + np.array([lens.cx_px, lens.cy_px])
         phase, *push_px = self._random.standard_normal(3)
         bend = np.sin(2 * np.pi * (SHAKES * pixels[:, 1:] / lens.height_px + phase))
         pixels += self._look.shake_px * bend * np.array(push_px)

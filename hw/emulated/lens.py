@@ -22,6 +22,15 @@ class Lens:
     distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
 
 
+def project(points_m: Array, camera_from_points: Array, lens: Lens, focal_scale: float = 1.0) -> tuple[Array, Array]:
+    """Points (n, 3) -> where a perfect pinhole sees them (n, 2), and how far ahead they are (n,)."""
+    seen_m = points_m @ camera_from_points[:3, :3].T + camera_from_points[:3, 3]
+    focal_px = np.array([lens.fx_px, lens.fy_px]) * focal_scale
+    with np.errstate(divide="ignore", invalid="ignore"):
+        pixels = seen_m[:, :2] / seen_m[:, 2:] * focal_px + np.array([lens.cx_px, lens.cy_px])
+    return pixels, seen_m[:, 2]
+
+
 def distort(ideal_px: Array, lens: Lens) -> Array:
     """Where a lens puts what a perfect pinhole would put at (n, 2)."""
     k1, k2, p1, p2, k3 = lens.distortion

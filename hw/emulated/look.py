@@ -12,6 +12,7 @@ from hw.emulated.lens import Array, Plane
 
 Image = npt.NDArray[np.uint8]
 
+TAPE_BGR = (113.0, 213.0, 6.0)        # of the tape under a green ring light, well exposed
 DARK_BGR = (4.0, 6.0, 1.5)            # mean of an unlit pixel
 HALO_BLUR_PX = 6.0
 HALO_MARGIN_PX = 16                   # kept around what shines, for its halo and blur

@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 import pytest
 
-from hw.emulated.camera import TAPE_BGR, EmulatedCamera, TapeSize, outline_m
+from hw.emulated.camera import EmulatedCamera, TapeSize, outline_m
 from hw.emulated.lens import Lens, distort
-from hw.emulated.look import Look
+from hw.emulated.look import TAPE_BGR, Look
 from hw.emulated.plant import View
 
 TAPE = TapeSize(0.99695, 0.49885, 0.4318, 0.0508)

@@ -15,7 +15,7 @@ from msgspec.structs import replace
 import robot
 from hw.emulated.camera import EmulatedCamera, TapeSize
 from hw.emulated.lens import Lens
-from hw.emulated.plant import View
+from hw.emulated.stage import NOTHING, Stage, place
 from hw.reading import CameraFrame
 from robot.config import CameraConfig, CameraFile, load_config, load_toml
 from robot.vision import detect
@@ -25,7 +25,6 @@ HOME = Path(robot.__file__).parent
 CONFIG = load_config(HOME / "launcher.toml")
 TAPE, VISION = CONFIG.tape, CONFIG.vision
 FRAME_NS = 50_000_000
-NOTHING = View(np.diag([1.0, -1.0, -1.0, 1.0]), 1.0, 1.0)         # the target is at the lens: nothing is drawn
 
 
 class Scene:
@@ -33,31 +32,20 @@ class Scene:
 
     def __init__(self, camera: CameraConfig = CONFIG.camera, seed: int = 1) -> None:
         self.camera = camera
-        self.now = NOTHING
+        self.stage = Stage(NOTHING)
         lens = Lens(camera.width_px, camera.height_px, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px,
                     camera.distortion)
         size = TapeSize(TAPE.top_width_m, TAPE.bottom_width_m, TAPE.height_m, TAPE.tape_width_m)
-        self.eye = EmulatedCamera(self, lens, size, 20.0, 0.0, seed)
+        self.eye = EmulatedCamera(self.stage, lens, size, 20.0, 0.0, seed)
         self.t_ns = 0
-
-    def view(self) -> View:
-        return self.now
 
     def place(self, distance_m: float, facing_deg: float = 0.0, bearing_deg: float = 0.0, focal_scale: float = 1.0,
               brightness: float = 1.0, pitch_deg: float | None = None) -> None:
         """Target's centre at this horizontal distance and bearing, turned by `facing_deg` from squarely facing us."""
-        facing, bearing = math.radians(facing_deg), math.radians(bearing_deg)
-        pitch = math.radians(self.camera.pitch_deg if pitch_deg is None else pitch_deg)
-        # level axes: x right, y up, z backwards
-        turned = np.array([[math.cos(facing), 0, math.sin(facing)], [0, 1, 0],
-                           [-math.sin(facing), 0, math.cos(facing)]])
-        centre_m = np.array([distance_m * math.sin(bearing), TAPE.centre_height_m - self.camera.height_m,
-                             -distance_m * math.cos(bearing)])
-        tilt = np.array([[1, 0, 0], [0, math.cos(pitch), math.sin(pitch)], [0, -math.sin(pitch), math.cos(pitch)]])
-        camera_from_level = np.diag([1.0, -1.0, -1.0]) @ tilt
-        pose = np.eye(4)
-        pose[:3, :3], pose[:3, 3] = camera_from_level @ turned, camera_from_level @ centre_m
-        self.now = View(pose, focal_scale, brightness)
+        self.stage.now = place(
+            distance_m, TAPE.centre_height_m - self.camera.height_m,
+            self.camera.pitch_deg if pitch_deg is None else pitch_deg, facing_deg=facing_deg, bearing_deg=bearing_deg,
+            focal_scale=focal_scale, brightness=brightness)
 
     def frame(self) -> CameraFrame:
         self.t_ns += FRAME_NS
@@ -118,8 +106,8 @@ def test_corners_are_the_projected_ones():
                       [-TAPE.top_width_m, TAPE.height_m, 0], [TAPE.top_width_m, TAPE.height_m, 0]]) / 2
     camera = scene.camera
     matrix = np.array([[camera.fx_px, 0, camera.cx_px], [0, camera.fy_px, camera.cy_px], [0, 0, 1]])
-    rvec, _ = cv2.Rodrigues(scene.now.camera_from_target[:3, :3])
-    expected, _ = cv2.projectPoints(outer, rvec, scene.now.camera_from_target[:3, 3], matrix,
+    rvec, _ = cv2.Rodrigues(scene.stage.now.camera_from_target[:3, :3])
+    expected, _ = cv2.projectPoints(outer, rvec, scene.stage.now.camera_from_target[:3, 3], matrix,
                                     np.array(camera.distortion))
     sightings = [scene.look() for _ in range(25)]
     mean_px = np.mean([sighting.corners_px for sighting in sightings], axis=0)

@@ -14,7 +14,7 @@ import robot
 import truearc
 from hw.emulated.camera import EmulatedCamera
 from hw.emulated.lens import Lens, distort
-from hw.emulated.plant import View as Scene
+from hw.emulated.stage import Stage, place
 from hw.reading import CameraFrame
 from robot.config import CameraFile, load_config, load_toml
 from robot.vision import detect
@@ -29,32 +29,12 @@ LENS = Lens(640, 480, 655.0, 655.0, 331.0, 228.0, (0.09, -0.21, 0.001, -0.0015, 
 CHESS, CHARUCO = Board(9, 6, 0.025), Board(10, 7, 0.03, 0.022, "DICT_4X4_50")
 
 
-class Wall:
-    """The target straight ahead of a camera with the packaged mounting."""
-
-    def __init__(self, distance_m: float) -> None:
-        pitch = np.radians(CONFIG.camera.pitch_deg)
-        tilt = np.array([[1, 0, 0], [0, np.cos(pitch), np.sin(pitch)], [0, -np.sin(pitch), np.cos(pitch)]])
-        pose = np.eye(4)
-        pose[:3, :3] = np.diag([1.0, -1.0, -1.0]) @ tilt
-        rise_m = CONFIG.tape.centre_height_m - CONFIG.camera.height_m
-        pose[:3, 3] = pose[:3, :3] @ (0.3, rise_m, -distance_m)
-        self.now = Scene(pose, 1.0, 1.0)
-
-    def view(self) -> Scene:
-        return self.now
-
-
 def picture(distance_m: float, seed: int) -> CameraFrame:
-    """As the packaged camera would see it; the target is 0.3 m to the right."""
+    """As the packaged camera would see it; the tape measure says `distance_m`."""
     camera = CONFIG.camera
     lens = Lens(camera.width_px, camera.height_px, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px)
-    return EmulatedCamera(Wall(distance_m), lens, TAPE, 20.0, 0.0, seed).expose(0)
-
-
-def away(distance_m: float) -> float:
-    """What a tape measure says."""
-    return float(np.hypot(distance_m, 0.3))
+    view = place(distance_m, TAPE.centre_height_m - camera.height_m, camera.pitch_deg, bearing_deg=4.0)
+    return EmulatedCamera(Stage(view), lens, TAPE, 20.0, 0.0, seed).expose(0)
 
 
 def fit(distances_m, taped_m, **how):
@@ -64,25 +44,25 @@ def fit(distances_m, taped_m, **how):
 
 def test_taped_distances_find_the_focal_length():
     places = (2.6, 4.0, 6.0)
-    found = fit(places, [away(place) for place in places])
+    found = fit(places, places)
     assert found.scale == pytest.approx(1 / 1.06, abs=0.006) and found.inflated < 1.5
     assert abs(found.scale * 1.06 - 1) < 3 * found.camera.focal_sigma < 0.03
     seen = detect(picture(8.0, 77), found.camera, TAPE, VISION)
-    assert seen.distance_m == pytest.approx(away(8.0), abs=3 * seen.sigma_m)
-    assert detect(picture(8.0, 77), WRONG, TAPE, VISION).distance_m > away(8.0) + 0.3
+    assert seen.distance_m == pytest.approx(8.0, abs=3 * seen.sigma_m)
+    assert detect(picture(8.0, 77), WRONG, TAPE, VISION).distance_m > 8.0 + 0.3
 
 
 def test_a_tape_that_began_elsewhere_is_a_bias():
     places = (2.5, 3.5, 5.0, 7.0, 8.5)
-    found = fit(places, [away(place) - 0.15 for place in places], bias_sigma_m=1.0)
+    found = fit(places, [distance_m - 0.15 for distance_m in places], bias_sigma_m=1.0)
     assert found.camera.bias_m == pytest.approx(0.15, abs=0.05) and found.scale == pytest.approx(1 / 1.06, abs=0.012)
     assert 0.0 < found.camera.bias_sigma_m < 0.1 and found.correlation > 0.5
 
 
 def test_distances_that_do_not_agree_widen_the_sigmas():
     places = (2.6, 4.0, 6.0)
-    honest = fit(places, [away(place) for place in places])
-    wrong = fit(places, [away(2.6) + 0.3, away(4.0) - 0.3, away(6.0) + 0.3])
+    honest = fit(places, places)
+    wrong = fit(places, [2.6 + 0.3, 4.0 - 0.3, 6.0 + 0.3])
     assert wrong.inflated > 3.0 and wrong.camera.focal_sigma > 3 * honest.camera.focal_sigma
 
 
@@ -157,8 +137,8 @@ PLACES = [(0, 0, .42), (-.06, .03, .5), (.07, -.04, .5), (.05, .05, .45), (-.08,
 @pytest.mark.parametrize("board", [CHESS, CHARUCO], ids=["chessboard", "charuco"])
 def test_a_board_finds_the_lens(board):
     views = []
-    for seed, (slant, place) in enumerate(zip(SLANTS, PLACES, strict=True)):
-        view = find_board(board_picture(board, slant, 3 * seed, place, seed), board)
+    for seed, (slant, place_m) in enumerate(zip(SLANTS, PLACES, strict=True)):
+        view = find_board(board_picture(board, slant, 3 * seed, place_m, seed), board)
         assert view is not None and view.points_m.shape == (len(view.seen_px), 3)
         views.append(view)
     found = calibrate(views, CONFIG.camera)
@@ -184,9 +164,9 @@ def run(capsys, *arguments):
 
 def test_the_door_with_taped_distances(capsys, tmp_path):
     rows = ["file,distance_m"]
-    for seed, place in enumerate((2.6, 4.0, 6.0)):
-        cv2.imwrite(str(tmp_path / f"{place}.png"), picture(place, seed).image)
-        rows.append(f"{place}.png,{away(place)}")
+    for seed, distance_m in enumerate((2.6, 4.0, 6.0)):
+        cv2.imwrite(str(tmp_path / f"{distance_m}.png"), picture(distance_m, seed).image)
+        rows.append(f"{distance_m}.png,{distance_m}")
     cv2.imwrite(str(tmp_path / "none.png"), np.zeros((480, 640, 3), np.uint8))
     (tmp_path / "taped.csv").write_text("\n".join([*rows, "none.png,3"]))
     source = tmp_path / "camera.toml"

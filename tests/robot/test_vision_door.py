@@ -12,23 +12,10 @@ import robot
 import truearc
 from hw.emulated.camera import EmulatedCamera, TapeSize
 from hw.emulated.lens import Lens
-from hw.emulated.plant import View
+from hw.emulated.stage import Stage, place
 from robot.config import load_config
 
 CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")
-
-
-class Wall:
-    """The target four metres away, straight ahead and up, as the packaged camera's mounting has it."""
-
-    def view(self) -> View:
-        pitch = np.radians(CONFIG.camera.pitch_deg)
-        rise_m = CONFIG.tape.centre_height_m - CONFIG.camera.height_m
-        tilt = np.array([[1, 0, 0], [0, np.cos(pitch), np.sin(pitch)], [0, -np.sin(pitch), np.cos(pitch)]])
-        pose = np.eye(4)
-        pose[:3, :3] = np.diag([1.0, -1.0, -1.0]) @ tilt
-        pose[:3, 3] = pose[:3, :3] @ (0.0, rise_m, -4.0)
-        return View(pose, 1.0, 1.0)
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +23,8 @@ def picture() -> np.ndarray:
     camera, tape = CONFIG.camera, CONFIG.tape
     lens = Lens(camera.width_px, camera.height_px, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px)
     size = TapeSize(tape.top_width_m, tape.bottom_width_m, tape.height_m, tape.tape_width_m)
-    eye = EmulatedCamera(Wall(), lens, size, 20.0, 0.0, 1)
+    view = place(4.0, tape.centre_height_m - camera.height_m, camera.pitch_deg)
+    eye = EmulatedCamera(Stage(view), lens, size, 20.0, 0.0, 1)
     eye.step(0)
     frame = eye.read()
     assert frame is not None

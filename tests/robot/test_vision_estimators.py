@@ -10,7 +10,8 @@ from msgspec.structs import replace
 import robot
 from hw.emulated.camera import EmulatedCamera
 from hw.emulated.lens import Lens
-from hw.emulated.plant import View
+from hw.emulated.stage import Stage, place
+from hw.reading import CameraFrame
 from robot.config import load_config
 from robot.vision import detect
 from robot.vision.estimators import NAMES, compare
@@ -19,27 +20,12 @@ CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")
 CAMERA, TAPE, VISION = CONFIG.camera, CONFIG.tape, CONFIG.vision
 
 
-class Stage:
-    """The target at a distance and bearing, before a camera with this pitch; the picture is the emulated camera's."""
-
-    def __init__(self, distance_m: float, facing_deg: float, bearing_deg: float, pitch_deg: float) -> None:
-        facing, bearing, pitch = (math.radians(angle) for angle in (facing_deg, bearing_deg, pitch_deg))
-        turned = np.array([[math.cos(facing), 0, math.sin(facing)], [0, 1, 0],
-                           [-math.sin(facing), 0, math.cos(facing)]])
-        tilt = np.array([[1, 0, 0], [0, math.cos(pitch), math.sin(pitch)], [0, -math.sin(pitch), math.cos(pitch)]])
-        camera_from_level = np.diag([1.0, -1.0, -1.0]) @ tilt
-        centre_m = (distance_m * math.sin(bearing), TAPE.centre_height_m - CAMERA.height_m,
-                    -distance_m * math.cos(bearing))
-        pose = np.eye(4)
-        pose[:3, :3], pose[:3, 3] = camera_from_level @ turned, camera_from_level @ centre_m
-        self.now = View(pose, 1.0, 1.0)
-
-    def view(self) -> View:
-        return self.now
-
-    def frame(self, seed: int):
-        lens = Lens(CAMERA.width_px, CAMERA.height_px, CAMERA.fx_px, CAMERA.fy_px, CAMERA.cx_px, CAMERA.cy_px)
-        return EmulatedCamera(self, lens, TAPE, 20.0, 0.0, seed).expose(0)
+def picture(distance_m: float, facing_deg: float, bearing_deg: float, pitch_deg: float, seed: int) -> CameraFrame:
+    """The target before a camera with this pitch, which may not be what the configuration believes."""
+    lens = Lens(CAMERA.width_px, CAMERA.height_px, CAMERA.fx_px, CAMERA.fy_px, CAMERA.cx_px, CAMERA.cy_px)
+    view = place(distance_m, TAPE.centre_height_m - CAMERA.height_m, pitch_deg, facing_deg=facing_deg,
+                 bearing_deg=bearing_deg)
+    return EmulatedCamera(Stage(view), lens, TAPE, 20.0, 0.0, seed).expose(0)
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +33,7 @@ def trials():
     rng, rows = np.random.default_rng(4), []
     for seed in range(150):
         distance_m, pitch_deg = rng.uniform(2.6, 8.5), CAMERA.pitch_deg + CAMERA.pitch_sigma_deg * rng.normal()
-        frame = Stage(distance_m, rng.uniform(-30, 30), rng.uniform(-7, 7), pitch_deg).frame(seed)
+        frame = picture(distance_m, rng.uniform(-30, 30), rng.uniform(-7, 7), pitch_deg, seed)
         three, seen = compare(frame, CAMERA, TAPE, VISION), detect(frame, CAMERA, TAPE, VISION)
         if seen.found:
             rows.append((distance_m, seen, three))
@@ -70,7 +56,7 @@ def test_fused_is_better_than_each_and_nearly_what_detect_says(trials):
 
 
 def test_what_is_known_better_counts_for_more():
-    frame = Stage(4.0, 10.0, 3.0, CAMERA.pitch_deg).frame(2)
+    frame = picture(4.0, 10.0, 3.0, CAMERA.pitch_deg, 2)
     loose, tight = (compare(frame, replace(CAMERA, pitch_sigma_deg=sigma_deg, height_sigma_m=0.002), TAPE, VISION)
                     for sigma_deg in (5.0, 0.02))
     assert loose.covariance_m2[2, 2] > 100 * tight.covariance_m2[2, 2]
@@ -79,5 +65,5 @@ def test_what_is_known_better_counts_for_more():
 
 
 def test_no_target_no_estimate():
-    frame = Stage(-4.0, 0.0, 0.0, 20.0).frame(3)
+    frame = picture(-4.0, 0.0, 0.0, 20.0, 3)
     assert compare(frame, CAMERA, TAPE, VISION) is None
