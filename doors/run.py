@@ -93,7 +93,7 @@ def _open_wires(config: Config, wires: ExitStack) -> tuple[Bus, Stream, Camera, 
         box = open_serial(config.buttons.port, config.buttons.baud)
         wires.callback(box.close)
         camera = open_camera(config.camera.device, config.camera.width_px, config.camera.height_px, config.camera.fps,
-                             clock)
+                             clock, config.camera.exposure_s)
         wires.callback(camera.close)
     except LinkLost as error:
         raise BadInput(f"cannot start: {error}") from error

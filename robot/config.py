@@ -104,7 +104,7 @@ class CameraConfig(Struct, frozen=True, forbid_unknown_fields=True, omit_default
     """Pinhole and Brown distortion at the stated size; the mounting relative to the ball's exit point.
 
     The calibration's own doubts, one standard deviation each, are 0 where nothing is said: recordings from before they
-    were there still say what they said. `truearc vision calibrate` writes them.
+    were there still say what they said (as with the exposure). `truearc vision calibrate` writes them.
     """
 
     device: str                       # V4L2 path or index
@@ -126,6 +126,7 @@ class CameraConfig(Struct, frozen=True, forbid_unknown_fields=True, omit_default
     centre_sigma_px: Doubt = 0.0      # of cx and of cy
     bias_m: float = 0.0               # distances come out this much too long whatever they are
     bias_sigma_m: Doubt = 0.0
+    exposure_s: Doubt = 0.0           # asked of the device at start and read back; 0 leaves it to the camera
 
 
 class Tape(Struct, frozen=True, forbid_unknown_fields=True):

@@ -1,8 +1,8 @@
 """Image -> Sighting: the retro-reflective half hexagon, its distance, and how far to trust it. Pure.
 
-threshold.py finds regions of the tape's colour, outline.py and edges.py turn a region into four sub-pixel marks,
-pose.py turns marks into a camera pose with covariance, and here the one candidate becomes a Sighting or a reason why
-not.
+exposure.py refuses pictures that are too bright, threshold.py finds regions of the tape's colour, outline.py and
+edges.py turn a region into four sub-pixel marks, pose.py turns marks into a camera pose with covariance, and here the
+one candidate becomes a Sighting or a reason why not.
 """
 
 import math
@@ -13,6 +13,7 @@ from hw.reading import CameraFrame
 from robot.config import CameraConfig, Tape, Vision
 from robot.types import Sighting
 from robot.vision.edges import Marks
+from robot.vision.exposure import check_exposure
 from robot.vision.optics import Optics, make_optics
 from robot.vision.outline import Doubt, find_outline
 from robot.vision.pose import Pose, solve_pose
@@ -37,6 +38,9 @@ def detect(frame: CameraFrame, camera: CameraConfig, tape: Tape, vision: Vision)
     height_px, width_px = frame.image.shape[:2]
     if min(height_px, width_px) < 8:
         return _lost(frame, f"the image is only {width_px} x {height_px} pixels")
+    overexposed = check_exposure(frame.image)
+    if overexposed:
+        return _lost(frame, overexposed)
     optics = make_optics(camera, width_px, height_px)
     found, doubts = look(frame.image, optics, camera, tape, vision)
     if not found:

@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 import robot
-from hw.emulated.camera import EmulatedCamera, TapeSize
-from hw.emulated.lens import Lens
+from hw.emulated.camera import EmulatedCamera, TapeSize, outline_m
+from hw.emulated.distractors import KINDS, second_goal
+from hw.emulated.lens import Lens, project
 from hw.emulated.stage import NOTHING, Stage, place
 from hw.reading import CameraFrame
 from robot.config import CameraConfig, CameraFile, load_config, load_toml
@@ -176,6 +177,52 @@ def test_a_target_with_a_tip_hidden_is_doubted_or_right(distance_m):
         for _ in range(5):
             sighting = scene.look()
             assert not sighting.found or abs(sighting.distance_m - distance_m) < 4 * sighting.sigma_m
+
+
+@pytest.mark.parametrize(("lift", "said"), [(150, "bright all over"), (0, "")])
+def test_a_bright_picture_is_refused_by_its_statistics(lift, said):
+    scene = Scene()
+    scene.place(4.0)
+    frame = scene.frame()
+    lifted = CameraFrame(0, cv2.add(frame.image, np.full_like(frame.image, lift)))
+    sighting = detect(lifted, scene.camera, TAPE, VISION)
+    assert sighting.found == (not said) and said in sighting.reason
+    white = frame.image.copy()
+    white[:200] = 255
+    assert "burnt" in detect(CameraFrame(0, white), scene.camera, TAPE, VISION).reason
+
+
+def test_two_targets_are_none():
+    scene = Scene()
+    scene.place(6.0, bearing_deg=-8.0)
+    left = scene.frame().image
+    scene.place(6.0, bearing_deg=8.0)
+    assert "2 things" in detect(CameraFrame(0, np.maximum(left, scene.frame().image)), scene.camera, TAPE,
+                                VISION).reason
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
+def test_distractors_are_not_taken_for_the_target(kind):
+    """Forty scenes of each kind, half of them with the target in them: what is accepted is the target, within its
+    sigma. A second goal is one, too: it may stand for the first only where that is not in view."""
+    rng = np.random.default_rng(11)
+    for seed in range(40):
+        scene = Scene(seed=seed)
+        distance_m = rng.uniform(2.4, 9.0)
+        there = seed % 2 == 0
+        scene.place(distance_m, rng.uniform(-30, 30), rng.uniform(-8, 8))
+        camera = scene.camera
+        lens = Lens(camera.width_px, camera.height_px, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px)
+        size = TapeSize(TAPE.top_width_m, TAPE.bottom_width_m, TAPE.height_m, TAPE.tape_width_m)
+        outline, _ = project(outline_m(size), scene.stage.now.camera_from_target, lens)
+        if not there:
+            scene.stage.now = NOTHING
+        scene.eye.clutter(kind(lens, outline if there else None, rng))
+        sighting = scene.look()
+        if kind is second_goal and not there:
+            continue
+        assert there or not sighting.found, seed
+        assert not sighting.found or abs(sighting.distance_m - distance_m) < 5 * sighting.sigma_m, seed
 
 
 def test_cut_off_by_the_edge():
