@@ -28,6 +28,7 @@ VERBS = {
     "predict-gate": "the gate's probabilities, row by row",
     "vision": "images to distances",
     "vision calibrate": "a camera from pictures of a board or from taped distances",
+    "vision tune": "a page with sliders for what vision takes for the target",
     "discover": "where recordings and simulation disagree",
     "design": "the next shots, to tell apart what discover cannot",
     "prove": "concealed worlds, sealed before and opened after",
