@@ -23,8 +23,8 @@ DESCRIPTION = ("Find the retro-reflective target in images; CSV on stdout, reaso
                "right, bottom left, top left, top right. A file that is no image has an empty `found`. "
                "See also `truearc vision calibrate` and `truearc vision tune`.")
 EXAMPLE = "truearc vision photos/*.jpg --camera lifecam_hd3000_480p --labels labels.csv"
-MORE = ("muzzle_m", "bearing_deg", *(name + part for name in (*NAMES, "fused") for part in ("_m", "_sigma_m")),
-        "reason")
+MORE = ("muzzle_m", "plane_m", "bearing_deg",
+        *(name + part for name in (*NAMES, "fused") for part in ("_m", "_sigma_m")), "reason")
 MANY_IMAGES = 200                     # two seconds of work
 
 
@@ -37,7 +37,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="CSV with columns file,label_distance_m: prints an error table")
     parser.add_argument("--all", action="store_true",
                         help="more columns: muzzle_m (ball exit to target plane, where distance_m is from the lens), "
-                             "the three estimators by themselves and fused, each with sigma, bearing, and the reason")
+                             "plane_m (lens to the target's plane at right angles, not along the line of sight), the "
+                             "three estimators by themselves and fused, each with sigma, bearing, and the reason")
 
 
 def main(args: argparse.Namespace) -> int:
@@ -98,13 +99,13 @@ def _more(frame: CameraFrame, sighting: Sighting, file: CameraFile) -> list[str]
     if sighting.distance_m is None or sighting.bearing_deg is None:
         return [""] * (len(MORE) - 1) + [sighting.reason]
     three = compare(frame, file.camera, file.tape, file.vision)
-    cells = [exit_distance_m(sighting.distance_m, file.camera), sighting.bearing_deg]
-    if three is not None:
-        sigma_m = np.sqrt(np.diag(three.covariance_m2))
-        pairs = [*zip(three.distance_m, sigma_m, strict=True), (three.fused_m, three.fused_sigma_m)]
-        cells += [value for pair in pairs for value in pair]
-    texts = [f"{value:.4f}" for value in cells]
-    return texts + [""] * (len(MORE) - len(texts))
+    muzzle_m = exit_distance_m(sighting.distance_m, file.camera)
+    if three is None:
+        return [f"{muzzle_m:.4f}", "", f"{sighting.bearing_deg:.4f}"] + [""] * (len(MORE) - 3)
+    sigma_m = np.sqrt(np.diag(three.covariance_m2))
+    pairs = [*zip(three.distance_m, sigma_m, strict=True), (three.fused_m, three.fused_sigma_m)]
+    cells = [muzzle_m, three.plane_m, sighting.bearing_deg, *(value for pair in pairs for value in pair)]
+    return [*(f"{value:.4f}" for value in cells), ""]
 
 
 def load_labels(path: str, columns: tuple[str, ...] = ("label_distance_m",)) -> dict[str, float]:

@@ -37,6 +37,7 @@ class Three(NamedTuple):
     covariance_m2: Array              # (3, 3)
     fused_m: float
     fused_sigma_m: float
+    plane_m: float = math.nan         # from the lens at right angles to the target's plane, as `detect` sees it
 
 
 def compare(frame: CameraFrame, camera: CameraConfig, tape: Tape, vision: Vision) -> Three | None:
@@ -45,9 +46,11 @@ def compare(frame: CameraFrame, camera: CameraConfig, tape: Tape, vision: Vision
     found = look(frame.image, optics, camera, tape, vision)[0]
     if len(found) != 1:
         return None
-    marks = found[0][0]
+    marks, pose = found[0]
     spread_px2 = marks.spread_px2 + optics.smooth_spread(marks.ideal_px, vision.corner_sigma_px)
-    return estimate_three(marks, spread_px2, optics, camera, tape)
+    three = estimate_three(marks, spread_px2, optics, camera, tape)
+    rotation, _ = cv2.Rodrigues(pose.rvec)
+    return None if three is None else three._replace(plane_m=abs(float(rotation[:, 2] @ pose.tvec_m)))
 
 
 def estimate_three(marks: Marks, spread_px2: Array, optics: Optics, camera: CameraConfig,

@@ -95,6 +95,7 @@ def test_all_names_both_distances_and_the_estimators(capsys, tmp_path, good, pic
     assert code == 2 and len(rows) == 3
     seen, missing, absent = rows
     assert float(seen["muzzle_m"]) == pytest.approx(float(seen["distance_m"]) - CONFIG.camera.behind_exit_m, abs=2e-4)
+    assert float(seen["plane_m"]) == pytest.approx(float(seen["distance_m"]), abs=0.02)       # it faces the camera
     for name in ("pose", "width", "elevation", "fused"):
         assert float(seen[f"{name}_m"]) == pytest.approx(4.0, abs=4 * float(seen[f"{name}_sigma_m"]))
     assert seen["reason"] == "" and "colour" in missing["reason"] and missing["pose_m"] == ""

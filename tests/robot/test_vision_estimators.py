@@ -64,6 +64,11 @@ def test_what_is_known_better_counts_for_more():
     assert tight.fused_m == pytest.approx(4.0, abs=0.02) and loose.distance_m[0] == tight.distance_m[0]
 
 
+def test_aside_the_plane_is_nearer_than_the_target():
+    three = compare(picture(5.0, 30.0, 0.0, CAMERA.pitch_deg, 5), CAMERA, TAPE, VISION)
+    assert three.plane_m == pytest.approx(5.0 * math.cos(math.radians(30.0)), abs=0.05)
+
+
 def test_no_target_no_estimate():
     frame = picture(-4.0, 0.0, 0.0, 20.0, 3)
     assert compare(frame, CAMERA, TAPE, VISION) is None
