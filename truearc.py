@@ -3,6 +3,7 @@
 import argparse
 import importlib
 import os
+import re
 import sys
 from importlib.metadata import version
 
@@ -31,6 +32,8 @@ VERBS = {
     "verify": "an ONNX file against its trainer and its contract",
     "predict-gate": "the gate's probabilities, row by row",
     "vision": "images to distances",
+    "vision calibrate": "a camera from pictures of a board or from taped distances",
+    "vision tune": "a page with sliders for what vision takes for the target",
     "discover": "where recordings and simulation disagree",
     "design": "the next shots, to tell apart what discover cannot",
     "prove": "concealed worlds, sealed before and opened after",
@@ -50,39 +53,40 @@ def main(argv: list[str] | None = None) -> int:
     if argv == ["--version"]:
         print(f"truearc {version('truearc')}")
         return 0
-    if not argv or argv[0] not in VERBS:
+    verb = next((words for words in (" ".join(argv[:2]), *argv[:1]) if words in VERBS), None)
+    if verb is None:
         return _explain(argv)
     try:
-        return _open(argv)
+        return _open(verb, argv)
     except ModuleNotFoundError as error:
         if error.name is None or error.name.partition(".")[0] in ("doors", "model_export", "sim", "robot", "hw"):
             raise                     # ours: a defect, not an install without the companion
-        print(f"truearc {argv[0]}: needs {error.name}, which the robot's base install leaves out: "
+        print(f"truearc {verb}: needs {error.name}, which the robot's base install leaves out: "
               "pip install 'truearc[sim]'", file=sys.stderr)
         return 2
 
 
-def _open(argv: list[str]) -> int:
+def _open(verb: str, argv: list[str]) -> int:
     """The door behind the verb; some need the companion's packages for some options only."""
-    door = importlib.import_module("doors." + argv[0].replace("-", "_").replace("import", "import_"))
-    parser = argparse.ArgumentParser(prog=f"truearc {argv[0]}", description=door.DESCRIPTION,
+    door = importlib.import_module("doors." + re.sub("[- ]", "_", verb).replace("import", "import_"))
+    parser = argparse.ArgumentParser(prog=f"truearc {verb}", description=door.DESCRIPTION,
                                      epilog=f"example: {door.EXAMPLE}")
     parser.add_argument("--quiet", action="store_true", help="no progress")
     door.add_arguments(parser)
-    args = parser.parse_args(argv[1:])
+    args = parser.parse_args(argv[len(verb.split()):])
     try:
         code = int(door.main(args))
         sys.stdout.flush()
         return code
     except BadInput as error:
-        print(f"truearc {argv[0]}: {error}", file=sys.stderr)
+        print(f"truearc {verb}: {error}", file=sys.stderr)
         return 2
     except BrokenPipeError:           # whoever read our output has had enough, as `head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except OSError as error:          # a place that cannot be read or written
         where = "" if error.filename is None else f"{error.filename}: "
-        print(f"truearc {argv[0]}: {where}{error.strerror or error}", file=sys.stderr)
+        print(f"truearc {verb}: {where}{error.strerror or error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         return 130
@@ -95,7 +99,7 @@ def _explain(argv: list[str]) -> int:
         print(f"truearc: there is no verb {argv[0]!r}", file=out)
     print("usage: truearc VERB ... (truearc VERB --help says more)\n", file=out)
     for verb, does in VERBS.items():
-        print(f"  {verb:13s} {does}", file=out)
+        print(f"  {verb:16s} {does}", file=out)
     return 0 if asked else 2
 
 

@@ -77,7 +77,7 @@ def _look_at_wires(config: Config, endpoints: Endpoints | None, seconds: float) 
         yield check_exposure(config.camera, read_exposure(config.camera.device))
         try:
             camera = open_camera(config.camera.device, config.camera.width_px, config.camera.height_px,
-                                 config.camera.fps, clock)
+                                 config.camera.fps, clock, config.camera.exposure_s)
             wires.callback(camera.close)
             yield check_camera(camera, clock)
         except LinkLost as error:

@@ -137,7 +137,8 @@ def _open_wires(config: Config, wires: ExitStack, tally: Counter[str]) -> tuple[
         box = MendedStream(lambda: open_serial(config.buttons.port, config.buttons.baud))
         wires.callback(box.close)
         look = config.camera
-        camera = MendedCamera(lambda: open_camera(look.device, look.width_px, look.height_px, look.fps, clock))
+        camera = MendedCamera(lambda: open_camera(look.device, look.width_px, look.height_px, look.fps, clock,
+                                                  look.exposure_s))
         wires.callback(camera.close)
     except LinkLost as error:
         raise BadInput(f"cannot start: {error}") from error

@@ -13,9 +13,11 @@ from typing import IO, Any
 
 import cv2
 
-from hw.emulated.camera import EmulatedCamera, Lens, TapeSize
+from hw.emulated.camera import EmulatedCamera, TapeSize
 from hw.emulated.faults import Fault
-from hw.emulated.plant import Plant, View
+from hw.emulated.lens import Lens
+from hw.emulated.plant import Plant
+from hw.emulated.stage import NOTHING, Stage
 from hw.link import LinkLost
 from hw.reading import CameraFrame
 from robot.config import CameraConfig, Config, Tape
@@ -92,7 +94,7 @@ class TwinEyes:
 def look(ours: IO[bytes], theirs: IO[bytes]) -> None:
     """The process, until its input ends: (time, view) -> sighting; (time, None) -> the picture of that time."""
     cv2.setNumThreads(1)
-    stage = _Stage()
+    stage = Stage(NOTHING)
     config, seed = pickle.load(ours)
     camera = EmulatedCamera(stage, make_lens(config.camera), make_tape(config.tape), config.camera.fps, 0.0, seed)
     pictures: deque[CameraFrame] = deque(maxlen=KEPT)
@@ -109,15 +111,6 @@ def look(ours: IO[bytes], theirs: IO[bytes]) -> None:
             answer = detect(pictures[-1], config.camera, config.tape, config.vision)
         pickle.dump(answer, theirs)
         theirs.flush()
-
-
-class _Stage:
-    """As much of the plant as a camera looks at."""
-
-    now: View
-
-    def view(self) -> View:
-        return self.now
 
 
 def make_lens(camera: CameraConfig) -> Lens:

@@ -7,39 +7,47 @@ import sys
 from importlib.resources import files
 from pathlib import Path
 
-import cv2
 import numpy as np
-import numpy.typing as npt
 
+from doors.images import load_image
 from doors.progress import make_progress
 from hw.reading import CameraFrame
 from robot.config import BadInput, CameraFile, Config, in_words, load_text, load_toml
+from robot.geometry import exit_distance_m
 from robot.types import Sighting
 from robot.vision import detect
+from robot.vision.estimators import NAMES, compare
 
 DESCRIPTION = ("Find the retro-reflective target in images; CSV on stdout, reasons on stderr. Distances are "
                "horizontal, lens to tape centre, along the line of sight. Corners are x y pairs in pixels: bottom "
-               "right, bottom left, top left, top right. A file that is no image has an empty `found`.")
+               "right, bottom left, top left, top right. A file that is no image has an empty `found`. "
+               "See also `truearc vision calibrate` and `truearc vision tune`.")
 EXAMPLE = "truearc vision photos/*.jpg --camera lifecam_hd3000_480p --labels labels.csv"
+MORE = ("muzzle_m", "plane_m", "bearing_deg",
+        *(name + part for name in (*NAMES, "fused") for part in ("_m", "_sigma_m")), "reason")
 MANY_IMAGES = 200                     # two seconds of work
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("images", nargs="+", metavar="IMAGE", help="8-bit colour image (JPEG, PNG, ...)")
+    parser.add_argument("images", nargs="+", metavar="IMAGE", help="8-bit colour image (JPEG, PNG, BMP, WebP)")
     parser.add_argument("--camera", metavar="FILE",
                         help="camera.toml or launcher.toml, or the name of a packaged camera "
                              f"({', '.join(_packaged())}); without it, the packaged launcher.toml")
     parser.add_argument("--labels", metavar="FILE",
                         help="CSV with columns file,label_distance_m: prints an error table")
+    parser.add_argument("--all", action="store_true",
+                        help="more columns: muzzle_m (ball exit to target plane, where distance_m is from the lens), "
+                             "plane_m (lens to the target's plane at right angles, not along the line of sight), the "
+                             "three estimators by themselves and fused, each with sigma, bearing, and the reason")
 
 
 def main(args: argparse.Namespace) -> int:
     """Exit 0 when every file was an image, target seen or not; 2 when one was not (the others are still answered)."""
     camera = load_camera(args.camera)
-    labels = _load_labels(args.labels) if args.labels else None
+    labels = load_labels(args.labels) if args.labels else None
     progress = make_progress("vision", args.quiet or len(args.images) < MANY_IMAGES)
     table = csv.writer(sys.stdout, lineterminator="\n")
-    table.writerow(["file", "found", "distance_m", "sigma_m", "corners"])
+    table.writerow(["file", "found", "distance_m", "sigma_m", "corners", *(MORE if args.all else ())])
     bad = 0
     seen: list[tuple[str, Sighting]] = []
     for done, name in enumerate(args.images):
@@ -48,11 +56,12 @@ def main(args: argparse.Namespace) -> int:
             frame = CameraFrame(0, load_image(name))
         except BadInput as error:
             print(f"truearc vision: {error}", file=sys.stderr)
-            table.writerow([name, "", "", "", ""])
+            table.writerow([name, "", "", "", "", *([""] * len(MORE) if args.all else ())])
             bad += 1
             continue
         sighting = detect(frame, camera.camera, camera.tape, camera.vision)
-        table.writerow(_row(name, sighting))
+        more = _more(frame, sighting, camera) if args.all else []
+        table.writerow(_row(name, sighting) + more)
         if not sighting.found:
             print(f"{name}: not found: {sighting.reason}", file=sys.stderr)
         seen.append((name, sighting))
@@ -74,36 +83,6 @@ def load_camera(name: str | None) -> CameraFile:
     return CameraFile(config.camera, config.tape, config.vision)
 
 
-def load_image(name: str) -> npt.NDArray[np.uint8]:
-    """(height, width, 3) BGR in the sensor's own orientation; BadInput names the file and what is wrong with it."""
-    try:
-        data = Path(name).read_bytes()
-    except OSError as error:
-        raise BadInput(f"{name}: {error.strerror or error}") from error
-    if not data:
-        raise BadInput(f"{name}: the file is empty")
-    try:
-        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
-    except cv2.error:
-        image = None
-    if image is None:
-        raise BadInput(f"{name}: not an image, or a corrupt one")
-    if _cut_short(data):
-        raise BadInput(f"{name}: the image is cut short")
-    if image.dtype != np.uint8:
-        raise BadInput(f"{name}: {image.dtype.itemsize * 8}-bit {image.dtype.name} channels; 8-bit colour is needed")
-    if image.ndim != 3 or image.shape[2] not in (3, 4):
-        raise BadInput(f"{name}: a greyscale image; the tape is known by its colour, so 8-bit colour is needed")
-    return np.ascontiguousarray(image[:, :, :3])
-
-
-def _cut_short(data: bytes) -> bool:
-    """A JPEG or PNG without its end: decoders fill the rest with grey and say nothing."""
-    if data.startswith(b"\xff\xd8"):
-        return data.rfind(b"\xff\xd9") < data.rfind(b"\xff\xda")
-    return data.startswith(b"\x89PNG") and b"IEND" not in data[-4096:]
-
-
 def _packaged() -> list[str]:
     cameras = files("robot") / "cameras"
     return sorted(entry.name.removesuffix(".toml") for entry in cameras.iterdir() if entry.name.endswith(".toml"))
@@ -116,18 +95,32 @@ def _row(name: str, sighting: Sighting) -> list[str]:
     return [name, "true", f"{sighting.distance_m:.4f}", f"{sighting.sigma_m:.4f}", corners]
 
 
-def _load_labels(path: str) -> dict[str, float]:
-    """File name -> distance; rows without a distance are left out."""
+def _more(frame: CameraFrame, sighting: Sighting, file: CameraFile) -> list[str]:
+    if sighting.distance_m is None or sighting.bearing_deg is None:
+        return [""] * (len(MORE) - 1) + [sighting.reason]
+    three = compare(frame, file.camera, file.tape, file.vision)
+    muzzle_m = exit_distance_m(sighting.distance_m, file.camera)
+    if three is None:
+        return [f"{muzzle_m:.4f}", "", f"{sighting.bearing_deg:.4f}"] + [""] * (len(MORE) - 3)
+    sigma_m = np.sqrt(np.diag(three.covariance_m2))
+    pairs = [*zip(three.distance_m, sigma_m, strict=True), (three.fused_m, three.fused_sigma_m)]
+    cells = [muzzle_m, three.plane_m, sighting.bearing_deg, *(value for pair in pairs for value in pair)]
+    return [*(f"{value:.4f}" for value in cells), ""]
+
+
+def load_labels(path: str, columns: tuple[str, ...] = ("label_distance_m",)) -> dict[str, float]:
+    """File name -> distance, from the first of these columns that is there; rows without a distance are left out."""
     labels: dict[str, float] = {}
     try:
         with open(path, encoding="utf-8-sig", newline="") as stream:
             rows = csv.DictReader(stream)
-            for column in ("file", "label_distance_m"):
-                if column not in (rows.fieldnames or ()):
-                    raise BadInput(f"{path}:1: missing column {column!r}")
+            names = rows.fieldnames or ()
+            column = next((name for name in columns if name in names), None)
+            if column is None or "file" not in names:
+                raise BadInput(f"{path}:1: missing column {columns[0] if 'file' in names else 'file'!r}")
             for row in rows:
-                if row["label_distance_m"]:
-                    labels[row["file"]] = _number(row["label_distance_m"], f"{path}:{rows.line_num}: label_distance_m")
+                if row[column]:
+                    labels[row["file"]] = _number(row[column], f"{path}:{rows.line_num}: {column}")
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise BadInput(f"{path}: {in_words(error)}") from error
     return labels

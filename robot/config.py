@@ -13,6 +13,7 @@ from robot.facts import Facts
 
 Kind = TypeVar("Kind")
 Positive = Annotated[float, msgspec.Meta(gt=0.0, lt=1e9)]
+Doubt = Annotated[float, msgspec.Meta(ge=0.0, lt=1e9)]
 Count = Annotated[int, msgspec.Meta(gt=0, lt=1_000_000)]
 CanNode = Annotated[int, msgspec.Meta(ge=0, le=62)]     # 63 means everybody to ODrives, and to the FRC's devices
 Direction = Literal[-1, 1]            # sign that makes positive launch a ball or raise the hood
@@ -125,8 +126,12 @@ class Feeder(Struct, frozen=True, forbid_unknown_fields=True):
     clear_s: float                    # no new shot for this long after one
 
 
-class CameraConfig(Struct, frozen=True, forbid_unknown_fields=True):
-    """Pinhole and Brown distortion at the stated size; the mounting relative to the ball's exit point."""
+class CameraConfig(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """Pinhole and Brown distortion at the stated size; the mounting relative to the ball's exit point.
+
+    The calibration's own doubts, one standard deviation each, are 0 where nothing is said: recordings from before they
+    were there still say what they said (as with the exposure). `truearc vision calibrate` writes them.
+    """
 
     device: str                       # V4L2 path or index
     width_px: Count
@@ -142,6 +147,12 @@ class CameraConfig(Struct, frozen=True, forbid_unknown_fields=True):
     pitch_deg: float                  # optical axis above horizontal
     pitch_sigma_deg: Positive         # how well that, and that the camera is not rolled, is known
     behind_exit_m: float              # lens behind the ball's exit point
+    focal_sigma: Doubt = 0.0          # of both focal lengths together, as a share
+    aspect_sigma: Doubt = 0.0         # of fy / fx, as a share
+    centre_sigma_px: Doubt = 0.0      # of cx and of cy
+    bias_m: float = 0.0               # distances come out this much too long whatever they are
+    bias_sigma_m: Doubt = 0.0
+    exposure_s: Doubt = 0.0           # asked of the device at start and read back; 0 leaves it to the camera
 
 
 class Tape(Struct, frozen=True, forbid_unknown_fields=True):
@@ -160,7 +171,7 @@ class Vision(Struct, frozen=True, forbid_unknown_fields=True):
     saturation_low: int
     value_low: int
     min_area_px: float
-    corner_sigma_px: Positive         # one standard deviation of a corner coordinate
+    corner_sigma_px: Positive         # of a corner's coordinate, beside what its edges' own unevenness shows
     max_reprojection_px: Positive
 
 

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from robot.config import BadInput, load_text
-from sim.dataset.rig import make_toml
+from robot.toml_text import make_toml
 from sim.physics.catalogue import TERMS
 from sim.physics.nameless import NAMELESS
 

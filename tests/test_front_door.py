@@ -11,7 +11,7 @@ from truearc import VERBS, main
 @pytest.mark.parametrize("verb", VERBS)
 def test_every_verb_has_help_with_an_example(verb, capsys):
     with pytest.raises(SystemExit) as stop:
-        main([verb, "--help"])
+        main([*verb.split(), "--help"])
     assert stop.value.code == 0
     said = capsys.readouterr().out
     assert f"usage: truearc {verb}" in said and f"truearc {verb} " in said.partition("example:")[2]

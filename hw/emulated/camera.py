@@ -11,40 +11,18 @@ from functools import reduce
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
+from hw.emulated.lens import Array, Lens, Plane, distort, ideal_pixels, project
+from hw.emulated.look import DARK_BGR, HALO_BLUR_PX, HALO_MARGIN_PX, TAPE_BGR, USUAL, Image, Look, Patch, paint, spread
 from hw.emulated.plant import Plant, View
 from hw.reading import CameraFrame
 
-Array = npt.NDArray[np.float64]
-Image = npt.NDArray[np.uint8]
-Plane = npt.NDArray[np.float32]
-
-TAPE_BGR = (113.0, 213.0, 6.0)        # of the tape under a green ring light, well exposed
-DARK_BGR = (4.0, 6.0, 1.5)            # mean of an unlit pixel
-NOISE = 2.2                           # standard deviation of a channel, of 255
-LENS_BLUR_PX = 0.6                    # standard deviation
-HALO_SHARE, HALO_BLUR_PX = 0.1, 6.0
 UNEVEN = 0.1                          # the ring light is this much dimmer at one end of the tape
 EXPOSURE_JITTER = 0.04                # from frame to frame, one standard deviation
-SHAKE_PX, SHAKES = 0.3, 2.0           # flywheels shake the lens; a rolling shutter bends the picture in waves
-HALO_MARGIN_PX = 16
+SHAKES = 2.0                          # flywheels shake the lens; a rolling shutter bends the picture in waves
 NEAREST_M = 0.2
 SHRINK = 4                            # the halo is computed this much coarser
 TILE_SPARE_PX = (97, 131)             # by how much the noise tile may be shifted
-
-
-@dataclass(frozen=True)
-class Lens:
-    """Image size, pinhole and Brown distortion (k1 k2 p1 p2 k3), in pixels."""
-
-    width_px: int
-    height_px: int
-    fx_px: float
-    fy_px: float
-    cx_px: float
-    cy_px: float
-    distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -61,19 +39,20 @@ class EmulatedCamera:
     """hw.link.Camera on an emulated world; whoever owns the clock calls `step`."""
 
     def __init__(self, plant: Plant, lens: Lens, tape: TapeSize, fps: float, latency_s: float, seed: int, *,
-                 shake_px: float = SHAKE_PX) -> None:
+                 look: Look = USUAL) -> None:
         """`latency_s` runs from the middle of the exposure until the frame can be read."""
-        self._plant, self._lens, self._shake_px = plant, lens, shake_px
+        self._plant, self._lens, self._look = plant, lens, look
         self._outline_m = outline_m(tape)
-        self._columns, self._rows = _ideal_pixels(lens)
+        self._columns, self._rows = ideal_pixels(lens)
         self._period_ns, self._latency_ns = round(1e9 / fps), round(latency_s * 1e9)
         self._random = np.random.default_rng(seed)
         self._background = _draw_background(lens, self._random)
-        self._noise = _make_noise(lens, self._random)
+        self._noise = _make_noise(lens, look.noise, self._random)
         self._due_ns: int | None = None
         self._now_ns = 0
         self._waiting: deque[CameraFrame] = deque()
         self._frozen, self._black, self._hidden_share = False, False, 0.0
+        self._patches: tuple[Patch, ...] = ()
 
     def freeze(self, on: bool = True) -> None:
         """The camera gives no more images, as one whose driver hangs."""
@@ -86,6 +65,10 @@ class EmulatedCamera:
     def occlude(self, share: float) -> None:
         """Something dark hides this share (0-1) of the tape's box, from its left."""
         self._hidden_share = share
+
+    def clutter(self, patches: tuple[Patch, ...]) -> None:
+        """From now on these stand before the scene, instead of any earlier ones."""
+        self._patches = patches
 
     def step(self, t_ns: int) -> None:
         """Bring the camera to `t_ns`; takes one image when one is due (late steps do not make up for missed ones)."""
@@ -132,19 +115,19 @@ class EmulatedCamera:
             at = int(dice[k] % width), int(dice[k + 1] % height)
             shade = 0.3 + 0.7 * float(dice[k + 2] % 1000) / 1000
             cv2.circle(image, at, 1 + int(dice[k + 3] % 2), tuple(shade * part for part in TAPE_BGR), -1)
+        for patch in self._patches:
+            paint(image, noise, patch, self._look)
         return image
 
     def _edges(self, view: View) -> Array | None:
         """The outline (8, 2) in ideal pixels, or None when it is not wholly before the camera."""
         lens = self._lens
-        seen_m = self._outline_m @ view.camera_from_target[:3, :3].T + view.camera_from_target[:3, 3]
-        if seen_m[:, 2].min() < NEAREST_M:
+        pixels, ahead_m = project(self._outline_m, view.camera_from_target, lens, view.focal_scale)
+        if ahead_m.min() < NEAREST_M:
             return None
-        focal_px = np.array([lens.fx_px, lens.fy_px]) * view.focal_scale
-        pixels: Array = seen_m[:, :2] / seen_m[:, 2:] * focal_px + np.array([lens.cx_px, lens.cy_px])
         phase, *push_px = self._random.standard_normal(3)
         bend = np.sin(2 * np.pi * (SHAKES * pixels[:, 1:] / lens.height_px + phase))
-        pixels += self._shake_px * bend * np.array(push_px)
+        pixels += self._look.shake_px * bend * np.array(push_px)
         return pixels
 
     def _box(self, edges: Array) -> tuple[int, int, int, int] | None:
@@ -167,8 +150,7 @@ class EmulatedCamera:
             tape[:, :round(HALO_MARGIN_PX + self._hidden_share * (x1 - x0 - 2 * HALO_MARGIN_PX))] = 0.0
         small = cv2.resize(tape, (-(-(x1 - x0) // SHRINK), -(-(y1 - y0) // SHRINK)), interpolation=cv2.INTER_AREA)
         halo = cv2.resize(cv2.GaussianBlur(small, (0, 0), HALO_BLUR_PX / SHRINK), (x1 - x0, y1 - y0))
-        sharp = cv2.GaussianBlur(tape, (5, 5), LENS_BLUR_PX)
-        lit: Plane = cv2.addWeighted(sharp, 1.0, halo, HALO_SHARE, 0.0)
+        lit: Plane = cv2.addWeighted(spread(tape, self._look), 1.0, halo, self._look.halo_share, 0.0)
         return lit
 
 
@@ -183,33 +165,6 @@ def outline_m(tape: TapeSize) -> Array:
     left, right = np.column_stack([-half[:, 0], half[:, 1]]), half
     flat = np.array([right[0], left[0], left[1], right[1], right[2], left[2], left[3], right[3]])
     return np.column_stack([flat, np.zeros(8)])
-
-
-def distort(ideal_px: Array, lens: Lens) -> Array:
-    """Where a lens puts what a perfect pinhole would put at (n, 2)."""
-    k1, k2, p1, p2, k3 = lens.distortion
-    x, y = (ideal_px[:, 0] - lens.cx_px) / lens.fx_px, (ideal_px[:, 1] - lens.cy_px) / lens.fy_px
-    r2 = x * x + y * y
-    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
-    u = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
-    v = y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
-    return np.column_stack([u * lens.fx_px + lens.cx_px, v * lens.fy_px + lens.cy_px])
-
-
-def _ideal_pixels(lens: Lens) -> tuple[Plane, Plane]:
-    """Columns and rows, in ideal pixels, of every pixel: (1, w) and (h, 1) without distortion, else two of (h, w)."""
-    columns, rows = np.arange(lens.width_px, dtype=np.float64), np.arange(lens.height_px, dtype=np.float64)
-    if not any(lens.distortion):
-        return columns[None, :].astype(np.float32), rows[:, None].astype(np.float32)
-    seen = np.column_stack([part.ravel() for part in np.meshgrid(columns, rows)])
-    ideal = seen.copy()
-    for _ in range(50):                               # fixed point of distort(ideal) = seen
-        miss = seen - distort(ideal, lens)
-        ideal += miss
-        if np.abs(miss).max() < 1e-4:
-            break
-    both = ideal.reshape(lens.height_px, lens.width_px, 2).astype(np.float32)
-    return np.ascontiguousarray(both[..., 0]), np.ascontiguousarray(both[..., 1])
 
 
 def _covered(edges: Array, columns: Plane, rows: Plane) -> Plane:
@@ -239,9 +194,9 @@ def _colour(lit: Plane) -> Image:
     return image
 
 
-def _make_noise(lens: Lens, random: np.random.Generator) -> Image:
+def _make_noise(lens: Lens, level: float, random: np.random.Generator) -> Image:
     size = (lens.height_px + TILE_SPARE_PX[0], lens.width_px + TILE_SPARE_PX[1], 3)
-    noise: Image = np.clip(np.rint(random.normal(DARK_BGR, NOISE, size)), 0, 255).astype(np.uint8)
+    noise: Image = np.clip(np.rint(random.normal(DARK_BGR, level, size)), 0, 255).astype(np.uint8)
     return noise
 
 

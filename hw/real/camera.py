@@ -12,6 +12,10 @@ from hw.reading import CameraFrame
 NS_PER_MS = 1_000_000
 SILENT_NS = 2_000_000_000                         # without an image for this long the camera is lost
 FAILURES = 10                                     # refused images in a row
+MANUAL = 1.0                                      # V4L2_EXPOSURE_MANUAL
+EXPOSURE_UNIT_S = 1e-4                            # of V4L2_CID_EXPOSURE_ABSOLUTE
+SETTLE_FRAMES = 20                                # some cameras obey only after several images
+EXPOSURE_SHARE = 0.1                              # what is read back may differ by this much: cameras round
 STALE_NS = 1_000_000_000                          # a driver's stamp older than this is on another clock
 
 
@@ -79,12 +83,29 @@ class CameraThread:
             self._heard_ns = now_ns
 
 
+def lock_exposure(capture: Any, exposure_s: float) -> str:
+    """Set a fixed exposure and read it back, over a few images; "" or in words what the camera has instead."""
+    wanted = exposure_s / EXPOSURE_UNIT_S
+    mode = exposure = 0.0
+    for _ in range(SETTLE_FRAMES):
+        capture.set(cv2.CAP_PROP_AUTO_EXPOSURE, MANUAL)
+        capture.set(cv2.CAP_PROP_EXPOSURE, wanted)
+        mode, exposure = capture.get(cv2.CAP_PROP_AUTO_EXPOSURE), capture.get(cv2.CAP_PROP_EXPOSURE)
+        if mode == MANUAL and abs(exposure - wanted) <= max(EXPOSURE_SHARE * wanted, 1.0):
+            return ""
+        capture.read()
+    if mode != MANUAL:
+        return "keeps its exposure automatic"
+    return f"exposes for {exposure * EXPOSURE_UNIT_S * 1e3:.1f} ms where {exposure_s * 1e3:.1f} ms were asked for"
+
+
 def open_camera(device: str, width_px: int, height_px: int, fps: float, clock: Clock,
                 exposure_s: float = 0.0) -> CameraThread:
-    """Open a V4L2 device (path or index) or a network camera (URL); LinkLost names it when it is absent or will not
-    give that size.
+    """Open a V4L2 device (path or index) or a network camera (URL); LinkLost names it when it is absent, will not give
+    that size, or where `exposure_s` is above 0 will not keep that exposure.
 
-    Calibration holds at one size only, so another size is an error rather than a surprise.
+    Calibration holds at one size only, so another size is an error rather than a surprise. An exposure that the camera
+    chooses drowns the tape in its surroundings; whether pictures look as if it did is `robot.vision.exposure`.
     """
     is_stream = "://" in device
     capture = cv2.VideoCapture(int(device) if device.isdecimal() else device,
@@ -100,4 +121,8 @@ def open_camera(device: str, width_px: int, height_px: int, fps: float, clock: C
     if size != (width_px, height_px):
         capture.release()
         raise LinkLost(f"camera {device}: gives {size[0]} x {size[1]} pixels, not {width_px} x {height_px}")
+    refused = lock_exposure(capture, exposure_s) if exposure_s > 0.0 and not is_stream else ""
+    if refused:
+        capture.release()
+        raise LinkLost(f"camera {device}: {refused}")
     return CameraThread(capture, clock, device, exposure_s, stamped=not is_stream)

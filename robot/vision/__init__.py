@@ -1,18 +1,26 @@
 """Image -> Sighting: the retro-reflective half hexagon, its distance, and how far to trust it. Pure.
 
-threshold.py finds regions of the tape's colour, outline.py turns a region into four sub-pixel corners, pose.py turns
-corners into a camera pose with covariance, and here the best candidate becomes a Sighting or a reason why not.
+exposure.py refuses pictures that are too bright, threshold.py finds regions of the tape's colour, outline.py and
+edges.py turn a region into four sub-pixel marks, pose.py turns marks into a camera pose with covariance, and here the
+one candidate becomes a Sighting or a reason why not.
 """
 
 import math
 
+import numpy as np
+
 from hw.reading import CameraFrame
 from robot.config import CameraConfig, Tape, Vision
 from robot.types import Sighting
+from robot.vision.edges import Marks
+from robot.vision.exposure import check_exposure
 from robot.vision.optics import Optics, make_optics
-from robot.vision.outline import Doubt, Outline, find_outline
-from robot.vision.pose import Pose, check_tape, solve_pose
-from robot.vision.threshold import Region, find_regions
+from robot.vision.outline import Doubt, find_outline
+from robot.vision.pose import Pose, solve_pose
+from robot.vision.shape import make_shape
+from robot.vision.threshold import Image, Region, find_regions
+
+SAME_M = 0.02
 
 
 def detect(frame: CameraFrame, camera: CameraConfig, tape: Tape, vision: Vision) -> Sighting:
@@ -21,49 +29,65 @@ def detect(frame: CameraFrame, camera: CameraConfig, tape: Tape, vision: Vision)
     `distance_m` is the horizontal distance from the lens to the tape's centre, along the horizontal line of sight: that
     is the way the ball takes to the target plane. (Straight on it equals the perpendicular distance; off axis the
     perpendicular foot is not where the ball goes, and it depends on the target's yaw, which one image shows poorly.)
-    `sigma_m` is one standard deviation, from `corner_sigma_px` and the stated doubt about the camera's mounting; it
-    does not include the calibration's own error. `bearing_deg` is positive when the target is right of the axis.
+    From the ball's exit it is `robot.geometry.exit_distance_m`. `sigma_m` is one standard deviation, from the tape's
+    edges in this image, `corner_sigma_px`, the doubts about the camera's mounting and its calibration's.
+    `bearing_deg` is positive when the target is right of the axis.
     Images of another size than the calibration's are explained in `optics`. Never raises on an image's content: a
     doubtful one has found=False and a reason in words.
     """
     height_px, width_px = frame.image.shape[:2]
     if min(height_px, width_px) < 8:
         return _lost(frame, f"the image is only {width_px} x {height_px} pixels")
+    overexposed = check_exposure(frame.image)
+    if overexposed:
+        return _lost(frame, overexposed)
     optics = make_optics(camera, width_px, height_px)
-    regions = find_regions(frame.image, vision, vision.min_area_px * optics.scale**2)
-    if not regions:
-        return _lost(frame, "nothing of the tape's colour is large enough")
-    best: tuple[Pose, Outline] | None = None
-    doubts: list[tuple[float, str]] = []
-    for region in regions:
-        answer = _explain(region, optics, camera, tape, vision)
+    found, doubts = look(frame.image, optics, camera, tape, vision)
+    if not found:
+        return _lost(frame, max(doubts).reason if doubts else "nothing of the tape's colour is large enough")
+    if len(found) > 1:
+        return _lost(frame, f"{len(found)} things in view look like the target")
+    marks, pose = found[0]
+    corners = marks.to_image(make_shape(tape).corners_m[:, :2], tape, optics)
+    return Sighting(t_ns=frame.t_ns, found=True, reason="", distance_m=pose.distance_m - camera.bias_m,
+                    sigma_m=math.hypot(pose.sigma_m, camera.bias_sigma_m), bearing_deg=math.degrees(pose.bearing_rad),
+                    corners_px=tuple((float(x), float(y)) for x, y in corners))
+
+
+def look(image: Image, optics: Optics, camera: CameraConfig, tape: Tape,
+         vision: Vision) -> tuple[list[tuple[Marks, Pose]], list[Doubt]]:
+    """All that looks like the target, and for all else of its colour why it does not."""
+    found: list[tuple[Marks, Pose]] = []
+    doubts: list[Doubt] = []
+    for region in find_regions(image, vision, vision.min_area_px * optics.scale**2):
+        answer = explain(region, optics, camera, tape, vision)
         if isinstance(answer, Doubt):
-            doubts.append((answer.area_px, answer.reason))
-        elif best is None or answer[0].cost < best[0].cost:
-            best = answer
-    if best is None:
-        return _lost(frame, max(doubts)[1])
-    pose, outline = best
-    return Sighting(t_ns=frame.t_ns, found=True, reason="", distance_m=pose.distance_m, sigma_m=pose.sigma_m,
-                    bearing_deg=math.degrees(pose.bearing_rad),
-                    corners_px=tuple((float(x), float(y)) for x, y in outline.seen_px.reshape(-1, 2)))
+            doubts.append(answer)
+        elif all(_apart(answer[1], other) for _, other in found):
+            found.append(answer)
+    return found, doubts
 
 
-def _explain(region: Region, optics: Optics, camera: CameraConfig, tape: Tape,
-             vision: Vision) -> tuple[Pose, Outline] | Doubt:
+def explain(region: Region, optics: Optics, camera: CameraConfig, tape: Tape,
+            vision: Vision) -> tuple[Marks, Pose] | Doubt:
     """The region as the tape, or why it is not."""
-    outline = find_outline(region, optics, tape)
-    if isinstance(outline, Doubt):
-        return outline
-    pose = solve_pose(outline.ideal_px, vision.corner_sigma_px, optics, camera, tape)
+    marks = find_outline(region, optics, tape)
+    if isinstance(marks, Doubt):
+        return marks
+    spread_px2 = marks.spread_px2 + optics.smooth_spread(marks.ideal_px, vision.corner_sigma_px)
+    pose = solve_pose(marks.ideal_px, spread_px2, optics, camera, tape)
     if pose is None:
         return Doubt(region.area_px, "no camera pose explains the four corners")
     if pose.doubt:
         return Doubt(region.area_px, pose.doubt)
     if pose.reprojection_px > vision.max_reprojection_px:
         return Doubt(region.area_px, f"the corners miss the tape's shape by {pose.reprojection_px:.1f} px")
-    reason = check_tape(pose, region, optics, tape)
-    return Doubt(region.area_px, reason) if reason else (pose, outline)
+    return marks, pose
+
+
+def _apart(one: Pose, other: Pose) -> bool:
+    """Whether two answers are two things, not one thing found in two patches."""
+    return float(np.abs(one.tvec_m - other.tvec_m).max()) > SAME_M
 
 
 def _lost(frame: CameraFrame, reason: str) -> Sighting:

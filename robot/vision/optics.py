@@ -1,11 +1,15 @@
-"""The calibrated lens, for images of any size.
+"""The calibrated lens, for images of any size, and what its calibration leaves open.
 
 A calibration holds for one image size. An image of another size is taken to be another mode of the same sensor that
 shows its full height: focal length and principal point scale with the image's height, and a wider image only sees more
 at both sides. (Webcam sensors are 16:9 and crop the sides for 4:3. For the LifeCam HD-3000 the stated 68.5 degrees of
 diagonal field agree: 719 px at 480 lines when scaled so from 720, against 539 px if the height were cropped instead.)
+
+Two things are known of any camera without calibrating it: its pixels are square and its axis is near the image's
+middle. Where a calibration states doubts, it is weighed against that knowledge; one that states none stands.
 """
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -18,6 +22,10 @@ from robot.config import CameraConfig
 
 Array = npt.NDArray[np.float64]
 
+SQUARE_SIGMA = 0.002                  # of fy / fx about 1: lithography does better, lenses may not
+BEND_SHARE = 0.08                     # of the image's height: reach of an unmodelled bending; two waves a frame have it
+MIDDLE_SIGMA = 0.02                   # of the axis about the image's middle, as a share of its height
+
 
 @dataclass(frozen=True)
 class Optics:
@@ -28,6 +36,7 @@ class Optics:
     scale: float                      # pixels of this image per pixel of the calibration's
     matrix: Array
     distortion: Array | None          # None = a perfect pinhole
+    doubts: tuple[float, float, float]    # one sigma: focal length (share), fy / fx (share), either centre (px)
 
     def undistort(self, points_px: Any) -> Array:
         """(n, 2) pixels as seen -> (n, 2) pixels of a perfect pinhole with the same matrix."""
@@ -45,14 +54,45 @@ class Optics:
         seen, _ = cv2.projectPoints(rays.reshape(-1, 1, 3), np.zeros(3), np.zeros(3), self.matrix, self.distortion)
         return np.asarray(seen, dtype=np.float64).reshape(-1, 2)
 
+    def smooth_spread(self, points_px: Array, sigma_px: float) -> Array:
+        """(2 n, 2 n): covariance of (n, 2) pixels that a smooth bending of the image displaces by `sigma_px`: what is
+        left of the lens's distortion, a shaken rolling shutter. Neighbours are displaced together."""
+        away = points_px[:, None, :] - points_px
+        near = np.exp(-(away * away).sum(axis=2) / (2.0 * (BEND_SHARE * self.height_px) ** 2))
+        return np.asarray(np.kron(sigma_px**2 * near, np.eye(2)), dtype=np.float64)
+
+    def calibration_spread(self, points_px: Array) -> Array:
+        """(2 n, 2 n): covariance that the calibration's doubts give to (n, 2) ideal pixels."""
+        off = points_px - self.matrix[:2, 2]
+        focal, aspect, centre_px = self.doubts
+        shifts = np.zeros((4, len(points_px), 2))
+        shifts[0] = focal * off
+        shifts[1] = 0.5 * aspect * off * np.array([-1.0, 1.0])
+        shifts[2, :, 0] = shifts[3, :, 1] = centre_px
+        flat = shifts.reshape(4, -1)
+        return np.asarray(flat.T @ flat, dtype=np.float64)
+
 
 @lru_cache(maxsize=8)
 def make_optics(camera: CameraConfig, width_px: int, height_px: int) -> Optics:
     """The camera's optics for an image of this size; see the module's text for sizes that are not the calibration's
     (kept: a camera does not change from image to image)."""
     scale = height_px / camera.height_px
-    cx_px = (camera.cx_px + 0.5 - camera.width_px / 2) * scale + width_px / 2 - 0.5
-    cy_px = (camera.cy_px + 0.5) * scale - 0.5
-    matrix = np.array([[camera.fx_px * scale, 0.0, cx_px], [0.0, camera.fy_px * scale, cy_px], [0.0, 0.0, 1.0]])
+    middle_sigma_px = MIDDLE_SIGMA * camera.height_px
+    aspect, aspect_sigma = _weigh(math.log(camera.fy_px / camera.fx_px), camera.aspect_sigma, 0.0, SQUARE_SIGMA)
+    cx, centre_sigma_px = _weigh(camera.cx_px, camera.centre_sigma_px, camera.width_px / 2 - 0.5, middle_sigma_px)
+    cy, _ = _weigh(camera.cy_px, camera.centre_sigma_px, camera.height_px / 2 - 0.5, middle_sigma_px)
+    focal_px = math.sqrt(camera.fx_px * camera.fy_px) * scale
+    cx_px = (cx + 0.5 - camera.width_px / 2) * scale + width_px / 2 - 0.5
+    cy_px = (cy + 0.5) * scale - 0.5
+    matrix = np.array([[focal_px * math.exp(-aspect / 2), 0.0, cx_px], [0.0, focal_px * math.exp(aspect / 2), cy_px],
+                       [0.0, 0.0, 1.0]])
     distortion = np.array(camera.distortion, dtype=np.float64) if any(camera.distortion) else None
-    return Optics(width_px, height_px, scale, matrix, distortion)
+    return Optics(width_px, height_px, scale, matrix, distortion,
+                  (camera.focal_sigma, aspect_sigma, centre_sigma_px * scale))
+
+
+def _weigh(stated: float, sigma: float, usual: float, usual_sigma: float) -> tuple[float, float]:
+    """A stated value weighed against what is usual, and its sigma."""
+    share = sigma**2 / (sigma**2 + usual_sigma**2)
+    return stated + share * (usual - stated), usual_sigma * math.sqrt(share)

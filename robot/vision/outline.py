@@ -1,46 +1,24 @@
-"""A region of the tape's colour -> the tape's four outer corners to a fraction of a pixel.
+"""A region of the tape's colour -> the tape's rough corners, and from them its marks to a fraction of a pixel.
 
 The region's convex hull gives the corners to a pixel or two; the side along which there is no tape is the open top.
-Then each straight edge is measured where it is brightest to darkest: at many places along it, brightness is sampled
-across, the point of half height found, and a line fitted through all of them. Half height is where the true edge lies
-however blurred it is, which the threshold's edge of the mask is not. Corners are where those lines meet.
+What is measured precisely from there is `edges`.
 """
 
 from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from robot.config import Tape
+from robot.vision.edges import Marks, measure_marks
 from robot.vision.optics import Array, Optics
-from robot.vision.shape import make_shape
+from robot.vision.shape import PROBES, make_shape
 from robot.vision.threshold import Region
 
-SAMPLES = 24                          # places along each edge
-STEP_PX = 0.5                         # between samples across an edge
-OUT_PX = 4.0                          # how far outside the rough edge it may lie
 FILL_LOW, FILL_HIGH = 0.08, 0.65      # tape area / hull area; 0.22 for bare tape, more when it is small and blurred
 LEAST_SIDE_PX = 6.0
-LEAST_CONTRAST = 12.0                 # brightness step across an edge, of 255
-LEAST_GOOD = 0.8 * SAMPLES             # on each edge, after outliers are gone
-STRAIGHT_PX = 0.6                     # a point this close to its line is never an outlier
-REFITS = 4
+LEAST_LIT, MOST_LIT_HOLLOW = 0.8, 0.25
 NEXT, BEFORE = np.array([1, 2, 3, 0]), np.array([3, 0, 1, 2])
-
-
-# Edges run bottom, left, right, top, each between two corners; the top edge is only there at its two ends. A sample's
-# place is a weighted mean of the corners: SIDES + tip share x TIPS, (4, SAMPLES, 4 corners).
-EDGES = ((0, 1), (1, 2), (3, 0), (2, 3))
-FROM, TO = (np.array(ends) for ends in zip(*EDGES, strict=True))
-MEETS, WITH = np.array([2, 0, 1, 3]), np.array([0, 1, 3, 2])     # the two edges at each corner
-SIDES, TIPS = np.zeros((4, SAMPLES, 4)), np.zeros((4, SAMPLES, 4))
-for _edge, (_begin, _end) in enumerate(EDGES[:3]):
-    SIDES[_edge, :, _begin], SIDES[_edge, :, _end] = np.linspace(0.9, 0.1, SAMPLES), np.linspace(0.1, 0.9, SAMPLES)
-_HALF = SAMPLES // 2
-SIDES[3, :_HALF, 2] = SIDES[3, _HALF:, 3] = 1.0
-TIPS[3, :_HALF, 3] = TIPS[3, _HALF:, 2] = np.linspace(0.15, 0.85, _HALF)
-TIPS[3, :_HALF, 2] = TIPS[3, _HALF:, 3] = -np.linspace(0.15, 0.85, _HALF)
 LIT_ALONG = np.linspace(0.2, 0.8, 13)[:, None, None]
 LIT_DEPTH_PX = 1.5
 
@@ -52,15 +30,8 @@ class Doubt(NamedTuple):
     reason: str
 
 
-class Outline(NamedTuple):
-    """Outer corners: bottom right, bottom left, top left, top right; each (4, 2)."""
-
-    seen_px: Array                    # in the image
-    ideal_px: Array                   # as a perfect pinhole with the same matrix would have seen them
-
-
-def find_outline(region: Region, optics: Optics, tape: Tape) -> Outline | Doubt:
-    """The tape's four outer corners in a region, or why it cannot be the tape."""
+def find_outline(region: Region, optics: Optics, tape: Tape) -> Marks | Doubt:
+    """The tape's four marks in a region, or why it cannot be the tape."""
     x, y, w, h = cv2.boundingRect(region.contour)
     x, y = x + region.x0_px, y + region.y0_px
     if x == 0 or y == 0 or x + w >= optics.width_px or y + h >= optics.height_px:
@@ -68,14 +39,26 @@ def find_outline(region: Region, optics: Optics, tape: Tape) -> Outline | Doubt:
     rough = _rough_corners(region)
     if isinstance(rough, str):
         return Doubt(region.area_px, rough)
-    origin = np.array([region.x0_px, region.y0_px], dtype=np.float64)
-    ideal = _meeting_edges(region, rough, origin, optics, tape)
-    if ideal is None:
-        return Doubt(region.area_px, "the edges of what may be the tape are hidden, or not straight")
-    seen = optics.distort(ideal)
-    if not (np.abs(seen - origin - rough) < OUT_PX + 2.0).all():
-        return Doubt(region.area_px, "the edges of what may be the tape do not meet at its corners")
-    return Outline(seen, ideal)
+    marks = measure_marks(region, rough + np.array([region.x0_px, region.y0_px]), optics, tape)
+    if isinstance(marks, str):
+        return Doubt(region.area_px, marks)
+    reason = _check_tape(marks, region, optics, tape)
+    return Doubt(region.area_px, reason) if reason else marks
+
+
+def _check_tape(marks: Marks, region: Region, optics: Optics, tape: Tape) -> str:
+    """"" when the region has tape where these marks say there is some, and none in the opening; else what is wrong."""
+    seen = marks.to_image(make_shape(tape).probes_m[:, :2], tape, optics)
+    height, width = region.mask.shape
+    at = (seen + np.array([0.5 - region.x0_px, 0.5 - region.y0_px])).astype(np.intp)
+    at = np.minimum(np.maximum(at, 0), (width - 1, height - 1))
+    lit = region.mask[at[:, 1], at[:, 0]] > 0
+    on_tape, inside = float(lit[:3 * PROBES].mean()), float(lit[3 * PROBES:].mean())
+    if on_tape < LEAST_LIT:
+        return f"only {on_tape:.0%} of the tape's outline is lit"
+    if inside > MOST_LIT_HOLLOW:
+        return "the opening that the tape encloses is lit"
+    return ""
 
 
 def _rough_corners(region: Region) -> Array | str:
@@ -130,67 +113,3 @@ def _lit_shares(region: Region, corners: Array, side: Array, length_px: Array) -
     columns = at[..., 0].clip(0, region.mask.shape[1] - 1)
     shares: Array = (region.mask[rows, columns] > 0).mean(axis=0)
     return shares
-
-
-def _meeting_edges(region: Region, rough: Array, origin: Array, optics: Optics, tape: Tape) -> Array | None:
-    """Corners (4, 2) in ideal pixels where the fitted edges meet; None when an edge cannot be fitted."""
-    side = rough[TO] - rough[FROM]
-    length_px = np.sqrt((side * side).sum(axis=1))
-    outward = np.array([side[:, 1], -side[:, 0]]).T / length_px[:, None]
-    starts = (SIDES + make_shape(tape).tip_share * TIPS) @ rough
-    inside_px = max(2.0, 0.6 * float(length_px[3]) * tape.tape_width_m / tape.top_width_m)
-    points, good = _half_heights(region.value, starts, outward, inside_px)
-    points += origin
-    if optics.distortion is not None:
-        points = optics.undistort(points).reshape(points.shape)
-    lines = _fit_lines(points, good)
-    return None if lines is None else _meet(lines[MEETS], lines[WITH])
-
-
-def _half_heights(value: npt.NDArray[np.uint8], starts: Array, outward: Array, inside_px: float) -> tuple[Array, Any]:
-    """Points (4, n, 2) of half brightness across the edges near the starts, and which of them are to be trusted."""
-    offsets = np.arange(OUT_PX, -inside_px - STEP_PX, -STEP_PX)
-    where = (starts[:, :, None, :] + offsets[:, None] * outward[:, None, None, :]).astype(np.float32)
-    where = where.reshape(-1, len(offsets), 2)
-    level = cv2.remap(value, where, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).astype(np.float32)
-    outside = level[:, :4].min(axis=1)
-    contrast = level.max(axis=1) - outside
-    above = level - (outside + 0.5 * contrast)[:, None]
-    first = (above >= 0).argmax(axis=1)
-    rows = np.arange(len(first))
-    before, after = above[rows, first - 1], above[rows, first]
-    good = (first > 0) & (contrast >= LEAST_CONTRAST)
-    part = before / np.where(good, before - after, -1.0)
-    shift = (offsets[first] + STEP_PX * (1.0 - part)).reshape(starts.shape[:2])
-    return starts + shift[..., None] * outward[:, None, :], good.reshape(starts.shape[:2])
-
-
-def _fit_lines(points: Array, good: Any) -> Array | None:
-    """(4, 3): a, b, c with a x + b y = c and a^2 + b^2 = 1, total least squares, outliers left out step by step; None
-    when any line is left with too few points."""
-    weight = good.astype(np.float64)
-    for _ in range(REFITS):
-        count = weight.sum(axis=1)
-        if count.min() < LEAST_GOOD:
-            return None
-        middle = (weight[..., None] * points).sum(axis=1) / count[:, None]
-        off = points - middle[:, None, :]
-        dx, dy = off[..., 0], off[..., 1]
-        lean = weight * dx
-        angle = 0.5 * np.arctan2(2 * (lean * dy).sum(axis=1), (lean * dx - weight * dy * dy).sum(axis=1))
-        a, b = -np.sin(angle), np.cos(angle)
-        beside = np.abs(a[:, None] * dx + b[:, None] * dy)
-        usual = (weight * beside).sum(axis=1) / count
-        kept = weight * (beside <= np.maximum(STRAIGHT_PX, 1.5 * usual)[:, None])
-        if (kept == weight).all():
-            break
-        weight = kept
-    return np.array([a, b, a * middle[:, 0] + b * middle[:, 1]]).T
-
-
-def _meet(one: Array, other: Array) -> Array:
-    """(n, 2): where lines (n, 3) cross; far away when they hardly do."""
-    turn = one[:, 0] * other[:, 1] - other[:, 0] * one[:, 1]
-    turn = np.where(np.abs(turn) > 1e-6, turn, 1e-6)
-    return np.array([one[:, 2] * other[:, 1] - other[:, 2] * one[:, 1],
-                     one[:, 0] * other[:, 2] - other[:, 0] * one[:, 2]]).T / turn[:, None]

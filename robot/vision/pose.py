@@ -1,11 +1,10 @@
-"""Four corners -> where the camera stands, with covariance.
+"""Four marks -> where the camera stands, with covariance.
 
-IPPE (the closed form for flat targets) gives the start; Gauss-Newton then minimises corner residuals / corner sigma
-together with three weak beliefs about the mounting: lens height, pitch, and no roll
-(as well known as the pitch). The tape hangs upright, so its pose
-alone tells the camera's height and pitch; the beliefs only steady what four corners show poorly (a flat target's slant
-seen almost straight on). The distance itself is the tape's apparent size: with a belief of one degree and a few
-centimetres, the mounting carries next to no weight in it.
+IPPE (the closed form for flat targets) gives the start; Gauss-Newton then minimises the marks' residuals, weighed by
+their covariance, together with three beliefs about the mounting: lens height, pitch, and no roll (as well known as the
+pitch). The covariance is that of the edges, a floor for what edges do not show, and the calibration's own doubts. The
+tape hangs upright, so its pose alone tells the camera's height and pitch; how far its apparent size, its slant and its
+elevation each count in the distance is settled by how well each is known (`estimators` takes them apart).
 """
 
 import math
@@ -16,14 +15,12 @@ import numpy as np
 
 from robot.config import CameraConfig, Tape
 from robot.vision.optics import Array, Optics
-from robot.vision.shape import PROBES, make_shape
-from robot.vision.threshold import Region
+from robot.vision.shape import make_shape
 
 STEPS = 6                             # Gauss-Newton from IPPE's start is at rest after two or three
 AT_REST = 1e-2                        # squared last step in standard deviations; what is left after it is its square
-MIRROR_PX = 2.0                       # IPPE's second answer is weighed too when it fits the corners nearly as well
+MIRROR_PX = 1.0                       # IPPE's second answer is weighed too when it fits the marks nearly as well
 DOUBT_SIGMAS = 6.0                    # a mounting this far off its belief means that something else was seen
-LEAST_LIT, MOST_LIT_HOLLOW = 0.8, 0.25
 
 
 class Pose(NamedTuple):
@@ -34,42 +31,35 @@ class Pose(NamedTuple):
     distance_m: float                 # horizontal, lens to tape centre
     sigma_m: float
     bearing_rad: float                # tape right of the optical axis is positive, about the vertical
-    reprojection_px: float            # root mean square over the corners
+    off_px: Array                     # (8,) of the marks
+    gain: Array                       # (6, 8) how rvec and tvec follow the marks, per px
+    reprojection_px: float            # root mean square over the marks, of what no doubt about the calibration explains
     cost: float                       # sum of squared normalised residuals, beliefs included
     doubt: str                        # "" or what the pose says against itself
 
 
-def solve_pose(ideal_px: Array, sigma_px: float, optics: Optics, camera: CameraConfig, tape: Tape) -> Pose | None:
-    """Best camera pose for four undistorted corners (4, 2), or None when there is none before the camera."""
-    model_m = make_shape(tape).corners_m
+def solve_pose(ideal_px: Array, spread_px2: Array, optics: Optics, camera: CameraConfig, tape: Tape) -> Pose | None:
+    """Best camera pose for four undistorted marks (4, 2) with covariance (8, 8), to which the calibration's own is
+    added; or None when there is none before the camera."""
+    model_m = make_shape(tape).marks_m
     count, rvecs, tvecs, errors_px = cv2.solvePnPGeneric(model_m, ideal_px, optics.matrix, None,
                                                          flags=cv2.SOLVEPNP_IPPE)
+    whiten = np.linalg.inv(np.linalg.cholesky(spread_px2 + optics.calibration_spread(ideal_px)))
     best: Pose | None = None
     for k in range(count):
-        if float(errors_px[k].item()) > float(errors_px[0].item()) + MIRROR_PX * max(sigma_px, 0.5):
+        if float(errors_px[k].item()) > float(errors_px[0].item()) + MIRROR_PX:
             break
-        pose = _refine(np.ravel(rvecs[k]), np.ravel(tvecs[k]), ideal_px, sigma_px, optics, camera, tape, model_m)
+        pose = _refine(np.ravel(rvecs[k]), np.ravel(tvecs[k]), ideal_px, whiten, optics, camera, tape, model_m)
         if pose is not None and (best is None or pose.cost < best.cost):
             best = pose
-    return best
+    if best is None:
+        return None
+    # what is left of the residuals once the calibration has taken its share of the blame
+    left_px = spread_px2 @ (whiten.T @ (whiten @ best.off_px))
+    return best._replace(reprojection_px=math.sqrt(float(left_px @ left_px) / 4))
 
 
-def check_tape(pose: Pose, region: Region, optics: Optics, tape: Tape) -> str:
-    """"" when the region has tape where this pose says there is some, and none in the opening; else what is wrong."""
-    seen, _ = cv2.projectPoints(make_shape(tape).probes_m, pose.rvec, pose.tvec_m, optics.matrix, optics.distortion)
-    height, width = region.mask.shape
-    at = (seen.reshape(-1, 2) + np.array([0.5 - region.x0_px, 0.5 - region.y0_px])).astype(np.intp)
-    at = np.minimum(np.maximum(at, 0), (width - 1, height - 1))
-    lit = region.mask[at[:, 1], at[:, 0]] > 0
-    on_tape, inside = float(lit[:3 * PROBES].mean()), float(lit[3 * PROBES:].mean())
-    if on_tape < LEAST_LIT:
-        return f"only {on_tape:.0%} of the tape's outline is lit"
-    if inside > MOST_LIT_HOLLOW:
-        return "the opening that the tape encloses is lit"
-    return ""
-
-
-def _refine(rvec: Array, tvec: Array, ideal_px: Array, sigma_px: float, optics: Optics, camera: CameraConfig,
+def _refine(rvec: Array, tvec: Array, ideal_px: Array, whiten: Array, optics: Optics, camera: CameraConfig,
             tape: Tape, model_m: Array) -> Pose | None:
     state = np.concatenate([rvec, tvec])
     residual, slope = np.empty(11), np.empty((11, 6))
@@ -77,7 +67,7 @@ def _refine(rvec: Array, tvec: Array, ideal_px: Array, sigma_px: float, optics: 
         seen, jacobian = cv2.projectPoints(model_m, state[:3], state[3:], optics.matrix, None)
         off_px = seen.reshape(-1, 2) - ideal_px
         rotation, turning = _rotation(state[:3])
-        residual[:8], slope[:8] = off_px.ravel() / sigma_px, jacobian[:, :6] / sigma_px
+        residual[:8], slope[:8] = whiten @ off_px.ravel(), whiten @ jacobian[:, :6]
         residual[8:], slope[8:] = _beliefs(rotation, turning, state[3:], camera, tape)
         normal = slope.T @ slope
         pull = slope.T @ residual
@@ -88,14 +78,15 @@ def _refine(rvec: Array, tvec: Array, ideal_px: Array, sigma_px: float, optics: 
     if not np.all(np.isfinite(state)) or state[5] <= 0.0:
         return None
     rotation, turning = _rotation(state[:3])
-    distance_m, gradient = _horizontal(rotation, turning, state[3:])
+    distance_m, gradient = horizontal(rotation, turning, state[3:])
     sigma_m = math.sqrt(float(gradient @ np.linalg.solve(normal, gradient)))
     doubt, strain = "", np.abs(residual[8:])
     if strain.max() > DOUBT_SIGMAS:
         name = ("height", "pitch", "roll")[int(strain.argmax())]
         doubt = f"seen so, the camera's {name} would be far from what the configuration says"
-    return Pose(state[:3], state[3:], distance_m, sigma_m, _bearing(rotation, state[3:]),
-                math.sqrt(float((off_px * off_px).sum()) / len(off_px)), float(residual @ residual), doubt)
+    gain: Array = np.asarray(np.linalg.solve(normal, slope[:8].T @ whiten), dtype=np.float64)
+    return Pose(state[:3], state[3:], distance_m, sigma_m, _bearing(rotation, state[3:]), off_px.ravel(), gain,
+                math.inf, float(residual @ residual), doubt)
 
 
 def _rotation(rvec: Array) -> tuple[Array, Array]:
@@ -122,7 +113,7 @@ def _beliefs(rotation: Array, turning: Array, tvec_m: Array, camera: CameraConfi
     return residual, slope
 
 
-def _horizontal(rotation: Array, turning: Array, tvec_m: Array) -> tuple[float, Array]:
+def horizontal(rotation: Array, turning: Array, tvec_m: Array) -> tuple[float, Array]:
     """Horizontal distance from lens to tape centre, and its derivative (6,)."""
     x_m, z_m = -rotation[:, 0] @ tvec_m, -rotation[:, 2] @ tvec_m     # the lens in the target's frame
     distance_m = math.hypot(x_m, z_m)

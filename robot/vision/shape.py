@@ -1,6 +1,10 @@
 """The tape's geometry in the target's own frame, metres.
 
 x right and y up as the viewer sees them, z towards the viewer, origin midway between the outer top and bottom edges.
+
+What vision measures are the four `marks`: where the tape's middle lines meet at the bottom, and where they end at the
+top. Blur, bloom and overexposure move a thin tape's edges, all to the same extent on both sides; its middle they leave
+where it is.
 """
 
 import math
@@ -14,6 +18,10 @@ from robot.config import Tape
 
 Array = npt.NDArray[np.float64]
 PROBES = 9                            # points on each of the tape's three straights
+SAMPLES = 24                          # places along each of them where its middle is measured
+FIRST, LAST = 0.16, 0.84              # of a straight; its ends are spoilt by what it meets there
+TIP_ROWS = (-0.2, -0.1, 0.0, 0.1, 0.2)    # beside the middle line, in tape widths, where the cut ends are measured
+STRAIGHTS = ((0, 1), (1, 2), (3, 0))  # marks at the ends of the bottom, left and right straight
 
 
 @dataclass(frozen=True)
@@ -21,15 +29,28 @@ class Shape:
     """What vision looks for. The arrays are shared and not to be written."""
 
     corners_m: Array                  # (4, 3) outer corners: bottom right, bottom left, top left, top right
+    marks_m: Array                    # (4, 3) the middle lines' ends, in the same order
+    samples_m: Array                  # (3, SAMPLES, 2) on the middle lines
+    across_m: Array                   # (3, 1, 2) from a middle line to the outer edge
+    tips_m: Array                     # (2, len(TIP_ROWS), 2) on the cut ends: left, right
+    up_m: Array                       # (2, 1, 2) from a tip on along the tape, half the tape's width long
     probes_m: Array                   # (3 PROBES + 12, 3): first on the tape, then inside its opening
-    tip_share: float                  # part of the top width that each of the tape's two cut ends covers
 
 
 @lru_cache(maxsize=8)
 def make_shape(tape: Tape) -> Shape:
     """The shape of a tape of these dimensions (kept: a tape does not change from image to image)."""
-    tip = tape.tape_width_m * math.hypot(1.0, _flare(tape)) / tape.top_width_m
-    return Shape(outer_corners_m(tape), np.concatenate([_middle_line_m(tape), _hollow_m(tape)]), tip)
+    marks = _marks_m(tape)
+    ends = np.array([(marks[a], marks[b]) for a, b in STRAIGHTS])
+    along = ends[:, 1] - ends[:, 0]
+    along /= np.linalg.norm(along, axis=1)[:, None]
+    across = np.column_stack([along[:, 1], -along[:, 0]]) * -tape.tape_width_m / 2
+    share = np.linspace(FIRST, LAST, SAMPLES)[None, :, None]
+    samples = ends[:, None, 0] * (1 - share) + ends[:, None, 1] * share
+    up = np.array([along[1], -along[2]]) * tape.tape_width_m / 2
+    rows = np.array(TIP_ROWS)[:, None] * np.array([tape.tape_width_m * math.hypot(1.0, _flare(tape)), 0.0])
+    return Shape(outer_corners_m(tape), np.column_stack([marks, np.zeros(4)]), samples, across[:, None],
+                 marks[2:, None] + rows, up[:, None], _probes_m(samples, tape))
 
 
 def outer_corners_m(tape: Tape) -> Array:
@@ -38,25 +59,20 @@ def outer_corners_m(tape: Tape) -> Array:
     return np.array([[bottom, -high, 0.0], [-bottom, -high, 0.0], [-top, high, 0.0], [top, high, 0.0]])
 
 
-def _middle_line_m(tape: Tape) -> Array:
-    """(3 PROBES, 3): points along the middle of the tape, clear of its corners and ends."""
-    top, bottom, high = tape.top_width_m / 2, tape.bottom_width_m / 2, tape.height_m / 2
-    half = tape.tape_width_m / 2
-    inward = half * math.hypot(1.0, _flare(tape))
-    along = np.linspace(0.1, 0.9, PROBES)
-    low_end, high_end = bottom + _flare(tape) * half - inward, top - inward
-    side_x = low_end + (high_end - low_end) * along
-    side_y = (half - high) + (2 * high - half) * along
-    bottom_x = np.linspace(-0.8, 0.8, PROBES) * bottom
-    x = np.concatenate([side_x, -side_x, bottom_x])
-    y = np.concatenate([side_y, side_y, np.full(PROBES, half - high)])
-    return np.column_stack([x, y, np.zeros_like(x)])
+def _marks_m(tape: Tape) -> Array:
+    """(4, 2): the middle lines' ends."""
+    half, high = tape.tape_width_m / 2, tape.height_m / 2
+    inward = half * math.hypot(1.0, _flare(tape))       # half the tape's width, along the horizontal
+    low, up = tape.bottom_width_m / 2 + _flare(tape) * half - inward, tape.top_width_m / 2 - inward
+    return np.array([[low, half - high], [-low, half - high], [-up, high], [up, high]])
 
 
-def _hollow_m(tape: Tape) -> Array:
-    """(12, 3): points that the tape encloses but does not cover, in the middle half of the opening."""
+def _probes_m(samples_m: Array, tape: Tape) -> Array:
+    """Points on the tape, then 12 that it encloses but does not cover, in the middle half of the opening."""
+    on_tape = samples_m[:, np.linspace(0, SAMPLES - 1, PROBES).astype(int)].reshape(-1, 2)
     x, y = np.meshgrid(np.linspace(-0.5, 0.5, 4) * tape.bottom_width_m, np.array([-0.1, 0.1, 0.3]) * tape.height_m)
-    return np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
+    flat = np.concatenate([on_tape, np.column_stack([x.ravel(), y.ravel()])])
+    return np.column_stack([flat, np.zeros(len(flat))])
 
 
 def _flare(tape: Tape) -> float:

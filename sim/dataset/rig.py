@@ -1,6 +1,5 @@
 """rig.toml <-> Facts."""
 
-import json
 import math
 import sys
 import tomllib
@@ -11,6 +10,7 @@ import msgspec
 
 from robot.config import BadInput, load_toml
 from robot.facts import Facts, unknown_keys
+from robot.toml_text import make_toml
 
 RIG = "rig.toml"
 POSITIVE = ("ball.mass_kg", "ball.radius_m", "launcher.free_speed_rad_s", "launcher.wheel.radius_m",
@@ -37,39 +37,6 @@ def load_rig(path: str | Path) -> Facts:
 def save_rig(path: str | Path, facts: Facts) -> None:
     """Write rig.toml with every key stated, so that reading it gives the same facts."""
     Path(path).write_text(make_toml(msgspec.to_builtins(facts)), encoding="utf-8")
-
-
-def make_toml(table: dict[str, Any], prefix: str = "") -> str:
-    """TOML text of nested tables, lists of tables and plain values; None is left out."""
-    plain = {key: value for key, value in table.items() if not isinstance(value, dict) and not _is_tables(value)}
-    text = "".join(f"{_key(key)} = {_value(value)}\n" for key, value in plain.items() if value is not None)
-    for key, value in table.items():
-        name = prefix + _key(key)
-        if isinstance(value, dict):
-            text += f"\n[{name}]\n" + make_toml(value, name + ".")
-        elif _is_tables(value):
-            text += "".join(f"\n[[{name}]]\n" + make_toml(row, name + ".") for row in value)
-    return text
-
-
-def _is_tables(value: Any) -> bool:
-    return isinstance(value, list | tuple) and len(value) > 0 and all(isinstance(row, dict) for row in value)
-
-
-def _key(key: str) -> str:
-    bare = key.replace("_", "").replace("-", "")
-    return key if bare.isascii() and bare.isalnum() else _value(key)
-
-
-def _value(value: Any) -> str:
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(_value(part) for part in value) + "]"
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, str):
-        # a JSON string is a TOML basic string but for DEL, which TOML wants escaped
-        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-    return repr(value)
 
 
 def _leaves(value: Any, key: str) -> list[tuple[str, Any]]:

@@ -6,7 +6,9 @@ import cv2
 import numpy as np
 import pytest
 
-from hw.emulated.camera import TAPE_BGR, EmulatedCamera, Lens, TapeSize, distort, outline_m
+from hw.emulated.camera import EmulatedCamera, TapeSize, outline_m
+from hw.emulated.lens import Lens, distort
+from hw.emulated.look import TAPE_BGR, Look
 from hw.emulated.plant import View
 
 TAPE = TapeSize(0.99695, 0.49885, 0.4318, 0.0508)
@@ -43,7 +45,7 @@ def project_by_opencv(points_m, view: View, lens: Lens):
 
 
 def picture(view: View, lens: Lens = PINHOLE, seed: int = 1, shake_px: float = 0.0):
-    camera = EmulatedCamera(Still(view), lens, TAPE, 20.0, 0.0, seed, shake_px=shake_px)
+    camera = EmulatedCamera(Still(view), lens, TAPE, 20.0, 0.0, seed, look=Look(shake_px=shake_px))
     camera.step(0)
     frame = camera.read()
     assert frame is not None
@@ -89,7 +91,7 @@ def test_picture_is_the_projected_tape(lens, rvec, tvec_m, focal_scale):
     canvas = np.zeros(((y1 - y0) * fine, (x1 - x0) * fine), np.uint8)
     cv2.fillPoly(canvas, [np.rint((seen - (x0, y0) + 0.5) * fine - 0.5).astype(np.int32)], 255)
     wanted = cv2.resize(canvas, (x1 - x0, y1 - y0), interpolation=cv2.INTER_AREA).astype(float) / 255
-    camera = EmulatedCamera(Still(view), lens, TAPE, 20.0, 0.0, 1, shake_px=0.0)
+    camera = EmulatedCamera(Still(view), lens, TAPE, 20.0, 0.0, 1, look=Look(shake_px=0.0))
     pictures = []
     for k in range(7):
         camera.step(k * FRAME_NS)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from hw.link import LinkLost
-from hw.real.camera import CameraThread, open_camera
+from hw.real.camera import CameraThread, lock_exposure, open_camera
 
 S = 1_000_000_000
 
@@ -106,3 +106,35 @@ def test_a_film_that_ends_is_a_lost_camera(film, clock) -> None:
 def test_an_absent_camera_is_named(device: str, clock) -> None:
     with pytest.raises(LinkLost, match=device):
         open_camera(device, 640, 480, 30.0, clock)
+
+
+class Obeys:
+    """A camera that takes settings only after some images, or some of them never."""
+
+    def __init__(self, after: int, deaf: tuple[int, ...] = ()) -> None:
+        self.images, self.after, self.deaf = 0, after, deaf
+        self.now = {cv2.CAP_PROP_AUTO_EXPOSURE: 3.0, cv2.CAP_PROP_EXPOSURE: 156.0}
+
+    def set(self, key: int, value: float) -> bool:
+        if self.images >= self.after and key not in self.deaf:
+            self.now[key] = round(value)
+        return True
+
+    def get(self, key: int) -> float:
+        return self.now[key]
+
+    def read(self):
+        self.images += 1
+        return True, np.zeros((2, 2, 3), np.uint8)
+
+
+@pytest.mark.parametrize("after", [0, 5])
+def test_exposure_is_set_and_read_back(after):
+    capture = Obeys(after)
+    assert lock_exposure(capture, 0.0032) == ""
+    assert capture.now == {cv2.CAP_PROP_AUTO_EXPOSURE: 1.0, cv2.CAP_PROP_EXPOSURE: 32.0} and capture.images == after
+
+
+def test_an_exposure_that_is_not_kept_is_told():
+    assert "automatic" in lock_exposure(Obeys(0, (cv2.CAP_PROP_AUTO_EXPOSURE,)), 0.003)
+    assert "15.6 ms where 3.0 ms" in lock_exposure(Obeys(0, (cv2.CAP_PROP_EXPOSURE,)), 0.003)

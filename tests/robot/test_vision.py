@@ -13,8 +13,11 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 import robot
-from hw.emulated.camera import EmulatedCamera, Lens, TapeSize
-from hw.emulated.plant import View
+from hw.emulated.camera import EmulatedCamera, TapeSize, outline_m
+from hw.emulated.distractors import KINDS, second_goal
+from hw.emulated.lens import Lens, project
+from hw.emulated.look import USUAL, Look
+from hw.emulated.stage import NOTHING, Stage, place
 from hw.reading import CameraFrame
 from robot.config import CameraConfig, CameraFile, load_config, load_toml
 from robot.vision import detect
@@ -24,39 +27,27 @@ HOME = Path(robot.__file__).parent
 CONFIG = load_config(HOME / "launcher.toml")
 TAPE, VISION = CONFIG.tape, CONFIG.vision
 FRAME_NS = 50_000_000
-NOTHING = View(np.diag([1.0, -1.0, -1.0, 1.0]), 1.0, 1.0)         # the target is at the lens: nothing is drawn
 
 
 class Scene:
     """A camera on a level floor before the target; the picture is the emulated camera's."""
 
-    def __init__(self, camera: CameraConfig = CONFIG.camera, seed: int = 1) -> None:
+    def __init__(self, camera: CameraConfig = CONFIG.camera, seed: int = 1, look: Look = USUAL) -> None:
         self.camera = camera
-        self.now = NOTHING
+        self.stage = Stage(NOTHING)
         lens = Lens(camera.width_px, camera.height_px, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px,
                     camera.distortion)
         size = TapeSize(TAPE.top_width_m, TAPE.bottom_width_m, TAPE.height_m, TAPE.tape_width_m)
-        self.eye = EmulatedCamera(self, lens, size, 20.0, 0.0, seed)
+        self.eye = EmulatedCamera(self.stage, lens, size, 20.0, 0.0, seed, look=look)
         self.t_ns = 0
-
-    def view(self) -> View:
-        return self.now
 
     def place(self, distance_m: float, facing_deg: float = 0.0, bearing_deg: float = 0.0, focal_scale: float = 1.0,
               brightness: float = 1.0, pitch_deg: float | None = None) -> None:
         """Target's centre at this horizontal distance and bearing, turned by `facing_deg` from squarely facing us."""
-        facing, bearing = math.radians(facing_deg), math.radians(bearing_deg)
-        pitch = math.radians(self.camera.pitch_deg if pitch_deg is None else pitch_deg)
-        # level axes: x right, y up, z backwards
-        turned = np.array([[math.cos(facing), 0, math.sin(facing)], [0, 1, 0],
-                           [-math.sin(facing), 0, math.cos(facing)]])
-        centre_m = np.array([distance_m * math.sin(bearing), TAPE.centre_height_m - self.camera.height_m,
-                             -distance_m * math.cos(bearing)])
-        tilt = np.array([[1, 0, 0], [0, math.cos(pitch), math.sin(pitch)], [0, -math.sin(pitch), math.cos(pitch)]])
-        camera_from_level = np.diag([1.0, -1.0, -1.0]) @ tilt
-        pose = np.eye(4)
-        pose[:3, :3], pose[:3, 3] = camera_from_level @ turned, camera_from_level @ centre_m
-        self.now = View(pose, focal_scale, brightness)
+        self.stage.now = place(
+            distance_m, TAPE.centre_height_m - self.camera.height_m,
+            self.camera.pitch_deg if pitch_deg is None else pitch_deg, facing_deg=facing_deg, bearing_deg=bearing_deg,
+            focal_scale=focal_scale, brightness=brightness)
 
     def frame(self) -> CameraFrame:
         self.t_ns += FRAME_NS
@@ -70,10 +61,7 @@ class Scene:
 
 
 def test_distance_and_sigma_over_the_field():
-    """Root mean square error at most 3 cm over 2.3-9 m; errors / sigma spread by 0.5-1.1; bearings to 0.1 degree.
-
-    One sigma is the config's quarter pixel a corner; the shaking lens of the emulated camera gives about 0.7 of that.
-    """
+    """Root mean square error at most 3 cm over 2.3-9 m; errors / sigma spread by 0.75-1.2; bearings to 0.1 degree."""
     rng = np.random.default_rng(20)
     errors, ratios, bearings = [], [], []
     for seed in range(4):
@@ -88,7 +76,7 @@ def test_distance_and_sigma_over_the_field():
             ratios.append(errors[-1] / sighting.sigma_m)
             bearings.append(sighting.bearing_deg - bearing_deg)
     assert np.sqrt(np.mean(np.square(errors))) < 0.03 and abs(np.mean(errors)) < 0.006
-    assert 0.5 < np.std(ratios) < 1.1
+    assert 0.75 < np.std(ratios) < 1.2
     assert np.std(bearings) < 0.1
 
 
@@ -99,6 +87,25 @@ def test_sigma_grows_with_distance():
         scene.place(distance_m)
         sigmas.append(scene.look().sigma_m)
     assert all(b > 1.3 * a for a, b in pairwise(sigmas))
+
+
+@pytest.mark.parametrize("look", [Look(noise=8.0), Look(blur_px=1.5), Look(smear_px=(3.5, 2.0)), Look(halo_share=0.4)],
+                         ids=["noise", "blur", "smear", "bloom"])
+def test_what_spoils_a_picture_moves_no_edge(look):
+    """At most 5 cm root mean square up to 9 m and 1 % beyond, up to 35 degrees aside; no bias, honest sigma."""
+    rng, near, far, ratios = np.random.default_rng(21), [], [], []
+    for seed in range(80):
+        distance_m = rng.uniform(2.4, 12.0)
+        scene = Scene(replace(CONFIG.camera, pitch_deg=24.0 if distance_m < 6 else 14.0), seed=seed, look=look)
+        scene.place(distance_m, rng.uniform(-35, 35), rng.uniform(-8, 8))
+        sighting = scene.look()
+        if sighting.found:
+            error_m = sighting.distance_m - distance_m
+            ratios.append(error_m / sighting.sigma_m)
+            (near if distance_m <= 9 else far).append(error_m if distance_m <= 9 else error_m / distance_m)
+    assert len(ratios) >= 78 and 0.6 < np.sqrt(np.mean(np.square(ratios))) < 1.3
+    assert np.sqrt(np.mean(np.square(near))) < 0.05 and abs(np.mean(near)) < 0.01
+    assert np.sqrt(np.mean(np.square(far))) < 0.01
 
 
 def test_far_and_dim():
@@ -117,8 +124,8 @@ def test_corners_are_the_projected_ones():
                       [-TAPE.top_width_m, TAPE.height_m, 0], [TAPE.top_width_m, TAPE.height_m, 0]]) / 2
     camera = scene.camera
     matrix = np.array([[camera.fx_px, 0, camera.cx_px], [0, camera.fy_px, camera.cy_px], [0, 0, 1]])
-    rvec, _ = cv2.Rodrigues(scene.now.camera_from_target[:3, :3])
-    expected, _ = cv2.projectPoints(outer, rvec, scene.now.camera_from_target[:3, 3], matrix,
+    rvec, _ = cv2.Rodrigues(scene.stage.now.camera_from_target[:3, :3])
+    expected, _ = cv2.projectPoints(outer, rvec, scene.stage.now.camera_from_target[:3, 3], matrix,
                                     np.array(camera.distortion))
     sightings = [scene.look() for _ in range(25)]
     mean_px = np.mean([sighting.corners_px for sighting in sightings], axis=0)
@@ -187,6 +194,52 @@ def test_a_target_with_a_tip_hidden_is_doubted_or_right(distance_m):
         for _ in range(5):
             sighting = scene.look()
             assert not sighting.found or abs(sighting.distance_m - distance_m) < 4 * sighting.sigma_m
+
+
+@pytest.mark.parametrize(("lift", "said"), [(150, "bright all over"), (0, "")])
+def test_a_bright_picture_is_refused_by_its_statistics(lift, said):
+    scene = Scene()
+    scene.place(4.0)
+    frame = scene.frame()
+    lifted = CameraFrame(0, cv2.add(frame.image, np.full_like(frame.image, lift)))
+    sighting = detect(lifted, scene.camera, TAPE, VISION)
+    assert sighting.found == (not said) and said in sighting.reason
+    white = frame.image.copy()
+    white[:200] = 255
+    assert "burnt" in detect(CameraFrame(0, white), scene.camera, TAPE, VISION).reason
+
+
+def test_two_targets_are_none():
+    scene = Scene()
+    scene.place(6.0, bearing_deg=-8.0)
+    left = scene.frame().image
+    scene.place(6.0, bearing_deg=8.0)
+    assert "2 things" in detect(CameraFrame(0, np.maximum(left, scene.frame().image)), scene.camera, TAPE,
+                                VISION).reason
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
+def test_distractors_are_not_taken_for_the_target(kind):
+    """Forty scenes of each kind, half of them with the target in them: what is accepted is the target, within its
+    sigma. A second goal is one, too: it may stand for the first only where that is not in view."""
+    rng = np.random.default_rng(11)
+    for seed in range(40):
+        scene = Scene(seed=seed)
+        distance_m = rng.uniform(2.4, 9.0)
+        there = seed % 2 == 0
+        scene.place(distance_m, rng.uniform(-30, 30), rng.uniform(-8, 8))
+        camera = scene.camera
+        lens = Lens(camera.width_px, camera.height_px, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px)
+        size = TapeSize(TAPE.top_width_m, TAPE.bottom_width_m, TAPE.height_m, TAPE.tape_width_m)
+        outline, _ = project(outline_m(size), scene.stage.now.camera_from_target, lens)
+        if not there:
+            scene.stage.now = NOTHING
+        scene.eye.clutter(kind(lens, outline if there else None, rng))
+        sighting = scene.look()
+        if kind is second_goal and not there:
+            continue
+        assert there or not sighting.found, seed
+        assert not sighting.found or abs(sighting.distance_m - distance_m) < 5 * sighting.sigma_m, seed
 
 
 def test_cut_off_by_the_edge():
@@ -268,8 +321,8 @@ def test_any_green_shape_gives_an_answer(points, thickness_px, filled):
 
 @pytest.mark.data
 def test_photographs_of_the_real_target(data_dir):
-    """Found in all eight; within 15 % of the labels (accuracy is bounded by a calibration of another camera's unit);
-    the picture taken twice in two sizes gives one distance."""
+    """Found in all eight; within 5 % of the labels and two sigma (a calibration of another camera's unit, and what it
+    says of itself); the picture taken twice in two sizes gives one distance."""
     camera = load_toml(HOME / "cameras" / "lifecam_hd3000_480p.toml", CameraFile)
     with open(data_dir / "goal_images" / "labels.csv", encoding="utf-8") as stream:
         rows = list(csv.DictReader(stream))
@@ -280,7 +333,9 @@ def test_photographs_of_the_real_target(data_dir):
         assert sighting.found, (row["file"], sighting.reason)
         distances[row["file"]] = sighting.distance_m
         if row["label_distance_m"]:
-            assert sighting.distance_m == pytest.approx(float(row["label_distance_m"]), rel=0.15)
+            label_m = float(row["label_distance_m"])
+            assert sighting.distance_m == pytest.approx(label_m, rel=0.05)
+            assert abs(sighting.distance_m - label_m) < 2 * sighting.sigma_m
     assert len(distances) == 8
     assert distances["BlueGoal-084in-Center-720p.jpg"] == pytest.approx(distances["BlueGoal-084in-Center.jpg"],
                                                                        rel=0.01)

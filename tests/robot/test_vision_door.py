@@ -10,24 +10,12 @@ import pytest
 
 import robot
 import truearc
-from hw.emulated.camera import EmulatedCamera, Lens, TapeSize
-from hw.emulated.plant import View
+from hw.emulated.camera import EmulatedCamera, TapeSize
+from hw.emulated.lens import Lens
+from hw.emulated.stage import Stage, place
 from robot.config import load_config
 
 CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")
-
-
-class Wall:
-    """The target four metres away, straight ahead and up, as the packaged camera's mounting has it."""
-
-    def view(self) -> View:
-        pitch = np.radians(CONFIG.camera.pitch_deg)
-        rise_m = CONFIG.tape.centre_height_m - CONFIG.camera.height_m
-        tilt = np.array([[1, 0, 0], [0, np.cos(pitch), np.sin(pitch)], [0, -np.sin(pitch), np.cos(pitch)]])
-        pose = np.eye(4)
-        pose[:3, :3] = np.diag([1.0, -1.0, -1.0]) @ tilt
-        pose[:3, 3] = pose[:3, :3] @ (0.0, rise_m, -4.0)
-        return View(pose, 1.0, 1.0)
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +23,8 @@ def picture() -> np.ndarray:
     camera, tape = CONFIG.camera, CONFIG.tape
     lens = Lens(camera.width_px, camera.height_px, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px)
     size = TapeSize(tape.top_width_m, tape.bottom_width_m, tape.height_m, tape.tape_width_m)
-    eye = EmulatedCamera(Wall(), lens, size, 20.0, 0.0, 1)
+    view = place(4.0, tape.centre_height_m - camera.height_m, camera.pitch_deg)
+    eye = EmulatedCamera(Stage(view), lens, size, 20.0, 0.0, 1)
     eye.step(0)
     frame = eye.read()
     assert frame is not None
@@ -97,6 +86,20 @@ def test_bad_files_are_named_and_the_others_answered(capsys, tmp_path, picture, 
         assert any(line.startswith(f"truearc vision: {path}: ") for line in out.err.splitlines())
     assert rows[-2]["found"] == "false" and rows[-1]["found"] == "true"
     assert "greyscale" in out.err and "16-bit" in out.err and "is empty" in out.err and "Traceback" not in out.err
+
+
+def test_all_names_both_distances_and_the_estimators(capsys, tmp_path, good, picture):
+    blank = tmp_path / "blank.png"
+    cv2.imwrite(str(blank), picture // 20)
+    code, rows, _ = run(capsys, good, str(blank), str(tmp_path / "none.png"), "--all")
+    assert code == 2 and len(rows) == 3
+    seen, missing, absent = rows
+    assert float(seen["muzzle_m"]) == pytest.approx(float(seen["distance_m"]) - CONFIG.camera.behind_exit_m, abs=2e-4)
+    assert float(seen["plane_m"]) == pytest.approx(float(seen["distance_m"]), abs=0.02)       # it faces the camera
+    for name in ("pose", "width", "elevation", "fused"):
+        assert float(seen[f"{name}_m"]) == pytest.approx(4.0, abs=4 * float(seen[f"{name}_sigma_m"]))
+    assert seen["reason"] == "" and "colour" in missing["reason"] and missing["pose_m"] == ""
+    assert absent["found"] == "" and absent["reason"] == ""
 
 
 def test_alpha_is_ignored(capsys, tmp_path, picture, good):

@@ -1,0 +1,99 @@
+"""Focal length, axis and lens distortion from pictures of a flat board, and how well they are known.
+
+Pixels are taken to be square and the third radial term to be nil: both hold for any webcam, and what a fit makes of
+them without many pictures is noise.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+from msgspec.structs import replace
+
+from robot.config import CameraConfig
+from robot.vision.optics import SQUARE_SIGMA, Array
+
+Image = npt.NDArray[np.uint8]
+
+LEAST_VIEWS = 4
+LEAST_POINTS = 8                      # of a ChArUco board that is partly seen
+FIXED = cv2.CALIB_FIX_ASPECT_RATIO | cv2.CALIB_FIX_K3 | cv2.CALIB_USE_INTRINSIC_GUESS
+
+
+class Board(NamedTuple):
+    """`columns` x `rows` inner corners of a chessboard, or squares of a ChArUco board."""
+
+    columns: int
+    rows: int
+    square_m: float
+    marker_m: float = 0.0             # 0 = a chessboard
+    dictionary: str = ""              # of a ChArUco board, as OpenCV calls it
+
+
+class View(NamedTuple):
+    """One picture of a board."""
+
+    points_m: npt.NDArray[np.float32]     # (n, 3) on the board
+    seen_px: npt.NDArray[np.float32]      # (n, 2)
+
+
+class BoardFit(NamedTuple):
+    camera: CameraConfig
+    error_px: tuple[float, ...]       # root mean square of each view
+
+
+def find_board(image: Image, board: Board) -> View | None:
+    """The board's corners in a BGR or grey image, or None when it is not (wholly, for a chessboard) in view."""
+    grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+    if board.marker_m > 0.0:
+        return _find_charuco(grey, board)
+    found, corners = cv2.findChessboardCornersSB(grey, (board.columns, board.rows), flags=cv2.CALIB_CB_ACCURACY)
+    if not found:
+        return None
+    column, row = np.meshgrid(np.arange(board.columns), np.arange(board.rows))
+    flat = np.column_stack([column.ravel(), row.ravel(), np.zeros(column.size)]) * board.square_m
+    return View(flat.astype(np.float32), np.asarray(corners, np.float32).reshape(-1, 2))
+
+
+def _find_charuco(grey: Image, board: Board) -> View | None:
+    marked = cv2.aruco.CharucoBoard((board.columns, board.rows), board.square_m, board.marker_m,
+                                    cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, board.dictionary)))
+    corners, ids, _, _ = cv2.aruco.CharucoDetector(marked).detectBoard(grey)
+    if ids is None or len(ids) < LEAST_POINTS:
+        return None
+    places = np.asarray(marked.getChessboardCorners(), np.float32).reshape(-1, 3)[np.ravel(ids)]
+    return View(places, np.asarray(corners, np.float32).reshape(-1, 2))
+
+
+def calibrate(views: Sequence[View], camera: CameraConfig) -> BoardFit:
+    """The camera with what the views say of it; they are of its image size, and at least LEAST_VIEWS.
+
+    One sigma is the larger of what the corners' scatter gives and of what leaving out one view after another does
+    (jackknife): views err as wholes where a board is bent or an exposure shaken.
+    """
+    focal_px, centre_px, distortion, errors_px, said = _solve(views, camera)
+    left_out = [_solve([view for k, view in enumerate(views) if k != out], camera)[:2] for out in range(len(views))]
+    share = (len(views) - 1) / len(views)
+    focal_sigma = math.sqrt(share * sum((focal / focal_px - 1.0) ** 2 for focal, _ in left_out))
+    centre_sigma_px = math.sqrt(share * sum(float(((centre - centre_px) ** 2).sum()) / 2 for _, centre in left_out))
+    fitted = replace(camera, fx_px=focal_px, fy_px=focal_px, cx_px=float(centre_px[0]), cy_px=float(centre_px[1]),
+                     distortion=distortion, focal_sigma=max(focal_sigma, said[0] / focal_px), aspect_sigma=SQUARE_SIGMA,
+                     centre_sigma_px=max(centre_sigma_px, said[1]), bias_m=0.0, bias_sigma_m=0.0)
+    return BoardFit(fitted, errors_px)
+
+
+def _solve(views: Sequence[View], camera: CameraConfig) -> tuple[float, Array, Any, tuple[float, ...], Array]:
+    """Focal length, centre (2,), distortion, error of each view, and the stated sigmas (2,) of the first two."""
+    size = (camera.width_px, camera.height_px)
+    focal = math.sqrt(camera.fx_px * camera.fy_px)
+    start = np.array([[focal, 0.0, size[0] / 2 - 0.5], [0.0, focal, size[1] / 2 - 0.5], [0.0, 0.0, 1.0]])
+    _, matrix, distortion, _, _, spread, _, errors = cv2.calibrateCameraExtended(
+        [view.points_m for view in views], [view.seen_px for view in views], size, start, np.zeros(5), flags=FIXED)
+    k1, k2, p1, p2, k3 = (float(part) for part in np.ravel(distortion)[:5])
+    sigma = np.ravel(spread)
+    said = np.array([max(sigma[0], sigma[1]), max(sigma[2], sigma[3])])
+    return (float(matrix[0, 0]), np.asarray(matrix[:2, 2]), (k1, k2, p1, p2, k3),
+            tuple(float(error) for error in np.ravel(errors)), said)

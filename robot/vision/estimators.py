@@ -1,0 +1,117 @@
+"""The distance three ways, each by itself, and the three fused by their covariance.
+
+- pose: the marks alone, with nothing believed of how the camera is mounted;
+- width: how far apart the marks at the left and at the right are seen, given which way the target faces (from the pose)
+  and which way is up (from the mounting);
+- elevation: how steeply the marks are seen above the horizon, given the mounting's pitch and height.
+
+They share marks and mounting, so they err together; the fused one is the best linear combination under that joint
+covariance. What `detect` reports is the same fusion without the linearisation: one least squares of marks and mounting
+(`pose`). Here it is taken apart, for people who want to know why a distance came out as it did.
+"""
+
+import math
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from msgspec.structs import replace
+
+from hw.reading import CameraFrame
+from robot.config import CameraConfig, Tape, Vision
+from robot.vision import look
+from robot.vision.edges import Marks
+from robot.vision.optics import Array, Optics, make_optics
+from robot.vision.pose import horizontal, solve_pose
+from robot.vision.shape import make_shape
+
+NAMES = ("pose", "width", "elevation")
+UNKNOWN = 1e4                         # sigma of a mounting of which nothing is believed, in metres and degrees
+STEP = np.array([1e-3] * 8 + [1e-5, 1e-4, 1e-5])    # px, rad, m, rad: for derivatives
+
+
+class Three(NamedTuple):
+    """Horizontal distances from lens to tape centre, in the order of NAMES."""
+
+    distance_m: Array                 # (3,)
+    covariance_m2: Array              # (3, 3)
+    fused_m: float
+    fused_sigma_m: float
+    plane_m: float = math.nan         # from the lens at right angles to the target's plane, as `detect` sees it
+
+
+def compare(frame: CameraFrame, camera: CameraConfig, tape: Tape, vision: Vision) -> Three | None:
+    """The three in one image; None when `detect` finds no target there."""
+    optics = make_optics(camera, frame.image.shape[1], frame.image.shape[0])
+    found = look(frame.image, optics, camera, tape, vision)[0]
+    if len(found) != 1:
+        return None
+    marks, pose = found[0]
+    spread_px2 = marks.spread_px2 + optics.smooth_spread(marks.ideal_px, vision.corner_sigma_px)
+    three = estimate_three(marks, spread_px2, optics, camera, tape)
+    rotation, _ = cv2.Rodrigues(pose.rvec)
+    return None if three is None else three._replace(plane_m=abs(float(rotation[:, 2] @ pose.tvec_m)))
+
+
+def estimate_three(marks: Marks, spread_px2: Array, optics: Optics, camera: CameraConfig,
+                   tape: Tape) -> Three | None:
+    """The three, from marks with covariance (8, 8), the calibration's not in it; None when marks alone give no pose."""
+    blind = replace(camera, height_sigma_m=UNKNOWN, pitch_sigma_deg=UNKNOWN)
+    pose = solve_pose(marks.ideal_px, spread_px2, optics, blind, tape)
+    if pose is None:
+        return None
+    rotation, turning = cv2.Rodrigues(pose.rvec)
+    distance_m, gradient = horizontal(rotation, turning.reshape(3, 3, 3), pose.tvec_m)
+    pitch_sigma = math.radians(camera.pitch_sigma_deg)
+    given = np.concatenate([marks.ideal_px.ravel(), [math.radians(camera.pitch_deg), camera.height_m, 0.0]])
+
+    def level(values: Array) -> Array:
+        """Width and elevation from marks, pitch, height and roll; the target's facing follows the marks to first
+        order."""
+        turned = pose.rvec - pose.gain[:3] @ (values[:8] - given[:8])
+        return _level_distances(values, turned, optics, tape)
+
+    slope = np.zeros((3, 11))
+    slope[0, :8] = -gradient @ pose.gain
+    for k, step in enumerate(STEP):
+        shift = np.zeros(11)
+        shift[k] = step
+        slope[1:, k] = (level(given + shift) - level(given - shift)) / (2 * step)
+    spread = np.zeros((11, 11))
+    spread[:8, :8] = spread_px2 + optics.calibration_spread(marks.ideal_px)
+    spread[range(8, 11), range(8, 11)] = pitch_sigma**2, camera.height_sigma_m**2, pitch_sigma**2
+    distances = np.append(distance_m, level(given)) - camera.bias_m
+    return _fuse(distances, slope @ spread @ slope.T + camera.bias_sigma_m**2)
+
+
+def _fuse(distance_m: Array, covariance_m2: Array) -> Three:
+    """Best linear unbiased: weights that sum to one and make the variance least."""
+    pull = np.linalg.solve(covariance_m2 + 1e-9 * np.trace(covariance_m2) * np.eye(3), np.ones(3))
+    return Three(distance_m, covariance_m2, float(pull @ distance_m / pull.sum()), 1.0 / math.sqrt(float(pull.sum())))
+
+
+def _level_distances(values: Array, rvec: Array, optics: Optics, tape: Tape) -> Array:
+    """(2,): by width and by elevation, from `values`: four marks in ideal px, pitch and lens height and roll."""
+    pitch, height_m, roll = values[8:]
+    shape = make_shape(tape)
+    rays = _level(np.column_stack([values[:8].reshape(4, 2), np.ones(4)]) @ np.linalg.inv(optics.matrix).T, pitch, roll)
+    rotation, _ = cv2.Rodrigues(rvec)
+    facing = _level(rotation[:, :1].T, pitch, roll)[0, [0, 2]]        # along the tape, seen from above
+    flat = rays[:, [0, 2]]
+    middles = []
+    for right, left in ((0, 1), (3, 2)):
+        apart_m = float(shape.marks_m[right, 0] - shape.marks_m[left, 0])
+        reach = np.linalg.solve(np.column_stack([flat[right], -flat[left]]), apart_m * facing / np.linalg.norm(facing))
+        middles.append((flat[right] * reach[0] + flat[left] * reach[1]) / 2)
+    by_width = float(np.linalg.norm(np.mean(middles, axis=0)))
+    rise_m = tape.centre_height_m + shape.marks_m[:, 1] - height_m
+    by_elevation = float(np.linalg.norm((flat * (rise_m / rays[:, 1])[:, None]).mean(axis=0)))
+    return np.array([by_width, by_elevation])
+
+
+def _level(rays: Array, pitch: float, roll: float) -> Array:
+    """(n, 3) camera rays (right, down, forward) -> level ones (right, up, forward)."""
+    right = rays[:, 0] * math.cos(roll) + rays[:, 1] * math.sin(roll)
+    up = rays[:, 0] * math.sin(roll) - rays[:, 1] * math.cos(roll)
+    return np.column_stack([right, rays[:, 2] * math.sin(pitch) + up * math.cos(pitch),
+                            rays[:, 2] * math.cos(pitch) - up * math.sin(pitch)])

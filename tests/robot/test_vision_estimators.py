@@ -1,0 +1,74 @@
+"""The three estimators by themselves: their errors are as large as they say, and their fusion is what `detect` says."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from msgspec.structs import replace
+
+import robot
+from hw.emulated.camera import EmulatedCamera
+from hw.emulated.lens import Lens
+from hw.emulated.stage import Stage, place
+from hw.reading import CameraFrame
+from robot.config import load_config
+from robot.vision import detect
+from robot.vision.estimators import NAMES, compare
+
+CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")
+CAMERA, TAPE, VISION = CONFIG.camera, CONFIG.tape, CONFIG.vision
+
+
+def picture(distance_m: float, facing_deg: float, bearing_deg: float, pitch_deg: float, seed: int) -> CameraFrame:
+    """The target before a camera with this pitch, which may not be what the configuration believes."""
+    lens = Lens(CAMERA.width_px, CAMERA.height_px, CAMERA.fx_px, CAMERA.fy_px, CAMERA.cx_px, CAMERA.cy_px)
+    view = place(distance_m, TAPE.centre_height_m - CAMERA.height_m, pitch_deg, facing_deg=facing_deg,
+                 bearing_deg=bearing_deg)
+    return EmulatedCamera(Stage(view), lens, TAPE, 20.0, 0.0, seed).expose(0)
+
+
+@pytest.fixture(scope="module")
+def trials():
+    rng, rows = np.random.default_rng(4), []
+    for seed in range(150):
+        distance_m, pitch_deg = rng.uniform(2.6, 8.5), CAMERA.pitch_deg + CAMERA.pitch_sigma_deg * rng.normal()
+        frame = picture(distance_m, rng.uniform(-30, 30), rng.uniform(-7, 7), pitch_deg, seed)
+        three, seen = compare(frame, CAMERA, TAPE, VISION), detect(frame, CAMERA, TAPE, VISION)
+        if seen.found:
+            rows.append((distance_m, seen, three))
+    assert len(rows) > 130
+    return rows
+
+
+@pytest.mark.parametrize("k", range(3), ids=NAMES)
+def test_each_errs_as_much_as_it_says(trials, k):
+    ratios = [(three.distance_m[k] - true_m) / math.sqrt(three.covariance_m2[k, k]) for true_m, _, three in trials]
+    assert 0.7 < np.sqrt(np.mean(np.square(ratios))) < 1.35
+
+
+def test_fused_is_better_than_each_and_nearly_what_detect_says(trials):
+    errors = np.array([[*three.distance_m, three.fused_m, seen.distance_m] for _, seen, three in trials])
+    rms = np.sqrt(np.mean((errors - np.array([[true_m] for true_m, _, _ in trials])) ** 2, axis=0))
+    assert rms[3] < rms[:3].min() and rms[4] < 1.02 * rms[3]
+    apart = [abs(three.fused_m - seen.distance_m) / seen.sigma_m for _, seen, three in trials]
+    assert np.median(apart) < 0.5
+
+
+def test_what_is_known_better_counts_for_more():
+    frame = picture(4.0, 10.0, 3.0, CAMERA.pitch_deg, 2)
+    loose, tight = (compare(frame, replace(CAMERA, pitch_sigma_deg=sigma_deg, height_sigma_m=0.002), TAPE, VISION)
+                    for sigma_deg in (5.0, 0.02))
+    assert loose.covariance_m2[2, 2] > 100 * tight.covariance_m2[2, 2]
+    assert tight.fused_sigma_m < math.sqrt(tight.covariance_m2[0, 0]) / 3
+    assert tight.fused_m == pytest.approx(4.0, abs=0.02) and loose.distance_m[0] == tight.distance_m[0]
+
+
+def test_aside_the_plane_is_nearer_than_the_target():
+    three = compare(picture(5.0, 30.0, 0.0, CAMERA.pitch_deg, 5), CAMERA, TAPE, VISION)
+    assert three.plane_m == pytest.approx(5.0 * math.cos(math.radians(30.0)), abs=0.05)
+
+
+def test_no_target_no_estimate():
+    frame = picture(-4.0, 0.0, 0.0, 20.0, 3)
+    assert compare(frame, CAMERA, TAPE, VISION) is None

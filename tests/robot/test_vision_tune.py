@@ -1,0 +1,167 @@
+"""The tuning page as a browser meets it: pictures, reasons, replay, saving, and who may not."""
+
+import json
+import threading
+from http.client import HTTPConnection
+from pathlib import Path
+
+import cv2
+import msgspec
+import numpy as np
+import pytest
+from msgspec.structs import replace
+
+import robot
+import truearc
+from doors.tune_server import TuneServer
+from doors.twin_eyes import make_lens, make_tape
+from doors.vision_tune import Live, Recorded, Tuner, find_pictures
+from hw.emulated.camera import EmulatedCamera
+from hw.emulated.stage import Stage, place
+from hw.link import LinkLost
+from hw.reading import CameraFrame
+from robot.config import BadInput, CameraFile, load_config, load_toml
+
+CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")
+FILE = CameraFile(CONFIG.camera, CONFIG.tape, CONFIG.vision)
+SETTINGS = msgspec.to_builtins(CONFIG.vision)
+BLIND = {**SETTINGS, "hue_low": 0, "hue_high": 5}
+
+
+@pytest.fixture(scope="module")
+def image():
+    view = place(4.0, CONFIG.tape.centre_height_m - CONFIG.camera.height_m, CONFIG.camera.pitch_deg)
+    return EmulatedCamera(Stage(view), make_lens(CONFIG.camera), make_tape(CONFIG.tape), 20.0, 0.0, 1).expose(0).image
+
+
+@pytest.fixture
+def pictures(tmp_path, image):
+    folder = tmp_path / "session" / "frames"
+    folder.mkdir(parents=True)
+    cv2.imwrite(str(folder / "1.png"), image)
+    cv2.imwrite(str(folder / "2.png"), np.zeros_like(image))
+    (folder / "3.png").write_bytes(b"broken")
+    return tmp_path / "session"
+
+
+@pytest.fixture
+def server(tmp_path, pictures):
+    tuner = Tuner(FILE, Recorded(find_pictures([str(pictures)])), tmp_path / "tuned.toml")
+    with TuneServer(tuner, "127.0.0.1", 0) as serving:
+        thread = threading.Thread(target=serving.serve_forever, args=(0.01,))
+        thread.start()
+        yield serving
+        serving.shutdown()
+        thread.join()
+
+
+def ask(server, path, said=None, **headers):
+    """(status, content type, body)"""
+    line = HTTPConnection("127.0.0.1", server.server_port, timeout=20)
+    body = None if said is None else json.dumps(said).encode()
+    line.request("GET" if said is None else "POST", path, body, headers)
+    answer = line.getresponse()
+    status, kind, body = answer.status, answer.headers["Content-Type"], answer.read()
+    line.close()
+    return status, kind, body
+
+
+def test_the_page_loads_nothing_from_elsewhere(server):
+    status, kind, body = ask(server, "/")
+    text = body.decode()
+    assert status == 200 and kind.startswith("text/html") and "http://" not in text and "https://" not in text
+    for key in SETTINGS:
+        assert f'"{key}"' in text
+
+
+def test_state_names_pictures_and_settings(server):
+    state = json.loads(ask(server, "/state")[2])
+    assert [Path(name).name for name in state["names"]] == ["1.png", "2.png", "3.png"]
+    assert state["settings"] == SETTINGS and not state["live"]
+
+
+def view_of(server, view, settings, index=0):
+    said = json.dumps(settings, separators=(",", ":"))
+    status, kind, body = ask(server, f"/picture?index={index}&view={view}&settings={said}")
+    assert status == 200 and kind == "image/jpeg"
+    return cv2.imdecode(np.frombuffer(body, np.uint8), cv2.IMREAD_COLOR)
+
+
+def test_the_views_are_the_image_its_mask_and_its_regions(server, image):
+    assert np.abs(view_of(server, "image", SETTINGS).astype(int) - image).mean() < 2
+    assert 0.001 < (view_of(server, "mask", SETTINGS) > 200).mean() < 0.1
+    assert (view_of(server, "mask", BLIND) > 200).mean() < 0.001
+    drawn = view_of(server, "regions", SETTINGS)
+    assert (drawn[..., 1] > 200).sum() > 100
+
+
+def test_look_says_what_each_region_is(server):
+    seen = json.loads(ask(server, "/look", {"index": 0, "settings": SETTINGS})[2])
+    assert seen["found"] and seen["said"].startswith(("3.9", "4.0")) and "the target at" in " ".join(seen["regions"])
+    strict = json.loads(ask(server, "/look", {"index": 0, "settings": {**SETTINGS, "max_reprojection_px": 1e-6}})[2])
+    assert not strict["found"] and "miss the tape's shape" in strict["said"]
+
+
+def test_replay_runs_all_pictures_through_both_settings(server):
+    rows = json.loads(ask(server, "/replay", {"settings": BLIND})[2])
+    assert len(rows) == 3 and " m ± " in rows[0]["before"] and "colour" in rows[0]["after"]
+    assert rows[1]["before"] == rows[1]["after"] and "3.png" in rows[2]["before"]
+
+
+def test_save_writes_what_can_be_read_and_is_then_before(server, tmp_path):
+    status, _, body = ask(server, "/save", {"settings": {**SETTINGS, "hue_low": 40}})
+    assert status == 200 and "tuned.toml" in json.loads(body)["said"]
+    saved = load_toml(tmp_path / "tuned.toml", CameraFile)
+    assert saved == replace(FILE, vision=replace(FILE.vision, hue_low=40))
+    assert json.loads(ask(server, "/state")[2])["settings"]["hue_low"] == 40
+
+
+@pytest.mark.parametrize(("path", "said", "status"), [
+    ("/look", {"index": 0, "settings": {**SETTINGS, "hue_low": "red"}}, 400), ("/look", {"index": 9}, 400),
+    ("/look", {"index": 9, "settings": SETTINGS}, 400), ("/look", [1], 400), ("/save", {"settings": {}}, 400),
+    ("/save", {"settings": {**SETTINGS, "corner_sigma_px": -1}}, 400), ("/picture", None, 400),
+    ("/picture?index=x&view=mask&settings=1", None, 400), ("/else", None, 404), ("/else", {}, 404),
+    ("/look", {"index": 2, "settings": SETTINGS}, 400), ("/look", {"pad": "x" * 20_000}, 404),
+])
+def test_nonsense_is_told_and_saves_nothing(server, tmp_path, path, said, status):
+    code, kind, body = ask(server, path, said)
+    assert code == status and body and kind.startswith("text/plain")
+    assert not (tmp_path / "tuned.toml").exists()
+
+
+@pytest.mark.parametrize("headers", [{"Origin": "http://elsewhere.example"}, {"Host": "elsewhere.example"}])
+def test_other_sites_may_not(server, tmp_path, headers):
+    assert ask(server, "/save", {"settings": SETTINGS}, **headers)[0] == 403
+    assert not (tmp_path / "tuned.toml").exists()
+    if "Host" in headers:
+        assert ask(server, "/state", **headers)[0] == 403
+
+
+class Fake:
+    """A camera of one picture, which is then gone."""
+
+    def __init__(self, image) -> None:
+        self.frames = [CameraFrame(0, image), None]
+
+    def read(self):
+        if not self.frames:
+            raise LinkLost("camera fake: gives no images")
+        return self.frames.pop(0)
+
+    def close(self) -> None:
+        pass
+
+
+def test_live_shows_the_newest_picture_and_says_when_the_camera_is_gone(tmp_path, image):
+    tuner = Tuner(FILE, Live(Fake(image)), tmp_path / "x.toml")
+    assert tuner.state()["live"] and tuner.look(0, SETTINGS)["found"] and tuner.look(0, SETTINGS)["found"]
+    with pytest.raises(BadInput, match="fake"):
+        tuner.look(0, SETTINGS)
+
+
+@pytest.mark.parametrize(("arguments", "named"), [(("nowhere",), "nowhere"), (("--port", "70000", "."), "no pictures"),
+                                                  (("--camera", "none.toml"), "none.toml")])
+def test_the_door_s_complaints(capsys, tmp_path, monkeypatch, arguments, named):
+    monkeypatch.chdir(tmp_path)
+    assert truearc.main(["vision", "tune", *arguments]) == 2
+    assert named in capsys.readouterr().err
