@@ -1,6 +1,6 @@
 """How fast, how accurate and how wary vision is, beside a straightforward OpenCV pipeline.
 
-    python benchmarks/vision.py [--frames 300] [--clutter 10000] [--files 10000] [--plot docs/vision.png]
+    python benchmarks/vision.py [--frames 200] [--clutter 10000] [--files 10000] [--plot docs/vision.png]
 
 Rendered images come from hw/emulated, which shares no code with robot/vision. With the shared recordings at hand
 (TRUEARC_DATA, else ../shared/data) the real photographs are measured too.
@@ -33,7 +33,7 @@ BANDS_M = ((1, 2), (2, 3), (3, 5), (5, 7), (7, 9), (9, 12), (12, 16))
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--frames", type=int, default=300, help="in each band of distance, for each look")
+    parser.add_argument("--frames", type=int, default=200, help="in each band of distance, for each look")
     parser.add_argument("--clutter", type=int, default=10_000, help="frames with distractors")
     parser.add_argument("--files", type=int, default=10_000, help="mutated image files")
     parser.add_argument("--plot", help="picture of errors over distance to write")

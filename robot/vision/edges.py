@@ -92,7 +92,7 @@ def _middles(value: npt.NDArray[np.uint8], turn: Array, origin: Array, shape: Sh
     offsets = np.linspace(reach_px, -reach_px, min(MOST_STEPS, int(2 * reach_px / STEP_PX) + 1))
     level = _sample(value, centre - origin, out, offsets)
     outer, inner, good = _half_heights(level, offsets, half_px.reshape(-1))
-    if good.any() and float(np.median((outer - inner)[good])) > WIDE * 2 * float(np.median(half_px)) + WIDE_PX:
+    if good.any() and float((outer - inner)[good].mean()) > WIDE * 2 * float(half_px.mean()) + WIDE_PX:
         return "the tape is smeared or glaring: it looks far wider than it is"
     shift = (0.5 * (outer + inner)).reshape(half_px.shape)
     points: Array = centre + shift[..., None] * out
@@ -132,7 +132,7 @@ def _tips(value: npt.NDArray[np.uint8], turn: Array, near: Array, origin: Array,
     reach_px = max(2.5 * float(half_px.max()), 2.0) + OUT_PX
     offsets = np.linspace(reach_px, -reach_px, min(MOST_STEPS, int(2 * reach_px / STEP_PX) + 1))
     level = _sample(value, centre - origin, up / half_px[..., None], offsets)
-    outside, inside = level[:, :TAIL].min(axis=1), np.median(level[:, -2 * TAIL:], axis=1)
+    outside, inside = level[:, :TAIL].min(axis=1), level[:, -2 * TAIL:].mean(axis=1)
     half = 0.5 * (outside + inside)
     first = (level >= half[:, None]).argmax(axis=1)
     good = (first > 0) & (inside - outside >= LEAST_CONTRAST)
@@ -201,10 +201,11 @@ def _marks(lines: _Lines, tips: Array) -> Marks | None:
     marks = np.empty((4, 2))
     slope = np.zeros((4, 2, 8))       # of the marks: offset and angle of the bottom, left, right line, left, right end
     for mark, side in ((0, 2), (1, 1)):
-        pair = np.array([normal[0], normal[side]])
-        if abs(np.linalg.det(pair)) < LEAST_CROSSING:
+        (a, b), (c, d) = normal[0], normal[side]
+        crossing = a * d - b * c
+        if abs(crossing) < LEAST_CROSSING:
             return None
-        both = np.linalg.inv(pair)
+        both = np.array([[d, -b], [-c, a]]) / crossing
         marks[mark] = both @ np.array([level[0], level[side]])
         for column, line in ((0, 0), (1, side)):
             lever = float((marks[mark] - lines.middle[line]) @ lines.along[line])

@@ -59,7 +59,9 @@ class Optics:
         left of the lens's distortion, a shaken rolling shutter. Neighbours are displaced together."""
         away = points_px[:, None, :] - points_px
         near = np.exp(-(away * away).sum(axis=2) / (2.0 * (BEND_SHARE * self.height_px) ** 2))
-        return np.asarray(np.kron(sigma_px**2 * near, np.eye(2)), dtype=np.float64)
+        spread = np.zeros((2 * len(points_px), 2 * len(points_px)))
+        spread[::2, ::2] = spread[1::2, 1::2] = sigma_px**2 * near
+        return spread
 
     def calibration_spread(self, points_px: Array) -> Array:
         """(2 n, 2 n): covariance that the calibration's doubts give to (n, 2) ideal pixels."""

@@ -20,7 +20,8 @@ from robot.vision.shape import make_shape
 STEPS = 6                             # Gauss-Newton from IPPE's start is at rest after two or three
 AT_REST = 1e-2                        # squared last step in standard deviations; what is left after it is its square
 MIRROR_PX = 1.0                       # IPPE's second answer is weighed too when it fits the marks nearly as well
-DOUBT_SIGMAS = 6.0                    # a mounting this far off its belief means that something else was seen
+DOUBT_SIGMAS = 6.0                    # a mounting this far off its belief means that something else was seen; all
+                                      # residuals together (five are to spare), that something covers or touches it
 
 
 class Pose(NamedTuple):
@@ -45,13 +46,9 @@ def solve_pose(ideal_px: Array, spread_px2: Array, optics: Optics, camera: Camer
     count, rvecs, tvecs, errors_px = cv2.solvePnPGeneric(model_m, ideal_px, optics.matrix, None,
                                                          flags=cv2.SOLVEPNP_IPPE)
     whiten = np.linalg.inv(np.linalg.cholesky(spread_px2 + optics.calibration_spread(ideal_px)))
-    best: Pose | None = None
-    for k in range(count):
-        if float(errors_px[k].item()) > float(errors_px[0].item()) + MIRROR_PX:
-            break
-        pose = _refine(np.ravel(rvecs[k]), np.ravel(tvecs[k]), ideal_px, whiten, optics, camera, tape, model_m)
-        if pose is not None and (best is None or pose.cost < best.cost):
-            best = pose
+    answers = [_refine(np.ravel(rvecs[k]), np.ravel(tvecs[k]), ideal_px, whiten, optics, camera, tape, model_m)
+               for k in range(count) if float(errors_px[k].item()) <= float(errors_px[0].item()) + MIRROR_PX]
+    best = min((pose for pose in answers if pose is not None), key=lambda pose: pose.cost, default=None)
     if best is None:
         return None
     # what is left of the residuals once the calibration has taken its share of the blame
@@ -71,7 +68,10 @@ def _refine(rvec: Array, tvec: Array, ideal_px: Array, whiten: Array, optics: Op
         residual[8:], slope[8:] = _beliefs(rotation, turning, state[3:], camera, tape)
         normal = slope.T @ slope
         pull = slope.T @ residual
-        step = np.linalg.solve(normal, pull)
+        try:
+            step = np.linalg.solve(normal, pull)
+        except np.linalg.LinAlgError:
+            return None
         state = state - step
         if step @ pull < AT_REST:
             break
@@ -79,14 +79,18 @@ def _refine(rvec: Array, tvec: Array, ideal_px: Array, whiten: Array, optics: Op
         return None
     rotation, turning = _rotation(state[:3])
     distance_m, gradient = horizontal(rotation, turning, state[3:])
-    sigma_m = math.sqrt(float(gradient @ np.linalg.solve(normal, gradient)))
-    doubt, strain = "", np.abs(residual[8:])
+    variance_m2 = float(gradient @ np.linalg.solve(normal, gradient))
+    if not 0.0 < variance_m2 < math.inf:
+        return None
+    cost, doubt, strain = float(residual @ residual), "", np.abs(residual[8:])
     if strain.max() > DOUBT_SIGMAS:
         name = ("height", "pitch", "roll")[int(strain.argmax())]
         doubt = f"seen so, the camera's {name} would be far from what the configuration says"
+    elif cost > DOUBT_SIGMAS**2:
+        doubt = f"edges, mounting and calibration contradict each other by {math.sqrt(cost):.0f} sigmas"
     gain: Array = np.asarray(np.linalg.solve(normal, slope[:8].T @ whiten), dtype=np.float64)
-    return Pose(state[:3], state[3:], distance_m, sigma_m, _bearing(rotation, state[3:]), off_px.ravel(), gain,
-                math.inf, float(residual @ residual), doubt)
+    return Pose(state[:3], state[3:], distance_m, math.sqrt(variance_m2), _bearing(rotation, state[3:]), off_px.ravel(),
+                gain, math.inf, cost, doubt)
 
 
 def _rotation(rvec: Array) -> tuple[Array, Array]:

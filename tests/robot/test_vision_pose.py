@@ -6,6 +6,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from msgspec.structs import replace
 
 import robot
@@ -100,6 +102,24 @@ def test_a_4_to_3_calibration_keeps_the_sensor_s_full_height_in_16_to_9():
     assert wide.scale == 1.5 and (wide.matrix[0, 0], wide.matrix[1, 1]) == pytest.approx((1050.0, 1035.0))
     assert wide.matrix[0, 2] == pytest.approx(640 + (345.6 + 0.5 - 320) * 1.5 - 0.5)
     assert wide.matrix[1, 2] == pytest.approx((207.1 + 0.5) * 1.5 - 0.5)
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.lists(st.tuples(st.floats(-50, 700), st.floats(-50, 550)), min_size=4, max_size=4), st.floats(0.01, 30.0))
+def test_any_four_marks_give_a_pose_or_none(marks, sigma_px):
+    """Crossed, on one line, at one place: an answer is finite, or there is none."""
+    pose = solve_pose(np.array(marks), sigma_px**2 * np.eye(8), OPTICS, CAMERA, TAPE)
+    assert pose is None or (0 < pose.sigma_m < math.inf and math.isfinite(pose.distance_m) and pose.cost >= 0)
+
+
+def test_marks_that_no_mounting_explains_are_doubted():
+    """One cut end moved along the tape, as by glare."""
+    rvec, tvec = true_pose(6.0, 10.0, CAMERA.height_m, CAMERA.pitch_deg, 0.0)
+    seen, _ = cv2.projectPoints(make_shape(TAPE).marks_m, rvec, tvec, OPTICS.matrix, None)
+    marks = seen.reshape(-1, 2)
+    moved = marks + np.array([[0, 0], [0, 0], [0, 0], [4.0, -7.0]])
+    clean, covered = (solve_pose(points, 0.25**2 * np.eye(8), OPTICS, CAMERA, TAPE) for points in (marks, moved))
+    assert clean is not None and clean.doubt == "" and (covered is None or covered.doubt)
 
 
 def test_undistort_inverts_distort():

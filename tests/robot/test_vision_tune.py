@@ -1,6 +1,9 @@
 """The tuning page as a browser meets it: pictures, reasons, replay, saving, and who may not."""
 
 import json
+import re
+import shutil
+import subprocess
 import threading
 from http.client import HTTPConnection
 from pathlib import Path
@@ -25,6 +28,7 @@ from robot.config import BadInput, CameraFile, load_config, load_toml
 CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")
 FILE = CameraFile(CONFIG.camera, CONFIG.tape, CONFIG.vision)
 SETTINGS = msgspec.to_builtins(CONFIG.vision)
+BROWSER = shutil.which("chromium") or shutil.which("chromium-browser")
 BLIND = {**SETTINGS, "hue_low": 0, "hue_high": 5}
 
 
@@ -135,6 +139,17 @@ def test_other_sites_may_not(server, tmp_path, headers):
     assert not (tmp_path / "tuned.toml").exists()
     if "Host" in headers:
         assert ask(server, "/state", **headers)[0] == 403
+
+
+@pytest.mark.browser
+@pytest.mark.slow
+@pytest.mark.skipif(BROWSER is None, reason="needs chromium")
+def test_a_browser_shows_the_distance_and_the_sliders(server, tmp_path):
+    command = [BROWSER, "--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}",
+               "--virtual-time-budget=8000", "--dump-dom", f"http://127.0.0.1:{server.server_port}/"]
+    page = subprocess.run(command, capture_output=True, text=True, timeout=120).stdout
+    assert re.search(r'id="said"[^>]*class="found"[^>]*>(3\.9|4\.0)\d+ m ±', page)
+    assert page.count('type="range"') == len(SETTINGS) and "<li>the target at" in page
 
 
 class Fake:
