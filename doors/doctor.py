@@ -27,10 +27,11 @@ from robot.doctor.machine import check_clock, check_disk, check_real_time
 from robot.doctor.model import check_model
 from robot.doctor.parameters import Endpoints, load_endpoints
 from robot.doctor.senses import check_box, check_camera, check_exposure
+from robot.motors import name_axes
 
 DESCRIPTION = ("Look at everything a run needs and say in one line each how it is and what to do about it. Changes "
-               "nothing and moves nothing; stop a running robot first, which holds camera and button box. Exit 1 if "
-               "anything fails.")
+               "nothing but an exposure that the configuration fixes, and moves nothing; stop a running robot first, "
+               "which holds camera and button box. Exit 1 if anything fails.")
 EXAMPLE = "truearc doctor --config launcher.toml --gate gate.onnx --out sessions"
 
 
@@ -106,7 +107,7 @@ def look_at_bus(config: Config, bus: Bus, clock: Clock, link: CanLink | None, en
     """Everything that can be heard on the CAN bus in one stretch of listening; raises LinkLost."""
     heard = listen(bus, clock, questions(config, endpoints), seconds)
     yield check_bitrate(config.can, link, heard)
-    yield check_heartbeat_lock(heard)
+    yield check_heartbeat_lock((axis for _, axis in name_axes(config)), heard)
     yield from check_devices(config, endpoints, heard)
 
 

@@ -4,12 +4,12 @@ Ids are 29 bits: device type, manufacturer, API, device number. A REV SPARK that
 heartbeat obeys no other until its power is taken away (REV's CAN specification, STATUS_0's PRIMARY_HEARTBEAT_LOCK).
 """
 
-from hw.link import Frame
+from hw import spark
+from hw.link import BadFrame, Frame
+from hw.reading import MotorReading
 
 CONTROLLER_HEARTBEAT = 0x01011840
-SPARK_STATUS_0 = 0x0205B800           # of device 0
 DEVICES = 0x3F
-LOCK_BIT = 53
 
 
 def is_controller_heartbeat(frame: Frame) -> bool:
@@ -19,7 +19,11 @@ def is_controller_heartbeat(frame: Frame) -> bool:
 
 def locked_spark(frame: Frame) -> int | None:
     """The number of the SPARK that says here that it is locked to a robot controller; None for any other frame."""
-    if not frame.is_extended or frame.arbitration_id & ~DEVICES != SPARK_STATUS_0 or len(frame.data) != 8:
+    device = spark.Axis(frame.arbitration_id & DEVICES, 1, False)
+    if not frame.is_extended or frame.arbitration_id != spark.frame_id(device, "STATUS_0"):
         return None
-    locked = int.from_bytes(frame.data, "little") >> LOCK_BIT & 1
-    return frame.arbitration_id & DEVICES if locked else None
+    try:
+        reading = spark.parse(device, frame, MotorReading())
+    except BadFrame:
+        return None
+    return device.device if reading.axis_error & spark.LOCKED else None

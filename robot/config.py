@@ -4,7 +4,7 @@ import hashlib
 import re
 import tomllib
 from pathlib import Path
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Literal, TypeVar, get_args
 
 import msgspec
 from msgspec import Struct
@@ -302,6 +302,8 @@ def config_hash(config: Config) -> str:
 
 
 def _reworded(message: str) -> str:
+    if message.startswith("Invalid value") and message.endswith(".driver`"):
+        message += f" (there are {', '.join(str(kind.__struct_config__.tag) for kind in get_args(Axis))})"
     return (message.replace("Object contains unknown field", "unknown key")
             .replace("Object missing required field", "missing key").replace("`$.", "`").replace(" - at `$`", ""))
 

@@ -1,8 +1,10 @@
 """The CAN adapter, its bitrate, and whose bus it is."""
 
+from collections.abc import Iterable
+
 from hw.frc import is_controller_heartbeat, locked_spark
 from hw.machine import CanLink
-from robot.config import Can
+from robot.config import AdvisoryAxis, Axis, Can
 from robot.doctor.finding import Finding, failure, ok, warning
 from robot.doctor.listening import Heard
 
@@ -47,9 +49,12 @@ def check_bitrate(can: Can, link: CanLink | None, heard: Heard) -> Finding:
     return ok(check, f"{frames_s:.0f} frames/s are understood, so it fits ({can.bitrate} bit/s are configured)")
 
 
-def check_heartbeat_lock(heard: Heard) -> Finding:
-    """Whether a competition's robot controller has the say here, now or before."""
+def check_heartbeat_lock(axes: Iterable[Axis], heard: Heard) -> Finding:
+    """Whether a competition's robot controller has the say here, now or before: over motors that are not ours to drive
+    it may."""
     check = "heartbeat lock"
+    if all(isinstance(axis, AdvisoryAxis) for axis in axes):
+        return ok(check, "every motor is another controller's, and nothing is sent to them")
     locked = sorted({number for frame in heard.frames if (number := locked_spark(frame)) is not None})
     if locked:
         return failure(check, f"SPARK {', '.join(map(str, locked))} will obey only the robot controller it has heard",

@@ -37,6 +37,9 @@ def check_box(box: Stream, clock: Clock) -> Finding:
 def check_exposure(camera: CameraConfig, exposure: Exposure | None) -> Finding:
     """Whether images are taken with a fixed exposure that ends before the next begins."""
     check, do = "camera exposure", EXPOSURE_DO.format(camera.device)
+    if camera.exposure_s > 0.0:
+        return ok(check, f"the configuration fixes it at {camera.exposure_s * 1e3:g} ms; a camera that will not have "
+                  "it does not open")
     if exposure is None or exposure.automatic is None:
         return warning(check, "the camera does not say how it exposes", do)
     if exposure.automatic:

@@ -32,7 +32,7 @@ def test_a_mistake_is_named(old, new, message):
 
 @pytest.mark.parametrize(("old", "new", "message"), [
     ('[axes.feeder]\ndriver = "odrive"', '[axes.feeder]\ndriver = "sprak"',
-     "Invalid value 'sprak' - at `axes.feeder.driver`"),
+     "Invalid value 'sprak' - at `axes.feeder.driver` (there are odrive, spark, advisory)"),
     ("node = 4", "node = 64", "Expected `int` <= 62 - at `axes.feeder.node`"),
     ("node = 3\ndirection = 1", "node = 3\ndirection = 2", "Invalid enum value 2 - at `axes.hood.direction`"),
     ("[hood.pid]\nkp = 0.05", "[hood.pid]", "missing key `kp` - at `hood.pid`"),

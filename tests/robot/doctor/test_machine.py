@@ -104,6 +104,8 @@ def test_what_the_system_refuses_is_a_warning_with_its_reason():
     (Exposure(False, 0.051), FAILURE), (Exposure(None, None), WARNING), (None, WARNING),
 ])
 def test_exposure(exposure, level):
+    fixed = replace(CONFIG.camera, exposure_s=0.005)
+    assert check_exposure(fixed, exposure).level == OK and "5 ms" in check_exposure(fixed, exposure).says
     finding = check_exposure(CONFIG.camera, exposure)           # 20 images/s: 50 ms from one to the next
     assert finding.level == level and bool(finding.do) == (level != OK)
 

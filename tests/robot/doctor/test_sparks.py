@@ -7,8 +7,11 @@ from hw.emulated.faults import SILENT, TRUNCATED, UNPLUGGED, Fault, FaultyNode
 from hw.emulated.nodes import Node
 from hw.emulated.odrive_node import OdriveNode
 from hw.emulated.spark_node import SparkNode, SparkSettings
+from hw.frc import CONTROLLER_HEARTBEAT, locked_spark
+from hw.link import Frame
 from hw.odrive import Axis
 from robot.config import SparkAxis
+from robot.doctor.bus import check_heartbeat_lock
 from robot.doctor.devices import check_devices, questions
 from robot.doctor.finding import FAILURE, OK, WARNING, Finding
 from robot.doctor.listening import Heard
@@ -73,6 +76,16 @@ def test_a_standing_fault_is_told_in_words():
 def test_two_devices_with_one_number():
     both = sparks(SPARK_HOOD) + sparks(SPARK_HOOD)
     assert "2 devices answer as 3" in hear(both, SPARK_HOOD)["hood motor, firmware"].says
+
+
+def test_a_controller_may_have_the_say_over_motors_that_are_not_ours():
+    lock = Frame(0, spark.frame_id(spark.Axis(3, 1, False), "STATUS_0"), bytes([0] * 6 + [0x20, 0]), is_extended=True)
+    alive = Frame(0, CONTROLLER_HEARTBEAT, bytes(8), is_extended=True)
+    for frame in (lock, alive):
+        heard = Heard((frame,), 1.0)
+        assert check_heartbeat_lock([axis for _, axis in name_axes(ALL_SPARK)], heard).level == FAILURE
+        assert check_heartbeat_lock([axis for _, axis in name_axes(only_advice("spark"))], heard).level == OK
+    assert locked_spark(lock) == 3 and locked_spark(lock._replace(data=bytes(3))) is None
 
 
 def test_of_advisory_axes_nothing_is_asked_and_each_must_be_heard():
