@@ -16,6 +16,7 @@ from sim.prove.keeper import Plan, answer_round, entropy, load_plan, seal_own, s
 from sim.prove.ledger import read_ledger
 from sim.prove.mix import MUJOCO, NUMPY
 from sim.prove.opener import Graded, grade_round, graded_of
+from sim.prove.packed import check_round, pack, unpack
 from sim.prove.proof_page import make_proof_page, verdict
 from sim.prove.proof_table import Table, make_tables
 from sim.prove.rivals.entrants import RIVALS, check_rivals
@@ -26,9 +27,11 @@ DESCRIPTION = """Draw concealed worlds, seal what is true of them, discover in t
 was said. Without a role all are played, the solver's in a process of its own that cannot read the seals; seal, solve,
 answer (shoot what the solver asks for; then solve again) and grade are the roles apart. What was cut short goes on
 where it stopped. drive plays the whole chain in worlds of its own: recordings of the emulated robot (--shots trials
-each), discovery, adoption, gates, and what is scored with them; gates is the solver's part of that."""
+each), discovery, adoption, gates, and what is scored with them; gates is the solver's part of that. pack puts a marked
+round into one file, without its data; check makes them again from the opened seals (of --worlds of them) and compares
+every hash and mark."""
 EXAMPLE = "truearc prove --worlds 60 --level L1 --shots 300 --seed-from-entropy --out round/"
-ROLES = ("seal", "solve", "answer", "grade", "drive", "gates")
+ROLES = ("seal", "solve", "answer", "grade", "drive", "gates", "pack", "check")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -48,6 +51,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--rivals", metavar="NAMES", help=f"put others to the same tracks, too: {', '.join(RIVALS)}")
     parser.add_argument("--world", metavar="FILE", help="with seal: JSON of what is true of your own world")
     parser.add_argument("--data", metavar="DIR", help="with --world: its dataset")
+    parser.add_argument("--packed", metavar="FILE", help="with pack: the .tar.xz to write; with check: to "
+                        "unpack into --out")
     parser.add_argument("--processes", type=int, help="at a time (one a core)")
     parser.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask cluster to run on instead")
 
@@ -59,6 +64,8 @@ def main(args: argparse.Namespace) -> int:
     keep_compiled()
     if args.role in ("drive", "gates"):
         return _drive(args, room)
+    if args.role in ("pack", "check"):
+        return _pack(args, room) if args.role == "pack" else _check_packed(args, room)
     if args.world or args.data:
         return _seal_own(args, room)
     if args.role in (None, "seal"):
@@ -90,6 +97,28 @@ def _drive(args: argparse.Namespace, room: Room) -> int:
     return 0
 
 
+def _pack(args: argparse.Namespace, room: Room) -> int:
+    if not args.packed:
+        raise BadInput("pack: --packed FILE is needed")
+    pack(room, Path(args.packed))
+    print(f"{args.packed}: {len(room.steps())} worlds, {Path(args.packed).stat().st_size >> 10} KiB")
+    return 0
+
+
+def _check_packed(args: argparse.Namespace, room: Room) -> int:
+    """What was committed to, told again by this machine; 2 where anything differs."""
+    if args.packed:
+        unpack(Path(args.packed), room)
+    checked = check_round(room, args.worlds, make_progress("check", args.quiet))
+    if checked.wrong:
+        raise BadInput("\n".join(checked.wrong))
+    print(f"{room.ledger}: {checked.sealed} worlds were sealed, {checked.graded} marked, as their seed draws them; "
+          f"seals, claims and marks are those of the ledger.\n{len(checked.remade)} worlds made again: the same data "
+          "to the last byte, the same marks.")
+    _tell(room, graded_of(room))
+    return 0
+
+
 def _check(args: argparse.Namespace) -> None:
     """BadInput for numbers that no round can have, rivals that there are none of, and a round that is not there."""
     fewest = FEWEST if args.role == "drive" else FEWEST_SHOTS
@@ -99,7 +128,8 @@ def _check(args: argparse.Namespace) -> None:
             raise BadInput(f"--{name} {value}: {least} or more")
     check_rivals(_rivals(args))
     begun = room_of(Path(args.out)) if args.role == "gates" else Room(Path(args.out))
-    if args.role in ("solve", "answer", "grade", "gates") and not begun.ledger.exists():
+    unpacked = args.role == "check" and args.packed
+    if args.role in ("solve", "answer", "grade", "gates", "pack", "check") and not (unpacked or begun.ledger.exists()):
         raise BadInput(f"{begun.ledger}: is missing: no round was begun there")
 
 
