@@ -5,8 +5,10 @@ from pathlib import Path
 
 import robot
 from doors.far_end import serve
+from doors.operator_page import OFF, add_page_argument, open_page, parse_page
 from doors.progress import make_progress
 from doors.twin import emulate
+from hw.real.clock import MonotonicClock
 from robot.config import BadInput, Config, load_config
 from robot.plan import load_plan, with_plan
 from sim.world.options import load_options
@@ -33,6 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--world", type=Path, help="world.toml; the robot never sees it (default: an honest world)")
     parser.add_argument("--gate", type=Path, help="model that must agree before the robot fires")
     parser.add_argument("--seed", type=int, default=0)
+    add_page_argument(parser, OFF, ", for which time passes no faster than it does")
 
 
 def main(args: argparse.Namespace) -> int:
@@ -54,12 +57,17 @@ def _emulate(args: argparse.Namespace, config: Config, trials: int) -> list[Ball
         raise BadInput("--out is needed: the folder to record into")
     if config.gate.policy == "model" and args.gate is None:
         raise BadInput(f"{args.config}: gate.policy is 'model', so --gate is needed")
-    return emulate(config, args.out, trials, args.seed, load_options(args.world), args.gate,
-                   make_progress("emulate", args.quiet))
+    page = open_page(args.page, config, args.out.name, MonotonicClock())
+    try:
+        return emulate(config, args.out, trials, args.seed, load_options(args.world), args.gate,
+                       make_progress("emulate", args.quiet), page=page)
+    finally:
+        if page is not None:
+            page.close()
 
 
 def _serve(args: argparse.Namespace, config: Config, trials: int) -> list[BallResult]:
-    for option, value in (("--out", args.out), ("--gate", args.gate)):
+    for option, value in (("--out", args.out), ("--gate", args.gate), ("--page", parse_page(args.page))):
         if value is not None:
             raise BadInput(f"{option} is for `truearc run` with --bus {args.bus}: that process is the robot")
 

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
+from doors.pace import Pace
 from doors.ports import split_bus
 from doors.twin import make_nodes
 from doors.twin_eyes import make_lens, make_tape
@@ -27,7 +28,6 @@ from sim.world.target import BallResult
 from sim.world.world import World
 
 STEP_NS = 2_000_000                   # the devices hear what came in, and the world goes on, this often
-LATE_NS = 50_000_000                  # world time stands still where this machine did, rather than catch up
 
 
 def serve(config: Config, config_path: Path, bus_name: str, watchdog_ms: int, trials: int, seed: int,
@@ -85,13 +85,10 @@ def open_far_bus(name: str, config: Config, clock: Clock) -> tuple[Bus, str]:
 
 def keep_time(clock: Clock, advance: Callable[[int], None], over: Callable[[], bool]) -> None:
     """Bring a world from 0 on with the clock, in steps, until `over`."""
-    began_ns, t_ns = clock.now_ns(), 0
+    pace, t_ns = Pace(clock), 0
     while not over():
         t_ns += STEP_NS
-        behind_ns = clock.now_ns() - (began_ns + t_ns)
-        if behind_ns > LATE_NS:
-            began_ns += behind_ns
-        clock.sleep_until_ns(began_ns + t_ns)
+        pace.wait_until(t_ns)
         advance(t_ns)
 
 

@@ -14,6 +14,7 @@ from types import FrameType
 
 import cv2
 
+from doors.operator_page import PORT, add_page_argument, open_page, parse_page, with_page
 from doors.ports import add_port_arguments, with_ports
 from doors.wires import open_bus
 from hw.link import Bus, Camera, Clock, LinkLost, Stream
@@ -52,6 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--repeats", type=int, metavar="N", help="shots at each configuration (default: [collect])")
     parser.add_argument("--gate", type=Path, help="exported model; needed when the policy is 'model'")
     parser.add_argument("--out", type=Path, default=Path("sessions"), help="folder to make the session's folder in")
+    add_page_argument(parser, str(PORT))
     parser.add_argument("--core", type=int, metavar="N", help="keep the control loop on this core (default: any)")
     parser.add_argument("--priority", type=int, default=50, metavar="P", help="of the control loop under SCHED_FIFO, "
                         "1 to 99, where the system allows it (default: 50); 0 does not ask")
@@ -71,6 +73,7 @@ class Ending:
 
 def main(args: argparse.Namespace) -> int:
     _check_real_time(args)
+    parse_page(args.page)
     config = with_ports(load_config(args.config), args.can, args.buttons, args.camera)
     config = with_plan(config, load_plan(args.plan, config) if args.plan else (), args.repeats)
     gate = None if args.gate is None else load_gate(args.gate)
@@ -97,11 +100,14 @@ def main(args: argparse.Namespace) -> int:
         wires.callback(manager.close)
         lateness = Lateness(recorder.keep_lateness, NS_PER_S // config.tick_hz)
         wires.callback(lateness.close)
+        page = open_page(args.page, config, folder.name, clock)
+        if page is not None:
+            wires.callback(page.close)
         rig = HardwareRig(config, TappedBus(bus, recorder.tap), box, eyes, clock, lambda: ending.asked)
         wires.callback(rig.release)               # first of all to be done on the way out, whatever happened
         _ask_for_real_time(args)
         kept = RecordingRig(TimedRig(rig, lateness), recorder)
-        ticks = run(WatchedRig(kept, config, manager.say), config, gate, recorder)
+        ticks = run(WatchedRig(kept, config, manager.say), config, gate, with_page(recorder, page))
     print(f"{folder}: {ticks} ticks" + (f", {recorder.dropped} batches lost" if recorder.dropped else ""))
     print(*lateness.lines(), sep="\n")
     for what, count in sorted(tally.items()):

@@ -2,12 +2,12 @@
 
 import json
 from collections.abc import Callable
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.resources import files
 from typing import Any, Protocol
 from urllib.parse import parse_qs, urlsplit
 
 from robot.config import BadInput
+from robot.page.serving import LocalHandler, LocalServer
 
 MOST_BYTES = 10_000                   # of what a page may send
 
@@ -26,35 +26,30 @@ class Answerer(Protocol):
     def save(self, settings: dict[str, Any]) -> dict[str, Any]: ...
 
 
-class TuneServer(ThreadingHTTPServer):
+class TuneServer(LocalServer):
     """Serves one tuner; OSError when the port is taken."""
 
-    daemon_threads = True
-
     def __init__(self, tuner: Answerer, host: str, port: int) -> None:
-        super().__init__((host, port), _Page)
+        super().__init__(host, port, _Page)
         self.tuner = tuner
-        # a page of another site may make its own name point here; it cannot make its name one of these
-        self.names = {f"{name}:{self.server_port}" for name in (host, "localhost", "127.0.0.1", "[::1]")}
-        self.anywhere = host in ("", "0.0.0.0", "::")
 
 
-class _Page(BaseHTTPRequestHandler):
+class _Page(LocalHandler):
     server: TuneServer
 
     def do_GET(self) -> None:
         where, tuner = urlsplit(self.path), self.server.tuner
         query = {key: values[0] for key, values in parse_qs(where.query).items()}
-        if not self._ours():
-            self._give(403, "text/plain", b"this page is for this machine")
+        if not self.is_ours():
+            self.give(403, "text/plain", b"this page is for this machine")
         elif where.path == "/":
-            self._give(200, "text/html; charset=utf-8", (files("doors") / "pages" / "tune.html").read_bytes())
+            self.give(200, "text/html; charset=utf-8", (files("doors") / "pages" / "tune.html").read_bytes())
         elif where.path == "/state":
             self._answer(tuner.state)
         elif where.path == "/picture":
             self._answer(lambda: tuner.picture(int(query["index"]), query["view"], json.loads(query["settings"])))
         else:
-            self._give(404, "text/plain", b"there is no such page")
+            self.give(404, "text/plain", b"there is no such page")
 
     def do_POST(self) -> None:
         tuner = self.server.tuner
@@ -64,38 +59,22 @@ class _Page(BaseHTTPRequestHandler):
             "/save": lambda said: tuner.save(said["settings"]),
         }
         size = self.headers.get("Content-Length", "")
-        if not self._ours():
-            self._give(403, "text/plain", b"another site's page may not tune this robot")
+        if not self.is_ours():
+            self.give(403, "text/plain", b"another site's page may not tune this robot")
         elif self.path not in asked or not size.isdecimal() or not 0 < int(size) <= MOST_BYTES:
-            self._give(404, "text/plain", b"there is nothing of this name to do, or no settings with it")
+            self.give(404, "text/plain", b"there is nothing of this name to do, or no settings with it")
         else:
             body = self.rfile.read(int(size))
             self._answer(lambda: asked[self.path](json.loads(body)))
-
-    def _ours(self) -> bool:
-        host, origin = self.headers.get("Host", ""), self.headers.get("Origin")
-        return (self.server.anywhere or host in self.server.names) and (
-            origin is None or urlsplit(origin).netloc == host)
 
     def _answer(self, make: Callable[[], Any]) -> None:
         """What `make` gives, or 400 with its complaint."""
         try:
             said = make()
         except (BadInput, OSError, KeyError, TypeError, ValueError) as error:
-            self._give(400, "text/plain; charset=utf-8", str(error).encode())
+            self.give(400, "text/plain; charset=utf-8", str(error).encode())
             return
         if isinstance(said, bytes):
-            self._give(200, "image/jpeg", said)
+            self.give(200, "image/jpeg", said)
         else:
-            self._give(200, "application/json", json.dumps(said).encode())
-
-    def _give(self, code: int, kind: str, body: bytes) -> None:
-        self.send_response(code)
-        self.send_header("Content-Type", kind)
-        self.send_header("Content-Length", str(len(body)))
-        self.send_header("Cache-Control", "no-store")
-        self.end_headers()
-        self.wfile.write(body)
-
-    def log_message(self, format: str, *args: object) -> None:
-        """A line for each picture is of no use to anyone."""
+            self.give(200, "application/json", json.dumps(said).encode())

@@ -7,6 +7,8 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
+from doors.operator_page import with_page
+from doors.pace import Pace
 from doors.twin_eyes import TwinEyes
 from hw import odrive, spark
 from hw.canandmag import Encoder
@@ -19,11 +21,13 @@ from hw.emulated.serial_port import open_button_box
 from hw.emulated.spark_node import SparkNode, SparkSettings
 from hw.emulated.twin import Twin
 from hw.real.can_bus import open_can
+from hw.real.clock import MonotonicClock
 from hw.real.serial_port import open_serial
 from robot.bus_rules import guard
 from robot.config import AdvisoryAxis, Axis, Config, OdriveAxis, SparkAxis
 from robot.gate.model import Gate, load_gate
 from robot.motors import name_axes, odrive_axis, spark_axis
+from robot.page.server import OperatorPage
 from robot.recording.candump import TappedBus
 from robot.recording.session import make_header
 from robot.recording.watch import RecordingRig
@@ -50,11 +54,12 @@ Progress = Callable[[float, str], None]
 
 def emulate(config: Config, folder: Path, trials: int, seed: int, options: Options | None = None,
             gate_path: Path | None = None, progress: Progress = lambda done, note: None,
-            faults: Mapping[str, tuple[Fault, ...]] | None = None) -> list[BallResult]:
+            faults: Mapping[str, tuple[Fault, ...]] | None = None,
+            page: OperatorPage | None = None) -> list[BallResult]:
     """Record `trials` trials of the emulated robot into `folder`; returns what the world knows of each ball.
 
     With a gate the policy becomes "model". `faults`: device ("flywheel_a", ..., "hood_encoder", "camera") -> what
-    goes wrong.
+    goes wrong. With a page that shows it, time passes no faster than it does.
     The truth returned is for tests and reports about the twin; neither runtime nor fit may see it.
     """
     gate = None if gate_path is None else load_gate(gate_path)
@@ -64,7 +69,7 @@ def emulate(config: Config, folder: Path, trials: int, seed: int, options: Optio
                              gate_path.read_bytes() if gate_path else None, lossless=True)
     try:
         world = World(seed, options)
-        run_twin(config, world, trials, seed, gate, recorder, progress, faults or {})
+        run_twin(config, world, trials, seed, gate, recorder, progress, faults or {}, page)
     finally:
         recorder.close()
     if recorder.failed is not None:
@@ -73,7 +78,7 @@ def emulate(config: Config, folder: Path, trials: int, seed: int, options: Optio
 
 
 def run_twin(config: Config, world: World, trials: int, seed: int, gate: Gate | None, recorder: SessionWriter,
-             progress: Progress, faults: Mapping[str, tuple[Fault, ...]]) -> None:
+             progress: Progress, faults: Mapping[str, tuple[Fault, ...]], page: OperatorPage | None) -> None:
     """Wire robot and world together and run until the driver is done."""
     box = open_button_box()
     eyes = TwinEyes(world, config, seed, faults.get("camera", ()))
@@ -81,6 +86,7 @@ def run_twin(config: Config, world: World, trials: int, seed: int, gate: Gate | 
     places = [row.distance_m for row in config.collect.prescribed]
     driver = Driver(world, box.press, trials, seed, patience_s=patience_s, repeats=config.collect.repeats,
                     places=places)
+    pace = None if page is None else Pace(MonotonicClock())
     clock = StepClock(lambda t_ns: twin.advance(t_ns))
     channel = f"truearc-{next(CHANNELS)}"
     near, far = (open_can("virtual", channel, config.can.bitrate, clock) for _ in range(2))
@@ -89,13 +95,15 @@ def run_twin(config: Config, world: World, trials: int, seed: int, gate: Gate | 
     limit_ns = int(LONGEST_TRIAL_S * trials * 1e9)
 
     def over() -> bool:
+        if pace is not None:
+            pace.wait_until(clock.now_ns())
         progress(min(driver.trial / max(trials, 1), 0.99), f"{driver.trial} of {trials} trials")
         return driver.done or clock.now_ns() > limit_ns
 
     try:
         bus = TappedBus(guard(near, config, clock, Counter()), recorder.tap)
         rig = HardwareRig(config, bus, stream, eyes, clock, over)
-        run(RecordingRig(rig, recorder), config, gate, recorder)
+        run(RecordingRig(rig, recorder), config, gate, with_page(recorder, page))
     finally:
         for wire in (near, far, stream, eyes):
             wire.close()

@@ -49,7 +49,7 @@ def main(args: argparse.Namespace) -> int:
         server = TuneServer(Tuner(file, source, Path(args.out)), args.host, args.port)
     except (OSError, OverflowError) as error:
         raise BadInput(f"--host {args.host} --port {args.port}: {error}") from error
-    print(f"http://{args.host}:{server.server_port}/  (interrupt to end)", file=sys.stderr)
+    print(f"{server.url}  (interrupt to end)", file=sys.stderr)
     with server:
         server.serve_forever()
     return 0

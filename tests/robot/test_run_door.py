@@ -10,6 +10,7 @@ import pytest
 
 import doors.run
 import robot
+from doors.operator_page import open_page, parse_page
 from hw.buttons import make_heartbeat
 from robot.recording.session import LATENESS
 from tests.robot.test_rig import Blind, Stream, Time, Wire
@@ -80,3 +81,37 @@ def test_what_cannot_be_asked_for_is_bad_input(words, tmp_path, monkeypatch, cap
     monkeypatch.chdir(tmp_path)
     assert main(["run", "--config", "nowhere.toml", *words]) == 2
     assert words[0] in capsys.readouterr().err and not list(tmp_path.iterdir())
+
+
+def test_the_page_is_shown_every_tick(wires, tmp_path, monkeypatch, capsys):
+    pages = []
+
+    def keep_page(*args):
+        pages.append(open_page(*args))
+        return pages[-1]
+
+    monkeypatch.setattr(doors.run, "open_page", keep_page)
+    assert main(["run", "--config", CONFIG, "--out", str(tmp_path / "s"), "--priority", "0", "--page", "0"]) == 0
+    assert pages[0].newest()[0] == TICKS and pages[0].url in capsys.readouterr().err
+    assert main(["run", "--config", CONFIG, "--out", str(tmp_path / "s"), "--priority", "0", "--page", "off"]) == 0
+    assert pages[1] is None
+
+
+def test_a_page_that_cannot_be_served_is_a_warning(wires, tmp_path, capsys):
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        where = f"127.0.0.1:{taken.getsockname()[1]}"
+        assert main(["run", "--config", CONFIG, "--out", str(tmp_path / "s"), "--priority", "0", "--page", where]) == 0
+    out, err = capsys.readouterr()
+    assert f"{TICKS} ticks" in out and f"no operator's page on {where}" in err
+
+
+@pytest.mark.parametrize("where", ["here", "127.0.0.1:", "127.0.0.1:70000", "-1", ""])
+def test_a_page_nowhere_is_bad_input(where, tmp_path, capsys):
+    assert main(["run", "--config", CONFIG, "--out", str(tmp_path / "s"), f"--page={where}"]) == 2
+    assert f"--page {where}" in capsys.readouterr().err and not (tmp_path / "s").exists()
+
+
+@pytest.mark.parametrize(("text", "where"), [
+    ("5808", ("127.0.0.1", 5808)), ("0.0.0.0:80", ("0.0.0.0", 80)), ("[::1]:5808", ("::1", 5808)), ("off", None)])
+def test_where_the_page_is(text, where):
+    assert parse_page(text) == where

@@ -1,0 +1,84 @@
+"""Pages for the people at this robot, served by the standard library alone; all that they load comes from here."""
+
+import socketserver
+import sys
+import threading
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from socket import AF_INET, AF_INET6, socket
+from typing import Any
+from urllib.parse import urlsplit
+
+MOST_CONNECTIONS = 24                 # at once; one more is hung up on
+PATIENCE_S = 2.0                      # with whoever neither speaks nor listens
+# A page loads nothing from anywhere, and other sites' pages get nothing from here.
+POLICY = ("default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src 'self' data:; "
+          "connect-src 'self'")
+WILD = ("", "0.0.0.0", "::")
+
+
+class LocalServer(ThreadingHTTPServer):
+    """Listens on one address; OSError when it cannot."""
+
+    daemon_threads = True
+
+    def __init__(self, host: str, port: int, handler: type["LocalHandler"]) -> None:
+        self.address_family = AF_INET6 if ":" in host else AF_INET
+        self._room = threading.BoundedSemaphore(MOST_CONNECTIONS)
+        super().__init__((host, port), handler)
+        shown = f"[{host}]" if ":" in host else host
+        # a page of another site may make its own name point here; it cannot make its name one of these
+        self.names = {f"{name}:{self.server_port}" for name in (shown, "localhost", "127.0.0.1", "[::1]")}
+        self.anywhere = host in WILD
+        self.url = f"http://{'localhost' if self.anywhere else shown}:{self.server_port}/"
+
+    def server_bind(self) -> None:
+        """As its base's, but nobody is asked for this machine's name: where there is no name server that takes long."""
+        socketserver.TCPServer.server_bind(self)
+        self.server_name, self.server_port = str(self.server_address[0]), int(self.server_address[1])
+
+    def process_request(self, request: socket | tuple[bytes, socket], client_address: Any) -> None:
+        if self._room.acquire(blocking=False):
+            super().process_request(request, client_address)
+        else:
+            self.shutdown_request(request)
+
+    def process_request_thread(self, request: socket | tuple[bytes, socket], client_address: Any) -> None:
+        try:
+            super().process_request_thread(request, client_address)
+        finally:
+            self._room.release()
+
+    def handle_error(self, request: socket | tuple[bytes, socket], client_address: Any) -> None:
+        """A browser that went away in the middle of an answer is no news."""
+        if not isinstance(sys.exception(), OSError):
+            super().handle_error(request, client_address)
+
+
+class LocalHandler(BaseHTTPRequestHandler):
+    """What every page's handler needs; the answers are its own."""
+
+    server: LocalServer
+    timeout = PATIENCE_S
+
+    def is_ours(self) -> bool:
+        """Whether a page from here asks, rather than one of another site under a name that was made to point here."""
+        host, origin = self.headers.get("Host", ""), self.headers.get("Origin")
+        return (self.server.anywhere or host in self.server.names) and (
+            origin is None or urlsplit(origin).netloc == host)
+
+    def give(self, code: int, kind: str, body: bytes) -> None:
+        self.give_head(code, kind)
+        self.send_header("Content-Length", str(len(body)))
+        self.end_headers()
+        self.wfile.write(body)
+
+    def give_head(self, code: int, kind: str) -> None:
+        """Status and headers, but for what is left to say of the body."""
+        self.send_response(code)
+        self.send_header("Content-Type", kind)
+        self.send_header("Cache-Control", "no-store")
+        self.send_header("Content-Security-Policy", POLICY)
+        self.send_header("X-Content-Type-Options", "nosniff")
+
+    def log_message(self, format: str, *args: object) -> None:
+        """A line for each picture is of no use to anyone."""
