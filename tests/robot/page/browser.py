@@ -7,6 +7,7 @@ import select
 import shutil
 import subprocess
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser")
@@ -54,16 +55,17 @@ class Browser:
             time.sleep(0.02)
         return value
 
-    def frames(self, seconds: float) -> list[tuple[float, bytes]]:
-        """What came onto the screen in that time: (seconds since now, PNG). Asks nothing of the page's script."""
+    def frames(self, seconds: float, until: Callable[[list[bytes]], bool]) -> list[bytes]:
+        """What came onto the screen in that time, as PNG; no longer than until that is true of it. Asks nothing of the
+        page's script."""
         began, frames = time.monotonic(), []
         self._ask("Page.startScreencast", format="png")
-        while (left := began + seconds - time.monotonic()) > 0:
+        while (left := began + seconds - time.monotonic()) > 0 and not until(frames):
             if b"\0" not in self._pending and not select.select([self._in], [], [], left)[0]:
                 break
             said = self._read()
             if said.get("method") == "Page.screencastFrame":
-                frames.append((time.monotonic() - began, base64.b64decode(said["params"]["data"])))
+                frames.append(base64.b64decode(said["params"]["data"]))
                 self._send("Page.screencastFrameAck", sessionId=said["params"]["sessionId"])
         self._ask("Page.stopScreencast")
         return frames
