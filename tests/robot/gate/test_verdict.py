@@ -2,14 +2,17 @@
 
 import math
 
+import msgspec
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec import UNSET
 from msgspec.structs import replace
 
 from robot.estimate import estimate
 from robot.gate.model import Rating
 from robot.gate.verdict import judge
+from robot.types import Inputs
 from tests.robot.good_tick import CONFIG, NOW_NS, good_inputs, good_memory, seconds
 
 MODEL = replace(CONFIG, gate=replace(CONFIG.gate, policy="model"))
@@ -50,6 +53,11 @@ def spoil_motor(**change):
     return replace(inputs, flywheels=(inputs.flywheels[0], replace(inputs.flywheels[1], **change)))
 
 
+def spoil_angle(**change):
+    inputs = good_inputs()
+    return replace(inputs, hood_angle=replace(inputs.hood_angle, **change))
+
+
 @pytest.mark.parametrize(("inputs", "reason"), [
     (spoil_motor(t_ns=0), "never answered"), (spoil_motor(t_ns=NOW_NS - seconds(0.2)), "silent for 0.20 s"),
     (spoil_motor(t_ns=NOW_NS + seconds(1)), "silent"), (spoil_motor(heartbeat_t_ns=NOW_NS - seconds(1)), "heartbeat"),
@@ -59,6 +67,11 @@ def spoil_motor(**change):
     (replace(good_inputs(), hood_angle=None), "hood encoder has never answered"),
     (replace(good_inputs(), hood_angle=replace(good_inputs().hood_angle, magnet_ok=False)), "magnet"),
     (replace(good_inputs(), hood_angle=replace(good_inputs().hood_angle, t_ns=1)), "hood encoder silent"),
+    (spoil_motor(errors_t_ns=0), "flywheel motor 2 has said nothing of its errors yet"),
+    (spoil_motor(errors_t_ns=NOW_NS - seconds(1.01)), "flywheel motor 2 has said nothing of its errors for 1.01 s"),
+    (spoil_motor(bus_v=math.inf), "flywheel motor 2 reads what is no number"),
+    (spoil_angle(faults_t_ns=0), "hood encoder has said nothing of its faults yet"),
+    (spoil_angle(faults_t_ns=NOW_NS - seconds(0.3)), "hood encoder has said nothing of its faults for 0.30 s"),
     (replace(good_inputs(), hood_motor=replace(good_inputs().hood_motor, position_rad=0.0)), "its screw"),
 ])
 def test_each_reading_that_fails_holds_and_says_so(inputs, reason):
@@ -74,6 +87,24 @@ def test_each_reading_that_fails_holds_and_says_so(inputs, reason):
 def test_the_model_can_hold(rating, reason):
     spoilt = verdict(config=MODEL, gate=Says(*rating))
     assert not spoilt.fire and any(reason in line for line in spoilt.reasons)
+
+
+@pytest.mark.parametrize("change", [{"distance_m": math.nan}, {"distance_m": math.inf}, {"distance_m": -1.0},
+                                    {"distance_m": 21.0}, {"sigma_m": math.nan}])
+def test_a_target_that_is_nowhere_holds(change):
+    """The aim stands from before, so that only the distance itself can tell."""
+    memory = good_memory()
+    spoilt = verdict(memory=replace(memory, last_sighting=replace(memory.last_sighting, **change)))
+    assert len(spoilt.reasons) == 1 and spoilt.reasons[0].startswith("target seen ")
+
+
+def test_what_a_recording_does_not_say_is_not_asked():
+    """Recordings from before errors and faults had stamps of their own give the verdicts that they gave."""
+    assert verdict(spoil_motor(errors_t_ns=UNSET)).fire and verdict(spoil_angle(faults_t_ns=UNSET)).fire
+    inputs = spoil_angle(faults_t_ns=UNSET)
+    row = msgspec.json.encode(inputs)
+    assert b"faults_t_ns" not in row and b"errors_t_ns" not in row
+    assert msgspec.json.decode(row, type=Inputs) == inputs
 
 
 def test_a_missing_model_holds():
