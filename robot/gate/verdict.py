@@ -115,7 +115,7 @@ def _target(estimate: Estimate, config: Config) -> list[str]:
         return ["target never seen"]
     if not 0.0 <= estimate.sighting_s <= config.gate.sighting_age_s:
         return [f"target last seen {estimate.sighting_s:.1f} s ago"]
-    if not 0.0 <= estimate.distance_m <= FARTHEST_M or not math.isfinite(estimate.distance_sigma_m):
+    if not 0.0 <= estimate.distance_m <= FARTHEST_M or not 0.0 <= estimate.distance_sigma_m < math.inf:
         return [f"target seen {estimate.distance_m:.1f} m away, give or take {estimate.distance_sigma_m:.1f}"]
     return []
 
