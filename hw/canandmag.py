@@ -71,23 +71,23 @@ def parse(encoder: Encoder, frame: Frame, previous: AngleReading | None) -> Angl
         if base_id == codec.base_id("POSITION_OUTPUT"):
             return _with_angle(codec.parse("POSITION_OUTPUT", frame.data), frame.t_ns, previous)
         if base_id == codec.base_id("STATUS"):
-            return _with_faults(int(codec.parse("STATUS", frame.data)["faults"]), previous)
+            return _with_faults(int(codec.parse("STATUS", frame.data)["faults"]), frame.t_ns, previous)
     except BadFrame as error:
         raise BadFrame(f"canandmag device {encoder.device}, id 0x{frame.arbitration_id:08x}: {error}") from error
     raise BadFrame(f"canandmag device {encoder.device}: frame 0x{frame.arbitration_id:08x} is not one of its readings")
 
 
 def _with_angle(values: Values, t_ns: int, previous: AngleReading | None) -> AngleReading:
-    faults = previous.faults if previous is not None else 0
+    faults, faults_t_ns = (previous.faults, previous.faults_t_ns or 0) if previous is not None else (0, 0)
     return AngleReading(t_ns, values["absolute_rev"] * REVOLUTION_RAD,
-                        values["magnet_status"] == 0 and not faults & NO_ANGLE, faults)
+                        values["magnet_status"] == 0 and not faults & NO_ANGLE, faults, faults_t_ns)
 
 
-def _with_faults(faults: int, previous: AngleReading | None) -> AngleReading | None:
+def _with_faults(faults: int, t_ns: int, previous: AngleReading | None) -> AngleReading | None:
     if previous is None:
         return None
     # A device that recovers is believed again with its next angle, which brings the magnet's own bits.
-    return replace(previous, faults=faults, magnet_ok=previous.magnet_ok and not faults & NO_ANGLE)
+    return replace(previous, faults=faults, faults_t_ns=t_ns, magnet_ok=previous.magnet_ok and not faults & NO_ANGLE)
 
 
 def _make(encoder: Encoder, message: str, values: Values) -> Frame:

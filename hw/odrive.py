@@ -170,7 +170,7 @@ def parse(axis: Axis, frame: Frame, previous: MotorReading) -> MotorReading:
                        axis_error=int(values["axis_error"]))
     if message == "Get_Bus_Voltage_Current":
         return replace(previous, bus_t_ns=t_ns, bus_v=values["bus_v"])
-    if message == "Get_Error":
+    if message == "Get_Error":        # no stamp: each heartbeat says the errors again, and its age is asked
         return replace(previous, axis_error=int(values["active_errors"]) | int(values["disarm_reason"]))
     return _with_endstop(axis, values, t_ns, previous)
 

@@ -4,13 +4,15 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from msgspec import Struct
+from msgspec import UNSET, Struct, UnsetType
 
 
 class MotorReading(Struct, frozen=True):
     """Newest state of one motor axis. Each group of signals has its own stamp; 0 means never heard.
 
     Positive is the direction that launches a ball (or raises the hood); position is that of the motor shaft.
+    `errors_t_ns` is of devices that tell their errors in a frame of their own. Where the heartbeat tells them it is
+    absent, as in recordings from before it was there.
     """
 
     t_ns: int = 0                     # encoder estimate
@@ -25,15 +27,20 @@ class MotorReading(Struct, frozen=True):
     bus_v: float = 0.0
     endstop_t_ns: int = 0
     endstop: bool = False             # limit switch closed
+    errors_t_ns: int | UnsetType = UNSET
 
 
 class AngleReading(Struct, frozen=True):
-    """Newest state of an absolute angle encoder; `angle_rad` in [0, 2 pi)."""
+    """Newest state of an absolute angle encoder; `angle_rad` in [0, 2 pi).
+
+    `faults_t_ns` is absent in recordings from before it was there; 0 means never heard.
+    """
 
     t_ns: int
     angle_rad: float
     magnet_ok: bool                   # magnet in range and the device without a fault that spoils the angle
     faults: int = 0                   # device's own bits, newest heard; hw.canandmag names them
+    faults_t_ns: int | UnsetType = UNSET
 
 
 class ButtonEvent(Struct, frozen=True):

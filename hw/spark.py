@@ -192,7 +192,7 @@ def parse(axis: Axis, frame: Frame, previous: MotorReading) -> MotorReading:
         return replace(previous, t_ns=t_ns, position_rad=sign * REVOLUTION_RAD * values["position_rev"],
                        velocity_rad_s=sign * RPM_RAD_S * values["velocity_rpm"])
     if message == "STATUS_1":
-        return replace(previous, axis_error=previous.axis_error & LOCKED | _errors(values))
+        return replace(previous, axis_error=previous.axis_error & LOCKED | _errors(values), errors_t_ns=t_ns)
     return _with_status_0(axis, values, t_ns, previous)
 
 
@@ -231,7 +231,7 @@ def _with_status_0(axis: Axis, values: Values, t_ns: int, previous: MotorReading
     current_a = math.copysign(values["current_a"], axis.direction * values["applied_duty"])
     error = previous.axis_error & ~LOCKED | (LOCKED if values["primary_heartbeat_lock"] else 0)
     reading = replace(previous, heartbeat_t_ns=t_ns, axis_error=error, current_t_ns=t_ns, current_a=current_a,
-                      bus_t_ns=t_ns, bus_v=values["bus_v"])
+                      bus_t_ns=t_ns, bus_v=values["bus_v"], errors_t_ns=previous.errors_t_ns or 0)
     if not axis.has_endstop:
         return reading
     closed = values["hard_reverse" if axis.direction > 0 else "hard_forward"]

@@ -54,13 +54,12 @@ class SparkMotor:
         self.reading = MotorReading()
         self._axis, self._motor, self._heartbeat = axis, motor, heartbeat
         self._takers = {spark.frame_id(axis, name): take for name, take in (
-            ("STATUS_0", self._take_status_0), ("STATUS_1", self._take_status_1), ("STATUS_2", self._take_reading),
+            ("STATUS_0", self._take_status_0), ("STATUS_1", self._take_reading), ("STATUS_2", self._take_reading),
             ("GET_FIRMWARE_VERSION", self._take_version), ("SET_STATUSES_ENABLED_RESPONSE", self._take_statuses),
             ("PARAMETER_WRITE_RESPONSE", self._take_setting))}
         self._version: spark.Version | None = None
         self._statuses_on = False
         self._statuses_ns = 0                     # since then STATUS_2 has had a chance to come
-        self._faults_ns = 0                       # newest STATUS_1
         self._unset = spark.settings(axis)        # settings that the device has not confirmed
         self._asked_ns = -RETRY_NS
         self._wanted = False
@@ -102,10 +101,6 @@ class SparkMotor:
     def _take_status_0(self, frame: Frame) -> None:
         self._take_reading(frame)
         self._applied = spark.parse_applied(self._axis, frame)
-
-    def _take_status_1(self, frame: Frame) -> None:
-        self._take_reading(frame)
-        self._faults_ns = frame.t_ns
 
     def _take_version(self, frame: Frame) -> None:
         self._version = spark.parse_version(self._axis, frame)
@@ -173,7 +168,7 @@ class SparkMotor:
         reading = self.reading
         return (self._is_ready() and not reading.axis_error and reading.bus_v > 0.0
                 and _is_young(reading.t_ns, t_ns, STALE_NS) and _is_young(reading.bus_t_ns, t_ns, STALE_NS)
-                and _is_young(self._faults_ns, t_ns, FAULTS_STALE_NS))
+                and _is_young(reading.errors_t_ns or 0, t_ns, FAULTS_STALE_NS))
 
     def _drive(self, torque_nm: float, t_ns: int) -> Order:
         velocity_rad_s, bus_v = self.reading.velocity_rad_s, self.reading.bus_v
@@ -203,7 +198,7 @@ class SparkMotor:
         return self._duty is not None and t_ns - self._heeded_ns > DEAF_NS
 
     def _driving_fault(self, t_ns: int) -> str:
-        if not _is_young(self._faults_ns, t_ns, FAULTS_STALE_NS):
+        if not _is_young(self.reading.errors_t_ns or 0, t_ns, FAULTS_STALE_NS):
             return "says nothing of its faults"
         return "applies nothing of the duty that it is sent: a limit switch, or another's heartbeat?" if (
             self._is_deaf(t_ns)) else ""

@@ -13,7 +13,7 @@ from hw.monitor import Kind, MonitoredBus
 from robot.config import AdvisoryAxis, Axis, Config, OdriveAxis, SparkAxis
 from robot.motors import name_axes, odrive_axis, spark_axis
 
-NS_PER_MS = 1_000_000
+NS_PER_MS, NS_PER_S = 1_000_000, 1_000_000_000
 SPARE = 1.5                           # a set point is sent once a tick at most, but after a late tick the next is early
 SELDOM = 5                            # within WINDOW_NS, of what is asked a few times a second at most
 ODRIVE_PULSE_NS = 100 * NS_PER_MS     # heartbeat: how often an axis says how it is; its maker's own setting
@@ -43,7 +43,7 @@ def guard(bus: Bus, config: Config, clock: Clock, tally: Counter[str]) -> Bus:
 
 def make_rules(config: Config) -> tuple[Rules, ...]:
     """Of every device of the launcher."""
-    each_tick = math.ceil(SPARE * config.tick_hz * WINDOW_NS * 1e-9) + 1
+    each_tick = math.ceil(SPARE * config.tick_hz * WINDOW_NS / NS_PER_S) + 1
     return (_encoder(config), *(_axis(axis, each_tick) for _, axis in name_axes(config)))
 
 

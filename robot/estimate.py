@@ -15,14 +15,15 @@ def remember(inputs: Inputs, memory: Memory, config: Config) -> Memory:
     if seen is not None and seen.found:
         memory = replace(memory, last_sighting=replace(seen, corners_px=()))
     motor = inputs.hood_motor
-    if not memory.homed and memory.armed and motor.endstop and is_fresh(inputs, motor.endstop_t_ns, config):
+    if not memory.homed and memory.armed and motor.endstop and (
+            is_fresh(inputs, motor.endstop_t_ns, config) and is_fresh(inputs, motor.t_ns, config)):
         memory = replace(memory, homed=True, screw_zero_rad=motor.position_rad)
     return memory
 
 
 def is_fresh(inputs: Inputs, t_ns: int, config: Config) -> bool:
     """Whether a reading stamped `t_ns` is young enough to act on; one never heard (0) is not."""
-    return t_ns > 0 and (inputs.t_ns - t_ns) * NS <= config.gate.reading_age_s
+    return t_ns > 0 and 0 <= (inputs.t_ns - t_ns) * NS <= config.gate.reading_age_s
 
 
 def estimate(inputs: Inputs, memory: Memory, config: Config) -> Estimate:

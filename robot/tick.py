@@ -36,7 +36,7 @@ def _hold_aim(belief: Estimate, memory: Memory, config: Config) -> tuple[Aim, Me
     if memory.aim is not None:
         return memory.aim, memory
     aim = aim_at(belief, memory, config)
-    fresh = belief.sighting_s is not None and belief.sighting_s <= config.gate.sighting_age_s
+    fresh = belief.sighting_s is not None and 0.0 <= belief.sighting_s <= config.gate.sighting_age_s
     if memory.request_t_ns and aim.source == "plan" and fresh:
         memory = replace(memory, aim=aim)
     return aim, memory

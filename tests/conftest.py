@@ -22,6 +22,8 @@ os.environ |= {name: value for name, value in ONE_THREAD.items() if name not in 
 
 # How long an example takes says how busy the machine is, not whether the code is right.
 settings.register_profile("house", deadline=None)
+settings.register_profile("million", deadline=None, max_examples=1000)    # for tests/robot/gate/test_no_doubt_fires.py
+settings.register_profile("mutants", deadline=None, max_examples=10, derandomize=True)
 settings.load_profile("house")
 
 

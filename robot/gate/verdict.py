@@ -5,15 +5,19 @@ FIRE means: the driver asked, everything that can be checked is known and good, 
 
 import math
 
-from hw.reading import MotorReading
+from msgspec import UNSET, UnsetType
+
+from hw.reading import AngleReading, MotorReading
 from robot.config import Axis, Config, GateConfig
-from robot.gate.contract import NOVELTY_LIMIT
+from robot.gate.contract import FEATURES, NOVELTY_LIMIT
 from robot.gate.model import Gate, Rating
 from robot.motors import error_words, is_driven, name_axes
 from robot.types import Aim, Estimate, Inputs, Memory, Verdict
 
 NS = 1e-9
-HEARTBEAT_S = 0.25                    # axes say how they are every 0.1 s; two may be lost
+HEARTBEAT_S = 0.25                    # axes, and the hood's encoder, say how they are every 0.1 s; two may be lost
+ERRORS_S = 1.0                        # a SPARK says its errors every 0.25 s; three may be lost
+FARTHEST_M = FEATURES[0].high         # no launcher is further from its target
 
 
 def judge(inputs: Inputs, estimate: Estimate, aim: Aim, memory: Memory, config: Config, gate: Gate | None) -> Verdict:
@@ -50,14 +54,17 @@ def doubted_readings(inputs: Inputs, config: Config) -> list[str]:
     motors = (*inputs.flywheels, inputs.hood_motor, inputs.feeder)
     for (name, axis), motor in zip(name_axes(config), motors, strict=True):
         reasons += _motor(name, axis, motor, inputs.t_ns, config.gate)
-    angle = inputs.hood_angle
+    return reasons + _encoder(inputs.hood_angle, inputs.t_ns, config.gate)
+
+
+def _encoder(angle: AngleReading | None, t_ns: int, gate: GateConfig) -> list[str]:
     if angle is None:
-        reasons.append("hood encoder has never answered")
-    elif not _young(inputs.t_ns - angle.t_ns, config.gate.reading_age_s):
-        reasons.append(f"hood encoder silent for {(inputs.t_ns - angle.t_ns) * NS:.2f} s")
-    elif not angle.magnet_ok:
-        reasons.append("hood encoder cannot see its magnet")
-    return reasons
+        return ["hood encoder has never answered"]
+    if not _young(t_ns - angle.t_ns, gate.reading_age_s):
+        return [f"hood encoder silent for {(t_ns - angle.t_ns) * NS:.2f} s"]
+    if silence := _silence(angle.faults_t_ns, t_ns, HEARTBEAT_S):
+        return [f"hood encoder has said nothing of its faults {silence}"]
+    return [] if angle.magnet_ok else ["hood encoder cannot see its magnet"]
 
 
 def _motor(name: str, axis: Axis, motor: MotorReading, t_ns: int, gate: GateConfig) -> list[str]:
@@ -67,6 +74,10 @@ def _motor(name: str, axis: Axis, motor: MotorReading, t_ns: int, gate: GateConf
         return [f"{name} silent for {(t_ns - motor.t_ns) * NS:.2f} s"]
     if not _young(t_ns - motor.heartbeat_t_ns, HEARTBEAT_S):
         return [f"{name} sends no heartbeat since {(t_ns - motor.heartbeat_t_ns) * NS:.2f} s"]
+    if silence := _silence(motor.errors_t_ns, t_ns, ERRORS_S):
+        return [f"{name} has said nothing of its errors {silence}"]
+    if not all(map(math.isfinite, (motor.position_rad, motor.velocity_rad_s, motor.current_a, motor.bus_v))):
+        return [f"{name} reads what is no number"]
     if words := error_words(axis, motor):
         return [f"{name}: {', '.join(words)}"]
     if not is_driven(axis, motor):
@@ -104,6 +115,8 @@ def _target(estimate: Estimate, config: Config) -> list[str]:
         return ["target never seen"]
     if not 0.0 <= estimate.sighting_s <= config.gate.sighting_age_s:
         return [f"target last seen {estimate.sighting_s:.1f} s ago"]
+    if not 0.0 <= estimate.distance_m <= FARTHEST_M or not 0.0 <= estimate.distance_sigma_m < math.inf:
+        return [f"target seen {estimate.distance_m:.1f} m away, give or take {estimate.distance_sigma_m:.1f}"]
     return []
 
 
@@ -131,6 +144,15 @@ def _model(estimate: Estimate, config: GateConfig, gate: Gate | None) -> tuple[f
 def _outside(rating: Rating) -> str:
     far = rating.novelty is not None and rating.novelty > NOVELTY_LIMIT
     return "model: outside what it was trained on" + (f" (novelty {rating.novelty:.2f})" if far else "")
+
+
+def _silence(stamp_ns: int | UnsetType, t_ns: int, limit_s: float) -> str:
+    """Since when a frame that must come has not come, in words; "" when it has, and where none must."""
+    if stamp_ns is UNSET:
+        return ""
+    if stamp_ns == 0:
+        return "yet"
+    return "" if _young(t_ns - stamp_ns, limit_s) else f"for {(t_ns - stamp_ns) * NS:.2f} s"
 
 
 def _young(age_ns: int, limit_s: float) -> bool:

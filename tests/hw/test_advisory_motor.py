@@ -31,6 +31,10 @@ def test_it_hears_what_its_family_says() -> None:
     assert motor.ids() == ((0x0205B807, True), (0x0205B847, True), (0x0205B887, True))
     motor.take(Frame(9, 0x0205B807, bytes.fromhex("5D3F662622230200"), True))
     assert motor.reading.heartbeat_t_ns == 9 and motor.reading.endstop
+    assert motor.reading.errors_t_ns == 0         # it has said nothing of them, and that is asked
+    motor.take(Frame(10, 0x0205B847, bytes(8), True))
+    motor.take(Frame(11, 0x0205B807, bytes.fromhex("5D3F662622230200"), True))
+    assert (motor.reading.heartbeat_t_ns, motor.reading.errors_t_ns) == (11, 10)
     theirs = odrive.Axis(2, 1)
     other = AdvisoryMotor(odrive.frame_ids(theirs), False, partial(odrive.parse, theirs))
     other.take(Frame(9, 0x41, bytes([0, 0, 0, 0, 8, 0, 0, 0])))

@@ -78,6 +78,21 @@ def test_what_is_not_listed_to_the_bit_is_refused(frame: Frame) -> None:
     assert (why == "") == listed and (listed or frame.name in why)
 
 
+@pytest.mark.parametrize(("frame", "words"), [
+    (Frame(0, 0x2F, bytes(8)), "frame 0x02f with 8 bytes is not among those that may be sent"),
+    (Frame(0, 0x2E, b"", is_remote=True),
+     "a question about frame 0x02e with 0 bytes is not among those that may be sent"),
+])
+def test_a_refusal_says_what_was_refused(frame: Frame, words: str) -> None:
+    assert AllowList(LIST).refuse(frame, 0) == words
+
+
+def test_a_frame_too_many_is_told_how_many_there_may_be() -> None:
+    rules = AllowList(LIST)
+    assert rules.refuse(QUESTION, 0) == "" and rules.refuse(QUESTION, 0) == (
+        "frame 0x020 may be sent 1 times in 0.1 s and no more")
+
+
 def test_an_empty_list_allows_nothing() -> None:
     assert AllowList(()).refuse(TORQUE, 0) and AllowList([replace(LIST[0], most=0)]).refuse(TORQUE, 0)
 
@@ -89,7 +104,7 @@ def test_what_a_frame_says_is_not_asked() -> None:
 def test_a_refused_frame_is_never_sent_is_counted_and_is_said_once(bench) -> None:
     wire, _, tally, bus = bench
     wrong = TORQUE._replace(arbitration_id=0x7FF)
-    assert not bus.write(wrong) and not bus.write(wrong) and not bus.write(TORQUE._replace(data=bytes(4)))
+    assert [bus.write(frame) for frame in (wrong, wrong, TORQUE._replace(data=bytes(4)))] == [False] * 3
     assert wire.sent == [] and tally == {"frames not allowed": 3}
     assert bus.faults() == ["wire", "not sent: frame 0x7ff with 8 bytes is not among those that may be sent",
                             "not sent: frame 0x02e with 4 bytes is not among those that may be sent"]
@@ -109,5 +124,6 @@ def test_a_full_queue_is_the_wires_own_refusal(bench) -> None:
     wire, _, tally, bus = bench
     wire.full = True
     assert not bus.write(TORQUE) and not tally and bus.faults() == ["wire"] and bus.read() == [TORQUE]
+    assert wire.sent == [TORQUE]
     bus.close()
     assert wire.closed

@@ -28,7 +28,7 @@ def test_ids() -> None:
 def test_the_known_position_frame() -> None:
     # relative 1.5 turns, magnet in range, absolute a quarter turn
     reading = canandmag.parse(ENCODER, frame(POSITION_ID, bytes.fromhex("006000000040")), None)
-    assert reading == AngleReading(7, math.pi / 2, True)
+    assert reading == AngleReading(7, math.pi / 2, True, faults_t_ns=0)
 
 
 @given(counts=st.integers(0, 16383), status=st.integers(0, 3), relative=st.integers(-(1 << 31), (1 << 31) - 1))
@@ -47,9 +47,9 @@ def test_a_fault_that_spoils_the_angle_outlasts_the_next_angle() -> None:
     assert reading is not None and not reading.magnet_ok and canandmag.fault_words(reading.faults) == ("hardware",)
     reading = canandmag.parse(ENCODER, frame(POSITION_ID, good, 8), reading)
     assert reading is not None and not reading.magnet_ok
-    reading = canandmag.parse(ENCODER, frame(STATUS_ID, bytes([0x04, 4, 25, 0, 0, 0, 0, 0])), reading)
+    reading = canandmag.parse(ENCODER, frame(STATUS_ID, bytes([0x04, 4, 25, 0, 0, 0, 0, 0]), 8), reading)
     reading = canandmag.parse(ENCODER, frame(POSITION_ID, good, 9), reading)
-    assert reading == AngleReading(9, math.pi / 2, True, faults=0x04)
+    assert reading == AngleReading(9, math.pi / 2, True, faults=0x04, faults_t_ns=8)
 
 
 def test_status_alone_is_no_angle() -> None:

@@ -40,6 +40,8 @@ def last_hold(folder) -> tuple[str, ...]:
      "hood motor: locked to a competition controller's heartbeat"),
     (SPARK_WHEELS, "flywheel_b", Fault(UNPOWERED, 2 * SECOND, 3 * SECOND), "flywheel motor 2: has reset"),
     (SPARK_WHEELS, "flywheel_a", Fault(SILENT, 2 * SECOND, FOREVER, frame_id=0x0205B88B), "flywheel motor 1 silent"),
+    (SPARK_WHEELS, "flywheel_a", Fault(SILENT, 2 * SECOND, FOREVER, frame_id=0x0205B84B),
+     "flywheel motor 1 has said nothing of its errors for"),
 ])
 def test_a_spark_that_is_not_what_it_should_be_is_a_hold_that_says_why(tmp_path, config, device, fault, words) -> None:
     config = replace(config, gate=replace(config.gate, request_s=2.0))

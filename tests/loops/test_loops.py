@@ -127,6 +127,7 @@ def held_reasons(folder):
     ("flywheel_b", Fault(SILENT, 2 * SECOND, FOREVER), "flywheel motor 2 silent"),
     ("hood", Fault(SILENT, 2 * SECOND, FOREVER), "hood motor silent"),
     ("hood_encoder", Fault(SILENT, 2 * SECOND, FOREVER), "hood encoder silent"),
+    ("hood_encoder", Fault(SILENT, 2 * SECOND, FOREVER, frame_id=0x070E0185), "encoder has said nothing of its faults"),
     ("camera", Fault(SILENT, 2 * SECOND, FOREVER), "target last seen"),
     ("camera", Fault(SILENT, 0, FOREVER), "target never seen"),
     ("feeder", Fault(SILENT, 0, FOREVER), "feeder motor has never answered"),

@@ -48,4 +48,5 @@ def good_inputs(motor_rad_s: float | None = None, hood_deg: float | None = None,
     turned = travel / CONFIG.hood.screw_lead_m * 2 * math.pi
     angle = math.radians((hood_deg * CONFIG.hood_encoder.direction + CONFIG.hood_encoder.zero_deg) % 360)
     return Inputs(NOW_NS, 2000, (motor, motor), replace(motor, position_rad=turned, velocity_rad_s=0.0),
-                  replace(motor, velocity_rad_s=0.0), AngleReading(stamp, angle, True), None, buttons, ())
+                  replace(motor, velocity_rad_s=0.0), AngleReading(stamp, angle, True, 0, stamp), None,
+                  buttons, ())

@@ -14,7 +14,7 @@ from robot.eyes import InlineEyes
 from robot.rig import HardwareRig
 from robot.types import Command, Sighting
 from tests.robot.good_tick import CONFIG
-from tests.robot.sparks import SPARK_HOOD, only_advice
+from tests.robot.sparks import SPARK_HOOD, SPARK_WHEELS, only_advice
 from tests.robot.test_rig import Blind, Stream, Time, Wire
 
 # ODrive CANSimple: node << 5 | command; the hood, node 3, has a limit switch to ask for, command 0x04
@@ -25,6 +25,11 @@ ENCODER_SETTING = 0x070E00C0 + 5
 
 def allowed_of(config: Config) -> list[Allowed]:
     return [kind for one in make_rules(config) for kind in one.allowed]
+
+
+def limits_of(config: Config) -> dict[tuple[int, bool, bool, int], int]:
+    return {(kind.arbitration_id, kind.is_extended, kind.is_remote, kind.length): kind.most
+            for kind in allowed_of(config)}
 
 
 @pytest.fixture
@@ -38,6 +43,15 @@ def test_exactly_these_frames_may_be_sent() -> None:
     expected = {(node << 5 | command, False, False) for node in (1, 2, 3, 4) for command in COMMANDS}
     expected |= {(node << 5, False, True) for node in (1, 2, 3, 4)}
     assert kinds == expected | {(3 << 5 | 0x04, False, False), (ENCODER_SETTING, True, False)}
+
+
+def test_each_by_its_length_and_how_often() -> None:
+    """A set point 31 times in 0.1 s: at 200 Hz 20 are due, half as many again may come early, and one begins."""
+    commands = {ESTOP: (0, 5), AXIS_STATE: (8, 5), CONTROLLER_MODE: (8, 5), TORQUE: (8, 31), CLEAR_ERRORS: (1, 5)}
+    expected = {(node << 5 | command, False, False, length): most for node in (1, 2, 3, 4)
+                for command, (length, most) in commands.items()}
+    expected |= {(node << 5, False, True, 0): 5 for node in (1, 2, 3, 4)}
+    assert limits_of(CONFIG) == expected | {(3 << 5 | 0x04, False, False, 8): 5, (ENCODER_SETTING, True, False, 8): 5}
 
 
 def test_a_set_point_a_tick_and_not_many_more(bench) -> None:
@@ -114,6 +128,62 @@ def test_a_spark_may_be_sent_what_its_driver_sends_and_no_speed() -> None:
              if kind.is_extended and kind.arbitration_id >> 16 == 0x0205}
     assert kinds == {(0x02050083, False), (0x02052C80, False), (0x02053803, False), (0x02050403, False),
                      (0x02051B83, False), (0x02052603, True)}
+
+
+def test_a_spark_by_length_and_how_often() -> None:
+    """Its five settings, and of the hood a limit switch, may be said twice."""
+    limits = limits_of(SPARK_HOOD)
+    assert {key: most for key, most in limits.items() if key[0] >> 16 == 0x0205} == {
+        (0x02050083, True, False, 8): 31, (0x02052C80, True, False, 8): 31, (0x02053803, True, False, 5): 12,
+        (0x02050403, True, False, 4): 5, (0x02051B83, True, False, 0): 5, (0x02052603, True, True, 8): 5}
+    assert limits_of(SPARK_WHEELS)[0x0205380B, True, False, 5] == 10
+
+
+SPARK_SENDS = (0x0205B803, 0x0205B843, 0x0205B883, 0x02050443, 0x02052603, 0x02053843)
+SPARK_IS_SENT = (0x02050003, 0x02050083, 0x02050403, 0x02051B83, 0x02053803, 0x02052C80)
+ODRIVE_SENDS = tuple(3 << 5 | command for command in (0x00, 0x01, 0x03, 0x05, 0x09, 0x14, 0x15, 0x17))
+ODRIVE_IS_SENT = tuple(3 << 5 | command for command in (0x02, 0x04, 0x07, 0x0B, 0x0D, 0x0E, 0x0F, 0x18))
+ENCODER_SENDS, ENCODER_IS_SENT = (0x070E07C5, 0x070E0785, 0x070E0185, 0x070E0105), (0x070E0145, 0x070E00C5)
+
+
+@pytest.mark.parametrize(("config", "sends", "is_sent", "pulse"), [
+    (CONFIG, ODRIVE_SENDS, ODRIVE_IS_SENT, {(3 << 5 | 0x01, False, False): 100_000_000}),
+    (only_advice("odrive"), ODRIVE_SENDS, ODRIVE_IS_SENT, {(3 << 5 | 0x01, False, False): 100_000_000}),
+    (SPARK_HOOD, SPARK_SENDS, SPARK_IS_SENT, {(0x0205B803, True, False): 10_000_000}),
+    (only_advice("spark"), SPARK_SENDS, SPARK_IS_SENT, {(0x0205B803, True, False): 10_000_000}),
+])
+def test_whose_frames_they_are(config, sends, is_sent, pulse) -> None:
+    """Of the hood's axis, and of its encoder; by the tables of their makers."""
+    encoder, hood = make_rules(config)[0], make_rules(config)[3]
+    extended = sends is SPARK_SENDS
+    assert set(hood.by_device) == {(frame_id, extended, False) for frame_id in sends}
+    assert set(hood.by_host) == {(frame_id, extended, False) for frame_id in is_sent}
+    assert hood.pulse == pulse
+    assert set(encoder.by_device) == {(frame_id, True, False) for frame_id in ENCODER_SENDS}
+    assert set(encoder.by_host) == {(frame_id, True, False) for frame_id in ENCODER_IS_SENT}
+    advised = not hood.allowed
+    assert encoder.pulse == ({} if advised else {(ENCODER_SENDS[0], True, False): 10_000_000})
+    assert bool(encoder.allowed) != advised
+
+
+def test_what_devices_and_other_hosts_say_is_known_and_what_only_we_may_say_is_not() -> None:
+    """Questions about our axes that another host asks are ours, too; strangers are counted, and are no fault."""
+    wire, clock, tally = Wire(), Time(), Counter()
+    bus = guard(wire, CONFIG, clock, tally)
+    wire.frames = [Frame(clock.t_ns, 1 << 5 | 0x09, bytes(8)), Frame(clock.t_ns, 0x070E0185, bytes(8), True)]
+    assert len(bus.read()) == 2 and bus.faults() == [] and not tally
+    wire.frames = [Frame(clock.t_ns, 0x7FE, bytes(8)), Frame(clock.t_ns, 1 << 5, b"", is_remote=True)]
+    bus.read()
+    assert tally == {"unknown frames 0x7fe": 1, "frames of another host": 1}
+    assert bus.faults() == ["another host sends 0x020, which is ours to send"]
+
+
+def test_two_axes_that_answer_to_one_id_are_told() -> None:
+    wire, clock, tally = Wire(), Time(), Counter()
+    bus = guard(wire, CONFIG, clock, tally)
+    wire.frames = [Frame(clock.t_ns - at, 1 << 5 | 0x01, bytes(8)) for at in range(990_000_000, 0, -50_000_000)]
+    bus.read()
+    assert "two devices with one id? 0x021" in bus.faults()[0]
 
 
 def test_an_axis_of_another_controller_may_be_sent_nothing_and_is_commanded_by_it() -> None:

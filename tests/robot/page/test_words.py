@@ -50,7 +50,7 @@ SOURCES = (
 # whose strings are said by one of these around them, when not alone
 AROUND = {("robot/rig.py", "_read_box"): "button box: {}"}
 # what others say; no reasons; parts of one
-NO_SENTENCES = {SAMPLE, f"button box: {SAMPLE}", "", "plan", " up", " down"}
+NO_SENTENCES = {SAMPLE, f"button box: {SAMPLE}", f"for {SAMPLE} s", "yet", "", "plan", " up", " down"}
 # files with a `faults` of which there is nothing to be said here: they pass on, or have none
 SILENT = {"hw/link.py", "hw/motor.py", "hw/odrive_motor.py", "hw/advisory_motor.py", "hw/real/can_bus.py",
           "robot/recording/frames.py", "robot/recording/candump.py"}

@@ -1,0 +1,86 @@
+"""The recorder on a disk that is really full: a small one in memory, which only root may mount."""
+
+import errno
+import subprocess
+
+import pytest
+
+from doors.run import make_room
+from robot.config import BadInput
+from robot.recording.recover import recover
+from robot.recording.session import load_trials
+from robot.recording.watch import RecordingRig
+from robot.rig import ReplayRig
+from robot.tick import step
+from tests.robot.good_tick import CONFIG, good_memory
+from tests.robot.recording.test_writer import MS, kept_cycles, open_writer, play, ticks
+
+NO_SPACE = "No space left on device"
+
+
+@pytest.fixture
+def disk(tmp_path):
+    """Half a megabyte."""
+    place = tmp_path / "disk"
+    place.mkdir()
+    try:
+        subprocess.run(["mount", "-t", "tmpfs", "-o", "size=512k", "tmpfs", str(place)], check=True,
+                       capture_output=True, text=True)
+    except OSError as error:
+        pytest.skip(f"no disk can be mounted here: {error.strerror}")
+    except subprocess.CalledProcessError as error:
+        pytest.skip(f"no disk can be mounted here: {error.stderr.strip()}")
+    yield place
+    subprocess.run(["umount", str(place)], check=True)
+
+
+def fill(disk):
+    """Until not a byte more fits; returns the file to be deleted."""
+    ballast = disk / "ballast"
+    with ballast.open("wb", buffering=0) as file, pytest.raises(OSError) as caught:
+        while True:
+            file.write(bytes(4096))
+    assert caught.value.errno == errno.ENOSPC
+    return ballast
+
+
+def test_it_holds_while_the_disk_is_full_and_loses_nothing_once_there_is_room(disk):
+    recorder = open_writer(disk / "s")
+    all_ticks = list(ticks(1400, marks=(100, 500, 1300)))
+    play(recorder, all_ticks[:200])
+    assert recorder.trouble() == ""
+    ballast = fill(disk)
+    play(recorder, all_ticks[200:1200])
+    inputs = RecordingRig(ReplayRig([all_ticks[0]]), recorder).read()
+    assert inputs.faults == (f"not recording: {NO_SPACE}",)
+    assert f"not recording: {NO_SPACE}" in step(inputs, good_memory(), CONFIG, None).verdict.reasons
+    ballast.unlink()
+    play(recorder, all_ticks[1200:])
+    assert recorder.trouble() == ""
+    recorder.close()
+    assert recorder.failed is None and recorder.dropped == 0
+    assert kept_cycles(disk / "s") == list(range(1, 1401))
+    assert [trial.outcome.t_ns for trial in load_trials(disk / "s")] == [500 * MS, 2500 * MS, 6500 * MS]
+
+
+def test_a_disk_that_stays_full_keeps_a_whole_beginning(disk):
+    recorder = open_writer(disk / "s")
+    all_ticks = list(ticks(1400, marks=(100,)))
+    play(recorder, all_ticks[:200])
+    ballast = fill(disk)
+    play(recorder, all_ticks[200:])
+    recorder.close()
+    assert recorder.failed.errno == errno.ENOSPC
+    kept = kept_cycles(disk / "s")
+    assert 180 <= len(kept) < 1400 and kept == list(range(1, len(kept) + 1))
+    ballast.unlink()
+    recover(disk / "s")
+    assert kept_cycles(disk / "s") == kept and len(load_trials(disk / "s")) == 1
+
+
+def test_on_a_full_disk_nothing_is_begun(disk):
+    with pytest.raises(BadInput, match="only 0 MB free; a recording needs 100 MB"):
+        make_room(disk, "2026-01-01T00:00:00")
+    fill(disk)
+    with pytest.raises(BadInput, match=rf"config\.json: {NO_SPACE}"):
+        open_writer(disk / "s")
