@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from robot.estimate import estimate
 from robot.gate.model import Rating
 from robot.gate.verdict import judge, only_the_model_doubts
-from robot.types import Inputs, Verdict
+from robot.types import Aim, Inputs, Verdict
 from tests.robot.good_tick import CONFIG, DISTANCE_M, HOOD_DEG, NOW_NS, good_inputs, good_memory, seconds
 
 MODEL = replace(CONFIG, gate=replace(CONFIG.gate, policy="model"))
@@ -211,3 +211,23 @@ def test_what_a_recording_does_not_say_is_not_asked():
 
 def test_a_missing_model_holds():
     assert verdict(config=MODEL).reasons == ("no gate model loaded",)
+
+
+def test_what_is_exactly_at_a_limit_of_the_launcher_may_fire():
+    """Figures that are exact as floats: 297 rad/s are wanted; 3 and 5 rad/s, 1.5 and 0.25 degrees are allowed."""
+    memory = replace(good_memory(), aim=Aim(0.5, 50.0, "plan"))
+    config = replace(CONFIG, hood=replace(CONFIG.hood, tolerance_deg=0.25))
+    believed = replace(estimate(good_inputs(), memory, config), motor_rad_s=300.0, motor_spread_rad_s=5.0,
+                       hood_deg=50.25, hood_screw_deg=48.75)
+    assert judge(good_inputs(), believed, memory.aim, memory, config, None).reasons == ()
+    for past, words in (({"motor_rad_s": 300.001}, "wheels at 300"), ({"motor_spread_rad_s": 5.001}, "belt?"),
+                        ({"hood_deg": 50.2501, "hood_screw_deg": 49.0}, "hood at"),
+                        ({"hood_screw_deg": 48.749}, "screw")):
+        held = judge(good_inputs(), replace(believed, **past), memory.aim, memory, config, None)
+        assert len(held.reasons) == 1 and words in held.reasons[0]
+
+
+def test_inputs_of_another_robot_are_no_verdict():
+    inputs = good_inputs()
+    with pytest.raises(ValueError, match="shorter"):
+        verdict(replace(inputs, flywheels=inputs.flywheels[:1]))
