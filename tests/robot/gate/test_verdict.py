@@ -68,6 +68,20 @@ def test_an_aim_that_is_not_met_holds(change, reasons):
     assert verdict(memory=replace(memory, aim=replace(memory.aim, **change))).reasons == tuple(reasons)
 
 
+def test_a_launcher_whose_free_speed_nobody_knows_has_no_aim():
+    rig = replace(CONFIG.rig, launcher=replace(CONFIG.rig.launcher, free_speed_rad_s=None))
+    assert verdict(good_inputs(0.0, HOOD_DEG), config=replace(CONFIG, rig=rig)).reasons == ("no aim",)
+
+
+def test_a_sighting_is_young_enough_to_the_last_nanosecond():
+    """A quarter of a second, which is exact as a float."""
+    memory = good_memory()
+    config = replace(CONFIG, gate=replace(CONFIG.gate, sighting_age_s=0.25))
+    for age_ns, fires in ((250_000_000, True), (250_000_001, False)):
+        seen = replace(memory.last_sighting, t_ns=NOW_NS - age_ns)
+        assert verdict(memory=replace(memory, last_sighting=seen), config=config).fire is fires
+
+
 def test_what_the_launcher_is_not_steady_at_is_not_said_to_be_new():
     """That wheels and hood only just arrived is said of those that have."""
     memory = replace(good_memory(), steady_t_ns=0, aim=replace(good_memory().aim, hood_deg=60.0))
