@@ -86,10 +86,10 @@ def _motor(name: str, axis: Axis, motor: MotorReading, t_ns: int, gate: GateConf
 
 
 def _launcher(inputs: Inputs, estimate: Estimate, aim: Aim, memory: Memory, config: Config) -> list[str]:
-    if aim.motor_ratio <= 0.0:
+    wanted = aim.motor_ratio * (config.rig.launcher.free_speed_rad_s or 0.0)
+    if wanted <= 0.0:
         return ["no aim"]
     reasons = [] if aim.source == "plan" else [aim.source]
-    wanted = aim.motor_ratio * (config.rig.launcher.free_speed_rad_s or 0.0)
     if not abs(estimate.motor_rad_s - wanted) <= config.flywheel.tolerance_rad_s:
         reasons.append(f"wheels at {estimate.motor_rad_s:.0f} rad/s, wanted {wanted:.0f}")
     if not estimate.motor_spread_rad_s <= config.flywheel.spread_rad_s:

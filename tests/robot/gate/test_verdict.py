@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from robot.estimate import estimate
 from robot.gate.model import Rating
 from robot.gate.verdict import judge, only_the_model_doubts
-from robot.types import Inputs, Verdict
+from robot.types import Aim, Inputs, Verdict
 from tests.robot.good_tick import CONFIG, DISTANCE_M, HOOD_DEG, NOW_NS, good_inputs, good_memory, seconds
 
 MODEL = replace(CONFIG, gate=replace(CONFIG.gate, policy="model"))
@@ -66,6 +66,20 @@ def test_each_interlock_of_the_memory_holds(change, reasons):
 def test_an_aim_that_is_not_met_holds(change, reasons):
     memory = good_memory()
     assert verdict(memory=replace(memory, aim=replace(memory.aim, **change))).reasons == tuple(reasons)
+
+
+def test_a_launcher_whose_free_speed_nobody_knows_has_no_aim():
+    rig = replace(CONFIG.rig, launcher=replace(CONFIG.rig.launcher, free_speed_rad_s=None))
+    assert verdict(good_inputs(0.0, HOOD_DEG), config=replace(CONFIG, rig=rig)).reasons == ("no aim",)
+
+
+def test_a_sighting_is_young_enough_to_the_last_nanosecond():
+    """A quarter of a second, which is exact as a float."""
+    memory = good_memory()
+    config = replace(CONFIG, gate=replace(CONFIG.gate, sighting_age_s=0.25))
+    for age_ns, fires in ((250_000_000, True), (250_000_001, False)):
+        seen = replace(memory.last_sighting, t_ns=NOW_NS - age_ns)
+        assert verdict(memory=replace(memory, last_sighting=seen), config=config).fire is fires
 
 
 def test_what_the_launcher_is_not_steady_at_is_not_said_to_be_new():
@@ -211,3 +225,23 @@ def test_what_a_recording_does_not_say_is_not_asked():
 
 def test_a_missing_model_holds():
     assert verdict(config=MODEL).reasons == ("no gate model loaded",)
+
+
+def test_what_is_exactly_at_a_limit_of_the_launcher_may_fire():
+    """Figures that are exact as floats: 297 rad/s are wanted; 3 and 5 rad/s, 1.5 and 0.25 degrees are allowed."""
+    memory = replace(good_memory(), aim=Aim(0.5, 50.0, "plan"))
+    config = replace(CONFIG, hood=replace(CONFIG.hood, tolerance_deg=0.25))
+    believed = replace(estimate(good_inputs(), memory, config), motor_rad_s=300.0, motor_spread_rad_s=5.0,
+                       hood_deg=50.25, hood_screw_deg=48.75)
+    assert judge(good_inputs(), believed, memory.aim, memory, config, None).reasons == ()
+    for past, words in (({"motor_rad_s": 300.001}, "wheels at 300"), ({"motor_spread_rad_s": 5.001}, "belt?"),
+                        ({"hood_deg": 50.2501, "hood_screw_deg": 49.0}, "hood at"),
+                        ({"hood_screw_deg": 48.749}, "screw")):
+        held = judge(good_inputs(), replace(believed, **past), memory.aim, memory, config, None)
+        assert len(held.reasons) == 1 and words in held.reasons[0]
+
+
+def test_inputs_of_another_robot_are_no_verdict():
+    inputs = good_inputs()
+    with pytest.raises(ValueError, match="shorter"):
+        verdict(replace(inputs, flywheels=inputs.flywheels[:1]))
