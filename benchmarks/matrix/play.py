@@ -259,14 +259,14 @@ def _unmount(folder: Path) -> None:
 
 def _start(place: Place, what: str) -> str:
     config, model, out = place.folder / "launcher.toml", place.folder / "gate.onnx", place.folder / "sessions"
-    policy = "model" if what not in ("folder there", "folder read-only") else "collect"
+    policy = "model" if what not in ("no devices", "no folder") else "collect"
     config.write_text(SHIPPED.read_text(encoding="utf-8").replace('policy = "collect"', f'policy = "{policy}"'),
                       encoding="utf-8")
     words = ["run", "--config", str(config), "--can", ":".join(place.bus), "--out", str(out)]
     if policy == "model" and what != "policy model, no file":
         write_model(model, what)
         words += ["--gate", str(model)]
-    if what == "folder read-only":
+    if what == "no folder":
         out.write_text("a file, where no folder can be made")
     said = io.StringIO()
     with contextlib.redirect_stderr(said):

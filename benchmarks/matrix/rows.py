@@ -179,9 +179,10 @@ def _near() -> list[Row]:
             lasts_s=4.0),
         Row("folder of the images gone", "disk", Disk("loses a folder"), "not recording: .*No such file", 0.5, KEEPS,
             real=True, lasts_s=1.5),
-        Row("session folder exists already", "disk", Start("folder there"), "exists already|.*", 0.0, REFUSED),
-        Row("sessions folder cannot be written", "disk", Start("folder read-only"),
-            "Permission|Read-only|Not a directory|cannot", 0.0, REFUSED),
+        Row("no adapter or button box at the start", "adapter", Start("no devices"),
+            "cannot start: (serial port|CAN slcan)", 0.0, REFUSED),
+        Row("sessions folder cannot be made", "disk", Start("no folder"), "File exists|Not a directory", 0.0,
+            REFUSED),
         *(Row(f"model: {words}", "model", Model(what), reason, 0.05, after)
           for words, what, reason, after in (
               ("raises", "raises", "model failed: RuntimeError", ITSELF),
