@@ -83,14 +83,16 @@ def main(args: argparse.Namespace) -> int:
         layout = LAYOUTS[args.layout](config, wires)
         bus, box, eyes, clock = _open_wires(config, layout, wires, tally)
         recorder = SessionWriter(folder, make_header(config, gate, started), config,
-                                 args.gate.read_bytes() if args.gate else None, lossless=False)
+                                 args.gate.read_bytes() if args.gate else None, lossless=False,
+                                 open_keeper=layout.open_keeper)
         wires.callback(recorder.close)
         _say(f"control is process {os.getpid()}", *layout.lines())
         manager = ServiceManager(os.environ.get("NOTIFY_SOCKET"))
         wires.callback(manager.close)
         lateness = Lateness(recorder.keep_lateness, NS_PER_S // config.tick_hz)
         wires.callback(lateness.close)
-        rig = HardwareRig(config, TappedBus(bus, recorder.tap), box, eyes, clock, lambda: ending.asked)
+        rig = HardwareRig(config, TappedBus(bus, recorder.tap), box, eyes, clock,
+                          lambda: ending.asked or recorder.is_over())
         wires.callback(rig.release)               # first of all to be done on the way out, whatever happened
         _ask_for_real_time(args)
         kept = RecordingRig(TimedRig(rig, lateness), recorder)
