@@ -11,11 +11,13 @@ import pytest
 import doors.run
 import robot
 from hw.buttons import make_heartbeat
+from robot.eyes import NoEyes
 from robot.recording.session import LATENESS
-from tests.robot.test_rig import Blind, Stream, Time, Wire
+from tests.robot.test_rig import Stream, Time, Wire
 from truearc import main
 
 CONFIG = str(Path(robot.__file__).parent / "launcher.toml")
+ONE = ("--layout", "one")             # hand-made wires cannot be handed to another process
 TICKS = 450
 
 
@@ -41,7 +43,7 @@ class Stopping(Time):
 @pytest.fixture
 def wires(monkeypatch):
     bus = Wire()
-    monkeypatch.setattr(doors.run, "_open_wires", lambda config, stack, tally: (bus, Box(), Blind(), Stopping()))
+    monkeypatch.setattr(doors.run, "_open_wires", lambda *_: (bus, Box(), NoEyes(), Stopping()))
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     yield bus
     for number, handler in before.items():
@@ -54,7 +56,7 @@ def test_a_run_ends_idle_timed_and_announced(wires, tmp_path, monkeypatch, capsy
         systemd.bind(str(tmp_path / "notify"))
         systemd.settimeout(5.0)
         monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
-        assert main(["run", "--config", CONFIG, "--out", str(tmp_path / "s"), "--priority", "0"]) == 0
+        assert main(["run", "--config", CONFIG, "--out", str(tmp_path / "s"), "--priority", "0", *ONE]) == 0
         told = [systemd.recv(200) for _ in range(2)]
     assert told == [b"STATUS=waiting: flywheel motor 1", b"STOPPING=1"]       # no device ever answered: never ready
     assert [frame.data[0] for frame in wires.sent[-4:]] == [1, 1, 1, 1]       # every axis asked to be idle
@@ -70,7 +72,7 @@ def test_what_is_refused_is_said_loudly_and_is_never_fatal(wires, tmp_path, monk
     monkeypatch.setattr(doors.run, "ask_fifo", lambda priority: (f"priority {priority}", "not allowed"))
     monkeypatch.setattr(doors.run, "ask_locked_memory", lambda: ("locked memory", ""))
     monkeypatch.setattr(doors.run, "ask_core", lambda core: (f"core {core}", ""))
-    assert main(["run", "--config", CONFIG, "--out", str(tmp_path / "s"), "--core", "3"]) == 0
+    assert main(["run", "--config", CONFIG, "--out", str(tmp_path / "s"), "--core", "3", *ONE]) == 0
     err = capsys.readouterr().err
     assert "priority 50: REFUSED (not allowed)" in err and "core 3: granted" in err and "locked memory: granted" in err
 
