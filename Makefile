@@ -1,9 +1,10 @@
 # The only two commands a newcomer needs: `make demo` and `make test`. Each sets itself up.
+# `make faults` breaks the emulated robot in every way of docs/reliability.md, on every bus that there is.
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV   ?= .venv
 BIN    := $(VENV)/bin
 
-.PHONY: demo test setup clean
+.PHONY: demo test faults setup clean
 setup: $(VENV)/.installed
 
 $(VENV)/.installed: pyproject.toml constraints.txt
@@ -16,6 +17,9 @@ demo: setup
 
 test: setup
 	$(BIN)/python -m pytest
+
+faults: setup
+	$(BIN)/python benchmarks/fault_matrix.py $(FAULTS)
 
 clean:
 	rm -rf $(VENV) report sessions .truearc_cache

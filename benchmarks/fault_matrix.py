@@ -9,6 +9,7 @@ already, and right, is not played again.
 """
 
 import argparse
+import lzma
 import re
 import shutil
 import sys
@@ -58,7 +59,8 @@ def main() -> int:
 
 
 def load(path: Path) -> list[Result]:
-    return [msgspec.json.decode(line, type=Result) for line in path.read_bytes().splitlines()]
+    with (lzma.open(path) if path.suffix == ".xz" else path.open("rb")) as file:
+        return [msgspec.json.decode(line, type=Result) for line in file]
 
 
 def _run_all(args: argparse.Namespace, folder: Path) -> list[Result]:

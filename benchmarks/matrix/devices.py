@@ -123,15 +123,20 @@ class FarSide:
         elif not self._ended:                     # it may have been another who ended it
             self._ended, self._then_ns, self._balls_then = True, t_ns, balls
         elif self._arms:
-            if t_ns - self._then_ns >= (ARM_NS if span.rearm_ns else PAUSE_NS):
-                if not span.rearm_ns:
-                    span.rearm(self._now_ns())
-                self._then_ns, self._balls_then = t_ns, balls
-                self._due_ns = t_ns + ARM_NS      # disarmed and armed: not at once
-                self._arms -= 1
-                self._box.press("arm")
+            self._arm_anew(t_ns, balls)
         elif balls >= self._balls_then + BALLS or t_ns - self._then_ns > PATIENCE_S * 1e9:
             span.finish(self._now_ns())
+
+    def _arm_anew(self, t_ns: int, balls: int) -> None:
+        """Disarm and arm, as a person would: after a while, and not both at once."""
+        if t_ns - self._then_ns < (ARM_NS if self._span.rearm_ns else PAUSE_NS):
+            return
+        if not self._span.rearm_ns:
+            self._span.rearm(self._now_ns())
+        self._then_ns, self._balls_then = t_ns, balls
+        self._due_ns = t_ns + ARM_NS
+        self._arms -= 1
+        self._box.press("arm")
 
     # --- what breaks
 

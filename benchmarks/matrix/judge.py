@@ -10,10 +10,9 @@ from pathlib import Path
 import msgspec
 from msgspec import Struct
 
-from benchmarks.matrix.breaking import Process
 from benchmarks.matrix.devices import Seen
 from benchmarks.matrix.models import AnswersAgain
-from benchmarks.matrix.play import AIM, make_config
+from benchmarks.matrix.play import AIM, ends_robot, make_config
 from benchmarks.matrix.robot_side import RobotSide
 from benchmarks.matrix.rows import ITSELF, KEEPS, REARM, REFUSED, Row
 from benchmarks.matrix.span import Span
@@ -79,7 +78,7 @@ def judge(row: Row, bus: str, stepped: bool, folder: Path, said: str) -> Result:
     _judge_recovery(result, [*ticks, *later], span)
     _judge_freshness(result, folder / "session", ticks, make_config(row))
     _judge_balls(result, seen)
-    _judge_recording(result, folder, ticks)
+    _judge_recording(row, result, folder, ticks)
     return result
 
 
@@ -88,8 +87,8 @@ def _judge_fault(row: Row, result: Result, ticks: list[Tick], span: Span, seen: 
     fires_ns = [tick.inputs.t_ns for tick in ticks if tick.verdict.fire]
     if sum(t_ns < begin_ns for t_ns in fires_ns) < 2:
         result.wrong.append("had not fired before")
-    if row.breaking == Process("control", "kill"):
-        result.outcome, result.reason = "motors idle", "motors idle"
+    if ends_robot(row.breaking):
+        result.outcome = "motors idle"
         result.hold_s = (seen.idle_ns - begin_ns) * NS if seen.idle_ns else None
     else:
         _find_reason(row, result, ticks, begin_ns)
@@ -148,8 +147,9 @@ def _judge_freshness(result: Result, session: Path, ticks: list[Tick], config: C
     with (session / CAN).open(encoding="ascii") as lines:
         for line in lines:
             parsed = parse_candump(line)
-            if parsed is not None and not parsed[1] and (key := (parsed[0].arbitration_id, len(parsed[0].data))) in came:
-                came[key].append(parsed[0].t_ns)
+            if parsed is not None and not parsed[1]:
+                frame = parsed[0]
+                came.get((frame.arbitration_id, len(frame.data)), []).append(frame.t_ns)
     seen_ns = 0
     for tick in ticks:
         sighting = tick.inputs.sighting
@@ -177,7 +177,7 @@ def _judge_balls(result: Result, seen: Seen) -> None:
         result.wrong.append(f"{len(off)} balls went in at {off[0][1]:.0f} rad/s and {off[0][2]:.1f} deg")
 
 
-def _judge_recording(result: Result, folder: Path, ticks: list[Tick]) -> None:
+def _judge_recording(row: Row, result: Result, folder: Path, ticks: list[Tick]) -> None:
     session = folder / "session"
     marked = {outcome.trial for tick in ticks for outcome in tick.outcomes}
     kept = {trial.outcome.trial for trial in load_trials(session)}
@@ -185,7 +185,10 @@ def _judge_recording(result: Result, folder: Path, ticks: list[Tick]) -> None:
         result.wrong.append(f"{len(marked - kept)} marked trials are not on disk")
     answers = None
     if (folder / "robot.json").exists():
-        answers = msgspec.json.decode((folder / "robot.json").read_bytes(), type=RobotSide).answers
+        side = msgspec.json.decode((folder / "robot.json").read_bytes(), type=RobotSide)
+        answers = side.answers
+        if side.failed and not ends_robot(row.breaking):
+            result.wrong.append(f"the recording failed: {side.failed}")
     rows = RecordedRows(TickReader(session))
     config = msgspec.json.decode((session / "config.json").read_bytes(), type=Config)
     try:

@@ -55,7 +55,7 @@ class AnswersAgain(Gate):
 
 
 def write_model(path: Path, what: str) -> None:
-    """A model file with this wrong with it: "corrupted", "truncated", "foreign", "no number"; "no model" writes none."""
+    """A model file with this wrong with it: "corrupted", "truncated", "foreign", "no number" (in its domain)."""
     data = _make("Log" if what == "no number" else "Sigmoid")
     if what == "corrupted":
         middle = len(data) // 2
@@ -64,8 +64,7 @@ def write_model(path: Path, what: str) -> None:
         data = data[:len(data) // 2]
     elif what == "foreign":
         data = data.replace(b'"hood_deg"', b'"hood_rad"')
-    if what != "no model":
-        path.write_bytes(data)
+    path.write_bytes(data)
 
 
 def _make(last: str) -> bytes:

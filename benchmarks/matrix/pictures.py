@@ -108,11 +108,11 @@ class Capture:
 
     def read(self) -> tuple[bool, Image | None]:
         trouble = self._scenery.trouble
+        if trouble == "unplugged":
+            return False, None
         self._wait.wait(1.0 if trouble == "1 a second" else self._period_s)
         while self._scenery.trouble == "hangs":
             self._wait.wait(self._period_s)
-        if self._scenery.trouble == "unplugged":
-            return False, None
         self._stamp_ns = stamp(self._clock.now_ns(), self._scenery.trouble, self._scenery)
         return True, self._scenery.next()
 

@@ -17,7 +17,7 @@ from msgspec.structs import replace
 
 import robot
 from benchmarks.matrix.box import BrokenBox
-from benchmarks.matrix.breaking import Disk, Model, Process, Start, Time
+from benchmarks.matrix.breaking import Breaking, Disk, Model, Process, Start, Time
 from benchmarks.matrix.devices import FarSide
 from benchmarks.matrix.disks import mount_small_disk, unmount
 from benchmarks.matrix.far_wire import FarWire
@@ -34,6 +34,7 @@ from truearc import main as truearc
 SHIPPED = Path(robot.__file__).parent / "launcher.toml"
 AIM = Prescribed(distance_m=4.0, motor_ratio=0.3, hood_deg=20.0)
 WATCHDOG_MS = 200                     # in real time: a machine that is shared may stall for longer than a robot's
+SPARE_NS = 100_000_000                # a process goes on this much after the fault is said to be over
 LIMIT_S = 90.0
 MS = 1_000_000
 
@@ -52,7 +53,14 @@ class Place(NamedTuple):
 
     @property
     def arms(self) -> int:
-        return 0 if self.row.after != REARM else 1 if self.row.breaking == Process("control", "kill") else 2
+        if self.row.after != REARM:
+            return 0
+        return 1 if ends_robot(self.row.breaking) else 2      # a robot that starts anew is not armed
+
+
+def ends_robot(breaking: Breaking) -> bool:
+    """Whether the robot has to be started again: with its recorder nothing is left to record."""
+    return breaking in (Process("control", "kill"), Process("recorder", "kill"))
 
 
 def make_config(row: Row) -> Config:
@@ -147,6 +155,8 @@ def _play_real(place: Place) -> None:
     if place.bus[0] == "virtual":
         both = context.Process(target=_be_both, args=(place,))
         both.start()
+        if isinstance(place.row.breaking, Process):
+            _signal(place, place.row.breaking, span, both, both, context)
         _wait_for(both)
         return
     far = context.Process(target=_be_devices, args=(place,))
@@ -166,13 +176,15 @@ def _signal(place: Place, breaking: Process, span: Span, far: BaseProcess, near:
     clock = MonotonicClock()
     _wait_until(lambda: span.begin_ns > 0 or span.over_ns > 0)
     victim = far if breaking.who == "devices" else near
-    assert victim.pid is not None
-    os.kill(victim.pid, signal.SIGSTOP if breaking.signal == "stop" else signal.SIGKILL)
-    clock.sleep_until_ns(clock.now_ns() + round(place.row.lasts_s * 1e9))
+    pid_file = place.folder / f"{breaking.who}.pid"
+    pid = int(pid_file.read_text()) if pid_file.exists() else victim.pid
+    assert pid is not None
+    os.kill(pid, signal.SIGSTOP if breaking.signal == "stop" else signal.SIGKILL)
+    clock.sleep_until_ns(clock.now_ns() + round(place.row.lasts_s * 1e9) + SPARE_NS)
     if breaking.signal == "stop":
-        os.kill(victim.pid, signal.SIGCONT)
-    else:
-        victim.join()
+        os.kill(pid, signal.SIGCONT)
+    elif breaking.who != "vision":
+        victim.join()                             # a robot without its recorder ends by itself
     if breaking.who == "devices":
         span.end(clock.now_ns())
     if breaking.signal == "kill":
@@ -180,7 +192,7 @@ def _signal(place: Place, breaking: Process, span: Span, far: BaseProcess, near:
         if breaking.who == "devices":
             far = context.Process(target=_be_devices, args=(place,))
             far.start()
-        else:
+        elif breaking.who != "vision":
             again.mkdir()
             near = context.Process(target=_be_robot, args=(place, again))
             near.start()
@@ -223,7 +235,8 @@ def _be_robot(place: Place, folder: Path) -> None:
         run_robot(place.config, place.row.breaking, place.bus, str(place.folder / "box"), folder, span,
                   MonotonicClock(), False)
     finally:
-        span.finish(span.over_ns or MonotonicClock().now_ns())      # whatever it was, the devices need not go on
+        if not ends_robot(place.row.breaking) or folder != place.folder:
+            span.finish(span.over_ns or MonotonicClock().now_ns())      # whatever it was, the devices need not go on
 
 
 def _wait_until(true: Callable[[], bool]) -> None:
@@ -264,7 +277,8 @@ def _start(place: Place, what: str) -> str:
                       encoding="utf-8")
     words = ["run", "--config", str(config), "--can", ":".join(place.bus), "--out", str(out)]
     if policy == "model" and what != "policy model, no file":
-        write_model(model, what)
+        if what != "no model":
+            write_model(model, what)
         words += ["--gate", str(model)]
     if what == "no folder":
         out.write_text("a file, where no folder can be made")

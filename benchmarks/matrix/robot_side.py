@@ -7,15 +7,16 @@ from pathlib import Path
 
 import msgspec
 
-from benchmarks.matrix.breaking import Breaking, Camera, Disk, Model, Time, Wire
+from benchmarks.matrix.beside import Beside
+from benchmarks.matrix.breaking import Breaking, Camera, Disk, Model, Process, Time, Wire
 from benchmarks.matrix.disks import break_disk
 from benchmarks.matrix.models import BrokenGate
 from benchmarks.matrix.pictures import Scenery, SteppedCamera, open_camera
 from benchmarks.matrix.span import Span
 from benchmarks.matrix.wires import FlakyBus, StallingClock, StandingWall
+from doors.run_processes import make_see
 from hw.link import Bus, Clock, Stream
 from hw.link import Camera as CameraLink
-from hw.reading import CameraFrame
 from hw.real import supervised_bus
 from hw.real.can_bus import CanBus, open_can
 from hw.real.reopen import MendedCamera, MendedStream
@@ -23,7 +24,7 @@ from hw.real.serial_port import open_serial
 from hw.real.supervised_bus import WAIT_S, SupervisedBus
 from robot.bus_rules import guard
 from robot.config import Config
-from robot.eyes import InlineEyes
+from robot.eyes import Eyes, InlineEyes
 from robot.gate.model import Rating
 from robot.lateness import Lateness, TimedRig
 from robot.recording.candump import TappedBus
@@ -32,8 +33,6 @@ from robot.recording.watch import RecordingRig
 from robot.recording.writer import SessionWriter
 from robot.rig import NS_PER_S, HardwareRig
 from robot.runtime import run
-from robot.types import Sighting
-from robot.vision import detect
 from robot.watched import WatchedRig
 
 SMALL_ROOM = 64                       # frames that may wait for the tick, where an overrun is wanted
@@ -44,6 +43,7 @@ class RobotSide(msgspec.Struct):
 
     tally: dict[str, int]
     answers: list[Rating | None] | None           # what the gate said, if there was one
+    failed: str = ""                              # why the recording is not whole
 
 
 def run_robot(config: Config, breaking: Breaking, bus: tuple[str, str], box_port: str, folder: Path, span: Span,
@@ -53,34 +53,37 @@ def run_robot(config: Config, breaking: Breaking, bus: tuple[str, str], box_port
     On a stepped clock nothing needs threads of its own: the bus is read by the tick, and is not supervised.
     """
     tally: Counter[str] = Counter()
-    clock = StallingClock(clock, span, breaking == Time("late ticks"))
+    clock = StallingClock(clock, span, breaking in (Time("late ticks"), Wire("overrun")))
     gate = BrokenGate(breaking.what, span.stands, clock) if isinstance(breaking, Model) else None
     if breaking == Wire("overrun"):
         supervised_bus.ROOM = SMALL_ROOM
     with ExitStack() as wires, StandingWall(breaking, span):
-        wire, box, camera = _open(config, breaking, bus, box_port, span, clock, stepped, tally, wires)
-        recorder = SessionWriter(folder / "session", make_header(config, None, None), config, None, lossless=stepped)
+        beside = Beside(config, folder, wires) if is_beside(breaking) else None
+        wire, box = _open(config, breaking, bus, box_port, span, clock, stepped, tally, wires)
+        eyes = beside.open_eyes(clock) if beside else _open_eyes(config, breaking, span, clock, stepped, wires)
+        recorder = SessionWriter(folder / "session", make_header(config, None, None), config, None, lossless=stepped,
+                                 open_keeper=beside.open_keeper if beside else None)
         wires.callback(recorder.close)
         if isinstance(breaking, Disk):
             wires.callback(break_disk(recorder, breaking.what, span))
 
-        def see(frame: CameraFrame) -> Sighting:
-            return detect(frame, config.camera, config.tape, config.vision)
-
         lateness = Lateness(recorder.keep_lateness, NS_PER_S // config.tick_hz)
-        rig = HardwareRig(config, TappedBus(wire, recorder.tap), box, InlineEyes(camera, see), clock,
-                          lambda: span.over_ns > 0)
+        rig = HardwareRig(config, TappedBus(wire, recorder.tap), box, eyes, clock,
+                          lambda: span.over_ns > 0 or recorder.is_over())
         wires.callback(rig.release)
         kept = RecordingRig(TimedRig(rig, lateness), recorder)
         run(WatchedRig(kept, config, lambda words: None), config, gate, recorder)
-    answers = None if gate is None else gate.answers
-    (folder / "robot.json").write_bytes(msgspec.json.encode(RobotSide(dict(tally), answers)))
-    if recorder.failed is not None:
-        raise recorder.failed
+    side = RobotSide(dict(tally), None if gate is None else gate.answers, str(recorder.failed or ""))
+    (folder / "robot.json").write_bytes(msgspec.json.encode(side))
+
+
+def is_beside(breaking: Breaking) -> bool:
+    """Whether it breaks a process beside control, which is there then."""
+    return isinstance(breaking, Process) and breaking.who in ("vision", "recorder")
 
 
 def _open(config: Config, breaking: Breaking, bus: tuple[str, str], box_port: str, span: Span, clock: Clock,
-          stepped: bool, tally: Counter[str], wires: ExitStack) -> tuple[Bus, Stream, CameraLink]:
+          stepped: bool, tally: Counter[str], wires: ExitStack) -> tuple[Bus, Stream]:
     what = breaking.what if isinstance(breaking, Wire) else ""
 
     def open_flaky() -> CanBus:
@@ -93,12 +96,16 @@ def _open(config: Config, breaking: Breaking, bus: tuple[str, str], box_port: st
     wires.callback(wire.close)
     box = MendedStream(lambda: open_serial(box_port, config.buttons.baud))
     wires.callback(box.close)
+    return guard(wire, config, clock, tally), box
+
+
+def _open_eyes(config: Config, breaking: Breaking, span: Span, clock: Clock, stepped: bool, wires: ExitStack) -> Eyes:
     scenery = Scenery(config, breaking.what if isinstance(breaking, Camera) else "", span.stands)
     fps = config.camera.fps
     camera: CameraLink = SteppedCamera(scenery, fps, clock) if stepped else MendedCamera(
         lambda: open_camera(scenery, fps, clock))
     wires.callback(camera.close)
-    return guard(wire, config, clock, tally), box, camera
+    return InlineEyes(camera, make_see(config))
 
 
 def _watching(open_flaky: Callable[[], CanBus], what: str, span: Span) -> Callable[[], CanBus]:

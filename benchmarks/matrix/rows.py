@@ -127,7 +127,7 @@ def _wires() -> list[Row]:
             real=True),
         Row("adapter pulled out, and in again", "adapter", Wire("adapter out"), "CAN lost", STALE_S, REARM,
             lasts_s=1.5, real=True),
-        Row("the transmit queue is full", "queue full", Wire("queue full"), "frames? could not be sent", STALE_S, REARM),
+        Row("the transmit queue is full", "queue full", Wire("queue full"), "could not be sent", STALE_S, REARM),
         Row("the receive queue overruns (64 frames), the tick stalls", "queue full", Wire("overrun"),
             "frames lost, the tick came too late", 0.8, REARM, lasts_s=0.6, real=True)]
 
@@ -139,11 +139,11 @@ def _camera() -> list[Row]:
                 ("the same image again and again", "frozen", seen, SEEN_S, ITSELF, 1.0, True),
                 ("no images", "hangs", seen, SEEN_S, ITSELF, 1.0, False),
                 ("no images for 3 s", "hangs", "camera lost", 2.4, ITSELF, 3.0, True),
-                ("pulled out, and in again", "unplugged", "camera lost", SEEN_S, ITSELF, 1.0, True),
+                ("pulled out, and in again", "unplugged", "camera lost", SEEN_S, ITSELF, 1.5, True),
                 ("black", "black", seen, SEEN_S, ITSELF, 1.0, False),
                 ("saturated", "saturated", seen, SEEN_S, ITSELF, 1.0, False),
                 ("images half a second old", "slow", seen, SEEN_S, ITSELF, 1.0, False),
-                ("one image a second", "1 a second", seen, SEEN_S, ITSELF, 2.0, False),
+                ("one image a second", "1 a second", seen, SEEN_S, KEEPS, 3.0, False),
                 ("two targets", "two targets", seen, SEEN_S, ITSELF, 1.0, False),
                 ("reflection on the floor", "reflections", "", 0.0, KEEPS, 1.0, False),
                 ("another place", "elsewhere", "stand at", 0.3, ITSELF, 1.0, False),
@@ -203,7 +203,15 @@ def _near() -> list[Row]:
         Row("control process stopped for 0.6 s (SIGSTOP)", "process", Process("control", "stop"), "ticks stood still",
             0.8, REARM),
         Row("control process killed, started again", "process", Process("control", "kill"), "motors idle", 0.25, REARM,
-            lasts_s=2.0, buses=("slcan", "socketcan"))]
+            lasts_s=2.0, buses=("slcan", "socketcan")),
+        Row("vision process stopped for 1 s (SIGSTOP)", "process", Process("vision", "stop"),
+            "target last seen|camera lost", SEEN_S, lasts_s=1.0, real=True),
+        Row("vision process killed, which starts again", "process", Process("vision", "kill"),
+            "camera lost: the vision process", 0.3, lasts_s=0.3, real=True),
+        Row("recorder process stopped for 3 s (SIGSTOP)", "process", Process("recorder", "stop"),
+            "not recording: the recorder does not answer", 2.0, lasts_s=3.0, real=True),
+        Row("recorder process killed, all started again", "process", Process("recorder", "kill"), "motors idle", 1.0,
+            REARM, lasts_s=2.0, buses=("slcan", "socketcan"))]
 
 
 ROWS = tuple([*_frames(), *_devices(), *_wires(), *_camera(), *_box(), *_near()])

@@ -56,8 +56,9 @@ def _short(words: str) -> str:
 
 def _summary(results: Sequence[Result]) -> str:
     faults = {result.fault for result in results}
-    return (f"{len(faults)} faults, {len(results)} runs, {sum(bool(result.wrong) for result in results)} of them not as "
-            f"they should be; {sum(result.ticks for result in results)} ticks, "
-            f"{sum(result.fires for result in results)} of them FIRE, "
-            f"{sum(result.stale for result in results)} of these on a reading that was too old; "
-            f"{sum(result.tries > 1 for result in results)} runs were played again because the machine stalled.")
+    wrong = sum(bool(result.wrong) for result in results)
+    ticks, fires, stale = (sum(getattr(result, name) for result in results) for name in ("ticks", "fires", "stale"))
+    again = sum(result.tries > 1 for result in results)
+    return (f"{len(faults)} faults, {len(results)} runs, {wrong} of them not as they should be; {ticks} ticks, {fires} "
+            f"of them FIRE, {stale} of these on a reading that was too old. {again} runs in real time were played again, "
+            "because the machine had stalled.")
