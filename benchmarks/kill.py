@@ -1,10 +1,11 @@
 """What a recording loses to `kill -9` at random moments.
 
-    python benchmarks/kill.py [--kills 200] [--seed 0] [--pace twin|robot] [--folder DIR]
+    python benchmarks/kill.py [--kills 200] [--seed 0] [--pace twin|robot] [--layout three|one] [--folder DIR]
 
 A child process records real ticks, CAN frames and images over and over, marks a trial every quarter of a second, and
 says on a pipe what it has handed to the recorder; it is killed, and what it said is compared with what is on disk.
-`twin`: as fast as it can, the recorder making it wait; `robot`: 200 ticks a second, never waiting.
+`twin`: as fast as it can, the recorder making it wait; `robot`: 200 ticks a second, never waiting. At the robot's pace
+the recorder is a process of its own, which lives on when the child is killed, or (`--layout one`) threads of the child.
 """
 
 import argparse
@@ -17,13 +18,14 @@ import sys
 import tempfile
 import threading
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import NamedTuple
 
 from msgspec.structs import replace
 
 import robot
-from doors.twin import emulate
+from doors.run_processes import RecorderProcess
 from hw.link import Frame
 from hw.reading import CameraFrame
 from hw.real.clock import MonotonicClock
@@ -53,17 +55,17 @@ class Killed(NamedTuple):
     faults: list[str]                 # whatever a reader had to object to
 
 
-def kill_once(source: Path, folder: Path, seed: int, pace: str) -> Killed:
+def kill_once(source: Path, folder: Path, seed: int, pace: str, layout: str = "one") -> Killed:
     """Record into `folder`, kill the recorder at a moment drawn from `seed`, read what is there and repair it."""
-    child = subprocess.Popen([sys.executable, __file__, "--child", str(source), str(folder), "--pace", pace],
-                             stdout=subprocess.PIPE)
+    child = subprocess.Popen([sys.executable, __file__, "--child", str(source), str(folder), "--pace", pace,
+                              "--layout", layout], stdout=subprocess.PIPE)
     assert child.stdout is not None
     said = child.stdout.read(SAID.size)
     if len(said) < SAID.size:
         raise RuntimeError("the child said nothing")
     timer = threading.Timer(random.Random(seed).uniform(0.0, LONGEST_S), os.kill, (child.pid, signal.SIGKILL))
     timer.start()
-    said += child.stdout.read()
+    said += child.stdout.read()       # to its end, which is the recorder's: it has the same output
     child.wait()
     child.stdout.close()
     whole = len(said) // SAID.size * SAID.size
@@ -99,10 +101,12 @@ def _judge(folder: Path, said_ns: int, marked: int) -> Killed:
                   max(min(recovered.trials, marked) - kept, 0), faults)
 
 
-def record_for_ever(source: Path, folder: Path, pace: str) -> None:
+def record_for_ever(source: Path, folder: Path, pace: str, layout: str) -> None:
     """The child: never ends by itself."""
-    clock = MonotonicClock()
-    recorder = SessionWriter(folder, load_header(source), load_session_config(source), None, lossless=pace == "twin")
+    clock, config = MonotonicClock(), load_session_config(source)
+    open_keeper = RecorderProcess(ExitStack()).open_keeper if layout == "three" else None
+    recorder = SessionWriter(folder, load_header(source), config, None, lossless=pace == "twin",
+                             open_keeper=open_keeper)
     picture = load_image(source, load_pictures(source)[0])
     assert picture is not None
     due_ns, marked = clock.now_ns(), 0
@@ -143,22 +147,28 @@ def main() -> None:
     parser.add_argument("--kills", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--pace", choices=("twin", "robot"), default="robot")
+    parser.add_argument("--layout", choices=("three", "one"), help="default: three, or one at the twin's pace")
     parser.add_argument("--folder", type=Path, help="where to record (default: the system's temporary folder)")
     parser.add_argument("--child", type=Path, nargs=2, help=argparse.SUPPRESS)
     args = parser.parse_args()
     if args.child:
-        record_for_ever(*args.child, args.pace)
+        record_for_ever(*args.child, args.pace, args.layout)
+    layout = args.layout or ("three" if args.pace == "robot" else "one")
+    from doors.twin import emulate  # not for the child, nor for its recorder, which imports this file again
+
     with tempfile.TemporaryDirectory(dir=args.folder) as folder:
         source = Path(folder) / "source"
         emulate(load_config(Path(robot.__file__).parent / "launcher.toml"), source, trials=1, seed=args.seed)
-        report([kill_once(source, Path(folder) / f"{number}", args.seed + number, args.pace)
-                for number in range(args.kills)], args.pace)
+        report([kill_once(source, Path(folder) / f"{number}", args.seed + number, args.pace, layout)
+                for number in range(args.kills)], args.pace, layout)
 
 
-def report(kills: list[Killed], pace: str) -> None:
+def report(kills: list[Killed], pace: str, layout: str) -> None:
     """The table."""
     lost = sorted(kill.lost_s for kill in kills)
-    print(f"{len(kills)} kills at the {pace}'s pace, after {sum(kill.said_s for kill in kills):.0f} s of ticks")
+    where = "in a process of its own" if layout == "three" else "in the process that is killed"
+    print(f"{len(kills)} kills at the {pace}'s pace, recorder {where}, after "
+          f"{sum(kill.said_s for kill in kills):.0f} s of ticks")
     print(f"ticks lost           median {lost[len(lost) // 2]:.3f} s, worst {lost[-1]:.3f} s (promised: 0.25 s)")
     print(f"marked trials        {sum(kill.marked for kill in kills)}, lost {sum(kill.marks_lost for kill in kills)}, "
           f"of which recover put back {sum(kill.marks_recovered for kill in kills)}")

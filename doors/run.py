@@ -12,21 +12,18 @@ from contextlib import ExitStack
 from pathlib import Path
 from types import FrameType
 
-import cv2
-
-from doors.operator_page import PORT, add_page_argument, open_page, parse_page, with_page
+from doors.operator_page import PORT, add_page_argument, parse_page
 from doors.ports import add_port_arguments, with_ports
+from doors.run_processes import LAYOUTS, Layout, PageWanted
 from doors.wires import open_bus
-from hw.link import Bus, Camera, Clock, LinkLost, Stream
-from hw.reading import CameraFrame
-from hw.real.camera import open_camera
+from hw.link import Bus, Clock, LinkLost, Stream
 from hw.real.clock import MonotonicClock, wall_clock
 from hw.real.realtime import ask_core, ask_fifo, ask_locked_memory
-from hw.real.reopen import MendedCamera, MendedStream
+from hw.real.reopen import MendedStream
 from hw.real.serial_port import open_serial
 from hw.real.service import ServiceManager
 from robot.config import BadInput, Config, load_config
-from robot.eyes import InlineEyes
+from robot.eyes import Eyes
 from robot.gate.model import load_gate
 from robot.lateness import Lateness, TimedRig
 from robot.plan import load_plan, with_plan
@@ -36,8 +33,6 @@ from robot.recording.watch import RecordingRig
 from robot.recording.writer import SessionWriter
 from robot.rig import NS_PER_S, HardwareRig
 from robot.runtime import run
-from robot.types import Sighting
-from robot.vision import detect
 from robot.watched import WatchedRig
 
 DESCRIPTION = "Run the launcher on its real wires and record it; ends on Ctrl-C or SIGTERM with the motors idle."
@@ -57,6 +52,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--core", type=int, metavar="N", help="keep the control loop on this core (default: any)")
     parser.add_argument("--priority", type=int, default=50, metavar="P", help="of the control loop under SCHED_FIFO, "
                         "1 to 99, where the system allows it (default: 50); 0 does not ask")
+    parser.add_argument("--layout", choices=tuple(LAYOUTS), default="three", help="how many processes: three (control, "
+                        "vision, recorder; the default), or all in one, to compare")
 
 
 class Ending:
@@ -80,34 +77,29 @@ def main(args: argparse.Namespace) -> int:
     if config.gate.policy == "model" and gate is None:
         raise BadInput(f"{args.config}: gate.policy is 'model', so --gate is needed")
     if config.gate.policy != "model" and gate is not None:
-        print(f"truearc run: {args.config} has gate.policy {config.gate.policy!r}: the model is asked, not obeyed",
-              file=sys.stderr)
+        _say(f"{args.config} has gate.policy {config.gate.policy!r}: the model is asked, not obeyed")
     started = wall_clock()
     folder = make_room(args.out, started)
     ending = Ending()
     with ExitStack() as wires:
         tally: Counter[str] = Counter()
-        bus, box, camera, clock = _open_wires(config, wires, tally)
+        layout = LAYOUTS[args.layout](config, wires, PageWanted(args.page, config, folder.name))
+        bus, box, eyes, clock = _open_wires(config, layout, wires, tally)
         recorder = SessionWriter(folder, make_header(config, gate, started), config,
-                                 args.gate.read_bytes() if args.gate else None, lossless=False)
+                                 args.gate.read_bytes() if args.gate else None, lossless=False,
+                                 open_keeper=layout.open_keeper)
         wires.callback(recorder.close)
-
-        def see(frame: CameraFrame) -> Sighting:
-            return detect(frame, config.camera, config.tape, config.vision)
-
-        eyes = InlineEyes(camera, see)
+        _say(f"control is process {os.getpid()}", *layout.lines())
         manager = ServiceManager(os.environ.get("NOTIFY_SOCKET"))
         wires.callback(manager.close)
         lateness = Lateness(recorder.keep_lateness, NS_PER_S // config.tick_hz)
         wires.callback(lateness.close)
-        page = open_page(args.page, config, folder.name, clock)
-        if page is not None:
-            wires.callback(page.close)
-        rig = HardwareRig(config, TappedBus(bus, recorder.tap), box, eyes, clock, lambda: ending.asked)
+        rig = HardwareRig(config, TappedBus(bus, recorder.tap), box, eyes, clock,
+                          lambda: ending.asked or recorder.is_over())
         wires.callback(rig.release)               # first of all to be done on the way out, whatever happened
         _ask_for_real_time(args)
         kept = RecordingRig(TimedRig(rig, lateness), recorder)
-        ticks = run(WatchedRig(kept, config, manager.say), config, gate, with_page(recorder, page))
+        ticks = run(WatchedRig(kept, config, manager.say), config, gate, layout.show(recorder))
     print(f"{folder}: {ticks} ticks" + (f", {recorder.dropped} batches lost" if recorder.dropped else ""))
     print(*lateness.lines(), sep="\n")
     for what, count in sorted(tally.items()):
@@ -131,24 +123,21 @@ def make_room(out: Path, started: str) -> Path:
     return next(out / name for name in names if not (out / name).exists())
 
 
-def _open_wires(config: Config, wires: ExitStack, tally: Counter[str]) -> tuple[Bus, Stream, Camera, Clock]:
+def _open_wires(config: Config, layout: Layout, wires: ExitStack,
+                tally: Counter[str]) -> tuple[Bus, Stream, Eyes, Clock]:
     """Every wire of the configuration, to be closed by `wires`; BadInput names the one that cannot be opened.
 
     `tally` counts what happens on the CAN bus beside what should.
     """
-    cv2.setNumThreads(1)
     clock = MonotonicClock()
     try:
         bus = open_bus(config, clock, wires, tally)
         box = MendedStream(lambda: open_serial(config.buttons.port, config.buttons.baud))
         wires.callback(box.close)
-        look = config.camera
-        camera = MendedCamera(lambda: open_camera(look.device, look.width_px, look.height_px, look.fps, clock,
-                                                  look.exposure_s))
-        wires.callback(camera.close)
+        eyes = layout.open_eyes(clock)
     except LinkLost as error:
         raise BadInput(f"cannot start: {error}") from error
-    return bus, box, camera, clock
+    return bus, box, eyes, clock
 
 
 def _check_real_time(args: argparse.Namespace) -> None:
@@ -163,7 +152,11 @@ def _ask_for_real_time(args: argparse.Namespace) -> None:
     answers = [] if args.priority == 0 else [ask_fifo(args.priority), ask_locked_memory()]
     answers += [] if args.core is None else [ask_core(args.core)]
     for asked, refused in answers:
-        print(f"truearc run: {asked}: " + (f"REFUSED ({refused}); ticks may come late, see docs/deploy.md" if refused
-                                           else "granted"), file=sys.stderr)
+        _say(f"{asked}: " + (f"REFUSED ({refused}); ticks may come late, see docs/deploy.md" if refused else "granted"))
     gc.collect()
     gc.freeze()                                   # what is there by now will stay: the collector need not look again
+
+
+def _say(*lines: str) -> None:
+    for line in lines:
+        print(f"truearc run: {line}", file=sys.stderr)

@@ -15,10 +15,23 @@ def remember(inputs: Inputs, memory: Memory, config: Config) -> Memory:
     if seen is not None and seen.found:
         memory = replace(memory, last_sighting=replace(seen, corners_px=()))
     motor = inputs.hood_motor
+    if memory.homed and not memory.armed and _screw_differs(inputs, memory, config):
+        memory = replace(memory, homed=False)     # its motor has lost count, in a reset for one: arming homes it again
     if not memory.homed and memory.armed and motor.endstop and (
             is_fresh(inputs, motor.endstop_t_ns, config) and is_fresh(inputs, motor.t_ns, config)):
         memory = replace(memory, homed=True, screw_zero_rad=motor.position_rad)
     return memory
+
+
+def _screw_differs(inputs: Inputs, memory: Memory, config: Config) -> bool:
+    """Whether the hood's encoder and its screw are known and say different things."""
+    angle, motor = inputs.hood_angle, inputs.hood_motor
+    if angle is None or not (is_fresh(inputs, angle.t_ns, config) and is_fresh(inputs, motor.t_ns, config)):
+        return False
+    screw_deg = elevation_from_screw_deg(motor.position_rad - memory.screw_zero_rad, config.hood)
+    encoder_deg = elevation_from_encoder_deg(angle.angle_rad, config.hood_encoder)
+    return angle.magnet_ok and not (screw_deg is not None
+                                    and abs(encoder_deg - screw_deg) <= config.hood.crosscheck_deg)
 
 
 def is_fresh(inputs: Inputs, t_ns: int, config: Config) -> bool:

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Protocol
 
-from hw.link import Camera
+from hw.link import Camera, LinkLost
 from hw.reading import CameraFrame
 from robot.types import Sighting
 
@@ -40,7 +40,15 @@ class InlineEyes:
         if picture is None:
             return None
         self._picture = picture
-        return self._see(picture)
+        try:
+            return self._see(picture)
+        except Exception as error:    # whatever vision or its libraries may raise: the loop goes on, and holds
+            raise LinkLost(vision_failed(error)) from error
 
     def picture(self) -> CameraFrame | None:
         return self._picture
+
+
+def vision_failed(error: Exception) -> str:
+    """In words, of an image that vision could make nothing of, not even that there is no target."""
+    return f"vision failed on an image ({type(error).__name__}: {error})"

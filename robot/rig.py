@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator
 
 from msgspec import UNSET
+from msgspec.structs import replace
 
 from hw import canandmag
 from hw.buttons import SEQ_COUNT, lost_presses, parse_lines
@@ -17,6 +18,7 @@ from robot.types import Command, Inputs, Sent, Sighting, Tick
 NS_PER_S = 1_000_000_000
 BOX_SILENT_NS = 1_500_000_000         # three missed heartbeats of the button box
 CAN_LOST = "CAN lost: "               # how that fault begins
+STALL_NS = 500_000_000                # for so long after ticks have stood still what comes in may have waited meanwhile
 
 
 class HardwareRig:
@@ -40,6 +42,11 @@ class HardwareRig:
         self._cycle = 0
         self._due_ns = clock.now_ns()
         self.late_ns = 0              # how long after its turn the newest tick came
+        self._patience_ns = round(config.gate.reading_age_s * NS_PER_S)
+        self._stood_ns = self._stalled_ns = 0     # for how long ticks have stood still, and until when
+        self._read_ns = 0
+        self._unsent = 0              # frames of the last tick that the bus did not take
+        self._withheld = False        # the ball that is being fed was asked for too long ago
         self._started = False
         self._faults: list[str] = []
         self._frames = 0
@@ -53,11 +60,11 @@ class HardwareRig:
         self._due_ns = max(turn_ns, self._clock.now_ns())   # after a stall: skip, never burst
         self._clock.sleep_until_ns(self._due_ns)
         self.late_ns = self._clock.now_ns() - turn_ns
-        self._faults = []
+        self._faults = self._stall()
         self._read_bus()
         self._faults += self._bus.faults()
         sighting = self._read_eyes()
-        t_ns = self._clock.now_ns()               # nothing that was stamped on its way in is younger than the tick
+        self._read_ns = t_ns = self._clock.now_ns()       # nothing stamped on its way in is younger than the tick
         buttons = self._read_box(t_ns)
         for name, motor in zip(self._names, self._motors, strict=True):
             self._faults += [f"{name}: {fault}" for fault in motor.faults(t_ns)]
@@ -69,12 +76,13 @@ class HardwareRig:
     def write(self, command: Command) -> Sent:
         """Send what each motor needs to do as asked; says what really went out."""
         t_ns = self._clock.now_ns()
+        command = self._withhold(command, t_ns)
         frames = self._start()
         orders = [motor.order(torque_nm if command.enable else None, t_ns)
                   for motor, torque_nm in zip(self._motors, self._torques_nm(command), strict=True)]
         for order in orders:
             frames += order.frames
-        refused = sum(not self._send(frame) for frame in frames)
+        self._unsent = refused = sum(not self._send(frame) for frame in frames)
         return _sent(command.enable, orders, refused)
 
     def picture(self) -> CameraFrame | None:
@@ -85,6 +93,21 @@ class HardwareRig:
         for motor in self._motors:
             for frame in motor.release():
                 self._send(frame)
+
+    def _stall(self) -> list[str]:
+        """Ticks that stood still leave frames in queues, which are stamped when they are taken out: too young."""
+        now_ns = self._clock.now_ns()
+        if self.late_ns > self._patience_ns:
+            self._stood_ns, self._stalled_ns = self.late_ns, now_ns + STALL_NS
+        if now_ns >= self._stalled_ns:
+            return []
+        return [f"ticks stood still for {self._stood_ns / NS_PER_S:.2f} s"]
+
+    def _withhold(self, command: Command, t_ns: int) -> Command:
+        """A tick that took too long knew its readings too long ago: its ball is not fed, now or in the next tick."""
+        late = t_ns - self._read_ns > self._patience_ns
+        self._withheld = command.feeder_torque_nm != 0.0 and (self._withheld or late)
+        return replace(command, feeder_torque_nm=0.0) if self._withheld else command
 
     def _make_handlers(self) -> dict[tuple[int, bool], Callable[[Frame], None]]:
         handlers: dict[tuple[int, bool], Callable[[Frame], None]] = {
@@ -104,6 +127,8 @@ class HardwareRig:
             self._faults.append(f"{CAN_LOST}{error}")
             return
         self._frames = len(frames)
+        if self._unsent:
+            self._faults.append(f"{self._unsent} frames could not be sent")
         handlers = self._handlers
         for frame in frames:
             handler = handlers.get((frame.arbitration_id, frame.is_extended))

@@ -46,7 +46,7 @@ class OdriveNode:
         self.motor: str | None = motor
         self.bad_frames = 0
         self._axis, self._name, self._plant, self._endstop = axis, motor, plant, endstop
-        self._settings = settings or OdriveSettings()
+        self.settings = settings or OdriveSettings()
         self._codec = load_codec("odrive")
         self._base_id = axis.node << 5
         self._handlers = {self._codec.base_id(name): (name, take) for name, take in (
@@ -60,8 +60,8 @@ class OdriveNode:
         self.state = odrive.IDLE
         self.errors = self.disarm_reason = self._procedure_result = 0
         self._control_mode, self._input_mode = odrive.POSITION, odrive.PASSTHROUGH     # a new device's own
-        self._velocity_limit_rad_s = self._settings.velocity_limit_rad_s
-        self._current_limit_a = self._settings.current_limit_a
+        self._velocity_limit_rad_s = self.settings.velocity_limit_rad_s
+        self._current_limit_a = self.settings.current_limit_a
         self._asked_nm = 0.0                      # the device's own sign, as the float32 that came
         self._torque_nm = 0.0                     # the robot's sign
         self._truth = self._plant.motor(self._name)
@@ -69,6 +69,15 @@ class OdriveNode:
         self._expires_ns = NEVER_NS
         self._reports = self._make_reports(t_ns + PHASE_NS)
         self._due_ns = min(report.due_ns for report in self._reports)
+
+    def forget(self, settings: OdriveSettings, t_ns: int) -> None:
+        """Power is back, and what was stored is not: it is configured like this now."""
+        self.settings = settings
+        self.restart(t_ns)
+
+    def give_up(self, error: int) -> None:
+        """Leave closed loop, for a reason of its own; without one (0) it does not even say so."""
+        self._disarm(error)
 
     def ids(self) -> tuple[tuple[int, bool], ...]:
         questions = (self._codec.base_id(name) for name in ("Get_Version", *self._answers()))
@@ -121,7 +130,7 @@ class OdriveNode:
         if abs(velocity) > OVERSPEED * limit:
             self._disarm(odrive.VELOCITY_LIMIT)
             return
-        most, gain = self._current_limit_a * self._settings.torque_nm_a, self._settings.velocity_gain_nm_s
+        most, gain = self._current_limit_a * self.settings.torque_nm_a, self.settings.velocity_gain_nm_s
         asked = min(max(self._asked_nm, (-limit - velocity) * gain), (limit - velocity) * gain)
         self._torque_nm = self._axis.direction * min(max(asked, -most), most)
 
@@ -170,7 +179,7 @@ class OdriveNode:
 
     def _take_sdo(self, values: Values, t_ns: int) -> list[Frame]:
         endpoint = int(values["endpoint"])
-        table = dict(self._settings.parameters)
+        table = dict(self.settings.parameters)
         if self._endstop is not None:
             table[self._axis.endstop_endpoint] = int(self._endstop())
         if values["opcode"] != odrive.SDO_READ or endpoint not in table:
@@ -178,10 +187,10 @@ class OdriveNode:
         return [self._make("TxSdo", {"endpoint": endpoint, "value": table[endpoint]})]
 
     def _feed(self, t_ns: int) -> None:
-        self._expires_ns = t_ns + self._settings.watchdog_ms * MS if self._settings.watchdog_ms else NEVER_NS
+        self._expires_ns = t_ns + self.settings.watchdog_ms * MS if self.settings.watchdog_ms else NEVER_NS
 
     def _make_reports(self, phase_ns: int) -> tuple[Report, ...]:
-        settings = self._settings
+        settings = self.settings
         periods_ms = (settings.heartbeat_ms, settings.error_ms, settings.encoder_ms, settings.current_ms,
                       settings.bus_ms)
         return tuple(Report(period_ms * MS, phase_ns, make)
@@ -212,7 +221,7 @@ class OdriveNode:
                                                     "velocity_rev_s": sign * truth.velocity_rad_s / REVOLUTION_RAD})
 
     def _make_iq(self) -> Frame:
-        setpoint_a = self._asked_nm / self._settings.torque_nm_a
+        setpoint_a = self._asked_nm / self.settings.torque_nm_a
         measured_a = self._axis.direction * self._truth.current_a
         return self._make("Get_Iq", {"setpoint_a": setpoint_a, "measured_a": measured_a})
 
@@ -223,7 +232,7 @@ class OdriveNode:
         return self._make("Get_Bus_Voltage_Current", {"bus_v": bus_v, "bus_a": bus_a})
 
     def _make_version(self) -> Frame:
-        major, minor, revision = self._settings.firmware
+        major, minor, revision = self.settings.firmware
         return self._make("Get_Version", {
             "protocol": 2, "hardware_line": 5, "hardware_version": 2, "hardware_variant": 0, "firmware_major": major,
             "firmware_minor": minor, "firmware_revision": revision, "firmware_unreleased": 0})

@@ -34,6 +34,8 @@ class CameraThread:
         self._half_exposure_ns = int(exposure_s * 5e8)
         self._lock = threading.Lock()
         self._newest: CameraFrame | None = None
+        self._last: np.ndarray[Any, np.dtype[np.uint8]] | None = None
+        self._frozen = False
         self._heard_ns = clock.now_ns()
         self._lost = ""
         self._stop = threading.Event()
@@ -48,7 +50,8 @@ class CameraThread:
         if newest is not None:
             return newest
         if lost or self._clock.now_ns() - heard_ns > SILENT_NS:
-            raise LinkLost(f"camera {self.name}: {lost or 'gives no images'}")
+            why = "gives the same image again and again" if self._frozen else "gives no images"
+            raise LinkLost(f"camera {self.name}: {lost or why}")
         return None
 
     def close(self) -> None:
@@ -75,6 +78,11 @@ class CameraThread:
             self._capture.release()
 
     def _keep(self, image: np.ndarray[Any, np.dtype[np.uint8]]) -> None:
+        # Noise makes every image another one; a driver that hangs may hand out its last one for ever.
+        self._frozen = self._last is not None and np.array_equal(image, self._last)
+        if self._frozen:
+            return
+        self._last = image
         now_ns = self._clock.now_ns()
         driver_ns = int(self._capture.get(cv2.CAP_PROP_POS_MSEC) * NS_PER_MS) if self._stamped else 0
         began_ns = driver_ns if now_ns - STALE_NS < driver_ns <= now_ns else now_ns

@@ -90,7 +90,7 @@ class CanBus:
         try:
             message = self._bus.recv(wait_s)
         except (can.CanError, OSError, ValueError, IndexError) as error:
-            if self._serial_lines and isinstance(error, ValueError | IndexError):
+            if self._serial_lines and self._is_garbled(error):
                 self.tally["garbled lines"] += 1
                 return None
             raise LinkLost(f"{self.name}: {error}") from error          # ValueError: a socket closed under the reader
@@ -100,6 +100,13 @@ class CanBus:
             if BUS_OFF in words:
                 raise LinkLost(f"{self.name}: {BUS_OFF}")
         return message
+
+    def _is_garbled(self, error: Exception) -> bool:
+        """Whether a serial adapter's line was no line of its protocol, rather than that it is gone."""
+        if isinstance(error.__cause__, UnicodeDecodeError):
+            self._bus.flush()                     # the library would stumble over the same bytes for ever
+            return True
+        return isinstance(error, ValueError | IndexError)
 
 
 def open_can(interface: str, channel: str, bitrate: int, clock: Clock, wait_s: float = 0.0,

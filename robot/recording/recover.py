@@ -11,6 +11,7 @@ from msgspec import Struct
 from robot.config import BadInput, in_words
 from robot.recording.appender import claim
 from robot.recording.candump import parse_candump
+from robot.recording.files import TickFile
 from robot.recording.images import load_image
 from robot.recording.reader import TickReader
 from robot.recording.salvage import salvage
@@ -26,7 +27,7 @@ from robot.recording.session import (
     load_session_config,
     make_trials,
 )
-from robot.recording.writer import BATCH_NS, TickFile
+from robot.recording.writer import BATCH_NS
 from robot.types import Tick
 
 

@@ -210,6 +210,18 @@ def test_a_garbled_line_is_counted_and_the_next_one_heard(adapter, clock) -> Non
     bus.close()
 
 
+def test_bytes_that_are_no_text_are_a_garbled_line_too(adapter, clock) -> None:
+    far, port = adapter
+    bus = open_can("slcan", port, 1_000_000, clock, wait_s=0.02)
+    os.write(far, b"t0298\xff\xfe\r")
+    for _ in range(500):
+        if bus.receive(0.02) is None and bus.tally["garbled lines"]:
+            break
+    os.write(far, b"t029199\r")
+    assert receive_until(bus, b"\x99")[-1] == Frame(0, 0x29, b"\x99") and bus.tally["garbled lines"] >= 1
+    bus.close()
+
+
 def test_an_adapter_that_takes_nothing_refuses(adapter, clock) -> None:
     _, port = adapter
     bus = open_can("slcan", port, 1_000_000, clock)

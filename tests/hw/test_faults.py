@@ -8,13 +8,28 @@ import pytest
 from hw import odrive
 from hw.canandmag import Encoder, make_position_period
 from hw.emulated.canandmag_node import CanandmagNode
-from hw.emulated.faults import OVERWRITTEN, SILENT, TRUNCATED, UNPLUGGED, UNPOWERED, Fault, FaultyNode
+from hw.emulated.faults import (
+    DEAF,
+    DOUBLED,
+    HELD,
+    LENGTHENED,
+    MOVED,
+    OVERWRITTEN,
+    SILENT,
+    STUCK,
+    TRUNCATED,
+    UNPLUGGED,
+    UNPOWERED,
+    Fault,
+    FaultyNode,
+)
 from hw.emulated.odrive_node import OdriveNode
 from hw.emulated.twin import Twin
 from hw.link import BadFrame
 from hw.odrive import CLOSED_LOOP, IDLE, PASSTHROUGH, TORQUE, Axis
 from hw.reading import MotorReading
 from hw.real.can_bus import open_can
+from tests.hw.spinning_plant import SpinningPlant
 
 MS = 1_000_000
 AXIS = Axis(1, 1)
@@ -111,3 +126,36 @@ def test_an_encoder_without_power_forgets_its_period_and_its_turns(plant, clock)
     far.close()
     assert (len(before), len(after)) == (19, 11)            # every 10 ms; then every 20 ms from 300 ms on
     assert before[-1].data[:4] != bytes(4) and after[-1].data[:4] == bytes(4)
+
+
+def test_a_deaf_node_speaks_on_until_its_watchdog_bites(wired) -> None:
+    heard, node = wired(Fault(DEAF, 300 * MS, 700 * MS))
+    assert len(estimates(heard)) == 100 and node.errors == odrive.WATCHDOG_EXPIRED
+
+
+def test_a_stuck_node_says_the_same_again_and_again(wired) -> None:
+    heard, _ = wired(Fault(STUCK, 300 * MS, 700 * MS, frame_id=ESTIMATE_ID))
+    said = [frame.data for frame in estimates(heard)]
+    assert len(said) == 100 and said[30:70] == [said[30]] * 40 and len(set(said)) == 61
+
+
+def test_a_node_whose_frames_come_twice(wired) -> None:
+    heard, _ = wired(Fault(DOUBLED, 300 * MS, 700 * MS, frame_id=ESTIMATE_ID))
+    assert len(estimates(heard)) == 140
+
+
+def test_frames_held_back_all_come_at_the_end_in_order(wired) -> None:
+    heard, _ = wired(Fault(HELD, 300 * MS, 700 * MS))
+    stamps = [frame.t_ns for frame in estimates(heard)]
+    assert len(stamps) == 100 and not [t_ns for t_ns in stamps if 305 * MS < t_ns < 700 * MS]
+    assert stamps.count(705 * MS) == 41
+    positions = [odrive.parse(AXIS, frame, MotorReading()).position_rad for frame in estimates(heard)]
+    assert positions == sorted(positions)
+
+
+def test_frames_under_another_id_and_of_another_length(wired) -> None:
+    heard, _ = wired(Fault(MOVED, 300 * MS, 700 * MS, frame_id=ESTIMATE_ID, by=0x20))
+    assert len(estimates(heard)) == 60 and sum(frame.arbitration_id == 0x49 for frame in heard) == 40
+    node = FaultyNode(OdriveNode(AXIS, "flywheel_a", SpinningPlant()), ())
+    node.suffer(Fault(LENGTHENED, 0, MS * 10, frame_id=ESTIMATE_ID, length=12))
+    assert {len(frame.data) for frame in node.step(5 * MS) if frame.arbitration_id == ESTIMATE_ID} == {12}

@@ -191,3 +191,43 @@ def test_a_box_that_was_without_power_is_said_to_have_restarted(bench):
     assert inputs.faults == ("button box: restarted",) and [event.button for event in inputs.buttons] == ["fire"]
     box.data = buttons.make_heartbeat(1)
     assert rig.read().faults == ()
+
+
+def test_ticks_that_stood_still_are_a_fault_until_all_that_waited_has_been_read(bench):
+    _, _, clock, rig = bench
+    assert not any("stood still" in fault for fault in rig.read().faults)
+    clock.t_ns += 600_000_000
+    stood = []
+    for _ in range(120):
+        inputs = rig.read()
+        stood += [inputs.t_ns] if any(fault.startswith("ticks stood still for 0.") for fault in inputs.faults) else []
+    assert len(stood) == 100 and stood[-1] - stood[0] == 495_000_000
+
+
+def test_a_tick_that_took_too_long_feeds_no_ball(bench):
+    bus, _, clock, rig = bench
+    rig.read()
+    assert rig.write(ASKED).feeder_torque_nm == 0.2
+    rig.read()
+    clock.t_ns += 150_000_000                             # a model that thinks for so long
+    bus.sent.clear()
+    assert rig.write(ASKED).feeder_torque_nm == 0.0
+    rig.read()
+    assert rig.write(ASKED).feeder_torque_nm == 0.0       # the same ball still
+    rig.read()
+    rig.write(Command(True, 0.1, -0.02, 0.0))
+    assert all(odrive.make_torque(odrive.Axis(4, 1), 0.2).data != frame.data for frame in commands(bus.sent, 0x0E)
+               if frame.arbitration_id >> 5 == 4)
+    rig.read()
+    assert rig.write(ASKED).feeder_torque_nm == 0.2
+
+
+def test_frames_that_the_bus_does_not_take_are_a_fault_of_the_next_tick(bench):
+    bus, _, _, rig = bench
+    rig.read()
+    bus.write = lambda frame: False
+    refused = rig.write(ASKED).refused
+    assert refused > 0 and f"{refused} frames could not be sent" in rig.read().faults
+    bus.write = lambda frame: True
+    rig.write(ASKED)
+    assert not any("could not be sent" in fault for fault in rig.read().faults)

@@ -9,14 +9,21 @@ import msgspec
 import pytest
 
 import doors.run
+import doors.run_processes
 import robot
 from doors.operator_page import open_page, parse_page
+from doors.run_processes import make_show
 from hw.buttons import make_heartbeat
+from robot.config import load_config
+from robot.eyes import NoEyes
 from robot.recording.session import LATENESS
-from tests.robot.test_rig import Blind, Stream, Time, Wire
+from robot.tick import step
+from tests.robot.good_tick import good_inputs, good_memory
+from tests.robot.test_rig import Stream, Time, Wire
 from truearc import main
 
 CONFIG = str(Path(robot.__file__).parent / "launcher.toml")
+ONE = ("--layout", "one")             # hand-made wires cannot be handed to another process
 TICKS = 450
 
 
@@ -42,7 +49,7 @@ class Stopping(Time):
 @pytest.fixture
 def wires(monkeypatch):
     bus = Wire()
-    monkeypatch.setattr(doors.run, "_open_wires", lambda config, stack, tally: (bus, Box(), Blind(), Stopping()))
+    monkeypatch.setattr(doors.run, "_open_wires", lambda *_: (bus, Box(), NoEyes(), Stopping()))
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     yield bus
     for number, handler in before.items():
@@ -55,7 +62,7 @@ def test_a_run_ends_idle_timed_and_announced(wires, tmp_path, monkeypatch, capsy
         systemd.bind(str(tmp_path / "notify"))
         systemd.settimeout(5.0)
         monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
-        assert main(["run", "--config", CONFIG, "--out", str(tmp_path / "s"), "--priority", "0"]) == 0
+        assert main(["run", "--config", CONFIG, "--out", str(tmp_path / "s"), "--priority", "0", *ONE]) == 0
         told = [systemd.recv(200) for _ in range(2)]
     assert told == [b"STATUS=waiting: flywheel motor 1", b"STOPPING=1"]       # no device ever answered: never ready
     assert [frame.data[0] for frame in wires.sent[-4:]] == [1, 1, 1, 1]       # every axis asked to be idle
@@ -71,7 +78,7 @@ def test_what_is_refused_is_said_loudly_and_is_never_fatal(wires, tmp_path, monk
     monkeypatch.setattr(doors.run, "ask_fifo", lambda priority: (f"priority {priority}", "not allowed"))
     monkeypatch.setattr(doors.run, "ask_locked_memory", lambda: ("locked memory", ""))
     monkeypatch.setattr(doors.run, "ask_core", lambda core: (f"core {core}", ""))
-    assert main(["run", "--config", CONFIG, "--out", str(tmp_path / "s"), "--core", "3"]) == 0
+    assert main(["run", "--config", CONFIG, "--out", str(tmp_path / "s"), "--core", "3", *ONE]) == 0
     err = capsys.readouterr().err
     assert "priority 50: REFUSED (not allowed)" in err and "core 3: granted" in err and "locked memory: granted" in err
 
@@ -90,18 +97,33 @@ def test_the_page_is_shown_every_tick(wires, tmp_path, monkeypatch, capsys):
         pages.append(open_page(*args))
         return pages[-1]
 
-    monkeypatch.setattr(doors.run, "open_page", keep_page)
-    assert main(["run", "--config", CONFIG, "--out", str(tmp_path / "s"), "--priority", "0", "--page", "0"]) == 0
+    monkeypatch.setattr(doors.run_processes, "open_page", keep_page)
+    words = ["run", "--config", CONFIG, "--out", str(tmp_path / "s"), "--priority", "0", *ONE]
+    assert main([*words, "--page", "0"]) == 0
     assert pages[0].newest()[0] == TICKS and pages[0].url in capsys.readouterr().err
-    assert main(["run", "--config", CONFIG, "--out", str(tmp_path / "s"), "--priority", "0", "--page", "off"]) == 0
+    assert main([*words, "--page", "off"]) == 0
     assert pages[1] is None
 
 
-def test_a_page_that_cannot_be_served_is_a_warning(wires, tmp_path, capsys):
+def test_the_recorder_process_shows_what_it_writes(wires, tmp_path, capfd):
+    config, clock = load_config(CONFIG), Time()
+    page = open_page("0", config, "session", clock)
+    rows = [(tick.inputs.t_ns, msgspec.json.encode(tick), []) for tick in (step(good_inputs(), good_memory(), config,
+                                                                                None),) * 3]
+    make_show(page)(rows)
+    assert page.newest()[0] == 3 and b'"FIRE"' in page.newest()[1]
+    page.close()
+    make_show(None)(rows)
+    capfd.readouterr()
+    assert main(["run", "--config", CONFIG, "--out", str(tmp_path / "s"), "--priority", "0", "--page", "0"]) == 0
+    assert "operator's page: http://127.0.0.1:" in capfd.readouterr().err
+
+
+def test_a_page_that_cannot_be_served_is_a_warning(wires, tmp_path, capfd):
     with socket.create_server(("127.0.0.1", 0)) as taken:
         where = f"127.0.0.1:{taken.getsockname()[1]}"
         assert main(["run", "--config", CONFIG, "--out", str(tmp_path / "s"), "--priority", "0", "--page", where]) == 0
-    out, err = capsys.readouterr()
+    out, err = capfd.readouterr()
     assert f"{TICKS} ticks" in out and f"no operator's page on {where}" in err
 
 

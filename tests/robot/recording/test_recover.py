@@ -13,13 +13,13 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 from robot.config import BadInput
 from robot.recording.appender import Appender
 from robot.recording.candump import parse_candump
+from robot.recording.files import TickFile
 from robot.recording.images import load_pictures
 from robot.recording.reader import TickReader
 from robot.recording.recover import recover
 from robot.recording.replay import Difference, replay, replay_frames
 from robot.recording.salvage import salvage
 from robot.recording.session import load_trials
-from robot.recording.writer import TickFile
 from truearc import main
 
 TELEMETRY, TRIALS, CAN = "telemetry.mcap", "trials.jsonl", "can0.log"

@@ -13,11 +13,12 @@ from robot.config import BadInput, load_config
 from robot.eyes import InlineEyes
 from robot.recording.candump import TappedBus
 from robot.recording.changes import config_changes, find_changes
+from robot.recording.files import TickFile
 from robot.recording.images import load_pictures
 from robot.recording.reader import TickReader
 from robot.recording.replay import Difference, replay, replay_frames
 from robot.recording.session import make_header
-from robot.recording.writer import SessionWriter, TickFile
+from robot.recording.writer import SessionWriter
 from robot.rig import HardwareRig
 from robot.runtime import run
 from robot.types import Sighting

@@ -11,7 +11,7 @@ from msgspec.structs import replace
 from benchmarks.kill import kill_once
 from hw.reading import CameraFrame
 from robot.config import BadInput
-from robot.recording import writer
+from robot.recording import files
 from robot.recording.appender import Appender
 from robot.recording.reader import TickReader
 from robot.recording.session import load_trials, make_header
@@ -155,7 +155,7 @@ def test_a_folder_that_cannot_be_made_is_named_before_anything_moves(tmp_path, m
     def refuse(*_):
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(writer.os, "fsync", refuse)
+    monkeypatch.setattr(files.os, "fsync", refuse)
     with pytest.raises(BadInput, match=r"config\.json: No space left on device"):
         open_writer(tmp_path / "s")
 

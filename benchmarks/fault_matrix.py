@@ -1,0 +1,98 @@
+"""What the robot does when things break: every fault on every bus, played and judged.
+
+    python benchmarks/fault_matrix.py [--bus virtual,slcan,socketcan] [--only PATTERN] [--out FILE] [--folder DIR]
+    python benchmarks/fault_matrix.py --table FILE [--write docs/reliability.md]
+
+Each row of benchmarks/matrix/rows.py is played on each bus that there is (socketcan: where vcan0 is), on the robot's
+own code with emulated devices: it fires, then something breaks, then it is mended. A line of FILE a cell; one that is
+there already, and right, is not played again.
+"""
+
+import argparse
+import lzma
+import re
+import shutil
+import sys
+import tempfile
+from pathlib import Path
+
+import msgspec
+
+from benchmarks.matrix.judge import Result, judge
+from benchmarks.matrix.play import play
+from benchmarks.matrix.rows import ROWS, Row
+from benchmarks.matrix.table import make_table, write_between
+
+BUSES = ("virtual", "slcan", "socketcan")
+VCAN = Path("/sys/class/net/vcan0")
+TRIES = 3                             # in real time: a machine that stalls is no robot
+
+
+def run_row(row: Row, bus: str, folder: Path) -> Result:
+    """Play and judge; in real time again where it went wrong, and the result says how often."""
+    stepped = bus == "virtual" and not row.real
+    for tries in range(1, TRIES + 1):
+        place = folder / f"{ROWS.index(row)}-{bus}-{tries}"
+        said = play(row, bus, place)
+        result = judge(row, bus, stepped, place, said)
+        result.tries = tries
+        if not result.wrong:
+            shutil.rmtree(place)
+            break
+        if stepped:
+            break
+    return result
+
+
+def main() -> int:
+    args = _arguments()
+    if args.table:
+        results = load(args.table)
+    else:
+        with tempfile.TemporaryDirectory(dir=args.folder) as folder:
+            results = _run_all(args, Path(args.folder or folder))
+    table = make_table(results)
+    print(table)
+    if args.write:
+        write_between(args.write, table)
+    return int(any(result.wrong for result in results))
+
+
+def load(path: Path) -> list[Result]:
+    with (lzma.open(path) if path.suffix == ".xz" else path.open("rb")) as file:
+        return [msgspec.json.decode(line, type=Result) for line in file]
+
+
+def _run_all(args: argparse.Namespace, folder: Path) -> list[Result]:
+    there = [result for result in load(args.out) if not result.wrong] if args.out and args.out.exists() else []
+    if args.out:
+        args.out.write_bytes(b"".join(msgspec.json.encode(result) + b"\n" for result in there))
+    done = {(result.fault, result.bus) for result in there}
+    buses = [bus for bus in args.bus.split(",") if bus != "socketcan" or VCAN.exists()]
+    for row in ROWS:
+        for bus in (bus for bus in buses if bus in row.buses and (row.name, bus) not in done):
+            if not re.search(args.only, row.name):
+                continue
+            result = run_row(row, bus, folder)
+            there.append(result)
+            print(f"{bus:9} {row.name}: {'WRONG: ' + '; '.join(result.wrong) if result.wrong else result.outcome}",
+                  file=sys.stderr, flush=True)
+            if args.out:
+                with args.out.open("ab") as file:
+                    file.write(msgspec.json.encode(result) + b"\n")
+    return there
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--bus", default=",".join(BUSES), help="comma-separated (default: all that there are)")
+    parser.add_argument("--only", default="", metavar="PATTERN", help="faults whose names match")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="a line a cell; goes on where it ended")
+    parser.add_argument("--folder", type=Path, metavar="DIR", help="keep what went wrong here")
+    parser.add_argument("--table", type=Path, metavar="FILE", help="print what is there, play nothing")
+    parser.add_argument("--write", type=Path, metavar="PAGE", help="put the table between this page's markers, too")
+    return parser.parse_args()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,51 @@
+"""Vision and recorder in processes of their own, as `truearc run` has them; only what the camera sees is the run's."""
+
+from contextlib import ExitStack
+from pathlib import Path
+
+import cv2
+
+from benchmarks.matrix.pictures import Scenery, open_camera
+from doors.run_processes import CLOSE_S, RecorderProcess, make_see
+from hw.link import Clock
+from hw.real.child import Child, Line, make_shared
+from hw.real.clock import MonotonicClock
+from hw.slots import Room, Slots
+from robot.config import Config
+from robot.processes.vision import FarEyes, make_room, watch
+from robot.recording.keeper import Keeper
+
+
+class Beside:
+    """Both processes; their numbers are in `folder`/vision.pid and recorder.pid, for who wants to stop or kill them."""
+
+    def __init__(self, config: Config, folder: Path, wires: ExitStack) -> None:
+        room = make_room(config.camera.width_px, config.camera.height_px)
+        memory = make_shared(room.bytes)
+        self._folder, self._sightings = folder, Slots(memory, room)
+        self._vision = Child("vision", look, (config, memory, room), mended=True, mortal=True)
+        wires.callback(self._vision.close, CLOSE_S)
+        self._recorder = RecorderProcess(wires)
+
+    def open_eyes(self, clock: Clock) -> FarEyes:
+        self._vision.wait()
+        self._tell("vision", self._vision)
+        return FarEyes(self._sightings, lambda: self._vision.trouble, clock)
+
+    def open_keeper(self, folder: Path) -> Keeper:
+        keeper = self._recorder.open_keeper(folder)
+        self._tell("recorder", self._recorder.child)
+        return keeper
+
+    def _tell(self, name: str, child: Child) -> None:
+        (self._folder / f"{name}.pid").write_text(str(child.pid))
+
+
+def look(line: Line, is_first: bool, config: Config, memory: object, room: Room) -> None:
+    """The vision process."""
+    cv2.setNumThreads(1)
+    clock = MonotonicClock()
+    camera = open_camera(Scenery(config, "", lambda: False), config.camera.fps, clock)
+    line.say("")
+    watch(camera, make_see(config), Slots(memory, room), clock, line.is_over)
+    camera.close()

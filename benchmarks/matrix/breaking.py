@@ -1,0 +1,74 @@
+"""What can be broken, as data: each says what is done, to whom; `begin` and `end` come from the run's span."""
+
+from msgspec import Struct
+
+
+class Device(Struct, frozen=True):
+    """Something is wrong with a device's frames or power (hw.emulated.faults)."""
+
+    name: str                         # "flywheel_a", "flywheel_b", "hood", "feeder", "hood_encoder"
+    kind: str
+    message: str = ""                 # of the DBC file; "": all its frames
+    length: int = 0
+    at: int = 0
+    data: bytes = b""
+    by: int = 0
+
+
+class Inside(Struct, frozen=True):
+    """Something happens inside a device: "error", "idle", "magnet", "settings lost"."""
+
+    name: str
+    what: str
+
+
+class Wire(Struct, frozen=True):
+    """Something is wrong with the bus itself, or somebody else is on it."""
+
+    what: str
+
+
+class Box(Struct, frozen=True):
+    """Something is wrong with the button box or its cable, or with who presses."""
+
+    what: str
+
+
+class Camera(Struct, frozen=True):
+    """What the camera does instead."""
+
+    what: str
+
+
+class Disk(Struct, frozen=True):
+    """What the disk does instead."""
+
+    what: str
+
+
+class Model(Struct, frozen=True):
+    """What the gate's model does instead, while the policy is "model"."""
+
+    what: str
+
+
+class Time(Struct, frozen=True):
+    """Somebody stands still, or the wall clock jumps."""
+
+    what: str
+
+
+class Process(Struct, frozen=True):
+    """A signal to a process: who ("devices", "control"), which ("stop", "kill")."""
+
+    who: str
+    signal: str
+
+
+class Start(Struct, frozen=True):
+    """The robot is started with this: it is to refuse."""
+
+    what: str
+
+
+Breaking = Device | Inside | Wire | Box | Camera | Disk | Model | Time | Process | Start

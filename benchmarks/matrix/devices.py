@@ -1,0 +1,205 @@
+"""The devices' side of a run: nodes on a bus, a button box, the driver who presses it, and whatever breaks of these."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from benchmarks.matrix.box import BrokenBox
+from benchmarks.matrix.breaking import Box, Breaking, Device, Inside, Wire
+from benchmarks.matrix.far_wire import FarWire
+from benchmarks.matrix.plant import Ball, SmallPlant
+from benchmarks.matrix.span import Span
+from doors.twin import FLYWHEEL, make_nodes
+from hw import odrive
+from hw.codec import load_codec
+from hw.emulated.canandmag_node import CanandmagNode
+from hw.emulated.faults import Fault, FaultyNode
+from hw.emulated.nodes import NEVER_NS
+from hw.emulated.odrive_node import OdriveNode
+from hw.emulated.twin import Twin
+from robot.config import Config
+from robot.recording.candump import TappedBus
+
+NAMES = ("flywheel_a", "flywheel_b", "hood", "feeder", "hood_encoder")
+BALLS = 3                             # have gone in: the robot would fire; and again: it has recovered
+SPINOUT = 0x04000000
+MS = 1_000_000
+NS_PER_S = 1_000_000_000
+SETTLE_NS = NS_PER_S // 2             # from when the robot is heard until it is armed
+PRESS_NS = 40 * MS
+ARM_NS = 200 * MS
+PAUSE_NS = NS_PER_S                   # from the end of a fault until the driver arms anew
+PATIENCE_S = 12.0                     # for either of the two
+READY_S = 40.0
+
+
+class Seen(msgspec.Struct):
+    """What the devices' side knows of a run, for whoever judges it; times are the run's clock's."""
+
+    balls: list[tuple[int, float, float]] = []    # when, true wheel speed (rad/s), true elevation (deg)
+    idle_ns: int = 0                              # the first time since the fault that no motor was driven
+    pressed: int = 0
+
+
+class FarSide:
+    """Call `advance` as time goes on until `over`; `now_ns` tells the run's clock."""
+
+    def __init__(self, config: Config, breaking: Breaking, lasts_s: float, arms: int, wire: FarWire, box: BrokenBox,
+                 span: Span, now_ns: Callable[[], int], watchdog_ms: int = FLYWHEEL.watchdog_ms) -> None:
+        """`arms`: how often the driver presses that button once the fault is over. With a span that has begun these
+        devices take the place of others, whose driver had armed."""
+        self.seen = Seen(pressed=int(span.begin_ns > 0))
+        self.heard = False
+        self._config, self._breaking, self._lasts_ns, self._arms = config, breaking, round(lasts_s * 1e9), arms
+        self._wire, self._box, self._span, self._now_ns = wire, box, span, now_ns
+        self._plant = SmallPlant(config)
+        nodes = make_nodes(config, self._plant, {name: () for name in NAMES}, watchdog_ms)
+        self._nodes: dict[str, Any] = dict(zip(NAMES, nodes, strict=True))
+        self._twin = Twin(self._plant, TappedBus(wire, self._listen), nodes, (box.step, self._drive))
+        self._began_ns = self._due_ns = 0
+        self._then_ns = self._balls_then = 0
+        self._turn = self._ended = False
+
+    def advance(self, t_ns: int) -> None:
+        """Bring the world, the devices and the driver to `t_ns`."""
+        if self._span.stands() and isinstance(self._breaking, Wire):
+            self._wire.chatter(t_ns)
+        self._twin.advance(t_ns)
+        self._note()
+
+    @property
+    def over(self) -> bool:
+        return self._span.over_ns > 0
+
+    def save(self, path: Path) -> None:
+        path.write_bytes(msgspec.json.encode(self.seen))
+
+    def _listen(self, frame: object, sent: bool) -> None:
+        self.heard = self.heard or not sent
+
+    def _note(self) -> None:
+        for ball in self._plant.balls[len(self.seen.balls):]:
+            self.seen.balls.append(Ball(self._now_ns(), ball.motor_rad_s, ball.hood_deg))
+        if self._span.begin_ns and not self.seen.idle_ns and not any(
+                getattr(node.node, "state", odrive.IDLE) == odrive.CLOSED_LOOP for node in self._nodes.values()):
+            self.seen.idle_ns = self._now_ns()
+
+    # --- the driver, who also knows when it is time for something to break
+
+    def _drive(self, t_ns: int) -> None:
+        if not self.heard:
+            return
+        if not self._began_ns:
+            self._began_ns, self._due_ns = t_ns, t_ns + SETTLE_NS
+        if t_ns < self._due_ns:
+            return
+        self._press(t_ns)
+        self._direct(t_ns)
+
+    def _press(self, t_ns: int) -> None:
+        """Arm once; then ask and mark, ask and mark."""
+        self._due_ns = t_ns + PRESS_NS
+        button = "arm" if not self.seen.pressed else ("fire", "two")[self._turn]
+        self._turn = not self._turn
+        self.seen.pressed += 1
+        self._box.press(button)
+
+    def _direct(self, t_ns: int) -> None:
+        """Begin the fault when the robot is seen to fire, end it, and wait until it fires again."""
+        span, balls = self._span, len(self._plant.balls)
+        if not span.begin_ns:
+            if balls >= BALLS:
+                self._then_ns = t_ns
+                self._break(t_ns)
+                span.begin(self._now_ns())
+            elif t_ns - self._began_ns > READY_S * 1e9:
+                span.finish(self._now_ns())
+        elif not span.end_ns:
+            if t_ns - self._then_ns >= self._lasts_ns:
+                span.end(self._now_ns())
+                self._mend(t_ns)
+        elif not self._ended:                     # it may have been another who ended it
+            self._ended, self._then_ns, self._balls_then = True, t_ns, balls
+        elif self._arms:
+            self._arm_anew(t_ns, balls)
+        elif balls >= self._balls_then + BALLS or t_ns - self._then_ns > PATIENCE_S * 1e9:
+            span.finish(self._now_ns())
+
+    def _arm_anew(self, t_ns: int, balls: int) -> None:
+        """Disarm and arm, as a person would: after a while, and not both at once."""
+        if t_ns - self._then_ns < (ARM_NS if self._span.rearm_ns else PAUSE_NS):
+            return
+        if not self._span.rearm_ns:
+            self._span.rearm(self._now_ns())
+        self._then_ns, self._balls_then = t_ns, balls
+        self._due_ns = t_ns + ARM_NS
+        self._arms -= 1
+        self._box.press("arm")
+
+    # --- what breaks
+
+    def _break(self, t_ns: int) -> None:
+        match self._breaking:
+            case Device():
+                self._node(self._breaking.name).suffer(self._fault(self._breaking, t_ns))
+            case Inside():
+                self._inside(self._breaking, t_ns)
+            case Wire():
+                self._wire.begin(self._breaking.what)
+            case Box():
+                self._box.begin(self._breaking.what)
+
+    def _mend(self, t_ns: int) -> None:
+        match self._breaking:
+            case Inside(name=name, what="magnet"):
+                self._encoder(name).magnet_ok = True
+            case Inside(name=name, what="settings lost"):
+                node = self._axis(name)
+                node.forget(self._settings, t_ns)
+            case Wire():
+                self._wire.end()
+            case Box():
+                self._box.end()
+
+    def _inside(self, breaking: Inside, t_ns: int) -> None:
+        match breaking.what:
+            case "error":
+                self._axis(breaking.name).give_up(SPINOUT)
+            case "idle":
+                self._axis(breaking.name).give_up(0)
+            case "magnet":
+                self._encoder(breaking.name).magnet_ok = False
+            case "settings lost":             # reporting rates are stored settings of an ODrive
+                node = self._axis(breaking.name)
+                self._settings = node.settings
+                node.forget(msgspec.structs.replace(node.settings, encoder_ms=0, current_ms=0, bus_ms=0), t_ns)
+
+    def _fault(self, breaking: Device, t_ns: int) -> Fault:
+        end_ns = t_ns + self._lasts_ns
+        frame_id = self._frame_id(breaking) if breaking.message else None
+        return Fault(breaking.kind, t_ns, min(end_ns, NEVER_NS), frame_id, breaking.length, breaking.at, breaking.data,
+                     breaking.by)
+
+    def _frame_id(self, breaking: Device) -> int:
+        if breaking.name == "hood_encoder":
+            return load_codec("canandmag").base_id(breaking.message) + self._config.hood_encoder.device
+        axes = self._config.axes
+        axis: Any = dict(zip(NAMES, (*axes.flywheels, axes.hood, axes.feeder), strict=False))[breaking.name]
+        return axis.node << 5 | load_codec("odrive").base_id(breaking.message)
+
+    def _node(self, name: str) -> FaultyNode:
+        node = self._nodes[name]
+        assert isinstance(node, FaultyNode)
+        return node
+
+    def _axis(self, name: str) -> OdriveNode:
+        node = self._node(name).node
+        assert isinstance(node, OdriveNode)
+        return node
+
+    def _encoder(self, name: str) -> CanandmagNode:
+        node = self._node(name).node
+        assert isinstance(node, CanandmagNode)
+        return node

@@ -1,0 +1,288 @@
+"""One fault played on one bus: in stepped time in this process, or in real time in processes of their own."""
+
+import contextlib
+import io
+import multiprocessing
+import os
+import shutil
+import signal
+import sys
+import threading
+from collections.abc import Callable
+from multiprocessing.process import BaseProcess
+from pathlib import Path
+from typing import NamedTuple
+
+from msgspec.structs import replace
+
+import robot
+from benchmarks.matrix.box import BrokenBox
+from benchmarks.matrix.breaking import Breaking, Disk, Model, Process, Start, Time
+from benchmarks.matrix.devices import FarSide
+from benchmarks.matrix.disks import mount_small_disk, unmount
+from benchmarks.matrix.far_wire import FarWire
+from benchmarks.matrix.models import write_model
+from benchmarks.matrix.robot_side import run_robot
+from benchmarks.matrix.rows import REARM, Row
+from benchmarks.matrix.span import Span
+from doors.far_end import keep_time
+from hw.emulated.clock import StepClock
+from hw.real.clock import MonotonicClock
+from robot.config import Config, Prescribed, load_config
+from truearc import main as truearc
+
+SHIPPED = Path(robot.__file__).parent / "launcher.toml"
+AIM = Prescribed(distance_m=4.0, motor_ratio=0.3, hood_deg=20.0)
+WATCHDOG_MS = 200                     # in real time: a machine that is shared may stall for longer than a robot's
+SPARE_NS = 100_000_000                # a process goes on this much after the fault is said to be over
+LIMIT_S = 90.0
+MS = 1_000_000
+
+
+class Place(NamedTuple):
+    """Where one run happens, for each of its processes; all of it can be handed to a new one."""
+
+    row: Row
+    bus: tuple[str, str]              # interface, channel: as the robot opens it
+    folder: Path
+    stepped: bool
+
+    @property
+    def config(self) -> Config:
+        return make_config(self.row)
+
+    @property
+    def arms(self) -> int:
+        if self.row.after != REARM:
+            return 0
+        return 1 if ends_robot(self.row.breaking) else 2      # a robot that starts anew is not armed
+
+
+def ends_robot(breaking: Breaking) -> bool:
+    """Whether the robot has to be started again: with its recorder nothing is left to record."""
+    return breaking in (Process("control", "kill"), Process("recorder", "kill"))
+
+
+def make_config(row: Row) -> Config:
+    """The shipped launcher at one set point, with a ball every 0.2 s, so that whoever wrongly fires is seen to."""
+    config = load_config(SHIPPED)
+    return replace(config, collect=replace(config.collect, repeats=1 << 30, prescribed=(AIM,)),
+                   feeder=replace(config.feeder, feed_s=0.05, clear_s=0.1), camera=replace(config.camera, fps=10.0),
+                   gate=replace(config.gate, policy="model" if isinstance(row.breaking, Model) else "collect"))
+
+
+def play(row: Row, bus: str, folder: Path) -> str:
+    """Leave in `folder` what the judge wants; returns what a robot that did not start has said."""
+    folder.mkdir(parents=True)
+    channel = {"virtual": f"matrix-{folder.name}", "slcan": str(folder / "adapter"), "socketcan": "vcan0"}[bus]
+    stepped = bus == "virtual" and not row.real
+    place = Place(row, (bus, channel), folder, stepped)
+    if isinstance(row.breaking, Start):
+        return _start(place, row.breaking.what)
+    if stepped:
+        _play_stepped(place)
+    else:
+        small = row.breaking == Disk("full") and _mount(folder)
+        try:
+            _play_real(place)
+        finally:
+            if small:
+                _unmount(folder)
+    return ""
+
+
+# --- in stepped time
+
+def _play_stepped(place: Place) -> None:
+    row, span = place.row, Span(place.folder / "span")
+    clock = StepClock(lambda t_ns: world.advance(t_ns))
+    world = _SteppedWorld(place, span, clock.now_ns)
+    breaking = Time("late ticks") if row.breaking == Process("control", "stop") else row.breaking
+    try:
+        run_robot(place.config, breaking, place.bus, world.box.port, place.folder, span, clock, True)
+    finally:
+        world.close()
+
+
+class _SteppedWorld:
+    """The devices, which may stand still or be replaced where in real time their process would."""
+
+    def __init__(self, place: Place, span: Span, now_ns: Callable[[], int]) -> None:
+        self.box = BrokenBox(place.folder / "box", prompt=True)
+        self._place, self._span, self._now_ns = place, span, now_ns
+        self._wire = FarWire(*place.bus, _Now(now_ns))
+        self._far = self._make()
+        self._stood_ns = 0                        # how long it has stood still in all
+        self._at_ns = 0
+
+    def advance(self, t_ns: int) -> None:
+        breaking, lasts_ns = self._place.row.breaking, round(self._place.row.lasts_s * 1e9)
+        if isinstance(breaking, Process) and breaking.who == "devices" and self._span.stands():
+            if t_ns - self._span.begin_ns < lasts_ns:
+                return
+            self._stood_ns = t_ns - self._at_ns
+            self._span.end(t_ns)
+            if breaking.signal == "kill":
+                self._far.save(self._place.folder / "devices-killed.json")
+                self._far = self._make()
+                self._stood_ns = t_ns
+        self._at_ns = t_ns
+        self._far.advance(t_ns - self._stood_ns)
+
+    def close(self) -> None:
+        self._far.save(self._place.folder / "devices.json")
+        self._wire.close()
+        self.box.close()
+
+    def _make(self) -> FarSide:
+        row = self._place.row
+        return FarSide(self._place.config, row.breaking, row.lasts_s, self._place.arms, self._wire, self.box,
+                       self._span, self._now_ns)
+
+
+class _Now(NamedTuple):
+    """A clock for frames only."""
+
+    now_ns: Callable[[], int]
+
+
+# --- in real time
+
+def _play_real(place: Place) -> None:
+    span = Span(place.folder / "span")
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(["benchmarks.matrix.play"])
+    if place.bus[0] == "virtual":
+        both = context.Process(target=_be_both, args=(place,))
+        both.start()
+        if isinstance(place.row.breaking, Process):
+            _signal(place, place.row.breaking, span, both, both, context)
+        _wait_for(both)
+        return
+    far = context.Process(target=_be_devices, args=(place,))
+    far.start()
+    _wait_until(lambda: (place.folder / "ready").exists())
+    near = context.Process(target=_be_robot, args=(place, place.folder))
+    near.start()
+    if isinstance(place.row.breaking, Process):
+        far, near = _signal(place, place.row.breaking, span, far, near, context)
+    _wait_for(near)
+    _wait_for(far)
+
+
+def _signal(place: Place, breaking: Process, span: Span, far: BaseProcess, near: BaseProcess,
+            context: multiprocessing.context.ForkServerContext) -> tuple[BaseProcess, BaseProcess]:
+    """Stop or kill one of the two when it is time, and put that right; the processes there are then."""
+    clock = MonotonicClock()
+    _wait_until(lambda: span.begin_ns > 0 or span.over_ns > 0)
+    victim = far if breaking.who == "devices" else near
+    pid_file = place.folder / f"{breaking.who}.pid"
+    pid = int(pid_file.read_text()) if pid_file.exists() else victim.pid
+    assert pid is not None
+    os.kill(pid, signal.SIGSTOP if breaking.signal == "stop" else signal.SIGKILL)
+    clock.sleep_until_ns(clock.now_ns() + round(place.row.lasts_s * 1e9) + SPARE_NS)
+    if breaking.signal == "stop":
+        os.kill(pid, signal.SIGCONT)
+    elif breaking.who != "vision":
+        victim.join()                             # a robot without its recorder ends by itself
+    if breaking.who == "devices":
+        span.end(clock.now_ns())
+    if breaking.signal == "kill":
+        again = place.folder / "again"
+        if breaking.who == "devices":
+            far = context.Process(target=_be_devices, args=(place,))
+            far.start()
+        elif breaking.who != "vision":
+            again.mkdir()
+            near = context.Process(target=_be_robot, args=(place, again))
+            near.start()
+    return far, near
+
+
+def _be_both(place: Place) -> None:
+    devices = threading.Thread(target=_be_devices, args=(place,), daemon=True)
+    devices.start()
+    _wait_until(lambda: (place.folder / "ready").exists())
+    _be_robot(place, place.folder)
+    devices.join()
+
+
+def _hurry() -> None:
+    """Before others of this machine, as `truearc run` asks for itself; not where that is refused."""
+    if sys.platform == "linux":
+        with contextlib.suppress(OSError):
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(10))
+
+
+def _be_devices(place: Place) -> None:
+    """Until the span is over."""
+    _hurry()
+    row, span, clock = place.row, Span(place.folder / "span"), MonotonicClock()
+    box = BrokenBox(place.folder / "box", prompt=False)
+    wire = FarWire(*place.bus, clock)
+    far = FarSide(place.config, row.breaking, row.lasts_s, place.arms, wire, box, span, clock.now_ns, WATCHDOG_MS)
+    (place.folder / "ready").touch()
+    keep_time(clock, far.advance, lambda: far.over)
+    far.save(place.folder / "devices.json")
+    wire.close()
+    box.close()
+
+
+def _be_robot(place: Place, folder: Path) -> None:
+    _hurry()
+    span = Span(place.folder / "span")
+    try:
+        run_robot(place.config, place.row.breaking, place.bus, str(place.folder / "box"), folder, span,
+                  MonotonicClock(), False)
+    finally:
+        if not ends_robot(place.row.breaking) or folder != place.folder:
+            span.finish(span.over_ns or MonotonicClock().now_ns())      # whatever it was, the devices need not go on
+
+
+def _wait_until(true: Callable[[], bool]) -> None:
+    pause = threading.Event()
+    for _ in range(int(LIMIT_S / 0.002)):
+        if true():
+            return
+        pause.wait(0.002)
+    raise TimeoutError("it never came")
+
+
+def _wait_for(process: BaseProcess) -> None:
+    process.join(LIMIT_S)
+    if process.is_alive():
+        process.kill()
+        process.join()
+
+
+def _mount(folder: Path) -> bool:
+    return sys.platform == "linux" and mount_small_disk(folder)
+
+
+def _unmount(folder: Path) -> None:
+    """What was on the small disk stays."""
+    kept = folder.with_name(folder.name + "-kept")
+    shutil.copytree(folder, kept, symlinks=True)
+    unmount(folder)
+    shutil.copytree(kept, folder, symlinks=True, dirs_exist_ok=True)
+    shutil.rmtree(kept)
+
+
+# --- a robot that is not to start
+
+def _start(place: Place, what: str) -> str:
+    config, model, out = place.folder / "launcher.toml", place.folder / "gate.onnx", place.folder / "sessions"
+    policy = "model" if what not in ("no devices", "no folder") else "collect"
+    config.write_text(SHIPPED.read_text(encoding="utf-8").replace('policy = "collect"', f'policy = "{policy}"'),
+                      encoding="utf-8")
+    words = ["run", "--config", str(config), "--can", ":".join(place.bus), "--out", str(out)]
+    if policy == "model" and what != "policy model, no file":
+        if what != "no model":
+            write_model(model, what)
+        words += ["--gate", str(model)]
+    if what == "no folder":
+        out.write_text("a file, where no folder can be made")
+    said = io.StringIO()
+    with contextlib.redirect_stderr(said):
+        code = truearc(words)
+    return f"exit {code}: {said.getvalue().strip()}"

@@ -1,0 +1,143 @@
+"""The recorder in a process of its own: takes messages from the control loop, and hands what they hold to the files."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Protocol
+
+import msgspec
+import numpy as np
+from msgspec import Struct
+
+from hw.link import Clock, LinkLost
+from hw.reading import CameraFrame
+from hw.slots import Room, Slots
+from robot.config import in_words
+from robot.recording.files import Row
+from robot.recording.keeper import LaneKeeper
+
+LOOK_S = 0.1                          # it says this often, at least, that it is alive and how the files are
+NEWS = Room(4, 4096)
+LONGEST_WORDS = 1000
+
+
+class Open(Struct, frozen=True, tag="open"):
+    """The first message."""
+
+    folder: str
+
+
+class Rows(Struct, frozen=True, tag="rows"):
+    rows: list[Row]
+
+
+class TrialRow(Struct, frozen=True, tag="trial"):
+    row: bytes
+
+
+class PictureRow(Struct, frozen=True, tag="picture"):
+    t_ns: int
+    height: int
+    width: int
+    pixels: memoryview
+
+
+class LatenessRow(Struct, frozen=True, tag="lateness"):
+    row: bytes
+
+
+class Sync(Struct, frozen=True, tag="sync"):
+    pass
+
+
+class End(Struct, frozen=True, tag="end"):
+    """The last message. Without it the control process has died, and what came before is kept all the same."""
+
+
+Message = Open | Rows | TrialRow | PictureRow | LatenessRow | Sync | End
+
+
+class Status(Struct, frozen=True):
+    """What the control loop is told, newest first."""
+
+    is_open: bool = False
+    trials_kept: int = 0              # how many of those that were handed over the system has
+    dropped: int = 0
+    trouble: str = ""
+    is_done: bool = False             # the files are whole, as far as they could be written
+    failed: str = ""                  # why not all was kept; the end
+
+
+class Mail(Protocol):
+    """Where messages come from."""
+
+    def read(self, wait_s: float) -> list[bytes]: ...
+
+
+class Desk:
+    """Handles messages until the last one.
+
+    `show` is handed the rows of ticks, ten times a second, after they went on their way to the files: the place for
+    whoever shows them to people.
+    """
+
+    def __init__(self, slots: Slots, clock: Clock, show: Callable[[list[Row]], None]) -> None:
+        self._slots, self._clock, self._show = slots, clock, show
+        self._decoder = msgspec.msgpack.Decoder(Message)
+        self._keeper: LaneKeeper | None = None
+        self._told = Status()
+        self._is_over = False
+
+    def serve(self, mail: Mail) -> None:
+        """Until the end, or until nobody sends any more."""
+        while not self._is_over:
+            self._slots.beat(self._clock.now_ns())
+            try:
+                messages = mail.read(LOOK_S)
+            except LinkLost:
+                break
+            for message in messages:
+                self._handle(self._decoder.decode(message))
+            self._tell(self._status())
+        if self._keeper is not None:
+            self._keeper.close()
+            failed = "" if self._keeper.failed is None else in_words(self._keeper.failed)
+            self._tell(msgspec.structs.replace(self._status(), is_done=True, failed=failed[:LONGEST_WORDS]))
+
+    def _handle(self, message: Message) -> None:
+        if isinstance(message, Open):
+            return self._open(Path(message.folder))
+        if isinstance(message, End) or self._keeper is None:
+            self._is_over = True
+            return None
+        match message:
+            case Rows(rows):
+                self._keeper.keep_rows(rows)
+                self._show(rows)
+            case TrialRow(row):
+                self._keeper.keep_trial(row)
+                self._tell(self._status())        # at once: a tick waits for it
+            case PictureRow(t_ns, height, width, pixels):
+                image = np.frombuffer(pixels, dtype=np.uint8).reshape(height, width, 3)
+                self._keeper.keep_picture(CameraFrame(t_ns, image))
+            case LatenessRow(row):
+                self._keeper.keep_lateness(row)
+            case Sync():
+                self._keeper.sync()
+        return None
+
+    def _open(self, folder: Path) -> None:
+        try:
+            self._keeper = LaneKeeper(folder, lossless=False)
+        except OSError as error:
+            self._tell(Status(failed=f"{error.filename or folder}: {in_words(error)}"))
+            self._is_over = True
+
+    def _status(self) -> Status:
+        if self._keeper is None:
+            return self._told
+        return Status(True, self._keeper.trials_kept, self._keeper.dropped, self._keeper.trouble()[:LONGEST_WORDS])
+
+    def _tell(self, status: Status) -> None:
+        if status != self._told:
+            self._told = status
+            self._slots.put(msgspec.json.encode(status))

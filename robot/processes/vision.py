@@ -1,0 +1,91 @@
+"""Vision in a process of its own: what it does there, and what the control process sees of it."""
+
+from collections.abc import Callable
+
+import msgspec
+from msgspec import Struct
+
+from hw.link import Camera, Clock, LinkLost
+from hw.reading import CameraFrame
+from hw.slots import Room, Slots
+from robot.eyes import vision_failed
+from robot.types import Sighting
+
+LOOK_S = 0.002                        # between looks at whether there is a new image
+SILENT_NS = 1_500_000_000             # a process that has not stirred for so long does not answer
+TEXT_BYTES, IMAGES = 4096, 4          # with four, the newest image stays whole for two more at least
+LONGEST_WORDS = 1000                  # characters, of whatever an error has to say
+
+See = Callable[[CameraFrame], Sighting]
+
+
+class News(Struct, frozen=True):
+    """What vision has to say: what it made of an image, or why there is none."""
+
+    sighting: Sighting | None
+    lost: str = ""
+
+
+def make_room(width_px: int, height_px: int) -> Room:
+    """What news and images of that size need."""
+    return Room(IMAGES, TEXT_BYTES, 3 * width_px * height_px)
+
+
+def watch(camera: Camera, see: See, slots: Slots, clock: Clock, is_over: Callable[[float], bool]) -> None:
+    """Tell of every image that comes, until `is_over`, which is asked how long to wait for that."""
+    told = ""
+    while not is_over(LOOK_S):
+        slots.beat(clock.now_ns())
+        try:
+            frame = camera.read()
+            if frame is None:
+                continue
+            slots.put(msgspec.json.encode(News(see(frame))), frame.image)
+            told = ""
+        except LinkLost as error:
+            told = tell(slots, str(error), told)
+        except Exception as error:    # whatever vision or its libraries may raise: never silent, and the next may do
+            told = tell(slots, vision_failed(error), told)
+
+
+def tell(slots: Slots, why: str, told: str) -> str:
+    """Say why there is no image, unless that has been `told` last; returns what has."""
+    if why != told:
+        slots.put(msgspec.json.encode(News(None, why[:LONGEST_WORDS])))
+    return why
+
+
+class FarEyes:
+    """robot.eyes.Eyes on what another process sees.
+
+    `how_it_is`: what is wrong with that process, in words; "" while it works.
+    """
+
+    def __init__(self, slots: Slots, how_it_is: Callable[[], str], clock: Clock) -> None:
+        self._slots, self._how_it_is, self._clock = slots, how_it_is, clock
+        self._decoder = msgspec.json.Decoder(News)
+        self._lost, self._seen_ns = "", 0
+
+    def read(self) -> Sighting | None:
+        if trouble := self._trouble():
+            raise LinkLost(trouble)
+        text = self._slots.read()
+        if text is None:
+            if self._lost:
+                raise LinkLost(self._lost)
+            return None
+        news = self._decoder.decode(text)
+        self._lost = news.lost
+        if news.sighting is None:
+            raise LinkLost(self._lost)
+        self._seen_ns = news.sighting.t_ns
+        return news.sighting
+
+    def picture(self) -> CameraFrame | None:
+        """A copy of the image behind the newest sighting read; None where vision has written over it by now."""
+        image = self._slots.image()
+        return None if image is None else CameraFrame(self._seen_ns, image)
+
+    def _trouble(self) -> str:
+        silent_ns = self._clock.now_ns() - self._slots.beaten_ns()
+        return self._how_it_is() or ("the vision process does not answer" if silent_ns > SILENT_NS else "")

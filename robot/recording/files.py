@@ -1,0 +1,156 @@
+"""The files of a session: made, written, and never written over."""
+
+import os
+import threading
+from pathlib import Path
+
+import cv2
+import msgspec
+from mcap.writer import CompressionType, Writer
+
+from hw.link import Frame
+from hw.reading import CameraFrame
+from robot.config import BadInput, Config, in_words
+from robot.recording.appender import Appender
+from robot.recording.candump import candump_line
+from robot.recording.session import (
+    CAN,
+    CONFIG,
+    FRAMES,
+    HEADER,
+    INDEX,
+    LATENESS,
+    MODEL,
+    TELEMETRY,
+    TRIALS,
+    Header,
+    Picture,
+)
+from robot.types import Tick
+
+Row = tuple[int, bytes, list[tuple[Frame, bool]]]     # t_ns, the encoded Tick, raw frames of the tick
+
+
+class TickFile:
+    """telemetry.mcap: one message a tick; every `flush` ends a chunk, so that what is before it can be read."""
+
+    def __init__(self, path: Path) -> None:
+        self.file = Appender(path)
+        self._mcap = Writer(self.file, compression=CompressionType.ZSTD)
+        self._mcap.start(profile="", library="truearc")
+        schema = msgspec.json.encode(msgspec.json.schema(Tick))
+        schema_id = self._mcap.register_schema("truearc.Tick", "jsonschema", schema)
+        self._channel = self._mcap.register_channel("/tick", "json", schema_id)
+        self._ticks = 0
+
+    def write(self, t_ns: int, row: bytes) -> None:
+        self._mcap.add_message(self._channel, log_time=t_ns, data=row, publish_time=t_ns, sequence=self._ticks)
+        self._ticks += 1
+
+    def flush(self) -> None:
+        self._mcap.flush()
+
+    def finish(self) -> None:
+        """Write the summary that makes the file whole."""
+        self._mcap.finish()
+        self.file.flush()
+
+
+class SessionFiles:
+    """The open files of a session. Each method is called by one lane only, but for the fsyncs, which any may call.
+
+    `trials_kept`: how many of the trials that were written the system has.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._telemetry = TickFile(folder / TELEMETRY)
+        self._can, self._trials = Appender(folder / CAN), Appender(folder / TRIALS)
+        self._index = Appender(folder / FRAMES / INDEX)
+        self.trials_kept = self._trials_written = 0
+
+    def write_ticks(self, rows: list[Row]) -> None:
+        for t_ns, row, frames in rows:
+            self._can.write("".join([candump_line(frame, sent, t_ns) for frame, sent in frames]).encode("ascii"))
+            self._telemetry.write(t_ns, row)
+        try:
+            self._can.flush()         # first, so that a tick on disk has its frames there too
+        finally:
+            self._telemetry.flush()
+
+    def write_trial(self, row: bytes, written: threading.Event) -> None:
+        self._trials.write(row + b"\n")
+        self._trials_written += 1
+        try:
+            self.flush_trials()
+        finally:
+            written.set()
+
+    def flush_trials(self) -> None:
+        self._trials.flush()
+        self.trials_kept = self._trials_written
+
+    def sync_trials(self) -> None:
+        self._trials.sync()
+
+    def sync(self) -> None:
+        for file in (self._trials, self._telemetry.file, self._can):
+            file.sync()
+
+    def write_picture(self, picture: CameraFrame) -> None:
+        name = f"{picture.t_ns // 1_000_000:09d}.png"
+        done, png = cv2.imencode(".png", picture.image, [cv2.IMWRITE_PNG_COMPRESSION, 1])
+        if not done:
+            raise OSError(f"{name}: the image cannot be encoded")
+        (self._folder / FRAMES / name).write_bytes(png.tobytes())
+        self._index.write(msgspec.json.encode(Picture(picture.t_ns, name)) + b"\n")
+        self._index.flush()
+
+    def write_lateness(self, row: bytes) -> None:
+        with (self._folder / LATENESS).open("ab") as file:
+            file.write(row + b"\n")
+
+    def finish(self) -> None:
+        self._telemetry.finish()
+
+    def close(self) -> None:
+        files = (self._telemetry.file, self._can, self._trials, self._index)
+        try:
+            for file in files:
+                file.flush()
+                file.sync()
+        finally:
+            for file in files:
+                file.close()
+
+
+def make_folder(folder: Path, header: Header, config: Config, model: bytes | None) -> None:
+    """A session's folder and what made it; BadInput when it is there already, or cannot be made."""
+    if folder.exists():
+        raise BadInput(f"{folder}: exists already; a recording is never written over")
+    (folder / FRAMES).mkdir(parents=True)
+    _save(folder / CONFIG, msgspec.json.format(msgspec.json.encode(config)) + b"\n")
+    if model is not None:
+        _save(folder / MODEL, model)
+    _save(folder / HEADER, msgspec.json.format(msgspec.json.encode(header)) + b"\n")
+
+
+def append_trials(folder: Path, rows: list[bytes]) -> None:
+    """Add rows that whoever wrote the trials did not come to; half a row at the end gives way to them."""
+    with (folder / TRIALS).open("r+b") as file:
+        whole = file.read().rfind(b"\n") + 1
+        file.seek(whole)
+        file.truncate()
+        file.write(b"".join(row + b"\n" for row in rows))
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def _save(path: Path, data: bytes) -> None:
+    try:
+        with path.open("xb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+    except OSError as error:
+        raise BadInput(f"{path}: {in_words(error)}") from error

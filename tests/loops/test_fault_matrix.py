@@ -1,0 +1,94 @@
+"""The fault matrix: some of its rows on the virtual bus each time, all of them and other buses where there is time."""
+
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+import robot.gate.verdict
+from benchmarks.matrix.judge import Result, judge
+from benchmarks.matrix.play import play
+from benchmarks.matrix.rows import KEEPS, REFUSED, ROWS, Row
+from benchmarks.matrix.table import BEGIN, END, make_table, write_between
+from robot.config import BadInput
+
+posix = pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals and signals")
+NAMES = {row.name: row for row in ROWS}
+# at least one of each way to break, and each that truearc once did not stand
+QUICK = ("flywheel motor 1: no frames", "hood encoder: frames too long", "flywheel motor 2: speed is not a number",
+         "feeder motor: frames held back, then all at once", "flywheel motor 1: encoder stuck",
+         "hood motor: loses its power", "another host stops a motor", "the transmit queue is full",
+         "camera: two targets", "camera: images half a second old", "button box: presses lost", "model: gives NaN",
+         "model: takes 0.3 s a tick", "ticks stand still for 0.6 s", "wall clock set forward by an hour",
+         "model file: corrupted", "model file: policy model, no file", "sessions folder cannot be made")
+STEPPED = [row.name for row in ROWS if not row.real and "virtual" in row.buses]
+REAL = ["flywheel motor 1: no frames", "adapter pulled out, and in again",
+        "control process stopped for 0.6 s (SIGSTOP)", "camera: the same image again and again"]
+
+
+def run(row: Row, bus: str, folder: Path) -> Result:
+    stepped = bus == "virtual" and not row.real
+    said = play(row, bus, folder / "run")
+    return judge(row, bus, stepped, folder / "run", said)
+
+
+@posix
+@pytest.mark.parametrize("name", QUICK)
+def test_a_fault_on_the_virtual_bus(name: str, tmp_path: Path) -> None:
+    result = run(NAMES[name], "virtual", tmp_path)
+    assert not result.wrong and result.stale == 0, result
+
+
+@posix
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [name for name in STEPPED if name not in QUICK])
+def test_every_other_fault_on_the_virtual_bus(name: str, tmp_path: Path) -> None:
+    result = run(NAMES[name], "virtual", tmp_path)
+    assert not result.wrong and result.stale == 0, result
+
+
+@posix
+@pytest.mark.slow
+@pytest.mark.parametrize("name", REAL)
+@pytest.mark.parametrize("bus", ["slcan", pytest.param("socketcan", marks=pytest.mark.socketcan)])
+def test_a_fault_in_real_time(name: str, bus: str, tmp_path: Path) -> None:
+    results = []
+    for tries in range(3):                        # a machine that stalls is no robot
+        results.append(run(NAMES[name], bus, tmp_path / str(tries)))
+        if not results[-1].wrong:
+            break
+    assert not results[-1].wrong and results[-1].stale == 0, results
+
+
+@posix
+def test_the_judge_sees_a_robot_that_fires_on_old_readings(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setattr(robot.gate.verdict, "doubted_readings", lambda inputs, config: [])
+    result = run(NAMES["flywheel motor 1: no readings, heartbeat goes on"], "virtual", tmp_path)
+    assert result.stale > 0
+    said = "; ".join(result.wrong)
+    assert re.search(r"fired \d+ times while it stood", said) and "too old" in said
+
+
+def test_the_catalogue_is_as_large_as_promised_and_says_what_is_to_come() -> None:
+    assert len(NAMES) == len(ROWS) >= 60
+    everywhere = [row for row in ROWS if len(row.buses) == 3]
+    assert len(everywhere) >= 60
+    for row in ROWS:
+        assert row.after in (KEEPS, REFUSED) or (row.reason and 0.0 < row.within_s <= 3.0), row.name
+    assert set(QUICK) <= set(STEPPED) and set(REAL) <= set(NAMES)
+
+
+def test_the_table_takes_its_place_in_a_page(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text(f"before\n{BEGIN}\nworn\n{END}\nafter\n")
+    good = Result(ROWS[0].name, "lost", "virtual", "HOLD", 0.105, 0.15, "flywheel motor 1 silent for 0.11 s",
+                  recovery_s=0.04)
+    bad = Result(ROWS[0].name, "lost", "slcan", "HOLD", wrong=["fired 2 times while it stood"])
+    write_between(page, make_table([good, bad]))
+    text = page.read_text()
+    assert "0.105 / 0.04 | WRONG: fired 2 times while it stood | - |" in text and "worn" not in text
+    assert text.startswith("before\n") and text.endswith("after\n") and "1 of them not as they should be" in text
+    (tmp_path / "bare.md").write_text("nothing")
+    with pytest.raises(BadInput, match="no place"):
+        write_between(tmp_path / "bare.md", "x")

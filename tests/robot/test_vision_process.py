@@ -1,0 +1,197 @@
+"""Vision in a process of its own: killed, stopped, blind or beside itself, the control loop knows why."""
+
+import os
+import signal
+import threading
+import time
+from contextlib import ExitStack
+from pathlib import Path
+
+import numpy as np
+import pytest
+from msgspec.structs import replace
+
+import robot
+from doors.run_processes import ThreeProcesses
+from hw.emulated.picture_server import PictureServer
+from hw.link import LinkLost
+from hw.reading import CameraFrame
+from hw.real.clock import MonotonicClock
+from hw.slots import Slots
+from robot.config import load_config
+from robot.eyes import InlineEyes
+from robot.processes.vision import FarEyes, make_room, watch
+from robot.types import Sighting
+from truearc import main
+
+PATIENCE_S = 30.0                     # of a loaded machine
+SHIPPED = Path(robot.__file__).parent / "launcher.toml"
+ROOM = make_room(8, 6)
+posix = pytest.mark.skipif(os.name != "posix", reason="signals")
+
+
+class Time:
+    t_ns = 1_000_000_000
+
+    def now_ns(self):
+        return self.t_ns
+
+
+class Views:
+    """A camera that gives what it is told, or raises it."""
+
+    def __init__(self, *views):
+        self.views = list(views)
+
+    def read(self):
+        view = self.views.pop(0)
+        if isinstance(view, LinkLost):
+            raise view
+        return view
+
+
+def see(frame):
+    if frame.image[0, 0, 0] == 13:
+        raise ZeroDivisionError("thirteen")
+    return Sighting(frame.t_ns, False, "dark", sigma_m=1 / 3)
+
+
+def frame(value):
+    return CameraFrame(value * 1000, np.full((6, 8, 3), value, np.uint8))
+
+
+def told(*views):
+    """What eyes say, one view after the other, and the picture then."""
+    slots, clock = Slots(bytearray(ROOM.bytes), ROOM), Time()
+    eyes = FarEyes(slots, lambda: "", clock)
+    said = []
+    for view in views:
+        looks = iter([False, True])
+        watch(Views(view), see, slots, clock, lambda wait_s, looks=looks: next(looks))
+        try:
+            said.append(eyes.read())
+        except LinkLost as error:
+            said.append(str(error))
+    return said, eyes.picture()
+
+
+def test_a_sighting_comes_over_to_the_bit_with_the_image_behind_it():
+    said, picture = told(None, frame(7), None)
+    assert said == [None, see(frame(7)), None]
+    assert picture.t_ns == 7000 and (picture.image == 7).all()
+
+
+def test_a_lost_camera_stays_lost_until_the_next_image():
+    gone = LinkLost("camera 0: unplugged")
+    said, _ = told(frame(7), gone, gone, None, frame(8))
+    assert said == [see(frame(7)), *["camera 0: unplugged"] * 3, see(frame(8))]
+
+
+def test_vision_that_fails_says_so_and_the_next_image_is_seen():
+    said, _ = told(frame(13), None, frame(8))
+    assert said == [*["vision failed on an image (ZeroDivisionError: thirteen)"] * 2, see(frame(8))]
+    eyes = InlineEyes(Views(frame(13), frame(8)), see)
+    with pytest.raises(LinkLost, match=r"vision failed on an image \(ZeroDivisionError: thirteen\)"):
+        eyes.read()
+    assert eyes.read() == see(frame(8))
+
+
+def test_an_image_of_another_size_is_said():
+    said, picture = told(CameraFrame(1, np.zeros((7, 8, 3), np.uint8)))
+    assert "vision failed" in said[0] and "there is room for" in said[0] and picture is None
+
+
+def test_a_process_that_does_not_stir_does_not_answer():
+    slots, clock = Slots(bytearray(ROOM.bytes), ROOM), Time()
+    eyes = FarEyes(slots, lambda: "", clock)
+    slots.beat(clock.t_ns)
+    clock.t_ns += 1_400_000_000
+    assert eyes.read() is None
+    clock.t_ns += 200_000_000
+    with pytest.raises(LinkLost, match="the vision process does not answer"):
+        eyes.read()
+
+
+class Scene:
+    """A network camera, and the eyes of `truearc run` on it."""
+
+    def __init__(self, stack):
+        self.server = PictureServer()
+        self.over = threading.Event()
+        threading.Thread(target=self.show, daemon=True).start()
+        stack.callback(self.over.set)
+        config = load_config(SHIPPED)
+        config = replace(config, camera=replace(config.camera, device=self.server.url, width_px=64, height_px=48))
+        self.layout = ThreeProcesses(config, stack)
+        self.eyes = self.layout.open_eyes(MonotonicClock())
+        self.child = self.layout.vision
+
+    def show(self):
+        while not self.over.wait(0.02):
+            self.server.show(np.full((48, 64, 3), 60, np.uint8))
+
+    def until(self, true, limit_s=PATIENCE_S):
+        """Read until what comes is as asked; what is lost comes as words."""
+        end = time.monotonic() + limit_s
+        while time.monotonic() < end:
+            try:
+                answer = self.eyes.read()
+            except LinkLost as error:
+                answer = str(error)
+            if answer is not None and true(answer):
+                return answer
+            time.sleep(0.002)
+        raise AssertionError(f"it never came; last: {answer}")
+
+
+@pytest.fixture
+def scene():
+    with ExitStack() as stack:
+        yield Scene(stack)
+
+
+def is_seen(answer):
+    return isinstance(answer, Sighting)
+
+
+@posix
+def test_killed_vision_is_told_at_once_and_comes_back(scene):
+    scene.until(is_seen)
+    picture = scene.eyes.picture()
+    assert picture is None or picture.image.shape == (48, 64, 3)
+    os.kill(scene.child.pid, signal.SIGKILL)
+    scene.until(lambda answer: answer == "the vision process ended (signal 9)", 1.0)
+    before = time.monotonic_ns()
+    sighting = scene.until(is_seen)
+    scene.until(lambda answer: is_seen(answer) and answer.t_ns > max(before, sighting.t_ns))
+    assert scene.child.starts == 2
+
+
+@posix
+def test_stopped_vision_is_old_then_silent_and_goes_on_where_it_can(scene):
+    scene.until(is_seen)
+    os.kill(scene.child.pid, signal.SIGSTOP)
+    scene.until(lambda answer: answer == "the vision process does not answer", 3.0)
+    os.kill(scene.child.pid, signal.SIGCONT)
+    now = time.monotonic_ns()
+    scene.until(lambda answer: is_seen(answer) and answer.t_ns > now)      # and not what it had seen before
+    assert scene.child.starts == 1
+
+
+def test_a_camera_that_stops_is_lost_in_the_cameras_words(scene):
+    scene.until(is_seen)
+    scene.over.set()
+    assert "camera http://" in scene.until(lambda answer: not is_seen(answer))
+
+
+@pytest.mark.parametrize("layout", ["one", "three"])
+def test_no_such_camera_is_bad_input(layout, tmp_path, capsys):
+    cable = pytest.importorskip("hw.emulated.pty_cable").PtyCable()
+    words = ["--can", "virtual:nothing", "--buttons", cable.port, "--camera", "/dev/video99", "--layout", layout]
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    assert main(["run", "--config", str(SHIPPED), "--out", str(tmp_path / "out"), *words]) == 2
+    for number, handler in before.items():
+        signal.signal(number, handler)
+    assert "cannot start: camera /dev/video99: cannot be opened" in capsys.readouterr().err
+    assert not list((tmp_path / "out").iterdir())
+    cable.close()
