@@ -1,6 +1,11 @@
 """How fast the emulated robot and its replay run, against real time; and what one tick costs.
 
     python benchmarks/loop.py [--trials 50]
+    python benchmarks/loop.py --lateness [--seconds 20] [--rates 100,200,500] [--priority 50] [--core N]
+    python benchmarks/loop.py --frames [--seconds 2]
+
+`--lateness`: how late the ticks of `truearc run` come, idle and with all cores busy, in one process and in three.
+`--frames`: how many CAN frames a second each bus brings to the tick without losing one.
 """
 
 import argparse
@@ -11,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 import robot
+from benchmarks import loop_frames, loop_lateness
 from doors.twin import emulate
 from robot.config import Config, load_config
 from robot.recording.reader import TickReader
@@ -22,19 +28,35 @@ from robot.types import Memory
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--trials", type=int, default=50)
+    parser.add_argument("--lateness", action="store_true")
+    parser.add_argument("--frames", action="store_true")
+    parser.add_argument("--seconds", type=float, help="of each measurement (default: 20; 2 with --frames)")
+    parser.add_argument("--rates", default="100,200,500", help="ticks a second")
+    parser.add_argument("--priority", default="50", help="as `truearc run` has it")
+    parser.add_argument("--core", help="as `truearc run` has it")
     args = parser.parse_args()
+    if args.frames:
+        return loop_frames.report(args.seconds or 2.0)
+    if args.lateness:
+        options = ("--priority", args.priority, *(("--core", args.core) if args.core else ()))
+        return loop_lateness.report([int(rate) for rate in args.rates.split(",")], args.seconds or 20.0, options)
+    return time_stepped(args.trials)
+
+
+def time_stepped(trials: int) -> None:
+    """The emulated robot in stepped time, its replay, and the tick alone."""
     config = load_config(Path(robot.__file__).parent / "launcher.toml")
     with tempfile.TemporaryDirectory() as folder:
         session = Path(folder) / "session"
         began = time.perf_counter()
-        emulate(config, session, trials=args.trials, seed=0)
+        emulate(config, session, trials=trials, seed=0)
         emulated_s = time.perf_counter() - began
         began = time.perf_counter()
         ticks, _ = replay(session)
         replayed_s = time.perf_counter() - began
         tick_us = time_ticks(session, config)
     robot_s = ticks / config.tick_hz
-    print(f"{args.trials} trials, {robot_s:.0f} s of robot time, {ticks} ticks at {config.tick_hz} Hz")
+    print(f"{trials} trials, {robot_s:.0f} s of robot time, {ticks} ticks at {config.tick_hz} Hz")
     print(f"real time        {robot_s:8.1f} s      1.0 x")
     print(f"emulated robot   {emulated_s:8.1f} s  {robot_s / emulated_s:7.1f} x  (with images, CAN frames, recording)")
     print(f"replay --check   {replayed_s:8.1f} s  {robot_s / replayed_s:7.1f} x")

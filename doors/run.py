@@ -18,7 +18,7 @@ from doors.run_processes import LAYOUTS, Layout, PageWanted
 from doors.wires import open_bus
 from hw.link import Bus, Clock, LinkLost, Stream
 from hw.real.clock import MonotonicClock, wall_clock
-from hw.real.realtime import ask_core, ask_fifo, ask_locked_memory
+from hw.real.realtime import ask_core, ask_fifo, ask_fifo_beside, ask_locked_memory
 from hw.real.reopen import MendedStream
 from hw.real.serial_port import open_serial
 from hw.real.service import ServiceManager
@@ -150,6 +150,8 @@ def _check_real_time(args: argparse.Namespace) -> None:
 def _ask_for_real_time(args: argparse.Namespace) -> None:
     """Ask for all that keeps ticks on time, just before the first: what has started by now stays as it was."""
     answers = [] if args.priority == 0 else [ask_fifo(args.priority), ask_locked_memory()]
+    if args.priority and args.layout != "one":    # there, files and vision have threads, which real time is not for
+        answers.append(ask_fifo_beside(args.priority))
     answers += [] if args.core is None else [ask_core(args.core)]
     for asked, refused in answers:
         _say(f"{asked}: " + (f"REFUSED ({refused}); ticks may come late, see docs/deploy.md" if refused else "granted"))

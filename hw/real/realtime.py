@@ -1,5 +1,6 @@
 """What a process that must be on time asks of Linux. A refusal is an answer, never an error."""
 
+import contextlib
 import ctypes
 import os
 import sys
@@ -19,12 +20,30 @@ class Answer(NamedTuple):
 
 
 def ask_fifo(priority: int) -> Answer:
-    """SCHED_FIFO for the calling thread alone: threads and processes that it starts are ordinary ones again."""
+    """SCHED_FIFO for the calling thread; threads and processes that it starts are ordinary ones again."""
     asked = f"real-time scheduling (SCHED_FIFO {priority})"
     if sys.platform != "linux":
         return Answer(asked, ELSEWHERE)
     return _ask(asked, lambda: os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK,
                                                      os.sched_param(priority)))
+
+
+def ask_fifo_beside(priority: int) -> Answer:
+    """SCHED_FIFO, too, for all threads of this process that run by now, below the calling one: a thread that has the
+    interpreter while it waits for a core holds up all others, whatever their own priority."""
+    asked = f"the same for its other threads (SCHED_FIFO {priority - 1})"
+    if sys.platform != "linux":
+        return Answer(asked, ELSEWHERE)
+
+    def ask() -> None:
+        for name in os.listdir("/proc/self/task"):
+            if int(name) == threading.get_native_id():
+                continue
+            with contextlib.suppress(ProcessLookupError):     # it has ended meanwhile
+                os.sched_setscheduler(int(name), os.SCHED_FIFO | os.SCHED_RESET_ON_FORK,
+                                      os.sched_param(max(priority - 1, 1)))
+
+    return _ask(asked, ask)
 
 
 def ask_core(core: int) -> Answer:

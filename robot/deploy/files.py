@@ -60,7 +60,7 @@ TimeoutStopSec=20
 User={USER}
 SupplementaryGroups=dialout video
 StateDirectory={USER}
-# The loop's own thread is real-time; what it starts (recorder, camera) is not.
+# The control process is real-time; the processes that it starts (vision, recorder) are not.
 CPUSchedulingPolicy=fifo
 CPUSchedulingPriority={parts.priority}
 CPUSchedulingResetOnFork=yes

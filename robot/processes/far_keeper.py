@@ -17,9 +17,10 @@ from robot.recording.files import Row, append_trials
 from robot.recording.keeper import MARK_S
 
 NS_PER_S = 1_000_000_000
-SILENT_NS = 1_500_000_000             # a recorder that has not stirred for so long does not answer
+SILENT_S = 1.5                        # a recorder that has not stirred for so long does not answer
 LOOK_NS = 200_000                     # between looks at whether a trial has been kept
-OPEN_S, CLOSE_S = 30.0, 10.0          # for files to be opened, and for all that waits to be written
+OPEN_S = 30.0                         # for files to be opened
+CLOSE_S, LONGEST_S = 10.0, 60.0       # for all that waits to be written: since the recorder stirred last, and in all
 PENDING_BYTES = 64 << 20              # for a recorder that takes nothing: over two minutes of ticks
 
 
@@ -93,7 +94,7 @@ class FarKeeper:
     def trouble(self) -> str:
         if self._process.trouble:
             return self._process.trouble
-        if self._clock.now_ns() - self._slots.beaten_ns() > SILENT_NS:
+        if self._silent_s() > SILENT_S:
             return "the recorder does not answer"
         return self._status().trouble
 
@@ -102,7 +103,7 @@ class FarKeeper:
 
     def close(self) -> None:
         self._send(End())
-        self._wait(CLOSE_S, lambda: self._status().is_done)
+        self._wait(LONGEST_S, lambda: self._status().is_done or self._silent_s() > CLOSE_S)
         words = self._newest.failed if self._newest.is_done else self.trouble() or "the recorder does not answer"
         self._process.close(CLOSE_S if self._newest.is_done else 0.0)     # from here on the files are nobody's
         try:
@@ -111,6 +112,9 @@ class FarKeeper:
         except OSError as error:
             words = f"{words}; {len(rows)} marked trials are lost: {in_words(error)}"
         self.failed = OSError(words) if words else None
+
+    def _silent_s(self) -> float:
+        return (self._clock.now_ns() - self._slots.beaten_ns()) / NS_PER_S
 
     def _send(self, message: Message) -> None:
         self._sender.put(self._encoder.encode(message))

@@ -1,5 +1,6 @@
 """The recorder in a process of its own: takes messages from the control loop, and hands what they hold to the files."""
 
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Protocol
@@ -99,9 +100,17 @@ class Desk:
                 self._handle(self._decoder.decode(message))
             self._tell(self._status())
         if self._keeper is not None:
-            self._keeper.close()
+            self._close(self._keeper)
             failed = "" if self._keeper.failed is None else in_words(self._keeper.failed)
             self._tell(msgspec.structs.replace(self._status(), is_done=True, failed=failed[:LONGEST_WORDS]))
+
+    def _close(self, keeper: LaneKeeper) -> None:
+        """However long that takes, it is said meanwhile that this process is alive."""
+        closing = threading.Thread(target=keeper.close, name="closing", daemon=True)
+        closing.start()
+        while closing.is_alive():
+            self._slots.beat(self._clock.now_ns())
+            closing.join(LOOK_S)
 
     def _handle(self, message: Message) -> None:
         if isinstance(message, Open):

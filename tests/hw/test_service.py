@@ -1,7 +1,9 @@
 """sd_notify's datagrams, as a real socket receives them; and what a machine that must be on time grants or refuses."""
 
+import contextlib
 import socket
 import sys
+import threading
 
 import pytest
 
@@ -54,11 +56,33 @@ def test_a_refusal_is_an_answer_in_words(monkeypatch):
     monkeypatch.setattr(realtime.os, "sched_setscheduler", refuse, raising=False)
     monkeypatch.setattr(realtime.sys, "platform", "linux")
     assert realtime.ask_fifo(50) == ("real-time scheduling (SCHED_FIFO 50)", "Operation not permitted")
+    with started_thread():
+        assert realtime.ask_fifo_beside(50).refused == "Operation not permitted"
+
+
+@contextlib.contextmanager
+def started_thread():
+    over = threading.Event()
+    thread = threading.Thread(target=over.wait)
+    thread.start()
+    yield thread
+    over.set()
+    thread.join()
+
+
+@needs_linux
+def test_other_threads_are_asked_for_below_the_loops_own(monkeypatch):
+    asked = {}
+    monkeypatch.setattr(realtime.os, "sched_setscheduler", lambda tid, policy, param: asked.update({tid: param}))
+    with started_thread() as thread:
+        assert realtime.ask_fifo_beside(50).refused == ""
+        assert asked[thread.native_id].sched_priority == 49 and threading.get_native_id() not in asked
 
 
 def test_elsewhere_everything_is_refused_with_the_reason(monkeypatch):
     monkeypatch.setattr(realtime.sys, "platform", "win32")
-    for answer in (realtime.ask_fifo(50), realtime.ask_core(1), realtime.ask_locked_memory(), *realtime.rehearse(50)):
+    for answer in (realtime.ask_fifo(50), realtime.ask_fifo_beside(50), realtime.ask_core(1),
+                   realtime.ask_locked_memory(), *realtime.rehearse(50)):
         assert answer.refused == "this is not Linux"
 
 

@@ -1,0 +1,169 @@
+"""Whether the robot can run for hours: memory, open files, threads, lateness, and whether its recording keeps step.
+
+    python benchmarks/soak.py [--minutes 60] [--folder DIR]
+
+`truearc run` in three processes, its devices in a fourth (slcan on a pseudo-terminal), all in real time. What each
+process holds is read from /proc (Linux). FAIL when a process goes on growing or gathers open files or threads, when
+ticks are missing from the recording or fall behind the clock, when a process ends, or a file cannot be read.
+"""
+
+import argparse
+import statistics
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+
+from benchmarks.real_robot import PATIENT, RealRobot, save_config
+from robot.config import load_config
+from robot.lateness import Second
+from robot.recording.images import load_image, load_pictures
+from robot.recording.reader import TickReader
+from robot.recording.session import LATENESS, load_trials
+
+SAMPLE_S = 1.0
+WARM_SHARE = 0.25                     # of the run: caches fill, libraries are loaded
+GROWTH_MB = 4.0                       # more than this after that, and still growing at its end, is a leak
+DRIFT_S = 1.0                         # that ticks may be behind the clock, beyond what they were late by
+KIB_PER_MB = 1024
+
+
+class Sample(NamedTuple):
+    """What one process holds at one moment."""
+
+    t_s: float
+    rss_mb: float
+    files: int
+    threads: int
+
+
+def sample(pid: int, t_s: float) -> Sample:
+    """FileNotFoundError when it has ended."""
+    fields = dict(line.split(":", 1) for line in Path(f"/proc/{pid}/status").read_text().splitlines())
+    return Sample(t_s, int(fields["VmRSS"].split()[0]) / KIB_PER_MB, len(list(Path(f"/proc/{pid}/fd").iterdir())),
+                  int(fields["Threads"]))
+
+
+def growth_mb(samples: list[Sample]) -> float:
+    """How much larger the middle of the last third is than that of the first, once it was warm; 0 when it has ended
+    growing: the last sixth is then no larger than the one before."""
+    warm = samples[int(WARM_SHARE * len(samples)):]
+    third, sixth = max(len(warm) // 3, 1), max(len(warm) // 6, 1)
+
+    def middle(part: list[Sample]) -> float:
+        return statistics.median(item.rss_mb for item in part)
+
+    still = middle(warm[-sixth:]) - middle(warm[-2 * sixth:-sixth] or warm[-sixth:])
+    return middle(warm[-third:]) - middle(warm[:third]) if still > 0.0 else 0.0
+
+
+def gathered(samples: list[Sample], what: Callable[[Sample], int]) -> int:
+    """By how much the least that is held in the last third is above the least in the first, once it was warm."""
+    warm = samples[int(WARM_SHARE * len(samples)):]
+    third = max(len(warm) // 3, 1)
+    return min(map(what, warm[-third:])) - min(map(what, warm[:third]))
+
+
+def watch(robot: RealRobot, seconds: float) -> dict[str, list[Sample]]:
+    """What each process holds, once a second; RuntimeError when one ends."""
+    samples: dict[str, list[Sample]] = {name: [] for name in robot.pids}
+    began_s = time.monotonic()
+    while (t_s := time.monotonic() - began_s) < seconds:
+        for name, pid in robot.pids.items():
+            samples[name].append(sample(pid, t_s))
+        robot.rest(SAMPLE_S)
+    return samples
+
+
+def judge_memory(samples: dict[str, list[Sample]]) -> list[str]:
+    """What has grown."""
+    wrong = []
+    for name, held in samples.items():
+        if (grown := growth_mb(held)) > GROWTH_MB:
+            wrong.append(f"{name} has grown by {grown:.1f} MB and goes on")
+        for what, count in (("open files", gathered(held, lambda item: item.files)),
+                            ("threads", gathered(held, lambda item: item.threads))):
+            if count > 0:
+                wrong.append(f"{name} gathers {what}: {count} more")
+    return wrong
+
+
+def judge_recording(session: Path, tick_hz: int, ended_ns: int) -> tuple[list[str], list[str]]:
+    """What is wrong with a recording that has just ended, and a summary."""
+    reader = TickReader(session)
+    wrong, first_ns, last_ns, count, stalls_s, fired = [], 0, 0, 0, 0.0, 0
+    for tick, _ in reader:
+        t_ns, count = tick.inputs.t_ns, count + 1
+        if tick.inputs.cycle != count:
+            wrong.append(f"tick {count} is missing")
+            count = tick.inputs.cycle
+        stalls_s += max((t_ns - last_ns) * 1e-9 * tick_hz - 1.5, 0.0) / tick_hz if last_ns else 0.0
+        first_ns, last_ns, fired = first_ns or t_ns, t_ns, fired + (tick.shot is not None)
+    took_s = (last_ns - first_ns) * 1e-9
+    behind_s = took_s - (count - 1) / tick_hz
+    if reader.cut_short:
+        wrong.append("the recording is cut short")
+    if behind_s < -DRIFT_S or behind_s - stalls_s > DRIFT_S:
+        wrong.append(f"{count} ticks in {took_s:.1f} s: {behind_s:.2f} s behind, of which stalls {stalls_s:.2f} s")
+    if (ended_ns - last_ns) * 1e-9 > DRIFT_S:
+        wrong.append(f"the last tick is {(ended_ns - last_ns) * 1e-9:.1f} s older than the end")
+    pictures = load_pictures(session)
+    if any(load_image(session, picture) is None for picture in pictures):
+        wrong.append("an image of the index is not whole")
+    seconds = [msgspec.json.decode(line, type=Second) for line in (session / LATENESS).read_bytes().splitlines()]
+    told = sum(sum(second.counts) for second in seconds)
+    if told != count - 1:
+        wrong.append(f"lateness.jsonl tells of {told} ticks, the recording of {count}")
+    return wrong, [f"{count} ticks in {took_s:.1f} s ({behind_s:+.2f} s behind the clock, of which stalls of more than "
+                   f"half a tick {stalls_s:.2f} s); {fired} shots, {len(load_trials(session))} marked trials, "
+                   f"{len(pictures)} images, all readable"]
+
+
+def report(samples: dict[str, list[Sample]], wrong: list[str], summary: list[str]) -> None:
+    """The table."""
+    print("process     MB at first   once warm   at last   most   open files   threads")
+    for name, held in samples.items():
+        warm = held[int(WARM_SHARE * len(held))]
+        print(f"{name:10s} {held[0].rss_mb:12.1f} {warm.rss_mb:11.1f} {held[-1].rss_mb:9.1f} "
+              f"{max(item.rss_mb for item in held):6.1f} {warm.files:6d} -> {held[-1].files:<4d} "
+              f"{warm.threads:4d} -> {held[-1].threads}")
+    print(*summary, *(f"FAIL: {words}" for words in wrong), *(["ok"] if not wrong else []), sep="\n")
+
+
+def soak(seconds: float, folder: Path, options: tuple[str, ...] = ()) -> bool:
+    """Run for so long, and print what came of it; whether all was well."""
+    config = save_config(folder / "launcher.toml", PATIENT)
+    robot = RealRobot(config, folder / "sessions", options)
+    wrong, samples = [], {}
+    try:
+        samples = watch(robot, seconds)
+        ended_ns = time.monotonic_ns()
+        words = robot.end()
+    except (RuntimeError, FileNotFoundError) as error:
+        print(f"FAIL: a process has ended: {error}", *robot.said, sep="\n")
+        return False
+    finally:
+        robot.kill()
+    if robot.code != 0:
+        wrong.append(f"exit code {robot.code}")
+    found, summary = judge_recording(robot.session, load_config(config).tick_hz, ended_ns)
+    wrong += judge_memory(samples) + found
+    report(samples, wrong, [*words.splitlines()[1:2], *summary])
+    return not wrong
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--minutes", type=float, default=60.0)
+    parser.add_argument("--folder", type=Path, help="where to record (default: the system's temporary folder)")
+    args = parser.parse_args()
+    with tempfile.TemporaryDirectory(dir=args.folder) as name:
+        sys.exit(0 if soak(60.0 * args.minutes, Path(name)) else 1)
+
+
+if __name__ == "__main__":
+    main()

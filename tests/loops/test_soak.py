@@ -1,0 +1,68 @@
+"""Two minutes of benchmarks/soak.py, and that it would see a leak."""
+
+import sys
+from pathlib import Path
+
+import pytest
+from msgspec.structs import replace
+
+from benchmarks.loop_frames import wire_limits
+from benchmarks.soak import Sample, growth_mb, judge_memory, judge_recording, soak
+from robot.lateness import Lateness
+from robot.recording.session import make_header
+from robot.recording.writer import SessionWriter
+from tests.robot.good_tick import CONFIG
+from tests.robot.recording.test_writer import ticks
+
+SECONDS = 120.0
+TICK_NS = 5_000_000
+
+
+def held(rss_mb, files=lambda t_s: 10, threads=lambda t_s: 5):
+    return [Sample(t_s, rss_mb(t_s), files(t_s), threads(t_s)) for t_s in range(120)]
+
+
+def test_what_grows_and_goes_on_is_a_leak_and_what_has_stopped_is_none():
+    assert growth_mb(held(lambda t_s: 80.0 + 0.1 * t_s)) == pytest.approx(6.0, abs=0.5)
+    assert growth_mb(held(lambda t_s: 80.0 + min(t_s, 50))) == 0.0
+    assert judge_memory({"control": held(lambda t_s: 80.0 + t_s % 3)}) == []
+    assert "control has grown by" in judge_memory({"control": held(lambda t_s: 80.0 + 0.1 * t_s)})[0]
+
+
+def test_files_and_threads_that_are_gathered_are_told():
+    told = judge_memory({"vision": held(lambda t_s: 80.0, files=lambda t_s: 10 + t_s // 20,
+                                        threads=lambda t_s: 5 + t_s // 30)})
+    assert told[0].startswith("vision gathers open files") and told[1].startswith("vision gathers threads")
+    assert judge_memory({"vision": held(lambda t_s: 80.0, files=lambda t_s: 10 + t_s % 2)}) == []
+
+
+@pytest.mark.parametrize(("skip", "slow", "words"), [
+    (lambda cycle: False, 1.0, ""), (lambda cycle: cycle == 300, 1.0, "tick 300 is missing"),
+    (lambda cycle: False, 1.45, "behind")])
+def test_a_recording_that_lacks_ticks_or_falls_behind_is_told(skip, slow, words, tmp_path):
+    recorder = SessionWriter(tmp_path / "s", make_header(CONFIG, None, None), CONFIG, None, lossless=True)
+    lateness = Lateness(recorder.keep_lateness, TICK_NS)
+    last_ns = 0
+    for tick in ticks(600):
+        t_ns = round(slow * tick.inputs.t_ns) + TICK_NS
+        if tick.inputs.cycle > 1:
+            lateness.note(t_ns, 0)
+        if not skip(tick.inputs.cycle):
+            recorder.record(replace(tick, inputs=replace(tick.inputs, t_ns=t_ns)), None)
+            last_ns = t_ns
+    lateness.close()
+    recorder.close()
+    wrong, summary = judge_recording(tmp_path / "s", 200, last_ns)
+    assert (wrong == []) == (words == "") and words in " ".join(wrong) and "ticks in" in summary[0]
+
+
+def test_what_fits_on_the_wire_is_that_of_the_standard():
+    limits = wire_limits()
+    assert limits["11-bit id"] == pytest.approx((1e6 / 135, 1e6 / 111))
+    assert limits["29-bit id"] == pytest.approx((1e6 / 160, 1e6 / 131))
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
+def test_two_minutes_leave_nothing_behind(tmp_path: Path, capsys):
+    assert soak(SECONDS, tmp_path), capsys.readouterr().out
