@@ -93,8 +93,8 @@ def verdict_of(config: Config, inputs) -> tuple[str, ...]:
 def with_hood(bench: Bench):
     """A tick in which all is well, but for what the bench's hood motor says and what the rig complains of."""
     inputs, good = bench.inputs, good_inputs()
-    hood = replace(inputs.hood_motor, t_ns=good.t_ns, heartbeat_t_ns=good.t_ns, velocity_rad_s=0.0,
-                   position_rad=good.hood_motor.position_rad)
+    hood = replace(inputs.hood_motor, t_ns=good.t_ns, heartbeat_t_ns=good.t_ns, errors_t_ns=good.t_ns,
+                   velocity_rad_s=0.0, position_rad=good.hood_motor.position_rad)
     faults = tuple(fault for fault in inputs.faults if "button box" not in fault)
     return replace(good, hood_motor=hood, faults=faults)
 

@@ -73,6 +73,11 @@ def test_a_launcher_whose_free_speed_nobody_knows_has_no_aim():
     assert verdict(good_inputs(0.0, HOOD_DEG), config=replace(CONFIG, rig=rig)).reasons == ("no aim",)
 
 
+def test_an_aim_however_slow_is_one():
+    memory = replace(good_memory(), aim=replace(good_memory().aim, motor_ratio=0.5 / 594.0))
+    assert verdict(good_inputs(0.5, good_memory().aim.hood_deg), memory).reasons == ()
+
+
 def test_a_sighting_is_young_enough_to_the_last_nanosecond():
     """A quarter of a second, which is exact as a float."""
     memory = good_memory()
