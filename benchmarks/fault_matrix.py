@@ -3,9 +3,9 @@
     python benchmarks/fault_matrix.py [--bus virtual,slcan,socketcan] [--only PATTERN] [--out FILE] [--folder DIR]
     python benchmarks/fault_matrix.py --table FILE [--write docs/reliability.md]
 
-Each row of benchmarks/matrix/rows.py is played on each bus that there is (socketcan: where vcan0 is), on the robot's own
-code with emulated devices: it fires, then something breaks, then it is mended. A line of FILE a cell; one that is there
-already, and right, is not played again.
+Each row of benchmarks/matrix/rows.py is played on each bus that there is (socketcan: where vcan0 is), on the robot's
+own code with emulated devices: it fires, then something breaks, then it is mended. A line of FILE a cell; one that is
+there already, and right, is not played again.
 """
 
 import argparse
@@ -33,6 +33,7 @@ def run_row(row: Row, bus: str, folder: Path) -> Result:
     stepped = bus == "virtual" and not row.real
     for tries in range(1, TRIES + 1):
         place = folder / f"{ROWS.index(row)}-{bus}-{tries}"
+        shutil.rmtree(place, ignore_errors=True)  # of a run that was cut short
         said = play(row, bus, place)
         result = judge(row, bus, stepped, place, said)
         result.tries = tries

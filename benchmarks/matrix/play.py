@@ -174,6 +174,7 @@ def _signal(place: Place, breaking: Process, span: Span, far: BaseProcess, near:
             context: multiprocessing.context.ForkServerContext) -> tuple[BaseProcess, BaseProcess]:
     """Stop or kill one of the two when it is time, and put that right; the processes there are then."""
     clock = MonotonicClock()
+    _hurry()                                      # not to come too late, where both others do
     _wait_until(lambda: span.begin_ns > 0 or span.over_ns > 0)
     victim = far if breaking.who == "devices" else near
     pid_file = place.folder / f"{breaking.who}.pid"

@@ -60,5 +60,5 @@ def _summary(results: Sequence[Result]) -> str:
     ticks, fires, stale = (sum(getattr(result, name) for result in results) for name in ("ticks", "fires", "stale"))
     again = sum(result.tries > 1 for result in results)
     return (f"{len(faults)} faults, {len(results)} runs, {wrong} of them not as they should be; {ticks} ticks, {fires} "
-            f"of them FIRE, {stale} of these on a reading that was too old. {again} runs in real time were played again, "
-            "because the machine had stalled.")
+            f"of them FIRE, {stale} of these on a reading that was too old. {again} runs in real time were played "
+            "again, because the machine had stalled.")
