@@ -22,14 +22,15 @@ from hw.emulated.twin import Twin
 from robot.config import Config
 from robot.recording.candump import TappedBus
 
+MS = 1_000_000
+NS_PER_S = 1_000_000_000
 NAMES = ("flywheel_a", "flywheel_b", "hood", "feeder", "hood_encoder")
 BALLS = 3                             # have gone in: the robot would fire; and again: it has recovered
 SPINOUT = 0x04000000
-MS = 1_000_000
-NS_PER_S = 1_000_000_000
 SETTLE_NS = NS_PER_S // 2             # from when the robot is heard until it is armed
 PRESS_NS = 40 * MS
 ARM_NS = 200 * MS
+AGAIN_NS = 8 * NS_PER_S               # without a fault by then the driver arms anew
 PAUSE_NS = NS_PER_S                   # from the end of a fault until the driver arms anew
 PATIENCE_S = 12.0                     # for either of the two
 READY_S = 40.0
@@ -40,7 +41,6 @@ class Seen(msgspec.Struct):
 
     balls: list[tuple[int, float, float]] = []    # when, true wheel speed (rad/s), true elevation (deg)
     idle_ns: int = 0                              # the first time since the fault that no motor was driven
-    pressed: int = 0
 
 
 class FarSide:
@@ -50,7 +50,7 @@ class FarSide:
                  span: Span, now_ns: Callable[[], int], watchdog_ms: int = FLYWHEEL.watchdog_ms) -> None:
         """`arms`: how often the driver presses that button once the fault is over. With a span that has begun these
         devices take the place of others, whose driver had armed."""
-        self.seen = Seen(pressed=int(span.begin_ns > 0))
+        self.seen = Seen()
         self.heard = False
         self._config, self._breaking, self._lasts_ns, self._arms = config, breaking, round(lasts_s * 1e9), arms
         self._wire, self._box, self._span, self._now_ns = wire, box, span, now_ns
@@ -60,6 +60,7 @@ class FarSide:
         self._twin = Twin(self._plant, TappedBus(wire, self._listen), nodes, (box.step, self._drive))
         self._began_ns = self._due_ns = 0
         self._then_ns = self._balls_then = 0
+        self._armed_ns, self._to_arm = -AGAIN_NS if not span.begin_ns else 0, 0
         self._turn = self._ended = False
 
     def advance(self, t_ns: int) -> None:
@@ -99,12 +100,17 @@ class FarSide:
         self._direct(t_ns)
 
     def _press(self, t_ns: int) -> None:
-        """Arm once; then ask and mark, ask and mark."""
+        """Arm; then ask and mark, ask and mark. Where a machine stalled at the start, watchdogs bit: arm anew."""
         self._due_ns = t_ns + PRESS_NS
-        button = "arm" if not self.seen.pressed else ("fire", "two")[self._turn]
+        if not self._span.begin_ns and t_ns - self._armed_ns > AGAIN_NS:
+            self._armed_ns, self._to_arm = t_ns, 1 if self._armed_ns < 0 else 2
+        if self._to_arm:
+            self._to_arm -= 1
+            self._due_ns = t_ns + ARM_NS
+            self._box.press("arm")
+            return
         self._turn = not self._turn
-        self.seen.pressed += 1
-        self._box.press(button)
+        self._box.press(("two", "fire")[self._turn])
 
     def _direct(self, t_ns: int) -> None:
         """Begin the fault when the robot is seen to fire, end it, and wait until it fires again."""

@@ -21,6 +21,7 @@ from benchmarks.matrix.breaking import Breaking, Disk, Model, Process, Start, Ti
 from benchmarks.matrix.devices import FarSide
 from benchmarks.matrix.disks import mount_small_disk, unmount
 from benchmarks.matrix.far_wire import FarWire
+from benchmarks.matrix.hurry import hurry
 from benchmarks.matrix.models import write_model
 from benchmarks.matrix.robot_side import run_robot
 from benchmarks.matrix.rows import REARM, Row
@@ -174,6 +175,7 @@ def _signal(place: Place, breaking: Process, span: Span, far: BaseProcess, near:
             context: multiprocessing.context.ForkServerContext) -> tuple[BaseProcess, BaseProcess]:
     """Stop or kill one of the two when it is time, and put that right; the processes there are then."""
     clock = MonotonicClock()
+    hurry()                                      # not to come too late, where both others do
     _wait_until(lambda: span.begin_ns > 0 or span.over_ns > 0)
     victim = far if breaking.who == "devices" else near
     pid_file = place.folder / f"{breaking.who}.pid"
@@ -207,16 +209,9 @@ def _be_both(place: Place) -> None:
     devices.join()
 
 
-def _hurry() -> None:
-    """Before others of this machine, as `truearc run` asks for itself; not where that is refused."""
-    if sys.platform == "linux":
-        with contextlib.suppress(OSError):
-            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(10))
-
-
 def _be_devices(place: Place) -> None:
     """Until the span is over."""
-    _hurry()
+    hurry()
     row, span, clock = place.row, Span(place.folder / "span"), MonotonicClock()
     box = BrokenBox(place.folder / "box", prompt=False)
     wire = FarWire(*place.bus, clock)
@@ -229,11 +224,10 @@ def _be_devices(place: Place) -> None:
 
 
 def _be_robot(place: Place, folder: Path) -> None:
-    _hurry()
     span = Span(place.folder / "span")
     try:
         run_robot(place.config, place.row.breaking, place.bus, str(place.folder / "box"), folder, span,
-                  MonotonicClock(), False)
+                  MonotonicClock(), False, hurry)
     finally:
         if not ends_robot(place.row.breaking) or folder != place.folder:
             span.finish(span.over_ns or MonotonicClock().now_ns())      # whatever it was, the devices need not go on

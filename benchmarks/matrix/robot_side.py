@@ -47,7 +47,7 @@ class RobotSide(msgspec.Struct):
 
 
 def run_robot(config: Config, breaking: Breaking, bus: tuple[str, str], box_port: str, folder: Path, span: Span,
-              clock: Clock, stepped: bool) -> None:
+              clock: Clock, stepped: bool, hurry: Callable[[], None] = lambda: None) -> None:
     """Run until the span is over, and leave `folder`/session and robot.json.
 
     On a stepped clock nothing needs threads of its own: the bus is read by the tick, and is not supervised.
@@ -59,6 +59,7 @@ def run_robot(config: Config, breaking: Breaking, bus: tuple[str, str], box_port
         supervised_bus.ROOM = SMALL_ROOM
     with ExitStack() as wires, StandingWall(breaking, span):
         beside = Beside(config, folder, wires) if is_beside(breaking) else None
+        hurry()                                   # as on the robot: vision and recorder have no real time
         wire, box = _open(config, breaking, bus, box_port, span, clock, stepped, tally, wires)
         eyes = beside.open_eyes(clock) if beside else _open_eyes(config, breaking, span, clock, stepped, wires)
         recorder = SessionWriter(folder / "session", make_header(config, None, None), config, None, lossless=stepped,

@@ -197,7 +197,7 @@ def _near() -> list[Row]:
             ("foreign", "contract|damaged"), ("no number", "gives no probability"),
             ("no model", "No such file"), ("policy model, no file", "gate.policy is 'model', so --gate is needed"))),
         Row("devices' process stopped for 0.6 s (SIGSTOP)", "process", Process("devices", "stop"), "silent for",
-            STALE_S, REARM),
+            STALE_S),                 # their watchdogs stand still with it
         Row("devices' process killed, started again", "process", Process("devices", "kill"), "silent for|CAN lost",
             STALE_S, lasts_s=1.0),
         Row("control process stopped for 0.6 s (SIGSTOP)", "process", Process("control", "stop"), "ticks stood still",
