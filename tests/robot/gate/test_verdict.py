@@ -250,3 +250,11 @@ def test_inputs_of_another_robot_are_no_verdict():
     inputs = good_inputs()
     with pytest.raises(ValueError, match="shorter"):
         verdict(replace(inputs, flywheels=inputs.flywheels[:1]))
+
+
+@pytest.mark.parametrize("inputs", [
+    spoil_motor(t_ns=NOW_NS - 100_000_001), spoil_motor(heartbeat_t_ns=NOW_NS - 250_000_001),
+    spoil_motor(errors_t_ns=NOW_NS - 1_000_000_001), spoil_angle(t_ns=NOW_NS - 100_000_001),
+    spoil_angle(faults_t_ns=NOW_NS - 250_000_001), spoil_motor(t_ns=NOW_NS + 1), spoil_angle(faults_t_ns=NOW_NS + 1)])
+def test_a_nanosecond_past_its_limit_nothing_fires(inputs):
+    assert len(verdict(inputs).reasons) == 1
