@@ -50,7 +50,7 @@ class Half:
     samples: Samples
     scatter: Scatter
     area: Array
-    landing: Array                    # [n, 2]: t_s z_m of frame 42
+    landing: Array                    # [n, 2]: t_s z_m of frame 42, nan where the film ends before
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,8 @@ def half_of(dataset: Dataset) -> Half:
     tracks, shots = dataset.tracks, dataset.shots
     assert tracks is not None
     samples, _, _ = gather_samples(tracks, len(shots))
-    landing = [(tracks.t_s[tracks.shot == k][FRAME], tracks.z_m[tracks.shot == k][FRAME]) for k in range(len(shots))]
+    falls = [np.stack([tracks.t_s, tracks.z_m], axis=1)[tracks.shot == k] for k in range(len(shots))]
+    landing = [fall[FRAME] if len(fall) > FRAME else np.full(2, np.nan) for fall in falls]
     own = shots.number("area_per_mass_m2_kg")
     typical = np.pi * dataset.facts.ball.radius_m**2 / dataset.facts.ball.mass_kg
     area = np.where(np.isfinite(own), own, typical) / (np.pi * BALL.radius_m**2 / BALL.mass_kg)
