@@ -9,8 +9,9 @@ between the foretold and the filmed height at frame 42 (2.8 s), averaged over th
 one. Their best figure is 1.33 to 1.37 m, with a start that was smoothed over samples 0 to 34.
 
 Falls are the simulator's own (sim.physics.flight.path, terms of the catalogue), priors the catalogue's, the noise of
-the samples as `discover` measures it on the drop that is learned from. --ask runs `discover` on that drop alone
-(gravity believed, all eleven balls) and says what it names; some minutes.
+the samples as `discover` measures it on the drop that is learned from. g is known, and then, as a check on film and
+model together, fitted to each session by itself, with all else: ten balls, and eleven with the bowling ball. --ask runs
+`discover` on each session alone (gravity believed, all eleven balls) and says what it answers; some minutes.
 """
 
 import argparse
@@ -33,6 +34,8 @@ LEFT_OUT = "bowlingball"
 FRAME = 42
 EARLY = (6, 18, 35)
 STEP_S, LONGEST_S = 0.005, 5.0
+SESSIONS = ("drop 1", "drop 2")
+G_M_S2, G_DOUBT = 9.81, 0.5                   # what is thought of g beforehand where it is fitted, as a share: nothing
 RELEASE_S, HEIGHT_M = (0.15, 0.3), 0.3        # prior of the release after the first sample; of the height about it
 MODELS = {"gravity": (), "gravity, drag of each ball": ("drag",),
           "... and a share of it that goes with speed": ("drag", "drag_reynolds"),
@@ -47,18 +50,21 @@ class Half:
     samples: Samples
     scatter: Scatter
     area: Array
-    landing: Array                    # [n, 2]: t_s z_m of frame 42
+    landing: Array                    # [n, 2]: t_s z_m of frame 42, nan where the film ends before
 
 
 @dataclass(frozen=True)
 class Learned:
-    """log_cd of each ball; shared: slope of the drag coefficient over speed, and of the film's metre over height."""
+    """log_cd of each ball; shared: slope of the drag coefficient over speed, of the film's metre over height, and by
+    what share g comes out larger than G_M_S2."""
 
     log_cd: Array
     slope: float
     per_m: float
+    heavier: float
 
 
+FREE_G = "free g"
 BALL = Ball(0.142, 0.0889)
 FACTS = Facts(BALL, LauncherFacts(0.0))
 
@@ -70,10 +76,10 @@ def main() -> None:
     args = parser.parse_args()
     dataset = import_ball_drops(args.drops)
     if args.ask:
-        for session in ("drop 1", "drop 2"):
+        for session in SESSIONS:
             finding = discover(only(dataset, session), ("gravity",)).finding
             print(f"learned from {session} alone: {finding.sentence}")
-    halves = [half_of(only(dataset, session, LEFT_OUT)) for session in ("drop 1", "drop 2")]
+    halves = [half_of(only(dataset, session, LEFT_OUT)) for session in SESSIONS]
     print(f"mean error in m at frame {FRAME}, drop 2 unseen / drop 1 unseen / both, from the first K samples")
     for name, terms in MODELS.items():
         errors = np.array([[forecast(seen, unseen, terms, early) for early in EARLY]
@@ -81,6 +87,15 @@ def main() -> None:
         row = "; ".join(f"K = {early}: {a:.2f} / {b:.2f} / {(a + b) / 2:.2f}"
                         for early, (a, b) in zip(EARLY, errors.T, strict=True))
         print(f"{name}: {row}")
+    print("g in m/s2 where it is fitted, drop 1 / drop 2; ten balls; eleven")
+    eleven = [half_of(only(dataset, session)) for session in SESSIONS]
+    for name, terms in MODELS.items():
+        print(f"{name}: " + "; ".join(" / ".join(f"{fitted_g(half, terms):.2f}" for half in sessions)
+                                      for sessions in (halves, eleven)))
+
+
+def fitted_g(half: Half, terms: Sequence[str]) -> float:
+    return G_M_S2 * (1.0 + learn(half, (*terms, FREE_G)).heavier)
 
 
 def only(dataset: Dataset, session: str, without: str = "") -> Dataset:
@@ -94,7 +109,8 @@ def half_of(dataset: Dataset) -> Half:
     tracks, shots = dataset.tracks, dataset.shots
     assert tracks is not None
     samples, _, _ = gather_samples(tracks, len(shots))
-    landing = [(tracks.t_s[tracks.shot == k][FRAME], tracks.z_m[tracks.shot == k][FRAME]) for k in range(len(shots))]
+    falls = [np.stack([tracks.t_s, tracks.z_m], axis=1)[tracks.shot == k] for k in range(len(shots))]
+    landing = [fall[FRAME] if len(fall) > FRAME else np.full(2, np.nan) for fall in falls]
     own = shots.number("area_per_mass_m2_kg")
     typical = np.pi * dataset.facts.ball.radius_m**2 / dataset.facts.ball.mass_kg
     area = np.where(np.isfinite(own), own, typical) / (np.pi * BALL.radius_m**2 / BALL.mass_kg)
@@ -112,25 +128,25 @@ def forecast(seen: Half, unseen: Half, terms: Sequence[str], early: int) -> floa
 
 
 def learn(half: Half, terms: Sequence[str]) -> Learned:
-    """Most probable drag of each ball and what all share, with each drop's own start."""
+    """Most probable drag of each ball and what all share, with each drop's own start; FREE_G among terms: and g."""
     n = len(half.area)
     drag, *shared = (find_parameter(name) for name in ("drag.cd", "drag_reynolds.slope", "track_perspective.per_m"))
-    at_work = np.array([name in terms for name in ("drag_reynolds", "track_perspective")])
-    sd = np.array([one.prior.sd for one in shared if one.prior])
-    assert drag.prior is not None and len(sd) == len(shared)
+    at_work = np.array([name in terms for name in ("drag_reynolds", "track_perspective", FREE_G)])
+    sd = np.array([*(one.prior.sd for one in shared if one.prior), G_DOUBT])
+    assert drag.prior is not None and len(sd) == len(at_work)
 
     def split(at: Array) -> Learned:
-        return Learned(at[:n], *(at[n:n + 2] * at_work))
+        return Learned(at[:n], *(at[n:n + 3] * at_work))
 
     def misfits(at: Array) -> Array:
         here = split(at)
-        return np.concatenate([misfit(half, fallen_m(half, here, terms), at[n + 2:], half.scatter, here.per_m),
-                               (here.log_cd - np.log(drag.prior.centre)) / drag.prior.sd, at[n:n + 2] / sd,
-                               start_prior(half, at[n + 2:])])
+        return np.concatenate([misfit(half, fallen_m(half, here, terms), at[n + 3:], half.scatter, here.per_m),
+                               (here.log_cd - np.log(drag.prior.centre)) / drag.prior.sd, at[n:n + 3] / sd,
+                               start_prior(half, at[n + 3:])])
 
-    centre = np.concatenate([np.full(n, np.log(drag.prior.centre)), np.zeros(2), first(half)])
+    centre = np.concatenate([np.full(n, np.log(drag.prior.centre)), np.zeros(3), first(half)])
     low, high = np.full(len(centre), -np.inf), np.full(len(centre), np.inf)
-    low[n:n + 2], high[n:n + 2] = [one.low for one in shared], [one.high for one in shared]
+    low[n:n + 3], high[n:n + 3] = [*(one.low for one in shared), -0.9], [*(one.high for one in shared), 0.9]
     return split(least_squares(misfits, centre, bounds=(low, high)).x)
 
 
@@ -139,7 +155,8 @@ def fallen_m(half: Half, learned: Learned, terms: Sequence[str]) -> Array:
     cd = np.exp(learned.log_cd) * half.area * ("drag" in terms)
     rest = np.zeros_like(cd)
     flown = path(FACTS, tuple(find_terms(("gravity", "drag", "drag_reynolds"))),
-                 {"gravity": {}, "drag": {"cd": cd}, "drag_reynolds": {"slope": learned.slope + rest}},
+                 {"gravity": {"scale": 1.0 + learned.heavier + rest}, "drag": {"cd": cd},
+                  "drag_reynolds": {"slope": learned.slope + rest}},
                  Exit(rest, rest - np.pi / 2.0, rest), int(LONGEST_S / STEP_S), STEP_S)
     return -np.asarray(flown.position_m.z).T
 

@@ -3,7 +3,9 @@
 import argparse
 
 from robot.config import BadInput
+from sim.importers.doubts import doubts_of
 from sim.importers.registry import IMPORTERS
+from sim.importers.some import only
 from sim.shots import save_dataset
 
 DESCRIPTION = "Turn recordings that others made into a dataset directory (docs/importing.md)."
@@ -16,6 +18,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("source", choices=[importer.name for importer in IMPORTERS], help="whose recordings")
     parser.add_argument("files", nargs="+", metavar="FILE", help=known)
     parser.add_argument("-o", "--out", required=True, metavar="DIR", help="dataset directory to write")
+    parser.add_argument("--only", metavar="COLUMN=TEXT,...", help="of the dataset's shots those with one of these "
+                        "texts in the column (ball_quality=new), to compare parts with each other")
 
 
 def main(args: argparse.Namespace) -> int:
@@ -25,9 +29,13 @@ def main(args: argparse.Namespace) -> int:
         raise BadInput(f"{args.source} takes {len(importer.files)} "
                        f"{'file' if len(importer.files) == 1 else 'files'}: {' '.join(importer.files)}")
     dataset = importer.load(*args.files)
+    if args.only is not None:
+        dataset = only(dataset, args.only)
     save_dataset(args.out, dataset)
     samples = 0 if dataset.tracks is None else len(dataset.tracks.t_s)
     print(f"{args.out}: {len(dataset.shots)} shots, {samples} track samples")
     for line in dataset.left_out:
         print(f"left out: {line}")
+    for line in doubts_of(dataset):
+        print(f"warning: {line}")
     return 0
