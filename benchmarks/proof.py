@@ -1,0 +1,58 @@
+"""The tables of packed rounds of proof, as docs/proof.md has them.
+
+    truearc prove pack --out ROUND --packed benchmarks/results/proof-L0.tar.xz
+    python benchmarks/proof.py benchmarks/results/proof-*.tar.xz [--write docs/proof.md]
+
+Nothing is checked here but the ledger's chain: `truearc prove check --packed FILE --out DIR` makes worlds again.
+"""
+
+import argparse
+import tempfile
+from pathlib import Path
+
+import msgspec
+
+from sim.prove.keeper import load_plan
+from sim.prove.ledger import digest, read_ledger
+from sim.prove.opener import graded_of
+from sim.prove.packed import unpack
+from sim.prove.proof_page import verdict
+from sim.prove.proof_table import make_tables
+from sim.prove.room import Room
+
+BEGIN, END = "<!-- rounds: begin -->\n", "<!-- rounds: end -->\n"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("packed", type=Path, nargs="+")
+    parser.add_argument("--write", type=Path, metavar="PAGE", help="put it between that page's marks")
+    args = parser.parse_args()
+    text = "\n".join(tell(path) for path in args.packed)
+    if args.write is None:
+        print(text)
+        return
+    page = args.write.read_text(encoding="utf-8")
+    before, rest = page.split(BEGIN)
+    _, after = rest.split(END)
+    args.write.write_text(before + BEGIN + text + END + after, encoding="utf-8")
+
+
+def tell(path: Path) -> str:
+    """One round: what it was drawn from, who solved it, and its tables."""
+    with tempfile.TemporaryDirectory() as folder:
+        room = Room(Path(folder) / "round")
+        unpack(path, room)
+        plan, graded, entries = load_plan(room), graded_of(room), read_ledger(room.ledger)
+        solvers = sorted({msgspec.json.decode(room.claims(one.world).read_bytes())["solver"] for one in graded})
+        last = digest(room.ledger.read_bytes().splitlines()[-1])
+    again = [(one.first, one.again) for one in graded if one.again is not None]
+    facts = (f"{plan.worlds} worlds drawn from {plan.seed} ({', '.join(plan.engines)}). Solver (SHA-256 of its code): "
+             f"{', '.join(f'`{one[:16]}`' for one in solvers)}. Ledger: {len(entries)} lines, SHA-256 of the last "
+             f"`{last[:16]}`. File: `{path.name}`.")
+    tables = "\n\n".join(one.markdown() for one in make_tables([one.first for one in graded], again))
+    return f"## {plan.level}, {plan.shots} shots\n{facts}\n\n{verdict([one.first for one in graded])}\n\n{tables}\n"
+
+
+if __name__ == "__main__":
+    main()
