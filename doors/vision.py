@@ -119,6 +119,8 @@ def load_labels(path: str, columns: tuple[str, ...] = ("label_distance_m",)) -> 
             if column is None or "file" not in names:
                 raise BadInput(f"{path}:1: missing column {columns[0] if 'file' in names else 'file'!r}")
             for row in rows:
+                if None in row:           # a comma too many, such as a decimal one
+                    raise BadInput(f"{path}:{rows.line_num}: more cells than columns: is a decimal point a comma?")
                 if row[column]:
                     labels[row["file"]] = _number(row[column], f"{path}:{rows.line_num}: {column}")
     except (OSError, UnicodeDecodeError, csv.Error) as error:

@@ -16,6 +16,7 @@ from doors.vision import load_camera, load_labels
 from hw.reading import CameraFrame
 from robot.config import BadInput, CameraConfig, CameraFile
 from robot.toml_text import make_toml
+from robot.vision import detect
 from robot.vision.board import LEAST_VIEWS, Board, View, calibrate, find_board
 from robot.vision.taped import LEAST, TapedFit, fit_taped
 
@@ -125,15 +126,28 @@ def _length(text: str) -> float:
 def _from_tape(args: argparse.Namespace, file: CameraFile) -> CameraConfig:
     taped = load_labels(args.distances, ("distance_m", "label_distance_m"))
     given = {Path(name).name: name for name in args.images}
+    unknown = [name for name in given if name not in {Path(one).name for one in taped}]
+    if unknown:
+        raise BadInput(f"{args.distances}: no distance for {', '.join(unknown)}")
     names = [name for name in taped if not given or Path(name).name in given]
     frames = [CameraFrame(0, load_image(given.get(Path(name).name, str(Path(args.distances).parent / name))))
               for name in names]
     fit = fit_taped(frames, [taped[name] for name in names], file.camera, file.tape, file.vision,
                     tape_sigma_m=args.tape_sigma, bias_sigma_m=args.bias_sigma)
     if fit is None:
-        raise BadInput(f"{args.distances}: the target was found in fewer than {LEAST} of {len(names)} images")
+        raise BadInput(f"{args.distances}: " + _why_not(frames, names, taped, file))
     _print_fit(names, taped, fit)
     return fit.camera
+
+
+def _why_not(frames: list[CameraFrame], names: list[str], taped: dict[str, float], file: CameraFile) -> str:
+    seen = [(name, sighting.distance_m) for name, frame in zip(names, frames, strict=True)
+            if (sighting := detect(frame, file.camera, file.tape, file.vision)).distance_m is not None]
+    if len(seen) < LEAST:
+        return f"the target was found in fewer than {LEAST} of {len(names)} images"
+    name, seen_m = seen[0]
+    return (f"no focal length makes these distances those that are seen, such as {Path(name).name}: {taped[name]:g} m "
+            f"taped, {seen_m:.2f} m seen. Are they in metres?")
 
 
 def _print_fit(names: list[str], taped: dict[str, float], fit: TapedFit) -> None:

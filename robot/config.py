@@ -14,6 +14,9 @@ from robot.facts import Facts
 Kind = TypeVar("Kind")
 Positive = Annotated[float, msgspec.Meta(gt=0.0, lt=1e9)]
 Doubt = Annotated[float, msgspec.Meta(ge=0.0, lt=1e9)]
+Hue = Annotated[int, msgspec.Meta(ge=0, le=179)]          # OpenCV's, two degrees each
+Slope = Annotated[float, msgspec.Meta(gt=-90.0, lt=90.0)]
+Level = Annotated[int, msgspec.Meta(ge=0, le=255)]
 Count = Annotated[int, msgspec.Meta(gt=0, lt=1_000_000)]
 CanNode = Annotated[int, msgspec.Meta(ge=0, le=62)]     # 63 means everybody to ODrives, and to the FRC's devices
 Direction = Literal[-1, 1]            # sign that makes positive launch a ball or raise the hood
@@ -144,7 +147,7 @@ class CameraConfig(Struct, frozen=True, forbid_unknown_fields=True, omit_default
     distortion: tuple[float, float, float, float, float]    # k1 k2 p1 p2 k3
     height_m: float                   # lens above floor
     height_sigma_m: Positive          # how well that is known, one standard deviation
-    pitch_deg: float                  # optical axis above horizontal
+    pitch_deg: Slope                  # optical axis above horizontal
     pitch_sigma_deg: Positive         # how well that, and that the camera is not rolled, is known
     behind_exit_m: float              # lens behind the ball's exit point
     focal_sigma: Doubt = 0.0          # of both focal lengths together, as a share
@@ -166,11 +169,11 @@ class Tape(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Vision(Struct, frozen=True, forbid_unknown_fields=True):
-    hue_low: int                      # OpenCV hue 0-179; low > high wraps around
-    hue_high: int
-    saturation_low: int
-    value_low: int
-    min_area_px: float
+    hue_low: Hue                      # low > high wraps around
+    hue_high: Hue
+    saturation_low: Level
+    value_low: Level
+    min_area_px: Doubt
     corner_sigma_px: Positive         # of a corner's coordinate, beside what its edges' own unevenness shows
     max_reprojection_px: Positive
 

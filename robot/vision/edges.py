@@ -3,7 +3,8 @@
 Across each straight, at many places, brightness is sampled; the two points of half height lie at equal distances from
 the tape's middle however blurred, bloomed or overexposed it is, and a line is fitted through what is midway. Along the
 middle line, the point of half height at a cut end is where the end is, for the same reason: a strip and what is cut
-off from it mirror each other there. Marks are where two middle lines meet, and where the ends are.
+off from it mirror each other there, in light that is measured in proportion: with a tone curve, or where the tape
+clips, the half height lies outside of a cut end. Marks are where two middle lines meet, and where the ends are.
 
 How far the points lie off their line is the noise, and the marks' covariance follows from it: two marks on one line
 share that line's error.

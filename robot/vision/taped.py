@@ -58,5 +58,6 @@ def fit_taped(frames: Sequence[CameraFrame], taped_m: Sequence[float], camera: C
     sigma = inflated * np.sqrt(np.diag(covariance))
     fitted = replace(now, focal_sigma=float(sigma[0]), bias_sigma_m=float(sigma[1]))
     again = tuple(detect(frame, fitted, tape, vision) for frame in frames)
+    residual_m = np.array([(again[k].distance_m or seen) - taped_m[k] for k, seen in zip(used, seen_m, strict=True)])
     correlation = float(covariance[0, 1] / math.sqrt(covariance[0, 0] * covariance[1, 1]))
     return TapedFit(fitted, math.exp(log_scale), correlation, again, residual_m, expected_m, inflated)

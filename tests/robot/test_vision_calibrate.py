@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 import cv2
+import msgspec
 import numpy as np
 import pytest
 from msgspec.structs import replace
@@ -17,6 +18,7 @@ from hw.emulated.lens import Lens, distort
 from hw.emulated.stage import Stage, place
 from hw.reading import CameraFrame
 from robot.config import CameraFile, load_config, load_toml
+from robot.toml_text import make_toml
 from robot.vision import detect
 from robot.vision.board import Board, calibrate, find_board
 from robot.vision.taped import fit_taped
@@ -149,6 +151,7 @@ def test_a_board_finds_the_lens(board):
     assert camera.cx_px == pytest.approx(331.0, abs=4 * camera.centre_sigma_px)
     assert camera.cy_px == pytest.approx(228.0, abs=4 * camera.centre_sigma_px) and camera.centre_sigma_px < 5
     assert camera.distortion[0] == pytest.approx(0.09, abs=0.05)
+    assert "centre_sigma_px" in make_toml({"camera": msgspec.to_builtins(camera)})      # plain numbers, none of NumPy's
 
 
 def test_no_board_in_view():
@@ -178,6 +181,19 @@ def test_the_door_with_taped_distances(capsys, tmp_path):
     assert new.tape == old.tape and new.vision == old.vision and new.camera.focal_sigma < old.camera.focal_sigma
     assert new.camera.fx_px < 720.0 and run(capsys, "--distances", tmp_path / "taped.csv", "--camera",
                                             source)[1] == (tmp_path / "new.toml").read_text()
+
+
+def test_taped_distances_that_cannot_be_metres_are_told_as_such(capsys, tmp_path):
+    for k, distance_m in enumerate((2.6, 4.0)):
+        cv2.imwrite(str(tmp_path / f"{k}.png"), picture(distance_m, k).image)
+    camera = HOME / "cameras" / "lifecam_hd3000_480p.toml"
+    for text, complaint in (("file,distance_m\n0.png,2,6\n1.png,4,0\n", ":2: more cells than columns"),
+                            ("file,distance_m\n0.png,102\n1.png,157\n", "Are they in metres?")):
+        (tmp_path / "taped.csv").write_text(text)
+        code, out, err = run(capsys, "--distances", tmp_path / "taped.csv", "--camera", camera)
+        assert code == 2 and out == "" and complaint in err, err
+    code, _, err = run(capsys, "--distances", tmp_path / "taped.csv", "--camera", camera, tmp_path / "2.png")
+    assert code == 2 and "no distance for 2.png" in err
 
 
 def test_the_door_with_a_board(capsys, tmp_path):
