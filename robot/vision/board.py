@@ -81,7 +81,8 @@ def calibrate(views: Sequence[View], camera: CameraConfig) -> BoardFit:
     centre_sigma_px = math.sqrt(share * sum(float(((centre - centre_px) ** 2).sum()) / 2 for _, centre in left_out))
     fitted = replace(camera, fx_px=focal_px, fy_px=focal_px, cx_px=float(centre_px[0]), cy_px=float(centre_px[1]),
                      distortion=distortion, focal_sigma=max(focal_sigma, float(said[0]) / focal_px),
-                     aspect_sigma=SQUARE_SIGMA, centre_sigma_px=max(centre_sigma_px, float(said[1])), bias_m=0.0, bias_sigma_m=0.0)
+                     aspect_sigma=SQUARE_SIGMA, centre_sigma_px=max(centre_sigma_px, float(said[1])),
+                     bias_m=0.0, bias_sigma_m=0.0)
     return BoardFit(fitted, errors_px)
 
 
