@@ -6,6 +6,7 @@ import msgspec
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec import UNSET
 from msgspec.structs import replace
 
 from robot.page.glance import RECENT, Glance, look
@@ -46,7 +47,9 @@ def next_tick(after_s, **change):
     good = good_inputs()
 
     def young(reading):
-        return replace(reading, t_ns=t_ns, **({"heartbeat_t_ns": t_ns} if hasattr(reading, "axis_state") else {}))
+        stamps = [name for name in ("t_ns", "heartbeat_t_ns", "faults_t_ns", "errors_t_ns")
+                  if getattr(reading, name, UNSET) is not UNSET]
+        return replace(reading, **dict.fromkeys(stamps, t_ns))
 
     inputs = replace(good, t_ns=t_ns, flywheels=tuple(map(young, good.flywheels)), hood_motor=young(good.hood_motor),
                      feeder=young(good.feeder), hood_angle=young(good.hood_angle), **change)
