@@ -6,7 +6,9 @@ the one real vcan0 belongs to one file. `-n 0` runs everything in one process.
 
 import os
 import shutil
+import sys
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -31,6 +33,14 @@ settings.load_profile("house")
 def data_dir() -> Path:
     """Directory of real recordings by others; a test that asks for it carries the `data` mark."""
     return DATA
+
+
+@pytest.fixture(autouse=sys.platform == "linux")
+def same_share_of_the_machine() -> Iterator[None]:
+    """No test leaves its worker in real time or on fewer cores: the tests after it would keep the others' waiting."""
+    before = os.sched_getscheduler(0), os.sched_getaffinity(0)
+    yield
+    assert (os.sched_getscheduler(0), os.sched_getaffinity(0)) == before
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -21,7 +21,7 @@ from benchmarks.matrix.breaking import Breaking, Disk, Model, Process, Start, Ti
 from benchmarks.matrix.devices import FarSide
 from benchmarks.matrix.disks import mount_small_disk, unmount
 from benchmarks.matrix.far_wire import FarWire
-from benchmarks.matrix.hurry import hurry
+from benchmarks.matrix.hurry import hurry, in_a_hurry
 from benchmarks.matrix.models import write_model
 from benchmarks.matrix.robot_side import run_robot
 from benchmarks.matrix.rows import REARM, Row
@@ -175,29 +175,28 @@ def _signal(place: Place, breaking: Process, span: Span, far: BaseProcess, near:
             context: multiprocessing.context.ForkServerContext) -> tuple[BaseProcess, BaseProcess]:
     """Stop or kill one of the two when it is time, and put that right; the processes there are then."""
     clock = MonotonicClock()
-    hurry()                                      # not to come too late, where both others do
-    _wait_until(lambda: span.begin_ns > 0 or span.over_ns > 0)
     victim = far if breaking.who == "devices" else near
-    pid_file = place.folder / f"{breaking.who}.pid"
-    pid = int(pid_file.read_text()) if pid_file.exists() else victim.pid
-    assert pid is not None
-    os.kill(pid, signal.SIGSTOP if breaking.signal == "stop" else signal.SIGKILL)
-    clock.sleep_until_ns(clock.now_ns() + round(place.row.lasts_s * 1e9) + SPARE_NS)
-    if breaking.signal == "stop":
-        os.kill(pid, signal.SIGCONT)
-    elif breaking.who != "vision":
-        victim.join()                             # a robot without its recorder ends by itself
-    if breaking.who == "devices":
-        span.end(clock.now_ns())
-    if breaking.signal == "kill":
-        again = place.folder / "again"
-        if breaking.who == "devices":
-            far = context.Process(target=_be_devices, args=(place,))
-            far.start()
+    with in_a_hurry():                           # not to come too late, where both others do
+        _wait_until(lambda: span.begin_ns > 0 or span.over_ns > 0)
+        pid_file = place.folder / f"{breaking.who}.pid"
+        pid = int(pid_file.read_text()) if pid_file.exists() else victim.pid
+        assert pid is not None
+        os.kill(pid, signal.SIGSTOP if breaking.signal == "stop" else signal.SIGKILL)
+        clock.sleep_until_ns(clock.now_ns() + round(place.row.lasts_s * 1e9) + SPARE_NS)
+        if breaking.signal == "stop":
+            os.kill(pid, signal.SIGCONT)
         elif breaking.who != "vision":
-            again.mkdir()
-            near = context.Process(target=_be_robot, args=(place, again))
-            near.start()
+            victim.join()                         # a robot without its recorder ends by itself
+        if breaking.who == "devices":
+            span.end(clock.now_ns())
+    if breaking.signal == "kill" and breaking.who == "devices":
+        far = context.Process(target=_be_devices, args=(place,))
+        far.start()
+    elif breaking.signal == "kill" and breaking.who != "vision":
+        again = place.folder / "again"
+        again.mkdir()
+        near = context.Process(target=_be_robot, args=(place, again))
+        near.start()
     return far, near
 
 
