@@ -50,6 +50,7 @@ class HardwareRig:
         self._started = False
         self._faults: list[str] = []
         self._frames = 0
+        self._unseen = ""            # why the newest image showed no target
 
     def read(self) -> Inputs | None:
         """Wait for the next tick, then gather what came in since the last one."""
@@ -71,7 +72,7 @@ class HardwareRig:
         self._cycle += 1
         *flywheels, hood, feeder = (motor.reading for motor in self._motors)
         return Inputs(t_ns, self._cycle, tuple(flywheels), hood, feeder, self._angle, sighting, tuple(buttons),
-                      tuple(self._faults), self._frames)
+                      tuple(self._faults), self._frames, self._unseen)
 
     def write(self, command: Command) -> Sent:
         """Send what each motor needs to do as asked; says what really went out."""
@@ -161,10 +162,14 @@ class HardwareRig:
 
     def _read_eyes(self) -> Sighting | None:
         try:
-            return self._eyes.read()
+            sighting = self._eyes.read()
         except LinkLost as error:
+            self._unseen = ""         # what an image showed before is no longer why
             self._faults.append(f"camera lost: {error}")
             return None
+        if sighting is not None:
+            self._unseen = sighting.reason
+        return sighting
 
     def _start(self) -> list[Frame]:
         """What is said once, before everything else."""

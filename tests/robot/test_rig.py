@@ -172,6 +172,28 @@ def test_no_reading_is_younger_than_its_tick(bench, monkeypatch):
     assert inputs.t_ns >= inputs.flywheels[0].t_ns
 
 
+def test_why_the_newest_image_shows_no_target_is_told_until_another_shows_one(bench):
+    *_, rig = bench
+    rig._eyes = Looks([Sighting(1, False, "dark"), None, Sighting(2, True, ""), Sighting(3, False, "burnt"),
+                       LinkLost("x"), None])
+    told = [rig.read() for _ in range(6)]
+    assert [inputs.unseen for inputs in told] == ["dark", "dark", "", "burnt", "", ""]
+    assert told[1].sighting is None and told[4].faults[-1] == "camera lost: x"
+
+
+class Looks:
+    """Eyes that tell of these, one after the other."""
+
+    def __init__(self, news):
+        self.news = news
+
+    def read(self):
+        one = self.news.pop(0)
+        if isinstance(one, LinkLost):
+            raise one
+        return one
+
+
 def test_a_silent_box_is_reported(bench):
     _, _, clock, rig = bench
     clock.t_ns += 3_000_000_000
