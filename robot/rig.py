@@ -6,9 +6,10 @@ from msgspec import UNSET
 from msgspec.structs import replace
 
 from hw import canandmag
-from hw.buttons import SEQ_COUNT, lost_presses, parse_lines
+from hw.buttons import parse_lines
 from hw.link import BadFrame, Bus, Clock, Frame, LinkLost, Stream
 from hw.motor import Order
+from hw.press_count import PressCount
 from hw.reading import AngleReading, ButtonEvent, CameraFrame
 from robot.config import Config
 from robot.eyes import Eyes
@@ -38,7 +39,7 @@ class HardwareRig:
         self._handlers = self._make_handlers()
         self._pending = b""
         self._heard_box_ns = 0
-        self._box_seq: int | None = None
+        self._presses = PressCount()
         self._cycle = 0
         self._due_ns = clock.now_ns()
         self.late_ns = 0              # how long after its turn the newest tick came
@@ -147,18 +148,13 @@ class HardwareRig:
             self._pending = b""       # half a line that was on its way when the plug was pulled
             self._faults.append(f"button box lost: {error}")
             return []
-        for event in events:
+        if events:
             self._heard_box_ns = t_ns
-            # A press counts itself; a heartbeat repeats the number of the newest press.
-            expected = event.seq if isinstance(event, ButtonEvent) else event.seq + 1
-            if self._box_seq is not None and (lost := lost_presses(self._box_seq, expected)):
-                # Half the count ahead is behind: a box that was without power counts from the start again.
-                faults.append(f"{lost} presses lost" if lost < SEQ_COUNT // 2 else "restarted")
-            self._box_seq = event.seq
-        self._faults += [f"button box: {fault}" for fault in faults]
+        presses, miscounted = self._presses.take(events)
+        self._faults += [f"button box: {fault}" for fault in (*faults, *miscounted)]
         if t_ns - self._heard_box_ns > BOX_SILENT_NS:
             self._faults.append("button box silent: outcomes cannot be marked")
-        return [event for event in events if isinstance(event, ButtonEvent)]
+        return presses
 
     def _read_eyes(self) -> Sighting | None:
         try:

@@ -160,7 +160,7 @@ def _box() -> list[Row]:
         Row("button box: half lines", "box", Box("half lines"), "lines refused|silent", 2.1, lasts_s=2.5),
         Row("button box: presses lost", "box", Box("loses presses"), "presses lost", STALE_S, KEEPS),
         Row("button box: every button bounces", "box", Box("bounces"), "", 0.0, KEEPS),
-        Row("button box: every line twice", "box", Box("all twice"), "button box: restarted", STALE_S, KEEPS),
+        Row("button box: every line twice", "box", Box("all twice"), "presses told twice", STALE_S, KEEPS),
         Row("fire button stuck", "box", Box("stuck fire"), "", 0.0, KEEPS),
         Row("arm button stuck", "box", Box("stuck arm"), "not armed|only just arrived", STALE_S),
         Row("reject button stuck", "box", Box("stuck reject"), "", 0.0, KEEPS)]

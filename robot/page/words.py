@@ -77,6 +77,8 @@ OTHER_WIRES = (
     Words("button box silent: outcomes cannot be marked", FAULT, "Button box does not answer: no shot could be marked",
           "look at its plug"),
     Words("button box: {count} presses lost", FAULT, "{count} presses of buttons got lost", "look, then press again"),
+    Words("button box: {count} presses told twice", FAULT, "{count} presses of buttons came twice: each counts once",
+          "if it stays: look at the box's cable"),
     Words("button box: restarted", FAULT, "Button box has restarted", "press again; if it stays: look at its cable"),
     Words("button box: {count} lines refused, first {line}", FAULT, "Button box cannot be understood",
           "look at its plug and cable"),

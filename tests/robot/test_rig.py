@@ -215,6 +215,32 @@ def test_a_box_that_was_without_power_is_said_to_have_restarted(bench):
     assert rig.read().faults == ()
 
 
+def test_a_press_that_is_told_twice_is_one_press_and_no_restart(bench):
+    _, box, _, rig = bench
+    box.data = buttons.make_heartbeat(4) + buttons.make_press(5, "arm")
+    assert [event.seq for event in rig.read().buttons] == [5]
+    box.data = buttons.make_press(5, "arm") + 2 * buttons.make_press(6, "fire") + 2 * buttons.make_heartbeat(6)
+    inputs = rig.read()
+    assert inputs.faults == ("button box: 2 presses told twice",)
+    assert [(event.seq, event.button) for event in inputs.buttons] == [(6, "fire")]
+    box.data = buttons.make_press(7, "two")
+    inputs = rig.read()
+    assert inputs.faults == () and len(inputs.buttons) == 1
+
+
+def test_another_button_under_the_same_number_is_a_press_of_a_box_that_has_restarted(bench):
+    _, box, clock, rig = bench
+    box.data = buttons.make_press(1, "arm")
+    rig.read()
+    box.data = buttons.make_press(1, "fire")
+    inputs = rig.read()
+    assert inputs.faults == ("button box: restarted",) and [event.button for event in inputs.buttons] == ["fire"]
+    clock.t_ns += 600_000_000                             # for longer than a box that has power is ever silent
+    box.data = buttons.make_press(1, "fire")
+    inputs = rig.read()
+    assert "button box: restarted" in inputs.faults and [event.button for event in inputs.buttons] == ["fire"]
+
+
 def test_ticks_that_stood_still_are_a_fault_until_all_that_waited_has_been_read(bench):
     _, _, clock, rig = bench
     assert not any("stood still" in fault for fault in rig.read().faults)

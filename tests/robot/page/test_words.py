@@ -45,6 +45,7 @@ SOURCES = (
     ("robot/identify/tick.py", "_trespasses", "identify: {}"), ("robot/identify/tick.py", "_hood", "identify: {}"),
     ("robot/identify/tick.py", "_overdue", "identify: {}"),
     ("hw/buttons.py", "parse_lines", "button box: {}"),
+    ("hw/press_count.py", "take", "button box: {}"), ("hw/press_count.py", "_gap", "button box: {}"),
     ("hw/allow.py", "faults", "{}"), ("hw/allow.py", "refuse", "not sent: {}"),
     ("hw/monitor.py", "faults", "{}"), ("hw/monitor.py", "fault", "{}"),
     ("hw/spark_motor.py", "_setup_fault", "hood motor: spark 3 {}"),
