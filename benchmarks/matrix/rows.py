@@ -137,6 +137,7 @@ def _camera() -> list[Row]:
     return [Row(f"camera: {words}", "camera", Camera(what), reason, within_s, after, lasts_s, real)
             for words, what, reason, within_s, after, lasts_s, real in (
                 ("the same image again and again", "frozen", seen, SEEN_S, ITSELF, 1.0, True),
+                ("the same image for 7 s", "frozen", "camera lost.*same image again", 2.4, ITSELF, 7.0, True),
                 ("no images", "hangs", seen, SEEN_S, ITSELF, 1.0, False),
                 ("no images for 3 s", "hangs", "camera lost", 2.4, ITSELF, 3.0, True),
                 ("pulled out, and in again", "unplugged", "camera lost", SEEN_S, ITSELF, 1.5, True),
