@@ -122,7 +122,7 @@ DEVICES = (
           "if it stays: switch its power off and on"),
     Words("{motor}: spark {id} applies nothing of the duty that it is sent: {rest}", FAULT,
           "{motor}: SPARK {id} does not drive", "at its limit switch? is a competition controller on the bus?"),
-    Words("{motor}: odrive node {id} says {speed} rad/s, but its position stands still: encoder stuck?", FAULT,
+    Words("{motor}: {whose} says {speed} rad/s, but its position stands still: encoder stuck?", FAULT,
           "{motor}: its encoder is stuck at {speed} rad/s", "look at that encoder's plug and magnet"),
     Words("{motor}: {errors}", FAULT, "{motor}: its controller reports {errors}",
           "press ARM twice (off, on); if it comes back: look at that motor"),

@@ -39,7 +39,7 @@ SOURCES = (
     ("robot/eyes.py", "vision_failed", "camera lost: {}"), ("robot/processes/vision.py", "_trouble", "camera lost: {}"),
     ("robot/recording/keeper.py", "trouble", "not recording: {}"),
     ("robot/processes/far_keeper.py", "trouble", "not recording: {}"),
-    ("hw/odrive_motor.py", "faults", "hood motor: {}"),
+    ("hw/stillness.py", "fault", "hood motor: {}"),
     ("robot/recording/appender.py", "flush", "not recording: {}"),
     ("robot/identify/tick.py", "say", "{}"),
     ("robot/identify/tick.py", "_trespasses", "identify: {}"), ("robot/identify/tick.py", "_hood", "identify: {}"),
@@ -59,7 +59,7 @@ AROUND = {("robot/rig.py", "_read_box"): "button box: {}"}
 # what others say; no reasons; parts of one
 NO_SENTENCES = {SAMPLE, f"button box: {SAMPLE}", f"for {SAMPLE} s", "yet", "", "plan", " up", " down", f" ({SAMPLE})"}
 # files with a `faults` of which there is nothing to be said here: they pass on, or have none
-SILENT = {"hw/link.py", "hw/motor.py", "hw/advisory_motor.py", "hw/real/can_bus.py",
+SILENT = {"hw/link.py", "hw/motor.py", "hw/advisory_motor.py", "hw/odrive_motor.py", "hw/real/can_bus.py",
           "robot/recording/frames.py", "robot/recording/candump.py"}
 
 
