@@ -9,7 +9,8 @@ import pytest
 import robot.gate.verdict
 from benchmarks.matrix.judge import Result, judge
 from benchmarks.matrix.play import play
-from benchmarks.matrix.rows import KEEPS, REFUSED, ROWS, Row
+from benchmarks.matrix.row import KEEPS, REFUSED, Row
+from benchmarks.matrix.rows import ROWS
 from benchmarks.matrix.table import BEGIN, END, make_table, write_between
 from robot.config import BadInput
 
