@@ -68,7 +68,8 @@ class FarSide:
         self._then_ns = self._balls_then = 0
         self._armed_ns, self._to_arm = -AGAIN_NS if not span.begin_ns else 0, 0
         self._turn = self._ended = False
-        if row.launcher == "advisory":
+        self._is_advised = row.launcher == "advisory"
+        if self._is_advised:
             self._set_up()
         if row.first and not span.begin_ns:
             self._break(0)
@@ -100,7 +101,7 @@ class FarSide:
     # --- the driver, who also knows when it is time for something to break
 
     def _drive(self, t_ns: int) -> None:
-        if not self.heard:
+        if not (self.heard or self._span.is_advised):
             return
         if not self._began_ns:
             self._began_ns, self._due_ns = t_ns, t_ns + SETTLE_NS
@@ -183,6 +184,8 @@ class FarSide:
         match self._breaking:
             case Inside(name=name, what=what) if isinstance(theirs := self._node(name).node, SparkNode):
                 end_trouble(theirs, what, t_ns)
+                if self._is_advised:              # what was sticky its own controller clears
+                    theirs.clear_faults()
             case Inside(name=name, what="magnet"):
                 self._encoder(name).magnet_ok = True
             case Inside(name=name, what="settings lost"):

@@ -5,7 +5,7 @@ import struct
 from pathlib import Path
 
 WORDS = struct.Struct("<qqqq")
-ADVICE = struct.Struct("<ddd")
+ADVICE = struct.Struct("<?ddd")
 
 
 class Span:
@@ -50,11 +50,16 @@ class Span:
 
     def advise(self, *torques_nm: float) -> None:
         """What the robot would have flywheels, hood and feeder do: three torques."""
-        ADVICE.pack_into(self._words, WORDS.size, *torques_nm)
+        ADVICE.pack_into(self._words, WORDS.size, True, *torques_nm)
 
     def advice(self) -> tuple[float, float, float]:
-        wheel_nm, hood_nm, feeder_nm = ADVICE.unpack_from(self._words, WORDS.size)
+        _, wheel_nm, hood_nm, feeder_nm = ADVICE.unpack_from(self._words, WORDS.size)
         return wheel_nm, hood_nm, feeder_nm
+
+    @property
+    def is_advised(self) -> bool:
+        """Whether the robot has said anything yet; on the bus one that only advises never does."""
+        return bool(ADVICE.unpack_from(self._words, WORDS.size)[0])
 
     def stands(self) -> bool:
         return self.begin_ns > 0 and self.end_ns == 0

@@ -80,7 +80,7 @@ def _advice() -> list[Row]:
         *_frames("advisory", ("flywheel_a",)),
         _row("advisory", "hood", "no frames", "lost", Device("hood", "silent"), "silent for", STALE_S),
         _row("advisory", "feeder", "gate driver fault", "fault", Inside("feeder", "gate driver"), "gate driver",
-             TOLD_S, REARM),
+             TOLD_S),
         _row("advisory", "hood_encoder", "no frames", "lost", Device("hood_encoder", "silent"), "silent for", STALE_S),
         Row("advice only: its own controller commands and keeps its heartbeat", "strangers",
             Wire("competition controller"), "", 0.0, KEEPS, launcher="advisory")]

@@ -92,6 +92,10 @@ class SparkNode:
         self.settings = replace(self.settings, faults=faults)
         self._sticky |= faults
 
+    def clear_faults(self) -> None:
+        """Forget what came and went, as it may be told on the bus."""
+        self.has_reset, self._sticky = False, self.settings.faults
+
     def ids(self) -> tuple[tuple[int, bool], ...]:
         return tuple((frame_id, True) for frame_id in (*self._takers, self._version_id, UNIVERSAL_HEARTBEAT))
 
@@ -225,7 +229,7 @@ class SparkNode:
         return (10, 250, int(self.parameters[spark.STATUS_2_PERIOD]))[number]
 
     def _take_clear(self, values: Values, t_ns: int) -> list[Frame]:
-        self.has_reset, self._sticky = False, self.settings.faults
+        self.clear_faults()
         return []
 
     def _take_parameter(self, values: Values, t_ns: int) -> list[Frame]:
