@@ -20,7 +20,8 @@ import msgspec
 
 from benchmarks.matrix.judge import Result, judge
 from benchmarks.matrix.play import play
-from benchmarks.matrix.rows import ROWS, Row
+from benchmarks.matrix.row import Row
+from benchmarks.matrix.rows import ROWS
 from benchmarks.matrix.table import make_table, write_between
 
 BUSES = ("virtual", "slcan", "socketcan")

@@ -4,11 +4,10 @@ from hw import odrive
 from hw.link import Frame
 from hw.motor import Order
 from hw.reading import MotorReading
+from hw.stillness import Stillness
 
 RETRY_NS = 100_000_000                # how often an axis that will not come up is asked again
 ENDSTOP_NS = 50_000_000               # how often the limit switch is read
-STILL_NS = 50_000_000                 # a position that does not change for so long, at a speed, is stuck
-MOVING_RAD_S = 10.0
 FEED_NS = 25_000_000                  # an unchanged torque is repeated this often: the watchdog wants to hear it
 
 
@@ -21,22 +20,18 @@ class OdriveMotor:
         self._wanted = False
         self._asked_ns = self._endstop_ns = self._fed_ns = 0
         self._asked_nm = 0.0
-        self._still_ns = 0                        # since then it says that it turns and stands still at once; 0: no
+        self._stillness = Stillness()
 
     def ids(self) -> tuple[tuple[int, bool], ...]:
         return tuple((frame_id, False) for frame_id in odrive.frame_ids(self._axis))
 
     def take(self, frame: Frame) -> None:
         before, self.reading = self.reading, odrive.parse(self._axis, frame, self.reading)
-        if self.reading.t_ns != before.t_ns:
-            still = self.reading.position_rad == before.position_rad and abs(self.reading.velocity_rad_s) > MOVING_RAD_S
-            self._still_ns = (self._still_ns or before.t_ns) if still else 0
+        self._stillness.take(before, self.reading)
 
     def faults(self, t_ns: int) -> tuple[str, ...]:
-        if not self._still_ns or self.reading.t_ns - self._still_ns < STILL_NS:
-            return ()
-        return (f"odrive node {self._axis.node} says {self.reading.velocity_rad_s:.0f} rad/s, but its position stands "
-                "still: encoder stuck?",)
+        fault = self._stillness.fault(f"odrive node {self._axis.node}", self.reading)
+        return (fault,) if fault else ()
 
     def order(self, torque_nm: float | None, t_ns: int) -> Order:
         wanted = torque_nm is not None

@@ -6,9 +6,10 @@ from msgspec import UNSET
 from msgspec.structs import replace
 
 from hw import canandmag
-from hw.buttons import SEQ_COUNT, lost_presses, parse_lines
+from hw.buttons import parse_lines
 from hw.link import BadFrame, Bus, Clock, Frame, LinkLost, Stream
 from hw.motor import Order
+from hw.press_count import PressCount
 from hw.reading import AngleReading, ButtonEvent, CameraFrame
 from robot.config import Config
 from robot.eyes import Eyes
@@ -38,7 +39,7 @@ class HardwareRig:
         self._handlers = self._make_handlers()
         self._pending = b""
         self._heard_box_ns = 0
-        self._box_seq: int | None = None
+        self._presses = PressCount()
         self._cycle = 0
         self._due_ns = clock.now_ns()
         self.late_ns = 0              # how long after its turn the newest tick came
@@ -50,6 +51,7 @@ class HardwareRig:
         self._started = False
         self._faults: list[str] = []
         self._frames = 0
+        self._unseen = ""            # why the newest image showed no target
 
     def read(self) -> Inputs | None:
         """Wait for the next tick, then gather what came in since the last one."""
@@ -71,7 +73,7 @@ class HardwareRig:
         self._cycle += 1
         *flywheels, hood, feeder = (motor.reading for motor in self._motors)
         return Inputs(t_ns, self._cycle, tuple(flywheels), hood, feeder, self._angle, sighting, tuple(buttons),
-                      tuple(self._faults), self._frames)
+                      tuple(self._faults), self._frames, self._unseen)
 
     def write(self, command: Command) -> Sent:
         """Send what each motor needs to do as asked; says what really went out."""
@@ -146,25 +148,24 @@ class HardwareRig:
             self._pending = b""       # half a line that was on its way when the plug was pulled
             self._faults.append(f"button box lost: {error}")
             return []
-        for event in events:
+        if events:
             self._heard_box_ns = t_ns
-            # A press counts itself; a heartbeat repeats the number of the newest press.
-            expected = event.seq if isinstance(event, ButtonEvent) else event.seq + 1
-            if self._box_seq is not None and (lost := lost_presses(self._box_seq, expected)):
-                # Half the count ahead is behind: a box that was without power counts from the start again.
-                faults.append(f"{lost} presses lost" if lost < SEQ_COUNT // 2 else "restarted")
-            self._box_seq = event.seq
-        self._faults += [f"button box: {fault}" for fault in faults]
+        presses, miscounted = self._presses.take(events)
+        self._faults += [f"button box: {fault}" for fault in (*faults, *miscounted)]
         if t_ns - self._heard_box_ns > BOX_SILENT_NS:
             self._faults.append("button box silent: outcomes cannot be marked")
-        return [event for event in events if isinstance(event, ButtonEvent)]
+        return presses
 
     def _read_eyes(self) -> Sighting | None:
         try:
-            return self._eyes.read()
+            sighting = self._eyes.read()
         except LinkLost as error:
+            self._unseen = ""         # what an image showed before is no longer why
             self._faults.append(f"camera lost: {error}")
             return None
+        if sighting is not None:
+            self._unseen = sighting.reason
+        return sighting
 
     def _start(self) -> list[Frame]:
         """What is said once, before everything else."""

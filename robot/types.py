@@ -28,7 +28,7 @@ class Sighting(Struct, frozen=True):
 class Inputs(Struct, frozen=True, omit_defaults=True):
     """All that the tick may know about the outside; a replay needs nothing else.
 
-    `frames` is the one field with a default, so that recordings from before it was there still say what they said.
+    `frames` and `unseen` have defaults, so that recordings from before they were there still say what they said.
     """
 
     t_ns: int
@@ -41,6 +41,7 @@ class Inputs(Struct, frozen=True, omit_defaults=True):
     buttons: tuple[ButtonEvent, ...]              # since the last tick
     faults: tuple[str, ...]                       # wires lost, frames refused, in words
     frames: int = 0                               # CAN frames received since the last tick: its lines of can0.log
+    unseen: str = ""                              # why the newest image shows no target, in words; "" where it does
 
 
 class Estimate(Struct, frozen=True):

@@ -16,7 +16,8 @@ class Device(Struct, frozen=True):
 
 
 class Inside(Struct, frozen=True):
-    """Something happens inside a device: "error", "idle", "magnet", "settings lost"."""
+    """Something happens inside a device: "error", "idle", "magnet", "settings lost"; in a SPARK, what
+    benchmarks.matrix.spark_troubles has."""
 
     name: str
     what: str

@@ -6,20 +6,25 @@ from typing import Any
 
 import msgspec
 
+from benchmarks.matrix.ages import frame_id
 from benchmarks.matrix.box import BrokenBox
-from benchmarks.matrix.breaking import Box, Breaking, Device, Inside, Wire
+from benchmarks.matrix.breaking import Box, Device, Inside, Wire
 from benchmarks.matrix.far_wire import FarWire
-from benchmarks.matrix.plant import Ball, SmallPlant
+from benchmarks.matrix.plant import AdvisedPlant, Ball, SmallPlant
+from benchmarks.matrix.row import Row
 from benchmarks.matrix.span import Span
+from benchmarks.matrix.spark_troubles import begin_trouble, end_trouble
 from doors.twin import FLYWHEEL, make_nodes
-from hw import odrive
+from hw import odrive, spark
 from hw.codec import load_codec
 from hw.emulated.canandmag_node import CanandmagNode
 from hw.emulated.faults import Fault, FaultyNode
 from hw.emulated.nodes import NEVER_NS
 from hw.emulated.odrive_node import OdriveNode
+from hw.emulated.spark_node import SparkNode
 from hw.emulated.twin import Twin
 from robot.config import Config
+from robot.motors import name_axes
 from robot.recording.candump import TappedBus
 
 MS = 1_000_000
@@ -46,15 +51,16 @@ class Seen(msgspec.Struct):
 class FarSide:
     """Call `advance` as time goes on until `over`; `now_ns` tells the run's clock."""
 
-    def __init__(self, config: Config, breaking: Breaking, lasts_s: float, arms: int, wire: FarWire, box: BrokenBox,
-                 span: Span, now_ns: Callable[[], int], watchdog_ms: int = FLYWHEEL.watchdog_ms) -> None:
+    def __init__(self, config: Config, row: Row, arms: int, wire: FarWire, box: BrokenBox, span: Span,
+                 now_ns: Callable[[], int], watchdog_ms: int = FLYWHEEL.watchdog_ms) -> None:
         """`arms`: how often the driver presses that button once the fault is over. With a span that has begun these
         devices take the place of others, whose driver had armed."""
         self.seen = Seen()
         self.heard = False
-        self._config, self._breaking, self._lasts_ns, self._arms = config, breaking, round(lasts_s * 1e9), arms
+        self._config, self._arms = config, arms
+        self._breaking, self._lasts_ns, self._is_first = row.breaking, round(row.lasts_s * 1e9), row.first
         self._wire, self._box, self._span, self._now_ns = wire, box, span, now_ns
-        self._plant = SmallPlant(config)
+        self._plant = AdvisedPlant(config, span.advice) if row.launcher == "advisory" else SmallPlant(config)
         nodes = make_nodes(config, self._plant, {name: () for name in NAMES}, watchdog_ms)
         self._nodes: dict[str, Any] = dict(zip(NAMES, nodes, strict=True))
         self._twin = Twin(self._plant, TappedBus(wire, self._listen), nodes, (box.step, self._drive))
@@ -62,6 +68,11 @@ class FarSide:
         self._then_ns = self._balls_then = 0
         self._armed_ns, self._to_arm = -AGAIN_NS if not span.begin_ns else 0, 0
         self._turn = self._ended = False
+        self._is_advised = row.launcher == "advisory"
+        if self._is_advised:
+            self._set_up()
+        if row.first and not span.begin_ns:
+            self._break(0)
 
     def advance(self, t_ns: int) -> None:
         """Bring the world, the devices and the driver to `t_ns`."""
@@ -84,16 +95,19 @@ class FarSide:
         for ball in self._plant.balls[len(self.seen.balls):]:
             self.seen.balls.append(Ball(self._now_ns(), ball.motor_rad_s, ball.hood_deg))
         if self._span.begin_ns and not self.seen.idle_ns and not any(
-                getattr(node.node, "state", odrive.IDLE) == odrive.CLOSED_LOOP for node in self._nodes.values()):
+                is_driving(node.node) for node in self._nodes.values()):
             self.seen.idle_ns = self._now_ns()
 
     # --- the driver, who also knows when it is time for something to break
 
     def _drive(self, t_ns: int) -> None:
-        if not self.heard:
+        if not (self.heard or self._span.is_advised):
             return
         if not self._began_ns:
             self._began_ns, self._due_ns = t_ns, t_ns + SETTLE_NS
+            if self._is_first:
+                self._then_ns = t_ns
+                self._span.begin(self._now_ns())
         if t_ns < self._due_ns:
             return
         self._press(t_ns)
@@ -102,7 +116,7 @@ class FarSide:
     def _press(self, t_ns: int) -> None:
         """Arm; then ask and mark, ask and mark. Where a machine stalled at the start, watchdogs bit: arm anew."""
         self._due_ns = t_ns + PRESS_NS
-        if not self._span.begin_ns and t_ns - self._armed_ns > AGAIN_NS:
+        if self._wants_arming(t_ns):
             self._armed_ns, self._to_arm = t_ns, 1 if self._armed_ns < 0 else 2
         if self._to_arm:
             self._to_arm -= 1
@@ -111,6 +125,11 @@ class FarSide:
             return
         self._turn = not self._turn
         self._box.press(("two", "fire")[self._turn])
+
+    def _wants_arming(self, t_ns: int) -> bool:
+        if self._is_first:
+            return self._armed_ns < 0
+        return not self._span.begin_ns and t_ns - self._armed_ns > AGAIN_NS
 
     def _direct(self, t_ns: int) -> None:
         """Begin the fault when the robot is seen to fire, end it, and wait until it fires again."""
@@ -150,8 +169,12 @@ class FarSide:
         match self._breaking:
             case Device():
                 self._node(self._breaking.name).suffer(self._fault(self._breaking, t_ns))
-            case Inside():
-                self._inside(self._breaking, t_ns)
+            case Inside(name=name, what=what):
+                node = self._node(name).node
+                if isinstance(node, SparkNode):
+                    begin_trouble(node, what, t_ns)
+                else:
+                    self._inside(self._breaking, t_ns)
             case Wire():
                 self._wire.begin(self._breaking.what)
             case Box():
@@ -159,13 +182,19 @@ class FarSide:
 
     def _mend(self, t_ns: int) -> None:
         match self._breaking:
+            case Inside(name=name, what=what) if isinstance(theirs := self._node(name).node, SparkNode):
+                end_trouble(theirs, what, t_ns)
+                if self._is_advised:              # what was sticky its own controller clears
+                    theirs.clear_faults()
             case Inside(name=name, what="magnet"):
                 self._encoder(name).magnet_ok = True
             case Inside(name=name, what="settings lost"):
                 node = self._axis(name)
                 node.forget(self._settings, t_ns)
-            case Wire():
+            case Wire(what=what):
                 self._wire.end()
+                for node in self._sparks() if what == "competition controller" else ():
+                    node.restart(t_ns)
             case Box():
                 self._box.end()
 
@@ -192,8 +221,19 @@ class FarSide:
         if breaking.name == "hood_encoder":
             return load_codec("canandmag").base_id(breaking.message) + self._config.hood_encoder.device
         axes = self._config.axes
-        axis: Any = dict(zip(NAMES, (*axes.flywheels, axes.hood, axes.feeder), strict=False))[breaking.name]
-        return axis.node << 5 | load_codec("odrive").base_id(breaking.message)
+        axis = dict(zip(NAMES, (*axes.flywheels, axes.hood, axes.feeder), strict=False))[breaking.name]
+        return frame_id(axis, breaking.message)
+
+    def _set_up(self) -> None:
+        """What another controller's program asks of its SPARKs."""
+        for (_, axis), node in zip(name_axes(self._config), self._sparks(), strict=True):
+            theirs = spark.Axis(axis.device, axis.direction)         # type: ignore[union-attr]
+            node.receive(spark.make_statuses(theirs, spark.STATUSES), 0)
+            for parameter, value in spark.QUICK_SPEED.items():
+                node.receive(spark.make_setting(theirs, parameter, value), 0)
+
+    def _sparks(self) -> list[SparkNode]:
+        return [node.node for node in self._nodes.values() if isinstance(node.node, SparkNode)]
 
     def _node(self, name: str) -> FaultyNode:
         node = self._nodes[name]
@@ -209,3 +249,13 @@ class FarSide:
         node = self._node(name).node
         assert isinstance(node, CanandmagNode)
         return node
+
+
+def is_driving(node: object) -> bool:
+    """Whether a device has its motor in hand."""
+    match node:
+        case OdriveNode():
+            return node.state == odrive.CLOSED_LOOP
+        case SparkNode():
+            return node.output != 0.0
+    return False

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import can
 
+from benchmarks.matrix.spark_troubles import stray_frames
 from hw import odrive
 from hw.emulated.pty_cable import PtyCable
 from hw.emulated.slcan_adapter import SlcanAdapter
@@ -73,6 +74,11 @@ class FarWire:
         if t_ns < self._due_ns:
             return
         self._due_ns = t_ns + 20 * MS
+        for frame in stray_frames(self._what):
+            self._say(frame)
+        self._chatter()
+
+    def _chatter(self) -> None:
         match self._what:
             case "another host commands":
                 self._say(odrive.make_torque(OURS, 0.0))

@@ -4,18 +4,19 @@ It is ready to fire a second and a half after it has been armed, and costs next 
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
 
 from hw.emulated.plant import MotorTruth, View
-from robot.config import Config
+from robot.config import Config, SparkAxis
 from robot.geometry import elevation_from_screw_deg
 
 TORQUE_NM_A = 0.02
 BELT_KG_M2 = 0.0067                   # both flywheels, both motors
-SCREW_NM_S = 0.0015                   # what the hood's screw needs to turn
+SCREW_NM_S = 0.0015                   # what the hood's screw needs to turn ...
+STIFF_NM_S = 0.006                    # ... that is without inertia, so on a duty more than the motor's own 0.0044
 START_DEG = 1.0                       # above its limit switch the hood is found
 BALL_NM = 0.05                        # with this on the feeder a ball goes in
 STEP_S = 0.005
@@ -37,6 +38,7 @@ class SmallPlant:
     def __init__(self, config: Config) -> None:
         self.balls: list[Ball] = []
         self._config = config
+        self._screw_nm_s = STIFF_NM_S if isinstance(config.axes.hood, SparkAxis) else SCREW_NM_S
         self._t_ns = 0
         self._belt_rad = self._belt_rad_s = 0.0
         self._screw_rad = START_DEG / 0.2
@@ -84,5 +86,18 @@ class SmallPlant:
         self._belt_rad += self._belt_rad_s * step_s
         hood_nm = torque_nm["hood"]
         free_nm = math.copysign(max(abs(hood_nm) - self._config.hood.friction_nm, 0.0), hood_nm)
-        self._screw_rad = max(self._screw_rad + free_nm / SCREW_NM_S * step_s, 0.0)
+        self._screw_rad = max(self._screw_rad + free_nm / self._screw_nm_s * step_s, 0.0)
         self._feeder_rad += torque_nm["feeder"] * 100.0 * step_s
+
+
+class AdvisedPlant(SmallPlant):
+    """The launcher of another controller, which does as it is advised; what hangs on the bus drives nothing."""
+
+    def __init__(self, config: Config, advice: Callable[[], tuple[float, float, float]]) -> None:
+        """`advice`: torques for each flywheel motor, the hood and the feeder."""
+        super().__init__(config)
+        self._advice = advice
+
+    def advance(self, t_ns: int, torque_nm: Mapping[str, float]) -> None:
+        wheel_nm, hood_nm, feeder_nm = self._advice()
+        super().advance(t_ns, dict(zip(self.motors, (wheel_nm, wheel_nm, hood_nm, feeder_nm), strict=True)))

@@ -22,9 +22,10 @@ from benchmarks.matrix.devices import FarSide
 from benchmarks.matrix.disks import mount_small_disk, unmount
 from benchmarks.matrix.far_wire import FarWire
 from benchmarks.matrix.hurry import hurry, in_a_hurry
+from benchmarks.matrix.launchers import with_launcher
 from benchmarks.matrix.models import write_model
 from benchmarks.matrix.robot_side import run_robot
-from benchmarks.matrix.rows import REARM, Row
+from benchmarks.matrix.row import REARM, Row
 from benchmarks.matrix.span import Span
 from doors.far_end import keep_time
 from hw.emulated.clock import StepClock
@@ -65,8 +66,9 @@ def ends_robot(breaking: Breaking) -> bool:
 
 
 def make_config(row: Row) -> Config:
-    """The shipped launcher at one set point, with a ball every 0.2 s, so that whoever wrongly fires is seen to."""
+    """The row's launcher at one set point, with a ball every 0.2 s, so that whoever wrongly fires is seen to."""
     config = load_config(SHIPPED)
+    config = with_launcher(config, row.launcher)
     return replace(config, collect=replace(config.collect, repeats=1 << 30, prescribed=(AIM,)),
                    feeder=replace(config.feeder, feed_s=0.05, clear_s=0.1), camera=replace(config.camera, fps=10.0),
                    gate=replace(config.gate, policy="model" if isinstance(row.breaking, Model) else "collect"))
@@ -137,8 +139,7 @@ class _SteppedWorld:
 
     def _make(self) -> FarSide:
         row = self._place.row
-        return FarSide(self._place.config, row.breaking, row.lasts_s, self._place.arms, self._wire, self.box,
-                       self._span, self._now_ns)
+        return FarSide(self._place.config, row, self._place.arms, self._wire, self.box, self._span, self._now_ns)
 
 
 class _Now(NamedTuple):
@@ -214,7 +215,7 @@ def _be_devices(place: Place) -> None:
     row, span, clock = place.row, Span(place.folder / "span"), MonotonicClock()
     box = BrokenBox(place.folder / "box", prompt=False)
     wire = FarWire(*place.bus, clock)
-    far = FarSide(place.config, row.breaking, row.lasts_s, place.arms, wire, box, span, clock.now_ns, WATCHDOG_MS)
+    far = FarSide(place.config, row, place.arms, wire, box, span, clock.now_ns, WATCHDOG_MS)
     (place.folder / "ready").touch()
     keep_time(clock, far.advance, lambda: far.over)
     far.save(place.folder / "devices.json")

@@ -17,6 +17,7 @@ from benchmarks.matrix.wires import FlakyBus, StallingClock, StandingWall
 from doors.run_processes import make_see
 from hw.link import Bus, Clock, Stream
 from hw.link import Camera as CameraLink
+from hw.reading import CameraFrame
 from hw.real import supervised_bus
 from hw.real.can_bus import CanBus, open_can
 from hw.real.reopen import MendedCamera, MendedStream
@@ -32,10 +33,28 @@ from robot.recording.session import make_header
 from robot.recording.watch import RecordingRig
 from robot.recording.writer import SessionWriter
 from robot.rig import NS_PER_S, HardwareRig
-from robot.runtime import run
+from robot.runtime import Rig, run
+from robot.types import Command, Inputs, Sent
 from robot.watched import WatchedRig
 
 SMALL_ROOM = 64                       # frames that may wait for the tick, where an overrun is wanted
+
+
+class AdvisedRig:
+    """Passes everything through, and lets another controller know what is asked."""
+
+    def __init__(self, rig: Rig, span: Span) -> None:
+        self._rig, self._span = rig, span
+
+    def read(self) -> Inputs | None:
+        return self._rig.read()
+
+    def write(self, command: Command) -> Sent:
+        self._span.advise(command.flywheel_torque_nm, command.hood_torque_nm, command.feeder_torque_nm)
+        return self._rig.write(command)
+
+    def picture(self) -> CameraFrame | None:
+        return self._rig.picture()
 
 
 class RobotSide(msgspec.Struct):
@@ -73,7 +92,7 @@ def run_robot(config: Config, breaking: Breaking, bus: tuple[str, str], box_port
                           lambda: span.over_ns > 0 or recorder.is_over())
         wires.callback(rig.release)
         kept = RecordingRig(TimedRig(rig, lateness), recorder)
-        run(WatchedRig(kept, config, lambda words: None), config, gate, recorder)
+        run(WatchedRig(AdvisedRig(kept, span), config, lambda words: None), config, gate, recorder)
     side = RobotSide(dict(tally), None if gate is None else gate.answers, str(recorder.failed or ""))
     (folder / "robot.json").write_bytes(msgspec.json.encode(side))
 

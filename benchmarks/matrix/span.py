@@ -5,16 +5,17 @@ import struct
 from pathlib import Path
 
 WORDS = struct.Struct("<qqqq")
+ADVICE = struct.Struct("<?ddd")
 
 
 class Span:
-    """Four numbers in a file that every process of a run maps. Times are the run's clock's; 0: not yet."""
+    """Numbers in a file that every process of a run maps. Times are the run's clock's; 0: not yet."""
 
     def __init__(self, path: Path) -> None:
         if not path.exists():
-            path.write_bytes(bytes(WORDS.size))
+            path.write_bytes(bytes(WORDS.size + ADVICE.size))
         with path.open("r+b") as file:
-            self._words = mmap.mmap(file.fileno(), WORDS.size)
+            self._words = mmap.mmap(file.fileno(), WORDS.size + ADVICE.size)
 
     @property
     def begin_ns(self) -> int:
@@ -46,6 +47,19 @@ class Span:
 
     def finish(self, t_ns: int) -> None:
         self._put(3, t_ns)
+
+    def advise(self, *torques_nm: float) -> None:
+        """What the robot would have flywheels, hood and feeder do: three torques."""
+        ADVICE.pack_into(self._words, WORDS.size, True, *torques_nm)
+
+    def advice(self) -> tuple[float, float, float]:
+        _, wheel_nm, hood_nm, feeder_nm = ADVICE.unpack_from(self._words, WORDS.size)
+        return wheel_nm, hood_nm, feeder_nm
+
+    @property
+    def is_advised(self) -> bool:
+        """Whether the robot has said anything yet; on the bus one that only advises never does."""
+        return bool(ADVICE.unpack_from(self._words, WORDS.size)[0])
 
     def stands(self) -> bool:
         return self.begin_ns > 0 and self.end_ns == 0

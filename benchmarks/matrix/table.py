@@ -4,7 +4,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from benchmarks.matrix.judge import Result
-from benchmarks.matrix.rows import KEEPS, REFUSED, ROWS
+from benchmarks.matrix.row import KEEPS, REFUSED
+from benchmarks.matrix.rows import ROWS
 from robot.config import BadInput
 
 BEGIN, END = "<!-- fault matrix: begin -->", "<!-- fault matrix: end -->"

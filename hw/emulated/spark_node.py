@@ -4,6 +4,7 @@ from collections import deque
 from collections.abc import Callable
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from hw import spark
 from hw.codec import Values, load_codec
@@ -49,10 +50,10 @@ class SparkNode:
                  endstop: Callable[[], bool] | None = None) -> None:
         self.motor: str | None = motor
         self.bad_frames = 0
-        self._axis, self._name, self._plant, self._endstop = axis, motor, plant, endstop
-        self._settings = settings or SparkSettings()
+        self.endstop = endstop                    # reads the limit switch on its data port
+        self._axis, self._name, self._plant = axis, motor, plant
+        self.settings = settings or SparkSettings()
         self._codec = load_codec("spark")
-        self._is_old = self._settings.firmware[0] < spark.OLDEST_FIRMWARE
         self._takers = {spark.frame_id(axis, name): (name, take) for name, take in (
             ("DUTY_CYCLE_SETPOINT", self._take_duty), ("VELOCITY_SETPOINT", self._take_velocity),
             ("SET_STATUSES_ENABLED", self._take_statuses), ("CLEAR_FAULTS", self._take_clear),
@@ -63,10 +64,11 @@ class SparkNode:
 
     def restart(self, t_ns: int) -> None:
         """Power is back: what was set is gone, the count of turns begins anew, and STATUS_1 says that it has reset."""
+        self._is_old = self.settings.firmware[0] < spark.OLDEST_FIRMWARE
         self.is_locked = False
         self.parameters = dict(DEFAULTS)
         self.has_reset = True
-        self._sticky = self._settings.faults
+        self._sticky = self.settings.faults
         self._duty, self._feedforward = 0.0, (0.0, False)
         self._wanted_rpm: float | None = None     # None: the duty counts
         self._expires_ns = NEVER_NS
@@ -79,6 +81,20 @@ class SparkNode:
                               for period_ms, make in ((10, self._make_status_0), (250, self._make_status_1),
                                                       (0, self._make_status_2)))
         self._plan(t_ns)
+
+    def become(self, settings: SparkSettings, t_ns: int) -> None:
+        """Power is back, and it is another device now, or runs other firmware."""
+        self.settings = settings
+        self.restart(t_ns)
+
+    def fail(self, faults: int) -> None:
+        """These faults stand from now on (0: none); that they came stays in mind until it is told to forget."""
+        self.settings = replace(self.settings, faults=faults)
+        self._sticky |= faults
+
+    def clear_faults(self) -> None:
+        """Forget what came and went, as it may be told on the bus."""
+        self.has_reset, self._sticky = False, self.settings.faults
 
     def ids(self) -> tuple[tuple[int, bool], ...]:
         return tuple((frame_id, True) for frame_id in (*self._takers, self._version_id, UNIVERSAL_HEARTBEAT))
@@ -131,7 +147,7 @@ class SparkNode:
         self._truth = truth = self._plant.motor(self._name)
         self._remember(t_ns)
         self.output = self._limited(self._wanted_duty(t_ns)) if self._enabled else 0.0
-        settings, sign = self._settings, self._axis.direction
+        settings, sign = self.settings, self._axis.direction
         if self.output == 0.0:
             self._torque_nm = 0.0
         else:
@@ -159,7 +175,7 @@ class SparkNode:
 
     def _switches(self) -> tuple[bool, bool]:
         """(forward, reverse): the one switch that there is ends the robot's negative direction."""
-        closed = self._endstop is not None and self._endstop()
+        closed = self.endstop is not None and self.endstop()
         return closed and self._axis.direction < 0, closed and self._axis.direction > 0
 
     def _remember(self, t_ns: int) -> None:
@@ -213,7 +229,7 @@ class SparkNode:
         return (10, 250, int(self.parameters[spark.STATUS_2_PERIOD]))[number]
 
     def _take_clear(self, values: Values, t_ns: int) -> list[Frame]:
-        self.has_reset, self._sticky = False, self._settings.faults
+        self.clear_faults()
         return []
 
     def _take_parameter(self, values: Values, t_ns: int) -> list[Frame]:
@@ -245,7 +261,7 @@ class SparkNode:
 
     def _make_status_1(self) -> Frame:
         reset = spark.RESET_WARNING if self.has_reset else 0
-        return self._make("STATUS_1", {"faults": self._settings.faults, "warnings": reset,
+        return self._make("STATUS_1", {"faults": self.settings.faults, "warnings": reset,
                                        "sticky_faults": self._sticky, "sticky_warnings": reset, "is_follower": 0})
 
     def _make_status_2(self) -> Frame:
@@ -254,7 +270,7 @@ class SparkNode:
                                        "position_rev": self._axis.direction * turned_rad / REVOLUTION_RAD})
 
     def _make_version(self) -> Frame:
-        major, minor, build = self._settings.firmware
+        major, minor, build = self.settings.firmware
         return self._make("GET_FIRMWARE_VERSION", {"major": major, "minor": minor, "build": build, "debug_build": 0,
                                                    "hardware": 0})
 

@@ -4,10 +4,14 @@ import threading
 from collections.abc import Callable
 from typing import Generic, Protocol, TypeVar
 
+import numpy as np
+import numpy.typing as npt
+
 from hw.link import Camera, LinkLost, Stream
 from hw.reading import CameraFrame
 
 PAUSE_S = 0.5                                     # between tries; an open camera takes about as long
+LONGEST_S = 4.0                                   # before one that can be opened, but says nothing, is opened again
 
 
 class Closable(Protocol):
@@ -16,14 +20,18 @@ class Closable(Protocol):
 
 Wire = TypeVar("Wire", bound=Closable)
 Answer = TypeVar("Answer")
+Image = npt.NDArray[np.uint8]
 
 
 class Mended(Generic[Wire]):
-    """An open wire, opened again by `open_again` (which raises LinkLost until it can) whenever it is lost."""
+    """An open wire, opened again by `open_again` (which raises LinkLost until it can) whenever it is lost.
+
+    One that is lost before it has answered anything is opened again after pauses that grow: opening does not mend it.
+    """
 
     def __init__(self, wire: Wire, open_again: Callable[[], Wire], pause_s: float = PAUSE_S) -> None:
         self._wire: Wire | None = wire
-        self._open_again, self._pause_s = open_again, pause_s
+        self._open_again, self._first_s, self._pause_s = open_again, pause_s, pause_s
         self._why = ""
         self._stop = threading.Event()
         self._mender: threading.Thread | None = None
@@ -34,12 +42,15 @@ class Mended(Generic[Wire]):
         if wire is None:
             raise LinkLost(self._why)
         try:
-            return question(wire)
+            answer = question(wire)
         except LinkLost as error:
             self._why, self._wire = str(error), None
             self._mender = threading.Thread(target=self._mend, args=(wire,), name="reopen", daemon=True)
             self._mender.start()
             raise
+        if answer is not None:
+            self._pause_s = self._first_s
+        return answer
 
     def close(self) -> None:
         self._stop.set()
@@ -50,12 +61,13 @@ class Mended(Generic[Wire]):
 
     def _mend(self, lost: Wire) -> None:
         lost.close()
-        while not self._stop.wait(self._pause_s):
+        pause_s, self._pause_s = self._pause_s, min(2.0 * self._pause_s, LONGEST_S)
+        while not self._stop.wait(pause_s):
             try:
                 self._wire = self._open_again()
                 return
             except LinkLost as error:
-                self._why = str(error)
+                self._why, pause_s = str(error), self._first_s
 
 
 class MendedStream:
@@ -76,14 +88,30 @@ class MendedStream:
 
 
 class MendedCamera:
-    """hw.link.Camera that comes back."""
+    """hw.link.Camera that comes back.
+
+    The image that it was lost with is none when it comes again: a driver that hangs may hand out its last one for ever,
+    also to who opens it anew.
+    """
 
     def __init__(self, open_camera: Callable[[], Camera], pause_s: float = PAUSE_S) -> None:
         """Opens it the first time, too; LinkLost when that fails."""
         self._wire = Mended(open_camera(), open_camera, pause_s)
+        self._newest: Image | None = None
+        self._stale: Image | None = None          # what it was lost with, until there is another
 
     def read(self) -> CameraFrame | None:
-        return self._wire.ask(lambda camera: camera.read())
+        try:
+            return self._wire.ask(lambda camera: self._look(camera.read()))
+        except LinkLost:
+            self._stale = self._newest
+            raise
+
+    def _look(self, frame: CameraFrame | None) -> CameraFrame | None:
+        if frame is None or (self._stale is not None and np.array_equal(frame.image, self._stale)):
+            return None
+        self._newest, self._stale = frame.image, None
+        return frame
 
     def close(self) -> None:
         self._wire.close()

@@ -24,7 +24,7 @@ def judge(inputs: Inputs, estimate: Estimate, aim: Aim, memory: Memory, config: 
     """The verdict of one tick; `reasons` is empty exactly when `fire` is true."""
     reasons = [*_operator(memory), *inputs.faults, *doubted_readings(inputs, config),
                *([] if memory.homed else ["hood not homed"]), *_launcher(inputs, estimate, aim, memory, config),
-               *_target(estimate, config)]
+               *_target(inputs, estimate, config)]
     p_two, p_three, doubts = _model(estimate, config.gate, gate)
     reasons += doubts
     return Verdict(not reasons, tuple(reasons), p_two, p_three)
@@ -110,11 +110,12 @@ def _hood(estimate: Estimate, aim: Aim, config: Config) -> list[str]:
     return []
 
 
-def _target(estimate: Estimate, config: Config) -> list[str]:
+def _target(inputs: Inputs, estimate: Estimate, config: Config) -> list[str]:
+    why = f" ({inputs.unseen})" if inputs.unseen else ""
     if estimate.distance_m is None or estimate.distance_sigma_m is None or estimate.sighting_s is None:
-        return ["target never seen"]
+        return ["target never seen" + why]
     if not 0.0 <= estimate.sighting_s <= config.gate.sighting_age_s:
-        return [f"target last seen {estimate.sighting_s:.1f} s ago"]
+        return [f"target last seen {estimate.sighting_s:.1f} s ago" + why]
     if not 0.0 <= estimate.distance_m <= FARTHEST_M or not 0.0 <= estimate.distance_sigma_m < math.inf:
         return [f"target seen {estimate.distance_m:.1f} m away, give or take {estimate.distance_sigma_m:.1f}"]
     return []

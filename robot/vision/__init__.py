@@ -13,7 +13,7 @@ from hw.reading import CameraFrame
 from robot.config import CameraConfig, Tape, Vision
 from robot.types import Sighting
 from robot.vision.edges import Marks
-from robot.vision.exposure import check_exposure
+from robot.vision.exposure import check_exposure, is_dark
 from robot.vision.optics import Optics, make_optics
 from robot.vision.outline import Doubt, find_outline
 from robot.vision.pose import Pose, solve_pose
@@ -44,7 +44,7 @@ def detect(frame: CameraFrame, camera: CameraConfig, tape: Tape, vision: Vision)
     optics = make_optics(camera, width_px, height_px)
     found, doubts = look(frame.image, optics, camera, tape, vision)
     if not found:
-        return _lost(frame, max(doubts).reason if doubts else "nothing of the tape's colour is large enough")
+        return _lost(frame, max(doubts).reason if doubts else _missing(frame.image, vision))
     if len(found) > 1:
         return _lost(frame, f"{len(found)} things in view look like the target")
     marks, pose = found[0]
@@ -88,6 +88,13 @@ def explain(region: Region, optics: Optics, camera: CameraConfig, tape: Tape,
 def _apart(one: Pose, other: Pose) -> bool:
     """Whether two answers are two things, not one thing found in two patches."""
     return float(np.abs(one.tvec_m - other.tvec_m).max()) > SAME_M
+
+
+def _missing(image: Image, vision: Vision) -> str:
+    """Why nothing at all is of the tape's colour."""
+    if is_dark(image, vision.value_low):
+        return "the picture is dark all over: no tape in view, no light on it, or the lens covered"
+    return "nothing of the tape's colour is large enough"
 
 
 def _lost(frame: CameraFrame, reason: str) -> Sighting:

@@ -19,3 +19,8 @@ def check_exposure(image: npt.NDArray[np.uint8]) -> str:
     if np.count_nonzero(np.minimum(np.minimum(blue, green), red) >= BURNT) > BURNT_SHARE * blue.size:
         return "large parts of the picture are burnt out: the exposure is too long, or not locked"
     return ""
+
+
+def is_dark(image: npt.NDArray[np.uint8], value: int) -> bool:
+    """Whether nothing in an image (h, w, 3) reaches this brightness, where it is looked at."""
+    return bool(image[::STRIDE, ::STRIDE].max() < value)

@@ -1,5 +1,6 @@
 """Somebody else's motor is heard and never spoken to."""
 
+import struct
 from functools import partial
 
 from hypothesis import given
@@ -24,6 +25,16 @@ def test_nothing_that_is_asked_or_heard_makes_it_send(ticks) -> None:
         order = motor.order(torque_nm, number * 5_000_000)
         assert order.frames == () and order.torque_nm == 0.0 and order.duty is None
     assert motor.release() == () and motor.faults(0) == ()
+
+
+def test_a_speed_without_a_change_of_position_is_a_stuck_encoder() -> None:
+    motor = heard()
+    for number in range(1, 7):
+        assert motor.faults(0) == ()
+        motor.take(Frame(number * 10_000_000, 0x0205B887, struct.pack("<ff", 1200.0, 5.0), True))
+    assert motor.faults(0) == ("its controller says 126 rad/s, but its position stands still: encoder stuck?",)
+    motor.take(Frame(90_000_000, 0x0205B887, struct.pack("<ff", 1200.0, 5.2), True))
+    assert motor.faults(0) == ()
 
 
 def test_it_hears_what_its_family_says() -> None:

@@ -1,5 +1,6 @@
 """A button box and a camera that are unplugged and come back, the box on a real pseudo-terminal under a stable name."""
 
+import threading
 import time
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 from hw.buttons import make_heartbeat, make_press, parse_lines
 from hw.link import LinkLost
 from hw.reading import CameraFrame
-from hw.real.reopen import MendedCamera, MendedStream
+from hw.real.reopen import LONGEST_S, MendedCamera, MendedStream
 from hw.real.serial_port import open_serial
 
 PATIENCE_S = 20.0                                          # of a loaded machine; usually a few milliseconds
@@ -70,8 +71,8 @@ class Lens:
         self.closed = True
 
 
-def picture(t_ns):
-    return CameraFrame(t_ns, np.zeros((8, 8, 3), np.uint8))
+def picture(t_ns, grey=None):
+    return CameraFrame(t_ns, np.full((8, 8, 3), t_ns if grey is None else grey, np.uint8))
 
 
 def test_a_camera_that_comes_back_is_looked_through_again_and_the_old_one_is_let_go():
@@ -93,6 +94,52 @@ def test_a_camera_that_comes_back_is_looked_through_again_and_the_old_one_is_let
     assert made[0].closed and lenses == []
     camera.close()
     assert made[1].closed
+
+
+class Stop(threading.Event):
+    """One that is never set, and that is waited for no longer than it takes to note for how long."""
+
+    def __init__(self):
+        super().__init__()
+        self.waits_s = []
+
+    def wait(self, timeout=None):
+        self.waits_s.append(timeout)
+        return False
+
+
+def hurried(*lenses):
+    """A camera that is opened again at once, each time as the next of `lenses` (None: not at all); and its Stop."""
+    left = list(lenses)
+
+    def open_lens():
+        lens = left.pop(0)
+        if lens is None:
+            raise LinkLost("camera 0: cannot be opened")
+        return lens
+
+    camera = MendedCamera(open_lens)
+    camera._wire._stop = stop = Stop()
+    return camera, stop
+
+
+def test_an_image_that_it_was_lost_with_is_none_when_it_comes_again():
+    camera, stop = hurried(*(Lens([picture(t_ns, 7)]) for t_ns in (1, 2, 3, 4)), Lens([picture(6, 8), picture(5, 7)]))
+    assert camera.read().t_ns == 1
+    assert wait_for(camera.read).t_ns == 6
+    assert stop.waits_s == [0.5, 1.0, 2.0, 4.0]
+
+
+def test_a_camera_that_answers_is_opened_again_soon_and_one_that_is_not_there_is_tried_often():
+    camera, stop = hurried(Lens([]), Lens([]), None, None, Lens([picture(1)]), Lens([picture(2)]))
+    assert [wait_for(camera.read).t_ns for _ in range(2)] == [1, 2]
+    assert stop.waits_s == [0.5, 1.0, 0.5, 0.5, 0.5]
+
+
+def test_pauses_grow_up_to_a_longest():
+    camera, stop = hurried(*(Lens([]) for _ in range(6)), Lens([picture(1)]))
+    wait_for(camera.read)
+    assert stop.waits_s == [0.5, 1.0, 2.0, LONGEST_S, LONGEST_S, LONGEST_S]
 
 
 def test_what_is_not_there_at_the_start_is_said_at_once():

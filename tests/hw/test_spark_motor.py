@@ -335,3 +335,13 @@ def test_malformed_readings_are_refused_and_the_last_good_one_grows_old(make) ->
     bench.run(120, 0.0)
     assert bench.bad and "STATUS_2" in bench.bad[0]
     assert bench.clock.t_ns - bench.motor.reading.t_ns > 100 * MS and bench.enabled()[-1] == 0
+
+
+def test_a_speed_without_a_change_of_position_is_a_stuck_encoder(make) -> None:
+    bench = make()
+    bench.run(60, 0.0)
+    assert bench.faults() == ()
+    for number in range(8):
+        t_ns = bench.clock.t_ns + number * 10 * MS
+        bench.motor.take(Frame(t_ns, BASE + 0xB880 + 3, struct.pack("<ff", 1200.0, 5.0), True))
+    assert bench.motor.faults(t_ns) == ("spark 3 says 126 rad/s, but its position stands still: encoder stuck?",)

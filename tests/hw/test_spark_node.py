@@ -291,3 +291,26 @@ def test_two_runs_are_the_same_bytes(clock) -> None:
         bench.near.close()
         bench.far.close()
     assert logs[0] == logs[1] and len(logs[0]) > 25
+
+
+def test_a_fault_that_has_gone_is_sticky_until_it_is_told_to_forget(make) -> None:
+    bench = make()
+    bench.node.fail(0x20)
+    bench.node.fail(0)
+    bench.run(300)
+    assert bench.heard(STATUS_1)[-1][0] == 0 and bench.heard(STATUS_1)[-1][3] == 0x20
+    bench.send(0x1B80, b"")
+    bench.run(300)
+    assert bench.heard(STATUS_1)[-1][3] == 0
+
+
+def test_other_firmware_is_another_device(make) -> None:
+    bench = make()
+    bench.run(30)
+    bench.node.become(SparkSettings(firmware=(24, 0, 1)), bench.clock.t_ns)
+    bench.log.clear()
+    bench.run(300)
+    assert bench.log == []
+    bench.node.become(SparkSettings(), bench.clock.t_ns)
+    bench.run(30)
+    assert bench.heard(STATUS_0)

@@ -9,7 +9,8 @@ import pytest
 import robot.gate.verdict
 from benchmarks.matrix.judge import Result, judge
 from benchmarks.matrix.play import play
-from benchmarks.matrix.rows import KEEPS, REFUSED, ROWS, Row
+from benchmarks.matrix.row import KEEPS, REFUSED, Row
+from benchmarks.matrix.rows import ROWS
 from benchmarks.matrix.table import BEGIN, END, make_table, write_between
 from robot.config import BadInput
 
@@ -21,7 +22,10 @@ QUICK = ("flywheel motor 1: no frames", "hood encoder: frames too long", "flywhe
          "hood motor: loses its power", "another host stops a motor", "the transmit queue is full",
          "camera: two targets", "camera: images half a second old", "button box: presses lost", "model: gives NaN",
          "model: takes 0.3 s a tick", "ticks stand still for 0.6 s", "wall clock set forward by an hour",
-         "model file: corrupted", "model file: policy model, no file", "sessions folder cannot be made")
+         "model file: corrupted", "model file: policy model, no file", "sessions folder cannot be made",
+         "SPARK, flywheel motor 1: encoder stuck", "SPARK, hood motor: firmware 27 from the start, then exchanged",
+         "SPARKs: a competition controller on the bus locks them all",
+         "advice only, feeder motor: gate driver fault")
 STEPPED = [row.name for row in ROWS if not row.real and "virtual" in row.buses]
 REAL = ["flywheel motor 1: no frames", "adapter pulled out, and in again",
         "control process stopped for 0.6 s (SIGSTOP)", "camera: the same image again and again"]

@@ -172,6 +172,28 @@ def test_no_reading_is_younger_than_its_tick(bench, monkeypatch):
     assert inputs.t_ns >= inputs.flywheels[0].t_ns
 
 
+def test_why_the_newest_image_shows_no_target_is_told_until_another_shows_one(bench):
+    *_, rig = bench
+    rig._eyes = Looks([Sighting(1, False, "dark"), None, Sighting(2, True, ""), Sighting(3, False, "burnt"),
+                       LinkLost("x"), None])
+    told = [rig.read() for _ in range(6)]
+    assert [inputs.unseen for inputs in told] == ["dark", "dark", "", "burnt", "", ""]
+    assert told[1].sighting is None and told[4].faults[-1] == "camera lost: x"
+
+
+class Looks:
+    """Eyes that tell of these, one after the other."""
+
+    def __init__(self, news):
+        self.news = news
+
+    def read(self):
+        one = self.news.pop(0)
+        if isinstance(one, LinkLost):
+            raise one
+        return one
+
+
 def test_a_silent_box_is_reported(bench):
     _, _, clock, rig = bench
     clock.t_ns += 3_000_000_000
@@ -191,6 +213,32 @@ def test_a_box_that_was_without_power_is_said_to_have_restarted(bench):
     assert inputs.faults == ("button box: restarted",) and [event.button for event in inputs.buttons] == ["fire"]
     box.data = buttons.make_heartbeat(1)
     assert rig.read().faults == ()
+
+
+def test_a_press_that_is_told_twice_is_one_press_and_no_restart(bench):
+    _, box, _, rig = bench
+    box.data = buttons.make_heartbeat(4) + buttons.make_press(5, "arm")
+    assert [event.seq for event in rig.read().buttons] == [5]
+    box.data = buttons.make_press(5, "arm") + 2 * buttons.make_press(6, "fire") + 2 * buttons.make_heartbeat(6)
+    inputs = rig.read()
+    assert inputs.faults == ("button box: 2 presses told twice",)
+    assert [(event.seq, event.button) for event in inputs.buttons] == [(6, "fire")]
+    box.data = buttons.make_press(7, "two")
+    inputs = rig.read()
+    assert inputs.faults == () and len(inputs.buttons) == 1
+
+
+def test_another_button_under_the_same_number_is_a_press_of_a_box_that_has_restarted(bench):
+    _, box, clock, rig = bench
+    box.data = buttons.make_press(1, "arm")
+    rig.read()
+    box.data = buttons.make_press(1, "fire")
+    inputs = rig.read()
+    assert inputs.faults == ("button box: restarted",) and [event.button for event in inputs.buttons] == ["fire"]
+    clock.t_ns += 600_000_000                             # for longer than a box that has power is ever silent
+    box.data = buttons.make_press(1, "fire")
+    inputs = rig.read()
+    assert "button box: restarted" in inputs.faults and [event.button for event in inputs.buttons] == ["fire"]
 
 
 def test_ticks_that_stood_still_are_a_fault_until_all_that_waited_has_been_read(bench):

@@ -172,7 +172,11 @@ def test_black():
     scene.place(4.0)
     scene.eye.black()
     sighting = scene.look()
-    assert not sighting.found and "colour" in sighting.reason
+    assert not sighting.found and "dark all over" in sighting.reason
+
+
+def test_a_room_without_tape_is_not_called_dark():
+    assert "colour" in detect(CameraFrame(0, np.full((480, 640, 3), 100, np.uint8)), CONFIG.camera, TAPE, VISION).reason
 
 
 @pytest.mark.parametrize("share", [0.05, 0.08, 0.15, 0.3, 0.5, 0.7, 0.9])

@@ -60,7 +60,7 @@ def test_no_target_is_an_answer_with_a_reason(capsys, tmp_path):
     cv2.imwrite(str(path), np.full((480, 640, 3), 5, np.uint8))
     code, rows, out = run(capsys, str(path))
     assert code == 0 and rows == [{"file": str(path), "found": "false", "distance_m": "", "sigma_m": "", "corners": ""}]
-    assert str(path) in out.err and "colour" in out.err
+    assert str(path) in out.err and "dark all over" in out.err
 
 
 def test_bad_files_are_named_and_the_others_answered(capsys, tmp_path, picture, good):
@@ -98,7 +98,7 @@ def test_all_names_both_distances_and_the_estimators(capsys, tmp_path, good, pic
     assert float(seen["plane_m"]) == pytest.approx(float(seen["distance_m"]), abs=0.02)       # it faces the camera
     for name in ("pose", "width", "elevation", "fused"):
         assert float(seen[f"{name}_m"]) == pytest.approx(4.0, abs=4 * float(seen[f"{name}_sigma_m"]))
-    assert seen["reason"] == "" and "colour" in missing["reason"] and missing["pose_m"] == ""
+    assert seen["reason"] == "" and "dark all over" in missing["reason"] and missing["pose_m"] == ""
     assert absent["found"] == "" and absent["reason"] == ""
 
 

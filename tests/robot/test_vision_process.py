@@ -1,5 +1,6 @@
 """Vision in a process of its own: killed, stopped, blind or beside itself, the control loop knows why."""
 
+import itertools
 import os
 import signal
 import threading
@@ -127,8 +128,10 @@ class Scene:
         self.child = self.layout.vision
 
     def show(self):
-        while not self.over.wait(0.02):
-            self.server.show(np.full((48, 64, 3), 60, np.uint8))
+        for grey in itertools.cycle(range(60, 90)):       # an image that stays the same is none
+            if self.over.wait(0.02):
+                return
+            self.server.show(np.full((48, 64, 3), grey, np.uint8))
 
     def until(self, true, limit_s=PATIENCE_S):
         """Read until what comes is as asked; what is lost comes as words."""

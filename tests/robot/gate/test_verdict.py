@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from robot.estimate import estimate
 from robot.gate.model import Rating
 from robot.gate.verdict import judge, only_the_model_doubts
-from robot.types import Aim, Inputs, Verdict
+from robot.types import Aim, Inputs, Sighting, Verdict
 from tests.robot.good_tick import CONFIG, DISTANCE_M, HOOD_DEG, NOW_NS, good_inputs, good_memory, seconds
 
 MODEL = replace(CONFIG, gate=replace(CONFIG.gate, policy="model"))
@@ -217,6 +217,30 @@ def test_a_target_that_is_nowhere_holds(change, reason):
     memory = good_memory()
     spoilt = verdict(memory=replace(memory, last_sighting=replace(memory.last_sighting, **change)))
     assert spoilt.reasons == (reason,)
+
+
+UNSEEN = "2 things in view look like the target"
+
+
+@pytest.mark.parametrize(("sighting", "reason"), [
+    (None, f"target never seen ({UNSEEN})"),
+    (replace(good_memory().last_sighting, t_ns=NOW_NS - seconds(0.4)), f"target last seen 0.4 s ago ({UNSEEN})"),
+])
+def test_a_target_out_of_sight_holds_with_what_the_newest_image_showed(sighting, reason):
+    memory = replace(good_memory(), last_sighting=sighting)
+    assert reason in verdict(replace(good_inputs(), unseen=UNSEEN), memory).reasons
+
+
+def test_an_image_without_a_target_alone_is_no_reason_while_the_last_sighting_is_young():
+    assert verdict(replace(good_inputs(), unseen=UNSEEN)).fire
+
+
+def test_recordings_from_before_say_no_more_than_they_said():
+    refused = replace(good_inputs(), sighting=Sighting(NOW_NS, False, UNSEEN))
+    row = msgspec.json.encode(refused)
+    assert b"unseen" not in row
+    old = replace(good_memory(), last_sighting=replace(good_memory().last_sighting, t_ns=NOW_NS - seconds(0.4)))
+    assert verdict(msgspec.json.decode(row, type=Inputs), old).reasons == ("target last seen 0.4 s ago",)
 
 
 def test_what_a_recording_does_not_say_is_not_asked():

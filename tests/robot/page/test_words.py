@@ -6,6 +6,7 @@ import itertools
 import os
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -13,7 +14,7 @@ from msgspec.structs import replace
 
 import robot
 from hw import odrive, spark
-from hw.reading import AngleReading, MotorReading
+from hw.reading import AngleReading, CameraFrame, MotorReading
 from robot.aim import IDLE
 from robot.config import in_words
 from robot.estimate import estimate
@@ -21,6 +22,7 @@ from robot.gate.model import Rating
 from robot.gate.verdict import judge
 from robot.page.words import FAULT, SEVERAL, TABLE, WAIT, YOU, find_words, placeholders, tell
 from robot.types import Aim, Memory
+from robot.vision import detect
 from tests.robot.good_tick import CONFIG, NOW_NS, good_inputs, good_memory, seconds
 
 ROOT = Path(robot.__file__).parents[1]
@@ -37,12 +39,13 @@ SOURCES = (
     ("robot/eyes.py", "vision_failed", "camera lost: {}"), ("robot/processes/vision.py", "_trouble", "camera lost: {}"),
     ("robot/recording/keeper.py", "trouble", "not recording: {}"),
     ("robot/processes/far_keeper.py", "trouble", "not recording: {}"),
-    ("hw/odrive_motor.py", "faults", "hood motor: {}"),
+    ("hw/stillness.py", "fault", "hood motor: {}"),
     ("robot/recording/appender.py", "flush", "not recording: {}"),
     ("robot/identify/tick.py", "say", "{}"),
     ("robot/identify/tick.py", "_trespasses", "identify: {}"), ("robot/identify/tick.py", "_hood", "identify: {}"),
     ("robot/identify/tick.py", "_overdue", "identify: {}"),
     ("hw/buttons.py", "parse_lines", "button box: {}"),
+    ("hw/press_count.py", "take", "button box: {}"), ("hw/press_count.py", "_gap", "button box: {}"),
     ("hw/allow.py", "faults", "{}"), ("hw/allow.py", "refuse", "not sent: {}"),
     ("hw/monitor.py", "faults", "{}"), ("hw/monitor.py", "fault", "{}"),
     ("hw/spark_motor.py", "_setup_fault", "hood motor: spark 3 {}"),
@@ -54,9 +57,9 @@ SOURCES = (
 # whose strings are said by one of these around them, when not alone
 AROUND = {("robot/rig.py", "_read_box"): "button box: {}"}
 # what others say; no reasons; parts of one
-NO_SENTENCES = {SAMPLE, f"button box: {SAMPLE}", f"for {SAMPLE} s", "yet", "", "plan", " up", " down"}
+NO_SENTENCES = {SAMPLE, f"button box: {SAMPLE}", f"for {SAMPLE} s", "yet", "", "plan", " up", " down", f" ({SAMPLE})"}
 # files with a `faults` of which there is nothing to be said here: they pass on, or have none
-SILENT = {"hw/link.py", "hw/motor.py", "hw/advisory_motor.py", "hw/real/can_bus.py",
+SILENT = {"hw/link.py", "hw/motor.py", "hw/advisory_motor.py", "hw/odrive_motor.py", "hw/real/can_bus.py",
           "robot/recording/frames.py", "robot/recording/candump.py"}
 
 
@@ -71,6 +74,8 @@ def samples(node, constants):
             return [constants[name]]
         case ast.FormattedValue(value=ast.Name(id="name")):
             return [MOTOR]
+        case ast.Name(id="why"):
+            return ["", f" ({SAMPLE})"]
         case ast.BinOp(op=ast.Add(), left=left, right=right):
             return [one + other for one in samples(left, constants) for other in samples(right, constants)]
         case ast.IfExp(body=body, orelse=orelse):
@@ -197,6 +202,17 @@ def test_what_the_driver_can_mend_comes_first():
         "CAN adapter pulled out?", "Hood motor: silent for 0.31 s", "Not armed", "Target out of sight for 2.1 s",
         "Wheels are not at speed: 312 of 358 rad/s"]
     assert [one.do for one in told][2:4] == ["press ARM", "turn towards the target"]
+
+
+@pytest.mark.parametrize("look", [
+    lambda: detect(CameraFrame(0, np.full((480, 640, 3), 250, np.uint8)), CONFIG.camera, CONFIG.tape, CONFIG.vision),
+    lambda: detect(CameraFrame(0, np.zeros((480, 640, 3), np.uint8)), CONFIG.camera, CONFIG.tape, CONFIG.vision)])
+def test_what_vision_says_of_an_image_has_words_of_its_own(look):
+    inputs = replace(good_inputs(), unseen=look().reason)
+    memory = replace(good_memory(), last_sighting=None)
+    (reason,) = (reason for reason in judge(inputs, estimate(inputs, memory, CONFIG), good_memory().aim, memory, CONFIG,
+                                            None).reasons if reason.startswith("target"))
+    assert find_words(reason).template not in ("target {seen} ({why})", "target never seen")
 
 
 def test_motors_in_the_same_trouble_are_told_as_one():
