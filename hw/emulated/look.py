@@ -27,6 +27,8 @@ class Look:
     halo_share: float = 0.1           # bloom: light that strays HALO_BLUR_PX far
     shake_px: float = 0.3
     smear_px: tuple[float, float] = (0.0, 0.0)    # right and down, while the shutter is open
+    gain: float = 1.0                 # exposure: light times this, before the sensor clips
+    gamma: float = 1.0                # of the camera's tone curve: what is written is light to the power 1 / gamma
 
 
 USUAL = Look()
@@ -62,6 +64,15 @@ def spread(plane: Plane, look: Look) -> Plane:
     if any(look.smear_px):
         blurred = cv2.filter2D(blurred, -1, _smear(look.smear_px))
     return blurred
+
+
+def tone(image: Image, look: Look) -> Image:
+    """The image as the camera's tone curve writes it."""
+    if look.gamma == 1.0:
+        return image
+    curve = np.rint(255 * np.linspace(0.0, 1.0, 256) ** (1 / look.gamma)).astype(np.uint8)
+    written: Image = cv2.LUT(image, curve)
+    return written
 
 
 def _smear(along_px: tuple[float, float]) -> Plane:
