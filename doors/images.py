@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from doors.jpeg import what_is_damaged
 from robot.config import BadInput, in_words
 
 MOST_PX = 50_000_000                  # of an image; no webcam is near it, and a header may claim anything
@@ -38,6 +39,9 @@ def decode_image(data: bytes, colour: bool = True) -> npt.NDArray[np.uint8]:
         raise BadInput(f"an image of {width} x {height} pixels; at most {MOST_PX // 1_000_000} million are read")
     if _cut_short(data):
         raise BadInput("the image is cut short")
+    damaged = what_is_damaged(data) if data.startswith(b"\xff\xd8") else ""
+    if damaged:
+        raise BadInput(f"a corrupt JPEG image: {damaged}")
     try:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error:

@@ -13,8 +13,9 @@ import cv2
 import numpy as np
 
 from hw.emulated.lens import Array, Lens, Plane, distort, ideal_pixels, project
-from hw.emulated.look import DARK_BGR, HALO_BLUR_PX, HALO_MARGIN_PX, TAPE_BGR, USUAL, Image, Look, Patch, paint, spread, tone
+from hw.emulated.look import DARK_BGR, HALO_BLUR_PX, HALO_MARGIN_PX, TAPE_BGR, USUAL, Image, Look, Patch, paint, spread
 from hw.emulated.plant import Plant, View
+from hw.emulated.tone import tone
 from hw.reading import CameraFrame
 
 UNEVEN = 0.1                          # the ring light is this much dimmer at one end of the tape

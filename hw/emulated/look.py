@@ -66,15 +66,6 @@ def spread(plane: Plane, look: Look) -> Plane:
     return blurred
 
 
-def tone(image: Image, look: Look) -> Image:
-    """The image as the camera's tone curve writes it."""
-    if look.gamma == 1.0:
-        return image
-    curve = np.rint(255 * np.linspace(0.0, 1.0, 256) ** (1 / look.gamma)).astype(np.uint8)
-    written: Image = cv2.LUT(image, curve)
-    return written
-
-
 def _smear(along_px: tuple[float, float]) -> Plane:
     """A kernel that spreads a point evenly over this straight way, about its middle."""
     reach = math.ceil(max(abs(part) for part in along_px) / 2) + 1
