@@ -60,3 +60,23 @@ def test_a_tone_curve_hardly_moves_a_cut_end(look, bias_m):
             ratios.append(errors[-1] / sighting.sigma_m)
     assert len(errors) >= 20 and abs(np.mean(errors)) < bias_m
     assert np.sqrt(np.mean(np.square(ratios))) < 1.5
+
+
+def hidden_parts():
+    """Patches of the target's plane before a level cut at the top, the end of one arm, half an arm, half the bottom."""
+    high, flare = TAPE.height_m / 2, (TAPE.top_width_m - TAPE.bottom_width_m) / 2 / TAPE.height_m
+    half = 0.5 * TAPE.tape_width_m * np.hypot(1.0, flare)
+    outer = [TAPE.bottom_width_m / 2 - 0.1 * flare - half, TAPE.top_width_m / 2 + 0.1 * flare - half]
+    end, low, top = 0.45 * TAPE.height_m, 0.5 * TAPE.tape_width_m - high, high + 0.1
+    return {"level": [(-1, end), (1, end), (1, 1), (-1, 1)], "one arm": [(0, end), (1, end), (1, 1), (0, 1)],
+            "half an arm": [(outer[0], -top), (outer[1], top), (1, top), (1, -top)],
+            "half the bottom": [(-1, low), (1, low), (1, -top), (-1, -top)]}
+
+
+@pytest.mark.parametrize("distance_m", [2.5, 5.0, 8.0])
+@pytest.mark.parametrize("part", hidden_parts())
+def test_tape_hidden_along_its_own_edges_is_not_the_target(part, distance_m):
+    """A twentieth of the height, or half of a straight's width; less than that is in docs/vision.md."""
+    for seed in range(6):
+        sighting = see(distance_m, seed, hidden=[np.array(hidden_parts()[part])], facing_deg=10.0 * seed - 25.0)
+        assert not sighting.found and sighting.reason
