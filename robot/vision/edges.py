@@ -29,7 +29,7 @@ MOST_STEPS = 64
 OUT_PX = 4.0                          # how far outside the rough outline the tape's edge may lie
 TAIL = 3                              # samples at either end of a profile that may be dark
 LEAST_CONTRAST = 12.0                 # brightness step across an edge, of 255
-CLIPPED = 245.0                       # of 255
+CLIPPED = 240.0                       # of 255, on the average along the straights
 LEAST_GOOD = 0.8 * SAMPLES            # on each straight, after outliers are gone
 STRAIGHT_PX = 0.6                     # a point this close to its line is never an outlier
 REFITS = 4
@@ -38,7 +38,6 @@ FAINTEST_PX = 0.02                    # no edge is better than this
 TIP_SPREAD = 0.5                      # variance of a cut end over that of a point on the side's middle line
 LEAST_CROSSING = 0.05                 # sine of the angle at which two straights meet
 LEVEL_PX, LEVEL = 0.6, 0.3            # a cut end may lean by this much, and this share of the tape's width
-NONE = Widening(0.0, 0.0)
 WIDE_PX, WIDE = 4.0, 1.5              # a tape WIDE times as wide as its size says, and this much more, is another
 
 
@@ -62,7 +61,7 @@ class Straights(NamedTuple):
     middle_px: Array                  # (3, SAMPLES, 2) midway between the edges
     good: Any                         # (3, SAMPLES) which are to be trusted
     wide_px: Array                    # (3, SAMPLES) from edge to edge
-    rise_px: Array                    # (3, SAMPLES) over which the steeper edge would rise if it were straight
+    rise_px: Array                    # (3, SAMPLES) over which the outer edge would rise if it were straight
     clipped: bool                     # most of the tape is as bright as can be written
 
 
@@ -92,12 +91,12 @@ def measure_marks(region: Region, rough_px: Array, optics: Optics, tape: Tape) -
     if tips is None:
         return "the upper ends of what may be the tape are hidden, or not cut level"
     tips = optics.undistort(tips)
-    marks = _marks(lines, tips, NONE)
+    marks = _marks(lines, tips)
     if marks is None or not (np.abs(marks.ideal_px - rough) < OUT_PX + 2.0).all():
         return "the edges of what may be the tape do not meet at its corners"
     true_px = expected_widths(shape, lambda points_m: marks.to_image(points_m, tape, optics))
     widening = compare_widths(found.wide_px, found.rise_px, found.good, true_px, found.clipped)
-    return widening if isinstance(widening, str) else _marks(lines, tips, widening) or marks
+    return widening if isinstance(widening, str) else _pull_in(marks, lines, widening)
 
 
 def _straights(value: npt.NDArray[np.uint8], turn: Array, origin: Array, shape: Shape) -> Straights | str:
@@ -113,11 +112,11 @@ def _straights(value: npt.NDArray[np.uint8], turn: Array, origin: Array, shape: 
     if good.any() and float((outer - inner)[good].mean()) > WIDE * 2 * float(half_px.mean()) + WIDE_PX:
         return "the tape is smeared or glaring: it looks far wider than it is"
     shift = (0.5 * (outer + inner)).reshape(half_px.shape)
-    step_px = offsets[0] - offsets[1]
-    rise_px = np.ptp(level, axis=1) / np.maximum(np.abs(np.diff(level, axis=1)).max(axis=1), 1e-6) * step_px
+    top, steepest = level.max(axis=1), (level[:, 1:] - level[:, :-1]).max(axis=1)
+    rise_px = (top - level.min(axis=1)) / np.maximum(steepest, 1e-6) * (offsets[0] - offsets[1])
     return Straights(centre + shift[..., None] * out, good.reshape(half_px.shape),
                      (outer - inner).reshape(half_px.shape), rise_px.reshape(half_px.shape),
-                     float(np.median(level.max(axis=1))) >= CLIPPED)
+                     float(top.mean()) >= CLIPPED)
 
 
 def _half_heights(level: Any, offsets: Array, half_px: Array) -> tuple[Array, Array, Any]:
@@ -215,14 +214,12 @@ def _fit_lines(points: Array, good: Any) -> _Lines | None:
     return _Lines(middle, np.column_stack([b, -a]), square, square / apart, square / apart / along_px2)
 
 
-def _marks(lines: _Lines, tips: Array, widening: Widening) -> Marks | None:
-    """Marks, and their covariance through those of the lines, of the ends and of how far outside the ends are seen;
-    None when two lines hardly cross."""
+def _marks(lines: _Lines, tips: Array) -> Marks | None:
+    """Marks, and their covariance through those of the lines and of the ends; None when two lines hardly cross."""
     normal = np.column_stack([-lines.along[:, 1], lines.along[:, 0]])
     level = (normal * lines.middle).sum(axis=1)
     marks = np.empty((4, 2))
-    slope = np.zeros((4, 2, 9))       # of the marks: offset and angle of the bottom, left, right line, left, right end,
-    #                                   and the widening
+    slope = np.zeros((4, 2, 8))       # of the marks: offset and angle of the bottom, left, right line, left, right end
     for mark, side in ((0, 2), (1, 1)):
         (a, b), (c, d) = normal[0], normal[side]
         crossing = a * d - b * c
@@ -236,14 +233,21 @@ def _marks(lines: _Lines, tips: Array, widening: Widening) -> Marks | None:
             slope[mark, :, 2 * line + 1] = both[:, column] * lever
     for mark, side, tip in ((2, 1, 0), (3, 2, 1)):
         lever = float((tips[tip] - lines.middle[side]) @ lines.along[side])
-        sine = float(normal[0] @ lines.along[side])       # of the angle between a side and its cut end
-        outside = math.copysign(1.0 / max(abs(sine), LEAST_CROSSING), lever)
-        lever -= widening.shift_px * outside
         marks[mark] = lines.middle[side] + lever * lines.along[side]
         slope[mark, :, 2 * side], slope[mark, :, 2 * side + 1] = normal[side], normal[side] * lever
-        slope[mark, :, 6 + tip], slope[mark, :, 8] = lines.along[side], outside * lines.along[side]
+        slope[mark, :, 6 + tip] = lines.along[side]
     ends = TIP_SPREAD * lines.point_var[1:]
-    variance = np.concatenate([np.column_stack([lines.offset_var, lines.slope_var]).ravel(), ends,
-                               [widening.variance_px2]])
-    flat = slope.reshape(8, 9)
+    variance = np.concatenate([np.column_stack([lines.offset_var, lines.slope_var]).ravel(), ends])
+    flat = slope.reshape(8, 8)
     return Marks(marks, flat @ (variance[:, None] * flat.T))
+
+
+def _pull_in(marks: Marks, lines: _Lines, widening: Widening) -> Marks:
+    """The marks with both cut ends, which are parallel to the bottom, nearer to it by their widening."""
+    out = np.zeros(8)
+    for mark, side in ((2, 1), (3, 2)):
+        sine = lines.along[0, 0] * lines.along[side, 1] - lines.along[0, 1] * lines.along[side, 0]
+        outward = math.copysign(1.0, float((marks.ideal_px[mark] - lines.middle[side]) @ lines.along[side]))
+        out[2 * mark:2 * mark + 2] = outward * lines.along[side] / max(abs(float(sine)), LEAST_CROSSING)
+    return Marks(marks.ideal_px - widening.shift_px * out.reshape(4, 2),
+                 marks.spread_px2 + widening.variance_px2 * out[:, None] * out)

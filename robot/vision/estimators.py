@@ -86,13 +86,14 @@ def estimate_three(marks: Marks, spread_px2: Array, optics: Optics, camera: Came
 def _mounting(pose: Pose, tape: Tape) -> Array:
     """Pitch and height of the lens and roll, (3,), as a pose has them."""
     rotation, _ = cv2.Rodrigues(pose.rvec)
-    return np.array([math.asin(min(1.0, max(-1.0, rotation[2, 1]))), tape.centre_height_m - rotation[:, 1] @ pose.tvec_m,
+    height_m = tape.centre_height_m - rotation[:, 1] @ pose.tvec_m
+    return np.array([math.asin(min(1.0, max(-1.0, rotation[2, 1]))), height_m,
                      math.atan2(rotation[0, 1], -rotation[1, 1])])
 
 
 def _linear(alone: Pose, ideal_px: Array, mounting: Array, optics: Optics, tape: Tape) -> tuple[Array, Array]:
-    """The three (3,) with these marks and mounting, and how they follow marks, pitch, height and roll (3, 11); the target's facing
-    follows the marks to first order."""
+    """The three (3,) with these marks and this mounting, and how they follow marks, pitch, height and roll (3, 11); the
+    target's facing follows the marks to first order."""
     rotation, turning = cv2.Rodrigues(alone.rvec)
     distance_m, gradient = horizontal(rotation, turning.reshape(3, 3, 3), alone.tvec_m)
     given = np.concatenate([ideal_px.ravel(), mounting])

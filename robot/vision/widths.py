@@ -66,12 +66,13 @@ def expected_widths(shape: Shape, to_image: Callable[[Array], Array]) -> Array:
 def compare_widths(seen_px: Array, rise_px: Array, good: Any, true_px: Array, clipped: bool) -> Widening | str:
     """Widths at half height and rises of the edges as measured, which of them are good, and widths as marks and tape
     make them, (3, SAMPLES) each, give the widening; or in words why this cannot be the tape, whole."""
-    off = np.where(good, seen_px - true_px, np.nan)
-    width, noise = np.nanmean(np.where(good, true_px, np.nan), axis=1), np.nanstd(off, axis=1) / math.sqrt(INDEPENDENT)
-    blur = np.nanmedian(np.where(good, rise_px, np.nan), axis=1) / GENTLE
+    count, off = good.sum(axis=1), seen_px - true_px
+    width, blur, excess = (np.where(good, part, 0.0).sum(axis=1) / count for part in (true_px, rise_px / GENTLE, off))
+    scatter = np.where(good, off - excess[:, None], 0.0)
+    noise = np.sqrt((scatter * scatter).sum(axis=1) / count / INDEPENDENT)
     narrow = np.maximum(blur * np.interp(width / blur, TRUE_BLURS, SEEN_BLURS) - width, 0.0)
     narrow[width > TRUE_BLURS[-1] * blur] = 0.0
-    excess = np.nanmedian(off, axis=1) - narrow
+    excess = excess - narrow
     least = FINEST_PX + SIGMAS * noise + NARROW_SIGMA * narrow
     if (excess < -TAPE_SHARE * width - least).any():
         return "the tape is narrower than it is said to be, or partly hidden"
