@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from doors.jpeg import what_is_damaged
 from robot.config import BadInput, in_words
 
 MOST_PX = 50_000_000                  # of an image; no webcam is near it, and a header may claim anything
@@ -36,8 +37,7 @@ def decode_image(data: bytes, colour: bool = True) -> npt.NDArray[np.uint8]:
         raise BadInput("the image is cut short, or corrupt") from error
     if not 0 < width * height <= MOST_PX:
         raise BadInput(f"an image of {width} x {height} pixels; at most {MOST_PX // 1_000_000} million are read")
-    if _cut_short(data):
-        raise BadInput("the image is cut short")
+    _check_whole(data)
     try:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error:
@@ -97,8 +97,13 @@ def _webp_size(data: bytes) -> tuple[int, int]:
     return width & 0x3FFF, height & 0x3FFF
 
 
-def _cut_short(data: bytes) -> bool:
-    """A JPEG or PNG without its end: decoders fill the rest with grey and say nothing."""
+def _check_whole(data: bytes) -> None:
+    """A JPEG or PNG without its end, a JPEG with damaged data: decoders fill the rest with grey and say nothing."""
     if data.startswith(b"\xff\xd8"):
-        return data.rfind(b"\xff\xd9") < data.rfind(b"\xff\xda")
-    return data.startswith(b"\x89PNG") and b"IEND" not in data[-4096:]
+        if data.rfind(b"\xff\xd9") < data.rfind(b"\xff\xda"):
+            raise BadInput("the image is cut short")
+        damage = what_is_damaged(data)
+        if damage:
+            raise BadInput(f"a corrupt JPEG image: {damage}")
+    elif data.startswith(b"\x89PNG") and b"IEND" not in data[-4096:]:
+        raise BadInput("the image is cut short")

@@ -15,6 +15,7 @@ import numpy as np
 from hw.emulated.lens import Array, Lens, Plane, distort, ideal_pixels, project
 from hw.emulated.look import DARK_BGR, HALO_BLUR_PX, HALO_MARGIN_PX, TAPE_BGR, USUAL, Image, Look, Patch, paint, spread
 from hw.emulated.plant import Plant, View
+from hw.emulated.tone import tone
 from hw.reading import CameraFrame
 
 UNEVEN = 0.1                          # the ring light is this much dimmer at one end of the tape
@@ -83,7 +84,7 @@ class EmulatedCamera:
 
     def expose(self, t_ns: int) -> CameraFrame:
         """The image of this moment, whether one is due or not."""
-        return CameraFrame(t_ns, self._expose())
+        return CameraFrame(t_ns, tone(self._expose(), self._look))
 
     def read(self) -> CameraFrame | None:
         """The newest image that has arrived and was not yet read, or None."""
@@ -109,7 +110,7 @@ class EmulatedCamera:
         box = None if edges is None else self._box(edges)
         if edges is not None and box is not None:
             x0, y0, x1, y1 = box
-            lit = self._lit(edges, box) * np.float32(view.brightness * exposure)
+            lit = self._lit(edges, box) * np.float32(view.brightness * self._look.gain * exposure)
             cv2.add(_colour(lit), noise[y0:y1, x0:x1], dst=image[y0:y1, x0:x1])    # the goal's wall hides the lights
         for k in (2, 6):                                                           # small green glints
             at = int(dice[k] % width), int(dice[k + 1] % height)

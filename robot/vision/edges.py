@@ -3,13 +3,15 @@
 Across each straight, at many places, brightness is sampled; the two points of half height lie at equal distances from
 the tape's middle however blurred, bloomed or overexposed it is, and a line is fitted through what is midway. Along the
 middle line, the point of half height at a cut end is where the end is, for the same reason: a strip and what is cut
-off from it mirror each other there, in light that is measured in proportion: with a tone curve, or where the tape
-clips, the half height lies outside of a cut end. Marks are where two middle lines meet, and where the ends are.
+off from it mirror each other there, in light that is measured in proportion. With a tone curve, or where the tape
+clips, half height lies outside of a cut end, by as much as `widths` finds it outside of the bottom straight's edges.
+Marks are where two middle lines meet, and where the ends are.
 
 How far the points lie off their line is the noise, and the marks' covariance follows from it: two marks on one line
 share that line's error.
 """
 
+import math
 from typing import Any, NamedTuple
 
 import cv2
@@ -20,12 +22,14 @@ from robot.config import Tape
 from robot.vision.optics import Array, Optics
 from robot.vision.shape import SAMPLES, Shape, make_shape
 from robot.vision.threshold import Region
+from robot.vision.widths import Widening, compare_widths, expected_widths
 
 STEP_PX = 0.5                         # between samples across the tape, where that makes no more than
 MOST_STEPS = 64
 OUT_PX = 4.0                          # how far outside the rough outline the tape's edge may lie
 TAIL = 3                              # samples at either end of a profile that may be dark
 LEAST_CONTRAST = 12.0                 # brightness step across an edge, of 255
+CLIPPED = 240.0                       # of 255, on the average along the straights
 LEAST_GOOD = 0.8 * SAMPLES            # on each straight, after outliers are gone
 STRAIGHT_PX = 0.6                     # a point this close to its line is never an outlier
 REFITS = 4
@@ -51,6 +55,16 @@ class Marks(NamedTuple):
         return optics.distort(_map(turn, points_m))
 
 
+class Straights(NamedTuple):
+    """What is measured across the bottom, left and right straight at SAMPLES places each, in the image."""
+
+    middle_px: Array                  # (3, SAMPLES, 2) midway between the edges
+    good: Any                         # (3, SAMPLES) which are to be trusted
+    wide_px: Array                    # (3, SAMPLES) from edge to edge
+    rise_px: Array                    # (3, SAMPLES) over which the outer edge would rise if it were straight
+    clipped: bool                     # most of the tape is as bright as can be written
+
+
 class _Lines(NamedTuple):
     """Three fitted lines: bottom, left, right."""
 
@@ -66,25 +80,27 @@ def measure_marks(region: Region, rough_px: Array, optics: Optics, tape: Tape) -
     shape = make_shape(tape)
     turn = cv2.getPerspectiveTransform(shape.corners_m[:, :2].astype(np.float32), rough_px.astype(np.float32))
     origin = np.array([region.x0_px, region.y0_px], dtype=np.float64)
-    found = _middles(region.value, turn, origin, shape)
+    found = _straights(region.value, turn, origin, shape)
     if isinstance(found, str):
         return found
-    points, good = found
-    lines = _fit_lines(optics.undistort(points).reshape(points.shape), good)
+    lines = _fit_lines(optics.undistort(found.middle_px).reshape(found.middle_px.shape), found.good)
     if lines is None:
         return "the edges of what may be the tape are hidden, or not straight"
     rough = optics.undistort(_map(turn, shape.marks_m[:, :2]))
     tips = _tips(region.value, turn, optics.distort(_onto(lines, rough[2:])), origin, shape)
     if tips is None:
         return "the upper ends of what may be the tape are hidden, or not cut level"
-    marks = _marks(lines, optics.undistort(tips))
+    tips = optics.undistort(tips)
+    marks = _marks(lines, tips)
     if marks is None or not (np.abs(marks.ideal_px - rough) < OUT_PX + 2.0).all():
         return "the edges of what may be the tape do not meet at its corners"
-    return marks
+    true_px = expected_widths(shape, lambda points_m: marks.to_image(points_m, tape, optics))
+    widening = compare_widths(found.wide_px, found.rise_px, found.good, true_px, found.clipped)
+    return widening if isinstance(widening, str) else _pull_in(marks, lines, widening)
 
 
-def _middles(value: npt.NDArray[np.uint8], turn: Array, origin: Array, shape: Shape) -> tuple[Array, Any] | str:
-    """Points (3, SAMPLES, 2) in the image midway between the tape's edges, and which of them are to be trusted."""
+def _straights(value: npt.NDArray[np.uint8], turn: Array, origin: Array, shape: Shape) -> Straights | str:
+    """The tape's middle, width and sharpness along its straights; or in words why they cannot be measured."""
     centre = _map(turn, shape.samples_m)
     across = _map(turn, shape.samples_m + shape.across_m) - centre
     half_px = np.sqrt((across * across).sum(axis=2))
@@ -96,8 +112,11 @@ def _middles(value: npt.NDArray[np.uint8], turn: Array, origin: Array, shape: Sh
     if good.any() and float((outer - inner)[good].mean()) > WIDE * 2 * float(half_px.mean()) + WIDE_PX:
         return "the tape is smeared or glaring: it looks far wider than it is"
     shift = (0.5 * (outer + inner)).reshape(half_px.shape)
-    points: Array = centre + shift[..., None] * out
-    return points, good.reshape(half_px.shape)
+    top, steepest = level.max(axis=1), (level[:, 1:] - level[:, :-1]).max(axis=1)
+    rise_px = (top - level.min(axis=1)) / np.maximum(steepest, 1e-6) * (offsets[0] - offsets[1])
+    return Straights(centre + shift[..., None] * out, good.reshape(half_px.shape),
+                     (outer - inner).reshape(half_px.shape), rise_px.reshape(half_px.shape),
+                     float(top.mean()) >= CLIPPED)
 
 
 def _half_heights(level: Any, offsets: Array, half_px: Array) -> tuple[Array, Array, Any]:
@@ -221,3 +240,14 @@ def _marks(lines: _Lines, tips: Array) -> Marks | None:
     variance = np.concatenate([np.column_stack([lines.offset_var, lines.slope_var]).ravel(), ends])
     flat = slope.reshape(8, 8)
     return Marks(marks, flat @ (variance[:, None] * flat.T))
+
+
+def _pull_in(marks: Marks, lines: _Lines, widening: Widening) -> Marks:
+    """The marks with both cut ends, which are parallel to the bottom, nearer to it by their widening."""
+    out = np.zeros(8)
+    for mark, side in ((2, 1), (3, 2)):
+        sine = lines.along[0, 0] * lines.along[side, 1] - lines.along[0, 1] * lines.along[side, 0]
+        outward = math.copysign(1.0, float((marks.ideal_px[mark] - lines.middle[side]) @ lines.along[side]))
+        out[2 * mark:2 * mark + 2] = outward * lines.along[side] / max(abs(float(sine)), LEAST_CROSSING)
+    return Marks(marks.ideal_px - widening.shift_px * out.reshape(4, 2),
+                 marks.spread_px2 + widening.variance_px2 * out[:, None] * out)

@@ -22,7 +22,7 @@ from robot.config import CameraConfig, Tape, Vision
 from robot.vision import look
 from robot.vision.edges import Marks
 from robot.vision.optics import Array, Optics, make_optics
-from robot.vision.pose import horizontal, solve_pose
+from robot.vision.pose import Pose, horizontal, solve_pose
 from robot.vision.shape import make_shape
 
 NAMES = ("pose", "width", "elevation")
@@ -55,39 +55,65 @@ def compare(frame: CameraFrame, camera: CameraConfig, tape: Tape, vision: Vision
 
 def estimate_three(marks: Marks, spread_px2: Array, optics: Optics, camera: CameraConfig,
                    tape: Tape) -> Three | None:
-    """The three, from marks with covariance (8, 8), the calibration's not in it; None when marks alone give no pose."""
+    """The three, from marks with covariance (8, 8), the calibration's not in it; None when marks alone give no pose.
+
+    Each by itself is what it is with the mounting as believed. For the fused one all are straight lines through the
+    marks and the mounting that `detect` comes to, where they agree: ten degrees from there, lines through the believed
+    mounting would promise far too much.
+    """
     blind = replace(camera, height_sigma_m=UNKNOWN, pitch_sigma_deg=UNKNOWN)
-    pose = solve_pose(marks.ideal_px, spread_px2, optics, blind, tape)
-    if pose is None:
+    alone = solve_pose(marks.ideal_px, spread_px2, optics, blind, tape)
+    seen = solve_pose(marks.ideal_px, spread_px2, optics, camera, tape)
+    if alone is None or seen is None:
         return None
-    rotation, turning = cv2.Rodrigues(pose.rvec)
-    distance_m, gradient = horizontal(rotation, turning.reshape(3, 3, 3), pose.tvec_m)
+    fitted_px = marks.ideal_px + seen.off_px.reshape(4, 2)
+    there = solve_pose(fitted_px, spread_px2, optics, blind, tape)
+    if there is None:
+        return None
     pitch_sigma = math.radians(camera.pitch_sigma_deg)
-    given = np.concatenate([marks.ideal_px.ravel(), [math.radians(camera.pitch_deg), camera.height_m, 0.0]])
+    spread = np.zeros((11, 11))
+    spread[:8, :8] = spread_px2 + optics.calibration_spread(marks.ideal_px)
+    spread[range(8, 11), range(8, 11)] = pitch_sigma**2, camera.height_sigma_m**2, pitch_sigma**2
+    believed, likely = np.array([math.radians(camera.pitch_deg), camera.height_m, 0.0]), _mounting(seen, tape)
+    distance_m, slope = _linear(alone, marks.ideal_px, believed, optics, tape)
+    likely_m, likely_slope = _linear(there, fitted_px, likely, optics, tape)
+    off = np.concatenate([-seen.off_px, believed - likely])
+    fused_m, fused_sigma_m = _fuse(likely_m + likely_slope @ off, likely_slope @ spread @ likely_slope.T)
+    return Three(distance_m - camera.bias_m, slope @ spread @ slope.T + camera.bias_sigma_m**2,
+                 fused_m - camera.bias_m, math.hypot(fused_sigma_m, camera.bias_sigma_m))
+
+
+def _mounting(pose: Pose, tape: Tape) -> Array:
+    """Pitch and height of the lens and roll, (3,), as a pose has them."""
+    rotation, _ = cv2.Rodrigues(pose.rvec)
+    height_m = tape.centre_height_m - rotation[:, 1] @ pose.tvec_m
+    return np.array([math.asin(min(1.0, max(-1.0, rotation[2, 1]))), height_m,
+                     math.atan2(rotation[0, 1], -rotation[1, 1])])
+
+
+def _linear(alone: Pose, ideal_px: Array, mounting: Array, optics: Optics, tape: Tape) -> tuple[Array, Array]:
+    """The three (3,) with these marks and this mounting, and how they follow marks, pitch, height and roll (3, 11); the
+    target's facing follows the marks to first order."""
+    rotation, turning = cv2.Rodrigues(alone.rvec)
+    distance_m, gradient = horizontal(rotation, turning.reshape(3, 3, 3), alone.tvec_m)
+    given = np.concatenate([ideal_px.ravel(), mounting])
 
     def level(values: Array) -> Array:
-        """Width and elevation from marks, pitch, height and roll; the target's facing follows the marks to first
-        order."""
-        turned = pose.rvec - pose.gain[:3] @ (values[:8] - given[:8])
-        return _level_distances(values, turned, optics, tape)
+        return _level_distances(values, alone.rvec + alone.gain[:3] @ (values[:8] - given[:8]), optics, tape)
 
     slope = np.zeros((3, 11))
-    slope[0, :8] = -gradient @ pose.gain
+    slope[0, :8] = gradient @ alone.gain
     for k, step in enumerate(STEP):
         shift = np.zeros(11)
         shift[k] = step
         slope[1:, k] = (level(given + shift) - level(given - shift)) / (2 * step)
-    spread = np.zeros((11, 11))
-    spread[:8, :8] = spread_px2 + optics.calibration_spread(marks.ideal_px)
-    spread[range(8, 11), range(8, 11)] = pitch_sigma**2, camera.height_sigma_m**2, pitch_sigma**2
-    distances = np.append(distance_m, level(given)) - camera.bias_m
-    return _fuse(distances, slope @ spread @ slope.T + camera.bias_sigma_m**2)
+    return np.append(distance_m, level(given)), slope
 
 
-def _fuse(distance_m: Array, covariance_m2: Array) -> Three:
+def _fuse(distance_m: Array, covariance_m2: Array) -> tuple[float, float]:
     """Best linear unbiased: weights that sum to one and make the variance least."""
     pull = np.linalg.solve(covariance_m2 + 1e-9 * np.trace(covariance_m2) * np.eye(3), np.ones(3))
-    return Three(distance_m, covariance_m2, float(pull @ distance_m / pull.sum()), 1.0 / math.sqrt(float(pull.sum())))
+    return float(pull @ distance_m / pull.sum()), 1.0 / math.sqrt(float(pull.sum()))
 
 
 def _level_distances(values: Array, rvec: Array, optics: Optics, tape: Tape) -> Array:

@@ -20,8 +20,9 @@ from robot.vision.shape import make_shape
 STEPS = 6                             # Gauss-Newton from IPPE's start is at rest after two or three
 AT_REST = 1e-2                        # squared last step in standard deviations; what is left after it is its square
 MIRROR_PX = 1.0                       # IPPE's second answer is weighed too when it fits the marks nearly as well
-DOUBT_SIGMAS = 6.0                    # a mounting this far off its belief means that something else was seen; all
-                                      # residuals together (five are to spare), that something covers or touches it
+DOUBT_SIGMAS = 6.0                    # a mounting this far off its belief means that something else was seen
+MOST_COST = 22.0                      # of all residuals together, squared: five are to spare, so noise makes more once
+                                      # in 2000 frames; something that covers or touches the tape does it always
 
 
 class Pose(NamedTuple):
@@ -86,7 +87,7 @@ def _refine(rvec: Array, tvec: Array, ideal_px: Array, whiten: Array, optics: Op
     if strain.max() > DOUBT_SIGMAS:
         name = ("height", "pitch", "roll")[int(strain.argmax())]
         doubt = f"seen so, the camera's {name} would be far from what the configuration says"
-    elif cost > DOUBT_SIGMAS**2:
+    elif cost > MOST_COST:
         doubt = f"edges, mounting and calibration contradict each other by {math.sqrt(cost):.0f} sigmas"
     gain: Array = np.asarray(np.linalg.solve(normal, slope[:8].T @ whiten), dtype=np.float64)
     return Pose(state[:3], state[3:], distance_m, math.sqrt(variance_m2), _bearing(rotation, state[3:]), off_px.ravel(),

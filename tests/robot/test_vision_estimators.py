@@ -3,6 +3,7 @@
 import math
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from msgspec.structs import replace
@@ -12,7 +13,7 @@ from hw.emulated.camera import EmulatedCamera
 from hw.emulated.lens import Lens
 from hw.emulated.stage import Stage, place
 from hw.reading import CameraFrame
-from robot.config import load_config
+from robot.config import CameraFile, load_config, load_toml
 from robot.vision import detect
 from robot.vision.estimators import NAMES, compare
 
@@ -53,6 +54,30 @@ def test_fused_is_better_than_each_and_nearly_what_detect_says(trials):
     assert rms[3] < rms[:3].min() and rms[4] < 1.02 * rms[3]
     apart = [abs(three.fused_m - seen.distance_m) / seen.sigma_m for _, seen, three in trials]
     assert np.median(apart) < 0.5
+
+
+@pytest.mark.parametrize(("pitch_sigma_deg", "height_sigma_m"), [(10.0, 0.3), (5.0, 0.1), (0.5, 0.01)])
+def test_fused_is_never_surer_than_what_detect_says(pitch_sigma_deg, height_sigma_m):
+    """It is made of the same marks and mounting; the mounting is off by as much as it may be."""
+    rng = np.random.default_rng(6)
+    for seed in range(12):
+        pitch_deg = CAMERA.pitch_deg + pitch_sigma_deg * rng.uniform(-1.5, 1.5)
+        camera = replace(CAMERA, pitch_deg=pitch_deg, pitch_sigma_deg=pitch_sigma_deg, height_sigma_m=height_sigma_m)
+        frame = picture(rng.uniform(3.0, 6.5), rng.uniform(-30, 30), rng.uniform(-7, 7), CAMERA.pitch_deg, seed)
+        three, seen = compare(frame, camera, TAPE, VISION), detect(frame, camera, TAPE, VISION)
+        assert seen.found, seen.reason
+        assert 0.99 * seen.sigma_m < three.fused_sigma_m < 1.2 * seen.sigma_m
+        assert abs(three.fused_m - seen.distance_m) < 0.5 * seen.sigma_m
+
+
+def test_fused_in_photographs_is_what_detect_says(data_dir):
+    file = load_toml(Path(robot.__file__).parent / "cameras" / "lifecam_hd3000_480p.toml", CameraFile)
+    for path in sorted((data_dir / "goal_images").glob("*.jpg")):
+        frame = CameraFrame(0, cv2.imread(str(path)))
+        three = compare(frame, file.camera, file.tape, file.vision)
+        seen = detect(frame, file.camera, file.tape, file.vision)
+        assert three.fused_m == pytest.approx(seen.distance_m, abs=0.1 * seen.sigma_m), path.name
+        assert three.fused_sigma_m == pytest.approx(seen.sigma_m, rel=0.02)
 
 
 def test_what_is_known_better_counts_for_more():

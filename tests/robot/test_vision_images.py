@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from doors.images import MOST_PX, decode_image, image_size
+from doors.jpeg import what_is_damaged
 from robot.config import BadInput
 
 RANDOM = np.random.default_rng(1)
@@ -73,3 +74,42 @@ def test_any_damage_is_an_image_or_told(end, changes, length):
         assert str(error)
     else:
         assert image.dtype == np.uint8 and image.ndim == 3 and image.shape[2] == 3
+
+
+@pytest.mark.parametrize("colour", [True, False])
+@pytest.mark.parametrize("how", [[], [cv2.IMWRITE_JPEG_RST_INTERVAL, 3], [cv2.IMWRITE_JPEG_OPTIMIZE, 1],
+                                 [cv2.IMWRITE_JPEG_PROGRESSIVE, 1], [cv2.IMWRITE_JPEG_SAMPLING_FACTOR, 0x411111],
+                                 [cv2.IMWRITE_JPEG_QUALITY, 100], [cv2.IMWRITE_JPEG_QUALITY, 5]])
+def test_a_whole_jpeg_of_any_kind_is_whole(how, colour):
+    noise = RANDOM.choice(np.array([0, 255], np.uint8), (50, 83, 3))
+    for picture in (PICTURE, noise):
+        data = cv2.imencode(".jpg", picture if colour else picture[:, :, 0], how)[1].tobytes()
+        assert what_is_damaged(data) == "" and what_is_damaged(data + b"left over") == ""
+
+
+def test_photographs_are_whole(data_dir):
+    for path in sorted((data_dir / "goal_images").glob("*.jpg")):
+        assert what_is_damaged(path.read_bytes()) == "", path.name
+
+
+@pytest.mark.parametrize("how", [[], [cv2.IMWRITE_JPEG_RST_INTERVAL, 3]])
+def test_a_jpeg_that_lacks_data_is_told_though_it_can_be_decoded(how):
+    data = cv2.imencode(".jpg", PICTURE, how)[1].tobytes()
+    middle = (data.rindex(b"\xff\xda") + len(data)) // 2
+    for change in (data[:middle] + data[middle + 40:], data[:middle] + data[middle - 40:]):
+        assert cv2.imdecode(np.frombuffer(change, np.uint8), cv2.IMREAD_COLOR) is not None
+        with pytest.raises(BadInput, match="corrupt JPEG image: "):
+            decode_image(change)
+
+
+def test_most_changed_bytes_that_change_the_picture_are_told():
+    """Of changes that move what is seen by ten steps of brightness on the average; a JPEG has no checksum."""
+    data, told = WHOLE[".jpg"], []
+    begin, rng = data.rindex(b"\xff\xda") + 14, np.random.default_rng(5)
+    for _ in range(400):
+        body = bytearray(data)
+        body[int(rng.integers(begin, len(body) - 2))] = int(rng.integers(255))
+        image = cv2.imdecode(np.frombuffer(body, np.uint8), cv2.IMREAD_COLOR)
+        if image is not None and np.abs(image.astype(int) - PICTURE).mean() > 10.0:
+            told.append(what_is_damaged(bytes(body)) != "")
+    assert len(told) > 100 and np.mean(told) > 0.8
