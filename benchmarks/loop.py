@@ -1,7 +1,8 @@
 """How fast the emulated robot and its replay run, against real time; and what one tick costs.
 
     python benchmarks/loop.py [--trials 50]
-    python benchmarks/loop.py --lateness [--seconds 20] [--rates 100,200,500] [--priority 50] [--core N]
+    python benchmarks/loop.py --lateness [--seconds 20] [--rates 100,200,500] [--loads idle,busy]
+                              [--layouts one,three] [--priority 50] [--core N]
     python benchmarks/loop.py --frames [--seconds 2]
 
 `--lateness`: how late the ticks of `truearc run` come, idle and with all cores busy, in one process and in three.
@@ -32,6 +33,8 @@ def main() -> None:
     parser.add_argument("--frames", action="store_true")
     parser.add_argument("--seconds", type=float, help="of each measurement (default: 20; 2 with --frames)")
     parser.add_argument("--rates", default="100,200,500", help="ticks a second")
+    parser.add_argument("--loads", default="idle,busy")
+    parser.add_argument("--layouts", default="one,three")
     parser.add_argument("--priority", default="50", help="as `truearc run` has it")
     parser.add_argument("--core", help="as `truearc run` has it")
     args = parser.parse_args()
@@ -39,7 +42,8 @@ def main() -> None:
         return loop_frames.report(args.seconds or 2.0)
     if args.lateness:
         options = ("--priority", args.priority, *(("--core", args.core) if args.core else ()))
-        return loop_lateness.report([int(rate) for rate in args.rates.split(",")], args.seconds or 20.0, options)
+        return loop_lateness.report([int(rate) for rate in args.rates.split(",")], args.seconds or 20.0, options,
+                                    args.loads.split(","), args.layouts.split(","))
     return time_stepped(args.trials)
 
 
