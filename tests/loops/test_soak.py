@@ -27,6 +27,8 @@ def test_what_grows_and_goes_on_is_a_leak_and_what_has_stopped_is_none():
     assert growth_mb(held(lambda t_s: 80.0 + min(t_s, 50))) == 0.0
     assert judge_memory({"control": held(lambda t_s: 80.0 + t_s % 3)}) == []
     assert "control has grown by" in judge_memory({"control": held(lambda t_s: 80.0 + 0.1 * t_s)})[0]
+    hour = [Sample(t_s, 80.0 + 17.0 * t_s / 3600.0, 10, 5) for t_s in range(3600)]      # what the index of it needs
+    assert judge_memory({"recorder": hour}) == [] and judge_memory({"control": hour})
 
 
 def test_files_and_threads_that_are_gathered_are_told():
