@@ -15,7 +15,7 @@ from sim.prove.truth.world import make_world
 from sim.shots import Dataset
 
 pytestmark = pytest.mark.slow
-WORLDS, SHOTS = 60, 100
+WORLDS, SHOTS = 40, 100
 TRACKED = range(200, 205)
 
 
