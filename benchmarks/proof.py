@@ -2,6 +2,7 @@
 
     truearc prove pack --out ROUND --packed benchmarks/results/proof-L0.tar.xz
     python benchmarks/proof.py benchmarks/results/proof-*.tar.xz [--write docs/proof.md]
+    python benchmarks/proof.py benchmarks/results/proof-L0.tar.xz --beside OWN.tar.xz        # drawn from other entropy
 
 Nothing is checked here but the ledger's chain: `truearc prove check --packed FILE --out DIR` makes worlds again.
 """
@@ -14,8 +15,10 @@ import msgspec
 
 from sim.prove.keeper import load_plan
 from sim.prove.ledger import digest, read_ledger
+from sim.prove.marking import Mark
 from sim.prove.opener import graded_of
 from sim.prove.packed import unpack
+from sim.prove.proof_beside import beside
 from sim.prove.proof_page import verdict
 from sim.prove.proof_table import make_tables
 from sim.prove.room import Room
@@ -27,7 +30,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("packed", type=Path, nargs="+")
     parser.add_argument("--write", type=Path, metavar="PAGE", help="put it between that page's marks")
+    parser.add_argument("--beside", type=Path, metavar="PACKED", help="another round at that level: is it the same?")
     args = parser.parse_args()
+    if args.beside is not None:
+        print("\n".join(tell_beside(path, args.beside) for path in args.packed))
+        return
     text = "\n".join(tell(path) for path in args.packed)
     if args.write is None:
         print(text)
@@ -36,6 +43,22 @@ def main() -> None:
     before, rest = page.split(BEGIN)
     _, after = rest.split(END)
     args.write.write_text(before + BEGIN + text + END + after, encoding="utf-8")
+
+
+def marks_of(path: Path) -> list[Mark]:
+    with tempfile.TemporaryDirectory() as folder:
+        room = Room(Path(folder) / "round")
+        unpack(path, room)
+        return [one.first for one in graded_of(room)]
+
+
+def tell_beside(path: Path, other: Path) -> str:
+    """SystemExit when they are not of one level and as many shots."""
+    ours, theirs = marks_of(path), marks_of(other)
+    settings = {(one.level, one.shots) for one in (*ours, *theirs)}
+    if len(settings) > 1:
+        raise SystemExit(f"{path}, {other}: not of one level and as many shots: {sorted(settings)}")
+    return f"{path.name}: {len(ours)} worlds; {other.name}: {len(theirs)}\n\n{beside(ours, theirs).markdown()}\n"
 
 
 def tell(path: Path) -> str:

@@ -23,11 +23,12 @@ FURTHER = (
 
 
 class Figure(NamedTuple):
-    """What was reached: a share's yes and of, or another number; allowed: by the data's own information."""
+    """What was reached: a share (counts: its yes and of), or another number; allowed: by the data's own information."""
 
     value: float | None
     words: str
     allowed: float | None = None
+    counts: tuple[int, int] | None = None
 
 
 def against_targets(marks: Sequence[Mark]) -> list[list[str]]:
@@ -100,7 +101,7 @@ def _share(answers: Sequence[bool | None]) -> Figure:
         return Figure(None, "-")
     low, high = wilson(sum(known), len(known))
     return Figure(sum(known) / len(known), f"{sum(known)}/{len(known)} = {sum(known) / len(known):.2f} "
-                                           f"({low:.2f}-{high:.2f})")
+                                           f"({low:.2f}-{high:.2f})", counts=(sum(known), len(known)))
 
 
 def _mean(values: Sequence[float]) -> Figure:
