@@ -17,7 +17,7 @@ import numpy as np
 
 from benchmarks.real_robot import PATIENT, ROOT, RealRobot, save_config
 
-TIMED = str(Path(__file__).with_name("timed_run.py"))
+TIMED, BARE = (str(Path(__file__).with_name(name)) for name in ("timed_run.py", "bare_loop.py"))
 WARM_S = 2.0                          # at the start: first images, first rows, the homing
 LOADS = {"idle": "idle", "busy": "all cores busy"}
 LAYOUTS = ("one", "three")
@@ -30,15 +30,14 @@ class Late(NamedTuple):
     period_us: float
     cpu_us: float
     real_time: list[str]              # what the system granted and refused
-
-    @property
-    def missed(self) -> int:
-        return int((self.late_us >= self.period_us).sum())
+    missed: int                       # late by a period or more
+    excused: int                      # of these, for half of that time or more a loop that only sleeps was late, too
+    stalls_us: np.ndarray             # how late the loops that only sleep were, where they were
 
 
 def measure(tick_hz: int, layout: str, seconds: float, options: tuple[str, ...]) -> Late:
-    """One run of the robot."""
-    with tempfile.TemporaryDirectory() as name:
+    """One run of the robot, beside a loop on each core that only sleeps."""
+    with tempfile.TemporaryDirectory() as name, bare_loops(Path(name)) as stalls:
         folder = Path(name)
         config = save_config(folder / "launcher.toml", PATIENT | {"tick_hz = 200": f"tick_hz = {tick_hz}"})
         notes = folder / "notes"
@@ -47,11 +46,44 @@ def measure(tick_hz: int, layout: str, seconds: float, options: tuple[str, ...])
             robot.rest(seconds + WARM_S)
         finally:
             robot.end()
-        noted = array("d", notes.read_bytes())
-    cpu_s = noted.pop()
-    late_us = np.array(noted)
+        noted = array("q", notes.read_bytes())
+    cpu_ns = noted.pop()
+    t_ns, late_ns = np.array(noted).reshape(-1, 2).T
     said = [line.removeprefix("truearc run: ").strip() for line in robot.said if "granted" in line or "REFUSED" in line]
-    return Late(late_us[round(WARM_S * tick_hz):], 1e6 / tick_hz, 1e6 * cpu_s / len(late_us), said)
+    warm = slice(round(WARM_S * tick_hz), None)
+    return judge(t_ns[warm], late_ns[warm], 1e9 / tick_hz, np.array(stalls, np.int64).reshape(-1, 2),
+                 1e-3 * cpu_ns / len(t_ns), said)
+
+
+def judge(t_ns: np.ndarray, late_ns: np.ndarray, period_ns: float, stalls_ns: np.ndarray, cpu_us: float,
+          said: list[str]) -> Late:
+    """t_ns, late_ns: when each tick came, and how late; stalls_ns [n, 2]: from when to when a bare loop was late."""
+    missed = late_ns >= period_ns
+    due_ns, came_ns = t_ns[missed] - late_ns[missed], t_ns[missed]
+    both_ns = np.minimum(stalls_ns[:, 1:], came_ns) - np.maximum(stalls_ns[:, :1], due_ns)
+    excused = (both_ns >= late_ns[missed] / 2).any(axis=0)
+    here = (stalls_ns[:, 1] > t_ns[0]) & (stalls_ns[:, 0] < t_ns[-1])
+    return Late(late_ns / 1e3, period_ns / 1e3, cpu_us, said, int(missed.sum()), int(excused.sum()),
+                (stalls_ns[here, 1] - stalls_ns[here, 0]) / 1e3)
+
+
+@contextmanager
+def bare_loops(folder: Path) -> Iterator[list[int]]:
+    """A loop on each core that only sleeps; when it was late is there at the end. None without real-time priority."""
+    stalls: list[int] = []
+    cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []
+    files = [folder / f"bare{core}" for core in cores]
+    loops = [subprocess.Popen([sys.executable, BARE, str(file), str(core)], cwd=ROOT, stderr=subprocess.DEVNULL)
+             for core, file in zip(cores, files, strict=True)]
+    try:
+        yield stalls
+    finally:
+        for loop in loops:
+            loop.terminate()
+            loop.wait()
+        for file in files:
+            if file.exists():
+                stalls.extend(array("q", file.read_bytes()))
 
 
 def report(rates: list[int], seconds: float, options: tuple[str, ...], loads: list[str], layouts: list[str]) -> None:
@@ -60,7 +92,10 @@ def report(rates: list[int], seconds: float, options: tuple[str, ...], loads: li
           "process, slcan on a pseudo-terminal, 20 images/s")
     if hasattr(os, "getloadavg"):
         print(f"before this began, {os.getloadavg()[0]:.1f} processes of others wanted a core")
-    print("  Hz  load            layout   p50 ms    p99 ms    max ms  missed     of  CPU us/tick  p99 to the first")
+    print("missed: late by a period or more; (n): n of these for the machine's sake: a loop that only sleeps, at\n"
+          "priority 98, was late, too, for half of that time or more; stalls: how often it was, by over 1 ms; the most")
+    print("  Hz  load            layout   p50 ms    p99 ms    max ms  missed         of  CPU us/tick  p99 to the first"
+          "  stalls")
     told: list[str] = []
     for tick_hz in rates:
         for load in loads:
@@ -71,7 +106,9 @@ def report(rates: list[int], seconds: float, options: tuple[str, ...], loads: li
                 p50, p99, worst = np.percentile(late.late_us, [50, 99, 100]) / 1000
                 base = base or p99
                 print(f"{tick_hz:4d}  {LOADS[load]:14s}  {layout:6s} {p50:8.3f} {p99:9.3f} {worst:9.3f} "
-                      f"{late.missed:7d} {len(late.late_us):6d} {late.cpu_us:12.0f} {p99 / base:17.2f} x", flush=True)
+                      f"{late.missed:7d} {f'({late.excused})':4s} {len(late.late_us):7d} {late.cpu_us:12.0f} "
+                      f"{p99 / base:15.2f} x  {len(late.stalls_us):6d}, {late.stalls_us.max(initial=0.0) / 1000:.1f}",
+                      flush=True)
                 told = late.real_time
     print(*told, sep="\n")
 

@@ -1,5 +1,6 @@
 """`truearc run`, noting how late each tick came and what it cost: `python benchmarks/timed_run.py FILE OPTIONS...`
 
+FILE has 64-bit integers: of each tick when it came and how late, then the process's CPU time, all in nanoseconds.
 A file of its own, for the processes that a run starts import it again.
 """
 
@@ -12,15 +13,15 @@ from robot.lateness import Lateness
 from truearc import main
 
 if __name__ == "__main__":
-    late_us, note = array("d"), Lateness.note
+    noted, note = array("q"), Lateness.note
 
     def note_and_keep(self: Lateness, t_ns: int, late_ns: int) -> None:
-        late_us.append(late_ns / 1000)
+        noted.extend((t_ns, late_ns))
         note(self, t_ns, late_ns)
 
     Lateness.note = note_and_keep     # type: ignore[method-assign]
-    began_s = time.process_time()
+    began_ns = time.process_time_ns()
     code = main(["run", *sys.argv[2:]])
-    late_us.append(time.process_time() - began_s)
-    Path(sys.argv[1]).write_bytes(late_us.tobytes())
+    noted.append(time.process_time_ns() - began_ns)
+    Path(sys.argv[1]).write_bytes(noted.tobytes())
     sys.exit(code)
