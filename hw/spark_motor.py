@@ -69,6 +69,7 @@ class SparkMotor:
         self._fed_ns = 0
         self._applied = 0.0
         self._heeded_ns = 0                       # when it last did as it was asked
+        self._deaf = False                        # it did not; stands until it does, or is wanted anew
 
     def ids(self) -> tuple[tuple[int, bool], ...]:
         return tuple((frame_id, True) for frame_id in self._takers)
@@ -135,6 +136,7 @@ class SparkMotor:
     def _rearm(self) -> list[Frame]:
         if self.reading.axis_error & spark.HAS_RESET:
             self._forget()                        # whatever it may have lost is set again before it drives
+        self._deaf = False
         return [spark.make_clear_faults(self._axis)]
 
     def _speaks_our_frames(self) -> bool:
@@ -182,10 +184,9 @@ class SparkMotor:
         if duty != self._duty or t_ns - self._fed_ns >= FEED_NS:
             self._fed_ns = t_ns
             frames.append(spark.make_duty(self._axis, duty))      # before the heartbeat: an old one may still stand
-        if self._duty is None or self._heeds():
-            self._heeded_ns = t_ns
+        self._note_whether_it_heeds(t_ns)
         self._duty = duty
-        self._note_state(spark.IDLE if self._is_deaf(t_ns) else spark.DRIVEN)
+        self._note_state(spark.IDLE if self._deaf else spark.DRIVEN)
         frames += self._heartbeat.frames(self._axis.device, True, t_ns)
         return Order(tuple(frames), torque_of(self._motor, duty, velocity_rad_s, bus_v), duty)
 
@@ -195,18 +196,21 @@ class SparkMotor:
         self._note_state(spark.IDLE if self._is_ready() else spark.UNKNOWN)
         return Order((*frames, *self._heartbeat.frames(self._axis.device, False, t_ns)))
 
-    def _heeds(self) -> bool:
+    def _note_whether_it_heeds(self, t_ns: int) -> None:
+        """A feeder is asked for moments only, so that what such a moment told has to outlast it."""
         asked = self._duty or 0.0
-        return abs(asked) < LEAST_DUTY or self._applied * asked > 0.0 or (self.reading.endstop and asked < 0.0)
-
-    def _is_deaf(self, t_ns: int) -> bool:
-        return self._duty is not None and t_ns - self._heeded_ns > DEAF_NS
+        if abs(asked) < LEAST_DUTY:
+            self._heeded_ns = t_ns
+        elif self._applied * asked > 0.0 or (self.reading.endstop and asked < 0.0):
+            self._heeded_ns, self._deaf = t_ns, False
+        elif t_ns - self._heeded_ns > DEAF_NS:
+            self._deaf = True
 
     def _driving_fault(self, t_ns: int) -> str:
         if not _is_young(self.reading.errors_t_ns or 0, t_ns, FAULTS_STALE_NS):
             return "says nothing of its faults"
         return "applies nothing of the duty that it is sent: a limit switch, or another's heartbeat?" if (
-            self._is_deaf(t_ns)) else ""
+            self._deaf) else ""
 
     def _note_state(self, state: int) -> None:
         if self.reading.axis_state != state:

@@ -10,10 +10,12 @@ SPARKS = Axes((WHEEL, replace(WHEEL, device=12, direction=-1)), replace(WHEEL, d
 
 
 def with_launcher(config: Config, launcher: str) -> Config:
-    """`config` with the axes of "odrive", "spark" or "advisory"."""
+    """`config` with the axes of "odrive", "spark" (also with a feed as long as the shipped one's) or "advisory"."""
     match launcher:
         case "spark":
             return replace(config, axes=SPARKS)
+        case "spark, long feed":
+            return replace(config, axes=SPARKS, feeder=replace(config.feeder, feed_s=0.25, clear_s=0.35))
         case "advisory":
             theirs = Axes(tuple(_heard(axis) for axis in (WHEEL, SPARKS.flywheels[1])), _heard(SPARKS.hood),
                           _heard(SPARKS.feeder))

@@ -68,10 +68,10 @@ def ends_robot(breaking: Breaking) -> bool:
 def make_config(row: Row) -> Config:
     """The row's launcher at one set point, with a ball every 0.2 s, so that whoever wrongly fires is seen to."""
     config = load_config(SHIPPED)
-    config = with_launcher(config, row.launcher)
-    return replace(config, collect=replace(config.collect, repeats=1 << 30, prescribed=(AIM,)),
-                   feeder=replace(config.feeder, feed_s=0.05, clear_s=0.1), camera=replace(config.camera, fps=10.0),
-                   gate=replace(config.gate, policy="model" if isinstance(row.breaking, Model) else "collect"))
+    config = replace(config, collect=replace(config.collect, repeats=1 << 30, prescribed=(AIM,)),
+                     feeder=replace(config.feeder, feed_s=0.05, clear_s=0.1), camera=replace(config.camera, fps=10.0),
+                     gate=replace(config.gate, policy="model" if isinstance(row.breaking, Model) else "collect"))
+    return with_launcher(config, row.launcher)
 
 
 def play(row: Row, bus: str, folder: Path) -> str:

@@ -47,6 +47,8 @@ def _inside() -> list[Row]:
              "silent for", STALE_S),
         _row("spark", "flywheel_a", "hears nothing, no heartbeat enables it", "heartbeat", Device("flywheel_a", "deaf"),
              "applies nothing of the duty", 0.4),
+        _row("spark, long feed", "feeder", "hears nothing when it is to feed", "heartbeat", Device("feeder", "deaf"),
+             "applies nothing of the duty", 1.0, REARM, 3.0),
         _row("spark", "flywheel_b", "locked to a competition controller, until its power is cycled", "heartbeat",
              Inside("flywheel_b", "locked"), "locked to a competition controller", STALE_S, REARM),
         _row("spark", "hood", "limit switch sticks closed, hood is up", "limit switch",
@@ -88,7 +90,7 @@ def _advice() -> list[Row]:
 
 def _row(launcher: str, name: str, words: str, family: str, breaking: Device | Inside, reason: str, within_s: float,
          after: str = ITSELF, lasts_s: float = 0.6, first: bool = False) -> Row:
-    whose = {"spark": "SPARK", "advisory": "advice only"}[launcher]
+    whose = "advice only" if launcher == "advisory" else "SPARK"
     pattern = reason if not reason or reason.startswith(("bad frame", "hood")) else f"{DEVICES[name]}.*({reason})"
     return Row(f"{whose}, {DEVICES[name]}: {words}", family, breaking, pattern, within_s, after, lasts_s, first=first,
                launcher=launcher)

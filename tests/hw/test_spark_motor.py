@@ -306,6 +306,21 @@ def test_a_device_that_applies_nothing_is_deaf(make) -> None:
     assert bench.faults() == () and bench.motor.reading.axis_state == spark.DRIVEN
 
 
+def test_that_it_was_deaf_outlasts_a_short_feed(make) -> None:
+    """A feeder is asked for a quarter of a second, then rests: what it did not do then must keep the next shot back."""
+    bench = make()
+    armed(bench, 0.0)
+    for torque_nm in [0.1] * 50 + [0.0] * 100:
+        bench.run(1, torque_nm)
+        bench.near.write(Frame(0, HEARTBEAT, bytes(8), True))
+    assert bench.faults() and bench.motor.reading.axis_state == spark.IDLE
+    bench.run(100, 0.0)                                    # nobody disables it any longer, but nothing has shown that
+    assert bench.faults()
+    bench.run(2, None)
+    bench.run(10, 0.0)                                     # wanted anew
+    assert bench.faults() == () and bench.motor.reading.axis_state == spark.DRIVEN
+
+
 def test_against_its_switch_it_may_rest(make, plant) -> None:
     bench = make()
     plant.limit = True
