@@ -4,7 +4,7 @@
 
 `truearc run` in three processes, its devices in a fourth (slcan on a pseudo-terminal), all in real time. What each
 process holds is read from /proc (Linux). FAIL when a process goes on growing or gathers open files or threads, when
-ticks are missing from the recording or fall behind the clock, when a process ends, or a file cannot be read.
+ticks are missing from the recording or drift against the clock, when a process ends, or a file cannot be read.
 """
 
 import argparse
@@ -12,11 +12,13 @@ import statistics
 import sys
 import tempfile
 import time
+from array import array
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
 import msgspec
+import numpy as np
 
 from benchmarks.real_robot import PATIENT, RealRobot, save_config
 from robot.config import load_config
@@ -29,8 +31,10 @@ SAMPLE_S = 1.0
 WARM_SHARE = 0.25                     # of the run: caches fill, libraries are loaded
 GROWTH_MB = 4.0                       # more than this after that, and still growing at its end, is a leak;
 INDEX_MB_PER_H = 17.5                 # but for the recording's index, which its end needs: 0.5 kB a chunk of 0.1 s
-DRIFT_S = 1.0                         # that ticks may be behind the clock, beyond what they were late by
-KIB_PER_MB, S_PER_H = 1024, 3600.0
+DRIFT_S = 0.0005                      # by which ticks may come off the beat they began with
+PIECE_S = 20
+LAG_S = 1.0                           # that the last tick may be older than the end
+KIB_PER_MB, S_PER_H, NS_PER_S = 1024, 3600.0, 1_000_000_000
 
 
 class Sample(NamedTuple):
@@ -96,23 +100,20 @@ def judge_memory(samples: dict[str, list[Sample]]) -> list[str]:
 
 def judge_recording(session: Path, tick_hz: int, ended_ns: int) -> tuple[list[str], list[str]]:
     """What is wrong with a recording that has just ended, and a summary."""
-    reader = TickReader(session)
-    wrong, first_ns, last_ns, count, stalls_s, fired = [], 0, 0, 0, 0.0, 0
+    reader, times_ns, wrong, cycle, fired = TickReader(session), array("q"), [], 0, 0
     for tick, _ in reader:
-        t_ns, count = tick.inputs.t_ns, count + 1
-        if tick.inputs.cycle != count:
-            wrong.append(f"tick {count} is missing")
-            count = tick.inputs.cycle
-        off = (t_ns - last_ns) * 1e-9 * tick_hz - 1.0 if last_ns else 0.0
-        stalls_s += off / tick_hz if abs(off) > 0.5 else 0.0           # late, and then early where it catches up
-        first_ns, last_ns, fired = first_ns or t_ns, t_ns, fired + (tick.shot is not None)
-    took_s = (last_ns - first_ns) * 1e-9
-    behind_s = took_s - (count - 1) / tick_hz
+        if tick.inputs.cycle != cycle + 1:
+            wrong.append(f"tick {cycle + 1} is missing")
+        cycle = tick.inputs.cycle
+        times_ns.append(tick.inputs.t_ns)
+        fired += tick.shot is not None
+    count, last_ns, took_s = len(times_ns), times_ns[-1], (times_ns[-1] - times_ns[0]) * 1e-9
+    off_s = drift_s(np.array(times_ns), tick_hz)
     if reader.cut_short:
         wrong.append("the recording is cut short")
-    if behind_s < -DRIFT_S or behind_s - stalls_s > DRIFT_S:
-        wrong.append(f"{count} ticks in {took_s:.1f} s: {behind_s:.2f} s behind, of which stalls {stalls_s:.2f} s")
-    if (ended_ns - last_ns) * 1e-9 > DRIFT_S:
+    if abs(off_s) > DRIFT_S:
+        wrong.append(f"ticks have drifted by {1000 * off_s:.2f} ms against the clock")
+    if (ended_ns - last_ns) * 1e-9 > LAG_S:
         wrong.append(f"the last tick is {(ended_ns - last_ns) * 1e-9:.1f} s older than the end")
     pictures = load_pictures(session)
     if any(load_image(session, picture) is None for picture in pictures):
@@ -121,9 +122,20 @@ def judge_recording(session: Path, tick_hz: int, ended_ns: int) -> tuple[list[st
     told = sum(sum(second.counts) for second in seconds)
     if told != count - 1:
         wrong.append(f"lateness.jsonl tells of {told} ticks, the recording of {count}")
-    return wrong, [f"{count} ticks in {took_s:.1f} s ({behind_s:+.2f} s behind the clock, of which stalls of more than "
-                   f"half a tick {stalls_s:.2f} s); {fired} shots, {len(load_trials(session))} marked trials, "
-                   f"{len(pictures)} images, all readable"]
+    return wrong, [f"{count} ticks in {took_s:.1f} s, {round(took_s * tick_hz) + 1 - count} left out where the machine "
+                   f"stalled; {1000 * off_s:+.2f} ms of drift against the clock; {fired} shots, "
+                   f"{len(load_trials(session))} marked trials, {len(pictures)} images, all readable"]
+
+
+def drift_s(times_ns: np.ndarray, tick_hz: int) -> float:
+    """By how much ticks at the end are off the beat of those at the beginning, followed from piece to piece: what they
+    come off within one must be less than half a period."""
+    period_ns = NS_PER_S // tick_hz
+    pieces = np.array_split(times_ns - times_ns[0], max(2, len(times_ns) // (PIECE_S * tick_hz)))
+    beats_ns = np.array([np.median((piece - piece[0] + period_ns // 2) % period_ns - period_ns // 2) + piece[0]
+                         for piece in pieces])
+    steps_ns = (np.diff(beats_ns) + period_ns / 2) % period_ns - period_ns / 2
+    return float(steps_ns.sum()) / NS_PER_S
 
 
 def report(samples: dict[str, list[Sample]], wrong: list[str], summary: list[str]) -> None:

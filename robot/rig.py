@@ -59,7 +59,8 @@ class HardwareRig:
             return None
         period = NS_PER_S // self._config.tick_hz
         turn_ns = self._due_ns + period
-        self._due_ns = max(turn_ns, self._clock.now_ns())   # after a stall: skip, never burst
+        missed = max(self._clock.now_ns() - turn_ns, 0) // period    # after a stall: skip, never burst, and keep step
+        self._due_ns = turn_ns + missed * period
         self._clock.sleep_until_ns(self._due_ns)
         self.late_ns = self._clock.now_ns() - turn_ns
         self._faults = self._stall()

@@ -3,11 +3,12 @@
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from msgspec.structs import replace
 
 from benchmarks.loop_frames import wire_limits
-from benchmarks.soak import Sample, growth_mb, judge_memory, judge_recording, soak
+from benchmarks.soak import Sample, drift_s, growth_mb, judge_memory, judge_recording, soak
 from robot.lateness import Lateness
 from robot.recording.session import make_header
 from robot.recording.writer import SessionWriter
@@ -40,8 +41,8 @@ def test_files_and_threads_that_are_gathered_are_told():
 
 @pytest.mark.parametrize(("skip", "slow", "words"), [
     (lambda cycle: False, 1.0, ""), (lambda cycle: cycle == 300, 1.0, "tick 300 is missing"),
-    (lambda cycle: False, 1.45, "behind")])
-def test_a_recording_that_lacks_ticks_or_falls_behind_is_told(skip, slow, words, tmp_path):
+    (lambda cycle: False, 1.0004, "drifted by")])
+def test_a_recording_that_lacks_ticks_or_drifts_is_told(skip, slow, words, tmp_path):
     recorder = SessionWriter(tmp_path / "s", make_header(CONFIG, None, None), CONFIG, None, lossless=True)
     lateness = Lateness(recorder.keep_lateness, TICK_NS)
     last_ns = 0
@@ -56,6 +57,15 @@ def test_a_recording_that_lacks_ticks_or_falls_behind_is_told(skip, slow, words,
     recorder.close()
     wrong, summary = judge_recording(tmp_path / "s", 200, last_ns)
     assert (wrong == []) == (words == "") and words in " ".join(wrong) and "ticks in" in summary[0]
+
+
+def test_drift_is_followed_over_periods_and_stalls_are_none():
+    beat = np.arange(200 * 600) * TICK_NS
+    late = np.random.default_rng(1).exponential(5e4, len(beat)).astype(int)
+    assert drift_s(beat + late, 200) == pytest.approx(0.0, abs=2e-5)
+    assert drift_s(np.delete(beat, slice(40_000, 40_900)), 200) == 0.0
+    slow = beat + (beat * 5e-5).astype(int)                # 30 ms in ten minutes: six periods, so that no phase is left
+    assert drift_s(slow + late, 200) == pytest.approx(0.03 * 29 / 30, rel=0.01)
 
 
 def test_what_fits_on_the_wire_is_that_of_the_standard():

@@ -1,6 +1,8 @@
 """HardwareRig on hand-made wires: what it reads, what it sends, what it says of wires that fail."""
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from hw import buttons, odrive
 from hw.link import Frame, LinkLost
@@ -78,6 +80,20 @@ def test_the_cadence_skips_after_a_stall_and_never_bursts(bench):
     late = rig.read().t_ns
     assert late >= first + 1_000_000_000
     assert rig.read().t_ns - late == 5_000_000
+
+
+@given(st.lists(st.integers(0, 40_000), max_size=30))
+def test_ticks_keep_step_with_the_clock_however_long_they_take(took_us):
+    clock = Time()
+    rig = HardwareRig(CONFIG, Wire(), Stream(), InlineEyes(Blind(), lambda frame: Sighting(frame.t_ns, False, "dark")),
+                      clock, lambda: False)
+    first, before = rig.read().t_ns, 0
+    for us in took_us:
+        clock.t_ns += us * 1000
+        step = (rig.read().t_ns - first) // 5_000_000
+        assert step > before                              # one tick a period at the most
+        before = step
+    assert (rig.read().t_ns - first) % 5_000_000 == 0     # after the last stall: as if there had been none
 
 
 def test_an_unchanged_torque_still_feeds_the_watchdogs(bench):
