@@ -53,7 +53,7 @@ def _again(again: Recomputed) -> str:
              "for their images were not kept (the one behind each shot is)",
              "  as recorded, too: button presses, and that a wire was lost or the recording in trouble"]
     if again.missing:
-        lines.append(f"  {again.missing} images that the session names are not there, or broken")
+        lines.append(f"  {again.missing} images that the session names, or the index of all, are not there or broken")
     return "\n".join(lines)
 
 

@@ -13,6 +13,7 @@ from robot.facts import Facts
 
 Kind = TypeVar("Kind")
 Positive = Annotated[float, msgspec.Meta(gt=0.0, lt=1e9)]
+Finite = Annotated[float, msgspec.Meta(gt=-1e9, lt=1e9)]
 Doubt = Annotated[float, msgspec.Meta(ge=0.0, lt=1e9)]
 Hue = Annotated[int, msgspec.Meta(ge=0, le=179)]          # OpenCV's, two degrees each
 Slope = Annotated[float, msgspec.Meta(gt=-90.0, lt=90.0)]
@@ -29,12 +30,12 @@ class BadInput(Exception):
 class Can(Struct, frozen=True, forbid_unknown_fields=True):
     interface: str                    # python-can interface name: socketcan, slcan, virtual, ...
     channel: str
-    bitrate: int
+    bitrate: Annotated[int, msgspec.Meta(ge=10_000, le=1_000_000)]
 
 
 class Buttons(Struct, frozen=True, forbid_unknown_fields=True):
     port: str                         # serial device or pyserial URL such as socket://host:port
-    baud: int
+    baud: Annotated[int, msgspec.Meta(ge=300, le=4_000_000)]
 
 
 class OdriveAxis(Struct, frozen=True, forbid_unknown_fields=True, tag_field="driver", tag="odrive"):
@@ -75,58 +76,58 @@ class Axes(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class HoodEncoder(Struct, frozen=True, forbid_unknown_fields=True):
-    driver: str                       # "canandmag"
-    device: int
+    driver: Literal["canandmag"]
+    device: CanNode
     period_ms: Annotated[int, msgspec.Meta(ge=0, le=65535)]    # asked of the device at start; 0: nothing is sent to it
-    zero_deg: float                   # encoder reading when the launch elevation is 0
-    direction: int                    # +1 if the reading grows with elevation
+    zero_deg: Finite                   # encoder reading when the launch elevation is 0
+    direction: Direction                    # +1 if the reading grows with elevation
 
 
 class PidGains(Struct, frozen=True, forbid_unknown_fields=True):
-    kp: float
-    ki: float
-    kd: float
-    derivative_tau_s: float           # first-order filter of the derivative, taken on the measurement
-    integral_limit: float             # |integral term| at most, in output units
-    output_low: float
-    output_high: float
+    kp: Finite
+    ki: Finite
+    kd: Finite
+    derivative_tau_s: Doubt           # first-order filter of the derivative, taken on the measurement
+    integral_limit: Doubt             # |integral term| at most, in output units
+    output_low: Finite
+    output_high: Finite
 
 
 class Flywheel(Struct, frozen=True, forbid_unknown_fields=True):
     """Speed loop on the belt: output is torque on each motor; feed-forward ks + kv w + ka dw/dt."""
 
     pid: PidGains                     # input rad/s at the motor
-    ks_nm: float
-    kv_nm_s: float                    # per rad/s
-    ka_nm_s2: float                   # per rad/s^2
+    ks_nm: Finite
+    kv_nm_s: Finite                    # per rad/s
+    ka_nm_s2: Finite                   # per rad/s^2
     brake: bool                       # may an overspeeding wheel be given negative torque?
-    tolerance_rad_s: float
-    spread_rad_s: float               # motors of one belt may differ by this much
-    steady_s: float                   # within tolerance this long before firing
+    tolerance_rad_s: Positive
+    spread_rad_s: Positive               # motors of one belt may differ by this much
+    steady_s: Doubt                   # within tolerance this long before firing
 
 
 class Hood(Struct, frozen=True, forbid_unknown_fields=True):
     """Angle loop over an acme screw: a motor on a pivot turns the screw, a nut on the hood rides it."""
 
     pid: PidGains                     # input degrees of elevation; output Nm at the motor
-    friction_nm: float                # torque that just moves the screw, added in the direction of motion
-    deadband_deg: float               # inside it the self-locking screw is left alone
-    low_deg: float                    # elevation at the limit switch
-    high_deg: float
-    tolerance_deg: float
-    screw_lead_m: float               # nut travel per screw turn
-    screw_gear: float                 # screw turns per motor turn
-    pivot_to_motor_m: float
-    pivot_to_nut_m: float
-    included_deg: float               # angle motor-pivot-nut when the elevation is 0; it grows with elevation
-    homing_torque_nm: float           # negative: towards the switch
-    crosscheck_deg: float             # absolute and screw encoder may differ by this much
+    friction_nm: Doubt                # torque that just moves the screw, added in the direction of motion
+    deadband_deg: Doubt               # inside it the self-locking screw is left alone
+    low_deg: Finite                    # elevation at the limit switch
+    high_deg: Finite
+    tolerance_deg: Positive
+    screw_lead_m: Positive               # nut travel per screw turn
+    screw_gear: Positive                 # screw turns per motor turn
+    pivot_to_motor_m: Positive
+    pivot_to_nut_m: Positive
+    included_deg: Finite               # angle motor-pivot-nut when the elevation is 0; it grows with elevation
+    homing_torque_nm: Finite           # negative: towards the switch
+    crosscheck_deg: Positive             # absolute and screw encoder may differ by this much
 
 
 class Feeder(Struct, frozen=True, forbid_unknown_fields=True):
-    torque_nm: float
-    feed_s: float
-    clear_s: float                    # no new shot for this long after one
+    torque_nm: Finite
+    feed_s: Positive
+    clear_s: Doubt                    # no new shot for this long after one
 
 
 class CameraConfig(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
@@ -180,11 +181,11 @@ class Vision(Struct, frozen=True, forbid_unknown_fields=True):
 
 class GateConfig(Struct, frozen=True, forbid_unknown_fields=True):
     policy: str                       # "collect": fires on the driver's button; "model": the model must agree
-    threshold: float                  # p_three at least
-    reading_age_s: float              # oldest motor or encoder reading that may fire
-    sighting_age_s: float             # oldest sighting that may fire
-    request_s: float                  # a fire request lapses after this
-    doubt_s: float                    # ... and after this when only the model says no
+    threshold: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]                  # p_three at least
+    reading_age_s: Positive              # oldest motor or encoder reading that may fire
+    sighting_age_s: Positive             # oldest sighting that may fire
+    request_s: Positive                  # a fire request lapses after this
+    doubt_s: Doubt                    # ... and after this when only the model says no
 
 
 class Prescribed(Struct, frozen=True, forbid_unknown_fields=True):
@@ -192,7 +193,7 @@ class Prescribed(Struct, frozen=True, forbid_unknown_fields=True):
 
     distance_m: Positive              # where the driver is to stand: ball exit to target plane, horizontal
     motor_ratio: Annotated[float, msgspec.Meta(gt=0.0, le=1.0)]
-    hood_deg: float
+    hood_deg: Finite
 
 
 class Collect(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
@@ -202,13 +203,13 @@ class Collect(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=Tru
     so that recordings from before it was there still say what they said.
     """
 
-    hood_low_deg: float
-    hood_high_deg: float
-    spread: float                     # speeds are trimmed by up to this fraction
-    repeats: int                      # shots at each configuration
-    efficiency: float                 # first guess of vacuum exit speed / mean wheel surface speed, air included
-    walk_start: tuple[float, float, float]    # where the walk begins: level, slope in distance, slope in elevation
-    walk_step: float                  # log speed per high/low mark
+    hood_low_deg: Finite
+    hood_high_deg: Finite
+    spread: Doubt                     # speeds are trimmed by up to this fraction
+    repeats: Annotated[int, msgspec.Meta(ge=1)]                      # shots at each configuration
+    efficiency: Positive                 # first guess of vacuum exit speed / mean wheel surface speed, air included
+    walk_start: tuple[Finite, Finite, Finite]    # where the walk begins: level, slope in distance, slope in elevation
+    walk_step: Finite                  # log speed per high/low mark
     prescribed: tuple[Prescribed, ...] = ()       # what `--plan` gives; see robot.plan
 
 
@@ -239,7 +240,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True
     """launcher.toml. Without [identify] the robot drives nothing to identify it, and recordings from before that
     section was there still say what they said."""
 
-    tick_hz: int
+    tick_hz: Annotated[int, msgspec.Meta(ge=20, le=1000)]
     can: Can
     buttons: Buttons
     axes: Axes

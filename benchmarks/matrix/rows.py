@@ -26,6 +26,8 @@ def _frames() -> list[Row]:
             for name, words in DEVICES.items()]
     rows += [Row(f"{words}: no readings, heartbeat goes on", "lost", Device(name, "silent", estimates[name]),
                  f"{words} silent for", STALE_S) for name, words in DEVICES.items() if name != "hood_encoder"]
+    rows.append(Row("hood encoder: no STATUS, angles go on", "lost", Device("hood_encoder", "silent", "STATUS"),
+                    "hood encoder.*says nothing of its|hood encoder.*has said nothing", BEAT_S))
     rows += [Row(f"{DEVICES[name]}: no heartbeat, readings go on", "lost", Device(name, "silent", "Heartbeat"),
                  f"{DEVICES[name]} sends no heartbeat", BEAT_S) for name in AXES]
     rows += [Row(f"{words}: frames cut short", "short", Device(name, "truncated", length=3),

@@ -14,6 +14,8 @@ from hw.real.can_errors import BUS_OFF, error_words
 QUEUE_FULL = (errno.ENOBUFS, errno.EAGAIN)
 # python-can gives no code for these two (socketcan, virtual)
 QUEUE_FULL_WORDS = ("Transmit buffer full", "Could not send message to one or more recipients")
+HIGHEST_BASE_ID, HIGHEST_ID = 0x7FF, 0x1FFFFFFF
+CLASSIC_BYTES, FD_BYTES = 8, 64
 SLCAN_WRITE_S = 0.02                              # a serial adapter must not be cut off in the middle of a line
 
 
@@ -99,6 +101,9 @@ class CanBus:
             self.tally.update(f"error frames: {word}" for word in words)
             if BUS_OFF in words:
                 raise LinkLost(f"{self.name}: {BUS_OFF}")
+        elif message is not None and not _is_possible(message):
+            self.tally["garbled lines"] += 1      # the library takes hexadecimal of any sign and a length of any size
+            return None
         return message
 
     def _is_garbled(self, error: Exception) -> bool:
@@ -132,6 +137,12 @@ def open_can(interface: str, channel: str, bitrate: int, clock: Clock, wait_s: f
     except (can.CanError, NotImplementedError, OSError, ValueError, TypeError) as error:
         raise LinkLost(f"{name}: {error}") from error
     return CanBus(bus, clock, name, write_timeout_s, serial_lines=interface == "slcan", tally=tally)
+
+
+def _is_possible(message: can.Message) -> bool:
+    most = FD_BYTES if message.is_fd else CLASSIC_BYTES
+    return (0 <= message.arbitration_id <= (HIGHEST_ID if message.is_extended_id else HIGHEST_BASE_ID)
+            and 0 <= message.dlc <= most and (message.is_remote_frame or len(message.data) == message.dlc))
 
 
 def _make_frame(message: can.Message, t_ns: int) -> Frame:

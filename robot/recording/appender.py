@@ -1,6 +1,7 @@
 """A file that only grows, on a disk that may refuse."""
 
 import contextlib
+import errno
 import os
 from pathlib import Path
 from typing import IO
@@ -20,6 +21,7 @@ class Appender:
         self._file = path.open("xb", buffering=0)
         with contextlib.suppress(OSError):        # a file system without locks
             claim(self._file)
+        self._is_linked = os.fstat(self._file.fileno()).st_nlink > 0     # not every file system counts
         self._pending = bytearray()
         self._on_disk = 0
         self._gave_up = False
@@ -34,13 +36,16 @@ class Appender:
         return self._on_disk + len(self._pending)
 
     def flush(self) -> None:
-        """Hand everything to the system, which keeps it whatever becomes of this process; OSError when it refuses."""
+        """Hand everything to the system, which keeps it whatever becomes of this process; OSError when it refuses, or
+        when the file has been deleted: it would take everything, and nobody could ever read it."""
         while self._pending:
             taken = self._file.write(self._pending) or 0
             self._on_disk += taken
             del self._pending[:taken]
         if self._gave_up:
             raise OSError("the disk took nothing for so long that the rest is not kept")
+        if self._is_linked and not os.fstat(self._file.fileno()).st_nlink:
+            raise FileNotFoundError(errno.ENOENT, f"{self.path.name} has been deleted")
 
     def sync(self) -> None:
         """Wait until what was flushed would survive a power cut."""

@@ -17,7 +17,7 @@ from robot.config import BadInput, Config, in_words
 from robot.motors import name_axes
 from robot.recording.candump import parse_candump
 from robot.recording.images import load_image, load_pictures
-from robot.recording.session import CAN
+from robot.recording.session import CAN, FRAMES, INDEX
 from robot.rig import CAN_LOST, HardwareRig, ReplayRig
 from robot.types import Command, Inputs, Sent, Sighting
 from robot.vision import detect
@@ -29,7 +29,7 @@ class Recomputed(Struct):
     frames: int = 0                   # parsed again
     seen: int = 0                     # sightings seen again in their image
     taken: int = 0                    # sightings taken as recorded: their image was not kept
-    missing: int = 0                  # images that the session names but that are not there, or broken
+    missing: int = 0                  # images that the session names but that are not there, or broken; or their index
     ended: str = ""                   # why not every tick was recomputed
 
 
@@ -81,7 +81,7 @@ class FramesRig:
     """A ReplayRig whose inputs are made anew by HardwareRig, out of the recorded frames and images."""
 
     def __init__(self, ticks: ReplayRig, config: Config, session: Path) -> None:
-        self.done = Recomputed()
+        self.done = Recomputed(missing=int(not (session / FRAMES / INDEX).exists()))
         self._ticks, self._config, self._session = ticks, config, session
         self._bus = LoggedBus(session / CAN, self.done)
         self._clock = _RecordedClock()

@@ -210,6 +210,17 @@ def test_a_garbled_line_is_counted_and_the_next_one_heard(adapter, clock) -> Non
     bus.close()
 
 
+@pytest.mark.parametrize("line", [b"r1239", b"R000001239", b"t-0121122", b"TFFFFFFFF0", b"tFFF0",
+                                  b"t1239112233445566778899", b"d1239112233445566778899aabb"])
+def test_a_line_of_a_frame_that_no_wire_carries_is_garbled(line, adapter, clock) -> None:
+    """The library makes a message of them; a recording of it could not be read back."""
+    far, port = adapter
+    bus = open_can("slcan", port, 1_000_000, clock, wait_s=0.02)
+    os.write(far, line + b"\rt029199\r")
+    assert receive_until(bus, b"\x99") == [Frame(0, 0x29, b"\x99")] and bus.tally["garbled lines"] >= 1
+    bus.close()
+
+
 def test_bytes_that_are_no_text_are_a_garbled_line_too(adapter, clock) -> None:
     far, port = adapter
     bus = open_can("slcan", port, 1_000_000, clock, wait_s=0.02)

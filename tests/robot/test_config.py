@@ -23,6 +23,11 @@ def test_the_shipped_configuration_loads():
     ("tick_hz = 200", 'tick_hz = "fast"', r"my\.toml:3: Expected `int`, got `str` - at `tick_hz`"),
     ("fps = 20.0", "fps = [", r"my\.toml: .*line \d+"),
     ("mass_kg = 0.14", "", r"my\.toml.*missing key `mass_kg`"),
+    ("tick_hz = 200", "tick_hz = 0", r"my\.toml:3: Expected `int` >= 20 - at `tick_hz`"),
+    ("reading_age_s = 0.1", "reading_age_s = inf", r"my\.toml:\d+: Expected `float` < .* - at `gate\.reading_age_s`"),
+    ("reading_age_s = 0.1", "reading_age_s = nan", r"my\.toml:\d+: Expected `float` > .* - at `gate\.reading_age_s`"),
+    ('driver = "canandmag"', 'driver = "canandmug"', r"my\.toml:\d+: .*'canandmug' - at `hood_encoder\.driver`"),
+    ("kp = 0.03", "kp = nan", r"my\.toml:\d+: .* - at `flywheel\.pid\.kp`"),
 ])
 def test_a_mistake_is_named(old, new, message):
     assert old in TEXT

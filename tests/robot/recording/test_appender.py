@@ -66,3 +66,15 @@ def test_a_file_is_locked_while_it_grows_and_never_written_over(tmp_path):
     file.close()
     with (tmp_path / "f").open("rb") as other:
         claim(other)
+
+
+def test_a_file_that_is_deleted_under_it_is_trouble_for_good(tmp_path):
+    file = Appender(tmp_path / "trials.jsonl")
+    file.write(b"one\n")
+    file.flush()
+    (tmp_path / "trials.jsonl").unlink()
+    for _ in range(2):
+        file.write(b"more\n")
+        with pytest.raises(FileNotFoundError, match="has been deleted"):
+            file.flush()
+    file.close()

@@ -109,6 +109,14 @@ def test_a_whole_session_is_left_alone(session, plain, capsys):
     assert {path: path.stat().st_mtime_ns for path in session.rglob("*")} == before
 
 
+def test_what_cannot_be_made_again_is_told(session, capsys):
+    (session / "can0.log").unlink()
+    shutil.rmtree(session / "frames")
+    assert main(["recover", str(session)]) == 0
+    said = capsys.readouterr().err
+    assert "can0.log is not there" in said and "frames/frames.jsonl is not there" in said
+
+
 def test_what_is_replaced_is_kept_aside_each_time(session, capsys):
     originals = []
     for keep in (150_000, 100_000):

@@ -106,7 +106,7 @@ def test_an_image_that_is_not_there_fails_the_check_and_is_told(session, capsys)
     (session / "frames" / load_pictures(session)[0].file).unlink()
     assert main(["replay", str(session), "--from", "frames"]) == 0
     assert main(["replay", str(session), "--from", "frames", "--check"]) == 1
-    assert "1 images that the session names are not there" in capsys.readouterr().out
+    assert "1 images that the session names, or the index of all, are not there" in capsys.readouterr().out
 
 
 def test_a_log_of_frames_that_ends_early_is_replayed_so_far_and_fails_the_check(session, capsys):
