@@ -155,7 +155,9 @@ class CameraConfig(Struct, frozen=True, forbid_unknown_fields=True, omit_default
     centre_sigma_px: Doubt = 0.0      # of cx and of cy
     bias_m: float = 0.0               # distances come out this much too long whatever they are
     bias_sigma_m: Doubt = 0.0
-    exposure_s: Doubt = 0.0           # asked of the device at start and read back; 0 leaves it to the camera
+    exposure_s: Doubt = 0.0           # asked of a local device at start and read back; 0 leaves it to the camera
+    readout_s: Doubt = 0.03           # of a rolling shutter, from the first row's exposure to the last one's
+    turn_sigma_deg_s: Doubt = 10.0    # how fast the camera may turn meanwhile, one standard deviation
 
 
 class Tape(Struct, frozen=True, forbid_unknown_fields=True):

@@ -48,7 +48,7 @@ def compare(frame: CameraFrame, camera: CameraConfig, tape: Tape, vision: Vision
         return None
     marks, pose = found[0]
     spread_px2 = marks.spread_px2 + optics.smooth_spread(marks.ideal_px, vision.corner_sigma_px)
-    three = estimate_three(marks, spread_px2, optics, camera, tape)
+    three = estimate_three(marks, spread_px2, optics.smeared(marks.smear_px2), camera, tape)
     rotation, _ = cv2.Rodrigues(pose.rvec)
     return None if three is None else three._replace(plane_m=abs(float(rotation[:, 2] @ pose.tvec_m)))
 
@@ -72,7 +72,7 @@ def estimate_three(marks: Marks, spread_px2: Array, optics: Optics, camera: Came
         return None
     pitch_sigma = math.radians(camera.pitch_sigma_deg)
     spread = np.zeros((11, 11))
-    spread[:8, :8] = spread_px2 + optics.calibration_spread(marks.ideal_px)
+    spread[:8, :8] = spread_px2 + optics.camera_spread(marks.ideal_px)
     spread[range(8, 11), range(8, 11)] = pitch_sigma**2, camera.height_sigma_m**2, pitch_sigma**2
     believed, likely = np.array([math.radians(camera.pitch_deg), camera.height_m, 0.0]), _mounting(seen, tape)
     distance_m, slope = _linear(alone, marks.ideal_px, believed, optics, tape)

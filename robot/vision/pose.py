@@ -2,7 +2,7 @@
 
 IPPE (the closed form for flat targets) gives the start; Gauss-Newton then minimises the marks' residuals, weighed by
 their covariance, together with three beliefs about the mounting: lens height, pitch, and no roll (as well known as the
-pitch). The covariance is that of the edges, a floor for what edges do not show, and the calibration's own doubts. The
+pitch). The covariance is that of the edges, a floor for what edges do not show, and what the camera leaves open. The
 tape hangs upright, so its pose alone tells the camera's height and pitch; how far its apparent size, its slant and its
 elevation each count in the distance is settled by how well each is known (`estimators` takes them apart).
 """
@@ -35,24 +35,27 @@ class Pose(NamedTuple):
     bearing_rad: float                # tape right of the optical axis is positive, about the vertical
     off_px: Array                     # (8,) of the marks
     gain: Array                       # (6, 8) how rvec and tvec follow the marks, per px
-    reprojection_px: float            # root mean square over the marks, of what no doubt about the calibration explains
+    reprojection_px: float            # root mean square over the marks, of what no doubt about the camera explains
     cost: float                       # sum of squared normalised residuals, beliefs included
     doubt: str                        # "" or what the pose says against itself
 
 
 def solve_pose(ideal_px: Array, spread_px2: Array, optics: Optics, camera: CameraConfig, tape: Tape) -> Pose | None:
-    """Best camera pose for four undistorted marks (4, 2) with covariance (8, 8), to which the calibration's own is
+    """Best camera pose for four undistorted marks (4, 2) with covariance (8, 8), to which the camera's own is
     added; or None when there is none before the camera."""
     model_m = make_shape(tape).marks_m
     count, rvecs, tvecs, errors_px = cv2.solvePnPGeneric(model_m, ideal_px, optics.matrix, None,
                                                          flags=cv2.SOLVEPNP_IPPE)
-    whiten = np.linalg.inv(np.linalg.cholesky(spread_px2 + optics.calibration_spread(ideal_px)))
+    try:
+        whiten = np.linalg.inv(np.linalg.cholesky(spread_px2 + optics.camera_spread(ideal_px)))
+    except np.linalg.LinAlgError:                 # a camera of which next to nothing is known
+        return None
     answers = [_refine(np.ravel(rvecs[k]), np.ravel(tvecs[k]), ideal_px, whiten, optics, camera, tape, model_m)
                for k in range(count) if float(errors_px[k].item()) <= float(errors_px[0].item()) + MIRROR_PX]
     best = min((pose for pose in answers if pose is not None), key=lambda pose: pose.cost, default=None)
     if best is None:
         return None
-    # what is left of the residuals once the calibration has taken its share of the blame
+    # what is left of the residuals once the camera has taken its share of the blame
     left_px = spread_px2 @ (whiten.T @ (whiten @ best.off_px))
     return best._replace(reprojection_px=math.sqrt(float(left_px @ left_px) / 4))
 
