@@ -34,6 +34,7 @@ class Pose(NamedTuple):
     sigma_m: float
     bearing_rad: float                # tape right of the optical axis is positive, about the vertical
     off_px: Array                     # (8,) of the marks
+    spread: Array                     # (6, 6) covariance of rvec and tvec
     gain: Array                       # (6, 8) how rvec and tvec follow the marks, per px
     reprojection_px: float            # root mean square over the marks, of what no doubt about the camera explains
     cost: float                       # sum of squared normalised residuals, beliefs included
@@ -83,7 +84,8 @@ def _refine(rvec: Array, tvec: Array, ideal_px: Array, whiten: Array, optics: Op
         return None
     rotation, turning = _rotation(state[:3])
     distance_m, gradient = horizontal(rotation, turning, state[3:])
-    variance_m2 = float(gradient @ np.linalg.solve(normal, gradient))
+    spread: Array = np.asarray(np.linalg.inv(normal), dtype=np.float64)
+    variance_m2 = float(gradient @ spread @ gradient)
     if not 0.0 < variance_m2 < math.inf:
         return None
     cost, doubt, strain = float(residual @ residual), "", np.abs(residual[8:])
@@ -92,9 +94,9 @@ def _refine(rvec: Array, tvec: Array, ideal_px: Array, whiten: Array, optics: Op
         doubt = f"seen so, the camera's {name} would be far from what the configuration says"
     elif cost > MOST_COST:
         doubt = f"edges, mounting and calibration contradict each other by {math.sqrt(cost):.0f} sigmas"
-    gain: Array = np.asarray(np.linalg.solve(normal, slope[:8].T @ whiten), dtype=np.float64)
+    gain: Array = spread @ slope[:8].T @ whiten
     return Pose(state[:3], state[3:], distance_m, math.sqrt(variance_m2), _bearing(rotation, state[3:]), off_px.ravel(),
-                gain, math.inf, cost, doubt)
+                spread, gain, math.inf, cost, doubt)
 
 
 def _rotation(rvec: Array) -> tuple[Array, Array]:

@@ -31,7 +31,7 @@ NARROW_SIGMA = 0.3                    # share of what the blur adds to a narrow 
 END_SIGMA = 0.4                       # share of the widening by which a cut end's may differ: a halo is lifted, too
 USUAL_PX = 0.5                        # widening to be expected of an edge before it is measured
 SQUARE_MEAN = 12.0                    # of a straight way, squared, over the variance that it adds to a blur
-AT_REST = 1.5                         # smear over blur that is seen without any motion
+AT_REST = 2.5                         # smear over blur that is seen without any motion: colours are kept at half width
 NEIGHBOURS = np.array([1, 2, 0])
 
 
