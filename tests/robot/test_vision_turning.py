@@ -72,7 +72,7 @@ def test_errors_are_as_large_as_sigma_says_when_it_is_told_of_turning():
 @pytest.mark.parametrize("turn_deg_s", [-90, -30, 30, 90])
 def test_a_fast_turn_is_known_by_its_smear(turn_deg_s):
     """Nothing told: nine times as fast as is believed beforehand, and still an honest sigma. Three times as fast smears
-    too little to be seen: of 60 two err by more than three sigmas, by four."""
+    too little to be seen: of 60 three err by more than three sigmas, by four at most."""
     trials = [trial(np.random.default_rng(seed), (turn_deg_s, 0.0), seed, EXPOSURE_S) for seed in range(30)]
     found = [one for one in trials if one[1].found]
     assert len(found) >= 25 and spread(found) < (1.3 if abs(turn_deg_s) == 90 else 1.7)
