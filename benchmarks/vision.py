@@ -17,7 +17,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 from msgspec.structs import replace
-from vision_scenes import LOOKS, WRITTEN, Shot, baseline, clutter, shoot
+from vision_scenes import LOOKS, TURNING, WRITTEN, Shot, baseline, clutter, shoot
 
 import robot
 from doors.images import decode_image
@@ -111,9 +111,9 @@ def photographs() -> None:
 def sweep(config: Config, frames: int) -> np.ndarray:
     """Rows of look, distance, error, error / sigma; prints the table."""
     print(f"rendered, {frames} frames in each cell, up to 35 degrees off axis: rms error (found; spread of error / "
-          "sigma)\n  " + " " * 14 + "".join(f"{f'{low}-{high} m':>22s}" for low, high in BANDS_M))
+          "sigma)\n  " + " " * 16 + "".join(f"{f'{low}-{high} m':>22s}" for low, high in BANDS_M))
     progress, rows = make_progress("sweep"), []
-    looks = [*LOOKS.items(), (TOLD, LOOKS[SHARP]), *WRITTEN.items()]
+    looks = [*LOOKS.items(), (TOLD, LOOKS[SHARP]), *WRITTEN.items(), *TURNING.items()]
     for k, (name, look) in enumerate(looks):
         vision = replace(config.vision, corner_sigma_px=TOLD_PX) if name == TOLD else config.vision
         cells = []
@@ -129,7 +129,7 @@ def sweep(config: Config, frames: int) -> np.ndarray:
             errors, sigma = np.array([row[2] for row in found]), np.array([row[3] for row in found])
             cells.append(f"{rms(errors):.3f} ({len(found) / frames:4.0%}; {rms(errors / sigma):.2f})")
             progress((k * len(BANDS_M) + j + 1) / len(looks) / len(BANDS_M), name)
-        print(f"  {name:14s}" + "".join(f"{cell:>22s}" for cell in cells))
+        print(f"  {name:16s}" + "".join(f"{cell:>22s}" for cell in cells))
     table = np.array(rows)
     near, far = table[table[:, 1] < 9], table[table[:, 1] >= 9]
     print(f"  all: rms {rms(near[:, 2]):.3f} m up to 9 m, {rms(far[:, 2] / far[:, 1]):.2%} beyond; error / sigma "

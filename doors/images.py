@@ -11,6 +11,7 @@ from doors.jpeg import what_is_damaged
 from robot.config import BadInput, in_words
 
 MOST_PX = 50_000_000                  # of an image; no webcam is near it, and a header may claim anything
+GREY_ALPHA = 4                        # a PNG's kind of colour: grey, and how much of it is seen through
 JPEG_SIZES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}    # markers that state the size
 
 
@@ -46,6 +47,8 @@ def decode_image(data: bytes, colour: bool = True) -> npt.NDArray[np.uint8]:
         raise BadInput("not an image that can be read, or a corrupt one")
     if image.dtype != np.uint8:
         raise BadInput(f"{image.dtype.itemsize * 8}-bit {image.dtype.name} channels; 8-bit colour is needed")
+    if image.ndim == 3 and data.startswith(b"\x89PNG") and data[25] == GREY_ALPHA:      # decoders make colour of it
+        image = image[:, :, 0]
     if image.ndim == 3 and image.shape[2] in (3, 4):
         return np.ascontiguousarray(image[:, :, :3])
     if colour or image.ndim != 2:

@@ -17,11 +17,11 @@ class Answerer(Protocol):
 
     def state(self) -> dict[str, Any]: ...
 
-    def picture(self, index: int, view: str, settings: dict[str, Any]) -> bytes: ...
+    def picture(self, index: int, view: str, settings: dict[str, Any], frame: int) -> bytes: ...
 
     def look(self, index: int, settings: dict[str, Any]) -> dict[str, Any]: ...
 
-    def replay(self, settings: dict[str, Any]) -> list[dict[str, Any]]: ...
+    def replay(self, settings: dict[str, Any], begin: int) -> list[dict[str, Any]]: ...
 
     def save(self, settings: dict[str, Any]) -> dict[str, Any]: ...
 
@@ -47,7 +47,8 @@ class _Page(LocalHandler):
         elif where.path == "/state":
             self._answer(tuner.state)
         elif where.path == "/picture":
-            self._answer(lambda: tuner.picture(int(query["index"]), query["view"], json.loads(query["settings"])))
+            self._answer(lambda: tuner.picture(int(query["index"]), query["view"], json.loads(query["settings"]),
+                                               int(query.get("frame", 0))))
         else:
             self.give(404, "text/plain", b"there is no such page")
 
@@ -55,7 +56,7 @@ class _Page(LocalHandler):
         tuner = self.server.tuner
         asked: dict[str, Callable[[dict[str, Any]], Any]] = {
             "/look": lambda said: tuner.look(said["index"], said["settings"]),
-            "/replay": lambda said: tuner.replay(said["settings"]),
+            "/replay": lambda said: tuner.replay(said["settings"], said.get("begin", 0)),
             "/save": lambda said: tuner.save(said["settings"]),
         }
         size = self.headers.get("Content-Length", "")
@@ -71,7 +72,7 @@ class _Page(LocalHandler):
         """What `make` gives, or 400 with its complaint."""
         try:
             said = make()
-        except (BadInput, OSError, KeyError, TypeError, ValueError) as error:
+        except (BadInput, OSError, KeyError, TypeError, ValueError, RecursionError) as error:
             self.give(400, "text/plain; charset=utf-8", str(error).encode())
             return
         if isinstance(said, bytes):

@@ -21,9 +21,11 @@ from robot.vision.estimators import NAMES, compare
 DESCRIPTION = ("Find the retro-reflective target in images; CSV on stdout, reasons on stderr. Distances are "
                "horizontal, lens to tape centre, along the line of sight. Corners are x y pairs in pixels: bottom "
                "right, bottom left, top left, top right. A file that is no image has an empty `found`. "
+               "A picture of another size than the camera's is taken for another mode of its sensor that shows the "
+               "full height: one that was cropped or turned gets a wrong distance. "
                "See also `truearc vision calibrate` and `truearc vision tune`.")
 EXAMPLE = "truearc vision photos/*.jpg --camera lifecam_hd3000_480p --labels labels.csv"
-MORE = ("muzzle_m", "plane_m", "bearing_deg",
+MORE = ("muzzle_m", "plane_m", "plane_sigma_m", "bearing_deg",
         *(name + part for name in (*NAMES, "fused") for part in ("_m", "_sigma_m")), "reason")
 MANY_IMAGES = 200                     # two seconds of work
 
@@ -48,7 +50,7 @@ def main(args: argparse.Namespace) -> int:
     progress = make_progress("vision", args.quiet or len(args.images) < MANY_IMAGES)
     table = csv.writer(sys.stdout, lineterminator="\n")
     table.writerow(["file", "found", "distance_m", "sigma_m", "corners", *(MORE if args.all else ())])
-    bad = 0
+    bad, sizes = 0, set[tuple[int, int]]()
     seen: list[tuple[str, Sighting]] = []
     for done, name in enumerate(args.images):
         progress(done / len(args.images), name)
@@ -59,6 +61,7 @@ def main(args: argparse.Namespace) -> int:
             table.writerow([name, "", "", "", "", *([""] * len(MORE) if args.all else ())])
             bad += 1
             continue
+        sizes.add((frame.image.shape[1], frame.image.shape[0]))
         sighting = detect(frame, camera.camera, camera.tape, camera.vision)
         more = _more(frame, sighting, camera) if args.all else []
         table.writerow(_row(name, sighting) + more)
@@ -67,9 +70,20 @@ def main(args: argparse.Namespace) -> int:
         seen.append((name, sighting))
     progress(1.0, "")
     sys.stdout.flush()
+    _print_sizes(sizes, camera)
     if labels is not None:
         _print_errors(seen, labels)
     return 2 if bad else 0
+
+
+def _print_sizes(sizes: set[tuple[int, int]], file: CameraFile) -> None:
+    """Of which sizes pictures were that a full-height mode of the sensor was assumed."""
+    calibrated = file.camera.width_px, file.camera.height_px
+    others = [f"{width} x {height}" for width, height in sorted(sizes - {calibrated})]
+    if others:
+        print(f"truearc vision: {', '.join(others)}: taken for modes that show the full height of a sensor calibrated "
+              f"at {calibrated[0]} x {calibrated[1]}; of cropped or turned pictures the distance is wrong",
+              file=sys.stderr)
 
 
 def load_camera(name: str | None) -> CameraFile:
@@ -101,10 +115,11 @@ def _more(frame: CameraFrame, sighting: Sighting, file: CameraFile) -> list[str]
     three = compare(frame, file.camera, file.tape, file.vision)
     muzzle_m = exit_distance_m(sighting.distance_m, file.camera)
     if three is None:
-        return [f"{muzzle_m:.4f}", "", f"{sighting.bearing_deg:.4f}"] + [""] * (len(MORE) - 3)
+        return [f"{muzzle_m:.4f}", "", "", f"{sighting.bearing_deg:.4f}"] + [""] * (len(MORE) - 4)
     sigma_m = np.sqrt(np.diag(three.covariance_m2))
     pairs = [*zip(three.distance_m, sigma_m, strict=True), (three.fused_m, three.fused_sigma_m)]
-    cells = [muzzle_m, three.plane_m, sighting.bearing_deg, *(value for pair in pairs for value in pair)]
+    cells = [muzzle_m, three.plane_m, three.plane_sigma_m, sighting.bearing_deg,
+             *(value for pair in pairs for value in pair)]
     return [*(f"{value:.4f}" for value in cells), ""]
 
 

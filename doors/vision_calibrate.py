@@ -17,7 +17,7 @@ from hw.reading import CameraFrame
 from robot.config import BadInput, CameraConfig, CameraFile
 from robot.toml_text import make_toml
 from robot.vision import detect
-from robot.vision.board import LEAST_VIEWS, Board, View, calibrate, find_board
+from robot.vision.board import LEAST_VIEWS, MOST_FOCAL_SIGMA, Board, View, calibrate, find_board, is_same
 from robot.vision.taped import LEAST, TapedFit, fit_taped
 
 DESCRIPTION = ("Calibrate a camera and write camera.toml, doubts included. With --board: focal length, axis and lens "
@@ -77,12 +77,16 @@ def _from_board(args: argparse.Namespace, camera: CameraConfig) -> CameraConfig:
             print(f"{name}: the board was not found", file=sys.stderr)
             continue
         size = (image.shape[1], image.shape[0])
+        same = next((there for there, other in zip(names, views, strict=True) if is_same(view, other)), None)
+        if same is not None:
+            print(f"{name}: the same view as {same}, left out", file=sys.stderr)
+            continue
         views.append(view)
         names.append(name)
     progress(1.0, "")
     if len(views) < LEAST_VIEWS:
-        raise BadInput(f"the board was found in {len(views)} of {len(args.images)} images; {LEAST_VIEWS} are needed, "
-                       "and ten at different slants are better")
+        raise BadInput(f"the board was found in {len(views)} of {len(args.images)} images, the same view counted once; "
+                       f"{LEAST_VIEWS} that differ are needed, and ten at different slants are better")
     begin = replace(camera, width_px=size[0], height_px=size[1], fx_px=camera.fx_px * size[1] / camera.height_px,
                     fy_px=camera.fy_px * size[1] / camera.height_px)
     try:
@@ -92,6 +96,9 @@ def _from_board(args: argparse.Namespace, camera: CameraConfig) -> CameraConfig:
     for name, error_px in zip(names, fit.error_px, strict=True):
         print(f"{name}: corners off by {error_px:.2f} px", file=sys.stderr)
     found = fit.camera
+    if found.focal_sigma > MOST_FOCAL_SIGMA:
+        raise BadInput(f"these views leave the focal length open by {found.focal_sigma:.0%}, and more than "
+                       f"{MOST_FOCAL_SIGMA:.0%} is no calibration: slant the board by 20 to 30 degrees, to all sides")
     print(f"focal length {found.fx_px:.1f} px +- {found.focal_sigma:.2%}, axis at {found.cx_px:.1f} {found.cy_px:.1f} "
           f"+- {found.centre_sigma_px:.1f} px, from {len(views)} views", file=sys.stderr)
     return found

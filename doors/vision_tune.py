@@ -28,7 +28,8 @@ DESCRIPTION = ("A page on this machine: pictures, or the live camera, with the m
                "settings at once; Save writes them to --out.")
 EXAMPLE = "truearc vision tune sessions/first --camera camera.toml -o camera-tuned.toml"
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".webp")
-MOST_REPLAYED = 500
+PIECE = 25                            # pictures replayed for one answer; a page asks on until it has them all
+KEPT = 16                             # live pictures that a page may still ask for
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -61,7 +62,9 @@ class Source(Protocol):
     names: tuple[str, ...]
     live: bool
 
-    def image(self, index: int) -> Image: ...
+    def take(self) -> int: ...
+
+    def image(self, index: int, frame: int) -> Image: ...
 
 
 class Recorded:
@@ -71,26 +74,42 @@ class Recorded:
         self._paths = paths
         self.names = tuple(str(path) for path in paths)
 
-    def image(self, index: int) -> Image:
+    def take(self) -> int:
+        return 0
+
+    def image(self, index: int, frame: int) -> Image:
         return load_image(str(self._paths[index]))
 
 
 class Live:
-    names, live = ("live",), True
+    names: tuple[str, ...] = ("live",)
+    live = True
 
     def __init__(self, camera: Camera) -> None:
         self._camera, self._lock = camera, threading.Lock()
-        self._newest: CameraFrame | None = None
+        self._kept: dict[int, Image] = {}
+        self._taken = 0
 
-    def image(self, index: int) -> Image:
+    def take(self) -> int:
+        """The number of the newest picture; its words and its views are then all of the same one."""
         with self._lock:
             try:
-                self._newest = self._camera.read() or self._newest
+                newest = self._camera.read()
             except LinkLost as error:
                 raise BadInput(str(error)) from error
-            if self._newest is None:
+            if newest is not None:
+                self._taken += 1
+                self._kept[self._taken] = newest.image
+                self._kept.pop(self._taken - KEPT, None)
+            if not self._taken:
                 raise BadInput("the camera has given no picture yet")
-            return self._newest.image
+            return self._taken
+
+    def image(self, index: int, frame: int) -> Image:
+        with self._lock:
+            if frame not in self._kept:
+                raise BadInput(f"live picture {frame} is no longer kept")
+            return self._kept[frame]
 
 
 def find_pictures(sources: list[str]) -> list[Path]:
@@ -126,9 +145,9 @@ class Tuner:
         return {"names": self._source.names, "live": self._source.live, "out": str(self._out),
                 "settings": msgspec.to_builtins(self._file.vision)}
 
-    def picture(self, index: int, view: str, settings: dict[str, Any]) -> bytes:
-        """JPEG of the image, the mask or the regions."""
-        image, file = self._image(index), self._with(settings)
+    def picture(self, index: int, view: str, settings: dict[str, Any], frame: int) -> bytes:
+        """JPEG of the image, the mask or the regions; `frame` is what `look` said."""
+        image, file = self._image(index, frame), self._with(settings)
         if view == "mask":
             image = draw_mask(image, file)
         elif view == "regions":
@@ -136,16 +155,19 @@ class Tuner:
         return cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 90])[1].tobytes()
 
     def look(self, index: int, settings: dict[str, Any]) -> dict[str, Any]:
-        image, file = self._image(index), self._with(settings)
-        return {"regions": draw_regions(image, file)[1], **_words(image, file)}
+        file, frame = self._with(settings), self._source.take()
+        image = self._image(index, frame)
+        return {"frame": frame, "regions": draw_regions(image, file)[1], **_words(image, file)}
 
-    def replay(self, settings: dict[str, Any]) -> list[dict[str, Any]]:
-        """Each picture with what was saved last and with these settings."""
+    def replay(self, settings: dict[str, Any], begin: int) -> list[dict[str, Any]]:
+        """The PIECE pictures from `begin` on, each with what was saved last and with these settings."""
+        if begin < 0:
+            raise BadInput(f"there is no picture {begin}")
         after = self._with(settings)
         rows = []
-        for index, name in enumerate(self._source.names[:MOST_REPLAYED]):
+        for index, name in enumerate(self._source.names[begin:begin + PIECE], begin):
             try:
-                image = self._image(index)
+                image = self._image(index, 0)
             except BadInput as error:
                 rows.append({"name": name, "before": str(error), "after": str(error)})
                 continue
@@ -159,10 +181,10 @@ class Tuner:
         self._file = file
         return {"said": f"saved to {self._out}"}
 
-    def _image(self, index: int) -> Image:
+    def _image(self, index: int, frame: int) -> Image:
         if not 0 <= index < len(self._source.names):
             raise BadInput(f"there is no picture {index}")
-        return self._source.image(index)
+        return self._source.image(index, frame)
 
     def _with(self, settings: dict[str, Any]) -> CameraFile:
         try:

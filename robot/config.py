@@ -15,6 +15,10 @@ Kind = TypeVar("Kind")
 Positive = Annotated[float, msgspec.Meta(gt=0.0, lt=1e9)]
 Finite = Annotated[float, msgspec.Meta(gt=-1e9, lt=1e9)]
 Doubt = Annotated[float, msgspec.Meta(ge=0.0, lt=1e9)]
+Place = Annotated[float, msgspec.Meta(gt=-1e6, lt=1e6)]   # any number, but neither infinite nor none
+Share = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
+Some = Annotated[float, msgspec.Meta(ge=0.0, le=1e4)]     # a doubt that can be reckoned with, or none
+Least = Annotated[float, msgspec.Meta(gt=0.0, le=1e4)]    # ... and some in any case
 Hue = Annotated[int, msgspec.Meta(ge=0, le=179)]          # OpenCV's, two degrees each
 Slope = Annotated[float, msgspec.Meta(gt=-90.0, lt=90.0)]
 Level = Annotated[int, msgspec.Meta(ge=0, le=255)]
@@ -143,20 +147,22 @@ class CameraConfig(Struct, frozen=True, forbid_unknown_fields=True, omit_default
     fps: Positive
     fx_px: Positive
     fy_px: Positive
-    cx_px: float
-    cy_px: float
-    distortion: tuple[float, float, float, float, float]    # k1 k2 p1 p2 k3
-    height_m: float                   # lens above floor
-    height_sigma_m: Positive          # how well that is known, one standard deviation
+    cx_px: Place
+    cy_px: Place
+    distortion: tuple[Place, Place, Place, Place, Place]    # k1 k2 p1 p2 k3
+    height_m: Place                   # lens above floor
+    height_sigma_m: Least             # how well that is known, one standard deviation
     pitch_deg: Slope                  # optical axis above horizontal
-    pitch_sigma_deg: Positive         # how well that, and that the camera is not rolled, is known
-    behind_exit_m: float              # lens behind the ball's exit point
-    focal_sigma: Doubt = 0.0          # of both focal lengths together, as a share
-    aspect_sigma: Doubt = 0.0         # of fy / fx, as a share
-    centre_sigma_px: Doubt = 0.0      # of cx and of cy
-    bias_m: float = 0.0               # distances come out this much too long whatever they are
-    bias_sigma_m: Doubt = 0.0
-    exposure_s: Doubt = 0.0           # asked of the device at start and read back; 0 leaves it to the camera
+    pitch_sigma_deg: Least            # how well that, and that the camera is not rolled, is known
+    behind_exit_m: Place              # lens behind the ball's exit point
+    focal_sigma: Share = 0.0          # of both focal lengths together
+    aspect_sigma: Share = 0.0         # of fy / fx
+    centre_sigma_px: Some = 0.0       # of cx and of cy
+    bias_m: Place = 0.0               # distances come out this much too long whatever they are
+    bias_sigma_m: Some = 0.0
+    exposure_s: Doubt = 0.0           # asked of a local device at start and read back; 0 leaves it to the camera
+    readout_s: Share = 0.03           # of a rolling shutter, from the first row's exposure to the last one's
+    turn_sigma_deg_s: Some = 10.0     # how fast the camera may turn meanwhile, one standard deviation
 
 
 class Tape(Struct, frozen=True, forbid_unknown_fields=True):
@@ -166,7 +172,7 @@ class Tape(Struct, frozen=True, forbid_unknown_fields=True):
     bottom_width_m: Positive
     height_m: Positive
     tape_width_m: Positive
-    centre_height_m: float            # tape's vertical middle above floor
+    centre_height_m: Place            # tape's vertical middle above floor
 
 
 class Vision(Struct, frozen=True, forbid_unknown_fields=True):

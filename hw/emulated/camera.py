@@ -12,9 +12,10 @@ from functools import reduce
 import cv2
 import numpy as np
 
-from hw.emulated.lens import Array, Lens, Plane, distort, ideal_pixels, project
+from hw.emulated.lens import Array, Lens, Plane, distort, ideal_pixels
 from hw.emulated.look import DARK_BGR, HALO_BLUR_PX, HALO_MARGIN_PX, TAPE_BGR, USUAL, Image, Look, Patch, paint, spread
 from hw.emulated.plant import Plant, View
+from hw.emulated.shutter import project_turning
 from hw.emulated.tone import tone
 from hw.reading import CameraFrame
 
@@ -123,7 +124,8 @@ class EmulatedCamera:
     def _edges(self, view: View) -> Array | None:
         """The outline (8, 2) in ideal pixels, or None when it is not wholly before the camera."""
         lens = self._lens
-        pixels, ahead_m = project(self._outline_m, view.camera_from_target, lens, view.focal_scale)
+        pixels, ahead_m = project_turning(self._outline_m, view.camera_from_target, lens, view.focal_scale,
+                                          self._look.turn_deg_s, self._look.readout_s)
         if ahead_m.min() < NEAREST_M:
             return None
         phase, *push_px = self._random.standard_normal(3)

@@ -27,6 +27,8 @@ class Look:
     halo_share: float = 0.1           # bloom: light that strays HALO_BLUR_PX far
     shake_px: float = 0.3
     smear_px: tuple[float, float] = (0.0, 0.0)    # right and down, while the shutter is open
+    turn_deg_s: tuple[float, float] = (0.0, 0.0)  # of the camera, right and up; its rows are exposed one after another
+    readout_s: float = 0.0            # from the first row to the last
     gain: float = 1.0                 # exposure: light times this, before the sensor clips
     gamma: float = 1.0                # of the camera's tone curve: what is written is light to the power 1 / gamma
 

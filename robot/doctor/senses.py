@@ -37,6 +37,10 @@ def check_box(box: Stream, clock: Clock) -> Finding:
 def check_exposure(camera: CameraConfig, exposure: Exposure | None) -> Finding:
     """Whether images are taken with a fixed exposure that ends before the next begins."""
     check, do = "camera exposure", EXPOSURE_DO.format(camera.device)
+    if "://" in camera.device:
+        return warning(check, "a network camera: nothing here fixes its exposure or reads it back" +
+                       (", [camera] exposure_s only stamps its images" if camera.exposure_s > 0.0 else ""),
+                       "fix it in the camera's own settings: a few ms, not automatic")
     if camera.exposure_s > 0.0:
         return ok(check, f"the configuration fixes it at {camera.exposure_s * 1e3:g} ms; a camera that will not have "
                   "it does not open")

@@ -75,7 +75,7 @@ def explain(region: Region, optics: Optics, camera: CameraConfig, tape: Tape,
     if isinstance(marks, Doubt):
         return marks
     spread_px2 = marks.spread_px2 + optics.smooth_spread(marks.ideal_px, vision.corner_sigma_px)
-    pose = solve_pose(marks.ideal_px, spread_px2, optics, camera, tape)
+    pose = solve_pose(marks.ideal_px, spread_px2, optics.smeared(marks.smear_px2), camera, tape)
     if pose is None:
         return Doubt(region.area_px, "no camera pose explains the four corners")
     if pose.doubt:

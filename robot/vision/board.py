@@ -19,6 +19,8 @@ from robot.vision.optics import SQUARE_SIGMA, Array
 Image = npt.NDArray[np.uint8]
 
 LEAST_VIEWS = 4
+SAME_PX = 2.0                         # views whose corners all lie nearer to each other's are one view
+MOST_FOCAL_SIGMA = 0.03               # of a focal length that is determined; a maker's figure is as good
 LEAST_POINTS = 8                      # of a ChArUco board that is partly seen
 FIXED = cv2.CALIB_FIX_ASPECT_RATIO | cv2.CALIB_FIX_K3 | cv2.CALIB_USE_INTRINSIC_GUESS
 
@@ -66,6 +68,12 @@ def _find_charuco(grey: Image, board: Board) -> View | None:
         return None
     places = np.asarray(marked.getChessboardCorners(), np.float32).reshape(-1, 3)[np.ravel(ids)]
     return View(places, np.asarray(corners, np.float32).reshape(-1, 2))
+
+
+def is_same(view: View, other: View) -> bool:
+    """Whether neither board nor camera has moved between two views: together they say no more than one of them."""
+    return view.seen_px.shape == other.seen_px.shape and bool(np.array_equal(view.points_m, other.points_m)) and bool(
+        np.abs(view.seen_px - other.seen_px).max() < SAME_PX)
 
 
 def calibrate(views: Sequence[View], camera: CameraConfig) -> BoardFit:

@@ -46,7 +46,7 @@ class Marks(NamedTuple):
 
     ideal_px: Array
     spread_px2: Array
-
+    smear_px2: float = 0.0            # right or left while the shutter was open, squared; below 0: up or down
 
     def to_image(self, points_m: Array, tape: Tape, optics: Optics) -> Array:
         """Points (n, 2) of the target's plane -> where these marks put them in the image, whatever the lens."""
@@ -96,7 +96,10 @@ def measure_marks(region: Region, rough_px: Array, optics: Optics, tape: Tape) -
         return "the edges of what may be the tape do not meet at its corners"
     true_px = expected_widths(shape, lambda points_m: marks.to_image(points_m, tape, optics))
     widening = compare_widths(found.wide_px, found.rise_px, found.good, true_px, found.clipped)
-    return widening if isinstance(widening, str) else _pull_in(marks, lines, widening)
+    if isinstance(widening, str):
+        return widening
+    sideways = shape.across_m[1, 0, 0] ** 2 / float((shape.across_m[1, 0] ** 2).sum())    # of what meets a side
+    return _pull_in(marks, lines, widening)._replace(smear_px2=widening.smear_px2 / sideways)
 
 
 def _straights(value: npt.NDArray[np.uint8], turn: Array, origin: Array, shape: Shape) -> Straights | str:

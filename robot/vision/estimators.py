@@ -38,6 +38,7 @@ class Three(NamedTuple):
     fused_m: float
     fused_sigma_m: float
     plane_m: float = math.nan         # from the lens at right angles to the target's plane, as `detect` sees it
+    plane_sigma_m: float = math.nan
 
 
 def compare(frame: CameraFrame, camera: CameraConfig, tape: Tape, vision: Vision) -> Three | None:
@@ -48,9 +49,13 @@ def compare(frame: CameraFrame, camera: CameraConfig, tape: Tape, vision: Vision
         return None
     marks, pose = found[0]
     spread_px2 = marks.spread_px2 + optics.smooth_spread(marks.ideal_px, vision.corner_sigma_px)
-    three = estimate_three(marks, spread_px2, optics, camera, tape)
-    rotation, _ = cv2.Rodrigues(pose.rvec)
-    return None if three is None else three._replace(plane_m=abs(float(rotation[:, 2] @ pose.tvec_m)))
+    three = estimate_three(marks, spread_px2, optics.smeared(marks.smear_px2), camera, tape)
+    if three is None:
+        return None
+    rotation, turning = cv2.Rodrigues(pose.rvec)
+    slope = np.concatenate([turning.reshape(3, 3, 3)[:, :, 2] @ pose.tvec_m, rotation[:, 2]])
+    return three._replace(plane_m=abs(float(rotation[:, 2] @ pose.tvec_m)),
+                          plane_sigma_m=math.sqrt(float(slope @ pose.spread @ slope)))
 
 
 def estimate_three(marks: Marks, spread_px2: Array, optics: Optics, camera: CameraConfig,
@@ -72,7 +77,7 @@ def estimate_three(marks: Marks, spread_px2: Array, optics: Optics, camera: Came
         return None
     pitch_sigma = math.radians(camera.pitch_sigma_deg)
     spread = np.zeros((11, 11))
-    spread[:8, :8] = spread_px2 + optics.calibration_spread(marks.ideal_px)
+    spread[:8, :8] = spread_px2 + optics.camera_spread(marks.ideal_px)
     spread[range(8, 11), range(8, 11)] = pitch_sigma**2, camera.height_sigma_m**2, pitch_sigma**2
     believed, likely = np.array([math.radians(camera.pitch_deg), camera.height_m, 0.0]), _mounting(seen, tape)
     distance_m, slope = _linear(alone, marks.ideal_px, believed, optics, tape)

@@ -2,7 +2,7 @@
 
 IPPE (the closed form for flat targets) gives the start; Gauss-Newton then minimises the marks' residuals, weighed by
 their covariance, together with three beliefs about the mounting: lens height, pitch, and no roll (as well known as the
-pitch). The covariance is that of the edges, a floor for what edges do not show, and the calibration's own doubts. The
+pitch). The covariance is that of the edges, a floor for what edges do not show, and what the camera leaves open. The
 tape hangs upright, so its pose alone tells the camera's height and pitch; how far its apparent size, its slant and its
 elevation each count in the distance is settled by how well each is known (`estimators` takes them apart).
 """
@@ -34,25 +34,29 @@ class Pose(NamedTuple):
     sigma_m: float
     bearing_rad: float                # tape right of the optical axis is positive, about the vertical
     off_px: Array                     # (8,) of the marks
+    spread: Array                     # (6, 6) covariance of rvec and tvec
     gain: Array                       # (6, 8) how rvec and tvec follow the marks, per px
-    reprojection_px: float            # root mean square over the marks, of what no doubt about the calibration explains
+    reprojection_px: float            # root mean square over the marks, of what no doubt about the camera explains
     cost: float                       # sum of squared normalised residuals, beliefs included
     doubt: str                        # "" or what the pose says against itself
 
 
 def solve_pose(ideal_px: Array, spread_px2: Array, optics: Optics, camera: CameraConfig, tape: Tape) -> Pose | None:
-    """Best camera pose for four undistorted marks (4, 2) with covariance (8, 8), to which the calibration's own is
+    """Best camera pose for four undistorted marks (4, 2) with covariance (8, 8), to which the camera's own is
     added; or None when there is none before the camera."""
     model_m = make_shape(tape).marks_m
     count, rvecs, tvecs, errors_px = cv2.solvePnPGeneric(model_m, ideal_px, optics.matrix, None,
                                                          flags=cv2.SOLVEPNP_IPPE)
-    whiten = np.linalg.inv(np.linalg.cholesky(spread_px2 + optics.calibration_spread(ideal_px)))
+    try:
+        whiten = np.linalg.inv(np.linalg.cholesky(spread_px2 + optics.camera_spread(ideal_px)))
+    except np.linalg.LinAlgError:                 # a camera of which next to nothing is known
+        return None
     answers = [_refine(np.ravel(rvecs[k]), np.ravel(tvecs[k]), ideal_px, whiten, optics, camera, tape, model_m)
                for k in range(count) if float(errors_px[k].item()) <= float(errors_px[0].item()) + MIRROR_PX]
     best = min((pose for pose in answers if pose is not None), key=lambda pose: pose.cost, default=None)
     if best is None:
         return None
-    # what is left of the residuals once the calibration has taken its share of the blame
+    # what is left of the residuals once the camera has taken its share of the blame
     left_px = spread_px2 @ (whiten.T @ (whiten @ best.off_px))
     return best._replace(reprojection_px=math.sqrt(float(left_px @ left_px) / 4))
 
@@ -80,7 +84,8 @@ def _refine(rvec: Array, tvec: Array, ideal_px: Array, whiten: Array, optics: Op
         return None
     rotation, turning = _rotation(state[:3])
     distance_m, gradient = horizontal(rotation, turning, state[3:])
-    variance_m2 = float(gradient @ np.linalg.solve(normal, gradient))
+    spread: Array = np.asarray(np.linalg.inv(normal), dtype=np.float64)
+    variance_m2 = float(gradient @ spread @ gradient)
     if not 0.0 < variance_m2 < math.inf:
         return None
     cost, doubt, strain = float(residual @ residual), "", np.abs(residual[8:])
@@ -89,9 +94,9 @@ def _refine(rvec: Array, tvec: Array, ideal_px: Array, whiten: Array, optics: Op
         doubt = f"seen so, the camera's {name} would be far from what the configuration says"
     elif cost > MOST_COST:
         doubt = f"edges, mounting and calibration contradict each other by {math.sqrt(cost):.0f} sigmas"
-    gain: Array = np.asarray(np.linalg.solve(normal, slope[:8].T @ whiten), dtype=np.float64)
+    gain: Array = spread @ slope[:8].T @ whiten
     return Pose(state[:3], state[3:], distance_m, math.sqrt(variance_m2), _bearing(rotation, state[3:]), off_px.ravel(),
-                gain, math.inf, cost, doubt)
+                spread, gain, math.inf, cost, doubt)
 
 
 def _rotation(rvec: Array) -> tuple[Array, Array]:

@@ -30,14 +30,17 @@ WIDTH_SIGMA = 0.03                    # share of the width: how well a tape's wi
 NARROW_SIGMA = 0.3                    # share of what the blur adds to a narrow straight: blurs are no bell curves
 END_SIGMA = 0.4                       # share of the widening by which a cut end's may differ: a halo is lifted, too
 USUAL_PX = 0.5                        # widening to be expected of an edge before it is measured
+SQUARE_MEAN = 12.0                    # of a straight way, squared, over the variance that it adds to a blur
+AT_REST = 2.5                         # smear over blur that is seen without any motion: colours are kept at half width
 NEIGHBOURS = np.array([1, 2, 0])
 
 
 class Widening(NamedTuple):
-    """How far outside of where it is an edge along the bottom straight is seen."""
+    """How far outside of where it is an edge along the bottom straight is seen, and what the edges' blur shows."""
 
     shift_px: float
     variance_px2: float
+    smear_px2: float                  # squares of a motion seen across the sides, less those of one along them
 
 
 def _blurred() -> tuple[Array, Array]:
@@ -84,4 +87,11 @@ def compare_widths(seen_px: Array, rise_px: Array, good: Any, true_px: Array, cl
     sigma_px = 0.5 * math.hypot(WIDTH_SIGMA * width[0], NARROW_SIGMA * narrow[0], noise[0])
     share = USUAL_PX**2 / (USUAL_PX**2 + sigma_px**2)
     shift_px = share * max(0.5 * float(excess[0]), 0.0)
-    return Widening(shift_px, share * sigma_px**2 + (END_SIGMA * shift_px) ** 2)
+    return Widening(shift_px, share * sigma_px**2 + (END_SIGMA * shift_px) ** 2, _smear(blur))
+
+
+def _smear(blur: Array) -> float:
+    """Blurs of bottom, left and right -> by how much more the sides are smeared than the bottom is (below 0: less),
+    squared, as far as a picture taken at rest does not show as much."""
+    apart = SQUARE_MEAN * (0.5 * float(blur[1] ** 2 + blur[2] ** 2) - float(blur[0] ** 2))
+    return math.copysign(max(abs(apart) - (AT_REST * float(blur.min())) ** 2, 0.0), apart)

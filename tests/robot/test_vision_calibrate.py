@@ -203,6 +203,21 @@ def test_the_door_with_a_board(capsys, tmp_path):
     assert code == 0 and "focal length 6" in err and "[camera]" in out and "focal_sigma" in out
 
 
+def test_a_board_that_does_not_move_is_no_calibration(capsys, tmp_path):
+    """One picture four times is one view; ten of a board that is never slanted leave the focal length open."""
+    picture_of = board_picture(CHESS, SLANTS[1], 0, PLACES[0], 1)
+    for k in range(4):
+        cv2.imwrite(str(tmp_path / f"same{k}.png"), picture_of)
+    for k in range(6):
+        cv2.imwrite(str(tmp_path / f"flat{k}.png"), board_picture(CHESS, (0.3 * k, 0), 0, (0.01 * k - 0.03, 0, .45), k))
+    out = tmp_path / "camera.toml"
+    board = ("--board", "chessboard:9x6:0.025", "-o", out)
+    code, _, err = run(capsys, *sorted(tmp_path.glob("same*")), *board)
+    assert code == 2 and err.count("the same view as") == 3 and "found in 1 of 4" in err and not out.exists()
+    code, _, err = run(capsys, *sorted(tmp_path.glob("flat*")), *board)
+    assert code == 2 and "leave the focal length open" in err and not out.exists()
+
+
 @pytest.mark.parametrize(("arguments", "named"), [
     ((), "one of --board and --distances"),
     (("--board", "chessboard"), "chessboard:9x6:0.025"),

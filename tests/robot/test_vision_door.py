@@ -96,6 +96,7 @@ def test_all_names_both_distances_and_the_estimators(capsys, tmp_path, good, pic
     seen, missing, absent = rows
     assert float(seen["muzzle_m"]) == pytest.approx(float(seen["distance_m"]) - CONFIG.camera.behind_exit_m, abs=2e-4)
     assert float(seen["plane_m"]) == pytest.approx(float(seen["distance_m"]), abs=0.02)       # it faces the camera
+    assert 0.001 < float(seen["plane_sigma_m"]) < 0.1
     for name in ("pose", "width", "elevation", "fused"):
         assert float(seen[f"{name}_m"]) == pytest.approx(4.0, abs=4 * float(seen[f"{name}_sigma_m"]))
     assert seen["reason"] == "" and "dark all over" in missing["reason"] and missing["pose_m"] == ""
@@ -107,6 +108,13 @@ def test_alpha_is_ignored(capsys, tmp_path, picture, good):
     cv2.imwrite(str(path), np.dstack([picture, np.full(picture.shape[:2], 255, np.uint8)]))
     _, rows, _ = run(capsys, str(path), good)
     assert rows[0]["distance_m"] == rows[1]["distance_m"] != ""
+
+
+def test_other_sizes_are_said_once(capsys, tmp_path, picture, good):
+    cv2.imwrite(str(tmp_path / "crop.png"), picture[:400])
+    code, rows, out = run(capsys, good, str(tmp_path / "crop.png"), str(tmp_path / "crop.png"))
+    assert code == 0 and len(rows) == 3 and out.err.count("640 x 400: taken for modes that show the full height") == 1
+    assert "full height" not in run(capsys, good)[2].err
 
 
 def test_labels_give_an_error_table(capsys, tmp_path, good):
@@ -147,6 +155,13 @@ def test_camera_by_file_by_name_and_whole_launcher(capsys, tmp_path, good):
     (("height_sigma_m = 0.30", "height_sigma_m = 0"), "height_sigma_m"),
     (("fx_px = 699.3778103", "fx_px = nan"), "fx_px"),
     (("height_m = 0.4318", "height_m = -1.0"), "height_m"),
+    (("cx_px = 345.6059345", "cx_px = nan"), "cx_px"), (("cy_px = 207.12741326", "cy_px = -inf"), "cy_px"),
+    (("distortion = [0.1", "distortion = [nan, 0.1"), "distortion"), (("3.0777378558802435]", "inf]"), "distortion"),
+    (("height_m = 0.60 ", "height_m = nan "), "height_m"), (("behind_exit_m = 0.0", "behind_exit_m = inf"), "behind"),
+    (("centre_height_m = 2.27965", "centre_height_m = nan"), "centre_height_m"),
+    (("focal_sigma = 0.03", "focal_sigma = 1e6"), "focal_sigma"),
+    (("centre_sigma_px = 40.0", "centre_sigma_px = 1e8"), "centre_sigma_px"),
+    (("pitch_sigma_deg = 10.0", "pitch_sigma_deg = 1e6"), "pitch_sigma_deg"),
     (("[camera]", "[camera"), ""),
 ])
 def test_bad_camera_files_name_the_key(capsys, tmp_path, good, change, named):

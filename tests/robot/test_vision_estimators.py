@@ -18,7 +18,7 @@ from robot.vision import detect
 from robot.vision.estimators import NAMES, compare
 
 CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")
-CAMERA, TAPE, VISION = CONFIG.camera, CONFIG.tape, CONFIG.vision
+CAMERA, TAPE, VISION = replace(CONFIG.camera, readout_s=0.0), CONFIG.tape, CONFIG.vision    # as it is rendered
 
 
 def picture(distance_m: float, facing_deg: float, bearing_deg: float, pitch_deg: float, seed: int) -> CameraFrame:
@@ -92,6 +92,19 @@ def test_what_is_known_better_counts_for_more():
 def test_aside_the_plane_is_nearer_than_the_target():
     three = compare(picture(5.0, 30.0, 0.0, CAMERA.pitch_deg, 5), CAMERA, TAPE, VISION)
     assert three.plane_m == pytest.approx(5.0 * math.cos(math.radians(30.0)), abs=0.05)
+    assert three.plane_m - 5.0 < -three.plane_sigma_m
+
+
+def test_the_plane_errs_as_much_as_it_says():
+    """Which way the target faces is badly seen, so its plane is, too: its sigma says so."""
+    ratios = []
+    for seed in range(60):
+        facing_deg, distance_m = np.random.default_rng(seed).uniform((-35.0, 2.6), (35.0, 8.0))
+        three = compare(picture(distance_m, facing_deg, 0.0, CAMERA.pitch_deg, seed), CAMERA, TAPE, VISION)
+        if three is not None:
+            true_m = distance_m * math.cos(math.radians(facing_deg))
+            ratios.append((three.plane_m - true_m) / three.plane_sigma_m)
+    assert len(ratios) > 50 and 0.6 < np.sqrt(np.mean(np.square(ratios))) < 1.3
 
 
 def test_no_target_no_estimate():

@@ -13,6 +13,7 @@ from doors.images import MOST_PX, decode_image, image_size
 from doors.jpeg import what_is_damaged
 from robot.config import BadInput
 
+GREY_ALPHA = 4, (b"\0" + bytes(range(160))) * 60
 RANDOM = np.random.default_rng(1)
 PICTURE = cv2.GaussianBlur(RANDOM.integers(0, 256, (60, 80, 3), dtype=np.uint8), (5, 5), 0)
 WHOLE = {end: cv2.imencode(end, PICTURE)[1].tobytes() for end in (".jpg", ".png", ".bmp", ".webp")}
@@ -32,10 +33,10 @@ def test_lossless_webp_states_its_size_elsewhere(how):
     assert np.array_equal(decode_image(data), PICTURE)
 
 
-def png_of(width: int, height: int) -> bytes:
-    """A PNG that claims a size and has no pixels."""
-    header = b"IHDR" + struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
-    parts = (header, b"IDAT" + zlib.compress(b""), b"IEND")
+def png_of(width: int, height: int, kind: int = 2, pixels: bytes = b"") -> bytes:
+    """A PNG that claims a size and has these pixels."""
+    header = b"IHDR" + struct.pack(">IIBBBBB", width, height, 8, kind, 0, 0, 0)
+    parts = (header, b"IDAT" + zlib.compress(pixels), b"IEND")
     return b"\x89PNG\r\n\x1a\n" + b"".join(struct.pack(">I", len(part) - 4) + part + struct.pack(">I", zlib.crc32(part))
                                            for part in parts)
 
@@ -46,6 +47,7 @@ def png_of(width: int, height: int) -> bytes:
     (WHOLE[".jpg"][:-40], "cut short"), (png_of(60_000, 60_000), f"at most {MOST_PX // 1_000_000} million"),
     (png_of(0, 5), "0 x 5"), (png_of(80, 60), "corrupt"),
     (cv2.imencode(".png", PICTURE[:, :, 0])[1].tobytes(), "greyscale"),
+    (png_of(80, 60, *GREY_ALPHA), "greyscale"),
     (cv2.imencode(".png", PICTURE.astype(np.uint16))[1].tobytes(), "16-bit"),
 ])
 def test_what_is_wrong_is_said(data, named):
@@ -55,6 +57,7 @@ def test_what_is_wrong_is_said(data, named):
 
 def test_grey_is_enough_for_a_board():
     assert decode_image(cv2.imencode(".png", PICTURE[:, :, 0])[1].tobytes(), colour=False).shape == (60, 80)
+    assert decode_image(png_of(80, 60, *GREY_ALPHA), colour=False).tolist() == [list(range(0, 160, 2))] * 60
 
 
 @settings(max_examples=500, deadline=None)

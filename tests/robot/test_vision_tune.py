@@ -112,6 +112,20 @@ def test_replay_runs_all_pictures_through_both_settings(server):
     assert rows[1]["before"] == rows[1]["after"] and "3.png" in rows[2]["before"]
 
 
+def test_replay_goes_on_where_it_is_asked_to(server, monkeypatch):
+    monkeypatch.setattr("doors.vision_tune.PIECE", 2)
+    pieces = [json.loads(ask(server, "/replay", {"settings": BLIND, "begin": begin})[2]) for begin in (0, 2, 3)]
+    assert [[Path(row["name"]).name for row in piece] for piece in pieces] == [["1.png", "2.png"], ["3.png"], []]
+    assert ask(server, "/replay", {"settings": BLIND, "begin": -1})[0] == 400
+
+
+def test_endless_brackets_are_told(server):
+    line = HTTPConnection("127.0.0.1", server.server_port, timeout=20)
+    line.request("POST", "/look", b"[" * 9000, {})
+    assert line.getresponse().status == 400
+    line.close()
+
+
 def test_save_writes_what_can_be_read_and_is_then_before(server, tmp_path):
     status, _, body = ask(server, "/save", {"settings": {**SETTINGS, "hue_low": 40}})
     assert status == 200 and "tuned.toml" in json.loads(body)["said"]
@@ -172,6 +186,19 @@ def test_live_shows_the_newest_picture_and_says_when_the_camera_is_gone(tmp_path
     assert tuner.state()["live"] and tuner.look(0, SETTINGS)["found"] and tuner.look(0, SETTINGS)["found"]
     with pytest.raises(BadInput, match="fake"):
         tuner.look(0, SETTINGS)
+
+
+def test_live_words_and_views_are_of_one_picture(tmp_path, image):
+    camera = Fake(image)
+    camera.frames.append(CameraFrame(1, np.zeros_like(image)))
+    tuner = Tuner(FILE, Live(camera), tmp_path / "x.toml")
+    first, again, dark = (tuner.look(0, SETTINGS) for _ in range(3))
+    assert first["frame"] == again["frame"] != dark["frame"] and first["found"] and not dark["found"]
+    bright, black = (cv2.imdecode(np.frombuffer(tuner.picture(0, "image", SETTINGS, seen["frame"]), np.uint8), 1)
+                     for seen in (first, dark))
+    assert bright.max() > 150 and black.max() < 5
+    with pytest.raises(BadInput, match="no longer kept"):
+        tuner.picture(0, "image", SETTINGS, 99)
 
 
 @pytest.mark.parametrize(("arguments", "named"), [(("nowhere",), "nowhere"), (("--port", "70000", "."), "no pictures"),

@@ -108,6 +108,9 @@ def test_exposure(exposure, level):
     assert check_exposure(fixed, exposure).level == OK and "5 ms" in check_exposure(fixed, exposure).says
     finding = check_exposure(CONFIG.camera, exposure)           # 20 images/s: 50 ms from one to the next
     assert finding.level == level and bool(finding.do) == (level != OK)
+    for camera in (fixed, CONFIG.camera):                       # whatever is stated, nothing here can ask
+        finding = check_exposure(replace(camera, device="http://camera.local/stream"), None)
+        assert finding.level == WARNING and "network camera" in finding.says and "v4l2" not in finding.do
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="V4L2 is Linux's")
