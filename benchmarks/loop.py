@@ -3,7 +3,7 @@
     python benchmarks/loop.py [--trials 50]
     python benchmarks/loop.py --lateness [--seconds 20] [--rates 100,200,500] [--loads idle,busy]
                               [--layouts one,three] [--priority 50] [--core N]
-    python benchmarks/loop.py --frames [--seconds 2]
+    python benchmarks/loop.py --frames [--seconds 2] [--buses virtual,slcan,socketcan]
 
 `--lateness`: how late the ticks of `truearc run` come, idle and with all cores busy, in one process and in three.
 `--frames`: how many CAN frames a second each bus brings to the tick without losing one.
@@ -35,11 +35,12 @@ def main() -> None:
     parser.add_argument("--rates", default="100,200,500", help="ticks a second")
     parser.add_argument("--loads", default="idle,busy")
     parser.add_argument("--layouts", default="one,three")
+    parser.add_argument("--buses", default="virtual,slcan,socketcan", help="with --frames")
     parser.add_argument("--priority", default="50", help="as `truearc run` has it")
     parser.add_argument("--core", help="as `truearc run` has it")
     args = parser.parse_args()
     if args.frames:
-        return loop_frames.report(args.seconds or 2.0)
+        return loop_frames.report(args.seconds or 2.0, args.buses.split(","))
     if args.lateness:
         options = ("--priority", args.priority, *(("--core", args.core) if args.core else ()))
         return loop_lateness.report([int(rate) for rate in args.rates.split(",")], args.seconds or 20.0, options,

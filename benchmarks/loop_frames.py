@@ -168,8 +168,8 @@ def sustained(bus: str, seconds: float) -> float:
     return best
 
 
-def report(seconds: float) -> None:
-    """The table."""
+def report(seconds: float, wanted: list[str]) -> None:
+    """The table; wanted: of which buses, by the beginning of their names."""
     limits = wire_limits()
     for kind, (most, none) in limits.items():
         print(f"1 Mbit/s carries {most:.0f} (most stuffing) to {none:.0f} (none) frames/s of 8 bytes, {kind}")
@@ -180,6 +180,8 @@ def report(seconds: float) -> None:
     if Path("/sys/class/net/vcan0").exists():
         buses.append(("socketcan:vcan0", "another process"))
     for bus, where in buses:
+        if not bus.startswith(tuple(wanted)):
+            continue
         rate_hz = sustained(bus, seconds)
         print(f"{bus:20s} {where:24s} {rate_hz:12.0f} {rate_hz / limit:24.2f} x", flush=True)
     if len(buses) < 4:
