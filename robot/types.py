@@ -155,6 +155,8 @@ class Memory(Struct, frozen=True):
     request_t_ns: int = 0                         # a fire request stands since then; 0 = none
     doubt_t_ns: int = 0                           # since then only the model has stood in the way; 0 = not so
     aim: Aim | None = None                        # held from the request until the trial is over
+    # the distance that it is for, None: any; absent only in recordings from before it was there
+    aim_place_m: float | UnsetType | None = None
     steady_t_ns: int = 0                          # wheels and hood have been within tolerance since then; 0 = not so
     feed_t_ns: int = 0                            # feeding since then; 0 = not feeding
     last_shot: Shot | None = None

@@ -121,7 +121,9 @@ def _camera() -> list[Row]:
                 ("reflection on the floor", "reflections", "", 0.0, KEEPS, 1.0, False),
                 ("another place", "elsewhere", "stand at", 0.3, ITSELF, 1.0, False),
                 ("stamps out of order", "old stamps", "", 0.0, KEEPS, 1.0, False),
-                ("stamps to come (driver's clock)", "stamps to come", "", 0.0, KEEPS, 1.0, True))]
+                ("stamps to come (driver's clock)", "stamps to come", "", 0.0, KEEPS, 1.0, True))] + [
+        Row("camera: another place, reached while fire is asked for", "camera", Camera("drives off"), "stand at", 1.5,
+            ITSELF, 5.0, first=True)]
 
 
 def _box() -> list[Row]:

@@ -33,7 +33,7 @@ SAMPLE = "7"                          # stands for whatever a sentence has put i
 # (file, function or None for all of them, what is said around it)
 SOURCES = (
     ("robot/gate/verdict.py", None, "{}"),
-    ("robot/aim.py", "_prescribed", "{}"),
+    ("robot/aim.py", "from_here", "{}"),
     ("robot/rig.py", "_read_bus", "{}"), ("robot/rig.py", "_read_eyes", "{}"), ("robot/rig.py", "_read_box", "{}"),
     ("robot/rig.py", "_stall", "{}"),
     ("robot/eyes.py", "vision_failed", "camera lost: {}"), ("robot/processes/vision.py", "_trouble", "camera lost: {}"),
