@@ -7,6 +7,7 @@ from benchmarks.matrix.row import (
     AXES,
     BEAT_S,
     DEVICES,
+    DISARMS,
     HUGE,
     ITSELF,
     KEEPS,
@@ -128,12 +129,14 @@ def _camera() -> list[Row]:
 
 def _box() -> list[Row]:
     return [
-        Row("button box: pulled out, and in again", "box", Box("unplugged"), "button box lost", STALE_S, real=True),
-        Row("button box: silent for 3 s", "box", Box("silent"), "button box silent", 2.1, lasts_s=3.0),
-        Row("button box: loses its power", "box", Box("no power"), "button box silent", 2.1, lasts_s=2.5),
+        Row("button box: pulled out, and in again", "box", Box("unplugged"), "button box lost", STALE_S, DISARMS,
+            real=True),
+        Row("button box: silent for 3 s", "box", Box("silent"), "button box silent", 2.1, DISARMS, lasts_s=3.0),
+        Row("button box: loses its power", "box", Box("no power"), "button box silent", 2.1, DISARMS, lasts_s=2.5),
         Row("button box: garbage between its lines", "box", Box("garbage"), "lines refused", STALE_S, KEEPS),
-        Row("button box: half lines", "box", Box("half lines"), "lines refused|silent", 2.1, lasts_s=2.5),
-        Row("button box: presses lost", "box", Box("loses presses"), "presses lost", STALE_S, KEEPS),
+        Row("button box: half lines", "box", Box("half lines"), "lines refused|silent", 2.1, DISARMS, lasts_s=2.5),
+        Row("button box: presses lost", "box", Box("loses presses"), "not armed: the button box lost presses", STALE_S,
+            DISARMS),
         Row("button box: every button bounces", "box", Box("bounces"), "", 0.0, KEEPS),
         Row("button box: every line twice", "box", Box("all twice"), "presses told twice", STALE_S, KEEPS),
         Row("fire button stuck", "box", Box("stuck fire"), "", 0.0, KEEPS),
@@ -174,7 +177,7 @@ def _near() -> list[Row]:
         Row("devices' process stopped for 0.6 s (SIGSTOP)", "process", Process("devices", "stop"), "silent for",
             STALE_S),                 # their watchdogs stand still with it
         Row("devices' process killed, started again", "process", Process("devices", "kill"), "silent for|CAN lost",
-            STALE_S, lasts_s=1.0),
+            STALE_S, DISARMS, lasts_s=1.0),
         Row("control process stopped for 0.6 s (SIGSTOP)", "process", Process("control", "stop"), "ticks stood still",
             0.8, REARM),
         Row("control process killed, started again", "process", Process("control", "kill"), "motors idle", 0.25, REARM,

@@ -90,6 +90,7 @@ FACTS: dict[str, Fact] = {
     "encoder: hood": Fact(HELD.hood_deg, numbers(HELD.hood_deg, 4.0)),
     "screw: hood": Fact(HELD.hood_deg, lambda n: HELD.hood_deg + (n - 2048) / 512 + 7e-5),
     "wires": Fact((), among(("CAN lost: bus off",), ("button box silent",))),
+    "presses": Fact("", among("lost presses", "has restarted")),
     "armed": Fact(True, among(False)),
     "homed": Fact(True, among(False)),
     "unmarked shot": Fact(False, among(True)),
@@ -153,7 +154,7 @@ def may_fire(facts: Facts) -> bool:
 
 def _crew(facts: Facts) -> bool:
     marked = not facts["unmarked shot"] and facts["ball on its way"] == NEVER
-    return facts["armed"] and facts["homed"] and facts["asked"] and marked
+    return facts["armed"] and facts["homed"] and facts["asked"] and marked and not facts["presses"]
 
 
 def _known(age_ns: Any, most_s: float) -> bool:
@@ -239,7 +240,7 @@ def build(facts: Facts) -> tuple[Inputs, Memory, Config, Gate | None]:
     left, right, screw, feeder = (_reading(facts, name) for name in MOTORS)
     presses = tuple(ButtonEvent(NOW_NS, seq, button) for seq, button in enumerate(facts["pressed"]))
     inputs = Inputs(NOW_NS, 2000, (left, right), screw, feeder, angle if facts["encoder: there"] else None, None,
-                    presses, facts["wires"])
+                    presses, facts["wires"], missed=facts["presses"])
     box = facts["model: box"]
     gate = Gate(Model(facts), ((box[0], box[1]), (box[2], box[3]), (box[4], box[5])), "", {})
     return inputs, _memory(facts), _config(facts), gate if facts["model: there"] else None
