@@ -1,5 +1,6 @@
 """The catalogue: what is broken, what is to come of it, how soon, and what it takes to fire again."""
 
+import math
 import struct
 
 from benchmarks.matrix.breaking import Box, Camera, Device, Disk, Inside, Model, Process, Start, Time, Wire
@@ -16,7 +17,9 @@ from benchmarks.matrix.row import (
     REFUSED,
     SEEN_S,
     STALE_S,
+    TURNS_AT,
     Row,
+    tell_wanted,
 )
 from benchmarks.matrix.spark_rows import SPARK_ROWS
 
@@ -54,6 +57,8 @@ def _frames() -> list[Row]:
                  Device("flywheel_a", "stuck", estimates["flywheel_a"]), "position stands still", STALE_S),
              Row("flywheel motor 2: encoder stuck", "stuck",
                  Device("flywheel_b", "stuck", estimates["flywheel_b"]), "position stands still", STALE_S),
+             Row("both flywheel motors: say the speed that is wanted, and turn at another", "contradiction",
+                 tell_wanted("Get_Encoder_Estimates", 4, math.tau), TURNS_AT, 1.0, lasts_s=2.0, first=True),
              Row("hood encoder stuck, hood does not move", "stuck", Device("hood_encoder", "stuck"), "", 0.0, KEEPS),
              Row("flywheel motor 1: frames under another id", "wrong id", Device("flywheel_a", "moved", by=0x120),
                  "flywheel motor 1 silent for", STALE_S),

@@ -128,6 +128,8 @@ DEVICES = (
           "{motor}: SPARK {id} does not drive", "at its limit switch? is a competition controller on the bus?"),
     Words("{motor}: {whose} says {speed} rad/s, but its position stands still: encoder stuck?", FAULT,
           "{motor}: its encoder is stuck at {speed} rad/s", "look at that encoder's plug and magnet"),
+    Words("{motor}: {whose} says {speed} rad/s, but its position turns at {other}: encoder or firmware?", FAULT,
+          "{motor}: says {speed} rad/s and turns at {other}", "look at that encoder, and at its controller's settings"),
     Words("{motor}: {errors}", FAULT, "{motor}: its controller reports {errors}",
           "press ARM twice (off, on); if it comes back: look at that motor"),
     Words("hood encoder cannot see its magnet", FAULT, "Hood encoder cannot see its magnet",

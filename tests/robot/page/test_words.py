@@ -39,7 +39,7 @@ SOURCES = (
     ("robot/eyes.py", "vision_failed", "camera lost: {}"), ("robot/processes/vision.py", "_trouble", "camera lost: {}"),
     ("robot/recording/keeper.py", "trouble", "not recording: {}"),
     ("robot/processes/far_keeper.py", "trouble", "not recording: {}"),
-    ("hw/stillness.py", "fault", "hood motor: {}"),
+    ("hw/agreement.py", "fault", "hood motor: {}"),
     ("robot/recording/appender.py", "flush", "not recording: {}"),
     ("robot/identify/tick.py", "say", "{}"),
     ("robot/identify/tick.py", "_trespasses", "identify: {}"), ("robot/identify/tick.py", "_hood", "identify: {}"),
