@@ -2,10 +2,10 @@
 
 from collections.abc import Callable
 
+from hw.agreement import Agreement
 from hw.link import Frame
 from hw.motor import Order
 from hw.reading import MotorReading
-from hw.stillness import Stillness
 
 Parse = Callable[[Frame, MotorReading], MotorReading]
 
@@ -20,17 +20,17 @@ class AdvisoryMotor:
         self.reading = MotorReading()
         self._ids = tuple((frame_id, is_extended) for frame_id in frame_ids)
         self._parse = parse
-        self._stillness = Stillness()
+        self._agreement = Agreement()
 
     def ids(self) -> tuple[tuple[int, bool], ...]:
         return self._ids
 
     def take(self, frame: Frame) -> None:
         before, self.reading = self.reading, self._parse(frame, self.reading)
-        self._stillness.take(before, self.reading)
+        self._agreement.take(before, self.reading)
 
     def faults(self, t_ns: int) -> tuple[str, ...]:
-        stuck = self._stillness.fault("its controller", self.reading)
+        stuck = self._agreement.fault("its controller", self.reading)
         return (stuck,) if stuck else ()
 
     def order(self, torque_nm: float | None, t_ns: int) -> Order:

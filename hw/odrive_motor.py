@@ -1,10 +1,10 @@
 """An ODrive axis as a Motor: kept in closed loop while it is wanted, its watchdog fed."""
 
 from hw import odrive
+from hw.agreement import Agreement
 from hw.link import Frame
 from hw.motor import Order
 from hw.reading import MotorReading
-from hw.stillness import Stillness
 
 RETRY_NS = 100_000_000                # how often an axis that will not come up is asked again
 ENDSTOP_NS = 50_000_000               # how often the limit switch is read
@@ -20,17 +20,17 @@ class OdriveMotor:
         self._wanted = False
         self._asked_ns = self._endstop_ns = self._fed_ns = 0
         self._asked_nm = 0.0
-        self._stillness = Stillness()
+        self._agreement = Agreement()
 
     def ids(self) -> tuple[tuple[int, bool], ...]:
         return tuple((frame_id, False) for frame_id in odrive.frame_ids(self._axis))
 
     def take(self, frame: Frame) -> None:
         before, self.reading = self.reading, odrive.parse(self._axis, frame, self.reading)
-        self._stillness.take(before, self.reading)
+        self._agreement.take(before, self.reading)
 
     def faults(self, t_ns: int) -> tuple[str, ...]:
-        fault = self._stillness.fault(f"odrive node {self._axis.node}", self.reading)
+        fault = self._agreement.fault(f"odrive node {self._axis.node}", self.reading)
         return (fault,) if fault else ()
 
     def order(self, torque_nm: float | None, t_ns: int) -> Order:

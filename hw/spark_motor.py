@@ -3,11 +3,11 @@
 from msgspec.structs import replace
 
 from hw import spark
+from hw.agreement import Agreement
 from hw.dc_motor import DcMotor, duty_for, torque_of
 from hw.link import BadFrame, Frame
 from hw.motor import Order
 from hw.reading import MotorReading
-from hw.stillness import Stillness
 
 MS = 1_000_000
 RETRY_NS = 100 * MS                   # how often a question without an answer is asked again
@@ -58,7 +58,7 @@ class SparkMotor:
             ("STATUS_0", self._take_status_0), ("STATUS_1", self._take_reading), ("STATUS_2", self._take_reading),
             ("GET_FIRMWARE_VERSION", self._take_version), ("SET_STATUSES_ENABLED_RESPONSE", self._take_statuses),
             ("PARAMETER_WRITE_RESPONSE", self._take_setting))}
-        self._stillness = Stillness()
+        self._agreement = Agreement()
         self._version: spark.Version | None = None
         self._statuses_on = False
         self._statuses_ns = 0                     # since then STATUS_2 has had a chance to come
@@ -83,7 +83,7 @@ class SparkMotor:
     def faults(self, t_ns: int) -> tuple[str, ...]:
         if fault := self._setup_fault() or self._driving_fault(t_ns):
             return (f"spark {self._axis.device} {fault}",)
-        stuck = self._stillness.fault(f"spark {self._axis.device}", self.reading)
+        stuck = self._agreement.fault(f"spark {self._axis.device}", self.reading)
         return (stuck,) if stuck else ()
 
     def order(self, torque_nm: float | None, t_ns: int) -> Order:
@@ -102,7 +102,7 @@ class SparkMotor:
 
     def _take_reading(self, frame: Frame) -> None:
         before, self.reading = self.reading, spark.parse(self._axis, frame, self.reading)
-        self._stillness.take(before, self.reading)
+        self._agreement.take(before, self.reading)
 
     def _take_status_0(self, frame: Frame) -> None:
         self._take_reading(frame)

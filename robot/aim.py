@@ -7,7 +7,9 @@ distance and elevation): what a crew does by hand when it walks shots in. Where 
 
 import math
 
-from robot.config import Collect, Config
+from msgspec import UNSET, UnsetType
+
+from robot.config import Collect, Config, Prescribed
 from robot.facts import Target
 from robot.types import Aim, Estimate, Memory, Shot
 
@@ -16,7 +18,7 @@ FEASIBLE_DEG = 12.0                   # launch at least this much above the line
 WALK_CENTRE_M, WALK_CENTRE_DEG = 5.0, 45.0    # where the walk's slope terms vanish
 WALK_SPAN_M, WALK_SPAN_DEG = 2.0, 8.0          # ... and their scale: about the spread of the trials
 EXPLAINED = 0.25                      # a trim of this share of the spread explains a mark on its own side
-PLACE_M = 0.3                         # a prescribed shot is fired from no further than this from its place
+PLACE_M = 0.3                         # a shot of the plan is fired from no further than this from its place
 Walk = tuple[float, float, float]
 IDLE = Aim(motor_ratio=0.0, hood_deg=0.0, source="idle")
 
@@ -63,14 +65,35 @@ def aim(estimate: Estimate, memory: Memory, config: Config) -> Aim:
     return Aim(motor_ratio=min(max(ratio, 0.0), 1.0), hood_deg=hood_deg, source="plan")
 
 
+def place_m(distance_m: float | None, memory: Memory, config: Config) -> float | None:
+    """The distance that the current trial's aim, made at `distance_m`, is for.
+
+    None where a model is asked of every shot: it rates the distance of the tick, wherever the aim was made.
+    """
+    row = _row(memory.trial, config.collect)
+    if row is not None:
+        return row.distance_m
+    return distance_m if config.gate.policy == "collect" else None
+
+
+def from_here(held: Aim, place_m: float | UnsetType | None, distance_m: float | None) -> Aim:
+    """An aim that is held, for a robot that may have moved since: away from its place it is no aim to fire with."""
+    if place_m is None or place_m is UNSET or distance_m is None or abs(distance_m - place_m) <= PLACE_M:
+        return held
+    return Aim(held.motor_ratio, held.hood_deg, f"stand at {place_m:.2f} m")
+
+
 def _prescribed(distance_m: float, trial: int, collect: Collect) -> Aim:
-    """The set points of the list; while the robot stands elsewhere they are made ready, but are no aim to fire with."""
-    index = trial // collect.repeats
-    if index >= len(collect.prescribed):
+    """The set points of the list, made ready from wherever the robot stands."""
+    row = _row(trial, collect)
+    if row is None:
         return IDLE
-    row = collect.prescribed[index]
-    there = abs(distance_m - row.distance_m) <= PLACE_M
-    return Aim(row.motor_ratio, row.hood_deg, "plan" if there else f"stand at {row.distance_m:.2f} m")
+    return from_here(Aim(row.motor_ratio, row.hood_deg, "plan"), row.distance_m, distance_m)
+
+
+def _row(trial: int, collect: Collect) -> Prescribed | None:
+    index = trial // collect.repeats
+    return collect.prescribed[index] if index < len(collect.prescribed) else None
 
 
 def surface_m_s(config: Config) -> float:

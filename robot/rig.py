@@ -40,6 +40,8 @@ class HardwareRig:
         self._pending = b""
         self._heard_box_ns = 0
         self._presses = PressCount()
+        self._missed = ""
+        self._garbled = False         # a press may have been in what was not understood: its next number will tell
         self._cycle = 0
         self._due_ns = clock.now_ns()
         self.late_ns = 0              # how long after its turn the newest tick came
@@ -74,7 +76,7 @@ class HardwareRig:
         self._cycle += 1
         *flywheels, hood, feeder = (motor.reading for motor in self._motors)
         return Inputs(t_ns, self._cycle, tuple(flywheels), hood, feeder, self._angle, sighting, tuple(buttons),
-                      tuple(self._faults), self._frames, self._unseen)
+                      tuple(self._faults), self._frames, self._unseen, self._missed)
 
     def write(self, command: Command) -> Sent:
         """Send what each motor needs to do as asked; says what really went out."""
@@ -143,15 +145,18 @@ class HardwareRig:
                 self._faults.append(f"bad frame: {error}")
 
     def _read_box(self, t_ns: int) -> list[ButtonEvent]:
+        self._missed = ""
         try:
             events, self._pending, faults = parse_lines(self._pending, self._box.read(), t_ns)
         except LinkLost as error:
-            self._pending = b""       # half a line that was on its way when the plug was pulled
+            self._pending, self._garbled = b"", True      # half a line was on its way when the plug was pulled
             self._faults.append(f"button box lost: {error}")
             return []
         if events:
             self._heard_box_ns = t_ns
-        presses, miscounted = self._presses.take(events)
+        presses, miscounted, self._missed = self._presses.take(events)
+        self._garbled = bool(faults) or (self._garbled and not events)
+        faults += ["a press may have got lost"] if self._garbled and not faults else []
         self._faults += [f"button box: {fault}" for fault in (*faults, *miscounted)]
         if t_ns - self._heard_box_ns > BOX_SILENT_NS:
             self._faults.append("button box silent: outcomes cannot be marked")

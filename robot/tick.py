@@ -3,7 +3,7 @@
 from msgspec.structs import replace
 
 from robot.aim import aim as aim_at
-from robot.aim import config_id
+from robot.aim import config_id, from_here, place_m
 from robot.config import Config
 from robot.control import control
 from robot.estimate import estimate, remember
@@ -32,13 +32,14 @@ def step(inputs: Inputs, memory: Memory, config: Config, gate: Gate | None) -> T
 
 
 def _hold_aim(belief: Estimate, memory: Memory, config: Config) -> tuple[Aim, Memory]:
-    # From the request on the aim stands still: a set point that follows every noisy sighting never settles.
+    # From the request on the set points stand still: what follows every noisy sighting never settles. Whether they are
+    # for where the robot stands is asked in every tick.
     if memory.aim is not None:
-        return memory.aim, memory
+        return from_here(memory.aim, memory.aim_place_m, belief.distance_m), memory
     aim = aim_at(belief, memory, config)
     fresh = belief.sighting_s is not None and 0.0 <= belief.sighting_s <= config.gate.sighting_age_s
     if memory.request_t_ns and aim.source == "plan" and fresh:
-        memory = replace(memory, aim=aim)
+        memory = replace(memory, aim=aim, aim_place_m=place_m(belief.distance_m, memory, config))
     return aim, memory
 
 

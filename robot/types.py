@@ -28,7 +28,7 @@ class Sighting(Struct, frozen=True):
 class Inputs(Struct, frozen=True, omit_defaults=True):
     """All that the tick may know about the outside; a replay needs nothing else.
 
-    `frames` and `unseen` have defaults, so that recordings from before they were there still say what they said.
+    What follows `faults` has defaults, so that recordings from before they were there still say what they said.
     """
 
     t_ns: int
@@ -42,6 +42,7 @@ class Inputs(Struct, frozen=True, omit_defaults=True):
     faults: tuple[str, ...]                       # wires lost, frames refused, in words
     frames: int = 0                               # CAN frames received since the last tick: its lines of can0.log
     unseen: str = ""                              # why the newest image shows no target, in words; "" where it does
+    missed: str = ""                              # what the button box did that presses may be lost by, in words
 
 
 class Estimate(Struct, frozen=True):
@@ -155,12 +156,15 @@ class Memory(Struct, frozen=True):
     request_t_ns: int = 0                         # a fire request stands since then; 0 = none
     doubt_t_ns: int = 0                           # since then only the model has stood in the way; 0 = not so
     aim: Aim | None = None                        # held from the request until the trial is over
+    # the distance that it is for, None: any; absent only in recordings from before it was there
+    aim_place_m: float | UnsetType | None = None
     steady_t_ns: int = 0                          # wheels and hood have been within tolerance since then; 0 = not so
     feed_t_ns: int = 0                            # feeding since then; 0 = not feeding
     last_shot: Shot | None = None
     awaiting: bool = False                        # the last shot has no outcome yet
     walk: tuple[float, float, float] = (0.0, 0.0, 0.0)    # log speed correction learnt from the driver's marks
     last_sighting: Sighting | None = None         # newest with a target in it
+    disarmed: str | UnsetType = UNSET             # what the button box did that disarmed it; absent where it did not
     identify: Progress | UnsetType = UNSET        # only while identifying, so that other recordings know nothing of it
 
 

@@ -76,7 +76,11 @@ class BrokenBox:
         elif what == "stuck arm" and self._stuck % 2:
             self._box.press("arm")                # the driver sees that the robot is disarmed
         elif what == "no power":
-            self._box = ButtonBox(self._cable)
+            self.restart()
+
+    def restart(self) -> None:
+        """Count from the start again."""
+        self._box = ButtonBox(self._cable)
 
     def close(self) -> None:
         self._box.unplug()

@@ -15,6 +15,13 @@ class Device(Struct, frozen=True):
     by: int = 0
 
 
+class Both(Struct, frozen=True):
+    """Something is wrong with the frames of two devices."""
+
+    one: Device
+    other: Device
+
+
 class Inside(Struct, frozen=True):
     """Something happens inside a device: "error", "idle", "magnet", "settings lost"; in a SPARK, what
     benchmarks.matrix.spark_troubles has."""
@@ -72,4 +79,4 @@ class Start(Struct, frozen=True):
     what: str
 
 
-Breaking = Device | Inside | Wire | Box | Camera | Disk | Model | Time | Process | Start
+Breaking = Device | Both | Inside | Wire | Box | Camera | Disk | Model | Time | Process | Start

@@ -8,7 +8,7 @@ import msgspec
 
 from benchmarks.matrix.ages import frame_id
 from benchmarks.matrix.box import BrokenBox
-from benchmarks.matrix.breaking import Box, Device, Inside, Wire
+from benchmarks.matrix.breaking import Both, Box, Device, Inside, Wire
 from benchmarks.matrix.far_wire import FarWire
 from benchmarks.matrix.plant import AdvisedPlant, Ball, SmallPlant
 from benchmarks.matrix.row import Row
@@ -169,6 +169,9 @@ class FarSide:
         match self._breaking:
             case Device():
                 self._node(self._breaking.name).suffer(self._fault(self._breaking, t_ns))
+            case Both(one=one, other=other):
+                for breaking in (one, other):
+                    self._node(breaking.name).suffer(self._fault(breaking, t_ns))
             case Inside(name=name, what=what):
                 node = self._node(name).node
                 if isinstance(node, SparkNode):

@@ -16,7 +16,7 @@ from benchmarks.matrix.launchers import with_launcher
 from benchmarks.matrix.models import AnswersAgain
 from benchmarks.matrix.play import AIM, ends_robot, make_config
 from benchmarks.matrix.robot_side import RobotSide
-from benchmarks.matrix.row import ITSELF, KEEPS, REARM, REFUSED, Row
+from benchmarks.matrix.row import DISARMS, ITSELF, KEEPS, REARM, REFUSED, Row
 from benchmarks.matrix.span import Span
 from robot.config import BadInput, Config
 from robot.recording.candump import parse_candump
@@ -94,7 +94,7 @@ def _judge_fault(row: Row, result: Result, ticks: list[Tick], span: Span, seen: 
         _find_reason(row, result, ticks, begin_ns)
     within_ns = begin_ns + round(result.bound_s * 1e9)
     during = [t_ns for t_ns in fires_ns if begin_ns < t_ns < end_ns]
-    if row.after in (ITSELF, REARM):
+    if row.after in (ITSELF, REARM, DISARMS):
         result.outcome = result.outcome or "HOLD"
         if result.hold_s is None or result.hold_s > result.bound_s:
             result.wrong.append(f"no HOLD with its reason within {result.bound_s:.2f} s")
@@ -123,7 +123,7 @@ def _judge_recovery(result: Result, ticks: list[Tick], span: Span) -> None:
     if not span.end_ns:
         result.wrong.append("the fault never ended")
         return
-    if result.after == REARM:
+    if result.after in (REARM, DISARMS):
         grace_ns = 5_000_000 if result.bound_s else 0
         early = [t_ns for t_ns in fires_ns if span.end_ns + grace_ns < t_ns < span.rearm_ns]
         if early:

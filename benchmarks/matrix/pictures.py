@@ -19,6 +19,7 @@ from robot.config import Config
 
 LENS_M = 4.2                          # from lens to target: 4.0 m from the ball's exit
 NEAR_M = 2.5
+ASKED = 12                            # pictures from its place until the robot "drives off": by then fire was pressed
 DRAWN = 5                             # pictures of each scene, shown in turn
 SECOND_GOAL_SEED = 33                 # of those that vision takes for another target
 SLOW_NS = 500_000_000
@@ -49,9 +50,11 @@ class Scenery:
 
     def __init__(self, config: Config, what: str, stands: Callable[[], bool]) -> None:
         self._config, self._what, self._stands = config, what, stands
-        self._count = 0
+        self._count = self._in_trouble = 0
         self._kept: Image | None = None
         draw("target", config)
+        if what == "drives off":
+            draw("elsewhere", config)
         if what in ("black", "saturated", "two targets", "reflections", "elsewhere"):
             draw(what, config)
 
@@ -65,6 +68,9 @@ class Scenery:
         if trouble == "frozen" and self._kept is not None:
             return self._kept
         self._count += 1
+        self._in_trouble += bool(trouble)
+        if trouble == "drives off":
+            trouble = "elsewhere" if self._in_trouble > ASKED else ""
         plain = trouble in ("", "frozen", "hangs", "unplugged", "slow", "old stamps", "stamps to come", "1 a second")
         images = draw("target" if plain else trouble, self._config)
         self._kept = images[self._count % DRAWN]

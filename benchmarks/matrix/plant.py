@@ -42,7 +42,7 @@ class SmallPlant:
         self._t_ns = 0
         self._belt_rad = self._belt_rad_s = 0.0
         self._screw_rad = START_DEG / 0.2
-        self._feeder_rad = 0.0
+        self._feeder_rad = self._screw_rad_s = self._feeder_rad_s = 0.0
         self._torque_nm = dict.fromkeys(self.motors, 0.0)
 
     def advance(self, t_ns: int, torque_nm: Mapping[str, float]) -> None:
@@ -58,7 +58,8 @@ class SmallPlant:
 
     def motor(self, name: str) -> MotorTruth:
         torque_nm = self._torque_nm[name]
-        position_rad, velocity_rad_s = {"hood": (self._screw_rad, 0.0), "feeder": (self._feeder_rad, 0.0)}.get(
+        position_rad, velocity_rad_s = {"hood": (self._screw_rad, self._screw_rad_s),
+                                        "feeder": (self._feeder_rad, self._feeder_rad_s)}.get(
             name, (self._belt_rad, self._belt_rad_s))
         return MotorTruth(position_rad, velocity_rad_s, torque_nm, torque_nm / TORQUE_NM_A)
 
@@ -86,8 +87,10 @@ class SmallPlant:
         self._belt_rad += self._belt_rad_s * step_s
         hood_nm = torque_nm["hood"]
         free_nm = math.copysign(max(abs(hood_nm) - self._config.hood.friction_nm, 0.0), hood_nm)
-        self._screw_rad = max(self._screw_rad + free_nm / self._screw_nm_s * step_s, 0.0)
-        self._feeder_rad += torque_nm["feeder"] * 100.0 * step_s
+        screw_rad = max(self._screw_rad + free_nm / self._screw_nm_s * step_s, 0.0)
+        self._screw_rad, self._screw_rad_s = screw_rad, (screw_rad - self._screw_rad) / step_s
+        self._feeder_rad_s = torque_nm["feeder"] * 100.0
+        self._feeder_rad += self._feeder_rad_s * step_s
 
 
 class AdvisedPlant(SmallPlant):

@@ -25,7 +25,7 @@ from benchmarks.matrix.hurry import hurry, in_a_hurry
 from benchmarks.matrix.launchers import with_launcher
 from benchmarks.matrix.models import write_model
 from benchmarks.matrix.robot_side import run_robot
-from benchmarks.matrix.row import REARM, Row
+from benchmarks.matrix.row import DISARMS, REARM, Row
 from benchmarks.matrix.span import Span
 from doors.far_end import keep_time
 from hw.emulated.clock import StepClock
@@ -55,9 +55,10 @@ class Place(NamedTuple):
 
     @property
     def arms(self) -> int:
-        if self.row.after != REARM:
+        if self.row.after not in (REARM, DISARMS):
             return 0
-        return 1 if ends_robot(self.row.breaking) else 2      # a robot that starts anew is not armed
+        # a robot that starts anew is not armed
+        return 1 if self.row.after == DISARMS or ends_robot(self.row.breaking) else 2
 
 
 def ends_robot(breaking: Breaking) -> bool:
@@ -127,6 +128,7 @@ class _SteppedWorld:
             self._span.end(t_ns)
             if breaking.signal == "kill":
                 self._far.save(self._place.folder / "devices-killed.json")
+                self.box.restart()
                 self._far = self._make()
                 self._stood_ns = t_ns
         self._at_ns = t_ns

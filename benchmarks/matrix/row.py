@@ -5,10 +5,11 @@ import struct
 
 from msgspec import Struct
 
-from benchmarks.matrix.breaking import Breaking
+from benchmarks.matrix.breaking import Both, Breaking, Device
 
 ITSELF = "by itself"                  # fires again when the fault is over
 REARM = "arm again"                   # fires again when the driver has armed anew, and not before
+DISARMS = "disarmed: arm"             # what happened has disarmed it; fires again when the driver has armed
 KEEPS = "keeps firing"                # there is nothing to recover from
 REFUSED = "does not start"            # truearc run ends with exit code 2
 
@@ -19,6 +20,8 @@ DEVICES = {"flywheel_a": "flywheel motor 1", "flywheel_b": "flywheel motor 2", "
            "feeder": "feeder motor", "hood_encoder": "hood encoder"}
 AXES = tuple(DEVICES)[:4]
 NAN, HUGE = struct.pack("<f", math.nan), struct.pack("<f", 1e20)
+TURNS_AT = "flywheel motor 1: .* but its position turns at"
+WANTED_RAD_S = 0.3 * 594.0            # what the robot is asked to fire with
 
 
 class Row(Struct, frozen=True):
@@ -37,3 +40,12 @@ class Row(Struct, frozen=True):
     buses: tuple[str, ...] = ("virtual", "slcan", "socketcan")
     first: bool = False
     launcher: str = "odrive"
+
+
+def tell_wanted(message: str, at: int, unit_rad_s: float) -> Both:
+    """Both flywheel motors say from the start that they turn as is wanted, so that nothing spins them up; the second
+    one is mounted the other way round."""
+    speeds = (struct.pack("<f", sign * WANTED_RAD_S / unit_rad_s) for sign in (1.0, -1.0))
+    one, other = (Device(name, "overwritten", message, at=at, data=speed)
+                  for name, speed in zip(("flywheel_a", "flywheel_b"), speeds, strict=True))
+    return Both(one, other)

@@ -1,5 +1,6 @@
 """The catalogue: what is broken, what is to come of it, how soon, and what it takes to fire again."""
 
+import math
 import struct
 
 from benchmarks.matrix.breaking import Box, Camera, Device, Disk, Inside, Model, Process, Start, Time, Wire
@@ -7,6 +8,7 @@ from benchmarks.matrix.row import (
     AXES,
     BEAT_S,
     DEVICES,
+    DISARMS,
     HUGE,
     ITSELF,
     KEEPS,
@@ -15,7 +17,9 @@ from benchmarks.matrix.row import (
     REFUSED,
     SEEN_S,
     STALE_S,
+    TURNS_AT,
     Row,
+    tell_wanted,
 )
 from benchmarks.matrix.spark_rows import SPARK_ROWS
 
@@ -55,6 +59,8 @@ def _frames() -> list[Row]:
                  Device("flywheel_a", "stuck", estimates["flywheel_a"]), "position stands still", STALE_S),
              Row("flywheel motor 2: encoder stuck", "stuck",
                  Device("flywheel_b", "stuck", estimates["flywheel_b"]), "position stands still", STALE_S),
+             Row("both flywheel motors: say the speed that is wanted, and turn at another", "contradiction",
+                 tell_wanted("Get_Encoder_Estimates", 4, math.tau), TURNS_AT, 1.0, lasts_s=2.0, first=True),
              Row("hood encoder stuck, hood does not move", "stuck", Device("hood_encoder", "stuck"), "", 0.0, KEEPS),
              Row("flywheel motor 1: frames under another id", "wrong id", Device("flywheel_a", "moved", by=0x120),
                  "flywheel motor 1 silent for", STALE_S),
@@ -123,17 +129,21 @@ def _camera() -> list[Row]:
                 ("reflection on the floor", "reflections", "", 0.0, KEEPS, 1.0, False),
                 ("another place", "elsewhere", "stand at", 0.3, ITSELF, 1.0, False),
                 ("stamps out of order", "old stamps", "", 0.0, KEEPS, 1.0, False),
-                ("stamps to come (driver's clock)", "stamps to come", "", 0.0, KEEPS, 1.0, True))]
+                ("stamps to come (driver's clock)", "stamps to come", "", 0.0, KEEPS, 1.0, True))] + [
+        Row("camera: another place, reached while fire is asked for", "camera", Camera("drives off"), "stand at", 1.5,
+            ITSELF, 5.0, first=True)]
 
 
 def _box() -> list[Row]:
     return [
-        Row("button box: pulled out, and in again", "box", Box("unplugged"), "button box lost", STALE_S, real=True),
-        Row("button box: silent for 3 s", "box", Box("silent"), "button box silent", 2.1, lasts_s=3.0),
-        Row("button box: loses its power", "box", Box("no power"), "button box silent", 2.1, lasts_s=2.5),
+        Row("button box: pulled out, and in again", "box", Box("unplugged"), "button box lost", STALE_S, DISARMS,
+            real=True),
+        Row("button box: silent for 3 s", "box", Box("silent"), "button box silent", 2.1, DISARMS, lasts_s=3.0),
+        Row("button box: loses its power", "box", Box("no power"), "button box silent", 2.1, DISARMS, lasts_s=2.5),
         Row("button box: garbage between its lines", "box", Box("garbage"), "lines refused", STALE_S, KEEPS),
-        Row("button box: half lines", "box", Box("half lines"), "lines refused|silent", 2.1, lasts_s=2.5),
-        Row("button box: presses lost", "box", Box("loses presses"), "presses lost", STALE_S, KEEPS),
+        Row("button box: half lines", "box", Box("half lines"), "lines refused|silent", 2.1, DISARMS, lasts_s=2.5),
+        Row("button box: presses lost", "box", Box("loses presses"), "not armed: the button box lost presses", STALE_S,
+            DISARMS),
         Row("button box: every button bounces", "box", Box("bounces"), "", 0.0, KEEPS),
         Row("button box: every line twice", "box", Box("all twice"), "presses told twice", STALE_S, KEEPS),
         Row("fire button stuck", "box", Box("stuck fire"), "", 0.0, KEEPS),
@@ -174,7 +184,7 @@ def _near() -> list[Row]:
         Row("devices' process stopped for 0.6 s (SIGSTOP)", "process", Process("devices", "stop"), "silent for",
             STALE_S),                 # their watchdogs stand still with it
         Row("devices' process killed, started again", "process", Process("devices", "kill"), "silent for|CAN lost",
-            STALE_S, lasts_s=1.0),
+            STALE_S, DISARMS, lasts_s=1.0),
         Row("control process stopped for 0.6 s (SIGSTOP)", "process", Process("control", "stop"), "ticks stood still",
             0.8, REARM),
         Row("control process killed, started again", "process", Process("control", "kill"), "motors idle", 0.25, REARM,

@@ -1,7 +1,9 @@
 """The catalogue for launchers with SPARKs: its own, and one that another controller drives (driver "advisory")."""
 
+import math
+
 from benchmarks.matrix.breaking import Device, Inside, Process, Wire
-from benchmarks.matrix.row import BEAT_S, DEVICES, HUGE, ITSELF, KEEPS, NAN, REARM, STALE_S, Row
+from benchmarks.matrix.row import BEAT_S, DEVICES, HUGE, ITSELF, KEEPS, NAN, REARM, STALE_S, TURNS_AT, Row, tell_wanted
 
 FAULTS_S = 1.15                       # what a SPARK says of its faults may be 1 s old
 TOLD_S = 0.4                          # STATUS_1 comes every 0.25 s
@@ -31,6 +33,10 @@ def _frames(launcher: str, names: tuple[str, ...]) -> list[Row]:
                       "silent for", STALE_S),
                  _row(launcher, name, "encoder stuck", "stuck", Device(name, "stuck", "STATUS_2"),
                       "position stands still", STALE_S)]
+    whose = "SPARKs" if launcher == "spark" else "advice only"
+    rows.append(Row(f"{whose}, both flywheel motors: say the speed that is wanted, and turn at another",
+                    "contradiction", tell_wanted("STATUS_2", 0, math.tau / 60.0), TURNS_AT, 1.0, lasts_s=2.0,
+                    first=True, launcher=launcher))
     return rows
 
 

@@ -38,7 +38,7 @@ def only_the_model_doubts(verdict: Verdict, doubt_prefix: str = "model: ") -> bo
 def _operator(memory: Memory) -> list[str]:
     reasons = []
     if not memory.armed:
-        reasons.append("not armed")
+        reasons.append("not armed" if memory.disarmed is UNSET else f"not armed: the button box {memory.disarmed}")
     if memory.awaiting:
         reasons.append("mark the last shot first")
     elif memory.feed_t_ns:

@@ -55,6 +55,9 @@ def say(progress: Progress, program: tuple[Phase, ...]) -> str:
 
 
 def _operate(inputs: Inputs, memory: Memory, progress: Progress) -> tuple[Memory, Progress]:
+    if inputs.missed:                 # any button lets go, so that a press that got lost does, too
+        begun = bool(progress.since_t_ns) and not progress.over
+        return memory, replace(progress, over=f"released, as the button box {inputs.missed}") if begun else progress
     for event in inputs.buttons:
         if progress.over:
             break

@@ -4,10 +4,10 @@ import struct
 
 import pytest
 
+from hw.agreement import MOVING_RAD_S
 from hw.link import Frame
 from hw.odrive import Axis
 from hw.odrive_motor import OdriveMotor
-from hw.stillness import MOVING_RAD_S
 
 MS = 1_000_000
 FAST_REV_S = 20.0

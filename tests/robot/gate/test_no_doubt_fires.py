@@ -53,6 +53,8 @@ def _after_the_presses(facts: Facts) -> Facts:
             armed, asked = not armed, False
         elif button == "fire":
             asked = asked or (armed and not facts["unmarked shot"] and facts["ball on its way"] == NEVER)
+    if facts["presses"]:                          # one of those that got lost may have disarmed
+        armed = asked = False
     # arming also drops the aim and the time since which all was steady: nothing is fired in the tick that armed
     return {**facts, "armed": armed, "asked": asked and "arm" not in facts["pressed"]}
 

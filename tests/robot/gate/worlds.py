@@ -90,6 +90,7 @@ FACTS: dict[str, Fact] = {
     "encoder: hood": Fact(HELD.hood_deg, numbers(HELD.hood_deg, 4.0)),
     "screw: hood": Fact(HELD.hood_deg, lambda n: HELD.hood_deg + (n - 2048) / 512 + 7e-5),
     "wires": Fact((), among(("CAN lost: bus off",), ("button box silent",))),
+    "presses": Fact("", among("lost presses", "has restarted")),
     "armed": Fact(True, among(False)),
     "homed": Fact(True, among(False)),
     "unmarked shot": Fact(False, among(True)),
@@ -99,6 +100,8 @@ FACTS: dict[str, Fact] = {
     "aim: ratio": Fact(HELD.motor_ratio, numbers(HELD.motor_ratio, 0.02)),
     "aim: hood": Fact(HELD.hood_deg, numbers(HELD.hood_deg, 1.0)),
     "aim: says": Fact("plan", among("idle", "stand at 4.00 m")),
+    # how far away it is for, None: from anywhere
+    "aim: place": Fact(None, lambda n: math.nan if n % 64 == 1 else 5.0 + (n - 2048) / 2048 * 0.6 + 7e-5),
     "target: seen": Fact(True, among(False)),
     "target: age": Fact(50 * MS, ages(300 * MS, exact=False)),
     "target: distance": Fact(5.0, lambda n: None if n % 16 == 1 else numbers(5.0, 18.0)(n)),
@@ -151,7 +154,7 @@ def may_fire(facts: Facts) -> bool:
 
 def _crew(facts: Facts) -> bool:
     marked = not facts["unmarked shot"] and facts["ball on its way"] == NEVER
-    return facts["armed"] and facts["homed"] and facts["asked"] and marked
+    return facts["armed"] and facts["homed"] and facts["asked"] and marked and not facts["presses"]
 
 
 def _known(age_ns: Any, most_s: float) -> bool:
@@ -192,9 +195,10 @@ def _wheels(facts: Facts) -> bool:
 
 def _target(facts: Facts) -> bool:
     distance, sigma = facts["target: distance"], facts["target: sigma"]
+    place = facts["aim: place"]
     return (facts["target: seen"] and distance is not None and sigma is not None and 0.0 <= distance <= 20.0
-            and 0.0 <= sigma < math.inf and facts["target: age"] != NEVER
-            and 0 <= facts["target: age"] <= facts["limit: sighting age"] * 1e9)
+            and (place is None or abs(distance - place) <= 0.3) and 0.0 <= sigma < math.inf
+            and facts["target: age"] != NEVER and 0 <= facts["target: age"] <= facts["limit: sighting age"] * 1e9)
 
 
 def _model(facts: Facts) -> bool:
@@ -236,7 +240,7 @@ def build(facts: Facts) -> tuple[Inputs, Memory, Config, Gate | None]:
     left, right, screw, feeder = (_reading(facts, name) for name in MOTORS)
     presses = tuple(ButtonEvent(NOW_NS, seq, button) for seq, button in enumerate(facts["pressed"]))
     inputs = Inputs(NOW_NS, 2000, (left, right), screw, feeder, angle if facts["encoder: there"] else None, None,
-                    presses, facts["wires"])
+                    presses, facts["wires"], missed=facts["presses"])
     box = facts["model: box"]
     gate = Gate(Model(facts), ((box[0], box[1]), (box[2], box[3]), (box[4], box[5])), "", {})
     return inputs, _memory(facts), _config(facts), gate if facts["model: there"] else None
@@ -268,7 +272,8 @@ def _memory(facts: Facts) -> Memory:
                         facts["target: distance"] + CONFIG.camera.behind_exit_m, facts["target: sigma"], 0.0)
     return Memory(
         armed=facts["armed"], homed=facts["homed"], trial=3, request_t_ns=NOW_NS - 500 * MS if facts["asked"] else 0,
-        aim=Aim(facts["aim: ratio"], facts["aim: hood"], facts["aim: says"]), steady_t_ns=_stamp(facts["steady"]),
+        aim=Aim(facts["aim: ratio"], facts["aim: hood"], facts["aim: says"]), aim_place_m=facts["aim: place"],
+        steady_t_ns=_stamp(facts["steady"]),
         feed_t_ns=_stamp(facts["ball on its way"]), awaiting=facts["unmarked shot"],
         last_sighting=sighting if facts["target: seen"] else None)
 

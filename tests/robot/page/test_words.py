@@ -33,19 +33,19 @@ SAMPLE = "7"                          # stands for whatever a sentence has put i
 # (file, function or None for all of them, what is said around it)
 SOURCES = (
     ("robot/gate/verdict.py", None, "{}"),
-    ("robot/aim.py", "_prescribed", "{}"),
+    ("robot/aim.py", "from_here", "{}"),
     ("robot/rig.py", "_read_bus", "{}"), ("robot/rig.py", "_read_eyes", "{}"), ("robot/rig.py", "_read_box", "{}"),
     ("robot/rig.py", "_stall", "{}"),
     ("robot/eyes.py", "vision_failed", "camera lost: {}"), ("robot/processes/vision.py", "_trouble", "camera lost: {}"),
     ("robot/recording/keeper.py", "trouble", "not recording: {}"),
     ("robot/processes/far_keeper.py", "trouble", "not recording: {}"),
-    ("hw/stillness.py", "fault", "hood motor: {}"),
+    ("hw/agreement.py", "fault", "hood motor: {}"),
     ("robot/recording/appender.py", "flush", "not recording: {}"),
     ("robot/identify/tick.py", "say", "{}"),
     ("robot/identify/tick.py", "_trespasses", "identify: {}"), ("robot/identify/tick.py", "_hood", "identify: {}"),
     ("robot/identify/tick.py", "_overdue", "identify: {}"),
     ("hw/buttons.py", "parse_lines", "button box: {}"),
-    ("hw/press_count.py", "take", "button box: {}"), ("hw/press_count.py", "_gap", "button box: {}"),
+    ("hw/press_count.py", "take", "button box: {}"),
     ("hw/allow.py", "faults", "{}"), ("hw/allow.py", "refuse", "not sent: {}"),
     ("hw/monitor.py", "faults", "{}"), ("hw/monitor.py", "fault", "{}"),
     ("hw/spark_motor.py", "_setup_fault", "hood motor: spark 3 {}"),
@@ -57,7 +57,8 @@ SOURCES = (
 # whose strings are said by one of these around them, when not alone
 AROUND = {("robot/rig.py", "_read_box"): "button box: {}"}
 # what others say; no reasons; parts of one
-NO_SENTENCES = {SAMPLE, f"button box: {SAMPLE}", f"for {SAMPLE} s", "yet", "", "plan", " up", " down", f" ({SAMPLE})"}
+NO_SENTENCES = {SAMPLE, f"button box: {SAMPLE}", f"for {SAMPLE} s", "yet", "", "plan", " up", " down", f" ({SAMPLE})",
+                "lost presses", "has restarted"}
 # files with a `faults` of which there is nothing to be said here: they pass on, or have none
 SILENT = {"hw/link.py", "hw/motor.py", "hw/advisory_motor.py", "hw/odrive_motor.py", "hw/real/can_bus.py",
           "robot/recording/frames.py", "robot/recording/candump.py"}

@@ -1,0 +1,110 @@
+"""A press that got lost may have been the one that disarms: no request outlives it, and nobody stays armed."""
+
+import msgspec
+import pytest
+from msgspec import UNSET
+from msgspec.structs import replace
+
+from hw import buttons
+from hw.reading import ButtonEvent
+from robot.identify.tick import make_step
+from robot.tick import step
+from robot.types import Memory, Progress
+from tests.robot.good_tick import CONFIG, DISTANCE_M, NOW_NS, good_inputs, good_memory
+from tests.robot.test_rig import bench  # noqa: F401 (a fixture)
+
+WHATS = pytest.mark.parametrize("what", ["lost presses", "has restarted"])
+
+
+def pressed(*names):
+    return tuple(ButtonEvent(NOW_NS, seq, name) for seq, name in enumerate(names))
+
+
+def tick(memory, missed="", *names):
+    return step(replace(good_inputs(buttons=pressed(*names)), missed=missed), memory, CONFIG, None)
+
+
+@WHATS
+def test_neither_the_request_nor_the_arming_outlives_it(what):
+    assert tick(good_memory()).verdict.fire
+    at_once = tick(good_memory(), what)
+    later = tick(at_once.memory)
+    for one in (at_once, later):
+        assert one.verdict.reasons[:2] == (f"not armed: the button box {what}", "waiting for the fire button")
+        assert not one.command.enable and not one.memory.armed and not one.memory.request_t_ns
+
+
+@WHATS
+@pytest.mark.parametrize("button", ["arm", "fire", "two"])
+def test_what_is_pressed_in_the_same_tick_does_not_arm(what, button):
+    """It was pressed by somebody who believed that the press before had been heard."""
+    for armed in (True, False):
+        out = tick(replace(good_memory(), armed=armed), what, button)
+        assert not out.memory.armed and not out.memory.request_t_ns and out.memory.disarmed == what
+
+
+def test_a_mark_that_was_heard_counts():
+    shot = replace(tick(good_memory()).shot, distance_m=DISTANCE_M)
+    memory = replace(good_memory(), awaiting=True, last_shot=shot, request_t_ns=0)
+    assert [outcome.outcome for outcome in tick(memory, "lost presses", "three").outcomes] == ["three"]
+
+
+def test_arming_ends_it_and_fire_has_to_be_pressed_again():
+    armed = tick(tick(good_memory(), "has restarted").memory, "", "arm")
+    assert armed.memory.armed and armed.memory.disarmed is UNSET
+    assert "waiting for the fire button" in armed.verdict.reasons
+    asked = tick(replace(armed.memory, steady_t_ns=good_memory().steady_t_ns), "", "fire")
+    assert asked.verdict.fire
+
+
+def test_recordings_from_before_say_what_they_said():
+    assert b"missed" not in msgspec.json.encode(good_inputs())
+    assert b"disarmed" not in msgspec.json.encode(tick(good_memory()).memory)
+    disarmed = step(good_inputs(), replace(good_memory(), armed=False), CONFIG, None)
+    assert disarmed.verdict.reasons[0] == "not armed"
+
+
+@WHATS
+def test_identifying_is_ended_by_it_for_any_press_would_end_it(what):
+    for since_ns, over in ((NOW_NS - 1, f"released, as the button box {what}"), (0, "")):
+        memory = Memory(armed=bool(since_ns), identify=Progress(0, since_ns))
+        out = make_step(CONFIG)(replace(good_inputs(buttons=pressed("arm")), missed=what), memory, CONFIG, None)
+        assert out.memory.identify.over == over and not out.command.enable
+
+
+# --- on the wire
+
+
+def test_what_the_numbers_say_was_missed_is_told_to_the_tick(bench):  # noqa: F811
+    _, box, _, rig = bench
+    told = []
+    for line in (buttons.make_press(6, "fire"), buttons.make_heartbeat(6), buttons.make_heartbeat(7), b"",
+                 buttons.make_press(8, "fire"), buttons.make_heartbeat(0), b""):
+        box.data = line
+        told.append(rig.read().missed)
+    assert told == ["", "", "lost presses", "", "", "has restarted", ""]
+
+
+@pytest.mark.parametrize("then", [buttons.make_heartbeat(6), buttons.make_press(7, "fire")])
+def test_a_press_that_was_not_understood_holds_until_the_next_number_has_told(bench, then):  # noqa: F811
+    _, box, _, rig = bench
+    box.data = buttons.make_press(6, "fire")
+    assert rig.read().faults == ()
+    box.data = buttons.make_press(7, "arm").replace(b"m", b"n")
+    assert "1 lines refused" in rig.read().faults[0]
+    assert [rig.read().faults for _ in range(3)] == [("button box: a press may have got lost",)] * 3
+    box.data = then
+    assert rig.read().faults == ()
+
+
+def test_so_does_a_box_that_was_pulled_out(bench):  # noqa: F811
+    _, box, _, rig = bench
+    box.data = buttons.make_press(6, "fire")
+    rig.read()
+    box.lost = True
+    assert rig.read().faults == ("button box lost: unplugged",)
+    box.lost = False
+    assert rig.read().faults == ("button box: a press may have got lost",)
+    box.data = buttons.make_heartbeat(7)                   # that of "arm", while it was out
+    inputs = rig.read()
+    assert inputs.faults == ("button box: 1 presses lost",) and inputs.missed == "lost presses"

@@ -1,0 +1,96 @@
+"""An aim that is held is for one place: a robot that has moved since it was asked to fire holds until it is back."""
+
+import msgspec
+import pytest
+from msgspec import UNSET
+from msgspec.structs import replace
+
+from robot.aim import PLACE_M
+from robot.config import Prescribed
+from robot.gate.model import Rating
+from robot.recording.replay import Comparer, Difference
+from robot.tick import step
+from robot.types import Sent
+from tests.robot.good_tick import CONFIG, DISTANCE_M, NOW_NS, good_inputs, good_memory
+
+HELD = good_memory().aim
+MODEL = replace(CONFIG, gate=replace(CONFIG.gate, policy="model"))
+
+
+def planned(distance_m):
+    row = Prescribed(distance_m, HELD.motor_ratio, HELD.hood_deg)
+    return replace(CONFIG, collect=replace(CONFIG.collect, prescribed=(row,), repeats=1000))
+
+
+class Listens:
+    """A gate that agrees with every shot, and keeps what it was asked."""
+
+    def rate(self, *features):
+        self.heard = features
+        return Rating(0.9, 0.8, True)
+
+
+def seen_from(memory, distance_m):
+    return replace(memory, last_sighting=replace(memory.last_sighting,
+                                                 distance_m=distance_m + CONFIG.camera.behind_exit_m))
+
+
+def asked(config, distance_m=DISTANCE_M, gate=None):
+    """What is remembered after the tick of the request, which is too early to fire."""
+    memory = seen_from(replace(good_memory(), aim=None, steady_t_ns=0), distance_m)
+    tick = step(good_inputs(), memory, config, gate)
+    assert tick.memory.aim == tick.aim and tick.aim.source == "plan" and not tick.verdict.fire
+    return replace(tick.memory, steady_t_ns=good_memory().steady_t_ns)
+
+
+@pytest.mark.parametrize("config", [CONFIG, planned(DISTANCE_M)])
+def test_a_robot_that_moves_while_its_request_stands_does_not_fire(config):
+    memory = asked(config)
+    assert step(good_inputs(), memory, config, None).verdict.fire
+    for moved_m in (2.5, PLACE_M + 0.001, -PLACE_M - 0.001, -2.5):
+        away = step(good_inputs(), seen_from(memory, DISTANCE_M + moved_m), config, None)
+        assert away.verdict.reasons == ("stand at 5.00 m",) and away.shot is None
+        assert (away.aim.motor_ratio, away.aim.hood_deg) == (HELD.motor_ratio, HELD.hood_deg)   # wheels stay at speed
+        back = step(good_inputs(), seen_from(away.memory, DISTANCE_M + 0.29), config, None)
+        assert back.verdict.fire and back.aim == HELD
+
+
+def test_a_prescribed_place_is_the_lists_and_not_where_fire_was_pressed():
+    config = planned(DISTANCE_M)
+    memory = asked(config, DISTANCE_M + 0.2)
+    reasons = step(good_inputs(), seen_from(memory, DISTANCE_M + 0.35), config, None).verdict.reasons
+    assert reasons == ("stand at 5.00 m",)
+    assert step(good_inputs(), seen_from(memory, DISTANCE_M - 0.29), config, None).verdict.fire
+
+
+def test_a_model_is_asked_at_the_distance_of_the_tick():
+    """So that an aim that is held may be fired with from elsewhere where the model agrees, but not a prescribed one."""
+    gate = Listens()
+    memory = asked(MODEL, gate=gate)
+    assert memory.aim_place_m is None
+    assert step(good_inputs(), seen_from(memory, 7.5), MODEL, gate).verdict.fire
+    assert gate.heard[0] == pytest.approx(7.5)
+    listed = replace(planned(DISTANCE_M), gate=MODEL.gate)
+    away = step(good_inputs(), seen_from(asked(listed, gate=gate), 7.5), listed, gate)
+    assert away.verdict.reasons == ("stand at 5.00 m",)
+
+
+class Rows:
+    """One recorded row."""
+
+    def __init__(self, tick):
+        self.current = msgspec.json.encode(tick)
+
+
+def test_recordings_from_before_the_place_was_kept_replay_as_they_did():
+    tick = step(good_inputs(), asked(CONFIG), CONFIG, None)
+    sent = Sent(True, 0.0, 0.0, 0.0)
+    assert tick.memory.aim_place_m == pytest.approx(DISTANCE_M)
+    before = replace(tick, memory=replace(tick.memory, aim_place_m=UNSET), sent=sent)
+    assert b"place" not in msgspec.json.encode(before)
+    Comparer(Rows(before)).record(tick, sent)
+    Comparer(Rows(replace(tick, sent=sent))).record(tick, sent)
+    with pytest.raises(Difference, match="aim_place_m"):
+        Comparer(Rows(replace(tick, memory=replace(tick.memory, aim_place_m=4.0), sent=sent))).record(tick, sent)
+    with pytest.raises(Difference, match=str(NOW_NS)):
+        Comparer(Rows(replace(before, memory=replace(before.memory, feed_t_ns=1)))).record(tick, sent)
