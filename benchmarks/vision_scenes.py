@@ -1,7 +1,7 @@
 """Rendered scenes for benchmarks/vision.py, and the straightforward baseline that vision is measured beside."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -49,7 +49,8 @@ def pitch_for(distance_m: float, rise_m: float) -> float:
 
 def shoot(config: Config, rng: np.random.Generator, distance_m: float, look: Look, *, kinds: tuple = (),
           absent: bool = False) -> Shot:
-    """The target up to 35 degrees off its axis, the camera up to 9 degrees off its own, mounted as well as believed."""
+    """The target up to 35 degrees off its axis, the camera up to 9 degrees off its own, mounted as well as believed and
+    turning as much, unless the look says how it turns or is of a camera that stands still."""
     tape = config.tape
     rise_m = tape.centre_height_m - config.camera.height_m
     believed = config.camera.__class__(**{**_fields(config.camera), "pitch_deg": pitch_for(distance_m, rise_m)})
@@ -58,6 +59,8 @@ def shoot(config: Config, rng: np.random.Generator, distance_m: float, look: Loo
     facing_deg = float(rng.uniform(-35, 35))
     view = place(distance_m, rise_m, pitch_deg, facing_deg=facing_deg, bearing_deg=float(rng.uniform(-9, 9)),
                  roll_deg=float(rng.normal()), brightness=float(rng.uniform(0.6, 1.4)))
+    if look.shake_px and not look.readout_s:
+        look = _turned(look, believed, np.clip(rng.normal(size=2), -2, 2))
     lens = make_lens(believed)
     corners, _ = project(outline_m(make_tape(tape)), view.camera_from_target, lens)
     camera = EmulatedCamera(Stage(NOTHING if absent else view), lens, make_tape(tape), 20.0, 0.0,
@@ -67,6 +70,14 @@ def shoot(config: Config, rng: np.random.Generator, distance_m: float, look: Loo
     other = [patch.corners_px for patch in patches.get(second_goal, ())]
     return Shot(camera.expose(0), believed, distance_m, facing_deg, None if absent else corners[:4],
                 " + ".join(kind.__name__ for kind in kinds), np.concatenate(other) if other else None)
+
+
+def _turned(look: Look, camera: CameraConfig, sigmas: np.ndarray) -> Look:
+    """The same, of a camera that turns; the little it smears is its turning's."""
+    right, up = camera.turn_sigma_deg_s * sigmas * (1.0, 0.2)
+    x_px, y_px = look.smear_px
+    return replace(look, turn_deg_s=(right, up), readout_s=camera.readout_s,
+                   smear_px=(x_px - SMEAR_PX * right, y_px + SMEAR_PX * up))
 
 
 def clutter(config: Config, rng: np.random.Generator) -> Shot:

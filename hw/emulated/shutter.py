@@ -16,7 +16,7 @@ def project_turning(points_m: Array, camera_from_points: Array, lens: Lens, foca
     """As lens.project, of a camera that turns right about the points' own upright axis and up about its own level one;
     `camera_from_points` is of the image's middle row."""
     pixels, ahead_m = project(points_m, camera_from_points, lens, focal_scale)
-    if readout_s == 0.0 or not any(turn_deg_s):
+    if readout_s == 0.0 or not any(turn_deg_s) or (ahead_m <= 0.0).any():     # behind it nothing has a row
         return pixels, ahead_m
     right, up = (math.radians(rate) for rate in turn_deg_s)
     rate = right * camera_from_points[:3, 1] - up * CAMERA_RIGHT      # of the points, as the camera has them
