@@ -25,7 +25,8 @@ QUICK = ("flywheel motor 1: no frames", "hood encoder: frames too long", "flywhe
          "model file: corrupted", "model file: policy model, no file", "sessions folder cannot be made",
          "SPARK, flywheel motor 1: encoder stuck", "SPARK, hood motor: firmware 27 from the start, then exchanged",
          "SPARKs: a competition controller on the bus locks them all",
-         "advice only, feeder motor: gate driver fault")
+         "advice only, feeder motor: gate driver fault", "camera: another place, reached while fire is asked for",
+         "both flywheel motors: say the speed that is wanted, and turn at another")
 STEPPED = [row.name for row in ROWS if not row.real and "virtual" in row.buses]
 REAL = ["flywheel motor 1: no frames", "adapter pulled out, and in again",
         "control process stopped for 0.6 s (SIGSTOP)", "camera: the same image again and again"]
