@@ -69,6 +69,7 @@ class SparkMotor:
         self._fed_ns = 0
         self._applied = 0.0
         self._heeded_ns = 0                       # when it last did as it was asked
+        self._drove_ns = 0
         self._deaf = False                        # it did not; stands until it does, or is wanted anew
 
     def ids(self) -> tuple[tuple[int, bool], ...]:
@@ -199,7 +200,8 @@ class SparkMotor:
     def _note_whether_it_heeds(self, t_ns: int) -> None:
         """A feeder is asked for moments only, so that what such a moment told has to outlast it."""
         asked = self._duty or 0.0
-        if abs(asked) < LEAST_DUTY:
+        stalled, self._drove_ns = t_ns - self._drove_ns > STALE_NS, t_ns     # nobody fed it, so it let go
+        if abs(asked) < LEAST_DUTY or stalled:
             self._heeded_ns = t_ns
         elif self._applied * asked > 0.0 or (self.reading.endstop and asked < 0.0):
             self._heeded_ns, self._deaf = t_ns, False

@@ -321,6 +321,17 @@ def test_that_it_was_deaf_outlasts_a_short_feed(make) -> None:
     assert bench.faults() == () and bench.motor.reading.axis_state == spark.DRIVEN
 
 
+def test_ticks_that_stand_still_do_not_make_it_deaf(make) -> None:
+    """Unfed for so long, it lets go by itself."""
+    bench = make()
+    armed(bench, 0.1)
+    bench.run(20, 0.1)
+    bench.clock.t_ns += 600 * MS
+    for _ in range(60):
+        bench.run(1, 0.1)
+        assert bench.faults() == () and bench.motor.reading.axis_state == spark.DRIVEN
+
+
 def test_against_its_switch_it_may_rest(make, plant) -> None:
     bench = make()
     plant.limit = True
