@@ -1,8 +1,8 @@
 """A session that was recorded once and is kept: whoever changes what a tick makes of its inputs, or a driver of its
 frames, sees it here.
 
-Recorded by `truearc emulate --trials 1 --seed 11`, without its image. When a change is meant, record it anew, and say in
-the commit what has changed.
+Recorded by `truearc emulate --trials 1 --seed 11`, without its image. When a change is meant, record it anew, and say
+in the commit what has changed.
 """
 
 import platform
