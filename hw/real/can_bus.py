@@ -141,8 +141,9 @@ def open_can(interface: str, channel: str, bitrate: int, clock: Clock, wait_s: f
 
 def _is_possible(message: can.Message) -> bool:
     most = FD_BYTES if message.is_fd else CLASSIC_BYTES
-    return (0 <= message.arbitration_id <= (HIGHEST_ID if message.is_extended_id else HIGHEST_BASE_ID)
-            and 0 <= message.dlc <= most and (message.is_remote_frame or len(message.data) == message.dlc))
+    highest = HIGHEST_ID if message.is_extended_id else HIGHEST_BASE_ID
+    is_whole = message.is_remote_frame or len(message.data) == message.dlc
+    return bool(is_whole and 0 <= message.arbitration_id <= highest and 0 <= message.dlc <= most)
 
 
 def _make_frame(message: can.Message, t_ns: int) -> Frame:
