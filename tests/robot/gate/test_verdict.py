@@ -42,7 +42,9 @@ def test_when_everything_holds_it_fires():
 
 
 @pytest.mark.parametrize(("change", "reasons"), [
-    ({"armed": False}, ["not armed"]), ({"homed": False}, ["hood not homed", "hood angle unknown"]),
+    ({"armed": False}, ["not armed"]),
+    ({"armed": False, "disarmed": "lost presses"}, ["not armed: the button box lost presses"]),
+    ({"homed": False}, ["hood not homed", "hood angle unknown"]),
     ({"awaiting": True, "feed_t_ns": NOW_NS, "request_t_ns": 0}, ["mark the last shot first"]),
     ({"feed_t_ns": NOW_NS, "request_t_ns": 0}, ["the last ball is still clearing"]),
     ({"request_t_ns": 0}, ["waiting for the fire button"]),
