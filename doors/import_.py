@@ -9,14 +9,14 @@ from sim.importers.some import only
 from sim.shots import save_dataset
 
 DESCRIPTION = "Turn recordings that others made into a dataset directory (docs/importing.md)."
-EXAMPLE = "truearc import mpi mpi_launches.csv mpi_tracks.csv -o mpi"
+EXAMPLE = "truearc import mpi mn5008_backspin.hdf5 mn5008_no_spin.hdf5 -o mpi"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    known = "; ".join(f"{importer.name}: {' '.join(importer.files)}" for importer in IMPORTERS)
+    known = "; ".join(f"{importer.name}: {', or '.join(importer.ways)}" for importer in IMPORTERS)
     parser.add_argument("source", choices=[importer.name for importer in IMPORTERS], help="whose recordings")
-    parser.add_argument("files", nargs="+", metavar="FILE", help=known)
+    parser.add_argument("files", nargs="+", metavar="FILE", help=f"the public originals, or tables of them: {known}")
     parser.add_argument("-o", "--out", required=True, metavar="DIR", help="dataset directory to write")
     parser.add_argument("--only", metavar="COLUMN=TEXT,...", help="of the dataset's shots those with one of these "
                         "texts in the column (ball_quality=new), to compare parts with each other")
@@ -25,9 +25,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     """Read, say what came of it, write."""
     importer = next(importer for importer in IMPORTERS if importer.name == args.source)
-    if len(args.files) != len(importer.files):
-        raise BadInput(f"{args.source} takes {len(importer.files)} "
-                       f"{'file' if len(importer.files) == 1 else 'files'}: {' '.join(importer.files)}")
+    if not importer.takes(args.files):
+        raise BadInput(f"{args.source} takes {', or '.join(importer.ways)}; not {' '.join(args.files)}")
     dataset = importer.load(*args.files)
     if args.only is not None:
         dataset = only(dataset, args.only)

@@ -13,6 +13,7 @@ from robot.config import BadInput
 from robot.facts import Air, Ball, Believe, Facts, LauncherFacts, Noise
 from sim.dataset.problems import Problems, gathered
 from sim.dataset.table import Table, load_table
+from sim.importers.ball_sheets import load_sheets
 from sim.importers.cells import need_columns, number_column, text_column
 from sim.shots import Dataset, Shots, Tracks
 
@@ -43,25 +44,31 @@ class _Drop:
         return math.pi * self.radius_m**2 / self.mass_kg
 
 
-def import_ball_drops(drops: str | Path) -> Dataset:
-    """Read the CSV file; one shot a drop, all samples kept. BadInput names file, line and column of each bad row.
+def import_ball_drops(*files: str | Path) -> Dataset:
+    """Read one CSV file, or the workbook and the list of balls; one shot a drop, all samples kept.
+
+    BadInput names file, line and column of each bad row.
 
     Frame: the fall is taken as vertical, x = y = 0, z up from the ground. `t_s` counts from each drop's first sample.
     Each ball's own mass and radius are columns of the shots; rig.toml's ball is a typical one (`_typical`).
     """
     with gathered() as problems:
-        table = load_table(Path(drops), problems)
-        need_columns(table, COLUMNS)
-        found = _drops(table, problems)
+        found = [drop for table in _tables(*map(Path, files), problems=problems) for drop in _drops(table, problems)]
     kept = [drop for drop in found if len(drop.samples) >= SHORTEST]
     left_out = tuple(f"{drop.name}: fewer than {SHORTEST} samples" for drop in found if len(drop.samples) < SHORTEST)
     if not any(math.isfinite(drop.area_per_mass_m2_kg) for drop in kept):
-        raise BadInput(f"{drops}: no drop of {SHORTEST} samples has a ball of known mass_kg and diameter_m")
+        raise BadInput(f"{files[0]}: no drop of {SHORTEST} samples has a ball of known mass_kg and diameter_m")
     return Dataset("ball-drops", _facts(kept), _shots(kept), _tracks(kept), None, left_out)
+
+
+def _tables(drops: Path, balls: Path | None = None, *, problems: Problems) -> list[Table]:
+    """A workbook's sheets, where there is a list of balls beside it; else a table of all drops."""
+    return [load_table(drops, problems)] if balls is None else load_sheets(drops, balls, problems)
 
 
 def _drops(table: Table, problems: Problems) -> list[_Drop]:
     """The drops in the order of their first rows."""
+    need_columns(table, COLUMNS)
     ball, number = text_column(table, "ball", problems), text_column(table, "drop", problems)
     samples = np.stack([number_column(table, name, problems) for name in ("t_s", "height_m")], axis=1)
     body = _bodies(table, ball, problems)

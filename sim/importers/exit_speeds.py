@@ -12,6 +12,7 @@ from robot.facts import Air, Ball, Believe, Facts, LauncherFacts, Wheel
 from sim.dataset.problems import Problems, gathered
 from sim.dataset.table import Table, load_table
 from sim.importers.cells import need_columns, number_column
+from sim.importers.fuel import load_fuel
 from sim.importers.originals import matching
 from sim.importers.set_points import BALL, RELEASE_M, WHEEL_M
 from sim.shots import Dataset, Shots
@@ -44,10 +45,10 @@ def import_971(speeds: str | Path) -> Dataset:
 def import_fuel(speeds: str | Path) -> Dataset:
     """Exit speed and backspin off video at one elevation (DanielR723/shooter); the wheels' size is not known.
 
-    BadInput names file, line and column of each bad row.
+    CSV or their shooter.py. BadInput names file, line and column of each bad row.
     """
     with gathered() as problems:
-        table = load_table(Path(speeds), problems)
+        table, left_out = load_fuel(Path(speeds), problems)
         need_columns(table, COLUMNS_FUEL)
         hood_deg, spin_rev_s = (number_column(table, name, problems) for name in ("hood_elevation_deg", "spin_rev_s"))
         rpm, speed_m_s, mass_kg, radius_m = (
@@ -57,7 +58,8 @@ def import_fuel(speeds: str | Path) -> Dataset:
     shots = Shots(_ids(table), {"hood_deg": hood_deg, "motor_rpm": rpm, "exit_speed_m_s": speed_m_s,
                                 "exit_spin_rev_s": -spin_rev_s, "mass_kg": mass_kg, "radius_m": radius_m}, {})
     ball = Ball(float(mass_kg[0]), float(radius_m[0])) if len(rpm) else BALL
-    return Dataset("fuel", Facts(ball, LauncherFacts(RELEASE_FUEL_M), air=Air(1.2), believe=Believe()), shots)
+    return Dataset("fuel", Facts(ball, LauncherFacts(RELEASE_FUEL_M), air=Air(1.2), believe=Believe()), shots,
+                   left_out=left_out)
 
 
 def _ids(table: Table) -> tuple[str, ...]:

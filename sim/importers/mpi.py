@@ -13,6 +13,7 @@ from robot.facts import Air, Ball, Believe, Facts, LauncherFacts, Noise, Wheel
 from sim.dataset.problems import Problems, gathered
 from sim.dataset.table import Table, load_table
 from sim.importers.cells import need_columns, number_column, text_column
+from sim.importers.mpi_recordings import load_recording
 from sim.shots import Dataset, Shots, Tracks
 
 LAUNCH_COLUMNS = ("set", "launch", "phi_cmd", "theta_cmd", "motor_top_left_rpm", "motor_top_right_rpm",
@@ -30,29 +31,51 @@ SHORTEST = 8                          # samples that a flight needs
 
 
 @dataclass(frozen=True)
-class _Flight:
-    place: str
-    samples: np.ndarray               # [k, 4]: t_s x_m y_m z_m
+class _Launches:
+    shot_id: list[str]
+    session: list[str]
+    numbers: dict[str, np.ndarray]
+    samples: list[np.ndarray]         # of each launch [k, 4]: t_s x_m y_m z_m
 
 
-def import_mpi(launches: str | Path, tracks: str | Path) -> Dataset:
-    """Read the two CSV files; flights end before the bounce. BadInput names file, line and column of each bad row.
+def import_mpi(*files: str | Path) -> Dataset:
+    """Read two CSV files, launches and tracks, or any number of HDF5 recordings; flights end before the bounce.
 
     Frame as measured: x down the table, y left, z up from the floor. `t_s` is counted from each flight's first sample.
+    BadInput names file, line (of a recording: group and sample) and column of each bad row.
     """
     with gathered() as problems:
-        table = load_table(Path(launches), problems)
-        need_columns(table, LAUNCH_COLUMNS)
-        shot_id = _ids(table, problems)
-        numbers = _launch_numbers(table, problems)
-        flights = _flights(load_table(Path(tracks), problems), shot_id, problems)
-        _check_counts(table, shot_id, numbers.pop("n_samples"), flights, problems)
-    kept = [row for row, name in enumerate(shot_id) if len(_before_bounce(flights[name].samples)) >= SHORTEST]
+        read = [_launches(launches, tracks, problems) for launches, tracks in _tables(list(map(Path, files)), problems)]
+        shot_id = [name for some in read for name in some.shot_id]
+        for name in sorted({name for name in shot_id if shot_id.count(name) > 1}):
+            problems.add(", ".join(map(str, files)), "", f"launch {name} stands twice")
+    numbers = {name: np.concatenate([some.numbers[name] for some in read]) for name in read[0].numbers}
+    cut = [_before_bounce(samples) for some in read for samples in some.samples]
+    kept = [row for row, samples in enumerate(cut) if len(samples) >= SHORTEST]
     left_out = tuple(f"{name}: fewer than {SHORTEST} samples before the bounce"
                      for row, name in enumerate(shot_id) if row not in kept)
-    shots = Shots(tuple(shot_id), numbers, {"session": tuple(str(cell) for cell in table.columns["set"])}).take(kept)
-    cut = [_before_bounce(flights[name].samples) for name in shots.shot_id]
+    session = tuple(name for some in read for name in some.session)
+    shots = Shots(tuple(shot_id), numbers, {"session": session}).take(kept)
+    cut = [cut[row] for row in kept]
     return Dataset("mpi", _facts(cut), shots, _tracks(cut), None, left_out)
+
+
+def _tables(files: list[Path], problems: Problems) -> list[tuple[Table, Table]]:
+    """Launches and their tracks: of all in two CSV files, of each by itself in recordings."""
+    if files[0].suffix.lower() == ".hdf5":
+        return [pair for path in files for pair in load_recording(path, problems)]
+    launches, tracks = files
+    return [(load_table(launches, problems), load_table(tracks, problems))]
+
+
+def _launches(table: Table, tracks: Table, problems: Problems) -> _Launches:
+    need_columns(table, LAUNCH_COLUMNS)
+    shot_id = _ids(table, problems)
+    numbers = _launch_numbers(table, problems)
+    samples = _flights(tracks, shot_id, problems)
+    _check_counts(table, shot_id, numbers.pop("n_samples"), samples, problems)
+    session = [str(cell) for cell in table.columns["set"]]
+    return _Launches(shot_id, session, numbers, [samples[name] for name in shot_id])
 
 
 def _launch_numbers(table: Table, problems: Problems) -> dict[str, np.ndarray]:
@@ -73,7 +96,7 @@ def _ids(table: Table, problems: Problems) -> list[str]:
     return ids
 
 
-def _flights(table: Table, shot_id: list[str], problems: Problems) -> dict[str, _Flight]:
+def _flights(table: Table, shot_id: list[str], problems: Problems) -> dict[str, np.ndarray]:
     """The samples of each launch, as they stand; times must grow within one."""
     need_columns(table, TRACK_COLUMNS)
     columns = np.stack([number_column(table, name, problems) for name in ("t_s", "x_m", "y_m", "z_m")], axis=1)
@@ -86,14 +109,14 @@ def _flights(table: Table, shot_id: list[str], problems: Problems) -> dict[str, 
         if rows and columns[row, 0] <= columns[rows[-1], 0]:
             problems.add(table.place(row), "t_s", "does not follow the sample before of the same launch")
         rows.append(row)
-    return {name: _Flight(table.place(rows[0]) if rows else "", columns[rows]) for name, rows in rows_of.items()}
+    return {name: columns[rows] for name, rows in rows_of.items()}
 
 
-def _check_counts(table: Table, shot_id: list[str], n_samples: np.ndarray, flights: dict[str, _Flight],
+def _check_counts(table: Table, shot_id: list[str], n_samples: np.ndarray, samples: dict[str, np.ndarray],
                   problems: Problems) -> None:
     """The launches say how many samples each flight has: a lost part of the tracks shows."""
     for row, name in enumerate(shot_id):
-        found = len(flights[name].samples)
+        found = len(samples[name])
         if math.isfinite(n_samples[row]) and found != n_samples[row]:
             problems.add(table.place(row), "n_samples", f"is {n_samples[row]:g}, but the tracks have {found}")
 

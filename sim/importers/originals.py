@@ -1,25 +1,29 @@
-"""Numbers in other people's program text -> a table, so that the public original itself can be imported."""
+"""What the public originals have in common: numbers in program text, parts of a file, packages that only some need."""
 
+import importlib
 import json
 import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
+from types import ModuleType
 
 from robot.config import BadInput
 from sim.dataset.columns import parse_number
 from sim.dataset.table import Cell, Table, text_of
 
 INCH_M = 0.0254
+C_COMMENT = r"/\*.*?\*/|//[^\n]*"       # C++ and Java
+PYTHON_COMMENT = r"#[^\n]*"
 
 
-def matching(path: Path, pattern: str) -> Table:
-    """A row for each match of the pattern outside comments (C++, Java); its named groups are the columns.
+def matching(path: Path, pattern: str, comment: str = C_COMMENT) -> Table:
+    """A row for each match of the pattern outside comments; its named groups are the columns.
 
     Let the groups take whatever stands where a number should, so that what is none is named and not passed over.
     BadInput where nothing matches.
     """
-    code = re.sub(r"/\*.*?\*/|//[^\n]*", lambda found: "\n" * found[0].count("\n"), text_of(path), flags=re.DOTALL)
+    code = re.sub(comment, lambda found: "\n" * found[0].count("\n"), text_of(path), flags=re.DOTALL)
     matches = list(re.finditer(pattern, code))
     if not matches:
         raise BadInput(f"{path}: holds no numbers where they are looked for (docs/importing.md says which file it is)")
@@ -28,12 +32,11 @@ def matching(path: Path, pattern: str) -> Table:
     return Table(path, columns, [code.count("\n", 0, match.start()) + 1 for match in matches])
 
 
-def json_rows(path: Path, key: str, names: Sequence[str]) -> Table:
+def json_rows(text: str, path: Path, key: str, names: Sequence[str]) -> Table:
     """The list of objects under `key`, one a row, each with all `names`; a row's line is that of its first name.
 
     BadInput when it is not there.
     """
-    text = text_of(path)
     try:
         rows = json.loads(text)[key]
         cells = {name: [row[name] for row in rows] for name in names}
@@ -42,11 +45,30 @@ def json_rows(path: Path, key: str, names: Sequence[str]) -> Table:
     lines = [text.count("\n", 0, match.start()) + 1 for match in re.finditer(f'"{re.escape(names[0])}"', text)]
     columns: dict[str, list[Cell]] = {name: [cell if isinstance(cell, float) else str(cell) for cell in column]
                                       for name, column in cells.items()}
-    return Table(path, columns, lines)
+    return Table(path, columns, lines[:len(rows)])
 
 
 def scaled(cells: Sequence[Cell], factor: float) -> list[Cell]:
-    """Cells in another unit; one that is no number stays as it is, to be named."""
-    numbers = [parse_number(cell) for cell in cells]
+    """Cells, or products of numbers such as `4.0 * 12.0`, in another unit; one that is none stays, to be named."""
+    numbers = [_product(cell) for cell in cells]
     return [cell if number is None or not math.isfinite(number) else number * factor
             for cell, number in zip(cells, numbers, strict=True)]
+
+
+def _product(cell: Cell) -> float | None:
+    factors = [parse_number(part) for part in cell.split("*")] if isinstance(cell, str) else [parse_number(cell)]
+    known = [factor for factor in factors if factor is not None]
+    return math.prod(known) if len(known) == len(factors) else None
+
+
+def part(path: Path, name: str) -> Path:
+    """How messages name a part of a file: a sheet, a group, one of its versions."""
+    return Path(f"{path}, {name}")
+
+
+def needed(package: str, path: Path) -> ModuleType:
+    """A package that only this kind of file needs; BadInput says what to install."""
+    try:
+        return importlib.import_module(package)
+    except ModuleNotFoundError as error:
+        raise BadInput(f"{path}: reading it needs {package}: pip install 'truearc[originals]'") from error

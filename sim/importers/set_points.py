@@ -17,7 +17,8 @@ from sim.dataset.problems import Problems, gathered
 from sim.dataset.table import Table, load_table
 from sim.importers.cells import need_columns, number_column, text_column
 from sim.importers.frc_254 import load_254
-from sim.importers.originals import INCH_M, json_rows, scaled
+from sim.importers.frc_2910 import load_2910
+from sim.importers.frc_3476 import load_3476
 from sim.shots import Dataset, Shots
 
 RPM = 2.0 * math.pi / 60.0
@@ -27,7 +28,6 @@ OPENING_M = (0.0762, 0.381)           # half heights: the ball's margin in the i
 WHEEL_M = 0.0508                      # 4 in
 RELEASE_M = 0.75                      # stated by nobody
 DISTANCE_M = 0.05
-NO_DATE = "2021-01-01T00:00:00+00:00" # of a file without one: all its set points are of one moment
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Robot:
 # larger numbers are flatter shots (its hood's home, 45, is the steepest); counted from the vertical
 ROBOT_254 = Robot("254", {"laser_old_ball": "old", "laser_medium_ball": "medium", "laser_new_ball": "new"},
                   lambda raw: 90.0 - raw, load_254)
-ROBOT_2910 = Robot("2910", {"west_valley": ""}, lambda raw: raw)
+ROBOT_2910 = Robot("2910", {"west_valley": "", "shooter_tuning": ""}, lambda raw: raw, load_2910)
 
 
 def import_254(tables: str | Path) -> Dataset:
@@ -53,7 +53,7 @@ def import_254(tables: str | Path) -> Dataset:
 
 
 def import_2910(tables: str | Path) -> Dataset:
-    """Team 2910 (2020); as import_set_points."""
+    """Team 2910 (2020), CSV or their TargetWithShooterCommand.java; as import_set_points."""
     return import_set_points(tables, ROBOT_2910)
 
 
@@ -86,16 +86,14 @@ def import_set_points(tables: str | Path, robot: Robot) -> Dataset:
 def import_3476(history: str | Path) -> Dataset:
     """Team 3476 (2021): dated versions of one table; a shot for each set point that a version changed.
 
-    `t_s` counts from the first version. Set points that a version kept are no new shots and are left out. One version
-    alone can be read from its own shooterconfig.json.
+    `t_s` counts from the first version. Set points that a version kept are no new shots and are left out. All versions
+    in one CSV, or a clone of the team's repository; one version alone can be read from its own shooterconfig.json.
     """
     with gathered() as problems:
-        table = _history(Path(history), problems)
-        need_columns(table, ("commit", "committed_at", "distance_m", "hood_eject_angle_deg", "flywheel_rpm"))
-        commit, when = text_column(table, "commit", problems), text_column(table, "committed_at", problems)
-        every = list(range(len(commit)))
-        numbers = _numbers(table, every, ("distance_m", "flywheel_rpm", "hood_eject_angle_deg"), problems)
-        time_s = np.array([_time_s(table, row, when[row], problems) for row in every])
+        read = [_dated(table, problems) for table in load_3476(Path(history), problems)]
+    commit = [name for names, _, _ in read for name in names]
+    numbers, time_s = (np.concatenate(columns) for columns in list(zip(*read, strict=True))[1:])
+    every = range(len(commit))
     order = sorted(every, key=lambda row: (time_s[row], row))
     rows, before = [], set[tuple[float, ...]]()
     for version in dict.fromkeys(commit[row] for row in order):
@@ -110,16 +108,13 @@ def import_3476(history: str | Path) -> Dataset:
                    left_out=(f"{same} set points that a version left as they were",) if same else ())
 
 
-def _history(path: Path, problems: Problems) -> Table:
-    """Versions in CSV; or a shooterconfig.json, which has no date."""
-    if path.suffix != ".json":
-        return load_table(path, problems)
-    found = json_rows(path, "shooterConfigs", ("distance", "hoodEjectAngle", "flywheelSpeed"))
-    count = len(found.lines)
-    return Table(path, {"commit": [path.stem] * count, "committed_at": [NO_DATE] * count,
-                        "distance_m": scaled(found.columns["distance"], INCH_M),
-                        "hood_eject_angle_deg": found.columns["hoodEjectAngle"],
-                        "flywheel_rpm": found.columns["flywheelSpeed"]}, found.lines)
+def _dated(table: Table, problems: Problems) -> tuple[list[str], np.ndarray, np.ndarray]:
+    """Of each row its version, [rows, 3] distance, wheel and hood, and when it was written."""
+    need_columns(table, ("commit", "committed_at", "distance_m", "hood_eject_angle_deg", "flywheel_rpm"))
+    commit, when = text_column(table, "commit", problems), text_column(table, "committed_at", problems)
+    every = list(range(len(commit)))
+    numbers = _numbers(table, every, ("distance_m", "flywheel_rpm", "hood_eject_angle_deg"), problems)
+    return commit, numbers, np.array([_time_s(table, row, when[row], problems) for row in every])
 
 
 def _numbers(table: Table, rows: list[int], names: tuple[str, ...], problems: Problems) -> np.ndarray:

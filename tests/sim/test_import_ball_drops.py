@@ -122,10 +122,10 @@ def test_a_drop_too_short_to_use_is_left_out_and_named(tmp_path: Path) -> None:
     assert dataset.left_out == ("tennisball-2: fewer than 8 samples",)
 
 
-def test_the_door_says_how_many_files_it_wants(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_door_says_which_files_it_wants(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = str(write(tmp_path, good()))
     assert truearc.main(["import", "ball-drops", path, path, "-o", str(tmp_path / "out")]) == 2
-    assert "ball-drops takes 1 file: DROPS.csv" in capsys.readouterr().err
+    assert "ball-drops takes Ball_drops_data.xls balls.txt, or DROPS.csv; not" in capsys.readouterr().err
 
 
 HEIGHTS = st.lists(st.floats(0.0, 60.0), min_size=8, max_size=40)

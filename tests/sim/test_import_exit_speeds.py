@@ -13,6 +13,7 @@ from robot.config import BadInput
 from sim.importers.exit_speeds import import_971, import_fuel
 from sim.physics.shot import launch_of
 from sim.shots import Shots, load_dataset
+from tests.sim.same_dataset import assert_same
 
 SPEEDS = ("ball_speed_mps", "accelerator_rad_s", "finisher_rad_s")
 FUEL = ("hood_elevation_deg", "motor_rpm", "exit_speed_mps", "spin_rev_s", "ball_mass_kg", "ball_radius_m")
@@ -55,6 +56,52 @@ def test_the_teams_own_file_says_the_same_as_the_table(tmp_path: Path) -> None:
     original.write_text("int main() {}")
     with pytest.raises(BadInput, match=r"constants\.cc: holds no numbers"):
         import_971(original)
+
+
+SHOOTER = """
+# m = 9.0
+m = 0.215 # Mass of the ball (kg)
+R = 0.075 # Radius
+A = np.pi * R**2
+angle_min = 46.0 # Minimum
+test_rpm = np.array([3000.0, 4000.0, 3000.0, 4000.0]) # RPM
+test_speed = np.array([5.5, 7.0, 5.25, 7.25,]) # m/s
+test_spin = np.array([-20.0, -25.0,
+                      -21.0, -26.0])
+def m():
+    R = 1
+"""
+
+
+def test_the_simulations_own_file_says_the_same_as_the_table(tmp_path: Path) -> None:
+    original = tmp_path / "shooter.py"
+    original.write_text(SHOOTER)
+    dataset = import_fuel(original)
+    rows = [(46, rpm, speed, spin / (2.0 * np.pi), 0.215, 0.075) for rpm, speed, spin in
+            ((3000, 5.5, -20.0), (4000, 7.0, -25.0))]
+    left_out = (f"{original}:7: 2 more, where motor speeds begin anew: at another elevation, which is not said",)
+    assert dataset.left_out == left_out
+    assert_same(dataset, import_fuel(write(tmp_path / "f.csv", FUEL, rows)), 1e-12)
+    original.write_text(SHOOTER.replace(", 3000.0, 4000.0", ", 5000.0, 6000.0"))
+    assert len(import_fuel(original).shots) == 4
+    assert import_fuel(original).left_out == ()
+
+
+@pytest.mark.parametrize(("was", "becomes", "says"), [
+    ("7.0", "fast", "shooter.py:7: exit_speed_mps: 'fast' is not a finite number"),
+    ("-25.0", "", "shooter.py:7: spin_rev_s: is missing"),
+    ("5.25, ", "", "shooter.py: test_rpm, test_speed and test_spin have 4, 3 and 4 numbers"),
+    ("= 46.0", "= 46.0 * np.pi / 180.0", "shooter.py:6: angle_min: '46.0 * np.pi / 180.0' is not a finite number"),
+    ("= 0.215", "= -0.215", "shooter.py:7: ball_mass_kg: -0.215 must be above 0"),
+    ("R = 0.075", "R = 0.075\nR = 0.08", "shooter.py:5: stands in line 4 already"),
+    ("test_rpm", "rpm", "shooter.py: holds no numbers where they are looked for"),
+])
+def test_what_is_wrong_with_it_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str], was: str, becomes: str,
+                                        says: str) -> None:
+    path = tmp_path / "shooter.py"
+    path.write_text(SHOOTER.replace(was, becomes))
+    assert truearc.main(["import", "fuel", str(path), "-o", str(tmp_path / "d")]) == 2
+    assert says in capsys.readouterr().err
 
 
 def test_what_lifts_the_ball_is_backspin(tmp_path: Path) -> None:
@@ -115,3 +162,16 @@ def test_the_real_speeds(data_dir: Path) -> None:
     fuel = import_fuel(data_dir / "real/fuel_exit_speed_spin_46deg.csv").shots
     assert len(fuel) == 4
     assert np.all(np.diff(fuel.number("exit_spin_rev_s")) > 0.0)
+
+
+@pytest.mark.data
+def test_the_real_speeds_are_the_same_out_of_their_own_form(tmp_path: Path, data_dir: Path) -> None:
+    table, path = data_dir / "real/fuel_exit_speed_spin_46deg.csv", tmp_path / "shooter.py"
+    with table.open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    arrays = {"test_rpm": "motor_rpm", "test_speed": "exit_speed_mps", "test_spin": "spin_rad_s"}
+    one = {"m": "ball_mass_kg", "R": "ball_radius_m", "angle_min": "hood_elevation_deg"}
+    path.write_text("".join(f"{name} = np.array([{', '.join(row[column] for row in rows)}])\n"
+                            for name, column in arrays.items())
+                    + "".join(f"{name} = {rows[0][column]} # of all\n" for name, column in one.items()))
+    assert_same(import_fuel(path), import_fuel(table), 1e-4)

@@ -116,7 +116,7 @@ def test_the_door_writes_a_dataset_and_refuses_too_few_files(tmp_path: Path,
     assert "1 shots" in capsys.readouterr().out
     assert load_dataset(tmp_path / "out").shots.shot_id == ("spin-4",)
     assert truearc.main(["import", "mpi", str(launches), "-o", str(tmp_path / "out")]) == 2
-    assert "takes 2 files" in capsys.readouterr().err
+    assert "mpi takes RECORDING.hdf5 ..., or LAUNCHES.csv TRACKS.csv; not" in capsys.readouterr().err
 
 
 @pytest.mark.data

@@ -105,6 +105,45 @@ def test_254s_own_file_is_read_without_what_is_no_shot(tmp_path: Path) -> None:
         import_254(path)
 
 
+TUNING = """
+// SHOOTER_TUNING.put(new InterpolatingDouble(1.0), new Vector2(Math.toRadians(1.0), 1));
+SHOOTER_TUNING.put(new InterpolatingDouble(4.0 * 12.0), new Vector2(Math.toRadians(64.5), 3000));
+SHOOTER_TUNING.put(new InterpolatingDouble(86.0),new Vector2(Math.toRadians(52.2),2431.5));
+SHOOTER_TUNING.put(new InterpolatingDouble(100.0),
+        new Vector2(Math.toRadians(50.0), 2500));
+"""
+
+
+def test_2910s_own_file_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "TargetWithShooterCommand.java"
+    path.write_text(TUNING)
+    shots = import_2910(path).shots
+    assert shots.text("table") == ("shooter_tuning",) * 3
+    assert shots.number("distance_m") == pytest.approx([1.2192, 2.1844, 2.54])
+    assert shots.number("hood_deg").tolist() == [64.5, 52.2, 50.0]
+    assert shots.number("wheel_main_rad_s") == pytest.approx(np.array([3000.0, 2431.5, 2500.0]) * np.pi / 30.0)
+    path.write_text(TUNING.replace("64.5", "STEEP").replace("86.0", "6.0 * FOOT"))
+    with pytest.raises(BadInput) as caught:
+        import_2910(path)
+    assert "Command.java:3: hood_raw: 'STEEP' is not a finite number" in str(caught.value)
+    assert "Command.java:4: distance_m: '6.0 * FOOT' is not a finite number" in str(caught.value)
+    path.write_text("TARGET_ANGLE = 45;")
+    with pytest.raises(BadInput, match="holds no numbers"):
+        import_2910(path)
+
+
+@pytest.mark.data
+def test_2910s_real_table_is_the_same_out_of_their_own_form(tmp_path: Path, data_dir: Path) -> None:
+    table, path = data_dir / "real/frc_shot_tables.csv", tmp_path / "TargetWithShooterCommand.java"
+    with table.open(newline="") as file:
+        mine = [row for row in csv.DictReader(file) if row["team"] == "2910"]
+    path.write_text("\n".join(f"SHOOTER_TUNING.put(new InterpolatingDouble({row['distance_raw']}), "
+                              f"new Vector2(Math.toRadians({row['hood_raw']}), {row['wheel_rpm']}));" for row in mine))
+    ours, theirs = import_2910(path).shots, import_2910(table).shots
+    for name, column in theirs.numbers.items():
+        assert ours.number(name) == pytest.approx(column, abs=1e-4)
+
+
 def config(angle: object, speed: float, distance: float) -> dict[str, object]:
     return {"hoodEjectAngle": angle, "flywheelSpeed": speed, "distance": distance}
 
