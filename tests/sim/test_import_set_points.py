@@ -107,8 +107,8 @@ def test_254s_own_file_is_read_without_what_is_no_shot(tmp_path: Path) -> None:
 
 TUNING = """
 // SHOOTER_TUNING.put(new InterpolatingDouble(1.0), new Vector2(Math.toRadians(1.0), 1));
-SHOOTER_TUNING.put(new InterpolatingDouble(4.0 * 12.0), new Vector2(Math.toRadians(64.5), 3000));
-SHOOTER_TUNING.put(new InterpolatingDouble(86.0),new Vector2(Math.toRadians(52.2),2431.5));
+SHOOTER_TUNING.put(new InterpolatingDouble(5.0 * 8.0), new Vector2(Math.toRadians(61.5), 2000));
+SHOOTER_TUNING.put(new InterpolatingDouble(90.0),new Vector2(Math.toRadians(55.2),2400.5));
 SHOOTER_TUNING.put(new InterpolatingDouble(100.0),
         new Vector2(Math.toRadians(50.0), 2500));
 """
@@ -119,10 +119,10 @@ def test_2910s_own_file_is_read(tmp_path: Path) -> None:
     path.write_text(TUNING)
     shots = import_2910(path).shots
     assert shots.text("table") == ("shooter_tuning",) * 3
-    assert shots.number("distance_m") == pytest.approx([1.2192, 2.1844, 2.54])
-    assert shots.number("hood_deg").tolist() == [64.5, 52.2, 50.0]
-    assert shots.number("wheel_main_rad_s") == pytest.approx(np.array([3000.0, 2431.5, 2500.0]) * np.pi / 30.0)
-    path.write_text(TUNING.replace("64.5", "STEEP").replace("86.0", "6.0 * FOOT"))
+    assert shots.number("distance_m") == pytest.approx([1.016, 2.286, 2.54])
+    assert shots.number("hood_deg").tolist() == [61.5, 55.2, 50.0]
+    assert shots.number("wheel_main_rad_s") == pytest.approx(np.array([2000.0, 2400.5, 2500.0]) * np.pi / 30.0)
+    path.write_text(TUNING.replace("61.5", "STEEP").replace("90.0", "6.0 * FOOT"))
     with pytest.raises(BadInput) as caught:
         import_2910(path)
     assert "Command.java:3: hood_raw: 'STEEP' is not a finite number" in str(caught.value)
