@@ -12,7 +12,7 @@ from sim.prove.seal import load_seal
 from sim.shots import load_dataset
 
 pytestmark = pytest.mark.slow
-RECORDED, TRIALS, SEED = 24, 3, 5
+RECORDED, TRIALS, SEED = 20, 2, 5
 
 
 def quiet(done: float, note: str) -> None:

@@ -7,7 +7,8 @@ import select
 import shutil
 import subprocess
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser")
@@ -33,6 +34,7 @@ class Browser:
         os.close(theirs_in)
         os.close(theirs_out)
         self._number, self._pending, self._session = 0, b"", None
+        self._frames: list[bytes] = []
         target = self._ask("Target.createTarget", url="about:blank")["targetId"]
         self._session = self._ask("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
         self._ask("Page.enable")
@@ -55,20 +57,24 @@ class Browser:
             time.sleep(0.02)
         return value
 
-    def frames(self, seconds: float, until: Callable[[list[bytes]], bool]) -> list[bytes]:
-        """What came onto the screen in that time, as PNG; no longer than until that is true of it. Asks nothing of the
-        page's script."""
-        began, frames = time.monotonic(), []
+    @contextmanager
+    def filmed(self) -> Iterator[None]:
+        """Meanwhile, what comes onto the screen is kept for `wait_for_frame`."""
         self._ask("Page.startScreencast", format="png")
-        while (left := began + seconds - time.monotonic()) > 0 and not until(frames):
-            if b"\0" not in self._pending and not select.select([self._in], [], [], left)[0]:
-                break
-            said = self._read()
-            if said.get("method") == "Page.screencastFrame":
-                frames.append(base64.b64decode(said["params"]["data"]))
-                self._send("Page.screencastFrameAck", sessionId=said["params"]["sessionId"])
+        yield
         self._ask("Page.stopScreencast")
-        return frames
+
+    def wait_for_frame(self, wanted: Callable[[bytes], bool], seconds: float = 60.0) -> None:
+        """Until a PNG of the screen is wanted; AssertionError when none is in time. Asks nothing of the page itself."""
+        until = time.monotonic() + seconds
+        while not any(wanted(self._frames.pop(0)) for _ in range(len(self._frames))):
+            left = until - time.monotonic()
+            assert left > 0 and (b"\0" in self._pending or select.select([self._in], [], [], left)[0]), "no such frame"
+            self._read()
+
+    def interrupt(self) -> None:
+        """Ends the page's script that runs now, and only that."""
+        self._ask("Runtime.terminateExecution")
 
     def close(self) -> None:
         self._process.terminate()
@@ -80,16 +86,17 @@ class Browser:
         os.close(self._in)
         os.close(self._out)
 
-    def _send(self, method: str, **params) -> None:
+    def _send(self, method: str, **params) -> int:
         self._number += 1
         message = {"id": self._number, "method": method, "params": params}
         if self._session is not None:
             message["sessionId"] = self._session
         os.write(self._out, json.dumps(message).encode() + b"\0")
+        return self._number
 
     def _ask(self, method: str, **params):
-        self._send(method, **params)
-        while (answer := self._read()).get("id") != self._number:
+        number = self._send(method, **params)
+        while (answer := self._read()).get("id") != number:
             pass
         assert "error" not in answer, answer
         return answer["result"]
@@ -99,5 +106,9 @@ class Browser:
             part = os.read(self._in, 1 << 16)
             assert part, "the browser has gone"
             self._pending += part
-        message, _, self._pending = self._pending.partition(b"\0")
-        return json.loads(message)
+        text, _, self._pending = self._pending.partition(b"\0")
+        message = json.loads(text)
+        if message.get("method") == "Page.screencastFrame":
+            self._frames.append(base64.b64decode(message["params"]["data"]))
+            self._send("Page.screencastFrameAck", sessionId=message["params"]["sessionId"])    # or no more would come
+        return message

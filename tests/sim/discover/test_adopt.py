@@ -133,8 +133,8 @@ def test_what_has_no_name_is_adopted_as_a_curve(nameless: Investigation, tmp_pat
 
 def test_a_curve_that_is_believed_is_not_found_again() -> None:
     """And what is new beside it is named; without the curve the same shots speak of it once more."""
-    season = shoot(make_world({"far_kick": 0.15}, "L2", 240, 3))
-    first, later = take_shots(season, range(120)), take_shots(season, range(120, 240))
+    season = shoot(make_world({"far_kick": 0.15}, "L2", 160, 3))
+    first, later = take_shots(season, range(80)), take_shots(season, range(80, 160))
     belief = make_belief(discover(first, seed=1))[0]
     curve = belief.curves["free_speed"]
     kept = [k for k, name in enumerate(belief.names) if not name.startswith("curve.")]
