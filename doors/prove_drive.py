@@ -20,7 +20,7 @@ from msgspec import Struct
 
 import robot
 from doors.demo import TERMS, walked_in
-from doors.demo_files import Score, score
+from doors.demo_files import Score
 from doors.discover import adopt, keep_compiled
 from doors.twin import emulate
 from robot.config import BadInput, load_config
@@ -36,7 +36,7 @@ from sim.prove.room import CLAIMED, GRADED, OPENED, SEALED, Room
 from sim.prove.seal import canonical, hash_files, load_seal, make_seal, save_seal
 from sim.prove.solver import FALSE_ALARM, SCHEMA, forbid, solver_id
 from sim.prove.worldfile import append_line, lines_of, mend
-from sim.recordings import shots_from_sessions
+from sim.recordings import outcomes_of, shots_from_sessions
 from sim.shots import load_dataset, save_dataset
 from sim.world.options import Options
 from truearc import main as front_door
@@ -176,7 +176,8 @@ def _drive(root: Path, trials: int, name: str) -> str:
         shutil.rmtree(session, ignore_errors=True)
         emulate(config, session, trials, drawn.seed + 1, _options(drawn),
                 None if side == NO_GATE else _gate(room, name, side))
-        scored[side] = score(shots_from_sessions([session], name, telemetry=False), ("three",))
+        outcomes = outcomes_of(session)
+        scored[side] = outcomes.count("three"), len(outcomes)
     finding = msgspec.json.decode(room.claims(name).read_bytes())["finding"]
     driven = Driven(name, drawn.change, finding["verdict"], tuple(one["term"] for one in finding["what"][:1]), scored)
     append_line(room.grades, driven)

@@ -44,6 +44,11 @@ def shots_from_sessions(sessions: Sequence[Path], name: str, telemetry: bool = T
     return Dataset(name, configs[0].rig, _shots(rows), None, _columns(traces), tuple(left_out))
 
 
+def outcomes_of(session: Path) -> list[str]:
+    """What came of the session's marked shots, "miss", "two" or "three" each; none where a gate held every time."""
+    return [OUTCOMES[trial.outcome.outcome][0] for trial in _split(session)[0]]
+
+
 def _check_names(sessions: Sequence[Path]) -> None:
     names = [session.resolve().name for session in sessions]
     for name in names:

@@ -1,7 +1,9 @@
 """Sessions to shots, and the paper's labelling rule."""
 
+import shutil
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from msgspec.structs import replace
@@ -9,8 +11,8 @@ from msgspec.structs import replace
 import robot
 from doors.twin import emulate
 from robot.config import BadInput, load_config
-from robot.recording.session import load_trials
-from sim.recordings import shots_from_sessions
+from robot.recording.session import TRIALS, load_trials
+from sim.recordings import outcomes_of, shots_from_sessions
 from sim.repeatability import label_by_repeatability, rule
 from sim.shots import load_dataset, save_dataset
 from truearc import main
@@ -78,6 +80,16 @@ def test_labelling_groups_by_configuration(session, tmp_path):
     assert len(labelled.shots) + sum("not repeatable" in line for line in labelled.left_out) == len(groups)
     save_dataset(tmp_path / "labelled", labelled)
     assert len(load_dataset(tmp_path / "labelled").shots) == len(labelled.shots)
+
+
+def test_a_session_in_which_nothing_was_fired_has_no_outcomes_and_is_no_dataset(session, tmp_path):
+    assert outcomes_of(session[0]) == list(shots_from_sessions([session[0]], "d").shots.text("outcome"))
+    held = shutil.copytree(session[0], tmp_path / "held")
+    rows = [replace(trial, outcome=replace(trial.outcome, outcome="rejected")) for trial in load_trials(held)]
+    (held / TRIALS).write_bytes(b"".join(msgspec.json.encode(row) + b"\n" for row in rows))
+    assert outcomes_of(held) == []
+    with pytest.raises(BadInput, match="no marked shots"):
+        shots_from_sessions([held], "d")
 
 
 def test_what_is_no_session_is_named(tmp_path, capsys):
