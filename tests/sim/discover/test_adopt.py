@@ -38,8 +38,15 @@ def hasty() -> tuple[Dataset, Investigation]:
 
 
 @pytest.fixture(scope="module")
-def nameless() -> Investigation:
-    return discover(shoot(make_world({"far_kick": 0.15}, "L2", 120, 3)), seed=1)
+def season() -> tuple[Dataset, Dataset]:
+    """Earlier and later shots of a world with an effect that has no name."""
+    whole = shoot(make_world({"far_kick": 0.15}, "L2", 180, 3))
+    return take_shots(whole, range(100)), take_shots(whole, range(100, 180))
+
+
+@pytest.fixture(scope="module")
+def nameless(season: tuple[Dataset, Dataset]) -> Investigation:
+    return discover(season[0], seed=1)
 
 
 def right(dataset: Dataset, coefficients: dict[str, dict[str, float]]) -> float:
@@ -113,9 +120,10 @@ def test_data_that_say_nothing_lead_to_no_belief() -> None:
         make_belief(discover(Dataset("mute", make_world().facts, shots)))
 
 
-def test_what_has_no_name_is_adopted_as_a_curve(nameless: Investigation, tmp_path: Path) -> None:
+def test_what_has_no_name_is_adopted_as_a_curve(nameless: Investigation, season: tuple[Dataset, Dataset],
+                                                tmp_path: Path) -> None:
     """Beyond some distance the ball leaves faster than it should: nobody knows why, but other shots are foretold."""
-    found, unseen = nameless, shoot(make_world({"far_kick": 0.15}, "L2", 120, 4))
+    found, unseen = nameless, season[1]
     assert found.finding.verdict == "unknown"
     belief, provenance = make_belief(found)
     assert provenance["adopted"] == ["launch speed by distance_m"]
@@ -131,11 +139,9 @@ def test_what_has_no_name_is_adopted_as_a_curve(nameless: Investigation, tmp_pat
     assert share[0] > share[1] + 0.03
 
 
-def test_a_curve_that_is_believed_is_not_found_again() -> None:
+def test_a_curve_that_is_believed_is_not_found_again(nameless: Investigation, season: tuple[Dataset, Dataset]) -> None:
     """And what is new beside it is named; without the curve the same shots speak of it once more."""
-    season = shoot(make_world({"far_kick": 0.15}, "L2", 160, 3))
-    first, later = take_shots(season, range(80)), take_shots(season, range(80, 160))
-    belief = make_belief(discover(first, seed=1))[0]
+    later, belief = season[1], make_belief(nameless)[0]
     curve = belief.curves["free_speed"]
     kept = [k for k, name in enumerate(belief.names) if not name.startswith("curve.")]
     plain = Belief({name: value for name, value in belief.coefficients.items() if name != "free_speed"}, belief.scatter,
