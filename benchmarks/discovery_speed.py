@@ -11,10 +11,10 @@ import time
 from collections.abc import Callable
 
 from doors.discover import keep_compiled
-from sim.discover.ask import find_clusters, groups_of
 from sim.discover.believed import fit_believed
+from sim.discover.clusters import groups_of
 from sim.discover.columns import lay_out
-from sim.discover.discover import detect, discover
+from sim.discover.discover import detect, discover, make_search
 from sim.discover.intake import take_in
 from sim.discover.page import make_report
 from sim.physics.catalogue import TERMS
@@ -31,7 +31,7 @@ def detection(dataset: Dataset, catalogue: tuple[Term, ...] = TERMS) -> None:
     """Everything that detection takes."""
     intake = take_in(dataset)
     layout = lay_out(intake, dataset.facts.believe.terms, groups_of(dataset.shots, intake.rows), catalogue)
-    detect(dataset, fit_believed(intake, layout), find_clusters(dataset.shots), 0, lambda done, note: None)
+    detect(fit_believed(intake, layout), make_search(dataset), lambda done, note: None)
 
 
 def report(dataset: Dataset) -> None:

@@ -14,8 +14,8 @@ from dataclasses import replace
 import numpy as np
 
 from doors.discover import keep_compiled
-from sim.discover.ask import groups_of
 from sim.discover.believed import fit_believed
+from sim.discover.clusters import groups_of
 from sim.discover.columns import lay_out
 from sim.discover.evidence import Evidence
 from sim.discover.intake import take_in

@@ -7,7 +7,8 @@ as-is: an unmodified world, from the seed's belief (gravity, drag, magnus): is t
 and how well does the adopted simulation foretell another session's heights at the plane, beside the world's own scatter
 from shot to shot (the same shots with and without it) and beside the seed's belief, fitted.
 changed: one thing changed (sim.prove.changes), asked against the belief adopted from the as-is session of the same
-number. A line of FILE a world; one that is there already is not run again. Development used seeds below 1000.
+number and, with tracks, since that session. A line of FILE a world; one that is there already is not run again.
+Development used seeds below 1000, and 101 to 110 for what `since` does.
 """
 
 import argparse
@@ -71,7 +72,9 @@ def run_changed(facts: Facts, world: tuple[Change, Line]) -> Line:
     own = seed + 2 + zlib.crc32(change.name.encode()) % (APART - 2)
     options = Options(**change.options)
     dataset = play_season(facts, options, own, plan_season(own, shots), level, ORDINARY).dataset
-    found = discover(dataset, seed=own, belief=from_table(home["belief"], home["key"]))
+    since = play_season(facts, Options(), seed, plan_season(seed, shots), level, ORDINARY).dataset
+    found = discover(dataset, seed=own, belief=from_table(home["belief"], home["key"]),
+                     since=since if level == "L2" else None)
     return {"name": change.name, "level": level, "shots": shots, "seed": seed, **_said(found)}
 
 

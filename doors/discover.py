@@ -21,7 +21,7 @@ from sim.discover.page import make_report
 from sim.discover.rehearse import LEVELS, SHOTS
 from sim.discover.sight_page import make_sight_page, sight_lines
 from sim.discover.words import console_lines
-from sim.shots import load_dataset, load_rig
+from sim.shots import Dataset, load_dataset, load_rig
 
 DESCRIPTION = """Say whether a dataset disagrees with the simulation as it stands, where, and what the simulation lacks.
 With --identifiability: say, before any data, which effects a season with a rig could show, and which it could not tell
@@ -38,6 +38,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--believe", metavar="TERMS", help="terms of the simulation, comma-separated; else rig.toml's")
     parser.add_argument("--belief", metavar="FILE", help="coefficients.toml of this very rig from an earlier session "
                         "(discover --adopt, fit --method ml): what is believed, with its doubts; what has changed?")
+    parser.add_argument("--since", metavar="DIR", help="dataset that --belief was adopted from: what the belief leaves "
+                        "over there already is no change; for tracks, which see that")
     parser.add_argument("--json", metavar="FILE", help="write the finding as JSON")
     parser.add_argument("--report", metavar="FILE", help="write an HTML report")
     parser.add_argument("--false-alarm", type=float, default=FALSE_ALARM, metavar="P",
@@ -69,12 +71,21 @@ def main(args: argparse.Namespace) -> int:
     if args.identifiability is not None:
         return _identify(args, believed)
     belief = None if args.belief is None else load_belief(args.belief)
-    found = discover(load_dataset(args.dataset), believed, args.false_alarm, args.seed,
-                     make_progress("discover", args.quiet), belief)
+    dataset = load_dataset(args.dataset)
+    found = discover(dataset, believed, args.false_alarm, args.seed, make_progress("discover", args.quiet), belief,
+                     None if args.since is None else _load_home(args.since, dataset))
     adopted = [adopt(found, args.dataset, args.adopt)] if args.adopt else []
     tell(found, Path(args.dataset).name, args.json, args.report)
     print(*adopted, sep="\n", end="\n" if adopted else "")
     return 0
+
+
+def _load_home(directory: str, later: Dataset) -> Dataset:
+    """BadInput for one of another rig."""
+    home = load_dataset(directory)
+    if (home.facts.ball, home.facts.launcher) != (later.facts.ball, later.facts.launcher):
+        raise BadInput(f"--since: {directory}: was recorded with another rig ([ball] or [launcher] differs)")
+    return home
 
 
 def believed_terms(args: argparse.Namespace) -> list[str] | None:
@@ -134,6 +145,8 @@ def _check_modes(args: argparse.Namespace) -> None:
     """Either data or a forecast of data; options that would not be heeded are refused."""
     if (args.dataset is None) == (args.identifiability is None):
         raise BadInput("give either a dataset directory, or --identifiability with a rig.toml or a directory")
+    if args.since is not None and args.belief is None:
+        raise BadInput("--since goes with --belief, which was adopted from that dataset")
     if args.identifiability is None and (args.shots is not None or args.level is not None or args.sides):
         raise BadInput("--shots, --level and --sides are for --identifiability")
     if args.identifiability is not None and (args.belief is not None or args.adopt is not None):

@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 from sim.discover import outcomes
-from sim.discover.ask import TERMS, Asked, Clusters, name_of
+from sim.discover.ask import TERMS, Asked, name_of
 from sim.discover.believed import Fitted, only_shared
+from sim.discover.clusters import Clusters
 from sim.discover.covariates import Covariate, carried_by, followed_column, gather_covariates, gather_factors
 from sim.discover.endpoints import end_errors
 from sim.discover.evidence import Array, Column, Evidence
@@ -27,6 +28,7 @@ from sim.shots import Dataset
 SHOWN = 40                            # lines of the tests that the answer lists
 RANKED = 12                           # names that it lists
 NINETY = 1.6448536269514722
+TRIFLE = 0.03                         # of what a name explains on unseen shots
 UNSURE = 0.5
 
 
@@ -67,9 +69,15 @@ def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: Fitted, clust
 
 def is_stand_in(steps: Sequence[Step]) -> bool:
     """Whether the first name leaves something over, without a name, that pushes in the direction in which the effect
-    was found: then it only stands in for what is missing, and what else it takes does not make it right."""
-    first, *later = [(step.unknown, None if step.place is None else step.place.column.direction) for step in steps]
-    return not first[0] and first[1] is not None and (True, first[1]) in later
+    was found: then it only stands in for what is missing, and what else it takes does not make it right. A trifle
+    beside what it explains is another thing: a law that holds to a few hundredths is no wrong one."""
+    first, *later = steps
+    if first.unknown or first.place is None:
+        return False
+    explained = float((first.after - first.before).sum())
+    return any(step.unknown and step.place is not None and step.place.column.direction == first.place.column.direction
+               and (step.free is None or float((step.free - step.before).sum()) > TRIFLE * explained)
+               for step in later)
 
 
 def _further(step: Step, clusters: Clusters, seed: int) -> Further:

@@ -5,25 +5,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.discover.covariates import Covariate, Factor, Pair, pair_shapes, test_groups, test_shapes
+from sim.discover.clusters import Clusters
+from sim.discover.covariates import Covariate, Factor, Pair
 from sim.discover.evidence import Array, Column, Evidence
+from sim.discover.home import Home
+from sim.discover.shapes import SAME, Look, Shape, group_shapes, number_shapes, pair_shapes, weights_of
 from sim.discover.statistics import Scores, efficient_scores
-from sim.shots import Shots
 
-MOST_GROUPED = 0.34                   # groups a shot: with fewer than three shots each nothing would be left to ask
-MANY = 10.0                           # groups, counted by size, from which they and not the shots hang together
 TERMS, FREE, PATTERN = "terms", "free", "pattern"
 # How the allowance for false alarms is shared out: a name is worth most, and most of what is left out has one.
 ALLOWANCE = {TERMS: 0.6, FREE: 0.3, PATTERN: 0.1}
-
-
-@dataclass(frozen=True)
-class Clusters:
-    """What hangs together: `label` [shots] numbers the clusters; `by` ball_id, session or shot."""
-
-    by: str
-    label: Array
-    count: int
 
 
 @dataclass(frozen=True)
@@ -37,6 +28,7 @@ class Test:
     what: Covariate | Factor | Pair | None
     shape: str
     weights: Array
+    form: Shape = SAME                # behind `shape` and `weights`, to lay over another session
 
 
 @dataclass(frozen=True)
@@ -47,50 +39,31 @@ class Asked:
     scores: Scores
 
 
-def find_clusters(shots: Shots) -> Clusters:
-    """What luck holds together once groups have their own effects: each shot by itself."""
-    return Clusters("shot", np.arange(len(shots)), len(shots))
-
-
-def groups_of(shots: Shots, rows: Array) -> tuple[str, Array, int] | None:
-    """(what, label [n] of these rows, how many): balls when there are at least ten, else sessions when there are.
-
-    Counted as (sum of sizes)^2 / sum of squares, so that a big group and its crumbs are not many. Many groups differ by
-    luck, and that is no finding; with fewer a difference between them counts as one, for it could be known.
-    """
-    for name in ("ball_id", "session"):
-        texts = np.array(shots.text(name))[rows]
-        if not any(texts):
-            continue
-        levels, label, sizes = np.unique(texts, return_inverse=True, return_counts=True)
-        if sizes.sum()**2 / (sizes**2).sum() >= MANY and len(levels) <= MOST_GROUPED * len(rows):
-            return name, label, len(levels)
-    return None
-
-
 def ask_everything(evidence: Evidence, covariates: Sequence[Covariate], factors: Sequence[Factor],
-                   clusters: Clusters, seed: int) -> Asked:
-    """All tests that the data can carry; a factor that makes the clusters is not asked about."""
-    label = clusters.label[evidence.rows]
+                   clusters: Clusters, seed: int, home: Home | None = None) -> Asked:
+    """All tests that the data can carry; a factor that makes the clusters is not asked about. home: what was left over
+    there already is no change."""
+    label, look = clusters.label[evidence.rows], _look_at(evidence.rows)
     grouped = next((column.name.partition(" ")[0] for column in evidence.columns if column.kind == "group"), "")
-    shapes = _shapes(evidence, covariates, [f for f in factors if f.name != grouped])
-    ones = np.ones((len(evidence.rows), 1))
+    shapes = [SAME, *(shape for covariate in covariates for shape in number_shapes(covariate, look)),
+              *(shape for factor in factors if factor.name != grouped for shape in group_shapes(factor, look))]
     tests: list[Test] = []
     parts: list[Scores] = []
+
+    def ask(number: int, family: str, shapes: Sequence[Shape]) -> None:
+        weights = weights_of(shapes, look)
+        tests.extend(Test(family, number, shape.what, shape.name, weights[:, k], shape)
+                     for k, shape in enumerate(shapes))
+        scores = efficient_scores(evidence, number, weights, label, clusters.count)
+        parts.append(scores if home is None else home.beside(scores, evidence, number, shapes, weights))
+
     for number, column in enumerate(evidence.columns[:evidence.first_shared]):
         if column.kind == "term" or column.follows:
-            family = TERMS if column.kind == "term" else FREE
-            tests.append(Test(family, number, None, "same", ones[:, 0]))
-            parts.append(efficient_scores(evidence, number, ones, label, clusters.count))
-            continue
-        tests += [Test(FREE, number, *shape) for shape in shapes]
-        weights = np.stack([shape[2] for shape in shapes], axis=1)
-        parts.append(efficient_scores(evidence, number, weights, label, clusters.count))
-    if pairs := pair_shapes(covariates, evidence.rows, seed):
-        number = evidence.index("launch speed")
-        tests += [Test(PATTERN, number, *shape) for shape in pairs]
-        weights = np.stack([shape[2] for shape in pairs], axis=1)
-        parts.append(efficient_scores(evidence, number, weights, label, clusters.count))
+            ask(number, TERMS if column.kind == "term" else FREE, [SAME])
+        else:
+            ask(number, FREE, shapes)
+    if pairs := pair_shapes(covariates, look, seed):
+        ask(evidence.index("launch speed"), PATTERN, pairs)
     scores = _join(parts)
     kept = np.flatnonzero(scores.kept)
     return Asked(tuple(tests[k] for k in kept), scores.take(kept))
@@ -108,14 +81,5 @@ def _join(parts: list[Scores]) -> Scores:
                     for name in ("psi", "kappa", "stretch", "kept")))
 
 
-def _shapes(evidence: Evidence, covariates: Sequence[Covariate],
-            factors: Sequence[Factor]) -> list[tuple[Covariate | Factor | None, str, Array]]:
-    shapes: list[tuple[Covariate | Factor | None, str, Array]] = [(None, "same", np.ones(len(evidence.rows)))]
-    for covariate in covariates:
-        weights, names = test_shapes(covariate, evidence.rows)
-        shapes += [(covariate, name, weights[:, k]) for k, name in enumerate(names)]
-    for factor in factors:
-        weights, names = test_groups(factor, evidence.rows)
-        shapes += [(factor, name, weights[:, k]) for k, name in enumerate(names)]
-    return shapes
-
+def _look_at(rows: Array) -> Look:
+    return Look(len(rows), lambda what: what.codes[rows] if isinstance(what, Factor) else what.values[rows])

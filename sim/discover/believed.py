@@ -60,7 +60,7 @@ class Fitted:
     def together(self) -> Array:
         """Which shots hang together when figures are compared, a number each [n]: those of a group, else each alone."""
         groups = self.layout.groups
-        return np.arange(len(self.evidence.rows)) if groups is None else groups.label
+        return np.arange(len(self.evidence.rows)) if groups is None or groups.count == 1 else groups.label
 
 
 def fit_believed(intake: Intake, layout: Layout, progress: Progress = lambda done, note: None) -> Fitted:

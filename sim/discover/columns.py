@@ -27,6 +27,10 @@ SCATTER_PRIOR = {"scatter.speed": (0.015, 3.0), "scatter.elevation_rad": (0.007,
 
 # How much balls (or sessions, robots) differ from one another in exit speed and in drag: a share, one deviation.
 LUCK = {"speed": 0.03, "drag": 0.08}
+# Balls that nobody told apart: a later session's are others, so many; one differs from another in elevation, too, and
+# in the numbers that go with a ball by as large a share as in drag.
+OTHERS, OTHER_BALLS, OTHER_RAD = "others", 10, 0.01
+OF_A_BALL = ("drag.cd", "magnus.cl", "wheel_slip.loss_per_m_s")
 
 # Deviations of single launches that may go with anything, and what each amounts to where it is at work.
 FREE = (
@@ -50,12 +54,15 @@ ALONG_TERMS = ("drag", "drag_reynolds", "spin_drag", "air_density", "air_change"
 
 
 def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Array, int] | None = None,
-            catalogue: tuple[Term, ...] = TERMS, belief: Belief | None = None) -> Layout:
+            catalogue: tuple[Term, ...] = TERMS, belief: Belief | None = None,
+            later: Layout | None = None) -> Layout:
     """Every column that the data could speak of; BadInput for a believed term that there is none of.
 
     belief: of this very rig, from an earlier session; whether a number in it has changed since is asked like any term.
 
-    groups: (what, label [n] of the intake's shots, how many) of things that differ by luck, such as balls.
+    groups: (what, label [n] of the intake's shots, how many) of things that differ by luck, such as balls. later: of a
+    session after the one that the belief was made from, which is laid out here, with the same bands of the flight, and
+    as doubtful as without the belief, for it must not be heard twice.
     """
     check_believed(tuple(name for name in believed if belief is None or name not in belief.coefficients))
     terms = tuple(term.name for term in catalogue)
@@ -64,7 +71,7 @@ def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Array,
     tracked = intake.samples is not None
     chain = Chain(intake.stripped, terms, slots, BANDS if tracked else 0, _substeps(intake), bool(len(intake.marked)),
                   tracked, bool(np.asarray(intake.lanes.free).any()))
-    edges = _edges(intake)
+    edges = _edges(intake) if later is None else later.edges_s
     free = [*FREE, *([AZIMUTH] if tracked else [])]
     columns = [column for _, column in free]
     source = [len(slots) + number for number, _ in free]
@@ -87,16 +94,20 @@ def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Array,
     columns += [column for column, *_ in shared]
     columns += [Column(name, "shared", "launch", "along", "1", 1.0) for name in names]
     source += [place for _, place, *_ in shared] + [-1] * len(names)
-    lucky = None if groups is None else _groups(groups, believed, slots)
+    if groups is None and belief is not None and later is None and tracked:
+        lucky = _others(len(intake.rows), belief, slots)
+        groups = OTHERS, lucky.label, lucky.count
+    else:
+        lucky = None if groups is None else _groups(groups, believed, slots)
     if lucky is not None and groups is not None:
-        columns += [Column(f"{groups[0]} {number}", "group", "launch", "along", "1", 1.0)
+        columns += [Column(f"{groups[0]} {number}", "group", "launch", "along", "1", 1.0, told=groups[0] == OTHERS)
                     for _ in lucky.inputs for number in range(lucky.count)]
         source += [-2] * (lucky.count * len(lucky.inputs))
         prior += [(0.0, 1.0)] * (lucky.count * len(lucky.inputs))
     centre, sd = np.array(prior, dtype=float).reshape(-1, 2).T
     layout = Layout(chain, tuple(columns), np.array(source, dtype=int), scatters, np.diag(sd**-2.0), centre, edges,
                     usual, lucky)
-    return layout if belief is None else inform(bent(layout, belief), belief)
+    return layout if belief is None else inform(bent(layout, belief), belief, sure=later is None)
 
 
 def _groups(groups: tuple[str, Array, int], believed: tuple[str, ...], slots: tuple[tuple[str, str], ...]) -> Groups:
@@ -108,6 +119,15 @@ def _groups(groups: tuple[str, Array, int], believed: tuple[str, ...], slots: tu
         inputs.append(slots.index(("drag", "cd")))
         scale.append(LUCK["drag"] * (drag.prior.centre if drag.prior else 1.0))
     return Groups(label, count, np.array(inputs), np.array(scale))
+
+
+def _others(n: int, belief: Belief, slots: tuple[tuple[str, str], ...]) -> Groups:
+    """By how much the mean of a session's balls may differ from that of the belief's: in speed, elevation, and the
+    believed numbers that go with a ball."""
+    mine = {tuple(name.split(".")): LUCK["drag"] * abs(belief.value(name)) for name in OF_A_BALL if belief.has(name)}
+    inputs = [len(slots), len(slots) + 1, *(slots.index((term, key)) for term, key in mine)]
+    scale = [LUCK["speed"], OTHER_RAD, *mine.values()]
+    return Groups(np.zeros(n, dtype=int), 1, np.array(inputs), np.array(scale) / np.sqrt(OTHER_BALLS))
 
 
 def _term_column(term: Term) -> Column:

@@ -5,10 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import block_diag
 
-from sim.discover.ask import Clusters, Test
-from sim.discover.covariates import STEP, Covariate, Pair, smooth_shapes
+from sim.discover.ask import Test
+from sim.discover.clusters import Clusters
+from sim.discover.covariates import Covariate, Pair, smooth_shapes
 from sim.discover.evidence import Array, Evidence, shared_columns
 from sim.discover.refit import folds_of
+from sim.discover.shapes import STEP
 
 STEPS = 8                             # of Fisher scoring; one is exact for Gaussian evidence
 HALVINGS = 8

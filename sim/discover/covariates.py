@@ -1,7 +1,6 @@
 """What residuals might depend on: every numeric column, what can be derived from it, and every text column."""
 
-import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,13 +14,8 @@ from sim.shots import Dataset, Shots
 # What a shot did, not what it was shot with.
 RESULTS = ("miss_height_m", "outcome", "side")
 SAME = 0.98                           # |correlation| from which two columns are one covariate with two names
-FEWEST = 8                            # shots on each side of a step, and in a group: the signs of fewer say little
+FEWEST = 8                            # known values: fewer say little
 MOST_LEVELS = 20
-STEPS = 5
-STEP = "step at "                     # followed by where
-WAVES = 48                            # over planes of two covariates drawn at random
-WAVE_LENGTH = 1.5                     # standard deviations of a covariate to a radian
-FARTHEST = 2.5                        # standard deviations beyond which a covariate of a pair counts as no further out
 ENERGY = "energy_of_wheels"           # taken by a shot, (rad/s)^2: times their inertia it is in joules
 WORN = "shots_of_ball"                # that its ball had before, by the most that any has had
 # Columns behind what a term follows from shot to shot, the fittest first.
@@ -85,7 +79,7 @@ def gather_covariates(dataset: Dataset) -> tuple[Covariate, ...]:
     """
     found: list[Covariate] = []
     for name, values in number_columns(dataset).items():
-        if name in RESULTS or not _varies(values):
+        if name in RESULTS or not varies(values):
             continue
         twin = next((k for k, other in enumerate(found) if _alike(other.values, values)), None)
         if twin is None:
@@ -137,62 +131,6 @@ def carried_by(covariate: Covariate, factors: tuple[Factor, ...]) -> tuple[str, 
     return tuple(held)
 
 
-def test_shapes(covariate: Covariate, rows: Array) -> tuple[Array, tuple[str, ...]]:
-    """Weights [n, q] to test dependence on a covariate with, and what each is: straight, bent, steps, proportional.
-
-    All but the proportional are centred; a shot whose covariate is unknown weighs nothing.
-    """
-    values = covariate.values[rows]
-    known = np.isfinite(values)
-    if known.sum() < FEWEST or not _varies(values):
-        return np.zeros((len(rows), 0)), ()
-    scaled = (values - values[known].mean()) / values[known].std()
-    shapes, names = [scaled, scaled**2 - 1.0 - scaled * np.mean(scaled[known]**3)], ["straight", "bent"]
-    if len(np.unique(values[known])) < 3:
-        shapes, names = shapes[:1], names[:1]
-    for cut in _cuts(values[known]):
-        shapes.append((values > cut) - np.mean(values[known] > cut))
-        names.append(f"{STEP}{cut:.4g}")
-    if {"exit_spin_rev_s", "exit_speed_m_s"} & set(covariate.names):
-        shapes.append(values / np.abs(values[known]).max())
-        names.append("proportional")
-    return np.where(known[:, None], np.stack(shapes, axis=1), 0.0), tuple(names)
-
-
-def test_groups(factor: Factor, rows: Array) -> tuple[Array, tuple[str, ...]]:
-    """Weights [n, q]: each level of a factor with enough shots against the rest, centred."""
-    codes = factor.codes[rows]
-    shapes, names = [], []
-    for code, level in enumerate(factor.levels):
-        inside = codes == code
-        if FEWEST <= inside.sum() <= (codes >= 0).sum() - FEWEST:
-            shapes.append(np.where(codes >= 0, inside - inside[codes >= 0].mean(), 0.0))
-            names.append(level)
-    return (np.stack(shapes, axis=1) if shapes else np.zeros((len(rows), 0))), tuple(names)
-
-
-def pair_shapes(covariates: Sequence[Covariate], rows: Array, seed: int) -> list[tuple[Pair, str, Array]]:
-    """Weights [n] over the plane of every two covariates, centred: their product, and over some planes a random wave
-    (random Fourier features of a Gaussian kernel), so that whatever two of them do together leaves a trace."""
-    placed = [(one, _placed(one.values[rows])) for one in covariates if _varies(one.values[rows])]
-    pairs = [Pair(a, b, np.stack([x, y])) for (a, x), (b, y) in itertools.combinations(placed, 2)]
-    shapes = [(pair, "product", _centred(pair.place[0] * pair.place[1])) for pair in pairs]
-    rng = np.random.default_rng(seed)
-    for pair in [pairs[k] for k in rng.integers(0, len(pairs), WAVES)] if pairs else ():
-        turn, phase = rng.normal(size=2) / WAVE_LENGTH, rng.uniform(0.0, 2.0 * np.pi)
-        shapes.append((pair, "wave", _centred(np.sqrt(2.0) * np.cos(turn @ pair.place + phase))))
-    return shapes
-
-
-def _placed(values: Array) -> Array:
-    """In standard deviations from the mean, no farther than FARTHEST; unknown = 0."""
-    return np.nan_to_num(np.clip((values - np.nanmean(values)) / np.nanstd(values), -FARTHEST, FARTHEST))
-
-
-def _centred(weights: Array) -> Array:
-    return weights - weights.mean()
-
-
 def smooth_shapes(values: Array) -> Array:
     """Natural cubic spline basis [n, 4] on the quantiles of `values`: straight, and three bends; unknown = 0."""
     known = np.isfinite(values)
@@ -222,18 +160,7 @@ def _ramp(scaled: Array, knot: float, knots: Array) -> Array:
     return (np.maximum(scaled - knot, 0.0)**3 - np.maximum(scaled - knots[-1], 0.0)**3) / (knots[-1] - knot)
 
 
-def _cuts(values: Array) -> list[float]:
-    """Thresholds that leave enough shots on each side, at even quantiles, none splitting as another does."""
-    ordered = np.unique(values)
-    if len(ordered) < 3:
-        return []                     # straight says it already
-    middles = (ordered[1:] + ordered[:-1]) / 2.0
-    wanted = np.quantile(values, np.arange(1, STEPS + 1) / (STEPS + 1.0))
-    cuts = sorted({float(middles[np.abs(middles - want).argmin()]) for want in wanted})
-    return [cut for cut in cuts if FEWEST <= (values > cut).sum() <= len(values) - FEWEST]
-
-
-def _varies(values: Array) -> bool:
+def varies(values: Array) -> bool:
     known = values[np.isfinite(values)]
     return len(known) >= FEWEST and bool(np.ptp(known) > 1e-9 * (1e-9 + np.abs(known).max()))
 
@@ -241,7 +168,7 @@ def _varies(values: Array) -> bool:
 def _alike(a: Array, b: Array) -> bool:
     both = np.isfinite(a) & np.isfinite(b)
     mostly = both.sum() >= 0.9 * max(np.isfinite(a).sum(), np.isfinite(b).sum())
-    if not (mostly and _varies(a[both]) and _varies(b[both])):
+    if not (mostly and varies(a[both]) and varies(b[both])):
         return False
     return bool(abs(np.corrcoef(a[both], b[both])[0, 1]) >= SAME)
 

@@ -6,7 +6,7 @@ same shots with the same surprises, however they are spread: a name that decoys 
 
 import numpy as np
 
-from sim.discover.ask import Clusters
+from sim.discover.clusters import Clusters
 from sim.discover.evidence import Array, Evidence
 from sim.discover.name import nats_for, visible_terms
 from sim.discover.statistics import efficient_scores

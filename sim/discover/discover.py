@@ -6,13 +6,16 @@ from dataclasses import dataclass
 from robot.config import BadInput
 from sim.belief import Belief
 from sim.discover.answer import make_finding, silent
-from sim.discover.ask import ALLOWANCE, Asked, Clusters, ask_everything, find_clusters, groups_of
-from sim.discover.believed import Fitted, fit_believed
+from sim.discover.ask import ALLOWANCE, Asked
+from sim.discover.believed import Fitted, climb, fit_believed, only_shared, usual_spot
+from sim.discover.clusters import Clusters, find_clusters, groups_of
 from sim.discover.columns import KNOWN, lay_out
-from sim.discover.covariates import gather_covariates, gather_factors
+from sim.discover.covariates import every_column, gather_covariates, gather_factors
 from sim.discover.finding import Finding
 from sim.discover.forward import Search, go_forward
+from sim.discover.home import Home
 from sim.discover.intake import take_in
+from sim.discover.linear import Layout, linearise
 from sim.discover.locate import Place, locate
 from sim.discover.statistics import Judged, judge
 from sim.discover.step import Step
@@ -41,13 +44,15 @@ class Investigation:
 
 
 def discover(dataset: Dataset, believed: Sequence[str] | None = None, false_alarm: float = FALSE_ALARM, seed: int = 0,
-             progress: Progress = lambda done, note: None, belief: Belief | None = None) -> Investigation:
+             progress: Progress = lambda done, note: None, belief: Belief | None = None,
+             since: Dataset | None = None) -> Investigation:
     """Fit the believed terms, test whether anything is left over, say where, and name what.
 
     believed: names of terms, the rig's own list when None; gravity always is. belief: of this very rig, from an earlier
     session: its terms, with what is known of their numbers, are what is believed, and whether one of them has changed
-    is asked, too. The same data and seed give the same answer. BadInput for an unknown term, too few shots, or outcomes
-    without a target.
+    is asked, too. since: that very session; what the belief leaves over there is then no change (sim.discover.home).
+    The same data and seed give the same answer. BadInput for an unknown term, too few shots, or outcomes without a
+    target.
     """
     terms = _terms(dataset, believed if belief is None else tuple(belief.coefficients))
     intake = take_in(dataset, {} if belief is None else belief.curves)
@@ -56,13 +61,14 @@ def discover(dataset: Dataset, believed: Sequence[str] | None = None, false_alar
     if not len(intake.rows):
         return Investigation(silent(dataset, intake, terms, false_alarm))
     fitted = fit_believed(intake, layout, lambda done, note: progress(0.3 * done, note))
-    asked, judged = detect(dataset, fitted, clusters, seed, lambda done, note: progress(0.3 + 0.2 * done, note))
+    home = None if since is None or belief is None else _at_home(since, belief, terms, layout)
+    search = make_search(dataset, false_alarm, seed, home)
+    asked, judged = detect(fitted, search, lambda done, note: progress(0.3 + 0.2 * done, note))
     if not asked.tests:
         return Investigation(silent(dataset, intake, terms, false_alarm))
     found = judged.p_any <= false_alarm
     place = locate(fitted.evidence, asked, judged, false_alarm, clusters, seed)
     steps: tuple[Step, ...] = ()
-    search = Search(clusters, gather_covariates(dataset), gather_factors(dataset.shots), false_alarm, seed)
     if found:
         steps = go_forward(fitted, place, search, lambda done, note: progress(0.5 + 0.5 * done, note))
     progress(1.0, "done")
@@ -83,10 +89,22 @@ def _terms(dataset: Dataset, believed: Sequence[str] | None) -> tuple[str, ...]:
     return (*KNOWN, *(name for name in given if name not in KNOWN))
 
 
-def detect(dataset: Dataset, fitted: Fitted, clusters: Clusters, seed: int,
-           progress: Progress) -> tuple[Asked, Judged]:
+def make_search(dataset: Dataset, false_alarm: float = FALSE_ALARM, seed: int = 0, home: Home | None = None) -> Search:
+    """What a dataset is asked with."""
+    return Search(find_clusters(dataset.shots), gather_covariates(dataset), gather_factors(dataset.shots), false_alarm,
+                  seed, home)
+
+
+def detect(fitted: Fitted, search: Search, progress: Progress) -> tuple[Asked, Judged]:
     """All tests of one fit, judged. Without a test nothing is judged."""
-    covariates, factors = gather_covariates(dataset), gather_factors(dataset.shots)
-    asked = ask_everything(fitted.evidence, covariates, factors, clusters, seed)
-    judged = judge(asked.scores, [test.family for test in asked.tests], ALLOWANCE, DRAWS, seed, progress)
+    asked = search.ask(fitted)
+    judged = judge(asked.scores, [test.family for test in asked.tests], ALLOWANCE, DRAWS, search.seed, progress)
     return asked, judged
+
+
+def _at_home(since: Dataset, belief: Belief, terms: tuple[str, ...], later: Layout) -> Home:
+    """The belief at its best in the session that it was made from, laid out like the later one."""
+    intake = take_in(since, belief.curves)
+    layout = lay_out(intake, terms, groups_of(since.shots, intake.rows), belief=belief, later=later)
+    spot, _ = climb(intake, only_shared(layout), usual_spot(intake, layout))
+    return Home(Fitted(intake, layout, spot, linearise(intake, layout, spot)[0]), every_column(since))

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from robot.facts import Facts
-from sim.discover.ask import groups_of
 from sim.discover.believed import fit_believed, usual_spot
+from sim.discover.clusters import groups_of
 from sim.discover.columns import lay_out
 from sim.discover.evidence import Evidence
 from sim.discover.identify import Sight, sight_of

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.discover.ask import Clusters
 from sim.discover.believed import Fitted
+from sim.discover.clusters import Clusters
 from sim.discover.correct import Correction, unseen
 from sim.discover.covariates import Covariate
 from sim.discover.evidence import Array

@@ -6,17 +6,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sim.discover.ask import ALLOWANCE, Asked, Clusters, ask_everything
+from sim.discover.ask import ALLOWANCE, Asked, ask_everything
 from sim.discover.believed import Fitted
+from sim.discover.clusters import Clusters
 from sim.discover.covariates import Covariate, Factor
 from sim.discover.decoys import share_above
 from sim.discover.evidence import Array
+from sim.discover.home import Home
 from sim.discover.locate import Place, locate
 from sim.discover.name import Naming, name_terms
 from sim.discover.pairs import best_pair
+from sim.discover.promote import promote
 from sim.discover.refit import Refit, clustered_error, refit, unseen_score, without
 from sim.discover.statistics import Judged, judge
-from sim.discover.step import CLEARLY, Step, averaged, clearly, make_step, promote, worth
+from sim.discover.step import CLEARLY, Step, averaged, clearly, make_step, worth
 
 Progress = Callable[[float, str], None]
 MOST = 3
@@ -32,6 +35,16 @@ class Search:
     factors: tuple[Factor, ...]
     false_alarm: float
     seed: int
+    home: Home | None = None          # the session since which changes are looked for
+
+    def ask(self, fitted: Fitted) -> Asked:
+        """All tests of the fit, of what is not left over at home, too."""
+        return ask_everything(fitted.evidence, self.covariates, self.factors, self.clusters, self.seed,
+                              self.beside(fitted))
+
+    def beside(self, fitted: Fitted) -> Home | None:
+        """Home with what `fitted` has been given, fitted there, too."""
+        return None if self.home is None else self.home.among(fitted)
 
 
 def go_forward(fitted: Fitted, place: Place | None, search: Search, progress: Progress) -> tuple[Step, ...]:
@@ -54,7 +67,8 @@ def _chain(fitted: Fitted, place: Place | None, search: Search, named: tuple[str
         span = (number / MOST, 0.8 / MOST)
         base = (*named, *(step.naming.leader for step in steps))
         steps.append(make_step(fitted, search.clusters, place, base, search.seed,
-                               lambda done, note, span=span: progress(span[0] + done * span[1], note)))
+                               lambda done, note, span=span: progress(span[0] + done * span[1], note),
+                               search.beside(fitted)))
         if (steps[-1].unknown and not steps[-1].outrun) or number == MOST - 1:
             break
         fitted = promote(fitted, steps[-1].refit)
@@ -66,7 +80,7 @@ def _chain(fitted: Fitted, place: Place | None, search: Search, named: tuple[str
 
 def _what_is_left(fitted: Fitted, search: Search) -> tuple[bool, Place | None]:
     """(whether anything is, where)."""
-    asked = ask_everything(fitted.evidence, search.covariates, search.factors, search.clusters, search.seed)
+    asked = search.ask(fitted)
     if not asked.tests:
         return False, None
     judged = judge_left(asked, search.seed)
@@ -193,7 +207,8 @@ def _left_over(fitted: Fitted, size: dict[str, float], after: Array, search: Sea
     left, place = _what_is_left(whole, search)
     if not left:
         return ()
-    step = make_step(whole, search.clusters, place, tuple(size), search.seed, lambda done, note: None)
+    step = make_step(whole, search.clusters, place, tuple(size), search.seed, lambda done, note: None,
+                     search.beside(whole))
     return (step,) if _pays(step, after) else ()
 
 

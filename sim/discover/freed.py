@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from sim.curve import Curve, natural
-from sim.discover.ask import FREE, Test, ask_everything
+from sim.discover.ask import FREE, Test
 from sim.discover.believed import Fitted, climb, moved, only_shared, out_of_range
 from sim.discover.bent import with_curve
 from sim.discover.correct import Correction, correct
@@ -80,7 +80,7 @@ def _impossible(free: Freed) -> list[str]:
 
 def _what_is_left(fitted: Fitted, search: Search) -> Correction | None:
     """The free change that explains most of what is left beyond chance, of those that a curve can take."""
-    asked = ask_everything(fitted.evidence, search.covariates, search.factors, search.clusters, search.seed)
+    asked = search.ask(fitted)
     if not asked.tests:
         return None
     judged = judge_left(asked, search.seed)

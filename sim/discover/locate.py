@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from sim.discover.ask import FREE, PATTERN, Asked, Clusters, Test
+from sim.discover.ask import FREE, PATTERN, Asked, Test
+from sim.discover.clusters import Clusters
 from sim.discover.correct import Correction, correct
 from sim.discover.covariates import Covariate, Factor, Pair
 from sim.discover.evidence import Array, Column, Evidence

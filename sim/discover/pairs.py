@@ -4,8 +4,8 @@ import numpy as np
 
 from sim.discover.believed import Fitted
 from sim.discover.name import Naming, is_possible, one_step, tame
+from sim.discover.promote import promote
 from sim.discover.refit import Refit, refit
-from sim.discover.step import promote
 
 FIRSTS = 4                            # of the likeliest names, each put in to see which other one goes with it
 WITHIN = 6.0                          # nats of the likeliest pair by one step, beyond which none is refitted

@@ -35,18 +35,22 @@ def own_slope(name: str, value: float) -> float:
     return {LOG: value, LEFT: 1.0 - value}.get(scale_of(name), 1.0)
 
 
-def inform(layout: Layout, belief: Belief) -> Layout:
+def inform(layout: Layout, belief: Belief, sure: bool = True) -> Layout:
     """The layout, whose priors are independent, with what the belief knows better.
 
-    A coefficient that the belief states without doubt keeps its width and takes the belief's value.
+    A coefficient that the belief states without doubt keeps its width and takes the belief's value; so do all where it
+    is not `sure`.
     """
     first = len(layout.columns) - len(layout.precision)
-    columns = [replace(column, told=believed_name(column.name) in belief.names) for column in layout.columns[first:]]
+    columns = [replace(column, told=column.told or believed_name(column.name) in belief.names)
+               for column in layout.columns[first:]]
     centre, covariance = layout.centre.copy(), np.diag(1.0 / np.diag(layout.precision))
     usual = np.sqrt(np.diag(covariance))
     for k, column in enumerate(columns):
         if belief.has(believed_name(column.name)):
             centre[k] = own_value(belief, column.name)
+    if not sure:
+        return replace(layout, centre=centre)
     known = [k for k, column in enumerate(columns) if believed_name(column.name) in belief.names]
     number = [belief.names.index(believed_name(columns[k].name)) for k in known]
     slope = np.array([own_slope(columns[k].name, centre[k]) for k in known])

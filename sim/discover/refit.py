@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.discover.ask import Clusters
 from sim.discover.believed import Fitted, climb, is_lost, moved, objective, only_shared, usual_spot
+from sim.discover.clusters import Clusters
 from sim.discover.evidence import Array, Evidence
 from sim.discover.linear import Layout, Spot
 

@@ -14,8 +14,9 @@ from sim.discover.ask import Asked
 from sim.discover.covariates import Covariate, Factor, followed_column
 from sim.discover.evidence import Array, Evidence, Plane
 from sim.discover.locate import Place
+from sim.discover.promote import promote
 from sim.discover.sizes import scale_of
-from sim.discover.step import Step, promote
+from sim.discover.step import Step
 
 HEIGHT = "height at the target"
 MOST_BINS, BIN_SHOTS = 8, 6

@@ -6,14 +6,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import logsumexp
 
-from sim.discover.ask import Clusters
-from sim.discover.believed import Fitted, only_shared
+from sim.discover.believed import Fitted
+from sim.discover.clusters import Clusters
 from sim.discover.correct import correct
 from sim.discover.decoys import share_above
 from sim.discover.evidence import Array
-from sim.discover.linear import Layout, linearise
+from sim.discover.home import Home
 from sim.discover.locate import Place
 from sim.discover.name import Naming, name_terms
+from sim.discover.promote import promote
 from sim.discover.refit import Refit, clustered_error, folds_of, unseen_score, without
 
 Progress = Callable[[float, str], None]
@@ -49,14 +50,15 @@ class Step:
 
 
 def make_step(fitted: Fitted, clusters: Clusters, place: Place | None, base: tuple[str, ...], seed: int,
-              progress: Progress) -> Step:
-    """Name what is left in `fitted`, and weigh the name against a free curve and decoys."""
+              progress: Progress, home: Home | None = None) -> Step:
+    """Name what is left in `fitted`, and weigh the name against a free curve and decoys. home: what such a curve gains
+    there already is not to the credit of this one."""
     naming = name_terms(fitted, progress)
     before = unseen_score(without(fitted.evidence), clusters)
     scores = {name: unseen_score(one.evidence, clusters) for name, one in naming.refits.items()}
     after, average = scores[naming.leader], averaged(naming, before, scores, clusters.label[fitted.evidence.rows])
     free = None if place is None else place.correction.log_after
-    rivals = _rivals(naming, after, place, clusters, fitted)
+    rivals = _rivals(naming, after, place, clusters, fitted, home)
     decoys = share_above(fitted.evidence, clusters, naming.nats[naming.leader], seed)
     nameless = naming.nats[naming.leader] <= 0.0 or decoys > FALSE_NAMES
     outrun = not nameless and bool(rivals) and all(clearly(gain, fitted) for gain in rivals)
@@ -80,18 +82,30 @@ def averaged(naming: Naming, before: Array, scores: dict[str, Array], label: Arr
     return result
 
 
-def _rivals(naming: Naming, after: Array, place: Place | None, clusters: Clusters, fitted: Fitted) -> list[Array]:
+def _rivals(naming: Naming, after: Array, place: Place | None, clusters: Clusters, fitted: Fitted,
+            home: Home | None) -> list[Array]:
     """What the free curve gains [n] on unseen shots, twice: instead of the name, and, if that is anything, on top of
     it. The former alone compares two linearisations, the latter alone would take a second effect for proof against
     the first."""
     if place is None:
         return []
-    instead = place.correction.log_after - after
+    usual = 0.0 if home is None else _gain_at(home, place)
+    instead = place.correction.log_after - after - usual
     if instead.sum() <= 0.0:
         return [instead]
     named = promote(fitted, naming.refits[naming.leader])
     test = replace(place.test, column=named.evidence.index(place.column.name))
-    return [instead, correct(named.evidence, test, clusters).gain]
+    return [instead, correct(named.evidence, test, clusters).gain - usual]
+
+
+def _gain_at(home: Home, place: Place) -> float:
+    """Nats a shot that such a curve gains at home; 0 where it cannot be drawn there."""
+    number, what = home.index(place.column.name), home.own(place.test.what)
+    if number is None or (what is None and place.test.what is not None):
+        return 0.0
+    test = replace(place.test, column=number, what=what, weights=place.test.form.weigh(home.look))
+    shots = len(home.columns["t_s"])
+    return max(0.0, float(correct(home.fitted.evidence, test, Clusters("shot", np.arange(shots), shots)).gain.mean()))
 
 
 def clearly(gain: Array, fitted: Fitted) -> bool:
@@ -105,21 +119,3 @@ def worth(gain: Array, fitted: Fitted) -> float:
     error = clustered_error(gain, fitted.together)
     total = float(gain.sum())
     return total if total <= 0.0 or error <= 0.0 else min(total, 0.5 * float(gain.mean() / error)**2)
-
-
-def promote(fitted: Fitted, found: Refit) -> Fitted:
-    """The fit with the named columns among the shared ones, at the refit's optimum."""
-    layout = promoted(fitted.layout, found.names)
-    spot = found.spot
-    return Fitted(fitted.intake, layout, spot, linearise(fitted.intake, layout, spot)[0])
-
-
-def promoted(layout: Layout, names: tuple[str, ...]) -> Layout:
-    """The layout with these columns moved from the asked to the shared ones."""
-    first = len(layout.columns) - len(layout.precision)
-    kept = [k for k in range(first) if layout.columns[k].name not in names]
-    inner = only_shared(layout, names)
-    shift = len(kept)
-    return replace(inner, chain=layout.chain, columns=(*(layout.columns[k] for k in kept), *inner.columns),
-                   source=np.concatenate([layout.source[kept], inner.source]),
-                   scatters=tuple(place + shift if place >= 0 else -1 for place in inner.scatters))

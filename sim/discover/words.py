@@ -5,11 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.special import ndtri
 
-from sim.discover.covariates import STEP, Covariate, Factor, Pair
+from sim.discover.covariates import Covariate, Factor, Pair
 from sim.discover.evidence import Evidence
 from sim.discover.finding import Finding, Fit, Further, Named, Unknown, Where
 from sim.discover.identify import EIGHTY, sight_of
 from sim.discover.locate import Place
+from sim.discover.shapes import STEP
 from sim.discover.sizes import in_words, plain, say_effect, scale_of, size_of
 
 STAGE_WORDS = {"sensing": "in what the sensors say", "launch": "at the launch", "flight": "in flight",

@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim.discover.ask import find_clusters, groups_of
 from sim.discover.believed import Fitted, fit_believed
+from sim.discover.clusters import find_clusters, groups_of
 from sim.discover.columns import lay_out
 from sim.discover.intake import take_in
 from sim.discover.name import efficient

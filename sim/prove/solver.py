@@ -94,9 +94,11 @@ def _below(folder: str, files: dict[str, str]) -> dict[str, str]:
 
 def _discover(room: Room, world: str, more: Dataset | None) -> tuple[Investigation, Dataset]:
     dataset = load_dataset(room.data(world))
-    belief = None if dataset.facts.believe.terms else home_belief(room.data(HOME))
     whole = dataset if more is None else join_datasets(dataset, more)
-    return discover(whole, None, FALSE_ALARM, 0, belief=belief), whole
+    if dataset.facts.believe.terms:
+        return discover(whole, None, FALSE_ALARM, 0), whole
+    home, belief = at_home(room.data(HOME))
+    return discover(whole, None, FALSE_ALARM, 0, belief=belief, since=home if dataset.tracks else None), whole
 
 
 def asked_for(found: Investigation, dataset: Dataset) -> list[dict[str, float]]:
@@ -120,12 +122,12 @@ def _write(path: Path, claims: dict[str, Any]) -> None:
 
 
 @cache
-def home_belief(directory: Path) -> Belief:
-    """What the unmodified robot's session leaves to be believed."""
+def at_home(directory: Path) -> tuple[Dataset, Belief]:
+    """The unmodified robot's session, and what it leaves to be believed."""
     if not directory.is_dir():
         raise BadInput(f"{directory}: is missing: these worlds are to be compared with it")
-    found = discover(load_dataset(directory), AT_HOME, FALSE_ALARM, 0)
-    return make_belief(found)[0]
+    home = load_dataset(directory)
+    return home, make_belief(discover(home, AT_HOME, FALSE_ALARM, 0))[0]
 
 
 @cache

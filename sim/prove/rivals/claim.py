@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from msgspec import Struct
 
-from sim.discover.ask import Clusters
 from sim.discover.believed import Fitted
+from sim.discover.clusters import Clusters
 from sim.discover.discover import Investigation
 from sim.discover.refit import Refit
 from sim.shots import Dataset

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from robot.facts import Ball, Facts, Target
-from sim.discover.ask import Clusters
 from sim.discover.believed import Fitted, climb, only_shared
 from sim.discover.chain import DEVIATES, Chain, Lanes, Seen
+from sim.discover.clusters import Clusters
 from sim.discover.evidence import Column
 from sim.discover.intake import SCATTERS, Intake
 from sim.discover.linear import Layout, linearise, nowhere

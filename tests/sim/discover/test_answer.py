@@ -10,11 +10,13 @@ from sim.discover.covariates import Covariate
 from sim.discover.step import Step
 
 
-def step(covariate: str | None, direction: str, unknown: bool) -> Step:
+def step(covariate: str | None, direction: str, unknown: bool, gain: float = 1.0) -> Step:
     what = None if covariate is None else Covariate(((covariate, np.zeros(3)),))
     column = SimpleNamespace(kind="free", follows="", direction=direction)
     place: Any = SimpleNamespace(test=SimpleNamespace(what=what), column=column)
-    return cast(Step, SimpleNamespace(place=place, unknown=unknown))
+    shots = np.arange(10.0)
+    return cast(Step, SimpleNamespace(place=place, unknown=unknown, before=shots, after=shots + gain,
+                                      free=shots + gain if unknown else None))
 
 
 def test_a_name_stands_in_where_something_without_a_name_is_left_in_its_direction() -> None:
@@ -24,6 +26,12 @@ def test_a_name_stands_in_where_something_without_a_name_is_left_in_its_directio
     for left in (step("distance_m", "vertical", True), step("distance_m", "along", False)):
         assert not is_stand_in((first, left))           # another effect, or one that has a name
     assert not is_stand_in((first,))
+
+
+def test_a_name_that_explains_nearly_all_stands_though_a_trifle_is_left() -> None:
+    first, small, larger = step("distance_m", "along", False, 20.0), *(
+        step("distance_m", "along", True, gain) for gain in (0.5, 0.7))
+    assert not is_stand_in((first, small)) and is_stand_in((first, larger))
 
 
 def test_what_has_no_name_anyhow_stands_in_for_nothing() -> None:

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from sim.discover.ask import ALLOWANCE, FREE, PATTERN, TERMS, Asked, ask_everything, find_clusters, groups_of, name_of
+from sim.discover.ask import ALLOWANCE, FREE, PATTERN, TERMS, Asked, ask_everything, name_of
+from sim.discover.clusters import find_clusters, groups_of
 from sim.discover.covariates import Covariate, Factor
 from sim.discover.evidence import Column, Evidence
 from sim.discover.locate import locate

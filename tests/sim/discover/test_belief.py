@@ -35,9 +35,11 @@ def ask(world: World, belief: Belief) -> Finding:
     return discover(shoot(world), belief=belief).finding
 
 
-@pytest.mark.parametrize("seed", [31])
-def test_nothing_has_changed(belief: Belief, seed: int) -> None:
-    finding = ask(later(seed), belief)
+def test_nothing_has_changed_whether_or_not_home_is_looked_at_again(belief: Belief) -> None:
+    dataset = shoot(later(31))
+    since = discover(dataset, belief=belief, since=shoot(FIRST)).finding
+    assert since.verdict == "none", since.sentence
+    finding = discover(dataset, belief=belief).finding
     assert finding.verdict == "none", finding.sentence
     assert set(finding.data.believed) == {"gravity", "drag", "magnus", "exit_efficiency"}
 

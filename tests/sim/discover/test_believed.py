@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from sim.discover.ask import groups_of
 from sim.discover.believed import Fitted, climb, fit_believed, newton_step, objective, only_shared, usual_spot
+from sim.discover.clusters import groups_of
 from sim.discover.columns import lay_out
 from sim.discover.intake import take_in
 from sim.prove.truth.shoot import shoot

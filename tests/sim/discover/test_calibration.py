@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from sim.discover.ask import find_clusters, groups_of
 from sim.discover.believed import Fitted, fit_believed
+from sim.discover.clusters import groups_of
 from sim.discover.columns import lay_out
-from sim.discover.discover import detect
+from sim.discover.discover import detect, make_search
 from sim.discover.intake import take_in
 from sim.discover.name import one_step
 from sim.prove.truth.shoot import shoot
@@ -26,7 +26,7 @@ def believed_fit(dataset: Dataset) -> Fitted:
 
 def p_of(seed: int) -> float:
     dataset = shoot(make_world({}, "L0", SHOTS, seed))
-    return detect(dataset, believed_fit(dataset), find_clusters(dataset.shots), seed, lambda done, note: None)[1].p_any
+    return detect(believed_fit(dataset), make_search(dataset, seed=seed), lambda done, note: None)[1].p_any
 
 
 def test_false_alarms_come_at_their_rate() -> None:

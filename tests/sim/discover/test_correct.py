@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 
-from sim.discover.ask import Clusters, Test
+from sim.discover.ask import Test
+from sim.discover.clusters import Clusters
 from sim.discover.correct import correct
-from sim.discover.covariates import STEP, Covariate, Factor, smooth_shapes
+from sim.discover.covariates import Covariate, Factor, smooth_shapes
 from sim.discover.evidence import Evidence
 from sim.discover.locate import amplitude_of, shortest_run
+from sim.discover.shapes import STEP
 from tests.sim.discover.made import column, gaussian
 
 N = 300

@@ -7,17 +7,16 @@ from hypothesis import strategies as st
 from sim.discover.covariates import (
     FEWEST,
     Covariate,
+    Factor,
     carried_by,
     followed_column,
     gather_covariates,
     gather_factors,
-    test_groups,
-    test_shapes,
 )
+from sim.discover.shapes import Look, group_shapes, number_shapes, pair_shapes, weights_of
 from sim.shots import Dataset, Shots, Traces
 from tests.sim.discover.worlds import FACTS
 
-test_groups.__test__ = test_shapes.__test__ = False        # type: ignore[attr-defined]
 N = 40
 
 
@@ -109,7 +108,9 @@ def test_shapes_are_centred_over_the_known_and_zero_elsewhere(seed: int, holes: 
     rng = np.random.default_rng(seed)
     values = rng.integers(0, levels, N).astype(float)
     values[rng.permutation(N)[:holes]] = np.nan
-    weights, names = test_shapes(Covariate((("x", values),)), np.arange(N))
+    look = Look(N, lambda what: values)
+    shapes = number_shapes(Covariate((("x", values),)), look)
+    weights, names = (weights_of(shapes, look) if shapes else np.zeros((N, 0))), [shape.name for shape in shapes]
     known = np.isfinite(values)
     assert weights.shape == (N, len(names))
     assert (weights[~known] == 0.0).all()
@@ -128,4 +129,26 @@ def test_a_covariate_that_a_session_fixes_is_said_to_go_with_it() -> None:
 
 def test_groups_that_are_too_small_are_not_asked_about() -> None:
     factor = gather_factors(dataset({}, {"rig": ("a",) * 30 + ("b",) * 8 + ("c",) * 2}).shots)[0]
-    assert test_groups(factor, np.arange(N))[1] == ("a", "b")
+    assert [shape.name for shape in group_shapes(factor, Look(N, lambda what: factor.codes))] == ["a", "b"]
+
+
+def test_shapes_have_the_units_of_the_session_that_is_asked_wherever_they_are_laid() -> None:
+    """Nothing is centred or scaled anew over another session, and what is unknown there weighs nothing."""
+    rng = np.random.default_rng(4)
+    x, y = rng.normal(5.0, 2.0, N), rng.normal(size=N)
+    columns = {"x": x, "y": y}
+    rig = Factor("rig", ("a", "b"), np.arange(N) % 2)
+    one, other = Covariate((("x", x),)), Covariate((("y", y),))
+    own = Look(N, lambda what: rig.codes if isinstance(what, Factor) else columns[what.name])
+    there = np.array([7.0, np.nan, 3.0])
+    away = Look(3, lambda what: np.array([1, -1, 0]) if isinstance(what, Factor) else
+                there if what.name == "x" else np.array([0.5, 0.5, np.nan]))
+    shapes = number_shapes(one, own) + group_shapes(rig, own) + pair_shapes([one, other], own, 1)
+    found = dict(zip([shape.name for shape in shapes], weights_of(shapes, away).T, strict=True))
+    scaled = (there - x.mean()) / x.std()
+    assert np.allclose(found["straight"], np.nan_to_num(scaled))
+    assert np.allclose(found["b"], [0.5, 0.0, -0.5])
+    place = np.nan_to_num(np.clip([scaled, [(0.5 - y.mean()) / y.std()] * 2 + [np.nan]], -2.5, 2.5))
+    middle = np.prod(np.clip([(x - x.mean()) / x.std(), (y - y.mean()) / y.std()], -2.5, 2.5), axis=0).mean()
+    assert np.allclose(found["product"], place[0] * place[1] - middle)
+    assert all((found[name][1] == 0.0) for name in found if name.startswith(("step", "bent", "straight")))

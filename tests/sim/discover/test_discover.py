@@ -11,7 +11,7 @@ import pytest
 from robot.config import BadInput
 from sim.discover.discover import Investigation, discover
 from sim.discover.finding import Finding, make_json
-from sim.discover.step import promote
+from sim.discover.promote import promote
 from sim.prove.truth.shoot import shoot
 from sim.prove.truth.world import make_world
 from sim.shots import Dataset, Shots, join_datasets, take_shots

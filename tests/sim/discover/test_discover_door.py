@@ -50,7 +50,7 @@ def test_a_directory_of_settings_is_enough_too(tmp_path: Path, capsys: pytest.Ca
     (["--identifiability", "DIR", "--shots", "30"], "directory"), (["d", "--false-alarm", "2"], "--false-alarm"),
     (["d", "--seed", "-1"], "--seed"), (["d", "--false-alarm", "0.0004"], "--false-alarm"),
     (["d", "--json", "nowhere/x.json"], "nowhere/x.json: there is no such directory"),
-    (["d", "--believe", "gravity,magic"], "--believe"),
+    (["d", "--believe", "gravity,magic"], "--believe"), (["d", "--since", "home"], "--since goes with --belief"),
     (["--identifiability", "RIG", "--believe", "gravity,free_push"], "without a name")])
 def test_what_cannot_be_done_is_said(words: list[str], message: str, rig: Path, tmp_path: Path,
                                      capsys: pytest.CaptureFixture[str]) -> None:

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim.discover.ask import Clusters, Test
+from sim.discover.ask import Test
+from sim.discover.clusters import Clusters
 from sim.discover.correct import correct
 from sim.discover.covariates import Covariate, Factor
 from sim.discover.formula import find_formula

@@ -8,8 +8,9 @@ import pytest
 from sim.discover.believed import Fitted
 from sim.discover.forward import MOST, Search, go_forward, without_outrun
 from sim.discover.name import name_terms
+from sim.discover.promote import promote
 from sim.discover.refit import refit
-from sim.discover.step import Step, promote
+from sim.discover.step import Step
 from tests.sim.discover.straight import ASKED, SHARED, each_by_itself, fit_straight
 
 

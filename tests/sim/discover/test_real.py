@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from robot.config import BadInput
-from sim.discover.ask import find_clusters, groups_of
 from sim.discover.believed import fit_believed
+from sim.discover.clusters import find_clusters, groups_of
 from sim.discover.columns import lay_out
-from sim.discover.discover import detect, discover
+from sim.discover.discover import detect, discover, make_search
 from sim.discover.intake import take_in
 from sim.discover.locate import locate
 from sim.fit.ml import fit_ml
@@ -54,7 +54,7 @@ def test_falling_balls_are_slower_than_gravity_has_them(data_dir: Path) -> None:
     intake = take_in(drops)
     fitted = fit_believed(intake, lay_out(intake, ("gravity",), groups_of(drops.shots, intake.rows)))
     clusters = find_clusters(drops.shots)
-    asked, judged = detect(drops, fitted, clusters, 0, lambda done, note: None)
+    asked, judged = detect(fitted, make_search(drops), lambda done, note: None)
     assert judged.p_any < 0.01
     place = locate(fitted.evidence, asked, judged, 0.05, clusters, 0)
     assert (place.column.stage, place.column.direction) == ("flight", "along")

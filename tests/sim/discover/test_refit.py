@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from sim.discover.ask import Clusters
+from sim.discover.clusters import Clusters
 from sim.discover.evidence import Evidence
 from sim.discover.refit import (
     FOLDS,

@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from sim.discover.ask import Clusters
 from sim.discover.believed import Fitted
+from sim.discover.clusters import Clusters
 from sim.discover.refit import Refit
 from sim.prove.rivals import argmax
 from sim.prove.rivals.claim import Believed

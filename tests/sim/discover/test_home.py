@@ -1,0 +1,82 @@
+"""What a belief leaves over at home is no change, what goes beyond that is: a difference of two samples."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from sim.discover.ask import Asked, ask_everything
+from sim.discover.believed import Fitted
+from sim.discover.covariates import Covariate, Factor, Pair
+from sim.discover.forward import Search, judge_left
+from sim.discover.home import Home
+from sim.discover.promote import promote
+from sim.discover.refit import refit
+from tests.sim.discover.straight import each_by_itself, fit_straight
+
+LEFT = {"wind_z.speed_m_s": 0.4, "spin_decay.rate_per_s": -0.3}
+
+
+def asked(later: Fitted, home: Fitted | None, seed: int = 0) -> Asked:
+    beside = None if home is None else Home(home, {})
+    return ask_everything(later.evidence, (), (), each_by_itself(later), seed, beside)
+
+
+def test_what_is_left_over_in_both_sessions_is_no_change(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Alone every session would be an alarm, beside home no more than one in twenty, chance allowed for."""
+    alone, beside = [], []
+    for seed in range(40):
+        home = fit_straight(monkeypatch, LEFT, 2 * seed)
+        later = fit_straight(monkeypatch, LEFT, 2 * seed + 1)
+        alone.append(judge_left(asked(later, None), seed).p_any)
+        beside.append(judge_left(asked(later, home), seed).p_any)
+    assert np.mean(np.array(alone) <= 0.05) > 0.9
+    assert sum(p <= 0.05 for p in beside) <= stats.binom.ppf(0.999, 40, 0.05)
+    assert stats.kstest(beside, "uniform").pvalue > 0.001
+
+
+@pytest.mark.parametrize("shots", [100, 400])
+def test_what_has_changed_since_is_seen_and_its_size_is_that_of_the_change(monkeypatch: pytest.MonkeyPatch,
+                                                                          shots: int) -> None:
+    changed = {**LEFT, "buoyancy.share": 1.0}
+    home = fit_straight(monkeypatch, LEFT, 1, shots=shots)
+    later = fit_straight(monkeypatch, changed, 2)
+    found = asked(later, home)
+    judged = judge_left(found, 0)
+    named = [later.evidence.columns[test.column].name for test in found.tests]
+    amplitude = dict(zip(named, judged.amplitude, strict=True))
+    assert judged.p_any < 0.01 and named[int(judged.statistic.argmax())] == "buoyancy.share"
+    sd = np.sqrt(1.0 / 200 + 1.0 / shots)                     # of a difference of two means with unit noise
+    assert amplitude["buoyancy.share"] == pytest.approx(1.0, abs=4.0 * sd)
+    assert all(abs(amplitude[name]) < 4.0 * sd for name in LEFT)
+
+
+def test_a_small_home_leaves_the_test_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its luck would drown what the session says."""
+    home = fit_straight(monkeypatch, {}, 1, shots=20)
+    later = fit_straight(monkeypatch, {"wind_x.speed_m_s": 0.3}, 2)
+    alone, beside = (judge_left(asked(later, one), 0) for one in (None, home))
+    assert np.allclose(alone.statistic, beside.statistic) and np.allclose(alone.gain, beside.gain)
+
+
+def test_names_that_were_given_since_are_fitted_at_home_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    home = fit_straight(monkeypatch, LEFT, 1)
+    given = Home(home, {})
+    assert given.among(home) is given
+    later = fit_straight(monkeypatch, LEFT, 1)                # the very same world, which still flies
+    search = Search(each_by_itself(later), (), (), 0.05, 0, given)
+    name = "wind_z.speed_m_s"
+    there = search.beside(promote(later, refit(later, (name,), np.array([0.1]))))
+    assert there is not None and there.index(name) is None and given.index(name) is not None
+    assert there.fitted.values[name] == pytest.approx(0.4, abs=0.3)
+    assert search.beside(promote(later, refit(later, (name,), np.array([0.1])))) is there
+
+
+def test_home_is_looked_at_by_any_of_a_covariates_names(monkeypatch: pytest.MonkeyPatch) -> None:
+    fitted = fit_straight(monkeypatch, {}, 1, shots=20)
+    x = np.arange(20.0)
+    home = Home(fitted, {"t_s": x, "driver": ("a", "b") * 10})
+    one, other = Covariate((("order_in_session", x), ("t_s", x))), Covariate((("battery_v", x),))
+    assert np.array_equal(home.look.at(one), x) and np.isnan(home.look.at(other)).all()
+    driver, place = Factor("driver", ("b", "c"), np.zeros(20, int)), Factor("place", ("b",), np.zeros(20, int))
+    assert home.look.at(driver).tolist() == [-1, 0] * 10 and set(home.look.at(place)) == {-1}
+    assert home.own(other) is None and home.own(None) is None and home.own(Pair(one, other, np.zeros((2, 20)))) is None
