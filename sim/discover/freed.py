@@ -15,12 +15,15 @@ from sim.discover.evidence import Array, Column, Evidence
 from sim.discover.forward import Search, judge_left
 from sim.discover.linear import linearise
 from sim.discover.step import Step, clearly
+from sim.physics.shot import LAUNCH_STATE
 
 TERMS = {"launch speed": ("free_speed", {"share": 1.0}), "launch elevation": ("free_elevation", {"angle_rad": 1.0}),
          "distance": ("free_distance", {"bias_m": 1.0})}
 SIDES = {"along": "along", "vertical": "up", "lateral": "left"}
 LONGEST_S = 60.0
 MOST = 3                              # curves; so many things a robot's nip may do beyond its names
+BEFORE = frozenset(("distance_m", "hood_deg", "motor_ratio", *LAUNCH_STATE))
+HALF = 0.5
 APART = ("scatter.", "track_", "curve.")      # columns that are no coefficients
 
 
@@ -49,7 +52,7 @@ def all_freed(step: Step, search: Search) -> tuple[tuple[Freed, ...], str]:
     found: list[Freed] = []
     fitted, correction = step.fitted, step.place.correction
     while correction is not None and len(found) < MOST:
-        one = freed(fitted, correction)
+        one = freed(fitted, _foreseeable(fitted, correction, search))
         if one is None:
             return tuple(found), "" if found else "no simulation of single shots can take what has no name"
         beyond = _impossible(one)
@@ -59,6 +62,31 @@ def all_freed(step: Step, search: Search) -> tuple[tuple[Freed, ...], str]:
         fitted = one.fitted
         correction = _what_is_left(fitted, search)
     return tuple(found), ""
+
+
+def _foreseeable(fitted: Fitted, correction: Correction, search: Search) -> Correction:
+    """The same change over what is known before a shot, if that gains half as much on unseen shots: a curve over what
+    the shot itself did to the wheels counts with its mean in every forecast."""
+    what = correction.test.what
+    if not isinstance(what, Covariate):
+        return correction
+    if BEFORE & set(what.names):
+        return replace(correction, test=replace(correction.test, what=_led_by_settings(what)))
+    asked = search.ask(fitted)
+    gain = judge_left(asked, search.seed).gain
+    others = [k for k, test in enumerate(asked.tests) if test.column == correction.test.column
+              and isinstance(test.what, Covariate) and BEFORE & set(test.what.names)]
+    if not others:
+        return correction
+    test = asked.tests[max(others, key=lambda k: gain[k])]
+    assert isinstance(test.what, Covariate)
+    other = correct(fitted.evidence, replace(test, what=_led_by_settings(test.what)), search.clusters)
+    return other if other.gain.sum() >= HALF * correction.gain.sum() else correction
+
+
+def _led_by_settings(what: Covariate) -> Covariate:
+    """The same by a name that it has before the shot."""
+    return Covariate(tuple(sorted(what.columns, key=lambda column: column[0] not in BEFORE)))
 
 
 def freed(fitted: Fitted, correction: Correction) -> Freed | None:
