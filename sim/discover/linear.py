@@ -22,7 +22,7 @@ from sim.discover.normal import Normal, multiply_out
 SCATTERED = (0, 1, 2, 4)              # deviates that scatter: log speed, elevation, azimuth, distance
 FAR_BELOW_M = -10.0                   # stands for a ball that never came near
 PAD = 32                              # lanes fly in multiples of this, since each size is compiled,
-BLOCK = 160                           # and at most so many at once: a power of two would be twice as slow (caches)
+BLOCK = 64                            # and at most so many at once: more do not fit the caches
 WIDTH = 12                            # slopes that are flown together
 
 

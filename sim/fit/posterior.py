@@ -58,11 +58,11 @@ def sample(fit: MlFit, count: int, seed: int,
     kernel = NUTS(potential_fn=potential, dense_mass=True, forward_mode_differentiation=True, target_accept_prob=0.85,
                   max_tree_depth=6)
     each = max(-(-count // CHAINS), 4)
+    mcmc = MCMC(kernel, num_warmup=WARMUP, num_samples=each, progress_bar=False)     # compiled once for all chains
     drawn, divergent = [], 0
     for chain in range(CHAINS):
         progress(chain / CHAINS, f"chain {chain + 1} of {CHAINS}")
         key, start_key = jax.random.split(jax.random.PRNGKey(seed + 1000003 * chain))
-        mcmc = MCMC(kernel, num_warmup=WARMUP, num_samples=each, progress_bar=False)
         start = 0.5 * jax.random.normal(start_key, (len(spread),))
         mcmc.run(key, init_params=start, extra_fields=("diverging",))
         drawn.append(np.asarray(mcmc.get_samples()))

@@ -27,7 +27,7 @@ from sim.prove.truth.world import make_world
 from sim.shots import Dataset, Shots
 
 pytestmark = pytest.mark.slow
-SHOTS = 100
+SHOTS = 96
 
 
 @pytest.fixture(scope="module")
@@ -40,8 +40,8 @@ def hasty() -> tuple[Dataset, Investigation]:
 @pytest.fixture(scope="module")
 def season() -> tuple[Dataset, Dataset]:
     """Earlier and later shots of a world with an effect that has no name."""
-    whole = shoot(make_world({"far_kick": 0.15}, "L2", 180, 3))
-    return take_shots(whole, range(100)), take_shots(whole, range(100, 180))
+    whole = shoot(make_world({"far_kick": 0.15}, "L2", 160, 3))
+    return take_shots(whole, range(96)), take_shots(whole, range(96, 160))
 
 
 @pytest.fixture(scope="module")

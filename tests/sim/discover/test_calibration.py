@@ -15,7 +15,7 @@ from sim.prove.truth.world import make_world
 from sim.shots import Dataset
 
 pytestmark = pytest.mark.slow
-WORLDS, SHOTS = 30, 80
+WORLDS, SHOTS = 24, 64
 TRACKED = range(200, 205)
 
 

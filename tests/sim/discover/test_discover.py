@@ -18,7 +18,7 @@ from sim.shots import Dataset, Shots, join_datasets, take_shots
 from tests.sim.discover.odd_rigs import make_drops, make_three_wheels
 
 pytestmark = pytest.mark.slow
-SHOTS = {"L1": 100, "L2": 60}      # few sizes: each is compiled
+SHOTS = {"L1": 96, "L2": 60}      # few sizes: each is compiled
 
 
 def concealed(level: str, effects: Mapping[str, float], seed: int) -> Dataset:
@@ -166,7 +166,7 @@ def test_data_that_can_say_nothing_say_so() -> None:
     finding = discover(Dataset("mute", make_world().facts, shots)).finding
     assert finding.verdict == "none" and finding.mismatch.p_value is None and finding.fit is None
     base = concealed("L1", {}, 1)
-    misses = replace(base.shots, texts={**base.shots.texts, "outcome": ("miss",) * 100, "side": ("",) * 100})
+    misses = replace(base.shots, texts={**base.shots.texts, "outcome": ("miss",) * 96, "side": ("",) * 96})
     assert discover(replace(base, shots=misses)).finding.verdict == "none"
 
 

@@ -1,11 +1,9 @@
-"""What takes minutes: the sampler against the profile, and coverage; benchmarks/coverage.py has more replicates."""
+"""What takes long: the sampler against the profile, a real launcher's tracks. Coverage is benchmarks/coverage.py's."""
 
 import numpy as np
 import pytest
-from scipy import stats
 
 import sim.fit.posterior
-from benchmarks.coverage import replicate
 from sim.fit.ml import fit_ml
 from sim.fit.posterior import sample, save_draws
 from sim.fit.profile import profile_interval
@@ -32,25 +30,13 @@ def test_the_sampler_agrees_with_the_profile(tmp_path, monkeypatch):
         assert low == pytest.approx(found.low90, abs=0.15 * width)
         assert high == pytest.approx(found.high90, abs=0.15 * width)
     monkeypatch.setattr(sim.fit.posterior, "WARMUP", 10)          # enough for a sampler that goes on somehow
-    one, again, other = (sample(fit, 8, seed).draws for seed in (3, 3, 4))
+    one, again = (sample(fit, 8, 3).draws for _ in range(2))
     np.testing.assert_array_equal(one, again)
-    assert not np.array_equal(one, other)
+    assert not np.array_equal(one[:4], one[4:])                   # two chains, each with a seed of its own
     save_draws(tmp_path / "p.npz", drawn)
     with np.load(tmp_path / "p.npz") as saved:
         assert tuple(saved["names"]) == drawn.names
         np.testing.assert_array_equal(saved["draws"], drawn.draws)
-
-
-def test_intervals_cover_the_truth():
-    """3 replicates x 5 parameters: fewer than the binomial's 0.1 % quantile inside would be chance once in a thousand.
-
-    Parameters of one replicate are correlated, so the count is compared as if there were half as many.
-    """
-    found = [one for one in (replicate(seed, 60, side=True) for seed in range(3)) if one is not None]
-    assert len(found) == 3
-    share = np.mean([inside for one in found for inside in one.values()])
-    half = len(found) * 5 // 2
-    assert share * half >= stats.binom.ppf(0.001, half, 0.9)
 
 
 @pytest.mark.data
