@@ -1,6 +1,5 @@
 """Real recordings: each verdict that docs/real-data.md quotes."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,18 +20,9 @@ from sim.importers.mpi import import_mpi
 from sim.importers.set_points import GOAL_M, import_254, import_3476
 from sim.importers.some import only
 from sim.physics.shot import predict
-from sim.shots import Dataset, Tracks, take_shots
+from tests.sim.thin import thinned
 
 pytestmark = [pytest.mark.data, pytest.mark.slow]
-
-
-def thinned(dataset: Dataset) -> Dataset:
-    """32 of the shots and every third picture: half the time, and the same verdict."""
-    tracks = take_shots(dataset, range(32)).tracks
-    assert tracks is not None
-    third = np.arange(len(tracks.shot)) % 3 == 0
-    fewer = Tracks(*(getattr(tracks, name)[third] for name in ("shot", "t_s", "x_m", "y_m", "z_m")))
-    return replace(take_shots(dataset, range(32)), tracks=fewer)
 
 
 def test_backspin_lift_is_named_and_flights_end_where_it_says(data_dir: Path) -> None:

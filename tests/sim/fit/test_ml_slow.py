@@ -10,6 +10,7 @@ from sim.fit.profile import profile_interval
 from sim.shots import load_dataset
 from tests.sim.fit.independent import make_dataset
 from tests.sim.physics.rigs import GUPPY
+from tests.sim.thin import thinned
 from truearc import main
 
 pytestmark = pytest.mark.slow
@@ -41,13 +42,13 @@ def test_the_sampler_agrees_with_the_profile(tmp_path, monkeypatch):
 
 @pytest.mark.data
 def test_a_real_launchers_tracks(data_dir, tmp_path):
-    """37 table-tennis launches whose elevation nobody recorded: the wheels give the spin, the tracks all else.
+    """Table-tennis launches whose elevation nobody recorded: the wheels give the spin, the tracks all else.
 
     A smooth ball at these speeds has a drag coefficient of 0.4 to 0.5, and the cameras were good to millimetres.
     """
     files = [str(data_dir / "real" / name) for name in ("mpi_launches.csv", "mpi_tracks.csv")]
     assert main(["import", "mpi", *files, "-o", str(tmp_path / "mpi"), "--quiet"]) == 0
-    dataset = load_dataset(tmp_path / "mpi")
+    dataset = thinned(load_dataset(tmp_path / "mpi"))
     fit = fit_ml(dataset.facts, dataset, ("drag", "magnus"))
     assert fit.converged
     assert 0.36 < fit.values["drag.cd"] < 0.5
