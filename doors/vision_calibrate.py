@@ -17,7 +17,16 @@ from hw.reading import CameraFrame
 from robot.config import BadInput, CameraConfig, CameraFile
 from robot.toml_text import make_toml
 from robot.vision import detect
-from robot.vision.board import LEAST_VIEWS, MOST_FOCAL_SIGMA, Board, View, calibrate, find_board, is_same
+from robot.vision.board import (
+    LEAST_SLANT_DEG,
+    LEAST_VIEWS,
+    MOST_FOCAL_SIGMA,
+    Board,
+    View,
+    calibrate,
+    find_board,
+    is_same,
+)
 from robot.vision.taped import LEAST, TapedFit, fit_taped
 
 DESCRIPTION = ("Calibrate a camera and write camera.toml, doubts included. With --board: focal length, axis and lens "
@@ -96,6 +105,9 @@ def _from_board(args: argparse.Namespace, camera: CameraConfig) -> CameraConfig:
     for name, error_px in zip(names, fit.error_px, strict=True):
         print(f"{name}: corners off by {error_px:.2f} px", file=sys.stderr)
     found = fit.camera
+    if fit.slant_deg < LEAST_SLANT_DEG:
+        raise BadInput(f"these views leave the focal length open: no board is slanted by more than "
+                       f"{fit.slant_deg:.0f} degrees; slant it by 20 to 30 degrees, to all sides")
     if found.focal_sigma > MOST_FOCAL_SIGMA:
         raise BadInput(f"these views leave the focal length open by {found.focal_sigma:.0%}, and more than "
                        f"{MOST_FOCAL_SIGMA:.0%} is no calibration: slant the board by 20 to 30 degrees, to all sides")

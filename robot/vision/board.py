@@ -21,6 +21,7 @@ Image = npt.NDArray[np.uint8]
 LEAST_VIEWS = 4
 SAME_PX = 2.0                         # views whose corners all lie nearer to each other's are one view
 MOST_FOCAL_SIGMA = 0.03               # of a focal length that is determined; a maker's figure is as good
+LEAST_SLANT_DEG = 10.0                # of the board most slanted: facing boards are as small at any focal length
 LEAST_POINTS = 8                      # of a ChArUco board that is partly seen
 FIXED = cv2.CALIB_FIX_ASPECT_RATIO | cv2.CALIB_FIX_K3 | cv2.CALIB_USE_INTRINSIC_GUESS
 
@@ -45,6 +46,7 @@ class View(NamedTuple):
 class BoardFit(NamedTuple):
     camera: CameraConfig
     error_px: tuple[float, ...]       # root mean square of each view
+    slant_deg: float                  # of the board most slanted, against facing the camera
 
 
 def find_board(image: Image, board: Board) -> View | None:
@@ -82,7 +84,7 @@ def calibrate(views: Sequence[View], camera: CameraConfig) -> BoardFit:
     One sigma is the larger of what the corners' scatter gives and of what leaving out one view after another does
     (jackknife): views err as wholes where a board is bent or an exposure shaken.
     """
-    focal_px, centre_px, distortion, errors_px, said = _solve(views, camera)
+    focal_px, centre_px, distortion, errors_px, said, slant_deg = _solve(views, camera)
     left_out = [_solve([view for k, view in enumerate(views) if k != out], camera)[:2] for out in range(len(views))]
     share = (len(views) - 1) / len(views)
     focal_sigma = math.sqrt(share * sum((focal / focal_px - 1.0) ** 2 for focal, _ in left_out))
@@ -91,18 +93,24 @@ def calibrate(views: Sequence[View], camera: CameraConfig) -> BoardFit:
                      distortion=distortion, focal_sigma=max(focal_sigma, float(said[0]) / focal_px),
                      aspect_sigma=SQUARE_SIGMA, centre_sigma_px=max(centre_sigma_px, float(said[1])),
                      bias_m=0.0, bias_sigma_m=0.0)
-    return BoardFit(fitted, errors_px)
+    return BoardFit(fitted, errors_px, slant_deg)
 
 
-def _solve(views: Sequence[View], camera: CameraConfig) -> tuple[float, Array, Any, tuple[float, ...], Array]:
-    """Focal length, centre (2,), distortion, error of each view, and the stated sigmas (2,) of the first two."""
+def _solve(views: Sequence[View], camera: CameraConfig) -> tuple[float, Array, Any, tuple[float, ...], Array, float]:
+    """Focal length, centre (2,), distortion, error of each view, the stated sigmas (2,) of the first two, and the
+    largest angle between a board and one that faces the camera."""
     size = (camera.width_px, camera.height_px)
     focal = math.sqrt(camera.fx_px * camera.fy_px)
     start = np.array([[focal, 0.0, size[0] / 2 - 0.5], [0.0, focal, size[1] / 2 - 0.5], [0.0, 0.0, 1.0]])
-    _, matrix, distortion, _, _, spread, _, errors = cv2.calibrateCameraExtended(
+    _, matrix, distortion, turns, _, spread, _, errors = cv2.calibrateCameraExtended(
         [view.points_m for view in views], [view.seen_px for view in views], size, start, np.zeros(5), flags=FIXED)
     k1, k2, p1, p2, k3 = (float(part) for part in np.ravel(distortion)[:5])
     sigma = np.ravel(spread)
     said = np.array([max(sigma[0], sigma[1]), max(sigma[2], sigma[3])])
     return (float(matrix[0, 0]), np.asarray(matrix[:2, 2]), (k1, k2, p1, p2, k3),
-            tuple(float(error) for error in np.ravel(errors)), said)
+            tuple(float(error) for error in np.ravel(errors)), said, max(map(_slant_deg, turns)))
+
+
+def _slant_deg(turn: Any) -> float:
+    """Of a board's normal against the optical axis."""
+    return math.degrees(math.acos(min(1.0, abs(float(cv2.Rodrigues(np.asarray(turn))[0][2, 2])))))
