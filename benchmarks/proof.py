@@ -4,19 +4,22 @@
     python benchmarks/proof.py benchmarks/results/proof-*.tar.xz [--write docs/proof.md]
     python benchmarks/proof.py benchmarks/results/proof-L0.tar.xz --beside OWN.tar.xz        # drawn from other entropy
 
+Rounds of one level and as many shots, gathered over several sittings, are marked as one.
 Nothing is checked here but the ledger's chain: `truearc prove check --packed FILE --out DIR` makes worlds again.
 """
 
 import argparse
 import tempfile
+from collections.abc import Sequence
+from itertools import groupby
 from pathlib import Path
+from typing import NamedTuple
 
 import msgspec
 
 from sim.prove.keeper import load_plan
 from sim.prove.ledger import digest, read_ledger
-from sim.prove.marking import Mark
-from sim.prove.opener import graded_of
+from sim.prove.opener import Graded, graded_of
 from sim.prove.packed import unpack
 from sim.prove.proof_beside import beside
 from sim.prove.proof_page import verdict
@@ -35,7 +38,8 @@ def main() -> None:
     if args.beside is not None:
         print("\n".join(tell_beside(path, args.beside) for path in args.packed))
         return
-    text = "\n".join(tell(path) for path in args.packed)
+    rounds = sorted(map(load, args.packed), key=lambda one: one.setting)
+    text = "\n".join(tell(list(group)) for _, group in groupby(rounds, key=lambda one: one.setting))
     if args.write is None:
         print(text)
         return
@@ -45,36 +49,44 @@ def main() -> None:
     args.write.write_text(before + BEGIN + text + END + after, encoding="utf-8")
 
 
-def marks_of(path: Path) -> list[Mark]:
-    with tempfile.TemporaryDirectory() as folder:
-        room = Room(Path(folder) / "round")
-        unpack(path, room)
-        return [one.first for one in graded_of(room)]
-
-
 def tell_beside(path: Path, other: Path) -> str:
     """SystemExit when they are not of one level and as many shots."""
-    ours, theirs = marks_of(path), marks_of(other)
+    ours, theirs = ([one.first for one in load(file).graded] for file in (path, other))
     settings = {(one.level, one.shots) for one in (*ours, *theirs)}
     if len(settings) > 1:
         raise SystemExit(f"{path}, {other}: not of one level and as many shots: {sorted(settings)}")
     return f"{path.name}: {len(ours)} worlds; {other.name}: {len(theirs)}\n\n{beside(ours, theirs).markdown()}\n"
 
 
-def tell(path: Path) -> str:
-    """One round: what it was drawn from, who solved it, and its tables."""
+class Packed(NamedTuple):
+    """A round as it lies in its file. facts: what it was drawn from and who solved it, told."""
+
+    setting: tuple[str, int]
+    graded: tuple[Graded, ...]
+    facts: str
+
+
+def load(path: Path) -> Packed:
     with tempfile.TemporaryDirectory() as folder:
         room = Room(Path(folder) / "round")
         unpack(path, room)
-        plan, graded, entries = load_plan(room), graded_of(room), read_ledger(room.ledger)
+        plan, graded, entries = load_plan(room), tuple(graded_of(room)), read_ledger(room.ledger)
         solvers = sorted({msgspec.json.decode(room.claims(one.world).read_bytes())["solver"] for one in graded})
         last = digest(room.ledger.read_bytes().splitlines()[-1])
-    again = [(one.first, one.again) for one in graded if one.again is not None]
     facts = (f"{plan.worlds} worlds drawn from {plan.seed} ({', '.join(plan.engines)}). Solver (SHA-256 of its code): "
              f"{', '.join(f'`{one[:16]}`' for one in solvers)}. Ledger: {len(entries)} lines, SHA-256 of the last "
              f"`{last[:16]}`. File: `{path.name}`.")
-    tables = "\n\n".join(one.markdown() for one in make_tables([one.first for one in graded], again))
-    return f"## {plan.level}, {plan.shots} shots\n{facts}\n\n{verdict([one.first for one in graded])}\n\n{tables}\n"
+    return Packed((plan.level, plan.shots), graded, facts)
+
+
+def tell(rounds: Sequence[Packed]) -> str:
+    """Rounds of one level and as many shots, marked as one: what each was drawn from, and their tables."""
+    level, shots = rounds[0].setting
+    graded = [one for packed in rounds for one in packed.graded]
+    marks, again = [one.first for one in graded], [(one.first, one.again) for one in graded if one.again is not None]
+    facts = "\n\n".join(packed.facts for packed in rounds)
+    tables = "\n\n".join(one.markdown() for one in make_tables(marks, again))
+    return f"## {level}, {shots} shots\n{facts}\n\n{verdict(marks)}\n\n{tables}\n"
 
 
 if __name__ == "__main__":
