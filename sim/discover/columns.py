@@ -61,8 +61,9 @@ def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Array,
     belief: of this very rig, from an earlier session; whether a number in it has changed since is asked like any term.
 
     groups: (what, label [n] of the intake's shots, how many) of things that differ by luck, such as balls. later: of a
-    session after the one that the belief was made from, which is laid out here, with the same bands of the flight, and
-    as doubtful as without the belief, for it must not be heard twice.
+    session after the one that the belief was made from, which is laid out here: with the same bands of the flight, as
+    free to have other balls, so that both take up alike what the belief leaves over, and as doubtful as without the
+    belief, for it must not be heard twice.
     """
     check_believed(tuple(name for name in believed if belief is None or name not in belief.coefficients))
     terms = tuple(term.name for term in catalogue)
@@ -94,7 +95,7 @@ def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Array,
     columns += [column for column, *_ in shared]
     columns += [Column(name, "shared", "launch", "along", "1", 1.0) for name in names]
     source += [place for _, place, *_ in shared] + [-1] * len(names)
-    if groups is None and belief is not None and later is None and tracked:
+    if groups is None and belief is not None and tracked:
         lucky = _others(len(intake.rows), belief, slots)
         groups = OTHERS, lucky.label, lucky.count
     else:

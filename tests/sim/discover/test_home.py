@@ -4,13 +4,18 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from sim.belief import Belief
 from sim.discover.ask import Asked, ask_everything
 from sim.discover.believed import Fitted
+from sim.discover.columns import lay_out
 from sim.discover.covariates import Covariate, Factor, Pair
 from sim.discover.forward import Search, judge_left
 from sim.discover.home import Home
+from sim.discover.intake import take_in
 from sim.discover.promote import promote
 from sim.discover.refit import refit
+from sim.prove.truth.shoot import shoot
+from sim.prove.truth.world import make_world
 from tests.sim.discover.straight import each_by_itself, fit_straight
 
 LEFT = {"wind_z.speed_m_s": 0.4, "spin_decay.rate_per_s": -0.3}
@@ -69,6 +74,20 @@ def test_names_that_were_given_since_are_fitted_at_home_too(monkeypatch: pytest.
     assert there is not None and there.index(name) is None and given.index(name) is not None
     assert there.fitted.values[name] == pytest.approx(0.4, abs=0.3)
     assert search.beside(promote(later, refit(later, (name,), np.array([0.1])))) is there
+
+
+def test_home_is_as_free_to_have_other_balls_as_the_later_session() -> None:
+    """So that both fits take up alike what the belief leaves over; of its numbers home knows nothing yet."""
+    intake = take_in(shoot(make_world({}, "L2", 12, 5, side=True)))
+    belief = Belief({"drag": {"cd": 0.5}, "magnus": {"cl": 0.2}}, {}, ("drag.cd",), np.array([[1e-4]]))
+    later = lay_out(intake, ("gravity", "drag", "magnus"), belief=belief)
+    home = lay_out(intake, ("gravity", "drag", "magnus"), belief=belief, later=later)
+    balls = later.grouped
+    assert balls == home.grouped == 4                         # speed, elevation, drag, lift
+    assert later.precision[-balls:, -balls:] == pytest.approx(home.precision[-balls:, -balls:], abs=1e-6)
+    drag = [column.name for column in later.columns].index("drag.cd", len(later.columns) - len(later.precision))
+    place = drag - len(later.columns)
+    assert later.precision[place, place] > 100.0 * home.precision[place, place]
 
 
 def test_home_is_looked_at_by_any_of_a_covariates_names(monkeypatch: pytest.MonkeyPatch) -> None:
