@@ -5,7 +5,7 @@ from typing import Any
 
 import msgspec
 
-from doors.discover import RAREST, believed_terms, check_place, keep_compiled, write_out
+from doors.discover import RAREST, believed_terms, check_place, home_of, keep_compiled, write_out
 from doors.progress import make_progress
 from robot.config import BadInput
 from sim.belief import load_belief
@@ -33,6 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--believe", metavar="TERMS", help="terms of the simulation, comma-separated; else rig.toml's")
     parser.add_argument("--belief", metavar="FILE", help="coefficients.toml of this very rig from an earlier session, "
                         "as in discover")
+    parser.add_argument("--since", metavar="DIR", help="dataset that --belief was adopted from, as in discover")
     parser.add_argument("--shots", type=int, default=SHOTS, metavar="N", help="shots to plan (default %(default)s)")
     parser.add_argument("--configurations", type=int, default=CONFIGURATIONS, metavar="K",
                         help="that they are shared out to (default %(default)s)")
@@ -51,7 +52,8 @@ def main(args: argparse.Namespace) -> int:
     believed, belief = believed_terms(args), None if args.belief is None else load_belief(args.belief)
     keep_compiled()
     dataset = load_dataset(args.dataset)
-    found = discover(dataset, believed, args.false_alarm, args.seed, make_progress("design", args.quiet), belief)
+    found = discover(dataset, believed, args.false_alarm, args.seed, make_progress("design", args.quiet), belief,
+                     home_of(args, dataset))
     print(found.finding.sentence)
     table: dict[str, Any] = {"schema": SCHEMA, "verdict": found.finding.verdict, "next": []}
     if found.steps and can_design(found.steps[0]):

@@ -73,23 +73,27 @@ def main(args: argparse.Namespace) -> int:
     belief = None if args.belief is None else load_belief(args.belief)
     dataset = load_dataset(args.dataset)
     found = discover(dataset, believed, args.false_alarm, args.seed, make_progress("discover", args.quiet), belief,
-                     None if args.since is None else _load_home(args.since, dataset))
+                     home_of(args, dataset))
     adopted = [adopt(found, args.dataset, args.adopt)] if args.adopt else []
     tell(found, Path(args.dataset).name, args.json, args.report)
     print(*adopted, sep="\n", end="\n" if adopted else "")
     return 0
 
 
-def _load_home(directory: str, later: Dataset) -> Dataset:
-    """BadInput for one of another rig."""
-    home = load_dataset(directory)
+def home_of(args: argparse.Namespace, later: Dataset) -> Dataset | None:
+    """The dataset that --since names; BadInput for one of another rig."""
+    if args.since is None:
+        return None
+    home = load_dataset(args.since)
     if (home.facts.ball, home.facts.launcher) != (later.facts.ball, later.facts.launcher):
-        raise BadInput(f"--since: {directory}: was recorded with another rig ([ball] or [launcher] differs)")
+        raise BadInput(f"--since: {args.since}: was recorded with another rig ([ball] or [launcher] differs)")
     return home
 
 
 def believed_terms(args: argparse.Namespace) -> list[str] | None:
-    """What --believe names; BadInput where it names nothing, or --belief does."""
+    """What --believe names; BadInput where it names nothing, or --belief does, or --since stands without that."""
+    if args.since is not None and args.belief is None:
+        raise BadInput("--since goes with --belief, which was adopted from that dataset")
     if args.belief is not None and args.believe is not None:
         raise BadInput("--belief and --believe exclude each other: the file names its terms")
     believed = None if args.believe is None else [name.strip() for name in args.believe.split(",") if name.strip()]
@@ -145,8 +149,6 @@ def _check_modes(args: argparse.Namespace) -> None:
     """Either data or a forecast of data; options that would not be heeded are refused."""
     if (args.dataset is None) == (args.identifiability is None):
         raise BadInput("give either a dataset directory, or --identifiability with a rig.toml or a directory")
-    if args.since is not None and args.belief is None:
-        raise BadInput("--since goes with --belief, which was adopted from that dataset")
     if args.identifiability is None and (args.shots is not None or args.level is not None or args.sides):
         raise BadInput("--shots, --level and --sides are for --identifiability")
     if args.identifiability is not None and (args.belief is not None or args.adopt is not None):

@@ -24,6 +24,7 @@ LONGEST_S = 60.0
 MOST = 3                              # curves; so many things a robot's nip may do beyond its names
 BEFORE = frozenset(("distance_m", "hood_deg", "motor_ratio", *LAUNCH_STATE))
 HALF = 0.5
+UNABLE = "no simulation of single shots can take what has no name"
 APART = ("scatter.", "track_", "curve.")      # columns that are no coefficients
 
 
@@ -44,24 +45,38 @@ def all_freed(step: Step, search: Search) -> tuple[tuple[Freed, ...], str]:
     """(curves of the step without a name, then of what is left beside them, each surely better on unseen shots; why one
     was not taken, if it was not).
 
-    Not taken: beside which a coefficient comes to the end of what is possible; what no simulation of single shots can
-    take (two covariates together; a launch to one side, on which no height depends); a second curve of the same thing.
+    Not taken: beside which a coefficient comes to the end of what is possible; which explains nothing once it is flown;
+    what no simulation of single shots can take (two covariates together; a launch to one side, on which no height
+    depends); a second curve of the same thing.
     """
     if step.place is None:
         return (), ""
     found: list[Freed] = []
     fitted, correction = step.fitted, step.place.correction
     while correction is not None and len(found) < MOST:
-        one = freed(fitted, _foreseeable(fitted, correction, search))
+        one, why = _first_possible(fitted, (_foreseeable(fitted, correction, search), correction))
         if one is None:
-            return tuple(found), "" if found else "no simulation of single shots can take what has no name"
-        beyond = _impossible(one)
-        if beyond:
-            return tuple(found), f"beside the free curve {', '.join(beyond)} would be impossible"
+            return tuple(found), "" if found and why == UNABLE else why
         found.append(one)
         fitted = one.fitted
         correction = _what_is_left(fitted, search)
     return tuple(found), ""
+
+
+def _first_possible(fitted: Fitted, corrections: tuple[Correction, ...]) -> tuple[Freed | None, str]:
+    """(the first of them that may be believed, why the last one may not)."""
+    why = ""
+    for correction in corrections:
+        one = freed(fitted, correction)
+        if one is None:
+            why = UNABLE
+        elif beyond := _impossible(one):
+            why = f"beside the free curve {', '.join(beyond)} would be impossible"
+        elif one.evidence.log_score.sum() <= fitted.evidence.log_score.sum():
+            why = "the free curve explains nothing once it is flown"
+        else:
+            return one, ""
+    return None, why
 
 
 def _foreseeable(fitted: Fitted, correction: Correction, search: Search) -> Correction:

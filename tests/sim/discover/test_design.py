@@ -10,6 +10,7 @@ from scipy.stats import multivariate_normal
 from sim.discover.believed import fit_believed
 from sim.discover.columns import lay_out
 from sim.discover.design import (
+    ACCURACY,
     PACES,
     SURE,
     Contest,
@@ -24,6 +25,7 @@ from sim.discover.design import (
 )
 from sim.discover.forward import Search, go_forward
 from sim.discover.intake import take_in
+from sim.discover.next_steps import MEASURE
 from sim.discover.step import Step
 from sim.physics.shot import predict
 from sim.prove.truth.shoot import shoot
@@ -166,3 +168,7 @@ def test_slower_and_faster_wheels_are_foretold_as_the_simulator_has_them() -> No
     asked = np.array([pace * ratio[fitted.evidence.rows[row]] for row, pace in options])
     assert ratio.min() - 1e-9 <= asked.min() and asked.max() <= ratio.max() + 1e-9
     assert len(options) > 3 * len(ratio)
+
+
+def test_whatever_can_be_measured_of_the_launcher_is_weighed_with_an_accuracy() -> None:
+    assert {name for name in MEASURE if not name.startswith("track_")} - set(ACCURACY) == {"air_change"}
