@@ -45,7 +45,7 @@ def run(recorded: Dataset | None, believed: tuple[str, ...] | None, belief: Beli
     fault, world = job
     dataset = shoot(world_of(world)) if recorded is None else recorded
     tracks = dataset if fault == NONE else with_fault(dataset, fault)
-    found = discover(tracks, believed, seed=world.index, belief=belief)
+    found = discover(tracks, believed, seed=world.index, belief=belief, since=None if belief is None else recorded)
     finding = msgspec.json.decode(make_json(found.finding))
     return {"fault": fault, "source": dataset.name + (SINCE if belief is not None else ""), "number": world.index,
             "found": finding["mismatch"]["found"],
