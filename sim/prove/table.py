@@ -214,7 +214,8 @@ def is_reached(target: Target, value: float, goal: float) -> bool:
 
 
 def words_of(target: Target, goal: float) -> str:
-    return f"{'>=' if target.least else '<='} {goal:.2g}" + (f", <= {target.most:.2g}" if target.most < 1.0 else "")
+    number = f"{goal:.2g}" if goal < 100.0 else f"{goal:.0f}"
+    return f"{'>=' if target.least else '<='} {number}" + (f", <= {target.most:.2g}" if target.most < 1.0 else "")
 
 
 def scaled_target(setting: Setting, target: Target, allowed: float | None) -> float | None:
