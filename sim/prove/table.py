@@ -214,8 +214,8 @@ def is_reached(target: Target, value: float, goal: float) -> bool:
 
 
 def words_of(target: Target, goal: float) -> str:
-    number = f"{goal:.2g}" if goal < 100.0 else f"{goal:.0f}"
-    return f"{'>=' if target.least else '<='} {number}" + (f", <= {target.most:.2g}" if target.most < 1.0 else "")
+    most = f", <= {target.most:.2g}" if target.most < 1.0 else ""
+    return f"{'>=' if target.least else '<='} {round(goal, 2):g}{most}"
 
 
 def scaled_target(setting: Setting, target: Target, allowed: float | None) -> float | None:

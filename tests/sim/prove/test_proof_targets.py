@@ -76,6 +76,7 @@ def test_an_alias_is_answered_by_all_of_its_class(said: list[str], answered: int
 def test_what_has_no_value_says_why() -> None:
     found = rows([world("one", ["wind_x"], [])])
     assert found["off: unknown"] == ["not measured", "-", ">= 0.55", "none with a lambda of 50 or more was found"]
+    assert found["amplitude's RMS error / least"][2] == "<= 1.35"      # as the design writes it
     assert found["top-1"][0] == "not measured" and found["top-1"][3] == "no world of this round says"
     assert found["follow-up: random shots that 100 designed ones equal"][2:] == [
         ">= 300", "as many random shots were not given"]
