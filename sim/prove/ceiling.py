@@ -69,9 +69,11 @@ def _term(column: str) -> str:
 
 
 def _draw(covariance: Array, rng: np.random.Generator) -> Array:
-    """[DRAWS, K] normal."""
+    """[DRAWS, K] normal, by the symmetric square root: the eigenvectors' signs and order, which differ from machine to
+    machine, cancel in it, and it is there of singular covariances too, which no Cholesky factor is."""
     values, vectors = np.linalg.eigh(covariance)
-    return rng.normal(size=(DRAWS, len(values))) @ (vectors * np.sqrt(np.maximum(values, 0.0))).T
+    root = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
+    return rng.normal(size=(DRAWS, len(values))) @ root
 
 
 def strength_of(evidence: Evidence, shift_m: Array) -> float | None:

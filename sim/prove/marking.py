@@ -18,7 +18,7 @@ from sim.prove.grade import (
     said_stage,
 )
 from sim.prove.measure import Measured
-from sim.prove.mix import MUJOCO, OWN, Drawn
+from sim.prove.mix import DECOY, MUJOCO, NUMPY, OWN, Drawn
 
 Finding = Mapping[str, Any]
 NULLS = ("clean", "dirty")
@@ -28,13 +28,13 @@ CHANGE = {change.name: change for change in CHANGES}
 class Mark(Struct, frozen=True):
     """One world's; None where the question does not arise. `hidden`: what was true of it.
 
-    first: the first name is right. alias: or of a class with the right one. covered: the set has a right name. both:
-    of two effects both are named. error: amplitude of the right name, less the truth, over the best standard error that
-    anybody could have (Cramer and Rao). gain, oracle_gain: held out, here and by the true term itself, nats a shot.
-    allowed: chances that the data allow to find, name, name up to alias, place. goes_with: covariate and direction of
-    what is in no catalogue. right: names of the catalogue that
-    would be right. rivals: of others put to the same data, whether each says something, and of its first name what
-    `first` and `alias` are of ours.
+    first: the first name is right. alias: or of a class with the right one, be it a decoy's (sim.prove.decoys takes
+    those out). covered: the set has a right name. both: of two effects both are named. error: amplitude of the right
+    name, less the truth, over the best standard error that anybody could have (Cramer and Rao). gain: held out, nats a
+    shot, by the solver's own word (its folds); oracle_gain: the same of the true term, by the grader. allowed: chances
+    that the data allow to find, name, name up to alias, place. goes_with: covariate and direction of what is in no
+    catalogue. right: names of the catalogue that would be right. rivals: of others put to the same data, whether each
+    says something, and of its first name what `first` and `alias` are of ours, decoys taken out.
     """
 
     world: str
@@ -108,7 +108,9 @@ def _rival(drawn: Drawn, claim: Mapping[str, Any], right: Sequence[str],
     says, names = bool(claim["says_something"]), list(claim["names"])[:1]
     if not right:
         return says, None, None
-    return says, says and bool(names) and names[0] in right, says and _alike(drawn, names, right, measured)
+    decoy = (drawn.engine, drawn.kind) == (NUMPY, "decoy") and names == [DECOY]      # ours: sim.prove.decoys
+    return (says, says and bool(names) and names[0] in right,
+            says and not decoy and _alike(drawn, names, right, measured))
 
 
 def hidden_of(drawn: Drawn) -> tuple[str, ...]:

@@ -40,6 +40,7 @@ ALIKE = {"L0": ("target_height", "release_height", "distance_bias", "distance_sc
          "L1": ("target_height", "release_height"), "L2": ("distance_bias", "distance_scale")}
 LIMITS = {"ball_stiffness_scale": (0.35, 3.0), "flywheel_inertia_scale": (0.25, 5.0)}      # that a world stands
 WEAR = ("ball_wear", "drag_wear")     # what a battery that falls with wear is a decoy for
+DECOY = "battery_sag"                 # and by which name of the catalogue it would be told
 
 
 class Drawn(Struct, frozen=True, forbid_unknown_fields=True):

@@ -3,7 +3,7 @@
 import io
 import shutil
 import tarfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,18 +16,21 @@ from sim.prove.making import HOME, make_data, make_more
 from sim.prove.mix import OWN, Drawn, drawn_of
 from sim.prove.opener import Progress, check_world, graded_of, mark_world
 from sim.prove.room import ANSWERED, CLAIMED, CLAIMED_AGAIN, GRADED, SEALED, Room
+from sim.prove.same_mark import TOLERANCE, compare
 from sim.prove.seal import canonical, load_seal
 
 KEPT = ("ledger.jsonl", "grades.jsonl", "keeper", "claims", "again")
 
 
 class Checked(NamedTuple):
-    """What was found of a packed round; `wrong` names all that is not as it was committed to."""
+    """What was found of a packed round; `wrong` names all that is not as it was committed to; off: how far numbers of
+    the marks that were worked out again are off at most (sim.prove.same_mark)."""
 
     sealed: int
     graded: int
     remade: tuple[str, ...]
     wrong: tuple[str, ...]
+    off: Mapping[str, float]
 
 
 def pack(room: Room, path: Path) -> None:
@@ -64,20 +67,27 @@ def unpack(path: Path, room: Room) -> None:
 
 
 def check_round(room: Room, worlds: int, progress: Progress) -> Checked:
-    """Make the data of `worlds` worlds again, spread over the round, and compare all hashes and marks.
+    """Make the data of `worlds` worlds again, spread over the round, compare all hashes, and mark them again.
 
-    Of the others: that their seals, claims and marks are those in the ledger, and that they were drawn from the seed.
+    Of all: that their seals, claims and marks are, to the letter, those in the ledger, and that they were drawn from
+    the seed.
     """
     steps = room.steps()
     wrong = [line for name, done in steps.items() for line in _check_papers(room, name, done)]
     wrong += [*_check_draw(room, steps), *_check_marks(room, steps)]
     names = [name for name in steps if name != HOME]
-    chosen = _spread(names, worlds)
+    chosen, marked = _spread(names, worlds), {one.world: one for one in graded_of(room)}
+    off = dict.fromkeys(TOLERANCE, 0.0)
     for number, name in enumerate([*([HOME] if HOME in steps else []), *chosen]):
         progress(number / (len(chosen) + 1), f"{name} is made again")
-        wrong += _remake(room, name, steps[name])
+        changed = _remake(room, name, steps[name])
+        wrong += changed
+        if name in marked and not changed:
+            compared = compare(marked[name], mark_world(room.root, name))
+            wrong += [f"{room.claims(name)}: is marked otherwise now: {one}" for one in compared.other]
+            off = {number: max(far, compared.off[number]) for number, far in off.items()}
     progress(1.0, f"{len(chosen)} worlds made again")
-    return Checked(len(steps), sum(GRADED in done for done in steps.values()), chosen, tuple(dict.fromkeys(wrong)))
+    return Checked(len(steps), sum(GRADED in done for done in steps.values()), chosen, tuple(dict.fromkeys(wrong)), off)
 
 
 def _remake(room: Room, name: str, done: dict[str, str]) -> list[str]:
@@ -88,11 +98,7 @@ def _remake(room: Room, name: str, done: dict[str, str]) -> list[str]:
     make_data(drawn, room.data(name))
     if ANSWERED in done:
         make_more(drawn, asked_of(room, name), room.more(name))
-    wrong = check_world(room, name, done)
-    if wrong or name == HOME:
-        return wrong
-    mark = digest(canonical(msgspec.to_builtins(mark_world(room.root, name))))
-    return [] if mark == done[GRADED] else [f"{room.claims(name)}: is marked otherwise now"]
+    return check_world(room, name, done)
 
 
 def _check_papers(room: Room, name: str, done: dict[str, str]) -> list[str]:

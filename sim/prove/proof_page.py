@@ -4,6 +4,7 @@
 from collections.abc import Sequence
 
 from sim.intervals import wilson
+from sim.prove.decoys import up_to_alias
 from sim.prove.ledger import Entry
 from sim.prove.marking import NULLS, Mark
 from sim.prove.proof_pictures import chance_png, ladder_png, matrix_png
@@ -41,7 +42,7 @@ def verdict(marks: Sequence[Mark]) -> str:
         parts.append(f"Where something was hidden, it was found in {_words(hidden, lambda one: one.found)}.")
     if named:
         parts.append("Of what was found and has a name, the right one or one that such data cannot tell from it came "
-                     f"first in {_words(named, lambda one: one.alias)}.")
+                     f"first in {_words(named, up_to_alias)}.")
     return " ".join(parts)
 
 
@@ -60,7 +61,7 @@ def _matrix(marks: Sequence[Mark]) -> str:
 def _worlds(marks: Sequence[Mark]) -> str:
     rows = [[one.world, one.engine, one.kind, ", ".join(one.hidden) or "nothing",
              None if one.strength is None else f"{one.strength:.3g}", one.p_value, one.verdict, ", ".join(one.names),
-             _word(one.stage), _word(one.first), _word(one.alias)] for one in marks]
+             _word(one.stage), _word(one.first), _word(up_to_alias(one))] for one in marks]
     return _folded(f"{len(rows)} worlds", table(["world", "engine", "kind", "hidden", "lambda", "p-value", "verdict",
                                                  "said", "stage right", "first name", "up to alias"], rows))
 

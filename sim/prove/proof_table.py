@@ -6,7 +6,9 @@ from operator import attrgetter
 from typing import NamedTuple
 
 from sim.intervals import wilson
+from sim.prove.decoys import up_to_alias
 from sim.prove.marking import NULLS, Mark
+from sim.prove.mix import NUMPY
 from sim.prove.proof_targets import against_targets
 
 VERDICTS = ("none", "named", "set", "unknown")
@@ -15,6 +17,8 @@ GROUPS = {"nothing": NULLS, "one of the catalogue": ("one", "decoy"), "aliases":
 STEPS = (0.0, 1.0, 3.0, 7.0, 15.0, 35.0, 100.0, float("inf"))      # of lambda
 Question = Callable[[Mark], bool | None]
 Again = Sequence[tuple[Mark, Mark]]
+FOUND, STAGE = attrgetter("found"), attrgetter("stage")
+RIGHT: tuple[Question, ...] = (attrgetter("first"), up_to_alias, attrgetter("covered"))
 
 
 class Table(NamedTuple):
@@ -28,10 +32,10 @@ class Table(NamedTuple):
 
 
 def make_tables(marks: Sequence[Mark], again: Again = ()) -> list[Table]:
-    """False alarms, what was found by how plain it was, what was right, the abstention matrix, against the design, and
-    what further shots told; again: (first, then) of the worlds that were shot again."""
-    tables = [_alarms(marks), _ladder(marks), _right(marks), _matrix(marks), _targets(marks), _rivals(marks),
-              _again(again)]
+    """False alarms, what was found by how plain it was and by name, what was right, the abstention matrix, against the
+    design, and what further shots told; again: (first, then) of the worlds that were shot again."""
+    tables = [_alarms(marks), _ladder(marks), _by_name(marks), _right(marks), _matrix(marks), _targets(marks),
+              _rivals(marks), _again(again)]
     return [one for one in tables if one.rows]
 
 
@@ -76,9 +80,22 @@ def _ladder(marks: Sequence[Mark]) -> Table:
         rows.append([f"{low:g}-{high:g}" if high < STEPS[-1] else f"{low:g} and more",
                      said(*share(mine, lambda one: one.found)),
                      f"{sum(allowed) / len(allowed):.2f}" if allowed else "-",
-                     *(said(*share(mine, attrgetter(name))) for name in ("first", "alias", "covered", "stage"))])
+                     *(said(*share(mine, question)) for question in (*RIGHT, STAGE))])
     return Table("One hidden effect, by how plain it is", (
         "lambda", "found", "these data allow", "first name right", "up to alias", "in the set", "stage"), rows)
+
+
+def _by_name(marks: Sequence[Mark]) -> Table:
+    """Those first of which most was missed of what their data allow."""
+    single = [one for one in marks if one.engine == NUMPY and one.kind == "one" and one.allowed]
+    rows = []
+    for name in sorted({one.hidden for one in single}):
+        mine = [one for one in single if one.hidden == name]
+        allowed = sum(one.allowed[0] for one in mine if one.allowed)
+        rows.append((sum(one.found for one in mine) - allowed, [
+            ", ".join(name), f"{sum(one.found for one in mine)}/{len(mine)}", f"{allowed:.1f}"]))
+    return Table("One effect of the catalogue, by name", ("hidden", "found", "these data allow to find"),
+                 [row for _, row in sorted(rows)])
 
 
 def _right(marks: Sequence[Mark]) -> Table:
@@ -94,15 +111,14 @@ def _right(marks: Sequence[Mark]) -> Table:
         pairs = [(one.gain, one.oracle_gain) for one in mine if one.gain is not None and one.oracle_gain is not None]
         best = sum(oracle for _, oracle in pairs)
         if mine:
-            rows.append([title, *(said(*share(mine, attrgetter(name)))
-                                  for name in ("found", "stage", "first", "alias", "covered")),
+            rows.append([title, *(said(*share(mine, question)) for question in (FOUND, STAGE, *RIGHT)),
                          f"{sum(sizes) / len(sizes):.1f}" if sizes else "-",
                          said(*share(mine, lambda one: one.holds)),
                          f"{(sum(error**2 for error in errors) / len(errors))**0.5:.2f}" if errors else "-",
                          f"{sum(gain for gain, _ in pairs) / best:.2f}" if best > 0.0 else "-"])
     return Table("Worlds in which something is hidden; from `stage` on, of those found", (
         "hidden", "found", "stage", "first name right", "up to alias", "in the set", "set size", "interval holds",
-        "error / least possible, RMS", "gain kept"), rows)
+        "error / least possible, RMS", "gain kept, by the solver's own folds"), rows)
 
 
 def _matrix(marks: Sequence[Mark]) -> Table:
@@ -132,7 +148,7 @@ def _rivals(marks: Sequence[Mark]) -> Table:
 
 
 def _ours(one: Mark) -> tuple[bool, bool | None, bool | None]:
-    return (one.found, bool(one.first), bool(one.alias)) if one.right else (one.found, None, None)
+    return (one.found, bool(one.first), bool(up_to_alias(one))) if one.right else (one.found, None, None)
 
 
 def _yes(answers: Iterable[bool | None]) -> tuple[int, int]:

@@ -214,7 +214,8 @@ def is_reached(target: Target, value: float, goal: float) -> bool:
 
 
 def words_of(target: Target, goal: float) -> str:
-    return f"{'>=' if target.least else '<='} {goal:.2g}" + (f", <= {target.most:.2g}" if target.most < 1.0 else "")
+    most = f", <= {target.most:.2g}" if target.most < 1.0 else ""
+    return f"{'>=' if target.least else '<='} {round(goal, 2):g}{most}"
 
 
 def scaled_target(setting: Setting, target: Target, allowed: float | None) -> float | None:

@@ -68,3 +68,12 @@ def test_what_moves_heights_as_a_term_does_is_as_plain_as_the_term() -> None:
     shared = strength_of(found, by[:, 1])
     assert shared is not None and shared < 0.01 * left            # a fitted number takes it up but for its prior
     assert strength_of(evidence_of(("wind_x",), straight(1)), np.ones(N)) is None
+
+
+def test_the_eigenvectors_signs_which_are_the_machine_s_change_no_draw(monkeypatch: pytest.MonkeyPatch) -> None:
+    slopes = straight(3) @ np.random.default_rng(1).normal(size=(3, 3))
+    evidence = evidence_of(("wind_x", "wind_z", "hood_offset"), slopes)
+    here = ceiling_of(evidence, "L2", "wind_x.amplitude", 0.2, 1)
+    usual = np.linalg.eigh
+    monkeypatch.setattr(np.linalg, "eigh", lambda one: (usual(one)[0], -usual(one)[1]))
+    assert ceiling_of(evidence, "L2", "wind_x.amplitude", 0.2, 1) == here

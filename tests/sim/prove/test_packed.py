@@ -49,6 +49,7 @@ def test_the_same_data_are_made_again_from_the_seals_alone(packed: Path, tmp_pat
     assert main(words) == 0
     said = capsys.readouterr().out
     assert "2 worlds were sealed, 2 marked" in said and "2 worlds made again" in said
+    assert "at most 0 (strength), 0 (error), 0 (oracle_gain), 0 (allowed)." in said      # by the same machine
     assert main(words) == 2 and "is there already" in capsys.readouterr().err
 
 
@@ -76,6 +77,19 @@ def change_seal(room: Room) -> str:
     return "w0002.json: is not what was sealed"
 
 
+def forge_marks(room: Room) -> str:
+    """A kinder mark, in a ledger made anew: what only marking it again can find."""
+    lines = [msgspec.json.decode(line) for line in room.grades.read_bytes().splitlines()]
+    lines[0]["first"]["verdict"] = "named, of course"
+    room.grades.write_bytes(b"".join(msgspec.json.encode(line) + b"\n" for line in lines))
+    entries = read_ledger(room.ledger)
+    room.ledger.unlink()
+    for one in entries:
+        mine = (one.what, one.world) == ("graded", lines[0]["world"])
+        append(room.ledger, one.what, one.world, digest(canonical(lines[0])) if mine else one.sha256)
+    return f"{lines[0]['world']}.json: is marked otherwise now: verdict is"
+
+
 def leave_out(room: Room) -> str:
     """A world whose outcome did not please, taken out of everything, the chain made anew."""
     entries = [one for one in read_ledger(room.ledger) if one.world != "w0002"]
@@ -101,7 +115,7 @@ def choose_data(room: Room) -> str:
     return "shots.csv: was changed"
 
 
-@pytest.mark.parametrize("cheat", [change_claims, change_marks, change_seal, leave_out, choose_data])
+@pytest.mark.parametrize("cheat", [change_claims, change_marks, forge_marks, change_seal, leave_out, choose_data])
 def test_whatever_was_changed_or_left_out_is_named(room: Room, cheat: Callable[[Room], str]) -> None:
     expected = cheat(room)
     assert any(expected in line for line in check_round(room, 2, quiet).wrong)
