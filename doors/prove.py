@@ -162,7 +162,8 @@ def _save_report(room: Room, graded: Sequence[Graded]) -> list[Table]:
     marks, again = [one.first for one in graded], [(one.first, one.again) for one in graded if one.again is not None]
     driven = driven_of(room_of(room.root))
     tables = [*make_tables(marks, again), *([driven_table(driven)] if driven else [])]
-    room.report.write_text(make_proof_page(marks, tables, read_ledger(room.ledger)), encoding="utf-8")
+    entries = read_ledger(room.ledger) or read_ledger(room_of(room.root).ledger)
+    room.report.write_text(make_proof_page(marks, tables, entries), encoding="utf-8")
     return tables
 
 
