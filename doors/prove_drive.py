@@ -168,13 +168,20 @@ def _open(room: Room, names: Sequence[str]) -> None:
     if wrong:
         raise BadInput("\n".join(wrong))
     wrong = [f"{_gate(room, name, side)}: is not what was claimed" for name in names
-             for side, sha256 in msgspec.json.decode(room.claims(name).read_bytes())["gates"].items()
-             if _gate_hashes(room, name)[side] != sha256]
+             for side, sha256 in _claimed_gates(room, name).items() if _gate_hashes(room, name)[side] != sha256]
     if wrong:
         raise BadInput("\n".join(wrong))
     for name in names:
         if OPENED not in steps[name]:
             append(room.ledger, OPENED, name, digest(room.seal(name).read_bytes()))
+
+
+def _claimed_gates(room: Room, name: str) -> dict[str, str]:
+    """{side: SHA-256}; BadInput where the claims do not say it of both sides."""
+    gates = msgspec.json.decode(room.claims(name).read_bytes()).get("gates")
+    if not isinstance(gates, dict) or set(gates) != set(SIDES):
+        raise BadInput(f"{room.claims(name)}: gates: must have {' and '.join(SIDES)}")
+    return gates
 
 
 def _drive(root: Path, trials: int, name: str) -> Driven:
