@@ -103,7 +103,8 @@ def _sealed(demo: Demo) -> str:
         f'<p class="dim">{len(marks)} worlds by another simulator, drawn from the seed, their truth committed to '
         "before discovery saw the data: a taste, no proof. "
         f'<a href="{room.root.name}/{room.report.name}">The round</a>; '
-        "<code>truearc prove --seed-from-entropy</code> plays one that nobody has seen.</p>")
+        "<code>truearc prove --worlds 60 --level L1 --shots 300 --seed-from-entropy</code> plays one that nobody has "
+        "seen.</p>")
 
 
 def _one_shot(demo: Demo) -> str:

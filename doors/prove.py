@@ -12,10 +12,11 @@ from doors.progress import make_progress
 from doors.prove_drive import driven_of, driven_table, learn_gates, play_driven, room_of
 from robot.config import BadInput
 from sim.discover.intake import FEWEST_SHOTS
-from sim.prove.keeper import Plan, answer_round, entropy, load_plan, seal_own, seal_round
+from sim.prove.keeper import Plan, answer_round, entropy, load_plan, seal_round
 from sim.prove.ledger import read_ledger
 from sim.prove.mix import MUJOCO, NUMPY
-from sim.prove.opener import Graded, grade_round, graded_of
+from sim.prove.opener import Graded, grade_round, graded_of, unclaimed
+from sim.prove.own import seal_own
 from sim.prove.packed import check_round, pack, unpack
 from sim.prove.proof_page import make_proof_page, verdict
 from sim.prove.proof_table import Table, make_tables
@@ -37,18 +38,19 @@ ROLES = ("seal", "solve", "answer", "grade", "drive", "gates", "pack", "check")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
     parser.add_argument("role", nargs="?", choices=ROLES, help="one of the roles; all without it")
-    parser.add_argument("--out", metavar="ROUND", required=True, help="directory of the round")
+    parser.add_argument("--out", metavar="ROUND", default="round", help="directory of the round (%(default)s)")
     parser.add_argument("--worlds", type=int, default=60, metavar="N", help="how many (%(default)s)")
     parser.add_argument("--level", default="L1", help="L0, L1 or L2 (%(default)s)")
     parser.add_argument("--shots", type=int, default=300, metavar="N", help="of each world (%(default)s)")
     parser.add_argument("--trials", type=int, metavar="N", help="with drive: of each gate (as many as --shots)")
     parser.add_argument("--engines", default=f"{NUMPY},{MUJOCO}", help="comma-separated (%(default)s)")
     source = parser.add_mutually_exclusive_group()
-    source.add_argument("--seed", type=int, help="that the worlds are drawn from")
+    source.add_argument("--seed", type=int, help="that the worlds are drawn from; with check: the sample")
     source.add_argument("--seed-from-entropy", action="store_true", help="draw it (a round that goes on keeps its own)")
     parser.add_argument("--follow-up", action="store_true", help="where names are left, let the solver ask for up to 5 "
                         "configurations, 100 shots together, and say what it makes of them")
     parser.add_argument("--rivals", metavar="NAMES", help=f"put others to the same tracks, too: {', '.join(RIVALS)}")
+    parser.add_argument("--so-far", action="store_true", help="with grade: mark what is claimed, and wait for the rest")
     parser.add_argument("--world", metavar="FILE", help="with seal: JSON of what is true of your own world")
     parser.add_argument("--data", metavar="DIR", help="with --world: its dataset")
     parser.add_argument("--packed", metavar="FILE", help="with pack: the .tar.xz to write; with check: to "
@@ -80,7 +82,7 @@ def main(args: argparse.Namespace) -> int:
     if args.role is None and args.follow_up:
         _solve_apart(args)
     if args.role in (None, "grade"):
-        _tell(room, grade_round(room, make_progress("grade", args.quiet), args.processes, args.scheduler))
+        _tell(room, grade_round(room, make_progress("grade", args.quiet), args.processes, args.scheduler, args.so_far))
     return 0
 
 
@@ -92,8 +94,8 @@ def _drive(args: argparse.Namespace, room: Room) -> int:
         driven = play_driven(room.root, args.worlds, args.shots, args.trials or args.shots, _seed(args),
                              make_progress("drive", args.quiet), args.processes)
         print(driven_table(driven).markdown())
-        if room.grades.exists():
-            _save_report(room, graded_of(room))
+        _save_report(room, graded_of(room))
+        print(f"report: {room.report}")
     return 0
 
 
@@ -109,25 +111,31 @@ def _check_packed(args: argparse.Namespace, room: Room) -> int:
     """What was committed to, told again by this machine; 2 where anything differs."""
     if args.packed:
         unpack(Path(args.packed), room)
-    checked = check_round(room, args.worlds, make_progress("check", args.quiet))
+    checked = check_round(room, args.worlds, make_progress("check", args.quiet), args.seed)
     if checked.wrong:
         raise BadInput("\n".join(checked.wrong))
     print(f"{room.ledger}: {checked.sealed} worlds were sealed, {checked.graded} marked, as their seed draws them; "
-          f"seals, claims and marks are those of the ledger.\n{len(checked.remade)} worlds made again: the same data "
-          "to the last byte, the same claimed, true and right. Numbers of the marks, worked out again, are off by at "
-          f"most {', '.join(f'{far:.1g} ({name})' for name, far in checked.off.items())}.")
+          f"seals, claims and marks are those of the ledger.\n{len(checked.remade)} worlds made again (drawn by "
+          f"--seed {checked.seed}): the same data to the last byte, the same claimed, true and right. Numbers of the "
+          f"marks, worked out again, are off by at most "
+          f"{', '.join(f'{far:.1g} ({name})' for name, far in checked.off.items())}.")
     _tell(room, graded_of(room))
     return 0
 
 
 def _check(args: argparse.Namespace) -> None:
-    """BadInput for numbers that no round can have, rivals that there are none of, and a round that is not there."""
+    """BadInput for numbers that no round can have, rivals that there are none of or that have nothing to be put to, a
+    cluster where none is used, and a round that is not there."""
     fewest = FEWEST if args.role == "drive" else FEWEST_SHOTS
     for name, least in (("seed", 0), ("worlds", 1), ("shots", fewest), ("trials", 1), ("processes", 1)):
         value = getattr(args, name)
         if value is not None and value < least:
             raise BadInput(f"--{name} {value}: {least} or more")
     check_rivals(_rivals(args))
+    if args.rivals and args.role in (None, "seal") and args.level != "L2":
+        raise BadInput(f"--rivals: others are put to tracks alone, which --level {args.level} does not have; L2 does")
+    if args.scheduler is not None and args.role in ("drive", "gates", "pack", "check"):
+        raise BadInput(f"--scheduler: {args.role} runs on this machine alone")
     begun = room_of(Path(args.out)) if args.role == "gates" else Room(Path(args.out))
     unpacked = args.role == "check" and args.packed
     if args.role in ("solve", "answer", "grade", "gates", "pack", "check") and not (unpacked or begun.ledger.exists()):
@@ -140,8 +148,11 @@ def _rivals(args: argparse.Namespace) -> tuple[str, ...]:
 
 def _tell(room: Room, graded: Sequence[Graded]) -> None:
     """The tables, and the page."""
+    waiting = len(unclaimed(room.steps()))
+    if waiting:
+        print(f"{waiting} worlds are sealed and not claimed: they are in no table.")
     if not graded:
-        print("Nothing has been claimed yet.")
+        print("Nothing has been marked yet.")
         return
     tables = [one.markdown() for one in _save_report(room, graded)]
     said = verdict([one.first for one in graded])
@@ -153,7 +164,8 @@ def _save_report(room: Room, graded: Sequence[Graded]) -> list[Table]:
     marks, again = [one.first for one in graded], [(one.first, one.again) for one in graded if one.again is not None]
     driven = driven_of(room_of(room.root))
     tables = [*make_tables(marks, again), *([driven_table(driven)] if driven else [])]
-    room.report.write_text(make_proof_page(marks, tables, read_ledger(room.ledger)), encoding="utf-8")
+    entries = read_ledger(room.ledger) or read_ledger(room_of(room.root).ledger)
+    room.report.write_text(make_proof_page(marks, tables, entries), encoding="utf-8")
     return tables
 
 

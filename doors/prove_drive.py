@@ -13,6 +13,7 @@ import sys
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
 import msgspec
 import numpy as np
@@ -29,13 +30,15 @@ from sim.discover.finding import make_json
 from sim.fanout import fan_out
 from sim.intervals import difference
 from sim.prove.ledger import append, digest
+from sim.prove.lock import alone
+from sim.prove.marks import load_marks, save_mark, worlds_of, wrong_marks
 from sim.prove.mix import FIRST_SEED, MUJOCO, Drawn, change_one, drawn_of
-from sim.prove.opener import check_world
+from sim.prove.opener import check_world, left_out
 from sim.prove.proof_table import Table, said
-from sim.prove.room import CLAIMED, GRADED, OPENED, SEALED, Room
+from sim.prove.room import CLAIMED, OPENED, SEALED, Room
 from sim.prove.seal import canonical, hash_files, load_seal, make_seal, save_seal
 from sim.prove.solver import FALSE_ALARM, SCHEMA, forbid, solver_id
-from sim.prove.worldfile import append_line, lines_of, mend
+from sim.prove.worldfile import mend
 from sim.recordings import outcomes_of, shots_from_sessions
 from sim.shots import load_dataset, save_dataset
 from sim.world.options import Options
@@ -46,6 +49,7 @@ AT_ONCE = 4                           # worlds between two entries in the ledger
 SHIPPED = Path(robot.__file__).parent / "launcher.toml"
 NO_GATE, SIDES = "no gate", ("before", "after")
 Progress = Callable[[float, str], None]
+Done = TypeVar("Done")
 
 
 class Driven(Struct, frozen=True):
@@ -68,32 +72,35 @@ def play_driven(root: Path, worlds: int, recorded: int, trials: int, seed: int, 
     """Seal worlds with `recorded` trials each, have gates learnt by a process that is refused the seals, open, and
     drive `trials` with each gate; nothing is done twice. BadInput for whatever was tampered with."""
     room = room_of(root)
-    room.keeper.mkdir(parents=True, exist_ok=True)
     names = [f"r{number:04d}" for number in range(1, worlds + 1)]
-    _in_batches([name for name in names if SEALED not in room.steps().get(name, {})],
-                partial(_seal, room.root.resolve(), recorded, seed), room, SEALED,
-                lambda done: progress(0.3 * done, "the emulated robot records"), workers)
+    with alone(room.root):
+        room.keeper.mkdir(parents=True, exist_ok=True)
+        _in_batches([name for name in names if SEALED not in room.steps().get(name, {})],
+                    partial(_seal, room.root.resolve(), recorded, seed),
+                    lambda name, sha256: append(room.ledger, SEALED, name, sha256),
+                    lambda done: progress(0.3 * done, "the emulated robot records"), workers)
     progress(0.3, "gates are learnt")
     more = ["--processes", str(workers)] if workers else []
     if subprocess.run([sys.executable, "-m", "truearc", "prove", "gates", "--out", str(root), *more],
                       check=False).returncode:
         raise BadInput(f"{room.root}: no gates were learnt; the reason is above")
-    _open(room, names)
-    mend(room.grades)
-    _in_batches([name for name in names if GRADED not in room.steps()[name]],
-                partial(_drive, room.root.resolve(), trials), room, GRADED,
-                lambda done: progress(0.5 + 0.5 * done, "the robot drives"), workers)
+    with alone(room.root):
+        _open(room, names)
+        steps, known = room.steps(), worlds_of(room.grades)
+        _in_batches([name for name in names if name not in known], partial(_drive, room.root.resolve(), trials),
+                    lambda name, driven: save_mark(room, name, driven, steps[name]),
+                    lambda done: progress(0.5 + 0.5 * done, "the robot drives"), workers)
     return driven_of(room)
 
 
-def _in_batches(names: Sequence[str], work: Callable[[str], str], room: Room, step: str,
+def _in_batches(names: Sequence[str], work: Callable[[str], Done], enter: Callable[[str, Done], object],
                 progress: Callable[[float], None], workers: int | None) -> None:
-    """Work, and enter its hash in the ledger, a few worlds at a time."""
+    """Work, and enter what came of it, a few worlds at a time."""
     for first in range(0, len(names), AT_ONCE):
         progress(first / len(names))
         batch = names[first:first + AT_ONCE]
-        for name, sha256 in zip(batch, fan_out(work, batch, workers=workers), strict=True):
-            append(room.ledger, step, name, sha256)
+        for name, done in zip(batch, fan_out(work, batch, workers=workers), strict=True):
+            enter(name, done)
 
 
 def _seal(root: Path, recorded: int, seed: int, name: str) -> str:
@@ -113,10 +120,11 @@ def _seal(root: Path, recorded: int, seed: int, name: str) -> str:
 def learn_gates(root: Path, workers: int | None = None) -> None:
     """The solver's part, in a process of its own: gates and claims for every sealed world that has none."""
     room = room_of(root)
-    steps = room.steps()
     forbid(room.keeper)
-    _in_batches([name for name, done in steps.items() if CLAIMED not in done], partial(_learn, room.root.resolve()),
-                room, CLAIMED, lambda done: None, workers)
+    with alone(room.root):
+        _in_batches([name for name, done in room.steps().items() if CLAIMED not in done],
+                    partial(_learn, room.root.resolve()),
+                    lambda name, sha256: append(room.ledger, CLAIMED, name, sha256), lambda done: None, workers)
 
 
 def _learn(root: Path, name: str) -> str:
@@ -153,11 +161,14 @@ def _verb(*words: object) -> None:
 
 def _open(room: Room, names: Sequence[str]) -> None:
     """Enter in the ledger that seals are opened; BadInput where anything was tampered with."""
+    mend(room.grades)
     steps = room.steps()
-    wrong = [line for name in names for line in check_world(room, name, steps[name])]
-    wrong += [f"{_gate(room, name, side)}: is not what was claimed" for name in names
-              for side, sha256 in msgspec.json.decode(room.claims(name).read_bytes())["gates"].items()
-              if _gate_hashes(room, name)[side] != sha256]
+    wrong = [line for name, done in steps.items() for line in check_world(room, name, done)]
+    wrong += [*left_out(room, steps), *wrong_marks(room.grades, steps)]
+    if wrong:
+        raise BadInput("\n".join(wrong))
+    wrong = [f"{_gate(room, name, side)}: is not what was claimed" for name in names
+             for side, sha256 in _claimed_gates(room, name).items() if _gate_hashes(room, name)[side] != sha256]
     if wrong:
         raise BadInput("\n".join(wrong))
     for name in names:
@@ -165,8 +176,16 @@ def _open(room: Room, names: Sequence[str]) -> None:
             append(room.ledger, OPENED, name, digest(room.seal(name).read_bytes()))
 
 
-def _drive(root: Path, trials: int, name: str) -> str:
-    """The same world and driver three times, alike but for the gate; the hash of what came of it."""
+def _claimed_gates(room: Room, name: str) -> dict[str, str]:
+    """{side: SHA-256}; BadInput where the claims do not say it of both sides."""
+    gates = msgspec.json.decode(room.claims(name).read_bytes()).get("gates")
+    if not isinstance(gates, dict) or set(gates) != set(SIDES):
+        raise BadInput(f"{room.claims(name)}: gates: must have {' and '.join(SIDES)}")
+    return gates
+
+
+def _drive(root: Path, trials: int, name: str) -> Driven:
+    """The same world and driver three times, alike but for the gate, and what came of it."""
     room = Room(root)
     drawn = drawn_of(load_seal(room.seal(name)).world, room.seal(name))
     config = walked_in(load_config(SHIPPED), _session(room, name, "practice"))
@@ -179,14 +198,12 @@ def _drive(root: Path, trials: int, name: str) -> str:
         outcomes = outcomes_of(session)
         scored[side] = outcomes.count("three"), len(outcomes)
     finding = msgspec.json.decode(room.claims(name).read_bytes())["finding"]
-    driven = Driven(name, drawn.change, finding["verdict"], tuple(one["term"] for one in finding["what"][:1]), scored)
-    append_line(room.grades, driven)
-    return digest(canonical(msgspec.to_builtins(driven)))
+    return Driven(name, drawn.change, finding["verdict"], tuple(one["term"] for one in finding["what"][:1]), scored)
 
 
 def driven_of(room: Room) -> list[Driven]:
-    """What is there, a world each, in its order."""
-    lines = [msgspec.convert(line, Driven) for line in lines_of(room.grades)]
+    """What is there, a world each, in its order; BadInput where it is not what the ledger has."""
+    lines = [msgspec.convert(line, Driven) for line in load_marks(room)]
     return [one for _, one in sorted({one.world: one for one in lines}.items())]
 
 

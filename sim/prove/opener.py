@@ -1,6 +1,6 @@
 """The grader's part: open the seals of what has been claimed, find out whatever was changed, and mark the rest."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 
@@ -9,14 +9,18 @@ from msgspec import Struct
 
 from robot.config import BadInput
 from sim.fanout import fan_out
+from sim.prove.claims import load_claims
+from sim.prove.keeper import load_plan
 from sim.prove.ledger import append, digest
+from sim.prove.lock import alone
 from sim.prove.making import HOME
 from sim.prove.marking import Mark, mark
-from sim.prove.measure import measure
-from sim.prove.mix import drawn_of
-from sim.prove.room import ANSWERED, ASKED, CLAIMED, CLAIMED_AGAIN, GRADED, OPENED, SEALED, Room
+from sim.prove.marks import Steps, load_marks, save_mark, worlds_of, wrong_marks
+from sim.prove.measure import Measured, measure
+from sim.prove.mix import OWN, Drawn, drawn_of
+from sim.prove.room import ANSWERED, ASKED, CLAIMED, CLAIMED_AGAIN, OPENED, SEALED, Room
 from sim.prove.seal import canonical, check_data, hash_files, load_seal
-from sim.prove.worldfile import append_line, lines_of, mend
+from sim.prove.worldfile import mend
 from sim.shots import load_dataset
 
 Progress = Callable[[float, str], None]
@@ -31,46 +35,93 @@ class Graded(Struct, frozen=True):
     again: Mark | None = None
 
 
-def grade_round(room: Room, progress: Progress, workers: int | None = None,
-                scheduler: str | None = None) -> tuple[Graded, ...]:
-    """Marks of every claimed world, each opened and marked once. BadInput names all that was tampered with."""
-    steps = room.steps()
-    claimed = [name for name, done in steps.items() if CLAIMED in done and name != HOME
-               and (ANSWERED not in done or CLAIMED_AGAIN in done)]
-    wrong = [line for name in [*claimed, *([HOME] if HOME in steps else [])]
-             for line in check_world(room, name, steps[name])]
-    if wrong:
-        raise BadInput("\n".join(wrong))
-    mend(room.grades)
-    known = {line["world"] for line in lines_of(room.grades)}
-    todo = [name for name in claimed if name not in known]
+def grade_round(room: Room, progress: Progress, workers: int | None = None, scheduler: str | None = None,
+                so_far: bool = False) -> tuple[Graded, ...]:
+    """Marks of every world, each opened and marked once. BadInput names all that was tampered with, and worlds that
+    nobody has claimed.
+
+    so_far: the round goes on: worlds that are not claimed, or not again though more shots were given, are waited for.
+    Otherwise the latter are marked by their first claims alone.
+    """
+    with alone(room.root):
+        mend(room.grades)
+        steps = room.steps()
+        wrong = check_papers(room, steps, so_far) + wrong_marks(room.grades, steps)
+        if not so_far:
+            wrong += [f"{room.claims(name)}: is missing: nobody has claimed anything of {name} (--so-far, where the "
+                      "round goes on)" for name in unclaimed(steps)]
+        if wrong:
+            raise BadInput("\n".join(wrong))
+        _mark_claimed(room, steps, progress, workers, scheduler, so_far)
+    return graded_of(room)
+
+
+def _mark_claimed(room: Room, steps: Steps, progress: Progress, workers: int | None, scheduler: str | None,
+                  so_far: bool) -> None:
+    known = worlds_of(room.grades)
+    todo = [name for name, done in steps.items() if CLAIMED in done and name != HOME and name not in known
+            and not (so_far and ANSWERED in done and not {CLAIMED_AGAIN, OPENED} & set(done))]
     for name in todo:
         if OPENED not in steps[name]:
             append(room.ledger, OPENED, name, digest(room.seal(name).read_bytes()))
+    # seals are read here: a worker of a cluster may have worked for the solver, and is refused them
+    jobs = [(drawn_of(load_seal(room.seal(name)).world, room.seal(name)), CLAIMED_AGAIN in steps[name])
+            for name in todo]
     for first in range(0, len(todo), AT_ONCE):
-        batch = todo[first:first + AT_ONCE]
+        batch = jobs[first:first + AT_ONCE]
         progress(first / len(todo), "worlds are opened and marked")
         for one in fan_out(partial(mark_world, room.root.resolve()), batch, scheduler, workers=workers):
-            append_line(room.grades, one)
-    graded = graded_of(room)
-    for one in graded:
-        if GRADED not in steps[one.world]:
-            append(room.ledger, GRADED, one.world, digest(canonical(msgspec.to_builtins(one))))
-    progress(1.0, f"{len(graded)} worlds marked")
-    return graded
+            save_mark(room, one.world, one, steps[one.world])
+    progress(1.0, f"{len(known) + len(todo)} worlds marked")
 
 
-def check_world(room: Room, world: str, done: dict[str, str]) -> list[str]:
+def unclaimed(steps: Steps) -> list[str]:
+    """Worlds that were sealed, and of which nothing was claimed."""
+    return [name for name, done in steps.items() if CLAIMED not in done and name != HOME]
+
+
+def check_papers(room: Room, steps: Steps, so_far: bool) -> list[str]:
+    """What was changed or left out in the whole round, a sentence each. so_far: not all need be sealed yet."""
+    wrong = [f"{room.ledger}: {name}: was never sealed" for name, done in steps.items() if SEALED not in done]
+    wrong += [line for name, done in steps.items() if SEALED in done for line in check_world(room, name, done)]
+    wrong += [] if so_far else left_out(room, steps)
+    return wrong or check_draw(room, steps, so_far)
+
+
+def left_out(room: Room, steps: Steps) -> list[str]:
+    """Seals that the ledger does not have, a sentence each."""
+    return [f"{path}: its world is not in the ledger: it was taken out, or `truearc prove seal` was cut short"
+            for path in sorted(room.keeper.glob("*.json")) if path != room.plan and path.stem not in steps]
+
+
+def check_draw(room: Room, steps: Steps, so_far: bool = False) -> list[str]:
+    """Whether the worlds are all those that the seed gives, and none was left out for what came of it; somebody else's
+    are drawn from none. so_far: not all need be sealed yet."""
+    sealed = {name: load_seal(room.seal(name)).world for name in steps}
+    ours = {name: world for name, world in sealed.items() if world.get("engine") != OWN}
+    if not ours and not room.plan.exists():
+        return []
+    drawn = {one.name: msgspec.to_builtins(one) for one in load_plan(room).drawn()}
+    return [f"{room.seal(name)}: is not what the seed of the round gives; or {room.plan} was changed"
+            for name, world in ours.items() if canonical(world) != canonical(drawn.get(name))] + [
+        f"{room.ledger}: {name}, which the seed of the round gives, is missing; or {room.plan} was changed"
+        for name in drawn if name not in ours and not so_far]
+
+
+def check_world(room: Room, world: str, done: Mapping[str, str]) -> list[str]:
     """What was changed after it was committed to, a sentence each: seal, data, claims, what was asked and answered."""
     seal = load_seal(room.seal(world))
     wrong = [] if seal.commitment == done.get(SEALED) else [f"{room.seal(world)}: is not what was sealed"]
+    if seal.world.get("name") != world:
+        wrong.append(f"{room.seal(world)}: world: name: is not {world!r}")
+    if OPENED in done and digest(room.seal(world).read_bytes()) != done[OPENED]:
+        wrong.append(f"{room.seal(world)}: is not what was opened")
     wrong += check_data(seal, room.data(world))
     given = {f"more/{name}": value for name, value in hash_files(room.more(world)).items()} if ANSWERED in done else {}
     if CLAIMED in done:
         wrong += _check_claims(room.claims(world), done[CLAIMED], seal.data)
-    if ASKED in done and not wrong:
-        asked = msgspec.json.decode(room.claims(world).read_bytes())["asked"]
-        wrong += [] if digest(canonical(asked)) == done[ASKED] else [f"{room.claims(world)}: asked for something else"]
+    if ASKED in done and not wrong and digest(canonical(load_claims(room.claims(world)).asked)) != done[ASKED]:
+        wrong.append(f"{room.claims(world)}: asked for something else")
     if ANSWERED in done and digest(canonical(hash_files(room.more(world)))) != done[ANSWERED]:
         wrong.append(f"{room.more(world)}: is not what was given")
     if CLAIMED_AGAIN in done:
@@ -82,20 +133,25 @@ def _check_claims(path: Path, claimed: str, data: dict[str, str]) -> list[str]:
     text = path.read_bytes() if path.is_file() else b""
     if digest(text) != claimed:
         return [f"{path}: is not what was claimed" if text else f"{path}: is missing"]
-    return [] if msgspec.json.decode(text)["data"] == data else [f"{path}: claims are about other data than were given"]
+    return [] if load_claims(path).data == data else [f"{path}: claims are about other data than were given"]
 
 
-def mark_world(root: Path, world: str) -> Graded:
-    """One world's marks; BadInput where its seal is of no world that this grader can mark."""
-    room = Room(root)
-    drawn = drawn_of(load_seal(room.seal(world)).world, room.seal(world))
-    measured = measure(drawn, load_dataset(room.data(world)))
-    claims = [msgspec.json.decode(path.read_bytes()) for path in (room.claims(world), room.again(world))
-              if path.is_file()]
-    first, *again = (mark(drawn, one["finding"], measured, one.get("rivals")) for one in claims)
-    return Graded(world, first, again[0] if again else None)
+def mark_world(root: Path, job: tuple[Drawn, bool]) -> Graded:
+    """One world's marks; job: what was sealed, and whether there are second claims."""
+    room, (drawn, twice) = Room(root), job
+    measured = measure(drawn, load_dataset(room.data(drawn.name)))
+    first = _mark(room.claims(drawn.name), drawn, measured)
+    return Graded(drawn.name, first, _mark(room.again(drawn.name), drawn, measured) if twice else None)
+
+
+def _mark(path: Path, drawn: Drawn, measured: Measured) -> Mark:
+    claims = load_claims(path)
+    try:
+        return mark(drawn, claims.finding, measured, claims.rivals)
+    except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
+        raise BadInput(f"{path}: finding: {type(error).__name__}: {error}") from error
 
 
 def graded_of(room: Room) -> tuple[Graded, ...]:
-    """All marks of a round, a world each, in its order."""
-    return tuple({line["world"]: msgspec.convert(line, Graded) for line in lines_of(room.grades)}.values())
+    """All marks of a round, a world each, in its order. BadInput where they are not what the ledger has."""
+    return tuple({line["world"]: msgspec.convert(line, Graded) for line in load_marks(room)}.values())

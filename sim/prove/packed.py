@@ -7,30 +7,33 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-import msgspec
+import numpy as np
 
 from robot.config import BadInput
-from sim.prove.keeper import asked_of, load_plan
+from sim.prove.keeper import asked_of, entropy
 from sim.prove.ledger import digest
 from sim.prove.making import HOME, make_data, make_more
+from sim.prove.marks import missing_marks, wrong_marks
 from sim.prove.mix import OWN, Drawn, drawn_of
-from sim.prove.opener import Progress, check_world, graded_of, mark_world
+from sim.prove.opener import Progress, check_draw, check_world, graded_of, left_out, mark_world
 from sim.prove.room import ANSWERED, CLAIMED, CLAIMED_AGAIN, GRADED, SEALED, Room
 from sim.prove.same_mark import TOLERANCE, compare
-from sim.prove.seal import canonical, load_seal
+from sim.prove.seal import load_seal
 
 KEPT = ("ledger.jsonl", "grades.jsonl", "keeper", "claims", "again")
 
 
 class Checked(NamedTuple):
     """What was found of a packed round; `wrong` names all that is not as it was committed to; off: how far numbers of
-    the marks that were worked out again are off at most (sim.prove.same_mark)."""
+    the marks that were worked out again are off at most (sim.prove.same_mark); `seed` draws the sample of worlds that
+    were made again."""
 
     sealed: int
     graded: int
     remade: tuple[str, ...]
     wrong: tuple[str, ...]
     off: Mapping[str, float]
+    seed: int
 
 
 def pack(room: Room, path: Path) -> None:
@@ -66,28 +69,33 @@ def unpack(path: Path, room: Room) -> None:
         raise BadInput(f"{path}: has no ledger.jsonl: no round was packed there")
 
 
-def check_round(room: Room, worlds: int, progress: Progress) -> Checked:
-    """Make the data of `worlds` worlds again, spread over the round, compare all hashes, and mark them again.
+def check_round(room: Room, worlds: int, progress: Progress, seed: int | None = None) -> Checked:
+    """Make the data of `worlds` worlds again, compare all hashes, and mark them again. Which, is drawn from the seed,
+    and from one that nobody knows beforehand where none is given: nobody can keep to what will be looked at.
 
     Of all: that their seals, claims and marks are, to the letter, those in the ledger, and that they were drawn from
     the seed.
     """
     steps = room.steps()
     wrong = [line for name, done in steps.items() for line in _check_papers(room, name, done)]
-    wrong += [*_check_draw(room, steps), *_check_marks(room, steps)]
-    names = [name for name in steps if name != HOME]
-    chosen, marked = _spread(names, worlds), {one.world: one for one in graded_of(room)}
+    unlike = [*wrong_marks(room.grades, steps), *missing_marks(room.grades, steps)]
+    wrong += [*left_out(room, steps), *check_draw(room, steps), *unlike]
+    seed = entropy() if seed is None else seed
+    chosen = _sample([name for name in steps if name != HOME], worlds, seed)
+    marked = {} if unlike else {one.world: one for one in graded_of(room)}
     off = dict.fromkeys(TOLERANCE, 0.0)
     for number, name in enumerate([*([HOME] if HOME in steps else []), *chosen]):
         progress(number / (len(chosen) + 1), f"{name} is made again")
         changed = _remake(room, name, steps[name])
         wrong += changed
         if name in marked and not changed:
-            compared = compare(marked[name], mark_world(room.root, name))
+            again = CLAIMED_AGAIN in steps[name]
+            compared = compare(marked[name], mark_world(room.root, (_drawn(room, name), again)))
             wrong += [f"{room.claims(name)}: is marked otherwise now: {one}" for one in compared.other]
             off = {number: max(far, compared.off[number]) for number, far in off.items()}
     progress(1.0, f"{len(chosen)} worlds made again")
-    return Checked(len(steps), sum(GRADED in done for done in steps.values()), chosen, tuple(dict.fromkeys(wrong)), off)
+    return Checked(len(steps), sum(GRADED in done for done in steps.values()), chosen, tuple(dict.fromkeys(wrong)), off,
+                   seed)
 
 
 def _remake(room: Room, name: str, done: dict[str, str]) -> list[str]:
@@ -110,24 +118,11 @@ def _check_papers(room: Room, name: str, done: dict[str, str]) -> list[str]:
     return wrong
 
 
-def _check_marks(room: Room, steps: dict[str, dict[str, str]]) -> list[str]:
-    marked = {one.world: digest(canonical(msgspec.to_builtins(one))) for one in graded_of(room)}
-    return [f"{room.grades}: {name} is not marked as the ledger has it" for name, done in steps.items()
-            if marked.get(name) != done.get(GRADED)]
-
-
-def _check_draw(room: Room, steps: dict[str, dict[str, str]]) -> list[str]:
-    """Whether the worlds are all those that the seed gives, and none was left out for what came of it."""
-    drawn = {one.name: msgspec.to_builtins(one) for one in load_plan(room).drawn()}
-    return [f"{room.seal(name)}: is not what the seed of the round gives" for name in steps
-            if canonical(load_seal(room.seal(name)).world) != canonical(drawn.get(name))] + [
-        f"{room.ledger}: {name}, which the seed of the round gives, is missing" for name in drawn if name not in steps]
-
-
 def _drawn(room: Room, name: str) -> Drawn:
     return drawn_of(load_seal(room.seal(name)).world, room.seal(name))
 
 
-def _spread(names: Sequence[str], count: int) -> tuple[str, ...]:
-    count = min(count, len(names))
-    return tuple(names[place * len(names) // count] for place in range(count))
+def _sample(names: Sequence[str], count: int, seed: int) -> tuple[str, ...]:
+    """So many of them, in their order."""
+    places = np.random.default_rng(seed).choice(len(names), min(count, len(names)), replace=False)
+    return tuple(names[place] for place in sorted(places))

@@ -17,9 +17,9 @@ LAMBDA = ("Lambda is how plain an effect is in such data: the square of its ampl
 
 
 def make_proof_page(marks: Sequence[Mark], tables: Sequence[Table], entries: Sequence[Entry]) -> str:
-    """HTML that needs nothing but itself. entries: the round's ledger."""
+    """HTML that needs nothing but itself. entries: the round's ledger. A round that was only driven has no marks."""
     levels = sorted({f"{one.level}, {one.shots} shots" for one in marks})
-    sections = [("What was said of what was true", _matrix(marks))]
+    sections = [("What was said of what was true", _matrix(marks))] if marks else []
     if ladder_of(marks):
         sections.append(("The plainer, the surer", picture(ladder_png(marks), "share found over lambda") +
                          paragraph(LAMBDA, dim=True)))
@@ -27,8 +27,10 @@ def make_proof_page(marks: Sequence[Mark], tables: Sequence[Table], entries: Seq
     if chance is not None:
         sections.append(("Where nothing is missing", picture(chance, "p-values of the nulls against chance")))
     sections += [(one.title, table(one.head, one.rows)) for one in tables]
-    sections += [("Every world", _worlds(marks)), ("The ledger", _ledger(entries))]
-    return make_page(f"truearc prove: {len(marks)} concealed worlds, {'; '.join(levels)}", verdict(marks), sections)
+    sections += [("Every world", _worlds(marks))] if marks else []
+    sections += [("The ledger", _ledger(entries))]
+    title = f"{len(marks)} concealed worlds, {'; '.join(levels)}" if marks else "driven worlds"
+    return make_page(f"truearc prove: {title}", verdict(marks), sections)
 
 
 def verdict(marks: Sequence[Mark]) -> str:

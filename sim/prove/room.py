@@ -1,5 +1,7 @@
 """A round on disk: what is given away, what the keeper keeps, what was claimed, and the ledger of it all.
 
+    ROUND/lock                    held by whoever writes (sim.prove.lock)
+    ROUND/half/                   data in the making; nothing in there is ever read
     ROUND/ledger.jsonl            every step of every world, chained (sim.prove.ledger)
     ROUND/data/w0001/             a dataset, given away
     ROUND/data/home/              MuJoCo's robot before anything was changed, where there are such worlds
@@ -45,6 +47,10 @@ class Room(NamedTuple):
     @property
     def report(self) -> Path:
         return self.root / "report.html"
+
+    @property
+    def half(self) -> Path:
+        return self.root / "half"
 
     def more(self, world: str) -> Path:
         return self.root / "more" / world

@@ -61,7 +61,7 @@ def load_seal(path: str | Path) -> Seal:
     try:
         seal = msgspec.json.decode(Path(path).read_bytes(), type=Seal)
     except OSError as error:
-        raise BadInput(f"{path}: {error.strerror}") from error
+        raise BadInput(f"{path}: {error.strerror or error}") from error
     except msgspec.MsgspecError as error:
         raise BadInput(f"{path}: {error}") from error
     if not _is_plain(seal.world):

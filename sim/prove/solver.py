@@ -1,7 +1,11 @@
-"""The solver's part: discovery on data whose truth is sealed. It can open no file of the keeper's.
+"""The solver's part: discovery on data whose truth is sealed. It opens no file of the keeper's.
 
-That is enforced where it runs (an audit hook of the interpreter, which cannot be taken off again), so that nobody has
-to take it on trust that no seal was read.
+An audit hook of the interpreter, which cannot be taken off again, refuses them wherever it runs. That guards against
+accident, not against malice: a subprocess, ctypes, or a library that opens files by itself passes it. Whoever does not
+trust a solver gives it a copy of the round without keeper/, which is all that it needs (docs/challenge.md).
+
+Claims come back from the workers by value and are written here, so that none that outlives a killed solver writes
+anything beside the next one.
 """
 
 import hashlib
@@ -23,10 +27,11 @@ from sim.discover.discover import Investigation, discover
 from sim.discover.finding import make_json
 from sim.fanout import fan_out
 from sim.prove.ledger import append, digest
+from sim.prove.lock import alone
 from sim.prove.making import HOME
 from sim.prove.rivals.claim import believed_of
 from sim.prove.rivals.entrants import find_rival
-from sim.prove.room import ANSWERED, CLAIMED, CLAIMED_AGAIN, SEALED, Room
+from sim.prove.room import ANSWERED, CLAIMED, CLAIMED_AGAIN, OPENED, SEALED, Room
 from sim.prove.seal import canonical, hash_files
 from sim.shots import Dataset, join_datasets, load_dataset
 
@@ -46,10 +51,18 @@ def solve_round(room: Room, progress: Progress, workers: int | None = None, sche
                 rivals: tuple[str, ...] = ()) -> None:
     """Claims for every sealed world that has none in the ledger, and second ones where more shots were given; rivals:
     others (sim.prove.rivals) that are put to the same tracks. Call it in a process of its own: afterwards this one can
-    open nothing of the keeper's any more."""
-    steps = room.steps()
+    open nothing of the keeper's any more. BadInput for rivals where no world has tracks."""
     forbid(room.keeper)
-    names = [name for name, done in steps.items() if SEALED in done and name != HOME]
+    with alone(room.root):
+        _solve_sealed(room, progress, workers, scheduler, rivals)
+
+
+def _solve_sealed(room: Room, progress: Progress, workers: int | None, scheduler: str | None,
+                  rivals: tuple[str, ...]) -> None:
+    steps = room.steps()
+    names = [name for name, done in steps.items() if SEALED in done and OPENED not in done and name != HOME]
+    if rivals and names and not any(any(room.data(name).glob("tracks.*")) for name in names):
+        raise BadInput(f"--rivals: {room.root / 'data'}: no world has tracks, and others are put to tracks alone")
     first = [name for name in names if CLAIMED not in steps[name]]
     again = [name for name in names if ANSWERED in steps[name] and CLAIMED_AGAIN not in steps[name]]
     for todo, work, step, path in ((first, partial(solve, room.root.resolve(), rivals), CLAIMED, room.claims),
@@ -57,14 +70,14 @@ def solve_round(room: Room, progress: Progress, workers: int | None = None, sche
         for begin in range(0, len(todo), AT_ONCE):
             batch = todo[begin:begin + AT_ONCE]
             progress(begin / len(todo), f"worlds are discovered in ({step})")
-            fan_out(work, batch, scheduler, workers=workers)
-            for name in batch:
+            for name, claims in zip(batch, fan_out(work, batch, scheduler, workers=workers), strict=True):
+                _write(path(name), claims)
                 append(room.ledger, step, name, digest(path(name).read_bytes()))
     progress(1.0, f"{len(names)} worlds claimed")
 
 
-def solve(root: Path, rivals: tuple[str, ...], world: str) -> None:
-    """One world's claims, and those of rivals where there are tracks, written whole or not at all."""
+def solve(root: Path, rivals: tuple[str, ...], world: str) -> dict[str, Any]:
+    """One world's claims, and those of rivals where there are tracks."""
     room = Room(root)
     forbid(room.keeper)
     directory = room.data(world)
@@ -74,18 +87,17 @@ def solve(root: Path, rivals: tuple[str, ...], world: str) -> None:
     believed = believed_of(found)
     if rivals and dataset.tracks is not None and believed is not None:
         claims["rivals"] = {name: msgspec.to_builtins(find_rival(name)(dataset, believed, 0)) for name in rivals}
-    _write(room.claims(world), claims)
+    return claims
 
 
-def solve_again(root: Path, world: str) -> None:
+def solve_again(root: Path, world: str) -> dict[str, Any]:
     """The same with the shots that were asked for."""
     room = Room(root)
     forbid(room.keeper)
     found, _ = _discover(room, world, load_dataset(room.more(world)))
-    claims = {"schema": SCHEMA, "world": world, "solver": solver_id(),
-              "data": {**hash_files(room.data(world)), **_below("more", hash_files(room.more(world)))},
-              "finding": msgspec.json.decode(make_json(found.finding)), "asked": []}
-    _write(room.again(world), claims)
+    return {"schema": SCHEMA, "world": world, "solver": solver_id(),
+            "data": {**hash_files(room.data(world)), **_below("more", hash_files(room.more(world)))},
+            "finding": msgspec.json.decode(make_json(found.finding)), "asked": []}
 
 
 def _below(folder: str, files: dict[str, str]) -> dict[str, str]:
@@ -115,6 +127,7 @@ def asked_for(found: Investigation, dataset: Dataset) -> list[dict[str, float]]:
 
 
 def _write(path: Path, claims: dict[str, Any]) -> None:
+    """Whole or not at all."""
     path.parent.mkdir(exist_ok=True)
     half = path.with_suffix(".half")
     half.write_bytes(canonical(claims) + b"\n")

@@ -128,3 +128,11 @@ def test_what_is_no_packed_round_is_refused(tmp_path: Path, capsys) -> None:
     assert "no.tar.xz" in capsys.readouterr().err
     assert main(["prove", "pack", "--out", str(tmp_path / "nothing"), "--packed", "x"]) == 2
     assert "ledger.jsonl: is missing" in capsys.readouterr().err
+
+
+def test_which_worlds_are_made_again_nobody_knows_beforehand(room: Room, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of two worlds one is made again: not always the same, and the same by the same seed."""
+    monkeypatch.setattr("sim.prove.packed._remake", lambda *some: [])
+    assert {check_round(room, 1, quiet).remade for _ in range(30)} == {("w0001",), ("w0002",)}
+    assert check_round(room, 1, quiet, 7).remade == check_round(room, 1, quiet, 7).remade
+    assert check_round(room, 9, quiet, 7).remade == ("w0001", "w0002")

@@ -10,11 +10,13 @@ import msgspec
 import pytest
 
 from robot.config import BadInput
-from sim.prove.keeper import Plan, answer_round, load_plan, seal_own, seal_round
+from sim.prove.keeper import Plan, answer_round, load_plan, seal_round
 from sim.prove.ledger import append, digest, read_ledger
-from sim.prove.opener import grade_round
+from sim.prove.opener import grade_round, graded_of
+from sim.prove.own import seal_own
 from sim.prove.room import Room
 from sim.prove.seal import canonical, load_seal
+from sim.prove.worldfile import append_line
 from sim.shots import load_dataset
 
 pytestmark = pytest.mark.slow
@@ -110,6 +112,155 @@ def test_a_line_taken_out_of_the_ledger_breaks_it(room: Room) -> None:
         grade_round(room, quiet, 1)
 
 
+@pytest.fixture(scope="module")
+def marked(played: Room, tmp_path_factory: pytest.TempPathFactory) -> Room:
+    """Played to its end."""
+    room = Room(tmp_path_factory.mktemp("marked") / "round")
+    shutil.copytree(played.root, room.root)
+    grade_round(room, quiet, 1)
+    return room
+
+
+@pytest.fixture
+def done(marked: Room, tmp_path: Path) -> Room:
+    """A copy of it, to be spoilt."""
+    shutil.copytree(marked.root, tmp_path / "done")
+    return Room(tmp_path / "done")
+
+
+def forge_marks(room: Room) -> str:
+    lines = [msgspec.json.decode(line) for line in room.grades.read_bytes().splitlines()]
+    lines[1]["first"]["verdict"] = "named, of course"
+    room.grades.write_bytes(b"".join(msgspec.json.encode(line) + b"\n" for line in lines))
+    return "w0002 is not marked as the ledger has it"
+
+
+def add_marks(room: Room) -> str:
+    line = msgspec.json.decode(room.grades.read_bytes().splitlines()[0])
+    append_line(room.grades, {**line, "world": "w0099"})
+    return "w0099: is marked here, but not in the ledger"
+
+
+def edit_last_line(room: Room) -> str:
+    """Nothing follows it whose `before` could tell."""
+    lines = room.ledger.read_bytes().splitlines(keepends=True)
+    last = msgspec.json.decode(lines[-1])
+    room.ledger.write_bytes(b"".join(lines[:-1]) + msgspec.json.encode({**last, "sha256": "0" * 64}) + b"\n")
+    return f"{last['world']} is not marked as the ledger has it"
+
+
+def rename_last_line(room: Room) -> str:
+    lines = room.ledger.read_bytes().splitlines(keepends=True)
+    last = msgspec.json.decode(lines[-1])
+    room.ledger.write_bytes(b"".join(lines[:-1]) + msgspec.json.encode({**last, "world": "w0099"}) + b"\n")
+    return "w0099: was never sealed"
+
+
+def change_plan(room: Room) -> str:
+    room.plan.write_bytes(room.plan.read_bytes().replace(b'"seed":3', b'"seed":4'))
+    return "round.json was changed"
+
+
+def drop_world(room: Room) -> str:
+    """Out of the ledger, its chain made anew, and out of the marks."""
+    entries = [one for one in read_ledger(room.ledger) if one.world != "w0002"]
+    room.ledger.unlink()
+    for one in entries:
+        append(room.ledger, one.what, one.world, one.sha256)
+    lines = room.grades.read_bytes().splitlines(keepends=True)
+    room.grades.write_bytes(lines[0] + lines[2])
+    return "w0002.json: its world is not in the ledger"
+
+
+@pytest.mark.parametrize("cheat", [forge_marks, add_marks, edit_last_line, rename_last_line, change_plan, drop_world])
+def test_a_marked_round_cannot_be_changed_afterwards(done: Room, cheat: Callable[[Room], str]) -> None:
+    expected = cheat(done)
+    with pytest.raises(BadInput, match=expected):
+        grade_round(done, quiet, 1)
+
+
+def test_tables_are_not_made_of_forged_marks(done: Room) -> None:
+    expected = forge_marks(done)
+    with pytest.raises(BadInput, match=expected):
+        graded_of(done)
+
+
+def test_marks_laid_down_before_the_grading_are_refused(room: Room, marked: Room) -> None:
+    shutil.copy(marked.grades, room.grades)
+    with pytest.raises(BadInput, match="w0001: is marked here, but not in the ledger"):
+        grade_round(room, quiet, 1)
+
+
+def test_marks_that_a_kill_has_lost_are_made_again(done: Room) -> None:
+    """Between the ledger's line and that of the marks; what is marked again must be what was entered."""
+    whole = done.grades.read_bytes()
+    done.grades.write_bytes(b"".join(whole.splitlines(keepends=True)[:2])[:-20])
+    assert [one.world for one in grade_round(done, quiet, 1)] == ["w0001", "w0002", "w0003"]
+    assert [line for line in done.grades.read_bytes().splitlines() if line in whole.splitlines()] == whole.splitlines()
+
+
+def test_worlds_that_nobody_claimed_do_not_vanish(room: Room) -> None:
+    entries = [one for one in read_ledger(room.ledger) if (one.what, one.world) != ("claimed", "w0002")]
+    room.ledger.unlink()
+    for one in entries:
+        append(room.ledger, one.what, one.world, one.sha256)
+    refused = prove(room.root, "grade", "--processes", "1")
+    assert refused.returncode == 2 and "w0002.json: is missing: nobody has claimed" in refused.stderr
+    told = prove(room.root, "grade", "--processes", "1", "--so-far")
+    assert told.returncode == 0 and "1 worlds are sealed and not claimed" in told.stdout, told.stderr
+    assert [one.world for one in graded_of(room)] == ["w0001", "w0003"]
+
+
+def test_where_second_claims_are_withheld_the_first_are_marked(room: Room) -> None:
+    ask(room, "w0002", [{"distance_m": 4.0, "hood_deg": 48.0, "motor_ratio": 0.55, "shots": 12}])
+    answer_round(room, quiet, 1)
+    room.again("w0002").parent.mkdir()
+    shutil.copy(room.claims("w0002"), room.again("w0002"))       # lies there, but nobody has entered it
+    marks = {one.world: one for one in grade_round(room, quiet, 1)}
+    assert list(marks) == ["w0001", "w0002", "w0003"] and marks["w0002"].again is None
+
+
+@pytest.mark.parametrize(("claims", "key"), [(b"no json", "malformed"), (b"[]", "object"), (b'{"finding": {}}', "data"),
+                                             (b'{"data": {}}', "finding"),
+                                             (b'{"data": {}, "finding": {"verdict": "none"}}', "mismatch"),
+                                             (b'{"data": {}, "finding": {"mismatch": {"found": true}}}', "verdict")])
+def test_claims_that_cannot_be_read_are_refused_by_file_and_key(room: Room, claims: bytes, key: str) -> None:
+    room.claims("w0003").write_bytes(claims)
+    entries = [one for one in read_ledger(room.ledger)][:-1]
+    room.ledger.unlink()
+    for one in entries:
+        append(room.ledger, one.what, one.world, one.sha256)
+    append(room.ledger, "claimed", "w0003", digest(claims))
+    with pytest.raises(BadInput, match=rf"w0003\.json: .*{key}"):
+        grade_round(room, quiet, 1)
+
+
+def test_a_mistyped_level_leaves_nothing_behind(tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match="L7"):
+        seal_round(Room(tmp_path / "round"), Plan(3, 1, "L7", 40, ("numpy",)), quiet, 1)
+    assert not (tmp_path / "round").exists()
+
+
+def test_rivals_without_tracks_are_refused(room: Room) -> None:
+    early = prove(room.root.parent / "new", "--level", "L1", "--rivals", "gp", "--seed", "1")
+    assert early.returncode == 2 and "--rivals" in early.stderr and not (room.root.parent / "new").exists()
+    late = prove(room.root, "solve", "--rivals", "gp")
+    assert late.returncode == 2 and "no world has tracks" in late.stderr
+
+
+def test_the_solver_needs_no_keeper_beside_it(room: Room, tmp_path: Path) -> None:
+    """Whoever does not trust a solver gives it a copy of data and ledger."""
+    entries, away = [one for one in read_ledger(room.ledger) if one.what == "sealed"], Room(tmp_path / "away")
+    shutil.copytree(room.root / "data", away.root / "data")
+    for one in entries:
+        append(away.ledger, one.what, one.world, one.sha256)
+    done = prove(away.root, "solve", "--processes", "1")
+    assert done.returncode == 0 and not away.keeper.exists(), done.stderr
+    shutil.copytree(away.root / "claims", room.root / "claims", dirs_exist_ok=True)
+    shutil.copy(away.ledger, room.ledger)
+    assert len(grade_round(room, quiet, 1)) == 3
+
+
 def test_what_was_cut_short_goes_on(room: Room) -> None:
     """Killed after the first world was sealed and claimed: the same data come again, and what is there stays."""
     claims = room.claims("w0001").read_bytes()
@@ -158,7 +309,7 @@ def test_more_shots_are_given_and_a_second_claim_is_marked_beside_the_first(room
     ask(room, "w0002", [{"distance_m": 4.0, "hood_deg": 48.0, "motor_ratio": 0.55, "shots": 12}])
     answer_round(room, quiet, 1)
     assert len(load_dataset(room.more("w0002")).shots) == 12 and not room.more("w0001").exists()
-    assert [one.world for one in grade_round(room, quiet, 1)] == ["w0001", "w0003"]      # it is waited for
+    assert [one.world for one in grade_round(room, quiet, 1, so_far=True)] == ["w0001", "w0003"]     # it is waited for
     assert prove(room.root, "solve", "--processes", "1").returncode == 0
     second = {one.world: one.again for one in grade_round(room, quiet, 1)}
     assert second["w0001"] is None and second["w0002"] is not None
