@@ -8,7 +8,7 @@ and how well does the adopted simulation foretell another session's heights at t
 from shot to shot (the same shots with and without it) and beside the seed's belief, fitted.
 changed: one thing changed (sim.prove.changes), asked against the belief adopted from the as-is session of the same
 number and, with tracks, since that session. A line of FILE a world; one that is there already is not run again.
-Development used seeds below 1000, and 101 to 120 for what `since` does.
+World number N has the seed 1000 N. Development used seeds below 1000, and numbers 101 to 120 for what `since` does.
 """
 
 import argparse
