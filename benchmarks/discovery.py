@@ -130,7 +130,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--shots", default="300", help="shots a world; several, comma-separated, are all run")
     parser.add_argument("--worlds", type=int, default=20, help="of every name (20)")
     parser.add_argument("--only", help="names of nulls or effects, comma-separated; also those that cannot be seen")
-    parser.add_argument("--seed", type=int, default=0, help="below 1000 to develop on; the table is of 4002 to 6001 (0)")
+    parser.add_argument("--seed", type=int, default=0, help="below 1000 to develop on; the table has 4002 to 6001 (0)")
     parser.add_argument("--scale", type=float, help="of the typical effects (1; 0.25 at L2)")
     parser.add_argument("--side", action="store_true",
                         help="it is noted on which side a shot passed; keep such worlds in a file of their own")
