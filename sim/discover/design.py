@@ -34,9 +34,9 @@ ACCURACY = {"hood_offset": 0.2, "hood_backlash": 0.2, "encoder_scale": 0.003, "d
             "distance_bias": 0.01, "vision_latency": 0.005, "release_height": 0.01, "target_height": 0.01,
             "rim_catch": 0.01, "exit_efficiency": 0.02, "wheel_slip": 0.003, "ball_wear": 0.02, "battery_sag": 0.1,
             "rapid_fire": 0.02, "spin_decay": 0.1, "drag_wear": 0.05, "wind_x": 0.2, "wind_y": 0.2, "wind_z": 0.2,
-            "wheel_droop": 0.02, "ball_compression": 0.05, "buoyancy": 0.3, "added_mass": 0.3, "ball_spread": 0.01,
-            "drag": 0.05, "drag_reynolds": 0.2, "air_density": 0.3, "magnus": 0.05, "spin_drag": 0.15,
-            "lift_saturation": 0.3}      # of the air that a ball displaces a kitchen scale sees a third
+            "wheel_droop": 0.02, "ball_compression": 0.05, "ball_spread": 0.01, "drag": 0.05, "drag_reynolds": 0.2,
+            "air_density": 0.3, "magnus": 0.05, "spin_drag": 0.15, "lift_saturation": 0.3,
+            "buoyancy": 0.3, "added_mass": 0.3}      # a kitchen scale sees a third of the air that a ball displaces
 
 Option = tuple[int, float]            # row of the evidence's shots, pace
 

@@ -54,7 +54,9 @@ def all_freed(step: Step, search: Search) -> tuple[tuple[Freed, ...], str]:
     found: list[Freed] = []
     fitted, correction = step.fitted, step.place.correction
     while correction is not None and len(found) < MOST:
-        one, why = _first_possible(fitted, (_foreseeable(fitted, correction, search), correction))
+        foreseeable = _foreseeable(fitted, correction, search)
+        others = () if foreseeable is correction else (correction,)
+        one, why = _first_possible(fitted, (foreseeable, *others))
         if one is None:
             return tuple(found), "" if found and why == UNABLE else why
         found.append(one)

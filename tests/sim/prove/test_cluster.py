@@ -5,12 +5,11 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-import msgspec
 import pytest
 
-from sim.prove.ledger import append, digest, read_ledger
+from sim.prove.ledger import read_ledger
 from sim.prove.room import Room
-from sim.prove.seal import canonical
+from tests.sim.prove.forging import ask
 
 pytestmark = pytest.mark.slow
 ARGUMENTS = ["--worlds", "3", "--level", "L0", "--shots", "40", "--engines", "numpy", "--seed", "3"]
@@ -41,23 +40,11 @@ def prove(room: Room, address: str, *more: str) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-def ask(room: Room, world: str) -> None:
-    """As if more shots had been asked for, and had been in time."""
-    claims = msgspec.json.decode(room.claims(world).read_bytes())
-    asked = [{"distance_m": 4.0, "hood_deg": 48.0, "motor_ratio": 0.55, "shots": 12}]
-    room.claims(world).write_bytes(canonical({**claims, "asked": asked}) + b"\n")
-    entries = [one for one in read_ledger(room.ledger) if (one.what, one.world) != ("claimed", world)]
-    room.ledger.unlink()
-    for one in entries:
-        append(room.ledger, one.what, one.world, one.sha256)
-    append(room.ledger, "claimed", world, digest(room.claims(world).read_bytes()))
-
-
 def test_a_round_is_played_to_its_end_by_a_worker_that_is_refused_the_seals(address: str, tmp_path: Path) -> None:
     room = Room(tmp_path / "round")
     prove(room, address, "seal", *ARGUMENTS)
     prove(room, address, "solve")
-    ask(room, "w0002")
+    ask(room, "w0002", [{"distance_m": 4.0, "hood_deg": 48.0, "motor_ratio": 0.55, "shots": 12}])
     prove(room, address, *ARGUMENTS, "--follow-up")
     assert [one.what for one in read_ledger(room.ledger) if one.world == "w0002"] == [
         "sealed", "claimed", "asked", "answered", "claimed again", "opened", "graded"]

@@ -61,7 +61,6 @@ def test_a_round_whose_player_was_killed_is_left_to_its_solver_and_then_goes_on(
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(os.name != "posix", reason="a stopped process")
 def test_who_takes_up_a_round_that_is_being_solved_is_refused(tmp_path: Path) -> None:
     (tmp_path / "ledger.jsonl").touch()
     with alone(tmp_path):

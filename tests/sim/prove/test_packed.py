@@ -10,11 +10,12 @@ import pytest
 
 from robot.config import BadInput
 from sim.prove.keeper import Plan, seal_round
-from sim.prove.ledger import append, digest, read_ledger
+from sim.prove.ledger import digest
 from sim.prove.opener import grade_round, graded_of
 from sim.prove.packed import check_round, pack, unpack
 from sim.prove.room import Room
 from sim.prove.seal import canonical, load_seal, save_seal
+from tests.sim.prove.forging import enter_otherwise, leave_world_out, make_mark_kinder
 from truearc import main
 
 pytestmark = pytest.mark.slow
@@ -65,9 +66,7 @@ def change_claims(room: Room) -> str:
 
 
 def change_marks(room: Room) -> str:
-    lines = [msgspec.json.decode(line) for line in room.grades.read_bytes().splitlines()]
-    lines[0]["first"]["verdict"] = "named, of course"
-    room.grades.write_bytes(b"".join(msgspec.json.encode(line) + b"\n" for line in lines))
+    make_mark_kinder(room, 0)
     return "w0001 is not marked as the ledger has it"
 
 
@@ -79,23 +78,14 @@ def change_seal(room: Room) -> str:
 
 def forge_marks(room: Room) -> str:
     """A kinder mark, in a ledger made anew: what only marking it again can find."""
-    lines = [msgspec.json.decode(line) for line in room.grades.read_bytes().splitlines()]
-    lines[0]["first"]["verdict"] = "named, of course"
-    room.grades.write_bytes(b"".join(msgspec.json.encode(line) + b"\n" for line in lines))
-    entries = read_ledger(room.ledger)
-    room.ledger.unlink()
-    for one in entries:
-        mine = (one.what, one.world) == ("graded", lines[0]["world"])
-        append(room.ledger, one.what, one.world, digest(canonical(lines[0])) if mine else one.sha256)
-    return f"{lines[0]['world']}.json: is marked otherwise now: verdict is"
+    line = make_mark_kinder(room, 0)
+    enter_otherwise(room, line["world"], {"graded": digest(canonical(line))})
+    return f"{line['world']}.json: is marked otherwise now: verdict is"
 
 
 def leave_out(room: Room) -> str:
     """A world whose outcome did not please, taken out of everything, the chain made anew."""
-    entries = [one for one in read_ledger(room.ledger) if one.world != "w0002"]
-    room.ledger.unlink()
-    for one in entries:
-        append(room.ledger, one.what, one.world, one.sha256)
+    leave_world_out(room, "w0002")
     room.grades.write_bytes(room.grades.read_bytes().splitlines(keepends=True)[0])
     return "w0002, which the seed of the round gives, is missing"
 
@@ -105,13 +95,10 @@ def choose_data(room: Room) -> str:
     seal = load_seal(room.seal("w0001"))
     seal = msgspec.structs.replace(seal, data={**seal.data, "shots.csv": digest(b"kinder shots")})
     save_seal(room.seal("w0001"), seal)
-    entries = read_ledger(room.ledger)
     claims = msgspec.json.decode(room.claims("w0001").read_bytes())
     room.claims("w0001").write_bytes(canonical({**claims, "data": seal.data}))
-    new = {"sealed": seal.commitment, "claimed": digest(room.claims("w0001").read_bytes())}
-    room.ledger.unlink()
-    for one in entries:
-        append(room.ledger, one.what, one.world, new.get(one.what, one.sha256) if one.world == "w0001" else one.sha256)
+    enter_otherwise(room, "w0001", {"sealed": seal.commitment,
+                                    "claimed": digest(room.claims("w0001").read_bytes())})
     return "shots.csv: was changed"
 
 

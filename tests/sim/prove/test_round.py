@@ -11,13 +11,14 @@ import pytest
 
 from robot.config import BadInput
 from sim.prove.keeper import Plan, answer_round, load_plan, seal_round
-from sim.prove.ledger import append, digest, read_ledger
+from sim.prove.ledger import digest, read_ledger
 from sim.prove.opener import grade_round, graded_of
 from sim.prove.own import seal_own
 from sim.prove.room import Room
-from sim.prove.seal import canonical, load_seal
+from sim.prove.seal import load_seal
 from sim.prove.worldfile import append_line
 from sim.shots import load_dataset
+from tests.sim.prove.forging import ask, chain_anew, enter_otherwise, leave_world_out, make_mark_kinder
 
 pytestmark = pytest.mark.slow
 ARGUMENTS = ["--worlds", "3", "--level", "L0", "--shots", "40", "--engines", "numpy", "--seed", "3", "--processes", "1"]
@@ -129,9 +130,7 @@ def done(marked: Room, tmp_path: Path) -> Room:
 
 
 def forge_marks(room: Room) -> str:
-    lines = [msgspec.json.decode(line) for line in room.grades.read_bytes().splitlines()]
-    lines[1]["first"]["verdict"] = "named, of course"
-    room.grades.write_bytes(b"".join(msgspec.json.encode(line) + b"\n" for line in lines))
+    make_mark_kinder(room, 1)
     return "w0002 is not marked as the ledger has it"
 
 
@@ -163,10 +162,7 @@ def change_plan(room: Room) -> str:
 
 def drop_world(room: Room) -> str:
     """Out of the ledger, its chain made anew, and out of the marks."""
-    entries = [one for one in read_ledger(room.ledger) if one.world != "w0002"]
-    room.ledger.unlink()
-    for one in entries:
-        append(room.ledger, one.what, one.world, one.sha256)
+    leave_world_out(room, "w0002")
     lines = room.grades.read_bytes().splitlines(keepends=True)
     room.grades.write_bytes(lines[0] + lines[2])
     return "w0002.json: its world is not in the ledger"
@@ -200,10 +196,7 @@ def test_marks_that_a_kill_has_lost_are_made_again(done: Room) -> None:
 
 
 def test_worlds_that_nobody_claimed_do_not_vanish(room: Room) -> None:
-    entries = [one for one in read_ledger(room.ledger) if (one.what, one.world) != ("claimed", "w0002")]
-    room.ledger.unlink()
-    for one in entries:
-        append(room.ledger, one.what, one.world, one.sha256)
+    leave_world_out(room, "w0002", "claimed")
     refused = prove(room.root, "grade", "--processes", "1")
     assert refused.returncode == 2 and "w0002.json: is missing: nobody has claimed" in refused.stderr
     told = prove(room.root, "grade", "--processes", "1", "--so-far")
@@ -226,11 +219,7 @@ def test_where_second_claims_are_withheld_the_first_are_marked(room: Room) -> No
                                              (b'{"data": {}, "finding": {"mismatch": {"found": true}}}', "verdict")])
 def test_claims_that_cannot_be_read_are_refused_by_file_and_key(room: Room, claims: bytes, key: str) -> None:
     room.claims("w0003").write_bytes(claims)
-    entries = [one for one in read_ledger(room.ledger)][:-1]
-    room.ledger.unlink()
-    for one in entries:
-        append(room.ledger, one.what, one.world, one.sha256)
-    append(room.ledger, "claimed", "w0003", digest(claims))
+    enter_otherwise(room, "w0003", {"claimed": digest(claims)})
     with pytest.raises(BadInput, match=rf"w0003\.json: .*{key}"):
         grade_round(room, quiet, 1)
 
@@ -250,10 +239,9 @@ def test_rivals_without_tracks_are_refused(room: Room) -> None:
 
 def test_the_solver_needs_no_keeper_beside_it(room: Room, tmp_path: Path) -> None:
     """Whoever does not trust a solver gives it a copy of data and ledger."""
-    entries, away = [one for one in read_ledger(room.ledger) if one.what == "sealed"], Room(tmp_path / "away")
+    away = Room(tmp_path / "away")
     shutil.copytree(room.root / "data", away.root / "data")
-    for one in entries:
-        append(away.ledger, one.what, one.world, one.sha256)
+    chain_anew(away, [one for one in read_ledger(room.ledger) if one.what == "sealed"])
     done = prove(away.root, "solve", "--processes", "1")
     assert done.returncode == 0 and not away.keeper.exists(), done.stderr
     shutil.copytree(away.root / "claims", room.root / "claims", dirs_exist_ok=True)
@@ -292,17 +280,6 @@ def test_somebody_elses_world_is_sealed_with_their_data(room: Room, tmp_path: Pa
     truth.write_text('{"kind": "storm"}')
     with pytest.raises(BadInput, match=r"truth\.json: kind: there is no 'storm'"):
         seal_own(Room(tmp_path / "other"), truth, data)
-
-
-def ask(room: Room, world: str, asked: list[dict[str, float]]) -> None:
-    """As if the solver had asked for these shots, and had said so in time."""
-    claims = msgspec.json.decode(room.claims(world).read_bytes())
-    room.claims(world).write_bytes(canonical({**claims, "asked": asked}) + b"\n")
-    entries = [one for one in read_ledger(room.ledger) if (one.what, one.world) != ("claimed", world)]
-    room.ledger.unlink()
-    for one in entries:
-        append(room.ledger, one.what, one.world, one.sha256)
-    append(room.ledger, "claimed", world, digest(room.claims(world).read_bytes()))
 
 
 def test_more_shots_are_given_and_a_second_claim_is_marked_beside_the_first(room: Room) -> None:
