@@ -7,7 +7,7 @@ import numpy as np
 
 from sim.curve import Curve, natural
 from sim.discover.ask import FREE, Test
-from sim.discover.believed import Fitted, climb, moved, only_shared, out_of_range
+from sim.discover.believed import Fitted, climb, only_shared, out_of_range
 from sim.discover.bent import with_curve
 from sim.discover.correct import Correction, correct
 from sim.discover.covariates import Covariate, Factor, Pair, spline_knots
@@ -144,17 +144,16 @@ def _can(fitted: Fitted, test: Test) -> bool:
 
 def _fly(fitted: Fitted, correction: Correction, term: str, values: dict[str, float],
          curve: Curve) -> tuple[Curve, Fitted, Evidence]:
-    """(the curve, all, shared evidence) where the simulation that has both fits best: the correction was but a step on
-    slopes."""
+    """(the curve, all, shared evidence) where the simulation that has both fits best, uphill from a curve of nought:
+    the correction was but a step on slopes, and may lie where the flown simulation is worse than without it."""
     lanes, n = fitted.intake.lanes, len(fitted.intake.rows)
     by, before = curve.by(_columns(correction), n), np.asarray(lanes.circumstances.curve_by)
     curve_by = np.concatenate([before, by], axis=1) if before.ndim == 2 else by
     intake = replace(fitted.intake, lanes=lanes._replace(circumstances=lanes.circumstances._replace(curve_by=curve_by)))
-    layout = with_curve(fitted.layout, term, values, curve)
-    bare, new = only_shared(layout), len(layout.usual) - len(fitted.spot.values)
-    spot = replace(fitted.spot, values=np.concatenate([fitted.spot.values, layout.usual[-new:]]))
-    start = moved(bare, spot, np.concatenate([np.zeros(len(curve.fitted)), correction.shared]))
-    top, evidence = climb(intake, bare, start)
+    layout = with_curve(fitted.layout, term, values, curve.moved(dict.fromkeys(curve.fitted, 0.0)))
+    new = len(layout.usual) - len(fitted.spot.values)
+    start = replace(fitted.spot, values=np.concatenate([fitted.spot.values, layout.usual[-new:]]))
+    top, evidence = climb(intake, only_shared(layout), start)
     found = curve.moved({key: float(evidence.point[k]) for k, key in enumerate(curve.fitted)})
     if curve.covariate:
         found = found.moved({curve.keys[-1]: float(by.mean(0) @ found.points)})
