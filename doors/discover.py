@@ -20,7 +20,7 @@ from sim.discover.identify import Sight, make_sight
 from sim.discover.page import make_report
 from sim.discover.rehearse import LEVELS, SHOTS
 from sim.discover.sight_page import make_sight_page, sight_lines
-from sim.discover.words import console_lines
+from sim.discover.words import console_lines, too_little
 from sim.shots import Dataset, load_dataset, load_rig
 
 DESCRIPTION = """Say whether a dataset disagrees with the simulation as it stands, where, and what the simulation lacks.
@@ -122,7 +122,9 @@ def adopt(found: Investigation, dataset: str, path: str) -> str:
     except ValueError as error:
         raise BadInput(f"--adopt: {dataset}: {error}") from error
     save_belief(path, belief, {"dataset": str(dataset), **provenance})
-    named = provenance["adopted"]
+    vague = too_little(found.finding.also)
+    named = [f"{name} (as fitted, though too little to be named)" if name in vague else name
+             for name in provenance["adopted"]]
     but = f" (not all: {provenance['refused']})" if "refused" in provenance else ""
     return f"adopted: {', '.join(named) if named else 'nothing named, the fitted coefficients alone'}{but} -> {path}"
 

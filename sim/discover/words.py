@@ -62,14 +62,25 @@ def besides(further: Further, then: str) -> str:
     if further.unknown is not None:
         goes = f", and goes with {in_words(further.unknown.covariate)}" if further.unknown.covariate else ""
         return f" {then}, something smaller is left over that has no name{goes}."
-    sized = [(one, next(iter(one.parameters.values()))) for one in further.what if one.term in (further.set or ())]
-    clear = [one for one, size in sized if size.low90 * size.high90 > 0.0]
+    in_set = [one for one in further.what if one.term in (further.set or ())]
+    clear = _clear(further)
     if not clear:
-        vague = [plain(one.term) for one, _ in sized[:LISTED]]
+        vague = [plain(one.term) for one in in_set[:LISTED]]
         return f" Something more is left over, too little to be named: perhaps {_either(vague)}."
-    others = [plain(one.term) for one, _ in sized if one is not clear[0]][:LISTED]
+    others = [plain(one.term) for one in in_set if one is not clear[0]][:LISTED]
     instead = f"; or {_either(others)}" if others else ""
     return f" {then}, what is left looks most as if {_effect(clear[0])}{instead}."
+
+
+def too_little(also: Sequence[Further]) -> list[str]:
+    """Terms that lead further effects none of whose names is surely of one sign: they foretell, and are no finding."""
+    return [further.what[0].term for further in also if further.unknown is None and not _clear(further)]
+
+
+def _clear(further: Further) -> list[Named]:
+    """Of its set, those whose sign is sure."""
+    sizes = [(one, next(iter(one.parameters.values()))) for one in further.what if one.term in (further.set or ())]
+    return [one for one, size in sizes if size.low90 * size.high90 > 0.0]
 
 
 def say_unknown(believed: tuple[str, ...], p_value: float, where: Where, leading: Further, also: Sequence[Further],

@@ -14,7 +14,7 @@ from sim.discover.evidence import Column
 from sim.discover.finding import Data, Finding, Fit, Further, Interval, Mismatch, Named, Unknown, Where
 from sim.discover.locate import Place
 from sim.discover.sizes import PHRASES, plain, say_effect, scale_of, size_of
-from sim.discover.words import console_lines, say_named, say_none, say_step, say_unknown
+from sim.discover.words import console_lines, say_named, say_none, say_step, say_unknown, too_little
 from sim.physics.catalogue import TERMS, find_terms
 from sim.physics.launch import Exit
 from sim.physics.term import BallState, Opening, complete
@@ -113,6 +113,8 @@ def test_what_is_left_besides_is_what_it_looks_like() -> None:
     assert "looks most as if there is wind of 1.00 m/s (90 %: 0.80 to 1.20 m/s) toward the target." in alone
     assert "toward the target; or target height." in either
     assert "too little to be named: perhaps target height" in vague and "target stands" not in vague
+    assert too_little((Further((unsure,), ("target_height",), None), Further((sure,), ("wind_x",), None))) == [
+        "target_height"]
     nameless = Further((sure,), None, Unknown("battery_v", "along", 0.1, "1", None))
     assert "no name, and goes with the battery's voltage." in told((first,), also=(nameless,))
 

@@ -1,0 +1,44 @@
+"""Balls of two suppliers, one of which leaves the wheels faster: told from the column that says whose each ball was."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+from sim.belief import load_belief
+from sim.dataset.parts import join_datasets, take_shots
+from sim.dataset.save import save_dataset
+from sim.prove.truth.shoot import shoot
+from sim.prove.truth.world import make_world
+from sim.shots import Dataset, Shots
+from truearc import main
+
+pytestmark = pytest.mark.slow
+SHOTS, FASTER = 120, 1.06
+SUPPLIER = ("north", "south")         # shot by shot in turn, so that no time goes with them
+
+
+@pytest.fixture(scope="module")
+def two_suppliers() -> Dataset:
+    world = make_world(level="L2", shots=SHOTS, seed=5)
+    north, south = (shoot(replace(world, efficiency=world.efficiency * times)) for times in (1.0, FASTER))
+    both = join_datasets(take_shots(north, range(0, SHOTS, 2)), take_shots(south, range(1, SHOTS, 2)))
+    whole = take_shots(both, np.arange(SHOTS).reshape(2, -1).T.ravel().tolist())
+    return replace(whole, shots=Shots(whole.shots.shot_id, whole.shots.numbers,
+                                      {**whole.shots.texts, "ball_supplier": SUPPLIER * (SHOTS // 2)}))
+
+
+def test_a_supplier_is_found_said_and_believed(two_suppliers: Dataset, tmp_path: Path) -> None:
+    """From files to files, through the front door."""
+    save_dataset(tmp_path / "shots", two_suppliers)
+    assert main(["discover", str(tmp_path / "shots"), "--json", str(tmp_path / "found.json"), "--adopt",
+                 str(tmp_path / "adopted.toml"), "--seed", "1"]) == 0
+    found = msgspec.json.decode((tmp_path / "found.json").read_bytes())
+    assert found["verdict"] == "unknown" and found["unknown"]["covariate"] == "ball_supplier"
+    assert found["where"]["stage"] == "launch" and "depending on ball_supplier" in found["sentence"]
+    curve = load_belief(tmp_path / "adopted.toml").curves["free_speed"]
+    assert curve.covariate == "ball_supplier"
+    size = dict(zip(curve.levels, curve.value, strict=True))
+    assert size["south"] - size["north"] == pytest.approx(np.log(FASTER), rel=0.15)
