@@ -17,6 +17,7 @@ from sim.discover.discover import FALSE_ALARM, Investigation, discover
 from sim.discover.finding import make_json
 from sim.discover.foresee import foresee, foresee_dataset
 from sim.discover.identify import Sight, make_sight
+from sim.discover.measured import read_measured
 from sim.discover.page import make_report
 from sim.discover.rehearse import LEVELS, SHOTS
 from sim.discover.sight_page import make_sight_page, sight_lines
@@ -40,6 +41,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         "(discover --adopt, fit --method ml): what is believed, with its doubts; what has changed?")
     parser.add_argument("--since", metavar="DIR", help="dataset that --belief was adopted from: what the belief leaves "
                         "over there already is no change; for tracks, which see that")
+    parser.add_argument("--measured", metavar="TERM=VALUE,SD", action="append", default=[], help="what was measured of "
+                        "a term without a shot, with its standard deviation, in the term's unit; may come often")
     parser.add_argument("--json", metavar="FILE", help="write the finding as JSON")
     parser.add_argument("--report", metavar="FILE", help="write an HTML report")
     parser.add_argument("--false-alarm", type=float, default=FALSE_ALARM, metavar="P",
@@ -73,7 +76,7 @@ def main(args: argparse.Namespace) -> int:
     belief = None if args.belief is None else load_belief(args.belief)
     dataset = load_dataset(args.dataset)
     found = discover(dataset, believed, args.false_alarm, args.seed, make_progress("discover", args.quiet), belief,
-                     home_of(args, dataset))
+                     home_of(args, dataset), read_measured(args.measured, "--measured"))
     adopted = [adopt(found, args.dataset, args.adopt)] if args.adopt else []
     tell(found, Path(args.dataset).name, args.json, args.report)
     print(*adopted, sep="\n", end="\n" if adopted else "")

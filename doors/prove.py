@@ -178,8 +178,10 @@ def _seal_own(args: argparse.Namespace, room: Room) -> int:
 
 def _plan(args: argparse.Namespace, room: Room) -> Plan:
     """What the round is drawn from: as it was begun, or as the arguments say."""
-    seed = load_plan(room).seed if room.plan.exists() and args.seed is None else _seed(args)
-    return Plan(seed, args.worlds, args.level, args.shots, tuple(args.engines.split(",")))
+    begun = load_plan(room) if room.plan.exists() else None
+    goes_on = begun is not None and args.seed in (None, begun.seed)
+    seed, drawn = (begun.seed, begun.entropy) if begun and goes_on else (_seed(args), args.seed is None)
+    return Plan(seed, args.worlds, args.level, args.shots, tuple(args.engines.split(",")), drawn)
 
 
 def _seed(args: argparse.Namespace) -> int:

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from sim.belief import SCATTER, Belief, moved_curves, scale_of
+from sim.belief import SCATTER, Belief, moved_curves, point_belief, scale_of
 from sim.coefficients import Coefficients
 from sim.curve import Curve
 from sim.discover.discover import Investigation
@@ -61,6 +61,12 @@ def _free(investigation: Investigation, steps: tuple[Step, ...]) -> tuple[tuple[
     if not steps or not steps[-1].unknown or investigation.search is None:
         return (), ""
     return all_freed(steps[-1], investigation.search)
+
+
+def believed_in(evidence: Evidence, believed: tuple[str, ...]) -> Belief:
+    """What is believed at the evidence's point, of these terms and those fitted with them; without its doubt."""
+    shared = [k for k in range(evidence.first_shared, len(evidence.columns)) if _belongs(evidence.columns[k])]
+    return point_belief(_coefficients(evidence, shared, believed))
 
 
 def _nameless(evidence: Evidence, free: tuple[Freed, ...],

@@ -16,6 +16,7 @@ from sim.discover.columns import SCATTER_PRIOR
 from sim.discover.evidence import Array, Evidence
 from sim.discover.intake import SCATTERS, Intake
 from sim.discover.linear import Flown, Layout, Spot, fly, linearise, nowhere
+from sim.discover.measured import prior_of
 from sim.physics.catalogue import find_parameter, flight_terms
 from sim.physics.nameless import CURVE, NAMELESS
 from sim.physics.scales import LOG
@@ -198,11 +199,12 @@ def only_shared(layout: Layout, more: Iterable[str] = ()) -> Layout:
     known = widened(layout.precision, [(k - first, layout.columns[asked[layout.columns[k].name]].usual)
                                        for k in changed])
     order = np.array([*changed, *rest], dtype=int) - first
-    precision = block_diag(np.diag([layout.columns[k].usual**-2.0 for k in named]), known[np.ix_(order, order)])
+    own = [prior_of(layout.measured, layout.columns[k].name, layout.columns[k].usual) for k in named]
+    precision = block_diag(np.diag([one.precision for one in own]), known[np.ix_(order, order)])
     return Layout(_lean(layout, kept), tuple(layout.columns[k] for k in kept), layout.source[kept],
                   tuple(place.get(column, -1) for column in layout.scatters), precision,
-                  np.concatenate([np.zeros(len(named)), layout.centre[order]]), layout.edges_s, layout.usual,
-                  layout.groups)
+                  np.concatenate([[one.centre for one in own], layout.centre[order]]), layout.edges_s, layout.usual,
+                  layout.groups, layout.measured)
 
 
 def widened(precision: Array, by: Iterable[tuple[int, float]]) -> Array:

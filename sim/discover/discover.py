@@ -1,7 +1,7 @@
 """Discovery: is there a mismatch, where is it, what is it, and how much better is a simulation that has it?"""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from robot.config import BadInput
 from sim.belief import Belief
@@ -17,6 +17,7 @@ from sim.discover.home import Home
 from sim.discover.intake import take_in
 from sim.discover.linear import Layout, linearise
 from sim.discover.locate import Place, locate
+from sim.discover.measured import Measured
 from sim.discover.statistics import Judged, judge
 from sim.discover.step import Step
 from sim.physics.catalogue import find_terms
@@ -45,19 +46,22 @@ class Investigation:
 
 def discover(dataset: Dataset, believed: Sequence[str] | None = None, false_alarm: float = FALSE_ALARM, seed: int = 0,
              progress: Progress = lambda done, note: None, belief: Belief | None = None,
-             since: Dataset | None = None) -> Investigation:
+             since: Dataset | None = None, measured: Measured | None = None) -> Investigation:
     """Fit the believed terms, test whether anything is left over, say where, and name what.
 
     believed: names of terms, the rig's own list when None; gravity always is. belief: of this very rig, from an earlier
     session: its terms, with what is known of their numbers, are what is believed, and whether one of them has changed
     is asked, too. since: that very session; what the belief leaves over there is then no change (sim.discover.home).
-    The same data and seed give the same answer. BadInput for an unknown term, too few shots, or outcomes without a
-    target.
+    measured: what somebody has measured of terms; it says which name it is, not whether anything is missing.
+    The same data and seed give the same answer. BadInput for an unknown term, too few shots, outcomes without a target,
+    or a measurement of what is believed already.
     """
     terms = _terms(dataset, believed if belief is None else tuple(belief.coefficients))
+    _check_measured(measured or {}, terms)
     intake = take_in(dataset, {} if belief is None else belief.curves)
     clusters = find_clusters(dataset.shots)
     layout = lay_out(intake, terms, groups_of(dataset.shots, intake.rows), belief=belief)
+    layout = replace(layout, measured=measured or {})
     if not len(intake.rows):
         return Investigation(silent(dataset, intake, terms, false_alarm))
     fitted = fit_believed(intake, layout, lambda done, note: progress(0.3 * done, note))
@@ -87,6 +91,11 @@ def _terms(dataset: Dataset, believed: Sequence[str] | None) -> tuple[str, ...]:
             raise
         raise BadInput(f"{dataset.name}: rig.toml: believe.terms: {error}") from error
     return (*KNOWN, *(name for name in given if name not in KNOWN))
+
+
+def _check_measured(measured: Measured, terms: Sequence[str]) -> None:
+    for term in sorted({name.partition(".")[0] for name in measured} & set(terms)):
+        raise BadInput(f"measured: {term} is believed already: put what was measured into rig.toml or the coefficients")
 
 
 def make_search(dataset: Dataset, false_alarm: float = FALSE_ALARM, seed: int = 0, home: Home | None = None) -> Search:

@@ -5,7 +5,7 @@ point, linear in d and in the columns; so d is integrated out exactly, and the h
 they said. Only the outcome's likelihood is not Gaussian, and it is of one number.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import jax
@@ -17,6 +17,7 @@ from sim.discover.chain import Chain, Lanes, Seen, see_slopes
 from sim.discover.deal import Deal
 from sim.discover.evidence import FLOOR_M, Array, Column, Evidence, Plane, make_evidence
 from sim.discover.intake import Intake
+from sim.discover.measured import Measured
 from sim.discover.normal import Normal, multiply_out
 
 SCATTERED = (0, 1, 2, 4)              # deviates that scatter: log speed, elevation, azimuth, distance
@@ -47,7 +48,8 @@ class Layout:
     columns: free, terms, then shared. source [P]: for each column its input of the chain (slot, deviate or push), or
     -1 for a scatter, -2 for a group's effect (those come last, effect by effect, group by group). scatters: columns of
     the logs of SCATTERS, in that order, -1 where not fitted. precision [p, p], centre [p]: the shared columns' prior.
-    usual [slots]: what the chain's parameters are where nobody says anything else.
+    usual [slots]: what the chain's parameters are where nobody says anything else. measured: of terms that are asked
+    about, by somebody who needed no shot for it.
     """
 
     chain: Chain
@@ -59,6 +61,7 @@ class Layout:
     edges_s: Array
     usual: Array
     groups: Groups | None = None
+    measured: Measured = field(default_factory=dict)
 
     @property
     def inputs(self) -> Array:

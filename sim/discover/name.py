@@ -13,6 +13,7 @@ import numpy as np
 
 from sim.discover.believed import Fitted
 from sim.discover.evidence import Array, Evidence, shared_columns
+from sim.discover.measured import nats_measured
 from sim.discover.refit import Refit, refit
 from sim.physics.catalogue import find_parameter
 
@@ -102,7 +103,8 @@ def name_terms(fitted: Fitted, progress: Progress, surmised: Mapping[str, float]
     within = max(WITHIN, SHARE * likely[0].nats)
     likely = [c for c in likely[:REFITTED] if c.nats > likely[0].nats - within]
     refits: dict[str, Refit] = {}
-    nats = {c.name: c.nats for c in visible}
+    nats = {c.name: c.nats + nats_measured(fitted.layout.measured, c.name, c.amplitude, c.information**-0.5)
+            for c in visible}
     for candidate in visible:
         if candidate.name in (surmised or {}):
             _refit(fitted, candidate, refits, nats, (surmised or {})[candidate.name])
@@ -124,7 +126,7 @@ def name_terms(fitted: Fitted, progress: Progress, surmised: Mapping[str, float]
             _refit_beside(fitted, one, top, refits, nats)
     probability = _probabilities(nats)
     ranked = sorted(nats, key=lambda name: -nats[name])
-    aliases = _aliases(ranked, [c.name for c in kin(ranked[0])], refits, nats)
+    aliases = _aliases(fitted, ranked, [c.name for c in kin(ranked[0])], refits, nats)
     chosen = _smallest_set(ranked, probability, aliases)
     return Naming(candidates, refits, nats, probability, chosen, aliases)
 
@@ -135,7 +137,7 @@ def _refit(fitted: Fitted, candidate: Candidate, refits: dict[str, Refit], nats:
     name = candidate.name
     refits[name] = refit(fitted, (name,), np.array([tame(candidate, fitted.evidence) if start is None else start]))
     usual = fitted.evidence.columns[candidate.column].usual
-    nats[name] = refits[name].log_evidence if is_possible(refits[name], usual) else NEVER
+    nats[name] = _nats(fitted, refits[name], usual)
 
 
 def _refit_beside(fitted: Fitted, one: Candidate, top: Candidate, refits: dict[str, Refit],
@@ -151,7 +153,14 @@ def _refit_beside(fitted: Fitted, one: Candidate, top: Candidate, refits: dict[s
     if again.log_evidence > refits[one.name].log_evidence:
         refits[one.name] = again
         usual = fitted.evidence.columns[one.column].usual
-        nats[one.name] = again.log_evidence if is_possible(again, usual) else NEVER
+        nats[one.name] = _nats(fitted, again, usual)
+
+
+def _nats(fitted: Fitted, found: Refit, usual: float) -> float:
+    """For one name truly refitted, by the shots and by what was measured without one, which the fit has in its prior.
+    """
+    said = nats_measured(fitted.layout.measured, found.names[0], 0.0, usual)
+    return found.log_evidence + said if is_possible(found, usual) else NEVER
 
 
 def is_possible(found: Refit, *usual: float) -> bool:
@@ -193,13 +202,14 @@ def _probabilities(nats: dict[str, float]) -> dict[str, float]:
     return {name: value / total for name, value in sorted(weight.items(), key=lambda item: -item[1])}
 
 
-def _aliases(ranked: Sequence[str], kin: Sequence[str], refits: Mapping[str, Refit],
+def _aliases(fitted: Fitted, ranked: Sequence[str], kin: Sequence[str], refits: Mapping[str, Refit],
              nats: Mapping[str, float]) -> tuple[str, ...]:
     """Of what one step cannot tell from the likeliest, that which a true fit cannot either, and which is possible.
 
     By how well they fit: that one of them would have to be unusually large is no word of the data's.
     """
-    fit = {name: float(refits[name].evidence.log_score.sum()) for name in kin}
+    fit = {name: float(refits[name].evidence.log_score.sum())
+           + nats_measured(fitted.layout.measured, name, float(refits[name].amplitude[0]), 0.0) for name in kin}
     return tuple(name for name in ranked[1:]
                  if name in fit and fit[name] > fit[ranked[0]] - TOLD_APART and nats[name] > NEVER)
 

@@ -58,8 +58,10 @@ def refit(fitted: Fitted, names: tuple[str, ...], start: Array, near: Spot | Non
     priors = np.linalg.slogdet(layout.precision)[1] - np.linalg.slogdet(fitted.layout.precision)[1]
     volume = 0.5 * (priors - np.linalg.slogdet(info)[1] + np.linalg.slogdet(null_info)[1])
     value = evidence.point[:k]
+    believed = {column.name for column in fitted.layout.columns[-len(fitted.layout.precision):]}
+    usual = np.array([centre if name in believed else 0.0 for name, centre in zip(order, layout.centre, strict=False)])
     wanted = value + (covariance @ (evidence.score.sum(0) + evidence.pull))[:k]
-    return Refit(tuple(order), layout, spot, evidence, value - layout.centre[:k], value, wanted, sd[:k],
+    return Refit(tuple(order), layout, spot, evidence, value - usual, value, wanted, sd[:k],
                  float(gained + volume))
 
 

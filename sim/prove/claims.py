@@ -26,13 +26,22 @@ class Finding(Struct):
     what: list[Term] | None = None
 
 
+class Believed(Struct):
+    """Tables of sim.belief: what shots are foretold by without what was found, and with it."""
+
+    before: dict[str, Any]
+    after: dict[str, Any]
+
+
 class Claims(Struct):
-    """`data`: {file: SHA-256}; `asked`: further shots; `rivals`: what others say. Whatever else is there is left."""
+    """`data`: {file: SHA-256}; `asked`: further shots, or a measurement; `rivals`: what others say; `believed`: what is
+    put to the sealed test. Whatever else is there is left."""
 
     data: dict[str, str]
     finding: dict[str, Any]
     asked: list[Any] = []
     rivals: dict[str, Any] = {}
+    believed: Believed | None = None
 
 
 def load_claims(path: Path) -> Claims:

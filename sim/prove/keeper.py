@@ -13,6 +13,7 @@ import shutil
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import msgspec
 from msgspec import Struct
@@ -21,14 +22,16 @@ from robot.config import BadInput
 from sim.fanout import fan_out
 from sim.prove.ledger import append, digest
 from sim.prove.lock import alone
-from sim.prove.making import home_of, make_data, make_more
+from sim.prove.making import home_of, make_data, make_more, make_reading
 from sim.prove.mix import FIRST_SEED, MUJOCO, NUMPY, OWN, Drawn, draw_round, drawn_of
 from sim.prove.room import ANSWERED, ASKED, CLAIMED, OPENED, SEALED, Room
 from sim.prove.seal import canonical, hash_files, load_seal, make_seal, save_seal
+from sim.prove.tools import TOOLS
 from sim.prove.truth.follow import Asked
 
 Progress = Callable[[float, str], None]
 MOST_CONFIGURATIONS, MOST_SHOTS = 5, 100     # of a follow-up
+Wanted = list[Asked] | str             # configurations, or what to measure (sim.prove.tools)
 AT_ONCE = 8                           # worlds made between two entries in the ledger
 
 
@@ -40,6 +43,7 @@ class Plan(Struct, frozen=True, forbid_unknown_fields=True):
     level: str
     shots: int
     engines: tuple[str, ...] = (NUMPY, MUJOCO)
+    entropy: bool = False             # nobody chose the seed; that much its keeper says
 
     def drawn(self) -> tuple[Drawn, ...]:
         """Its worlds, MuJoCo's unmodified session first where there is one."""
@@ -99,15 +103,14 @@ def _answer_claimed(room: Room, progress: Progress, workers: int | None, schedul
     steps, half = room.steps(), _half(room)
     todo = [name for name, done in steps.items() if CLAIMED in done and not {ANSWERED, OPENED} & set(done)]
     drawn = {name: drawn_of(load_seal(room.seal(name)).world, room.seal(name)) for name in todo}
-    # somebody else's world only they can shoot again
     asked = {name: asked_of(room, name) for name in todo if drawn[name].engine != OWN}
-    todo = [name for name in todo if asked.get(name)]
+    todo = [name for name, wanted in asked.items() if wanted and can_answer(drawn[name], wanted)]
     for first in range(0, len(todo), AT_ONCE):
         batch = todo[first:first + AT_ONCE]
         progress(first / len(todo), "more shots are given")
         for name in batch:
             if ASKED not in steps[name]:
-                append(room.ledger, ASKED, name, digest(canonical([one._asdict() for one in asked[name]])))
+                append(room.ledger, ASKED, name, digest(canonical(as_claimed(asked[name]))))
         fan_out(partial(_answer, half), [(drawn[name], asked[name]) for name in batch], scheduler, workers=workers)
         for name in batch:
             _move(half / name, room.more(name))
@@ -115,17 +118,38 @@ def _answer_claimed(room: Room, progress: Progress, workers: int | None, schedul
     progress(1.0, f"{len(todo)} worlds shot again")
 
 
-def asked_of(room: Room, world: str) -> list[Asked]:
-    """What a world's claims ask for; BadInput for more than the rules allow."""
+def can_answer(drawn: Drawn, asked: Wanted) -> bool:
+    """Somebody else's world only they can shoot again, or measure; of MuJoCo's robot nothing is measured."""
+    return drawn.engine == NUMPY or (drawn.engine == MUJOCO and not isinstance(asked, str))
+
+
+def as_claimed(asked: Wanted) -> list[dict[str, Any]]:
+    """As claims have it."""
+    return [{"measure": asked}] if isinstance(asked, str) else [one._asdict() for one in asked]
+
+
+def asked_of(room: Room, world: str) -> Wanted:
+    """What a world's claims ask for; BadInput for more than the rules allow: configurations, or one measurement."""
     path = room.claims(world)
     try:
-        asked = [_asked(one) for one in msgspec.json.decode(path.read_bytes())["asked"]]
+        given = msgspec.json.decode(path.read_bytes())["asked"]
+        if given and "measure" in given[0]:
+            return _tool(given)
+        asked = [_asked(one) for one in given]
     except (OSError, msgspec.MsgspecError, KeyError, TypeError, ValueError) as error:
         raise BadInput(f"{path}: asked: {error}") from error
     if len(asked) > MOST_CONFIGURATIONS or sum(one.shots for one in asked) > MOST_SHOTS or any(
             one.shots < 1 for one in asked):
         raise BadInput(f"{path}: asked: at most {MOST_CONFIGURATIONS} configurations and {MOST_SHOTS} shots")
     return asked
+
+
+def _tool(given: list[dict[str, str]]) -> str:
+    (only,) = given
+    (tool,) = only.values()
+    if tool not in TOOLS:
+        raise ValueError(f"measure: there is no {tool!r}; there are {'; '.join(TOOLS)}")
+    return tool
 
 
 def _asked(one: dict[str, float]) -> Asked:
@@ -136,9 +160,17 @@ def _asked(one: dict[str, float]) -> Asked:
     return asked
 
 
-def _answer(half: Path, job: tuple[Drawn, list[Asked]]) -> None:
+def _answer(half: Path, job: tuple[Drawn, Wanted]) -> None:
     drawn, asked = job
-    make_more(drawn, asked, _emptied(half / drawn.name))
+    answer(drawn, asked, _emptied(half / drawn.name))
+
+
+def answer(drawn: Drawn, asked: Wanted, directory: Path) -> None:
+    """Write what was asked for; the same world and wish write the same bytes."""
+    if isinstance(asked, str):
+        make_reading(drawn, asked, directory)
+    else:
+        make_more(drawn, asked, directory)
 
 
 def load_plan(room: Room) -> Plan:

@@ -10,8 +10,10 @@ from msgspec import structs
 
 import robot
 from robot.config import load_config
-from robot.facts import Believe
+from robot.facts import Believe, Facts
 from sim.prove.mix import MUJOCO, Drawn
+from sim.prove.seal import canonical
+from sim.prove.tools import read_off
 from sim.prove.truth.follow import Asked, follow
 from sim.prove.truth.shoot import write
 from sim.prove.truth.world import make_world
@@ -20,6 +22,7 @@ from sim.world.options import Options
 from sim.world.practice import plan_season
 from sim.world.season import ORDINARY, Setting, shoot_season
 
+MEASURED = "measured.json"
 HOME = "home"                         # the session of the unmodified robot that MuJoCo's worlds are compared with
 
 
@@ -50,6 +53,18 @@ def _season(drawn: Drawn, seed: int, settings: Sequence[Setting], name: str) -> 
     facts = structs.replace(load_config(Path(robot.__file__).parent / "launcher.toml").rig, believe=Believe(()))
     dataset = shoot_season(facts, Options(**drawn.effects), seed, settings, drawn.level, ORDINARY)
     return replace(dataset, name=name)
+
+
+def robot_facts() -> Facts:
+    """MuJoCo's robot: what is to be believed of it is not said in rig.toml but shown in the home session."""
+    return structs.replace(load_config(Path(robot.__file__).parent / "launcher.toml").rig, believe=Believe(()))
+
+
+def make_reading(drawn: Drawn, tool: str, directory: Path) -> None:
+    """Write what is read off a tool (sim.prove.tools) held to this world's robot."""
+    directory.mkdir(parents=True)
+    read = {"measure": tool, "terms": read_off(tool, drawn.effects, drawn.seed)}
+    (directory / MEASURED).write_bytes(canonical(read) + b"\n")
 
 
 def home_of(worlds: tuple[Drawn, ...], seed: int) -> Drawn | None:

@@ -22,6 +22,7 @@ from sim.prove.mix import DECOY, MUJOCO, NUMPY, OWN, Drawn
 
 Finding = Mapping[str, Any]
 NULLS = ("clean", "dirty")
+SHOTS, MEASUREMENT = "shots", "one measurement"
 CHANGE = {change.name: change for change in CHANGES}
 
 
@@ -33,8 +34,11 @@ class Mark(Struct, frozen=True):
     name, less the truth, over the best standard error that anybody could have (Cramer and Rao). gain: held out, nats a
     shot, by the solver's own word (its folds); oracle_gain: the same of the true term, by the grader. allowed: chances
     that the data allow to find, name, name up to alias, place. goes_with: covariate and direction of what is in no
-    catalogue. right: names of the catalogue that would be right. rivals: of others put to the same data, whether each
-    says something, and of its first name what `first` and `alias` are of ours, decoys taken out.
+    catalogue. right: names of the catalogue that would be right. off_m: RMS errors of heights in the sealed test, by
+    what was believed, by what was adopted, and, where the grader knows it, by what is believed with the true term.
+    asked: for what, further SHOTS or one MEASUREMENT. random: as many shots drawn like the first would have parted the
+    names as well as those asked for. rivals: of others put to the same data, whether each says something, and of its
+    first name what `first` and `alias` are of ours, decoys taken out.
     """
 
     world: str
@@ -62,6 +66,9 @@ class Mark(Struct, frozen=True):
     goes_with: bool | None = None
     right: tuple[str, ...] = ()
     rivals: dict[str, tuple[bool, bool | None, bool | None]] = {}
+    off_m: tuple[float, ...] | None = None
+    asked: str = ""
+    random: int | None = None
 
 
 def mark(drawn: Drawn, finding: Finding, measured: Measured, rivals: Mapping[str, Any] | None = None) -> Mark:

@@ -4,6 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sim.belief import Belief
+from sim.discover.adopt import believed_in
 from sim.discover.believed import Fitted, fit_believed
 from sim.discover.clusters import find_clusters, groups_of
 from sim.discover.columns import lay_out
@@ -21,22 +23,32 @@ from sim.shots import Dataset
 class Measured(NamedTuple):
     """allowed: as sim.prove.ceiling.Ceiling, of one hidden effect of the catalogue; alike: terms of its class in these
     data; best_sd: least standard error of its amplitude; oracle_gain: nats a shot on unseen shots, had somebody said
-    which term it is; strength: lambda of an effect that no catalogue has, where only heights speak of it."""
+    which term it is; strength: lambda of an effect that no catalogue has, where only heights speak of it. before,
+    oracle: what is believed, fitted by the grader, without the true term and with it."""
 
     allowed: tuple[float, ...] | None = None
     alike: tuple[str, ...] = ()
     best_sd: float | None = None
     oracle_gain: float | None = None
     strength: float | None = None
+    before: Belief | None = None
+    oracle: Belief | None = None
 
 
-def measure(drawn: Drawn, dataset: Dataset, seed: int = 0) -> Measured:
-    """Of worlds of the NumPy engine with one hidden effect; of others nothing is known."""
-    if drawn.engine != NUMPY or len(drawn.effects) != 1:
+def measure(drawn: Drawn, dataset: Dataset, claimed: bool = True, seed: int = 0) -> Measured:
+    """Of worlds of the NumPy engine with one hidden effect; of those with none or more only what is believed, if
+    something was claimed; of others nothing is known."""
+    single = len(drawn.effects) == 1
+    if drawn.engine != NUMPY or not (single or claimed):
         return Measured()
+    terms, intake = dataset.facts.believe.terms, take_in(dataset)
+    fitted = fit_believed(intake, lay_out(intake, terms, groups_of(dataset.shots, intake.rows)))
+    before = believed_in(fitted.evidence, terms)
+    return _of_one(drawn, dataset, fitted, seed)._replace(before=before) if single else Measured(before=before)
+
+
+def _of_one(drawn: Drawn, dataset: Dataset, fitted: Fitted, seed: int) -> Measured:
     (name, amount), = drawn.effects.items()
-    intake = take_in(dataset)
-    fitted = fit_believed(intake, lay_out(intake, dataset.facts.believe.terms, groups_of(dataset.shots, intake.rows)))
     if name not in PARAMETER:
         world = make_world(drawn.effects, drawn.level, drawn.shots, drawn.seed, drawn.dirt)
         return Measured(strength=strength_of(fitted.evidence, shift_m(world)))
@@ -47,11 +59,7 @@ def measure(drawn: Drawn, dataset: Dataset, seed: int = 0) -> Measured:
     index = np.array([fitted.evidence.index(column)])
     information = float(efficient(fitted.evidence, index)[1][0, 0])
     best_sd = information**-0.5 if information > 0.0 else None
-    return Measured(tuple(ceiling[:4]), ceiling.alike, best_sd, _oracle_gain(fitted, dataset, column, amplitude))
-
-
-def _oracle_gain(fitted: Fitted, dataset: Dataset, column: str, amplitude: float) -> float:
-    """Nats a shot on unseen shots by the true term alone."""
-    clusters = find_clusters(dataset.shots)
-    told = refit(fitted, (column,), np.array([amplitude]))
-    return float((unseen_score(told.evidence, clusters) - unseen_score(without(fitted.evidence), clusters)).mean())
+    told, clusters = refit(fitted, (column,), np.array([amplitude])), find_clusters(dataset.shots)
+    gain = unseen_score(told.evidence, clusters) - unseen_score(without(fitted.evidence), clusters)
+    return Measured(tuple(ceiling[:4]), ceiling.alike, best_sd, float(gain.mean()),
+                    oracle=believed_in(told.evidence, dataset.facts.believe.terms))

@@ -1,27 +1,31 @@
 """The grader's part: open the seals of what has been claimed, find out whatever was changed, and mark the rest."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import msgspec
-from msgspec import Struct
+from msgspec import Struct, structs
 
 from robot.config import BadInput
+from sim.belief import from_table
 from sim.fanout import fan_out
 from sim.prove.claims import load_claims
 from sim.prove.keeper import load_plan
 from sim.prove.ledger import append, digest
 from sim.prove.lock import alone
-from sim.prove.making import HOME
-from sim.prove.marking import Mark, mark
+from sim.prove.making import HOME, MEASURED
+from sim.prove.marking import MEASUREMENT, SHOTS, Mark, mark
 from sim.prove.marks import Steps, load_marks, save_mark, worlds_of, wrong_marks
 from sim.prove.measure import Measured, measure
-from sim.prove.mix import OWN, Drawn, drawn_of
+from sim.prove.mix import NUMPY, OWN, Drawn, drawn_of
 from sim.prove.room import ANSWERED, ASKED, CLAIMED, CLAIMED_AGAIN, OPENED, SEALED, Room
+from sim.prove.saved import random_worth
 from sim.prove.seal import canonical, check_data, hash_files, load_seal
+from sim.prove.sealed_test import Unseen, off_m, shoot_unseen
 from sim.prove.worldfile import mend
-from sim.shots import load_dataset
+from sim.shots import Dataset, load_dataset
 
 Progress = Callable[[float, str], None]
 AT_ONCE = 8
@@ -139,15 +143,37 @@ def _check_claims(path: Path, claimed: str, data: dict[str, str]) -> list[str]:
 def mark_world(root: Path, job: tuple[Drawn, bool]) -> Graded:
     """One world's marks; job: what was sealed, and whether there are second claims."""
     room, (drawn, twice) = Room(root), job
-    measured = measure(drawn, load_dataset(room.data(drawn.name)))
-    first = _mark(room.claims(drawn.name), drawn, measured)
-    return Graded(drawn.name, first, _mark(room.again(drawn.name), drawn, measured) if twice else None)
+    paths = [room.claims(drawn.name), *([room.again(drawn.name)] if twice else [])]
+    tested = [load_claims(path).believed is not None for path in paths]
+    dataset = load_dataset(room.data(drawn.name))
+    measured = measure(drawn, dataset, any(tested))
+    unseen = shoot_unseen(drawn) if any(tested) else None
+    marks = [_mark(path, drawn, measured, unseen) for path in paths]
+    random = _random(room, drawn, dataset) if twice else None
+    return Graded(drawn.name, structs.replace(marks[0], random=random), marks[1] if twice else None)
 
 
-def _mark(path: Path, drawn: Drawn, measured: Measured) -> Mark:
+def _random(room: Room, drawn: Drawn, dataset: Dataset) -> int | None:
+    """How many random shots those that were asked for and given are worth."""
+    more = room.more(drawn.name)
+    if drawn.engine != NUMPY or (more / MEASURED).exists():
+        return None
+    return random_worth(dataset, load_dataset(more), load_claims(room.claims(drawn.name)).finding)
+
+
+def _kind(asked: Sequence[Any]) -> str:
+    return "" if not asked else MEASUREMENT if "measure" in asked[0] else SHOTS
+
+
+def _mark(path: Path, drawn: Drawn, measured: Measured, unseen: Unseen | None) -> Mark:
     claims = load_claims(path)
     try:
-        return mark(drawn, claims.finding, measured, claims.rivals)
+        told = structs.replace(mark(drawn, claims.finding, measured, claims.rivals), asked=_kind(claims.asked))
+        if claims.believed is None or unseen is None:
+            return told
+        before = measured.before or from_table(claims.believed.before, str(path))
+        beliefs = (before, from_table(claims.believed.after, str(path)), measured.oracle)
+        return structs.replace(told, off_m=tuple(off_m(one, unseen) for one in beliefs if one is not None))
     except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
         raise BadInput(f"{path}: finding: {type(error).__name__}: {error}") from error
 

@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from robot.config import BadInput
-from sim.prove.keeper import asked_of, entropy
+from sim.prove.keeper import answer, asked_of, entropy
 from sim.prove.ledger import digest
-from sim.prove.making import HOME, make_data, make_more
+from sim.prove.making import HOME, make_data
 from sim.prove.marks import missing_marks, wrong_marks
 from sim.prove.mix import OWN, Drawn, drawn_of
 from sim.prove.opener import Progress, check_draw, check_world, graded_of, left_out, mark_world
@@ -105,7 +105,7 @@ def _remake(room: Room, name: str, done: dict[str, str]) -> list[str]:
         directory.parent.mkdir(parents=True, exist_ok=True)
     make_data(drawn, room.data(name))
     if ANSWERED in done:
-        make_more(drawn, asked_of(room, name), room.more(name))
+        answer(drawn, asked_of(room, name), room.more(name))
     return check_world(room, name, done)
 
 

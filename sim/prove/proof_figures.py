@@ -1,6 +1,7 @@
 """The figures of a round of proof that the design's targets are about, each with the worlds that it rests on."""
 
 from collections.abc import Sequence
+from statistics import median
 from typing import NamedTuple
 
 from sim.intervals import wilson
@@ -13,6 +14,9 @@ RESOLVABLE = 50.0                     # lambda, from which what has no name shou
 # Of everything that was said, by whichever engine the world was made and whatever was hidden.
 ALL_GAINS, ALL_NAMES = "gain below 0, of all claims with a gain", "named wrong, of all single names given"
 DECOY_FIRST, DECOY_AMONG = "decoy: its name first", "decoy: its name in the set"
+SEALED_KEPT, SEALED_LOST = "gain kept, in the sealed test", "worse in the sealed test, of all claims"
+DESIGNED = "follow-up: random shots that 100 designed ones equal"
+TRIFLE = 1e-3
 ALIAS_SET, PAIR = "aliases: a set with the whole class", "two: both are right"
 
 
@@ -32,7 +36,8 @@ def figures_of(marks: Sequence[Mark]) -> dict[str, Figure]:
     catalogued = [one for one in mine if one.kind == "one" and one.allowed is not None]
     found = [one for one in catalogued if one.found]
     shares = _shares_of_effects(catalogued, found) | _shares_of_others(mine) | {
-        ALL_GAINS: [_lost(one) for one in marks], ALL_NAMES: [_wrong(one) for one in marks if one.verdict == "named"]}
+        ALL_GAINS: [_lost(one) for one in marks], SEALED_LOST: [worse_in_test(one) for one in marks],
+        ALL_NAMES: [_wrong(one) for one in marks if one.verdict == "named"]}
     figures = {name: _share(answers) for name, answers in shares.items()}
     figures |= {name: figures[name]._replace(allowed=_allowed(catalogued, place)) for name, place in CEILINGS.items()}
     figures["set size"] = _mean([one.set_size for one in found if one.set_size is not None])
@@ -41,7 +46,18 @@ def figures_of(marks: Sequence[Mark]) -> dict[str, Figure]:
     pairs = [(one.gain, one.oracle_gain) for one in found if one.gain is not None and one.oracle_gain is not None]
     best = sum(oracle for _, oracle in pairs)
     figures["gain kept"] = _number(sum(gain for gain, _ in pairs) / best if best > 0.0 else None)
+    figures[SEALED_KEPT] = _number(kept_in_test(found))
+    worth = [one.random for one in marks if one.random is not None]
+    figures[DESIGNED] = Figure(float(median(worth)), f"{median(worth):.0f} (median of {len(worth)})") if worth else (
+        Figure(None, "-"))
     return figures
+
+
+def kept_in_test(marks: Sequence[Mark]) -> float | None:
+    """Share of the squared error of sealed heights that the true term takes away, which what was adopted took away."""
+    known = [one.off_m for one in marks if one.off_m is not None and len(one.off_m) == 3]
+    best = sum(before**2 - oracle**2 for before, _, oracle in known)
+    return sum(before**2 - after**2 for before, after, _ in known) / best if best > 0.0 else None
 
 
 def _shares_of_effects(catalogued: Sequence[Mark], found: Sequence[Mark]) -> dict[str, list[bool | None]]:
@@ -70,6 +86,15 @@ def _shares_of_others(marks: Sequence[Mark]) -> dict[str, list[bool | None]]:
 
 def _lost(one: Mark) -> bool | None:
     return None if one.gain is None else one.gain < 0.0
+
+
+def worse_in_test(one: Mark) -> bool | None:
+    """Whether sealed shots are foretold worse by what was adopted; None where heights hang on it by no more than a
+    trifle."""
+    if one.off_m is None:
+        return None
+    before, after = one.off_m[:2]
+    return None if abs(after - before) <= TRIFLE * before else after > before
 
 
 def _wrong(one: Mark) -> bool:

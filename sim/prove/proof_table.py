@@ -7,8 +7,9 @@ from typing import NamedTuple
 
 from sim.intervals import wilson
 from sim.prove.decoys import up_to_alias
-from sim.prove.marking import NULLS, Mark
+from sim.prove.marking import MEASUREMENT, NULLS, SHOTS, Mark
 from sim.prove.mix import NUMPY
+from sim.prove.proof_figures import kept_in_test, worse_in_test
 from sim.prove.proof_targets import against_targets
 
 VERDICTS = ("none", "named", "set", "unknown")
@@ -115,10 +116,17 @@ def _right(marks: Sequence[Mark]) -> Table:
                          f"{sum(sizes) / len(sizes):.1f}" if sizes else "-",
                          said(*share(mine, lambda one: one.holds)),
                          f"{(sum(error**2 for error in errors) / len(errors))**0.5:.2f}" if errors else "-",
-                         f"{sum(gain for gain, _ in pairs) / best:.2f}" if best > 0.0 else "-"])
+                         f"{sum(gain for gain, _ in pairs) / best:.2f}" if best > 0.0 else "-",
+                         *_in_test(mine)])
     return Table("Worlds in which something is hidden; from `stage` on, of those found", (
         "hidden", "found", "stage", "first name right", "up to alias", "in the set", "set size", "interval holds",
-        "error / least possible, RMS", "gain kept, by the solver's own folds"), rows)
+        "error / least possible, RMS", "gain kept, by the solver's own folds", "in the sealed test",
+        "worse there than before"), rows)
+
+
+def _in_test(marks: Sequence[Mark]) -> list[str]:
+    kept = kept_in_test(marks)
+    return ["-" if kept is None else f"{kept:.2f}", said(*share(marks, worse_in_test))]
 
 
 def _matrix(marks: Sequence[Mark]) -> Table:
@@ -157,11 +165,17 @@ def _yes(answers: Iterable[bool | None]) -> tuple[int, int]:
 
 
 def _again(pairs: Again) -> Table:
-    named = [pair for pair in pairs if pair[0].first is not None]
+    named = {kind: [pair for pair in pairs if pair[0].first is not None and pair[0].asked == kind]
+             for kind in (SHOTS, MEASUREMENT)}
+    rows = [[kind, str(len(mine)), *_before_and_after(mine)] for kind, mine in named.items() if mine]
+    return Table("What was asked for, and what it told", (
+        "", "worlds", "set before", "after", "first name right before", "after", "the right name alone before",
+        "after"), rows)
+
+
+def _before_and_after(named: Again) -> list[str]:
     sizes = [[one.set_size for one in side if one.set_size is not None] for side in zip(*named, strict=True)]
     cells = [f"{sum(side) / len(side):.1f}" if side else "-" for side in sizes]
     for question in (lambda one: one.first, lambda one: bool(one.first) and one.names == one.hidden):
         cells += [said(*share(side, question)) for side in zip(*named, strict=True)]
-    return Table("What the shots that were asked for told", (
-        "worlds shot again", "set before", "after", "first name right before", "after",
-        "the right name alone before", "after"), [[str(len(named)), *cells]] if named else [])
+    return cells

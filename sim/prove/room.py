@@ -5,8 +5,8 @@
     ROUND/ledger.jsonl            every step of every world, chained (sim.prove.ledger)
     ROUND/data/w0001/             a dataset, given away
     ROUND/data/home/              MuJoCo's robot before anything was changed, where there are such worlds
-    ROUND/claims/w0001.json       what the solver says of it, and which more shots it asks for
-    ROUND/more/w0001/             those shots, given away
+    ROUND/claims/w0001.json       what the solver says of it, and what more it asks for
+    ROUND/more/w0001/             those shots, or measured.json, given away
     ROUND/again/w0001.json        what the solver says once it has them
     ROUND/keeper/round.json       how the round was drawn; not for the solver
     ROUND/keeper/w0001.json       its seal; not for the solver

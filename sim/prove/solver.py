@@ -12,6 +12,7 @@ import hashlib
 import os
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -20,19 +21,21 @@ import msgspec
 
 import sim
 from robot.config import BadInput
-from sim.belief import Belief
+from sim.belief import Belief, as_table
 from sim.discover.adopt import make_belief
 from sim.discover.design import can_design, make_design
 from sim.discover.discover import Investigation, discover
 from sim.discover.finding import make_json
+from sim.discover.measured import Measured, Measurement, column_of
 from sim.fanout import fan_out
 from sim.prove.ledger import append, digest
 from sim.prove.lock import alone
-from sim.prove.making import HOME
+from sim.prove.making import HOME, MEASURED
 from sim.prove.rivals.claim import believed_of
 from sim.prove.rivals.entrants import find_rival
 from sim.prove.room import ANSWERED, CLAIMED, CLAIMED_AGAIN, OPENED, SEALED, Room
 from sim.prove.seal import canonical, hash_files
+from sim.prove.tools import TOOLS
 from sim.shots import Dataset, join_datasets, load_dataset
 
 Progress = Callable[[float, str], None]
@@ -83,7 +86,8 @@ def solve(root: Path, rivals: tuple[str, ...], world: str) -> dict[str, Any]:
     directory = room.data(world)
     found, dataset = _discover(room, world, None)
     claims = {"schema": SCHEMA, "world": world, "solver": solver_id(), "data": hash_files(directory),
-              "finding": msgspec.json.decode(make_json(found.finding)), "asked": asked_for(found, dataset)}
+              "finding": msgspec.json.decode(make_json(found.finding)), "asked": asked_for(found, dataset),
+              **believed_by(found)}
     believed = believed_of(found)
     if rivals and dataset.tracks is not None and believed is not None:
         claims["rivals"] = {name: msgspec.to_builtins(find_rival(name)(dataset, believed, 0)) for name in rivals}
@@ -94,32 +98,52 @@ def solve_again(root: Path, world: str) -> dict[str, Any]:
     """The same with the shots that were asked for."""
     room = Room(root)
     forbid(room.keeper)
-    found, _ = _discover(room, world, load_dataset(room.more(world)))
+    reading = room.more(world) / MEASURED
+    found, _ = _discover(room, world, *((None, _read(reading)) if reading.exists() else (
+        load_dataset(room.more(world)), None)))
     return {"schema": SCHEMA, "world": world, "solver": solver_id(),
             "data": {**hash_files(room.data(world)), **_below("more", hash_files(room.more(world)))},
-            "finding": msgspec.json.decode(make_json(found.finding)), "asked": []}
+            "finding": msgspec.json.decode(make_json(found.finding)), "asked": [], **believed_by(found)}
+
+
+def _read(path: Path) -> Measured:
+    read = msgspec.json.decode(path.read_bytes())["terms"]
+    return {column_of(term): Measurement(**value) for term, value in read.items()}
+
+
+def believed_by(found: Investigation) -> dict[str, Any]:
+    """What the solver would foretell shots by, before it found anything and after: what the test block is put to."""
+    if not found.steps:
+        return {}
+    return {"believed": {"before": as_table(make_belief(replace(found, steps=()))[0]),
+                         "after": as_table(make_belief(found)[0])}}
 
 
 def _below(folder: str, files: dict[str, str]) -> dict[str, str]:
     return {f"{folder}/{name}": value for name, value in files.items()}
 
 
-def _discover(room: Room, world: str, more: Dataset | None) -> tuple[Investigation, Dataset]:
+def _discover(room: Room, world: str, more: Dataset | None,
+              measured: Measured | None = None) -> tuple[Investigation, Dataset]:
     dataset = load_dataset(room.data(world))
     whole = dataset if more is None else join_datasets(dataset, more)
     if dataset.facts.believe.terms:
-        return discover(whole, None, FALSE_ALARM, 0), whole
+        return discover(whole, None, FALSE_ALARM, 0, measured=measured), whole
     home, belief = at_home(room.data(HOME))
     return discover(whole, None, FALSE_ALARM, 0, belief=belief, since=home if dataset.tracks else None), whole
 
 
-def asked_for(found: Investigation, dataset: Dataset) -> list[dict[str, float]]:
-    """Configurations to be shot again, where several names are left; each once, with how many shots."""
+def asked_for(found: Investigation, dataset: Dataset) -> list[dict[str, Any]]:
+    """Where several names are left: one measurement, if that is likelier to leave one alone than more shots are; else
+    configurations to be shot again, each once, with how many shots."""
     if not found.steps or not can_design(found.steps[0]):
         return []
+    design = make_design(found.steps[0], MORE_SHOTS, MORE_CONFIGURATIONS)
+    tool = next((one for one in design.measurements if one.what in TOOLS), None)
+    if tool is not None and tool.probability > design.after and dataset.facts.believe.terms:
+        return [{"measure": tool.what}]
     rows = found.steps[0].fitted.evidence.rows
-    asked = [(int(rows[block.row]), block.pace) for block in make_design(
-        found.steps[0], MORE_SHOTS, MORE_CONFIGURATIONS).blocks]
+    asked = [(int(rows[block.row]), block.pace) for block in design.blocks]
     distance, hood, ratio = (dataset.shots.number(name) for name in ("distance_m", "hood_deg", "motor_ratio"))
     block = MORE_SHOTS // MORE_CONFIGURATIONS
     return [{"distance_m": float(distance[row]), "hood_deg": float(hood[row]), "motor_ratio": float(pace * ratio[row]),

@@ -37,8 +37,8 @@ def make_mark_kinder(room: Room, number: int) -> dict[str, Any]:
     return dict(lines[number])
 
 
-def ask(room: Room, world: str, asked: list[dict[str, float]]) -> None:
-    """As if the solver had asked for these shots, and had said so in time."""
+def ask(room: Room, world: str, asked: list[dict[str, Any]]) -> None:
+    """As if the solver had asked for this, and had said so in time."""
     claims = msgspec.json.decode(room.claims(world).read_bytes())
     room.claims(world).write_bytes(canonical({**claims, "asked": asked}) + b"\n")
     enter_otherwise(room, world, {"claimed": digest(room.claims(world).read_bytes())})

@@ -79,7 +79,7 @@ def test_what_has_no_value_says_why() -> None:
     assert found["amplitude's RMS error / least"][2] == "<= 1.35"      # as the design writes it
     assert found["top-1"][0] == "not measured" and found["top-1"][3] == "no world of this round says"
     assert found["follow-up: random shots that 100 designed ones equal"][2:] == [
-        ">= 300", "as many random shots were not given"]
+        ">= 300", "no shots were asked for and given"]
     others = [row for row in against_targets([world("one", ["wind_x"], [])]) if row[0] != "L1, 300"]
     assert others == [["L1, 1000", "all", "not measured", "-", "-", "no world here has 1000 shots"]]
 

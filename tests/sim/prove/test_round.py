@@ -5,6 +5,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import pytest
@@ -298,11 +299,26 @@ def test_more_shots_are_given_and_a_second_claim_is_marked_beside_the_first(room
         grade_round(room, quiet, 1)
 
 
+def test_one_measurement_is_given_and_told_of_in_a_second_claim(room: Room) -> None:
+    ask(room, "w0002", [{"measure": "target height with a tape"}])
+    answer_round(room, quiet, 1)
+    read = msgspec.json.decode((room.more("w0002") / "measured.json").read_bytes())
+    assert abs(read["terms"]["target_height"]["value"]) < 1.0 and read["terms"]["target_height"]["sd"] == 0.01
+    assert prove(room.root, "solve", "--processes", "1").returncode == 0
+    second = {one.world: one for one in grade_round(room, quiet, 1)}["w0002"]
+    assert second.again is not None and second.first.asked == "one measurement" and second.first.random is None
+    (room.more("w0002") / "measured.json").write_bytes(b"{}")
+    with pytest.raises(BadInput, match="is not what was given"):
+        grade_round(room, quiet, 1)
+
+
 @pytest.mark.parametrize("asked", [[{"distance_m": 4.0, "hood_deg": 48.0, "motor_ratio": 0.5, "shots": 101}],
+                                   [{"measure": "the truth"}], [{"measure": "target height with a tape"}] * 2,
+                                   [{"measure": "target height with a tape", "shots": 3}],
                                    [{"distance_m": 4.0, "hood_deg": 48.0, "motor_ratio": 0.5, "shots": 1}] * 6,
                                    [{"distance_m": 4.0, "hood_deg": 48.0, "motor_ratio": 0.5, "shots": 0}],
                                    [{"where": "everywhere"}]])
-def test_nobody_gets_more_than_the_rules_allow(room: Room, asked: list[dict[str, float]]) -> None:
+def test_nobody_gets_more_than_the_rules_allow(room: Room, asked: list[dict[str, Any]]) -> None:
     ask(room, "w0001", asked)
     with pytest.raises(BadInput, match="asked"):
         answer_round(room, quiet, 1)
