@@ -6,10 +6,12 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from msgspec import structs
+
 from doors.demo import FEWEST
 from doors.discover import keep_compiled
 from doors.progress import make_progress
-from doors.prove_drive import driven_of, driven_table, learn_gates, play_driven, room_of
+from doors.prove_drive import LEVEL, driven_of, driven_table, learn_gates, play_driven, room_of
 from robot.config import BadInput
 from sim.discover.intake import FEWEST_SHOTS
 from sim.prove.keeper import Plan, answer_round, entropy, load_plan, seal_round
@@ -91,8 +93,9 @@ def _drive(args: argparse.Namespace, room: Room) -> int:
     if args.role == "gates":
         learn_gates(room.root, args.processes)
     else:
-        driven = play_driven(room.root, args.worlds, args.shots, args.trials or args.shots, _seed(args),
-                             make_progress("drive", args.quiet), args.processes)
+        plan = structs.replace(_plan(args, room_of(room.root)), level=LEVEL, engines=(MUJOCO,))
+        driven = play_driven(room.root, plan, args.trials or args.shots, make_progress("drive", args.quiet),
+                             args.processes)
         print(driven_table(driven).markdown())
         _save_report(room, graded_of(room))
         print(f"report: {room.report}")

@@ -29,6 +29,7 @@ from sim.discover.discover import discover
 from sim.discover.finding import make_json
 from sim.fanout import fan_out
 from sim.intervals import difference
+from sim.prove.keeper import Plan, keep_plan
 from sim.prove.ledger import append, digest
 from sim.prove.lock import alone
 from sim.prove.marks import load_marks, save_mark, worlds_of, wrong_marks
@@ -67,16 +68,16 @@ def room_of(root: Path) -> Room:
     return Room(root / "driven")
 
 
-def play_driven(root: Path, worlds: int, recorded: int, trials: int, seed: int, progress: Progress,
-                workers: int | None = None) -> list[Driven]:
-    """Seal worlds with `recorded` trials each, have gates learnt by a process that is refused the seals, open, and
-    drive `trials` with each gate; nothing is done twice. BadInput for whatever was tampered with."""
+def play_driven(root: Path, plan: Plan, trials: int, progress: Progress, workers: int | None = None) -> list[Driven]:
+    """Seal the plan's worlds, as many trials each as it has shots, have gates learnt by a process that is refused the
+    seals, open, and drive `trials` with each gate; nothing is done twice. BadInput for whatever was tampered with, and
+    for a round that was begun from another plan."""
     room = room_of(root)
-    names = [f"r{number:04d}" for number in range(1, worlds + 1)]
+    names = [f"r{number:04d}" for number in range(1, plan.worlds + 1)]
     with alone(room.root):
-        room.keeper.mkdir(parents=True, exist_ok=True)
+        keep_plan(room, plan)
         _in_batches([name for name in names if SEALED not in room.steps().get(name, {})],
-                    partial(_seal, room.root.resolve(), recorded, seed),
+                    partial(_seal, room.root.resolve(), plan),
                     lambda name, sha256: append(room.ledger, SEALED, name, sha256),
                     lambda done: progress(0.3 * done, "the emulated robot records"), workers)
     progress(0.3, "gates are learnt")
@@ -103,14 +104,14 @@ def _in_batches(names: Sequence[str], work: Callable[[str], Done], enter: Callab
             enter(name, done)
 
 
-def _seal(root: Path, recorded: int, seed: int, name: str) -> str:
+def _seal(root: Path, plan: Plan, name: str) -> str:
     """Record a practice session in a world that is drawn from seed and name; the commitment to it."""
-    room, rng = Room(root), np.random.default_rng([seed, *name.encode()])
-    drawn = change_one(rng, Drawn(name, MUJOCO, "one", LEVEL, recorded, FIRST_SEED + int(rng.integers(1 << 40))))
+    room, rng = Room(root), np.random.default_rng([plan.seed, *name.encode()])
+    drawn = change_one(rng, Drawn(name, MUJOCO, "one", LEVEL, plan.shots, FIRST_SEED + int(rng.integers(1 << 40))))
     session = _session(room, name, "practice")
     for old in (session, room.data(name)):
         shutil.rmtree(old, ignore_errors=True)
-    emulate(load_config(SHIPPED), session, recorded, drawn.seed, _options(drawn))
+    emulate(load_config(SHIPPED), session, plan.shots, drawn.seed, _options(drawn))
     save_dataset(room.data(name), shots_from_sessions([session], name))
     seal = make_seal(msgspec.to_builtins(drawn), "the emulated robot", room.data(name))
     save_seal(room.seal(name), seal)

@@ -62,12 +62,12 @@ def seal_round(room: Room, plan: Plan, progress: Progress, workers: int | None =
     """Make and seal every world that is not sealed yet. BadInput where the round was begun from another plan."""
     worlds = plan.drawn()             # before anything is there: a plan of which nothing can be drawn leaves nothing
     with alone(room.root):
-        _keep_plan(room, plan)
+        keep_plan(room, plan)
         _seal_drawn(room, worlds, progress, workers, scheduler)
 
 
-def _keep_plan(room: Room, plan: Plan) -> None:
-    """Written once, whole or not at all."""
+def keep_plan(room: Room, plan: Plan) -> None:
+    """Written once, whole or not at all. BadInput where the round was begun from another."""
     room.keeper.mkdir(parents=True, exist_ok=True)
     if not room.plan.exists():
         half = room.plan.with_suffix(".half")

@@ -4,15 +4,18 @@ import shutil
 from pathlib import Path
 
 import pytest
+from msgspec import structs
 
-from doors.prove_drive import NO_GATE, SIDES, Driven, driven_table, play_driven, room_of
+from doors.prove_drive import LEVEL, NO_GATE, SIDES, Driven, driven_table, play_driven, room_of
 from robot.config import BadInput
+from sim.prove.keeper import Plan
 from sim.prove.ledger import read_ledger
 from sim.prove.seal import load_seal
 from sim.shots import load_dataset
 
 pytestmark = pytest.mark.slow
-RECORDED, TRIALS, SEED = 20, 2, 5
+RECORDED, TRIALS = 20, 2
+PLAN = Plan(5, 1, LEVEL, RECORDED, ("mujoco",))
 
 
 def quiet(done: float, note: str) -> None:
@@ -20,7 +23,7 @@ def quiet(done: float, note: str) -> None:
 
 
 def play(root: Path) -> list[Driven]:
-    return play_driven(root, 1, RECORDED, TRIALS, SEED, quiet, 1)
+    return play_driven(root, PLAN, TRIALS, quiet, 1)
 
 
 @pytest.fixture(scope="module")
@@ -41,6 +44,11 @@ def test_gates_are_learnt_before_the_seal_is_opened_and_driven_after_it(played: 
     assert all(0 <= threes <= fired <= TRIALS for threes, fired in driven.scored.values())
     assert driven.scored[NO_GATE][1] >= TRIALS - 1   # without a gate the driver's button fires; one may be spoilt
     assert driven_table([driven]).rows[-1][0] == "together"
+
+
+def test_what_was_begun_from_another_seed_is_not_gone_on_with(played: Path) -> None:
+    with pytest.raises(BadInput, match="drawn from something else"):
+        play_driven(played, structs.replace(PLAN, seed=6), TRIALS, quiet, 1)
 
 
 def test_a_gate_that_is_not_the_one_that_was_claimed_is_not_driven_with(played: Path, tmp_path: Path) -> None:
