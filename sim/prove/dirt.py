@@ -2,8 +2,12 @@
 
 Of names that the NumPy engine has, too, the meaning is the same: noise_understated (rig.toml states half of it),
 outliers (2 % of outcomes noted as another, tracks' noise by Student's t of 3), missing_frames (a quarter of a track's),
-battery_with_wear (a voltage that falls as balls wear, and does nothing). scatter: balls and their luck differ by 1.4
+battery_with_wear (a voltage that falls as balls wear, and does nothing). scatter: balls and their luck differ by 1.25
 times as much; lopsided: practice from far alone. That noise is overstated has no name: rig.toml does so as it is.
+
+What it does to where balls go on average, measured in 300 shots: nothing, but for scatter and battery. More scatter of
+what bends heights lowers their mean by 7 mm, less than its standard error of 11 mm (1.4 times as much: 12 mm). The
+battery moves heights by 3 mm RMS, along its fall by 7 mm, where shots scatter by 150 mm.
 """
 
 from collections.abc import Sequence
@@ -15,7 +19,7 @@ from sim.world.season import ORDINARY, Sensors, Setting
 DIRT = ("scatter", "noise_understated", "outliers", "lopsided")
 TRACK_DIRT = ("missing_frames",)
 DECOY_DIRT = "battery_with_wear"
-SCATTER_SCALE = 1.4
+SCATTER_SCALE = 1.25
 UNDERSTATED = 2.0                     # true standard deviations / stated
 WRONG_MARKS, TRACK_TAILS, LOST_FRAMES = 0.02, 3, 0.25
 FAR_M = 5.0                           # lopsided practice is from there on

@@ -1,5 +1,7 @@
 """Air that is not the same all along a flight: wind above a height only, a drag coefficient that steps with speed.
 
+Between the wheels there is neither that wind nor that step.
+
 Both are held for one step of the flight (FLIGHT_STEP_S). Where the options ask for neither, nothing is touched.
 """
 
