@@ -4,7 +4,7 @@ Marks keep what the data cannot tell apart, the decoy's name with it; here it is
 """
 
 from sim.prove.marking import Mark
-from sim.prove.mix import DECOY, NUMPY
+from sim.prove.mix import DECOY, OWN
 from sim.prove.suite import unseen
 
 
@@ -25,4 +25,4 @@ def up_to_alias(mark: Mark) -> bool | None:
 
 
 def _absent(mark: Mark) -> bool:
-    return mark.engine != NUMPY or mark.kind != "decoy" or DECOY in unseen(mark.level)
+    return mark.engine == OWN or mark.kind != "decoy" or DECOY in unseen(mark.level)

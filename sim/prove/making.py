@@ -10,7 +10,8 @@ from msgspec import structs
 
 import robot
 from robot.config import load_config
-from robot.facts import Believe, Facts
+from robot.facts import Believe
+from sim.prove.dirt import dirty_options, dirty_plan, dirty_sensors
 from sim.prove.mix import MUJOCO, Drawn
 from sim.prove.seal import canonical
 from sim.prove.tools import read_off
@@ -19,8 +20,7 @@ from sim.prove.truth.shoot import write
 from sim.prove.truth.world import make_world
 from sim.shots import Dataset, save_dataset
 from sim.world.options import Options
-from sim.world.practice import plan_season
-from sim.world.season import ORDINARY, Setting, shoot_season
+from sim.world.season import Season, Setting, play_season
 
 MEASURED = "measured.json"
 HOME = "home"                         # the session of the unmodified robot that MuJoCo's worlds are compared with
@@ -29,7 +29,8 @@ HOME = "home"                         # the session of the unmodified robot that
 def make_data(drawn: Drawn, directory: Path) -> str:
     """Write the dataset; whose work it is (engine and version). The directory must be new or empty."""
     if drawn.engine == MUJOCO:
-        save_dataset(directory, _season(drawn, drawn.seed, plan_season(drawn.seed, drawn.shots), directory.name))
+        save_dataset(directory, _season(drawn, drawn.seed, dirty_plan(drawn.dirt, drawn.seed, drawn.shots),
+                                        directory.name))
         return f"mujoco {mujoco.__version__}, truearc {version('truearc')}"
     write(make_world(drawn.effects, drawn.level, drawn.shots, drawn.seed, drawn.dirt), directory)
     return f"numpy {version('numpy')}, truearc {version('truearc')}"
@@ -49,15 +50,15 @@ def make_more(drawn: Drawn, asked: Sequence[Asked], directory: Path) -> None:
 
 
 def _season(drawn: Drawn, seed: int, settings: Sequence[Setting], name: str) -> Dataset:
+    return replace(play_robot(drawn, seed, settings).dataset, name=name)
+
+
+def play_robot(drawn: Drawn, seed: int, settings: Sequence[Setting]) -> Season:
+    """A session of MuJoCo's robot with what is hidden in it at work, and the truth beside it."""
     # what is to be believed of it is not said in rig.toml but shown in the home session
     facts = structs.replace(load_config(Path(robot.__file__).parent / "launcher.toml").rig, believe=Believe(()))
-    dataset = shoot_season(facts, Options(**drawn.effects), seed, settings, drawn.level, ORDINARY)
-    return replace(dataset, name=name)
-
-
-def robot_facts() -> Facts:
-    """MuJoCo's robot: what is to be believed of it is not said in rig.toml but shown in the home session."""
-    return structs.replace(load_config(Path(robot.__file__).parent / "launcher.toml").rig, believe=Believe(()))
+    options = Options(**drawn.effects, **dirty_options(drawn.dirt, drawn.shots))
+    return play_season(facts, options, seed, settings, drawn.level, dirty_sensors(drawn.dirt, facts.noise))
 
 
 def make_reading(drawn: Drawn, tool: str, directory: Path) -> None:

@@ -5,7 +5,7 @@ from typing import Any
 
 from msgspec import Struct, structs
 
-from sim.prove.changes import CHANGES
+from sim.prove.changes import changes_of
 from sim.prove.grade import (
     GOES_WITH,
     PARAMETER,
@@ -18,12 +18,11 @@ from sim.prove.grade import (
     said_stage,
 )
 from sim.prove.measure import Measured
-from sim.prove.mix import DECOY, MUJOCO, NUMPY, OWN, Drawn
+from sim.prove.mix import ALIKE, DECOY, MUJOCO, OWN, Drawn
 
 Finding = Mapping[str, Any]
 NULLS = ("clean", "dirty")
 SHOTS, MEASUREMENT = "shots", "one measurement"
-CHANGE = {change.name: change for change in CHANGES}
 
 
 class Mark(Struct, frozen=True):
@@ -89,13 +88,13 @@ def mark(drawn: Drawn, finding: Finding, measured: Measured, rivals: Mapping[str
     more = {"stage": said_stage(finding.get("where") or {}) in stages if stages else None,
             "gain": gain_said(finding)[0], "oracle_gain": measured.oracle_gain}
     if not right:                     # in no catalogue: only the stage can be right, and no name
-        known = drawn.kind == "off" and len(drawn.effects) == 1 and set(drawn.effects) <= set(GOES_WITH)
-        return structs.replace(plain, **more, goes_with=goes_with_right(
-            next(iter(drawn.effects)), finding) if known else None)
+        hidden = hidden_of(drawn)
+        known = drawn.kind == "off" and len(hidden) == 1 and set(hidden) <= set(GOES_WITH)
+        return structs.replace(plain, **more, goes_with=goes_with_right(hidden[0], finding) if known else None)
     more |= {"first": bool(names) and names[0] in right, "covered": bool(set(said) & set(right)),
              "alias": _alike(drawn, names, right, measured)}
     if drawn.kind == "two":
-        more["both"] = set(right) <= {*names, *further}
+        more["both"] = all({*names, *further} & set(each) for each in _right_of_each(drawn))
     return structs.replace(plain, **more, **_size(drawn, finding, measured))
 
 
@@ -115,7 +114,7 @@ def _rival(drawn: Drawn, claim: Mapping[str, Any], right: Sequence[str],
     says, names = bool(claim["says_something"]), list(claim["names"])[:1]
     if not right:
         return says, None, None
-    decoy = (drawn.engine, drawn.kind) == (NUMPY, "decoy") and names == [DECOY]      # ours: sim.prove.decoys
+    decoy = drawn.engine != OWN and drawn.kind == "decoy" and names == [DECOY]       # ours: sim.prove.decoys
     return (says, says and bool(names) and names[0] in right,
             says and not decoy and _alike(drawn, names, right, measured))
 
@@ -123,20 +122,29 @@ def _rival(drawn: Drawn, claim: Mapping[str, Any], right: Sequence[str],
 def hidden_of(drawn: Drawn) -> tuple[str, ...]:
     """What is hidden, by name; a change of MuJoCo's robot by the change's."""
     if drawn.engine == MUJOCO:
-        return () if drawn.change == CHANGES[0].name else (drawn.change,)
+        return tuple(change.name for change in changes_of(drawn.change))
     return tuple(drawn.effects)
 
 
 def right_names(drawn: Drawn) -> tuple[str, ...]:
     """Names of the catalogue that would be right; none of what no catalogue has."""
+    return tuple(dict.fromkeys(name for names in _right_of_each(drawn) for name in names))
+
+
+def _right_of_each(drawn: Drawn) -> list[tuple[str, ...]]:
+    """Names that would be right of each thing that is hidden; of MuJoCo's aliases those of the whole class are."""
+    if drawn.engine == MUJOCO and drawn.kind == "alias":
+        return [ALIKE[drawn.level]]
     if drawn.engine == MUJOCO:
-        return CHANGE[drawn.change].names
-    return tuple(name for name in drawn.effects if name in PARAMETER)
+        return [change.names for change in changes_of(drawn.change)]
+    return [(name,) for name in drawn.effects if name in PARAMETER]
 
 
 def right_stages(drawn: Drawn) -> tuple[str, ...]:
     if drawn.engine == MUJOCO:
-        return CHANGE[drawn.change].stages
+        alike = [(STAGE_OF[name],) for name in ALIKE[drawn.level]] if drawn.kind == "alias" else None
+        each = alike or [change.stages for change in changes_of(drawn.change)]
+        return tuple(dict.fromkeys(stage for stages in each for stage in stages))
     return tuple(STAGE_OF[name] for name in drawn.effects if name in STAGE_OF)
 
 

@@ -15,7 +15,18 @@ import numpy as np
 from msgspec import Struct, ValidationError, convert, structs
 
 from robot.config import BadInput
-from sim.prove.changes import CHANGES, seen_at
+from sim.prove.changes import (
+    ALIKE_CHANGES,
+    AND,
+    CHANGES,
+    UNCATALOGUED,
+    WORN_CHANGE,
+    Change,
+    changes_of,
+    pairs_at,
+    seen_at,
+)
+from sim.prove.dirt import DECOY_DIRT, dirt_at
 from sim.prove.suite import NULLS, names_of
 from sim.prove.truth.effects import find_effect
 from sim.prove.truth.world import LEVELS, TRACK_DIRT
@@ -23,14 +34,15 @@ from sim.world.options import Options
 
 NUMPY, MUJOCO = "numpy", "mujoco"
 OWN = "own"                           # somebody else's world, by an engine of theirs
-# Shares of kinds; of MuJoCo's worlds, which have no decoys and no ladder, only `clean` and `one` are made.
+# Shares of kinds; MuJoCo's worlds are of every kind, too, but have no ladder.
 SHARES = {"clean": 0.175, "dirty": 0.175, "one": 0.30, "two": 0.10, "off": 0.15, "alias": 0.05, "decoy": 0.05}
-IN_MUJOCO = 0.2                       # of the kinds that it makes
+IN_MUJOCO = 0.2                       # of each kind
 LADDER = (0.5, 2.0, 5.0, 10.0, 20.0, 50.0, 200.0)
 PLAIN = 10.0                          # least lambda of each of two effects, of an alias and of a decoy's companion
 LARGEST = 4.0                         # times the usual size: beyond that nothing is credible; of some, less is
 LESS = {"air_density": 1.0, "drag_crisis": 2.0, "drag_reynolds": 2.5, "vision_latency": 3.0}
-FACTORS = (0.5, 1.0, 2.0)             # of a change in MuJoCo
+FACTORS = (0.5, 1.0, 2.0)             # of a change in MuJoCo; where it must be plain, of these
+PLAIN_FACTORS = tuple(one for one in FACTORS if one >= 1.0)
 OFF_FACTORS = (1.0, 2.0)              # of what is in no catalogue where its lambda is not known (tracks)
 DIRTY = 0.4                           # of the worlds with an effect
 LADDER_SHOTS = 300                    # that the table of lambdas is about
@@ -87,8 +99,8 @@ def _shared_out(worlds: int) -> list[int]:
 
 def _draw(rng: np.random.Generator, name: str, kind: str, level: str, shots: int, engines: tuple[str, ...]) -> Drawn:
     seed = FIRST_SEED + int(rng.integers(1 << 62))
-    if MUJOCO in engines and kind in ("clean", "one") and (NUMPY not in engines or rng.random() < IN_MUJOCO):
-        return change_one(rng, Drawn(name, MUJOCO, kind, level, shots, seed))
+    if MUJOCO in engines and (NUMPY not in engines or rng.random() < IN_MUJOCO):
+        return change_robot(rng, Drawn(name, MUJOCO, kind, level, shots, seed))
     sizes = _sizes(rng, kind, level, shots)
     effects = {effect: _amount(rng, effect, level, shots, size) for effect, size in sizes.items()}
     strength = {effect: strength_of(effect, amount, level, shots) for effect, amount in effects.items()}
@@ -147,14 +159,37 @@ def _dirt(rng: np.random.Generator, kind: str, level: str) -> tuple[str, ...]:
     return ()
 
 
+def change_robot(rng: np.random.Generator, drawn: Drawn) -> Drawn:
+    """A MuJoCo world of its kind."""
+    kind, level = drawn.kind, drawn.level
+    if kind == "one":
+        return change_one(rng, drawn)
+    if kind in ("clean", "dirty"):
+        dirt = (str(rng.choice(dirt_at(level))),) if kind == "dirty" else ()
+        return structs.replace(drawn, change=CHANGES[0].name, dirt=dirt)
+    among = {"two": pairs_at(level), "off": tuple((one,) for one in UNCATALOGUED),
+             "alias": tuple(changes_of(name) for name in ALIKE_CHANGES[level]), "decoy": (changes_of(WORN_CHANGE),)}
+    changes = among[kind][int(rng.integers(len(among[kind])))]
+    either = [one.signed or kind == "alias" for one in changes]
+    options = [_sized(rng, one, PLAIN_FACTORS, signed) for one, signed in zip(changes, either, strict=True)]
+    return structs.replace(drawn, effects={name: value for each in options for name, value in each.items()},
+                           change=AND.join(one.name for one in changes),
+                           dirt=(DECOY_DIRT,) if kind == "decoy" else ())
+
+
 def change_one(rng: np.random.Generator, drawn: Drawn) -> Drawn:
-    """A MuJoCo world: nothing changed, or one thing, by so much."""
+    """A MuJoCo world with nothing changed, or one thing, by so much."""
     if drawn.kind == "clean":
         return structs.replace(drawn, change=CHANGES[0].name)
     change = seen_at(drawn.level)[1:][int(rng.integers(len(seen_at(drawn.level)) - 1))]
-    factor = float(rng.choice(FACTORS))
-    options = {name: _scaled(name, value, factor) for name, value in change.options.items()}
-    return structs.replace(drawn, effects=options, change=change.name)
+    return structs.replace(drawn, effects=_sized(rng, change, FACTORS), change=change.name)
+
+
+def _sized(rng: np.random.Generator, change: Change, factors: tuple[float, ...], signed: bool = False
+           ) -> dict[str, float]:
+    """{option: value} of a change that is one of the factors larger than usual."""
+    factor = float(rng.choice(factors)) * (-1.0 if signed and rng.random() < 0.5 else 1.0)
+    return {name: _scaled(name, value, factor) for name, value in change.options.items()} | dict(change.beside)
 
 
 def _scaled(option: str, value: float, factor: float) -> float:

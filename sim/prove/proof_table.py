@@ -8,7 +8,7 @@ from typing import NamedTuple
 from sim.intervals import wilson
 from sim.prove.decoys import up_to_alias
 from sim.prove.marking import MEASUREMENT, NULLS, SHOTS, Mark
-from sim.prove.mix import NUMPY
+from sim.prove.mix import MUJOCO, NUMPY
 from sim.prove.proof_figures import kept_in_test, worse_in_test
 from sim.prove.proof_targets import against_targets
 
@@ -67,8 +67,10 @@ def ladder_of(marks: Sequence[Mark]) -> list[tuple[float, float, list[Mark]]]:
 def _alarms(marks: Sequence[Mark]) -> Table:
     nulls = [one for one in marks if one.kind in NULLS]
     groups = {"clean": [one for one in nulls if one.kind == "clean" and one.engine == "numpy"],
-              "dirty": [one for one in nulls if one.kind == "dirty"],
-              "MuJoCo, unchanged": [one for one in nulls if one.engine == "mujoco"], "together": nulls}
+              "dirty": [one for one in nulls if one.kind == "dirty" and one.engine != MUJOCO],
+              "MuJoCo, unchanged": [one for one in nulls if one.engine == MUJOCO and one.kind == "clean"],
+              "MuJoCo, unchanged, dirty": [one for one in nulls if one.engine == MUJOCO and one.kind == "dirty"],
+              "together": nulls}
     rows = [[title, said(*share(mine, lambda one: one.found)), said(*share(mine, lambda one: bool(one.names)))]
             for title, mine in groups.items() if mine]
     return Table("Worlds in which nothing is missing (nominal 0.05)", ("", "false alarms", "a name was given"), rows)
@@ -103,7 +105,9 @@ def _right(marks: Sequence[Mark]) -> Table:
     """Each kind of world in which something is hidden, of those found."""
     kinds = {"one effect": ("numpy", "one"), "two effects": ("numpy", "two"), "aliases": ("numpy", "alias"),
              "with a decoy": ("numpy", "decoy"), "in no catalogue": ("numpy", "off"),
-             "MuJoCo, one thing changed": ("mujoco", "one"), "somebody else's": ("own", "one")}
+             "MuJoCo, one thing changed": (MUJOCO, "one"), "MuJoCo, two things": (MUJOCO, "two"),
+             "MuJoCo, aliases": (MUJOCO, "alias"), "MuJoCo, with a decoy": (MUJOCO, "decoy"),
+             "MuJoCo, in no catalogue": (MUJOCO, "off"), "somebody else's": ("own", "one")}
     rows = []
     for title, (engine, kind) in kinds.items():
         mine = [one for one in marks if (one.engine, one.kind) == (engine, kind)]

@@ -15,14 +15,12 @@ from sim.curve import along
 from sim.discover.covariates import every_column
 from sim.physics.catalogue import effective
 from sim.physics.shot import opening_of, predict
-from sim.prove.making import robot_facts
+from sim.prove.dirt import dirty_plan
+from sim.prove.making import play_robot
 from sim.prove.mix import MUJOCO, NUMPY, Drawn
 from sim.prove.truth.shoot import play
 from sim.prove.truth.world import make_world
 from sim.shots import Dataset
-from sim.world.options import Options
-from sim.world.practice import plan_season
-from sim.world.season import ORDINARY, play_season
 
 APART = 1 << 41                       # of its seeds from those of the world's own season, and of its follow-up's
 
@@ -45,8 +43,7 @@ def shoot_unseen(drawn: Drawn) -> Unseen | None:
                       - world.amount("target_height"))
     if drawn.engine != MUJOCO:
         return None
-    played = play_season(robot_facts(), Options(**drawn.effects), seed, plan_season(seed, drawn.shots), drawn.level,
-                         ORDINARY)
+    played = play_robot(drawn, seed, dirty_plan(drawn.dirt, seed, drawn.shots))
     height_m = np.array([np.nan if one.z_m is None else one.z_m for one in played.results])
     return Unseen(played.dataset, height_m - _centre_m(played.dataset))
 

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
+from sim.world.air import Air
 from sim.world.balls import Ball
 from sim.world.nip import Released
 from sim.world.options import Options
@@ -35,6 +36,7 @@ class Flight:
         data.qvel[:3] = start.velocity_m_s
         data.qvel[3:6] = start.spin_rad_s             # the body's axes are the field's at the start
         self._owed_s = 0.0
+        self._air = Air(options, self._model)
         self.arrival: Arrival | None = None
 
     @property
@@ -59,6 +61,7 @@ class Flight:
         while self._owed_s > FLIGHT_STEP_S * (1.0 - 1e-6):
             self._owed_s -= FLIGHT_STEP_S
             before, started_s = (data.qpos[:3].copy(), data.qvel[:3].copy()), data.time
+            self._air.meet(data)
             mujoco.mj_step(model, data)
             if data.qpos[0] >= 0.0 or data.qpos[2] <= self._radius_m or data.time > LONGEST_S:
                 self.arrival = self._arrive(before, started_s)

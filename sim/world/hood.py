@@ -18,6 +18,7 @@ SWITCH_DEG = 0.1                  # the limit switch closes this close to the lo
 INERTIA_KG_M2 = 6e-5              # rotor, coupling and screw; the hood behind the screw adds less than 1e-6
 COULOMB_NM = 0.02                 # thread and bearings
 VISCOUS_NM_S = 1.5e-4
+FLEX_FROM_RAD_S, FLEX_PER_RAD_S = 250.0, 100.0
 
 
 def screw_rad(elevation_deg: float) -> float:
@@ -32,6 +33,11 @@ def elevation_deg(screw: float) -> float:
     side_m = screw / (2.0 * math.pi) * LEAD_M
     cosine = (PIVOT_TO_MOTOR_M**2 + PIVOT_TO_NUT_M**2 - side_m**2) / (2.0 * PIVOT_TO_MOTOR_M * PIVOT_TO_NUT_M)
     return math.degrees(math.acos(cosine)) - INCLUDED_DEG
+
+
+def flexed(wheel_rad_s: float) -> float:
+    """How far a hood that gives way does so at a speed of the lower wheel, in units of what it does per 100 rad/s."""
+    return (wheel_rad_s - FLEX_FROM_RAD_S) / FLEX_PER_RAD_S
 
 
 LOW_RAD = screw_rad(LOW_DEG)

@@ -31,8 +31,8 @@ class Nip:
 
     def __init__(self, ball: Ball, options: Options, elevation_rad: float, wheel_rad_s: float, feed_m_s: float) -> None:
         gravity = rotate_from_launch(np.array([0.0, 0.0, -GRAVITY_M_S2]), -elevation_rad)
-        wind = rotate_from_launch(np.array([options.wind_x_m_s, options.wind_y_m_s, options.wind_z_m_s]),
-                                  -elevation_rad)
+        blowing = np.array([options.wind_x_m_s, options.wind_y_m_s, options.wind_z_m_s])
+        wind = rotate_from_launch(np.zeros(3) if options.wind_above_m else blowing, -elevation_rad)
         self.ball = ball
         self.elevation_rad = elevation_rad
         self._model = make_nip(ball, options, gravity, wind)

@@ -25,9 +25,11 @@ class Options(Struct, frozen=True, forbid_unknown_fields=True):
     wind_x_m_s: Speed = 0.0                   # along the field towards the target (a tail wind is positive)
     wind_y_m_s: Speed = 0.0                   # to the left, seen towards the target
     wind_z_m_s: Speed = 0.0                   # up
+    wind_above_m: NotNegative = 0.0           # below this height, and between the wheels, the air stands still
     air_density_kg_m3: Annotated[float, Meta(ge=0.0, le=10.0)] = 1.2      # at 20 C
     temperature_c: Annotated[float, Meta(ge=-40.0, le=60.0)] = 20.0       # thins the air and softens the foam
     drag_coefficient: Annotated[float, Meta(ge=0.0, le=5.0)] = 0.5        # force / (1/2 rho pi r^2 v^2)
+    drag_step: Annotated[float, Meta(ge=-0.9, le=5.0)] = 0.0              # share added to it above 9 m/s, 1 m/s wide
     magnus_coefficient: Annotated[float, Meta(ge=-2.0, le=2.0)] = 0.25    # force / (rho 4/3 pi r^3 omega v)
     spin_drag_coefficient: Annotated[float, Meta(ge=0.0, le=20.0)] = 0.0  # MuJoCo's angular drag; 0 = spin is kept
 
@@ -46,6 +48,7 @@ class Options(Struct, frozen=True, forbid_unknown_fields=True):
     flywheel_inertia_scale: Annotated[float, Meta(ge=0.2, le=5.0)] = 1.0
     release_height_error_m: Annotated[float, Meta(ge=-0.5, le=0.5)] = 0.0
     release_arc: bool = False                 # the exit point rides on the hood's arc instead of staying put
+    hood_flex_deg: SmallAngle = 0.0           # steeper by this per 100 rad/s beyond 250, unseen by the encoder
     encoder_scale: Annotated[float, Meta(ge=0.5, le=2.0)] = 1.0           # flywheel encoders read this times the truth
     driver_current_a: Positive = 40.0         # limit of each motor driver
 

@@ -56,8 +56,8 @@ def reach_m(hood_deg: float, ratio: float) -> float:
                  + p * ((1 - q) * table[i + 1, j] + q * table[i + 1, j + 1]))
 
 
-def plan_season(seed: int, shots: int) -> list[Setting]:
-    """Configurations about the goal, in the order in which they are shot."""
+def plan_season(seed: int, shots: int, nearest_m: float = NEAREST_M) -> list[Setting]:
+    """Configurations about the goal, in the order in which they are shot, from this distance on."""
     rng = np.random.default_rng([seed, 8])
     settings: list[Setting] = []
     for _ in range(TRIES * shots):
@@ -65,6 +65,6 @@ def plan_season(seed: int, shots: int) -> list[Setting]:
             break
         hood_deg, ratio = rng.uniform(HOODS_DEG[0], HOODS_DEG[-1]), rng.uniform(RATIOS[0], RATIOS[-1])
         distance_m = reach_m(hood_deg, ratio) * (1.0 + ASIDE * rng.normal())
-        if NEAREST_M <= distance_m <= FARTHEST_M:
+        if nearest_m <= distance_m <= FARTHEST_M:
             settings.append(Setting(float(distance_m), float(hood_deg), float(ratio)))
     return settings

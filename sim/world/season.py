@@ -38,7 +38,11 @@ class Setting(NamedTuple):
 
 class Sensors(NamedTuple):
     """Standard deviations of what is read from shot to shot; a tracker beside the field sees balls at `track_hz`,
-    for the first `track_s` of each flight."""
+    for the first `track_s` of each flight.
+
+    wrong_marks: share of shots that are noted as one of the other outcomes. track_tails: degrees of freedom of
+    Student's t, which track_m is then times (0: normal). lost_frames: share of a track's frames.
+    """
 
     distance_m: float = 0.03
     hood_deg: float = 0.05
@@ -46,6 +50,9 @@ class Sensors(NamedTuple):
     track_m: float = 0.015
     track_hz: float = 60.0
     track_s: float = 0.75
+    wrong_marks: float = 0.0
+    track_tails: int = 0
+    lost_frames: float = 0.0
 
 
 ORDINARY = Sensors()
@@ -92,8 +99,9 @@ def play_season(facts: Facts, options: Options, seed: int, settings: Sequence[Se
             trials.append(_shoot(bench, facts, options, setting, before_ns, sensors, rng))
     if not trials:
         raise TimeoutError("the robot never got ready for a shot")
-    name = f"world-{seed}"
-    dataset = Dataset(name, facts, _shots(trials, level), _tracks(trials, sensors, rng) if level == "L2" else None,
+    name, luck = f"world-{seed}", np.random.default_rng([seed, 9])          # apart: good sensors have no part of it
+    dataset = Dataset(name, facts, _shots(trials, level, _noted(trials, sensors, luck)),
+                      _tracks(trials, sensors, rng, luck) if level == "L2" else None,
                       _traces(trials) if level != "L0" else None)
     return Season(dataset, tuple(trial.result for trial in trials))
 
@@ -133,9 +141,17 @@ def _seen_distance_m(distance_m: float, options: Options) -> float:
     return (distance_m + options.camera_behind_exit_m) / options.camera_focal_scale - options.camera_behind_exit_m
 
 
-def _shots(trials: Sequence[Trial], level: str) -> Shots:
+def _noted(trials: Sequence[Trial], sensors: Sensors, luck: np.random.Generator) -> list[tuple[str, str]]:
+    """(outcome, side) of each shot as somebody noted them, some by the wrong button."""
+    names = list(MARKS)
+    wrong = luck.random(len(trials)) < sensors.wrong_marks
+    aside = luck.integers(1, len(names), len(trials))
+    return [MARKS[names[(names.index(trial.result.outcome) + int(slip) * int(step)) % len(names)]]
+            for trial, slip, step in zip(trials, wrong, aside, strict=True)]
+
+
+def _shots(trials: Sequence[Trial], level: str, marks: Sequence[tuple[str, str]]) -> Shots:
     names = [name for name in trials[0].read if level != "L0" or name in ("distance_m", "hood_deg", "motor_ratio")]
-    marks = [MARKS[trial.result.outcome] for trial in trials]
     return Shots(tuple(f"{number:04d}" for number in range(len(trials))),
                  {name: np.array([trial.read[name] for trial in trials]) for name in names},
                  {"outcome": tuple(mark for mark, _ in marks), "side": tuple(side for _, side in marks),
@@ -148,14 +164,17 @@ def _traces(trials: Sequence[Trial]) -> Traces:
     return Traces(np.array(shot, dtype=np.int64), np.array(t_s), tuple(signal), np.array(value))
 
 
-def _tracks(trials: Sequence[Trial], sensors: Sensors, rng: np.random.Generator) -> Tracks:
-    """Every sample that falls due at the tracker's rate, counted from the first it has of a ball."""
+def _tracks(trials: Sequence[Trial], sensors: Sensors, rng: np.random.Generator, luck: np.random.Generator) -> Tracks:
+    """Every sample that falls due at the tracker's rate, counted from the first it has of a ball, but for lost ones."""
     parts = []
     for shot, trial in enumerate(trials):
         begin_s, end_s = trial.track[0, 0], min(trial.track[-1, 0], trial.track[0, 0] + sensors.track_s)
         due = np.unique(np.searchsorted(trial.track[:, 0], np.arange(begin_s, end_s, 1.0 / sensors.track_hz)))
         kept = trial.track[due]
-        seen = kept[:, 1:] + sensors.track_m * rng.normal(size=(len(kept), 3))
-        parts.append(np.column_stack([np.full(len(kept), shot), kept[:, 0] - kept[0, 0], seen]))
+        size, tails = (len(kept), 3), sensors.track_tails
+        seen = kept[:, 1:] + sensors.track_m * (luck.standard_t(tails, size) if tails else rng.normal(size=size))
+        there = np.flatnonzero(luck.random(len(kept)) >= sensors.lost_frames)
+        clock_s = kept[there, 0] - kept[there[:1], 0]
+        parts.append(np.column_stack([np.full(len(there), shot), clock_s, seen[there]]))
     shot, t_s, x_m, y_m, z_m = np.concatenate(parts).T
     return Tracks(shot.astype(np.int64), t_s, x_m, y_m, z_m)

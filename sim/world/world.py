@@ -10,7 +10,7 @@ from sim.world.balls import Rack
 from sim.world.belt import Belt
 from sim.world.feeder import Feeder
 from sim.world.flight import Flight
-from sim.world.hood import Hood
+from sim.world.hood import Hood, flexed
 from sim.world.motor import FEEDER, FLYWHEEL, HOOD, Drawn, Motor, drive_motor
 from sim.world.nip import Nip, Released
 from sim.world.options import Options
@@ -181,7 +181,8 @@ class World:
     def _take_ball(self, after_s: float) -> None:
         self._fed_t_ns = self._t_ns + round(after_s * 1e9)
         self._wheel_before_rad_s = self._belt.speed_rad_s
-        self._nip = Nip(self._rack.ball(self._shots), self._options, math.radians(self._hood.elevation_deg),
+        elevation_deg = self._hood.elevation_deg + self._options.hood_flex_deg * flexed(self._belt.speed_rad_s)
+        self._nip = Nip(self._rack.ball(self._shots), self._options, math.radians(elevation_deg),
                         self._belt.speed_rad_s, self._feeder.surface_m_s)
 
     def _let_go(self, after_s: float, left_s: float) -> None:

@@ -4,10 +4,11 @@ from typing import Any
 
 import pytest
 
+from sim.prove.decoys import has_decoy, named_decoy, up_to_alias
 from sim.prove.ledger import Entry
 from sim.prove.marking import Mark, mark
 from sim.prove.measure import Measured
-from sim.prove.mix import Drawn
+from sim.prove.mix import ALIKE, Drawn
 from sim.prove.proof_page import make_proof_page, verdict
 from sim.prove.proof_table import make_tables
 from sim.prove.proof_targets import against_targets
@@ -64,6 +65,81 @@ def test_a_changed_robot_may_be_told_by_several_names() -> None:
     assert (told.first, told.stage, told.hidden, told.holds) == (True, True, ("soft_ball",), None)
     still = Drawn("w5", "mujoco", "clean", "L1", 300, 1, change="nothing")
     assert mark(still, finding(("wind_x", 0.9)), Measured()).hidden == ()
+
+
+def robot(kind: str, change: str, level: str = "L1", dirt: tuple[str, ...] = (), **options: float) -> Drawn:
+    return Drawn("w8", "mujoco", kind, level, 300, 1, options, dirt, change)
+
+
+def test_two_changes_of_a_robot_are_both_right_when_each_has_one_of_its_names() -> None:
+    two = robot("two", "tail_wind+soft_ball", wind_x_m_s=1.5, ball_stiffness_scale=0.6)
+    told = mark(two, finding(("wind_x", 0.95), also=("wheel_slip",)), Measured())
+    assert (told.hidden, told.first, told.stage, told.both) == (("tail_wind", "soft_ball"), True, True, True)
+    assert set(told.right) == {"wind_x", "exit_efficiency", "wheel_slip", "wheel_droop", "ball_compression"}
+    # two names of the one change are not both
+    told = mark(two, finding(("exit_efficiency", 0.95), also=("wheel_slip",), stage="launch"), Measured())
+    assert (told.first, told.stage, told.both) == (True, True, False)
+    assert mark(two, finding(("rim_catch", 0.95), stage="arrival"), Measured()).stage is False
+
+
+@pytest.mark.parametrize(("level", "change", "name", "stage", "right"), [
+    ("L0", "camera_scale", "target_height", "arrival", True),
+    ("L0", "release_height", "distance_bias", "sensing", True),
+    ("L1", "release_height", "target_height", "launch", True),
+    ("L1", "release_height", "distance_bias", "sensing", False),
+    ("L2", "camera_scale", "distance_scale", "sensing", True),
+    ("L2", "camera_scale", "release_height", "launch", False)])
+def test_any_name_of_a_class_is_right_of_a_robots_alias(level: str, change: str, name: str, stage: str,
+                                                       right: bool) -> None:
+    told = mark(robot("alias", change, level), finding((name, 0.95), stage=stage), Measured())
+    assert (told.first, told.stage, told.covered, told.right) == (right, right, right, ALIKE[level])
+
+
+def test_a_robots_decoy_is_nobodys_alias_and_what_wears_is_right() -> None:
+    decoy = robot("decoy", "worn_ball", dirt=("battery_with_wear",), wear_stiffness_per_shot=0.005)
+    told = mark(decoy, finding(("battery_sag", 0.95), stage="launch"), Measured(None, ("battery_sag",)),
+                {"argmax": {"says_something": True, "names": ["battery_sag"]}})
+    assert (told.first, told.alias, up_to_alias(told), named_decoy(told)) == (False, True, False, True)
+    assert told.rivals == {"argmax": (True, False, False)}
+    right = mark(decoy, finding(("ball_wear", 0.95), stage="launch"), Measured())
+    assert (right.first, up_to_alias(right), named_decoy(right), has_decoy(right)) == (True, True, False, False)
+    bare = mark(robot("decoy", "worn_ball", "L0", ("battery_with_wear",)), finding(("drag", 0.9)), Measured())
+    assert named_decoy(bare) is None                  # outcomes alone have no battery
+
+
+def test_what_no_catalogue_has_of_a_robot_can_be_named_only_wrongly() -> None:
+    flexed = robot("off", "hood_flex", hood_flex_deg=0.4)
+    told = finding(verdict="unknown", stage="launch")
+    told["where"] |= {"covariate": "motor_ratio", "direction": "vertical"}
+    marked = mark(flexed, told, Measured())
+    assert (marked.hidden, marked.right, marked.first, marked.stage, marked.goes_with) == (
+        ("hood_flex",), (), None, True, True)
+    told["where"]["direction"] = "along"
+    assert mark(flexed, told, Measured()).goes_with is False
+    aloft = mark(robot("off", "wind_aloft", wind_x_m_s=0.5, wind_above_m=2.5), told, Measured())
+    assert (aloft.stage, aloft.goes_with) == (False, None)       # nobody can be sure of what it would go with
+
+
+def test_a_dirty_robot_is_a_null_and_has_a_row_of_its_own() -> None:
+    dirty = mark(robot("dirty", "nothing", dirt=("scatter",)), finding(("wind_x", 0.9)), Measured())
+    assert (dirty.hidden, dirty.found, dirty.first, dirty.right) == ((), True, None, ())
+    clean = mark(robot("clean", "nothing"), finding(found=False, verdict="none"), Measured())
+    numpys = mark(Drawn("w6", "numpy", "dirty", "L1", 300, 1, {}, ("balls",)), finding(found=False, verdict="none"),
+                  Measured())
+    alarms = make_tables([dirty, clean, clean, numpys])[0]
+    assert {row[0]: row[1][:3] for row in alarms.rows} == {
+        "dirty": "0/1", "MuJoCo, unchanged": "0/2", "MuJoCo, unchanged, dirty": "1/1", "together": "1/4"}
+
+
+def test_every_kind_of_a_changed_robot_has_a_row() -> None:
+    marks = [mark(robot(kind, change), finding(("wind_x", 0.95)), Measured()) for kind, change in (
+        ("one", "tail_wind"), ("two", "tail_wind+soft_ball"), ("alias", "release_height"), ("decoy", "worn_ball"),
+        ("off", "wind_aloft"))]
+    (table,) = [one for one in make_tables(marks) if one.title.startswith("Worlds in which something is hidden")]
+    assert [(row[0], row[1][:3], row[3][:3]) for row in table.rows] == [
+        ("MuJoCo, one thing changed", "1/1", "1/1"), ("MuJoCo, two things", "1/1", "1/1"),
+        ("MuJoCo, aliases", "1/1", "0/1"), ("MuJoCo, with a decoy", "1/1", "0/1"),
+        ("MuJoCo, in no catalogue", "1/1", "-")]
 
 
 def test_tables_count_every_world_once() -> None:

@@ -53,3 +53,14 @@ def test_a_ball_that_is_said_to_fall_short_comes_in_at_the_floor() -> None:
 
 def test_nobody_else_can_shoot_somebody_else_s_world() -> None:
     assert shoot_unseen(drawn({"wind_x": 2.0}, "own")) is None
+
+
+@pytest.mark.slow
+def test_mujoco_s_robot_is_shot_again_with_what_is_hidden_in_it() -> None:
+    """A launcher that stands higher than stated throws as much higher."""
+    one = Drawn("w1", "mujoco", "one", "L0", 40, 900, {"release_height_error_m": 0.4}, change="release_height")
+    unseen = shoot_unseen(one)
+    assert unseen is not None and 30 <= np.isfinite(unseen.above_m).sum() <= 40
+    low = shoot_unseen(Drawn("w1", "mujoco", "clean", "L0", 40, 900, change="nothing"))
+    assert low is not None
+    assert np.nanmean(unseen.above_m) - np.nanmean(low.above_m) == pytest.approx(0.4, abs=0.1)

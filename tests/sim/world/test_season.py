@@ -10,7 +10,7 @@ from robot.config import load_config
 from sim.shots import Dataset, load_dataset, save_dataset
 from sim.world.options import Options
 from sim.world.practice import ASIDE, plan_season, reach_m, reach_table
-from sim.world.season import Sensors, Setting, shoot_season
+from sim.world.season import Sensors, Setting, play_season, shoot_season
 from sim.world.target import CENTRE_HEIGHT_M
 
 FACTS = load_config(Path(robot.__file__).parent / "launcher.toml").rig
@@ -46,6 +46,25 @@ def test_sensors_say_what_they_would() -> None:
     # wheels that truly run 2 % slower and a hood that truly stands 1 degree lower throw shorter and lower
     ends = [float(np.hypot(np.diff(one.tracks.x_m[:2]), np.diff(one.tracks.z_m[:2]))[0]) for one in (true, askew)]
     assert ends[1] < ends[0]
+
+
+def test_bad_sensors_do_what_they_say_and_leave_the_shots_alone() -> None:
+    settings = [Setting(5.4, 45.0, 0.55 + 0.001 * number) for number in range(40)]
+    plain, bad = (play_season(FACTS, Options(), 3, settings, "L2", sensors) for sensors in (
+        EXACT, EXACT._replace(track_m=0.01, wrong_marks=0.5, track_tails=3, lost_frames=0.25)))
+    assert bad.results == plain.results
+    outcomes = [(one.dataset.shots.text("outcome"), one.dataset.shots.text("side")) for one in (plain, bad)]
+    wrong = sum(one != other for one, other in zip(zip(*outcomes[0], strict=True), zip(*outcomes[1], strict=True),
+                                                   strict=True))
+    assert 10 <= wrong <= 30 and all((side == "") == (mark != "miss") for mark, side in zip(*outcomes[1], strict=True))
+    whole, torn = plain.dataset.tracks, bad.dataset.tracks
+    assert whole is not None and torn is not None
+    assert 0.70 < len(torn.t_s) / len(whole.t_s) < 0.80
+    assert all(torn.t_s[torn.shot == shot][0] == 0.0 for shot in range(40))
+    level = play_season(FACTS, Options(), 3, settings, "L2", EXACT._replace(track_m=0.01, track_tails=3)).dataset.tracks
+    assert level is not None
+    off = (level.z_m - whole.z_m) / 0.01                     # Student's t of 3: 5.8 % beyond 3, of a normal .3 %
+    assert 0.03 < np.mean(np.abs(off) > 3.0) < 0.09
 
 
 def test_levels_carry_what_they_should() -> None:

@@ -59,6 +59,34 @@ def test_a_side_wind_moves_the_ball_to_its_side() -> None:
     assert still == pytest.approx(0.0, abs=1e-9)
 
 
+def test_wind_aloft_is_the_whole_wind_from_the_floor_and_none_above_the_flight() -> None:
+    """Between the two it moves the ball by less the higher it begins."""
+    still = _height(calm(magnus_coefficient=0.0))
+    moved = [_height(calm(magnus_coefficient=0.0, wind_x_m_s=1.0, wind_above_m=above)) - still
+             for above in (1e-6, 1.5, 2.0, 50.0)]
+    assert moved[3] == 0.0
+    assert moved[0] > moved[1] > moved[2] > 0.0
+    # from the floor on it lacks only what blows between the wheels
+    assert moved[0] == pytest.approx(_height(calm(magnus_coefficient=0.0, wind_x_m_s=1.0)) - still, abs=0.01)
+
+
+def test_a_drag_step_is_all_drag_far_above_its_speed_and_none_far_below() -> None:
+    fast, slow = ({"wheel": 520.0, "hood": 30.0, "distance": 2.0}, {"wheel": 250.0, "hood": 50.0, "distance": 2.0})
+    for shot, like in ((fast, 0.75), (slow, 0.5)):
+        step, same, none = (_height(calm(magnus_coefficient=0.0, **more), **shot) for more in (
+            {"drag_step": 0.5}, {"drag_coefficient": like}, {}))
+        assert step == pytest.approx(same, abs=5e-4)  # between the wheels there is no step
+        assert (none - same > 0.005) == (like > 0.5)
+
+
+def test_a_hood_that_gives_way_is_steeper_by_speed_and_its_encoder_does_not_see_it() -> None:
+    for wheel, steeper_deg in ((450.0, 1.0), (250.0, 0.0)):
+        flexed, stiff = (fire(calm(hood_flex_deg=flex), wheel=wheel, distance=3.0)[0] for flex in (0.5, 0.0))
+        exits = [world.results[0].exit_deg for world in (flexed, stiff)]
+        assert exits[0] - exits[1] == pytest.approx(steeper_deg, abs=0.03)
+        assert flexed.hood_encoder_rad() == stiff.hood_encoder_rad()
+
+
 def test_wear_shows_when_a_ball_comes_again() -> None:
     world, _ = fire(calm(wear_stiffness_per_shot=0.05), shots=14)
     ids = [shot.ball_id for shot in world.results]
