@@ -1,4 +1,4 @@
-"""One thing changed and concealed in the MuJoCo world, and which names of the catalogue would then be right.
+"""What is changed and concealed in the MuJoCo world, and which names of the catalogue would then be right.
 
 The world's own law is not the catalogue's: a softer ball leaves slower, lower and with another spin, so that several
 names may be right of one change, and for some only the stage is.
@@ -48,7 +48,7 @@ CHANGES: tuple[Change, ...] = (
 
 # What is in no catalogue. Heights at the plane are moved by it (RMS of 100 shots without scatter): release_arc .06 m;
 # hood_flex .13 m (by -0.2) to .28 (by 0.4); drag_crisis .12 (by -0.1) to .26 (by -0.2); wind_aloft .11 (by 0.25) to .28
-# (by -0.5). What has a name of the NumPy engine's is the same as there.
+# (by -0.5). What has a name of the NumPy engine's goes with the same as there (whose drag steps more gently).
 UNCATALOGUED: tuple[Change, ...] = (
     Change("release_arc", {}, (), ("launch",), beside=(("release_arc", 1.0),)),
     Change("hood_flex", {"hood_flex_deg": 0.2}, (), ("launch",), signed=True),
