@@ -40,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--belief", metavar="FILE", help="coefficients.toml of this very rig from an earlier session "
                         "(discover --adopt, fit --method ml): what is believed, with its doubts; what has changed?")
     parser.add_argument("--since", metavar="DIR", help="dataset that --belief was adopted from: what the belief leaves "
-                        "over there already is no change; for tracks, which see that")
+                        "over there already is no change; tracks see that, and telemetry at times")
     parser.add_argument("--measured", metavar="TERM=VALUE,SD", action="append", default=[], help="what was measured of "
                         "a term without a shot, with its standard deviation, in the term's unit; may come often")
     parser.add_argument("--json", metavar="FILE", help="write the finding as JSON")

@@ -131,7 +131,7 @@ def _discover(room: Room, world: str, more: Dataset | None,
     if dataset.facts.believe.terms:
         return discover(whole, None, FALSE_ALARM, 0, measured=measured), whole
     home, belief = at_home(room.data(HOME))
-    return discover(whole, None, FALSE_ALARM, 0, belief=belief, since=home if dataset.tracks else None), whole
+    return discover(whole, None, FALSE_ALARM, 0, belief=belief, since=home), whole
 
 
 def asked_for(found: Investigation, dataset: Dataset) -> list[dict[str, Any]]:
