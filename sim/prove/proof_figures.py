@@ -46,18 +46,19 @@ def figures_of(marks: Sequence[Mark]) -> dict[str, Figure]:
     pairs = [(one.gain, one.oracle_gain) for one in found if one.gain is not None and one.oracle_gain is not None]
     best = sum(oracle for _, oracle in pairs)
     figures["gain kept"] = _number(sum(gain for gain, _ in pairs) / best if best > 0.0 else None)
-    figures[SEALED_KEPT] = _number(kept_in_test(found))
-    worth = [one.random for one in marks if one.random is not None]
-    figures[DESIGNED] = Figure(float(median(worth)), f"{median(worth):.0f} (median of {len(worth)})") if worth else (
-        Figure(None, "-"))
+    figures[SEALED_KEPT] = kept_in_test(found)
+    figures[DESIGNED] = _median([one.random for one in marks if one.random is not None], ".0f")
     return figures
 
 
-def kept_in_test(marks: Sequence[Mark]) -> float | None:
-    """Share of the squared error of sealed heights that the true term takes away, which what was adopted took away."""
+def kept_in_test(marks: Sequence[Mark]) -> Figure:
+    """Share of the squared error of sealed heights that the true term takes away, which what was adopted took away: the
+    median world's, of those in which the true term takes away more than a trifle. (A sum over worlds would be the word
+    of the few in which balls were foretold to fall short.)"""
     known = [one.off_m for one in marks if one.off_m is not None and len(one.off_m) == 3]
-    best = sum(before**2 - oracle**2 for before, _, oracle in known)
-    return sum(before**2 - after**2 for before, after, _ in known) / best if best > 0.0 else None
+    shares = [(before**2 - after**2) / (before**2 - true**2) for before, after, true in known
+              if true < before * (1.0 - TRIFLE)]
+    return _median(shares, ".2f")
 
 
 def _shares_of_effects(catalogued: Sequence[Mark], found: Sequence[Mark]) -> dict[str, list[bool | None]]:
@@ -114,6 +115,12 @@ def _share(answers: Sequence[bool | None]) -> Figure:
     low, high = wilson(sum(known), len(known))
     return Figure(sum(known) / len(known), f"{sum(known)}/{len(known)} = {sum(known) / len(known):.2f} "
                                            f"({low:.2f}-{high:.2f})", counts=(sum(known), len(known)))
+
+
+def _median(values: Sequence[float], form: str) -> Figure:
+    if not values:
+        return Figure(None, "-")
+    return Figure(float(median(values)), f"{median(values):{form}} (median of {len(values)})")
 
 
 def _mean(values: Sequence[float]) -> Figure:

@@ -129,8 +129,7 @@ def _right(marks: Sequence[Mark]) -> Table:
 
 
 def _in_test(marks: Sequence[Mark]) -> list[str]:
-    kept = kept_in_test(marks)
-    return ["-" if kept is None else f"{kept:.2f}", said(*share(marks, worse_in_test))]
+    return [kept_in_test(marks).words, said(*share(marks, worse_in_test))]
 
 
 def _matrix(marks: Sequence[Mark]) -> Table:
