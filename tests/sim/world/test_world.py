@@ -1,6 +1,7 @@
 """The world as a plant: deterministic, one pulse one ball, wheels that droop, a bus that sags."""
 
 import math
+from itertools import pairwise
 
 import pytest
 
@@ -58,6 +59,18 @@ def test_the_wheels_droop_and_recover() -> None:
     for _ in range(200):
         bench.tick(450.0, 45.0)
     assert abs(bench.samples[-1].wheel_rad_s - 450.0) < 3.0
+
+
+@pytest.mark.parametrize("inertia", [1.0, 0.4])
+def test_the_wheels_are_back_long_before_the_next_ball_can_be_fed(inertia: float) -> None:
+    """So that shots in quick succession leave no slower in a season: how light the wheels are shows in each shot alone."""
+    world, bench = fire(calm(flywheel_inertia_scale=inertia), wheel=450.0, shots=3)
+    fed_s = [shot.fed_t_ns * 1e-9 for shot in world.results]
+    speeds = {round(sample.t_s / 5e-3): sample.wheel_rad_s for sample in bench.samples}
+    assert min(after - before for before, after in pairwise(fed_s)) >= 0.8
+    for at_s in fed_s:
+        assert min(speeds[round((at_s + k * 5e-3) / 5e-3)] for k in range(1, 20)) < 430.0
+        assert all(speeds[round((at_s + k * 5e-3) / 5e-3)] == pytest.approx(450.0, abs=4.0) for k in range(40, 160))
 
 
 def test_wheels_left_alone_stop_in_a_few_seconds() -> None:
