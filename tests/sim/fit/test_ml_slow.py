@@ -20,7 +20,7 @@ TERMS = ("drag", "magnus", "exit_efficiency")
 def test_the_sampler_agrees_with_the_profile(tmp_path, monkeypatch):
     """Measured heights make the posterior near normal: there both must say the same."""
     fit = fit_ml(GUPPY, make_dataset(11, 24, height=True), TERMS)
-    drawn = sample(fit, 150, seed=1)
+    drawn = sample(fit, 300, seed=1)              # r-hat of fewer is luck, and another on another processor
     assert drawn.converged
     assert drawn.divergent < 10
     for index, name in enumerate(("exit_efficiency.loss", "drag.cd", "magnus.cl", "scatter.speed")):
