@@ -129,7 +129,8 @@ def adopt(found: Investigation, dataset: str, path: str) -> str:
     named = [f"{name} (as fitted, though too little to be named)" if name in vague else name
              for name in provenance["adopted"]]
     but = f" (not all: {provenance['refused']})" if "refused" in provenance else ""
-    return f"adopted: {', '.join(named) if named else 'nothing named, the fitted coefficients alone'}{but} -> {path}"
+    what = f"the average of {', '.join(named)}" if provenance["averaged"] else ", ".join(named)
+    return f"adopted: {what or 'nothing named, the fitted coefficients alone'}{but} -> {path}"
 
 
 def keep_compiled() -> None:

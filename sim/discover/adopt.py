@@ -10,6 +10,7 @@ from sim.curve import Curve
 from sim.discover.discover import Investigation
 from sim.discover.evidence import Array, Column, Evidence
 from sim.discover.freed import Freed, all_freed
+from sim.discover.mixed import Mixed, mixed
 from sim.discover.prior import SCATTERS, believed_name, own_slope
 from sim.discover.step import Step
 from sim.discover.words import gained_interval
@@ -24,16 +25,18 @@ TRACKER = "track_"                    # a tracker's errors are its own; no shot 
 def make_belief(investigation: Investigation) -> tuple[Belief, dict[str, Any]]:
     """(coefficients, scatter and covariance with all that was named, and the curve of what was not; provenance).
 
-    Where several names could not be told apart the likeliest is taken. ValueError for data that carry no test.
+    Where several names of the last effect could not be told apart, the simulation is taken that forecasts their average
+    (sim.discover.mixed). ValueError for data that carry no test.
     """
     if investigation.fitted is None:
         raise ValueError("the data carry no test, so nothing was fitted")
     worse = _surely_worse(investigation)
     steps = () if worse else investigation.steps
     named = [step for step in steps if not step.unknown]
-    names = [name for step in named for name in step.refit.names]
     free, why = _free(investigation, steps)
-    evidence = (free[-1].evidence if free else named[-1].refit.evidence if named
+    several = mixed(named[-1]) if named and not free else None
+    names = [name for step in named[:-1 if several else None] for name in step.refit.names]
+    evidence = (free[-1].evidence if free else several.evidence if several else named[-1].refit.evidence if named
                 else _shared(investigation.fitted.evidence))
     columns = [k for k, column in enumerate(evidence.columns) if _belongs(column)]
     coefficients, curves = _nameless(evidence, free, investigation.belief)
@@ -44,10 +47,17 @@ def make_belief(investigation: Investigation) -> tuple[Belief, dict[str, Any]]:
     finding = investigation.finding
     provenance = {"method": "discover", "shots": finding.data.shots, "level": finding.data.level,
                   "verdict": finding.verdict,
-                  "adopted": [name.partition(".")[0] for name in names] + [one.said for one in free],
+                  "adopted": [name.partition(".")[0] for name in names] + [one.said for one in free] + _parts(several),
+                  "averaged": several is not None,
                   "p_value": finding.mismatch.p_value if finding.mismatch.p_value is not None else "none"}
     refused = {"refused": worse or why} if worse or why else {}
     return Belief(coefficients, scatter, kept, covariance, curves), {**refused, **provenance}
+
+
+def _parts(several: Mixed | None) -> list[str]:
+    """Names with how likely each is, in percent; what is missing to 100 is nothing's."""
+    share = {} if several is None else several.share
+    return [f"{name.partition('.')[0]} ({value:.0%})" for name, value in share.items()]
 
 
 def _surely_worse(investigation: Investigation) -> str:

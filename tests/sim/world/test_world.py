@@ -63,7 +63,7 @@ def test_the_wheels_droop_and_recover() -> None:
 
 @pytest.mark.parametrize("inertia", [1.0, 0.4])
 def test_the_wheels_are_back_long_before_the_next_ball_can_be_fed(inertia: float) -> None:
-    """So that shots in quick succession leave no slower in a season: how light the wheels are shows in each shot alone."""
+    """So that shots in quick succession leave no slower in a season: light wheels show in each shot alone."""
     world, bench = fire(calm(flywheel_inertia_scale=inertia), wheel=450.0, shots=3)
     fed_s = [shot.fed_t_ns * 1e-9 for shot in world.results]
     speeds = {round(sample.t_s / 5e-3): sample.wheel_rad_s for sample in bench.samples}
