@@ -1,6 +1,6 @@
 """One simulation for all the names that are left: that whose heights come nearest to the average of their forecasts.
 
-A name that is one of several likely ones forgoes what the others know, and is wrong as often as it is not the right one
+A name that is one of several likely ones forgoes what the others know, and is often the wrong one
 (Hoeting et al. 1999). The average of forecasts is no simulation, and numbers averaged name by name are none that was
 ever fitted; but there is one that forecasts nearly the same.
 """
