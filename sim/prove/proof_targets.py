@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from sim.intervals import wilson
 from sim.prove.marking import Mark
 from sim.prove.proof_figures import (
     ALIAS_SET,
@@ -91,4 +92,17 @@ def _judged(setting: Setting, target: Target, figure: Figure) -> list[str]:
     if figure.value is None:
         return [NOT_MEASURED, "-", words, WHY.get(target.figure, NOBODY)]
     return [figure.words, "-" if figure.allowed is None else f"{figure.allowed:.2f}", words,
-            "no target" if wanted is None else "reached" if is_reached(target, figure.value, wanted) else "NOT REACHED"]
+            "no target" if wanted is None else _verdict(target, wanted, figure)]
+
+
+def _verdict(target: Target, wanted: float, figure: Figure) -> str:
+    """Whether it is reached, and of a share, whether it might be luck: Wilson's interval has values of either kind."""
+    assert figure.value is not None
+    reached = is_reached(target, figure.value, wanted)
+    said = "reached" if reached else "NOT REACHED"
+    if figure.counts is None:
+        return said
+    low, high = wilson(*figure.counts)
+    ends = is_reached(target, low, wanted) and is_reached(target, high, wanted)
+    apart = high < wanted or low > target.most if target.least else low > wanted
+    return said if (ends if reached else apart) else f"{said}, may be luck"
