@@ -1,6 +1,7 @@
 """How likely an outcome is: a normal height at the plane, cut into the classes that the operator can tell apart."""
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from scipy.special import log_ndtr, ndtr
@@ -12,7 +13,7 @@ from sim.shots import Shots
 Array = np.ndarray
 LAPSE = 0.005                         # share of outcomes that mean nothing: a slip of the operator's finger
 CLASSES = {"miss": 0.0, "two": 1.0, "three": 2.0}
-SIGNED_SHARE = 0.5                    # of misses must have a side before the classes count as signed
+SIDED_SHARE = 0.5                     # of misses (of twos) must have a side before that counts as noted of them
 
 
 @dataclass(frozen=True)
@@ -21,7 +22,8 @@ class Seen:
 
     Up to two intervals each: `low`, `high` [n, 2] (an empty one has low = high = inf); `height_m` [n] where the
     height itself was measured (nan elsewhere) and beats the class. `classes` [n]: 0 miss, 1 two, 2 three, nan not
-    given. `borders` part the outcomes that could be told apart; `signed`: whether misses on either side could.
+    given. `borders` part low misses, low twos, threes, high twos and high misses; `sided`: of which classes, "miss" or
+    "two", it was noted on which side of the centre they were. Most drivers note it of misses alone.
     """
 
     low: Array
@@ -29,7 +31,7 @@ class Seen:
     height_m: Array
     classes: Array
     borders: Array
-    signed: bool
+    sided: tuple[str, ...]
 
     @property
     def measured(self) -> Array:
@@ -38,7 +40,7 @@ class Seen:
     def take(self, index: Array) -> "Seen":
         """Those of the shots."""
         columns = (column[index] for column in (self.low, self.high, self.height_m, self.classes))
-        return Seen(*columns, self.borders, self.signed)
+        return Seen(*columns, self.borders, self.sided)
 
 
 def see_outcomes(shots: Shots, target: Target | None) -> tuple[Array, Seen]:
@@ -55,11 +57,14 @@ def see_outcomes(shots: Shots, target: Target | None) -> tuple[Array, Seen]:
     two, three = (target.two_half_height_m, target.three_half_height_m) if target else (0.35, 0.07)
     pairs = [_intervals(outcome[row], side[row], two, three) for row in rows]
     bounds = np.array(pairs, dtype=float).reshape(len(rows), 2, 2)
-    misses = (outcome == "miss") & ~aside
-    signed = bool(misses.any()) and np.isin(side[misses], ("low", "high")).mean() >= SIGNED_SHARE
+    sided = tuple(name for name in ("miss", "two") if _is_sided(side[(outcome == name) & ~aside]))
     borders = np.array([-np.inf, -two, -three, three, two, np.inf])
     classes = np.array([CLASSES.get(outcome[row], np.nan) for row in rows])
-    return rows, Seen(bounds[..., 0], bounds[..., 1], height_m[rows], classes, borders, signed)
+    return rows, Seen(bounds[..., 0], bounds[..., 1], height_m[rows], classes, borders, sided)
+
+
+def _is_sided(side: Array) -> bool:
+    return len(side) > 0 and np.isin(side, ("low", "high")).mean() >= SIDED_SHARE
 
 
 def _intervals(outcome: str, side: str, two: float, three: float) -> list[tuple[float, float]]:
@@ -131,14 +136,12 @@ def best_class(seen: Seen, mean_m: Array, spread_m: Array) -> Array:
 
 def _all_classes(seen: Seen) -> tuple[list[tuple[float, float]], list[tuple[float, float]]]:
     """Lower and upper bounds of the two intervals of each distinguishable outcome."""
-    _, *inner, _ = seen.borders
-    low_miss, low_two, high_two, high_miss = inner
-    inf = np.inf
-    if seen.signed:
-        edges = seen.borders
-        return [(float(a), inf) for a in edges[:-1]], [(float(b), inf) for b in edges[1:]]
-    return ([(-inf, high_miss), (low_miss, high_two), (low_two, inf)],
-            [(low_miss, inf), (low_two, high_miss), (high_two, inf)])
+    cells = list(pairwise(map(float, seen.borders)))
+    low, high, none = cells[:2], cells[:-3:-1], (np.inf, np.inf)
+    pairs = [(cells[2], none)]
+    for name, below, above in zip(("miss", "two"), low, high, strict=True):
+        pairs += [(below, none), (above, none)] if name in seen.sided else [(below, above)]
+    return [(a[0], b[0]) for a, b in pairs], [(a[1], b[1]) for a, b in pairs]
 
 
 def _chance(low: Array, high: Array, mean_m: Array, spread_m: Array) -> Array:
