@@ -31,6 +31,7 @@ LUCK = {"speed": 0.03, "drag": 0.08}
 # in the numbers that go with a ball by as large a share as in drag.
 OTHERS, OTHER_BALLS, OTHER_RAD = "others", 10, 0.01
 OF_A_BALL = ("drag.cd", "magnus.cl", "wheel_slip.loss_per_m_s")
+BALLS_PART = 0.5                      # of the variance of launches from shot to shot: as if that were the balls'
 
 # Deviations of single launches that may go with anything, and what each amounts to where it is at work.
 FREE = (
@@ -95,8 +96,9 @@ def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Array,
     columns += [column for column, *_ in shared]
     columns += [Column(name, "shared", "launch", "along", "1", 1.0) for name in names]
     source += [place for _, place, *_ in shared] + [-1] * len(names)
-    if groups is None and belief is not None and tracked:
-        lucky = _others(len(intake.rows), belief, slots)
+    if groups is None and belief is not None:
+        differ = _as_balls_differ if tracked else _as_shots_differ
+        lucky = _others(len(intake.rows), *differ(belief, slots))
         groups = OTHERS, lucky.label, lucky.count
     else:
         lucky = None if groups is None else _groups(groups, believed, slots)
@@ -122,13 +124,22 @@ def _groups(groups: tuple[str, Array, int], believed: tuple[str, ...], slots: tu
     return Groups(label, count, np.array(inputs), np.array(scale))
 
 
-def _others(n: int, belief: Belief, slots: tuple[tuple[str, str], ...]) -> Groups:
-    """By how much the mean of a session's balls may differ from that of the belief's: in speed, elevation, and the
-    believed numbers that go with a ball."""
+def _others(n: int, inputs: list[int], scale: list[float]) -> Groups:
+    """By how much the mean of a session's balls may differ from that of the belief's, one of which does by `scale`."""
+    return Groups(np.zeros(n, dtype=int), 1, np.array(inputs, dtype=int), np.array(scale) / np.sqrt(OTHER_BALLS))
+
+
+def _as_balls_differ(belief: Belief, slots: tuple[tuple[str, str], ...]) -> tuple[list[int], list[float]]:
+    """In speed, elevation, and the believed numbers that go with a ball; tracks would see each."""
     mine = {tuple(name.split(".")): LUCK["drag"] * abs(belief.value(name)) for name in OF_A_BALL if belief.has(name)}
-    inputs = [len(slots), len(slots) + 1, *(slots.index((term, key)) for term, key in mine)]
-    scale = [LUCK["speed"], OTHER_RAD, *mine.values()]
-    return Groups(np.zeros(n, dtype=int), 1, np.array(inputs), np.array(scale) / np.sqrt(OTHER_BALLS))
+    return ([len(slots), len(slots) + 1, *(slots.index((term, key)) for term, key in mine)],
+            [LUCK["speed"], OTHER_RAD, *mine.values()])
+
+
+def _as_shots_differ(belief: Belief, slots: tuple[tuple[str, str], ...]) -> tuple[list[int], list[float]]:
+    """In speed and elevation, by no more than launches do from shot to shot: outcomes show no more of a ball."""
+    spread = belief.scatter.get("speed", 0.0), np.radians(belief.scatter.get("elevation_deg", 0.0))
+    return [len(slots), len(slots) + 1], [float(np.sqrt(BALLS_PART) * value) for value in spread]
 
 
 def _term_column(term: Term) -> Column:

@@ -90,6 +90,20 @@ def test_home_is_as_free_to_have_other_balls_as_the_later_session() -> None:
     assert later.precision[place, place] > 100.0 * home.precision[place, place]
 
 
+def test_without_tracks_another_rack_moves_a_session_by_its_share_of_the_shots_scatter() -> None:
+    """A belief that knows no scatter allows for nothing."""
+    intake = take_in(shoot(make_world({}, "L0", 12, 5, side=True)))
+    launch = {"speed": 0.02, "elevation_deg": 0.5}
+    layouts = [lay_out(intake, ("gravity", "drag"), belief=Belief({"drag": {"cd": 0.5}}, scatter, (), np.zeros((0, 0))))
+               for scatter in (launch, {})]
+    rng = np.random.default_rng(1)
+    racks = [rng.normal(0.0, np.sqrt(0.5) * sd, (20_000, 10)).mean(1).std() for sd in (0.02, np.radians(0.5))]
+    assert [layout.grouped for layout in layouts] == [2, 2]
+    known, unknown = (layout.groups for layout in layouts)
+    assert known is not None and known.scale == pytest.approx(racks, rel=0.03)
+    assert unknown is not None and (unknown.scale == 0.0).all()
+
+
 def test_home_is_looked_at_by_any_of_a_covariates_names(monkeypatch: pytest.MonkeyPatch) -> None:
     fitted = fit_straight(monkeypatch, {}, 1, shots=20)
     x = np.arange(20.0)
