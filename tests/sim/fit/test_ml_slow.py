@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sim.fit.ml import fit_ml
-from sim.fit.posterior import sample, save_draws
+from sim.fit.posterior import FEWEST_EFFECTIVE, SPLIT_R_HAT, sample, save_draws
 from sim.fit.profile import profile_interval
 from sim.shots import load_dataset
 from tests.sim.fit.independent import make_dataset
@@ -17,12 +17,14 @@ TERMS = ("drag", "magnus", "exit_efficiency")
 
 
 def test_the_sampler_agrees_with_the_profile(tmp_path):
-    """Measured heights make the posterior near normal: there both must say the same."""
+    """Measured heights make the posterior near normal: there both must say the same. The elevation's scatter is not:
+    24 shots hardly know it, and whether 300 draws of it count as mixed is luck, and another on another processor."""
     fit = fit_ml(GUPPY, make_dataset(11, 24, height=True), TERMS)
-    drawn = sample(fit, 300, seed=1)              # r-hat of fewer is luck, and another on another processor
-    assert drawn.converged
+    drawn = sample(fit, 300, seed=1)
+    known = ("exit_efficiency.loss", "drag.cd", "magnus.cl", "scatter.speed")
+    assert (drawn.r_hat[:len(known)] < SPLIT_R_HAT).all() and (drawn.effective[:len(known)] > FEWEST_EFFECTIVE).all()
     assert drawn.divergent < 10
-    for index, name in enumerate(("exit_efficiency.loss", "drag.cd", "magnus.cl", "scatter.speed")):
+    for index, name in enumerate(known):
         found = profile_interval(fit, name)
         assert drawn.names[index] == name
         low, high = np.quantile(drawn.draws[:, index], [0.05, 0.95])
