@@ -7,7 +7,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from robot.config import BadInput
-from sim.gate.likelihood import RESIDUAL, SIZE, Data, Widths, curvature, value_and_slope
+from sim.gate.likelihood import SIZE, Data, Widths, curvature, value_and_slope
 
 # Tried in this order, the first with the least of the second: what the emulated robot asked for lies in the middle.
 SPEED_WIDTHS = (0.01, 0.015, 0.02, 0.03, 0.05, 0.08, 0.15)
@@ -71,8 +71,3 @@ def _best(data: Data, halves_m: tuple[float, float], tried: list[Widths], best: 
             best = fit
     assert best is not None
     return best
-
-
-def residual_of(fit: Fit) -> tuple[np.ndarray, np.ndarray]:
-    """The residual's numbers [RESIDUAL] and their covariance."""
-    return fit.theta[:RESIDUAL], fit.covariance[:RESIDUAL, :RESIDUAL]

@@ -124,10 +124,6 @@ class World:
         """Lower wheel and motors."""
         return self._belt.speed_rad_s
 
-    def ball_position_m(self) -> np.ndarray | None:
-        """Field axes: x towards the target, 0 in its plane; of the ball that left last, None if none is in the air."""
-        return self._flying[-1].flight.position_m if self._flying else None
-
     def ball_from_muzzle(self) -> tuple[float, float, float, float] | None:
         """(s since it left, x, y, z in the launcher's axes) of the ball that left last, None if none is in the air."""
         if not self._flying:
