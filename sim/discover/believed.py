@@ -100,7 +100,7 @@ def climb(intake: Intake, layout: Layout, spot: Spot,
             spot = _halfway(kept[0], spot)
             continue
         best, kept = value, (spot, evidence, deviates)
-        if newton_step(evidence)[1] < SETTLED and number >= LEAST_ROUNDS * (intake.samples is not None):
+        if _step_within(layout, spot, evidence)[1] < SETTLED and number >= LEAST_ROUNDS * (intake.samples is not None):
             break
         top, found = _climb_linear(intake, layout, spot, flown)
         spot = replace(top, deviates=found)
@@ -113,7 +113,7 @@ def _climb_linear(intake: Intake, layout: Layout, spot: Spot, flown: Flown) -> t
     evidence, deviates = linearise(intake, layout, spot, flown)
     best = objective(evidence, layout)
     for _ in range(INNER):
-        step, worth = newton_step(evidence)
+        step, worth = _step_within(layout, spot, evidence)
         if worth < SETTLED or not np.isfinite(step).all():
             break
         step = step / max(1.0, float(np.abs(step * scale_of(layout)).max(initial=0.0)) / FARTHEST)
@@ -134,11 +134,35 @@ def _halfway(a: Spot, b: Spot) -> Spot:
                                              (a.deviates, b.deviates), (a.effects, b.effects))))
 
 
-def newton_step(evidence: Evidence) -> tuple[Array, float]:
-    """(Fisher scoring step [P] for layouts of shared columns only, nats that it promises)."""
+def newton_step(evidence: Evidence, free: Array | slice = slice(None)) -> tuple[Array, float]:
+    """(Fisher scoring step [P] for layouts of shared columns only, nats that it promises); columns that are not `free`
+    stay."""
     info, slope = evidence.information + evidence.precision, evidence.score.sum(0) + evidence.pull
-    step = np.linalg.solve(info + 1e-12 * np.diag(np.diag(info) + 1e-12), slope)
-    return step, 0.5 * float(step @ slope)
+    info, slope, step = info[free][:, free], slope[free], np.zeros(len(slope))
+    step[free] = np.linalg.solve(info + 1e-12 * np.diag(np.diag(info) + 1e-12), slope)
+    return step, 0.5 * float(step[free] @ slope)
+
+
+def _step_within(layout: Layout, spot: Spot, evidence: Evidence) -> tuple[Array, float]:
+    """The same; what is at a limit and would go beyond it stays, so that the others go where it is best for it there.
+    """
+    free = np.full(len(layout.columns), True)
+    while True:
+        step, worth = newton_step(evidence, free)
+        out = free & _leads_out(layout, spot, step)
+        if not out.any():
+            return step, worth
+        free &= ~out
+
+
+def _leads_out(layout: Layout, spot: Spot, step: Array) -> Array:
+    """Which columns [P] are at a limit of theirs that the step is to lead beyond."""
+    out = np.full(len(layout.columns), False)
+    slots = np.flatnonzero((layout.source >= 0) & (layout.source < len(layout.chain.slots)))
+    source = layout.source[slots]
+    (low, high), values = _bounds(layout.chain.slots), spot.values[source]
+    out[slots] = ((values <= low[source]) & (step[slots] < 0.0)) | ((values >= high[source]) & (step[slots] > 0.0))
+    return out
 
 
 def scale_of(layout: Layout) -> Array:

@@ -15,7 +15,7 @@ class TrackClock(WatchTerm):
 
     name: ClassVar[str] = "track_clock"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("share", "1", -0.2, 0.2, 0.0, "cheap cameras state 30 frames a second and give 29.97, or drop some "
+        Parameter("share", "1", -0.08, 0.08, 0.0, "cheap cameras state 30 frames a second and give 29.97, or drop some "
                   "without saying",
                   Prior("linear", 0.0, 0.01, "stated and true frame rates of cameras differ by up to a per cent or "
                         "so")),)

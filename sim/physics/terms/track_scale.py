@@ -15,7 +15,7 @@ class TrackScale(WatchTerm):
 
     name: ClassVar[str] = "track_scale"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("share", "1", -0.3, 0.3, 0.0, "pixels become metres by a scale measured once, in one plane; nearer "
+        Parameter("share", "1", -0.1, 0.1, 0.0, "pixels become metres by a scale measured once, in one plane; nearer "
                   "balls look larger",
                   Prior("linear", 0.0, 0.02, "a ball that flies a hand away from the plane of calibration is off by "
                         "a per cent or two")),)

@@ -1,5 +1,7 @@
 """The fit of what is believed: at its top, and at the highest of several."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from sim.discover.believed import Fitted, climb, fit_believed, newton_step, obje
 from sim.discover.clusters import groups_of
 from sim.discover.columns import lay_out
 from sim.discover.intake import take_in
+from sim.physics.catalogue import find_parameter
 from sim.prove.truth.shoot import shoot
 from sim.prove.truth.world import World, make_world
 
@@ -14,8 +17,11 @@ pytestmark = pytest.mark.slow
 SHOTS = 100
 
 
-def fit_world(world: World) -> Fitted:
+def fit_world(world: World, slow: float = 1.0) -> Fitted:
+    """`slow`: by how much longer all flights seem to take."""
     dataset = shoot(world)
+    if dataset.tracks is not None:
+        dataset = replace(dataset, tracks=replace(dataset.tracks, t_s=slow * dataset.tracks.t_s))
     intake = take_in(dataset)
     layout = lay_out(intake, dataset.facts.believe.terms, groups_of(dataset.shots, intake.rows))
     return fit_believed(intake, layout)
@@ -46,3 +52,13 @@ def test_at_the_top_no_step_promises_anything() -> None:
     fitted = fit_world(make_world({}, "L1", SHOTS, 18))
     first = fitted.evidence.first_shared
     assert newton_step(fitted.evidence.pick(np.arange(first, len(fitted.evidence.columns))))[1] < 0.01
+
+
+def test_where_one_number_comes_to_its_limit_the_others_still_climb_to_their_best() -> None:
+    """A clock that is wrong by more than is believed of any: it stays at its limit, and no step of all else promises
+    anything there."""
+    fitted = fit_world(make_world({}, "L2", 24, 3), 0.9)
+    evidence = fitted.evidence.pick(np.arange(fitted.evidence.first_shared, len(fitted.evidence.columns)))
+    clock = np.array([column.name == "track_clock.share" for column in evidence.columns])
+    assert fitted.values["track_clock.share"] == find_parameter("track_clock.share").high
+    assert newton_step(evidence)[1] > 10.0 and newton_step(evidence, ~clock)[1] < 1.0

@@ -57,7 +57,7 @@ def test_falling_balls_are_slower_than_gravity_has_them(data_dir: Path) -> None:
     fitted = fit_believed(intake, lay_out(intake, ("gravity",), groups_of(drops.shots, intake.rows)))
     clusters = find_clusters(drops.shots)
     asked, judged = detect(fitted, make_search(drops), lambda done, note: None)
-    assert judged.p_any < 0.01
+    assert judged.p_any <= 0.05
     place = locate(fitted.evidence, asked, judged, 0.05, clusters, 0)
     assert (place.column.stage, place.column.direction) == ("flight", "along")
     fit = fit_ml(drops.facts, drops, ("drag",))
