@@ -1,6 +1,6 @@
 """How well falls that the fit has not seen are foretold, after de Silva et al. 2020, on their ball drops.
 
-    python benchmarks/ball_drops.py ball_drops.csv [--ask]
+    python benchmarks/ball_drops.py ball_drops.csv [--vague] [--ask]
 
 The file is the one that `truearc import ball-drops` reads (docs/importing.md). What a ball's drag is, and what all
 balls share, is learned on one drop of each of ten balls (the authors left the bowling ball out; so is it here). Of the
@@ -36,7 +36,7 @@ EARLY = (6, 18, 35)
 STEP_S, LONGEST_S = 0.005, 5.0
 SESSIONS = ("drop 1", "drop 2")
 G_M_S2, G_DOUBT = 9.81, 0.5                   # what is thought of g beforehand where it is fitted, as a share: nothing
-RELEASE_S, HEIGHT_M = (0.15, 0.3), 0.3        # prior of the release after the first sample; of the height about it
+RELEASE_S, HEIGHT_M = (0.15, 0.3), 0.3        # prior of a seen release after the first sample; of its height about it
 MODELS = {"gravity": (), "gravity, drag of each ball": ("drag",),
           "... and a share of it that goes with speed": ("drag", "drag_reynolds"),
           "drag of each ball, and a film whose metre goes with height": ("drag", "track_perspective")}
@@ -54,17 +54,27 @@ class Half:
 
 
 @dataclass(frozen=True)
+class Releases:
+    """How releases lie about the first samples, as (mean, standard deviation): m above, s after."""
+
+    above_m: tuple[float, float]
+    after_s: tuple[float, float]
+
+
+@dataclass(frozen=True)
 class Learned:
     """log_cd of each ball; shared: slope of the drag coefficient over speed, of the film's metre over height, and by
-    what share g comes out larger than G_M_S2."""
+    what share g comes out larger than G_M_S2; each drop's start, heights and then moments of release."""
 
     log_cd: Array
     slope: float
     per_m: float
     heavier: float
+    start: Array
 
 
 FREE_G = "free g"
+VAGUE = Releases((0.0, HEIGHT_M), RELEASE_S)
 BALL = Ball(0.142, 0.0889)
 FACTS = Facts(BALL, LauncherFacts(0.0))
 
@@ -72,6 +82,7 @@ FACTS = Facts(BALL, LauncherFacts(0.0))
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("drops", help="ball_drops.csv")
+    parser.add_argument("--vague", action="store_true")
     parser.add_argument("--ask", action="store_true")
     args = parser.parse_args()
     dataset = import_ball_drops(args.drops)
@@ -82,8 +93,7 @@ def main() -> None:
     halves = [half_of(only(dataset, session, LEFT_OUT)) for session in SESSIONS]
     print(f"mean error in m at frame {FRAME}, drop 2 unseen / drop 1 unseen / both, from the first K samples")
     for name, terms in MODELS.items():
-        errors = np.array([[forecast(seen, unseen, terms, early) for early in EARLY]
-                           for seen, unseen in (halves, halves[::-1])])
+        errors = np.array([forecasts(seen, unseen, terms, args.vague) for seen, unseen in (halves, halves[::-1])])
         row = "; ".join(f"K = {early}: {a:.2f} / {b:.2f} / {(a + b) / 2:.2f}"
                         for early, (a, b) in zip(EARLY, errors.T, strict=True))
         print(f"{name}: {row}")
@@ -117,14 +127,25 @@ def half_of(dataset: Dataset) -> Half:
     return Half(samples, measure_scatter(samples, dataset.facts.noise.track_m), area, np.array(landing))
 
 
-def forecast(seen: Half, unseen: Half, terms: Sequence[str], early: int) -> float:
-    """Mean error at frame 42 of the unseen drops."""
+def forecasts(seen: Half, unseen: Half, terms: Sequence[str], vague: bool) -> list[float]:
+    """Mean error at frame 42 of the unseen drops, for each number of EARLY samples."""
     learned = learn(seen, terms)
-    fallen = fallen_m(unseen, learned, terms)
-    start = least_squares(lambda at: np.concatenate([misfit(unseen, fallen, at, seen.scatter, learned.per_m, early),
-                                                     start_prior(unseen, at)]), first(unseen)).x
-    told = heights(fallen, start, unseen.landing[:, :1], learned.per_m)[:, 0]
+    fallen, thought = fallen_m(unseen, learned, terms), VAGUE if vague else releases_of(seen, learned)
+    return [forecast(seen, unseen, learned.per_m, fallen, thought, early) for early in EARLY]
+
+
+def forecast(seen: Half, unseen: Half, per_m: float, fallen: Array, thought: Releases, early: int) -> float:
+    start = least_squares(lambda at: np.concatenate([misfit(unseen, fallen, at, seen.scatter, per_m, early),
+                                                     start_prior(unseen, at, thought)]), first(unseen)).x
+    told = heights(fallen, start, unseen.landing[:, :1], per_m)[:, 0]
     return float(np.abs(told - unseen.landing[:, 1]).mean())
+
+
+def releases_of(half: Half, learned: Learned) -> Releases:
+    """As those of the drops that were learned on."""
+    height_m, release_s = np.split(learned.start, 2)
+    above_m = height_m - half.samples.position_m[:, 0, 2]
+    return Releases((above_m.mean(), above_m.std(ddof=1)), (release_s.mean(), release_s.std(ddof=1)))
 
 
 def learn(half: Half, terms: Sequence[str]) -> Learned:
@@ -136,13 +157,13 @@ def learn(half: Half, terms: Sequence[str]) -> Learned:
     assert drag.prior is not None and len(sd) == len(at_work)
 
     def split(at: Array) -> Learned:
-        return Learned(at[:n], *(at[n:n + 3] * at_work))
+        return Learned(at[:n], *(at[n:n + 3] * at_work), at[n + 3:])
 
     def misfits(at: Array) -> Array:
         here = split(at)
         return np.concatenate([misfit(half, fallen_m(half, here, terms), at[n + 3:], half.scatter, here.per_m),
                                (here.log_cd - np.log(drag.prior.centre)) / drag.prior.sd, at[n:n + 3] / sd,
-                               start_prior(half, at[n + 3:])])
+                               start_prior(half, at[n + 3:], VAGUE)])
 
     centre = np.concatenate([np.full(n, np.log(drag.prior.centre)), np.zeros(3), first(half)])
     low, high = np.full(len(centre), -np.inf), np.full(len(centre), np.inf)
@@ -183,10 +204,10 @@ def first(half: Half) -> Array:
     return np.concatenate([half.samples.position_m[:, 0, 2], np.full(len(half.area), RELEASE_S[0])])
 
 
-def start_prior(half: Half, start: Array) -> Array:
+def start_prior(half: Half, start: Array, thought: Releases) -> Array:
     height_m, release_s = np.split(start, 2)
-    return np.concatenate([(height_m - half.samples.position_m[:, 0, 2]) / HEIGHT_M,
-                           (release_s - RELEASE_S[0]) / RELEASE_S[1]])
+    return np.concatenate([(height_m - half.samples.position_m[:, 0, 2] - thought.above_m[0]) / thought.above_m[1],
+                           (release_s - thought.after_s[0]) / thought.after_s[1]])
 
 
 if __name__ == "__main__":

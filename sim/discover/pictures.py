@@ -204,5 +204,5 @@ def _worded(name: str) -> str:
     return name.replace("_", " ")
 
 
-UNITS = (("rad_s", "rad/s"), ("rev_s", "rev/s"), ("m_s", "m/s"), ("deg", "°"), ("kg", "kg"), ("pa", "Pa"),
-         ("ratio", "share of full"), ("v", "V"), ("c", "°C"), ("m", "m"), ("s", "s"))
+UNITS = (("rad_s", "rad/s"), ("rev_s", "rev/s"), ("m_s", "m/s"), ("deg", "°"), ("m2_kg", "m²/kg"), ("kg", "kg"),
+         ("pa", "Pa"), ("ratio", "share of full"), ("v", "V"), ("c", "°C"), ("m", "m"), ("s", "s"))
