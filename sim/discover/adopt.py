@@ -10,8 +10,10 @@ from sim.curve import Curve
 from sim.discover.discover import Investigation
 from sim.discover.evidence import Array, Column, Evidence
 from sim.discover.freed import Freed, all_freed
+from sim.discover.further import further_values
 from sim.discover.mixed import Mixed, mixed
 from sim.discover.prior import SCATTERS, believed_name, own_slope
+from sim.discover.refit import Refit
 from sim.discover.step import Step
 from sim.discover.words import gained_interval
 from sim.physics.catalogue import find_terms
@@ -41,9 +43,13 @@ def make_belief(investigation: Investigation) -> tuple[Belief, dict[str, Any]]:
     columns = [k for k, column in enumerate(evidence.columns) if _belongs(column)]
     coefficients, curves = _nameless(evidence, free, investigation.belief)
     coefficients |= _coefficients(evidence, columns, investigation.finding.data.believed)
+    further = further_values(named[-1].refit.layout, named[-1].refit.spot, tuple(names)) if names else {}
+    coefficients |= {term: {**coefficients[term], **values} for term, values in further.items()}
     scatter = {SCATTERS[evidence.columns[k].name]: _scatter(evidence.columns[k].name, evidence.point[k])
                for k in columns if evidence.columns[k].name in SCATTERS}
     kept, covariance = _covariance(evidence, columns)
+    if further:
+        covariance = _with_doubt_of_further(kept, covariance, named[-1].refit, further)
     finding = investigation.finding
     provenance = {"method": "discover", "shots": finding.data.shots, "level": finding.data.level,
                   "verdict": finding.verdict,
@@ -52,6 +58,16 @@ def make_belief(investigation: Investigation) -> tuple[Belief, dict[str, Any]]:
                   "p_value": finding.mismatch.p_value if finding.mismatch.p_value is not None else "none"}
     refused = {"refused": worse or why} if worse or why else {}
     return Belief(coefficients, scatter, kept, covariance, curves), {**refused, **provenance}
+
+
+def _with_doubt_of_further(names: tuple[str, ...], covariance: Array, found: Refit, further: Coefficients) -> Array:
+    """Amplitudes as doubtful as what else their terms' further numbers may be makes them."""
+    scale = np.ones(len(names))
+    for name, sd in zip(found.names, found.sd, strict=True):
+        if name.partition(".")[0] in further and name in names:
+            k = names.index(name)
+            scale[k] = max(1.0, float(sd) / np.sqrt(covariance[k, k]))
+    return covariance * np.outer(scale, scale)
 
 
 def _parts(several: Mixed | None) -> list[str]:

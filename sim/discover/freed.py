@@ -47,10 +47,13 @@ def all_freed(step: Step, search: Search) -> tuple[tuple[Freed, ...], str]:
 
     Not taken: beside which a coefficient comes to the end of what is possible; which explains nothing once it is flown;
     what no simulation of single shots can take (two covariates together; a launch to one side, on which no height
-    depends); a second curve of the same thing.
+    depends); a second curve of the same thing. Without tracks also the first where it is not surely better on unseen
+    shots: outcomes let a curve follow luck (of fourteen such ten foretold another session worse).
     """
     if step.place is None:
         return (), ""
+    if step.fitted.intake.samples is None and not clearly(step.place.correction.gain, step.fitted):
+        return (), "the free curve does not surely do better on unseen shots"
     found: list[Freed] = []
     fitted, correction = step.fitted, step.place.correction
     while correction is not None and len(found) < MOST:

@@ -1,12 +1,13 @@
 """One named change at a time, truly refitted, and what it is worth on shots that the fit has not seen."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from sim.discover.believed import Fitted, climb, is_lost, moved, objective, only_shared, usual_spot
 from sim.discover.clusters import Clusters
 from sim.discover.evidence import Array, Evidence
+from sim.discover.further import Further, further_numbers, look
 from sim.discover.linear import Layout, Spot
 
 FOLDS = 5
@@ -36,7 +37,33 @@ class Refit:
 
 
 def refit(fitted: Fitted, names: tuple[str, ...], start: Array, near: Spot | None = None) -> Refit:
-    """Fit the named columns with the shared ones, from amplitudes `start` [k] at the fitted spot, or at `near`."""
+    """Fit the named columns with the shared ones, from amplitudes `start` [k] at the fitted spot, or at `near`.
+
+    Numbers that a term has besides its amplitude are at their likeliest, and what else they may be is in sd and in
+    log_evidence (sim.discover.further).
+    """
+    found = _refit_at(fitted, names, start, near)
+    for number in further_numbers(fitted.layout, names):
+        found = _looked_for(number, fitted, names, found)
+    return found
+
+
+def _looked_for(number: Further, fitted: Fitted, names: tuple[str, ...], found: Refit) -> Refit:
+    """The same with one further number where it is likeliest, from where the fit is with its usual value."""
+    tried: dict[float, Refit] = {}
+
+    def nats(place: float) -> float:
+        tried[place] = _refit_at(fitted, names, found.amplitude, number.put(fitted.spot, place))
+        return tried[place].log_evidence
+
+    places, share, together = look(nats)
+    best = tried[places[int(np.argmax(share))]]
+    variance = sum(p * (tried[place].sd**2 + (tried[place].amplitude - best.amplitude)**2)
+                   for p, place in zip(share, places, strict=True))
+    return replace(best, sd=np.sqrt(variance), log_evidence=together)
+
+
+def _refit_at(fitted: Fitted, names: tuple[str, ...], start: Array, near: Spot | None) -> Refit:
     layout = only_shared(fitted.layout, names)
     order = [column.name for column in layout.columns[:len(names)]]
     change = np.zeros(len(layout.columns))

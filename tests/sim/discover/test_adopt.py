@@ -99,6 +99,19 @@ def test_a_curve_beside_which_a_coefficient_is_impossible_is_not_adopted(nameles
     assert "drag.cd would be impossible" in provenance["refused"]
 
 
+def test_without_tracks_a_curve_that_is_not_surely_better_is_not_adopted(nameless: Investigation) -> None:
+    step = nameless.steps[-1]
+    assert step.place is not None
+    gain = step.place.correction.gain
+    luck = np.where(np.arange(len(gain)) % 2, 1.0, -0.9)           # 0.05 a shot, give or take 0.1
+    place = replace(step.place, correction=replace(step.place.correction, log_after=step.place.correction.log_after
+                                                   - gain + luck))
+    blind = replace(step.fitted, intake=replace(step.fitted.intake, samples=None))
+    for fitted, adopts in ((step.fitted, True), (blind, False)):
+        curves, why = freed.all_freed(replace(step, place=place, fitted=fitted), nameless.search)
+        assert bool(curves) == adopts and ("not surely" in why) != adopts
+
+
 def test_the_simulator_that_believes_it_foretells_better(hasty: tuple[Dataset, Investigation]) -> None:
     dataset, found = hasty
     adopted = make_belief(found)[0].coefficients

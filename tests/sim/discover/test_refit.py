@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
+from sim.discover.adopt import make_belief
 from sim.discover.clusters import Clusters
+from sim.discover.discover import discover
 from sim.discover.evidence import Evidence
 from sim.discover.refit import (
     FOLDS,
@@ -16,6 +18,9 @@ from sim.discover.refit import (
     unseen_score,
     without,
 )
+from sim.prove.truth.launch import RAPID_FIRE_S
+from sim.prove.truth.shoot import shoot
+from sim.prove.truth.world import make_world
 from tests.sim.discover.made import column, gaussian, with_plane
 from tests.sim.discover.straight import NAMES, SHARED, fit_straight, slopes_and_y
 
@@ -103,3 +108,19 @@ def test_two_names_refitted_at_once_are_ridge_regression_too(monkeypatch: pytest
 def test_the_shared_columns_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     bare = without(fit_straight(monkeypatch, {}, 1).evidence)
     assert tuple(one.name for one in bare.columns) == SHARED
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("loss", "seed"), [(0.14, 44), (0.08, 46)])
+def test_a_time_constant_that_nobody_knows_is_looked_for(loss: float, seed: int) -> None:
+    """The concealed engine's wheels recover with another time constant than is usual: taken for the usual one, the loss
+    comes out by two fifths too large, and surer than it is."""
+    found = discover(shoot(make_world({"rapid_fire": loss}, "L1", 300, seed)))
+    assert found.finding.set == ("rapid_fire",)
+    (interval,) = found.finding.what[0].parameters.values()
+    assert interval.low90 < loss < interval.high90 and abs(interval.value / loss - 1.0) < 0.2
+    belief = make_belief(found)[0]
+    adopted = belief.coefficients["rapid_fire"]
+    assert adopted["loss"] == interval.value and 0.8 < adopted["time_constant_s"] / RAPID_FIRE_S < 1.3
+    row = belief.names.index("rapid_fire.loss")
+    assert belief.covariance[row, row]**0.5 == pytest.approx(interval.sd)
