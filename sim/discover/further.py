@@ -10,14 +10,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sim.coefficients import Coefficients
-from sim.discover.evidence import Array
 from sim.discover.linear import Layout, Spot
 from sim.physics.catalogue import find_terms
 from sim.physics.scales import from_scale, to_scale
 from sim.physics.term import Parameter
 
-PLACES = (-2.0, -1.0, 0.0, 1.0, 2.0)  # standard deviations from the prior's centre, where a number is looked for first
-HALVINGS = 3                          # of the distance between places, about the likeliest
+FARTHEST = 3.0                        # standard deviations from the prior's centre, beyond which nobody looks
 
 
 @dataclass(frozen=True)
@@ -51,19 +49,27 @@ def further_values(layout: Layout, spot: Spot, names: tuple[str, ...]) -> Coeffi
             for one in further_numbers(layout, names)}
 
 
-def look(nats: Callable[[float], float]) -> tuple[Array, Array, float]:
-    """(places [K] that were looked at, in order; how likely each is, with its surroundings; nats of all together).
+@dataclass(frozen=True)
+class Peak:
+    """Where a number is likeliest, how far it may be from there (one deviation), and the two places beside it that were
+    looked at; all in standard deviations from the prior's centre. nats: of all that it may be together."""
 
-    nats: what the data say for a place, which the prior is added to.
-    """
-    found = {place: nats(place) - 0.5 * place**2 for place in PLACES}
-    apart = PLACES[1] - PLACES[0]
-    for _ in range(HALVINGS):
-        best, apart = max(found, key=lambda place: found[place]), 0.5 * apart
-        found |= {place: nats(place) - 0.5 * place**2 for place in (best - apart, best + apart)}
-    places = np.array(sorted(found))
-    value = np.array([found[place] for place in places])
-    width = np.gradient(places)
-    mass = width * np.exp(value - value.max())
-    whole = mass.sum() / np.sqrt(2.0 * np.pi)
-    return places, mass / mass.sum(), float(value.max() + np.log(whole))
+    place: float
+    sd: float
+    beside: tuple[float, float]
+    nats: float
+
+
+def find_peak(nats: Callable[[float], float]) -> Peak:
+    """nats: what the data say for a place, which the prior is added to; asked from the centre outwards, then at the top
+    of the parabola through the best three."""
+    found = {place: nats(place) - 0.5 * place**2 for place in (0.0, -1.0, 1.0)}
+    while (best := max(found, key=lambda place: found[place])) in (min(found), max(found)) and abs(best) < FARTHEST:
+        further = best + np.copysign(1.0, best)
+        found[further] = nats(further) - 0.5 * further**2
+    best = min(max(best, min(found) + 1.0), max(found) - 1.0)
+    left, middle, right = (found[best + step] for step in (-1.0, 0.0, 1.0))
+    bend = max(2.0 * middle - left - right, 1.0)         # no less sure than the prior is
+    top = best + float(np.clip(0.5 * (right - left) / bend, -1.0, 1.0))
+    value = nats(top) - 0.5 * top**2
+    return Peak(top, bend**-0.5, (best - 1.0, best + 1.0), float(value - 0.5 * np.log(bend)))

@@ -7,12 +7,13 @@ import numpy as np
 from sim.discover.believed import Fitted, climb, is_lost, moved, objective, only_shared, usual_spot
 from sim.discover.clusters import Clusters
 from sim.discover.evidence import Array, Evidence
-from sim.discover.further import Further, further_numbers, look
+from sim.discover.further import Further, find_peak, further_numbers
 from sim.discover.linear import Layout, Spot
 
 FOLDS = 5
 STEPS = 12
 HALVINGS = 6
+PLAIN = 2.0                           # standard errors of an amplitude, from which its term's further numbers are told
 
 
 @dataclass(frozen=True)
@@ -40,27 +41,28 @@ def refit(fitted: Fitted, names: tuple[str, ...], start: Array, near: Spot | Non
     """Fit the named columns with the shared ones, from amplitudes `start` [k] at the fitted spot, or at `near`.
 
     Numbers that a term has besides its amplitude are at their likeliest, and what else they may be is in sd and in
-    log_evidence (sim.discover.further).
+    log_evidence (sim.discover.further), where the term does enough for that to be told.
     """
     found = _refit_at(fitted, names, start, near)
-    for number in further_numbers(fitted.layout, names):
-        found = _looked_for(number, fitted, names, found)
+    if (np.abs(found.amplitude) > PLAIN * found.sd).all():
+        for number in further_numbers(fitted.layout, names):
+            found = _looked_for(number, fitted, found)
     return found
 
 
-def _looked_for(number: Further, fitted: Fitted, names: tuple[str, ...], found: Refit) -> Refit:
-    """The same with one further number where it is likeliest, from where the fit is with its usual value."""
+def _looked_for(number: Further, fitted: Fitted, found: Refit) -> Refit:
+    """The same with one further number where it is likeliest."""
     tried: dict[float, Refit] = {}
 
     def nats(place: float) -> float:
-        tried[place] = _refit_at(fitted, names, found.amplitude, number.put(fitted.spot, place))
+        near = number.put(found.spot, place)
+        tried[place] = _refit_at(fitted, found.names, np.zeros(len(found.names)), near)
         return tried[place].log_evidence
 
-    places, share, together = look(nats)
-    best = tried[places[int(np.argmax(share))]]
-    variance = sum(p * (tried[place].sd**2 + (tried[place].amplitude - best.amplitude)**2)
-                   for p, place in zip(share, places, strict=True))
-    return replace(best, sd=np.sqrt(variance), log_evidence=together)
+    peak = find_peak(nats)
+    best, (left, right) = tried[peak.place], (tried[place] for place in peak.beside)
+    moves = (right.amplitude - left.amplitude) / (peak.beside[1] - peak.beside[0])
+    return replace(best, sd=np.hypot(best.sd, peak.sd * moves), log_evidence=peak.nats)
 
 
 def _refit_at(fitted: Fitted, names: tuple[str, ...], start: Array, near: Spot | None) -> Refit:
