@@ -1,8 +1,8 @@
 """The tables of packed rounds of proof, as docs/proof.md has them.
 
-    truearc prove pack --out ROUND --packed benchmarks/results/proof-L0.tar.xz
-    python benchmarks/proof.py benchmarks/results/proof-*.tar.xz [--write docs/proof.md]
-    python benchmarks/proof.py benchmarks/results/proof-L0.tar.xz --beside OWN.tar.xz        # drawn from other entropy
+    truearc prove pack --out ROUND --packed benchmarks/results/round4-L0a.tar.xz
+    python benchmarks/proof.py benchmarks/results/round*.tar.xz [--write docs/proof.md]
+    python benchmarks/proof.py benchmarks/results/round4-L0*.tar.xz --beside OWN.tar.xz      # drawn from other entropy
 
 Rounds of one level and as many shots, gathered over several sittings, are marked as one.
 Nothing is checked here but the ledger's chain: `truearc prove check --packed FILE --out DIR` makes worlds again.
@@ -36,7 +36,7 @@ def main() -> None:
     parser.add_argument("--beside", type=Path, metavar="PACKED", help="another round at that level: is it the same?")
     args = parser.parse_args()
     if args.beside is not None:
-        print("\n".join(tell_beside(path, args.beside) for path in args.packed))
+        print(tell_beside(args.packed, args.beside))
         return
     rounds = sorted(map(load, args.packed), key=lambda one: one.setting)
     text = "\n".join(tell(list(group)) for _, group in groupby(rounds, key=lambda one: one.setting))
@@ -49,13 +49,14 @@ def main() -> None:
     args.write.write_text(before + BEGIN + text + END + after, encoding="utf-8")
 
 
-def tell_beside(path: Path, other: Path) -> str:
+def tell_beside(paths: Sequence[Path], other: Path) -> str:
     """SystemExit when they are not of one level and as many shots."""
-    ours, theirs = ([one.first for one in load(file).graded] for file in (path, other))
+    ours, theirs = ([one.first for path in files for one in load(path).graded] for files in (paths, [other]))
     settings = {(one.level, one.shots) for one in (*ours, *theirs)}
+    names = ", ".join(path.name for path in paths)
     if len(settings) > 1:
-        raise SystemExit(f"{path}, {other}: not of one level and as many shots: {sorted(settings)}")
-    return f"{path.name}: {len(ours)} worlds; {other.name}: {len(theirs)}\n\n{beside(ours, theirs).markdown()}\n"
+        raise SystemExit(f"{names}, {other}: not of one level and as many shots: {sorted(settings)}")
+    return f"{names}: {len(ours)} worlds; {other.name}: {len(theirs)}\n\n{beside(ours, theirs).markdown()}\n"
 
 
 class Packed(NamedTuple):

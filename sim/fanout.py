@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TypeVar
 
 from joblib import Parallel, delayed
+from joblib.externals.loky import process_executor
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from robot.config import BadInput
@@ -19,6 +20,7 @@ Result = TypeVar("Result")
 Progress = Callable[[float, str], None]
 
 PATIENCE_S = 10.0                     # a scheduler, and a worker of its, must answer within this
+GROWN = 8 * 1024**3                   # bytes by which a worker may grow; loky replaces it at 300 MB
 ATTEMPTS = 3                          # a process may die this often at one place before the job itself is blamed
 
 
@@ -67,7 +69,14 @@ def _on_processes(function: Callable[[Job], Result], jobs: list[Job], workers: i
 def _pool(function: Callable[[Job], Result], jobs: list[Job], workers: int) -> Iterator[Result]:
     # loky replaces workers that have grown; that is its business and no user's
     warnings.filterwarnings("ignore", "A worker stopped while some jobs were given", UserWarning)
-    return Parallel(n_jobs=workers, backend="loky", return_as="generator")(delayed(function)(job) for job in jobs)
+    return Parallel(n_jobs=workers, backend="loky", return_as="generator")(
+        delayed(_in_worker)(function, job) for job in jobs)
+
+
+def _in_worker(function: Callable[[Job], Result], job: Job) -> Result:
+    """What a worker has compiled is no leak: replaced, it would compile everything again."""
+    process_executor._MAX_MEMORY_LEAK_SIZE = GROWN
+    return function(job)
 
 
 def _on_cluster(function: Callable[[Job], Result], jobs: list[Job], scheduler: str,

@@ -69,6 +69,23 @@ def test_a_process_that_dies_loses_nothing(tmp_path):
     assert (tmp_path / "died").exists()
 
 
+def make_hoarder():
+    """Each call grows its process by 200 MB, as compiled code does; it says which process that is."""
+    def hoard(number):
+        import os
+        import sys
+        import time
+        sys.hoarded = [*getattr(sys, "hoarded", []), b"x" * 200_000_000]
+        time.sleep(0.6)
+        return os.getpid()
+    return hoard
+
+
+def test_a_worker_that_has_grown_is_not_replaced():
+    pytest.importorskip("psutil", reason="without psutil loky does not look")
+    assert len(set(fan_out(make_hoarder(), range(8), workers=2))) == 2
+
+
 def test_a_job_that_always_kills_its_process_is_told_not_tried_for_ever():
     def die(seed):
         import os
