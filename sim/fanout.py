@@ -18,6 +18,7 @@ from robot.config import BadInput
 Job = TypeVar("Job")
 Result = TypeVar("Result")
 Progress = Callable[[float, str], None]
+Keep = Callable[[Any, Any], None]     # of a job and its result
 
 PATIENCE_S = 10.0                     # a scheduler, and a worker of its, must answer within this
 GROWN = 8 * 1024**3                   # bytes by which a worker may grow; loky replaces it at 300 MB
@@ -25,9 +26,12 @@ ATTEMPTS = 3                          # a process may die this often at one plac
 
 
 def fan_out(function: Callable[[Job], Result], jobs: Sequence[Job], scheduler: str | None = None,
-            progress: Progress = lambda done, note: None, workers: int | None = None) -> list[Result]:
+            progress: Progress = lambda done, note: None, workers: int | None = None,
+            keep: Keep = lambda job, result: None) -> list[Result]:
     """[function(job) for job in jobs], in that order, whatever runs them.
 
+    keep: called here with each job and its result, once, as soon as it is there (and, but on a cluster, those before it
+    are); so that what is killed has kept all but the last.
     `scheduler`: address of a running Dask cluster, such as "tcp://host:8786", whose workers have truearc installed.
     Otherwise `workers` processes of this machine (default: one a core; 1 = this process). A worker that dies in the
     middle loses nothing: its jobs are run again. An exception of a job is raised here. BadInput when the cluster does
@@ -37,27 +41,28 @@ def fan_out(function: Callable[[Job], Result], jobs: Sequence[Job], scheduler: s
     if jobs:
         progress(0.0, f"0 of {len(jobs)} done")
     if scheduler is not None:
-        return _on_cluster(function, jobs, scheduler, progress)
+        return _on_cluster(function, jobs, scheduler, progress, keep)
     count = min(workers or os.cpu_count() or 1, len(jobs))
     if count <= 1:
-        return [_told(function(job), number, len(jobs), progress) for number, job in enumerate(jobs, 1)]
-    return _on_processes(function, jobs, count, progress)
+        return [_kept(job, function(job), keep, number, len(jobs), progress) for number, job in enumerate(jobs, 1)]
+    return _on_processes(function, jobs, count, progress, keep)
 
 
-def _told(result: Result, number: int, total: int, progress: Progress) -> Result:
+def _kept(job: Job, result: Result, keep: Keep, number: int, total: int, progress: Progress) -> Result:
+    keep(job, result)
     progress(number / total, f"{number} of {total} done")
     return result
 
 
-def _on_processes(function: Callable[[Job], Result], jobs: list[Job], workers: int,
-                  progress: Progress) -> list[Result]:
+def _on_processes(function: Callable[[Job], Result], jobs: list[Job], workers: int, progress: Progress,
+                  keep: Keep) -> list[Result]:
     results: list[Result] = []
     deaths = 0
     while len(results) < len(jobs):
         before = len(results)
         try:
             for result in _pool(function, jobs[before:], workers):
-                results.append(_told(result, len(results) + 1, len(jobs), progress))
+                results.append(_kept(jobs[len(results)], result, keep, len(results) + 1, len(jobs), progress))
         except TerminatedWorkerError as error:
             deaths = deaths + 1 if len(results) == before else 1
             if deaths >= ATTEMPTS:
@@ -79,8 +84,8 @@ def _in_worker(function: Callable[[Job], Result], job: Job) -> Result:
     return function(job)
 
 
-def _on_cluster(function: Callable[[Job], Result], jobs: list[Job], scheduler: str,
-                progress: Progress) -> list[Result]:
+def _on_cluster(function: Callable[[Job], Result], jobs: list[Job], scheduler: str, progress: Progress,
+                keep: Keep) -> list[Result]:
     try:
         from distributed import Client, as_completed  # an extra of its own: only who names a scheduler needs it
     except ModuleNotFoundError as error:
@@ -91,8 +96,8 @@ def _on_cluster(function: Callable[[Job], Result], jobs: list[Job], scheduler: s
         results: dict[int, Result] = {}
         # each result is fetched as soon as it is there: one that only a dead worker held is worked out again
         for future, result in as_completed(futures, with_results=True):
-            results[place[future.key]] = result
-            progress(len(results) / len(jobs), f"{len(results)} of {len(jobs)} done")
+            results[place[future.key]] = _kept(jobs[place[future.key]], result, keep, len(results) + 1, len(jobs),
+                                               progress)
     return [results[number] for number in range(len(jobs))]
 
 

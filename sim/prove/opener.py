@@ -28,7 +28,6 @@ from sim.prove.worldfile import mend
 from sim.shots import Dataset, load_dataset
 
 Progress = Callable[[float, str], None]
-AT_ONCE = 8
 
 
 class Graded(Struct, frozen=True):
@@ -71,11 +70,9 @@ def _mark_claimed(room: Room, steps: Steps, progress: Progress, workers: int | N
     # seals are read here: a worker of a cluster may have worked for the solver, and is refused them
     jobs = [(drawn_of(load_seal(room.seal(name)).world, room.seal(name)), CLAIMED_AGAIN in steps[name])
             for name in todo]
-    for first in range(0, len(todo), AT_ONCE):
-        batch = jobs[first:first + AT_ONCE]
-        progress(first / len(todo), "worlds are opened and marked")
-        for one in fan_out(partial(mark_world, room.root.resolve()), batch, scheduler, workers=workers):
-            save_mark(room, one.world, one, steps[one.world])
+    fan_out(partial(mark_world, room.root.resolve()), jobs, scheduler,
+            lambda done, note: progress(done, "worlds are opened and marked"), workers,
+            lambda job, one: save_mark(room, one.world, one, steps[one.world]))
     progress(1.0, f"{len(known) + len(todo)} worlds marked")
 
 

@@ -43,7 +43,6 @@ SCHEMA = "truearc.claims/1"
 FALSE_ALARM = 0.05
 AT_HOME = ("gravity", "drag", "magnus")      # what is believed of MuJoCo's robot before its unmodified session
 MORE_SHOTS, MORE_CONFIGURATIONS = 100, 5     # at most, in a follow-up
-AT_ONCE = 8                           # worlds solved between two entries in the ledger
 OPENING = ("open", "os.listdir", "os.scandir", "os.rename", "os.link", "os.symlink")
 OTHERS = ("prove/", "world/")         # of sim: whose sources are no part of a solver,
 OWN = ("prove/solver.py", "prove/tools.py")  # but for these
@@ -71,13 +70,19 @@ def _solve_sealed(room: Room, progress: Progress, workers: int | None, scheduler
     again = [name for name in names if ANSWERED in steps[name] and CLAIMED_AGAIN not in steps[name]]
     for todo, work, step, path in ((first, partial(solve, room.root.resolve(), rivals), CLAIMED, room.claims),
                                    (again, partial(solve_again, room.root.resolve()), CLAIMED_AGAIN, room.again)):
-        for begin in range(0, len(todo), AT_ONCE):
-            batch = todo[begin:begin + AT_ONCE]
-            progress(begin / len(todo), f"worlds are discovered in ({step})")
-            for name, claims in zip(batch, fan_out(work, batch, scheduler, workers=workers), strict=True):
-                _write(path(name), claims)
-                append(room.ledger, step, name, digest(path(name).read_bytes()))
+        fan_out(work, todo, scheduler, partial(_tell, progress, f"worlds are discovered in ({step})"), workers,
+                partial(_claim, room, step, path))
     progress(1.0, f"{len(names)} worlds claimed")
+
+
+def _tell(progress: Progress, what: str, done: float, note: str) -> None:
+    progress(done, what)
+
+
+def _claim(room: Room, step: str, path: Callable[[str], Path], world: str, claims: dict[str, Any]) -> None:
+    """Written and entered, as soon as it is there."""
+    _write(path(world), claims)
+    append(room.ledger, step, world, digest(path(world).read_bytes()))
 
 
 def solve(root: Path, rivals: tuple[str, ...], world: str) -> dict[str, Any]:

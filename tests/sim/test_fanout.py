@@ -41,6 +41,25 @@ def test_results_come_in_the_order_of_the_jobs_and_progress_ends_at_one(workers)
     assert len(shown) == len(JOBS) + 1 and shown[0] == 0.0 and shown[-1] == 1.0 and shown == sorted(shown)
 
 
+@pytest.mark.parametrize("workers", [1, 2])
+def test_each_result_is_kept_with_its_job_before_the_next(workers):
+    kept = []
+    found = fan_out(make_draw(0.0), JOBS, workers=workers, keep=lambda job, result: kept.append((job, result)))
+    assert [job for job, _ in kept] == JOBS and same([result for _, result in kept]) and same(found)
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_what_is_there_is_kept_where_a_later_job_fails(workers):
+    def fail_late(job):
+        if job == JOBS[-1]:
+            raise ValueError(job)
+        return job
+    kept = []
+    with pytest.raises(ValueError, match=str(JOBS[-1])):
+        fan_out(fail_late, JOBS, workers=workers, keep=lambda job, result: kept.append(job))
+    assert kept == JOBS[:len(kept)] and (workers > 1 or len(kept) == len(JOBS) - 1)
+
+
 def test_no_jobs_no_results():
     assert fan_out(make_draw(0.0), []) == []
 
