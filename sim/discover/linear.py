@@ -131,7 +131,8 @@ def linearise(intake: Intake, layout: Layout, spot: Spot, flown: Flown | None = 
     sd = np.sqrt(variance_of(intake, spot.log_scatter))[:, :count]
     with np.errstate(over="ignore", invalid="ignore"):     # far from all that flies there is no likelihood: not finite
         left = _integrate(flown.normal_at(layout, spot.values), sd, columns, real + bases)
-    score, info = _scatter_terms(intake, layout, spot, sd, left, real + bases)
+    own = left.mean + np.einsum("ndb,nb->nd", left.mean_by[:, :, real:], _luck(layout, spot))
+    score, info = _scatter_terms(intake, layout, spot, sd, left, own, real + bases)
     plane = _plane(intake, layout, spot, seen, slopes, sd, left, columns, inputs, real + bases)
     parts = _scaled(layout, left.score + score, left.info + info, plane)
     point = _point(layout, spot)
@@ -268,9 +269,18 @@ def _integrate(normal: Normal, sd: Array, columns: Array, count: int) -> _Left:
     return _Left(score, info, value, sd * shift, sd[:, :, None] * inverse * sd[:, None, :], mean_by)
 
 
-def _scatter_terms(intake: Intake, layout: Layout, spot: Spot, sd: Array, left: _Left,
+def _luck(layout: Layout, spot: Spot) -> Array:
+    """Effects of each shot's own group [n, bases], in the units of what they act on."""
+    groups = layout.groups
+    if groups is None:
+        return np.zeros((len(spot.deviates), 0))
+    return spot.effects.reshape(-1, groups.count)[:, groups.label].T * groups.scale
+
+
+def _scatter_terms(intake: Intake, layout: Layout, spot: Spot, sd: Array, left: _Left, own: Array,
                    count: int) -> tuple[Array, Array]:
-    """Score and information of the log scatters from tracks and exits (the plane adds its own)."""
+    """Score and information of the log scatters from tracks and exits (the plane adds its own). own [n, D]: deviates of
+    each shot, beside what its group does: that is no scatter."""
     n = len(sd)
     score, info = np.zeros((n, count)), np.zeros((n, count, count))
     variance = np.maximum(sd**2, 1e-300)
@@ -281,7 +291,7 @@ def _scatter_terms(intake: Intake, layout: Layout, spot: Spot, sd: Array, left: 
         total, kept = variance[:, deviate], left.covariance[:, deviate, deviate]
         share = scattered[:, number] / total
         known = np.clip(1.0 - kept / total, 0.0, 1.0)
-        score[:, column] = share * ((left.mean[:, deviate]**2 + kept) / total - 1.0)
+        score[:, column] = share * ((own[:, deviate]**2 + kept) / total - 1.0)
         info[:, column, column] = 2.0 * (share * known)**2
     return score, info
 

@@ -280,8 +280,31 @@ def test_effects_of_balls_already_found_move_the_evidence_along(bench: Bench) ->
     change[-len(effects):] = effects
     tiled = np.tile(change, (SHOTS, 1))
     assert there.log_score == pytest.approx(bench.evidence.log_score + bench.evidence.gain(tiled), abs=1e-9)
-    assert there.own_score == pytest.approx(bench.evidence.slopes_at(tiled)[0], abs=1e-9)
+    others = np.setdiff1d(np.arange(len(change)), bench.layout.scatters)      # whose slopes hang on what is left
+    assert there.own_score[:, others] == pytest.approx(bench.evidence.slopes_at(tiled)[0][:, others], abs=1e-9)
     assert there.pull[-len(effects):] == pytest.approx(-effects)
+
+
+def test_what_a_balls_luck_does_is_no_scatter(bench: Bench) -> None:
+    """With five balls that are faster and slower by as much as 15 %, the slope of each scatter is that of what tracks
+    say by differences: their deviations beside their balls' luck, or scatter would be larger the more balls differ."""
+    effects = np.zeros(bench.layout.grouped)
+    effects[:5] = [-5.0, 3.0, 4.0, -4.0, 2.0]
+    spot = replace(bench.spot, effects=effects)
+    flown = fly(bench.intake, bench.layout, spot)
+    tracked = ~np.isin(np.arange(len(bench.intake.rows)), bench.intake.marked)
+    for number, column in enumerate(bench.layout.scatters):
+        if column < 0:
+            continue
+        sides = []
+        for step in (1e-3, -1e-3):
+            log_scatter = spot.log_scatter.copy()
+            log_scatter[number] += step
+            there = replace(spot, log_scatter=log_scatter)
+            sides.append(linearise(bench.intake, bench.layout, there, flown)[0].log_score[tracked])
+        by_hand = (sides[0] - sides[1]) / 2e-3
+        here = linearise(bench.intake, bench.layout, spot, flown)[0]
+        assert here.score[tracked, column] == pytest.approx(by_hand, rel=0.02, abs=0.02)
 
 
 def test_at_the_most_likely_deviates_a_second_look_changes_them_little(bench: Bench) -> None:
