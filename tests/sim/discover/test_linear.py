@@ -280,7 +280,7 @@ def test_effects_of_balls_already_found_move_the_evidence_along(bench: Bench) ->
     change[-len(effects):] = effects
     tiled = np.tile(change, (SHOTS, 1))
     assert there.log_score == pytest.approx(bench.evidence.log_score + bench.evidence.gain(tiled), abs=1e-9)
-    others = np.setdiff1d(np.arange(there.own_score.shape[1]), bench.layout.scatters)    # whose slopes hang on what is left
+    others = np.setdiff1d(np.arange(there.own_score.shape[1]), bench.layout.scatters)    # theirs hang on what is left
     assert there.own_score[:, others] == pytest.approx(bench.evidence.slopes_at(tiled)[0][:, others], abs=1e-9)
     assert there.pull[-len(effects):] == pytest.approx(-effects)
 
