@@ -31,7 +31,7 @@ def fan_out(function: Callable[[Job], Result], jobs: Sequence[Job], scheduler: s
     """[function(job) for job in jobs], in that order, whatever runs them.
 
     keep: called here with each job and its result, once, as soon as it is there (and, but on a cluster, those before it
-    are); so that what is killed has kept all but the last.
+    are), so that whoever is killed has kept those.
     `scheduler`: address of a running Dask cluster, such as "tcp://host:8786", whose workers have truearc installed.
     Otherwise `workers` processes of this machine (default: one a core; 1 = this process). A worker that dies in the
     middle loses nothing: its jobs are run again. An exception of a job is raised here. BadInput when the cluster does
