@@ -1,29 +1,31 @@
 """truearc prove: worlds whose truth is sealed, what the solver says of them, and what was true."""
 
 import argparse
-import subprocess
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+import msgspec
 from msgspec import structs
 
 from doors.demo import FEWEST
 from doors.discover import keep_compiled
 from doors.progress import make_progress
+from doors.prove_apart import solve_apart
+from doors.prove_check import check_packed
 from doors.prove_drive import LEVEL, driven_of, driven_table, learn_gates, play_driven, room_of
 from robot.config import BadInput
 from sim.discover.intake import FEWEST_SHOTS
 from sim.prove.keeper import Plan, answer_round, entropy, load_plan, seal_round
-from sim.prove.ledger import read_ledger
-from sim.prove.mix import MUJOCO, NUMPY
+from sim.prove.ledger import digest, read_ledger
+from sim.prove.mix import MUJOCO, NUMPY, OWN
 from sim.prove.opener import Graded, grade_round, graded_of, unclaimed
 from sim.prove.own import seal_own
-from sim.prove.packed import check_round, pack, unpack
+from sim.prove.packed import pack
+from sim.prove.proof_figures import plain_figures
 from sim.prove.proof_page import make_proof_page, verdict
 from sim.prove.proof_table import Table, make_tables
 from sim.prove.rivals.entrants import RIVALS, check_rivals
-from sim.prove.room import Room
+from sim.prove.room import SEALED, Room
 from sim.prove.solver import solve_round
 
 DESCRIPTION = """Draw concealed worlds, seal what is true of them, discover in their data, open the seals and mark what
@@ -31,8 +33,8 @@ was said. Without a role all are played, the solver's in a process of its own th
 answer (shoot what the solver asks for; then solve again) and grade are the roles apart. What was cut short goes on
 where it stopped. drive plays the whole chain in worlds of its own: recordings of the emulated robot (--shots trials
 each), discovery, adoption, gates, and what is scored with them; gates is the solver's part of that. pack puts a marked
-round into one file, without its data; check makes them again from the opened seals (of --worlds of them) and compares
-every hash and mark."""
+round into one file, without its data; check makes them again from the opened seals (of --worlds of them), compares
+every hash and mark, and, with --solve, has the solver say again what it makes of so many of them."""
 EXAMPLE = "truearc prove --worlds 60 --level L1 --shots 300 --seed-from-entropy --out round/"
 ROLES = ("seal", "solve", "answer", "grade", "drive", "gates", "pack", "check")
 
@@ -57,6 +59,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--data", metavar="DIR", help="with --world: its dataset")
     parser.add_argument("--packed", metavar="FILE", help="with pack: the .tar.xz to write; with check: to "
                         "unpack into --out")
+    parser.add_argument("--solve", type=int, default=0, metavar="N", help="with check: solve so many of those worlds "
+                        "again, by a process that has their data alone (%(default)s)")
     parser.add_argument("--processes", type=int, help="at a time (one a core)")
     parser.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask cluster to run on instead")
 
@@ -68,24 +72,38 @@ def main(args: argparse.Namespace) -> int:
     keep_compiled()
     if args.role in ("drive", "gates"):
         return _drive(args, room)
-    if args.role in ("pack", "check"):
-        return _pack(args, room) if args.role == "pack" else _check_packed(args, room)
-    if args.world or args.data:
-        return _seal_own(args, room)
+    if args.role == "pack":
+        return _pack(args, room)
+    if args.role == "check":
+        check_packed(args, room)
+        _tell(room, graded_of(room))
+        return 0
+    return _seal_own(args, room) if args.world or args.data else _play(args, room)
+
+
+def _play(args: argparse.Namespace, room: Room) -> int:
+    """One role, or all of them."""
     if args.role in (None, "seal"):
         seal_round(room, _plan(args, room), make_progress("seal", args.quiet), args.processes, args.scheduler)
     if args.role == "solve":
         solve_round(room, make_progress("solve", args.quiet), args.processes, args.scheduler,
                     _rivals(args))
     elif args.role is None:
-        _solve_apart(args)
+        solve_apart(args, args.out)
     if args.role == "answer" or (args.role is None and args.follow_up):
         answer_round(room, make_progress("answer", args.quiet), args.processes, args.scheduler)
     if args.role is None and args.follow_up:
-        _solve_apart(args)
+        solve_apart(args, args.out)
     if args.role in (None, "grade"):
         _tell(room, grade_round(room, make_progress("grade", args.quiet), args.processes, args.scheduler, args.so_far))
+    print(f"{room.ledger}: {_head(room)}")
     return 0
+
+
+def _head(room: Room) -> str:
+    """What to tell the others, so that nothing in the ledger can be changed unseen from here on."""
+    entries = read_ledger(room.ledger)
+    return f"{len(entries)} lines, SHA-256 of the last: {digest(room.ledger.read_bytes().splitlines()[-1])}"
 
 
 def _drive(args: argparse.Namespace, room: Room) -> int:
@@ -110,27 +128,11 @@ def _pack(args: argparse.Namespace, room: Room) -> int:
     return 0
 
 
-def _check_packed(args: argparse.Namespace, room: Room) -> int:
-    """What was committed to, told again by this machine; 2 where anything differs."""
-    if args.packed:
-        unpack(Path(args.packed), room)
-    checked = check_round(room, args.worlds, make_progress("check", args.quiet), args.seed)
-    if checked.wrong:
-        raise BadInput("\n".join(checked.wrong))
-    print(f"{room.ledger}: {checked.sealed} worlds were sealed, {checked.graded} marked, as their seed draws them; "
-          f"seals, claims and marks are those of the ledger.\n{len(checked.remade)} worlds made again (drawn by "
-          f"--seed {checked.seed}): the same data to the last byte, the same claimed, true and right. Numbers of the "
-          f"marks, worked out again, are off by at most "
-          f"{', '.join(f'{far:.1g} ({name})' for name, far in checked.off.items())}.")
-    _tell(room, graded_of(room))
-    return 0
-
-
 def _check(args: argparse.Namespace) -> None:
     """BadInput for numbers that no round can have, rivals that there are none of or that have nothing to be put to, a
     cluster where none is used, and a round that is not there."""
     fewest = FEWEST if args.role == "drive" else FEWEST_SHOTS
-    for name, least in (("seed", 0), ("worlds", 1), ("shots", fewest), ("trials", 1), ("processes", 1)):
+    for name, least in (("seed", 0), ("worlds", 1), ("shots", fewest), ("trials", 1), ("processes", 1), ("solve", 0)):
         value = getattr(args, name)
         if value is not None and value < least:
             raise BadInput(f"--{name} {value}: {least} or more")
@@ -158,8 +160,10 @@ def _tell(room: Room, graded: Sequence[Graded]) -> None:
         print("Nothing has been marked yet.")
         return
     tables = [one.markdown() for one in _save_report(room, graded)]
-    said = verdict([one.first for one in graded])
-    print("\n\n".join([said, *tables, f"report: {room.report}; every mark: {room.grades}"]))
+    told = [f"{one.world} was sealed as {room.steps()[one.world][SEALED]}: is that the number you were told?"
+            for one in graded if one.first.engine == OWN]
+    files = f"report: {room.report}; figures: {room.figures}; every mark: {room.grades}"
+    print("\n\n".join([verdict([one.first for one in graded]), *tables, *told, files]))
 
 
 def _save_report(room: Room, graded: Sequence[Graded]) -> list[Table]:
@@ -169,6 +173,8 @@ def _save_report(room: Room, graded: Sequence[Graded]) -> list[Table]:
     tables = [*make_tables(marks, again), *([driven_table(driven)] if driven else [])]
     entries = read_ledger(room.ledger) or read_ledger(room_of(room.root).ledger)
     room.report.write_text(make_proof_page(marks, tables, entries), encoding="utf-8")
+    if marks:
+        room.figures.write_bytes(msgspec.json.format(msgspec.json.encode(plain_figures(marks)), indent=1) + b"\n")
     return tables
 
 
@@ -191,14 +197,3 @@ def _seed(args: argparse.Namespace) -> int:
     if args.seed is None and not args.seed_from_entropy:
         raise BadInput("--seed N, or --seed-from-entropy")
     return entropy() if args.seed is None else int(args.seed)
-
-
-def _solve_apart(args: argparse.Namespace) -> None:
-    """The solver, in a process of its own."""
-    more = ["--processes", str(args.processes)] if args.processes else []
-    more += ["--scheduler", args.scheduler] if args.scheduler else []
-    more += ["--quiet"] if args.quiet else []
-    more += ["--rivals", args.rivals] if args.rivals else []
-    done = subprocess.run([sys.executable, "-m", "truearc", "prove", "solve", "--out", args.out, *more], check=False)
-    if done.returncode:
-        raise BadInput(f"the solver ended with exit code {done.returncode}")

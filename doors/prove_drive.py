@@ -1,9 +1,10 @@
 """The whole chain in sealed worlds: the emulated robot records, the solver learns gates, the robot drives with them.
 
 A round of its own, in ROUND/driven, with its own ledger. A world is MuJoCo's with one thing changed that nobody is
-told; its data are recordings of the emulated robot, through its buses and camera. From them alone the solver fits the
-seed's physics, discovers and adopts what that lacks, and trains a gate on either: `before` and `after`, alike in all
-else. Then the seal is opened, and the same robot drives in the same world without a gate and with each.
+told; its data are recordings of the emulated robot, through its buses and camera. From them alone the solver fits what
+rig.toml believes (the seed's physics), discovers and adopts what that lacks, and trains a gate on either: `before` and
+`after`, alike in all else, so that they are one and the same where nothing was found. Then the seal is opened, and the
+same robot drives in the same world without a gate and with each.
 """
 
 import contextlib
@@ -11,6 +12,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TypeVar
@@ -20,7 +22,7 @@ import numpy as np
 from msgspec import Struct
 
 import robot
-from doors.demo import TERMS, walked_in
+from doors.demo import walked_in
 from doors.demo_files import Score
 from doors.discover import adopt, keep_compiled
 from doors.twin import emulate
@@ -138,8 +140,8 @@ def _learn(root: Path, name: str) -> str:
     folder.mkdir(parents=True)
     found = discover(load_dataset(data), None, FALSE_ALARM, 0)
     with (folder / "verbs.txt").open("w", encoding="utf-8") as said_here, contextlib.redirect_stdout(said_here):
-        adopt(found, str(data), str(folder / "after.toml"))
-        _verb("fit", data, "--method", "ml", "--terms", TERMS, "-o", folder / "before.toml", "--quiet")
+        for side, steps in zip(SIDES, ((), found.steps), strict=True):
+            adopt(replace(found, steps=steps), str(data), str(folder / f"{side}.toml"))
         for side in SIDES:
             weights, gate = folder / f"{side}_weights", _gate(room, name, side)
             _verb("train", "--model", "physics", "--real", data, "--coefficients", folder / f"{side}.toml", "-o",

@@ -80,16 +80,17 @@ def keep_plan(room: Room, plan: Plan) -> None:
 def _seal_drawn(room: Room, worlds: tuple[Drawn, ...], progress: Progress, workers: int | None,
                 scheduler: str | None) -> None:
     done, half = room.steps(), _half(room)
-    todo = [one for one in worlds if SEALED not in done.get(one.name, {})]
+    todo = [one for one in worlds if SEALED not in done.get(one.name, {}) or not room.data(one.name).is_dir()]
     for first in range(0, len(todo), AT_ONCE):
         batch = todo[first:first + AT_ONCE]
         progress((len(worlds) - len(todo) + first) / len(worlds), "worlds are made and sealed")
         makers = fan_out(partial(_make, half), batch, scheduler, workers=workers)
         for drawn, maker in zip(batch, makers, strict=True):
-            _move(half / drawn.name, room.data(drawn.name))
-            seal = make_seal(msgspec.to_builtins(drawn), maker, room.data(drawn.name))
-            save_seal(room.seal(drawn.name), seal)
-            append(room.ledger, SEALED, drawn.name, seal.commitment)
+            if SEALED not in done.get(drawn.name, {}):
+                seal = make_seal(msgspec.to_builtins(drawn), maker, half / drawn.name)
+                save_seal(room.seal(drawn.name), seal)
+                append(room.ledger, SEALED, drawn.name, seal.commitment)
+            _move(half / drawn.name, room.data(drawn.name))      # given away once it is committed to
     progress(1.0, f"{len(worlds)} worlds sealed")
 
 
@@ -101,7 +102,8 @@ def answer_round(room: Room, progress: Progress, workers: int | None = None, sch
 
 def _answer_claimed(room: Room, progress: Progress, workers: int | None, scheduler: str | None) -> None:
     steps, half = room.steps(), _half(room)
-    todo = [name for name, done in steps.items() if CLAIMED in done and not {ANSWERED, OPENED} & set(done)]
+    todo = [name for name, done in steps.items() if CLAIMED in done and OPENED not in done
+            and not (ANSWERED in done and room.more(name).is_dir())]
     drawn = {name: drawn_of(load_seal(room.seal(name)).world, room.seal(name)) for name in todo}
     asked = {name: asked_of(room, name) for name in todo if drawn[name].engine != OWN}
     todo = [name for name, wanted in asked.items() if wanted and can_answer(drawn[name], wanted)]
@@ -113,8 +115,9 @@ def _answer_claimed(room: Room, progress: Progress, workers: int | None, schedul
                 append(room.ledger, ASKED, name, digest(canonical(as_claimed(asked[name]))))
         fan_out(partial(_answer, half), [(drawn[name], asked[name]) for name in batch], scheduler, workers=workers)
         for name in batch:
+            if ANSWERED not in steps[name]:
+                append(room.ledger, ANSWERED, name, digest(canonical(hash_files(half / name))))
             _move(half / name, room.more(name))
-            append(room.ledger, ANSWERED, name, digest(canonical(hash_files(room.more(name)))))
     progress(1.0, f"{len(todo)} worlds shot again")
 
 

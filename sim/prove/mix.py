@@ -46,7 +46,7 @@ PLAIN_FACTORS = tuple(one for one in FACTORS if one >= 1.0)
 OFF_FACTORS = (1.0, 2.0)              # of what is in no catalogue where its lambda is not known (tracks)
 DIRTY = 0.4                           # of the worlds with an effect
 LADDER_SHOTS = 300                    # that the table of lambdas is about
-FIRST_SEED = 1 << 50                  # no world that was ever developed on has such a seed
+FIRST_SEED = 1 << 50                  # a round's worlds have none of the small seeds that benchmarks' worlds have
 # Effects of which one is always taken for the other, whatever is done; the set is the right answer.
 ALIKE = {"L0": ("target_height", "release_height", "distance_bias", "distance_scale"),
          "L1": ("target_height", "release_height"), "L2": ("distance_bias", "distance_scale")}

@@ -16,7 +16,7 @@ from sim.prove.lock import alone
 from sim.prove.making import HOME
 from sim.prove.mix import OWN, Drawn, drawn_of
 from sim.prove.room import SEALED, Room
-from sim.prove.seal import make_seal, save_seal
+from sim.prove.seal import check_data, load_seal, make_seal, save_seal
 from sim.shots import Dataset, load_dataset
 
 TAKEN = (HOME, "round")               # home: MuJoCo's unmodified robot; keeper/round.json: how a round was drawn
@@ -45,16 +45,31 @@ def seal_own(room: Room, world: Path, data: Path) -> str:
 
 
 def _seal(room: Room, name: str, whole: dict[str, Any], data: Path) -> str:
-    if name in room.steps():
+    sealed = room.steps().get(name)
+    if sealed and room.data(name).is_dir():
         raise BadInput(f"{room.ledger}: {name} is sealed already")
-    room.keeper.mkdir(parents=True, exist_ok=True)
-    if data.resolve() != room.data(name).resolve():
-        shutil.rmtree(room.data(name), ignore_errors=True)       # what a kill has left of an attempt
-        shutil.copytree(data, room.data(name))
-    seal = make_seal(whole, "somebody else", room.data(name))
-    save_seal(room.seal(name), seal)
-    append(room.ledger, SEALED, name, seal.commitment)
+    if sealed:                        # a kill came before the data were given away
+        seal = load_seal(room.seal(name))
+        wrong = check_data(seal, data)
+        if wrong:
+            raise BadInput("\n".join(wrong))
+    else:
+        room.keeper.mkdir(parents=True, exist_ok=True)
+        seal = make_seal(whole, "somebody else", data)
+        save_seal(room.seal(name), seal)
+        append(room.ledger, SEALED, name, seal.commitment)
+    _give_away(data, room.data(name))
     return seal.commitment
+
+
+def _give_away(data: Path, directory: Path) -> None:
+    """Whole or not at all; what was sealed where it lies is there already."""
+    if data.resolve() != directory.resolve():
+        half = directory.with_name(f"{directory.name}.half")
+        for left in (half, directory):          # by a kill
+            shutil.rmtree(left, ignore_errors=True)
+        shutil.copytree(data, half)
+        half.rename(directory)
 
 
 def _check_data(room: Room, data: Path, dataset: Dataset) -> None:

@@ -19,6 +19,8 @@ from sim.prove.opener import Progress, check_draw, check_world, graded_of, left_
 from sim.prove.room import ANSWERED, CLAIMED, CLAIMED_AGAIN, GRADED, SEALED, Room
 from sim.prove.same_mark import TOLERANCE, compare
 from sim.prove.seal import load_seal
+from sim.prove.solved_again import solver_of
+from sim.prove.solver import solver_id
 
 KEPT = ("ledger.jsonl", "grades.jsonl", "keeper", "claims", "again")
 
@@ -26,7 +28,7 @@ KEPT = ("ledger.jsonl", "grades.jsonl", "keeper", "claims", "again")
 class Checked(NamedTuple):
     """What was found of a packed round; `wrong` names all that is not as it was committed to; off: how far numbers of
     the marks that were worked out again are off at most (sim.prove.same_mark); `seed` draws the sample of worlds that
-    were made again."""
+    were made again; `others`: hashes of other states of the solver, by which worlds were claimed."""
 
     sealed: int
     graded: int
@@ -34,6 +36,7 @@ class Checked(NamedTuple):
     wrong: tuple[str, ...]
     off: Mapping[str, float]
     seed: int
+    others: tuple[str, ...] = ()
 
 
 def pack(room: Room, path: Path) -> None:
@@ -90,12 +93,14 @@ def check_round(room: Room, worlds: int, progress: Progress, seed: int | None = 
         wrong += changed
         if name in marked and not changed:
             again = CLAIMED_AGAIN in steps[name]
-            compared = compare(marked[name], mark_world(room.root, (_drawn(room, name), again)))
+            compared = compare(marked[name], mark_world(room.root, (_drawn(room, name), again)),
+                               solver_of(room, name) == solver_id())
             wrong += [f"{room.claims(name)}: is marked otherwise now: {one}" for one in compared.other]
             off = {number: max(far, compared.off[number]) for number, far in off.items()}
     progress(1.0, f"{len(chosen)} worlds made again")
+    others = {solver_of(room, name) for name in marked} - {solver_id()}
     return Checked(len(steps), sum(GRADED in done for done in steps.values()), chosen, tuple(dict.fromkeys(wrong)), off,
-                   seed)
+                   seed, tuple(sorted(others)))
 
 
 def _remake(room: Room, name: str, done: dict[str, str]) -> list[str]:

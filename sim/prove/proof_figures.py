@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from statistics import median
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from sim.intervals import wilson
 from sim.prove.decoys import has_decoy, named_decoy, up_to_alias
@@ -49,6 +49,19 @@ def figures_of(marks: Sequence[Mark]) -> dict[str, Figure]:
     figures[SEALED_KEPT] = kept_in_test(found)
     figures[DESIGNED] = _median([one.random for one in marks if one.random is not None], ".0f")
     return figures
+
+
+def plain_figures(marks: Sequence[Mark]) -> dict[str, Any]:
+    """{level, shots: {figure: value; of a share yes, of and Wilson's interval; what the data allow}}, plain values."""
+    settings = sorted({(one.level, one.shots) for one in marks})
+    return {f"{level}, {shots}": {name: _plain(one) for name, one in figures_of(
+        [mark for mark in marks if (mark.level, mark.shots) == (level, shots)]).items()} for level, shots in settings}
+
+
+def _plain(figure: Figure) -> dict[str, Any]:
+    yes_of = {} if figure.counts is None else {"yes": figure.counts[0], "of": figure.counts[1],
+                                               "low95": wilson(*figure.counts)[0], "high95": wilson(*figure.counts)[1]}
+    return {"value": figure.value, **yes_of, "allowed": figure.allowed}
 
 
 def kept_in_test(marks: Sequence[Mark]) -> Figure:

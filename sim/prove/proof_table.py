@@ -8,13 +8,16 @@ from typing import NamedTuple
 from sim.intervals import wilson
 from sim.prove.decoys import up_to_alias
 from sim.prove.marking import MEASUREMENT, NULLS, SHOTS, Mark
-from sim.prove.mix import MUJOCO, NUMPY
+from sim.prove.mix import MUJOCO, NUMPY, OWN
 from sim.prove.proof_figures import kept_in_test, worse_in_test
 from sim.prove.proof_targets import against_targets
 
 VERDICTS = ("none", "named", "set", "unknown")
 GROUPS = {"nothing": NULLS, "one of the catalogue": ("one", "decoy"), "aliases": ("alias",), "two": ("two",),
           "in no catalogue": ("off",)}
+KINDS = {"one": "one effect", "two": "two effects", "alias": "aliases", "decoy": "with a decoy",
+         "off": "in no catalogue"}
+CHANGED = {**KINDS, "one": "one thing changed", "two": "two things"}     # of MuJoCo's robot
 STEPS = (0.0, 1.0, 3.0, 7.0, 15.0, 35.0, 100.0, float("inf"))      # of lambda
 Question = Callable[[Mark], bool | None]
 Again = Sequence[tuple[Mark, Mark]]
@@ -66,11 +69,11 @@ def ladder_of(marks: Sequence[Mark]) -> list[tuple[float, float, list[Mark]]]:
 
 def _alarms(marks: Sequence[Mark]) -> Table:
     nulls = [one for one in marks if one.kind in NULLS]
-    groups = {"clean": [one for one in nulls if one.kind == "clean" and one.engine == "numpy"],
-              "dirty": [one for one in nulls if one.kind == "dirty" and one.engine != MUJOCO],
+    groups = {"clean": [one for one in nulls if one.kind == "clean" and one.engine == NUMPY],
+              "dirty": [one for one in nulls if one.kind == "dirty" and one.engine == NUMPY],
               "MuJoCo, unchanged": [one for one in nulls if one.engine == MUJOCO and one.kind == "clean"],
               "MuJoCo, unchanged, dirty": [one for one in nulls if one.engine == MUJOCO and one.kind == "dirty"],
-              "together": nulls}
+              "somebody else's": [one for one in nulls if one.engine == OWN], "together": nulls}
     rows = [[title, said(*share(mine, lambda one: one.found)), said(*share(mine, lambda one: bool(one.names)))]
             for title, mine in groups.items() if mine]
     return Table("Worlds in which nothing is missing (nominal 0.05)", ("", "false alarms", "a name was given"), rows)
@@ -103,11 +106,9 @@ def _by_name(marks: Sequence[Mark]) -> Table:
 
 def _right(marks: Sequence[Mark]) -> Table:
     """Each kind of world in which something is hidden, of those found."""
-    kinds = {"one effect": ("numpy", "one"), "two effects": ("numpy", "two"), "aliases": ("numpy", "alias"),
-             "with a decoy": ("numpy", "decoy"), "in no catalogue": ("numpy", "off"),
-             "MuJoCo, one thing changed": (MUJOCO, "one"), "MuJoCo, two things": (MUJOCO, "two"),
-             "MuJoCo, aliases": (MUJOCO, "alias"), "MuJoCo, with a decoy": (MUJOCO, "decoy"),
-             "MuJoCo, in no catalogue": (MUJOCO, "off"), "somebody else's": ("own", "one")}
+    kinds = {**{words: (NUMPY, kind) for kind, words in KINDS.items()},
+             **{f"MuJoCo, {words}": (MUJOCO, kind) for kind, words in CHANGED.items()},
+             **{f"somebody else's, {words}": (OWN, kind) for kind, words in KINDS.items()}}
     rows = []
     for title, (engine, kind) in kinds.items():
         mine = [one for one in marks if (one.engine, one.kind) == (engine, kind)]

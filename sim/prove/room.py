@@ -12,6 +12,7 @@
     ROUND/keeper/w0001.json       its seal; not for the solver
     ROUND/grades.jsonl            marks of opened worlds
     ROUND/report.html             them all, in pictures and tables
+    ROUND/figures.json            the figures of those tables, with intervals
 """
 
 from pathlib import Path
@@ -47,6 +48,10 @@ class Room(NamedTuple):
     @property
     def report(self) -> Path:
         return self.root / "report.html"
+
+    @property
+    def figures(self) -> Path:
+        return self.root / "figures.json"
 
     @property
     def half(self) -> Path:

@@ -3,10 +3,11 @@
 import shutil
 from pathlib import Path
 
+import msgspec
 import pytest
 from msgspec import structs
 
-from doors.prove_drive import LEVEL, NO_GATE, SIDES, Driven, driven_table, play_driven, room_of
+from doors.prove_drive import LEVEL, NO_GATE, SIDES, Driven, driven_of, driven_table, play_driven, room_of
 from robot.config import BadInput
 from sim.prove.keeper import Plan
 from sim.prove.ledger import read_ledger
@@ -44,6 +45,15 @@ def test_gates_are_learnt_before_the_seal_is_opened_and_driven_after_it(played: 
     assert all(0 <= threes <= fired <= TRIALS for threes, fired in driven.scored.values())
     assert driven.scored[NO_GATE][1] >= TRIALS - 1   # without a gate the driver's button fires; one may be spoilt
     assert driven_table([driven]).rows[-1][0] == "together"
+
+
+def test_where_nothing_is_found_both_gates_are_one_and_score_the_same(played: Path) -> None:
+    room = room_of(played)
+    claims = msgspec.json.decode(room.claims("r0001").read_bytes())
+    assert claims["finding"]["verdict"] == "none"    # twenty shots
+    assert claims["gates"]["before"] == claims["gates"]["after"]
+    (driven,) = driven_of(room)
+    assert driven.scored["before"] == driven.scored["after"]
 
 
 def test_what_was_begun_from_another_seed_is_not_gone_on_with(played: Path) -> None:

@@ -13,8 +13,10 @@ import pytest
 
 from robot.config import BadInput
 from sim.prove.making import make_data
+from sim.prove.marking import Mark
 from sim.prove.mix import Drawn
 from sim.prove.own import seal_own
+from sim.prove.proof_table import make_tables
 from sim.prove.room import Room
 
 DOCS = Path(__file__).parents[3] / "docs" / "challenge.md"
@@ -82,6 +84,28 @@ def test_sealing_that_a_kill_cut_short_can_be_repeated(tmp_path: Path, shots: Pa
     assert room.steps() == {"challenge": {"sealed": told}}
     assert sorted(path.name for path in room.data("challenge").iterdir()) == sorted(
         path.name for path in shots.iterdir())
+
+
+def test_a_kill_between_the_ledger_and_the_data_is_made_good_with_the_sealed_data_alone(tmp_path: Path,
+                                                                                         shots: Path) -> None:
+    room = Room(tmp_path / "round")
+    told = seal(tmp_path, WIND, shots)
+    shutil.rmtree(room.data("challenge"))        # entered, and not given away yet
+    other = tmp_path / "other" / "challenge"
+    shutil.copytree(shots, other)
+    (other / "notes.txt").touch()
+    with pytest.raises(BadInput, match=r"notes\.txt: was not among the sealed data"):
+        seal(tmp_path, WIND, other)
+    assert not room.data("challenge").exists()
+    assert seal(tmp_path, WIND, shots) == told and room.steps() == {"challenge": {"sealed": told}}
+    assert room.data("challenge").is_dir()
+
+
+@pytest.mark.parametrize("kind", ["one", "two", "alias", "decoy", "off", "clean", "dirty"])
+def test_every_kind_of_somebody_elses_world_has_a_row(kind: str) -> None:
+    mark = Mark("challenge", "own", kind, "L0", 12, (), None, True, 0.01, "unknown", ())
+    rows = [row[0] for table in make_tables([mark]) for row in table.rows]
+    assert any(row.startswith("somebody else's") for row in rows)
 
 
 def test_the_line_by_which_anybody_checks_a_seal_gives_the_number_that_was_told(tmp_path: Path, shots: Path) -> None:

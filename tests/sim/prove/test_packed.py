@@ -50,7 +50,7 @@ def test_the_same_data_are_made_again_from_the_seals_alone(packed: Path, tmp_pat
     assert main(words) == 0
     said = capsys.readouterr().out
     assert "2 worlds were sealed, 2 marked" in said and "2 worlds made again" in said
-    assert "at most 0 (strength), 0 (error), 0 (oracle_gain), 0 (off_m), 0 (allowed)." in said
+    assert "at most 0 (strength), 0 (error), 0 (oracle_gain), 0 (off_m), 0 (allowed), 0 (random)." in said
     assert main(words) == 2 and "is there already" in capsys.readouterr().err
 
 
