@@ -1,6 +1,6 @@
 """What discovery found becomes what is believed: the fitted coefficients with every named effect, and their doubt."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from sim.discover.evidence import Array, Column, Evidence
 from sim.discover.freed import Freed, all_freed
 from sim.discover.further import further_values
 from sim.discover.mixed import Mixed, mixed
+from sim.discover.otherballs import luck_of_others, usual_gain
 from sim.discover.prior import SCATTERS, believed_name, own_slope
 from sim.discover.refit import Refit
 from sim.discover.step import Step
@@ -32,14 +33,9 @@ def make_belief(investigation: Investigation) -> tuple[Belief, dict[str, Any]]:
     """
     if investigation.fitted is None:
         raise ValueError("the data carry no test, so nothing was fitted")
-    worse = _surely_worse(investigation)
-    steps = () if worse else investigation.steps
-    named = [step for step in steps if not step.unknown]
-    free, why = _free(investigation, steps)
-    several = mixed(named[-1]) if named and not free else None
+    taken, worse = _best(investigation)
+    named, free, several, evidence = taken.named, taken.free, taken.several, taken.evidence
     names = [name for step in named[:-1 if several else None] for name in step.refit.names]
-    evidence = (free[-1].evidence if free else several.evidence if several else named[-1].refit.evidence if named
-                else _shared(investigation.fitted.evidence))
     columns = [k for k, column in enumerate(evidence.columns) if _belongs(column)]
     coefficients, curves = _nameless(evidence, free, investigation.belief)
     coefficients |= _coefficients(evidence, columns, investigation.finding.data.believed)
@@ -56,7 +52,8 @@ def make_belief(investigation: Investigation) -> tuple[Belief, dict[str, Any]]:
                   "adopted": [name.partition(".")[0] for name in names] + [one.said for one in free] + _parts(several),
                   "averaged": several is not None,
                   "p_value": finding.mismatch.p_value if finding.mismatch.p_value is not None else "none"}
-    refused = {"refused": worse or why} if worse or why else {}
+    why = worse or taken.why
+    refused = {"refused": why} if why else {}
     return Belief(coefficients, scatter, kept, covariance, curves), {**refused, **provenance}
 
 
@@ -76,10 +73,51 @@ def _parts(several: Mixed | None) -> list[str]:
     return [f"{name.partition('.')[0]} ({value:.0%})" for name, value in share.items()]
 
 
-def _surely_worse(investigation: Investigation) -> str:
-    interval = gained_interval(investigation.finding.fit) if investigation.steps else None
-    surely = interval is not None and interval[1] < 0.0
-    return "what was found foretells unseen shots surely worse" if surely else ""
+class _Taken(NamedTuple):
+    """Named steps, curves of what has no name, the average of the last names where they were several, the evidence of
+    it all, and why a curve was not taken."""
+
+    named: tuple[Step, ...]
+    free: tuple[Freed, ...]
+    several: Mixed | None
+    evidence: Evidence
+    why: str
+
+
+def _best(investigation: Investigation) -> tuple[_Taken, str]:
+    """All that was found; else what of it has a name; else nothing; and why not all."""
+    everything, worse = investigation.steps, ""
+    named = tuple(step for step in everything if not step.unknown)
+    for steps in (everything, named) if len(named) < len(everything) else (everything,):
+        taken = _take(investigation, steps)
+        why = _surely_worse(investigation, taken.evidence)
+        if not why:
+            return taken, worse
+        worse = worse or why
+    return _take(investigation, ()), worse
+
+
+def _take(investigation: Investigation, steps: tuple[Step, ...]) -> _Taken:
+    assert investigation.fitted is not None
+    named = tuple(step for step in steps if not step.unknown)
+    free, why = _free(investigation, steps)
+    several = mixed(named[-1]) if named and not free else None
+    evidence = (free[-1].evidence if free else several.evidence if several else named[-1].refit.evidence if named
+                else _shared(investigation.fitted.evidence))
+    return _Taken(named, free, several, evidence, why)
+
+
+def _surely_worse(investigation: Investigation, evidence: Evidence) -> str:
+    """Why nothing that was found is believed. Where a later session's balls may be others, their luck is left out."""
+    if not investigation.steps or investigation.fitted is None or investigation.clusters is None:
+        return ""
+    before = _shared(investigation.fitted.evidence)
+    if len(luck_of_others(before)):
+        _, high = usual_gain(before, evidence, investigation.clusters)
+        return "other balls than this session's would be foretold surely worse" if high < 0.0 else ""
+    fit = investigation.finding.fit
+    interval = None if fit is None else gained_interval(fit)
+    return "what was found foretells unseen shots surely worse" if interval and interval[1] < 0.0 else ""
 
 
 def _free(investigation: Investigation, steps: tuple[Step, ...]) -> tuple[tuple[Freed, ...], str]:

@@ -10,6 +10,7 @@ from sim.discover.adopt import make_belief
 from sim.discover.discover import discover
 from sim.discover.finding import Finding
 from sim.discover.next_steps import moved_by, parting_shot
+from sim.discover.otherballs import luck_of_others
 from sim.prove.truth.shoot import shoot
 from sim.prove.truth.world import World, make_world
 
@@ -51,6 +52,20 @@ def test_a_believed_number_that_has_changed_is_named_with_both_values(belief: Be
     assert first.believed == pytest.approx(belief.value("drag.cd"))
     assert first.parameters["cd"].low90 < 1.4 * FIRST.cd < first.parameters["cd"].high90
     assert "and not" in finding.sentence
+
+
+def test_a_change_is_adopted_unless_other_balls_would_be_foretold_worse_by_it(belief: Belief,
+                                                                              monkeypatch: pytest.MonkeyPatch) -> None:
+    dataset = shoot(later(33, cd=1.4))
+    nobodys = {name: texts for name, texts in dataset.shots.texts.items() if name != "ball_id"}
+    found = discover(replace(dataset, shots=replace(dataset.shots, texts=nobodys)), belief=belief)
+    assert found.fitted is not None and len(luck_of_others(found.fitted.evidence))
+    adopted, provenance = make_belief(found)
+    assert provenance["adopted"] == ["drag"] and "refused" not in provenance
+    monkeypatch.setattr("sim.discover.adopt.usual_gain", lambda before, after, clusters: (-2.0, -1.0))
+    kept, provenance = make_belief(found)
+    assert provenance["adopted"] == [] and "other balls" in provenance["refused"]
+    assert kept.value("drag.cd") < adopted.value("drag.cd")
 
 
 def test_the_shot_that_parts_a_changed_number_from_another_name_goes_by_what_their_refits_do(belief: Belief) -> None:

@@ -75,12 +75,15 @@ def test_what_was_cut_short_goes_on(room: Room) -> None:
     assert len(kept) == 1
     room.ledger.write_bytes(kept[0])
     data = {path: path.read_bytes() for path in room.data("w0003").iterdir()}
+    given = {path: path.read_bytes() for path in room.data("w0001").iterdir()}
     shutil.rmtree(room.data("w0003"))
+    shutil.rmtree(room.data("w0001"))            # in the ledger, and not given away yet
     (room.data("w0002") / "torn").write_bytes(b"")
     seal_round(room, load_plan(room), quiet, 1)
     assert [(one.world, one.what) for one in read_ledger(room.ledger)] == [
         ("w0001", "sealed"), ("w0002", "sealed"), ("w0003", "sealed")]
     assert {path: path.read_bytes() for path in room.data("w0003").iterdir()} == data
+    assert {path: path.read_bytes() for path in room.data("w0001").iterdir()} == given
     assert room.claims("w0001").read_bytes() == claims
 
 

@@ -1,0 +1,35 @@
+"""What a simulation foretells where the balls are the ones that were believed in.
+
+A later session's balls may be others, and a fit that may say so puts much of a change of the robot down to them: on
+shots of that session it foretells no worse for it. But the next session's balls are others again. So what is to be
+believed is judged with the session's luck of balls taken out: a name that needs more of that luck than doing without
+the name does is not believed, and one that needs less is, whatever the shots of this session gain.
+"""
+
+import numpy as np
+
+from sim.discover.clusters import Clusters
+from sim.discover.evidence import Array, Evidence
+from sim.discover.refit import clustered_error, unseen_change
+
+NINETY = 1.645
+
+
+def luck_of_others(evidence: Evidence) -> Array:
+    """Places of the columns of a later session's balls; none where nothing was believed of earlier ones."""
+    return np.array([k for k, column in enumerate(evidence.columns) if column.kind == "group" and column.told],
+                    dtype=int)
+
+
+def usual_score(evidence: Evidence, clusters: Clusters) -> Array:
+    """Log score [n] of each shot by fits of all columns to the other folds, had the balls been as believed."""
+    change, luck = unseen_change(evidence, clusters), luck_of_others(evidence)
+    change[:, luck] = -evidence.point[luck]
+    return np.asarray(evidence.log_score + evidence.gain(change))
+
+
+def usual_gain(before: Evidence, after: Evidence, clusters: Clusters) -> tuple[float, float]:
+    """90 % interval of the log score that a shot gains by `after` in place of `before`, columns all shared in both."""
+    gain = usual_score(after, clusters) - usual_score(before, clusters)
+    error = NINETY * clustered_error(gain, clusters.label[after.rows])
+    return float(gain.mean() - error), float(gain.mean() + error)
