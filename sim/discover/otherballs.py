@@ -2,8 +2,8 @@
 
 A later session's balls may be others, and a fit that may say so puts much of a change of the robot down to them: on
 shots of that session it foretells no worse for it. But the next session's balls are others again. So what is to be
-believed is judged with the session's luck of balls taken out: a name that needs more of that luck than doing without
-the name does is not believed, and one that needs less is, whatever the shots of this session gain.
+believed is judged with the session's luck of balls taken out: what would then foretell its shots surely worse is not
+believed, be it that this session's balls gain by it; and what they do not gain by is, if it is not surely worse.
 """
 
 import numpy as np

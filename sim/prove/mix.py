@@ -47,7 +47,7 @@ OFF_FACTORS = (1.0, 2.0)              # of what is in no catalogue where its lam
 DIRTY = 0.4                           # of the worlds with an effect
 LADDER_SHOTS = 300                    # that the table of lambdas is about
 FIRST_SEED = 1 << 50                  # a round's worlds have none of the small seeds that benchmarks' worlds have
-# Effects of which one is always taken for the other, whatever is done; the set is the right answer.
+# Effects of which one is easily taken for the other; the whole set is the right answer.
 ALIKE = {"L0": ("target_height", "release_height", "distance_bias", "distance_scale"),
          "L1": ("target_height", "release_height"), "L2": ("distance_bias", "distance_scale")}
 LIMITS = {"ball_stiffness_scale": (0.35, 3.0), "flywheel_inertia_scale": (0.25, 5.0)}      # that a world stands
