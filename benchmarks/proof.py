@@ -18,7 +18,7 @@ from typing import NamedTuple
 import msgspec
 
 from sim.prove.keeper import load_plan
-from sim.prove.ledger import digest, read_ledger
+from sim.prove.ledger import last_digest, read_ledger
 from sim.prove.opener import Graded, graded_of
 from sim.prove.packed import unpack
 from sim.prove.proof_beside import beside
@@ -73,7 +73,7 @@ def load(path: Path) -> Packed:
         unpack(path, room)
         plan, graded, entries = load_plan(room), tuple(graded_of(room)), read_ledger(room.ledger)
         solvers = sorted({msgspec.json.decode(room.claims(one.world).read_bytes())["solver"] for one in graded})
-        last = digest(room.ledger.read_bytes().splitlines()[-1])
+        last = last_digest(room.ledger)
     facts = (f"{plan.worlds} worlds drawn from {plan.seed} ({', '.join(plan.engines)}). Solver (SHA-256 of its code): "
              f"{', '.join(f'`{one[:16]}`' for one in solvers)}. Ledger: {len(entries)} lines, SHA-256 of the last "
              f"`{last[:16]}`. File: `{path.name}`.")

@@ -16,7 +16,7 @@ from doors.prove_drive import LEVEL, driven_of, driven_table, learn_gates, play_
 from robot.config import BadInput
 from sim.discover.intake import FEWEST_SHOTS
 from sim.prove.keeper import Plan, answer_round, entropy, load_plan, seal_round
-from sim.prove.ledger import digest, read_ledger
+from sim.prove.ledger import last_digest, read_ledger
 from sim.prove.mix import MUJOCO, NUMPY, OWN
 from sim.prove.opener import Graded, grade_round, graded_of, unclaimed
 from sim.prove.own import seal_own
@@ -102,8 +102,7 @@ def _play(args: argparse.Namespace, room: Room) -> int:
 
 def _head(room: Room) -> str:
     """What to tell the others, so that nothing in the ledger can be changed unseen from here on."""
-    entries = read_ledger(room.ledger)
-    return f"{len(entries)} lines, SHA-256 of the last: {digest(room.ledger.read_bytes().splitlines()[-1])}"
+    return f"{len(read_ledger(room.ledger))} lines, SHA-256 of the last: {last_digest(room.ledger)}"
 
 
 def _drive(args: argparse.Namespace, room: Room) -> int:
@@ -141,6 +140,9 @@ def _check(args: argparse.Namespace) -> None:
         raise BadInput(f"--rivals: others are put to tracks alone, which --level {args.level} does not have; L2 does")
     if args.scheduler is not None and args.role in ("drive", "gates", "pack", "check"):
         raise BadInput(f"--scheduler: {args.role} runs on this machine alone")
+    if args.solve and (args.role != "check" or args.solve > args.worlds):
+        raise BadInput(f"--solve {args.solve}: with check, and no more than --worlds {args.worlds}, which are made "
+                       "again")
     begun = room_of(Path(args.out)) if args.role == "gates" else Room(Path(args.out))
     unpacked = args.role == "check" and args.packed
     if args.role in ("solve", "answer", "grade", "gates", "pack", "check") and not (unpacked or begun.ledger.exists()):

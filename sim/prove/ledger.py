@@ -59,14 +59,19 @@ def read_ledger(path: str | Path) -> tuple[Entry, ...]:
     return tuple(entries)
 
 
+def last_digest(path: str | Path) -> str:
+    """SHA-256 of the last whole line, in which all before it is contained; FIRST where there is none."""
+    lines = Path(path).read_bytes().split(b"\n")[:-1] if Path(path).is_file() else []
+    return digest(lines[-1]) if lines else FIRST
+
+
 def append(path: str | Path, what: str, world: str, sha256: str) -> Entry:
     """Add a line and wait until it is on the disk; for one writer. BadInput where the ledger is broken already."""
     path = Path(path)
     entries = read_ledger(path)
     data = path.read_bytes() if path.is_file() else b""
     whole = data[:data.rfind(b"\n") + 1]
-    before = digest(whole.split(b"\n")[-2]) if whole else FIRST
-    entry = Entry(len(entries) + 1, what, world, sha256, before)
+    entry = Entry(len(entries) + 1, what, world, sha256, last_digest(path))
     with path.open("r+b" if path.is_file() else "wb") as file:
         file.truncate(len(whole))     # what a kill has torn
         file.seek(len(whole))

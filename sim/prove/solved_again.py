@@ -1,5 +1,6 @@
-"""Claims made again from the released data alone: whether they are what the solver says of such data, or what somebody
-wrote who had seen the truth. Only whoever has the very solver, by its hash, can tell."""
+"""First claims made again from the released data alone: whether they are what the solver says of such data, or what
+somebody wrote who had seen the truth. Only whoever has the very solver, by its hash, can tell. What rivals say, what
+more was asked for and second claims are not made again."""
 
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
@@ -8,7 +9,7 @@ from typing import Any
 
 import msgspec
 
-from sim.prove.grade import said_set
+from sim.prove.grade import said_set, said_stage
 from sim.prove.ledger import append
 from sim.prove.making import HOME
 from sim.prove.room import SEALED, Room
@@ -39,12 +40,15 @@ def compare_claims(room: Room, other: Room, name: str) -> tuple[str, ...]:
 def _told(claims: Mapping[str, Any]) -> dict[str, Any]:
     """What marks are made of. Names by name: two as likely as each other come in either order."""
     finding = claims["finding"]
+    where, unknown = finding.get("where") or {}, finding.get("unknown") or {}
     what = {one["term"]: [one.get("probability"), one.get("parameters")] for one in finding.get("what") or ()}
     also = [sorted(one.get("set") or ()) for one in finding.get("also") or ()]
     return {"verdict": finding["verdict"], "found": finding["mismatch"]["found"],
             "p_value": finding["mismatch"].get("p_value"), "set": sorted(said_set(finding)), "what": what, "also": also,
-            "stage": (finding.get("where") or {}).get("stage"), "fit": finding.get("fit"),
-            "believed": claims.get("believed")}
+            "stage": said_stage(where), "goes with": [where.get("covariate"), where.get("direction"),
+                                                      sorted(where.get("inseparable") or ()),
+                                                      unknown.get("covariate"), unknown.get("direction")],
+            "fit": finding.get("fit"), "believed": claims.get("believed")}
 
 
 def _unlike(key: str, was: Any, now: Any) -> Iterator[str]:

@@ -1,6 +1,8 @@
 """Claims that somebody wrote who had seen the truth, the ledger made anew and all: only solving again can tell. (That
 honest ones come out the same, test_both_engines has.)"""
 
+from pathlib import Path
+from typing import Any
 
 import msgspec
 import pytest
@@ -10,7 +12,7 @@ from sim.prove.opener import grade_round
 from sim.prove.packed import pack
 from sim.prove.room import Room
 from sim.prove.seal import canonical
-from sim.prove.solved_again import _unlike
+from sim.prove.solved_again import _unlike, compare_claims
 from sim.prove.solver import solver_id
 from tests.sim.prove.forging import enter_otherwise
 from tests.sim.prove.playing import prove, quiet
@@ -45,6 +47,33 @@ def test_claims_under_another_solvers_hash_are_not_solved_by_this_one(room: Room
     forge(room, "w0001", "f" * 64)
     code, said = check(room, "--solve", "1")
     assert code == 2 and f"this one is {solver_id()[:16]}: check that commit out" in said, said
+
+
+CLAIMS: dict[str, Any] = {"finding": {
+    "verdict": "set", "mismatch": {"found": True, "p_value": 0.01}, "set": ["drag", "wind_x"], "unknown": None,
+    "what": [{"term": "drag", "probability": 0.6, "parameters": {"cd": {"value": 0.5}}},
+             {"term": "wind_x", "probability": 0.4, "parameters": {}}], "also": [{"set": ["hood_offset"]}],
+    "where": {"stage": None, "stage_probability": {"flight": 0.7, "launch": 0.3}, "covariate": "t_s",
+              "direction": "along", "inseparable": ["shot"]}, "fit": {"gain_per_shot": 0.1}},
+    "believed": {"before": {"cd": 0.4}, "after": {"cd": 0.5}}}
+
+
+WHERE: dict[str, Any] = CLAIMS["finding"]["where"]
+
+
+@pytest.mark.parametrize("forged", [
+    {"verdict": "named"}, {"mismatch": {"found": False, "p_value": 0.01}},
+    {"mismatch": {"found": True, "p_value": 0.02}}, {"set": ["drag"]}, {"what": CLAIMS["finding"]["what"][:1]},
+    {"also": []}, {"fit": {"gain_per_shot": 0.2}}, {"unknown": {"covariate": "t_s", "direction": "along"}},
+    {"where": WHERE | {"stage": "launch"}}, {"where": WHERE | {"stage_probability": {"flight": 0.3, "launch": 0.7}}},
+    {"where": WHERE | {"covariate": "ball_id"}}, {"where": WHERE | {"direction": "vertical"}},
+    {"where": WHERE | {"inseparable": []}}], ids=str)
+def test_whatever_marks_are_made_of_cannot_be_forged_unseen(tmp_path: Path, forged: dict[str, Any]) -> None:
+    rooms = [Room(tmp_path / name) for name in ("was", "now", "same")]
+    for room, change in zip(rooms, (forged, {}, {}), strict=True):
+        room.claims("w0001").parent.mkdir(parents=True)
+        room.claims("w0001").write_bytes(canonical({**CLAIMS, "finding": {**CLAIMS["finding"], **change}}))
+    assert compare_claims(rooms[0], rooms[1], "w0001") and not compare_claims(rooms[1], rooms[2], "w0001")
 
 
 @pytest.mark.parametrize(("was", "now", "lines"), [
