@@ -1,0 +1,46 @@
+"""The command line under test, in a process of its own: nothing of the package is imported here."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+# Every spelling that `make golden` uses. When a command is renamed, change it here and nowhere else.
+COMMANDS = {
+    "replay": ("replay",),
+    "emulate": ("emulate",),
+    "shots": ("shots",),
+    "predict": ("predict",),
+    "predict gate": ("predict-gate",),
+    "fit ml": ("fit", "--method", "ml"),
+    "fit grid": ("fit", "--method", "grid"),
+    "synth": ("synth",),
+    "train": ("train",),
+    "export": ("export",),
+    "verify": ("verify",),
+    "discover": ("discover",),
+    "identifiability": ("discover", "--identifiability"),
+    "design": ("design",),
+}
+
+# As tests/conftest.py has it: one thread, so that sums are taken in one order, and XLA's older code generator.
+ENVIRONMENT = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1",
+               "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.2", "JAX_PLATFORMS": "cpu",
+               "XLA_FLAGS": "--xla_cpu_multi_thread_eigen=false --xla_cpu_use_fusion_emitters=false "
+                            "intra_op_parallelism_threads=1"}
+
+
+class CommandFailed(Exception):
+    """A command ended with another exit code than 0."""
+
+
+def run(name: str, *args: str | Path, cache: Path | None = None) -> str:
+    """Run a command of COMMANDS and return its standard output; raise CommandFailed unless it exits 0."""
+    environment = ENVIRONMENT | dict(os.environ)
+    if cache is not None:
+        environment.setdefault("JAX_COMPILATION_CACHE_DIR", str(cache))
+    argv = [sys.executable, "-m", "truearc", *COMMANDS[name], *map(str, args)]
+    done = subprocess.run(argv, env=environment, capture_output=True, text=True)
+    if done.returncode:
+        raise CommandFailed(f"{' '.join(argv[1:])}: exit {done.returncode}\n{done.stdout[-500:]}{done.stderr[-2000:]}")
+    return done.stdout
