@@ -24,7 +24,9 @@ from typing import Any
 import numpy as np
 
 import robot
-from doors.benchmark import fill_and_tell, parser_of
+from benchmarks.adoption_table import make_table
+from benchmarks.filling import fill_and_tell, parser_of
+from benchmarks.unseen import off_m
 from doors.discover import keep_compiled
 from doors.progress import make_progress
 from robot.config import Config, load_config
@@ -38,9 +40,7 @@ from sim.gate.marks import Marks, marks_of
 from sim.gate.novelty import fit_novelty
 from sim.gate.train import train_physics_gate
 from sim.network import probabilities
-from sim.prove.adoption_table import make_table
 from sim.prove.changes import Change, seen_at
-from sim.prove.unseen import off_m
 from sim.prove.worldfile import fill
 from sim.shots import Shots
 from sim.sweep import Job, train_many

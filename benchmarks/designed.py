@@ -22,12 +22,12 @@ import numpy as np
 from scipy.special import log_softmax
 from scipy.stats import t as student
 
-from doors.benchmark import fill_and_tell, parser_of
+from benchmarks.filling import fill_and_tell, parser_of
+from benchmarks.suite import Job, amount_of
 from doors.discover import keep_compiled
 from doors.progress import make_progress
 from sim.discover.design import can_design, make_design
 from sim.discover.discover import discover
-from sim.prove.suite import Job, amount_of
 from sim.prove.truth.follow import Asked, follow
 from sim.prove.truth.shoot import shoot
 from sim.prove.truth.world import World, make_world

@@ -13,12 +13,15 @@ import argparse
 import sys
 import time
 import traceback
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 import msgspec
 
+from benchmarks.suite import KINDS, Job, mark_job, plan_jobs, true_parameter, world_of
 from doors.discover import keep_compiled
 from doors.progress import make_progress
 from robot.config import BadInput
@@ -26,9 +29,8 @@ from sim.discover.discover import Investigation, discover
 from sim.discover.finding import make_json
 from sim.fanout import fan_out
 from sim.prove.ceiling import ceiling_of, oracle_gain, strength_of
-from sim.prove.grade import Grade, grade, true_parameter
-from sim.prove.suite import KINDS, Job, plan_jobs, world_of
-from sim.prove.table import make_tables
+from sim.prove.marking import NULLS, Mark
+from sim.prove.proof_table import Table, make_tables, said, share
 from sim.prove.truth.shoot import shift_m, shoot
 from sim.prove.truth.world import World, as_table
 from sim.prove.worldfile import append_line, lines_of, mend
@@ -60,7 +62,7 @@ def run(path: str, job: Job) -> None:
 
 def _with_ceiling(finding: dict[str, Any], found: Investigation, job: Job, world: World) -> dict[str, Any]:
     """The finding with what could have been found and gained."""
-    wanted = true_parameter(job, world)
+    wanted = true_parameter(job)
     if job.kind == "off" and found.fitted is not None:
         return {**finding, "strength": strength_of(found.fitted.evidence, shift_m(world))}
     if wanted is None:
@@ -76,16 +78,17 @@ def _short(finding: dict[str, Any] | None) -> dict[str, Any] | None:
     return finding and {**finding, "mismatch": {**finding["mismatch"], "tests": {}}}
 
 
-def grades_of(path: Path) -> tuple[list[Grade], list[str]]:
-    """(grades, keys of worlds in which the solver broke)."""
-    grades, broken = [], []
+def marks_of(path: Path) -> tuple[list[tuple[Job, Mark]], list[float], list[str]]:
+    """Marks with their jobs, seconds of each world, and keys of worlds in which the solver broke."""
+    marks, seconds, broken = [], [], []
     for line in lines_of(path):
         job = msgspec.convert(line["job"], Job)
         if line["finding"] is None:
             broken.append(line["key"])
         else:
-            grades.append(grade(job, line["finding"], line["seconds"], world_of(job)))
-    return grades, broken
+            marks.append((job, mark_job(job, line["finding"])))
+            seconds.append(line["seconds"])
+    return marks, seconds, broken
 
 
 def main() -> int:
@@ -101,7 +104,7 @@ def main() -> int:
 
 
 def _run_all(args: argparse.Namespace) -> None:
-    kinds = KINDS if args.what == "all" else args.what.split(",")
+    kinds = tuple(KINDS) if args.what == "all" else args.what.split(",")
     levels = args.level.split(",")
     scales = {level: args.scale if args.scale is not None else SCALES.get(level, 1.0) for level in levels}
     jobs = plan_jobs(kinds, levels, [int(count) for count in args.shots.split(",")], args.worlds, args.seed, scales,
@@ -115,12 +118,28 @@ def _run_all(args: argparse.Namespace) -> None:
 
 
 def _tell(path: Path) -> None:
-    grades, broken = grades_of(path)
-    if not grades:
+    marks, seconds, broken = marks_of(path)
+    if not marks:
         raise BadInput(f"{path}: no world is in it")
-    print(make_tables(grades))
+    print(_alarms(marks).markdown())
+    for level, shots, scale in sorted({(job.level, job.shots, job.scale) for job, _ in marks if job.kind != "nulls"}):
+        mine = [one for job, one in marks if (job.level, job.shots) == (level, shots) and job.scale in (scale, 0.0)]
+        print(f"\n## {level}, {shots} shots, effects x {scale:g}\n")
+        print("\n\n".join(table.markdown() for table in make_tables(mine, scale=scale)))
+    print(f"\nSeconds per world: median {median(seconds):.1f}, slowest {max(seconds):.1f}")
     if broken:
         print(f"The solver broke in {len(broken)} worlds: {', '.join(broken[:10])}")
+
+
+def _alarms(marks: Sequence[tuple[Job, Mark]]) -> Table:
+    """Of worlds in which nothing is hidden, by what is wrong with their data."""
+    nulls = [(job, one) for job, one in marks if one.kind in NULLS]
+    rows = []
+    for setting in sorted({(job.level, job.shots, job.name) for job, _ in nulls}):
+        mine = [one for job, one in nulls if (job.level, job.shots, job.name) == setting]
+        rows.append([*map(str, setting), said(*share(mine, lambda one: one.found)),
+                     said(*share(mine, lambda one: bool(one.names)))])
+    return Table("False alarms (nominal 0.05)", ("level", "shots", "null", "false alarms", "a name was given"), rows)
 
 
 def _arguments() -> argparse.Namespace:

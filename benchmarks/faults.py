@@ -5,7 +5,7 @@
     python benchmarks/faults.py --table FILE
 
 The tracks of worlds in which nothing is hidden (sim.prove.truth, L2, 300 shots), or those of a dataset that somebody
-recorded, are spoilt as a bad tracker would have spoilt them (sim.prove.faults), and discovery is asked about each, and
+recorded, are spoilt as a bad tracker would have spoilt them (tracker_faults.py), and discovery is asked about each, and
 about the same tracks unspoilt. --since: what has changed, to someone who believes what the unspoilt tracks led to? A
 line of FILE an answer; one that is there already is not worked out again.
 """
@@ -18,7 +18,10 @@ from typing import Any
 
 import msgspec
 
-from doors.benchmark import fill_and_tell, parser_of
+from benchmarks.fault_table import make_table
+from benchmarks.filling import fill_and_tell, parser_of
+from benchmarks.suite import Job, world_of
+from benchmarks.tracker_faults import FAULTS, with_fault
 from doors.discover import keep_compiled
 from doors.progress import make_progress
 from robot.config import BadInput
@@ -26,9 +29,6 @@ from sim.belief import Belief
 from sim.discover.adopt import make_belief
 from sim.discover.discover import discover
 from sim.discover.finding import make_json
-from sim.prove.fault_table import make_table
-from sim.prove.faults import FAULTS, with_fault
-from sim.prove.suite import Job, world_of
 from sim.prove.truth.shoot import shoot
 from sim.prove.worldfile import fill
 from sim.shots import Dataset, load_dataset

@@ -19,6 +19,8 @@ from typing import Any
 
 import msgspec
 
+from benchmarks.field_table import KINDS, LEVEL, flight_names, make_table
+from benchmarks.suite import Job, plan_jobs, true_parameter, world_of
 from doors.discover import keep_compiled
 from doors.progress import make_progress
 from robot.config import BadInput
@@ -26,14 +28,11 @@ from sim.discover.discover import Investigation, discover
 from sim.discover.finding import make_json
 from sim.fanout import fan_out
 from sim.prove.ceiling import FALSE_ALARM, ceiling_of
-from sim.prove.field import KINDS, LEVEL, flight_names, make_table
-from sim.prove.grade import true_parameter
 from sim.prove.rivals.claim import Claim, believed_of
 from sim.prove.rivals.entrants import OURS, RIVALS, check_rivals, find_rival
 from sim.prove.rivals.ours import claim_of
-from sim.prove.suite import Job, plan_jobs, world_of
 from sim.prove.truth.shoot import shoot
-from sim.prove.truth.world import World, as_table
+from sim.prove.truth.world import as_table
 from sim.prove.worldfile import append_line, lines_of, mend
 
 
@@ -55,7 +54,7 @@ def run(path: str, rivals: tuple[str, ...], job: Job) -> None:
     if believed is None:
         line["errors"] |= dict.fromkeys(rivals, "there is no believed fit to start from")
     else:
-        line["ceiling"] = _ceiling(job, world, found[0])
+        line["ceiling"] = _ceiling(job, found[0])
         for rival in rivals:
             _put(line, rival, partial(find_rival(rival), dataset, believed, job.index))
     append_line(path, line)
@@ -72,9 +71,9 @@ def _put(line: dict[str, Any], entrant: str, answer: Callable[[], Claim]) -> Non
         line["claims"][entrant] = {"claim": claim, "seconds": time.perf_counter() - begin}
 
 
-def _ceiling(job: Job, world: World, found: Investigation) -> Any:
+def _ceiling(job: Job, found: Investigation) -> Any:
     """What the information in these very data allows; None where nothing is hidden."""
-    wanted = true_parameter(job, world)
+    wanted = true_parameter(job)
     if wanted is None or found.fitted is None:
         return None
     return ceiling_of(found.fitted.evidence, job.level, f"{job.name}.{wanted[0]}", wanted[1], job.index)

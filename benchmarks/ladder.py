@@ -13,6 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from benchmarks.suite import Job, true_parameter, world_of
 from doors.discover import keep_compiled
 from sim.discover.believed import fit_believed
 from sim.discover.clusters import groups_of
@@ -21,8 +22,6 @@ from sim.discover.evidence import Evidence
 from sim.discover.intake import take_in
 from sim.discover.name import efficient, visible_terms
 from sim.prove.ceiling import strength_of
-from sim.prove.grade import true_parameter
-from sim.prove.suite import Job, world_of
 from sim.prove.truth.effects import ABSORBED, EFFECTS
 from sim.prove.truth.shoot import shift_m, shoot
 from sim.prove.truth.world import BELIEVED, LEVELS, World

@@ -23,7 +23,9 @@ import msgspec
 import numpy as np
 
 import robot
-from doors.benchmark import fill_and_tell, parser_of
+from benchmarks.filling import fill_and_tell, parser_of
+from benchmarks.launcher_table import AS_IS, make_tables
+from benchmarks.unseen import heights_m, off_m
 from doors.discover import keep_compiled
 from doors.progress import make_progress
 from robot.config import load_config
@@ -33,8 +35,6 @@ from sim.discover.adopt import make_belief
 from sim.discover.discover import Investigation, discover
 from sim.discover.finding import make_json
 from sim.prove.changes import Change, seen_at
-from sim.prove.launcher_table import AS_IS, make_tables
-from sim.prove.unseen import heights_m, off_m
 from sim.prove.worldfile import fill
 from sim.world.options import Options
 from sim.world.practice import plan_season

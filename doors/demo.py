@@ -5,10 +5,9 @@ import json
 import shutil
 import sys
 import time
-from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
-from joblib import Parallel, delayed
 from msgspec.structs import replace
 
 import robot
@@ -20,6 +19,7 @@ from doors.twin import emulate
 from robot.config import BadInput, Config, load_config
 from robot.recording.reader import TickReader
 from sim.discover.discover import Investigation, discover
+from sim.fanout import fan_out
 from sim.shots import load_dataset
 from sim.world.target import BallResult
 from truearc import main as front_door
@@ -104,13 +104,9 @@ def _compare(demo: Demo, trials: int, quiet: bool) -> None:
     """Three sessions of another seed, alike but for the gate, side by side on two cores."""
     _say(f"8 drive: the same {trials} trials without a gate, with the first one, and with that of what was found")
     config = walked_in(load_config(SHIPPED), demo.collect)
-    sessions = ((demo.ungated, None), (demo.gated, demo.gate), (demo.after, demo.gate_after))
-    jobs: list[Callable[[], list[BallResult]]] = [
-        delayed(emulate)(config, session, trials, demo.seed + 1, gate_path=gate,
-                         progress=make_progress("drive", quiet or session is not demo.ungated))
-        for session, gate in sessions]
-    results = Parallel(n_jobs=2)(jobs)
-    for (session, _), shots in zip(sessions, (demo.ungated_shots, demo.gated_shots, demo.after_shots), strict=True):
+    sessions = [(demo.ungated, None, quiet), (demo.gated, demo.gate, True), (demo.after, demo.gate_after, True)]
+    results = fan_out(partial(_drive, config, trials, demo.seed + 1), sessions, workers=2)
+    for (session, *_), shots in zip(sessions, (demo.ungated_shots, demo.gated_shots, demo.after_shots), strict=True):
         _run("shots", session, "-o", shots, "--quiet")
     demo.truth.write_text(json.dumps([[one.fed_t_ns, one.z_m] for one in results[0]]), encoding="utf-8")
     for gate, ratings in ((demo.gate, demo.ratings), (demo.gate_after, demo.ratings_after),
@@ -119,6 +115,11 @@ def _compare(demo: Demo, trials: int, quiet: bool) -> None:
     for coefficients, heights in ((demo.coefficients, demo.heights_grid), (demo.belief, demo.heights),
                                   (demo.adopted, demo.heights_after)):
         _run("predict", demo.ungated_shots, "--coefficients", coefficients, "-o", heights)
+
+
+def _drive(config: Config, trials: int, seed: int, job: tuple[Path, Path | None, bool]) -> list[BallResult]:
+    session, gate, quiet = job
+    return emulate(config, session, trials, seed, gate_path=gate, progress=make_progress("drive", quiet))
 
 
 def walked_in(config: Config, session: Path) -> Config:

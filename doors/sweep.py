@@ -3,20 +3,16 @@
 import argparse
 import csv
 from collections.abc import Callable, Sequence
-from functools import partial
-from itertools import chain
 from pathlib import Path
 from typing import Any, TypeVar
 
 from doors.progress import make_progress
 from doors.train_network import DEFAULT, load_rows, make_record
 from robot.config import BadInput
-from sim.fanout import fan_out
 from sim.network import save_weights
 from sim.report import make_png
 from sim.shots import check_free
-from sim.sweep import Job, Recipe, Trained, check_recipe, train_many
-from sim.sweep_kernel import LANES
+from sim.sweep import Recipe, Trained, check_recipe, train_many
 from sim.sweep_settings import (
     Mean,
     Network,
@@ -57,7 +53,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--steps", type=int, default=DEFAULT.steps, help=f"minibatches at most ({DEFAULT.steps})")
     parser.add_argument("--patience", type=int, default=DEFAULT.patience, metavar="STEPS",
                         help=f"stop when so many steps have brought nothing better ({DEFAULT.patience})")
-    parser.add_argument("--scheduler", metavar="ADDRESS", help="a running Dask cluster, such as tcp://host:8786")
     parser.add_argument("-o", "--out", required=True, metavar="DIR", help="directory to write")
 
 
@@ -71,7 +66,7 @@ def main(args: argparse.Namespace) -> int:
     real = load_rows(args.real)
     networks = plan(real, load_rows(args.sim) if args.sim else None, settings,
                     range(args.seed, args.seed + args.seeds), args.holdout, args.validation)
-    trained = _train([network.job for network in networks], recipe, args.scheduler, make_progress("sweep", args.quiet))
+    trained = train_many([network.job for network in networks], recipe, make_progress("sweep", args.quiet))
     scores = [judge(network, one) for network, one in zip(networks, trained, strict=True)]
     verdict = compare(scores, settings)
     best = verdict.best if verdict else settings[0]
@@ -95,19 +90,6 @@ def _numbers(option: str, text: str, kind: Callable[[str], Kind]) -> list[Kind]:
             what = "a whole number" if kind is int else "a number"
             raise BadInput(f"{option}: {word.strip()!r} in {text!r} is not {what}") from error
     return numbers
-
-
-def _train(jobs: Sequence[Job], recipe: Recipe, scheduler: str | None,
-           progress: Callable[[float, str], None]) -> list[Trained]:
-    """In one batch here, or in batches of LANES on a cluster."""
-    if scheduler is None:
-        return train_many(jobs, recipe, progress)
-    parts = [jobs[first:first + LANES] for first in range(0, len(jobs), LANES)]
-    return list(chain.from_iterable(fan_out(partial(_train_part, recipe), parts, scheduler, progress)))
-
-
-def _train_part(recipe: Recipe, jobs: Sequence[Job]) -> list[Trained]:
-    return train_many(jobs, recipe, threads=1)
 
 
 def _save_tables(home: Path, scores: Sequence[Score], settings: Sequence[Setting]) -> None:

@@ -13,10 +13,8 @@ from doors.images import load_image
 from doors.progress import make_progress
 from hw.reading import CameraFrame
 from robot.config import BadInput, CameraFile, Config, in_words, load_text, load_toml
-from robot.geometry import exit_distance_m
 from robot.types import Sighting
 from robot.vision import detect
-from robot.vision.estimators import NAMES, compare
 
 DESCRIPTION = ("Find the retro-reflective target in images; CSV on stdout, reasons on stderr. Distances are "
                "horizontal, lens to tape centre, along the line of sight. Corners are x y pairs in pixels: bottom "
@@ -25,8 +23,6 @@ DESCRIPTION = ("Find the retro-reflective target in images; CSV on stdout, reaso
                "full height: one that was cropped or turned gets a wrong distance. "
                "See also `truearc vision calibrate` and `truearc vision tune`.")
 EXAMPLE = "truearc vision photos/*.jpg --camera lifecam_hd3000_480p --labels labels.csv"
-MORE = ("muzzle_m", "plane_m", "plane_sigma_m", "bearing_deg",
-        *(name + part for name in (*NAMES, "fused") for part in ("_m", "_sigma_m")), "reason")
 MANY_IMAGES = 200                     # two seconds of work
 
 
@@ -37,10 +33,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                              f"({', '.join(_packaged())}); without it, the packaged launcher.toml")
     parser.add_argument("--labels", metavar="FILE",
                         help="CSV with columns file,label_distance_m: prints an error table")
-    parser.add_argument("--all", action="store_true",
-                        help="more columns: muzzle_m (ball exit to target plane, where distance_m is from the lens), "
-                             "plane_m (lens to the target's plane at right angles, not along the line of sight), the "
-                             "three estimators by themselves and fused, each with sigma, bearing, and the reason")
 
 
 def main(args: argparse.Namespace) -> int:
@@ -49,7 +41,7 @@ def main(args: argparse.Namespace) -> int:
     labels = load_labels(args.labels) if args.labels else None
     progress = make_progress("vision", args.quiet or len(args.images) < MANY_IMAGES)
     table = csv.writer(sys.stdout, lineterminator="\n")
-    table.writerow(["file", "found", "distance_m", "sigma_m", "corners", *(MORE if args.all else ())])
+    table.writerow(["file", "found", "distance_m", "sigma_m", "corners"])
     bad, sizes = 0, set[tuple[int, int]]()
     seen: list[tuple[str, Sighting]] = []
     for done, name in enumerate(args.images):
@@ -58,13 +50,12 @@ def main(args: argparse.Namespace) -> int:
             frame = CameraFrame(0, load_image(name))
         except BadInput as error:
             print(f"truearc vision: {error}", file=sys.stderr)
-            table.writerow([name, "", "", "", "", *([""] * len(MORE) if args.all else ())])
+            table.writerow([name, "", "", "", ""])
             bad += 1
             continue
         sizes.add((frame.image.shape[1], frame.image.shape[0]))
         sighting = detect(frame, camera.camera, camera.tape, camera.vision)
-        more = _more(frame, sighting, camera) if args.all else []
-        table.writerow(_row(name, sighting) + more)
+        table.writerow(_row(name, sighting))
         if not sighting.found:
             print(f"{name}: not found: {sighting.reason}", file=sys.stderr)
         seen.append((name, sighting))
@@ -107,20 +98,6 @@ def _row(name: str, sighting: Sighting) -> list[str]:
         return [name, "false", "", "", ""]
     corners = ", ".join(f"{x:.2f} {y:.2f}" for x, y in sighting.corners_px)
     return [name, "true", f"{sighting.distance_m:.4f}", f"{sighting.sigma_m:.4f}", corners]
-
-
-def _more(frame: CameraFrame, sighting: Sighting, file: CameraFile) -> list[str]:
-    if sighting.distance_m is None or sighting.bearing_deg is None:
-        return [""] * (len(MORE) - 1) + [sighting.reason]
-    three = compare(frame, file.camera, file.tape, file.vision)
-    muzzle_m = exit_distance_m(sighting.distance_m, file.camera)
-    if three is None:
-        return [f"{muzzle_m:.4f}", "", "", f"{sighting.bearing_deg:.4f}"] + [""] * (len(MORE) - 4)
-    sigma_m = np.sqrt(np.diag(three.covariance_m2))
-    pairs = [*zip(three.distance_m, sigma_m, strict=True), (three.fused_m, three.fused_sigma_m)]
-    cells = [muzzle_m, three.plane_m, three.plane_sigma_m, sighting.bearing_deg,
-             *(value for pair in pairs for value in pair)]
-    return [*(f"{value:.4f}" for value in cells), ""]
 
 
 def load_labels(path: str, columns: tuple[str, ...] = ("label_distance_m",)) -> dict[str, float]:

@@ -4,14 +4,12 @@ A job must be a pure function of its argument; then the results are the same wha
 the process that ran it can simply be run again.
 """
 
+import multiprocessing
 import os
-import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from typing import Any, TypeVar
-
-from joblib import Parallel, delayed
-from joblib.externals.loky import process_executor
-from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from robot.config import BadInput
 
@@ -21,7 +19,6 @@ Progress = Callable[[float, str], None]
 Keep = Callable[[Any, Any], None]     # of a job and its result
 
 PATIENCE_S = 10.0                     # a scheduler, and a worker of its, must answer within this
-GROWN = 8 * 1024**3                   # bytes by which a worker may grow; loky replaces it at 300 MB
 ATTEMPTS = 3                          # a process may die this often at one place before the job itself is blamed
 
 
@@ -29,6 +26,9 @@ def fan_out(function: Callable[[Job], Result], jobs: Sequence[Job], scheduler: s
             progress: Progress = lambda done, note: None, workers: int | None = None,
             keep: Keep = lambda job, result: None) -> list[Result]:
     """[function(job) for job in jobs], in that order, whatever runs them.
+
+    function: one that pickle finds by its name (no closure), as are jobs and results; workers import the main module,
+    so a script that calls this needs its `if __name__ == "__main__"`.
 
     keep: called here with each job and its result, once, as soon as it is there (and, but on a cluster, those before it
     are), so that whoever is killed has kept those.
@@ -56,32 +56,33 @@ def _kept(job: Job, result: Result, keep: Keep, number: int, total: int, progres
 
 def _on_processes(function: Callable[[Job], Result], jobs: list[Job], workers: int, progress: Progress,
                   keep: Keep) -> list[Result]:
-    results: list[Result] = []
-    deaths = 0
-    while len(results) < len(jobs):
-        before = len(results)
+    done: dict[int, Result] = {}      # by place among the jobs; what a worker was at when it died is missing
+    kept = deaths = 0
+    while kept < len(jobs):
+        first, futures = kept, dict[int, Future[Result]]()
+        pool = ProcessPoolExecutor(min(workers, len(jobs) - kept), multiprocessing.get_context("spawn"))
         try:
-            for result in _pool(function, jobs[before:], workers):
-                results.append(_kept(jobs[len(results)], result, keep, len(results) + 1, len(jobs), progress))
-        except TerminatedWorkerError as error:
-            deaths = deaths + 1 if len(results) == before else 1
+            for place in range(kept, len(jobs)):
+                if place not in done:
+                    futures[place] = pool.submit(function, jobs[place])
+            while kept < len(jobs):
+                if kept not in done:
+                    done[kept] = futures[kept].result()
+                _kept(jobs[kept], done[kept], keep, kept + 1, len(jobs), progress)
+                kept += 1
+        except BrokenProcessPool as error:
+            deaths = deaths + 1 if kept == first else 1
             if deaths >= ATTEMPTS:
-                raise BadInput(f"job {before + 1} of {len(jobs)}, or one beside it, has killed {ATTEMPTS} processes "
+                raise BadInput(f"job {kept + 1} of {len(jobs)}, or one beside it, has killed {ATTEMPTS} processes "
                                "(out of memory?)") from error
-    return results
+            done |= {place: future.result() for place, future in futures.items() if _has_result(future)}
+        finally:
+            pool.shutdown(cancel_futures=True)
+    return [done[place] for place in range(len(jobs))]
 
 
-def _pool(function: Callable[[Job], Result], jobs: list[Job], workers: int) -> Iterator[Result]:
-    # loky replaces workers that have grown; that is its business and no user's
-    warnings.filterwarnings("ignore", "A worker stopped while some jobs were given", UserWarning)
-    return Parallel(n_jobs=workers, backend="loky", return_as="generator")(
-        delayed(_in_worker)(function, job) for job in jobs)
-
-
-def _in_worker(function: Callable[[Job], Result], job: Job) -> Result:
-    """What a worker has compiled is no leak: replaced, it would compile everything again."""
-    process_executor._MAX_MEMORY_LEAK_SIZE = GROWN
-    return function(job)
+def _has_result(future: Future[Any]) -> bool:
+    return future.done() and not future.cancelled() and future.exception() is None
 
 
 def _on_cluster(function: Callable[[Job], Result], jobs: list[Job], scheduler: str, progress: Progress,

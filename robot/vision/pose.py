@@ -4,7 +4,7 @@ IPPE (the closed form for flat targets) gives the start; Gauss-Newton then minim
 their covariance, together with three beliefs about the mounting: lens height, pitch, and no roll (as well known as the
 pitch). The covariance is that of the edges, a floor for what edges do not show, and what the camera leaves open. The
 tape hangs upright, so its pose alone tells the camera's height and pitch; how far its apparent size, its slant and its
-elevation each count in the distance is settled by how well each is known (`estimators` takes them apart).
+elevation each count in the distance is settled by how well each is known.
 """
 
 import math
@@ -28,14 +28,11 @@ MOST_COST = 22.0                      # of all residuals together, squared: five
 class Pose(NamedTuple):
     """The camera relative to the tape (axes of `shape`; camera axes x right, y down, z forward)."""
 
-    rvec: Array                       # (3,) rotation vector, target to camera
     tvec_m: Array                     # (3,) target origin in the camera
     distance_m: float                 # horizontal, lens to tape centre
     sigma_m: float
     bearing_rad: float                # tape right of the optical axis is positive, about the vertical
     off_px: Array                     # (8,) of the marks
-    spread: Array                     # (6, 6) covariance of rvec and tvec
-    gain: Array                       # (6, 8) how rvec and tvec follow the marks, per px
     reprojection_px: float            # root mean square over the marks, of what no doubt about the camera explains
     cost: float                       # sum of squared normalised residuals, beliefs included
     doubt: str                        # "" or what the pose says against itself
@@ -94,9 +91,8 @@ def _refine(rvec: Array, tvec: Array, ideal_px: Array, whiten: Array, optics: Op
         doubt = f"seen so, the camera's {name} would be far from what the configuration says"
     elif cost > MOST_COST:
         doubt = f"edges, mounting and calibration contradict each other by {math.sqrt(cost):.0f} sigmas"
-    gain: Array = spread @ slope[:8].T @ whiten
-    return Pose(state[:3], state[3:], distance_m, math.sqrt(variance_m2), _bearing(rotation, state[3:]), off_px.ravel(),
-                spread, gain, math.inf, cost, doubt)
+    return Pose(state[3:], distance_m, math.sqrt(variance_m2), _bearing(rotation, state[3:]), off_px.ravel(), math.inf,
+                cost, doubt)
 
 
 def _rotation(rvec: Array) -> tuple[Array, Array]:

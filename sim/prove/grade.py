@@ -1,14 +1,9 @@
 """A finding against the truth: what was right, world by world. Reads findings as formats.md section 2 has them."""
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from msgspec import Struct
-
-from sim.prove.suite import CUT, Job, amount_of
 from sim.prove.truth.effects import EFFECTS
-from sim.prove.truth.world import World
 
 Finding = Mapping[str, Any]
 SEED_SPIN = 2.0                       # the seed's Eq. 12 has twice the spin of rolling, and with it twice r w / v
@@ -29,6 +24,9 @@ PARAMETER: dict[str, tuple[str, Callable[[float], float]]] = {
     "wind_y": ("speed_m_s", float), "wind_z": ("speed_m_s", float), "air_density": ("share", float),
     "drag_wear": ("share", float), "target_height": ("rise_m", float), "rim_catch": ("reach_m", float),
 }
+# Terms that a belief may lack though they are true; their amplitude is the coefficient itself.
+CUT: dict[str, tuple[str, Callable[[float], float]]] = {
+    "drag": ("cd", float), "magnus": ("cl", float), "exit_efficiency": ("loss", float)}
 # Names that data of a level can hardly or not at all tell apart, whatever the solver says (design, section 4.2).
 ALIASES: dict[str, tuple[frozenset[str], ...]] = {
     "L0": (frozenset({"distance_bias", "distance_scale", "target_height", "release_height"}),
@@ -52,56 +50,6 @@ STAGE_OF = {effect.name: effect.stage for effect in EFFECTS} | {
     "drag": "flight", "magnus": "flight", "exit_efficiency": "launch"}
 
 
-class Grade(Struct, frozen=True):
-    """One world's marks; None where the question does not arise."""
-
-    kind: str
-    name: str
-    level: str
-    shots: int
-    scale: float
-    found: bool
-    verdict: str
-    p_value: float | None
-    stage_right: bool | None          # of what was found
-    top_right: bool | None
-    alias_right: bool | None
-    covered: bool | None              # the truth is in the set that is said
-    set_size: int | None
-    interval_holds: bool | None       # of what was named right
-    covariate: str | None
-    direction: str | None
-    gain: float | None                # per held-out shot
-    oracle_gain: float | None         # the same, had the true term been given
-    ceiling: tuple[float, ...] | None  # sim.prove.ceiling.Ceiling's chances in these data
-    seconds: float
-    strength: float | None = None     # lambda of what is in no catalogue, where only heights speak of it
-    goes_with_right: bool | None = None        # covariate and direction of what is in no catalogue
-
-
-def grade(job: Job, finding: Finding, seconds: float, world: World | None = None) -> Grade:
-    """Marks of one finding. world: its true coefficients, for what was cut from the belief."""
-    found = bool(finding["mismatch"]["found"])
-    where = finding.get("where") or {}
-    gain, oracle_gain = gain_said(finding) if found else (None, None)
-    hidden = job.kind != "nulls"
-    named = job.kind in ("effects", "cut")
-    names = said_set(finding)
-    top = names_ranked(finding)[:1]
-    right = bool(top) and top[0] == job.name
-    return Grade(
-        job.kind, job.name, job.level, job.shots, job.scale, found, str(finding.get("verdict")),
-        finding["mismatch"].get("p_value"),
-        said_stage(where) == STAGE_OF[job.name] if found and hidden else None,
-        right if found and named else None,
-        (right or is_alias(job.level, job.name, top, finding)) if found and named else None,
-        job.name in names if found and named and names else None,
-        len(names) if found and names else None,
-        interval_holds(job, finding, world) if found and named and right else None,
-        where.get("covariate"), where.get("direction"), gain, oracle_gain, _ceiling(finding), seconds,
-        finding.get("strength"), goes_with_right(job.name, finding) if found and job.kind == "off" else None)
-
-
 def goes_with_right(name: str, finding: Finding) -> bool:
     """Whether it is said to have no name, and to go with what it does go with, in its direction."""
     where, unknown = finding.get("where") or {}, finding.get("unknown") or {}
@@ -110,17 +58,6 @@ def goes_with_right(name: str, finding: Finding) -> bool:
     names = {said.get("covariate"), *(where.get("inseparable") or ())}
     return (finding.get("verdict") == "unknown" and bool(names & set(covariates))
             and said.get("direction") == direction)
-
-
-def _ceiling(finding: Finding) -> tuple[float, ...] | None:
-    ceiling = finding.get("ceiling")
-    return None if ceiling is None else tuple(ceiling[:4])
-
-
-def gain_said(finding: Finding) -> tuple[float | None, float | None]:
-    """Held-out gain a shot, and what the true term alone would have gained if somebody worked that out."""
-    fit = finding.get("fit") or {}
-    return fit.get("gain_per_shot"), fit.get("oracle_gain_per_shot")
 
 
 def said_stage(where: Mapping[str, Any]) -> str | None:
@@ -147,31 +84,14 @@ def said_set(finding: Finding) -> list[str]:
     return names
 
 
-def is_alias(level: str, name: str, top: Sequence[str], finding: Finding | None = None) -> bool:
-    """Whether the first name said is of the true one's class: the level's, or these very data's (Ceiling.alike)."""
-    alike = ((finding or {}).get("ceiling") or [()])[-1]
-    return bool(top) and (top[0] in alike or any(name in names and top[0] in names for names in ALIASES[level]))
+def is_alias(level: str, name: str, top: Sequence[str]) -> bool:
+    """Whether the first name said is of the true one's class at this level."""
+    return bool(top) and any(name in names and top[0] in names for names in ALIASES[level])
 
 
-def interval_holds(job: Job, finding: Finding, world: World | None = None) -> bool | None:
-    """Whether the 90 % interval of the right name holds the true amplitude; None when none is given, or where balls are
-    not told apart and wear can only mean what it comes to by the end, not that of the most used ball."""
-    if job.level == "L0" and job.name in BY_BALL:
+def in_catalogue(name: str, amount: float) -> tuple[str, float] | None:
+    """Parameter of the catalogue's term that an effect's amplitude is, and its value; None for what has no term."""
+    if name not in PARAMETER and name not in CUT:
         return None
-    wanted = true_parameter(job, world)
-    entry = next(entry for entry in finding["what"] if entry["term"] == job.name)
-    given = (entry.get("parameters") or {}).get(wanted[0]) if wanted else None
-    if wanted is None or not given or given.get("low90") is None or given.get("high90") is None:
-        return None
-    return bool(given["low90"] <= wanted[1] <= given["high90"])
-
-
-def true_parameter(job: Job, world: World | None = None) -> tuple[str, float] | None:
-    """(parameter, value) of the true term in the catalogue's words; None where there is no such thing."""
-    if job.name in CUT and job.kind == "cut" and world is not None:
-        return {"drag": ("cd", world.cd), "magnus": ("cl", world.lift_slope * 3.0 / 32.0),
-                "exit_efficiency": ("loss", 1.0 - world.efficiency)}[job.name]
-    if job.name not in PARAMETER or math.isclose(amount_of(job), 0.0):
-        return None
-    parameter, value = PARAMETER[job.name]
-    return parameter, value(amount_of(job))
+    parameter, value = (PARAMETER | CUT)[name]
+    return parameter, value(amount)

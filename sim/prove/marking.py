@@ -7,11 +7,11 @@ from msgspec import Struct, structs
 
 from sim.prove.changes import changes_of
 from sim.prove.grade import (
+    BY_BALL,
     GOES_WITH,
-    PARAMETER,
     STAGE_OF,
-    gain_said,
     goes_with_right,
+    in_catalogue,
     is_alias,
     names_ranked,
     said_set,
@@ -82,11 +82,11 @@ def mark(drawn: Drawn, finding: Finding, measured: Measured, rivals: Mapping[str
                  len(said) if said else None)
     right, stages = right_names(drawn), right_stages(drawn)
     plain = structs.replace(plain, allowed=measured.allowed, right=right, rivals={
-        name: _rival(drawn, claim, right, measured) for name, claim in (rivals or {}).items()})
+        name: mark_rival(drawn, claim, right, measured) for name, claim in (rivals or {}).items()})
     if not found or drawn.kind in NULLS:
         return plain
     more = {"stage": said_stage(finding.get("where") or {}) in stages if stages else None,
-            "gain": gain_said(finding)[0], "oracle_gain": measured.oracle_gain}
+            "gain": (finding.get("fit") or {}).get("gain_per_shot"), "oracle_gain": measured.oracle_gain}
     if not right:                     # in no catalogue: only the stage can be right, and no name
         hidden = hidden_of(drawn)
         known = drawn.kind == "off" and len(hidden) == 1 and set(hidden) <= set(GOES_WITH)
@@ -109,8 +109,10 @@ def _alike(drawn: Drawn, names: Sequence[str], right: Sequence[str], measured: M
                             or any(is_alias(drawn.level, name, names) for name in right))
 
 
-def _rival(drawn: Drawn, claim: Mapping[str, Any], right: Sequence[str],
-           measured: Measured) -> tuple[bool, bool | None, bool | None]:
+def mark_rival(drawn: Drawn, claim: Mapping[str, Any], right: Sequence[str],
+               measured: Measured) -> tuple[bool, bool | None, bool | None]:
+    """Whether it says something, and of its first name whether it is right, or of a class with a right one; None where
+    no name of the catalogue would be right."""
     says, names = bool(claim["says_something"]), list(claim["names"])[:1]
     if not right:
         return says, None, None
@@ -137,7 +139,7 @@ def _right_of_each(drawn: Drawn) -> list[tuple[str, ...]]:
         return [ALIKE[drawn.level]]
     if drawn.engine == MUJOCO:
         return [change.names for change in changes_of(drawn.change)]
-    return [(name,) for name in drawn.effects if name in PARAMETER]
+    return [(name,) for name, amount in drawn.effects.items() if in_catalogue(name, amount)]
 
 
 def right_stages(drawn: Drawn) -> tuple[str, ...]:
@@ -153,12 +155,14 @@ def _size(drawn: Drawn, finding: Finding, measured: Measured) -> dict[str, Any]:
     if drawn.engine == MUJOCO or len(drawn.effects) != 1 or names_ranked(finding)[:1] != list(drawn.effects):
         return {}
     (name, amount), = drawn.effects.items()
-    parameter, value = PARAMETER[name]
-    value = float if drawn.engine == OWN else value      # strangers state the catalogue's own number
-    given = next(one for one in finding["what"] if one["term"] == name)["parameters"].get(parameter)
-    if given is None or (drawn.level == "L0" and name in ("ball_wear", "drag_wear")):
-        return {}                     # balls that nobody tells apart: wear means something else there
-    truth = value(amount)
+    told = in_catalogue(name, amount)
+    if told is None:
+        return {}
+    parameter = told[0]
+    truth = amount if drawn.engine == OWN else told[1]       # strangers state the catalogue's own number
+    given = (next(one for one in finding["what"] if one["term"] == name).get("parameters") or {}).get(parameter)
+    if given is None or given["low90"] is None or (drawn.level == "L0" and name in BY_BALL):
+        return {}                     # balls not told apart: wear is what it comes to by the end, not a ball's own
     error = None if measured.best_sd is None else (given["value"] - truth) / measured.best_sd
     return {"holds": given["low90"] <= truth <= given["high90"], "error": error}
 

@@ -27,7 +27,7 @@ from sim.prove.changes import (
     seen_at,
 )
 from sim.prove.dirt import DECOY_DIRT, dirt_at
-from sim.prove.suite import NULLS, names_of
+from sim.prove.suite import NULLS, names_at
 from sim.prove.truth.effects import find_effect
 from sim.prove.truth.world import LEVELS, TRACK_DIRT
 from sim.world.options import Options
@@ -120,7 +120,7 @@ def _sizes(rng: np.random.Generator, kind: str, level: str, shots: int) -> dict[
     if kind in ("clean", "dirty"):
         return {}
     if kind == "off":
-        name = str(rng.choice(list(names_of("off", level))))
+        name = str(rng.choice(list(names_at("off", level))))
         return {name: float(rng.choice(plain))}
     if kind == "two":
         return {str(name): float(rng.choice(plain)) for name in _pair(rng, level)}
@@ -131,7 +131,7 @@ def _sizes(rng: np.random.Generator, kind: str, level: str, shots: int) -> dict[
 
 def _catalogued(level: str) -> list[str]:
     """Effects of the catalogue that such data show at all."""
-    return [name for name in names_of("effects", level) if name in lambdas(level)]
+    return [name for name in names_at("effects", level) if name in lambdas(level)]
 
 
 def _pair(rng: np.random.Generator, level: str) -> tuple[str, ...]:

@@ -8,8 +8,8 @@ from sim.intervals import wilson
 from sim.prove.decoys import has_decoy, named_decoy, up_to_alias
 from sim.prove.marking import Mark
 from sim.prove.mix import ALIKE, NUMPY
-from sim.prove.table import CEILINGS
 
+CEILINGS = {"detected": 0, "top-1": 1, "up to alias": 2, "stage": 3}      # places in sim.prove.ceiling.Ceiling
 RESOLVABLE = 50.0                     # lambda, from which what has no name should be told as such
 # Of everything that was said, by whichever engine the world was made and whatever was hidden.
 ALL_GAINS, ALL_NAMES = "gain below 0, of all claims with a gain", "named wrong, of all single names given"

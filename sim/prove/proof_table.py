@@ -13,10 +13,10 @@ from sim.prove.proof_figures import kept_in_test, worse_in_test
 from sim.prove.proof_targets import against_targets
 
 VERDICTS = ("none", "named", "set", "unknown")
-GROUPS = {"nothing": NULLS, "one of the catalogue": ("one", "decoy"), "aliases": ("alias",), "two": ("two",),
+GROUPS = {"nothing": NULLS, "one of the catalogue": ("one", "decoy", "cut"), "aliases": ("alias",), "two": ("two",),
           "in no catalogue": ("off",)}
 KINDS = {"one": "one effect", "two": "two effects", "alias": "aliases", "decoy": "with a decoy",
-         "off": "in no catalogue"}
+         "off": "in no catalogue", "cut": "a term cut from the belief"}
 CHANGED = {**KINDS, "one": "one thing changed", "two": "two things"}     # of MuJoCo's robot
 STEPS = (0.0, 1.0, 3.0, 7.0, 15.0, 35.0, 100.0, float("inf"))      # of lambda
 Question = Callable[[Mark], bool | None]
@@ -35,17 +35,17 @@ class Table(NamedTuple):
         return f"### {self.title}\n\n" + "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
-def make_tables(marks: Sequence[Mark], again: Again = ()) -> list[Table]:
+def make_tables(marks: Sequence[Mark], again: Again = (), scale: float | None = None) -> list[Table]:
     """False alarms, what was found by how plain it was and by name, what was right, the abstention matrix, against the
-    design, and what further shots told; again: (first, then) of the worlds that were shot again."""
-    tables = [_alarms(marks), _ladder(marks), _by_name(marks), _right(marks), _matrix(marks), _targets(marks),
+    design, and what further shots told; again: (first, then) of the worlds that were shot again; scale: of effects."""
+    tables = [_alarms(marks), _ladder(marks), _by_name(marks), _right(marks), _matrix(marks), _targets(marks, scale),
               _rivals(marks), _again(again)]
     return [one for one in tables if one.rows]
 
 
 def share(marks: Iterable[Mark], question: Question) -> tuple[int, int]:
     """(yes, of) of those that answer."""
-    return _yes(map(question, marks))
+    return yes_of(map(question, marks))
 
 
 def said(yes: int, of: int) -> str:
@@ -138,9 +138,9 @@ def _matrix(marks: Sequence[Mark]) -> Table:
     return Table("What was true against what was said", ("true, said", *VERDICTS), rows)
 
 
-def _targets(marks: Sequence[Mark]) -> Table:
+def _targets(marks: Sequence[Mark], scale: float | None) -> Table:
     return Table("Against the design's targets", (
-        "level, shots", "figure", "here", "these data allow", "wanted", ""), against_targets(marks))
+        "level, shots", "figure", "here", "these data allow", "wanted", ""), against_targets(marks, scale))
 
 
 def _rivals(marks: Sequence[Mark]) -> Table:
@@ -152,7 +152,7 @@ def _rivals(marks: Sequence[Mark]) -> Table:
     for name, answers in said_of.items():
         nulls = [answer[0] for one, answer in answers if one.kind in NULLS]
         hidden = [answer for one, answer in answers if one.kind not in NULLS]
-        rows.append([name, said(sum(nulls), len(nulls)), *(said(*_yes([answer[k] for answer in hidden]))
+        rows.append([name, said(sum(nulls), len(nulls)), *(said(*yes_of([answer[k] for answer in hidden]))
                                                           for k in range(3))])
     return Table("Beside others, in the same worlds (with tracks)", (
         "", "says something though nothing is missing", "says something where something is hidden",
@@ -163,7 +163,8 @@ def _ours(one: Mark) -> tuple[bool, bool | None, bool | None]:
     return (one.found, bool(one.first), bool(up_to_alias(one))) if one.right else (one.found, None, None)
 
 
-def _yes(answers: Iterable[bool | None]) -> tuple[int, int]:
+def yes_of(answers: Iterable[bool | None]) -> tuple[int, int]:
+    """(yes, of) of those that are not None."""
     known = [answer for answer in answers if answer is not None]
     return sum(known), len(known)
 

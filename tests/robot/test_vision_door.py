@@ -88,21 +88,6 @@ def test_bad_files_are_named_and_the_others_answered(capsys, tmp_path, picture, 
     assert "greyscale" in out.err and "16-bit" in out.err and "is empty" in out.err and "Traceback" not in out.err
 
 
-def test_all_names_both_distances_and_the_estimators(capsys, tmp_path, good, picture):
-    blank = tmp_path / "blank.png"
-    cv2.imwrite(str(blank), picture // 20)
-    code, rows, _ = run(capsys, good, str(blank), str(tmp_path / "none.png"), "--all")
-    assert code == 2 and len(rows) == 3
-    seen, missing, absent = rows
-    assert float(seen["muzzle_m"]) == pytest.approx(float(seen["distance_m"]) - CONFIG.camera.behind_exit_m, abs=2e-4)
-    assert float(seen["plane_m"]) == pytest.approx(float(seen["distance_m"]), abs=0.02)       # it faces the camera
-    assert 0.001 < float(seen["plane_sigma_m"]) < 0.1
-    for name in ("pose", "width", "elevation", "fused"):
-        assert float(seen[f"{name}_m"]) == pytest.approx(4.0, abs=4 * float(seen[f"{name}_sigma_m"]))
-    assert seen["reason"] == "" and "dark all over" in missing["reason"] and missing["pose_m"] == ""
-    assert absent["found"] == "" and absent["reason"] == ""
-
-
 def test_alpha_is_ignored(capsys, tmp_path, picture, good):
     path = tmp_path / "alpha.png"
     cv2.imwrite(str(path), np.dstack([picture, np.full(picture.shape[:2], 255, np.uint8)]))

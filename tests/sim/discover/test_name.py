@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
+from benchmarks.suite import Job, world_of
 from sim.discover.believed import Fitted
 from sim.discover.discover import discover
 from sim.discover.name import NEVER, Naming, is_possible, name_terms, nats_for, one_step
 from sim.discover.refit import Refit
-from sim.prove.suite import Job, world_of
 from sim.prove.truth.shoot import shoot
 from tests.sim.discover.straight import ASKED, NAMES, SHARED, fit_straight, slopes_and_y
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sim.prove.faults import FAULTS
+from benchmarks.tracker_faults import FAULTS
 from sim.shots import Tracks
 
 G, SPEED, RATE_HZ = 9.81, 6.0, 50.0

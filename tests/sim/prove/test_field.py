@@ -4,9 +4,9 @@ from typing import Any
 
 import msgspec
 
-from sim.prove.field import flight_names, make_table, marks_of
+from benchmarks.field_table import flight_names, make_table, marks_of
+from benchmarks.suite import Job
 from sim.prove.rivals.claim import Claim
-from sim.prove.suite import Job
 
 
 def line(kind: str, name: str, claims: dict[str, Claim], detected: float | None = 1.0) -> dict[str, Any]:
@@ -18,7 +18,7 @@ def line(kind: str, name: str, claims: dict[str, Claim], detected: float | None 
 
 
 RIGHT, ALIAS = Claim(True, ("spin_decay", "wind_x"), 0.05, 0.03), Claim(True, ("spin_drag",), 0.05, 0.04)
-ALL, NONE = "1.00 (0.21-1.00), 1", "0.00 (0.00-0.79), 1"
+ALL, NONE = "1/1 = 1.00 (0.21-1.00)", "0/1 = 0.00 (0.00-0.79)"
 MUTE, NAMELESS = Claim(False, (), 0.05, 0.05), Claim(True)
 
 
@@ -44,7 +44,7 @@ def test_only_resolvable_worlds_are_counted_and_the_target_is_told() -> None:
     assert table["spin_decay x 1", "gp"][3:7] == [ALL, NONE, NONE, "-"]
     assert table["nothing: clean", "gp"][3:5] == [ALL, "-"]
     assert f"names it {ALL}: reached" in make_table(lines)
-    assert "| spin_decay x 1 | 1 of 2 | truearc | 0.50 (0.09-0.91), 2 |" in make_table(lines, everywhere=True)
+    assert "| spin_decay x 1 | 1 of 2 | truearc | 1/2 = 0.50 (0.09-0.91) |" in make_table(lines, everywhere=True)
 
 
 def test_what_cannot_be_resolved_anywhere_has_one_row() -> None:

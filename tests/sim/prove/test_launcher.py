@@ -4,10 +4,10 @@ from typing import Any
 
 import pytest
 
+from benchmarks.launcher_table import make_tables
 from sim.physics.catalogue import TERMS
 from sim.physics.term import STAGES
 from sim.prove.changes import CHANGES, Change, seen_at
-from sim.prove.launcher_table import make_tables
 from sim.world.options import Options
 
 

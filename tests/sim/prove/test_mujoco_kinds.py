@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import robot
+from benchmarks.unseen import heights_m
 from robot.config import load_config
 from sim.physics.term import STAGES
 from sim.prove.changes import (
@@ -35,7 +36,6 @@ from sim.prove.making import make_data, make_more
 from sim.prove.mix import FACTORS, MUJOCO, PLAIN_FACTORS, SHARES, Drawn, draw_round
 from sim.prove.truth.effects import find_effect
 from sim.prove.truth.follow import Asked
-from sim.prove.unseen import heights_m
 from sim.shots import load_dataset
 from sim.world.options import Options
 from sim.world.practice import plan_season

@@ -6,12 +6,12 @@ What a grader compares intervals with (sim.prove.grade) is thereby tested too.
 import numpy as np
 import pytest
 
+from benchmarks.suite import Job, amount_of, true_parameter
 from sim.circumstances import circumstances_of
 from sim.physics.shot import opening_of, predict, watch
 from sim.physics.term import Circumstances
 from sim.physics.vector import Vec
-from sim.prove.grade import PARAMETER, true_parameter
-from sim.prove.suite import Job, amount_of
+from sim.prove.grade import PARAMETER
 from sim.prove.truth.effects import CATALOGUED
 from sim.prove.truth.flight import at
 from sim.prove.truth.launch import CELSIUS_K, RAPID_FIRE_S, wheel_dip

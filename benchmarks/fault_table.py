@@ -3,8 +3,8 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from benchmarks.launcher_table import counted
 from sim.intervals import wilson
-from sim.prove.launcher_table import counted
 
 AIR = "flight"
 

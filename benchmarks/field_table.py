@@ -1,23 +1,25 @@
 """Claims of all entrants about the same worlds -> marks -> one table."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
+from operator import attrgetter
 from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
 
+from benchmarks.suite import Job, drawn_of, measured_of, names_of
 from sim.prove.ceiling import FALSE_ALARM
-from sim.prove.grade import STAGE_OF, is_alias
-from sim.prove.rivals.claim import Claim
+from sim.prove.grade import STAGE_OF
+from sim.prove.marking import mark_rival, right_names
+from sim.prove.proof_table import Table, said, yes_of
 from sim.prove.rivals.entrants import OURS
-from sim.prove.suite import Job, names_of
-from sim.prove.table import Share
 
 RESOLVABLE = 0.95                     # chance that these data's information lets anybody detect the effect
 WANTED = 0.95                         # of resolvable worlds, that ours names right
 KINDS = ("nulls", "effects", "cut")
 LEVEL = "L2"
 HEAD = ("hidden", "resolvable, of", "entrant", "says something", "top-1", "up to alias", "track's end, cm", "s")
+QUESTIONS = (attrgetter("says"), attrgetter("right"), attrgetter("alias"))
 
 
 class Mark(NamedTuple):
@@ -42,20 +44,16 @@ def flight_names(kind: str) -> tuple[str, ...]:
 
 
 def marks_of(line: dict[str, Any]) -> list[Mark]:
-    """Of one world's line: every entrant's."""
+    """Of one world's line: every entrant's, by the proof's own rules."""
     job = msgspec.convert(line["job"], Job)
-    ceiling = line.get("ceiling")
+    drawn, ceiling = drawn_of(job), line.get("ceiling")
     resolvable = ceiling is not None and ceiling[0] >= RESOLVABLE
     found = []
     for entrant, each in line["claims"].items():
-        claim = msgspec.convert(each["claim"], Claim)
-        right = alias = None
-        if job.kind != "nulls":
-            top = claim.names[:1]
-            right = claim.says_something and top == (job.name,)
-            alias = right or (claim.says_something and is_alias(job.level, job.name, top, {"ceiling": ceiling}))
-        found.append(Mark(job.kind, job.name, job.scale, entrant, resolvable, claim.says_something, right, alias,
-                          claim.before_m, claim.after_m, each["seconds"]))
+        claim = each["claim"]
+        marks = mark_rival(drawn, claim, right_names(drawn), measured_of(ceiling, {}))
+        found.append(Mark(job.kind, job.name, job.scale, entrant, resolvable, *marks,
+                          claim.get("before_m"), claim.get("after_m"), each["seconds"]))
     return found
 
 
@@ -66,7 +64,7 @@ def make_table(lines: Sequence[dict[str, Any]], everywhere: bool = False) -> str
     """
     marks = [mark for line in lines for mark in marks_of(line)]
     entrants = [OURS, *dict.fromkeys(mark.entrant for mark in marks if mark.entrant != OURS)]
-    rows = ["| " + " | ".join(HEAD) + " |", "|" + "---|" * len(HEAD)]
+    rows: list[list[str]] = []
     nulls = [mark for mark in marks if mark.kind == "nulls"]
     for name in [*dict.fromkeys(mark.name for mark in nulls), "together"] if nulls else ():
         mine = [mark for mark in nulls if name in (mark.name, "together")]
@@ -75,31 +73,25 @@ def make_table(lines: Sequence[dict[str, Any]], everywhere: bool = False) -> str
     for scale in sorted({mark.scale for mark in hidden}, reverse=True):
         here = [mark for mark in hidden if mark.scale == scale]
         for kind, name in [*dict.fromkeys((mark.kind, mark.name) for mark in here), ("", "")]:
-            said = f"{name}{' (cut)' if kind == 'cut' else ''} x {scale:g}" if name else f"**together x {scale:g}**"
+            title = f"{name}{' (cut)' if kind == 'cut' else ''} x {scale:g}" if name else f"**together x {scale:g}**"
             mine = [mark for mark in here if not name or (mark.kind, mark.name) == (kind, name)]
-            rows += _lines(said, mine, [mark for mark in mine if everywhere or mark.resolvable], entrants)
-    return "\n".join([*rows, "", *_against_target(hidden)])
+            rows += _lines(title, mine, [mark for mark in mine if everywhere or mark.resolvable], entrants)
+    return "\n".join([Table("Beside others", HEAD, rows).markdown(), "", *_against_target(hidden)])
 
 
-def _lines(hidden: str, marks: Sequence[Mark], counted: Sequence[Mark], entrants: Sequence[str]) -> list[str]:
+def _lines(hidden: str, marks: Sequence[Mark], counted: Sequence[Mark], entrants: Sequence[str]) -> list[list[str]]:
     """A row an entrant, of the worlds that count; one row in all where none does."""
     worlds = max(sum(mark.entrant == one for mark in marks) for one in entrants)
     if not counted:
-        return [f"| {hidden} | 0 of {worlds} |" + " - |" * (len(HEAD) - 2)]
+        return [[hidden, f"0 of {worlds}", *["-"] * (len(HEAD) - 2)]]
     rows = []
     for entrant in entrants:
         mine = [mark for mark in counted if mark.entrant == entrant]
         seconds = f"{np.median([mark.seconds for mark in mine]):.0f}" if mine else "-"
-        cells = [hidden, f"{sum(mark.resolvable for mark in mine)} of {worlds}" if mine and mine[0].kind != "nulls"
-                 else f"{worlds}", entrant, _words(mine, lambda mark: mark.says),
-                 _words(mine, lambda mark: mark.right), _words(mine, lambda mark: mark.alias), _ends(mine), seconds]
-        rows.append("| " + " | ".join(cells) + " |")
+        rows.append([hidden, f"{sum(mark.resolvable for mark in mine)} of {worlds}" if mine and mine[0].kind != "nulls"
+                     else f"{worlds}", entrant, *(said(*yes_of(map(question, mine))) for question in QUESTIONS),
+                     _ends(mine), seconds])
     return rows
-
-
-def _words(marks: Iterable[Mark], question: Callable[[Mark], bool | None]) -> str:
-    answers = [answer for answer in map(question, marks) if answer is not None]
-    return Share(sum(answers), len(answers)).words()
 
 
 def _ends(marks: Iterable[Mark]) -> str:
@@ -116,9 +108,9 @@ def _against_target(hidden: Sequence[Mark]) -> list[str]:
     mine = [mark for mark in hidden if mark.entrant == OURS and mark.resolvable]
     if not mine:
         return ["No world with something hidden is resolvable."]
-    said = []
-    for what, answers in (("names it", [mark.right for mark in mine]), ("up to alias", [mark.alias for mark in mine])):
-        share = Share(sum(map(bool, answers)), len(answers))
-        said.append(f"{what} {share.words()}: {'reached' if share.yes >= WANTED * share.of else 'NOT REACHED'}")
+    told = []
+    for what, question in zip(("names it", "up to alias"), QUESTIONS[1:], strict=True):
+        yes, of = yes_of(map(question, mine))
+        told.append(f"{what} {said(yes, of)}: {'reached' if yes >= WANTED * of else 'NOT REACHED'}")
     return [f"truearc in resolvable worlds (a {FALSE_ALARM:g} test has a chance of {RESOLVABLE:g} or more, by the "
-            f"information in these very data), wanted {WANTED:g}: " + "; ".join(said) + "."]
+            f"information in these very data), wanted {WANTED:g}: " + "; ".join(told) + "."]
