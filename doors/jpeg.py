@@ -14,6 +14,7 @@ FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 LARGEST = 1024                        # of a coefficient times its step, for 8-bit pixels
 BLOCK = 64
 NO_CODE = (0, 0, 0)
+Codes = list[tuple[int, int, int]]
 
 
 class _Part(NamedTuple):
@@ -33,7 +34,7 @@ class _Walk:
 
     def __init__(self, data: bytes) -> None:
         self._data, self._at = data, 2
-        self._codes: dict[int, list[tuple[int, int, int]]] = {}
+        self._codes: dict[int, Codes] = {}
         self._steps: dict[int, list[int]] = {}
         self._parts: dict[int, _Part] = {}
         self._size, self._restart, self._plain = (0, 0), 0, False
@@ -90,7 +91,8 @@ class _Walk:
 
     def _coded(self) -> list[bytes]:
         """The scan's data between restarts, with the bytes that mask markers taken out."""
-        pieces, begin = [], self._at
+        pieces: list[bytes] = []
+        begin = self._at
         while True:
             self._at = self._data.index(b"\xff", self._at)
             after = self._data[self._at + 1]
@@ -155,7 +157,7 @@ def _lookup(counts: bytes, symbols: bytes, first: bool) -> list[tuple[int, int, 
     return table + [NO_CODE] * ((1 << 16) - len(table))
 
 
-def _read(piece: bytes, plan: list[tuple[int, list, list, list]], units: int) -> int:
+def _read(piece: bytes, plan: list[tuple[int, Codes, Codes, list[int]]], units: int) -> int:
     """How many bits of a piece this many units take; _Damaged where they cannot be read."""
     padded, last, at = piece + b"\xff" * 8, 8 * len(piece), 0
     before = [0] * (plan[-1][0] + 1)

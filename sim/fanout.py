@@ -74,8 +74,9 @@ def _on_processes(function: Callable[[Job], Result], jobs: list[Job], workers: i
 def _pool(function: Callable[[Job], Result], jobs: list[Job], workers: int) -> Iterator[Result]:
     # loky replaces workers that have grown; that is its business and no user's
     warnings.filterwarnings("ignore", "A worker stopped while some jobs were given", UserWarning)
-    return Parallel(n_jobs=workers, backend="loky", return_as="generator")(
+    results: Iterator[Result] = Parallel(n_jobs=workers, backend="loky", return_as="generator")(
         delayed(_in_worker)(function, job) for job in jobs)
+    return results
 
 
 def _in_worker(function: Callable[[Job], Result], job: Job) -> Result:

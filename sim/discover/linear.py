@@ -196,7 +196,7 @@ def fly(intake: Intake, layout: Layout, spot: Spot) -> Flown:
 
 def _common(deviates: Array) -> Array:
     """The mean [n, D] of those that deviate, for each of them; nothing for the others."""
-    own = deviates.any(axis=1)
+    own = np.any(deviates, axis=1)
     return np.where(own[:, None], deviates[own].mean(axis=0), 0.0)
 
 
@@ -213,7 +213,8 @@ def pad_lanes(lanes: Lanes, multiple: int = PAD) -> tuple[Lanes, int]:
 
 
 def _take(lanes: Lanes, rows: Any) -> Lanes:
-    return jax.tree.map(lambda part: np.asarray(part)[rows] if np.ndim(part) else part, lanes)
+    taken: Lanes = jax.tree.map(lambda part: np.asarray(part)[rows] if np.ndim(part) else part, lanes)
+    return taken
 
 
 def _fly(layout: Layout, lanes: Lanes, spot: Spot, basis: Array) -> tuple[Seen, Seen]:
@@ -274,7 +275,8 @@ def _luck(layout: Layout, spot: Spot) -> Array:
     groups = layout.groups
     if groups is None:
         return np.zeros((len(spot.deviates), 0))
-    return spot.effects.reshape(-1, groups.count)[:, groups.label].T * groups.scale
+    effects: Array = spot.effects.reshape(-1, groups.count)[:, groups.label].T * groups.scale
+    return effects
 
 
 def _scatter_terms(intake: Intake, layout: Layout, spot: Spot, sd: Array, left: _Left, own: Array,
