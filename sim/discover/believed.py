@@ -233,7 +233,7 @@ def only_shared(layout: Layout, more: Iterable[str] = ()) -> Layout:
     return Layout(_lean(layout, kept), tuple(layout.columns[k] for k in kept), layout.source[kept],
                   tuple(place.get(column, -1) for column in layout.scatters), precision,
                   np.concatenate([[one.centre for one in own], layout.centre[order]]), layout.edges_s, layout.usual,
-                  layout.groups, layout.measured)
+                  layout.groups, layout.measured, layout.see)
 
 
 def widened(precision: Array, by: Iterable[tuple[int, float]]) -> Array:

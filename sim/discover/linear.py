@@ -5,6 +5,7 @@ point, linear in d and in the columns; so d is integrated out exactly, and the h
 they said. Only the outcome's likelihood is not Gaussian, and it is of one number.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -49,7 +50,7 @@ class Layout:
     -1 for a scatter, -2 for a group's effect (those come last, effect by effect, group by group). scatters: columns of
     the logs of SCATTERS, in that order, -1 where not fitted. precision [p, p], centre [p]: the shared columns' prior.
     usual [slots]: what the chain's parameters are where nobody says anything else. measured: of terms that are asked
-    about, by somebody who needed no shot for it.
+    about, by somebody who needed no shot for it. see: what flies the chain, if not see_slopes.
     """
 
     chain: Chain
@@ -62,6 +63,7 @@ class Layout:
     usual: Array
     groups: Groups | None = None
     measured: Measured = field(default_factory=dict)
+    see: Callable[..., tuple[Seen, Seen]] | None = None
 
     @property
     def inputs(self) -> Array:
@@ -226,8 +228,9 @@ def _fly(layout: Layout, lanes: Lanes, spot: Spot, basis: Array) -> tuple[Seen, 
     wide = np.pad(basis, ((0, 0), (0, -width % WIDTH if width else WIDTH)))
     bases = np.split(wide, wide.shape[1] // WIDTH, axis=1)
     blocks = [slice(first, first + BLOCK) for first in range(0, len(deviates), BLOCK)]
-    parts = [[see_slopes(layout.chain, _take(padded, rows), jnp.asarray(spot.values), deviates[rows],
-                         jnp.asarray(layout.edges_s), jnp.asarray(some)) for some in bases] for rows in blocks]
+    see = layout.see or see_slopes
+    parts = [[see(layout.chain, _take(padded, rows), jnp.asarray(spot.values), deviates[rows],
+                  jnp.asarray(layout.edges_s), jnp.asarray(some)) for some in bases] for rows in blocks]
     seen = jax.tree.map(lambda *each: np.concatenate(each)[:n], *(part[0][0] for part in parts))
     slopes = [jax.tree.map(lambda *each: np.concatenate(each, axis=-1), *(one for _, one in part)) for part in parts]
     return seen, jax.tree.map(lambda *each: np.concatenate(each)[:n][..., :width], *slopes)

@@ -9,7 +9,7 @@ import importlib.util
 import os
 import platform
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -79,11 +79,11 @@ def facts_values(facts: Facts) -> tuple[float, ...]:
     return tuple(_leaves(facts))
 
 
-def load_kernel(law: str, template: Path) -> ModuleType:
+def load_kernel(law: str, template: Path, keep: Callable[[str, str], Path | None] | None = None) -> ModuleType:
     """The module `template`, between its two marks the function of make_source, compiled with its `small`.
 
     Kept as a file among the user's caches, under a name that its contents determine, since numba keeps machine code
-    for files only; where none can be written, it is compiled anew in every process.
+    for files only; where none can be written, it is compiled again in every process. keep: (name, text) -> the file.
     """
     before, _, rest = template.read_text(encoding="utf-8").partition(LAW)
     text = f"{before}@small\n{law}{rest.partition(END)[2]}"
@@ -91,7 +91,7 @@ def load_kernel(law: str, template: Path) -> ModuleType:
     name = f"truearc_kernel_{hashlib.sha256((versions + text).encode()).hexdigest()[:20]}"
     if name in sys.modules:
         return sys.modules[name]
-    path = _keep(name, text)
+    path = (keep or _keep)(name, text)
     if path is None:
         module = ModuleType(name)
         exec(compile(text.replace(CACHED, CACHED.replace("True", "False")), name, "exec"), module.__dict__)

@@ -76,12 +76,12 @@ def fit(rows: Rows, tuning: Tuning) -> Model:
     return _whole(rows, np.asarray(optimizer.coef_)[0])
 
 
-def inclusion(rows: Rows, tuning: Tuning, seed: int) -> tuple[Array, Array]:
+def inclusion(rows: Rows, tuning: Tuning, seed: int, models: int = MODELS) -> tuple[Array, Array]:
     """(share of the ensemble's models that include each candidate [K], the median coefficients [K])."""
     import pysindy
 
     target, candidates = project(rows)
-    ensemble = pysindy.EnsembleOptimizer(_stlsq(tuning), bagging=True, n_models=MODELS)
+    ensemble = pysindy.EnsembleOptimizer(_stlsq(tuning), bagging=True, n_models=models)
     with _quiet(), seeded(seed):
         ensemble.fit(candidates, target[:, None])
     return (np.array(ensemble.coef_list)[:, 0] != 0.0).mean(0), np.asarray(ensemble.coef_)[0]
