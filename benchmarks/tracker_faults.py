@@ -36,7 +36,7 @@ def lost_frames(tracks: Tracks) -> Tracks:
         lost, later = np.split(mine[len(mine) // 2:], [LOST_FRAMES])
         kept[lost] = False
         t_s[later] -= LOST_FRAMES * np.median(np.diff(tracks.t_s[mine]))
-    return Tracks(*(part[kept] for part in (tracks.shot, t_s, tracks.x_m, tracks.y_m, tracks.z_m)))
+    return Tracks(tracks.shot[kept], t_s[kept], tracks.x_m[kept], tracks.y_m[kept], tracks.z_m[kept])
 
 
 def tilted(tracks: Tracks) -> Tracks:

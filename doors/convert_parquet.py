@@ -7,8 +7,7 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from robot.recording.convert import Column
-from robot.recording.flat import BOOL, FLOAT, FLOATS, INT, TEXT, TEXTS, Value
+from robot.recording.flat import BOOL, FLOAT, FLOATS, INT, TEXT, TEXTS, Column, Value
 
 GROUP_ROWS = 10_000
 TYPES = {FLOAT: pa.float64(), INT: pa.int64(), BOOL: pa.bool_(), TEXT: pa.string(), TEXTS: pa.list_(pa.string()),

@@ -140,7 +140,7 @@ def _rated(demo: Demo) -> Rated:
     kept = [row for row, rating in enumerate(ours) if rating["in_domain"] == "true" and rating["p_two"]]
     p = [np.array([[float(ratings[row][name]) for name in ("p_two", "p_three")] for row in kept]).reshape(-1, 2)
          for ratings in (ours, network)]
-    return Rated(*p, np.array([OUTCOMES.index(shots.text("outcome")[row]) for row in kept], int))
+    return Rated(p[0], p[1], np.array([OUTCOMES.index(shots.text("outcome")[row]) for row in kept], int))
 
 
 def _judged(demo: Demo) -> tuple[Figures, Figures]:
@@ -167,8 +167,9 @@ def _fine_print(demo: Demo) -> str:
     training = json.loads((demo.network_weights / "training.json").read_text(encoding="utf-8"))
     rejected = [trial for session in (demo.collect, demo.gated, demo.ungated) for trial in load_trials(session)
                 if trial.outcome.outcome == "rejected"]
-    rows = [["seed", demo.seed], ["trained on", demo.shots.name], ["steps of the paper's network", training["steps"]],
-            ["its lambda", training["lambda"]], ["shots that the driver rejected", len(rejected)]]
+    rows: list[list[object]] = [
+        ["seed", demo.seed], ["trained on", demo.shots.name], ["steps of the paper's network", training["steps"]],
+        ["its lambda", training["lambda"]], ["shots that the driver rejected", len(rejected)]]
     return table(["", ""], rows) + paragraph(
         "Everything here was recorded by the emulated robot: real runtime, real frames and images, a MuJoCo world that "
         "neither runtime nor fit can see.", dim=True)

@@ -139,7 +139,7 @@ def keep_compiled() -> None:
     Where the user has chosen a place for it (JAX_COMPILATION_CACHE_DIR), that one is used. Code of one machine is not
     for another, hence its name.
     """
-    if jax.config.jax_compilation_cache_dir:
+    if jax.config.values["jax_compilation_cache_dir"]:
         return
     try:
         folder = Path.home() / ".cache" / "truearc" / f"xla-{platform.node() or 'here'}"

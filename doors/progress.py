@@ -8,7 +8,7 @@ from collections.abc import Callable
 def make_progress(what: str, quiet: bool = False) -> Callable[[float, str], None]:
     """A function of (share done 0-1, note) that shows how far `what` is; does nothing when quiet."""
     if quiet:
-        return lambda done, note="": None
+        return lambda done, note: None
     live = sys.stderr.isatty()
     last = [0.0]
 

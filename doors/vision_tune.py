@@ -138,8 +138,9 @@ def open_live(file: CameraFile) -> Live:
 class Tuner:
     """What the page may ask; every answer is made from its own arguments but for what was saved last."""
 
-    def __init__(self, file: CameraFile, source: Source, out: Path) -> None:
-        self._file, self._source, self._out = file, source, out
+    def __init__(self, file: CameraFile, source: Source, out: Path, piece: int = PIECE) -> None:
+        """`piece`: pictures replayed for one answer."""
+        self._file, self._source, self._out, self._piece = file, source, out, piece
 
     def state(self) -> dict[str, Any]:
         return {"names": self._source.names, "live": self._source.live, "out": str(self._out),
@@ -160,12 +161,12 @@ class Tuner:
         return {"frame": frame, "regions": draw_regions(image, file)[1], **_words(image, file)}
 
     def replay(self, settings: dict[str, Any], begin: int) -> list[dict[str, Any]]:
-        """The PIECE pictures from `begin` on, each with what was saved last and with these settings."""
+        """A piece of the pictures from `begin` on, each with what was saved last and with these settings."""
         if begin < 0:
             raise BadInput(f"there is no picture {begin}")
         after = self._with(settings)
         rows = []
-        for index, name in enumerate(self._source.names[begin:begin + PIECE], begin):
+        for index, name in enumerate(self._source.names[begin:begin + self._piece], begin):
             try:
                 image = self._image(index, 0)
             except BadInput as error:

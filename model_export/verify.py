@@ -55,12 +55,12 @@ def compare(gate: Gate, trained: Trained, features: np.ndarray) -> Comparison:
     A gate whose p is meant inside its domain only (`trained.bounded`) is compared in p on the rows inside it.
     """
     features = np.asarray(features, np.float32).astype(np.float64)
-    given, wanted = gate.rate_many(features), trained.novelty(features)
-    novelty = _largest((given.novelty - wanted) / np.maximum(wanted, 1.0))
+    given, own = gate.rate_many(features), trained.novelty(features)
+    novelty = _largest((given.novelty - own) / np.maximum(own, 1.0))
     kept = given.in_domain if trained.bounded else np.ones(len(features), bool)
-    given, wanted = given.p[kept], trained.probabilities(features[kept])
-    flips = ((given >= THRESHOLD) != (wanted >= THRESHOLD)).any(axis=1)
-    return Comparison(int(kept.sum()), _largest(given - wanted), int(flips.sum()), novelty, trained.tolerance)
+    p, wanted = given.p[kept], trained.probabilities(features[kept])
+    flips = ((p >= THRESHOLD) != (wanted >= THRESHOLD)).any(axis=1)
+    return Comparison(int(kept.sum()), _largest(p - wanted), int(flips.sum()), novelty, trained.tolerance)
 
 
 def _largest(difference: np.ndarray) -> float:

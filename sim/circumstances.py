@@ -125,7 +125,8 @@ def _shots_had(shots: Shots, balls: np.ndarray) -> np.ndarray:
         for row in rows:
             had[row] = count[balls[row]]
             count[balls[row]] += 1
-    return had / max(had.max(), 1.0)
+    share: np.ndarray = had / max(had.max(), 1.0)
+    return share
 
 
 def _droop(traces: Traces | None, count: int) -> Known:
@@ -138,7 +139,7 @@ def _droop(traces: Traces | None, count: int) -> Known:
         return _plain(np.full(count, np.nan))
     heard = np.isfinite(dips)
     dip = np.where(heard, dips, 0.0).sum(0) / np.maximum(heard.sum(0), 1)
-    said = heard.any(0)
+    said = np.any(heard, axis=0)
     mean = dip[said].mean() if said.any() else 0.0
     return Known(dip / mean, said) if mean > 0.0 else _plain(np.full(count, np.nan))
 

@@ -24,7 +24,7 @@ ATTEMPTS = 3                          # a process may die this often at one plac
 
 def fan_out(function: Callable[[Job], Result], jobs: Sequence[Job], scheduler: str | None = None,
             progress: Progress = lambda done, note: None, workers: int | None = None,
-            keep: Keep = lambda job, result: None) -> list[Result]:
+            keep: Keep = lambda job, result: None, patience_s: float = PATIENCE_S) -> list[Result]:
     """[function(job) for job in jobs], in that order, whatever runs them.
 
     function: one that pickle finds by its name (no closure), as are jobs and results; workers import the main module,
@@ -32,7 +32,8 @@ def fan_out(function: Callable[[Job], Result], jobs: Sequence[Job], scheduler: s
 
     keep: called here with each job and its result, once, as soon as it is there (and, but on a cluster, those before it
     are), so that whoever is killed has kept those.
-    `scheduler`: address of a running Dask cluster, such as "tcp://host:8786", whose workers have truearc installed.
+    `scheduler`: address of a running Dask cluster, such as "tcp://host:8786", whose workers have truearc installed;
+    it, and a worker of its, must answer within `patience_s`.
     Otherwise `workers` processes of this machine (default: one a core; 1 = this process). A worker that dies in the
     middle loses nothing: its jobs are run again. An exception of a job is raised here. BadInput when the cluster does
     not answer, or when one job kills every process it is given.
@@ -41,7 +42,7 @@ def fan_out(function: Callable[[Job], Result], jobs: Sequence[Job], scheduler: s
     if jobs:
         progress(0.0, f"0 of {len(jobs)} done")
     if scheduler is not None:
-        return _on_cluster(function, jobs, scheduler, progress, keep)
+        return _on_cluster(function, jobs, scheduler, progress, keep, patience_s)
     count = min(workers or os.cpu_count() or 1, len(jobs))
     if count <= 1:
         return [_kept(job, function(job), keep, number, len(jobs), progress) for number, job in enumerate(jobs, 1)]
@@ -86,12 +87,12 @@ def _has_result(future: Future[Any]) -> bool:
 
 
 def _on_cluster(function: Callable[[Job], Result], jobs: list[Job], scheduler: str, progress: Progress,
-                keep: Keep) -> list[Result]:
+                keep: Keep, patience_s: float) -> list[Result]:
     try:
         from distributed import Client, as_completed  # an extra of its own: only who names a scheduler needs it
     except ModuleNotFoundError as error:
         raise BadInput(f"--scheduler {scheduler}: needs {error.name}: pip install 'truearc[cluster]'") from error
-    with _connect(Client, scheduler) as client:
+    with _connect(Client, scheduler, patience_s) as client:
         futures = client.map(function, jobs, pure=False, retries=ATTEMPTS)
         place = {future.key: number for number, future in enumerate(futures)}
         results: dict[int, Result] = {}
@@ -102,14 +103,14 @@ def _on_cluster(function: Callable[[Job], Result], jobs: list[Job], scheduler: s
     return [results[number] for number in range(len(jobs))]
 
 
-def _connect(client: Callable[..., Any], scheduler: str) -> Any:
+def _connect(client: Callable[..., Any], scheduler: str, patience_s: float) -> Any:
     """A client of a cluster that has at least one worker; BadInput within seconds when there is none."""
     try:
-        connected = client(scheduler, timeout=PATIENCE_S)
+        connected = client(scheduler, timeout=patience_s)
     except (OSError, TimeoutError, ValueError) as error:
         raise BadInput(f"--scheduler {scheduler}: nobody answers ({error})") from error
     try:
-        connected.wait_for_workers(1, timeout=PATIENCE_S)
+        connected.wait_for_workers(1, timeout=patience_s)
     except TimeoutError as error:
         connected.close()
         raise BadInput(f"--scheduler {scheduler}: the cluster has no workers") from error

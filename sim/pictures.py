@@ -75,7 +75,8 @@ def draw_trajectories(facts: Facts, coefficients: Mapping[str, Mapping[str, floa
     return figure
 
 
-def _draw_flights(axes, facts, coefficients, shots, distance_m, colour, outcome) -> None:
+def _draw_flights(axes: Axes, facts: Facts, coefficients: Mapping[str, Mapping[str, float]], shots: Shots,
+                  distance_m: np.ndarray, colour: str, outcome: str) -> None:
     values, whose = effective(coefficients, ORDINARY), by_robot(shots)
     exit, distance_m = sense(facts, values, launch_of(facts, shots), distance_m, whose)
     states = path(facts, flight_terms({"gravity", *coefficients}), values, leave(facts, values, exit, whose),

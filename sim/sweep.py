@@ -168,7 +168,8 @@ class _Batch:
         self.best_loss[better] = self.losses[better, -1]
         self.best[:, better] = self.state[0][:, better]
         self.best_step[better] = step
-        return active[step - self.best_step[active] < patience]
+        still: np.ndarray = active[step - self.best_step[active] < patience]
+        return still
 
     def _check_finite(self, active: np.ndarray, step: int) -> None:
         sound = np.isfinite(self.losses[active, 0]) & np.isfinite(self.state[0][:, active]).all(axis=0)
@@ -203,7 +204,8 @@ def unpack(parameters: np.ndarray) -> Layers:
 
 def _table(job: Job, mean: np.ndarray, scale: np.ndarray) -> tuple[np.ndarray, list[int]]:
     """Standardised rows with labels [n, 5] of the three spans, and where each begins and ends [4]."""
-    parts = [np.hstack([(rows.features - mean) * scale, rows.labels]) if _count(rows) else np.zeros((0, COLUMNS))
+    parts = [np.hstack([(rows.features - mean) * scale, rows.labels]) if rows is not None and len(rows.features)
+             else np.zeros((0, COLUMNS))
              for rows in (job.real, job.simulated, job.validation)]
     return np.concatenate(parts), [0, *np.cumsum([len(part) for part in parts]).tolist()]
 

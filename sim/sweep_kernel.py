@@ -28,7 +28,7 @@ _FAST = {"contract", "reassoc", "arcp", "nsz"}
 
 
 @njit(fastmath=_FAST, error_model="numpy", cache=True)
-def sigmoid(x: float) -> float:
+def sigmoid(x: np.float32) -> np.float32:
     """1 / (1 + exp(-x)) within 1e-6: five terms of the series of exp(-x / 32), squared five times.
 
     The series is rough only where the sigmoid is flat. No branch and no table, which is what lets the lanes share
@@ -133,7 +133,7 @@ def _backward(p: Any, batch: Any, row: int, weights: Any, hidden: Any, out: Any,
 
 
 @njit(fastmath=_FAST, error_model="numpy", inline="always")
-def _adam(p: Any, m: Any, v: Any, slope: Any, rate: float, unbias: float) -> None:
+def _adam(p: Any, m: Any, v: Any, slope: Any, rate: np.float32, unbias: np.float32) -> None:
     for k in range(PARAMETERS):
         for lane in range(LANES):
             g = slope[k, lane]

@@ -11,7 +11,7 @@ from scipy.stats import t as student
 from robot.config import BadInput
 from sim.report import new_figure
 from sim.sweep import Job, Trained
-from sim.train import Rows, accuracy, mean_loss, split_heldout
+from sim.train import Rows, called_right, mean_loss, split_heldout
 
 LEVEL = 0.95
 COLOURS = ("#1f5fa8", "#d99000", "#1b7f3b", "#b3261e", "#6b4fa0", "#9aa3af")
@@ -94,9 +94,10 @@ def plan(real: Rows, simulated: Rows | None, settings: Sequence[Setting], seeds:
         for name, rows in (("--holdout", heldout), ("--validation", watched)):
             if not len(rows.features):
                 raise BadInput(f"{name} leaves no shot to judge by ({len(real.features)} recorded shots in all)")
-        order = balanced_order(simulated, seed) if simulated is not None else None
+        order = np.zeros(0, int) if simulated is None else balanced_order(simulated, seed)
         for setting in settings:
-            part = Rows(*(array[order[:setting.size]] for array in simulated)) if setting.size else None
+            part = (None if simulated is None or not setting.size
+                    else Rows(*(array[order[:setting.size]] for array in simulated)))
             networks.append(Network(setting, seed, Job(learnt, part, watched, setting.weight, seed), heldout))
     return networks
 
@@ -114,7 +115,7 @@ def balanced_order(rows: Rows, seed: int) -> np.ndarray:
 
 def judge(network: Network, trained: Trained) -> Score:
     """A trained network against the shots it was not trained on."""
-    right = accuracy(trained.network, network.heldout)
+    right = called_right(trained.network, network.heldout)
     assert network.job.validation is not None
     return Score(*network.setting, network.seed, trained.step, mean_loss(trained.network, network.job.validation),
                  mean_loss(trained.network, network.heldout), right["outcome"], right["two"], right["three"])

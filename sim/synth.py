@@ -6,8 +6,9 @@ The paper speaks of 375,000 configurations; the ranges and steps that it states,
 
 import json
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -28,7 +29,8 @@ NONE: Curves = {}
 STEP_S = 0.01                         # heights then agree with the simulator's own finer step to 1e-6 m
 
 
-class Axis(NamedTuple):
+@dataclass(frozen=True)
+class Axis:
     """Evenly spaced values: low, low + 1 / per_unit, ... (`count` of them)."""
 
     name: str

@@ -87,7 +87,8 @@ def near_places(facts: Facts, belief: Belief, height_m: np.ndarray) -> np.ndarra
     reached = np.flatnonzero(np.isfinite(height_m))
     sigma_m = forecast(facts, belief, grid_shots(reached)).sigma_m
     beyond_m = np.abs(height_m[reached] - opening.centre_m) - opening.two_half_m
-    return reached[~(beyond_m > NEAR * sigma_m)]          # an unknown sigma is flown too
+    near: np.ndarray = reached[~(beyond_m > NEAR * sigma_m)]          # an unknown sigma is flown too
+    return near
 
 
 def assign(beliefs: list[Belief], count: int, rng: np.random.Generator) -> Draws:
@@ -95,7 +96,8 @@ def assign(beliefs: list[Belief], count: int, rng: np.random.Generator) -> Draws
     which = rng.permutation(np.resize(np.arange(len(beliefs)), count))
 
     def column(tables: list[Mapping[str, float]], key: str) -> np.ndarray:
-        return np.array([table[key] for table in tables])[which]
+        drawn: np.ndarray = np.array([table[key] for table in tables])[which]
+        return drawn
 
     first = beliefs[0]
     coefficients = {term: {key: column([one.coefficients[term] for one in beliefs], key) for key in values}

@@ -78,8 +78,13 @@ def accuracy(network: Network, rows: Rows) -> dict[str, float | int | None]:
     """Share of rows whose outcome (of three), two-point hit and three-point hit are called right at p = 0.5."""
     if not len(rows.features):
         return {"shots": 0, "outcome": None, "two": None, "three": None}
+    return {"shots": len(rows.features), **called_right(network, rows)}
+
+
+def called_right(network: Network, rows: Rows) -> dict[str, float]:
+    """The shares of `accuracy` alone, of at least one row."""
     right = (probabilities(network, rows.features) >= 0.5) == (rows.labels >= 0.5)
-    return {"shots": len(right), "outcome": float(right.all(axis=1).mean()),
+    return {"outcome": float(right.all(axis=1).mean()),
             "two": float(right[:, 0].mean()), "three": float(right[:, 1].mean())}
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from hw.emulated.lens import Array, Lens, Plane, distort, ideal_pixels
 from hw.emulated.look import DARK_BGR, HALO_BLUR_PX, HALO_MARGIN_PX, TAPE_BGR, USUAL, Image, Look, Patch, paint, spread
-from hw.emulated.plant import Plant, View
+from hw.emulated.plant import Scene, View
 from hw.emulated.shutter import project_turning
 from hw.emulated.tone import tone
 from hw.reading import CameraFrame
@@ -40,10 +40,10 @@ class TapeSize:
 class EmulatedCamera:
     """hw.link.Camera on an emulated world; whoever owns the clock calls `step`."""
 
-    def __init__(self, plant: Plant, lens: Lens, tape: TapeSize, fps: float, latency_s: float, seed: int, *,
+    def __init__(self, scene: Scene, lens: Lens, tape: TapeSize, fps: float, latency_s: float, seed: int, *,
                  look: Look = USUAL) -> None:
         """`latency_s` runs from the middle of the exposure until the frame can be read."""
-        self._plant, self._lens, self._look = plant, lens, look
+        self._scene, self._lens, self._look = scene, lens, look
         self._outline_m = outline_m(tape)
         self._columns, self._rows = ideal_pixels(lens)
         self._period_ns, self._latency_ns = round(1e9 / fps), round(latency_s * 1e9)
@@ -106,7 +106,7 @@ class EmulatedCamera:
         if self._black:
             return noise.copy()
         image: Image = cv2.add(self._background, noise)
-        view = self._plant.view()
+        view = self._scene.view()
         edges = self._edges(view)
         box = None if edges is None else self._box(edges)
         if edges is not None and box is not None:

@@ -30,7 +30,13 @@ class View(NamedTuple):
     brightness: float                 # 1.0 = nominal ring light on the tape
 
 
-class Plant(Protocol):
+class Scene(Protocol):
+    """What a camera looks at."""
+
+    def view(self) -> View: ...
+
+
+class Plant(Scene, Protocol):
     """The physical robot and its surroundings, advanced by whoever owns the clock."""
 
     motors: tuple[str, ...]           # "flywheel_a", "flywheel_b", "hood", "feeder"
@@ -48,5 +54,3 @@ class Plant(Protocol):
 
     def hood_at_limit(self) -> bool:
         """The limit switch at the hood's lowest elevation is closed."""
-
-    def view(self) -> View: ...

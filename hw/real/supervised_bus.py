@@ -27,9 +27,14 @@ class SupervisedBus:
     something is heard again there is a fault. `tally` counts.
     """
 
-    def __init__(self, open_bus: Callable[[], CanBus], clock: Clock, tally: Counter[str]) -> None:
-        """Opens the bus at once, so that one that cannot be is an error here: LinkLost."""
+    def __init__(self, open_bus: Callable[[], CanBus], clock: Clock, tally: Counter[str], room: int = ROOM,
+                 pauses: Callable[[], Iterator[float]] | None = None) -> None:
+        """Opens the bus at once, so that one that cannot be is an error here: LinkLost.
+
+        `room`: frames that may wait for the tick. `pauses`: of s between attempts to open it again, make_pauses_s.
+        """
         self._open_bus, self._clock, self._tally = open_bus, clock, tally
+        self._room, self._pauses = room, pauses or make_pauses_s
         self._bus: CanBus | None = open_bus()
         self.name = self._bus.name
         self._lock = threading.Lock()             # of writing to the bus and of taking it away; the thread alone reads
@@ -72,14 +77,14 @@ class SupervisedBus:
         self._take_away("closed")
 
     def _supervise(self) -> None:
-        pauses_s = make_pauses_s()
+        pauses_s = self._pauses()
         while not self._stop.is_set():
             if self._bus is None:
                 if not self._stop.wait(next(pauses_s)):
                     self._open_again()
             elif why := self._listen(self._bus):
                 if not self._lost:                # it had been heard: this is a new trouble
-                    pauses_s = make_pauses_s()
+                    pauses_s = self._pauses()
                 self._tally["times lost"] += 1
                 self._take_away(why)
 
@@ -112,7 +117,7 @@ class SupervisedBus:
 
     def _keep(self, frame: Frame) -> None:
         self._lost = ""
-        if len(self._frames) >= ROOM:             # the newest is lost, as in a controller: only the tick takes out
+        if len(self._frames) >= self._room:       # the newest is lost, as in a controller: only the tick takes out
             self._tally[OVERRUN] += 1
         else:
             self._frames.append(frame)

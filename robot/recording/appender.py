@@ -12,12 +12,12 @@ PENDING_BYTES = 64 << 20              # kept for a disk that takes nothing: some
 class Appender:
     """What the disk does not take is kept, and tried again at every `flush`: space that is made in time loses nothing.
 
-    With more than PENDING_BYTES waiting nothing further is taken, so what is on disk is always one whole beginning.
+    With more than `pending_bytes` waiting nothing further is taken, so what is on disk is always one whole beginning.
     A new file only; it stays locked, where the system has locks, until it is closed or its process has died.
     """
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
+    def __init__(self, path: Path, pending_bytes: int = PENDING_BYTES) -> None:
+        self.path, self._pending_bytes = path, pending_bytes
         self._file = path.open("xb", buffering=0)
         with contextlib.suppress(OSError):        # a file system without locks
             claim(self._file)
@@ -27,7 +27,7 @@ class Appender:
         self._gave_up = False
 
     def write(self, data: bytes) -> int:
-        self._gave_up = self._gave_up or len(self._pending) > PENDING_BYTES
+        self._gave_up = self._gave_up or len(self._pending) > self._pending_bytes
         if not self._gave_up:
             self._pending += data
         return len(data)

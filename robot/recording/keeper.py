@@ -8,7 +8,7 @@ from typing import Protocol
 from hw.reading import CameraFrame
 from robot.config import in_words
 from robot.recording.files import Row, SessionFiles
-from robot.recording.lane import Lane
+from robot.recording.lane import LONGEST, Lane
 
 MARK_S = 0.01                         # a tick waits no longer for its trial to be written; usually under 1 ms
 SLOW_JOBS = 20                        # two seconds of batches wait: the disk does not answer
@@ -53,14 +53,15 @@ class LaneKeeper:
 
     Ticks and CAN frames are handed to the system as they come, trials at once. What may take long, pictures and every
     fsync, has a thread to itself, so that neither of the others waits for it. `lossless`: whatever the disk does, the
-    caller waits and nothing is dropped.
+    caller waits and nothing is dropped. `longest`: jobs that may wait for each thread.
     """
 
-    def __init__(self, folder: Path, lossless: bool) -> None:
+    def __init__(self, folder: Path, lossless: bool, longest: int = LONGEST) -> None:
         self.failed: Exception | None = None
         self._lossless = lossless
         self._files = SessionFiles(folder)
-        self._ticks, self._trials, self._slow = (Lane(name, lossless) for name in ("ticks", "trials", "pictures"))
+        self._ticks, self._trials, self._slow = (Lane(name, lossless, longest)
+                                                  for name in ("ticks", "trials", "pictures"))
         self._lanes = (self._ticks, self._trials, self._slow)
 
     @property

@@ -15,11 +15,11 @@ class Lane:
     is done, instead of losing a job (`dropped`) when too many wait; for the twin, whose time can wait.
     """
 
-    def __init__(self, name: str, patient: bool) -> None:
+    def __init__(self, name: str, patient: bool, longest: int = LONGEST) -> None:
         self.dropped = 0
         self.trouble: Exception | None = None
         self._patient = patient
-        self._jobs: queue.Queue[Job | None] = queue.Queue(LONGEST)
+        self._jobs: queue.Queue[Job | None] = queue.Queue(longest)
         self._thread = threading.Thread(target=self._work, name=f"recorder {name}", daemon=True)
         self._thread.start()
 

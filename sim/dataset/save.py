@@ -45,7 +45,7 @@ def check_free(directory: str | Path) -> Path:
 
 
 def _shot_columns(shots: Shots) -> dict[str, Column]:
-    columns = {"shot_id": shots.shot_id, **shots.numbers, **shots.texts}
+    columns: dict[str, Column] = {"shot_id": shots.shot_id, **shots.numbers, **shots.texts}
     order = [name for name in (*FIRST, *RANGES) if name in columns]
     return {name: columns[name] for name in dict.fromkeys([*order, *columns])}
 

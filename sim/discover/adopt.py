@@ -1,5 +1,6 @@
 """What discovery found becomes what is believed: the fitted coefficients with every named effect, and their doubt."""
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -7,6 +8,7 @@ import numpy as np
 from sim.belief import SCATTER, Belief, moved_curves, point_belief, scale_of
 from sim.coefficients import Coefficients
 from sim.curve import Curve
+from sim.discover.clusters import Clusters
 from sim.discover.discover import Investigation
 from sim.discover.evidence import Array, Column, Evidence
 from sim.discover.freed import Freed, all_freed
@@ -22,18 +24,20 @@ from sim.physics.nameless import CURVE, NAMELESS
 from sim.physics.scales import fits_scale
 from sim.physics.term import complete
 
+Gain = Callable[[Evidence, Evidence, Clusters], tuple[float, float]]
 TRACKER = "track_"                    # a tracker's errors are its own; no shot depends on them
 
 
-def make_belief(investigation: Investigation) -> tuple[Belief, dict[str, Any]]:
+def make_belief(investigation: Investigation, gain: Gain = usual_gain) -> tuple[Belief, dict[str, Any]]:
     """(coefficients, scatter and covariance with all that was named, and the curve of what was not; provenance).
 
     Where several names of the last effect could not be told apart, the simulation is taken that forecasts their average
-    (sim.discover.mixed). ValueError for data that carry no test.
+    (sim.discover.mixed). gain: bounds of what forecasts win where the balls are others. ValueError for data that carry
+    no test.
     """
     if investigation.fitted is None:
         raise ValueError("the data carry no test, so nothing was fitted")
-    taken, worse = _best(investigation)
+    taken, worse = _best(investigation, gain)
     named, free, several, evidence = taken.named, taken.free, taken.several, taken.evidence
     names = [name for step in named[:-1 if several else None] for name in step.refit.names]
     columns = [k for k, column in enumerate(evidence.columns) if _belongs(column)]
@@ -84,13 +88,13 @@ class _Taken(NamedTuple):
     why: str
 
 
-def _best(investigation: Investigation) -> tuple[_Taken, str]:
+def _best(investigation: Investigation, gain: Gain) -> tuple[_Taken, str]:
     """All that was found; else what of it has a name; else nothing; and why not all."""
     everything, worse = investigation.steps, ""
     named = tuple(step for step in everything if not step.unknown)
     for steps in (everything, named) if len(named) < len(everything) else (everything,):
         taken = _take(investigation, steps)
-        why = _surely_worse(investigation, taken.evidence)
+        why = _surely_worse(investigation, taken.evidence, gain)
         if not why:
             return taken, worse
         worse = worse or why
@@ -107,13 +111,13 @@ def _take(investigation: Investigation, steps: tuple[Step, ...]) -> _Taken:
     return _Taken(named, free, several, evidence, why)
 
 
-def _surely_worse(investigation: Investigation, evidence: Evidence) -> str:
+def _surely_worse(investigation: Investigation, evidence: Evidence, gain: Gain) -> str:
     """Why nothing that was found is believed. Where a later session's balls may be others, their luck is left out."""
     if not investigation.steps or investigation.fitted is None or investigation.clusters is None:
         return ""
     before = _shared(investigation.fitted.evidence)
     if len(luck_of_others(before)):
-        _, high = usual_gain(before, evidence, investigation.clusters)
+        _, high = gain(before, evidence, investigation.clusters)
         return "other balls than this session's would be foretold surely worse" if high < 0.0 else ""
     fit = investigation.finding.fit
     interval = None if fit is None else gained_interval(fit)

@@ -64,13 +64,18 @@ class Fitted:
         return np.arange(len(self.evidence.rows)) if groups is None or groups.count == 1 else groups.label
 
 
+def part_of(progress: Progress, begin: float, share: float) -> Progress:
+    """Progress of a part that begins at `begin` and is `share` of the whole."""
+    return lambda done, note: progress(begin + share * done, note)
+
+
 def fit_believed(intake: Intake, layout: Layout, progress: Progress = lambda done, note: None) -> Fitted:
     """Most probable shared columns by Newton's method with halved steps, relinearised at every step."""
     bare = only_shared(layout)
     starts = usual_starts(intake, layout)
     starts = starts[:1] if intake.samples is not None or len(intake.marked) > FEW else (
         *starts, usual_spot(intake, layout))
-    tops = [climb(intake, bare, start, lambda done, note, k=k: progress(0.9 * (k + done) / len(starts), note))
+    tops = [climb(intake, bare, start, part_of(progress, 0.9 * k / len(starts), 0.9 / len(starts)))
             for k, start in enumerate(starts)]
     spot = max(tops, key=lambda top: objective(top[1], bare))[0]
     progress(0.9, "slopes")
@@ -228,7 +233,7 @@ def only_shared(layout: Layout, more: Iterable[str] = ()) -> Layout:
     return Layout(_lean(layout, kept), tuple(layout.columns[k] for k in kept), layout.source[kept],
                   tuple(place.get(column, -1) for column in layout.scatters), precision,
                   np.concatenate([[one.centre for one in own], layout.centre[order]]), layout.edges_s, layout.usual,
-                  layout.groups, layout.measured)
+                  layout.groups, layout.measured, layout.see)
 
 
 def widened(precision: Array, by: Iterable[tuple[int, float]]) -> Array:

@@ -200,10 +200,10 @@ def _leave(facts: Facts, values: Mapping[str, Any], lane: Lanes, deviate: Any) -
     """
     sensed = Exit(*map(jnp.asarray, lane.rolling))
     exit, distance_m = sensed, lane.distance_m
-    for term in sensing_terms(values):
-        exit, distance_m = term.sense(facts, values[term.name], exit, distance_m)
-    for term in launch_terms(values):
-        exit = term.leave(facts, values[term.name], exit)
+    for sensing in sensing_terms(values):
+        exit, distance_m = sensing.sense(facts, values[sensing.name], exit, distance_m)
+    for launching in launch_terms(values):
+        exit = launching.leave(facts, values[launching.name], exit)
     speed = jnp.where(lane.rolled, exit.speed_m_s, sensed.speed_m_s)
     spin = jnp.where(lane.rolled, exit.spin_rev_s, sensed.spin_rev_s)
     elevation = jnp.where(lane.hooded, exit.elevation_rad, sensed.elevation_rad)

@@ -96,6 +96,7 @@ def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Array,
     columns += [column for column, *_ in shared]
     columns += [Column(name, "shared", "launch", "along", "1", 1.0) for name in names]
     source += [place for _, place, *_ in shared] + [-1] * len(names)
+    lucky: Groups | None
     if groups is None and belief is not None:
         differ = _as_balls_differ if tracked else _as_shots_differ
         lucky = _others(len(intake.rows), *differ(belief, slots))
@@ -232,7 +233,8 @@ def _edges(intake: Intake) -> Array:
         return np.zeros(0)
     lead_s = np.asarray(intake.lanes.lead_s)[intake.tracked]
     times = (intake.samples.time_s + lead_s[:, None])[intake.samples.real]
-    return np.quantile(times, np.arange(1, BANDS) / BANDS)
+    edges_s: Array = np.quantile(times, np.arange(1, BANDS) / BANDS)
+    return edges_s
 
 
 def _substeps(intake: Intake) -> int:

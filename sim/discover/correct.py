@@ -37,7 +37,8 @@ class Correction:
 
     @property
     def gain(self) -> Array:
-        return self.log_after - self.log_before
+        gain: Array = self.log_after - self.log_before
+        return gain
 
 
 def correct(evidence: Evidence, test: Test, clusters: Clusters) -> Correction:
@@ -141,7 +142,8 @@ def _normal(evidence: Evidence, channel: int, basis: Array, train: Array, change
 def _penalty(evidence: Evidence, channel: int, basis: Array, train: Array, ridge: float) -> Array:
     """Ridge on each basis column: firm but tiny, and `ridge` on bends (columns from the third)."""
     said = (basis[train]**2 * evidence.info[train, channel, channel][:, None]).sum(0)
-    return said * np.where(np.arange(basis.shape[1]) >= 2, FIRM + ridge, FIRM)
+    ridges: Array = said * np.where(np.arange(basis.shape[1]) >= 2, FIRM + ridge, FIRM)
+    return ridges
 
 
 def _choose_ridge(evidence: Evidence, test: Test, basis: Array, train: Array) -> float:

@@ -142,7 +142,8 @@ def smooth_shapes(values: Array) -> Array:
         last = _ramp(scaled, knots[-2], knots)
         columns += [_ramp(scaled, knot, knots) - last for knot in knots[:-2]]
     basis = np.where(known[:, None], np.stack(columns, axis=1), 0.0)
-    return basis / np.maximum(basis.std(0), 1e-12)
+    unit: Array = basis / np.maximum(basis.std(0), 1e-12)
+    return unit
 
 
 def spline_knots(values: Array) -> Array:
@@ -157,7 +158,8 @@ def _quantiles(values: Array) -> Array:
 
 def _ramp(scaled: Array, knot: float, knots: Array) -> Array:
     """Truncated cubes that leave the spline straight beyond the last knot."""
-    return (np.maximum(scaled - knot, 0.0)**3 - np.maximum(scaled - knots[-1], 0.0)**3) / (knots[-1] - knot)
+    ramp: Array = (np.maximum(scaled - knot, 0.0)**3 - np.maximum(scaled - knots[-1], 0.0)**3) / (knots[-1] - knot)
+    return ramp
 
 
 def varies(values: Array) -> bool:

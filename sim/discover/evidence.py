@@ -105,7 +105,7 @@ class Evidence:
     def index(self, name: str) -> int:
         return next(k for k, column in enumerate(self.columns) if column.name == name)
 
-    def told_by(self, rows: Sequence[int]) -> Array:
+    def told_by(self, rows: Sequence[int] | Array) -> Array:
         """The information [P, P] of these shots."""
         chosen = np.asarray(rows)
         return self.deal.some(chosen).total(self.info[chosen])
@@ -113,7 +113,7 @@ class Evidence:
     def gain(self, change: Array) -> Array:
         """Log-likelihood gained by each shot [n] when columns change by `change` [n, P]; heights linear in it."""
         own = self.deal.own(change)
-        value = np.einsum("ni,ni->n", self.linear, own) - 0.5 * np.einsum("ni,nij,nj->n", own, self.bend, own)
+        value: Array = np.einsum("ni,ni->n", self.linear, own) - 0.5 * np.einsum("ni,nij,nj->n", own, self.bend, own)
         if self.plane is not None:
             plane = self.plane
             before = outcomes.log_likelihood(plane.seen, plane.mean_m, plane.spread_m)
@@ -151,7 +151,7 @@ class Evidence:
         if plane is not None:
             plane = replace(plane, by_column=plane.by_column[:, own], wider_by=plane.wider_by[:, own],
                             log_spread_by=plane.log_spread_by[:, own])
-        square = np.ix_(range(len(self.bend)), own, own)
+        square = np.ix_(np.arange(len(self.bend)), own, own)
         return Evidence(self.rows, tuple(self.columns[k] for k in kept), deal, self.point[kept], self.linear[:, own],
                         self.bend[square], plane, self.precision, self.pull, self.log_score, self.own_score[:, own],
                         self.info[square])

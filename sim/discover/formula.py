@@ -113,7 +113,9 @@ def _pressure(intake: Intake) -> Array:
     """rho A v^2 / 2 m at the exit [n], m/s2."""
     lanes = intake.lanes
     area_m2 = np.pi * np.asarray(lanes.ball_m)**2
-    return 0.5 * intake.facts.air.density_kg_m3 * area_m2 * np.asarray(lanes.rolling.speed_m_s)**2 / lanes.ball_kg
+    speed_m_s = np.asarray(lanes.rolling.speed_m_s)
+    pull_m_s2: Array = 0.5 * intake.facts.air.density_kg_m3 * area_m2 * speed_m_s**2 / lanes.ball_kg
+    return pull_m_s2
 
 
 def _spin_parameter(intake: Intake) -> Array | None:

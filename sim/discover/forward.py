@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sim.discover.ask import ALLOWANCE, Asked, ask_everything
-from sim.discover.believed import Fitted
+from sim.discover.believed import Fitted, part_of
 from sim.discover.clusters import Clusters
 from sim.discover.covariates import Covariate, Factor
 from sim.discover.decoys import share_above
@@ -64,11 +64,9 @@ def _chain(fitted: Fitted, place: Place | None, search: Search, named: tuple[str
     """Up to MOST steps with those `named` before, until nothing is left, or what is left has no name."""
     steps: list[Step] = []
     for number in range(len(named), MOST):
-        span = (number / MOST, 0.8 / MOST)
         base = (*named, *(step.naming.leader for step in steps))
         steps.append(make_step(fitted, search.clusters, place, base, search.seed,
-                               lambda done, note, span=span: progress(span[0] + done * span[1], note),
-                               search.beside(fitted)))
+                               part_of(progress, number / MOST, 0.8 / MOST), search.beside(fitted)))
         if (steps[-1].unknown and not steps[-1].outrun) or number == MOST - 1:
             break
         fitted = promote(fitted, steps[-1].refit)
@@ -187,8 +185,7 @@ def _together(fitted: Fitted, steps: tuple[Step, ...], size: dict[str, float], s
     for number, name in enumerate(tuple(size)):
         others = tuple(one for one in size if one != name)
         base = promote(fitted, refit(fitted, others, np.array([size[one] for one in others]))) if others else fitted
-        naming = name_terms(base, lambda done, note, number=number: progress((number + done) / len(named), note),
-                            {name: size.pop(name)})
+        naming = name_terms(base, part_of(progress, number / len(named), 1.0 / len(named)), {name: size.pop(name)})
         size[naming.leader] = float(naming.refits[naming.leader].amplitude[0])
         own = next((one for one in named if one.naming.leader == name), named[number])
         told.append(_retold(own, naming, base, search))

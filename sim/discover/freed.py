@@ -55,7 +55,8 @@ def all_freed(step: Step, search: Search) -> tuple[tuple[Freed, ...], str]:
     if step.fitted.intake.samples is None and not clearly(step.place.correction.gain, step.fitted):
         return (), "the free curve does not surely do better on unseen shots"
     found: list[Freed] = []
-    fitted, correction = step.fitted, step.place.correction
+    fitted = step.fitted
+    correction: Correction | None = step.place.correction
     while correction is not None and len(found) < MOST:
         foreseeable = _foreseeable(fitted, correction, search)
         others = () if foreseeable is correction else (correction,)

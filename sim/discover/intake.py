@@ -128,7 +128,7 @@ def _lanes(part: _Part, circumstances: Circumstances, samples: Samples | None,
     given = given_of(part.facts, Shots(shots.shot_id, numbers, shots.texts))
     side = _side_spin(part)
     start_m, start_m_s, spin, lead_s, time_s = _starts(part, given.rolling, samples, place)
-    rolling = Exit(*(np.asarray(each, dtype=float) for each in given.rolling[:3]), np.zeros(n))
+    rolling = Exit(*(np.asarray(each, dtype=float) for each in given.rolling))._replace(above_m=np.zeros(n))
     mass_kg = _or_else(shots.number("mass_kg"), part.facts.ball.mass_kg)
     radius_m = _or_else(shots.number("radius_m"), part.facts.ball.radius_m)
     lanes = Lanes(rolling, side, given.rolled & part.launched, given.hooded & part.launched, free, mass_kg, radius_m,
@@ -165,7 +165,8 @@ def _wheel_spin(part: _Part) -> Array:
     """Spin [n, 3] by all wheels in rev/s about (ahead, left, up); nan where a wheel's speed is unknown."""
     surface = np.stack([part.shots.number(f"wheel_{wheel.name}_rad_s") * wheel.radius_m
                         for wheel in part.facts.launcher.wheel], axis=1)
-    return exit_no_slip(part.facts, surface)[1] / (2.0 * np.pi)
+    spin_rev_s: Array = exit_no_slip(part.facts, surface)[1] / (2.0 * np.pi)
+    return spin_rev_s
 
 
 def _starts(part: _Part, rolling: Exit, samples: Samples | None, place: Array) -> tuple[Array, ...]:

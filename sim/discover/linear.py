@@ -5,6 +5,7 @@ point, linear in d and in the columns; so d is integrated out exactly, and the h
 they said. Only the outcome's likelihood is not Gaussian, and it is of one number.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -49,7 +50,7 @@ class Layout:
     -1 for a scatter, -2 for a group's effect (those come last, effect by effect, group by group). scatters: columns of
     the logs of SCATTERS, in that order, -1 where not fitted. precision [p, p], centre [p]: the shared columns' prior.
     usual [slots]: what the chain's parameters are where nobody says anything else. measured: of terms that are asked
-    about, by somebody who needed no shot for it.
+    about, by somebody who needed no shot for it. see: what flies the chain, if not see_slopes.
     """
 
     chain: Chain
@@ -62,6 +63,7 @@ class Layout:
     usual: Array
     groups: Groups | None = None
     measured: Measured = field(default_factory=dict)
+    see: Callable[..., tuple[Seen, Seen]] | None = None
 
     @property
     def inputs(self) -> Array:
@@ -196,7 +198,7 @@ def fly(intake: Intake, layout: Layout, spot: Spot) -> Flown:
 
 def _common(deviates: Array) -> Array:
     """The mean [n, D] of those that deviate, for each of them; nothing for the others."""
-    own = deviates.any(axis=1)
+    own = np.any(deviates, axis=1)
     return np.where(own[:, None], deviates[own].mean(axis=0), 0.0)
 
 
@@ -213,7 +215,8 @@ def pad_lanes(lanes: Lanes, multiple: int = PAD) -> tuple[Lanes, int]:
 
 
 def _take(lanes: Lanes, rows: Any) -> Lanes:
-    return jax.tree.map(lambda part: np.asarray(part)[rows] if np.ndim(part) else part, lanes)
+    taken: Lanes = jax.tree.map(lambda part: np.asarray(part)[rows] if np.ndim(part) else part, lanes)
+    return taken
 
 
 def _fly(layout: Layout, lanes: Lanes, spot: Spot, basis: Array) -> tuple[Seen, Seen]:
@@ -225,8 +228,9 @@ def _fly(layout: Layout, lanes: Lanes, spot: Spot, basis: Array) -> tuple[Seen, 
     wide = np.pad(basis, ((0, 0), (0, -width % WIDTH if width else WIDTH)))
     bases = np.split(wide, wide.shape[1] // WIDTH, axis=1)
     blocks = [slice(first, first + BLOCK) for first in range(0, len(deviates), BLOCK)]
-    parts = [[see_slopes(layout.chain, _take(padded, rows), jnp.asarray(spot.values), deviates[rows],
-                         jnp.asarray(layout.edges_s), jnp.asarray(some)) for some in bases] for rows in blocks]
+    see = layout.see or see_slopes
+    parts = [[see(layout.chain, _take(padded, rows), jnp.asarray(spot.values), deviates[rows],
+                  jnp.asarray(layout.edges_s), jnp.asarray(some)) for some in bases] for rows in blocks]
     seen = jax.tree.map(lambda *each: np.concatenate(each)[:n], *(part[0][0] for part in parts))
     slopes = [jax.tree.map(lambda *each: np.concatenate(each, axis=-1), *(one for _, one in part)) for part in parts]
     return seen, jax.tree.map(lambda *each: np.concatenate(each)[:n][..., :width], *slopes)
@@ -274,7 +278,8 @@ def _luck(layout: Layout, spot: Spot) -> Array:
     groups = layout.groups
     if groups is None:
         return np.zeros((len(spot.deviates), 0))
-    return spot.effects.reshape(-1, groups.count)[:, groups.label].T * groups.scale
+    effects: Array = spot.effects.reshape(-1, groups.count)[:, groups.label].T * groups.scale
+    return effects
 
 
 def _scatter_terms(intake: Intake, layout: Layout, spot: Spot, sd: Array, left: _Left, own: Array,

@@ -39,7 +39,7 @@ class Place:
 def pick(tests: Sequence[Test], judged: Judged, among: Array) -> int:
     """The test that explains most; of those nearly as good the plainest: same for all, then a number, then a group."""
     best = judged.gain[among].max()
-    good = [k for k in among if judged.gain[k] >= AS_GOOD * best]
+    good: list[int] = [k for k in among if judged.gain[k] >= AS_GOOD * best]
     return min(good, key=lambda k: (_plainness(tests[k]), -judged.gain[k]))
 
 

@@ -83,7 +83,8 @@ def visible_terms(evidence: Evidence) -> Array:
     """Columns of terms of which the shots say anything that the shared ones could not."""
     columns = np.array([k for k in range(evidence.first_shared) if evidence.columns[k].kind == "term"], dtype=int)
     own, kept = evidence.information[columns, columns], np.diag(efficient(evidence, columns)[1])
-    return columns[(own > BUSY) & (kept > LEAST_INFORMATION * own)]
+    visible: Array = columns[(own > BUSY) & (kept > LEAST_INFORMATION * own)]
+    return visible
 
 
 def nats_for(score: Any, information: float, usual: float) -> Any:

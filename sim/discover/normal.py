@@ -43,7 +43,8 @@ def multiply_out(intake: Intake, seen: Seen, slopes: Seen, deviates: Array) -> N
     raw[..., 0] += np.einsum("ngd,nd->ng", raw[..., raw.shape[2] - deviates.shape[1]:], deviates)
     with np.errstate(over="ignore", invalid="ignore"):     # far from all that flies there is no likelihood: not finite
         product = np.swapaxes(raw, 1, 2) @ raw
-    return Normal(product[:, 1:, 1:], product[:, 1:, 0], product[:, 0, 0], sum(part[1] for part in parts))
+    log_noise = sum((part[1] for part in parts), np.zeros(len(deviates)))
+    return Normal(product[:, 1:, 1:], product[:, 1:, 0], product[:, 0, 0], log_noise)
 
 
 def _exit_part(intake: Intake, seen: Seen, slopes: Seen) -> tuple[Array, Array]:

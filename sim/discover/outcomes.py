@@ -35,12 +35,13 @@ class Seen:
 
     @property
     def measured(self) -> Array:
-        return np.isfinite(self.height_m)
+        measured: Array = np.isfinite(self.height_m)
+        return measured
 
     def take(self, index: Array) -> "Seen":
         """Those of the shots."""
-        columns = (column[index] for column in (self.low, self.high, self.height_m, self.classes))
-        return Seen(*columns, self.borders, self.sided)
+        return replace(self, low=self.low[index], high=self.high[index], height_m=self.height_m[index],
+                       classes=self.classes[index])
 
 
 def see_outcomes(shots: Shots, target: Target | None) -> tuple[Array, Seen]:
@@ -84,7 +85,8 @@ def log_likelihood(seen: Seen, mean_m: Array, spread_m: Array) -> Array:
     """Log-likelihood [n] of what was seen, heights normal(mean_m, spread_m), from the centre."""
     chance = (1.0 - LAPSE) * _chance(seen.low, seen.high, mean_m, spread_m).sum(1) + LAPSE / 3.0
     off = np.where(seen.measured, (seen.height_m - mean_m) / spread_m, 0.0)
-    return np.where(seen.measured, -0.5 * off**2 - np.log(spread_m) - 0.5 * np.log(2.0 * np.pi), np.log(chance))
+    nats: Array = np.where(seen.measured, -0.5 * off**2 - np.log(spread_m) - 0.5 * np.log(2.0 * np.pi), np.log(chance))
+    return nats
 
 
 def slopes(seen: Seen, mean_m: Array, spread_m: Array) -> tuple[Array, Array, Array]:
@@ -105,9 +107,9 @@ def information(seen: Seen, mean_m: Array, spread_m: Array) -> Array:
     chance = np.zeros((n, len(low)))
     slope = np.zeros((n, len(low), 3))
     for k, parts in enumerate(zip(low, high, strict=True)):
-        bounds = [np.broadcast_to(np.array(part, dtype=float), (n, 2)) for part in parts]
-        chance[:, k] = (1.0 - LAPSE) * _chance(*bounds, mean_m, spread_m).sum(1) + LAPSE / 3.0
-        slope[:, k] = (1.0 - LAPSE) * np.stack(_chance_slopes(*bounds, mean_m, spread_m), axis=-1).sum(1)
+        lower, upper = (np.broadcast_to(np.array(part, dtype=float), (n, 2)) for part in parts)
+        chance[:, k] = (1.0 - LAPSE) * _chance(lower, upper, mean_m, spread_m).sum(1) + LAPSE / 3.0
+        slope[:, k] = (1.0 - LAPSE) * np.stack(_chance_slopes(lower, upper, mean_m, spread_m), axis=-1).sum(1)
     classed = np.einsum("nki,nkj,nk->nij", slope, slope, 1.0 / chance)
     measured = np.zeros((n, 3, 3))
     measured[:, 0, 0], measured[:, 1, 1] = 1.0 / spread_m**2, 2.0
@@ -131,7 +133,8 @@ def best_class(seen: Seen, mean_m: Array, spread_m: Array) -> Array:
     """Index [n] of the likeliest of miss, two, three."""
     two, three = seen.borders[4], seen.borders[3]
     inside = [ndtr((edge - mean_m) / spread_m) - ndtr((-edge - mean_m) / spread_m) for edge in (two, three)]
-    return np.argmax(np.stack([1.0 - inside[0], inside[0] - inside[1], inside[1]], axis=1), axis=1)
+    likeliest: Array = np.argmax(np.stack([1.0 - inside[0], inside[0] - inside[1], inside[1]], axis=1), axis=1)
+    return likeliest
 
 
 def _all_classes(seen: Seen) -> tuple[list[tuple[float, float]], list[tuple[float, float]]]:
@@ -164,4 +167,5 @@ def _chance_slopes(low: Array, high: Array, mean_m: Array, spread_m: Array) -> t
 
 def _density(z: Array) -> Array:
     """Of the standard normal."""
-    return np.exp(-0.5 * z**2) / np.sqrt(2.0 * np.pi)
+    density: Array = np.exp(-0.5 * z**2) / np.sqrt(2.0 * np.pi)
+    return density

@@ -50,7 +50,7 @@ def gather_samples(tracks: Tracks, shots: int) -> tuple[Samples, tuple[str, ...]
             kept.append((shot, data))
         elif len(data):
             short += 1
-    notes = (f"{short} tracks with fewer than {FEWEST_SAMPLES} samples",) if short else ()
+    notes: tuple[str, ...] = (f"{short} tracks with fewer than {FEWEST_SAMPLES} samples",) if short else ()
     if gross:
         notes += (f"{gross} track samples more than {GROSS:g} standard deviations off a smooth flight",)
     right = [put_right(data) for _, data in kept]
@@ -122,7 +122,8 @@ def whiten(samples: Samples, scatter: Scatter, columns: Array) -> Array:
     clean = columns / scatter.sigma_m[:, None]
     new = (clean[:, 1:] - memory[..., None] * clean[:, :-1]) / np.sqrt(1.0 - memory**2 + 1e-12)[..., None]
     joined = np.concatenate([clean[:, :1], new], axis=1) * samples.real[:, :, None, None]
-    return joined.reshape(len(columns), 3 * columns.shape[1], columns.shape[-1])
+    white: Array = joined.reshape(len(columns), 3 * columns.shape[1], columns.shape[-1])
+    return white
 
 
 def log_volume(samples: Samples, scatter: Scatter) -> Array:
@@ -131,13 +132,16 @@ def log_volume(samples: Samples, scatter: Scatter) -> Array:
     memory = np.exp(-gaps_s / np.where(scatter.memory_s > 0.0, scatter.memory_s, 1e-9))
     new = np.log(scatter.sigma_m) + 0.5 * np.log(1.0 - memory**2 + 1e-12)
     first = np.log(scatter.sigma_m).sum() + 1.5 * np.log(2.0 * np.pi)
-    return -(first * samples.real[:, 0] + ((new.sum(2) + 1.5 * np.log(2.0 * np.pi)) * samples.real[:, 1:]).sum(1))
+    later = ((new.sum(2) + 1.5 * np.log(2.0 * np.pi)) * samples.real[:, 1:]).sum(1)
+    log_density: Array = -(first * samples.real[:, 0] + later)
+    return log_density
 
 
 def _detrend(time_s: Array, position_m: Array) -> Array:
     scaled = (time_s - time_s[0]) / max(float(np.ptp(time_s)), 1e-9) * 2.0 - 1.0
     basis = np.polynomial.legendre.legvander(scaled, SMOOTH_DEGREE)
-    return position_m - basis @ np.linalg.lstsq(basis, position_m, rcond=None)[0]
+    residual_m: Array = position_m - basis @ np.linalg.lstsq(basis, position_m, rcond=None)[0]
+    return residual_m
 
 
 def _sound(data: Array) -> Array:

@@ -142,7 +142,8 @@ def _drawn(cluster: Array, clusters: int, common: Array, place: Array, inverse: 
         return _sum_over(cluster, clusters, ((common @ own) * common).sum(2))
     summed = np.zeros((clusters, len(inverse), common.shape[1]))
     np.add.at(summed, (cluster[:, None], place), np.swapaxes(common, 1, 2))
-    return np.einsum("gpq,pr,grq->gq", summed, inverse, summed, optimize=True)
+    variance: Array = np.einsum("gpq,pr,grq->gq", summed, inverse, summed, optimize=True)
+    return variance
 
 
 def _each_by_itself(cluster: Array) -> bool:
@@ -153,13 +154,15 @@ def _each_by_itself(cluster: Array) -> bool:
 def _stretch(kappa: Array, drawn: Array) -> Array:
     """1 / sqrt(1 - leverage), each cluster's leverage in each test as its information has it (HC2 of linear models)."""
     leverage = drawn / np.maximum(kappa, 1e-300)
-    return 1.0 / np.sqrt(1.0 - np.clip(leverage, 0.0, MOST_LEVERAGE))
+    factor: Array = 1.0 / np.sqrt(1.0 - np.clip(leverage, 0.0, MOST_LEVERAGE))
+    return factor
 
 
 def _usable(kappa: Array, raw: Array) -> Array:
     total = kappa.sum(0)
     effective = total**2 / np.maximum((kappa**2).sum(0), 1e-300)
-    return (total > LEAST_SHARE * raw) & (raw > 0.0) & (effective >= FEWEST_CLUSTERS)
+    usable: Array = (total > LEAST_SHARE * raw) & (raw > 0.0) & (effective >= FEWEST_CLUSTERS)
+    return usable
 
 
 def judge(scores: Scores, family: Sequence[str], allowance: Mapping[str, float], draws: int, seed: int,

@@ -192,7 +192,8 @@ def _gained(fit: Fit) -> str:
     interval = gained_interval(fit)
     if interval is None:
         return ""
-    better, worse = [], []
+    better: list[str] = []
+    worse: list[str] = []
     if fit.accuracy_before is not None and fit.accuracy_after is not None:
         before, after = f"{100.0 * fit.accuracy_before:.0f}", f"{100.0 * fit.accuracy_after:.0f}"
         part = f"{after} of 100 outcomes right instead of {before}"

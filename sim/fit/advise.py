@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.special import ndtr
 
+from robot.facts import Target
 from sim.fit.evidence import blind
 from sim.fit.forecast import forecast
 from sim.fit.given import EXIT_SPEED_SD_M_S, Given, given_of
@@ -45,21 +46,23 @@ def advise(fit: MlFit, most: int = 3) -> tuple[Proposal, ...]:
     shots = fit.gathered.shots.take(fit.gathered.rows[:len(fit.problem.evidence.given.rolled)])
     if facts.launcher.free_speed_rad_s is None or not facts.launcher.wheel or facts.target is None or not len(shots):
         return ()
-    designs, aim_m = _designs(fit, shots)
+    designs, aim_m = _designs(fit, shots, facts.target)
     if not len(designs):
         return ()
     vector = weakest(fit)
     before = float(vector @ fit.covariance @ vector)
     proposals = []
-    for kind, information in zip(KINDS, _information(fit, designs), strict=True):
+    for kind, information in zip(KINDS, _information(fit, designs, facts.target), strict=True):
         after = [vector @ np.linalg.inv(fit.optimum.hessian + SHOTS * one) @ vector for one in information]
         best = int(np.argmin(after))
-        columns = (float(designs.number(name)[best]) for name in ("distance_m", "hood_deg", "motor_ratio"))
-        proposals.append(Proposal(kind, *columns, float(aim_m[best]), float(np.sqrt(after[best] / before))))
+        distance_m, hood_deg, ratio = (float(designs.number(name)[best])
+                                       for name in ("distance_m", "hood_deg", "motor_ratio"))
+        proposals.append(Proposal(kind, distance_m, hood_deg, ratio, float(aim_m[best]),
+                                  float(np.sqrt(after[best] / before))))
     return tuple(sorted(proposals, key=lambda one: one.sd_ratio)[:most])
 
 
-def _designs(fit: MlFit, shots: Shots) -> tuple[Shots, np.ndarray]:
+def _designs(fit: MlFit, shots: Shots, target: Target) -> tuple[Shots, np.ndarray]:
     """Configurations over the dataset's own range, each with the motor ratio that sends the ball to its aim."""
     ends = [(np.nanmin(column), np.nanmax(column)) for column in (shots.number("distance_m"), shots.number("hood_deg"))]
     if not np.isfinite(ends).all():
@@ -67,11 +70,10 @@ def _designs(fit: MlFit, shots: Shots) -> tuple[Shots, np.ndarray]:
     axes = [[low + place * (high - low) for place in PLACES] for low, high in ends]
     distance_m, hood_deg, aim_m = (part.ravel() for part in np.meshgrid(*axes, AIMS_M, indexing="ij"))
     low, high = np.full(distance_m.shape, 0.02), np.ones(distance_m.shape)
-    centre_m = fit.model.facts.target.centre_height_m
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
         height_m = forecast(fit.model.facts, fit.belief, _as_shots(distance_m, hood_deg, middle)).height_m
-        over = np.nan_to_num(height_m, nan=np.inf) > centre_m + aim_m
+        over = np.nan_to_num(height_m, nan=np.inf) > target.centre_height_m + aim_m
         low, high = np.where(over, low, middle), np.where(over, middle, high)
     reaches = (high < 0.999) & (low > 0.021)
     return _as_shots(distance_m[reaches], hood_deg[reaches], high[reaches]), aim_m[reaches]
@@ -82,14 +84,13 @@ def _as_shots(distance_m: np.ndarray, hood_deg: np.ndarray, motor_ratio: np.ndar
                  {"distance_m": distance_m, "hood_deg": hood_deg, "motor_ratio": motor_ratio}, {})
 
 
-def _information(fit: MlFit, designs: Shots) -> list[np.ndarray]:
+def _information(fit: MlFit, designs: Shots, target: Target) -> list[np.ndarray]:
     """Expected information [n, p, p] in prior units of one shot of each kind at each design."""
     given = given_of(fit.model.facts, designs)
     u = fit.optimum.u
     mean, log_sd, log_speed, speed_var = map(np.asarray, _predict(fit.model, given, u))
     by_mean, by_log_sd, by_speed, _ = map(np.asarray, jax.jacfwd(partial(_predict, fit.model, given))(u))
     sd = np.exp(log_sd)
-    target = fit.model.facts.target
     inner, outer = target.three_half_height_m, target.two_half_height_m
     kinds = []
     for joined in (True, False):
@@ -114,11 +115,14 @@ def _ordinal(edges: tuple[float, ...], mean: np.ndarray, sd: np.ndarray, by_mean
         fold = [[2], [1, 3], [0, 4]]
         share, slope = (np.stack([part[rows].sum(0) for rows in fold]) for part in (share, slope))
     share = (1.0 - LAPSE) * share + LAPSE / len(share)
-    return ((1.0 - LAPSE)**2 * slope[:, :, :, None] * slope[:, :, None, :] / share[:, :, None, None]).sum(0)
+    square: np.ndarray = (1.0 - LAPSE)**2 * slope[:, :, :, None] * slope[:, :, None, :] / share[:, :, None, None]
+    information: np.ndarray = square.sum(0)
+    return information
 
 
 def _outer(slope: np.ndarray) -> np.ndarray:
-    return slope[:, :, None] * slope[:, None, :]
+    square: np.ndarray = slope[:, :, None] * slope[:, None, :]
+    return square
 
 
 @partial(jax.jit, static_argnames=("model",))

@@ -112,9 +112,9 @@ def _launches(facts: Facts, shots: Shots, at_plane: np.ndarray) -> tuple[Given, 
 def _marks(facts: Facts, shots: Shots, at_plane: np.ndarray) -> Marks | None:
     if facts.target is None or not at_plane.any():
         return None
-    words = [tuple(word if here else "" for word, here in zip(shots.text(name), at_plane, strict=True))
-             for name in ("outcome", "side")]
-    return make_marks(facts.target, *words, np.where(at_plane, shots.number("miss_height_m"), np.nan))
+    outcome, side = (tuple(word if here else "" for word, here in zip(shots.text(name), at_plane, strict=True))
+                     for name in ("outcome", "side"))
+    return make_marks(facts.target, outcome, side, np.where(at_plane, shots.number("miss_height_m"), np.nan))
 
 
 def _has_wheels(facts: Facts, shots: Shots) -> np.ndarray:
@@ -136,7 +136,9 @@ def _has_mark(shots: Shots) -> np.ndarray:
     side = np.array(shots.text("side"))
     outcome = np.array(shots.text("outcome"))
     beside = np.isin(side, ("left", "right")) & np.isin(outcome, ("miss", ""))
-    return (((outcome != "") | np.isin(side, ("low", "high"))) & ~beside) | np.isfinite(shots.number("miss_height_m"))
+    worded = ((outcome != "") | np.isin(side, ("low", "high"))) & ~beside
+    marked: np.ndarray = worded | np.isfinite(shots.number("miss_height_m"))
+    return marked
 
 
 def _left_out(facts: Facts, shots: Shots, launched: np.ndarray, marked: np.ndarray, placed: np.ndarray,

@@ -47,7 +47,8 @@ def forecast_given(facts: Facts, belief: Belief, given: Given) -> Forecast:
     """As forecast, of launches already taken from their columns."""
     rows = [np.arange(first, min(first + LANES, len(given.rolled))) for first in range(0, len(given.rolled), LANES)]
     if not rows:
-        return Forecast(*(np.zeros(0) for _ in range(5)), np.zeros((0, 4)))
+        none = np.zeros(0)
+        return Forecast(none, none, none, none, none, np.zeros((0, 4)))
     parts = [_block(facts, belief, _take(given, np.resize(block, LANES))) for block in rows]
     kept = [[column[:block.size] for column in part] for part, block in zip(parts, rows, strict=True)]
     return Forecast(*(np.concatenate(columns) for columns in zip(*kept, strict=True)))
@@ -79,4 +80,5 @@ def _number(belief: Belief, name: str) -> Number:
 
 
 def _take(given: Given, rows: np.ndarray) -> Given:
-    return jax.tree.map(lambda part: part if np.ndim(part) == 0 else np.asarray(part)[rows], given)
+    taken: Given = jax.tree.map(lambda part: part if np.ndim(part) == 0 else np.asarray(part)[rows], given)
+    return taken

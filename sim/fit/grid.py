@@ -142,5 +142,5 @@ def map_deviation(facts: Facts, shots: Shots, cd: np.ndarray, cl: np.ndarray) ->
 
     cd and cl are arrays of one shape, and so is the result. Flies every pair: about a microsecond each and shot.
     """
-    mean_m = make_scoring(facts, shots).deviation_m(np.ravel(cd), np.ravel(cl)).mean(axis=1)
+    mean_m: np.ndarray = make_scoring(facts, shots).deviation_m(np.ravel(cd), np.ravel(cl)).mean(axis=1)
     return mean_m.reshape(np.shape(cd))

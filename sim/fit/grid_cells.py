@@ -7,7 +7,14 @@ Maps are [cl, cd]; compiled by numba; every function works on cells [first, last
 """
 
 import numpy as np
+import numpy.typing as npt
 from numba import njit
+
+Floats = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int32] | npt.NDArray[np.int64]
+Bools = npt.NDArray[np.bool_]
+Labels = npt.NDArray[np.uint8]
+Target = tuple[float, float, float]   # centre, three's half height, two's half height in m
 
 NODES = 8                             # a side; 64 flights fill a batch of the kernel
 WIDEST = 64                           # points a side of the largest cell
@@ -22,8 +29,7 @@ GRAZING_M = 5e-3                      # a flight that turns back this near to th
 CUSP = 1.0                            # times what gaps to the plane differ elsewhere: parted by more, by a cusp
 MOST_DOUBTFUL = 96                    # points flown singly before a split is cheaper
 
-SETTINGS = {"fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}, "error_model": "numpy", "nogil": True,
-            "cache": True}
+compiled = njit(fastmath={"nsz", "arcp", "contract", "afn", "reassoc"}, error_model="numpy", nogil=True, cache=True)
 
 
 def make_nodes() -> np.ndarray:
@@ -69,8 +75,8 @@ def split(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return parts[~small], parts[small]
 
 
-@njit(**SETTINGS)
-def fill_nodes(cells, axis, nodes, which, cd, cl):
+@compiled
+def fill_nodes(cells: Ints, axis: Floats, nodes: Floats, which: Ints, cd: Floats, cl: Floats) -> None:
     """The flights at the nodes of every cell, NODES * NODES a cell."""
     for cell in range(len(cells)):
         launch, top, bottom, left, right = cells[cell]
@@ -82,8 +88,8 @@ def fill_nodes(cells, axis, nodes, which, cd, cl):
                 cd[lane] = axis[left] + (axis[right] - axis[left]) * nodes[column]
 
 
-@njit(**SETTINGS)
-def list_points(cells, labels, wanted, points):
+@compiled
+def list_points(cells: Ints, labels: Labels, wanted: int, points: Ints) -> int:
     """Points [n, 3] = launch, row, column of the cells whose label is `wanted`; returns how many."""
     count = 0
     for cell in range(len(cells)):
@@ -96,16 +102,17 @@ def list_points(cells, labels, wanted, points):
     return count
 
 
-@njit(**SETTINGS)
-def mark(cells, labels, label):
+@compiled
+def mark(cells: Ints, labels: Labels, label: int) -> None:
     """Give every point of the cells one label."""
     for cell in range(len(cells)):
         launch, top, bottom, left, right = cells[cell]
         labels[launch, top:bottom + 1, left:right + 1] = label
 
 
-@njit(**SETTINGS)
-def label_points(points, count, height_m, gap_m, under, target, final, labels):
+@compiled
+def label_points(points: Ints, count: int, height_m: Floats, gap_m: Floats, under: Bools, target: Target, final: bool,
+                 labels: Labels) -> int:
     """Label points from their own flights; unless `final`, those in doubt are left so. Returns how many are.
 
     target: centre, three's half height, two's half height in m.
@@ -126,8 +133,8 @@ def label_points(points, count, height_m, gap_m, under, target, final, labels):
     return doubtful
 
 
-@njit(**SETTINGS)
-def largest_step(values):
+@compiled
+def largest_step(values: Floats) -> float:
     """Largest difference between two of four neighbouring nodes of a [NODES, NODES] array."""
     most = 0.0
     for row in range(NODES - 1):
@@ -138,8 +145,8 @@ def largest_step(values):
     return most
 
 
-@njit(**SETTINGS)
-def has_cusp(gap):
+@compiled
+def has_cusp(gap: Floats) -> bool:
     """Whether the flights that turn back and those that reach the plane are parted by a flight that stops in mid-air.
 
     Where the plane itself parts them, the gap grows from nothing; where a flight all but turns back and then goes on,
@@ -160,8 +167,8 @@ def has_cusp(gap):
     return edge > CUSP * leap
 
 
-@njit(**SETTINGS)
-def judge(height, gap, under, low, high):
+@compiled
+def judge(height: Floats, gap: Floats, under: Bools, low: float, high: float) -> int:
     """What a cell's nodes say of it: NOTHING of the target in it, SPLIT it, or PAINTED: an interpolant may settle it.
 
     Nothing: all pass, or end, above the target or below it, or end before the plane, by more than neighbours differ
@@ -179,8 +186,9 @@ def judge(height, gap, under, low, high):
     return PAINTED
 
 
-@njit(**SETTINGS)
-def settle(cells, height_m, gap_m, under, target, transform, tables, labels, verdict, doubtful):
+@compiled
+def settle(cells: Ints, height_m: Floats, gap_m: Floats, under: Bools, target: Target, transform: Floats,
+           tables: Floats, labels: Labels, verdict: Ints, doubtful: Ints) -> None:
     """Judge cells by their nodes and paint the labels of those that an interpolant settles.
 
     verdict [n]: see judge; doubtful [n]: how many of a cell's points were marked DOUBTFUL.
@@ -214,8 +222,9 @@ def settle(cells, height_m, gap_m, under, target, transform, tables, labels, ver
             labels[launch, top:bottom + 1, left:right + 1] = MISS
 
 
-@njit(**SETTINGS)
-def paint(shape, rows, columns, unsure, centre, three, two, labels):
+@compiled
+def paint(shape: Floats, rows: Floats, columns: Floats, unsure: float, centre: float, three: float, two: float,
+          labels: Labels) -> int:
     """Labels of a cell's points from its polynomial; returns how many are in doubt."""
     along = np.empty((NODES, labels.shape[1]))
     for order in range(NODES):
@@ -242,8 +251,8 @@ def paint(shape, rows, columns, unsure, centre, three, two, labels):
     return found
 
 
-@njit(**SETTINGS)
-def list_hits(labels, launch, pair, label):
+@compiled
+def list_hits(labels: Labels, launch: Ints, pair: Ints, label: Labels) -> int:
     """All points that are no miss, in order; returns how many there are, be there room for them or not."""
     count = 0
     for one in range(labels.shape[0]):

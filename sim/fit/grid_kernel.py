@@ -8,18 +8,27 @@ height at the plane is continuous in the coefficients; the lowest height on the 
 import math
 
 import numpy as np
+import numpy.typing as npt
 from numba import njit
+
+Floats = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int64]
+Numbers = tuple[float, ...]
+Pair = tuple[float, float]            # what the law takes, (cd, cl), and what it gives, (ax, az)
+Ball = tuple[float, float, float, float]      # x, z, vx, vz
 
 LANES = 64                            # eight registers of eight doubles: enough to hide the latency of one
 NEWTON_STEPS = 8
 CLOSE_S = 1e-11                       # where Newton's method stops
 # No promise that nothing is NaN or infinite: the others only let sums be reordered and products contracted.
-FAST = {"fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}, "error_model": "numpy", "nogil": True, "cache": True}
-SMALL = FAST | {"forceinline": True}
+REORDER = {"nsz", "arcp", "contract", "afn", "reassoc"}
+fast = njit(fastmath=REORDER, error_model="numpy", nogil=True, cache=True)
+small = njit(fastmath=REORDER, error_model="numpy", nogil=True, cache=True, forceinline=True)
 
 
 # ---- the law of motion ----
-def acceleration(x_m, z_m, vx_m_s, vz_m_s, spin_rev_s, values, facts):
+def acceleration(x_m: float, z_m: float, vx_m_s: float, vz_m_s: float, spin_rev_s: float, values: Pair,
+                 facts: Numbers) -> Pair:
     """Stands for the law of motion, which is written once, in sim/physics/terms."""
     raise NotImplementedError
 
@@ -31,8 +40,8 @@ X, Z, VX, VZ, SPIN, DISTANCE, STEP, UNDER, FLYING, CD, CL, LONGEST, TIME, GAP = 
 ROWS = 14
 
 
-@njit(**SMALL)
-def advance(x, z, vx, vz, spin, values, facts, step):
+@small
+def advance(x: float, z: float, vx: float, vz: float, spin: float, values: Pair, facts: Numbers, step: float) -> Ball:
     """One Runge-Kutta step: (x, z, vx, vz) after it."""
     half = 0.5 * step
     ax1, az1 = acceleration(x, z, vx, vz, spin, values, facts)
@@ -47,15 +56,16 @@ def advance(x, z, vx, vz, spin, values, facts, step):
             vx + sixth * (ax1 + 2.0 * (ax2 + ax3) + ax4), vz + sixth * (az1 + 2.0 * (az2 + az3) + az4))
 
 
-@njit(**SMALL)
-def goes_under(z0, vz0, z1, vz1, step):
+@small
+def goes_under(z0: float, vz0: float, z1: float, vz1: float, step: float) -> bool:
     """Whether a step goes below the floor, by the parabola through height and vertical speeds at its ends."""
     dip = z0 * (vz1 - vz0) - 0.5 * vz0 * vz0 * step
     return (z1 < 0.0) | ((vz0 < 0.0) & (vz1 > 0.0) & (dip < 0.0))
 
 
-@njit(**SMALL)
-def step_of(x, z, vx, vz, spin, values, facts, step_s, turn_rad, shortest_s):
+@small
+def step_of(x: float, z: float, vx: float, vz: float, spin: float, values: Pair, facts: Numbers, step_s: float,
+            turn_rad: float, shortest_s: float) -> float:
     """The lane's step, as sim.physics.flight has it: what acts on a ball at rest does not count."""
     ax0, az0 = acceleration(x, z, 0.0, 0.0, spin, values, facts)
     ax, az = acceleration(x, z, vx, vz, spin, values, facts)
@@ -63,15 +73,16 @@ def step_of(x, z, vx, vz, spin, values, facts, step_s, turn_rad, shortest_s):
     return min(max(turn_rad / per_s, shortest_s), step_s)
 
 
-@njit(**SMALL)
-def part_of_step(w, facts, lane, part):
+@small
+def part_of_step(w: Floats, facts: Numbers, lane: int, part: float) -> Ball:
     """The lane's ball a part of a step later: (x, z, vx, vz)."""
     return advance(w[X + lane], w[Z + lane], w[VX + lane], w[VZ + lane], w[SPIN + lane],
                    (w[CD + lane], w[CL + lane]), facts, part)
 
 
-@njit(**FAST)
-def start_batch(w, launch, which, cd, cl, facts, rules, first):
+@fast
+def start_batch(w: Floats, launch: Floats, which: Ints, cd: Floats, cl: Floats, facts: Numbers, rules: Numbers,
+                first: int) -> None:
     """Put LANES lanes into the workspace; see fly_lanes."""
     release_m, step_s, turn_rad, shortest_s = rules[:4]
     for lane in range(LANES):
@@ -88,8 +99,8 @@ def start_batch(w, launch, which, cd, cl, facts, rules, first):
         w[FLYING + lane] = 1.0 if (w[VX + lane] > 0.0) & (w[DISTANCE + lane] > 0.0) else 0.0
 
 
-@njit(**FAST)
-def fly_batch(w, facts, deepest_m, most_steps):
+@fast
+def fly_batch(w: Floats, facts: Numbers, deepest_m: float, most_steps: float) -> None:
     """Fly all lanes of the workspace until the step that ends each; the state stays at the start of that step."""
     active = 1.0
     steps = 0.0
@@ -115,8 +126,8 @@ def fly_batch(w, facts, deepest_m, most_steps):
             active += go
 
 
-@njit(**FAST)
-def turn_batch(w, facts):
+@fast
+def turn_batch(w: Floats, facts: Numbers) -> float:
     """LONGEST: the part of the last step for which vx > 0; returns the number of lanes that may reach the plane."""
     turning, near = 0.0, 0.0
     for lane in range(LANES):
@@ -140,8 +151,8 @@ def turn_batch(w, facts):
     return near
 
 
-@njit(**FAST)
-def reach_batch(w, facts):
+@fast
+def reach_batch(w: Floats, facts: Numbers) -> None:
     """TIME: the part of the last step after which the lane is at the plane, or LONGEST; FLYING: 1 if it gets there."""
     for lane in range(LANES):
         tx, _tz, _tvx, _tvz = part_of_step(w, facts, lane, w[LONGEST + lane])
@@ -166,8 +177,9 @@ def reach_batch(w, facts):
             w[TIME + lane] = better
 
 
-@njit(**FAST)
-def fly_lanes(batches, launch, which, cd, cl, facts, rules, height_m, gap_m, under):
+@fast
+def fly_lanes(batches: tuple[int, int], launch: Floats, which: Ints, cd: Floats, cl: Floats, facts: Numbers,
+              rules: Numbers, height_m: Floats, gap_m: Floats, under: npt.NDArray[np.bool_]) -> None:
     """Fly batches [first, last) of LANES lanes each: lane k is launch which[k] with (cd[k], cl[k]).
 
     launch: [n, 4] = forward and upward speed m/s, spin rev/s, distance m. rules: release height m, longest step s, turn

@@ -40,7 +40,9 @@ class Hits:
     label: np.ndarray
 
 
-HIT_TYPES = (np.int32, np.int32, np.uint8)
+def empty_hits(count: int) -> Hits:
+    """Room for so many."""
+    return Hits(np.empty(count, np.int32), np.empty(count, np.int32), np.empty(count, np.uint8))
 
 
 @dataclass(frozen=True)
@@ -124,8 +126,8 @@ def find_hits(flyer: Flyer, axis: np.ndarray, target: tuple[float, float, float]
 
     def one(first: int) -> Hits:
         labels = label_launches(flyer, axis, target, range(first, min(first + AT_ONCE, launches)))
-        room = cells_of.list_hits(labels, *(np.empty(0, kind) for kind in HIT_TYPES))
-        hits = Hits(*(np.empty(room, kind) for kind in HIT_TYPES))
+        none = empty_hits(0)
+        hits = empty_hits(cells_of.list_hits(labels, none.launch, none.pair, none.label))
         cells_of.list_hits(labels, hits.launch, hits.pair, hits.label)
         return replace(hits, launch=hits.launch + np.int32(first))
 

@@ -57,6 +57,7 @@ def log_likelihood(model: Model, evidence: Evidence, points: Points, u: Any) -> 
     if evidence.marks is not None:
         marks = evidence.marks
         if arrival_terms(model.terms):
+            assert model.facts.target is not None      # there are no marks without one
             marks = fit_edges(marks, model.facts.target, opening_at(model, u))
         units = units + log_marks(marks, *plane_of(model, evidence.given, launch, u))
     if evidence.free is None:
@@ -110,11 +111,12 @@ def plane_of(model: Model, given: Given, launch: Narrowed, u: Any) -> Plane:
 
 
 def free_tracks(model: Model, evidence: Evidence, points: Points, u: Any) -> Linear:
-    """Flights whose launch nobody knows: their start is integrated out."""
+    """Flights whose launch nobody knows, of which there must be some: their start is integrated out."""
+    data = evidence.free
+    assert data is not None
     law = _law(model, u, evidence.free_circumstances)
     k = points.free.shape[0]
     sd = jnp.broadcast_to(jnp.array(FREE_SD), (k, len(FREE_SD)))
-    data = evidence.free
     look = _tracker(model, u)
     return linear(lambda at: loose(law, evidence.free_spin_rev_s, at, data.time_s, look), data, points.free,
                   points.free, sd, _value(model, TRACK_NOISE, u))
@@ -150,6 +152,7 @@ def _update(variance: Any, off: Any, noise: Any, seen: Any) -> tuple[Any, Any, A
 
 def _track_update(model: Model, evidence: Evidence, points: Points, u: Any, exit: Exit, launch: Narrowed) -> Linear:
     data = evidence.tracks
+    assert data is not None
     around = jax.tree.map(lambda part: jnp.broadcast_to(part, launch.alone.shape)[data.row],
                           evidence.given.circumstances)
     law, height_m = _law(model, u, around), model.facts.launcher.release_height_m

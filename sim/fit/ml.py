@@ -124,7 +124,8 @@ def _moved(model: Model, evidence: Evidence, points: Points, u: np.ndarray, roun
 def _covariance(hessian: np.ndarray) -> np.ndarray:
     """Inverse of the curvature; no direction is known worse than its prior says."""
     values, vectors = np.linalg.eigh(hessian)
-    return (vectors / np.maximum(values, 1.0)) @ vectors.T
+    inverse: np.ndarray = (vectors / np.maximum(values, 1.0)) @ vectors.T
+    return inverse
 
 
 def _starts(problem: Problem, grid: dict[str, dict[str, float]]) -> list[np.ndarray]:

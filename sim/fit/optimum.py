@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize
@@ -68,9 +67,19 @@ def minimise(problem: Problem, start: np.ndarray, held: tuple[int, ...] = ()) ->
             seen[key] = problem.derivatives(place(part))
         return seen[key]
 
+    def value_at(part: np.ndarray) -> float:
+        return problem.value(place(part))
+
+    def gradient_at(part: np.ndarray) -> np.ndarray:
+        gradient: np.ndarray = at(part)[1][free]
+        return gradient
+
+    def hessian_at(part: np.ndarray) -> np.ndarray:
+        hessian: np.ndarray = at(part)[2][np.ix_(free, free)]
+        return hessian
+
     if free.size:
-        found = minimize(lambda part: problem.value(place(part)), whole[free], method="trust-exact",
-                         jac=lambda part: at(part)[1][free], hess=lambda part: at(part)[2][np.ix_(free, free)],
+        found = minimize(value_at, whole[free], method="trust-exact", jac=gradient_at, hess=hessian_at,
                          options={"gtol": GRADIENT, "maxiter": MOST_ITERATIONS, "initial_trust_radius": 0.5,
                                   "max_trust_radius": 3.0})
         whole = place(found.x)
@@ -88,7 +97,7 @@ def _settled(gradient: np.ndarray, hessian: np.ndarray) -> bool:
 
 def best_of(problem: Problem, starts: list[np.ndarray], progress: Callable[[float, str], None]) -> Optimum:
     """The best optimum reached from any of the starts; a converged one before one that is not."""
-    found: list[Any] = []
+    found: list[Optimum] = []
     for number, start in enumerate(starts):
         progress(number / len(starts), f"start {number + 1} of {len(starts)}")
         found.append(minimise(problem, start))

@@ -66,7 +66,8 @@ class Model:
     def numbers(self) -> tuple[Number, ...]:
         """The terms' parameters as sim.fit.heights wants them; they come first."""
         inner = [one for one in self.sought if one.name.partition(".")[0] in self.terms]
-        return tuple((*one.name.split(".", 1), one.prior.scale) for one in inner)
+        split = [(*one.name.partition("."), one.prior.scale) for one in inner]
+        return tuple((term, key, scale) for term, _, key, scale in split)
 
     def index(self, name: str) -> int | None:
         return self.names.index(name) if name in self.names else None

@@ -93,7 +93,8 @@ def loose(law: Law, spin_rev_s: Any, at: Any, time_s: Any, look: Look = as_it_is
 
     spin_rev_s: at the first sample, from which the time since release is counted too: nobody knows the release.
     """
-    return positions(law, Start(*at.T, spin_rev_s), jnp.zeros(at.shape[0]), time_s, look)
+    x_m, z_m, vx_m_s, vz_m_s = at.T
+    return positions(law, Start(x_m, z_m, vx_m_s, vz_m_s, spin_rev_s), jnp.zeros(at.shape[0]), time_s, look)
 
 
 def linear(fly: Any, data: TrackData, at: Any, mean: Any, sd: Any, noise_m: Any) -> Linear:

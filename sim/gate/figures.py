@@ -1,5 +1,6 @@
 """How good probabilities were, once the outcomes are known."""
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -31,7 +32,8 @@ class Figures(NamedTuple):
         return 0.5 * (self.ece_two + self.ece_three)
 
 
-class Reliability(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Reliability:
     """One bin of stated probabilities each: mean stated, share that came true, how many; empty bins are left out."""
 
     stated: np.ndarray
@@ -54,7 +56,8 @@ def log_scores(p: np.ndarray, level: np.ndarray) -> np.ndarray:
     three = np.minimum(p[:, 1], p[:, 0])
     classes = np.maximum(np.stack([1.0 - p[:, 0], p[:, 0] - three, three], axis=1), 1e-9)
     classes /= classes.sum(axis=1, keepdims=True)
-    return np.log(classes[np.arange(len(level)), level])
+    scores: np.ndarray = np.log(classes[np.arange(len(level)), level])
+    return scores
 
 
 def reliability(stated: np.ndarray, came_true: np.ndarray, bins: int = BINS) -> Reliability:

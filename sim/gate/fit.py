@@ -59,7 +59,7 @@ def padded(data: Data) -> Data:
     have = len(data.weight)
     rows = np.resize(np.arange(have), -(-have // PAD) * PAD)
     weight = np.where(np.arange(rows.size) < have, data.weight[rows], 0.0)
-    return Data(*(np.asarray(column)[rows] for column in data[:-1]), weight)
+    return Data(*(np.asarray(column)[rows] for column in data))._replace(weight=weight)
 
 
 def _best(data: Data, halves_m: tuple[float, float], tried: list[Widths], best: Fit | None) -> Fit:

@@ -39,7 +39,8 @@ class Scaling:
     high: np.ndarray
 
     def __call__(self, features: np.ndarray) -> np.ndarray:
-        return np.clip((features - self.mean) / self.deviation, self.low, self.high)
+        z: np.ndarray = np.clip((features - self.mean) / self.deviation, self.low, self.high)
+        return z
 
 
 @dataclass(frozen=True, eq=False)

@@ -92,8 +92,8 @@ def describe_novelty(novelty: Novelty) -> dict[str, Any]:
 def parse_novelty(record: Any, name: str) -> Novelty:
     """The measure in a record that came from somewhere called `name`; BadInput when there is none to be had."""
     try:
-        novelty = Novelty(*(np.array(record[key], np.float64) for key in ("mean", "scale", "landmarks")),
-                          float(record["largest"]), int(record["neighbour"]))
+        mean, scale, landmarks = (np.array(record[key], np.float64) for key in ("mean", "scale", "landmarks"))
+        novelty = Novelty(mean, scale, landmarks, float(record["largest"]), int(record["neighbour"]))
     except (KeyError, TypeError, ValueError) as error:
         raise BadInput(f"{name}: key 'novelty' is missing or damaged; train again ({error!r})") from error
     wide = len(FEATURES)

@@ -89,7 +89,8 @@ def doubt(record: Record, law: Law, values: Floats, start: Floats, cuts: Sequenc
     noise = float(residual @ residual) / (len(residual) - len(values) - len(start))
     alone = noise * np.diag(np.linalg.inv(whole)) / scale**2
     widen = np.sqrt(np.maximum(alone / np.maximum(np.diag(jackknife), np.finfo(float).tiny), 1.0))
-    return jackknife * np.outer(widen, widen)
+    covariance: Floats = jackknife * np.outer(widen, widen)
+    return covariance
 
 
 def _part(slopes: Floats, own: Floats, residual: Floats, mine: np.ndarray) -> tuple[Floats, Floats]:
@@ -115,11 +116,12 @@ def _damped(slopes: Floats, residual: Floats, damping: float) -> Floats:
     scale[scale == 0.0] = 1.0
     scaled = slopes / scale
     matrix = scaled.T @ scaled + damping * np.eye(slopes.shape[1])
-    return np.linalg.solve(matrix, scaled.T @ residual) / scale
+    step: Floats = np.linalg.solve(matrix, scaled.T @ residual) / scale
+    return step
 
 
 def _by_piece(values: Floats, pieces: Pieces) -> Floats:
-    return np.bincount(pieces.owner, values, len(pieces.direction))
+    return np.bincount(pieces.owner, values, len(pieces.direction)).astype(float, copy=False)
 
 
 def _first_guess(record: Record, law: Law, cuts: Sequence[Run]) -> Floats:

@@ -128,7 +128,7 @@ def _before_bounce(samples: np.ndarray) -> np.ndarray:
     are clearly above it, or before whatever follows it; the sample there is dropped too, for it may lie on either side.
     """
     z_m = samples[:, 3]
-    falling = np.flatnonzero(z_m < np.maximum.accumulate(z_m) - FALL_M) if len(z_m) else []
+    falling = np.flatnonzero(z_m < np.maximum.accumulate(z_m) - FALL_M) if len(z_m) else np.zeros(0, int)
     end = len(z_m)
     if len(falling):
         z_fall = z_m[falling[0]:]

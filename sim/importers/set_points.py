@@ -70,7 +70,7 @@ def import_set_points(tables: str | Path, robot: Robot) -> Dataset:
         numbers = _numbers(table, mine, ("distance_m", "wheel_rpm", "hood_raw"), problems)
     if not mine:
         raise BadInput(f"{tables}: column team: has no set points of {robot.team}")
-    guessed = [row for row in mine if "EXTRAPOLATED" in (table.columns["note"][row] or "")]
+    guessed = [row for row in mine if "EXTRAPOLATED" in str(table.columns["note"][row] or "")]
     kept = np.array([row not in guessed for row in mine])
     rows = [row for row in mine if row not in guessed]
     distance_m, wheel_rpm, hood = numbers[kept].T

@@ -9,7 +9,7 @@ import importlib.util
 import os
 import platform
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -27,7 +27,7 @@ from sim.physics.term import BallState, InFlight
 from sim.physics.vector import Vec, absent
 
 STATE = ("x_m", "z_m", "vx_m_s", "vz_m_s", "spin_rev_s")
-CACHED = '"cache": True'
+CACHED = "cache=True"
 LAW, END = "# ---- the law of motion ----\n", "# ---- end of the law ----\n"
 INFIX = {"add": "+", "sub": "-", "mul": "*", "div": "/", "pow": "**", "gt": ">", "ge": ">=", "lt": "<", "le": "<=",
          "eq": "==", "ne": "!=", "and": "&", "or": "|", "add_any": "+"}
@@ -79,19 +79,19 @@ def facts_values(facts: Facts) -> tuple[float, ...]:
     return tuple(_leaves(facts))
 
 
-def load_kernel(law: str, template: Path) -> ModuleType:
-    """The module `template`, between its two marks the function of make_source, compiled with its SMALL.
+def load_kernel(law: str, template: Path, keep: Callable[[str, str], Path | None] | None = None) -> ModuleType:
+    """The module `template`, between its two marks the function of make_source, compiled with its `small`.
 
     Kept as a file among the user's caches, under a name that its contents determine, since numba keeps machine code
-    for files only; where none can be written, it is compiled anew in every process.
+    for files only; where none can be written, it is compiled again in every process. keep: (name, text) -> the file.
     """
     before, _, rest = template.read_text(encoding="utf-8").partition(LAW)
-    text = f"{before}@njit(**SMALL)\n{law}{rest.partition(END)[2]}"
+    text = f"{before}@small\n{law}{rest.partition(END)[2]}"
     versions = f"{numba.__version__} {sys.version} {platform.machine()}"
     name = f"truearc_kernel_{hashlib.sha256((versions + text).encode()).hexdigest()[:20]}"
     if name in sys.modules:
         return sys.modules[name]
-    path = _keep(name, text)
+    path = (keep or _keep)(name, text)
     if path is None:
         module = ModuleType(name)
         exec(compile(text.replace(CACHED, CACHED.replace("True", "False")), name, "exec"), module.__dict__)

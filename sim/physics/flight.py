@@ -150,7 +150,7 @@ def _settle(law: Law, ball: BallState) -> BallState:
 
 def _dense(ball: BallState) -> BallState:
     zero = jnp.zeros_like(ball.position_m.x)
-    return BallState(*(Vec(*(plus(part, zero) for part in vec)) for vec in ball[:3]), plus(ball.time_s, zero))
+    return _each(ball, lambda part: plus(part, zero), plus(ball.time_s, zero))
 
 
 def _step_for(law: Law, start: BallState, step_s: float, turn_rad: float) -> Any:
@@ -182,11 +182,16 @@ def _fly_until(law: Law, start: BallState, step: Any, distance: Any, most_steps:
 
 def _pack(ball: BallState) -> BallState:
     """For JAX's loops, to which None is no array at all whereas 0.0 would become one; the loop itself has the time."""
-    return BallState(*(Vec(*(None if absent(part) else part for part in vec)) for vec in ball[:3]), None)
+    return _each(ball, lambda part: None if absent(part) else part, None)
 
 
 def _unpack(ball: BallState, time_s: Any) -> BallState:
-    return BallState(*(Vec(*(0.0 if part is None else part for part in vec)) for vec in ball[:3]), time_s)
+    return _each(ball, lambda part: 0.0 if part is None else part, time_s)
+
+
+def _each(ball: BallState, change: Callable[[Any], Any], time_s: Any) -> BallState:
+    position_m, velocity_m_s, spin_rev_s = (Vec(*map(change, vec)) for vec in ball[:3])
+    return BallState(position_m, velocity_m_s, spin_rev_s, time_s)
 
 
 def _ends(old: BallState, new: BallState, step: Any, distance: Any, floor: bool) -> Any:

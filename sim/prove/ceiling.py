@@ -54,7 +54,8 @@ def ceiling_of(evidence: Evidence, level: str, name: str, amplitude: float, seed
     stages = [evidence.columns[k].stage for k in columns]
     right = ([one == name for one in names], [one == name or _term(one) in alike for one in names],
              [stage == stages[names.index(name)] for stage in stages])
-    return Ceiling(float(detected.mean()), *(float((detected & np.array(one)[best]).mean()) for one in right), alike)
+    first, up_to_alias, in_stage = (float((detected & np.array(one)[best]).mean()) for one in right)
+    return Ceiling(float(detected.mean()), first, up_to_alias, in_stage, alike)
 
 
 def _alike(left: Array, names: list[str], name: str, level: str) -> tuple[str, ...]:
@@ -73,7 +74,8 @@ def _draw(covariance: Array, rng: np.random.Generator) -> Array:
     machine, cancel in it, and it is there of singular covariances too, which no Cholesky factor is."""
     values, vectors = np.linalg.eigh(covariance)
     root = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
-    return rng.normal(size=(DRAWS, len(values))) @ root
+    drawn: Array = rng.normal(size=(DRAWS, len(values))) @ root
+    return drawn
 
 
 def strength_of(evidence: Evidence, shift_m: Array) -> float | None:

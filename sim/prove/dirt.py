@@ -43,8 +43,9 @@ def dirty_sensors(dirt: Sequence[str], stated: Noise) -> Sensors:
     """How badly it is seen; stated: rig.toml's."""
     sensors = ORDINARY
     if "noise_understated" in dirt:
-        sensors = Sensors(*(UNDERSTATED * one for one in (stated.distance_m, stated.hood_deg, stated.wheel_rad_s,
-                                                           stated.track_m)))
+        distance_m, hood_deg, wheel_rad_s, track_m = (
+            UNDERSTATED * one for one in (stated.distance_m, stated.hood_deg, stated.wheel_rad_s, stated.track_m))
+        sensors = Sensors(distance_m, hood_deg, wheel_rad_s, track_m)
     if "outliers" in dirt:
         sensors = sensors._replace(wrong_marks=WRONG_MARKS, track_tails=TRACK_TAILS)
     return sensors._replace(lost_frames=LOST_FRAMES) if "missing_frames" in dirt else sensors

@@ -155,7 +155,7 @@ def _tool(given: list[dict[str, str]]) -> str:
     return tool
 
 
-def _asked(one: dict[str, float]) -> Asked:
+def _asked(one: dict[str, Any]) -> Asked:
     asked = Asked(**one)              # as it was claimed, to the letter: its hash is entered
     if not all(map(math.isfinite, asked)):
         raise ValueError("a number in it is not finite")

@@ -57,7 +57,7 @@ def play_robot(drawn: Drawn, seed: int, settings: Sequence[Setting]) -> Season:
     """A session of MuJoCo's robot with what is hidden in it at work, and the truth beside it."""
     # what is to be believed of it is not said in rig.toml but shown in the home session
     facts = structs.replace(load_config(Path(robot.__file__).parent / "launcher.toml").rig, believe=Believe(()))
-    options = Options(**drawn.effects, **dirty_options(drawn.dirt, drawn.shots))
+    options = structs.replace(Options(), **drawn.effects, **dirty_options(drawn.dirt, drawn.shots))
     return play_season(facts, options, seed, settings, drawn.level, dirty_sensors(drawn.dirt, facts.noise))
 
 

@@ -145,7 +145,7 @@ def _right_of_each(drawn: Drawn) -> list[tuple[str, ...]]:
 def right_stages(drawn: Drawn) -> tuple[str, ...]:
     if drawn.engine == MUJOCO:
         alike = [(STAGE_OF[name],) for name in ALIKE[drawn.level]] if drawn.kind == "alias" else None
-        each = alike or [change.stages for change in changes_of(drawn.change)]
+        each: Sequence[tuple[str, ...]] = alike or [change.stages for change in changes_of(drawn.change)]
         return tuple(dict.fromkeys(stage for stages in each for stage in stages))
     return tuple(STAGE_OF[name] for name in drawn.effects if name in STAGE_OF)
 

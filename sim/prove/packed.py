@@ -3,7 +3,7 @@
 import io
 import shutil
 import tarfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,7 +15,7 @@ from sim.prove.ledger import digest
 from sim.prove.making import HOME, make_data
 from sim.prove.marks import missing_marks, wrong_marks
 from sim.prove.mix import OWN, Drawn, drawn_of
-from sim.prove.opener import Progress, check_draw, check_world, graded_of, left_out, mark_world
+from sim.prove.opener import Graded, Progress, check_draw, check_world, graded_of, left_out, mark_world
 from sim.prove.room import ANSWERED, CLAIMED, CLAIMED_AGAIN, GRADED, SEALED, Room
 from sim.prove.same_mark import TOLERANCE, compare
 from sim.prove.seal import load_seal
@@ -72,7 +72,21 @@ def unpack(path: Path, room: Room) -> None:
         raise BadInput(f"{path}: has no ledger.jsonl: no round was packed there")
 
 
-def check_round(room: Room, worlds: int, progress: Progress, seed: int | None = None) -> Checked:
+def remake(room: Room, name: str, done: dict[str, str]) -> list[str]:
+    """Make a world's data again; what of them is not as it was committed to."""
+    drawn = _drawn(room, name)
+    for directory in (room.data(name), room.more(name)):
+        shutil.rmtree(directory, ignore_errors=True)
+        directory.parent.mkdir(parents=True, exist_ok=True)
+    make_data(drawn, room.data(name))
+    if ANSWERED in done:
+        answer(drawn, asked_of(room, name), room.more(name))
+    return check_world(room, name, done)
+
+
+def check_round(room: Room, worlds: int, progress: Progress, seed: int | None = None,
+                remake: Callable[[Room, str, dict[str, str]], list[str]] = remake,
+                mark: Callable[[Path, tuple[Drawn, bool]], Graded] = mark_world) -> Checked:
     """Make the data of `worlds` worlds again, compare all hashes, and mark them again. Which, is drawn from the seed,
     and from one that nobody knows beforehand where none is given: nobody can keep to what will be looked at.
 
@@ -89,11 +103,11 @@ def check_round(room: Room, worlds: int, progress: Progress, seed: int | None = 
     off = dict.fromkeys(TOLERANCE, 0.0)
     for number, name in enumerate([*([HOME] if HOME in steps else []), *chosen]):
         progress(number / (len(chosen) + 1), f"{name} is made again")
-        changed = _remake(room, name, steps[name])
+        changed = remake(room, name, steps[name])
         wrong += changed
         if name in marked and not changed:
             again = CLAIMED_AGAIN in steps[name]
-            compared = compare(marked[name], mark_world(room.root, (_drawn(room, name), again)),
+            compared = compare(marked[name], mark(room.root, (_drawn(room, name), again)),
                                solver_of(room, name) == solver_id())
             wrong += [f"{room.claims(name)}: is marked otherwise now: {one}" for one in compared.other]
             off = {number: max(far, compared.off[number]) for number, far in off.items()}
@@ -101,17 +115,6 @@ def check_round(room: Room, worlds: int, progress: Progress, seed: int | None = 
     others = {solver_of(room, name) for name in marked} - {solver_id()}
     return Checked(len(steps), sum(GRADED in done for done in steps.values()), chosen, tuple(dict.fromkeys(wrong)), off,
                    seed, tuple(sorted(others)))
-
-
-def _remake(room: Room, name: str, done: dict[str, str]) -> list[str]:
-    drawn = _drawn(room, name)
-    for directory in (room.data(name), room.more(name)):
-        shutil.rmtree(directory, ignore_errors=True)
-        directory.parent.mkdir(parents=True, exist_ok=True)
-    make_data(drawn, room.data(name))
-    if ANSWERED in done:
-        answer(drawn, asked_of(room, name), room.more(name))
-    return check_world(room, name, done)
 
 
 def _check_papers(room: Room, name: str, done: dict[str, str]) -> list[str]:

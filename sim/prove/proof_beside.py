@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+import numpy as np
 from scipy.stats import fisher_exact
 
 from sim.intervals import wilson
@@ -26,6 +27,6 @@ def beside(published: Sequence[Mark], again: Sequence[Mark]) -> Table:
 def _row(name: str, ours: Figure, theirs: Figure) -> list[str]:
     assert ours.counts is not None and theirs.counts is not None
     (low, high), (yes, of) = wilson(*ours.counts), theirs.counts
-    counts = [[yes, of - yes], [ours.counts[0], ours.counts[1] - ours.counts[0]]]
+    counts = np.array([[yes, of - yes], [ours.counts[0], ours.counts[1] - ours.counts[0]]])
     return [name, ours.words, theirs.words, "yes" if low - ROUNDING <= yes / of <= high + ROUNDING else "no",
             f"{fisher_exact(counts).pvalue:.2f}"]

@@ -21,7 +21,8 @@ CHANGED = {**KINDS, "one": "one thing changed", "two": "two things"}     # of Mu
 STEPS = (0.0, 1.0, 3.0, 7.0, 15.0, 35.0, 100.0, float("inf"))      # of lambda
 Question = Callable[[Mark], bool | None]
 Again = Sequence[tuple[Mark, Mark]]
-FOUND, STAGE = attrgetter("found"), attrgetter("stage")
+FOUND: Question = attrgetter("found")
+STAGE: Question = attrgetter("stage")
 RIGHT: tuple[Question, ...] = (attrgetter("first"), up_to_alias, attrgetter("covered"))
 
 

@@ -51,4 +51,5 @@ def _far(old: Any, new: Any) -> float | None:
     before, after = (one if isinstance(one, tuple) else (one,) for one in (old, new))
     if len(before) != len(after) or None in (*before, *after):
         return None
-    return max(abs(one - two) / max(1.0, abs(one)) for one, two in zip(before, after, strict=True))
+    farthest: float | None = max(abs(one - two) / max(1.0, abs(one)) for one, two in zip(before, after, strict=True))
+    return farthest

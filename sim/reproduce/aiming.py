@@ -128,7 +128,8 @@ def _gain_m(facts: Facts, distance_m: np.ndarray, hood_deg: np.ndarray) -> np.nd
     """By how much a parabola's height at the plane grows per unit of log speed."""
     assert facts.target is not None
     rise_m = facts.target.centre_height_m - facts.launcher.release_height_m
-    return 2.0 * (distance_m * np.tan(np.radians(hood_deg)) - rise_m)
+    gain_m: np.ndarray = 2.0 * (distance_m * np.tan(np.radians(hood_deg)) - rise_m)
+    return gain_m
 
 
 def _log_speed(facts: Facts, distance_m: np.ndarray, hood_deg: np.ndarray,

@@ -8,9 +8,10 @@ import numpy as np
 
 from sim.reproduce.intervals import Interval, interval
 from sim.reproduce.metrics import Metrics, measure
-from sim.reproduce.networks import Answer, Setting
+from sim.reproduce.networks import Answer
 from sim.reproduce.repetition import OURS, Repetition
 from sim.reproduce.settings import Settings
+from sim.sweep_settings import Setting
 
 EVERYTHING, REAL, SIMULATED = "D_r test + D_s^T", "D_r test", "D_s^T"
 WHERE = (EVERYTHING, REAL, SIMULATED)

@@ -20,6 +20,7 @@ from sim.train import Rows
 
 FOLDS = 5
 Predict = Callable[[np.ndarray], np.ndarray]
+Choices = dict[str, list[int] | list[float]]
 
 
 def fit_baselines(rows: Rows, seed: int) -> dict[str, Predict]:
@@ -29,12 +30,12 @@ def fit_baselines(rows: Rows, seed: int) -> dict[str, Predict]:
             "Gaussian process": _predictor(_fit_process(rows, seed))}
 
 
-def _logistic() -> tuple[Pipeline, dict[str, list]]:
+def _logistic() -> tuple[Pipeline, Choices]:
     model = make_pipeline(StandardScaler(), PolynomialFeatures(include_bias=False), LogisticRegression(max_iter=5000))
     return model, {"polynomialfeatures__degree": [1, 2], "logisticregression__C": [0.3, 3.0, 30.0]}
 
 
-def _trees(seed: int) -> tuple[Pipeline, dict[str, list]]:
+def _trees(seed: int) -> tuple[Pipeline, Choices]:
     model = make_pipeline(GradientBoostingClassifier(subsample=0.8, random_state=seed))
     return model, {"gradientboostingclassifier__n_estimators": [30, 100],
                    "gradientboostingclassifier__max_depth": [2, 3]}
@@ -49,7 +50,7 @@ def _fit_process(rows: Rows, seed: int) -> Pipeline:
         return model.fit(rows.features, _classes(rows))
 
 
-def _fit_tuned(tunable: tuple[Pipeline, dict[str, list]], rows: Rows, seed: int) -> Predict:
+def _fit_tuned(tunable: tuple[Pipeline, Choices], rows: Rows, seed: int) -> Predict:
     model, choices = tunable
     classes = _classes(rows)
     folds = StratifiedKFold(min(FOLDS, int(np.bincount(classes)[np.unique(classes)].min())), shuffle=True,
@@ -60,7 +61,8 @@ def _fit_tuned(tunable: tuple[Pipeline, dict[str, list]], rows: Rows, seed: int)
 
 def _classes(rows: Rows) -> np.ndarray:
     """0 miss, 1 two, 2 three."""
-    return rows.labels.sum(axis=1).round().astype(int)
+    level: np.ndarray = rows.labels.sum(axis=1).round().astype(int)
+    return level
 
 
 def _predictor(model: Pipeline | GridSearchCV) -> Predict:

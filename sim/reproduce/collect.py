@@ -160,7 +160,8 @@ def choose_launches(facts: Facts, coefficients: dict[str, dict[str, float]], rea
 def _launches(config: Config, settings: Settings, chosen: Shots,
               outcome: np.ndarray) -> tuple[list[Recording], dict[str, str]]:
     """Sessions that launch them, and what the simulator says of each by the shot_id that its labelled row will have."""
-    recordings, simulated = [], {}
+    recordings: list[Recording] = []
+    simulated: dict[str, str] = {}
     for number, first in enumerate(range(0, len(chosen), settings.session_rows)):
         rows = np.arange(first, min(first + settings.session_rows, len(chosen)))
         rows = rows[np.argsort(chosen.number("distance_m")[rows], kind="stable")]

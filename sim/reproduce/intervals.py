@@ -28,7 +28,8 @@ def interval(values: np.ndarray, seed: int = 0) -> Interval:
     kept = np.asarray(values, float)[~np.isnan(np.asarray(values, float))]
     if len(kept) < 2:
         mean = float(kept[0]) if len(kept) else float("nan")
-        return Interval(mean, *[float("nan")] * 4, len(kept))
+        nan = float("nan")
+        return Interval(mean, nan, nan, nan, nan, len(kept))
     mean = float(kept.mean())
     half = float(stats.t.ppf(0.975, len(kept) - 1) * kept.std(ddof=1) / np.sqrt(len(kept)))
     draws = np.random.default_rng([seed, 35]).integers(0, len(kept), (RESAMPLES, len(kept)))

@@ -13,12 +13,14 @@ import numpy as np
 from sim.report import make_page, make_png, paragraph, picture, table
 from sim.reproduce.analysis import BY_TEST, BY_VALIDATION, EVERYTHING, PAPERS, Analysis
 from sim.reproduce.collect import LAUNCHABLE, Pool
+from sim.reproduce.intervals import Interval
 from sim.reproduce.metrics import Metrics
-from sim.reproduce.networks import Answer, Setting
+from sim.reproduce.networks import Answer
 from sim.reproduce.pictures import draw_deviations, draw_reliability, draw_sets, draw_sizes, draw_weights
 from sim.reproduce.repetition import OURS, SIMULATOR, Repetition
 from sim.reproduce.settings import Settings
 from sim.reproduce.tables import NAMES, Table
+from sim.sweep_settings import Setting
 from sim.synth import OUTCOMES
 
 OURS_NOT_THEIRS = ("The data are ours, recorded by an emulated robot in a MuJoCo world, not the paper's: what agrees "
@@ -141,7 +143,7 @@ def _counted(outcomes: Sequence[str]) -> dict[str, int]:
 def _plain(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: _plain(part) for key, part in value.items()}
-    if isinstance(value, tuple):
+    if isinstance(value, Interval):
         return _plain(value._asdict())
     return _finite(value) if isinstance(value, float) else value
 

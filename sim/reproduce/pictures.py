@@ -12,9 +12,9 @@ from sim.report import new_figure
 from sim.reproduce import paper
 from sim.reproduce.analysis import EVERYTHING, REAL, SIMULATED, Analysis, network_name
 from sim.reproduce.intervals import interval
-from sim.reproduce.networks import Setting
 from sim.reproduce.repetition import OURS, Repetition
 from sim.reproduce.settings import Settings
+from sim.sweep_settings import Setting
 
 BLUE, GREY, RED, GREEN = "#1f5fa8", "#9aa3af", "#b3261e", "#1b7f3b"
 FARTHEST_M = 2.0

@@ -20,9 +20,9 @@ from sim.reproduce.analysis import (
 )
 from sim.reproduce.intervals import Interval, interval
 from sim.reproduce.metrics import Metrics
-from sim.reproduce.networks import Setting
 from sim.reproduce.repetition import OURS, Repetition
 from sim.reproduce.settings import Settings
+from sim.sweep_settings import Setting
 
 DIFFERENCES = "Our gate against the others, paired"
 NAMES = {"accuracy": "accuracy", "class_three": "3-pt class accuracy", "class_two": "2-pt class accuracy",

@@ -27,7 +27,7 @@ class Driver:
 
     def __init__(self, world: World, press: Callable[[str], None], trials: int, seed: int,
                  distances: tuple[float, float] = (2.6, 8.0), patience_s: float = 8.5, repeats: int = 1,
-                 places: Sequence[float] = ()) -> None:
+                 places: Sequence[float] = (), jam_s: float = JAM_S, spoilt: float = SPOILT) -> None:
         self._world = world
         self._press = press
         self._trials = trials
@@ -35,6 +35,7 @@ class Driver:
         self._patience_s = patience_s
         self._repeats = repeats
         self._places = places
+        self._jam_s, self._spoilt = jam_s, spoilt
         self._rng = np.random.default_rng([seed, 6])
         self._place = float(self._rng.uniform())
         self._left_here = 0
@@ -98,14 +99,14 @@ class Driver:
             self._wait(t_ns, NOTICE_S, self._mark)
             return
         self._went_in = self._went_in or self._world.ball_on_its_way
-        patience_s = self._patience_s + (JAM_S if self._world.ball_on_its_way else 0.0)
+        patience_s = self._patience_s + (self._jam_s if self._world.ball_on_its_way else 0.0)
         if t_ns - self._fired_t_ns > patience_s * 1e9:
             # unrejected, a ball that was thrown back would have the robot wait for its mark for ever
             self._do = self._reject if self._went_in else self._begin
 
     def _mark(self, t_ns: int) -> None:
         self._press(self._world.results[self._seen].outcome)
-        spoilt = bool(self._rng.uniform() < SPOILT)
+        spoilt = bool(self._rng.uniform() < self._spoilt)
         self._wait(t_ns, BETWEEN_S, self._reject if spoilt else self._begin)
 
     def _reject(self, t_ns: int) -> None:

@@ -29,11 +29,14 @@ def rotate_from_launch(vector: np.ndarray, elevation_rad: float) -> np.ndarray:
 class Nip:
     """Wheels and ball while they touch; `wheel_rad_s` is the lower wheel's, which is the motors'."""
 
-    def __init__(self, ball: Ball, options: Options, elevation_rad: float, wheel_rad_s: float, feed_m_s: float) -> None:
+    def __init__(self, ball: Ball, options: Options, elevation_rad: float, wheel_rad_s: float, feed_m_s: float,
+                 step_s: float = NIP_STEP_S) -> None:
+        """`step_s`: of MuJoCo, at most about so long."""
         gravity = rotate_from_launch(np.array([0.0, 0.0, -GRAVITY_M_S2]), -elevation_rad)
         blowing = np.array([options.wind_x_m_s, options.wind_y_m_s, options.wind_z_m_s])
         wind = rotate_from_launch(np.zeros(3) if options.wind_above_m else blowing, -elevation_rad)
         self.ball = ball
+        self._step_s = step_s
         self.elevation_rad = elevation_rad
         self._model = make_nip(ball, options, gravity, wind)
         self._data = data = mujoco.MjData(self._model)
@@ -54,7 +57,7 @@ class Nip:
     def step(self, torque_nm: float, feeder: Feeder, dt_s: float) -> float:
         """Advance by dt_s or until the ball is gone; the part of dt_s that is left (0 while it is still here)."""
         model, data = self._model, self._data
-        steps = max(1, round(dt_s / NIP_STEP_S))
+        steps = max(1, round(dt_s / self._step_s))
         model.opt.timestep = dt_s / steps
         data.qfrc_applied[0] = torque_nm
         for done in range(1, steps + 1):

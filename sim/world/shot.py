@@ -62,7 +62,8 @@ def from_muzzle(place_m: np.ndarray, pose: Pose) -> np.ndarray:
     """From the field's axes to the launcher's."""
     cos, sin = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
     turn = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
-    return turn @ (place_m - np.array([pose.x_m, pose.y_m, 0.0]))
+    local_m: np.ndarray = turn @ (place_m - np.array([pose.x_m, pose.y_m, 0.0]))
+    return local_m
 
 
 def result_of(launch: Launch, arrival: Arrival) -> BallResult:

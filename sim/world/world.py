@@ -129,7 +129,8 @@ class World:
         if not self._flying:
             return None
         flight = self._flying[-1].flight
-        return (flight.time_s, *map(float, from_muzzle(flight.position_m, self._stand.pose())))
+        x_m, y_m, z_m = map(float, from_muzzle(flight.position_m, self._stand.pose()))
+        return flight.time_s, x_m, y_m, z_m
 
     # --- one step
 

@@ -10,7 +10,6 @@ import pytest
 from hw.emulated.pty_cable import PtyCable
 from hw.emulated.slcan_adapter import SlcanAdapter
 from hw.link import Frame, LinkLost
-from hw.real import supervised_bus
 from hw.real.can_bus import open_can
 from hw.real.clock import MonotonicClock
 from hw.real.supervised_bus import FIRST_S, LONGEST_S, ROOM, SILENT_NS, WAIT_S, SupervisedBus, make_pauses_s
@@ -53,10 +52,10 @@ class Adapter:
 class Bench:
     """A supervised bus whose adapters come out of `drawer`: an adapter, or what opening it raises; then no more."""
 
-    def __init__(self, clock, *drawer: Adapter | Exception) -> None:
+    def __init__(self, clock, *drawer: Adapter | Exception, **how) -> None:
         self.clock, self.tally = clock, Counter()
         self.drawer, self.opened = list(drawer), 0
-        self.bus = SupervisedBus(self.open, clock, self.tally)
+        self.bus = SupervisedBus(self.open, clock, self.tally, **how)
 
     def open(self) -> Adapter:
         self.opened += 1
@@ -88,8 +87,8 @@ def why_lost(bus: SupervisedBus) -> str:
 def benches(clock):
     made: list[Bench] = []
 
-    def make(*drawer: Adapter | Exception) -> Bench:
-        made.append(Bench(clock, *drawer))
+    def make(*drawer: Adapter | Exception, **how) -> Bench:
+        made.append(Bench(clock, *drawer, **how))
         return made[-1]
 
     yield make
@@ -169,7 +168,7 @@ def test_pauses_grow_to_a_limit() -> None:
     assert all(later == min(2 * sooner, LONGEST_S) for sooner, later in itertools.pairwise(pauses_s))
 
 
-def test_pauses_grow_until_something_is_heard(benches, monkeypatch) -> None:
+def test_pauses_grow_until_something_is_heard(benches) -> None:
     taken: list[list[float]] = []
 
     def record():
@@ -178,10 +177,9 @@ def test_pauses_grow_until_something_is_heard(benches, monkeypatch) -> None:
             taken[-1].append(pause_s)
             yield 0.0
 
-    monkeypatch.setattr(supervised_bus, "make_pauses_s", record)
     refusals = [LinkLost("CAN test 0: not yet")] * 3
     first, mute, second, third = Adapter(), Adapter(), Adapter(), Adapter()
-    bench = benches(first, *refusals, mute, *refusals, second, third)
+    bench = benches(first, *refusals, mute, *refusals, second, third, pauses=record)
     for adapter in (first, second):
         adapter.coming.put(HELLO)
         adapter.coming.put(LinkLost("CAN test 0: unplugged"))
@@ -193,10 +191,9 @@ def test_pauses_grow_until_something_is_heard(benches, monkeypatch) -> None:
     assert [pauses_s for pauses_s in taken if pauses_s] == [growing, [FIRST_S]]
 
 
-def test_what_the_tick_comes_too_late_for_is_counted_and_is_a_fault(benches, monkeypatch) -> None:
-    monkeypatch.setattr(supervised_bus, "ROOM", 10)
+def test_what_the_tick_comes_too_late_for_is_counted_and_is_a_fault(benches) -> None:
     adapter = Adapter()
-    bench = benches(adapter)
+    bench = benches(adapter, room=10)
     for t_ns in range(15):
         adapter.coming.put(HELLO._replace(t_ns=t_ns))
     eventually(lambda: bench.tally["frames lost to overrun"] == 5)

@@ -48,9 +48,9 @@ def pictures(tmp_path, image):
     return tmp_path / "session"
 
 
-@pytest.fixture
-def server(tmp_path, pictures):
-    tuner = Tuner(FILE, Recorded(find_pictures([str(pictures)])), tmp_path / "tuned.toml")
+@pytest.fixture(params=[{}])
+def server(tmp_path, pictures, request):
+    tuner = Tuner(FILE, Recorded(find_pictures([str(pictures)])), tmp_path / "tuned.toml", **request.param)
     with TuneServer(tuner, "127.0.0.1", 0) as serving:
         thread = threading.Thread(target=serving.serve_forever, args=(0.01,))
         thread.start()
@@ -112,8 +112,8 @@ def test_replay_runs_all_pictures_through_both_settings(server):
     assert rows[1]["before"] == rows[1]["after"] and "3.png" in rows[2]["before"]
 
 
-def test_replay_goes_on_where_it_is_asked_to(server, monkeypatch):
-    monkeypatch.setattr("doors.vision_tune.PIECE", 2)
+@pytest.mark.parametrize("server", [{"piece": 2}], indirect=True)
+def test_replay_goes_on_where_it_is_asked_to(server):
     pieces = [json.loads(ask(server, "/replay", {"settings": BLIND, "begin": begin})[2]) for begin in (0, 2, 3)]
     assert [[Path(row["name"]).name for row in piece] for piece in pieces] == [["1.png", "2.png"], ["3.png"], []]
     assert ask(server, "/replay", {"settings": BLIND, "begin": -1})[0] == 400

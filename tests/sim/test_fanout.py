@@ -100,21 +100,19 @@ def test_a_job_that_always_kills_its_process_is_told_not_tried_for_ever():
         fan_out(die, [1, 2], workers=2)
 
 
-def test_a_scheduler_that_is_not_there_is_told_within_seconds(monkeypatch):
+def test_a_scheduler_that_is_not_there_is_told_within_seconds():
     pytest.importorskip("distributed")
-    monkeypatch.setattr("sim.fanout.PATIENCE_S", 1.0)
     began = time.monotonic()
     with pytest.raises(BadInput, match="nobody answers"):
-        fan_out(draw, JOBS, scheduler="tcp://127.0.0.1:9")
+        fan_out(draw, JOBS, scheduler="tcp://127.0.0.1:9", patience_s=1.0)
     assert time.monotonic() - began < 10.0
 
 
 @pytest.mark.parametrize("address", ["nonsense://x", "tcp://127.0.0.1:none"])
-def test_an_address_that_is_none_is_told(address, monkeypatch):
+def test_an_address_that_is_none_is_told(address):
     pytest.importorskip("distributed")
-    monkeypatch.setattr("sim.fanout.PATIENCE_S", 1.0)
     with pytest.raises(BadInput, match="--scheduler"):
-        fan_out(draw, JOBS, scheduler=address)
+        fan_out(draw, JOBS, scheduler=address, patience_s=1.0)
 
 
 def test_without_distributed_the_extra_is_named(monkeypatch):
@@ -208,7 +206,6 @@ def test_a_cluster_one_of_whose_workers_is_killed_gives_everything_and_the_same(
 
 
 @pytest.mark.slow
-def test_a_cluster_without_workers_is_told(cluster, monkeypatch):
-    monkeypatch.setattr("sim.fanout.PATIENCE_S", 2.0)
+def test_a_cluster_without_workers_is_told(cluster):
     with pytest.raises(BadInput, match="no workers"):
-        fan_out(draw, JOBS, scheduler=cluster.address)
+        fan_out(draw, JOBS, scheduler=cluster.address, patience_s=2.0)

@@ -33,7 +33,8 @@ def end_errors(flights: Flights, names: tuple[str, ...], weights: Array) -> Arra
         slopes = np.where(early[..., None, None], slopes, 0.0).reshape(len(flights), -1, 6)
         square = np.einsum("nri,nrj->nij", slopes, slopes)
         start = start + np.linalg.solve(square, np.einsum("nri,nr->ni", slopes, off)[..., None])[..., 0]
-    return flights.position_m[last][:, 2] - law.fly(start)[last][:, 2]
+    off_m: Array = flights.position_m[last][:, 2] - law.fly(start)[last][:, 2]
+    return off_m
 
 
 class _Law:
@@ -77,7 +78,8 @@ class _Law:
         velocity_m_s = velocity_m_s * np.maximum(speed, SLOWEST_M_S) / np.maximum(speed, 1e-9)
         flights = self.flights
         at = Moments(velocity_m_s, flights.spin_rev_s, time_s, flights.age, flights.density)
-        return pull + np.einsum("nck,nk->nc", accelerations(flights.facts, self.names, at), self.weights)
+        pulled: Array = pull + np.einsum("nck,nk->nc", accelerations(flights.facts, self.names, at), self.weights)
+        return pulled
 
 
 def _first_guess(flights: Flights, early: Array) -> Array:

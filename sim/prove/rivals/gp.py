@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Callable
 
 import numpy as np
-from scipy.optimize import minimize
+from scipy.optimize import Bounds, minimize
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 
@@ -42,7 +42,8 @@ class Process:
     def predict(self, covariates: Array) -> Array:
         """Posterior means."""
         assert self._process is not None
-        return self._process.predict(covariates)
+        mean: Array = self._process.predict(covariates)
+        return mean
 
     def leaning(self) -> Array:
         """1 / length scale."""
@@ -50,9 +51,9 @@ class Process:
         return 1.0 / np.atleast_1d(self._process.kernel_.k1.k2.length_scale)
 
 
-def _climb(cost: Callable, start: Array, bounds: Array) -> tuple[Array, float]:
+def _climb(cost: Callable[[Array], tuple[float, Array]], start: Array, bounds: Array) -> tuple[Array, float]:
     """scikit-learn's own optimizer, but no farther than STEPS."""
-    found = minimize(cost, start, method="L-BFGS-B", jac=True, bounds=bounds, options={"maxiter": STEPS})
+    found = minimize(cost, start, method="L-BFGS-B", jac=True, bounds=Bounds(*bounds.T), options={"maxiter": STEPS})
     return found.x, found.fun
 
 

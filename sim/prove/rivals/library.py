@@ -97,7 +97,8 @@ class _Parts:
         if name in WINDS:
             return self._wind(WINDS[name])
         share, force = self._shared(name)
-        return share[..., None] * force
+        column: Array = share[..., None] * force
+        return column
 
     def _shared(self, name: str) -> tuple[Array, Array]:
         """(factor [...], vector [..., 3])."""
@@ -116,7 +117,8 @@ class _Parts:
         along[axis] = 1.0
         ahead = self.at.velocity_m_s / self.speed[..., None]
         slower = self.speed[..., None] * along + self.at.velocity_m_s[..., axis, None] * ahead
-        return self.cd * self.drag_per_m * slower - self.cl * self._lift(np.broadcast_to(along, ahead.shape))
+        slope: Array = self.cd * self.drag_per_m * slower - self.cl * self._lift(np.broadcast_to(along, ahead.shape))
+        return slope
 
     def _lift(self, velocity_m_s: Array) -> Array:
         """Spin x velocity for backspin, which turns about the right-hand side."""

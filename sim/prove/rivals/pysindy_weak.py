@@ -9,6 +9,8 @@ second derivative); the library is taken at the smoothed velocity, which has no 
 and what counts as saying something are as in pysindy_ensemble.
 """
 
+from typing import Any
+
 import numpy as np
 
 from sim.prove.rivals.claim import Array, Believed, Claim
@@ -56,7 +58,7 @@ def rows_of(flights: Flights, known: tuple[str, ...], seed: int) -> Rows:
     return Rows(np.concatenate(target), whole[:, :len(known)], whole[:, len(known):], np.concatenate(track))
 
 
-def _domains(time_s: Array, seed: int):
+def _domains(time_s: Array, seed: int) -> Any:
     import pysindy
 
     with seeded(seed):
@@ -64,19 +66,19 @@ def _domains(time_s: Array, seed: int):
                                       K=DOMAINS, H_xt=[HALF * (time_s[-1] - time_s[0])], p=POWER)
 
 
-def integrate(library, columns: Array) -> Array:
+def integrate(library: Any, columns: Array) -> Array:
     """[DOMAINS, k] integrals of columns [T, k] against the test functions: PySINDy's weights, without its transform,
     which works out names and polynomials anew for every track and takes a hundred times as long."""
     return np.stack([weight @ columns[inside[0]] for weight, inside in zip(library.fullweights0, library.inds_k,
                                                                            strict=True)])
 
 
-def change(library, columns: Array) -> Array:
+def change(library: Any, columns: Array) -> Array:
     """[DOMAINS, k] integrals of the columns' derivatives, by parts."""
     return np.asarray(library.convert_u_dot_integral(_axes(columns)))
 
 
-def _axes(columns: Array):
+def _axes(columns: Array) -> Any:
     from pysindy.utils import AxesArray
 
     return AxesArray(columns, {"ax_time": 0, "ax_coord": 1})

@@ -60,7 +60,8 @@ def table_of(covariates: Sequence[Covariate], rows: Array) -> Array:
     """[k, q] standardised, unknown = 0 (the mean)."""
     values = np.stack([covariate.values[rows] for covariate in covariates], axis=1)
     spread = np.nanstd(values, axis=0)
-    return np.nan_to_num((values - np.nanmean(values, axis=0)) / np.where(spread > 0.0, spread, 1.0))
+    table: Array = np.nan_to_num((values - np.nanmean(values, axis=0)) / np.where(spread > 0.0, spread, 1.0))
+    return table
 
 
 def cross_validate(table: Array, residuals: Array, make: Callable[[], Learner]) -> Array:
@@ -74,7 +75,8 @@ def cross_validate(table: Array, residuals: Array, make: Callable[[], Learner]) 
 def gain_of_each(residuals: Array, foretold: Array) -> Array:
     """[k] what each shot's squared error loses by the forecast, as a share of the mean, the coordinates alike."""
     scale = np.mean(residuals**2, axis=0)
-    return ((residuals**2 - (residuals - foretold)**2) / scale).mean(1)
+    gain: Array = ((residuals**2 - (residuals - foretold)**2) / scale).mean(1)
+    return gain
 
 
 def names_of(covariates: Sequence[Covariate], leaning: Array) -> tuple[str, ...]:

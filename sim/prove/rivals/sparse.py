@@ -8,7 +8,7 @@ of one target. The believed columns are projected out of target and candidates f
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -76,12 +76,12 @@ def fit(rows: Rows, tuning: Tuning) -> Model:
     return _whole(rows, np.asarray(optimizer.coef_)[0])
 
 
-def inclusion(rows: Rows, tuning: Tuning, seed: int) -> tuple[Array, Array]:
+def inclusion(rows: Rows, tuning: Tuning, seed: int, models: int = MODELS) -> tuple[Array, Array]:
     """(share of the ensemble's models that include each candidate [K], the median coefficients [K])."""
     import pysindy
 
     target, candidates = project(rows)
-    ensemble = pysindy.EnsembleOptimizer(_stlsq(tuning), bagging=True, n_models=MODELS)
+    ensemble = pysindy.EnsembleOptimizer(_stlsq(tuning), bagging=True, n_models=models)
     with _quiet(), seeded(seed):
         ensemble.fit(candidates, target[:, None])
     return (np.array(ensemble.coef_list)[:, 0] != 0.0).mean(0), np.asarray(ensemble.coef_)[0]
@@ -103,7 +103,8 @@ def project(rows: Rows) -> tuple[Array, Array]:
 def compress(rows: Rows) -> Rows:
     """As few rows as there are columns, with the same least squares: the triangle of their QR factors."""
     width = rows.believed.shape[1]
-    triangle = np.linalg.qr(np.column_stack([rows.believed, rows.candidates, rows.target]), mode="r")
+    # NumPy's annotations promise a pair in every mode
+    triangle = np.asarray(np.linalg.qr(np.column_stack([rows.believed, rows.candidates, rows.target]), mode="r"))
     return Rows(triangle[:, -1], triangle[:, :width], triangle[:, width:-1], np.zeros(len(triangle), dtype=int))
 
 
@@ -123,7 +124,7 @@ def _whole(rows: Rows, found: Array) -> Model:
     return Model(np.linalg.lstsq(rows.believed, left, rcond=None)[0], found)
 
 
-def _stlsq(tuning: Tuning):
+def _stlsq(tuning: Tuning) -> Any:
     import pysindy
 
     return pysindy.STLSQ(threshold=tuning.threshold, alpha=tuning.ridge)

@@ -86,7 +86,8 @@ def _ratio_for(heights_m: Floats, wanted_m: Floats) -> Floats:
     below, above = heights_m[first - 1, lane], heights_m[first, lane]
     part = np.clip((wanted_m - below) / np.where(above > below, above - below, np.inf), 0.0, 1.0)
     ratio = RATIOS[first - 1] * (RATIOS[first] / RATIOS[first - 1])**part
-    return np.where(over.any(axis=0), ratio, RATIOS[heights_m.argmax(axis=0)])
+    chosen: Floats = np.where(over.any(axis=0), ratio, RATIOS[heights_m.argmax(axis=0)])
+    return chosen
 
 
 def _height_sd(world: World, plan: Plan, ratio: Floats) -> Floats:
@@ -100,7 +101,8 @@ def _height_sd(world: World, plan: Plan, ratio: Floats) -> Floats:
     many = replace(world, shots=6 * world.shots)
     height = _coarse(many, six, np.tile(ratio, 6), Luck(*lucky.reshape(4, -1))).height_m.reshape(6, -1)
     sd = np.sqrt(np.sum((height[1:] - height[0])**2, axis=0))
-    return np.where(np.isnan(sd), np.nanmedian(sd), sd)
+    filled: Floats = np.where(np.isnan(sd), np.nanmedian(sd), sd)
+    return filled
 
 
 def _corrected(world: World, plan: Plan, ratio: Floats, wanted_m: Floats, flight_s: Floats) -> Floats:

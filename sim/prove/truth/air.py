@@ -48,7 +48,8 @@ def make_law(world: World, plan: Plan, spin_rad_s: Floats, gust_from_s: Floats) 
         share = np.sqrt(np.einsum("in,in->n", rim, rim)) / speed
         drag = per_m * speed * (cd * _speed_factor(world, speed) + amount("spin_drag") * share**2)
         lift = per_m * world.lift_slope / (1.0 + amount("lift_saturation") * share)
-        return (steady - drag * through + lift * _cross(rim, through)) / heavier
+        pulled: Floats = (steady - drag * through + lift * _cross(rim, through)) / heavier
+        return pulled
 
     return law
 

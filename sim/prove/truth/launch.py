@@ -88,13 +88,14 @@ def _kept(world: World, plan: Plan, wheels_rad_s: tuple[Floats, Floats]) -> Floa
     pause = np.nan_to_num(plan.since_last_s, nan=np.inf)
     dip = wheel_dip(world, plan, wheels_rad_s)
     spread = world.amount("ball_spread") + (0.02 if "balls" in world.dirt else 0.0)
-    return ((1.0 + world.amount("battery_sag") * battery)
-            * (1.0 - world.amount("rapid_fire") * np.exp(-pause / RAPID_FIRE_S))
-            * (1.0 - world.amount("wheel_droop") * dip / dip.mean())
-            * (1.0 - world.amount("ball_wear") * plan.used)
-            * (1.0 + spread * plan.fresh_ball)
-            * (1.0 + world.amount("far_kick") * (plan.distance_m - 4.5) / 2.5)
-            * (1.0 + world.amount("cold_rubber") * (plan.temperature_c - 20.0) / 10.0))
+    factor: Floats = ((1.0 + world.amount("battery_sag") * battery)
+                      * (1.0 - world.amount("rapid_fire") * np.exp(-pause / RAPID_FIRE_S))
+                      * (1.0 - world.amount("wheel_droop") * dip / dip.mean())
+                      * (1.0 - world.amount("ball_wear") * plan.used)
+                      * (1.0 + spread * plan.fresh_ball)
+                      * (1.0 + world.amount("far_kick") * (plan.distance_m - 4.5) / 2.5)
+                      * (1.0 + world.amount("cold_rubber") * (plan.temperature_c - 20.0) / 10.0))
+    return factor
 
 
 def wheel_dip(world: World, plan: Plan, wheels_rad_s: tuple[Floats, Floats]) -> Floats:

@@ -4,7 +4,6 @@ import errno
 
 import pytest
 
-from robot.recording import appender
 from robot.recording.appender import Appender, claim
 
 resource = pytest.importorskip("resource")        # POSIX
@@ -39,9 +38,8 @@ def test_a_disk_that_is_full_for_a_while_loses_nothing(tmp_path, room):
     assert (tmp_path / "f").read_bytes() == b"".join(lines)
 
 
-def test_what_is_on_a_full_disk_is_a_whole_beginning(tmp_path, room, monkeypatch):
-    monkeypatch.setattr(appender, "PENDING_BYTES", 1000)
-    file = Appender(tmp_path / "f")
+def test_what_is_on_a_full_disk_is_a_whole_beginning(tmp_path, room):
+    file = Appender(tmp_path / "f", pending_bytes=1000)
     room(100)
     for number in range(1000):
         file.write(b"%05d\n" % number)

@@ -12,6 +12,7 @@ import pytest
 from msgspec.structs import replace
 
 import doors.run
+import doors.run_processes
 from benchmarks.kill import kill_once
 from doors.run_processes import RecorderProcess
 from hw.link import Frame
@@ -226,7 +227,7 @@ def test_a_run_ends_by_itself_released_with_code_2_when_its_recorder_is_killed(t
         return processes[0]
 
     monkeypatch.setattr(bus, "read", kill_in_time)
-    monkeypatch.setattr("doors.run_processes.RecorderProcess", begin)
+    monkeypatch.setattr(doors.run_processes, "RecorderProcess", begin)
     monkeypatch.setattr(doors.run, "_open_wires", lambda *_: (bus, Box(), NoEyes(), MonotonicClock()))
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     assert main(["run", "--config", SHIPPED, "--out", str(tmp_path), "--priority", "0"]) == 2

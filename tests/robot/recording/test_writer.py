@@ -13,6 +13,7 @@ from hw.reading import CameraFrame
 from robot.config import BadInput
 from robot.recording import files
 from robot.recording.appender import Appender
+from robot.recording.keeper import LaneKeeper
 from robot.recording.reader import TickReader
 from robot.recording.session import load_trials, make_header
 from robot.recording.watch import RecordingRig
@@ -26,8 +27,8 @@ resource = pytest.importorskip("resource")        # POSIX
 MS = 1_000_000
 
 
-def open_writer(folder, lossless=True):
-    return SessionWriter(folder, make_header(CONFIG, None, None), CONFIG, None, lossless)
+def open_writer(folder, lossless=True, open_keeper=None):
+    return SessionWriter(folder, make_header(CONFIG, None, None), CONFIG, None, lossless, open_keeper)
 
 
 def ticks(count, marks=()):
@@ -133,10 +134,9 @@ def test_a_disk_that_hangs_never_stops_the_tick_and_is_told(tmp_path, monkeypatc
 
 
 def test_what_a_lane_cannot_take_is_counted(tmp_path, monkeypatch):
-    monkeypatch.setattr("robot.recording.lane.LONGEST", 3)
     hung, flush = threading.Event(), Appender.flush
     monkeypatch.setattr(Appender, "flush", lambda self: (hung.wait(), flush(self))[1])
-    recorder = open_writer(tmp_path / "s", lossless=False)
+    recorder = open_writer(tmp_path / "s", False, lambda folder: LaneKeeper(folder, False, longest=3))
     play(recorder, ticks(500))
     assert recorder.dropped > 0
     hung.set()

@@ -5,10 +5,10 @@ Only sim.discover.chain.see_slopes is replaced; everything after it is the real 
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import pytest
 
 from robot.facts import Ball, Facts, Target
 from sim.discover.believed import Fitted, climb, only_shared
@@ -84,13 +84,11 @@ def slopes_and_y(planted: dict[str, float], seed: int, shots: int, copies: dict[
     return slopes, slopes @ [truth.get(name, 0.0) for name in NAMES] + rng.normal(size=shots)
 
 
-def fit_straight(monkeypatch: pytest.MonkeyPatch, planted: dict[str, float], seed: int, shots: int = 200,
-                 copies: dict[str, str] | None = None, usual: dict[str, float] | None = None,
-                 between: dict[str, tuple[str, ...]] | None = None) -> Fitted:
-    """The believed fit at its optimum; until the next call it is this world that flies."""
+def fit_straight(planted: dict[str, float], seed: int, shots: int = 200, copies: dict[str, str] | None = None,
+                 usual: dict[str, float] | None = None, between: dict[str, tuple[str, ...]] | None = None) -> Fitted:
+    """The believed fit at its optimum."""
     slopes, y = slopes_and_y(planted, seed, shots, copies or {}, between)
-    monkeypatch.setattr("sim.discover.linear.see_slopes", see_straight(slopes))
-    layout = lay_straight(np.array([(usual or {}).get(name, 0.3) for name in ASKED]))
+    layout = replace(lay_straight(np.array([(usual or {}).get(name, 0.3) for name in ASKED])), see=see_straight(slopes))
     intake, bare = take_straight(y), only_shared(layout)
     spot, _ = climb(intake, bare, nowhere(intake, bare, np.zeros(len(NAMES)), np.zeros(len(SCATTERS))))
     return Fitted(intake, layout, spot, linearise(intake, layout, spot)[0])

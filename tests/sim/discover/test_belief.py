@@ -54,16 +54,14 @@ def test_a_believed_number_that_has_changed_is_named_with_both_values(belief: Be
     assert "and not" in finding.sentence
 
 
-def test_a_change_is_adopted_unless_other_balls_would_be_foretold_worse_by_it(belief: Belief,
-                                                                              monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_change_is_adopted_unless_other_balls_would_be_foretold_worse_by_it(belief: Belief) -> None:
     dataset = shoot(later(33, cd=1.4))
     nobodys = {name: texts for name, texts in dataset.shots.texts.items() if name != "ball_id"}
     found = discover(replace(dataset, shots=replace(dataset.shots, texts=nobodys)), belief=belief)
     assert found.fitted is not None and len(luck_of_others(found.fitted.evidence))
     adopted, provenance = make_belief(found)
     assert provenance["adopted"] == ["drag"] and "refused" not in provenance
-    monkeypatch.setattr("sim.discover.adopt.usual_gain", lambda before, after, clusters: (-2.0, -1.0))
-    kept, provenance = make_belief(found)
+    kept, provenance = make_belief(found, lambda before, after, clusters: (-2.0, -1.0))
     assert provenance["adopted"] == [] and "other balls" in provenance["refused"]
     assert kept.value("drag.cd") < adopted.value("drag.cd")
 

@@ -1,7 +1,6 @@
 """Decoys, where everything is linear and their law is known."""
 
 import numpy as np
-import pytest
 
 from sim.discover.decoys import share_above
 from sim.discover.name import name_terms, visible_terms
@@ -10,25 +9,25 @@ from tests.sim.discover.straight import each_by_itself, fit_straight
 PLANTED = "spin_drag.share"
 
 
-def share(monkeypatch: pytest.MonkeyPatch, planted: dict[str, float], seed: int) -> float:
-    fitted = fit_straight(monkeypatch, planted, seed)
+def share(planted: dict[str, float], seed: int) -> float:
+    fitted = fit_straight(planted, seed)
     naming = name_terms(fitted, lambda done, note: None)
     return share_above(fitted.evidence, each_by_itself(fitted), naming.nats[naming.leader], seed)
 
 
-def test_no_decoy_equals_a_clear_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert max(share(monkeypatch, {PLANTED: 0.6}, seed) for seed in range(6)) == 0.0
+def test_no_decoy_equals_a_clear_name() -> None:
+    assert max(share({PLANTED: 0.6}, seed) for seed in range(6)) == 0.0
 
 
-def test_where_there_is_nothing_the_share_is_uniform(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_where_there_is_nothing_the_share_is_uniform() -> None:
     """The best name is one more decoy: at most a tenth falls into the lowest tenth, but for chance."""
-    shares = np.array([share(monkeypatch, {}, seed) for seed in range(40)])
+    shares = np.array([share({}, seed) for seed in range(40)])
     assert 0.3 < shares.mean() < 0.7
     assert (shares <= 0.1).sum() <= 10
 
 
-def test_shares_are_those_of_signs_drawn_by_hand(monkeypatch: pytest.MonkeyPatch) -> None:
-    fitted = fit_straight(monkeypatch, {}, 3)
+def test_shares_are_those_of_signs_drawn_by_hand() -> None:
+    fitted = fit_straight({}, 3)
     found = [share_above(fitted.evidence, each_by_itself(fitted), nats, 0) for nats in (-1e9, 0.0, 2.0, 1e9)]
     assert found[0] == 1.0 and found[-1] == 0.0 and found == sorted(found, reverse=True)
     # with K nearly independent decoys the best of a deal is the largest of K

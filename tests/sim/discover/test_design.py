@@ -38,14 +38,14 @@ PLANTED = {"spin_drag.share": 0.45}
 SHOTS, SEED = 30, 5
 
 
-def step_of(monkeypatch: pytest.MonkeyPatch, shots: int = SHOTS, planted: dict[str, float] = PLANTED) -> Step:
-    fitted = fit_straight(monkeypatch, planted, SEED, shots=shots)
+def step_of(shots: int = SHOTS, planted: dict[str, float] = PLANTED) -> Step:
+    fitted = fit_straight(planted, SEED, shots=shots)
     step = go_forward(fitted, None, Search(each_by_itself(fitted), (), (), 0.05, 0), lambda done, note: None)[0]
     return replace(step, unknown=False)          # so few shots hardly say that anything is there at all
 
 
-def doubtful(monkeypatch: pytest.MonkeyPatch) -> tuple[Contest, tuple[str, ...]]:
-    step = step_of(monkeypatch)
+def doubtful() -> tuple[Contest, tuple[str, ...]]:
+    step = step_of()
     names = tuple(step.naming.chosen[:4])
     assert len(names) >= 2
     return _contest(step, names), names
@@ -57,9 +57,9 @@ def chosen_rows(contest: Contest, block: int, count: int) -> list[int]:
                                             lambda option: contest.evidence.told_by([option[0]]))]
 
 
-def test_separations_are_least_squares_misfits(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_separations_are_least_squares_misfits() -> None:
     """Data that name j makes exactly, fitted by name k and the shared ones with their priors: the chi-squared left."""
-    contest, names = doubtful(monkeypatch)
+    contest, names = doubtful()
     slopes = slopes_and_y(PLANTED, SEED, SHOTS, {})[0]
     found = separation(contest, 0.0)
     assert np.diag(found) == pytest.approx(np.zeros(len(names)), abs=1e-9)
@@ -92,9 +92,9 @@ def test_of_a_confounded_pair_100_chosen_shots_are_worth_300_random_ones() -> No
     assert rows[0] == int(np.argmax([worth(contest, 20.0 * info) for info in evidence.info]))
 
 
-def test_chances_are_those_of_shots_really_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_chances_are_those_of_shots_really_taken() -> None:
     """Truths and results drawn anew, judged by the exact marginal likelihood of old and new shots together."""
-    contest, names = doubtful(monkeypatch)
+    contest, names = doubtful()
     slopes, y = slopes_and_y(PLANTED, SEED, SHOTS, {})
     rows = chosen_rows(contest, 2, 3)
     said = chance_of_name(contest, 2.0 * contest.evidence.info[rows].sum(0), 1)
@@ -119,17 +119,17 @@ def test_chances_are_those_of_shots_really_taken(monkeypatch: pytest.MonkeyPatch
     assert said == pytest.approx(np.mean(right), abs=0.1)
 
 
-def test_a_plan_says_what_it_is_worth(monkeypatch: pytest.MonkeyPatch) -> None:
-    plan = make_design(step_of(monkeypatch), 60, 3)
+def test_a_plan_says_what_it_is_worth() -> None:
+    plan = make_design(step_of(), 60, 3)
     assert sum(block.shots for block in plan.blocks) == 60 and len(plan.blocks) == 3
     assert plan.after > plan.before + 0.3
-    assert make_design(step_of(monkeypatch), 600, 3).after > plan.after + 0.2
+    assert make_design(step_of(), 600, 3).after > plan.after + 0.2
     assert plan.probability.sum() == pytest.approx(1.0)
     assert all(0.0 <= one.probability <= 1.0 for one in plan.measurements)
 
 
-def test_a_measurement_of_the_true_term_settles_it_when_it_is_sharp(monkeypatch: pytest.MonkeyPatch) -> None:
-    step = step_of(monkeypatch, planted={"release_height.above_m": 0.45})
+def test_a_measurement_of_the_true_term_settles_it_when_it_is_sharp() -> None:
+    step = step_of(planted={"release_height.above_m": 0.45})
     plan = make_design(step, 60, 3)
     tape = next((one for one in plan.measurements if "release_height" in one.terms), None)
     assert tape is not None and tape.what == "exit height with a tape"
@@ -138,9 +138,9 @@ def test_a_measurement_of_the_true_term_settles_it_when_it_is_sharp(monkeypatch:
     assert share - 0.03 < tape.probability
 
 
-def test_one_name_leaves_nothing_to_design(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_one_name_leaves_nothing_to_design() -> None:
     with pytest.raises(ValueError, match="fewer than two"):
-        make_design(step_of(monkeypatch, 400, {"spin_drag.share": 0.9}))
+        make_design(step_of(400, {"spin_drag.share": 0.9}))
 
 
 def test_slower_and_faster_wheels_are_foretold_as_the_simulator_has_them() -> None:

@@ -20,8 +20,8 @@ from tests.sim.discover.straight import each_by_itself, fit_straight
 from tests.sim.discover.worlds import FACTS
 
 
-def test_a_plan_names_configurations_that_were_shot(monkeypatch: pytest.MonkeyPatch) -> None:
-    fitted = fit_straight(monkeypatch, {"spin_drag.share": 0.45}, 5, shots=30)
+def test_a_plan_names_configurations_that_were_shot() -> None:
+    fitted = fit_straight({"spin_drag.share": 0.45}, 5, shots=30)
     (step, *_) = go_forward(fitted, None, Search(each_by_itself(fitted), (), (), 0.05, 0), lambda done, note: None)
     step = replace(step, unknown=False)
     distance_m = np.linspace(2.0, 6.0, 30)

@@ -18,9 +18,9 @@ def steps_of(fitted: Fitted) -> tuple[Step, ...]:
     return go_forward(fitted, None, Search(each_by_itself(fitted), (), (), 0.05, 0), lambda done, note: None)
 
 
-def test_two_effects_are_named_in_turn_and_then_it_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_two_effects_are_named_in_turn_and_then_it_ends() -> None:
     planted = {"wind_z.speed_m_s": 0.9, "added_mass.share": 0.5}
-    fitted = fit_straight(monkeypatch, planted, 2)
+    fitted = fit_straight(planted, 2)
     steps = steps_of(fitted)
     assert [step.naming.leader for step in steps] == list(planted)
     assert [step.base for step in steps] == [(), ("wind_z.speed_m_s",)]
@@ -32,10 +32,10 @@ def test_two_effects_are_named_in_turn_and_then_it_ends(monkeypatch: pytest.Monk
     assert found == pytest.approx((0.5, 0.9), abs=0.25)
 
 
-def test_a_name_that_only_stood_for_two_others_goes(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_name_that_only_stood_for_two_others_goes() -> None:
     """What lies between two effects explains more than either alone, and nothing once both are in."""
     planted = {"wind_z.speed_m_s": 1.2, "added_mass.share": 0.8}
-    fitted = fit_straight(monkeypatch, planted, 5, 400, usual=dict.fromkeys(ASKED, 1.0),
+    fitted = fit_straight(planted, 5, 400, usual=dict.fromkeys(ASKED, 1.0),
                           between={"drag_wear.share": tuple(planted)})
     assert name_terms(fitted, lambda done, note: None).leader == "drag_wear.share"
     steps = steps_of(fitted)
@@ -44,44 +44,44 @@ def test_a_name_that_only_stood_for_two_others_goes(monkeypatch: pytest.MonkeyPa
     assert [step.naming.chosen for step in steps] == [(name,) for name in planted]
 
 
-def outrun_steps(monkeypatch: pytest.MonkeyPatch, curve: float, second: float) -> tuple[Step, ...]:
+def outrun_steps(curve: float, second: float) -> tuple[Step, ...]:
     """Two steps, the first outrun by a free curve that gains `curve` a shot over nothing; the second name gains
     `second` a shot over the first."""
-    (step, *_) = steps_of(fit_straight(monkeypatch, {"wind_z.speed_m_s": 0.9}, 2))
+    (step, *_) = steps_of(fit_straight({"wind_z.speed_m_s": 0.9}, 2))
     rng = np.random.default_rng(0)
     first = replace(step, unknown=True, outrun=True, free=step.before + curve + 0.1 * rng.normal(size=len(step.before)))
     after = step.after + second + 0.1 * rng.normal(size=len(step.before))
     return first, replace(step, before=step.after, after=after, unknown=False, outrun=False)
 
 
-def test_names_that_together_beat_the_curve_stand(monkeypatch: pytest.MonkeyPatch) -> None:
-    steps = outrun_steps(monkeypatch, 0.5, 1.0)
+def test_names_that_together_beat_the_curve_stand() -> None:
+    steps = outrun_steps(0.5, 1.0)
     kept = without_outrun(steps)
     assert len(kept) == 2 and not any(step.unknown for step in kept)
     assert kept[0].rival is not None and kept[0].rival < 0.0
 
 
 @pytest.mark.parametrize("curve, second", [(3.0, 1.0), (0.5, 0.0)])
-def test_names_that_do_not_leave_the_unknown(monkeypatch: pytest.MonkeyPatch, curve: float, second: float) -> None:
+def test_names_that_do_not_leave_the_unknown(curve: float, second: float) -> None:
     """Worse than the curve all together, or no better than the first alone."""
-    kept = without_outrun(outrun_steps(monkeypatch, curve, second))
+    kept = without_outrun(outrun_steps(curve, second))
     assert len(kept) == 1 and kept[0].unknown
 
 
-def test_it_stops_after_so_many(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_it_stops_after_so_many() -> None:
     planted = {name: 1.0 - 0.1 * k for k, name in enumerate(ASKED[:5])}
-    assert len(steps_of(fit_straight(monkeypatch, planted, 3))) == MOST
+    assert len(steps_of(fit_straight(planted, 3))) == MOST
 
 
-def test_nothing_that_is_worth_its_prior_is_unknown(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nothing_that_is_worth_its_prior_is_unknown() -> None:
     """Asked to name what is not there, it names nothing and goes no further."""
-    steps = steps_of(fit_straight(monkeypatch, {}, 11))
+    steps = steps_of(fit_straight({}, 11))
     assert len(steps) == 1
     assert steps[0].naming.nats[steps[0].naming.leader] <= 0.0 and steps[0].unknown
 
 
-def test_the_promoted_column_has_no_slope_left(monkeypatch: pytest.MonkeyPatch) -> None:
-    fitted = fit_straight(monkeypatch, {"buoyancy.share": 0.7, "wind_x.speed_m_s": 0.4}, 4)
+def test_the_promoted_column_has_no_slope_left() -> None:
+    fitted = fit_straight({"buoyancy.share": 0.7, "wind_x.speed_m_s": 0.4}, 4)
     found = refit(fitted, ("buoyancy.share",), np.array([0.5]))
     there = promote(fitted, found)
     columns = [one.name for one in there.evidence.columns]

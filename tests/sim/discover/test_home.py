@@ -26,12 +26,12 @@ def asked(later: Fitted, home: Fitted | None, seed: int = 0) -> Asked:
     return ask_everything(later.evidence, (), (), each_by_itself(later), seed, beside)
 
 
-def test_what_is_left_over_in_both_sessions_is_no_change(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_left_over_in_both_sessions_is_no_change() -> None:
     """Alone every session would be an alarm, beside home no more than one in twenty, chance allowed for."""
     alone, beside = [], []
     for seed in range(40):
-        home = fit_straight(monkeypatch, LEFT, 2 * seed)
-        later = fit_straight(monkeypatch, LEFT, 2 * seed + 1)
+        home = fit_straight(LEFT, 2 * seed)
+        later = fit_straight(LEFT, 2 * seed + 1)
         alone.append(judge_left(asked(later, None), seed).p_any)
         beside.append(judge_left(asked(later, home), seed).p_any)
     assert np.mean(np.array(alone) <= 0.05) > 0.9
@@ -40,11 +40,10 @@ def test_what_is_left_over_in_both_sessions_is_no_change(monkeypatch: pytest.Mon
 
 
 @pytest.mark.parametrize("shots", [100, 400])
-def test_what_has_changed_since_is_seen_and_its_size_is_that_of_the_change(monkeypatch: pytest.MonkeyPatch,
-                                                                          shots: int) -> None:
+def test_what_has_changed_since_is_seen_and_its_size_is_that_of_the_change(shots: int) -> None:
     changed = {**LEFT, "buoyancy.share": 1.0}
-    home = fit_straight(monkeypatch, LEFT, 1, shots=shots)
-    later = fit_straight(monkeypatch, changed, 2)
+    home = fit_straight(LEFT, 1, shots=shots)
+    later = fit_straight(changed, 2)
     found = asked(later, home)
     judged = judge_left(found, 0)
     named = [later.evidence.columns[test.column].name for test in found.tests]
@@ -55,19 +54,19 @@ def test_what_has_changed_since_is_seen_and_its_size_is_that_of_the_change(monke
     assert all(abs(amplitude[name]) < 4.0 * sd for name in LEFT)
 
 
-def test_a_small_home_leaves_the_test_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_small_home_leaves_the_test_as_it_is() -> None:
     """Its luck would drown what the session says."""
-    home = fit_straight(monkeypatch, {}, 1, shots=20)
-    later = fit_straight(monkeypatch, {"wind_x.speed_m_s": 0.3}, 2)
+    home = fit_straight({}, 1, shots=20)
+    later = fit_straight({"wind_x.speed_m_s": 0.3}, 2)
     alone, beside = (judge_left(asked(later, one), 0) for one in (None, home))
     assert np.allclose(alone.statistic, beside.statistic) and np.allclose(alone.gain, beside.gain)
 
 
-def test_names_that_were_given_since_are_fitted_at_home_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    home = fit_straight(monkeypatch, LEFT, 1)
+def test_names_that_were_given_since_are_fitted_at_home_too() -> None:
+    home = fit_straight(LEFT, 1)
     given = Home(home, {})
     assert given.among(home) is given
-    later = fit_straight(monkeypatch, LEFT, 1)                # the very same world, which still flies
+    later = fit_straight(LEFT, 1)
     search = Search(each_by_itself(later), (), (), 0.05, 0, given)
     name = "wind_z.speed_m_s"
     there = search.beside(promote(later, refit(later, (name,), np.array([0.1]))))
@@ -104,8 +103,8 @@ def test_without_tracks_another_rack_moves_a_session_by_its_share_of_the_shots_s
     assert unknown is not None and (unknown.scale == 0.0).all()
 
 
-def test_home_is_looked_at_by_any_of_a_covariates_names(monkeypatch: pytest.MonkeyPatch) -> None:
-    fitted = fit_straight(monkeypatch, {}, 1, shots=20)
+def test_home_is_looked_at_by_any_of_a_covariates_names() -> None:
+    fitted = fit_straight({}, 1, shots=20)
     x = np.arange(20.0)
     home = Home(fitted, {"t_s": x, "driver": ("a", "b") * 10})
     one, other = Covariate((("order_in_session", x), ("t_s", x))), Covariate((("battery_v", x),))

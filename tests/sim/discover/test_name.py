@@ -31,8 +31,8 @@ def log_marginal(fitted: Fitted, names: tuple[str, ...], world: tuple[np.ndarray
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_the_right_name_wins_and_probabilities_sum_to_one(monkeypatch: pytest.MonkeyPatch, seed: int) -> None:
-    naming = named(fit_straight(monkeypatch, {PLANTED: 0.6}, seed))
+def test_the_right_name_wins_and_probabilities_sum_to_one(seed: int) -> None:
+    naming = named(fit_straight({PLANTED: 0.6}, seed))
     assert naming.leader == PLANTED
     assert sum(naming.probability.values()) == pytest.approx(1.0)
     assert set(naming.probability) == set(ASKED)
@@ -42,8 +42,8 @@ def test_the_right_name_wins_and_probabilities_sum_to_one(monkeypatch: pytest.Mo
     assert abs(found.amplitude[0] - 0.6) < 4.0 * found.sd[0] < 0.4
 
 
-def test_a_refits_evidence_is_the_exact_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    fitted = fit_straight(monkeypatch, {PLANTED: 0.2}, 3)
+def test_a_refits_evidence_is_the_exact_one() -> None:
+    fitted = fit_straight({PLANTED: 0.2}, 3)
     naming, world = named(fitted), slopes_and_y({PLANTED: 0.2}, 3, 200, {})
     believed = log_marginal(fitted, (), world)
     assert len(naming.refits) >= 3
@@ -52,8 +52,8 @@ def test_a_refits_evidence_is_the_exact_one(monkeypatch: pytest.MonkeyPatch) -> 
         assert naming.nats[name] == refit.log_evidence
 
 
-def test_one_step_is_exact_where_all_is_linear(monkeypatch: pytest.MonkeyPatch) -> None:
-    fitted = fit_straight(monkeypatch, {PLANTED: 0.3}, 4)
+def test_one_step_is_exact_where_all_is_linear() -> None:
+    fitted = fit_straight({PLANTED: 0.3}, 4)
     world = slopes_and_y({PLANTED: 0.3}, 4, 200, {})
     believed = log_marginal(fitted, (), world)
     for candidate in one_step(fitted.evidence)[0]:
@@ -69,37 +69,37 @@ def test_nats_are_the_log_ratio_of_two_normal_laws() -> None:
     assert nats_for(5.0, 0.0, 1.0) == 0.0
 
 
-def test_exact_aliases_come_as_a_set(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_exact_aliases_come_as_a_set() -> None:
     twin = "buoyancy.share"
-    naming = named(fit_straight(monkeypatch, {PLANTED: 0.6}, 5, copies={twin: PLANTED}))
+    naming = named(fit_straight({PLANTED: 0.6}, 5, copies={twin: PLANTED}))
     assert set(naming.chosen) == {PLANTED, twin}
     assert naming.probability[PLANTED] == pytest.approx(naming.probability[twin]) == pytest.approx(0.5, abs=1e-3)
     assert len(naming.aliases) == 1 and naming.aliases[0] in {PLANTED, twin}
 
 
-def test_of_two_aliases_the_one_of_a_usual_size_leads(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_of_two_aliases_the_one_of_a_usual_size_leads() -> None:
     twin = "buoyancy.share"
-    naming = named(fit_straight(monkeypatch, {PLANTED: 0.6}, 5, copies={twin: PLANTED}, usual={twin: 0.01}))
+    naming = named(fit_straight({PLANTED: 0.6}, 5, copies={twin: PLANTED}, usual={twin: 0.01}))
     assert naming.leader == PLANTED
     assert naming.probability[PLANTED] > 0.95
-    near = named(fit_straight(monkeypatch, {PLANTED: 0.6}, 5, copies={twin: PLANTED}, usual={twin: 2.0}))
+    near = named(fit_straight({PLANTED: 0.6}, 5, copies={twin: PLANTED}, usual={twin: 2.0}))
     assert near.leader == PLANTED and twin in near.chosen      # less likely, but nothing but words parts them
 
 
-def test_what_the_believed_terms_explain_is_invisible(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_the_believed_terms_explain_is_invisible() -> None:
     copies = {"wind_x.speed_m_s": "drag.cd"}
-    naming = named(fit_straight(monkeypatch, {PLANTED: 0.6}, 6, shots=5000, copies=copies))
+    naming = named(fit_straight({PLANTED: 0.6}, 6, shots=5000, copies=copies))
     hidden = next(c for c in naming.candidates if c.name == "wind_x.speed_m_s")
     assert not hidden.visible and hidden.z == 0.0
     assert "wind_x.speed_m_s" not in naming.probability
 
 
-def test_a_name_beyond_what_its_term_allows_loses(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_name_beyond_what_its_term_allows_loses() -> None:
     """Ten usual sizes are not this effect, though nothing else in the catalogue fits."""
-    naming = named(fit_straight(monkeypatch, {PLANTED: 1.5}, 5, usual={PLANTED: 0.15}))
+    naming = named(fit_straight({PLANTED: 1.5}, 5, usual={PLANTED: 0.15}))
     assert naming.refits[PLANTED].log_evidence > 50.0
     assert naming.nats[PLANTED] == NEVER and naming.probability[PLANTED] == 0.0 and naming.leader != PLANTED
-    assert named(fit_straight(monkeypatch, {PLANTED: 1.5}, 5, usual={PLANTED: 0.3})).leader == PLANTED
+    assert named(fit_straight({PLANTED: 1.5}, 5, usual={PLANTED: 0.3})).leader == PLANTED
 
 
 def test_amplitudes_of_the_wrong_sign_are_impossible_only_beyond_doubt() -> None:
@@ -116,9 +116,9 @@ def test_amplitudes_of_the_wrong_sign_are_impossible_only_beyond_doubt() -> None
     assert is_possible(found(0.05, 0.053), 0.015) and not is_possible(found(0.05, 0.08), 0.015)
 
 
-def test_a_name_that_is_nothing_gets_no_nats_on_average(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_name_that_is_nothing_gets_no_nats_on_average() -> None:
     """Bayes factors: under the believed simulation the mean of exp(nats) is 1, and that of nats below 0."""
-    nats = np.concatenate([[c.nats for c in one_step(fit_straight(monkeypatch, {}, 100 + seed).evidence)[0]]
+    nats = np.concatenate([[c.nats for c in one_step(fit_straight({}, 100 + seed).evidence)[0]]
                            for seed in range(40)])
     assert nats.mean() < -0.5
     assert np.exp(nats).mean() == pytest.approx(1.0, abs=0.35)

@@ -18,9 +18,9 @@ BETWEEN = {"drag_wear.share": tuple(PLANTED)}
 
 
 @pytest.fixture
-def fitted(monkeypatch: pytest.MonkeyPatch) -> Fitted:
+def fitted() -> Fitted:
     """Alone, what lies between the two planted ones explains most."""
-    return fit_straight(monkeypatch, PLANTED, 5, 400, usual=dict.fromkeys(ASKED, 1.0), between=BETWEEN)
+    return fit_straight(PLANTED, 5, 400, usual=dict.fromkeys(ASKED, 1.0), between=BETWEEN)
 
 
 def exact_nats(fitted: Fitted, names: tuple[str, ...]) -> float:

@@ -88,10 +88,10 @@ def test_clustered_error_of_copies_is_that_of_the_originals() -> None:
     assert clustered_error(np.repeat(values, 6), np.repeat(np.arange(40), 6)) == pytest.approx(single, rel=1e-9)
 
 
-def test_two_names_refitted_at_once_are_ridge_regression_too(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_two_names_refitted_at_once_are_ridge_regression_too() -> None:
     names = ("wind_z.speed_m_s", "added_mass.share")
     planted = {names[0]: 0.5, names[1]: -0.4}
-    fitted = fit_straight(monkeypatch, planted, 8)
+    fitted = fit_straight(planted, 8)
     found = refit(fitted, names, np.array([0.1, 0.1]))
     assert found.names == names
     slopes, y = slopes_and_y(planted, 8, 200, {})
@@ -105,8 +105,8 @@ def test_two_names_refitted_at_once_are_ridge_regression_too(monkeypatch: pytest
     assert (np.diag(spread)[:2] > np.diag(inverse)[:2]).any() and (np.diag(spread)[:2] < np.diag(inverse)[:2]).any()
 
 
-def test_the_shared_columns_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    bare = without(fit_straight(monkeypatch, {}, 1).evidence)
+def test_the_shared_columns_alone() -> None:
+    bare = without(fit_straight({}, 1).evidence)
     assert tuple(one.name for one in bare.columns) == SHARED
 
 

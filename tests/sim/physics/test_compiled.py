@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 import sim.fit
-from sim.physics import compiled
 from sim.physics.catalogue import flight_terms
 from sim.physics.compiled import UntraceableLaw, facts_values, load_kernel, make_source
 from sim.physics.flight import make_law
@@ -69,9 +68,9 @@ class Strange(FlightTerm):
         return Vec(jax.scipy.special.erf(ball.velocity_m_s.x) * values["amount"], 0.0, 0.0)
 
 
-def _said(facts, terms, states, pairs):
+def _said(facts, terms, states, pairs, keep=None):
     """What the compiled acceleration gives, [n, 2]."""
-    kernel = load_kernel(make_source(facts, terms, VALUES), TEMPLATE)
+    kernel = load_kernel(make_source(facts, terms, VALUES), TEMPLATE, keep)
     numbers = facts_values(facts)
     return np.array([kernel.acceleration(*map(float, state), tuple(map(float, pair)), numbers)
                      for state, pair in zip(states, pairs, strict=True)])
@@ -137,10 +136,10 @@ def test_a_law_that_changes_in_flight_is_refused():
         make_source(GUPPY, flight_terms(("gravity", "magnus", "spin_decay")), VALUES)
 
 
-def test_without_a_place_to_keep_it_the_kernel_still_compiles(monkeypatch):
+def test_without_a_place_to_keep_it_the_kernel_still_compiles():
     """As on a read-only home directory; a source of its own, so that no earlier test has loaded it."""
-    monkeypatch.setattr(compiled, "_keep", lambda name, text: None)
     states, pairs = _draw(5, 3)
     pairs[:, 1] = 0.0
-    said, wanted = _said(GUPPY, TERMS[:2], states, pairs), _law(GUPPY, TERMS[:2], states, pairs)
+    said, wanted = (_said(GUPPY, TERMS[:2], states, pairs, lambda name, text: None),
+                    _law(GUPPY, TERMS[:2], states, pairs))
     np.testing.assert_allclose(said, wanted, rtol=1e-12)

@@ -117,11 +117,13 @@ def test_what_is_no_packed_round_is_refused(tmp_path: Path, capsys) -> None:
     assert "ledger.jsonl: is missing" in capsys.readouterr().err
 
 
-def test_which_worlds_are_made_again_nobody_knows_beforehand(room: Room, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_which_worlds_are_made_again_nobody_knows_beforehand(room: Room) -> None:
     """Of two worlds one is made again: not always the same, and the same by the same seed."""
     marks = {one.world: one for one in graded_of(room)}
-    monkeypatch.setattr("sim.prove.packed._remake", lambda *some: [])
-    monkeypatch.setattr("sim.prove.packed.mark_world", lambda root, job: marks[job[0].name])
-    assert {check_round(room, 1, quiet).remade for _ in range(30)} == {("w0001",), ("w0002",)}
-    assert check_round(room, 1, quiet, 7).remade == check_round(room, 1, quiet, 7).remade
-    assert check_round(room, 9, quiet, 7).remade == ("w0001", "w0002")
+
+    def remade(worlds: int, seed: int | None = None) -> tuple[str, ...]:
+        return check_round(room, worlds, quiet, seed, lambda *some: [], lambda root, job: marks[job[0].name]).remade
+
+    assert {remade(1) for _ in range(30)} == {("w0001",), ("w0002",)}
+    assert remade(1, 7) == remade(1, 7)
+    assert remade(9, 7) == ("w0001", "w0002")

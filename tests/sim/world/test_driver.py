@@ -71,9 +71,8 @@ def test_the_stops_cover_the_range_with_a_few_trials_at_each() -> None:
     assert max(gaps) < 5.4 * 2.5 / len(places)        # no part of the range is left out
 
 
-def test_a_spoilt_trial_is_rejected_after_its_outcome(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sim.world.driver.SPOILT", 1.0)
-    robot = _Robot(trials=2)
+def test_a_spoilt_trial_is_rejected_after_its_outcome() -> None:
+    robot = _Robot(trials=2, spoilt=1.0)
     robot.run()
     buttons = [button for _, button in robot.presses]
     assert [b for b in buttons if b in ("fire", "reject")] == ["fire", "reject"] * 2
@@ -99,8 +98,7 @@ def test_prescribed_places_are_driven_to_one_after_the_other() -> None:
 
 def test_a_ball_that_goes_in_and_never_comes_out_is_rejected(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(World, "ball_on_its_way", property(lambda world: True))
-    monkeypatch.setattr("sim.world.driver.JAM_S", 0.5)
-    robot = _Robot(refuse=True, trials=2, patience_s=0.5)
+    robot = _Robot(refuse=True, trials=2, patience_s=0.5, jam_s=0.5)
     robot.run()
     assert robot.driver.done
     assert [button for _, button in robot.presses] == ["arm", "fire", "reject", "fire", "reject"]
