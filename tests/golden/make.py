@@ -14,9 +14,9 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[2]))      # run as a file, too
 
-from tests.golden.artefacts import ARTEFACTS, REFERENCE, Artefact, unpack  # noqa: E402
-from tests.golden.commands import CommandFailed  # noqa: E402
-from tests.golden.compare import compare  # noqa: E402
+from tests.golden.artefacts import ARTEFACTS, REFERENCE, Artefact, unpack
+from tests.golden.commands import CommandFailed
+from tests.golden.compare import compare
 
 SHOWN = 5                                               # differences printed of each artefact
 
