@@ -3,7 +3,7 @@
     python benchmarks/adoption.py --worlds 2 --shots 300 --seed 71 --out FILE
     python benchmarks/adoption.py --table FILE
 
-Worlds are MuJoCo's with one thing changed each (sim.prove.changes), or nothing. From a recorded session of each, by
+Worlds are MuJoCo's with one thing changed each (truearc_proof.worlds.perturbations), or nothing. From a recorded session of each, by
 telemetry and outcomes (L1), gates are trained in pairs that are alike in all but their physics: the seed's (gravity,
 drag and lift, fitted), and what discovery adopted from the same session. `ours`: truearc's gate, which adds what it
 learns of the rest; `network`: the paper's, from the recorded shots and 900 simulated ones with its lambda of 0.01;
@@ -23,32 +23,32 @@ from typing import Any
 
 import numpy as np
 
-import robot
+from truearc import robot
 from benchmarks.adoption_table import make_table
 from benchmarks.filling import fill_and_tell, parser_of
 from benchmarks.unseen import off_m
-from doors.discover import keep_compiled
-from doors.progress import make_progress
-from robot.config import Config, load_config
-from robot.facts import Facts
-from robot.gate.contract import NOVELTY_LIMIT
-from sim.belief import Belief
-from sim.discover.adopt import make_belief
-from sim.discover.discover import discover
-from sim.gate.figures import figures_of
-from sim.gate.marks import Marks, marks_of
-from sim.gate.novelty import fit_novelty
-from sim.gate.train import train_physics_gate
-from sim.network import probabilities
-from sim.prove.changes import Change, seen_at
-from sim.prove.worldfile import fill
-from sim.shots import Shots
-from sim.sweep import Job, train_many
-from sim.synth import synthesise
-from sim.train import split_heldout, training_rows
-from sim.world.options import Options
-from sim.world.practice import plan_season
-from sim.world.season import ORDINARY, play_season
+from truearc.cli.discover.discover import keep_compiled
+from truearc.cli.progress import make_progress
+from truearc.robot.config.schema import Config, load_config
+from truearc.robot.config.rig_spec import Rig
+from truearc.robot.gate.contract import NOVELTY_LIMIT
+from truearc.sim.infer.belief import Belief
+from truearc.sim.discover.adopt import make_belief
+from truearc.sim.discover.api import discover
+from truearc.sim.gate.metrics import figures_of
+from truearc.sim.gate.outcome_classes import OutcomeClasses, marks_of
+from truearc.sim.gate.novelty import fit_novelty
+from truearc.sim.gate.train import train_physics_gate
+from truearc.sim.paper.network import probabilities
+from truearc_proof.worlds.perturbations import Change, seen_at
+from truearc_proof.rounds.jsonl_store import fill
+from truearc.sim.data.dataset import Shots
+from truearc.sim.paper.sweep import Job, train_many
+from truearc.sim.paper.synthetic_data import synthesise
+from truearc.sim.paper.training import split_heldout, training_rows
+from truearc.sim.world.options import Options
+from truearc_proof.world.practice import plan_season
+from truearc_proof.world.season import ORDINARY, play_season
 
 BELIEVED = ("gravity", "drag", "magnus")
 LEVEL = "L1"
@@ -81,7 +81,7 @@ def run(config: Config, world: tuple[Change, int, int]) -> Line:
     return line
 
 
-def _gates(facts: Facts, belief: Belief, shots: Shots, seed: int) -> dict[str, Gate]:
+def _gates(facts: Rig, belief: Belief, shots: Shots, seed: int) -> dict[str, Gate]:
     """What turns features [n, 3] into p [n, 2], of each kind, all learnt from these shots."""
     simulated = training_rows(synthesise(facts, belief, SIMULATED, shots, seed), "simulated")[0]
     learnt, validation = split_heldout(training_rows(shots, "recorded")[0], VALIDATION, seed)
@@ -90,14 +90,14 @@ def _gates(facts: Facts, belief: Belief, shots: Shots, seed: int) -> dict[str, G
             **{name: partial(probabilities, one.network) for name, one in zip(LAMBDAS, networks, strict=True)}}
 
 
-def _inside(seen: Shots, unseen: Shots) -> Marks:
+def _inside(seen: Shots, unseen: Shots) -> OutcomeClasses:
     """Judged shots of the other session that are like recorded ones: elsewhere every gate holds."""
     marks = marks_of(unseen, "unseen")[0]
     known = fit_novelty(marks_of(seen, "seen")[0].features)(marks.features) <= NOVELTY_LIMIT
     return marks.take(np.flatnonzero(known & (marks.level >= 0)))
 
 
-def _judged(config: Config, gate: Gate, marks: Marks) -> Line:
+def _judged(config: Config, gate: Gate, marks: OutcomeClasses) -> Line:
     """Figures of the gate; what it fires, and what of that scores three points."""
     p, level = gate(marks.features), marks.level
     fired = p[:, 1] >= config.gate.threshold

@@ -8,7 +8,7 @@ other drop only the first K samples are used, and only for its height and moment
 between the foretold and the filmed height at frame 42 (2.8 s), averaged over the balls, for either drop as the unseen
 one. Their best figure is 1.33 to 1.37 m, with a start that was smoothed over samples 0 to 34.
 
-Falls are the simulator's own (sim.physics.flight.path, terms of the catalogue), priors the catalogue's, the noise of
+Falls are the simulator's own (truearc.sim.physics.flight.path, terms of the catalogue), priors the catalogue's, the noise of
 the samples as `discover` measures it on the drop that is learned from. g is known, and then, as a check on film and
 model together, fitted to each session by itself, with all else: ten balls, and eleven with the bowling ball. --ask runs
 `discover` on each session alone (gravity believed, all eleven balls) and says what it answers; some minutes.
@@ -21,14 +21,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
-from robot.facts import Ball, Facts, LauncherFacts
-from sim.discover.discover import discover
-from sim.discover.samples import Samples, Scatter, gather_samples, measure_scatter, whiten
-from sim.importers.ball_drops import import_ball_drops
-from sim.physics.catalogue import find_parameter, find_terms
-from sim.physics.flight import path
-from sim.physics.launch import Exit
-from sim.shots import Dataset, take_shots
+from truearc.robot.config.rig_spec import Ball, Rig, LauncherFacts
+from truearc.sim.discover.api import discover
+from truearc.sim.discover.model.track_data import Samples, Scatter, gather_samples, measure_scatter, whiten
+from truearc_proof.importers.ball_drops import import_ball_drops
+from truearc.sim.physics.catalogue import find_parameter, find_terms
+from truearc.sim.physics.flight import path
+from truearc.sim.physics.launch import Exit
+from truearc.sim.data.dataset import Dataset, take_shots
 
 LEFT_OUT = "bowlingball"
 FRAME = 42
@@ -76,7 +76,7 @@ class Learned:
 FREE_G = "free g"
 VAGUE = Releases((0.0, HEIGHT_M), RELEASE_S)
 BALL = Ball(0.142, 0.0889)
-FACTS = Facts(BALL, LauncherFacts(0.0))
+FACTS = Rig(BALL, LauncherFacts(0.0))
 
 
 def main() -> None:

@@ -3,7 +3,7 @@
     python benchmarks/designed.py --level L0,L1 --worlds 10 --seed 81 --out FILE
     python benchmarks/designed.py --table FILE
 
-Worlds of sim.prove.truth hide one effect that others are easily taken for, at --scale times its usual size. Where
+Worlds of truearc_proof.truth hide one effect that others are easily taken for, at --scale times its usual size. Where
 discovery finds something in 300 shots and leaves several names, the hidden one among them, the world is shot again:
 at the configurations that truearc design asks for (5 x 20), and, as another future, at those of all 300 shots once
 more. Discovery is run on the old shots together with either. What is compared is the probability of the hidden name
@@ -24,15 +24,15 @@ from scipy.stats import t as student
 
 from benchmarks.filling import fill_and_tell, parser_of
 from benchmarks.suite import Job, amount_of
-from doors.discover import keep_compiled
-from doors.progress import make_progress
-from sim.discover.design import can_design, make_design
-from sim.discover.discover import discover
-from sim.prove.truth.follow import Asked, follow
-from sim.prove.truth.shoot import shoot
-from sim.prove.truth.world import World, make_world
-from sim.prove.worldfile import fill
-from sim.shots import Dataset, Shots, join_datasets
+from truearc.cli.discover.discover import keep_compiled
+from truearc.cli.progress import make_progress
+from truearc.sim.discover.plan.experiment_design import can_design, make_design
+from truearc.sim.discover.api import discover
+from truearc_proof.truth.followup import Asked, follow
+from truearc_proof.truth.generate import shoot
+from truearc_proof.truth.world import World, make_world
+from truearc_proof.rounds.jsonl_store import fill
+from truearc.sim.data.dataset import Dataset, Shots, join_datasets
 
 ALIKE = ("hood_offset", "wheel_slip", "drag_reynolds", "spin_drag", "wind_x", "wind_z", "distance_scale",
          "distance_bias", "release_height", "target_height")

@@ -5,7 +5,7 @@
 
 Every world is a line of FILE; a world that is there already is not run again, so a run that was cut short goes on
 where it stopped. --table reads packed files too: the reported run's is benchmarks/results/discovery.jsonl.xz. Worlds
-come from sim.prove.truth, which shares no code with what is tested. L2's effects are a quarter of their typical size,
+come from truearc_proof.truth, which shares no code with what is tested. L2's effects are a quarter of their typical size,
 as in the design's targets, unless --scale says otherwise.
 """
 
@@ -22,18 +22,18 @@ from typing import Any
 import msgspec
 
 from benchmarks.suite import KINDS, Job, mark_job, plan_jobs, true_parameter, world_of
-from doors.discover import keep_compiled
-from doors.progress import make_progress
-from robot.config import BadInput
-from sim.discover.discover import Investigation, discover
-from sim.discover.finding import make_json
-from sim.fanout import fan_out
-from sim.prove.ceiling import ceiling_of, oracle_gain, strength_of
-from sim.prove.marking import NULLS, Mark
-from sim.prove.proof_table import Table, make_tables, said, share
-from sim.prove.truth.shoot import shift_m, shoot
-from sim.prove.truth.world import World, as_table
-from sim.prove.worldfile import append_line, lines_of, mend
+from truearc.cli.discover.discover import keep_compiled
+from truearc.cli.progress import make_progress
+from truearc.robot.config.schema import InputError
+from truearc.sim.discover.api import Investigation, discover
+from truearc.sim.discover.finding import make_json
+from truearc.sim.parallel import fan_out
+from truearc_proof.scoring.oracle import ceiling_of, oracle_gain, strength_of
+from truearc_proof.scoring.score_world import NULLS, Mark
+from truearc_proof.report.tables import Table, make_tables, said, share
+from truearc_proof.truth.generate import shift_m, shoot
+from truearc_proof.truth.world import World, as_table
+from truearc_proof.rounds.jsonl_store import append_line, lines_of, mend
 
 SCALES = {"L0": 1.0, "L1": 1.0, "L2": 0.25}
 FALSE_ALARM = 0.05
@@ -97,7 +97,7 @@ def main() -> int:
         if args.table is None:
             _run_all(args)
         _tell(Path(args.table or args.out))
-    except BadInput as error:
+    except InputError as error:
         print(error, file=sys.stderr)
         return 2
     return 0
@@ -120,7 +120,7 @@ def _run_all(args: argparse.Namespace) -> None:
 def _tell(path: Path) -> None:
     marks, seconds, broken = marks_of(path)
     if not marks:
-        raise BadInput(f"{path}: no world is in it")
+        raise InputError(f"{path}: no world is in it")
     print(_alarms(marks).markdown())
     for level, shots, scale in sorted({(job.level, job.shots, job.scale) for job, _ in marks if job.kind != "nulls"}):
         mine = [one for job, one in marks if (job.level, job.shots) == (level, shots) and job.scale in (scale, 0.0)]

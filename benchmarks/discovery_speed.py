@@ -10,18 +10,18 @@ import argparse
 import time
 from collections.abc import Callable
 
-from doors.discover import keep_compiled
-from sim.discover.believed import fit_believed
-from sim.discover.clusters import groups_of
-from sim.discover.columns import lay_out
-from sim.discover.discover import detect, discover, make_search
-from sim.discover.intake import take_in
-from sim.discover.page import make_report
-from sim.physics.catalogue import TERMS
-from sim.physics.term import Term
-from sim.prove.truth.shoot import shoot
-from sim.prove.truth.world import make_world
-from sim.shots import Dataset
+from truearc.cli.discover.discover import keep_compiled
+from truearc.sim.discover.model.baseline_fit import fit_believed
+from truearc.sim.discover.detect.clusters import groups_of
+from truearc.sim.discover.model.design_columns import lay_out
+from truearc.sim.discover.api import detect, discover, make_search
+from truearc.sim.discover.model.prepared_data import take_in
+from truearc.sim.discover.report.html_report import make_report
+from truearc.sim.physics.catalogue import TERMS
+from truearc.sim.physics.term import Term
+from truearc_proof.truth.generate import shoot
+from truearc_proof.truth.world import make_world
+from truearc.sim.data.dataset import Dataset
 
 EFFECT = {"wheel_droop": 0.05}
 SIZES = (8, 20, len(TERMS))           # terms that are asked about, besides the believed ones

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from benchmarks.launcher_table import counted
-from sim.intervals import wilson
+from truearc.sim.intervals import wilson
 
 AIR = "flight"
 

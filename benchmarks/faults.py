@@ -4,7 +4,7 @@
     python benchmarks/faults.py --tracks DIR --believe gravity,drag,magnus [--since] --out FILE
     python benchmarks/faults.py --table FILE
 
-The tracks of worlds in which nothing is hidden (sim.prove.truth, L2, 300 shots), or those of a dataset that somebody
+The tracks of worlds in which nothing is hidden (truearc_proof.truth, L2, 300 shots), or those of a dataset that somebody
 recorded, are spoilt as a bad tracker would have spoilt them (tracker_faults.py), and discovery is asked about each, and
 about the same tracks unspoilt. --since: what has changed, to someone who believes what the unspoilt tracks led to? A
 line of FILE an answer; one that is there already is not worked out again.
@@ -22,16 +22,16 @@ from benchmarks.fault_table import make_table
 from benchmarks.filling import fill_and_tell, parser_of
 from benchmarks.suite import Job, world_of
 from benchmarks.tracker_faults import FAULTS, with_fault
-from doors.discover import keep_compiled
-from doors.progress import make_progress
-from robot.config import BadInput
-from sim.belief import Belief
-from sim.discover.adopt import make_belief
-from sim.discover.discover import discover
-from sim.discover.finding import make_json
-from sim.prove.truth.shoot import shoot
-from sim.prove.worldfile import fill
-from sim.shots import Dataset, load_dataset
+from truearc.cli.discover.discover import keep_compiled
+from truearc.cli.progress import make_progress
+from truearc.robot.config.schema import InputError
+from truearc.sim.infer.belief import Belief
+from truearc.sim.discover.adopt import make_belief
+from truearc.sim.discover.api import discover
+from truearc.sim.discover.finding import make_json
+from truearc_proof.truth.generate import shoot
+from truearc_proof.rounds.jsonl_store import fill
+from truearc.sim.data.dataset import Dataset, load_dataset
 
 NONE = "none"
 SINCE = ", since"
@@ -60,10 +60,10 @@ def main() -> int:
 def _run_all(args: argparse.Namespace, path: Path) -> dict[str, dict[str, Any]]:
     recorded = None if args.tracks is None else load_dataset(args.tracks)
     if recorded is not None and recorded.tracks is None:
-        raise BadInput(f"{args.tracks}: has no tracks")
+        raise InputError(f"{args.tracks}: has no tracks")
     believed = None if args.believe is None else tuple(args.believe.split(","))
     if args.since and recorded is None:
-        raise BadInput("--since: of which --tracks?")
+        raise InputError("--since: of which --tracks?")
     name, worlds = ("simulated", args.worlds) if recorded is None else (recorded.name + SINCE * args.since, 1)
     belief = make_belief(discover(recorded, believed))[0] if args.since and recorded is not None else None
     jobs = {f"{fault}/{name}/{args.seed}/{index}": (fault, Job("nulls", "clean", "L2", SHOTS, 0.0, args.seed, index))

@@ -4,7 +4,7 @@
     python benchmarks/field.py --table FILE
 
 Worlds are L2 with what belongs to the flight hidden, at its typical size and a quarter of it, and nulls. A world is a
-line of FILE; one that is there with all rivals asked for is not run again. Rivals are in sim/prove/rivals; pysindy
+line of FILE; one that is there with all rivals asked for is not run again. Rivals are in proof/truearc_proof/rivals; pysindy
 comes with the extra `field`.
 """
 
@@ -21,19 +21,19 @@ import msgspec
 
 from benchmarks.field_table import KINDS, LEVEL, flight_names, make_table
 from benchmarks.suite import Job, plan_jobs, true_parameter, world_of
-from doors.discover import keep_compiled
-from doors.progress import make_progress
-from robot.config import BadInput
-from sim.discover.discover import Investigation, discover
-from sim.discover.finding import make_json
-from sim.fanout import fan_out
-from sim.prove.ceiling import FALSE_ALARM, ceiling_of
-from sim.prove.rivals.claim import Claim, believed_of
-from sim.prove.rivals.entrants import OURS, RIVALS, check_rivals, find_rival
-from sim.prove.rivals.ours import claim_of
-from sim.prove.truth.shoot import shoot
-from sim.prove.truth.world import as_table
-from sim.prove.worldfile import append_line, lines_of, mend
+from truearc.cli.discover.discover import keep_compiled
+from truearc.cli.progress import make_progress
+from truearc.robot.config.schema import InputError
+from truearc.sim.discover.api import Investigation, discover
+from truearc.sim.discover.finding import make_json
+from truearc.sim.parallel import fan_out
+from truearc_proof.scoring.oracle import FALSE_ALARM, ceiling_of
+from truearc_proof.rivals.claim import Claim, believed_of
+from truearc_proof.rivals.registry import OURS, RIVALS, check_rivals, find_rival
+from truearc_proof.rivals.truearc_entry import claim_of
+from truearc_proof.truth.generate import shoot
+from truearc_proof.truth.world import as_table
+from truearc_proof.rounds.jsonl_store import append_line, lines_of, mend
 
 
 def run(path: str, rivals: tuple[str, ...], job: Job) -> None:
@@ -85,13 +85,13 @@ def plan(args: argparse.Namespace) -> list[Job]:
     jobs: list[Job] = []
     for kind in args.what.split(","):
         if kind not in KINDS:
-            raise BadInput(f"there is no kind {kind!r} here; there are {', '.join(KINDS)}")
+            raise InputError(f"there is no kind {kind!r} here; there are {', '.join(KINDS)}")
         names = [name for name in flight_names(kind) if not only or name in only]
         for scale in [float(part) for part in args.scale.split(",")] if kind == "effects" else [1.0]:
             jobs += plan_jobs([kind], [LEVEL], [args.shots], args.worlds, args.seed, {LEVEL: scale}, names) \
                 if names else []
     if not jobs:
-        raise BadInput(f"no world of {args.what} is called {args.only}")
+        raise InputError(f"no world of {args.what} is called {args.only}")
     return sorted(jobs, key=lambda job: job.index)
 
 
@@ -101,7 +101,7 @@ def main() -> int:
         if args.table is None:
             _run_all(args)
         _tell(Path(args.table or args.out), args.everywhere)
-    except BadInput as error:
+    except InputError as error:
         print(error, file=sys.stderr)
         return 2
     return 0
@@ -131,7 +131,7 @@ def _whole(path: Path) -> dict[str, dict[str, Any]]:
 def _tell(path: Path, everywhere: bool) -> None:
     worlds = list(_whole(path).values())
     if not worlds:
-        raise BadInput(f"{path}: no world is in it")
+        raise InputError(f"{path}: no world is in it")
     print(make_table(worlds, everywhere))
     for line in worlds:
         for entrant, error in line["errors"].items():

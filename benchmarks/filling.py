@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from robot.config import BadInput
-from sim.prove.worldfile import lines_of
+from truearc.robot.config.schema import InputError
+from truearc_proof.rounds.jsonl_store import lines_of
 
 Lines = dict[str, dict[str, Any]]
 
@@ -29,8 +29,8 @@ def fill_and_tell(args: argparse.Namespace, run_all: Callable[[Path], Lines],
     try:
         lines = run_all(path) if args.table is None else {line["key"]: line for line in lines_of(path)}
         if not lines:
-            raise BadInput(f"{path}: no world is in it")
-    except BadInput as error:
+            raise InputError(f"{path}: no world is in it")
+    except InputError as error:
         print(error, file=sys.stderr)
         return 2
     print(make_table(list(lines.values())))

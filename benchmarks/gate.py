@@ -21,22 +21,22 @@ from pathlib import Path
 import numpy as np
 from sklearn.linear_model import LogisticRegression
 
-from model_export.graph import export_weights
-from robot.facts import Ball, Facts, LauncherFacts, Target, Wheel
-from robot.gate.contract import FEATURES
-from robot.gate.model import load_gate
-from sim.belief import point_belief
-from sim.gate.novelty import fit_novelty, novelty_record
-from sim.gate.physics import physics_of
-from sim.gate.store import save_physics_gate
-from sim.gate.train import train_physics_gate
-from sim.network import Network, initial_layers, save_weights, standardisation
-from sim.shots import Shots
-from sim.train import domain_of
+from truearc.model_export.graph import export_weights
+from truearc.robot.config.rig_spec import Ball, Rig, LauncherFacts, Target, Wheel
+from truearc.robot.gate.contract import FEATURES
+from truearc.robot.gate.model import load_gate
+from truearc.sim.infer.belief import point_belief
+from truearc.sim.gate.novelty import fit_novelty, novelty_record
+from truearc.sim.gate.physics import physics_of
+from truearc.sim.gate.store import save_physics_gate
+from truearc.sim.gate.train import train_physics_gate
+from truearc.sim.paper.network import Network, initial_layers, save_weights, standardisation
+from truearc.sim.data.dataset import Shots
+from truearc.sim.paper.training import domain_of
 
 LIMIT_US = 50.0
 WARM_UP = 500
-FACTS = Facts(Ball(0.14, 0.0889), LauncherFacts(0.75, 594.0, (Wheel("lower", 0.0508, 1.0, 180.0),
+FACTS = Rig(Ball(0.14, 0.0889), LauncherFacts(0.75, 594.0, (Wheel("lower", 0.0508, 1.0, 180.0),
                                                               Wheel("upper", 0.0349, 0.5625, 0.0))), Target(2.44))
 BELIEF = point_belief({"drag": {"cd": 1.06}, "magnus": {"cl": 0.033}}, {"speed": 0.02, "elevation_deg": 0.3})
 Rate = Callable[[float, float, float], object]

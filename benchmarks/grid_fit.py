@@ -19,16 +19,16 @@ import numba
 import numpy as np
 from jax import lax
 
-from robot.facts import Air, Ball, Facts, LauncherFacts, Target, Wheel, WorldFacts
-from sim.fit.grid import fit_grid, make_axis, make_scoring, rank_ties
-from sim.fit.grid_labels import TEMPLATE, TERMS, VALUES, find_hits, fly_pairs
-from sim.physics.compiled import facts_values, load_kernel, make_source
-from sim.physics.flight import fly
-from sim.physics.launch import Exit, exit_seed
-from sim.physics.shot import classify, fly_rows
-from sim.shots import Shots
+from truearc.robot.config.rig_spec import Air, Ball, Rig, LauncherFacts, Target, Wheel, WorldFacts
+from truearc.sim.paper.grid_fit import fit_grid, make_axis, make_scoring, rank_ties
+from truearc.sim.paper.grid_labels import TEMPLATE, TERMS, VALUES, find_hits, fly_pairs
+from truearc.sim.physics.compiled import facts_values, load_kernel, make_source
+from truearc.sim.physics.flight import fly
+from truearc.sim.physics.launch import Exit, exit_seed
+from truearc.sim.physics.simulate import classify, fly_rows
+from truearc.sim.data.dataset import Shots
 
-FACTS = Facts(ball=Ball(0.14, 0.0889), launcher=LauncherFacts(0.75, 594.0, (
+FACTS = Rig(ball=Ball(0.14, 0.0889), launcher=LauncherFacts(0.75, 594.0, (
     Wheel("lower", 0.0508, 1.0, 180.0), Wheel("upper", 0.0349, 0.5625, 0.0))), target=Target(2.44), air=Air(1.2),
     world=WorldFacts(9.81))
 TRUTH = {"drag": {"cd": 0.9}, "magnus": {"cl": 0.06}}
@@ -251,7 +251,7 @@ def check_labels(name: str, shots: Shots, axis: np.ndarray, sparse: bool) -> Non
 
 
 def check_heights(shots: Shots) -> None:
-    """Heights of compiled flights against sim.physics.flight's, over the whole grid and near the choice."""
+    """Heights of compiled flights against truearc.sim.physics.flight's, over the whole grid and near the choice."""
     scoring = make_scoring(FACTS, shots)
     rng = np.random.default_rng(3)
     for what, most in (("pairs anywhere", (5.0, 5.0)), ("cd below 2, cl below 0.3", (2.0, 0.3))):

@@ -24,19 +24,19 @@ from typing import NamedTuple
 
 from msgspec.structs import replace
 
-import robot
-from doors.run_processes import RecorderProcess
-from hw.link import Frame
-from hw.reading import CameraFrame
-from hw.real.clock import MonotonicClock
-from robot.config import load_config
-from robot.recording.candump import parse_candump
-from robot.recording.images import load_image, load_pictures
-from robot.recording.reader import TickReader
-from robot.recording.recover import recover
-from robot.recording.session import CAN, load_header, load_session_config, load_trials
-from robot.recording.writer import SessionWriter
-from robot.types import Outcome, Tick
+from truearc import robot
+from truearc.cli.robot.run_processes import RecorderProcess
+from truearc.hw.protocols import Frame
+from truearc.hw.readings import CameraFrame
+from truearc.hw.real.clock import MonotonicClock
+from truearc.robot.config.schema import load_config
+from truearc.robot.recording.candump import parse_candump
+from truearc.robot.recording.images import load_image, load_pictures
+from truearc.robot.recording.reader import TickReader
+from truearc.robot.recording.recover import recover
+from truearc.robot.recording.session import CAN, load_header, load_session_config, load_trials
+from truearc.robot.recording.encoder import SessionWriter
+from truearc.robot.types import Outcome, Tick
 
 MARK_TICKS = 50
 SAID = struct.Struct("<qq")           # time of a tick that was handed over, and how many trials have been
@@ -154,7 +154,7 @@ def main() -> None:
     if args.child:
         record_for_ever(*args.child, args.pace, args.layout)
     layout = args.layout or ("three" if args.pace == "robot" else "one")
-    from doors.twin import emulate  # not for the child, nor for its recorder, which imports this file again
+    from truearc.sim.world.emulated_robot import emulate  # not for the child, nor for its recorder, which imports this file again
 
     with tempfile.TemporaryDirectory(dir=args.folder) as folder:
         source = Path(folder) / "source"

@@ -1,9 +1,9 @@
-"""How plain each hidden effect is at its usual size, by level: the lambda of 300 shots in sim/prove/truth/ladder.toml.
+"""How plain each hidden effect is at its usual size, by level: the lambda of 300 shots in proof/truearc_proof/truth/ladder.toml.
 
-    python benchmarks/ladder.py --worlds 5 > sim/prove/truth/ladder.toml
+    python benchmarks/ladder.py --worlds 5 > proof/truearc_proof/truth/ladder.toml
 
 Lambda is the chi-squared by which the data speak of the effect once the fitted numbers have taken what they can, from
-the information in worlds that hide nothing. Concealed worlds have their sizes by it (sim.prove.mix), so that worlds of
+the information in worlds that hide nothing. Concealed worlds have their sizes by it (truearc_proof.worlds.sampling_plan), so that worlds of
 different effects and levels are equally hard; it is a table, so that the truth shares no code with what is tested.
 """
 
@@ -14,17 +14,17 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.suite import Job, true_parameter, world_of
-from doors.discover import keep_compiled
-from sim.discover.believed import fit_believed
-from sim.discover.clusters import groups_of
-from sim.discover.columns import lay_out
-from sim.discover.evidence import Evidence
-from sim.discover.intake import take_in
-from sim.discover.name import efficient, visible_terms
-from sim.prove.ceiling import strength_of
-from sim.prove.truth.effects import ABSORBED, EFFECTS
-from sim.prove.truth.shoot import shift_m, shoot
-from sim.prove.truth.world import BELIEVED, LEVELS, World
+from truearc.cli.discover.discover import keep_compiled
+from truearc.sim.discover.model.baseline_fit import fit_believed
+from truearc.sim.discover.detect.clusters import groups_of
+from truearc.sim.discover.model.design_columns import lay_out
+from truearc.sim.discover.model.score_table import ScoreTable
+from truearc.sim.discover.model.prepared_data import take_in
+from truearc.sim.discover.select.term_ranking import efficient, visible_terms
+from truearc_proof.scoring.oracle import strength_of
+from truearc_proof.truth.effects import ABSORBED, EFFECTS
+from truearc_proof.truth.generate import shift_m, shoot
+from truearc_proof.truth.world import BELIEVED, LEVELS, World
 
 SHOTS = 300
 
@@ -53,7 +53,7 @@ def lambdas(level: str, worlds: int, seed: int) -> dict[str, float]:
     return {name: float(np.mean(values)) for name, values in found.items()}
 
 
-def _of_heights(world: World, name: str, typical: float, evidence: Evidence) -> float:
+def _of_heights(world: World, name: str, typical: float, evidence: ScoreTable) -> float:
     """Lambda of what no catalogue has, where outcomes are all there is."""
     return strength_of(evidence, shift_m(replace(world, effects={name: typical}))) or 0.0
 

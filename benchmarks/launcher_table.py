@@ -3,8 +3,8 @@
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from sim.intervals import wilson
-from sim.prove.changes import CHANGES, Change
+from truearc.sim.intervals import wilson
+from truearc_proof.worlds.perturbations import CHANGES, Change
 
 TARGET = 1.5                          # times the world's own scatter, for the adopted simulation's heights
 AS_IS = "as-is"

@@ -14,12 +14,12 @@ from collections import Counter
 from pathlib import Path
 
 from benchmarks.real_robot import ROOT
-from hw.emulated.cable import SocketCable, open_cable
-from hw.emulated.slcan_adapter import SlcanAdapter
-from hw.link import Bus, Frame, LinkLost
-from hw.real.can_bus import open_can
-from hw.real.clock import MonotonicClock
-from hw.real.supervised_bus import WAIT_S, SupervisedBus
+from truearc.hw.emulated.serial_link import SocketCable, open_cable
+from truearc.hw.emulated.slcan_adapter import SlcanAdapter
+from truearc.hw.protocols import Bus, Frame, LinkLost
+from truearc.hw.real.can_bus import open_can
+from truearc.hw.real.clock import MonotonicClock
+from truearc.hw.real.supervised_bus import WAIT_S, SupervisedBus
 
 BITRATE = 1_000_000
 NS_PER_S = 1_000_000_000

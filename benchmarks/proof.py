@@ -17,14 +17,14 @@ from typing import NamedTuple
 
 import msgspec
 
-from sim.prove.keeper import load_plan
-from sim.prove.ledger import last_digest, read_ledger
-from sim.prove.opener import Graded, graded_of
-from sim.prove.packed import unpack
-from sim.prove.proof_beside import beside
-from sim.prove.proof_page import verdict
-from sim.prove.proof_table import make_tables
-from sim.prove.room import Room
+from truearc_proof.rounds.committer import load_plan
+from truearc_proof.rounds.ledger import last_digest, read_ledger
+from truearc_proof.rounds.grader import Graded, graded_of
+from truearc_proof.rounds.archive import unpack
+from truearc_proof.report.compare_rounds import beside
+from truearc_proof.report.html_page import verdict
+from truearc_proof.report.tables import make_tables
+from truearc_proof.rounds.round_layout import Room
 
 BEGIN, END = "<!-- rounds: begin -->\n", "<!-- rounds: end -->\n"
 

@@ -7,7 +7,7 @@ import sys
 import threading
 from pathlib import Path
 
-import robot
+from truearc import robot
 
 ROOT = Path(__file__).parents[1]
 SHIPPED = Path(robot.__file__).parent / "launcher.toml"

@@ -3,7 +3,7 @@
     python benchmarks/season_agreement.py --trials 240 --seed 11
 
 The emulated robot (buses, images, control, operator) records a session; the same settings, as the world had them at
-each shot, are then shot by sim.world.season, with the same launcher and rack of balls and other luck. What the world
+each shot, are then shot by truearc_proof.world.season, with the same launcher and rack of balls and other luck. What the world
 says of every ball is compared as distributions: means with the standard error of the difference of pairs, deviations,
 and the two-sample Kolmogorov-Smirnov test; then what was read of each shot against the truth.
 """
@@ -16,15 +16,15 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import ks_2samp
 
-import robot
-from doors.progress import make_progress
-from doors.twin import emulate
-from robot.config import load_config
-from sim.recordings import shots_from_sessions
-from sim.shots import Shots
-from sim.world.options import Options
-from sim.world.season import Setting, play_season
-from sim.world.target import BallResult
+from truearc import robot
+from truearc.cli.progress import make_progress
+from truearc.sim.world.emulated_robot import emulate
+from truearc.robot.config.schema import load_config
+from truearc.sim.data.recordings import shots_from_sessions
+from truearc.sim.data.dataset import Shots
+from truearc.sim.world.options import Options
+from truearc_proof.world.season import ShotSetting, play_season
+from truearc.sim.world.parts.target import BallResult
 
 NS = 1e-9
 TOGETHER_S = 0.2                      # a recorded shot and a ball of the world that are less apart are one
@@ -87,7 +87,7 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder:
         results = emulate(config, Path(folder) / "session", args.trials, args.seed, progress=make_progress("robot"))
         recorded = shots_from_sessions([Path(folder) / "session"], "recorded").shots
-    settings = [Setting(one.distance_m, one.hood_deg, one.wheel_before_rad_s / free_rad_s) for one in results]
+    settings = [ShotSetting(one.distance_m, one.hood_deg, one.wheel_before_rad_s / free_rad_s) for one in results]
     season = play_season(config.rig, Options(), args.seed, settings, "L1", progress=make_progress("season"))
     ours = list(season.results)
     print(f"{len(results)} balls of the emulated robot, and as many of the season\n")

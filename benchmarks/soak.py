@@ -21,11 +21,11 @@ import msgspec
 import numpy as np
 
 from benchmarks.real_robot import PATIENT, RealRobot, save_config
-from robot.config import load_config
-from robot.lateness import Second
-from robot.recording.images import load_image, load_pictures
-from robot.recording.reader import TickReader
-from robot.recording.session import LATENESS, load_trials
+from truearc.robot.config.schema import load_config
+from truearc.robot.processes.tick_timing import Second
+from truearc.robot.recording.images import load_image, load_pictures
+from truearc.robot.recording.reader import TickReader
+from truearc.robot.recording.session import LATENESS, load_trials
 
 SAMPLE_S = 1.0
 WARM_SHARE = 0.25                     # of the run: caches fill, libraries are loaded

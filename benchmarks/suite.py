@@ -7,14 +7,14 @@ from typing import Any
 
 from msgspec import Struct
 
-from robot.config import BadInput
-from sim.prove.grade import CUT, in_catalogue
-from sim.prove.marking import Mark, mark
-from sim.prove.measure import Measured
-from sim.prove.mix import NUMPY, Drawn
-from sim.prove.suite import NULLS, names_at
-from sim.prove.truth.effects import find_effect
-from sim.prove.truth.world import BELIEVED, World, make_world
+from truearc.robot.config.schema import InputError
+from truearc_proof.scoring.score_finding import CUT, in_catalogue
+from truearc_proof.scoring.score_world import Mark, mark
+from truearc_proof.scoring.information_bound import Measured
+from truearc_proof.worlds.sampling_plan import NUMPY, Drawn
+from truearc_proof.scoring.suite import NULLS, names_at
+from truearc_proof.truth.effects import find_effect
+from truearc_proof.truth.world import BELIEVED, World, make_world
 
 KINDS = {"nulls": "dirty", "effects": "one", "off": "off", "cut": "cut"}      # and what a round of proof calls them
 SEEDS_A_BASE, SEEDS_A_NAME = 100_000_000, 10_000
@@ -48,19 +48,19 @@ def plan_jobs(kinds: Sequence[str], levels: Sequence[str], shots: Sequence[int],
               scales: dict[str, float], only: Sequence[str] = (), side: bool = False) -> list[Job]:
     """All worlds of a benchmark, those of one shape together.
 
-    scales: per level. only: names to keep (all when empty). BadInput for an unknown kind, or a name that no kind has.
+    scales: per level. only: names to keep (all when empty). InputError for an unknown kind, or a name that no kind has.
     """
     for kind in kinds:
         if kind not in KINDS:
-            raise BadInput(f"there is no kind of worlds {kind!r}; there are {', '.join(KINDS)}")
+            raise InputError(f"there is no kind of worlds {kind!r}; there are {', '.join(KINDS)}")
     if not 0 < worlds <= SEEDS_A_NAME:
-        raise BadInput(f"{worlds} worlds of a kind; 1 to {SEEDS_A_NAME} can be had")
+        raise InputError(f"{worlds} worlds of a kind; 1 to {SEEDS_A_NAME} can be had")
     jobs = [Job(kind, name, level, count, 0.0 if kind == "nulls" else scales[level], base_seed, index, side)
             for level in levels for count in shots for index in range(worlds)
             for kind in kinds for name in names_of(kind, level, bool(only)) if not only or name in only]
     missing = set(only) - {job.name for job in jobs}
     if missing:
-        raise BadInput(f"no world at {', '.join(levels)} is called {', '.join(sorted(missing))}")
+        raise InputError(f"no world at {', '.join(levels)} is called {', '.join(sorted(missing))}")
     return jobs
 
 def names_of(kind: str, level: str, hopeless: bool = False) -> Iterator[str]:

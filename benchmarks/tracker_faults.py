@@ -1,6 +1,6 @@
 """What a tracker does wrong, done to tracks that it did right: nothing of it is physics of the ball.
 
-Written against the tracks as recorded, with nothing of sim.physics.
+Written against the tracks as recorded, with nothing of truearc.sim.physics.
 """
 
 import math
@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sim.shots import Dataset, Tracks
+from truearc.sim.data.dataset import Dataset, Tracks
 
 LONG = 1.05                           # too long a metre, too slow a clock
 TILT_DEG, TURN_DEG = 4.0, 5.0

@@ -21,10 +21,10 @@ import numpy as np
 import optax
 from numba import njit
 
-from sim.network import Layers, initial_layers, logits, standardisation
-from sim.sweep import Job, Recipe, make_decks, pack, train_many
-from sim.sweep_kernel import BATCH, Decks, deal
-from sim.train import Rows, cross_entropy
+from truearc.sim.paper.network import Layers, initial_layers, logits, standardisation
+from truearc.sim.paper.sweep import Job, Recipe, make_decks, pack, train_many
+from truearc.sim.paper.sweep_kernel import BATCH, Decks, deal
+from truearc.sim.paper.training import Rows, cross_entropy
 
 SIZES = (0, 500, 600, 750, 900, 1000, 1250)
 SEEDS = 20

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from robot.facts import Facts
-from sim.belief import Belief
-from sim.curve import before_the_shot
-from sim.physics.shot import predict
-from sim.world.season import Season
+from truearc.robot.config.rig_spec import Rig
+from truearc.sim.infer.belief import Belief
+from truearc.sim.infer.curve import before_the_shot
+from truearc.sim.physics.simulate import predict
+from truearc_proof.world.season import Season
 
 
 def heights_m(season: Season) -> np.ndarray:
@@ -14,7 +14,7 @@ def heights_m(season: Season) -> np.ndarray:
     return np.array([np.nan if one.z_m is None else one.z_m for one in season.results])
 
 
-def off_m(facts: Facts, belief: Belief, season: Season) -> float:
+def off_m(facts: Rig, belief: Belief, season: Season) -> float:
     """RMS error in m of the heights that the belief foretells from what was read of each shot before it."""
     shots = season.dataset.shots
     around = before_the_shot(belief.curves, facts, shots)

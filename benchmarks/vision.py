@@ -19,13 +19,13 @@ import numpy as np
 from msgspec.structs import replace
 from vision_scenes import LOOKS, TURNING, WRITTEN, Shot, baseline, clutter, shoot
 
-import robot
-from doors.images import decode_image
-from doors.progress import make_progress
-from hw.reading import CameraFrame
-from robot.config import BadInput, CameraFile, Config, load_config, load_toml
-from robot.vision import detect
-from robot.vision.taped import fit_taped
+from truearc import robot
+from truearc.cli.robot.images import decode_image
+from truearc.cli.progress import make_progress
+from truearc.hw.readings import CameraFrame
+from truearc.robot.config.schema import InputError, CameraFile, Config, load_config, load_toml
+from truearc.robot.vision import detect
+from truearc.robot.vision.taped import fit_taped
 
 HOME = Path(robot.__file__).parent
 DATA = Path(os.environ.get("TRUEARC_DATA", Path(__file__).parents[2] / "shared" / "data")) / "goal_images"
@@ -184,7 +184,7 @@ def is_other(shot: Shot, corners_px: tuple) -> bool:
 
 
 def fuzz(config: Config, files: int) -> None:
-    """Mutated image files: each is an image or a BadInput, never anything else."""
+    """Mutated image files: each is an image or a InputError, never anything else."""
     rng = np.random.default_rng(4)
     image = shoot(config, rng, 4.0, LOOKS["usual"]).frame.image
     whole = [cv2.imencode(end, picture)[1].tobytes() for end in (".jpg", ".png", ".bmp", ".webp")
@@ -198,7 +198,7 @@ def fuzz(config: Config, files: int) -> None:
         try:
             seen = detect(CameraFrame(0, decode_image(data)), config.camera, config.tape, config.vision)
             said["an image: target found" if seen.found else "an image: no target"] += 1
-        except BadInput as error:
+        except InputError as error:
             said["refused: " + "".join(c for c in str(error) if not c.isdigit())] += 1
     os.dup2(stderr, 2)
     print(f"{files} mutated image files, no crash:")

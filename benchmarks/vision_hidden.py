@@ -13,14 +13,14 @@ import cv2
 import numpy as np
 from msgspec.structs import replace
 
-import robot
-from doors.twin_eyes import make_lens, make_tape
-from hw.emulated.camera import EmulatedCamera
-from hw.emulated.lens import project
-from hw.emulated.look import USUAL, Look, Patch
-from hw.emulated.stage import Stage, place
-from robot.config import Config, load_config
-from robot.vision import detect
+from truearc import robot
+from truearc.sim.world.emulated_vision import make_lens, make_tape
+from truearc.hw.emulated.imaging.camera import EmulatedCamera
+from truearc.hw.emulated.imaging.lens import project
+from truearc.hw.emulated.imaging.image_degradation import USUAL, Look, Patch
+from truearc.hw.emulated.static_plant import Stage, place
+from truearc.robot.config.schema import Config, load_config
+from truearc.robot.vision import detect
 
 DISTANCES_M = (2.5, 5.0, 8.0, 12.0)
 BLURRED = Look(blur_px=1.5)

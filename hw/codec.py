@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import cantools
 from cantools.database.can.message import Message
 
-from hw.link import BadFrame
+from truearc.hw.protocols import BadFrame
 
 DBC = Path(__file__).parent / "dbc"
 

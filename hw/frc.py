@@ -4,9 +4,9 @@ Ids are 29 bits: device type, manufacturer, API, device number. A REV SPARK that
 heartbeat obeys no other until its power is taken away (REV's CAN specification, STATUS_0's PRIMARY_HEARTBEAT_LOCK).
 """
 
-from hw import spark
-from hw.link import BadFrame, Frame
-from hw.reading import MotorReading
+from truearc.hw.devices.spark import frames as spark
+from truearc.hw.protocols import BadFrame, Frame
+from truearc.hw.readings import MotorReading
 
 CONTROLLER_HEARTBEAT = 0x01011840
 DEVICES = 0x3F
@@ -19,7 +19,7 @@ def is_controller_heartbeat(frame: Frame) -> bool:
 
 def locked_spark(frame: Frame) -> int | None:
     """The number of the SPARK that says here that it is locked to a robot controller; None for any other frame."""
-    device = spark.Axis(frame.arbitration_id & DEVICES, 1, False)
+    device = spark.SparkAxis(frame.arbitration_id & DEVICES, 1, False)
     if not frame.is_extended or frame.arbitration_id != spark.frame_id(device, "STATUS_0"):
         return None
     try:

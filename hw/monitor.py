@@ -3,7 +3,7 @@
 from collections import Counter, deque
 from collections.abc import Iterable, Mapping
 
-from hw.link import Bus, Clock, Frame
+from truearc.hw.protocols import Bus, Clock, Frame
 
 Kind = tuple[int, bool, bool]         # arbitration id, is extended, is remote
 NS_PER_S = 1_000_000_000

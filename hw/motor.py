@@ -2,8 +2,8 @@
 
 from typing import NamedTuple, Protocol
 
-from hw.link import Frame
-from hw.reading import MotorReading
+from truearc.hw.protocols import Frame
+from truearc.hw.readings import MotorReading
 
 
 class Order(NamedTuple):

@@ -10,10 +10,10 @@ import numpy as np
 import onnx
 from onnx import TensorProto, helper, numpy_helper
 
-from model_export.parts import Part, novelty_part
-from model_export.trained import load_trained
-from robot.config import BadInput
-from robot.gate.contract import (
+from truearc.model_export.parts import Part, novelty_part
+from truearc.model_export.trained import load_trained
+from truearc.robot.config.schema import InputError
+from truearc.robot.gate.contract import (
     FEATURES,
     INPUT,
     KEY_CONTRACT,
@@ -27,8 +27,8 @@ from robot.gate.contract import (
     contract_hash,
     contract_json,
 )
-from robot.gate.seal import KEY_SEAL, UNSEALED, seal
-from sim.gate.novelty import describe_novelty
+from truearc.robot.gate.seal import KEY_SEAL, UNSEALED, seal
+from truearc.sim.gate.novelty import describe_novelty
 
 OPSET = 17                            # old enough for every onnxruntime in use, new enough for all that is used here
 IR_VERSION = 8                        # the one that came with opset 17
@@ -60,10 +60,10 @@ def make_model(parts: Sequence[Part], domain: dict[str, list[float]], novelty: d
 
 
 def export_weights(directory: str | Path, path: str | Path) -> bytes:
-    """Write the ONNX file of a weights directory and return its bytes; BadInput when the directory is unusable.
+    """Write the ONNX file of a weights directory and return its bytes; InputError when the directory is unusable.
 
-    The provenance is the training record without its loss curve, plus the SHA-256 of the directory. BadInput too when
-    the graph cannot say what the trained model says (see model_export.trained).
+    The provenance is the training record without its loss curve, plus the SHA-256 of the directory. InputError too when
+    the graph cannot say what the trained model says (see truearc.model_export.trained).
     """
     trained = load_trained(directory)
     provenance = {key: value for key, value in trained.record.items() if key not in APART}
@@ -75,7 +75,7 @@ def export_weights(directory: str | Path, path: str | Path) -> bytes:
     try:
         Path(path).write_bytes(data)
     except OSError as error:
-        raise BadInput(f"{path}: {error.strerror or error}") from error
+        raise InputError(f"{path}: {error.strerror or error}") from error
     return data
 
 

@@ -5,11 +5,11 @@ from typing import NamedTuple
 import numpy as np
 from onnx import NodeProto, helper
 
-from robot.gate.contract import INPUT, NOVELTY, OUTPUT
-from sim.gate.likelihood import LAPSE_CELLS, Shape
-from sim.gate.novelty import Novelty
-from sim.gate.surrogate import Surrogate, as_cosines
-from sim.network import Network
+from truearc.robot.gate.contract import INPUT, NOVELTY, OUTPUT
+from truearc.sim.gate.likelihood import LAPSE_CELLS, GateShape
+from truearc.sim.gate.novelty import Novelty
+from truearc.sim.gate.surrogate import Surrogate, as_cosines
+from truearc.sim.paper.network import Network
 
 EDGES = 4                             # of the target: above and below, of two and of three
 
@@ -52,7 +52,7 @@ def novelty_part(novelty: Novelty) -> Part:
         "known_last": np.array([novelty.neighbour - 1])})
 
 
-def physics_part(surrogate: Surrogate, shape: Shape, aside: float) -> Part:
+def physics_part(surrogate: Surrogate, shape: GateShape, aside: float) -> Part:
     """The surrogate's mean and spread, and of them the probabilities of the ordinal model; `features` to `p`.
 
     Chebyshev polynomials as cos(k arccos u), their products as cosines of sums; no flight is integrated here. An
@@ -84,7 +84,7 @@ def _polynomial_constants(surrogate: Surrogate) -> dict[str, np.ndarray]:
             "double_least_m2": np.array(2.0 * surrogate.least_m2)}
 
 
-def _outcome_constants(shape: Shape, aside: float) -> dict[str, np.ndarray]:
+def _outcome_constants(shape: GateShape, aside: float) -> dict[str, np.ndarray]:
     """`within`: erf at (two, three, -two, -three) to the shares within two and within three."""
     half = 0.5 * (1.0 - aside) * (1.0 - shape.lapse) * np.eye(2)
     lapses = np.array([LAPSE_CELLS[1:4].sum(), LAPSE_CELLS[2]])

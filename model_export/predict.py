@@ -5,22 +5,22 @@ import io
 
 import numpy as np
 
-from robot.config import BadInput
-from robot.gate.contract import FEATURES, NOVELTY, OUTPUTS
-from robot.gate.model import Gate
-from sim.shots import Shots
+from truearc.robot.config.schema import InputError
+from truearc.robot.gate.contract import FEATURES, NOVELTY, OUTPUTS
+from truearc.robot.gate.model import Gate
+from truearc.sim.data.dataset import Shots
 
 HEADER = ("shot_id", *OUTPUTS, "in_domain", NOVELTY)
 NAMED = 5                             # shots that a message names before it only counts
 
 
 def features_of(shots: Shots, name: str) -> np.ndarray:
-    """Feature rows [n, 3] of dataset `name` in the contract's order; BadInput names column and shots that lack one."""
+    """Feature rows [n, 3] of dataset `name` in the contract's order; InputError names column and shots that lack one."""
     for feature in FEATURES:
         lacking = [shots.shot_id[row] for row in np.flatnonzero(np.isnan(shots.number(feature.name)))]
         if lacking:
             more = f" and {len(lacking) - NAMED} more" if len(lacking) > NAMED else ""
-            raise BadInput(f"{name}: column {feature.name}: no value for shot_id {', '.join(lacking[:NAMED])}{more}")
+            raise InputError(f"{name}: column {feature.name}: no value for shot_id {', '.join(lacking[:NAMED])}{more}")
     return np.stack([shots.number(feature.name) for feature in FEATURES], axis=1)
 
 

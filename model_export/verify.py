@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from model_export.trained import Trained, load_trained
-from robot.gate.contract import NOVELTY_LIMIT
-from robot.gate.model import Gate
+from truearc.model_export.trained import Trained, load_trained
+from truearc.robot.gate.contract import NOVELTY_LIMIT
+from truearc.robot.gate.model import Gate
 
 # Of one and the same graph on other numbers of rows: float32 sums of several hundred products in another order. Found:
 # 1.5e-5 on a gate from 59 shots; far below what a graph may differ from its trainer (model_export/trained.py).

@@ -9,9 +9,9 @@ import math
 
 from msgspec import UNSET, UnsetType
 
-from robot.config import Collect, Config, Prescribed
-from robot.facts import Target
-from robot.types import Aim, Estimate, Memory, Shot
+from truearc.robot.config.schema import Collect, Config, Prescribed
+from truearc.robot.config.rig_spec import Target
+from truearc.robot.types import Aim, Estimate, Memory, Shot
 
 R2 = (0.7548776662466927, 0.5698402909980532)   # additive recurrence that fills the unit square evenly
 FEASIBLE_DEG = 12.0                   # launch at least this much above the line of sight to the target

@@ -4,10 +4,10 @@ import math
 
 from msgspec.structs import replace
 
-from robot.config import Config
-from robot.feedforward import flywheel_torque_nm
-from robot.pid import step_pid
-from robot.types import Aim, Command, Estimate, Inputs, Memory, Pid, Verdict
+from truearc.robot.config.schema import Config
+from truearc.robot.feedforward import flywheel_torque_nm
+from truearc.robot.pid import step_pid
+from truearc.robot.types import Aim, Command, Estimate, Inputs, Memory, Pid, Verdict
 
 NS = 1e-9
 RELEASED = Command(enable=False, flywheel_torque_nm=0.0, hood_torque_nm=0.0, feeder_torque_nm=0.0)

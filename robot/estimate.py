@@ -2,9 +2,9 @@
 
 from msgspec.structs import replace
 
-from robot.config import Config
-from robot.geometry import elevation_from_encoder_deg, elevation_from_screw_deg, exit_distance_m
-from robot.types import Estimate, Inputs, Memory
+from truearc.robot.config.schema import Config
+from truearc.robot.geometry import elevation_from_encoder_deg, elevation_from_screw_deg, exit_distance_m
+from truearc.robot.types import Estimate, Inputs, Memory
 
 NS = 1e-9
 

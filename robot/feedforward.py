@@ -1,6 +1,6 @@
 """Torque that the flywheel belt is expected to need, before any feedback."""
 
-from robot.config import Flywheel
+from truearc.robot.config.schema import Flywheel
 
 
 def flywheel_torque_nm(flywheel: Flywheel, setpoint_rad_s: float, acceleration_rad_s2: float = 0.0) -> float:

@@ -2,7 +2,7 @@
 
 import math
 
-from robot.config import CameraConfig, Hood, HoodEncoder
+from truearc.robot.config.schema import CameraConfig, Hood, HoodEncoder
 
 
 def screw_length_m(elevation_deg: float, hood: Hood) -> float:

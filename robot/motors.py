@@ -2,14 +2,15 @@
 
 from functools import partial
 
-from hw import odrive, spark
-from hw.advisory_motor import AdvisoryMotor
-from hw.dc_motor import DcMotor
-from hw.motor import Motor
-from hw.odrive_motor import OdriveMotor
-from hw.reading import MotorReading
-from hw.spark_motor import Heartbeat, SparkMotor
-from robot.config import AdvisoryAxis, Axis, BadInput, Config, OdriveAxis, SparkAxis
+from truearc.hw.devices.odrive import frames as odrive
+from truearc.hw.devices.spark import frames as spark
+from truearc.hw.devices.advisory.motor import AdvisoryMotor
+from truearc.hw.dc_motor import DcMotor
+from truearc.hw.motor import Motor
+from truearc.hw.devices.odrive.motor import OdriveMotor
+from truearc.hw.readings import MotorReading
+from truearc.hw.devices.spark.motor import SparkHeartbeat, SparkMotor
+from truearc.robot.config.schema import AdvisoryAxis, Axis, InputError, Config, OdriveAxis, SparkAxis
 
 
 def name_axes(config: Config) -> tuple[tuple[str, Axis], ...]:
@@ -19,23 +20,23 @@ def name_axes(config: Config) -> tuple[tuple[str, Axis], ...]:
 
 
 def make_motors(config: Config) -> tuple[Motor, ...]:
-    """The axes' drivers, in the order of `name_axes`; BadInput names two axes that are one device."""
-    heartbeat = Heartbeat()
+    """The axes' drivers, in the order of `name_axes`; InputError names two axes that are one device."""
+    heartbeat = SparkHeartbeat()
     motors = tuple(_make_motor(axis, heartbeat) for _, axis in name_axes(config))
     owner: dict[tuple[int, bool], str] = {}
     for (name, _), motor in zip(name_axes(config), motors, strict=True):
         for key in motor.ids():
             if owner.setdefault(key, name) != name:
-                raise BadInput(f"axes: {owner[key]} and {name} are the same device (CAN frame 0x{key[0]:x})")
+                raise InputError(f"axes: {owner[key]} and {name} are the same device (CAN frame 0x{key[0]:x})")
     return motors
 
 
-def odrive_axis(axis: OdriveAxis) -> odrive.Axis:
-    return odrive.Axis(axis.node, axis.direction, axis.endstop_endpoint)
+def odrive_axis(axis: OdriveAxis) -> odrive.OdriveAxis:
+    return odrive.OdriveAxis(axis.node, axis.direction, axis.endstop_endpoint)
 
 
-def spark_axis(axis: SparkAxis) -> spark.Axis:
-    return spark.Axis(axis.device, axis.direction, axis.has_endstop)
+def spark_axis(axis: SparkAxis) -> spark.SparkAxis:
+    return spark.SparkAxis(axis.device, axis.direction, axis.has_endstop)
 
 
 def error_words(axis: Axis, motor: MotorReading) -> tuple[str, ...]:
@@ -60,7 +61,7 @@ def is_driven(axis: Axis, motor: MotorReading) -> bool:
             return True               # another's SPARK does not say whether it is enabled
 
 
-def _make_motor(axis: Axis, heartbeat: Heartbeat) -> Motor:
+def _make_motor(axis: Axis, heartbeat: SparkHeartbeat) -> Motor:
     match axis:
         case OdriveAxis():
             return OdriveMotor(odrive_axis(axis))
@@ -68,8 +69,8 @@ def _make_motor(axis: Axis, heartbeat: Heartbeat) -> Motor:
             motor = DcMotor(axis.stall_torque_nm, axis.free_speed_rad_s, axis.rated_v)
             return SparkMotor(spark_axis(axis), motor, heartbeat)
         case AdvisoryAxis(listens_to="odrive"):
-            theirs = odrive.Axis(axis.device, axis.direction)
+            theirs = odrive.OdriveAxis(axis.device, axis.direction)
             return AdvisoryMotor(odrive.frame_ids(theirs), False, partial(odrive.parse, theirs))
         case AdvisoryAxis():
-            heard = spark.Axis(axis.device, axis.direction, axis.has_endstop)
+            heard = spark.SparkAxis(axis.device, axis.direction, axis.has_endstop)
             return AdvisoryMotor(spark.frame_ids(heard), True, partial(spark.parse, heard))

@@ -1,7 +1,7 @@
 """One PID loop, pure: clamped output, conditional anti-windup, filtered derivative on the measurement."""
 
-from robot.config import PidGains
-from robot.types import Pid
+from truearc.robot.config.schema import PidGains
+from truearc.robot.types import Pid
 
 
 def step_pid(gains: PidGains, memory: Pid, setpoint: float, measurement: float, feedforward: float,

@@ -3,16 +3,16 @@
 from collections.abc import Callable
 from typing import Protocol
 
-from hw.reading import CameraFrame
-from robot.config import Config
-from robot.gate.model import Gate
-from robot.tick import step
-from robot.types import Command, Inputs, Memory, Sent, Tick
+from truearc.hw.readings import CameraFrame
+from truearc.robot.config.schema import Config
+from truearc.robot.gate.model import Gate
+from truearc.robot.tick import step
+from truearc.robot.types import Command, Inputs, Memory, Sent, Tick
 
 Think = Callable[[Inputs, Memory, Config, Gate | None], Tick]
 
 
-class Rig(Protocol):
+class RobotIo(Protocol):
     """Whatever gives inputs and takes commands."""
 
     def read(self) -> Inputs | None:
@@ -32,7 +32,7 @@ class Recorder(Protocol):
     def keep_picture(self, picture: CameraFrame) -> None: ...
 
 
-def run(rig: Rig, config: Config, gate: Gate | None, recorder: Recorder, think: Think = step) -> int:
+def run(rig: RobotIo, config: Config, gate: Gate | None, recorder: Recorder, think: Think = step) -> int:
     """Run until the rig is over; returns the number of ticks. `think` is what one tick does: launching, if not said."""
     memory = Memory()
     ticks = 0

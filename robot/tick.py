@@ -2,15 +2,15 @@
 
 from msgspec.structs import replace
 
-from robot.aim import aim as aim_at
-from robot.aim import config_id, from_here, place_m
-from robot.config import Config
-from robot.control import control
-from robot.estimate import estimate, remember
-from robot.gate.model import Gate
-from robot.gate.verdict import judge, only_the_model_doubts
-from robot.operator import operate
-from robot.types import Aim, Estimate, Inputs, Memory, Outcome, Shot, Tick, Verdict
+from truearc.robot.aim import aim as aim_at
+from truearc.robot.aim import config_id, from_here, place_m
+from truearc.robot.config.schema import Config
+from truearc.robot.control import control
+from truearc.robot.estimate import estimate, remember
+from truearc.robot.gate.model import Gate
+from truearc.robot.gate.verdict import judge, only_the_model_doubts
+from truearc.robot.button_logic import operate
+from truearc.robot.types import Aim, Estimate, Inputs, Memory, Outcome, Shot, Tick, Verdict
 
 NS = 1e-9
 

@@ -9,7 +9,7 @@ Absent numbers are None, never NaN: JSON has no NaN, and a None cannot pass a co
 
 from msgspec import UNSET, Struct, UnsetType, field
 
-from hw.reading import AngleReading, ButtonEvent, MotorReading
+from truearc.hw.readings import AngleReading, ButtonEvent, MotorReading
 
 
 class Sighting(Struct, frozen=True):
@@ -139,7 +139,7 @@ class Outcome(Struct, frozen=True):
 class Progress(Struct, frozen=True):
     """How far `truearc identify` has come: the phase that runs, since when, and what ended it all."""
 
-    phase: int = 0                                # index into robot.identify.program.phases
+    phase: int = 0                                # index into truearc.robot.sysid.program.phases
     since_t_ns: int = 0                           # 0 = the operator has not armed yet
     over: str = ""                                # "done", or why it was stopped; nothing is driven any more
 

@@ -1,0 +1,1 @@
+"""The companion: data, physics, inference, discovery, gate training and the emulated world."""

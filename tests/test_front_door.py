@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from truearc import VERBS, main
+from truearc.cli.main import VERBS, main
 
 
 @pytest.mark.parametrize("verb", VERBS)

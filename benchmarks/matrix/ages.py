@@ -1,8 +1,8 @@
 """Which frames firing needs, and how old the newest of each may be: restated here, apart from the verdict's code."""
 
-from hw import canandmag
-from hw.codec import load_codec
-from robot.config import Axis, Config, OdriveAxis
+from truearc.hw.devices.canandmag import frames as canandmag
+from truearc.hw.codec import load_codec
+from truearc.robot.config.schema import Axis, Config, OdriveAxis
 
 AGE_S, BEAT_S, FAULTS_S = 0.1, 0.25, 1.0
 ODRIVE = {"Get_Encoder_Estimates": AGE_S, "Heartbeat": BEAT_S}

@@ -6,14 +6,14 @@ from pathlib import Path
 import cv2
 
 from benchmarks.matrix.pictures import Scenery, open_camera
-from doors.run_processes import CLOSE_S, RecorderProcess, make_see
-from hw.link import Clock
-from hw.real.child import Child, Line, make_shared
-from hw.real.clock import MonotonicClock
-from hw.slots import Room, Slots
-from robot.config import Config
-from robot.processes.vision import FarEyes, make_room, watch
-from robot.recording.keeper import Keeper
+from truearc.cli.robot.run_processes import CLOSE_S, RecorderProcess, make_see
+from truearc.hw.protocols import Clock
+from truearc.hw.real.child_process import Child, Line, make_shared
+from truearc.hw.real.clock import MonotonicClock
+from truearc.hw.shared_latest import Room, Slots
+from truearc.robot.config.schema import Config
+from truearc.robot.processes.vision import FarEyes, make_room, watch
+from truearc.robot.recording.file_writers import Keeper
 
 
 class Beside:

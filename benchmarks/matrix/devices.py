@@ -14,18 +14,19 @@ from benchmarks.matrix.plant import AdvisedPlant, Ball, SmallPlant
 from benchmarks.matrix.row import Row
 from benchmarks.matrix.span import Span
 from benchmarks.matrix.spark_troubles import begin_trouble, end_trouble
-from doors.twin import FLYWHEEL, make_nodes
-from hw import odrive, spark
-from hw.codec import load_codec
-from hw.emulated.canandmag_node import CanandmagNode
-from hw.emulated.faults import Fault, FaultyNode
-from hw.emulated.nodes import NEVER_NS
-from hw.emulated.odrive_node import OdriveNode
-from hw.emulated.spark_node import SparkNode
-from hw.emulated.twin import Twin
-from robot.config import Config
-from robot.motors import name_axes
-from robot.recording.candump import TappedBus
+from truearc.sim.world.emulated_robot import FLYWHEEL, make_nodes
+from truearc.hw.devices.odrive import frames as odrive
+from truearc.hw.devices.spark import frames as spark
+from truearc.hw.codec import load_codec
+from truearc.hw.devices.canandmag.emulator import CanandmagNode
+from truearc.hw.emulated.faults import Fault, FaultyNode
+from truearc.hw.emulated.nodes import NEVER_NS
+from truearc.hw.devices.odrive.emulator import OdriveNode
+from truearc.hw.devices.spark.emulator import SparkNode
+from truearc.hw.emulated.emulated_robot import Twin
+from truearc.robot.config.schema import Config
+from truearc.robot.motors import name_axes
+from truearc.robot.recording.candump import TappedBus
 
 MS = 1_000_000
 NS_PER_S = 1_000_000_000
@@ -230,7 +231,7 @@ class FarSide:
     def _set_up(self) -> None:
         """What another controller's program asks of its SPARKs."""
         for (_, axis), node in zip(name_axes(self._config), self._sparks(), strict=True):
-            theirs = spark.Axis(axis.device, axis.direction)         # type: ignore[union-attr]
+            theirs = spark.SparkAxis(axis.device, axis.direction)         # type: ignore[union-attr]
             node.receive(spark.make_statuses(theirs, spark.STATUSES), 0)
             for parameter, value in spark.QUICK_SPEED.items():
                 node.receive(spark.make_setting(theirs, parameter, value), 0)

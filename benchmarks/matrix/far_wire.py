@@ -10,23 +10,23 @@ from pathlib import Path
 import can
 
 from benchmarks.matrix.spark_troubles import stray_frames
-from hw import odrive
-from hw.emulated.pty_cable import PtyCable
-from hw.emulated.slcan_adapter import SlcanAdapter
-from hw.link import Clock, Frame, LinkLost
-from hw.odrive import Axis
-from hw.real.can_bus import open_can
+from truearc.hw.devices.odrive import frames as odrive
+from truearc.hw.emulated.pty_cable import PtyCable
+from truearc.hw.emulated.slcan_adapter import SlcanAdapter
+from truearc.hw.protocols import Clock, Frame, LinkLost
+from truearc.hw.devices.odrive.frames import OdriveAxis
+from truearc.hw.real.can_bus import open_can
 
 MS = 1_000_000
 BITRATE = 1_000_000
 BUS_OFF_ID = 0x40                     # of linux/can/error.h
 SIOCGIFFLAGS, SIOCSIFFLAGS, IFF_UP = 0x8913, 0x8914, 1
 DEAD = ("adapter out", "bus off", "silent")
-OURS = Axis(1, 1)
+OURS = OdriveAxis(1, 1)
 
 
 class FarWire:
-    """hw.link.Bus at the devices' end; `channel` is what the robot opens."""
+    """truearc.hw.protocols.Bus at the devices' end; `channel` is what the robot opens."""
 
     def __init__(self, bus: str, channel: str, clock: Clock) -> None:
         self.bus, self.channel = bus, channel

@@ -18,14 +18,14 @@ from benchmarks.matrix.play import AIM, ends_robot, make_config
 from benchmarks.matrix.robot_side import RobotSide
 from benchmarks.matrix.row import DISARMS, ITSELF, KEEPS, REARM, REFUSED, Row
 from benchmarks.matrix.span import Span
-from robot.config import BadInput, Config
-from robot.recording.candump import parse_candump
-from robot.recording.reader import TickReader
-from robot.recording.replay import Comparer, Difference, RecordedRows
-from robot.recording.session import CAN, load_trials
-from robot.rig import ReplayRig
-from robot.runtime import run
-from robot.types import Tick
+from truearc.robot.config.schema import InputError, Config
+from truearc.robot.recording.candump import parse_candump
+from truearc.robot.recording.reader import TickReader
+from truearc.robot.recording.replay.recompute import Comparer, Difference, RecordedRows
+from truearc.robot.recording.session import CAN, load_trials
+from truearc.robot.rig import ReplayRig
+from truearc.robot.runtime import run
+from truearc.robot.types import Tick
 
 NS = 1e-9
 GRACE_S = 0.2                         # in real time, for a machine that is shared
@@ -66,7 +66,7 @@ def judge(row: Row, bus: str, stepped: bool, folder: Path, said: str) -> Result:
         ticks = [tick for tick, _ in TickReader(folder / "session")]
         later = [tick for tick, _ in TickReader(folder / "again" / "session")] if (folder / "again").exists() else []
         seen = msgspec.json.decode((folder / "devices.json").read_bytes(), type=Seen)
-    except (BadInput, OSError) as error:
+    except (InputError, OSError) as error:
         result.wrong.append(str(error))
         return result
     result.ticks, result.fires = len(ticks), sum(tick.verdict.fire for tick in ticks)

@@ -2,7 +2,7 @@
 
 from msgspec.structs import replace
 
-from robot.config import AdvisoryAxis, Axes, Config, SparkAxis
+from truearc.robot.config.schema import AdvisoryAxis, Axes, Config, SparkAxis
 
 WHEEL = SparkAxis(device=11, direction=1, has_endstop=False, stall_torque_nm=2.6, free_speed_rad_s=594.0, rated_v=12.0)
 SPARKS = Axes((WHEEL, replace(WHEEL, device=12, direction=-1)), replace(WHEEL, device=3, has_endstop=True),

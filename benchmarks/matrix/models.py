@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 from onnx import helper
 
-from hw.link import Clock
-from model_export.graph import make_model
-from model_export.parts import Part
-from robot.gate.contract import INPUT, NOVELTY, OUTPUT
-from robot.gate.model import Gate, Rating
+from truearc.hw.protocols import Clock
+from truearc.model_export.graph import make_model
+from truearc.model_export.parts import Part
+from truearc.robot.gate.contract import INPUT, NOVELTY, OUTPUT
+from truearc.robot.gate.model import Gate, Rating
 
 BOX = {"distance_m": [2.0, 8.0], "motor_ratio": [0.1, 0.9], "hood_deg": [15.0, 60.0]}
 SLOW_NS = 300_000_000

@@ -6,16 +6,16 @@ from collections.abc import Callable
 
 import numpy as np
 
-from doors.twin_eyes import make_lens, make_tape
-from hw.emulated.camera import EmulatedCamera, outline_m
-from hw.emulated.distractors import floor_reflection, second_goal
-from hw.emulated.lens import project
-from hw.emulated.look import Image
-from hw.emulated.stage import NOTHING, Stage, place
-from hw.link import Clock, LinkLost
-from hw.reading import CameraFrame
-from hw.real.camera import CameraThread
-from robot.config import Config
+from truearc.sim.world.emulated_vision import make_lens, make_tape
+from truearc.hw.emulated.imaging.camera import EmulatedCamera, outline_m
+from truearc.hw.emulated.imaging.distractors import floor_reflection, second_goal
+from truearc.hw.emulated.imaging.lens import project
+from truearc.hw.emulated.imaging.image_degradation import Image
+from truearc.hw.emulated.static_plant import NOTHING, Stage, place
+from truearc.hw.protocols import Clock, LinkLost
+from truearc.hw.readings import CameraFrame
+from truearc.hw.real.camera import CameraThread
+from truearc.robot.config.schema import Config
 
 LENS_M = 4.2                          # from lens to target: 4.0 m from the ball's exit
 NEAR_M = 2.5
@@ -78,7 +78,7 @@ class Scenery:
 
 
 class SteppedCamera:
-    """hw.link.Camera on a stepped clock."""
+    """truearc.hw.protocols.Camera on a stepped clock."""
 
     def __init__(self, scenery: Scenery, fps: float, clock: Clock) -> None:
         self._scenery, self._clock, self._period_ns = scenery, clock, round(NS_PER_S / fps)
@@ -105,7 +105,7 @@ def stamp(now_ns: int, trouble: str, scenery: Scenery) -> int:
 
 
 class Capture:
-    """As much of cv2.VideoCapture as hw.real.camera reads: waits for each image."""
+    """As much of cv2.VideoCapture as truearc.hw.real.camera reads: waits for each image."""
 
     def __init__(self, scenery: Scenery, fps: float, clock: Clock) -> None:
         self._scenery, self._clock, self._period_s = scenery, clock, 1.0 / fps

@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hw.emulated.plant import MotorTruth, View
-from robot.config import Config, SparkAxis
-from robot.geometry import elevation_from_screw_deg
+from truearc.hw.emulated.plant import MotorTruth, View
+from truearc.robot.config.schema import Config, SparkAxis
+from truearc.robot.geometry import elevation_from_screw_deg
 
 TORQUE_NM_A = 0.02
 BELT_KG_M2 = 0.0067                   # both flywheels, both motors
@@ -31,7 +31,7 @@ class Ball(NamedTuple):
 
 
 class SmallPlant:
-    """hw.emulated.plant.Plant: two motors on one belt, a hood on a screw that locks itself, a feeder."""
+    """truearc.hw.emulated.plant.Plant: two motors on one belt, a hood on a screw that locks itself, a feeder."""
 
     motors = ("flywheel_a", "flywheel_b", "hood", "feeder")
 

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from msgspec.structs import replace
 
-import robot
+from truearc import robot
 from benchmarks.matrix.box import BrokenBox
 from benchmarks.matrix.breaking import Breaking, Disk, Model, Process, Start, Time
 from benchmarks.matrix.devices import FarSide
@@ -27,11 +27,11 @@ from benchmarks.matrix.models import write_model
 from benchmarks.matrix.robot_side import run_robot
 from benchmarks.matrix.row import DISARMS, REARM, Row
 from benchmarks.matrix.span import Span
-from doors.far_end import keep_time
-from hw.emulated.clock import StepClock
-from hw.real.clock import MonotonicClock
-from robot.config import Config, Prescribed, load_config
-from truearc import main as truearc
+from truearc.sim.world.device_server import keep_time
+from truearc.hw.emulated.clock import StepClock
+from truearc.hw.real.clock import MonotonicClock
+from truearc.robot.config.schema import Config, Prescribed, load_config
+from truearc.cli.main import main as truearc
 
 SHIPPED = Path(robot.__file__).parent / "launcher.toml"
 AIM = Prescribed(distance_m=4.0, motor_ratio=0.3, hood_deg=20.0)

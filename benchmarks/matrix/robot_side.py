@@ -14,28 +14,28 @@ from benchmarks.matrix.models import BrokenGate
 from benchmarks.matrix.pictures import Scenery, SteppedCamera, open_camera
 from benchmarks.matrix.span import Span
 from benchmarks.matrix.wires import FlakyBus, StallingClock, StandingWall
-from doors.run_processes import make_see
-from hw.link import Bus, Clock, Stream
-from hw.link import Camera as CameraLink
-from hw.reading import CameraFrame
-from hw.real import supervised_bus
-from hw.real.can_bus import CanBus, open_can
-from hw.real.reopen import MendedCamera, MendedStream
-from hw.real.serial_port import open_serial
-from hw.real.supervised_bus import WAIT_S, SupervisedBus
-from robot.bus_rules import guard
-from robot.config import Config
-from robot.eyes import Eyes, InlineEyes
-from robot.gate.model import Rating
-from robot.lateness import Lateness, TimedRig
-from robot.recording.candump import TappedBus
-from robot.recording.session import make_header
-from robot.recording.watch import RecordingRig
-from robot.recording.writer import SessionWriter
-from robot.rig import NS_PER_S, HardwareRig
-from robot.runtime import Rig, run
-from robot.types import Command, Inputs, Sent
-from robot.watched import WatchedRig
+from truearc.cli.robot.run_processes import make_see
+from truearc.hw.protocols import Bus, Clock, Stream
+from truearc.hw.protocols import Camera as CameraLink
+from truearc.hw.readings import CameraFrame
+from truearc.hw.real import supervised_bus
+from truearc.hw.real.can_bus import CanBus, open_can
+from truearc.hw.real.reconnect import MendedCamera, MendedStream
+from truearc.hw.real.serial_port import open_serial
+from truearc.hw.real.supervised_bus import WAIT_S, SupervisedBus
+from truearc.robot.config.can_policy import guard
+from truearc.robot.config.schema import Config
+from truearc.robot.vision_source import Eyes, InlineEyes
+from truearc.robot.gate.model import Rating
+from truearc.robot.processes.tick_timing import Lateness, TimedRig
+from truearc.robot.recording.candump import TappedBus
+from truearc.robot.recording.session import make_header
+from truearc.robot.recording.recording_rig import RecordingRig
+from truearc.robot.recording.encoder import SessionWriter
+from truearc.robot.rig import NS_PER_S, HardwareRig
+from truearc.robot.runtime import RobotIo, run
+from truearc.robot.types import Command, Inputs, Sent
+from truearc.robot.processes.watchdog_rig import WatchedRig
 
 SMALL_ROOM = 64                       # frames that may wait for the tick, where an overrun is wanted
 
@@ -43,7 +43,7 @@ SMALL_ROOM = 64                       # frames that may wait for the tick, where
 class AdvisedRig:
     """Passes everything through, and lets another controller know what is asked."""
 
-    def __init__(self, rig: Rig, span: Span) -> None:
+    def __init__(self, rig: RobotIo, span: Span) -> None:
         self._rig, self._span = rig, span
 
     def read(self) -> Inputs | None:

@@ -2,12 +2,12 @@
 
 from collections.abc import Callable
 
-from hw import spark
-from hw.emulated.spark_node import UNIVERSAL_HEARTBEAT, SparkNode, SparkSettings
-from hw.link import Frame
+from truearc.hw.devices.spark import frames as spark
+from truearc.hw.devices.spark.emulator import UNIVERSAL_HEARTBEAT, SparkNode, SparkSettings
+from truearc.hw.protocols import Frame
 
 FAULTS = {"sensor": 0x04, "too hot": 0x10, "gate driver": 0x20}
-TWIN = spark.Axis(11, 1)             # of flywheel motor 1
+TWIN = spark.SparkAxis(11, 1)             # of flywheel motor 1
 FIRMWARE = {"old firmware": (24, 0, 1), "new firmware": (27, 0, 0)}
 
 

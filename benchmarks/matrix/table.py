@@ -6,7 +6,7 @@ from pathlib import Path
 from benchmarks.matrix.judge import Result
 from benchmarks.matrix.row import KEEPS, REFUSED
 from benchmarks.matrix.rows import ROWS
-from robot.config import BadInput
+from truearc.robot.config.schema import InputError
 
 BEGIN, END = "<!-- fault matrix: begin -->", "<!-- fault matrix: end -->"
 BUSES = ("virtual", "slcan", "socketcan")
@@ -35,7 +35,7 @@ def write_between(page: Path, table: str) -> None:
     """Put the table between the page's markers."""
     text = page.read_text(encoding="utf-8")
     if BEGIN not in text or END not in text:
-        raise BadInput(f"{page}: has no place for the table ({BEGIN} ... {END})")
+        raise InputError(f"{page}: has no place for the table ({BEGIN} ... {END})")
     before, after = text.split(BEGIN)[0], text.split(END)[1]
     page.write_text(f"{before}{BEGIN}\n{table}\n{END}{after}", encoding="utf-8")
 

@@ -9,8 +9,8 @@ import can
 
 from benchmarks.matrix.breaking import Breaking, Time
 from benchmarks.matrix.span import Span
-from hw.link import Clock, LinkLost
-from hw.real.can_bus import CanBus
+from truearc.hw.protocols import Clock, LinkLost
+from truearc.hw.real.can_bus import CanBus
 
 HOUR_S = 3600.0
 

@@ -2,8 +2,8 @@
 
 from msgspec import Struct
 
-from hw.emulated.nodes import Node
-from hw.link import Frame
+from truearc.hw.emulated.nodes import Node
+from truearc.hw.protocols import Frame
 
 SILENT = "silent"                                 # it hears, but nothing of it reaches the bus
 UNPLUGGED = "unplugged"                           # neither

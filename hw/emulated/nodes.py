@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Protocol
 
-from hw.link import Frame
+from truearc.hw.protocols import Frame
 
 MS = 1_000_000                                    # ns
 

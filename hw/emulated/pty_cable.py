@@ -1,4 +1,4 @@
-"""A serial cable that is a pseudo-terminal. POSIX only; hw.emulated.cable has the portable stand-in."""
+"""A serial cable that is a pseudo-terminal. POSIX only; truearc.hw.emulated.serial_link has the portable stand-in."""
 
 import contextlib
 import fcntl

@@ -9,8 +9,8 @@ Every command ends with a carriage return and is answered: with a carriage retur
 
 import re
 
-from hw.emulated.cable import Cable
-from hw.link import Frame
+from truearc.hw.emulated.serial_link import Cable
+from truearc.hw.protocols import Frame
 
 CR, BEL = b"\r", b"\a"
 VERSION, SERIAL = b"V1013\r", b"NT254\r"
@@ -21,7 +21,7 @@ _FRAME = re.compile(rb"(?:([tr])([0-7][0-9A-F]{2})|([TR])([01][0-9A-F]{7}))([0-8
 
 
 class SlcanAdapter:
-    """hw.link.Bus as the emulated devices see it, through an adapter to a host who opens `port`.
+    """truearc.hw.protocols.Bus as the emulated devices see it, through an adapter to a host who opens `port`.
 
     While the host has not opened the channel, nothing reaches it and nothing of it reaches the devices.
     """

@@ -1,0 +1,1 @@
+"""Real wires, cameras, clocks and processes."""

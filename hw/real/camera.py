@@ -6,8 +6,8 @@ from typing import Any
 import cv2
 import numpy as np
 
-from hw.link import Clock, LinkLost
-from hw.reading import CameraFrame
+from truearc.hw.protocols import Clock, LinkLost
+from truearc.hw.readings import CameraFrame
 
 NS_PER_MS = 1_000_000
 SILENT_NS = 2_000_000_000                         # without an image for this long the camera is lost
@@ -20,7 +20,7 @@ STALE_NS = 1_000_000_000                          # a driver's stamp older than 
 
 
 class CameraThread:
-    """hw.link.Camera over an open capture, which it owns.
+    """truearc.hw.protocols.Camera over an open capture, which it owns.
 
     `capture`: what cv2.VideoCapture offers (read, get, release). `exposure_s`: length of one exposure; images are
     stamped with its middle, from the driver's own start-of-frame stamp when it is on the machine's monotonic clock
@@ -113,7 +113,7 @@ def open_camera(device: str, width_px: int, height_px: int, fps: float, clock: C
     that size, or where `exposure_s` is above 0 will not keep that exposure.
 
     Calibration holds at one size only, so another size is an error rather than a surprise. An exposure that the camera
-    chooses drowns the tape in its surroundings; whether pictures look as if it did is `robot.vision.exposure`.
+    chooses drowns the tape in its surroundings; whether pictures look as if it did is `truearc.robot.vision.exposure`.
     """
     is_stream = "://" in device
     capture = cv2.VideoCapture(int(device) if device.isdecimal() else device,

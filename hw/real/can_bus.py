@@ -8,8 +8,8 @@ from typing import Any
 import can
 import serial
 
-from hw.link import Clock, Frame, LinkLost
-from hw.real.can_errors import BUS_OFF, error_words
+from truearc.hw.protocols import Clock, Frame, LinkLost
+from truearc.hw.real.can_errors import BUS_OFF, error_words
 
 QUEUE_FULL = (errno.ENOBUFS, errno.EAGAIN)
 # python-can gives no code for these two (socketcan, virtual)
@@ -34,7 +34,7 @@ class _Outgoing(can.Message):  # type: ignore[misc]  # the library is not looked
 
 
 class CanBus:
-    """hw.link.Bus over an open python-can bus, which it owns.
+    """truearc.hw.protocols.Bus over an open python-can bus, which it owns.
 
     Frames are stamped with the clock's time at which they were taken in: python-can's own stamps are wall-clock time.
     `tally` counts what is not data, what the transmit queue had no room for, and lines that a serial adapter cannot

@@ -5,7 +5,7 @@ import struct
 import subprocess
 import sys
 
-from hw.machine import CanLink, Exposure, parse_link
+from truearc.hw.machine import CanLink, Exposure, parse_link
 
 PATIENCE_S = 5.0
 # <linux/videodev2.h>: VIDIOC_G_CTRL is _IOWR('V', 27, struct v4l2_control), two 32-bit numbers

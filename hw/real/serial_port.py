@@ -4,13 +4,13 @@ import contextlib
 
 import serial
 
-from hw.link import LinkLost
+from truearc.hw.protocols import LinkLost
 
 CHUNK = 4096                                      # bytes; more than a box says in a second
 
 
 class SerialStream:
-    """hw.link.Stream over an open port, which it owns. Neither call blocks."""
+    """truearc.hw.protocols.Stream over an open port, which it owns. Neither call blocks."""
 
     def __init__(self, port: serial.SerialBase, name: str) -> None:
         self.name = name

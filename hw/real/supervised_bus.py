@@ -8,8 +8,8 @@ import threading
 from collections import Counter, deque
 from collections.abc import Callable, Iterator
 
-from hw.link import Clock, Frame, LinkLost
-from hw.real.can_bus import CanBus
+from truearc.hw.protocols import Clock, Frame, LinkLost
+from truearc.hw.real.can_bus import CanBus
 
 WAIT_S = 0.02                         # how often a thread that hears nothing looks up
 SILENT_NS = 1_000_000_000             # a bus on which nothing is heard for so long is lost: not all adapters tell
@@ -19,7 +19,7 @@ FIRST_S, LONGEST_S = 0.05, 2.0        # pauses between attempts to open it again
 
 
 class SupervisedBus:
-    """hw.link.Bus over whatever `open_bus` opens, again and again.
+    """truearc.hw.protocols.Bus over whatever `open_bus` opens, again and again.
 
     One thread takes every frame in as it comes, stamped with that moment, so that its age is its own and not the
     tick's. When the bus is lost, or silent for a second (an adapter that went bus-off without saying so), it is closed

@@ -2,11 +2,11 @@
 
 from collections.abc import Iterable
 
-from hw.frc import is_controller_heartbeat, locked_spark
-from hw.machine import CanLink
-from robot.config import AdvisoryAxis, Axis, Can
-from robot.doctor.finding import Finding, failure, ok, warning
-from robot.doctor.listening import Heard
+from truearc.hw.frc import is_controller_heartbeat, locked_spark
+from truearc.hw.machine import CanLink
+from truearc.robot.config.schema import AdvisoryAxis, Axis, Can
+from truearc.robot.doctor.finding import Finding, failure, ok, warning
+from truearc.robot.doctor.listening import Heard
 
 SHORT_QUEUE = 64                      # frames; the kernel's own ten are full within one tick of four axes
 BRING_UP = "bring it up with the files of `truearc deploy`, or `ip link set {} up type can bitrate {} restart-ms 100`"

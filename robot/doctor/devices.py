@@ -2,17 +2,18 @@
 
 from collections.abc import Iterator
 
-from hw import odrive, spark
-from hw.link import Frame
-from robot.config import AdvisoryAxis, Axis, Config, OdriveAxis, SparkAxis
-from robot.doctor.finding import Finding, failure, ok
-from robot.doctor.hood import check_encoder
-from robot.doctor.listening import Heard
-from robot.doctor.motors import check_errors, check_firmware, check_rates, rates_of
-from robot.doctor.parameters import Endpoints, check_filter, check_table, check_watchdog
-from robot.doctor.parameters import questions as parameter_questions
-from robot.doctor.sparks import check_spark
-from robot.motors import make_motors, name_axes, odrive_axis, spark_axis
+from truearc.hw.devices.odrive import frames as odrive
+from truearc.hw.devices.spark import frames as spark
+from truearc.hw.protocols import Frame
+from truearc.robot.config.schema import AdvisoryAxis, Axis, Config, OdriveAxis, SparkAxis
+from truearc.robot.doctor.finding import Finding, failure, ok
+from truearc.robot.doctor.hood import check_encoder
+from truearc.robot.doctor.listening import Heard
+from truearc.robot.doctor.motors import check_errors, check_firmware, check_rates, rates_of
+from truearc.robot.doctor.parameters import Endpoints, check_filter, check_table, check_watchdog
+from truearc.robot.doctor.parameters import questions as parameter_questions
+from truearc.robot.doctor.sparks import check_spark
+from truearc.robot.motors import make_motors, name_axes, odrive_axis, spark_axis
 
 
 def questions(config: Config, endpoints: Endpoints | None) -> list[Frame]:
@@ -44,7 +45,7 @@ def _asked(axis: Axis, endpoints: Endpoints | None) -> list[Frame]:
             return []
 
 
-def _check_odrive(name: str, axis: odrive.Axis, endpoints: Endpoints | None, tick_hz: int,
+def _check_odrive(name: str, axis: odrive.OdriveAxis, endpoints: Endpoints | None, tick_hz: int,
                   heard: Heard) -> Iterator[Finding]:
     yield check_firmware(name, axis, heard)
     yield check_rates(name, axis, rates_of(name), heard)

@@ -1,12 +1,12 @@
 """The absolute encoder on the hood's pivot."""
 
-from hw import canandmag
-from hw.canandmag import Encoder
-from hw.link import BadFrame
-from hw.reading import AngleReading
-from robot.config import Config
-from robot.doctor.finding import Finding, failure, ok, warning
-from robot.doctor.listening import Heard
+from truearc.hw.devices.canandmag import frames as canandmag
+from truearc.hw.devices.canandmag.frames import Encoder
+from truearc.hw.protocols import BadFrame
+from truearc.hw.readings import AngleReading
+from truearc.robot.config.schema import Config
+from truearc.robot.doctor.finding import Finding, failure, ok, warning
+from truearc.robot.doctor.listening import Heard
 
 CHECK = "hood encoder"
 ENOUGH = 3                            # angles within the age that may still fire

@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from hw.link import Bus, Clock, Frame
+from truearc.hw.protocols import Bus, Clock, Frame
 
 NS_PER_S = 1_000_000_000
 LOOK_NS = 5_000_000                   # between looks at the bus

@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from robot.config import BadInput, GateConfig
-from robot.doctor.finding import Finding, failure, ok
-from robot.gate.contract import FEATURES
-from robot.gate.model import load_gate
+from truearc.robot.config.schema import InputError, GateConfig
+from truearc.robot.doctor.finding import Finding, failure, ok
+from truearc.robot.gate.contract import FEATURES
+from truearc.robot.gate.model import load_gate
 
 CHECK = "gate model"
 
@@ -18,7 +18,7 @@ def check_model(gate: GateConfig, path: Path | None) -> Finding:
         return ok(CHECK, f"none is needed: gate.policy is {gate.policy!r}")
     try:
         model = load_gate(path)
-    except BadInput as error:
+    except InputError as error:
         return failure(CHECK, str(error), "export it again with this version of truearc, and copy it whole")
     domain = ", ".join(f"{feature.name} {low:g} to {high:g}"
                        for feature, (low, high) in zip(FEATURES, model.domain, strict=True))

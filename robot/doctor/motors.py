@@ -3,12 +3,12 @@
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from hw import odrive
-from hw.link import BadFrame, Frame
-from hw.odrive import Axis
-from hw.reading import MotorReading
-from robot.doctor.finding import Finding, failure, ok, warning
-from robot.doctor.listening import Heard
+from truearc.hw.devices.odrive import frames as odrive
+from truearc.hw.protocols import BadFrame, Frame
+from truearc.hw.devices.odrive.frames import OdriveAxis
+from truearc.hw.readings import MotorReading
+from truearc.robot.doctor.finding import Finding, failure, ok, warning
+from truearc.robot.doctor.listening import Heard
 
 FIRMWARE = (0, 6)                     # whose frames hw/dbc/odrive.dbc describes; 0.5 has other ones under the same ids
 KNOWN_REVISION = 10                   # whose parameter numbers robot/launcher.toml names
@@ -28,7 +28,7 @@ def rates_of(name: str) -> Rates:
     return {"hood motor": HOOD, "feeder motor": FEEDER}.get(name, FLYWHEEL)
 
 
-def check_firmware(name: str, axis: Axis, heard: Heard) -> Finding:
+def check_firmware(name: str, axis: OdriveAxis, heard: Heard) -> Finding:
     """Who answered the question for its version."""
     check = f"{name}, firmware"
     answers = heard.of(odrive.version_id(axis))
@@ -49,7 +49,7 @@ def check_firmware(name: str, axis: Axis, heard: Heard) -> Finding:
     return ok(check, f"firmware {version}")
 
 
-def check_rates(name: str, axis: Axis, rates: Rates, heard: Heard) -> Finding:
+def check_rates(name: str, axis: OdriveAxis, rates: Rates, heard: Heard) -> Finding:
     """Whether what the robot needs to know comes, and often enough."""
     check = f"{name}, status rates"
     counts = {message: len(heard.of(axis.node << 5 | command)) for message, (command, _) in rates.items()}
@@ -67,7 +67,7 @@ def check_rates(name: str, axis: Axis, rates: Rates, heard: Heard) -> Finding:
     return warning(check, "; ".join(slow.values()) + ": recordings will lack it", do)
 
 
-def check_errors(name: str, axis: Axis, heard: Heard) -> Finding:
+def check_errors(name: str, axis: OdriveAxis, heard: Heard) -> Finding:
     """Standing errors, and frames that cannot be meant."""
     check = f"{name}, errors"
     reading, refused = MotorReading(), ""
@@ -85,7 +85,7 @@ def check_errors(name: str, axis: Axis, heard: Heard) -> Finding:
     return ok(check, "none")
 
 
-def _read(axis: Axis, frame: Frame, reading: MotorReading, refused: str) -> tuple[MotorReading, str]:
+def _read(axis: OdriveAxis, frame: Frame, reading: MotorReading, refused: str) -> tuple[MotorReading, str]:
     try:
         return odrive.parse(axis, frame, reading), refused
     except BadFrame as error:

@@ -11,12 +11,12 @@ from pathlib import Path
 
 from msgspec import Struct
 
-from hw import odrive
-from hw.link import BadFrame, Frame
-from hw.odrive import Axis
-from robot.config import BadInput, load_text
-from robot.doctor.finding import Finding, failure, ok, warning
-from robot.doctor.listening import Heard
+from truearc.hw.devices.odrive import frames as odrive
+from truearc.hw.protocols import BadFrame, Frame
+from truearc.hw.devices.odrive.frames import OdriveAxis
+from truearc.robot.config.schema import InputError, load_text
+from truearc.robot.doctor.finding import Finding, failure, ok, warning
+from truearc.robot.doctor.listening import Heard
 
 WATCHDOG_ON, WATCHDOG_S = "axis0.config.enable_watchdog", "axis0.config.watchdog_timeout"
 BANDWIDTH = "axis0.config.encoder_bandwidth"
@@ -35,25 +35,25 @@ class Endpoints(Struct, frozen=True):
 
 
 def load_endpoints(path: Path) -> Endpoints:
-    """Read flat_endpoints.json; BadInput names the file and what is missing."""
+    """Read flat_endpoints.json; InputError names the file and what is missing."""
     try:
         table = json.loads(load_text(path))
         ids = {str(name): int(entry["id"]) for name, entry in table["endpoints"].items() if "id" in entry}
         firmware = str(table["fw_version"])
     except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise BadInput(f"{path}: not a table of endpoints (flat_endpoints.json): {error!r}") from error
+        raise InputError(f"{path}: not a table of endpoints (flat_endpoints.json): {error!r}") from error
     for name in ASKED:
         if name not in ids:
-            raise BadInput(f"{path}: has no endpoint {name!r}")
+            raise InputError(f"{path}: has no endpoint {name!r}")
     return Endpoints(firmware, ids)
 
 
-def questions(axis: Axis, endpoints: Endpoints | None) -> list[Frame]:
+def questions(axis: OdriveAxis, endpoints: Endpoints | None) -> list[Frame]:
     """What to ask of an axis: reads only."""
     return [] if endpoints is None else [odrive.make_parameter_query(axis, endpoints.ids[name]) for name in ASKED]
 
 
-def check_watchdog(name: str, axis: Axis, endpoints: Endpoints | None, heard: Heard) -> Finding:
+def check_watchdog(name: str, axis: OdriveAxis, endpoints: Endpoints | None, heard: Heard) -> Finding:
     """Whether the motor stops by itself when the robot falls silent."""
     check = f"{name}, watchdog"
     if endpoints is None:
@@ -71,7 +71,7 @@ def check_watchdog(name: str, axis: Axis, endpoints: Endpoints | None, heard: He
     return ok(check, f"{timeout_s:g} s")
 
 
-def check_filter(name: str, axis: Axis, endpoints: Endpoints | None, tick_hz: int, heard: Heard) -> Finding:
+def check_filter(name: str, axis: OdriveAxis, endpoints: Endpoints | None, tick_hz: int, heard: Heard) -> Finding:
     """Whether the axis's speed is filtered so much that the dip of a shot is smeared."""
     check = f"{name}, encoder filter"
     if endpoints is None:
@@ -87,7 +87,7 @@ def check_filter(name: str, axis: Axis, endpoints: Endpoints | None, tick_hz: in
     return ok(check, f"its speed lags by {lag_ms:.1f} ms")
 
 
-def check_table(name: str, axis: Axis, endpoints: Endpoints | None, heard: Heard) -> Finding | None:
+def check_table(name: str, axis: OdriveAxis, endpoints: Endpoints | None, heard: Heard) -> Finding | None:
     """Whether table, firmware and the configured limit switch belong together; None when there is nothing to ask."""
     if endpoints is None:
         return None
@@ -111,7 +111,7 @@ def check_table(name: str, axis: Axis, endpoints: Endpoints | None, heard: Heard
     return ok(check, f"as in firmware {endpoints.firmware}")
 
 
-def _answers(axis: Axis, endpoints: Endpoints, heard: Heard) -> dict[str, bytes]:
+def _answers(axis: OdriveAxis, endpoints: Endpoints, heard: Heard) -> dict[str, bytes]:
     numbers = {endpoints.ids[name]: name for name in ASKED}
     answers: dict[str, bytes] = {}
     for frame in heard.of(odrive.parameter_id(axis)):

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from hw.buttons import parse_lines
-from hw.link import Camera, Clock, LinkLost, Stream
-from hw.machine import Exposure
-from hw.reading import CameraFrame
-from robot.config import CameraConfig
-from robot.doctor.finding import Finding, failure, ok, warning
+from truearc.hw.devices.button_box.frames import parse_lines
+from truearc.hw.protocols import Camera, Clock, LinkLost, Stream
+from truearc.hw.machine import Exposure
+from truearc.hw.readings import CameraFrame
+from truearc.robot.config.schema import CameraConfig
+from truearc.robot.doctor.finding import Finding, failure, ok, warning
 
 NS_PER_S = 1_000_000_000
 LOOK_NS = 20_000_000

@@ -2,23 +2,23 @@
 
 from collections.abc import Iterator
 
-from hw import spark
-from hw.link import BadFrame
-from hw.reading import MotorReading
-from hw.spark import Axis
-from robot.doctor.finding import Finding, failure, ok, warning
-from robot.doctor.listening import Heard
+from truearc.hw.devices.spark import frames as spark
+from truearc.hw.protocols import BadFrame
+from truearc.hw.readings import MotorReading
+from truearc.hw.devices.spark.frames import SparkAxis
+from truearc.robot.doctor.finding import Finding, failure, ok, warning
+from truearc.robot.doctor.listening import Heard
 
 LOOK = "look at its power and plug, and at its CAN id in REV's hardware client"
 
 
-def check_spark(name: str, axis: Axis, heard: Heard) -> Iterator[Finding]:
+def check_spark(name: str, axis: SparkAxis, heard: Heard) -> Iterator[Finding]:
     """STATUS_1 and STATUS_2 are turned on, and its parameters set, by the run itself: nothing is asked of them here."""
     yield check_firmware(name, axis, heard)
     yield check_status(name, axis, heard)
 
 
-def check_firmware(name: str, axis: Axis, heard: Heard) -> Finding:
+def check_firmware(name: str, axis: SparkAxis, heard: Heard) -> Finding:
     """Who answered the question for its version."""
     check = f"{name}, firmware"
     answers = heard.of(spark.frame_id(axis, "GET_FIRMWARE_VERSION"), extended=True)
@@ -37,7 +37,7 @@ def check_firmware(name: str, axis: Axis, heard: Heard) -> Finding:
     return ok(check, f"firmware {said}")
 
 
-def check_status(name: str, axis: Axis, heard: Heard) -> Finding:
+def check_status(name: str, axis: SparkAxis, heard: Heard) -> Finding:
     """What its status frames say of it; that it obeys another controller is a check of its own."""
     check, reading = f"{name}, status", MotorReading()
     ids = spark.frame_ids(axis)

@@ -1,0 +1,1 @@
+"""The gate: contract, model and verdict."""

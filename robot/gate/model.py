@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 import onnxruntime
 
-from robot.config import BadInput
-from robot.gate.contract import (
+from truearc.robot.config.schema import InputError
+from truearc.robot.gate.contract import (
     FEATURES,
     INPUT,
     KEY_CONTRACT,
@@ -25,7 +25,7 @@ from robot.gate.contract import (
     contract_hash,
     contract_json,
 )
-from robot.gate.seal import KEY_SEAL, is_intact
+from truearc.robot.gate.seal import KEY_SEAL, is_intact
 
 Box = tuple[tuple[float, float], ...]             # (low, high) of each feature, in the contract's order
 
@@ -114,7 +114,7 @@ class Gate:
 
 
 def load_gate(path: str | Path) -> Gate:
-    """Load and check an ONNX file; BadInput names the file and what is wrong with it.
+    """Load and check an ONNX file; InputError names the file and what is wrong with it.
 
     Refused: unreadable, not ONNX, no contract or another one, other inputs or outputs, no usable domain, no word on
     what novelty is measured from, no provenance, a seal that does not fit, and a p that is not a probability or a
@@ -123,7 +123,7 @@ def load_gate(path: str | Path) -> Gate:
     try:
         data = Path(path).read_bytes()
     except OSError as error:
-        raise BadInput(f"{path}: {error.strerror or error}") from error
+        raise InputError(f"{path}: {error.strerror or error}") from error
     opened = _open_session(path, data)
     _check_contract(path, opened.metadata)
     _check_nodes(path, "input", opened.inputs, {INPUT: len(FEATURES)})
@@ -132,7 +132,7 @@ def load_gate(path: str | Path) -> Gate:
     _parse_object(path, opened.metadata, KEY_NOVELTY)
     provenance = _parse_object(path, opened.metadata, KEY_PROVENANCE)
     if not is_intact(data, opened.metadata.get(KEY_SEAL, "")):
-        raise BadInput(f"{path}: damaged or altered since it was exported (metadata key {KEY_SEAL!r} does not fit)")
+        raise InputError(f"{path}: damaged or altered since it was exported (metadata key {KEY_SEAL!r} does not fit)")
     gate = Gate(opened.session, domain, hashlib.sha256(data).hexdigest(), provenance)
     _probe(path, gate)
     return gate
@@ -166,19 +166,19 @@ def _open_session(path: str | Path, data: bytes) -> _Opened:
                            for nodes in (session.get_inputs(), session.get_outputs()))
         return _Opened(session, dict(session.get_modelmeta().custom_metadata_map), inputs, outputs)
     except Exception as error:                    # onnxruntime's own errors share no other base; names may not be UTF-8
-        raise BadInput(f"{path}: not a usable ONNX model ({_first_line(error)})") from error
+        raise InputError(f"{path}: not a usable ONNX model ({_first_line(error)})") from error
 
 
 def _check_contract(path: str | Path, metadata: dict[str, str]) -> None:
     for key in (KEY_CONTRACT, KEY_CONTRACT_HASH):
         if key not in metadata:
-            raise BadInput(f"{path}: carries no contract (metadata key {key!r} is missing); export it with truearc")
+            raise InputError(f"{path}: carries no contract (metadata key {key!r} is missing); export it with truearc")
     stamped = metadata[KEY_CONTRACT_HASH]
     if stamped != contract_hash():
-        raise BadInput(f"{path}: made for another contract (sha256 {stamped[:12]}..., this robot's is "
+        raise InputError(f"{path}: made for another contract (sha256 {stamped[:12]}..., this robot's is "
                        f"{contract_hash()[:12]}...): {metadata[KEY_CONTRACT][:300]}")
     if metadata[KEY_CONTRACT].encode() != contract_json():
-        raise BadInput(f"{path}: metadata key {KEY_CONTRACT!r} does not say what its hash stands for")
+        raise InputError(f"{path}: metadata key {KEY_CONTRACT!r} does not say what its hash stands for")
 
 
 def _check_nodes(path: str | Path, kind: str, nodes: list[_Node], wanted: dict[str, int]) -> None:
@@ -186,7 +186,7 @@ def _check_nodes(path: str | Path, kind: str, nodes: list[_Node], wanted: dict[s
     if [node.name for node in nodes] != list(wanted) or not all(_is_rows(node, wanted[node.name]) for node in nodes):
         said = ", ".join(f"{node.name} {node.type} {node.shape}" for node in nodes)
         asked = ", ".join(f"{name} tensor(float) [n, {width}]" for name, width in wanted.items())
-        raise BadInput(f"{path}: the {kind} is {said}; the contract asks for {asked}")
+        raise InputError(f"{path}: the {kind} is {said}; the contract asks for {asked}")
 
 
 def _is_rows(node: _Node, width: int) -> bool:
@@ -197,15 +197,15 @@ def _is_rows(node: _Node, width: int) -> bool:
 def _parse_domain(path: str | Path, metadata: dict[str, str]) -> Box:
     domain = _parse_object(path, metadata, KEY_DOMAIN)
     if set(domain) != {feature.name for feature in FEATURES}:
-        raise BadInput(f"{path}: the domain names {sorted(domain)}, not the contract's features")
+        raise InputError(f"{path}: the domain names {sorted(domain)}, not the contract's features")
     box = []
     for feature in FEATURES:
         try:
             low, high = msgspec.convert(domain[feature.name], tuple[float, float])
         except msgspec.ValidationError as error:
-            raise BadInput(f"{path}: the domain of {feature.name} is not [low, high]") from error
+            raise InputError(f"{path}: the domain of {feature.name} is not [low, high]") from error
         if not feature.low <= low <= high <= feature.high:
-            raise BadInput(f"{path}: the domain of {feature.name} is [{low}, {high}], which is not an interval "
+            raise InputError(f"{path}: the domain of {feature.name} is [{low}, {high}], which is not an interval "
                            f"within [{feature.low}, {feature.high}]")
         box.append((low, high))
     return tuple(box)
@@ -213,11 +213,11 @@ def _parse_domain(path: str | Path, metadata: dict[str, str]) -> Box:
 
 def _parse_object(path: str | Path, metadata: dict[str, str], key: str) -> dict[str, Any]:
     if key not in metadata:
-        raise BadInput(f"{path}: metadata key {key!r} is missing")
+        raise InputError(f"{path}: metadata key {key!r} is missing")
     try:
         return msgspec.json.decode(metadata[key], type=dict[str, Any])
     except msgspec.MsgspecError as error:
-        raise BadInput(f"{path}: metadata key {key!r}: {error}") from error
+        raise InputError(f"{path}: metadata key {key!r}: {error}") from error
 
 
 def _probe(path: str | Path, gate: Gate) -> None:
@@ -226,14 +226,14 @@ def _probe(path: str | Path, gate: Gate) -> None:
     try:
         p, _, novelty = gate.rate_many(points)
     except Exception as error:                    # as above
-        raise BadInput(f"{path}: does not run ({_first_line(error)})") from error
+        raise InputError(f"{path}: does not run ({_first_line(error)})") from error
     if p.shape != (len(points), len(OUTPUTS)):
-        raise BadInput(f"{path}: gives an output of shape {p.shape} for {len(points)} rows")
+        raise InputError(f"{path}: gives an output of shape {p.shape} for {len(points)} rows")
     for bad, what in ((np.isnan(p).any(axis=1), "probability"), (np.isnan(novelty), "novelty")):
         if bad.any():
             where = ", ".join(f"{feature.name}={value:g}"
                               for feature, value in zip(FEATURES, points[bad][0], strict=True))
-            raise BadInput(f"{path}: gives no {what} inside its own domain ({where})")
+            raise InputError(f"{path}: gives no {what} inside its own domain ({where})")
 
 
 def _first_line(error: Exception) -> str:

@@ -7,12 +7,12 @@ import math
 
 from msgspec import UNSET, UnsetType
 
-from hw.reading import AngleReading, MotorReading
-from robot.config import Axis, Config, GateConfig
-from robot.gate.contract import FEATURES, NOVELTY_LIMIT
-from robot.gate.model import Gate, Rating
-from robot.motors import error_words, is_driven, name_axes
-from robot.types import Aim, Estimate, Inputs, Memory, Verdict
+from truearc.hw.readings import AngleReading, MotorReading
+from truearc.robot.config.schema import Axis, Config, GateConfig
+from truearc.robot.gate.contract import FEATURES, NOVELTY_LIMIT
+from truearc.robot.gate.model import Gate, Rating
+from truearc.robot.motors import error_words, is_driven, name_axes
+from truearc.robot.types import Aim, Estimate, Inputs, Memory, Verdict
 
 NS = 1e-9
 HEARTBEAT_S = 0.25                    # axes, and the hood's encoder, say how they are every 0.1 s; two may be lost

@@ -1,0 +1,1 @@
+"""What runs beside the control loop: vision, recorder, watchdog and tick timing."""

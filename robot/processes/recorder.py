@@ -9,12 +9,12 @@ import msgspec
 import numpy as np
 from msgspec import Struct
 
-from hw.link import Clock, LinkLost
-from hw.reading import CameraFrame
-from hw.slots import Room, Slots
-from robot.config import in_words
-from robot.recording.files import Row
-from robot.recording.keeper import LaneKeeper
+from truearc.hw.protocols import Clock, LinkLost
+from truearc.hw.readings import CameraFrame
+from truearc.hw.shared_latest import Room, Slots
+from truearc.robot.config.schema import in_words
+from truearc.robot.recording.files import Row
+from truearc.robot.recording.file_writers import LaneKeeper
 
 LOOK_S = 0.1                          # it says this often, at least, that it is alive and how the files are
 NEWS = Room(4, 4096)
@@ -27,7 +27,7 @@ class Open(Struct, frozen=True, tag="open"):
     folder: str
 
 
-class Rows(Struct, frozen=True, tag="rows"):
+class RecorderRows(Struct, frozen=True, tag="rows"):
     rows: list[Row]
 
 
@@ -54,7 +54,7 @@ class End(Struct, frozen=True, tag="end"):
     """The last message. Without it the control process has died, and what came before is kept all the same."""
 
 
-Message = Open | Rows | TrialRow | PictureRow | LatenessRow | Sync | End
+Message = Open | RecorderRows | TrialRow | PictureRow | LatenessRow | Sync | End
 
 
 class Status(Struct, frozen=True):
@@ -119,7 +119,7 @@ class Desk:
             self._is_over = True
             return None
         match message:
-            case Rows(rows):
+            case RecorderRows(rows):
                 self._keeper.keep_rows(rows)
                 self._show(rows)
             case TrialRow(row):

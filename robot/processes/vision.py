@@ -5,11 +5,11 @@ from collections.abc import Callable
 import msgspec
 from msgspec import Struct
 
-from hw.link import Camera, Clock, LinkLost
-from hw.reading import CameraFrame
-from hw.slots import Room, Slots
-from robot.eyes import vision_failed
-from robot.types import Sighting
+from truearc.hw.protocols import Camera, Clock, LinkLost
+from truearc.hw.readings import CameraFrame
+from truearc.hw.shared_latest import Room, Slots
+from truearc.robot.vision_source import vision_failed
+from truearc.robot.types import Sighting
 
 LOOK_S = 0.002                        # between looks at whether there is a new image
 SILENT_NS = 1_500_000_000             # a process that has not stirred for so long does not answer
@@ -56,7 +56,7 @@ def tell(slots: Slots, why: str, told: str) -> str:
 
 
 class FarEyes:
-    """robot.eyes.Eyes on what another process sees.
+    """truearc.robot.vision_source.Eyes on what another process sees.
 
     `how_it_is`: what is wrong with that process, in words; "" while it works.
     """

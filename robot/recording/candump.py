@@ -3,7 +3,7 @@
 import re
 from collections.abc import Callable
 
-from hw.link import Bus, Frame
+from truearc.hw.protocols import Bus, Frame
 
 _LINE = re.compile(r"\((\d+)\.(\d{6})\) \S+ ([0-9A-F]{3}|[0-9A-F]{8})#(R[1-8]?|(?:[0-9A-F]{2}){0,64}) ([RT])\n")
 

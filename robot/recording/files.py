@@ -8,12 +8,12 @@ import cv2
 import msgspec
 from mcap.writer import CompressionType, Writer
 
-from hw.link import Frame
-from hw.reading import CameraFrame
-from robot.config import BadInput, Config, in_words
-from robot.recording.appender import Appender
-from robot.recording.candump import candump_line
-from robot.recording.session import (
+from truearc.hw.protocols import Frame
+from truearc.hw.readings import CameraFrame
+from truearc.robot.config.schema import InputError, Config, in_words
+from truearc.robot.recording.append_file import Appender
+from truearc.robot.recording.candump import candump_line
+from truearc.robot.recording.session import (
     CAN,
     CONFIG,
     FRAMES,
@@ -26,7 +26,7 @@ from robot.recording.session import (
     Header,
     Picture,
 )
-from robot.types import Tick
+from truearc.robot.types import Tick
 
 Row = tuple[int, bytes, list[tuple[Frame, bool]]]     # t_ns, the encoded Tick, raw frames of the tick
 
@@ -125,9 +125,9 @@ class SessionFiles:
 
 
 def make_folder(folder: Path, header: Header, config: Config, model: bytes | None) -> None:
-    """A session's folder and what made it; BadInput when it is there already, or cannot be made."""
+    """A session's folder and what made it; InputError when it is there already, or cannot be made."""
     if folder.exists():
-        raise BadInput(f"{folder}: exists already; a recording is never written over")
+        raise InputError(f"{folder}: exists already; a recording is never written over")
     (folder / FRAMES).mkdir(parents=True)
     _save(folder / CONFIG, msgspec.json.format(msgspec.json.encode(config)) + b"\n")
     if model is not None:
@@ -153,4 +153,4 @@ def _save(path: Path, data: bytes) -> None:
             file.flush()
             os.fsync(file.fileno())
     except OSError as error:
-        raise BadInput(f"{path}: {in_words(error)}") from error
+        raise InputError(f"{path}: {in_words(error)}") from error

@@ -6,8 +6,8 @@ import cv2
 import msgspec
 import numpy as np
 
-from hw.reading import CameraFrame
-from robot.recording.session import FRAMES, INDEX, Picture
+from truearc.hw.readings import CameraFrame
+from truearc.robot.recording.session import FRAMES, INDEX, Picture
 
 
 def load_pictures(session: Path) -> list[Picture]:

@@ -10,9 +10,9 @@ from mcap.exceptions import McapError
 from mcap.records import Message
 from mcap.stream_reader import StreamReader
 
-from robot.config import BadInput, in_words
-from robot.recording.session import TELEMETRY
-from robot.types import Tick
+from truearc.robot.config.schema import InputError, in_words
+from truearc.robot.recording.session import TELEMETRY
+from truearc.robot.types import Tick
 
 LARGEST = 1 << 28                     # bytes of a record; a damaged length must not ask for all memory
 
@@ -22,7 +22,7 @@ class TickReader:
 
     `share` is how much of the file has been read, 0 to 1.
 
-    A file that ends early (power loss, kill) gives every tick of its complete chunks. BadInput when there is no
+    A file that ends early (power loss, kill) gives every tick of its complete chunks. InputError when there is no
     telemetry at all or a whole row cannot be read.
     """
 
@@ -37,14 +37,14 @@ class TickReader:
             try:
                 tick = decode(data)
             except msgspec.MsgspecError as error:
-                raise BadInput(f"{self.path}: row {number}: {error}") from error
+                raise InputError(f"{self.path}: row {number}: {error}") from error
             yield tick, data
 
     def _rows(self) -> Iterator[bytes]:
         try:
             file = self.path.open("rb")
         except OSError as error:
-            raise BadInput(f"{self.path}: {in_words(error)}") from error
+            raise InputError(f"{self.path}: {in_words(error)}") from error
         size = max(self.path.stat().st_size, 1)
         with file:
             try:

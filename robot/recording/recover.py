@@ -8,14 +8,14 @@ from pathlib import Path
 import msgspec
 from msgspec import Struct
 
-from robot.config import BadInput, in_words
-from robot.recording.appender import claim
-from robot.recording.candump import parse_candump
-from robot.recording.files import TickFile
-from robot.recording.images import load_image
-from robot.recording.reader import TickReader
-from robot.recording.salvage import salvage
-from robot.recording.session import (
+from truearc.robot.config.schema import InputError, in_words
+from truearc.robot.recording.append_file import claim
+from truearc.robot.recording.candump import parse_candump
+from truearc.robot.recording.files import TickFile
+from truearc.robot.recording.images import load_image
+from truearc.robot.recording.reader import TickReader
+from truearc.robot.recording.salvage import salvage
+from truearc.robot.recording.session import (
     CAN,
     DAMAGED,
     FRAMES,
@@ -27,8 +27,8 @@ from robot.recording.session import (
     load_session_config,
     make_trials,
 )
-from robot.recording.writer import BATCH_NS
-from robot.types import Tick
+from truearc.robot.recording.encoder import BATCH_NS
+from truearc.robot.types import Tick
 
 
 class Recovered(Struct):
@@ -53,7 +53,7 @@ class _Told:
 
 
 def recover(session: Path) -> Recovered:
-    """Repair a session's files in place; BadInput for no session and for one being recorded.
+    """Repair a session's files in place; InputError for no session and for one being recorded.
 
     Ticks: a readable MCAP file with a summary, of no tick if none is whole. Trials: no torn line, and those that only
     the ticks know. CAN: whole lines. Images: an index of those that are there. Running it again changes nothing.
@@ -77,7 +77,7 @@ def _check_not_recording(session: Path) -> None:
         try:
             claim(file)
         except BlockingIOError as error:
-            raise BadInput(f"{path}: is being recorded") from error
+            raise InputError(f"{path}: is being recorded") from error
         except OSError:               # a file system without locks
             return
 
@@ -113,7 +113,7 @@ def _write_ticks(new: Path, damaged: Path, told: _Told) -> None:
         file.finish()
         file.file.sync()
     except msgspec.MsgspecError as error:
-        raise BadInput(f"{damaged}: row {told.ticks + 1}: {error}") from error
+        raise InputError(f"{damaged}: row {told.ticks + 1}: {error}") from error
     finally:
         file.file.close()
 
@@ -169,7 +169,7 @@ def _replace(path: Path, session: Path, write: Callable[[Path], None]) -> None:
             _keep_aside(path, session / DAMAGED)
         new.replace(path)
     except OSError as error:
-        raise BadInput(f"{path}: cannot be repaired: {in_words(error)}") from error
+        raise InputError(f"{path}: cannot be repaired: {in_words(error)}") from error
     finally:
         new.unlink(missing_ok=True)
 

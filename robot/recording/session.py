@@ -6,7 +6,7 @@
     can0.log         every CAN frame both ways, candump text
     trials.jsonl     one fsynced line an outcome
     frames/          the image behind each shot, and frames.jsonl
-    lateness.jsonl   one line a second: how late ticks came (robot.lateness); on a real robot only
+    lateness.jsonl   one line a second: how late ticks came (truearc.robot.processes.tick_timing); on a real robot only
     damaged/         what `truearc recover` has replaced, if it had to
 """
 
@@ -16,9 +16,9 @@ from pathlib import Path
 import msgspec
 from msgspec import Struct
 
-from robot.config import BadInput, Config, config_hash, in_words
-from robot.gate.model import Gate, load_gate
-from robot.types import Outcome, Shot, Tick
+from truearc.robot.config.schema import InputError, Config, config_hash, in_words
+from truearc.robot.gate.model import Gate, load_gate
+from truearc.robot.types import Outcome, Shot, Tick
 
 FORMAT = "truearc.session/1"
 HEADER, CONFIG, MODEL, TELEMETRY, CAN, TRIALS, FRAMES, LATENESS = (
@@ -66,52 +66,52 @@ def make_header(config: Config, gate: Gate | None, started: str | None) -> Heade
 
 
 def load_header(session: Path) -> Header:
-    """session.json; BadInput when this is no session or one of a newer format."""
+    """session.json; InputError when this is no session or one of a newer format."""
     path = session / HEADER
     try:
         header = msgspec.json.decode(path.read_bytes(), type=Header)
     except (OSError, msgspec.MsgspecError) as error:
-        raise BadInput(f"{path}: not a recording ({in_words(error)})") from error
+        raise InputError(f"{path}: not a recording ({in_words(error)})") from error
     if header.format != FORMAT:
-        raise BadInput(f"{path}: format {header.format}, this version reads {FORMAT}")
+        raise InputError(f"{path}: format {header.format}, this version reads {FORMAT}")
     return header
 
 
 def load_session_config(session: Path) -> Config:
-    """The configuration a session ran with; BadInput when it is not the one its header names."""
+    """The configuration a session ran with; InputError when it is not the one its header names."""
     header, path = load_header(session), session / CONFIG
     try:
         config = msgspec.json.decode(path.read_bytes(), type=Config)
     except (OSError, msgspec.MsgspecError) as error:
-        raise BadInput(f"{path}: {in_words(error)}") from error
+        raise InputError(f"{path}: {in_words(error)}") from error
     if config_hash(config) != header.config_sha256:
-        raise BadInput(f"{path}: changed since the recording was made (hash differs from {HEADER})")
+        raise InputError(f"{path}: changed since the recording was made (hash differs from {HEADER})")
     return config
 
 
 def load_session_gate(session: Path) -> Gate | None:
-    """The model a session ran with; BadInput when it is missing or another."""
+    """The model a session ran with; InputError when it is missing or another."""
     header, path = load_header(session), session / MODEL
     if header.model_sha256 is None:
         return None
     if not path.exists():
-        raise BadInput(f"{path}: the recording was gated by a model that is not here")
+        raise InputError(f"{path}: the recording was gated by a model that is not here")
     gate = load_gate(path)
     if gate.sha256 != header.model_sha256:
-        raise BadInput(f"{path}: not the model that the recording was gated by")
+        raise InputError(f"{path}: not the model that the recording was gated by")
     return gate
 
 
 def load_trials(session: Path) -> list[Trial]:
     """Every marked trial in order, a later line replacing an earlier one of the same trial.
 
-    A last line cut short by a power loss is dropped; any other broken line is BadInput with its number.
+    A last line cut short by a power loss is dropped; any other broken line is InputError with its number.
     """
     path = session / TRIALS
     try:
         lines = path.read_bytes().split(b"\n") if path.exists() else []
     except OSError as error:
-        raise BadInput(f"{path}: {in_words(error)}") from error
+        raise InputError(f"{path}: {in_words(error)}") from error
     trials: dict[int, Trial] = {}
     for number, line in enumerate(lines, 1):
         if not line:
@@ -121,6 +121,6 @@ def load_trials(session: Path) -> list[Trial]:
         except msgspec.MsgspecError as error:
             if number == len(lines):
                 break
-            raise BadInput(f"{path}:{number}: {error}") from error
+            raise InputError(f"{path}:{number}: {error}") from error
         trials[trial.outcome.trial] = trial
     return [trials[key] for key in sorted(trials)]

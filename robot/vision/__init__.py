@@ -9,16 +9,16 @@ import math
 
 import numpy as np
 
-from hw.reading import CameraFrame
-from robot.config import CameraConfig, Tape, Vision
-from robot.types import Sighting
-from robot.vision.edges import Marks
-from robot.vision.exposure import check_exposure, is_dark
-from robot.vision.optics import Optics, make_optics
-from robot.vision.outline import Doubt, find_outline
-from robot.vision.pose import Pose, solve_pose
-from robot.vision.shape import make_shape
-from robot.vision.threshold import Image, Region, find_regions
+from truearc.hw.readings import CameraFrame
+from truearc.robot.config.schema import CameraConfig, Tape, Vision
+from truearc.robot.types import Sighting
+from truearc.robot.vision.edges import Marks
+from truearc.robot.vision.exposure import check_exposure, is_dark
+from truearc.robot.vision.optics import Optics, make_optics
+from truearc.robot.vision.outline import Doubt, find_outline
+from truearc.robot.vision.pose import Pose, solve_pose
+from truearc.robot.vision.shape import make_shape
+from truearc.robot.vision.threshold import Image, Region, find_regions
 
 SAME_M = 0.02
 
@@ -29,7 +29,7 @@ def detect(frame: CameraFrame, camera: CameraConfig, tape: Tape, vision: Vision)
     `distance_m` is the horizontal distance from the lens to the tape's centre, along the horizontal line of sight: that
     is the way the ball takes to the target plane. (Straight on it equals the perpendicular distance; off axis the
     perpendicular foot is not where the ball goes, and it depends on the target's yaw, which one image shows poorly.)
-    From the ball's exit it is `robot.geometry.exit_distance_m`. `sigma_m` is one standard deviation, from the tape's
+    From the ball's exit it is `truearc.robot.geometry.exit_distance_m`. `sigma_m` is one standard deviation, from the tape's
     edges in this image, `corner_sigma_px`, the doubts about the camera's mounting and its calibration's.
     `bearing_deg` is positive when the target is right of the axis.
     Images of another size than the calibration's are explained in `optics`. Never raises on an image's content: a

@@ -13,8 +13,8 @@ import numpy as np
 import numpy.typing as npt
 from msgspec.structs import replace
 
-from robot.config import CameraConfig
-from robot.vision.optics import SQUARE_SIGMA, Array
+from truearc.robot.config.schema import CameraConfig
+from truearc.robot.vision.optics import SQUARE_SIGMA, Array
 
 Image = npt.NDArray[np.uint8]
 
@@ -36,7 +36,7 @@ class Board(NamedTuple):
     dictionary: str = ""              # of a ChArUco board, as OpenCV calls it
 
 
-class View(NamedTuple):
+class BoardView(NamedTuple):
     """One picture of a board."""
 
     points_m: npt.NDArray[np.float32]     # (n, 3) on the board
@@ -49,7 +49,7 @@ class BoardFit(NamedTuple):
     slant_deg: float                  # of the board most slanted, against facing the camera
 
 
-def find_board(image: Image, board: Board) -> View | None:
+def find_board(image: Image, board: Board) -> BoardView | None:
     """The board's corners in a BGR or grey image, or None when it is not (wholly, for a chessboard) in view."""
     grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
     if board.marker_m > 0.0:
@@ -59,26 +59,26 @@ def find_board(image: Image, board: Board) -> View | None:
         return None
     column, row = np.meshgrid(np.arange(board.columns), np.arange(board.rows))
     flat = np.column_stack([column.ravel(), row.ravel(), np.zeros(column.size)]) * board.square_m
-    return View(flat.astype(np.float32), np.asarray(corners, np.float32).reshape(-1, 2))
+    return BoardView(flat.astype(np.float32), np.asarray(corners, np.float32).reshape(-1, 2))
 
 
-def _find_charuco(grey: Image, board: Board) -> View | None:
+def _find_charuco(grey: Image, board: Board) -> BoardView | None:
     marked = cv2.aruco.CharucoBoard((board.columns, board.rows), board.square_m, board.marker_m,
                                     cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, board.dictionary)))
     corners, ids, _, _ = cv2.aruco.CharucoDetector(marked).detectBoard(grey)
     if ids is None or len(ids) < LEAST_POINTS:
         return None
     places = np.asarray(marked.getChessboardCorners(), np.float32).reshape(-1, 3)[np.ravel(ids)]
-    return View(places, np.asarray(corners, np.float32).reshape(-1, 2))
+    return BoardView(places, np.asarray(corners, np.float32).reshape(-1, 2))
 
 
-def is_same(view: View, other: View) -> bool:
+def is_same(view: BoardView, other: BoardView) -> bool:
     """Whether neither board nor camera has moved between two views: together they say no more than one of them."""
     return view.seen_px.shape == other.seen_px.shape and bool(np.array_equal(view.points_m, other.points_m)) and bool(
         np.abs(view.seen_px - other.seen_px).max() < SAME_PX)
 
 
-def calibrate(views: Sequence[View], camera: CameraConfig) -> BoardFit:
+def calibrate(views: Sequence[BoardView], camera: CameraConfig) -> BoardFit:
     """The camera with what the views say of it; they are of its image size, and at least LEAST_VIEWS.
 
     One sigma is the larger of what the corners' scatter gives and of what leaving out one view after another does
@@ -96,7 +96,7 @@ def calibrate(views: Sequence[View], camera: CameraConfig) -> BoardFit:
     return BoardFit(fitted, errors_px, slant_deg)
 
 
-def _solve(views: Sequence[View], camera: CameraConfig) -> tuple[float, Array, Any, tuple[float, ...], Array, float]:
+def _solve(views: Sequence[BoardView], camera: CameraConfig) -> tuple[float, Array, Any, tuple[float, ...], Array, float]:
     """Focal length, centre (2,), distortion, error of each view, the stated sigmas (2,) of the first two, and the
     largest angle between a board and one that faces the camera."""
     size = (camera.width_px, camera.height_px)

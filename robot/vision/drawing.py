@@ -6,12 +6,12 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from robot.config import CameraFile
-from robot.vision import explain
-from robot.vision.optics import make_optics
-from robot.vision.outline import Doubt
-from robot.vision.shape import make_shape
-from robot.vision.threshold import Image, find_regions, mask_colour
+from truearc.robot.config.schema import CameraFile
+from truearc.robot.vision import explain
+from truearc.robot.vision.optics import make_optics
+from truearc.robot.vision.outline import Doubt
+from truearc.robot.vision.shape import make_shape
+from truearc.robot.vision.threshold import Image, find_regions, mask_colour
 
 FOUND_BGR, DOUBT_BGR, MARK_BGR = (80, 255, 80), (60, 60, 255), (255, 255, 255)
 DIMMED = 0.5

@@ -18,11 +18,11 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from robot.config import Tape
-from robot.vision.optics import Array, Optics
-from robot.vision.shape import SAMPLES, Shape, make_shape
-from robot.vision.threshold import Region
-from robot.vision.widths import Widening, compare_widths, expected_widths
+from truearc.robot.config.schema import Tape
+from truearc.robot.vision.optics import Array, Optics
+from truearc.robot.vision.shape import SAMPLES, Shape, make_shape
+from truearc.robot.vision.threshold import Region
+from truearc.robot.vision.widths import Widening, compare_widths, expected_widths
 
 STEP_PX = 0.5                         # between samples across the tape, where that makes no more than
 MOST_STEPS = 64

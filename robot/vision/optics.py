@@ -22,7 +22,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from robot.config import CameraConfig
+from truearc.robot.config.schema import CameraConfig
 
 Array = npt.NDArray[np.float64]
 

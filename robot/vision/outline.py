@@ -9,11 +9,11 @@ from typing import Any, NamedTuple
 import cv2
 import numpy as np
 
-from robot.config import Tape
-from robot.vision.edges import Marks, measure_marks
-from robot.vision.optics import Array, Optics
-from robot.vision.shape import PROBES, make_shape
-from robot.vision.threshold import Region
+from truearc.robot.config.schema import Tape
+from truearc.robot.vision.edges import Marks, measure_marks
+from truearc.robot.vision.optics import Array, Optics
+from truearc.robot.vision.shape import PROBES, make_shape
+from truearc.robot.vision.threshold import Region
 
 FILL_LOW, FILL_HIGH = 0.08, 0.65      # tape area / hull area; 0.22 for bare tape, more when it is small and blurred
 LEAST_SIDE_PX = 6.0

@@ -13,9 +13,9 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from robot.config import CameraConfig, Tape
-from robot.vision.optics import Array, Optics
-from robot.vision.shape import make_shape
+from truearc.robot.config.schema import CameraConfig, Tape
+from truearc.robot.vision.optics import Array, Optics
+from truearc.robot.vision.shape import make_shape
 
 STEPS = 6                             # Gauss-Newton from IPPE's start is at rest after two or three
 AT_REST = 1e-2                        # squared last step in standard deviations; what is left after it is its square

@@ -14,7 +14,7 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from robot.config import Tape
+from truearc.robot.config.schema import Tape
 
 Array = npt.NDArray[np.float64]
 PROBES = 9                            # points on each of the tape's three straights

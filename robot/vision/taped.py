@@ -7,11 +7,11 @@ from typing import NamedTuple
 import numpy as np
 from msgspec.structs import replace
 
-from hw.reading import CameraFrame
-from robot.config import CameraConfig, Tape, Vision
-from robot.types import Sighting
-from robot.vision import detect
-from robot.vision.optics import Array
+from truearc.hw.readings import CameraFrame
+from truearc.robot.config.schema import CameraConfig, Tape, Vision
+from truearc.robot.types import Sighting
+from truearc.robot.vision import detect
+from truearc.robot.vision.optics import Array
 
 FOCAL_SIGMA = 0.05                    # believed of a calibration that states no doubt: makers' figures are this good
 ROUNDS = 4                            # distances follow the focal length almost in proportion

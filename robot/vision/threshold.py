@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from robot.config import Vision
+from truearc.robot.config.schema import Vision
 
 Image = npt.NDArray[np.uint8]
 

@@ -15,8 +15,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from robot.vision.optics import Array
-from robot.vision.shape import SAMPLES, Shape
+from truearc.robot.vision.optics import Array
+from truearc.robot.vision.shape import SAMPLES, Shape
 
 GENTLE = math.sqrt(2.0 * math.pi)     # a blurred edge's rise at its steepest, over the blur's standard deviation
 TAPE_SHARE = 0.07                     # a tape may be this much wider or narrower than it is said to be

@@ -1,0 +1,1 @@
+"""Discovery: locate, name and model the physics that a simulation leaves out."""

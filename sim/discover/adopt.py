@@ -5,26 +5,26 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from sim.belief import SCATTER, Belief, moved_curves, point_belief, scale_of
-from sim.coefficients import Coefficients
-from sim.curve import Curve
-from sim.discover.clusters import Clusters
-from sim.discover.discover import Investigation
-from sim.discover.evidence import Array, Column, Evidence
-from sim.discover.freed import Freed, all_freed
-from sim.discover.further import further_values
-from sim.discover.mixed import Mixed, mixed
-from sim.discover.otherballs import luck_of_others, usual_gain
-from sim.discover.prior import SCATTERS, believed_name, own_slope
-from sim.discover.refit import Refit
-from sim.discover.step import Step
-from sim.discover.words import gained_interval
-from sim.physics.catalogue import find_terms
-from sim.physics.nameless import CURVE, NAMELESS
-from sim.physics.scales import fits_scale
-from sim.physics.term import complete
+from truearc.sim.infer.belief import SCATTER, Belief, moved_curves, point_belief, scale_of
+from truearc.sim.infer.coefficients import Coefficients
+from truearc.sim.infer.curve import Curve
+from truearc.sim.discover.detect.clusters import Clusters
+from truearc.sim.discover.api import Investigation
+from truearc.sim.discover.model.score_table import Array, Column, ScoreTable
+from truearc.sim.discover.model.nonparametric_terms import Freed, all_freed
+from truearc.sim.discover.model.shape_parameters import further_values
+from truearc.sim.discover.select.model_averaging import Mixed, mixed
+from truearc.sim.discover.select.batch_effect import luck_of_others, usual_gain
+from truearc.sim.discover.model.belief_prior import SCATTERS, believed_name, own_slope
+from truearc.sim.discover.select.refit import Refit
+from truearc.sim.discover.select.selection_step import Step
+from truearc.sim.discover.report.finding_text import gained_interval
+from truearc.sim.physics.catalogue import find_terms
+from truearc.sim.physics.nonparametric import CURVE, NAMELESS
+from truearc.sim.physics.scales import fits_scale
+from truearc.sim.physics.term import complete
 
-Gain = Callable[[Evidence, Evidence, Clusters], tuple[float, float]]
+Gain = Callable[[ScoreTable, ScoreTable, Clusters], tuple[float, float]]
 TRACKER = "track_"                    # a tracker's errors are its own; no shot depends on them
 
 
@@ -32,7 +32,7 @@ def make_belief(investigation: Investigation, gain: Gain = usual_gain) -> tuple[
     """(coefficients, scatter and covariance with all that was named, and the curve of what was not; provenance).
 
     Where several names of the last effect could not be told apart, the simulation is taken that forecasts their average
-    (sim.discover.mixed). gain: bounds of what forecasts win where the balls are others. ValueError for data that carry
+    (truearc.sim.discover.select.model_averaging). gain: bounds of what forecasts win where the balls are others. ValueError for data that carry
     no test.
     """
     if investigation.fitted is None:
@@ -84,7 +84,7 @@ class _Taken(NamedTuple):
     named: tuple[Step, ...]
     free: tuple[Freed, ...]
     several: Mixed | None
-    evidence: Evidence
+    evidence: ScoreTable
     why: str
 
 
@@ -111,7 +111,7 @@ def _take(investigation: Investigation, steps: tuple[Step, ...]) -> _Taken:
     return _Taken(named, free, several, evidence, why)
 
 
-def _surely_worse(investigation: Investigation, evidence: Evidence, gain: Gain) -> str:
+def _surely_worse(investigation: Investigation, evidence: ScoreTable, gain: Gain) -> str:
     """Why nothing that was found is believed. Where a later session's balls may be others, their luck is left out."""
     if not investigation.steps or investigation.fitted is None or investigation.clusters is None:
         return ""
@@ -131,13 +131,13 @@ def _free(investigation: Investigation, steps: tuple[Step, ...]) -> tuple[tuple[
     return all_freed(steps[-1], investigation.search)
 
 
-def believed_in(evidence: Evidence, believed: tuple[str, ...]) -> Belief:
+def believed_in(evidence: ScoreTable, believed: tuple[str, ...]) -> Belief:
     """What is believed at the evidence's point, of these terms and those fitted with them; without its doubt."""
     shared = [k for k in range(evidence.first_shared, len(evidence.columns)) if _belongs(evidence.columns[k])]
     return point_belief(_coefficients(evidence, shared, believed))
 
 
-def _nameless(evidence: Evidence, free: tuple[Freed, ...],
+def _nameless(evidence: ScoreTable, free: tuple[Freed, ...],
               belief: Belief | None) -> tuple[Coefficients, dict[str, Curve]]:
     """({term: values}, {term: curve}) of effects without a name, those believed before and those found, as fitted."""
     curves = {**({} if belief is None else belief.curves), **{one.term: one.curve for one in free}}
@@ -147,7 +147,7 @@ def _nameless(evidence: Evidence, free: tuple[Freed, ...],
     return {**before, **{one.term: dict(one.values) for one in free}}, moved_curves(curves, points)
 
 
-def _shared(evidence: Evidence) -> Evidence:
+def _shared(evidence: ScoreTable) -> ScoreTable:
     return evidence.pick(np.arange(evidence.first_shared, len(evidence.columns)))
 
 
@@ -158,7 +158,7 @@ def _belongs(column: Column) -> bool:
     return column.name in SCATTERS or not column.name.startswith(SCATTER + ".")
 
 
-def _coefficients(evidence: Evidence, columns: list[int], believed: tuple[str, ...]) -> Coefficients:
+def _coefficients(evidence: ScoreTable, columns: list[int], believed: tuple[str, ...]) -> Coefficients:
     """Every believed and named term that has a name, with parameters that nobody fitted at their defaults."""
     nameless = {term.name for term in NAMELESS}
     given: Coefficients = {name: {} for name in believed if name != "gravity" and name not in nameless}
@@ -175,7 +175,7 @@ def _scatter(name: str, log_value: float) -> float:
     return float(np.degrees(value)) if name.endswith("_rad") else value
 
 
-def _covariance(evidence: Evidence, columns: list[int]) -> tuple[tuple[str, ...], Array]:
+def _covariance(evidence: ScoreTable, columns: list[int]) -> tuple[tuple[str, ...], Array]:
     """(names, covariance on their scales); what has no place on its scale is taken as exact."""
     information = evidence.information + evidence.precision
     whole = np.linalg.pinv(information, hermitian=True)

@@ -8,7 +8,7 @@ from msgspec import Struct
 SCHEMA = "truearc.finding/1"
 
 
-class Data(Struct, frozen=True):
+class DataSummary(Struct, frozen=True):
     """What was looked at; `clusters` says what was held together when chance was judged."""
 
     shots: int
@@ -92,7 +92,7 @@ class Further(Struct, frozen=True):
     unknown: Unknown | None
 
 
-class Fit(Struct, frozen=True):
+class FitSummary(Struct, frozen=True):
     """Figures on shots that the fit had not seen, before and after the free correction."""
 
     heldout_shots: int
@@ -108,13 +108,13 @@ class Fit(Struct, frozen=True):
 
 
 class Finding(Struct, frozen=True):
-    data: Data
+    data: DataSummary
     mismatch: Mismatch
     where: Where
     verdict: str                      # named | set | unknown | none
     sentence: str
     unknown: Unknown | None
-    fit: Fit | None
+    fit: FitSummary | None
     schema: str = SCHEMA
     what: tuple[Named, ...] = ()
     set: tuple[str, ...] | None = None

@@ -6,8 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.optimize import minimize
 
-from robot.config import BadInput
-from sim.gate.likelihood import SIZE, Data, Widths, curvature, value_and_slope
+from truearc.robot.config.schema import InputError
+from truearc.sim.gate.likelihood import SIZE, GateData, Widths, curvature, value_and_slope
 
 # Tried in this order, the first with the least of the second: what the emulated robot asked for lies in the middle.
 SPEED_WIDTHS = (0.01, 0.015, 0.02, 0.03, 0.05, 0.08, 0.15)
@@ -16,7 +16,7 @@ PAD = 64                              # rows are filled up to multiples of this:
 MOST_STEPS = 300
 
 
-class Fit(NamedTuple):
+class GateFit(NamedTuple):
     """theta [SIZE] at the maximum, covariance [SIZE, SIZE] around it, and the log evidence (Laplace), nats."""
 
     widths: Widths
@@ -25,7 +25,7 @@ class Fit(NamedTuple):
     evidence: float
 
 
-def fit_widest(data: Data, halves_m: tuple[float, float]) -> Fit:
+def fit_widest(data: GateData, halves_m: tuple[float, float]) -> GateFit:
     """The fit whose widths have the most evidence: first the speed's is chosen, then the height's; deterministic."""
     data = padded(data)
     best = _best(data, halves_m, [Widths(HEIGHT_WIDTHS_M[0], speed) for speed in SPEED_WIDTHS], None)
@@ -33,7 +33,7 @@ def fit_widest(data: Data, halves_m: tuple[float, float]) -> Fit:
     return _best(data, halves_m, more, best)
 
 
-def fit_once(data: Data, halves_m: tuple[float, float], widths: Widths, start: np.ndarray | None = None) -> Fit:
+def fit_once(data: GateData, halves_m: tuple[float, float], widths: Widths, start: np.ndarray | None = None) -> GateFit:
     """MAP by Newton's method in a trust region, with exact first and second derivatives."""
     halves = jnp.asarray(halves_m)
 
@@ -48,21 +48,21 @@ def fit_once(data: Data, halves_m: tuple[float, float], widths: Widths, start: n
                     options={"gtol": 1e-7, "maxiter": MOST_STEPS})
     eigenvalues, axes = np.linalg.eigh(hessian(done.x))
     if not np.isfinite(done.fun) or not np.isfinite(eigenvalues).all():
-        raise BadInput("the gate could not be fitted: the likelihood of these shots is not a number")
+        raise InputError("the gate could not be fitted: the likelihood of these shots is not a number")
     eigenvalues = np.maximum(eigenvalues, 1e-3)   # the prior alone gives 1: less is only where the maximum is flat
     covariance = (axes / eigenvalues) @ axes.T
-    return Fit(widths, done.x, covariance, float(-done.fun - 0.5 * np.log(eigenvalues).sum()))
+    return GateFit(widths, done.x, covariance, float(-done.fun - 0.5 * np.log(eigenvalues).sum()))
 
 
-def padded(data: Data) -> Data:
+def padded(data: GateData) -> GateData:
     """Rows filled up to a multiple of PAD with copies of weight 0."""
     have = len(data.weight)
     rows = np.resize(np.arange(have), -(-have // PAD) * PAD)
     weight = np.where(np.arange(rows.size) < have, data.weight[rows], 0.0)
-    return Data(*(np.asarray(column)[rows] for column in data))._replace(weight=weight)
+    return GateData(*(np.asarray(column)[rows] for column in data))._replace(weight=weight)
 
 
-def _best(data: Data, halves_m: tuple[float, float], tried: list[Widths], best: Fit | None) -> Fit:
+def _best(data: GateData, halves_m: tuple[float, float], tried: list[Widths], best: GateFit | None) -> GateFit:
     start = None if best is None else best.theta
     for widths in tried:
         fit = fit_once(data, halves_m, widths, start)

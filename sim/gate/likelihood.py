@@ -16,8 +16,8 @@ import jax.numpy as jnp
 import numpy as np
 from jax.scipy.stats import norm
 
-import sim.physics  # noqa: F401 - the house's one switch to double precision
-from sim.fit.marks import HEIGHT_SD_M
+import truearc.sim.physics  # noqa: F401 - the house's one switch to double precision
+from truearc.sim.infer.likelihood.outcome_likelihood import HEIGHT_SD_M
 
 FUNCTIONS = 10
 RESIDUAL = 2 * FUNCTIONS
@@ -29,7 +29,7 @@ LAPSE_CELLS = np.array([1.0, 1.0, 2.0, 1.0, 1.0]) / 6.0       # miss, two and th
 LARGEST_MISS_M = 5.0                  # a lapse of a measured height may be anywhere within this
 
 
-class Data(NamedTuple):
+class GateData(NamedTuple):
     """Rows [n] that the model is fitted to, or asked about; `weight` 0 leaves a row out."""
 
     z: Any                            # [n, 3] standardised features
@@ -48,7 +48,7 @@ class Widths(NamedTuple):
     speed: Any
 
 
-class Shape(NamedTuple):
+class GateShape(NamedTuple):
     """What theta says besides the residual."""
 
     scale: Any
@@ -65,26 +65,26 @@ def basis(z: Any) -> Any:
                       x * y, x * w, y * w], axis=1)
 
 
-def residual_basis(widths: Widths, data: Data) -> Any:
+def residual_basis(widths: Widths, data: GateData) -> Any:
     """[n, 20] in m: the residual is this times the first RESIDUAL numbers of theta."""
     functions = basis(data.z)
     return jnp.concatenate([widths.height_m * functions, widths.speed * data.by_speed_m[:, None] * functions], axis=1)
 
 
-def shape_of(theta: Any, halves_m: Any) -> Shape:
+def shape_of(theta: Any, halves_m: Any) -> GateShape:
     """Scale, floor, half-heights and lapse of theta; halves_m: (two, three) of rig.toml."""
     scale, floor_m, two, three, lapse = (median * jnp.exp(spread * theta[RESIDUAL + k])
                                          for k, (median, spread) in enumerate(PRIORS.values()))
     two_m = two * halves_m[0]
-    return Shape(scale, floor_m, two_m, jnp.minimum(three * halves_m[1], two_m), jnp.minimum(lapse, 0.5))
+    return GateShape(scale, floor_m, two_m, jnp.minimum(three * halves_m[1], two_m), jnp.minimum(lapse, 0.5))
 
 
-def spread_m(shape: Shape, propagated_m: Any, doubt_m: Any = 0.0) -> Any:
+def spread_m(shape: GateShape, propagated_m: Any, doubt_m: Any = 0.0) -> Any:
     """Standard deviation of the height; `doubt_m`: of the residual itself."""
     return jnp.sqrt((shape.scale * propagated_m) ** 2 + shape.floor_m**2 + doubt_m**2)
 
 
-def cell_probabilities(shape: Shape, mean_m: Any, sigma_m: Any) -> Any:
+def cell_probabilities(shape: GateShape, mean_m: Any, sigma_m: Any) -> Any:
     """[n, 5]: miss low, two low, three, two high, miss high; rows sum to 1."""
     below = [norm.cdf((edge - mean_m) / sigma_m) for edge in (-shape.two_m, -shape.three_m, shape.three_m)]
     above = norm.cdf((mean_m - shape.two_m) / sigma_m)
@@ -93,7 +93,7 @@ def cell_probabilities(shape: Shape, mean_m: Any, sigma_m: Any) -> Any:
     return (1.0 - shape.lapse) * cells + shape.lapse * LAPSE_CELLS
 
 
-def log_likelihoods(theta: Any, widths: Widths, data: Data, halves_m: Any) -> Any:
+def log_likelihoods(theta: Any, widths: Widths, data: GateData, halves_m: Any) -> Any:
     """Log probability [n] of what each row says (a log density in 1/m where the height was measured)."""
     shape = shape_of(theta, halves_m)
     mean_m = data.deviation_m + residual_basis(widths, data) @ theta[:RESIDUAL]
@@ -106,17 +106,17 @@ def log_likelihoods(theta: Any, widths: Widths, data: Data, halves_m: Any) -> An
     return jnp.log(jnp.where(measured, (1.0 - shape.lapse) * density + anywhere, jnp.maximum(seen, 1e-300)))
 
 
-def loss(theta: Any, widths: Widths, data: Data, halves_m: Any) -> Any:
+def loss(theta: Any, widths: Widths, data: GateData, halves_m: Any) -> Any:
     """Minus the log posterior, up to a constant."""
     return 0.5 * theta @ theta - jnp.dot(data.weight, log_likelihoods(theta, widths, data, halves_m))
 
 
 @jax.jit
-def value_and_slope(theta: Any, widths: Widths, data: Data, halves_m: Any) -> tuple[Any, Any]:
+def value_and_slope(theta: Any, widths: Widths, data: GateData, halves_m: Any) -> tuple[Any, Any]:
     return jax.value_and_grad(loss)(theta, widths, data, halves_m)
 
 
 @jax.jit
-def curvature(theta: Any, widths: Widths, data: Data, halves_m: Any) -> Any:
+def curvature(theta: Any, widths: Widths, data: GateData, halves_m: Any) -> Any:
     """Hessian [SIZE, SIZE] of the loss."""
     return jax.jacfwd(jax.grad(loss))(theta, widths, data, halves_m)

@@ -7,22 +7,22 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from robot.config import BadInput
-from robot.facts import Facts
-from sim.belief import Belief
-from sim.gate.fit import Fit
-from sim.gate.likelihood import (
+from truearc.robot.config.schema import InputError
+from truearc.robot.config.rig_spec import Rig
+from truearc.sim.infer.belief import Belief
+from truearc.sim.gate.fit import GateFit
+from truearc.sim.gate.likelihood import (
     RESIDUAL,
-    Data,
-    Shape,
+    GateData,
+    GateShape,
     Widths,
     cell_probabilities,
     residual_basis,
     shape_of,
     spread_m,
 )
-from sim.gate.novelty import Novelty
-from sim.gate.physics import Physics, physics_of
+from truearc.sim.gate.novelty import Novelty
+from truearc.sim.gate.physics import Physics, physics_of
 
 
 @dataclass(frozen=True)
@@ -51,18 +51,18 @@ class PhysicsGate:
     whatever their height.
     """
 
-    facts: Facts
+    facts: Rig
     belief: Belief
     scaling: Scaling
-    fit: Fit
+    fit: GateFit
     temperature: float
     aside: float
     novelty: Novelty
 
     @property
-    def shape(self) -> Shape:
+    def shape(self) -> GateShape:
         """Scale, floor_m, two_m, three_m and lapse, as plain numbers."""
-        return Shape(*(float(value) for value in shape_of(self.fit.theta, np.array(halves_of(self.facts)))))
+        return GateShape(*(float(value) for value in shape_of(self.fit.theta, np.array(halves_of(self.facts)))))
 
     def latent(self, features: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mean of the height at the plane minus the target's centre, and its standard deviation, [n] in m each.
@@ -91,14 +91,14 @@ class PhysicsGate:
         return replace(self, temperature=temperature)
 
 
-def halves_of(facts: Facts) -> tuple[float, float]:
-    """(two, three) half-heights of rig.toml in m; BadInput when it has no target."""
+def halves_of(facts: Rig) -> tuple[float, float]:
+    """(two, three) half-heights of rig.toml in m; InputError when it has no target."""
     if facts.target is None:
-        raise BadInput("rig.toml: [target] is needed to tell an outcome")
+        raise InputError("rig.toml: [target] is needed to tell an outcome")
     return facts.target.two_half_height_m, facts.target.three_half_height_m
 
 
-def residual(fit: Fit, z: np.ndarray, physics: Physics) -> tuple[np.ndarray, np.ndarray]:
+def residual(fit: GateFit, z: np.ndarray, physics: Physics) -> tuple[np.ndarray, np.ndarray]:
     """The learned residual and its own standard deviation a posteriori, [n] in m each; z [n, 3] standardised."""
     rows = np.resize(np.arange(len(z)), _size(len(z)))
     functions = np.asarray(_functions(fit.widths, z[rows], physics.by_speed_m[rows]))[:len(z)]
@@ -108,7 +108,7 @@ def residual(fit: Fit, z: np.ndarray, physics: Physics) -> tuple[np.ndarray, np.
 
 @jax.jit
 def _functions(widths: Widths, z: Any, by_speed_m: Any) -> Any:
-    return residual_basis(widths, Data(z, None, None, by_speed_m, None, None, None))
+    return residual_basis(widths, GateData(z, None, None, by_speed_m, None, None, None))
 
 
 def _size(count: int) -> int:

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from robot.config import BadInput
-from robot.gate.contract import FEATURES
+from truearc.robot.config.schema import InputError
+from truearc.robot.gate.contract import FEATURES
 
 NEIGHBOUR = 3                         # one stray shot is no domain; many would shave off the cloud's edge
 LARGEST_QUANTILE = 0.99
@@ -90,18 +90,18 @@ def describe_novelty(novelty: Novelty) -> dict[str, Any]:
 
 
 def parse_novelty(record: Any, name: str) -> Novelty:
-    """The measure in a record that came from somewhere called `name`; BadInput when there is none to be had."""
+    """The measure in a record that came from somewhere called `name`; InputError when there is none to be had."""
     try:
         mean, scale, landmarks = (np.array(record[key], np.float64) for key in ("mean", "scale", "landmarks"))
         novelty = Novelty(mean, scale, landmarks, float(record["largest"]), int(record["neighbour"]))
     except (KeyError, TypeError, ValueError) as error:
-        raise BadInput(f"{name}: key 'novelty' is missing or damaged; train again ({error!r})") from error
+        raise InputError(f"{name}: key 'novelty' is missing or damaged; train again ({error!r})") from error
     wide = len(FEATURES)
     sound = (novelty.mean.shape == (wide,) == novelty.scale.shape and novelty.landmarks.ndim == 2
              and novelty.landmarks.shape[1] == wide and 1 <= novelty.neighbour <= len(novelty.landmarks)
              and novelty.largest > 0.0)
     if not sound or not all(np.isfinite(part).all() for part in (novelty.mean, novelty.scale, novelty.landmarks)):
-        raise BadInput(f"{name}: key 'novelty' does not describe recorded configurations")
+        raise InputError(f"{name}: key 'novelty' does not describe recorded configurations")
     return novelty
 
 

@@ -5,14 +5,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robot.config import BadInput
-from robot.facts import Facts
-from robot.gate.contract import FEATURES
-from sim.belief import Belief
-from sim.fit.forecast import forecast
-from sim.physics.catalogue import effective
-from sim.physics.shot import ORDINARY, opening_of
-from sim.shots import Shots
+from truearc.robot.config.schema import InputError
+from truearc.robot.config.rig_spec import Rig
+from truearc.robot.gate.contract import FEATURES
+from truearc.sim.infer.belief import Belief
+from truearc.sim.infer.forecast import forecast
+from truearc.sim.physics.catalogue import effective
+from truearc.sim.physics.simulate import ORDINARY, opening_of
+from truearc.sim.data.dataset import Shots
 
 # Of a launcher whose scatter nobody has fitted; the gate fits one number that scales it.
 TYPICAL_SCATTER = {"speed": 0.02, "elevation_deg": 0.5}
@@ -30,10 +30,10 @@ class Physics(NamedTuple):
     by_speed_m: np.ndarray
 
 
-def physics_of(facts: Facts, belief: Belief, features: np.ndarray) -> Physics:
-    """Forecast feature rows [n, 3] in the contract's order; BadInput when the rig has no target."""
+def physics_of(facts: Rig, belief: Belief, features: np.ndarray) -> Physics:
+    """Forecast feature rows [n, 3] in the contract's order; InputError when the rig has no target."""
     if facts.target is None:
-        raise BadInput("rig.toml: [target] is needed to tell an outcome")
+        raise InputError("rig.toml: [target] is needed to tell an outcome")
     numbers = {feature.name: np.array(features[:, k], float) for k, feature in enumerate(FEATURES)}
     ahead = forecast(facts, with_scatter(belief), Shots(tuple(map(str, range(len(features)))), numbers, {}))
     back = np.isnan(ahead.height_m)

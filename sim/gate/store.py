@@ -8,14 +8,14 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from robot.config import BadInput, in_words
-from robot.facts import Facts
-from sim.belief import as_table, from_table
-from sim.gate.fit import Fit
-from sim.gate.likelihood import SIZE, Widths
-from sim.gate.model import PhysicsGate, Scaling
-from sim.gate.novelty import novelty_record, parse_novelty
-from sim.network import RECORD_FILE, load_record
+from truearc.robot.config.schema import InputError, in_words
+from truearc.robot.config.rig_spec import Rig
+from truearc.sim.infer.belief import as_table, from_table
+from truearc.sim.gate.fit import GateFit
+from truearc.sim.gate.likelihood import SIZE, Widths
+from truearc.sim.gate.model import PhysicsGate, Scaling
+from truearc.sim.gate.novelty import novelty_record, parse_novelty
+from truearc.sim.paper.network import RECORD_FILE, load_record
 
 MODEL_FILE = "physics.json"
 MODEL_SCHEMA = "truearc.physics-gate/1"
@@ -25,7 +25,7 @@ KIND = "physics"
 def save_physics_gate(directory: str | Path, gate: PhysicsGate, record: dict[str, Any]) -> None:
     """Write physics.json and training.json; the same gate and record give the same bytes.
 
-    BadInput when the directory cannot be written.
+    InputError when the directory cannot be written.
     """
     directory = Path(directory)
     record = {**record, "kind": KIND, "novelty": novelty_record(gate.novelty)}
@@ -34,38 +34,38 @@ def save_physics_gate(directory: str | Path, gate: PhysicsGate, record: dict[str
         (directory / MODEL_FILE).write_text(_text(MODEL_SCHEMA, _plain(gate)), encoding="utf-8")
         (directory / RECORD_FILE).write_text(_text("truearc.training/1", record), encoding="utf-8")
     except OSError as error:
-        raise BadInput(f"{error.filename}: {error.strerror}") from error
+        raise InputError(f"{error.filename}: {error.strerror}") from error
 
 
 def load_physics_gate(directory: str | Path) -> tuple[PhysicsGate, dict[str, Any]]:
-    """Read what save_physics_gate wrote; BadInput names the file and what is wrong with it."""
+    """Read what save_physics_gate wrote; InputError names the file and what is wrong with it."""
     path = Path(directory) / MODEL_FILE
     record = load_record(Path(directory) / RECORD_FILE)
     try:
         table = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise BadInput(f"{path}: {in_words(error)}") from error
+        raise InputError(f"{path}: {in_words(error)}") from error
     if not isinstance(table, dict) or table.get("schema") != MODEL_SCHEMA:
-        raise BadInput(f"{path}: key 'schema' is not {MODEL_SCHEMA!r}")
+        raise InputError(f"{path}: key 'schema' is not {MODEL_SCHEMA!r}")
     novelty = parse_novelty(record.get("novelty"), str(Path(directory) / RECORD_FILE))
     try:
-        gate = PhysicsGate(msgspec.convert(table["facts"], Facts), from_table(table["belief"], str(path)),
+        gate = PhysicsGate(msgspec.convert(table["facts"], Rig), from_table(table["belief"], str(path)),
                            Scaling(*(_array(table["scaling"][name], (3,)) for name in
                                      ("mean", "deviation", "low", "high"))), _fit(table["fit"]),
                            float(table["temperature"]), float(table["aside"]), novelty)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise BadInput(f"{path}: not a gate ({error!r})") from error
+        raise InputError(f"{path}: not a gate ({error!r})") from error
     return gate, record
 
 
 def gate_hash(directory: str | Path) -> str:
-    """SHA-256 over the bytes of physics.json and training.json; BadInput when either cannot be read."""
+    """SHA-256 over the bytes of physics.json and training.json; InputError when either cannot be read."""
     digest = hashlib.sha256()
     for name in (MODEL_FILE, RECORD_FILE):
         try:
             digest.update((Path(directory) / name).read_bytes())
         except OSError as error:
-            raise BadInput(f"{Path(directory) / name}: {error.strerror or error}") from error
+            raise InputError(f"{Path(directory) / name}: {error.strerror or error}") from error
     return digest.hexdigest()
 
 
@@ -80,8 +80,8 @@ def _plain(gate: PhysicsGate) -> dict[str, Any]:
         "temperature": gate.temperature, "aside": gate.aside}
 
 
-def _fit(table: dict[str, Any]) -> Fit:
-    return Fit(Widths(float(table["height_m"]), float(table["speed"])), _array(table["theta"], (SIZE,)),
+def _fit(table: dict[str, Any]) -> GateFit:
+    return GateFit(Widths(float(table["height_m"]), float(table["speed"])), _array(table["theta"], (SIZE,)),
                _array(table["covariance"], (SIZE, SIZE)), float(table["evidence"]))
 
 

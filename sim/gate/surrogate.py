@@ -14,9 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robot.config import BadInput
-from robot.gate.contract import FEATURES, NOVELTY_LIMIT
-from sim.gate.model import PhysicsGate
+from truearc.robot.config.schema import InputError
+from truearc.robot.gate.contract import FEATURES, NOVELTY_LIMIT
+from truearc.sim.gate.model import PhysicsGate
 
 DEGREES = (9, 12, 15)                 # tried in this order until one is good enough
 OVERSAMPLED = 1.2                     # grid points along each feature for each degree
@@ -72,7 +72,7 @@ class Surrogate:
 
 
 def make_surrogate(gate: PhysicsGate, domain: dict[str, list[float]]) -> tuple[Surrogate, Errors]:
-    """The least surrogate that is good enough over `domain` {feature: [low, high]}; BadInput when none of them is."""
+    """The least surrogate that is good enough over `domain` {feature: [low, high]}; InputError when none of them is."""
     box = np.array([domain[feature.name] for feature in FEATURES])
     checks = inside(gate, box, CHECKED, 0)
     wanted = gate.latent(checks)
@@ -81,7 +81,7 @@ def make_surrogate(gate: PhysicsGate, domain: dict[str, list[float]]) -> tuple[S
         errors = compare(gate, surrogate, checks, wanted)
         if errors.acceptable:
             return surrogate, errors
-    raise BadInput(f"the physics is too crooked over this domain for the graph: with {DEGREES[-1]} degrees the mean is "
+    raise InputError(f"the physics is too crooked over this domain for the graph: with {DEGREES[-1]} degrees the mean is "
                    f"off by {errors.mean_m:.4f} m near the target, p by {errors.p:.4f}; record fewer extremes")
 
 

@@ -5,16 +5,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot.facts import Facts
-from sim.belief import Belief
-from sim.gate.figures import Figures, figures_of, log_scores
-from sim.gate.fit import fit_widest
-from sim.gate.likelihood import PRIORS, Data, Shape, cell_probabilities, spread_m
-from sim.gate.marks import Marks, marks_of
-from sim.gate.model import PhysicsGate, Scaling, halves_of
-from sim.gate.novelty import fit_novelty
-from sim.gate.physics import Physics, physics_of
-from sim.shots import Shots
+from truearc.robot.config.rig_spec import Rig
+from truearc.sim.infer.belief import Belief
+from truearc.sim.gate.metrics import Figures, figures_of, log_scores
+from truearc.sim.gate.fit import fit_widest
+from truearc.sim.gate.likelihood import PRIORS, GateData, GateShape, cell_probabilities, spread_m
+from truearc.sim.gate.outcome_classes import OutcomeClasses, marks_of
+from truearc.sim.gate.model import PhysicsGate, Scaling, halves_of
+from truearc.sim.gate.novelty import fit_novelty
+from truearc.sim.gate.physics import Physics, physics_of
+from truearc.sim.data.dataset import Shots
 
 FOLDS = 5
 FEWEST_TO_FOLD = 15
@@ -40,13 +40,13 @@ class Heldout:
     gain: float
 
 
-def fit_physics_gate(facts: Facts, belief: Belief, shots: Shots, seed: int = 0, name: str = "shots",
+def fit_physics_gate(facts: Rig, belief: Belief, shots: Shots, seed: int = 0, name: str = "shots",
                      progress: Progress = lambda done, note: None) -> PhysicsGate:
     """The gate of these shots; the same arguments give the same gate. BadInput when nothing can be learned."""
     return train_physics_gate(facts, belief, shots, seed, name, progress)[0]
 
 
-def train_physics_gate(facts: Facts, belief: Belief, shots: Shots, seed: int = 0, name: str = "shots",
+def train_physics_gate(facts: Rig, belief: Belief, shots: Shots, seed: int = 0, name: str = "shots",
                        progress: Progress = lambda done, note: None) -> tuple[PhysicsGate, Heldout | None]:
     """As fit_physics_gate, with what it was worth out of fold (None when there are too few judged configurations).
 
@@ -90,11 +90,11 @@ class _Fold:
         return self.gate.judge(self.mean_m, temperature * self.sigma_m)
 
 
-def _fit(facts: Facts, belief: Belief, marks: Marks, physics: Physics, weight: np.ndarray) -> PhysicsGate:
+def _fit(facts: Rig, belief: Belief, marks: OutcomeClasses, physics: Physics, weight: np.ndarray) -> PhysicsGate:
     seen = marks.features[weight > 0.0]
     scaling = scaling_of(seen)
     told = weight * ~marks.aside
-    data = Data(scaling(marks.features), *physics, marks.cells, marks.miss_m, told)
+    data = GateData(scaling(marks.features), *physics, marks.cells, marks.miss_m, told)
     aside = float((marks.aside * weight).sum() / weight.sum())
     return PhysicsGate(facts, belief, scaling, fit_widest(data, halves_of(facts)), 1.0, aside, fit_novelty(seen))
 
@@ -108,7 +108,7 @@ def scaling_of(features: np.ndarray) -> Scaling:
     return Scaling(mean, deviation, low - margin, high + margin)
 
 
-def _latent_of(gate: PhysicsGate, marks: Marks, physics: Physics, rows: np.ndarray) -> _Fold:
+def _latent_of(gate: PhysicsGate, marks: OutcomeClasses, physics: Physics, rows: np.ndarray) -> _Fold:
     part = Physics(*(column[rows] for column in physics))
     return _Fold(gate, *gate.correct(marks.features[rows], part), marks.level[rows])
 
@@ -129,10 +129,10 @@ def _calibrate(gate: PhysicsGate, parts: list[_Fold], alone: Figures) -> tuple[P
     return gate.warmer(best), Heldout(p, level, figures_of(plain, level), figures_of(p, level), alone, gain)
 
 
-def _alone(gate: PhysicsGate, physics: Physics, marks: Marks) -> Figures:
+def _alone(gate: PhysicsGate, physics: Physics, marks: OutcomeClasses) -> Figures:
     """The forecast with nothing learned here: spread as the belief has it, half-heights of rig.toml, judged rows."""
     two_m, three_m = halves_of(gate.facts)
-    shape = Shape(1.0, PRIORS["floor_m"][0], two_m, three_m, PRIORS["lapse"][0])
+    shape = GateShape(1.0, PRIORS["floor_m"][0], two_m, three_m, PRIORS["lapse"][0])
     judged = marks.level >= 0
     cells = np.asarray(cell_probabilities(shape, physics.deviation_m, spread_m(shape, physics.sigma_m)))[judged]
     return figures_of(np.stack([cells[:, 1:4].sum(axis=1), cells[:, 2]], axis=1), marks.level[judged])

@@ -1,7 +1,7 @@
 """The law of motion as machine code: the one JAX law of the terms, traced, written out as scalars, compiled by numba.
 
 Only the plane of a flight without sideways force is written out. Nothing here knows what a term says: whatever the
-terms of sim.physics.terms come to is what gets compiled, and an operation that has no counterpart here is an error.
+terms of truearc.sim.physics.terms come to is what gets compiled, and an operation that has no counterpart here is an error.
 """
 
 import hashlib
@@ -21,10 +21,10 @@ import msgspec
 import numba
 import numpy as np
 
-from robot.facts import Facts
-from sim.physics.flight import make_law, needs_time
-from sim.physics.term import BallState, InFlight
-from sim.physics.vector import Vec, absent
+from truearc.robot.config.rig_spec import Rig
+from truearc.sim.physics.flight import make_law, needs_time
+from truearc.sim.physics.term import BallState, InFlight
+from truearc.sim.physics.vector import Vec, absent
 
 STATE = ("x_m", "z_m", "vx_m_s", "vz_m_s", "spin_rev_s")
 CACHED = "cache=True"
@@ -42,7 +42,7 @@ class UntraceableLaw(ValueError):
     """The law uses something that this module cannot write out."""
 
 
-def make_source(facts: Facts, terms: Sequence[InFlight], values: Sequence[tuple[str, str]]) -> str:
+def make_source(facts: Rig, terms: Sequence[InFlight], values: Sequence[tuple[str, str]]) -> str:
     """Source of `acceleration(x_m, z_m, vx_m_s, vz_m_s, spin_rev_s, values, facts) -> (ax, az)` in m/s2.
 
     `values`: the (term, parameter) that the function takes as a tuple, in this order; the other parameters have their
@@ -74,7 +74,7 @@ def make_source(facts: Facts, terms: Sequence[InFlight], values: Sequence[tuple[
             + "".join(f"    {line}\n" for line in lines) + f"    return {results[0]}, {results[1]}\n")
 
 
-def facts_values(facts: Facts) -> tuple[float, ...]:
+def facts_values(facts: Rig) -> tuple[float, ...]:
     """The rig's numbers in the order in which a written-out law takes them."""
     return tuple(_leaves(facts))
 

@@ -13,10 +13,10 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from robot.facts import Facts
-from sim.physics.launch import Exit
-from sim.physics.term import AirTerm, BallState, InFlight, complete
-from sim.physics.vector import Vec, absent, add, length, plus, scale, times
+from truearc.robot.config.rig_spec import Rig
+from truearc.sim.physics.launch import Exit
+from truearc.sim.physics.term import AirTerm, BallState, InFlight, complete
+from truearc.sim.physics.vector import Vec, absent, add, length, plus, scale, times
 
 STEP_S = 0.002                        # longest RK4 step: heights of 30 000 random launches within 6e-9 m of DOP853
 TURN_RAD = 0.02                       # ... and the air changes the velocity by no more than this share in one
@@ -45,7 +45,7 @@ class _Flight(NamedTuple):
 
 
 @partial(jax.jit, static_argnames=("facts", "terms", "step_s", "turn_rad", "limit_s", "floor"))
-def fly(facts: Facts, terms: tuple[InFlight, ...], params: Mapping[str, Mapping[str, Any]], exit: Exit,
+def fly(facts: Rig, terms: tuple[InFlight, ...], params: Mapping[str, Mapping[str, Any]], exit: Exit,
         distance_m: Any, step_s: float = STEP_S, turn_rad: float = TURN_RAD, limit_s: float = LIMIT_S,
         floor: bool = True) -> Crossing:
     """Fly every lane to the plane x = distance_m.
@@ -68,7 +68,7 @@ def fly(facts: Facts, terms: tuple[InFlight, ...], params: Mapping[str, Mapping[
 
 
 @partial(jax.jit, static_argnames=("facts", "terms", "points", "step_s"))
-def path(facts: Facts, terms: tuple[InFlight, ...], params: Mapping[str, Mapping[str, Any]], exit: Exit,
+def path(facts: Rig, terms: tuple[InFlight, ...], params: Mapping[str, Mapping[str, Any]], exit: Exit,
          points: int, step_s: float = STEP_S) -> BallState:
     """The free flight of every lane, `points` states step_s apart (leading axis, launch first), through the floor."""
     law = make_law(facts, terms, params)
@@ -80,10 +80,10 @@ def path(facts: Facts, terms: tuple[InFlight, ...], params: Mapping[str, Mapping
     return lax.scan(advance, start, None, length=points)[1]
 
 
-def make_law(facts: Facts, terms: Sequence[InFlight], params: Mapping[str, Mapping[str, Any]]) -> Law:
+def make_law(facts: Rig, terms: Sequence[InFlight], params: Mapping[str, Mapping[str, Any]]) -> Law:
     """The sum of the terms' accelerations in m/s2 as a function of the ball's state.
 
-    terms: in the catalogue's order. params: effective values (sim.physics.catalogue.effective). First the terms about
+    terms: in the catalogue's order. params: effective values (truearc.sim.physics.catalogue.effective). First the terms about
     the air make the ball as the air sees it; then each force in turn may be a share of those before it.
     """
     airs = [(term, complete(term, params.get(term.name))) for term in terms if isinstance(term, AirTerm)]
@@ -108,7 +108,7 @@ def needs_time(law: Law, ball: BallState) -> bool:
     return any(atom is traced.invars[0] for equation in traced.eqns for atom in equation.invars)
 
 
-def start_of(facts: Facts, exit: Exit, shape: tuple[int, ...]) -> BallState:
+def start_of(facts: Rig, exit: Exit, shape: tuple[int, ...]) -> BallState:
     """The ball at the exit point, flying in the vertical plane, backspin about -y."""
     speed, elevation, spin, above_m = (jnp.broadcast_to(jnp.asarray(part, dtype=float), shape) for part in exit)
     zero = jnp.zeros(shape)

@@ -2,7 +2,7 @@
 
 import jax.numpy as jnp
 
-from sim.physics.vector import Vec
+from truearc.sim.physics.vector import Vec
 
 
 def axes(velocity: Vec) -> tuple[Vec, Vec, Vec]:

@@ -5,8 +5,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from robot.config import BadInput
-from robot.facts import Facts, Wheel
+from truearc.robot.config.schema import InputError
+from truearc.robot.config.rig_spec import Rig, Wheel
 
 
 class Exit(NamedTuple):
@@ -22,11 +22,11 @@ class Exit(NamedTuple):
         return Exit(*(part if np.ndim(part) == 0 else part[rows] for part in self))
 
 
-def exit_seed(facts: Facts, motor_ratio: Any, hood_deg: Any) -> Exit:
+def exit_seed(facts: Rig, motor_ratio: Any, hood_deg: Any) -> Exit:
     """Launch of the two-wheel rig at motor speed / free speed and elevation.
 
     The seed's Eq. 11 and 12, the latter with the paper's own factor (twice the spin of a ball that does not slip).
-    Raises BadInput when the rig has no free speed or not one wheel above and one below.
+    Raises InputError when the rig has no free speed or not one wheel above and one below.
     """
     upper, lower = opposed_wheels(facts)
     motor_rad_s = motor_ratio * free_speed_rad_s(facts)
@@ -34,13 +34,13 @@ def exit_seed(facts: Facts, motor_ratio: Any, hood_deg: Any) -> Exit:
                         hood_deg)
 
 
-def exit_opposed(facts: Facts, upper_m_s: Any, lower_m_s: Any, hood_deg: Any) -> Exit:
+def exit_opposed(facts: Rig, upper_m_s: Any, lower_m_s: Any, hood_deg: Any) -> Exit:
     """Eq. 11 and 12 from the surface speeds of the two wheels."""
     spin_rev_s = (lower_m_s - upper_m_s) / (2.0 * math.pi * facts.ball.radius_m)
     return Exit((upper_m_s + lower_m_s) / 2.0, hood_deg * (math.pi / 180.0), spin_rev_s)
 
 
-def exit_no_slip(facts: Facts, wheel_surface_m_s: Any) -> tuple[Any, Any]:
+def exit_no_slip(facts: Rig, wheel_surface_m_s: Any) -> tuple[Any, Any]:
     """Exit speed and spin of a ball that rolls on all wheels without slip, in least squares.
 
     wheel_surface_m_s: [n, wheels] in the rig's order, positive drives the ball out. Returns speed [n] in m/s and spin
@@ -57,21 +57,21 @@ def exit_no_slip(facts: Facts, wheel_surface_m_s: Any) -> tuple[Any, Any]:
     return solved[:, 0], spin_rad_s
 
 
-def opposed_wheels(facts: Facts) -> tuple[Wheel, Wheel]:
-    """(upper, lower) of a rig with exactly one wheel on top and one at the bottom; BadInput otherwise."""
+def opposed_wheels(facts: Rig) -> tuple[Wheel, Wheel]:
+    """(upper, lower) of a rig with exactly one wheel on top and one at the bottom; InputError otherwise."""
     clocks = [round(wheel.clock_deg % 360.0, 6) for wheel in facts.launcher.wheel]
     if sorted(clocks) != [0.0, 180.0]:
-        raise BadInput("rig.toml: launcher.wheel: the seed's Eq. 11 and 12 need two wheels, clock_deg 0 and 180")
+        raise InputError("rig.toml: launcher.wheel: the seed's Eq. 11 and 12 need two wheels, clock_deg 0 and 180")
     return facts.launcher.wheel[clocks.index(0.0)], facts.launcher.wheel[clocks.index(180.0)]
 
 
-def is_opposed(facts: Facts) -> bool:
+def is_opposed(facts: Rig) -> bool:
     """Whether the seed's Eq. 11 and 12 apply to this rig."""
     return sorted(round(wheel.clock_deg % 360.0, 6) for wheel in facts.launcher.wheel) == [0.0, 180.0]
 
 
-def free_speed_rad_s(facts: Facts) -> float:
-    """The motors' free speed; BadInput when rig.toml does not state it."""
+def free_speed_rad_s(facts: Rig) -> float:
+    """The motors' free speed; InputError when rig.toml does not state it."""
     if facts.launcher.free_speed_rad_s is None:
-        raise BadInput("rig.toml: launcher.free_speed_rad_s is needed to turn motor_ratio into a launch")
+        raise InputError("rig.toml: launcher.free_speed_rad_s is needed to turn motor_ratio into a launch")
     return facts.launcher.free_speed_rad_s

@@ -10,16 +10,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
-from robot.facts import Facts
-from sim.physics.launch import Exit
-from sim.physics.vector import Vec
+from truearc.robot.config.rig_spec import Rig
+from truearc.sim.physics.launch import Exit
+from truearc.sim.physics.vector import Vec
 
 STAGES = ("sensing", "launch", "flight", "arrival")
 
 
 @dataclass(frozen=True)
 class Prior:
-    """What is believed before any shot: normal on one of sim.physics.scales, weak, with its reason in words.
+    """What is believed before any shot: normal on one of truearc.sim.physics.scales, weak, with its reason in words.
 
     `centre` is a value of the parameter itself, `sd` is on the scale (on "log": the log of a factor).
     """
@@ -60,7 +60,7 @@ class BallState(NamedTuple):
 class Circumstances(NamedTuple):
     """What a term may know of a shot beside its configuration: arrays [n], or numbers; by itself the ordinary shot.
 
-    sim.circumstances gathers them from a dataset.
+    truearc.sim.data.shot_conditions gathers them from a dataset.
     """
 
     battery: Any = 0.0                # (battery_v - median) / median
@@ -71,7 +71,7 @@ class Circumstances(NamedTuple):
     hood_change: Any = 0.0            # sign of this hood_deg less that of the session's shot before
     closing_speed_m_s: Any = 0.0      # of the robot, toward the target positive
     ball: Any = 0.0                   # a ball's own departure in units of the balls' spread; nobody knows it: 0
-    free_speed: Any = 0.0             # sizes of effects without a name, by sim.curve,
+    free_speed: Any = 0.0             # sizes of effects without a name, by truearc.sim.infer.curve,
     free_elevation: Any = 0.0
     free_distance: Any = 0.0
     free_push: Any = 0.0
@@ -116,7 +116,7 @@ class SensingTerm(Term):
     stage: ClassVar[str] = "sensing"
 
     @abstractmethod
-    def sense(self, facts: Facts, values: Mapping[str, Any], exit: Exit, distance_m: Any) -> tuple[Exit, Any]:
+    def sense(self, facts: Rig, values: Mapping[str, Any], exit: Exit, distance_m: Any) -> tuple[Exit, Any]:
         """(launch by the wheels, distance in m) as they are in truth; differentiable.
 
         exit, distance_m: as the sensors, and the sensing terms before this one in the catalogue, have them.
@@ -144,7 +144,7 @@ class LaunchTerm(Term):
     stage: ClassVar[str] = "launch"
 
     @abstractmethod
-    def leave(self, facts: Facts, values: Mapping[str, Any], exit: Exit) -> Exit:
+    def leave(self, facts: Rig, values: Mapping[str, Any], exit: Exit) -> Exit:
         """The launch as this term changes it; differentiable in values and launch.
 
         exit: as the wheels' surfaces and the launch terms before this one in the catalogue have it.
@@ -158,7 +158,7 @@ class FlightTerm(Term):
     stage: ClassVar[str] = "flight"
 
     @abstractmethod
-    def acceleration(self, facts: Facts, values: Mapping[str, Any], ball: BallState,
+    def acceleration(self, facts: Rig, values: Mapping[str, Any], ball: BallState,
                      forces: Mapping[str, Vec]) -> Vec:
         """Its acceleration in m/s2 (lanes broadcast), launcher frame; differentiable in values and state.
 
@@ -173,7 +173,7 @@ class AirTerm(Term):
     stage: ClassVar[str] = "flight"
 
     @abstractmethod
-    def meet(self, facts: Facts, values: Mapping[str, Any], ball: BallState) -> BallState:
+    def meet(self, facts: Rig, values: Mapping[str, Any], ball: BallState) -> BallState:
         """The ball as the air sees it: its velocity through the air, the spin that it has left; differentiable."""
 
 

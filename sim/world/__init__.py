@@ -1,0 +1,1 @@
+"""The emulated robot: MuJoCo world, composition, device server and pacing."""

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from sim.world.world import World
+from truearc.sim.world.world import World
 
 GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 SETTLE_S = 0.3                    # from standing still to pressing fire, and before arming

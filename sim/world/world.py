@@ -5,19 +5,19 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from hw.emulated.plant import MotorTruth, View
-from sim.world.balls import Rack
-from sim.world.belt import Belt
-from sim.world.feeder import Feeder
-from sim.world.flight import Flight
-from sim.world.hood import Hood, flexed
-from sim.world.motor import FEEDER, FLYWHEEL, HOOD, Drawn, Motor, drive_motor
-from sim.world.nip import Nip, Released
-from sim.world.options import Options
-from sim.world.shot import Launch, from_exit_point, from_muzzle, in_field, result_of
-from sim.world.stand import Pose, Stand, look
-from sim.world.supply import Supply
-from sim.world.target import BallResult
+from truearc.hw.emulated.plant import MotorTruth, View
+from truearc.sim.world.parts.balls import Rack
+from truearc.sim.world.parts.belt import Belt
+from truearc.sim.world.parts.feeder import Feeder
+from truearc.sim.world.flight import Flight
+from truearc.sim.world.parts.hood import Hood, flexed
+from truearc.sim.world.parts.motor import FEEDER, FLYWHEEL, HOOD, Drawn, Motor, drive_motor
+from truearc.sim.world.parts.wheel_contact import Nip, Released
+from truearc.sim.world.options import Options
+from truearc.sim.world.shot import Launch, from_exit_point, from_muzzle, in_field, result_of
+from truearc.sim.world.parts.chassis import Pose, Stand, look
+from truearc.sim.world.parts.battery import Supply
+from truearc.sim.world.parts.target import BallResult
 
 LONGEST_STEP_S = 0.005
 START_DISTANCE_M = 4.0

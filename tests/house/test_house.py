@@ -51,12 +51,12 @@ def test_only_one_file_reads_a_clock():
     dated tables reads dates, no clock."""
     readers = {str(path.relative_to(ROOT)) for path in FILES if path.parts[-2] != "doors"
                and any(map(reads_a_clock, ast.walk(ast.parse(path.read_text(encoding="utf-8")))))}
-    assert readers == {str(Path("hw/real/clock.py")), str(Path("sim/world/survey.py")),
-                       str(Path("sim/importers/set_points.py"))}
+    assert readers == {str(Path("hw/real/clock.py")), str(Path("proof/truearc_proof/world/survey.py")),
+                       str(Path("proof/truearc_proof/importers/set_points.py"))}
 
 
-@pytest.mark.parametrize("module", ["doors.run", "doors.replay", "doors.vision", "doors.doctor", "doors.deploy",
-                                    "doors.identify", "doors.recover", "doors.convert"])
+@pytest.mark.parametrize("module", ["truearc.cli.robot.run", "truearc.cli.session.replay", "truearc.cli.robot.vision", "truearc.cli.robot.doctor", "truearc.cli.robot.deploy",
+                                    "truearc.cli.robot.sysid", "truearc.cli.session.recover", "truearc.cli.session.convert"])
 def test_the_robots_own_doors_need_only_the_base_install(module):
     """Imported in a process in which the heavy packages do not exist."""
     code = (f"import sys\nfor name in {HEAVY!r}: sys.modules[name] = None\n"

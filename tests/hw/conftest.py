@@ -6,7 +6,7 @@ from tests.hw.spinning_plant import SpinningPlant
 
 
 class SetClock:
-    """hw.link.Clock whose time is whatever the test says."""
+    """truearc.hw.protocols.Clock whose time is whatever the test says."""
 
     def __init__(self) -> None:
         self.t_ns = 0

@@ -6,10 +6,10 @@ import cv2
 import numpy as np
 import pytest
 
-from hw.emulated.camera import EmulatedCamera, TapeSize, outline_m
-from hw.emulated.lens import Lens, distort
-from hw.emulated.look import TAPE_BGR, Look
-from hw.emulated.plant import View
+from truearc.hw.emulated.imaging.camera import EmulatedCamera, TapeSize, outline_m
+from truearc.hw.emulated.imaging.lens import Lens, distort
+from truearc.hw.emulated.imaging.image_degradation import TAPE_BGR, Look
+from truearc.hw.emulated.plant import View
 
 TAPE = TapeSize(0.99695, 0.49885, 0.4318, 0.0508)
 PINHOLE = Lens(640, 480, 699.4, 690.0, 325.0, 236.0)

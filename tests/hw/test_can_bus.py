@@ -1,4 +1,4 @@
-"""python-can behind hw.link.Bus: a real virtual bus, a real slcan adapter's line protocol over a pseudo-terminal."""
+"""python-can behind truearc.hw.protocols.Bus: a real virtual bus, a real slcan adapter's line protocol over a pseudo-terminal."""
 
 import os
 import select
@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hw.link import Frame, LinkLost
-from hw.real.can_bus import CanBus, open_can
-from hw.real.can_errors import error_words
+from truearc.hw.protocols import Frame, LinkLost
+from truearc.hw.real.can_bus import CanBus, open_can
+from truearc.hw.real.can_errors import error_words
 
 standard, extended, payloads = st.integers(0, 0x7FF), st.integers(0, 0x1FFFFFFF), st.binary(max_size=8)
 frames = st.one_of(

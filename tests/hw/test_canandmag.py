@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hw import canandmag
-from hw.canandmag import Encoder
-from hw.codec import load_codec
-from hw.link import BadFrame, Frame
-from hw.reading import AngleReading
+from truearc.hw.devices.canandmag import frames as canandmag
+from truearc.hw.devices.canandmag.frames import Encoder
+from truearc.hw.codec import load_codec
+from truearc.hw.protocols import BadFrame, Frame
+from truearc.hw.readings import AngleReading
 
 ENCODER = Encoder(5)
 POSITION_ID, STATUS_ID = 0x070E07C5, 0x070E0185

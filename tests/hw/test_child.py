@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from hw.link import LinkLost
-from hw.real import child as module
-from hw.real.child import Child, make_pauses_s
+from truearc.hw.protocols import LinkLost
+from truearc.hw.real import child_process as module
+from truearc.hw.real.child_process import Child, make_pauses_s
 
 ROOT = Path(__file__).parents[2]
 posix = pytest.mark.skipif(os.name != "posix", reason="signals")
@@ -113,7 +113,7 @@ def test_one_that_hangs_is_killed_when_it_is_to_end():
 
 PARENT = """
 import os, signal, sys
-from hw.real.child import Child
+from truearc.hw.real.child_process import Child
 from tests.hw.test_child import {work}
 if __name__ == "__main__":
     child = Child("test", {work}, (), mended=True, mortal={mortal})

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hw.emulated.clock import StepClock
-from hw.real.clock import MonotonicClock
+from truearc.hw.emulated.clock import StepClock
+from truearc.hw.real.clock import MonotonicClock
 
 
 @given(times=st.lists(st.integers(0, 10**12), max_size=20))

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hw.codec import DBC, load_codec
-from hw.link import BadFrame
+from truearc.hw.codec import DBC, load_codec
+from truearc.hw.protocols import BadFrame
 
 ODRIVE, CANANDMAG, SPARK = load_codec("odrive"), load_codec("canandmag"), load_codec("spark")
 MESSAGES = [(codec, name) for codec in (ODRIVE, CANANDMAG, SPARK) for name in codec.messages]

@@ -5,10 +5,10 @@ import struct
 
 import pytest
 
-from hw import odrive
-from hw.canandmag import Encoder, make_position_period
-from hw.emulated.canandmag_node import CanandmagNode
-from hw.emulated.faults import (
+from truearc.hw.devices.odrive import frames as odrive
+from truearc.hw.devices.canandmag.frames import Encoder, make_position_period
+from truearc.hw.devices.canandmag.emulator import CanandmagNode
+from truearc.hw.emulated.faults import (
     DEAF,
     DOUBLED,
     HELD,
@@ -23,16 +23,16 @@ from hw.emulated.faults import (
     Fault,
     FaultyNode,
 )
-from hw.emulated.odrive_node import OdriveNode
-from hw.emulated.twin import Twin
-from hw.link import BadFrame
-from hw.odrive import CLOSED_LOOP, IDLE, PASSTHROUGH, TORQUE, Axis
-from hw.reading import MotorReading
-from hw.real.can_bus import open_can
+from truearc.hw.devices.odrive.emulator import OdriveNode
+from truearc.hw.emulated.emulated_robot import Twin
+from truearc.hw.protocols import BadFrame
+from truearc.hw.devices.odrive.frames import CLOSED_LOOP, IDLE, PASSTHROUGH, TORQUE, OdriveAxis
+from truearc.hw.readings import MotorReading
+from truearc.hw.real.can_bus import open_can
 from tests.hw.spinning_plant import SpinningPlant
 
 MS = 1_000_000
-AXIS = Axis(1, 1)
+AXIS = OdriveAxis(1, 1)
 ESTIMATE_ID = 0x29
 
 

@@ -5,8 +5,8 @@ import threading
 import numpy as np
 import pytest
 
-from hw.link import LinkLost
-from hw.real.camera import SILENT_NS, CameraThread
+from truearc.hw.protocols import LinkLost
+from truearc.hw.real.camera import SILENT_NS, CameraThread
 from tests.hw.conftest import SetClock
 
 

@@ -8,31 +8,31 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hw import odrive
-from hw.codec import load_codec
-from hw.link import BadFrame, Frame
-from hw.odrive import Axis
-from hw.reading import MotorReading
+from truearc.hw.devices.odrive import frames as odrive
+from truearc.hw.codec import load_codec
+from truearc.hw.protocols import BadFrame, Frame
+from truearc.hw.devices.odrive.frames import OdriveAxis
+from truearc.hw.readings import MotorReading
 
 TURN = 2.0 * math.pi
 nodes = st.integers(0, 62)
-axes = st.builds(Axis, nodes, st.sampled_from((-1, 1)), st.integers(1, 65535))
+axes = st.builds(OdriveAxis, nodes, st.sampled_from((-1, 1)), st.integers(1, 65535))
 torques = st.floats(-50.0, 50.0, width=32)
 
 
-def frame(axis: Axis, command: int, data: bytes, t_ns: int = 7) -> Frame:
+def frame(axis: OdriveAxis, command: int, data: bytes, t_ns: int = 7) -> Frame:
     return Frame(t_ns, axis.node << 5 | command, data)
 
 
 @given(axis=axes, torque=torques)
-def test_torque_bytes(axis: Axis, torque: float) -> None:
+def test_torque_bytes(axis: OdriveAxis, torque: float) -> None:
     sent = odrive.make_torque(axis, torque)
     assert sent.arbitration_id == axis.node * 32 + 0x0E and not sent.is_extended and not sent.is_remote
     assert sent.data == struct.pack("<fI", axis.direction * torque, 0)
 
 
 def test_command_bytes() -> None:
-    axis = Axis(3, -1, 596)
+    axis = OdriveAxis(3, -1, 596)
     assert odrive.make_state(axis, odrive.CLOSED_LOOP)[1:3] == (0x67, bytes([8, 0, 0, 0, 0, 0, 0, 0]))
     assert odrive.make_controller_mode(axis, odrive.TORQUE, odrive.PASSTHROUGH).data == struct.pack("<II", 1, 1)
     assert odrive.make_limits(axis, TURN * 50.0, 40.0).data == struct.pack("<ff", 50.0, 40.0)
@@ -43,7 +43,7 @@ def test_command_bytes() -> None:
 
 
 @given(axis=axes, position=st.floats(-1e5, 1e5, width=32), velocity=st.floats(-500.0, 500.0, width=32))
-def test_encoder_estimates_become_radians_in_the_robots_sign(axis: Axis, position: float, velocity: float) -> None:
+def test_encoder_estimates_become_radians_in_the_robots_sign(axis: OdriveAxis, position: float, velocity: float) -> None:
     reading = odrive.parse(axis, frame(axis, 0x09, struct.pack("<ff", position, velocity)), MotorReading())
     assert reading.t_ns == 7
     assert reading.position_rad == pytest.approx(axis.direction * TURN * position)
@@ -51,7 +51,7 @@ def test_encoder_estimates_become_radians_in_the_robots_sign(axis: Axis, positio
 
 
 def test_each_group_has_its_own_stamp_and_leaves_the_others_alone() -> None:
-    axis, reading = Axis(2, -1, 596), MotorReading()
+    axis, reading = OdriveAxis(2, -1, 596), MotorReading()
     reading = odrive.parse(axis, frame(axis, 0x01, bytes([0, 0, 0, 1, 8, 0, 1, 0]), 11), reading)
     reading = odrive.parse(axis, frame(axis, 0x14, struct.pack("<ff", 5.0, 4.5), 12), reading)
     reading = odrive.parse(axis, frame(axis, 0x17, struct.pack("<ff", 12.5, 3.0), 13), reading)
@@ -62,7 +62,7 @@ def test_each_group_has_its_own_stamp_and_leaves_the_others_alone() -> None:
 
 
 def test_a_limit_switch_answer_may_be_one_byte_and_is_only_ours() -> None:
-    axis, closed = Axis(2, 1, 596), MotorReading(endstop_t_ns=1, endstop=True)
+    axis, closed = OdriveAxis(2, 1, 596), MotorReading(endstop_t_ns=1, endstop=True)
     assert not odrive.parse(axis, frame(axis, 0x05, bytes([0, 0x54, 0x02, 0, 0])), closed).endstop
     assert odrive.parse(axis, frame(axis, 0x05, bytes([0, 0x55, 0x02, 0, 0])), closed) == closed
     with pytest.raises(BadFrame, match="limit switch"):
@@ -70,7 +70,7 @@ def test_a_limit_switch_answer_may_be_one_byte_and_is_only_ours() -> None:
 
 
 def test_errors_come_from_the_error_frame_too() -> None:
-    axis = Axis(2, 1)
+    axis = OdriveAxis(2, 1)
     reading = odrive.parse(axis, frame(axis, 0x03, struct.pack("<II", 0x200, 0x02000000)), MotorReading())
     assert odrive.error_words(reading.axis_error) == ("bus under voltage", "estop requested")
     assert odrive.error_words(0x80000000) == ("error 0x80000000",)
@@ -80,20 +80,20 @@ def test_errors_come_from_the_error_frame_too() -> None:
 @pytest.mark.parametrize("data", [b"", bytes(7), bytes(9), struct.pack("<ff", math.nan, 0.0),
                                   struct.pack("<ff", 0.0, math.inf), struct.pack("<ff", 0.0, 9000.0)])
 def test_malformed_encoder_frames_are_refused_by_name(data: bytes) -> None:
-    axis = Axis(2, 1)
+    axis = OdriveAxis(2, 1)
     with pytest.raises(BadFrame, match=r"node 2, id 0x049: odrive Get_Encoder_Estimates.*\d+ bytes"):
         odrive.parse(axis, frame(axis, 0x09, data), MotorReading())
 
 
 def test_foreign_frames_are_refused_and_questions_ignored() -> None:
-    axis, reading = Axis(2, 1), MotorReading(t_ns=3)
+    axis, reading = OdriveAxis(2, 1), MotorReading(t_ns=3)
     with pytest.raises(BadFrame, match="0x069"):
         odrive.parse(axis, Frame(1, 0x69, bytes(8)), reading)
     assert odrive.parse(axis, Frame(1, 0x49, b"", is_remote=True), reading) == reading
 
 
 def test_version() -> None:
-    axis = Axis(2, 1)
+    axis = OdriveAxis(2, 1)
     version = odrive.parse_version(axis, frame(axis, 0x00, bytes([2, 5, 2, 0, 0, 6, 10, 0])))
     assert version.hardware == (5, 2, 0) and version.firmware == (0, 6, 10)
     with pytest.raises(BadFrame):
@@ -157,9 +157,9 @@ def _values(codec, name: str, signal: str) -> st.SearchStrategy:
 
 
 @pytest.mark.data
-@given(axis=st.builds(Axis, st.integers(0, 7), st.sampled_from((-1, 1))), torque=torques,
+@given(axis=st.builds(OdriveAxis, st.integers(0, 7), st.sampled_from((-1, 1))), torque=torques,
        velocity=st.floats(0.0, 1000.0), current=st.floats(0.0, 200.0, width=32))
-def test_what_the_driver_sends_reads_there_as_meant(theirs, axis: Axis, torque: float, velocity: float,
+def test_what_the_driver_sends_reads_there_as_meant(theirs, axis: OdriveAxis, torque: float, velocity: float,
                                                     current: float) -> None:
     def read(sent: Frame) -> dict[str, float]:
         message = theirs.get_message_by_frame_id(sent.arbitration_id)

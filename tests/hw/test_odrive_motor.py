@@ -4,10 +4,10 @@ import struct
 
 import pytest
 
-from hw.agreement import MOVING_RAD_S
-from hw.link import Frame
-from hw.odrive import Axis
-from hw.odrive_motor import OdriveMotor
+from truearc.hw.encoder_plausibility import MOVING_RAD_S
+from truearc.hw.protocols import Frame
+from truearc.hw.devices.odrive.frames import OdriveAxis
+from truearc.hw.devices.odrive.motor import OdriveMotor
 
 MS = 1_000_000
 FAST_REV_S = 20.0
@@ -19,7 +19,7 @@ def feed(motor: OdriveMotor, t_ns: int, position_rev: float, velocity_rev_s: flo
 
 @pytest.fixture
 def motor() -> OdriveMotor:
-    return OdriveMotor(Axis(1, 1))
+    return OdriveMotor(OdriveAxis(1, 1))
 
 
 def test_an_encoder_that_claims_to_turn_and_stands_still_is_named(motor: OdriveMotor) -> None:

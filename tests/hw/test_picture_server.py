@@ -5,10 +5,10 @@ import threading
 import numpy as np
 import pytest
 
-from hw.emulated.picture_server import PictureServer
-from hw.link import LinkLost
-from hw.real.camera import open_camera
-from hw.real.clock import MonotonicClock
+from truearc.hw.emulated.imaging.picture_server import PictureServer
+from truearc.hw.protocols import LinkLost
+from truearc.hw.real.camera import open_camera
+from truearc.hw.real.clock import MonotonicClock
 
 
 def make_picture(shade: int) -> np.ndarray:

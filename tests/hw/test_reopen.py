@@ -6,11 +6,11 @@ import time
 import numpy as np
 import pytest
 
-from hw.buttons import make_heartbeat, make_press, parse_lines
-from hw.link import LinkLost
-from hw.reading import CameraFrame
-from hw.real.reopen import LONGEST_S, MendedCamera, MendedStream
-from hw.real.serial_port import open_serial
+from truearc.hw.devices.button_box.frames import make_heartbeat, make_press, parse_lines
+from truearc.hw.protocols import LinkLost
+from truearc.hw.readings import CameraFrame
+from truearc.hw.real.reconnect import LONGEST_S, MendedCamera, MendedStream
+from truearc.hw.real.serial_port import open_serial
 
 PATIENCE_S = 20.0                                          # of a loaded machine; usually a few milliseconds
 
@@ -29,7 +29,7 @@ def wait_for(what):
 
 
 def test_a_box_that_is_plugged_in_again_is_heard_again(tmp_path):
-    PtyCable = pytest.importorskip("hw.emulated.pty_cable").PtyCable
+    PtyCable = pytest.importorskip("truearc.hw.emulated.pty_cable").PtyCable
     name = tmp_path / "buttonbox"                          # as udev's link of a device by its serial number
     cable = PtyCable()
     name.symlink_to(cable.port)

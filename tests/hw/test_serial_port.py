@@ -4,13 +4,13 @@ import os
 
 import pytest
 
-from hw.buttons import BUTTONS, Heartbeat, make_press, parse_lines
-from hw.emulated.cable import SocketCable
-from hw.emulated.pty_cable import PtyCable
-from hw.emulated.serial_port import ButtonBox, open_button_box
-from hw.link import LinkLost
-from hw.reading import ButtonEvent
-from hw.real.serial_port import open_serial
+from truearc.hw.devices.button_box.frames import BUTTONS, BoxHeartbeat, make_press, parse_lines
+from truearc.hw.emulated.serial_link import SocketCable
+from truearc.hw.emulated.pty_cable import PtyCable
+from truearc.hw.devices.button_box.emulator import ButtonBox, open_button_box
+from truearc.hw.protocols import LinkLost
+from truearc.hw.readings import ButtonEvent
+from truearc.hw.real.serial_port import open_serial
 
 S = 1_000_000_000
 
@@ -46,8 +46,8 @@ def test_heartbeats_keep_time_and_tell_the_newest_press(box) -> None:
         if tick == 150:
             box.press("fire")
         heard += hear(stream, tick * S // 200)
-    assert [event for event in heard if isinstance(event, Heartbeat)] == [
-        Heartbeat(0, 0), Heartbeat(S // 2, 0), Heartbeat(S, 1), Heartbeat(3 * S // 2, 1), Heartbeat(2 * S, 1)]
+    assert [event for event in heard if isinstance(event, BoxHeartbeat)] == [
+        BoxHeartbeat(0, 0), BoxHeartbeat(S // 2, 0), BoxHeartbeat(S, 1), BoxHeartbeat(3 * S // 2, 1), BoxHeartbeat(2 * S, 1)]
     stream.close()
 
 
@@ -56,7 +56,7 @@ def test_missed_heartbeats_are_skipped_not_burst(box) -> None:
     box.step(0)
     box.step(10 * S)
     box.step(10 * S + 1)
-    assert hear(stream) == [Heartbeat(0, 0), Heartbeat(0, 0)]
+    assert hear(stream) == [BoxHeartbeat(0, 0), BoxHeartbeat(0, 0)]
     stream.close()
 
 

@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hw.emulated.cable import SocketCable
-from hw.emulated.pty_cable import PtyCable
-from hw.emulated.slcan_adapter import LONGEST, SERIAL, VERSION, SlcanAdapter, make_line, parse_line
-from hw.link import Frame
+from truearc.hw.emulated.serial_link import SocketCable
+from truearc.hw.emulated.pty_cable import PtyCable
+from truearc.hw.emulated.slcan_adapter import LONGEST, SERIAL, VERSION, SlcanAdapter, make_line, parse_line
+from truearc.hw.protocols import Frame
 
 frames = st.builds(
     lambda frame_id, data, is_extended, is_remote: Frame(0, frame_id if is_extended else frame_id & 0x7FF,

@@ -8,32 +8,32 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hw import spark
-from hw.codec import load_codec
-from hw.link import BadFrame, Frame
-from hw.reading import MotorReading
-from hw.spark import Axis
+from truearc.hw.devices.spark import frames as spark
+from truearc.hw.codec import load_codec
+from truearc.hw.protocols import BadFrame, Frame
+from truearc.hw.readings import MotorReading
+from truearc.hw.devices.spark.frames import SparkAxis
 
 TURN = 2.0 * math.pi
 signs = st.sampled_from((-1, 1))
-axes = st.builds(Axis, st.integers(0, 62), signs, st.booleans())
+axes = st.builds(SparkAxis, st.integers(0, 62), signs, st.booleans())
 
 
-def frame(base_id: int, axis: Axis, data: bytes, t_ns: int = 7) -> Frame:
+def frame(base_id: int, axis: SparkAxis, data: bytes, t_ns: int = 7) -> Frame:
     return Frame(t_ns, base_id + axis.device, data, is_extended=True)
 
 
 @given(axis=axes, duty=st.floats(-1.0, 1.0, width=32))
-def test_duty_bytes(axis: Axis, duty: float) -> None:
+def test_duty_bytes(axis: SparkAxis, duty: float) -> None:
     sent = spark.make_duty(axis, duty)
     assert sent == Frame(0, 0x02050080 + axis.device, struct.pack("<fI", axis.direction * duty, 0), True)
 
 
 def test_command_bytes() -> None:
-    axis = Axis(5, 1)
+    axis = SparkAxis(5, 1)
     assert spark.make_velocity(axis, 3000.0 * TURN / 60.0)[1:] == (
         0x02050005, bytes.fromhex("00803B4500000000"), True, False)
-    assert spark.make_velocity(Axis(5, -1), 3000.0 * TURN / 60.0).data == bytes.fromhex("00803BC500000000")
+    assert spark.make_velocity(SparkAxis(5, -1), 3000.0 * TURN / 60.0).data == bytes.fromhex("00803BC500000000")
     assert spark.make_statuses(axis, 0b111)[1:3] == (0x02050405, bytes([7, 0, 7, 0]))
     assert spark.make_clear_faults(axis)[1:3] == (0x02051B85, b"")
     assert spark.make_version_query(axis)[1:] == (0x02052605, bytes(8), True, True)
@@ -52,29 +52,29 @@ def test_a_heartbeat_is_a_bit_for_each_device(devices: set[int]) -> None:
 @pytest.mark.parametrize("duty", [1.01, -2.0, math.nan, math.inf])
 def test_an_impossible_duty_is_refused(duty: float) -> None:
     with pytest.raises(BadFrame, match="duty"):
-        spark.make_duty(Axis(1, 1), duty)
+        spark.make_duty(SparkAxis(1, 1), duty)
 
 
 def test_status_0_as_written_by_hand() -> None:
     heard = Frame(7, 0x0205B805, bytes.fromhex("5D3F662622230000"), True)       # half the bus's 12 V, 20 A, 35 degrees
-    reading = spark.parse(Axis(5, 1, True), heard, MotorReading())
+    reading = spark.parse(SparkAxis(5, 1, True), heard, MotorReading())
     assert (reading.current_a, reading.bus_v) == (pytest.approx(20.0, abs=0.02), pytest.approx(12.0, abs=0.004))
     assert (reading.heartbeat_t_ns, reading.current_t_ns, reading.bus_t_ns, reading.endstop_t_ns) == (7, 7, 7, 7)
     assert (reading.t_ns, reading.axis_error, reading.endstop) == (0, 0, False)
-    assert spark.parse(Axis(5, -1), heard, MotorReading()).current_a == -reading.current_a
-    assert spark.parse_applied(Axis(5, -1), heard) == pytest.approx(-0.5, abs=2e-5)
+    assert spark.parse(SparkAxis(5, -1), heard, MotorReading()).current_a == -reading.current_a
+    assert spark.parse_applied(SparkAxis(5, -1), heard) == pytest.approx(-0.5, abs=2e-5)
 
 
 @pytest.mark.parametrize(("direction", "bit", "closed"), [(1, 0x02, True), (1, 0x01, False), (-1, 0x01, True),
                                                            (-1, 0x02, False), (1, 0x0C, False)])
 def test_the_switch_is_the_one_that_ends_the_negative_direction(direction: int, bit: int, closed: bool) -> None:
-    heard = frame(0x0205B800, Axis(5, direction), bytes([0, 0, 0, 0, 0, 0, bit, 0]))
-    assert spark.parse(Axis(5, direction, True), heard, MotorReading()).endstop is closed
-    assert spark.parse(Axis(5, direction), heard, MotorReading()).endstop_t_ns == 0      # none is wired
+    heard = frame(0x0205B800, SparkAxis(5, direction), bytes([0, 0, 0, 0, 0, 0, bit, 0]))
+    assert spark.parse(SparkAxis(5, direction, True), heard, MotorReading()).endstop is closed
+    assert spark.parse(SparkAxis(5, direction), heard, MotorReading()).endstop_t_ns == 0      # none is wired
 
 
 def test_a_lock_is_an_error_until_it_is_gone_and_faults_are_kept_apart() -> None:
-    axis, reading = Axis(5, 1), MotorReading()
+    axis, reading = SparkAxis(5, 1), MotorReading()
     reading = spark.parse(axis, frame(0x0205B840, axis, bytes([0x10, 0, 0, 0x08, 0, 0x40, 0, 0])), reading)
     reading = spark.parse(axis, frame(0x0205B800, axis, bytes([0, 0, 0, 0, 0, 0, 0x20, 0])), reading)
     assert [word.split(" (")[0].split(":")[0] for word in spark.error_words(reading.axis_error)] == [
@@ -89,12 +89,12 @@ def test_a_lock_is_an_error_until_it_is_gone_and_faults_are_kept_apart() -> None
     (bytes([0, 0xFF, 0, 0, 0xFF, 0, 1, 0]), 0), (bytes([0x20, 0, 0, 0, 0, 0, 0, 0]), 0x20)])
 def test_of_the_warnings_only_a_reset_is_an_error(data: bytes, error: int) -> None:
     """It is the sticky one that counts: that is what clearing faults clears."""
-    axis = Axis(5, 1)
+    axis = SparkAxis(5, 1)
     assert spark.parse(axis, frame(0x0205B840, axis, data), MotorReading()).axis_error == error
 
 
 @given(axis=axes, rpm=st.floats(-1e4, 1e4, width=32), turns=st.floats(-1e5, 1e5, width=32))
-def test_speeds_and_turns_become_radians_in_the_robots_sign(axis: Axis, rpm: float, turns: float) -> None:
+def test_speeds_and_turns_become_radians_in_the_robots_sign(axis: SparkAxis, rpm: float, turns: float) -> None:
     reading = spark.parse(axis, frame(0x0205B880, axis, struct.pack("<ff", rpm, turns)), MotorReading())
     assert reading.t_ns == 7
     assert reading.velocity_rad_s == pytest.approx(axis.direction * TURN * rpm / 60.0)
@@ -102,7 +102,7 @@ def test_speeds_and_turns_become_radians_in_the_robots_sign(axis: Axis, rpm: flo
 
 
 def test_answers() -> None:
-    axis = Axis(5, 1)
+    axis = SparkAxis(5, 1)
     assert spark.parse_version(axis, frame(0x02052600, axis, bytes([25, 1, 0x01, 0x02, 0, 0, 0, 0]))) == (25, 1, 258)
     assert spark.parse_statuses(axis, frame(0x02050440, axis, bytes([0, 7, 0, 7, 0]))) == (True, 7)
     assert spark.parse_statuses(axis, frame(0x02050440, axis, bytes([1, 7, 0, 3, 0]))) == (False, 3)
@@ -117,13 +117,13 @@ def test_answers() -> None:
 @pytest.mark.parametrize("data", [b"", bytes(7), bytes(9), struct.pack("<ff", math.nan, 0.0),
                                   struct.pack("<ff", 0.0, math.inf), struct.pack("<ff", 4e5, 0.0)])
 def test_malformed_readings_are_refused_by_name(data: bytes) -> None:
-    axis = Axis(5, 1)
+    axis = SparkAxis(5, 1)
     with pytest.raises(BadFrame, match=r"spark 5, id 0x0205b885: spark STATUS_2.*\d+ bytes"):
         spark.parse(axis, frame(0x0205B880, axis, data), MotorReading())
 
 
 def test_foreign_frames_are_refused_and_questions_ignored() -> None:
-    axis, reading = Axis(5, 1), MotorReading(t_ns=3)
+    axis, reading = SparkAxis(5, 1), MotorReading(t_ns=3)
     with pytest.raises(BadFrame, match="0x0205b886"):
         spark.parse(axis, Frame(1, 0x0205B886, bytes(8), True), reading)
     assert spark.parse(axis, Frame(1, 0x0205B885, b"", True, is_remote=True), reading) == reading
@@ -199,7 +199,7 @@ def test_the_heartbeat_is_their_bitfield(theirs, devices: set[int]) -> None:
 
 
 @given(axis=axes, parameter=st.sampled_from(spark.PARAMETERS), data=st.data())
-def test_a_setting_comes_back_as_it_went_out(axis: Axis, parameter: int, data: st.DataObject) -> None:
+def test_a_setting_comes_back_as_it_went_out(axis: SparkAxis, parameter: int, data: st.DataObject) -> None:
     value = data.draw(st.floats(-1e6, 1e6, width=32) if parameter in spark.FLOATS else st.integers(0, 2**32 - 1))
     sent = spark.make_setting(axis, parameter, value)
     answer = Frame(1, sent.arbitration_id + 0x40, sent.data[:1] + b"\x02" + sent.data[1:] + b"\0", True)

@@ -5,15 +5,15 @@ import struct
 
 import pytest
 
-from hw import spark
-from hw.dc_motor import DcMotor
-from hw.emulated.faults import OVERWRITTEN, SILENT, UNPOWERED, Fault, FaultyNode
-from hw.emulated.spark_node import SparkNode, SparkSettings
-from hw.emulated.twin import Twin
-from hw.link import BadFrame, Frame
-from hw.real.can_bus import open_can
-from hw.spark import Axis
-from hw.spark_motor import Heartbeat, SparkMotor
+from truearc.hw.devices.spark import frames as spark
+from truearc.hw.dc_motor import DcMotor
+from truearc.hw.emulated.faults import OVERWRITTEN, SILENT, UNPOWERED, Fault, FaultyNode
+from truearc.hw.devices.spark.emulator import SparkNode, SparkSettings
+from truearc.hw.emulated.emulated_robot import Twin
+from truearc.hw.protocols import BadFrame, Frame
+from truearc.hw.real.can_bus import open_can
+from truearc.hw.devices.spark.frames import SparkAxis
+from truearc.hw.devices.spark.motor import SparkHeartbeat, SparkMotor
 
 MS = 1_000_000
 TICK_MS = 5
@@ -28,12 +28,12 @@ class Bench:
     def __init__(self, plant, clock, settings=None, faults=(), devices=(3,), direction=1) -> None:
         self.plant, self.clock = plant, clock
         self.near, self.far = (open_can("virtual", "test_spark_motor", 1_000_000, clock) for _ in range(2))
-        axes = [Axis(device, direction, has_endstop=True) for device in devices]
+        axes = [SparkAxis(device, direction, has_endstop=True) for device in devices]
         self.nodes = [SparkNode(axis, name, plant, settings, plant.hood_at_limit)
                       for axis, name in zip(axes, ("hood", "feeder"), strict=False)]
         far = (FaultyNode(self.nodes[0], faults) if faults else self.nodes[0], *self.nodes[1:])
         self.twin = Twin(plant, self.far, far)
-        heartbeat = Heartbeat()
+        heartbeat = SparkHeartbeat()
         self.motors = [SparkMotor(axis, MOTOR, heartbeat) for axis in axes]
         self.motor, self.node = self.motors[0], self.nodes[0]
         self.sent: list[Frame] = []

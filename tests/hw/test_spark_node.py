@@ -4,11 +4,11 @@ import struct
 
 import pytest
 
-from hw.emulated.spark_node import SparkNode, SparkSettings
-from hw.emulated.twin import Twin
-from hw.link import Frame
-from hw.real.can_bus import open_can
-from hw.spark import Axis
+from truearc.hw.devices.spark.emulator import SparkNode, SparkSettings
+from truearc.hw.emulated.emulated_robot import Twin
+from truearc.hw.protocols import Frame
+from truearc.hw.real.can_bus import open_can
+from truearc.hw.devices.spark.frames import SparkAxis
 from tests.hw.spinning_plant import SpinningPlant
 
 MS = 1_000_000
@@ -20,8 +20,8 @@ STATUS_0, STATUS_1, STATUS_2 = 0xB800, 0xB840, 0xB880
 class Bench:
     """One device on a bus; this end of it is the test."""
 
-    def __init__(self, plant, clock, axis: Axis | None = None, settings: SparkSettings | None = None) -> None:
-        self.axis, self.plant, self.clock = axis or Axis(3, 1), plant, clock
+    def __init__(self, plant, clock, axis: SparkAxis | None = None, settings: SparkSettings | None = None) -> None:
+        self.axis, self.plant, self.clock = axis or SparkAxis(3, 1), plant, clock
         self.near, self.far = (open_can("virtual", "test_spark_node", 1_000_000, clock) for _ in range(2))
         self.node = SparkNode(self.axis, "hood", plant, settings, plant.hood_at_limit)
         self.twin = Twin(plant, self.far, (self.node,))
@@ -157,7 +157,7 @@ def test_stall_current_is_limited(bench, plant) -> None:
 @pytest.mark.parametrize(("direction", "duty", "stops"), [(1, -0.25, True), (1, 0.25, False),
                                                           (-1, 0.25, True), (-1, -0.25, False)])
 def test_a_closed_switch_stops_it_in_one_direction(make, plant, direction: int, duty: float, stops: bool) -> None:
-    bench, plant.limit = make(Axis(3, direction)), True
+    bench, plant.limit = make(SparkAxis(3, direction)), True
     bench.duty(duty)
     bench.run(20, beating=True)
     assert (plant.velocity_rad_s["hood"] == 0.0) is stops
@@ -168,7 +168,7 @@ def test_a_closed_switch_stops_it_in_one_direction(make, plant, direction: int, 
 
 
 def test_status_2_is_the_motor_in_the_devices_sign(make, plant) -> None:
-    bench = make(Axis(3, -1))
+    bench = make(SparkAxis(3, -1))
     bench.send(0x400, bytes([0x04, 0, 0x04, 0]))
     bench.send(0x3800, bytes([71, 16, 0, 0, 0]))
     plant.velocity_rad_s["hood"] = 62.8318530718           # 10 turns a second, the robot's way

@@ -7,12 +7,12 @@ from collections import Counter
 
 import pytest
 
-from hw.emulated.pty_cable import PtyCable
-from hw.emulated.slcan_adapter import SlcanAdapter
-from hw.link import Frame, LinkLost
-from hw.real.can_bus import open_can
-from hw.real.clock import MonotonicClock
-from hw.real.supervised_bus import FIRST_S, LONGEST_S, ROOM, SILENT_NS, WAIT_S, SupervisedBus, make_pauses_s
+from truearc.hw.emulated.pty_cable import PtyCable
+from truearc.hw.emulated.slcan_adapter import SlcanAdapter
+from truearc.hw.protocols import Frame, LinkLost
+from truearc.hw.real.can_bus import open_can
+from truearc.hw.real.clock import MonotonicClock
+from truearc.hw.real.supervised_bus import FIRST_S, LONGEST_S, ROOM, SILENT_NS, WAIT_S, SupervisedBus, make_pauses_s
 
 HELLO = Frame(7, 0x21, bytes(8))
 PATIENCE_S = 20.0

@@ -6,20 +6,21 @@ import struct
 import numpy as np
 import pytest
 
-from hw import canandmag, odrive
-from hw.canandmag import Encoder
-from hw.emulated.canandmag_node import CanandmagNode
-from hw.emulated.clock import StepClock
-from hw.emulated.odrive_node import OdriveNode, OdriveSettings
-from hw.emulated.twin import Twin
-from hw.link import Frame
-from hw.odrive import CLOSED_LOOP, IDLE, PASSTHROUGH, TORQUE, Axis
-from hw.reading import MotorReading
-from hw.real.can_bus import open_can
+from truearc.hw.devices.canandmag import frames as canandmag
+from truearc.hw.devices.odrive import frames as odrive
+from truearc.hw.devices.canandmag.frames import Encoder
+from truearc.hw.devices.canandmag.emulator import CanandmagNode
+from truearc.hw.emulated.clock import StepClock
+from truearc.hw.devices.odrive.emulator import OdriveNode, OdriveSettings
+from truearc.hw.emulated.emulated_robot import Twin
+from truearc.hw.protocols import Frame
+from truearc.hw.devices.odrive.frames import CLOSED_LOOP, IDLE, PASSTHROUGH, TORQUE, OdriveAxis
+from truearc.hw.readings import MotorReading
+from truearc.hw.real.can_bus import open_can
 from tests.hw.spinning_plant import TORQUE_NM_A
 
 MS = 1_000_000
-LEFT, RIGHT, HOOD, ENCODER = Axis(1, 1), Axis(2, -1), Axis(3, 1, 596), Encoder(5)
+LEFT, RIGHT, HOOD, ENCODER = OdriveAxis(1, 1), OdriveAxis(2, -1), OdriveAxis(3, 1, 596), Encoder(5)
 
 
 class Bench:
@@ -56,7 +57,7 @@ class Bench:
         if frame.arbitration_id in canandmag.frame_ids(ENCODER):
             self.angle = canandmag.parse(ENCODER, frame, self.angle)
 
-    def arm(self, axis: Axis = LEFT) -> None:
+    def arm(self, axis: OdriveAxis = LEFT) -> None:
         self.send(odrive.make_controller_mode(axis, TORQUE, PASSTHROUGH), odrive.make_state(axis, CLOSED_LOOP))
 
     def count(self, frame_id: int) -> int:
@@ -115,7 +116,7 @@ def test_a_lost_magnet_sticks_until_cleared(bench) -> None:
 
 
 @pytest.mark.parametrize(("axis", "motor"), [(LEFT, "flywheel_a"), (RIGHT, "flywheel_b")])
-def test_torque_turns_the_motor_the_robots_way_whatever_the_devices_sign(bench, plant, axis: Axis, motor: str) -> None:
+def test_torque_turns_the_motor_the_robots_way_whatever_the_devices_sign(bench, plant, axis: OdriveAxis, motor: str) -> None:
     bench.arm(axis)
     bench.run(100, odrive.make_torque(axis, 0.4))           # 0.5 s at 400 rad/s2, from the first advance on
     assert plant.velocity_rad_s[motor] == pytest.approx(200.0)
@@ -242,7 +243,7 @@ def test_overspeed_disarms(bench, plant) -> None:
 
 
 def test_limit_switch_is_read_through_its_endpoint(bench, plant) -> None:
-    bench.run(1, odrive.make_endstop_query(HOOD), odrive.make_endstop_query(Axis(1, 1, 596)))
+    bench.run(1, odrive.make_endstop_query(HOOD), odrive.make_endstop_query(OdriveAxis(1, 1, 596)))
     assert bench.readings[HOOD].endstop_t_ns == 5 * MS and not bench.readings[HOOD].endstop
     assert bench.readings[LEFT].endstop_t_ns == 0           # nothing is wired to that one
     plant.limit = True

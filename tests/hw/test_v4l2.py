@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from hw.link import LinkLost
-from hw.real.camera import CameraThread, lock_exposure, open_camera
+from truearc.hw.protocols import LinkLost
+from truearc.hw.real.camera import CameraThread, lock_exposure, open_camera
 
 S = 1_000_000_000
 

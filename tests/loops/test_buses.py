@@ -13,26 +13,26 @@ import pytest
 from msgspec.structs import replace
 
 from benchmarks.real_robot import PATIENT, SHIPPED, WATCHDOG_MS, begin, save_config
-from doors.far_end import keep_time, open_far_bus
-from doors.ports import split_bus, with_ports
-from doors.twin import make_nodes
-from hw.emulated.pty_cable import PtyCable
-from hw.emulated.slcan_adapter import SlcanAdapter
-from hw.emulated.twin import Twin
-from hw.link import Frame
-from hw.real.can_bus import open_can
-from hw.real.clock import MonotonicClock
-from hw.real.supervised_bus import WAIT_S, SupervisedBus
-from robot.bus_rules import guard
-from robot.config import BadInput, load_config
-from robot.eyes import InlineEyes
-from robot.recording.reader import TickReader
-from robot.recording.session import Trial
-from robot.rig import HardwareRig
-from robot.tick import step
-from robot.types import Memory, Sighting
+from truearc.sim.world.device_server import keep_time, open_far_bus
+from truearc.robot.config.port_options import split_bus, with_ports
+from truearc.sim.world.emulated_robot import make_nodes
+from truearc.hw.emulated.pty_cable import PtyCable
+from truearc.hw.emulated.slcan_adapter import SlcanAdapter
+from truearc.hw.emulated.emulated_robot import Twin
+from truearc.hw.protocols import Frame
+from truearc.hw.real.can_bus import open_can
+from truearc.hw.real.clock import MonotonicClock
+from truearc.hw.real.supervised_bus import WAIT_S, SupervisedBus
+from truearc.robot.config.can_policy import guard
+from truearc.robot.config.schema import InputError, load_config
+from truearc.robot.vision_source import InlineEyes
+from truearc.robot.recording.reader import TickReader
+from truearc.robot.recording.session import Trial
+from truearc.robot.rig import HardwareRig
+from truearc.robot.tick import step
+from truearc.robot.types import Memory, Sighting
 from tests.hw.spinning_plant import SpinningPlant
-from truearc import main
+from truearc.cli.main import main
 
 LIMIT_S = 240.0
 
@@ -204,13 +204,13 @@ def test_ports_on_the_command_line_take_the_place_of_the_configurations() -> Non
 
 @pytest.mark.parametrize("bus", ["slcan", "", ":can0", "slcan:"])
 def test_a_bus_that_is_no_bus_is_named(bus: str) -> None:
-    with pytest.raises(BadInput, match=f"--can {bus}: an interface and a channel"):
+    with pytest.raises(InputError, match=f"--can {bus}: an interface and a channel"):
         split_bus(bus, "--can")
 
 
 @pytest.mark.parametrize("bus", ["slcan:/dev/ttyACM0", "pcan:0", "socketcan:nosuchcan7"])
 def test_a_far_end_that_cannot_be_had_is_named(bus: str) -> None:
-    with pytest.raises(BadInput, match=f"--bus {bus}"):
+    with pytest.raises(InputError, match=f"--bus {bus}"):
         open_far_bus(bus, CONFIG, MonotonicClock())
 
 

@@ -3,11 +3,11 @@
 import pytest
 from msgspec.structs import replace
 
-from doors.twin import emulate
-from hw.emulated.faults import OVERWRITTEN, SILENT, UNPOWERED, Fault
-from robot.recording.reader import TickReader
-from robot.recording.replay import replay, replay_frames
-from robot.recording.session import CAN, load_trials
+from truearc.sim.world.emulated_robot import emulate
+from truearc.hw.emulated.faults import OVERWRITTEN, SILENT, UNPOWERED, Fault
+from truearc.robot.recording.reader import TickReader
+from truearc.robot.recording.replay.recompute import replay, replay_frames
+from truearc.robot.recording.session import CAN, load_trials
 from tests.robot.sparks import ALL_SPARK, SPARK_HOOD, SPARK_WHEELS, only_advice
 
 SECOND = 1_000_000_000

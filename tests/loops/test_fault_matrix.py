@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
-import robot.gate.verdict
+import truearc.robot.gate.verdict
 from benchmarks.matrix.judge import Result, judge
 from benchmarks.matrix.play import play
 from benchmarks.matrix.row import KEEPS, REFUSED, Row
 from benchmarks.matrix.rows import ROWS
 from benchmarks.matrix.table import BEGIN, END, make_table, write_between
-from robot.config import BadInput
+from truearc.robot.config.schema import InputError
 
 posix = pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals and signals")
 NAMES = {row.name: row for row in ROWS}
@@ -60,7 +60,7 @@ def test_a_fault_in_real_time(name: str, bus: str, tmp_path: Path) -> None:
 
 @posix
 def test_the_judge_sees_a_robot_that_fires_on_old_readings(tmp_path: Path, monkeypatch) -> None:
-    monkeypatch.setattr(robot.gate.verdict, "doubted_readings", lambda inputs, config: [])
+    monkeypatch.setattr(truearc.robot.gate.verdict, "doubted_readings", lambda inputs, config: [])
     result = run(NAMES["flywheel motor 1: no readings, heartbeat goes on"], "virtual", tmp_path)
     assert result.stale > 0
     said = "; ".join(result.wrong)
@@ -87,5 +87,5 @@ def test_the_table_takes_its_place_in_a_page(tmp_path: Path) -> None:
     assert "0.105 / 0.04 | WRONG: fired 2 times while it stood | - |" in text and "worn" not in text
     assert text.startswith("before\n") and text.endswith("after\n") and "1 of them not as they should be" in text
     (tmp_path / "bare.md").write_text("nothing")
-    with pytest.raises(BadInput, match="no place"):
+    with pytest.raises(InputError, match="no place"):
         write_between(tmp_path / "bare.md", "x")

@@ -7,19 +7,19 @@ import msgspec
 import pytest
 from msgspec.structs import replace
 
-import robot
-from doors.identify_twin import drive_twin
-from doors.twin import emulate
-from robot.config import Config, load_config
-from robot.recording.reader import TickReader
-from robot.recording.replay import replay
-from robot.recording.session import load_trials
-from sim.identify.fit import fit_law, fit_motion
-from sim.identify.session import load_driven
-from sim.world import belt, hood
-from sim.world.options import Options
-from sim.world.world import World
-from truearc import main
+from truearc import robot
+from truearc.cli.robot.sysid_emulated import drive_twin
+from truearc.sim.world.emulated_robot import emulate
+from truearc.robot.config.schema import Config, load_config
+from truearc.robot.recording.reader import TickReader
+from truearc.robot.recording.replay.recompute import replay
+from truearc.robot.recording.session import load_trials
+from truearc.sim.sysid.fit import fit_law, fit_motion
+from truearc.sim.sysid.session import load_driven
+from truearc.sim.world.parts import belt, hood
+from truearc.sim.world.options import Options
+from truearc.sim.world.world import World
+from truearc.cli.main import main
 
 SHIPPED = Path(robot.__file__).parent / "launcher.toml"
 CONFIG = load_config(SHIPPED)

@@ -9,19 +9,19 @@ import msgspec
 import pytest
 from msgspec.structs import replace
 
-import robot
-from doors.twin import emulate
-from hw.emulated.faults import OVERWRITTEN, SILENT, TRUNCATED, Fault
-from robot.config import BadInput, Prescribed, config_hash, load_config
-from robot.plan import with_plan
-from robot.recording.reader import TickReader
-from robot.recording.replay import Difference, replay
-from robot.recording.session import CONFIG, load_session_config, load_trials
-from robot.rig import ReplayRig
-from robot.types import Command
-from robot.watched import WatchedRig
-from sim.recordings import shots_from_sessions
-from truearc import main
+from truearc import robot
+from truearc.sim.world.emulated_robot import emulate
+from truearc.hw.emulated.faults import OVERWRITTEN, SILENT, TRUNCATED, Fault
+from truearc.robot.config.schema import InputError, Prescribed, config_hash, load_config
+from truearc.robot.config.shot_plan import with_plan
+from truearc.robot.recording.reader import TickReader
+from truearc.robot.recording.replay.recompute import Difference, replay
+from truearc.robot.recording.session import CONFIG, load_session_config, load_trials
+from truearc.robot.rig import ReplayRig
+from truearc.robot.types import Command
+from truearc.robot.processes.watchdog_rig import WatchedRig
+from truearc.sim.data.recordings import shots_from_sessions
+from truearc.cli.main import main
 
 CONFIGURATION = load_config(Path(robot.__file__).parent / "launcher.toml")
 SECOND = 1_000_000_000
@@ -69,7 +69,7 @@ def test_a_replay_with_another_gain_names_the_first_field_that_differs(session, 
     shutil.copytree(session[0], folder)
     changed = replace(CONFIGURATION, flywheel=replace(CONFIGURATION.flywheel, ks_nm=0.03))
     (folder / CONFIG).write_bytes(msgspec.json.encode(changed))
-    with pytest.raises(BadInput, match="changed since the recording"):
+    with pytest.raises(InputError, match="changed since the recording"):
         replay(folder)
     header = folder / "session.json"
     header.write_text(header.read_text().replace(config_hash(CONFIGURATION), config_hash(changed)))
@@ -115,7 +115,7 @@ def test_a_recording_with_nothing_in_it_is_an_error(session, tmp_path, capsys):
 
 
 def test_a_recording_is_never_written_over(session):
-    with pytest.raises(BadInput, match="exists already"):
+    with pytest.raises(InputError, match="exists already"):
         emulate(CONFIGURATION, session[0], trials=1, seed=0)
 
 

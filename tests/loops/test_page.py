@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pytest
 
-import robot
-from doors.twin import emulate
-from hw.real.clock import MonotonicClock
-from robot.config import load_config
-from robot.page.server import OperatorPage
-from robot.recording.reader import TickReader
+from truearc import robot
+from truearc.sim.world.emulated_robot import emulate
+from truearc.hw.real.clock import MonotonicClock
+from truearc.robot.config.schema import load_config
+from truearc.robot.operator_ui.server import OperatorPage
+from truearc.robot.recording.reader import TickReader
 
 CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")
 

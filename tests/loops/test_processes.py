@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from benchmarks.real_robot import PATIENT, RealRobot, save_config
-from robot.recording.reader import TickReader
-from robot.recording.recover import recover
+from truearc.robot.recording.reader import TickReader
+from truearc.robot.recording.recover import recover
 
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")]
 PATIENCE_S = 60.0                     # of a loaded machine

@@ -7,12 +7,12 @@ import msgspec
 import pytest
 from msgspec import structs
 
-from doors.prove_drive import LEVEL, NO_GATE, SIDES, Driven, driven_of, driven_table, play_driven, room_of
-from robot.config import BadInput
-from sim.prove.keeper import Plan
-from sim.prove.ledger import read_ledger
-from sim.prove.seal import load_seal
-from sim.shots import load_dataset
+from truearc_proof.cli.prove_drive import LEVEL, NO_GATE, SIDES, Driven, driven_of, driven_table, play_driven, room_of
+from truearc.robot.config.schema import InputError
+from truearc_proof.rounds.committer import Plan
+from truearc_proof.rounds.ledger import read_ledger
+from truearc_proof.rounds.commitment import load_seal
+from truearc.sim.data.dataset import load_dataset
 
 pytestmark = pytest.mark.slow
 RECORDED, TRIALS = 20, 2
@@ -57,7 +57,7 @@ def test_where_nothing_is_found_both_gates_are_one_and_score_the_same(played: Pa
 
 
 def test_what_was_begun_from_another_seed_is_not_gone_on_with(played: Path) -> None:
-    with pytest.raises(BadInput, match="drawn from something else"):
+    with pytest.raises(InputError, match="drawn from something else"):
         play_driven(played, structs.replace(PLAN, seed=6), TRIALS, quiet, 1)
 
 
@@ -68,6 +68,6 @@ def test_a_gate_that_is_not_the_one_that_was_claimed_is_not_driven_with(played: 
     room.grades.unlink()
     with (room.root / "gates" / "r0001" / "after.onnx").open("ab") as file:
         file.write(b"x")
-    with pytest.raises(BadInput, match=r"after\.onnx: is not what was claimed"):
+    with pytest.raises(InputError, match=r"after\.onnx: is not what was claimed"):
         play(tmp_path / "round")
     assert len(read_ledger(room.ledger)) == 2

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import truearc
-from robot.facts import Ball, Facts, LauncherFacts, Target, Wheel
-from robot.gate.model import load_gate
-from sim.shots import Dataset, Shots, dataset_hash, load_dataset, save_dataset
+import truearc.cli.main as truearc
+from truearc.robot.config.rig_spec import Ball, Rig, LauncherFacts, Target, Wheel
+from truearc.robot.gate.model import load_gate
+from truearc.sim.data.dataset import Dataset, Shots, dataset_hash, load_dataset, save_dataset
 
-FACTS = Facts(Ball(0.14, 0.0889), LauncherFacts(0.75, 594.0, (Wheel("lower", 0.0508, 1.0, 180.0),
+FACTS = Rig(Ball(0.14, 0.0889), LauncherFacts(0.75, 594.0, (Wheel("lower", 0.0508, 1.0, 180.0),
                                                               Wheel("upper", 0.0349, 0.5625, 0.0))), Target(2.44))
 COEFFICIENTS = 'schema = "truearc.coefficients/1"\n[drag]\ncd = 0.91\n[magnus]\ncl = 0.06\n'
 

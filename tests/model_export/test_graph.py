@@ -12,14 +12,14 @@ from hypothesis import strategies as st
 from onnx.reference import ReferenceEvaluator
 from scipy.spatial import cKDTree
 
-from model_export.graph import export_weights, make_model
-from model_export.parts import network_part, novelty_part
-from robot.config import BadInput
-from robot.gate import contract
-from robot.gate.model import load_gate
-from robot.gate.seal import KEY_SEAL
-from sim.gate.novelty import describe_novelty, fit_novelty, novelty_record
-from sim.network import Layers, Network, initial_layers, save_weights, weights_hash
+from truearc.model_export.graph import export_weights, make_model
+from truearc.model_export.parts import network_part, novelty_part
+from truearc.robot.config.schema import InputError
+from truearc.robot.gate import contract
+from truearc.robot.gate.model import load_gate
+from truearc.robot.gate.seal import KEY_SEAL
+from truearc.sim.gate.novelty import describe_novelty, fit_novelty, novelty_record
+from truearc.sim.paper.network import Layers, Network, initial_layers, save_weights, weights_hash
 
 DOMAIN = {"distance_m": [1.5, 9.0], "motor_ratio": [0.3, 0.9], "hood_deg": [20.0, 70.0]}
 LOW, HIGH = np.array(list(DOMAIN.values())).T
@@ -109,11 +109,11 @@ def test_columns_are_in_the_order_of_the_contract(tmp_path: Path) -> None:
 
 
 def test_bad_weights_and_bad_places_are_named(tmp_path: Path) -> None:
-    with pytest.raises(BadInput, match=r"weights\.npz"):
+    with pytest.raises(InputError, match=r"weights\.npz"):
         export_weights(tmp_path, tmp_path / "gate.onnx")
     save_weights(tmp_path / "w", make_network(1), RECORD)
     save_weights(tmp_path / "old", make_network(1), {key: RECORD[key] for key in RECORD if key != "novelty"})
-    with pytest.raises(BadInput, match=r"training\.json: key 'novelty'"):
+    with pytest.raises(InputError, match=r"training\.json: key 'novelty'"):
         export_weights(tmp_path / "old", tmp_path / "gate.onnx")
-    with pytest.raises(BadInput, match="nowhere"):
+    with pytest.raises(InputError, match="nowhere"):
         export_weights(tmp_path / "w", tmp_path / "nowhere" / "gate.onnx")

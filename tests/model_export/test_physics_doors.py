@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import truearc
-from robot.gate.model import load_gate
-from sim.belief import save_belief
-from sim.shots import load_dataset, save_dataset
+import truearc.cli.main as truearc
+from truearc.robot.gate.model import load_gate
+from truearc.sim.infer.belief import save_belief
+from truearc.sim.data.dataset import load_dataset, save_dataset
 from tests.sim.gate.worlds import BELIEF, make_shots
 
 

@@ -6,10 +6,10 @@ import io
 import numpy as np
 import pytest
 
-from model_export.predict import features_of, make_ratings
-from robot.config import BadInput
-from robot.gate.model import Gate
-from sim.shots import Shots
+from truearc.model_export.predict import features_of, make_ratings
+from truearc.robot.config.schema import InputError
+from truearc.robot.gate.model import Gate
+from truearc.sim.data.dataset import Shots
 
 
 class Halves:
@@ -47,8 +47,8 @@ def test_features_come_in_the_contracts_order() -> None:
 
 
 def test_missing_features_are_named_with_their_shots() -> None:
-    with pytest.raises(BadInput, match=r"DIR: column hood_deg: no value for shot_id b,c$"):
+    with pytest.raises(InputError, match=r"DIR: column hood_deg: no value for shot_id b,c$"):
         make_ratings(GATE, make_shots(hood_deg=[30.0, np.nan, 50.0]), "DIR")
     many = Shots(tuple("abcdefgh"), {"distance_m": np.ones(8), "hood_deg": np.ones(8)}, {})
-    with pytest.raises(BadInput, match="column motor_ratio: no value for shot_id a, b, c, d, e and 3 more"):
+    with pytest.raises(InputError, match="column motor_ratio: no value for shot_id a, b, c, d, e and 3 more"):
         features_of(many, "DIR")

@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from model_export.graph import export_weights
-from model_export.trained import NETWORK_TOLERANCE, load_trained
-from model_export.verify import compare, domain_grid, find_faults, is_exported_from
-from robot.gate.contract import NOVELTY as NOVELTY_OUTPUT
-from robot.gate.contract import OUTPUT
-from robot.gate.model import Gate, load_gate
-from sim.gate.novelty import fit_novelty, novelty_record
-from sim.network import Layers, Network, initial_layers, load_weights, save_weights
+from truearc.model_export.graph import export_weights
+from truearc.model_export.trained import NETWORK_TOLERANCE, load_trained
+from truearc.model_export.verify import compare, domain_grid, find_faults, is_exported_from
+from truearc.robot.gate.contract import NOVELTY as NOVELTY_OUTPUT
+from truearc.robot.gate.contract import OUTPUT
+from truearc.robot.gate.model import Gate, load_gate
+from truearc.sim.gate.novelty import fit_novelty, novelty_record
+from truearc.sim.paper.network import Layers, Network, initial_layers, load_weights, save_weights
 
 DOMAIN = {"distance_m": [1.5, 9.0], "motor_ratio": [0.3, 0.9], "hood_deg": [20.0, 70.0]}
 

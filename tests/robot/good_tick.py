@@ -5,14 +5,14 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-import robot
-from hw.odrive import CLOSED_LOOP
-from hw.reading import AngleReading, ButtonEvent, MotorReading
-from robot.aim import aim
-from robot.config import Config, load_config
-from robot.estimate import estimate
-from robot.geometry import screw_length_m
-from robot.types import Inputs, Memory, Sighting
+from truearc import robot
+from truearc.hw.devices.odrive.frames import CLOSED_LOOP
+from truearc.hw.readings import AngleReading, ButtonEvent, MotorReading
+from truearc.robot.aim import aim
+from truearc.robot.config.schema import Config, load_config
+from truearc.robot.estimate import estimate
+from truearc.robot.geometry import screw_length_m
+from truearc.robot.types import Inputs, Memory, Sighting
 
 CONFIG: Config = load_config(Path(robot.__file__).parent / "launcher.toml")
 NOW_NS = 10_000_000_000

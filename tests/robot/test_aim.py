@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-import robot
-from robot.aim import plan, step_walk, vacuum_speed_m_s, walked
-from robot.config import load_config
-from robot.types import Shot
+from truearc import robot
+from truearc.robot.aim import plan, step_walk, vacuum_speed_m_s, walked
+from truearc.robot.config.schema import load_config
+from truearc.robot.types import Shot
 
 CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")
 

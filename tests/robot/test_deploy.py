@@ -11,14 +11,14 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
-import doors.deploy
-import robot
-from robot.config import BadInput
-from robot.deploy.files import INSTALL, LINK, NETWORK, RULES, UNIT, make_files, make_rules
-from robot.deploy.place import HOME, PROGRAM, Parts, make_parts
+import truearc.cli.robot.deploy
+from truearc import robot
+from truearc.robot.config.schema import InputError
+from truearc.robot.deploy.texts import INSTALL, LINK, NETWORK, RULES, UNIT, make_files, make_rules
+from truearc.robot.deploy.install import HOME, PROGRAM, Parts, make_parts
 from tests.robot.gate.test_model import build
 from tests.robot.good_tick import CONFIG
-from truearc import main
+from truearc.cli.main import main
 
 PARTS = Parts(True, True, 3, 50, "", "2341:8036", 5.0)
 SHIPPED = Path(robot.__file__).parent / "launcher.toml"
@@ -108,7 +108,7 @@ def test_devices_get_lasting_names_and_a_fixed_exposure():
     (replace(CONFIG, gate=replace(CONFIG.gate, policy="model")), {"has_gate": False}, "--gate"),
 ])
 def test_what_cannot_be_is_named(config, changes, words):
-    with pytest.raises(BadInput, match=words):
+    with pytest.raises(InputError, match=words):
         make_parts(config, replace(PARTS, **changes))
 
 
@@ -183,7 +183,7 @@ def test_with_wheels_for_everything_no_network_is_asked(tmp_path):
 
 
 def test_a_dry_run_prints_every_command_and_file_and_does_nothing(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(doors.deploy.subprocess, "run", lambda *_, **__: pytest.fail("ran something"))
+    monkeypatch.setattr(truearc.cli.robot.deploy.subprocess, "run", lambda *_, **__: pytest.fail("ran something"))
     (tmp_path / "gate.onnx").write_bytes(build())
     assert main(["deploy", "pi@launcher.local", "--config", str(SHIPPED), "--gate", str(tmp_path / "gate.onnx"),
                  "--dry-run"]) == 0
@@ -206,7 +206,7 @@ def test_the_staged_folder_is_carried_over_and_a_failing_command_ends_it(tmp_pat
             assert b"\r" not in (stage / INSTALL).read_bytes()
         return subprocess.CompletedProcess(command, 1 if command[0] == "ssh" and "sudo" in command[-1] else 0)
 
-    monkeypatch.setattr(doors.deploy.subprocess, "run", run)
+    monkeypatch.setattr(truearc.cli.robot.deploy.subprocess, "run", run)
     (tmp_path / "numpy-1.whl").write_bytes(b"wheel")
     assert main(["deploy", "launcher", "--config", str(SHIPPED), "--wheels", str(tmp_path)]) == 1
     assert [command[0] for command in ran] == [sys.executable, "ssh", "scp", "ssh"]
@@ -221,7 +221,7 @@ def test_the_staged_folder_is_carried_over_and_a_failing_command_ends_it(tmp_pat
     ["pi@launcher", "--priority", "99"],
 ])
 def test_bad_input_ends_with_2_and_runs_nothing(words, monkeypatch, capsys):
-    monkeypatch.setattr(doors.deploy.subprocess, "run", lambda *_, **__: pytest.fail("ran something"))
+    monkeypatch.setattr(truearc.cli.robot.deploy.subprocess, "run", lambda *_, **__: pytest.fail("ran something"))
     if words[0].startswith("-"):
         words = ["--", *words]
     assert main(["deploy", "--config", str(SHIPPED), *words]) == 2

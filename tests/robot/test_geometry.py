@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import robot
-from robot.config import load_config
-from robot.geometry import elevation_from_encoder_deg, elevation_from_screw_deg, exit_distance_m, screw_length_m
+from truearc import robot
+from truearc.robot.config.schema import load_config
+from truearc.robot.geometry import elevation_from_encoder_deg, elevation_from_screw_deg, exit_distance_m, screw_length_m
 
 CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")
 

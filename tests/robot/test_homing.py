@@ -2,8 +2,8 @@
 
 from msgspec.structs import replace
 
-from robot.estimate import remember
-from robot.tick import step
+from truearc.robot.estimate import remember
+from truearc.robot.tick import step
 from tests.robot.good_tick import CONFIG, good_inputs, good_memory
 
 

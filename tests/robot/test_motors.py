@@ -11,16 +11,16 @@ import msgspec
 import pytest
 from msgspec.structs import replace
 
-from hw import spark
-from hw.link import Frame
-from robot.config import AdvisoryAxis, Axis, BadInput, Config, OdriveAxis, SparkAxis
-from robot.estimate import estimate
-from robot.eyes import InlineEyes
-from robot.gate.verdict import judge
-from robot.motors import make_motors, name_axes
-from robot.recording.candump import candump_line
-from robot.rig import HardwareRig
-from robot.types import Command, Sent, Sighting
+from truearc.hw.devices.spark import frames as spark
+from truearc.hw.protocols import Frame
+from truearc.robot.config.schema import AdvisoryAxis, Axis, InputError, Config, OdriveAxis, SparkAxis
+from truearc.robot.estimate import estimate
+from truearc.robot.vision_source import InlineEyes
+from truearc.robot.gate.verdict import judge
+from truearc.robot.motors import make_motors, name_axes
+from truearc.robot.recording.candump import candump_line
+from truearc.robot.rig import HardwareRig
+from truearc.robot.types import Command, Sent, Sighting
 from tests.robot.good_tick import CONFIG, good_inputs, good_memory
 from tests.robot.sparks import ALL_SPARK, SPARK_HOOD, SPARK_WHEELS, only_advice
 from tests.robot.test_rig import ASKED, Blind, Stream, Time, Wire
@@ -150,10 +150,10 @@ def test_advice_fires_on_what_another_controller_does() -> None:
 
 def test_two_axes_on_one_device_are_named() -> None:
     wrong = replace(CONFIG, axes=replace(CONFIG.axes, feeder=replace(CONFIG.axes.feeder, node=3)))
-    with pytest.raises(BadInput, match="hood motor and feeder motor are the same device"):
+    with pytest.raises(InputError, match="hood motor and feeder motor are the same device"):
         make_motors(wrong)
     heard = only_advice("spark").axes.hood
-    with pytest.raises(BadInput, match="hood motor and feeder motor"):
+    with pytest.raises(InputError, match="hood motor and feeder motor"):
         make_motors(replace(SPARK_HOOD, axes=replace(SPARK_HOOD.axes, feeder=heard)))
     assert len(make_motors(SPARK_WHEELS)) == 4             # node 3 and device 3 would be two things
 
@@ -171,7 +171,7 @@ def test_the_lines_in_the_manual_are_taken() -> None:
 
 
 def test_a_question_is_logged_with_the_length_of_its_answer() -> None:
-    line = candump_line(spark.make_version_query(spark.Axis(3, 1)), True, 1_500_000_000)
+    line = candump_line(spark.make_version_query(spark.SparkAxis(3, 1)), True, 1_500_000_000)
     assert line == "(1.500000) can0 02052603#R8 T\n"
     message, = can.CanutilsLogReader(io.StringIO(line))
     assert (message.arbitration_id, message.is_remote_frame, message.dlc) == (0x02052603, True, 8)

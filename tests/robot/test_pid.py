@@ -5,9 +5,9 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.config import PidGains
-from robot.pid import step_pid
-from robot.types import Pid
+from truearc.robot.config.schema import PidGains
+from truearc.robot.pid import step_pid
+from truearc.robot.types import Pid
 
 DT = 0.005
 

@@ -5,12 +5,12 @@ import pytest
 from msgspec import UNSET
 from msgspec.structs import replace
 
-from robot.aim import PLACE_M
-from robot.config import Prescribed
-from robot.gate.model import Rating
-from robot.recording.replay import Comparer, Difference
-from robot.tick import step
-from robot.types import Sent
+from truearc.robot.aim import PLACE_M
+from truearc.robot.config.schema import Prescribed
+from truearc.robot.gate.model import Rating
+from truearc.robot.recording.replay.recompute import Comparer, Difference
+from truearc.robot.tick import step
+from truearc.robot.types import Sent
 from tests.robot.good_tick import CONFIG, DISTANCE_M, NOW_NS, good_inputs, good_memory
 
 HELD = good_memory().aim

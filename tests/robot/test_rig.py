@@ -4,11 +4,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hw import buttons, odrive
-from hw.link import Frame, LinkLost
-from robot.eyes import InlineEyes
-from robot.rig import HardwareRig
-from robot.types import Command, Sighting
+from truearc.hw.devices.button_box import frames as buttons
+from truearc.hw.devices.odrive import frames as odrive
+from truearc.hw.protocols import Frame, LinkLost
+from truearc.robot.vision_source import InlineEyes
+from truearc.robot.rig import HardwareRig
+from truearc.robot.types import Command, Sighting
 from tests.robot.good_tick import CONFIG
 
 ASKED = Command(True, 0.1, -0.02, 0.2)
@@ -280,7 +281,7 @@ def test_a_tick_that_took_too_long_feeds_no_ball(bench):
     assert rig.write(ASKED).feeder_torque_nm == 0.0       # the same ball still
     rig.read()
     rig.write(Command(True, 0.1, -0.02, 0.0))
-    assert all(odrive.make_torque(odrive.Axis(4, 1), 0.2).data != frame.data for frame in commands(bus.sent, 0x0E)
+    assert all(odrive.make_torque(odrive.OdriveAxis(4, 1), 0.2).data != frame.data for frame in commands(bus.sent, 0x0E)
                if frame.arbitration_id >> 5 == 4)
     rig.read()
     assert rig.write(ASKED).feeder_torque_nm == 0.2

@@ -8,19 +8,19 @@ from pathlib import Path
 import msgspec
 import pytest
 
-import doors.run
-import doors.run_processes
-import robot
-from doors.operator_page import open_page, parse_page
-from doors.run_processes import make_show
-from hw.buttons import make_heartbeat
-from robot.config import load_config
-from robot.eyes import NoEyes
-from robot.recording.session import LATENESS
-from robot.tick import step
+import truearc.cli.robot.run
+import truearc.cli.robot.run_processes
+from truearc import robot
+from truearc.robot.operator_ui.serve_option import open_page, parse_page
+from truearc.cli.robot.run_processes import make_show
+from truearc.hw.devices.button_box.frames import make_heartbeat
+from truearc.robot.config.schema import load_config
+from truearc.robot.vision_source import NoEyes
+from truearc.robot.recording.session import LATENESS
+from truearc.robot.tick import step
 from tests.robot.good_tick import good_inputs, good_memory
 from tests.robot.test_rig import Stream, Time, Wire
-from truearc import main
+from truearc.cli.main import main
 
 CONFIG = str(Path(robot.__file__).parent / "launcher.toml")
 ONE = ("--layout", "one")             # hand-made wires cannot be handed to another process
@@ -49,7 +49,7 @@ class Stopping(Time):
 @pytest.fixture
 def wires(monkeypatch):
     bus = Wire()
-    monkeypatch.setattr(doors.run, "_open_wires", lambda *_: (bus, Box(), NoEyes(), Stopping()))
+    monkeypatch.setattr(truearc.cli.robot.run, "_open_wires", lambda *_: (bus, Box(), NoEyes(), Stopping()))
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     yield bus
     for number, handler in before.items():
@@ -75,9 +75,9 @@ def test_a_run_ends_idle_timed_and_announced(wires, tmp_path, monkeypatch, capsy
 
 def test_what_is_refused_is_said_loudly_and_is_never_fatal(wires, tmp_path, monkeypatch, capsys):
     monkeypatch.delenv("NOTIFY_SOCKET", raising=False)
-    monkeypatch.setattr(doors.run, "ask_fifo", lambda priority: (f"priority {priority}", "not allowed"))
-    monkeypatch.setattr(doors.run, "ask_locked_memory", lambda: ("locked memory", ""))
-    monkeypatch.setattr(doors.run, "ask_core", lambda core: (f"core {core}", ""))
+    monkeypatch.setattr(truearc.cli.robot.run, "ask_fifo", lambda priority: (f"priority {priority}", "not allowed"))
+    monkeypatch.setattr(truearc.cli.robot.run, "ask_locked_memory", lambda: ("locked memory", ""))
+    monkeypatch.setattr(truearc.cli.robot.run, "ask_core", lambda core: (f"core {core}", ""))
     assert main(["run", "--config", CONFIG, "--out", str(tmp_path / "s"), "--core", "3", *ONE]) == 0
     err = capsys.readouterr().err
     assert "priority 50: REFUSED (not allowed)" in err and "core 3: granted" in err and "locked memory: granted" in err
@@ -97,7 +97,7 @@ def test_the_page_is_shown_every_tick(wires, tmp_path, monkeypatch, capsys):
         pages.append(open_page(*args))
         return pages[-1]
 
-    monkeypatch.setattr(doors.run_processes, "open_page", keep_page)
+    monkeypatch.setattr(truearc.cli.robot.run_processes, "open_page", keep_page)
     words = ["run", "--config", CONFIG, "--out", str(tmp_path / "s"), "--priority", "0", *ONE]
     assert main([*words, "--page", "0"]) == 0
     assert pages[0].newest()[0] == TICKS and pages[0].url in capsys.readouterr().err

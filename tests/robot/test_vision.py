@@ -12,16 +12,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-import robot
-from hw.emulated.camera import EmulatedCamera, TapeSize, outline_m
-from hw.emulated.distractors import KINDS, second_goal
-from hw.emulated.lens import Lens, project
-from hw.emulated.look import USUAL, Look
-from hw.emulated.stage import NOTHING, Stage, place
-from hw.reading import CameraFrame
-from robot.config import CameraConfig, CameraFile, load_config, load_toml
-from robot.vision import detect
-from robot.vision.threshold import mask_colour
+from truearc import robot
+from truearc.hw.emulated.imaging.camera import EmulatedCamera, TapeSize, outline_m
+from truearc.hw.emulated.imaging.distractors import KINDS, second_goal
+from truearc.hw.emulated.imaging.lens import Lens, project
+from truearc.hw.emulated.imaging.image_degradation import USUAL, Look
+from truearc.hw.emulated.static_plant import NOTHING, Stage, place
+from truearc.hw.readings import CameraFrame
+from truearc.robot.config.schema import CameraConfig, CameraFile, load_config, load_toml
+from truearc.robot.vision import detect
+from truearc.robot.vision.threshold import mask_colour
 
 HOME = Path(robot.__file__).parent
 CONFIG = load_config(HOME / "launcher.toml")

@@ -11,17 +11,17 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-import robot
-import truearc
-from hw.emulated.camera import EmulatedCamera
-from hw.emulated.lens import Lens, distort
-from hw.emulated.stage import Stage, place
-from hw.reading import CameraFrame
-from robot.config import CameraFile, load_config, load_toml
-from robot.toml_text import make_toml
-from robot.vision import detect
-from robot.vision.board import Board, calibrate, find_board
-from robot.vision.taped import fit_taped
+from truearc import robot
+import truearc.cli.main as truearc
+from truearc.hw.emulated.imaging.camera import EmulatedCamera
+from truearc.hw.emulated.imaging.lens import Lens, distort
+from truearc.hw.emulated.static_plant import Stage, place
+from truearc.hw.readings import CameraFrame
+from truearc.robot.config.schema import CameraFile, load_config, load_toml
+from truearc.robot.config.toml_text import make_toml
+from truearc.robot.vision import detect
+from truearc.robot.vision.board import Board, calibrate, find_board
+from truearc.robot.vision.taped import fit_taped
 
 HOME = Path(robot.__file__).parent
 CONFIG = load_config(HOME / "launcher.toml")

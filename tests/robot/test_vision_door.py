@@ -8,12 +8,12 @@ import cv2
 import numpy as np
 import pytest
 
-import robot
-import truearc
-from hw.emulated.camera import EmulatedCamera, TapeSize
-from hw.emulated.lens import Lens
-from hw.emulated.stage import Stage, place
-from robot.config import load_config
+from truearc import robot
+import truearc.cli.main as truearc
+from truearc.hw.emulated.imaging.camera import EmulatedCamera, TapeSize
+from truearc.hw.emulated.imaging.lens import Lens
+from truearc.hw.emulated.static_plant import Stage, place
+from truearc.robot.config.schema import load_config
 
 CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")
 

@@ -1,4 +1,4 @@
-"""Image files that are damaged in every way: an image or a BadInput with words, never anything else."""
+"""Image files that are damaged in every way: an image or a InputError with words, never anything else."""
 
 import struct
 import sys
@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from doors import images
-from doors.images import MAX_PIXELS, decode_image, image_size, load_image
-from robot.config import BadInput
+from truearc.cli.robot import images
+from truearc.cli.robot.images import MAX_PIXELS, decode_image, image_size, load_image
+from truearc.robot.config.schema import InputError
 
 GREY_ALPHA = 4, (b"\0" + bytes(range(160))) * 60
 RANDOM = np.random.default_rng(1)
@@ -53,7 +53,7 @@ def png_of(width: int, height: int, kind: int = 2, pixels: bytes = b"") -> bytes
     (cv2.imencode(".png", PICTURE.astype(np.uint16))[1].tobytes(), "16-bit"),
 ])
 def test_what_is_wrong_is_said(data, named):
-    with pytest.raises(BadInput, match=named):
+    with pytest.raises(InputError, match=named):
         decode_image(data)
 
 
@@ -75,7 +75,7 @@ def test_any_damage_is_an_image_or_told(end, changes, length):
             break
     try:
         image = decode_image(bytes(data[:length]))
-    except BadInput as error:
+    except InputError as error:
         assert str(error)
     else:
         assert image.dtype == np.uint8 and image.ndim == 3 and image.shape[2] == 3
@@ -85,7 +85,7 @@ def test_a_file_is_read_no_further_than_its_limit(monkeypatch, tmp_path):
     path = tmp_path / "large.bmp"
     path.write_bytes(WHOLE[".bmp"])
     monkeypatch.setattr(images, "MAX_BYTES", 1000)
-    with pytest.raises(BadInput, match=r"large.bmp: a file of more than"):
+    with pytest.raises(InputError, match=r"large.bmp: a file of more than"):
         load_image(str(path))
 
 
@@ -93,5 +93,5 @@ def test_a_file_is_read_no_further_than_its_limit(monkeypatch, tmp_path):
 def test_the_base_install_reads_pictures_without_pillow(monkeypatch, end):
     monkeypatch.setitem(sys.modules, "PIL", None)
     assert image_size(WHOLE[end]) is None and decode_image(WHOLE[end]).shape == (60, 80, 3)
-    with pytest.raises(BadInput):
+    with pytest.raises(InputError):
         decode_image(WHOLE[end][:30])

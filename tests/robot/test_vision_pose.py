@@ -10,11 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-import robot
-from robot.config import load_config
-from robot.vision.optics import make_optics
-from robot.vision.pose import _beliefs, _rotation, horizontal, solve_pose
-from robot.vision.shape import make_shape
+from truearc import robot
+from truearc.robot.config.schema import load_config
+from truearc.robot.vision.optics import make_optics
+from truearc.robot.vision.pose import _beliefs, _rotation, horizontal, solve_pose
+from truearc.robot.vision.shape import make_shape
 
 CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")
 CAMERA, TAPE = CONFIG.camera, CONFIG.tape

@@ -12,18 +12,18 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-import robot
-from doors.run_processes import ThreeProcesses
-from hw.emulated.picture_server import PictureServer
-from hw.link import LinkLost
-from hw.reading import CameraFrame
-from hw.real.clock import MonotonicClock
-from hw.slots import Slots
-from robot.config import load_config
-from robot.eyes import InlineEyes
-from robot.processes.vision import FarEyes, make_room, watch
-from robot.types import Sighting
-from truearc import main
+from truearc import robot
+from truearc.cli.robot.run_processes import ThreeProcesses
+from truearc.hw.emulated.imaging.picture_server import PictureServer
+from truearc.hw.protocols import LinkLost
+from truearc.hw.readings import CameraFrame
+from truearc.hw.real.clock import MonotonicClock
+from truearc.hw.shared_latest import Slots
+from truearc.robot.config.schema import load_config
+from truearc.robot.vision_source import InlineEyes
+from truearc.robot.processes.vision import FarEyes, make_room, watch
+from truearc.robot.types import Sighting
+from truearc.cli.main import main
 
 PATIENCE_S = 30.0                     # of a loaded machine
 SHIPPED = Path(robot.__file__).parent / "launcher.toml"
@@ -189,7 +189,7 @@ def test_a_camera_that_stops_is_lost_in_the_cameras_words(scene):
 
 @pytest.mark.parametrize("layout", ["one", "three"])
 def test_no_such_camera_is_bad_input(layout, tmp_path, capsys):
-    cable = pytest.importorskip("hw.emulated.pty_cable").PtyCable()
+    cable = pytest.importorskip("truearc.hw.emulated.pty_cable").PtyCable()
     words = ["--can", "virtual:nothing", "--buttons", cable.port, "--camera", "/dev/video99", "--layout", layout]
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     assert main(["run", "--config", str(SHIPPED), "--out", str(tmp_path / "out"), *words]) == 2

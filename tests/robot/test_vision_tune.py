@@ -14,16 +14,16 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-import robot
-import truearc
-from doors.tune_server import TuneServer
-from doors.twin_eyes import make_lens, make_tape
-from doors.vision_tune import Live, Recorded, Tuner, find_pictures
-from hw.emulated.camera import EmulatedCamera
-from hw.emulated.stage import Stage, place
-from hw.link import LinkLost
-from hw.reading import CameraFrame
-from robot.config import BadInput, CameraFile, load_config, load_toml
+from truearc import robot
+import truearc.cli.main as truearc
+from truearc.cli.robot.tune_server import TuneServer
+from truearc.sim.world.emulated_vision import make_lens, make_tape
+from truearc.cli.robot.vision_tune import Live, Recorded, Tuner, find_pictures
+from truearc.hw.emulated.imaging.camera import EmulatedCamera
+from truearc.hw.emulated.static_plant import Stage, place
+from truearc.hw.protocols import LinkLost
+from truearc.hw.readings import CameraFrame
+from truearc.robot.config.schema import InputError, CameraFile, load_config, load_toml
 
 CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")
 FILE = CameraFile(CONFIG.camera, CONFIG.tape, CONFIG.vision)
@@ -184,7 +184,7 @@ class Fake:
 def test_live_shows_the_newest_picture_and_says_when_the_camera_is_gone(tmp_path, image):
     tuner = Tuner(FILE, Live(Fake(image)), tmp_path / "x.toml")
     assert tuner.state()["live"] and tuner.look(0, SETTINGS)["found"] and tuner.look(0, SETTINGS)["found"]
-    with pytest.raises(BadInput, match="fake"):
+    with pytest.raises(InputError, match="fake"):
         tuner.look(0, SETTINGS)
 
 
@@ -197,7 +197,7 @@ def test_live_words_and_views_are_of_one_picture(tmp_path, image):
     bright, black = (cv2.imdecode(np.frombuffer(tuner.picture(0, "image", SETTINGS, seen["frame"]), np.uint8), 1)
                      for seen in (first, dark))
     assert bright.max() > 150 and black.max() < 5
-    with pytest.raises(BadInput, match="no longer kept"):
+    with pytest.raises(InputError, match="no longer kept"):
         tuner.picture(0, "image", SETTINGS, 99)
 
 

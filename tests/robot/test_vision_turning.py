@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-import robot
-from doors.twin_eyes import make_lens, make_tape
-from hw.emulated.camera import EmulatedCamera
-from hw.emulated.lens import project
-from hw.emulated.look import Look
-from hw.emulated.shutter import project_turning
-from hw.emulated.stage import NOTHING, Stage, place
-from robot.config import load_config
-from robot.vision import detect
-from robot.vision.optics import make_optics
+from truearc import robot
+from truearc.sim.world.emulated_vision import make_lens, make_tape
+from truearc.hw.emulated.imaging.camera import EmulatedCamera
+from truearc.hw.emulated.imaging.lens import project
+from truearc.hw.emulated.imaging.image_degradation import Look
+from truearc.hw.emulated.imaging.shutter import project_turning
+from truearc.hw.emulated.static_plant import NOTHING, Stage, place
+from truearc.robot.config.schema import load_config
+from truearc.robot.vision import detect
+from truearc.robot.vision.optics import make_optics
 
 CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")
 LENS = make_lens(CONFIG.camera)

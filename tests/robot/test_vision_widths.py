@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-import robot
-from hw.emulated.camera import EmulatedCamera
-from hw.emulated.lens import Lens, project
-from hw.emulated.look import USUAL, Look, Patch
-from hw.emulated.stage import Stage, place
-from robot.config import load_config
-from robot.vision import detect
+from truearc import robot
+from truearc.hw.emulated.imaging.camera import EmulatedCamera
+from truearc.hw.emulated.imaging.lens import Lens, project
+from truearc.hw.emulated.imaging.image_degradation import USUAL, Look, Patch
+from truearc.hw.emulated.static_plant import Stage, place
+from truearc.robot.config.schema import load_config
+from truearc.robot.vision import detect
 
 CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")
 CAMERA, TAPE, VISION = CONFIG.camera, CONFIG.tape, CONFIG.vision

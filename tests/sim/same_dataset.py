@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sim.shots import Dataset
+from truearc.sim.data.dataset import Dataset
 
 
 def assert_same(dataset: Dataset, other: Dataset, rounding: float) -> None:

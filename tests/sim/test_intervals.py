@@ -3,7 +3,7 @@
 import pytest
 from scipy.stats import binomtest
 
-from sim.intervals import difference, wilson
+from truearc.sim.intervals import difference, wilson
 
 
 @pytest.mark.parametrize(("k", "n"), [(0, 10), (3, 10), (56, 70), (70, 70), (1, 1000)])

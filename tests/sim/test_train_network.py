@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.config import BadInput
-from sim.network import (
+from truearc.robot.config.schema import InputError
+from truearc.sim.paper.network import (
     Network,
     initial_layers,
     load_weights,
@@ -88,7 +88,7 @@ def test_a_cut_archive_is_refused(archive: Path, tmp_path_factory: pytest.TempPa
     other = tmp_path_factory.getbasetemp() / "cut"
     other.mkdir(exist_ok=True)
     (other / "weights.npz").write_bytes(whole[:data.draw(st.integers(0, len(whole) - 1))])
-    with pytest.raises(BadInput, match=r"weights\.npz"):
+    with pytest.raises(InputError, match=r"weights\.npz"):
         load_weights(other)
 
 
@@ -103,7 +103,7 @@ def test_wrong_arrays_are_named(archive: Path, tmp_path: Path, change: dict[str,
     with np.load(archive / "weights.npz") as file:
         arrays = {**file, **change}
     np.savez(tmp_path / "weights.npz", **{name: array for name, array in arrays.items() if array is not None})
-    with pytest.raises(BadInput) as caught:
+    with pytest.raises(InputError) as caught:
         load_weights(tmp_path)
     assert words in str(caught.value) and "weights.npz" in str(caught.value)
 
@@ -118,12 +118,12 @@ def test_a_wrong_record_is_named(tmp_path: Path, text: str | None, words: str) -
     save_weights(tmp_path, make_network(), RECORD)
     record = tmp_path / "training.json"
     record.unlink() if text is None else record.write_text(text)
-    with pytest.raises(BadInput) as caught:
+    with pytest.raises(InputError) as caught:
         load_weights(tmp_path)
     assert words in str(caught.value) and "training.json" in str(caught.value)
 
 
 def test_weights_cannot_be_written_into_a_file(tmp_path: Path) -> None:
     (tmp_path / "taken").write_text("")
-    with pytest.raises(BadInput, match="taken"):
+    with pytest.raises(InputError, match="taken"):
         save_weights(tmp_path / "taken", make_network(), RECORD)

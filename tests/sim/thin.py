@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sim.shots import Dataset, Tracks, take_shots
+from truearc.sim.data.dataset import Dataset, Tracks, take_shots
 
 
 def thinned(dataset: Dataset, shots: int = 32) -> Dataset:

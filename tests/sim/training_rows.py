@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sim.train import Rows
+from truearc.sim.paper.training import Rows
 
 
 def some_rows(count: int, seed: int) -> Rows:

@@ -1,0 +1,1 @@
+"""Physics terms, one file each, by stage."""

@@ -7,22 +7,22 @@ import cantools
 import pytest
 from msgspec.structs import replace
 
-from doors.doctor import look_at_bus
-from doors.twin import FLYWHEEL, SETTINGS
-from hw.canandmag import Encoder
-from hw.emulated.canandmag_node import CanandmagNode
-from hw.emulated.clock import StepClock
-from hw.emulated.faults import SILENT, TRUNCATED, UNPLUGGED, Fault, FaultyNode
-from hw.emulated.odrive_node import OdriveNode
-from hw.emulated.twin import Twin
-from hw.frc import CONTROLLER_HEARTBEAT, locked_spark
-from hw.link import Frame, LinkLost
-from hw.real.can_bus import open_can
-from robot.config import BadInput
-from robot.doctor.finding import FAILURE, OK, WARNING
-from robot.doctor.listening import listen
-from robot.doctor.parameters import load_endpoints
-from robot.motors import odrive_axis
+from truearc.cli.robot.doctor import look_at_bus
+from truearc.sim.world.emulated_robot import FLYWHEEL, SETTINGS
+from truearc.hw.devices.canandmag.frames import Encoder
+from truearc.hw.devices.canandmag.emulator import CanandmagNode
+from truearc.hw.emulated.clock import StepClock
+from truearc.hw.emulated.faults import SILENT, TRUNCATED, UNPLUGGED, Fault, FaultyNode
+from truearc.hw.devices.odrive.emulator import OdriveNode
+from truearc.hw.emulated.emulated_robot import Twin
+from truearc.hw.frc import CONTROLLER_HEARTBEAT, locked_spark
+from truearc.hw.protocols import Frame, LinkLost
+from truearc.hw.real.can_bus import open_can
+from truearc.robot.config.schema import InputError
+from truearc.robot.doctor.finding import FAILURE, OK, WARNING
+from truearc.robot.doctor.listening import listen
+from truearc.robot.doctor.parameters import load_endpoints
+from truearc.robot.motors import odrive_axis
 from tests.hw.spinning_plant import SpinningPlant
 from tests.robot.good_tick import CONFIG
 
@@ -218,7 +218,7 @@ def test_a_limit_switch_that_the_table_knows_as_something_else(endpoints):
 def test_a_table_that_is_none_is_named(tmp_path, text):
     path = tmp_path / "table.json"
     path.write_text(text)
-    with pytest.raises(BadInput, match=r"table\.json"):
+    with pytest.raises(InputError, match=r"table\.json"):
         load_endpoints(path)
 
 

@@ -11,23 +11,23 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-import hw.real.machine
-import robot
-from hw.buttons import make_heartbeat
-from hw.link import LinkLost
-from hw.machine import CanLink, Exposure, parse_link
-from hw.reading import CameraFrame
-from hw.real.machine import read_exposure
-from robot.doctor.bus import check_adapter, check_bitrate
-from robot.doctor.finding import FAILURE, OK, WARNING, failure, line, ok
-from robot.doctor.listening import Heard
-from robot.doctor.machine import check_clock, check_disk, check_real_time
-from robot.doctor.model import check_model
-from robot.doctor.senses import check_box, check_camera, check_exposure
+import truearc.hw.real.machine
+from truearc import robot
+from truearc.hw.devices.button_box.frames import make_heartbeat
+from truearc.hw.protocols import LinkLost
+from truearc.hw.machine import CanLink, Exposure, parse_link
+from truearc.hw.readings import CameraFrame
+from truearc.hw.real.machine import read_exposure
+from truearc.robot.doctor.bus import check_adapter, check_bitrate
+from truearc.robot.doctor.finding import FAILURE, OK, WARNING, failure, line, ok
+from truearc.robot.doctor.listening import Heard
+from truearc.robot.doctor.machine import check_clock, check_disk, check_real_time
+from truearc.robot.doctor.model import check_model
+from truearc.robot.doctor.senses import check_box, check_camera, check_exposure
 from tests.robot.gate.test_model import METADATA, build
 from tests.robot.good_tick import CONFIG
 from tests.robot.test_rig import Stream, Time
-from truearc import main
+from truearc.cli.main import main
 
 # As iproute2 prints a gs_usb adapter and a virtual interface.
 CAN0 = ('[{"ifindex":3,"ifname":"can0","flags":["NOARP","UP","LOWER_UP","ECHO"],"mtu":16,"operstate":"UP",'
@@ -134,7 +134,7 @@ def test_a_cameras_controls_are_asked_as_the_kernel_defines_them(monkeypatch, tm
 
 def test_what_a_tool_does_not_say_is_none(monkeypatch):
     monkeypatch.setenv("PATH", "")
-    assert hw.real.machine.read_link("can0") is None and hw.real.machine.is_clock_synchronised() is None
+    assert truearc.hw.real.machine.read_link("can0") is None and truearc.hw.real.machine.is_clock_synchronised() is None
 
 
 class Showing:

@@ -2,20 +2,20 @@
 
 import pytest
 
-from hw import spark
-from hw.emulated.faults import SILENT, TRUNCATED, UNPLUGGED, Fault, FaultyNode
-from hw.emulated.nodes import Node
-from hw.emulated.odrive_node import OdriveNode
-from hw.emulated.spark_node import SparkNode, SparkSettings
-from hw.frc import CONTROLLER_HEARTBEAT, locked_spark
-from hw.link import Frame
-from hw.odrive import Axis
-from robot.config import SparkAxis
-from robot.doctor.bus import check_heartbeat_lock
-from robot.doctor.devices import check_devices, questions
-from robot.doctor.finding import FAILURE, OK, WARNING, Finding
-from robot.doctor.listening import Heard
-from robot.motors import name_axes, spark_axis
+from truearc.hw.devices.spark import frames as spark
+from truearc.hw.emulated.faults import SILENT, TRUNCATED, UNPLUGGED, Fault, FaultyNode
+from truearc.hw.emulated.nodes import Node
+from truearc.hw.devices.odrive.emulator import OdriveNode
+from truearc.hw.devices.spark.emulator import SparkNode, SparkSettings
+from truearc.hw.frc import CONTROLLER_HEARTBEAT, locked_spark
+from truearc.hw.protocols import Frame
+from truearc.hw.devices.odrive.frames import OdriveAxis
+from truearc.robot.config.schema import SparkAxis
+from truearc.robot.doctor.bus import check_heartbeat_lock
+from truearc.robot.doctor.devices import check_devices, questions
+from truearc.robot.doctor.finding import FAILURE, OK, WARNING, Finding
+from truearc.robot.doctor.listening import Heard
+from truearc.robot.motors import name_axes, spark_axis
 from tests.hw.spinning_plant import SpinningPlant
 from tests.robot.sparks import ALL_SPARK, SPARK_HOOD, only_advice
 
@@ -79,7 +79,7 @@ def test_two_devices_with_one_number():
 
 
 def test_a_controller_may_have_the_say_over_motors_that_are_not_ours():
-    lock = Frame(0, spark.frame_id(spark.Axis(3, 1, False), "STATUS_0"), bytes([0] * 6 + [0x20, 0]), is_extended=True)
+    lock = Frame(0, spark.frame_id(spark.SparkAxis(3, 1, False), "STATUS_0"), bytes([0] * 6 + [0x20, 0]), is_extended=True)
     alive = Frame(0, CONTROLLER_HEARTBEAT, bytes(8), is_extended=True)
     for frame in (lock, alive):
         heard = Heard((frame,), 1.0)
@@ -91,7 +91,7 @@ def test_a_controller_may_have_the_say_over_motors_that_are_not_ours():
 def test_of_advisory_axes_nothing_is_asked_and_each_must_be_heard():
     config = only_advice("odrive")
     assert questions(config, None) == []
-    there = OdriveNode(Axis(11, 1), "flywheel_a", PLANT)
+    there = OdriveNode(OdriveAxis(11, 1), "flywheel_a", PLANT)
     findings = hear([there], config)
     assert findings["flywheel motor 1, status"].level == OK
     assert findings["flywheel motor 2, status"].level == FAILURE

@@ -12,10 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from onnx import TensorProto, helper, numpy_helper
 
-from robot.config import BadInput
-from robot.gate import contract
-from robot.gate.model import NO_RATING, Gate, load_gate
-from robot.gate.seal import KEY_SEAL, UNSEALED, seal
+from truearc.robot.config.schema import InputError
+from truearc.robot.gate import contract
+from truearc.robot.gate.model import NO_RATING, Gate, load_gate
+from truearc.robot.gate.seal import KEY_SEAL, UNSEALED, seal
 
 BOX = {"distance_m": [2.0, 8.0], "motor_ratio": [0.3, 0.9], "hood_deg": [20.0, 60.0]}
 RNG = np.random.default_rng(5)
@@ -185,7 +185,7 @@ def test_refuses(tmp_path: Path, what: str) -> None:
     data, words = REFUSED[what]
     path = tmp_path / "foreign.onnx"
     path.write_bytes(data)
-    with pytest.raises(BadInput) as caught:
+    with pytest.raises(InputError) as caught:
         load_gate(path)
     assert str(caught.value).startswith(f"{path}: ")
     assert words in str(caught.value)
@@ -198,13 +198,13 @@ def test_refuses_a_model_whose_weights_were_changed(tmp_path: Path, path: Path) 
     weight.CopyFrom(numpy_helper.from_array(numpy_helper.to_array(weight) + np.float32(1.0), "b2"))
     altered = tmp_path / "altered.onnx"
     altered.write_bytes(model.SerializeToString())
-    with pytest.raises(BadInput, match="damaged or altered"):
+    with pytest.raises(InputError, match="damaged or altered"):
         load_gate(altered)
 
 
 def test_refuses_a_file_that_is_not_there_and_a_directory(tmp_path: Path) -> None:
     for path in (tmp_path / "none.onnx", tmp_path):
-        with pytest.raises(BadInput, match=str(path)):
+        with pytest.raises(InputError, match=str(path)):
             load_gate(path)
 
 
@@ -213,7 +213,7 @@ def test_refuses_a_file_cut_short_anywhere(tmp_path: Path) -> None:
     path = tmp_path / "cut.onnx"
     for length in range(len(data)):
         path.write_bytes(data[:length])
-        with pytest.raises(BadInput):
+        with pytest.raises(InputError):
             load_gate(path)
 
 
@@ -228,7 +228,7 @@ def test_a_damaged_file_is_refused_or_still_gives_probabilities(tmp_path_factory
     path.write_bytes(model)
     try:
         gate = load_gate(path)
-    except BadInput as error:
+    except InputError as error:
         assert str(path) in str(error)
         return
     centre = [0.5 * (low + high) for low, high in gate.domain]

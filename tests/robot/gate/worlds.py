@@ -12,11 +12,11 @@ import numpy as np
 from msgspec import UNSET
 from msgspec.structs import replace
 
-from hw.reading import AngleReading, ButtonEvent, MotorReading
-from robot.config import Config
-from robot.gate.model import Gate
-from robot.geometry import screw_length_m
-from robot.types import Aim, Inputs, Memory, Sighting
+from truearc.hw.readings import AngleReading, ButtonEvent, MotorReading
+from truearc.robot.config.schema import Config
+from truearc.robot.gate.model import Gate
+from truearc.robot.geometry import screw_length_m
+from truearc.robot.types import Aim, Inputs, Memory, Sighting
 from tests.robot.good_tick import CONFIG, NOW_NS, good_memory
 from tests.robot.sparks import ALL_SPARK, only_advice
 

@@ -5,10 +5,10 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
-import robot
-from doors.twin import emulate
-from hw.emulated.faults import SILENT, TRUNCATED, Fault
-from robot.config import load_config
+from truearc import robot
+from truearc.sim.world.emulated_robot import emulate
+from truearc.hw.emulated.faults import SILENT, TRUNCATED, Fault
+from truearc.robot.config.schema import load_config
 from tests.robot.gate.test_model import build
 
 CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")

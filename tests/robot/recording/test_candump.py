@@ -4,8 +4,8 @@ import can
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hw.link import Frame
-from robot.recording.candump import candump_line, parse_candump
+from truearc.hw.protocols import Frame
+from truearc.robot.recording.candump import candump_line, parse_candump
 
 
 @st.composite

@@ -5,15 +5,15 @@ import subprocess
 
 import pytest
 
-from doors.run import make_room
-from robot.config import BadInput
-from robot.recording.recover import recover
-from robot.recording.session import load_trials
-from robot.recording.watch import RecordingRig
-from robot.rig import ReplayRig
-from robot.tick import step
+from truearc.cli.robot.run import make_room
+from truearc.robot.config.schema import InputError
+from truearc.robot.recording.recover import recover
+from truearc.robot.recording.session import load_trials
+from truearc.robot.recording.recording_rig import RecordingRig
+from truearc.robot.rig import ReplayRig
+from truearc.robot.tick import step
 from tests.robot.good_tick import CONFIG, good_memory
-from tests.robot.recording.test_writer import MS, kept_cycles, open_writer, play, ticks
+from tests.robot.recording.test_encoder import MS, kept_cycles, open_writer, play, ticks
 
 NO_SPACE = "No space left on device"
 
@@ -79,8 +79,8 @@ def test_a_disk_that_stays_full_keeps_a_whole_beginning(disk):
 
 
 def test_on_a_full_disk_nothing_is_begun(disk):
-    with pytest.raises(BadInput, match="only 0 MB free; a recording needs 100 MB"):
+    with pytest.raises(InputError, match="only 0 MB free; a recording needs 100 MB"):
         make_room(disk, "2026-01-01T00:00:00")
     fill(disk)
-    with pytest.raises(BadInput, match=rf"config\.json: {NO_SPACE}"):
+    with pytest.raises(InputError, match=rf"config\.json: {NO_SPACE}"):
         open_writer(disk / "s")

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from robot.recording.replay import replay, replay_frames
+from truearc.robot.recording.replay.recompute import replay, replay_frames
 
 TICKS = 1116
 ELSEWHERE = sys.platform != "linux" or platform.machine() != "x86_64"

@@ -11,27 +11,27 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-import doors.run
-import doors.run_processes
+import truearc.cli.robot.run
+import truearc.cli.robot.run_processes
 from benchmarks.kill import kill_once
-from doors.run_processes import RecorderProcess
-from hw.link import Frame
-from hw.reading import CameraFrame
-from hw.real.clock import MonotonicClock
-from robot.config import BadInput
-from robot.eyes import NoEyes
-from robot.processes import far_keeper
-from robot.recording.files import append_trials
-from robot.recording.images import load_image, load_pictures
-from robot.recording.reader import TickReader
-from robot.recording.session import load_trials, make_header
-from robot.recording.writer import MARKING_NS, SessionWriter
+from truearc.cli.robot.run_processes import RecorderProcess
+from truearc.hw.protocols import Frame
+from truearc.hw.readings import CameraFrame
+from truearc.hw.real.clock import MonotonicClock
+from truearc.robot.config.schema import InputError
+from truearc.robot.vision_source import NoEyes
+from truearc.robot.processes import recorder_client as far_keeper
+from truearc.robot.recording.files import append_trials
+from truearc.robot.recording.images import load_image, load_pictures
+from truearc.robot.recording.reader import TickReader
+from truearc.robot.recording.session import load_trials, make_header
+from truearc.robot.recording.encoder import MARKING_NS, SessionWriter
 from tests.robot.good_tick import CONFIG
-from tests.robot.recording.test_writer import kept_cycles, play, ticks
+from tests.robot.recording.test_encoder import kept_cycles, play, ticks
 from tests.robot.test_rig import Wire
 from tests.robot.test_run_door import CONFIG as SHIPPED
 from tests.robot.test_run_door import Box
-from truearc import main
+from truearc.cli.main import main
 
 posix = pytest.mark.skipif(os.name != "posix", reason="signals")
 MS = 1_000_000
@@ -187,7 +187,7 @@ def test_a_full_disk_over_there_is_a_hold_here_and_space_made_in_time_loses_noth
 
 
 def test_files_that_cannot_be_opened_there_are_bad_input_here(process, tmp_path):
-    with pytest.raises(BadInput, match=r"telemetry\.mcap: No such file or directory"):
+    with pytest.raises(InputError, match=r"telemetry\.mcap: No such file or directory"):
         process.open_keeper(tmp_path / "nowhere")
 
 
@@ -227,8 +227,8 @@ def test_a_run_ends_by_itself_released_with_code_2_when_its_recorder_is_killed(t
         return processes[0]
 
     monkeypatch.setattr(bus, "read", kill_in_time)
-    monkeypatch.setattr(doors.run_processes, "RecorderProcess", begin)
-    monkeypatch.setattr(doors.run, "_open_wires", lambda *_: (bus, Box(), NoEyes(), MonotonicClock()))
+    monkeypatch.setattr(truearc.cli.robot.run_processes, "RecorderProcess", begin)
+    monkeypatch.setattr(truearc.cli.robot.run, "_open_wires", lambda *_: (bus, Box(), NoEyes(), MonotonicClock()))
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     assert main(["run", "--config", SHIPPED, "--out", str(tmp_path), "--priority", "0"]) == 2
     for number, handler in before.items():

@@ -10,17 +10,17 @@ from mcap.reader import make_reader
 from mcap.records import Chunk, Message
 from mcap.stream_reader import StreamReader, breakup_chunk
 
-from robot.config import BadInput
-from robot.recording.appender import Appender
-from robot.recording.candump import parse_candump
-from robot.recording.files import TickFile
-from robot.recording.images import load_pictures
-from robot.recording.reader import TickReader
-from robot.recording.recover import recover
-from robot.recording.replay import Difference, replay, replay_frames
-from robot.recording.salvage import salvage
-from robot.recording.session import load_trials
-from truearc import main
+from truearc.robot.config.schema import InputError
+from truearc.robot.recording.append_file import Appender
+from truearc.robot.recording.candump import parse_candump
+from truearc.robot.recording.files import TickFile
+from truearc.robot.recording.images import load_pictures
+from truearc.robot.recording.reader import TickReader
+from truearc.robot.recording.recover import recover
+from truearc.robot.recording.replay.recompute import Difference, replay, replay_frames
+from truearc.robot.recording.salvage import salvage
+from truearc.robot.recording.session import load_trials
+from truearc.cli.main import main
 
 TELEMETRY, TRIALS, CAN = "telemetry.mcap", "trials.jsonl", "can0.log"
 MANY = settings(max_examples=8, deadline=None,
@@ -154,7 +154,7 @@ def test_without_one_whole_tick_what_else_is_whole_is_kept(session, plain, keep)
     with (session / TELEMETRY).open("rb") as file:
         assert make_reader(file).get_summary().statistics.message_count == 0
     assert recover(session).repairs == []
-    with pytest.raises(BadInput, match="no ticks to replay"):
+    with pytest.raises(InputError, match="no ticks to replay"):
         replay(session)
 
 
@@ -199,5 +199,5 @@ def test_a_tick_of_another_format_is_named(session):
     file.finish()
     file.file.close()
     tear(session / TELEMETRY, (session / TELEMETRY).stat().st_size - 1)
-    with pytest.raises(BadInput, match="row 1"):
+    with pytest.raises(InputError, match="row 1"):
         recover(session)

@@ -5,10 +5,10 @@ from collections import namedtuple
 
 import pytest
 
-from doors.run import make_room
-from robot.config import BadInput
-from robot.recording.session import make_header
-from robot.recording.writer import SessionWriter
+from truearc.cli.robot.run import make_room
+from truearc.robot.config.schema import InputError
+from truearc.robot.recording.session import make_header
+from truearc.robot.recording.encoder import SessionWriter
 from tests.robot.good_tick import CONFIG
 
 
@@ -24,7 +24,7 @@ def test_a_clock_that_was_set_back_costs_a_number_behind_the_name(tmp_path):
 
 def test_a_disk_that_is_all_but_full_is_refused_before_anything_moves(tmp_path, monkeypatch):
     monkeypatch.setattr(shutil, "disk_usage", lambda path: namedtuple("usage", "free")(7 << 20))
-    with pytest.raises(BadInput, match="only 7 MB free; a recording needs 100 MB"):
+    with pytest.raises(InputError, match="only 7 MB free; a recording needs 100 MB"):
         make_room(tmp_path, "2026-01-01T10:00:00+00:00")
 
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from sim.discover.evidence import Column, Evidence, Plane, make_evidence
-from sim.discover.outcomes import Seen, see_outcomes
-from sim.shots import Shots
+from truearc.sim.discover.model.score_table import Column, ScoreTable, PlaneScores, make_evidence
+from truearc.sim.discover.model.outcome_likelihood import OutcomeObservations, see_outcomes
+from truearc.sim.data.dataset import Shots
 from tests.sim.discover.worlds import FACTS
 
 BORDERS = ("miss", "two", "three")
@@ -15,7 +15,7 @@ def column(name: str, kind: str = "free", stage: str = "flight", usual: float = 
 
 
 def gaussian(y: np.ndarray, slopes: np.ndarray, columns: tuple[Column, ...], precision: np.ndarray | None = None,
-             pull: np.ndarray | None = None) -> Evidence:
+             pull: np.ndarray | None = None) -> ScoreTable:
     """y [n] = slopes [n, P] b + unit normal noise, one number a shot, about b = 0; shared columns without a prior."""
     shared = sum(one.kind == "shared" for one in columns)
     precision = np.zeros(shared) if precision is None else precision
@@ -24,7 +24,7 @@ def gaussian(y: np.ndarray, slopes: np.ndarray, columns: tuple[Column, ...], pre
                          np.zeros(shared) if pull is None else pull, -0.5 * y**2 - 0.5 * np.log(2.0 * np.pi))
 
 
-def at_least_squares(y: np.ndarray, asked: np.ndarray, shared: np.ndarray, usual: float = 1.0) -> Evidence:
+def at_least_squares(y: np.ndarray, asked: np.ndarray, shared: np.ndarray, usual: float = 1.0) -> ScoreTable:
     """The same with shared [n, p] already fitted by least squares and asked [n, K] not: terms named t0, t1, ..."""
     left = y - shared @ np.linalg.lstsq(shared, y, rcond=None)[0] if shared.size else y
     columns = (*(column(f"t{k}.amplitude", "term", usual=usual) for k in range(asked.shape[1])),
@@ -32,7 +32,7 @@ def at_least_squares(y: np.ndarray, asked: np.ndarray, shared: np.ndarray, usual
     return gaussian(left, np.concatenate([asked, shared], axis=1), columns)
 
 
-def heights(n: int, rng: np.random.Generator) -> Seen:
+def heights(n: int, rng: np.random.Generator) -> OutcomeObservations:
     """Random outcomes, some with sides, some measured instead."""
     outcome = rng.choice(BORDERS, n)
     side = np.where((outcome != "three") & (rng.random(n) < 0.4), rng.choice(("low", "high"), n), "")
@@ -42,12 +42,12 @@ def heights(n: int, rng: np.random.Generator) -> Seen:
     return see_outcomes(shots, FACTS.target)[1]
 
 
-def with_plane(seed: int, n: int = 12, wide: int = 4) -> Evidence:
+def with_plane(seed: int, n: int = 12, wide: int = 4) -> ScoreTable:
     """Random evidence of tracks and, for every second shot, of heights; the last two columns shared."""
     rng = np.random.default_rng(seed)
     root = rng.normal(size=(n, wide, wide))
     rows = np.arange(0, n, 2)
-    plane = Plane(rows, heights(len(rows), rng), rng.normal(0.0, 0.3, len(rows)), rng.uniform(0.05, 0.3, len(rows)),
+    plane = PlaneScores(rows, heights(len(rows), rng), rng.normal(0.0, 0.3, len(rows)), rng.uniform(0.05, 0.3, len(rows)),
                   rng.normal(0.0, 0.3, (len(rows), wide)), rng.normal(0.0, 0.01, (len(rows), wide)),
                   rng.normal(0.0, 0.1, (len(rows), wide)))
     columns = (*(column(f"c{k}") for k in range(wide - 2)), column("a", "shared"), column("b", "shared"))

@@ -6,13 +6,13 @@ All numbers SI; frame x toward the target, y left, z up.
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from robot.facts import Ball, Facts, LauncherFacts, Noise, Target, Wheel
-from sim.shots import Dataset, Shots, Tracks
+from truearc.robot.config.rig_spec import Ball, Rig, LauncherFacts, Noise, Target, Wheel
+from truearc.sim.data.dataset import Dataset, Shots, Tracks
 
 GRAVITY, DENSITY, MASS, RADIUS = 9.81, 1.2, 0.14, 0.0889
 RELEASE, CENTRE = 0.75, 2.44
 WHEELS = (Wheel("left", 0.05, 1.0, 300.0), Wheel("right", 0.05, 1.0, 60.0), Wheel("bottom", 0.05, 1.0, 180.0))
-THREE = Facts(ball=Ball(MASS, RADIUS), launcher=LauncherFacts(RELEASE, None, WHEELS), target=Target(CENTRE),
+THREE = Rig(ball=Ball(MASS, RADIUS), launcher=LauncherFacts(RELEASE, None, WHEELS), target=Target(CENTRE),
               noise=Noise(0.03, 0.2, 0.5, 0.005))
 
 
@@ -48,7 +48,7 @@ def make_drops(shots: int, seed: int, cd: float = 0.5, track_m: float = 0.02) ->
                           rtol=1e-9, atol=1e-10)
         parts.append(flown.y[:3].T + rng.normal(0.0, track_m, (len(time_s), 3)))
     tracks = Tracks(np.repeat(np.arange(shots), len(time_s)), np.tile(time_s, shots), *np.concatenate(parts).T)
-    facts = Facts(ball=Ball(MASS, RADIUS), noise=Noise(track_m=track_m))
+    facts = Rig(ball=Ball(MASS, RADIUS), noise=Noise(track_m=track_m))
     return Dataset("drops", facts, Shots(tuple(map(str, range(shots))), {}, {}), tracks)
 
 

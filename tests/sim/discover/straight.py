@@ -1,7 +1,7 @@
 """A world in which everything is linear, in the place of the flights: names, refits and steps have closed forms there.
 
 One measured number a shot (as an exit speed is): y [n] = slopes [n, slots] times the parameters + unit normal noise.
-Only sim.discover.chain.see_slopes is replaced; everything after it is the real thing.
+Only truearc.sim.discover.model.forward_model.see_slopes is replaced; everything after it is the real thing.
 """
 
 from collections.abc import Callable
@@ -10,17 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from robot.facts import Ball, Facts, Target
-from sim.discover.believed import Fitted, climb, only_shared
-from sim.discover.chain import DEVIATES, Chain, Lanes, Seen
-from sim.discover.clusters import Clusters
-from sim.discover.evidence import Column
-from sim.discover.intake import SCATTERS, Intake
-from sim.discover.linear import Layout, linearise, nowhere
-from sim.discover.outcomes import see_outcomes
-from sim.physics.launch import Exit
-from sim.physics.term import Circumstances
-from sim.shots import Shots
+from truearc.robot.config.rig_spec import Ball, Rig, Target
+from truearc.sim.discover.model.baseline_fit import BaselineFit, climb, only_shared
+from truearc.sim.discover.model.forward_model import DEVIATES, Chain, ShotBatch, Prediction
+from truearc.sim.discover.detect.clusters import Clusters
+from truearc.sim.discover.model.score_table import Column
+from truearc.sim.discover.model.prepared_data import SCATTERS, Intake
+from truearc.sim.discover.model.linearization import ParameterLayout, linearise, nowhere
+from truearc.sim.discover.model.outcome_likelihood import see_outcomes
+from truearc.sim.physics.launch import Exit
+from truearc.sim.physics.term import Circumstances
+from truearc.sim.data.dataset import Shots
 from tests.sim.discover.made import column
 
 ASKED = ("wind_x.speed_m_s", "wind_y.speed_m_s", "wind_z.speed_m_s", "spin_decay.rate_per_s", "spin_drag.share",
@@ -28,20 +28,20 @@ ASKED = ("wind_x.speed_m_s", "wind_y.speed_m_s", "wind_z.speed_m_s", "spin_decay
          "release_height.above_m", "battery_sag.sensitivity")
 SHARED = ("drag.cd", "magnus.cl")
 NAMES = (*ASKED, *SHARED)
-FACTS = Facts(Ball(0.1, 0.1), target=Target(2.44))
+FACTS = Rig(Ball(0.1, 0.1), target=Target(2.44))
 
 
-def see_straight(slopes: np.ndarray) -> Callable[..., tuple[Seen, Seen]]:
+def see_straight(slopes: np.ndarray) -> Callable[..., tuple[Prediction, Prediction]]:
     """In the place of see_slopes; lanes carry the number of their shot as their distance."""
-    def see_slopes(chain: Chain, lanes: Lanes, point: Any, deviates: Any, edges_s: Any,
-                   basis: Any) -> tuple[Seen, Seen]:
+    def see_slopes(chain: Chain, lanes: ShotBatch, point: Any, deviates: Any, edges_s: Any,
+                   basis: Any) -> tuple[Prediction, Prediction]:
         mine = slopes[np.asarray(lanes.distance_m).astype(int)]
         n, k = len(mine), basis.shape[1]
         exit, by = np.zeros((n, 3)), np.zeros((n, 3, k))
         exit[:, 0], by[:, 0] = mine @ np.asarray(point), mine @ np.asarray(basis)[:len(NAMES)]
         none, none_by = np.zeros((n, 0, 3)), np.zeros((n, 0, 3, k))
-        return (Seen(exit, np.zeros((n, 4)), np.zeros(n, bool), none, none),
-                Seen(by, np.zeros((n, 4, k)), np.zeros(n), none_by, none_by))
+        return (Prediction(exit, np.zeros((n, 4)), np.zeros(n, bool), none, none),
+                Prediction(by, np.zeros((n, 4, k)), np.zeros(n), none_by, none_by))
 
     return see_slopes
 
@@ -50,7 +50,7 @@ def take_straight(y: np.ndarray) -> Intake:
     """Shots of which nothing was seen but y."""
     n, unknown = len(y), np.full(len(y), np.nan)
     zero = np.zeros(n)
-    lanes = Lanes(Exit(zero, zero, zero, zero), 0.0, zero, zero, zero, zero, zero, np.arange(n), Circumstances(), 0.0,
+    lanes = ShotBatch(Exit(zero, zero, zero, zero), 0.0, zero, zero, zero, zero, zero, np.arange(n), Circumstances(), 0.0,
                   0.0, 0.0, zero, 0.0)
     marked, seen = see_outcomes(Shots(tuple(map(str, range(n))), {}, {}), FACTS.target)
     return Intake(FACTS, FACTS, np.arange(n), lanes, np.zeros((n, len(DEVIATES))), np.zeros((n, len(SCATTERS))),
@@ -58,14 +58,14 @@ def take_straight(y: np.ndarray) -> Intake:
                   frozenset(), "L1", ())
 
 
-def lay_straight(usual: np.ndarray) -> Layout:
+def lay_straight(usual: np.ndarray) -> ParameterLayout:
     """All of ASKED, `usual` [K] large, and SHARED about zero with a standard deviation of 2."""
     slots = tuple((name.partition(".")[0], name.partition(".")[2]) for name in NAMES)
     chain = Chain(FACTS, tuple(term for term, _ in slots), slots, plane=False, track=False)
     columns: tuple[Column, ...] = (
         *(column(name, "term", usual=size) for name, size in zip(ASKED, usual, strict=True)),
         *(column(name, "shared") for name in SHARED))
-    return Layout(chain, columns, np.arange(len(NAMES)), (-1,) * len(SCATTERS), np.diag(np.full(2, 0.25)), np.zeros(2),
+    return ParameterLayout(chain, columns, np.arange(len(NAMES)), (-1,) * len(SCATTERS), np.diag(np.full(2, 0.25)), np.zeros(2),
                   np.zeros(0), np.zeros(len(slots)))
 
 
@@ -85,15 +85,15 @@ def slopes_and_y(planted: dict[str, float], seed: int, shots: int, copies: dict[
 
 
 def fit_straight(planted: dict[str, float], seed: int, shots: int = 200, copies: dict[str, str] | None = None,
-                 usual: dict[str, float] | None = None, between: dict[str, tuple[str, ...]] | None = None) -> Fitted:
+                 usual: dict[str, float] | None = None, between: dict[str, tuple[str, ...]] | None = None) -> BaselineFit:
     """The believed fit at its optimum."""
     slopes, y = slopes_and_y(planted, seed, shots, copies or {}, between)
     layout = replace(lay_straight(np.array([(usual or {}).get(name, 0.3) for name in ASKED])), see=see_straight(slopes))
     intake, bare = take_straight(y), only_shared(layout)
     spot, _ = climb(intake, bare, nowhere(intake, bare, np.zeros(len(NAMES)), np.zeros(len(SCATTERS))))
-    return Fitted(intake, layout, spot, linearise(intake, layout, spot)[0])
+    return BaselineFit(intake, layout, spot, linearise(intake, layout, spot)[0])
 
 
-def each_by_itself(fitted: Fitted) -> Clusters:
+def each_by_itself(fitted: BaselineFit) -> Clusters:
     n = len(fitted.evidence.rows)
     return Clusters("shot", np.arange(n), n)

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from sim.discover.evidence import Column, Evidence, make_evidence
+from truearc.sim.discover.model.score_table import Column, ScoreTable, make_evidence
 
 
 def make_linear(slopes: np.ndarray, columns: tuple[Column, ...], precision: np.ndarray,
-                observed: np.ndarray | None = None) -> Evidence:
+                observed: np.ndarray | None = None) -> ScoreTable:
     """n shots, each with g unit-variance observations: slopes [n, g, P], observed [n, g] (default zeros)."""
     seen = np.zeros(slopes.shape[:2]) if observed is None else observed
     score = np.einsum("ngp,ng->np", slopes, seen)

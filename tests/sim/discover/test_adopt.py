@@ -7,24 +7,24 @@ import numpy as np
 import pytest
 from msgspec import structs
 
-from sim.belief import Belief, load_belief, point_belief, save_belief
-from sim.circumstances import circumstances_of
-from sim.curve import Curve, before_the_shot
-from sim.dataset.parts import take_shots
-from sim.discover import freed
-from sim.discover.adopt import make_belief
-from sim.discover.believed import Fitted, usual_spot
-from sim.discover.columns import lay_out
-from sim.discover.correct import Correction
-from sim.discover.discover import Investigation, discover
-from sim.discover.freed import Freed
-from sim.discover.intake import take_in
-from sim.discover.linear import linearise
-from sim.physics.catalogue import find_parameter
-from sim.physics.shot import classify, predict
-from sim.prove.truth.shoot import shoot
-from sim.prove.truth.world import make_world
-from sim.shots import Dataset, Shots
+from truearc.sim.infer.belief import Belief, load_belief, point_belief, save_belief
+from truearc.sim.data.shot_conditions import circumstances_of
+from truearc.sim.infer.curve import Curve, before_the_shot
+from truearc.sim.data.parts import take_shots
+from truearc.sim.discover.model import nonparametric_terms as freed
+from truearc.sim.discover.adopt import make_belief
+from truearc.sim.discover.model.baseline_fit import BaselineFit, usual_spot
+from truearc.sim.discover.model.design_columns import lay_out
+from truearc.sim.discover.detect.free_curve import Correction
+from truearc.sim.discover.api import Investigation, discover
+from truearc.sim.discover.model.nonparametric_terms import Freed
+from truearc.sim.discover.model.prepared_data import take_in
+from truearc.sim.discover.model.linearization import linearise
+from truearc.sim.physics.catalogue import find_parameter
+from truearc.sim.physics.simulate import classify, predict
+from truearc_proof.truth.generate import shoot
+from truearc_proof.truth.world import make_world
+from truearc.sim.data.dataset import Dataset, Shots
 
 pytestmark = pytest.mark.slow
 SHOTS = 96
@@ -86,7 +86,7 @@ def test_a_curve_beside_which_a_coefficient_is_impossible_is_not_adopted(nameles
     """As where recordings would have the ball driven by the air: the fit stops at no drag at all."""
     plain = freed.freed
 
-    def driven(fitted: Fitted, correction: Correction) -> Freed | None:
+    def driven(fitted: BaselineFit, correction: Correction) -> Freed | None:
         free = plain(fitted, correction)
         assert free is not None
         point = free.evidence.point.copy()

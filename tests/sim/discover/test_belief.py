@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.belief import Belief
-from sim.discover.adopt import make_belief
-from sim.discover.discover import discover
-from sim.discover.finding import Finding
-from sim.discover.next_steps import moved_by, parting_shot
-from sim.discover.otherballs import luck_of_others
-from sim.prove.truth.shoot import shoot
-from sim.prove.truth.world import World, make_world
+from truearc.sim.infer.belief import Belief
+from truearc.sim.discover.adopt import make_belief
+from truearc.sim.discover.api import discover
+from truearc.sim.discover.finding import Finding
+from truearc.sim.discover.plan.recommendations import moved_by, parting_shot
+from truearc.sim.discover.select.batch_effect import luck_of_others
+from truearc_proof.truth.generate import shoot
+from truearc_proof.truth.world import World, make_world
 
 pytestmark = pytest.mark.slow
 SHOTS = 60

@@ -4,22 +4,22 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from sim.discover.believed import Fitted, fit_believed
-from sim.discover.clusters import groups_of
-from sim.discover.columns import lay_out
-from sim.discover.discover import detect, make_search
-from sim.discover.intake import take_in
-from sim.discover.name import one_step
-from sim.prove.truth.shoot import shoot
-from sim.prove.truth.world import make_world
-from sim.shots import Dataset
+from truearc.sim.discover.model.baseline_fit import BaselineFit, fit_believed
+from truearc.sim.discover.detect.clusters import groups_of
+from truearc.sim.discover.model.design_columns import lay_out
+from truearc.sim.discover.api import detect, make_search
+from truearc.sim.discover.model.prepared_data import take_in
+from truearc.sim.discover.select.term_ranking import one_step
+from truearc_proof.truth.generate import shoot
+from truearc_proof.truth.world import make_world
+from truearc.sim.data.dataset import Dataset
 
 pytestmark = pytest.mark.slow
 WORLDS, SHOTS = 24, 64
 TRACKED = range(200, 205)
 
 
-def believed_fit(dataset: Dataset) -> Fitted:
+def believed_fit(dataset: Dataset) -> BaselineFit:
     intake = take_in(dataset)
     return fit_believed(intake, lay_out(intake, dataset.facts.believe.terms, groups_of(dataset.shots, intake.rows)))
 

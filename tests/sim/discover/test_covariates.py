@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim.discover.covariates import (
+from truearc.sim.discover.detect.covariates import (
     FEWEST,
     Covariate,
     Factor,
@@ -13,8 +13,8 @@ from sim.discover.covariates import (
     gather_covariates,
     gather_factors,
 )
-from sim.discover.shapes import Look, group_shapes, number_shapes, pair_shapes, weights_of
-from sim.shots import Dataset, Shots, Traces
+from truearc.sim.discover.detect.weight_functions import Look, group_shapes, number_shapes, pair_shapes, weights_of
+from truearc.sim.data.dataset import Dataset, Shots, Traces
 from tests.sim.discover.worlds import FACTS
 
 N = 40

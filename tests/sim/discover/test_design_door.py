@@ -9,12 +9,12 @@ from typing import cast
 import numpy as np
 import pytest
 
-import truearc
-from doors.design import as_table, lines_of
-from sim.discover.design import Block, Design, make_design
-from sim.discover.forward import Search, go_forward
-from sim.discover.step import Step
-from sim.shots import Dataset, Shots, save_dataset
+import truearc.cli.main as truearc
+from truearc.cli.discover.design import as_table, lines_of
+from truearc.sim.discover.plan.experiment_design import Block, Design, make_design
+from truearc.sim.discover.select.forward_selection import Search, go_forward
+from truearc.sim.discover.select.selection_step import Step
+from truearc.sim.data.dataset import Dataset, Shots, save_dataset
 from tests.sim.discover.straight import FACTS as STRAIGHT
 from tests.sim.discover.straight import each_by_itself, fit_straight
 from tests.sim.discover.worlds import FACTS

@@ -6,10 +6,10 @@ from pathlib import Path
 import jax
 import pytest
 
-import truearc
-from doors.discover import keep_compiled
-from sim.discover.rehearse import rehearse
-from sim.shots import Dataset, save_dataset, save_rig
+import truearc.cli.main as truearc
+from truearc.cli.discover.discover import keep_compiled
+from truearc.sim.discover.plan.planned_season import rehearse
+from truearc.sim.data.dataset import Dataset, save_dataset, save_rig
 from tests.sim.discover.worlds import FACTS
 
 BELIEVED = ("gravity", "drag", "magnus")

@@ -5,22 +5,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robot.config import BadInput
-from sim.discover.adopt import make_belief
-from sim.discover.believed import fit_believed
-from sim.discover.clusters import find_clusters, groups_of
-from sim.discover.columns import lay_out
-from sim.discover.discover import detect, discover, make_search
-from sim.discover.intake import take_in
-from sim.discover.locate import locate
-from sim.fit.ml import fit_ml
-from sim.importers.ball_drops import import_ball_drops
-from sim.importers.doubts import doubts_of
-from sim.importers.exit_speeds import import_971
-from sim.importers.mpi import import_mpi
-from sim.importers.set_points import GOAL_M, import_254, import_3476
-from sim.importers.some import only
-from sim.physics.shot import predict
+from truearc.robot.config.schema import InputError
+from truearc.sim.discover.adopt import make_belief
+from truearc.sim.discover.model.baseline_fit import fit_believed
+from truearc.sim.discover.detect.clusters import find_clusters, groups_of
+from truearc.sim.discover.model.design_columns import lay_out
+from truearc.sim.discover.api import detect, discover, make_search
+from truearc.sim.discover.model.prepared_data import take_in
+from truearc.sim.discover.detect.localization import locate
+from truearc.sim.infer.map_fit import fit_ml
+from truearc_proof.importers.ball_drops import import_ball_drops
+from truearc.sim.data.importers.stated_uncertainty import doubts_of
+from truearc_proof.importers.exit_speeds import import_971
+from truearc_proof.importers.mpi import import_mpi
+from truearc_proof.importers.set_points import GOAL_M, import_254, import_3476
+from truearc.sim.data.importers.selection import only
+from truearc.sim.physics.simulate import predict
 from tests.sim.thin import thinned
 
 pytestmark = [pytest.mark.data, pytest.mark.slow]
@@ -86,7 +86,7 @@ def test_254s_old_balls_are_shot_steeper_and_would_fly_too_high_as_new_ones(data
     believed = fit_ml(new.facts, new, ("gravity", "drag", "magnus", "exit_efficiency")).belief.coefficients
     foretold = np.asarray(predict(old.facts, believed, old.shots).height_m) - GOAL_M
     assert np.all((foretold > 0.3) & (foretold < 0.6))
-    with pytest.raises(BadInput, match="6 shots are too few"):
+    with pytest.raises(InputError, match="6 shots are too few"):
         discover(old)
 
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from sim.discover.adopt import make_belief
-from sim.discover.clusters import Clusters
-from sim.discover.discover import discover
-from sim.discover.evidence import Evidence
-from sim.discover.refit import (
+from truearc.sim.discover.adopt import make_belief
+from truearc.sim.discover.detect.clusters import Clusters
+from truearc.sim.discover.api import discover
+from truearc.sim.discover.model.score_table import ScoreTable
+from truearc.sim.discover.select.refit import (
     FOLDS,
     clustered_error,
     fit_linear,
@@ -18,9 +18,9 @@ from sim.discover.refit import (
     unseen_score,
     without,
 )
-from sim.prove.truth.launch import RAPID_FIRE_S
-from sim.prove.truth.shoot import shoot
-from sim.prove.truth.world import make_world
+from truearc_proof.truth.launch import RAPID_FIRE_S
+from truearc_proof.truth.generate import shoot
+from truearc_proof.truth.world import make_world
 from tests.sim.discover.made import column, gaussian, with_plane
 from tests.sim.discover.straight import NAMES, SHARED, fit_straight, slopes_and_y
 
@@ -28,7 +28,7 @@ N = 60
 PRECISION, PULL = np.array([0.5, 4.0]), np.array([0.3, -1.0])
 
 
-def shared_only(seed: int) -> tuple[Evidence, np.ndarray, np.ndarray]:
+def shared_only(seed: int) -> tuple[ScoreTable, np.ndarray, np.ndarray]:
     rng = np.random.default_rng(seed)
     x = rng.normal(size=(N, 2))
     y = x @ [0.7, -0.4] + rng.normal(size=N)
@@ -64,7 +64,7 @@ def test_a_fit_with_heights_ends_at_the_top() -> None:
         evidence = whole.pick(np.arange(whole.first_shared, len(whole.columns)))
         train = np.arange(40) % 4 != 0
 
-        def value(change: np.ndarray, evidence: Evidence = evidence, train: np.ndarray = train) -> float:
+        def value(change: np.ndarray, evidence: ScoreTable = evidence, train: np.ndarray = train) -> float:
             gain = evidence.gain(np.tile(change, (40, 1)))[train].sum()
             return float(gain + evidence.pull @ change - 0.5 * change @ evidence.precision @ change)
 

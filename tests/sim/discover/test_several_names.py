@@ -7,20 +7,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from doors.discover import adopt
-from robot.config import BadInput
-from sim.belief import load_belief, point_belief
-from sim.circumstances import circumstances_of
-from sim.coefficients import Coefficients
-from sim.discover.adopt import _coefficients, make_belief
-from sim.discover.discover import Investigation, discover
-from sim.discover.evidence import Evidence
-from sim.discover.measured import Measurement
-from sim.discover.mixed import LEAST, mixed, shares
-from sim.physics.shot import opening_of, predict
-from sim.prove.truth.shoot import shoot
-from sim.prove.truth.world import make_world
-from sim.shots import Dataset
+from truearc.cli.discover.discover import adopt
+from truearc.robot.config.schema import InputError
+from truearc.sim.infer.belief import load_belief, point_belief
+from truearc.sim.data.shot_conditions import circumstances_of
+from truearc.sim.infer.coefficients import Coefficients
+from truearc.sim.discover.adopt import _coefficients, make_belief
+from truearc.sim.discover.api import Investigation, discover
+from truearc.sim.discover.model.score_table import ScoreTable
+from truearc.sim.discover.model.external_measurements import Measurement
+from truearc.sim.discover.select.model_averaging import LEAST, mixed, shares
+from truearc.sim.physics.simulate import opening_of, predict
+from truearc_proof.truth.generate import shoot
+from truearc_proof.truth.world import make_world
+from truearc.sim.data.dataset import Dataset
 
 pytestmark = pytest.mark.slow
 TARGET = "target_height.rise_m"
@@ -39,7 +39,7 @@ def above_m(dataset: Dataset, coefficients: Coefficients) -> np.ndarray:
     return np.asarray(height_m) - opening_of(dataset.facts, coefficients).centre_m
 
 
-def coefficients_of(evidence: Evidence, believed: tuple[str, ...]) -> Coefficients:
+def coefficients_of(evidence: ScoreTable, believed: tuple[str, ...]) -> Coefficients:
     columns = [k for k in range(evidence.first_shared, len(evidence.columns))
                if not evidence.columns[k].name.startswith("scatter.")]
     return point_belief(_coefficients(evidence, columns, believed)).coefficients
@@ -95,5 +95,5 @@ def test_a_tape_parts_what_shots_cannot(raised: tuple[Dataset, Investigation]) -
 
 
 def test_what_is_believed_already_cannot_be_measured_beside(raised: tuple[Dataset, Investigation]) -> None:
-    with pytest.raises(BadInput, match="exit_efficiency is believed already"):
+    with pytest.raises(InputError, match="exit_efficiency is believed already"):
         discover(raised[0], measured={"exit_efficiency.loss": Measurement(0.1, 0.01)})

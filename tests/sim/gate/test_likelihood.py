@@ -8,16 +8,24 @@ from hypothesis import strategies as st
 from scipy.optimize import approx_fprime
 from scipy.stats import norm
 
-from sim.gate.likelihood import SIZE, Data, Shape, Widths, cell_probabilities, curvature, value_and_slope
+from truearc.sim.gate.likelihood import (
+    SIZE,
+    GateData,
+    GateShape,
+    Widths,
+    cell_probabilities,
+    curvature,
+    value_and_slope,
+)
 
 WIDTHS, HALVES = Widths(0.03, 0.02), jnp.array([0.35, 0.07])
 
 
-def make_data(n: int = 40) -> Data:
+def make_data(n: int = 40) -> GateData:
     rng = np.random.default_rng(4)
     cells = np.eye(5)[rng.integers(0, 5, n)]
     miss_m = np.where(np.arange(n) % 7 == 0, rng.normal(size=n), np.nan)
-    return Data(rng.normal(size=(n, 3)), 0.3 * rng.normal(size=n), rng.uniform(0.05, 0.3, n), rng.uniform(2.0, 9.0, n),
+    return GateData(rng.normal(size=(n, 3)), 0.3 * rng.normal(size=n), rng.uniform(0.05, 0.3, n), rng.uniform(2.0, 9.0, n),
                 cells, miss_m, rng.integers(0, 2, n).astype(float))
 
 
@@ -25,7 +33,7 @@ def make_data(n: int = 40) -> Data:
 @given(st.floats(-40.0, 40.0), st.floats(1e-3, 5.0), st.floats(0.01, 0.5), st.floats(0.01, 1.0), st.floats(1e-6, 0.5))
 def test_cells_are_scipys_normal_and_three_lies_inside_two(mean: float, sigma: float, three: float, more: float,
                                                           lapse: float) -> None:
-    shape = Shape(1.0, 0.0, three + more, three, lapse)
+    shape = GateShape(1.0, 0.0, three + more, three, lapse)
     cells = np.asarray(cell_probabilities(shape, jnp.array([mean]), jnp.array([sigma])))[0]
     edges = norm.cdf([-three - more, -three, three, three + more], mean, sigma)
     wanted = np.diff(np.concatenate([[0.0], edges, [1.0]]))

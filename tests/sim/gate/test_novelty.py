@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
-from robot.config import BadInput
-from sim.gate.novelty import SAME, fit_novelty, novelty_record, parse_novelty, spread_out
+from truearc.robot.config.schema import InputError
+from truearc.sim.gate.novelty import SAME, fit_novelty, novelty_record, parse_novelty, spread_out
 
 ROWS = np.random.default_rng(1).uniform([2.0, 0.4, 30.0], [8.0, 0.8, 55.0], (90, 3))
 
@@ -62,7 +62,7 @@ def test_a_record_reads_back_exactly() -> None:
 @pytest.mark.parametrize("spoilt", [{"mean": [1.0, 2.0]}, {"landmarks": []}, {"largest": 0.0}, {"neighbour": 99},
                                     {"scale": "wide"}, {"landmarks": [[1.0, float("nan"), 2.0]] * 4}])
 def test_a_damaged_record_is_refused_by_name(spoilt: dict[str, Any]) -> None:
-    with pytest.raises(BadInput, match=r"training\.json: key 'novelty'"):
+    with pytest.raises(InputError, match=r"training\.json: key 'novelty'"):
         parse_novelty(novelty_record(fit_novelty(ROWS)) | spoilt, "training.json")
-    with pytest.raises(BadInput, match="train again"):
+    with pytest.raises(InputError, match="train again"):
         parse_novelty(None, "training.json")

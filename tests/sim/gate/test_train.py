@@ -3,18 +3,18 @@
 import numpy as np
 import pytest
 
-from robot.config import BadInput
-from sim.gate.figures import figures_of
-from sim.gate.marks import marks_of
-from sim.gate.model import PhysicsGate
-from sim.gate.physics import physics_of
-from sim.gate.store import MODEL_FILE, load_physics_gate, save_physics_gate
-from sim.gate.surrogate import compare, inside, make_surrogate
-from sim.gate.train import Heldout, fit_physics_gate, train_physics_gate
-from sim.gate.words import tell_heldout, tell_residual
-from sim.shots import Dataset, Shots
-from sim.train import domain_of
-from tests.sim.fit.independent import configurations, fired, heights, outcomes, rig
+from truearc.robot.config.schema import InputError
+from truearc.sim.gate.metrics import figures_of
+from truearc.sim.gate.outcome_classes import marks_of
+from truearc.sim.gate.model import PhysicsGate
+from truearc.sim.gate.physics import physics_of
+from truearc.sim.gate.store import MODEL_FILE, load_physics_gate, save_physics_gate
+from truearc.sim.gate.surrogate import compare, inside, make_surrogate
+from truearc.sim.gate.train import Heldout, fit_physics_gate, train_physics_gate
+from truearc.sim.gate.gate_text import tell_heldout, tell_residual
+from truearc.sim.data.dataset import Dataset, Shots
+from truearc.sim.paper.training import domain_of
+from tests.sim.infer.independent import configurations, fired, heights, outcomes, rig
 from tests.sim.gate.worlds import BELIEF, TRUTH, make_shots
 
 
@@ -100,7 +100,7 @@ def test_a_saved_gate_reads_back_exactly(recorded: Dataset, trained: tuple[Physi
     text = (folder / MODEL_FILE).read_text()
     for spoilt in (text[:-50], text.replace('"temperature"', '"warmth"'), text.replace("truearc.physics-gate/1", "x")):
         (folder / MODEL_FILE).write_text(spoilt)
-        with pytest.raises(BadInput, match=MODEL_FILE):
+        with pytest.raises(InputError, match=MODEL_FILE):
             load_physics_gate(folder)
 
 
@@ -121,5 +121,5 @@ def test_configurations_labelled_alike_every_time_make_the_spread_small() -> Non
 
 def test_what_cannot_be_learned_is_refused(recorded: Dataset) -> None:
     no_target = type(recorded.facts)(recorded.facts.ball, recorded.facts.launcher)
-    with pytest.raises(BadInput, match="target"):
+    with pytest.raises(InputError, match="target"):
         fit_physics_gate(no_target, BELIEF, recorded.shots)

@@ -7,10 +7,10 @@ import jax.numpy as jnp
 import msgspec
 import numpy as np
 
-from robot.facts import Facts
-from sim.physics.catalogue import find_terms
-from sim.physics.launch import Exit
-from sim.physics.term import (
+from truearc.robot.config.rig_spec import Rig
+from truearc.sim.physics.catalogue import find_terms
+from truearc.sim.physics.launch import Exit
+from truearc.sim.physics.term import (
     AirTerm,
     ArrivalTerm,
     BallState,
@@ -22,7 +22,7 @@ from sim.physics.term import (
     WatchTerm,
     complete,
 )
-from sim.physics.vector import Vec
+from truearc.sim.physics.vector import Vec
 from tests.sim.physics.rigs import GUPPY
 
 EXITS = Exit(np.array([0.5, 4.0, 9.0, 21.0]), np.array([0.1, 0.5, 0.9, 1.3]), np.array([-3.0, 0.0, 4.0, 11.0]),
@@ -49,13 +49,13 @@ def ball_of(numbers, time_s: float = FLOWN_S) -> BallState:
     return BallState(*(Vec(*numbers[first:first + 3]) for first in (0, 3, 6)), time_s)
 
 
-def forces_on(facts: Facts, ball: BallState, names: tuple[str, ...]) -> dict[str, Vec]:
+def forces_on(facts: Rig, ball: BallState, names: tuple[str, ...]) -> dict[str, Vec]:
     """What terms that are a share of others may find before them."""
     return {term.name: term.acceleration(facts, complete(term, {"cd": 0.6, "cl": 0.2}), ball, {})
             for term in find_terms(names)}
 
 
-def call(term: Term, values, numbers=None, facts: Facts = GUPPY, others=("gravity", "drag", "magnus"),
+def call(term: Term, values, numbers=None, facts: Rig = GUPPY, others=("gravity", "drag", "magnus"),
          exit: Exit = EXITS, distance_m=DISTANCES_M, hole: Opening = HOLE, time_s: float = FLOWN_S) -> np.ndarray:
     """All that a term's hook answers, as one array, whatever its stage; flight in the state `numbers`."""
     ball = ball_of(state(1) if numbers is None else numbers, time_s)
@@ -106,7 +106,7 @@ def factor(unit: str, length: float, time: float, mass: float) -> float:
     return result
 
 
-def rescaled(length: float, time: float, mass: float) -> Facts:
+def rescaled(length: float, time: float, mass: float) -> Rig:
     """The rig in other units."""
     return msgspec.structs.replace(
         GUPPY,

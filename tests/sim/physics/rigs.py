@@ -2,10 +2,10 @@
 
 import msgspec
 
-from robot.facts import Air, Ball, Facts, LauncherFacts, Target, Wheel, WorldFacts
+from truearc.robot.config.rig_spec import Air, Ball, Rig, LauncherFacts, Target, Wheel, WorldFacts
 from tests.sim.physics import reference
 
-GUPPY = Facts(
+GUPPY = Rig(
     ball=Ball(mass_kg=reference.MASS_KG, radius_m=reference.RADIUS_M),
     launcher=LauncherFacts(
         release_height_m=reference.RELEASE_M, free_speed_rad_s=reference.FREE_SPEED_RAD_S,
@@ -14,13 +14,13 @@ GUPPY = Facts(
     target=Target(centre_height_m=2.44), air=Air(reference.DENSITY_KG_M3), world=WorldFacts(reference.GRAVITY_M_S2))
 
 
-def with_wheels(*clocks_deg: float) -> Facts:
+def with_wheels(*clocks_deg: float) -> Rig:
     """The same rig with wheels of 0.05 m at these clock angles."""
     wheels = tuple(Wheel(f"w{number}", 0.05, 1.0, clock) for number, clock in enumerate(clocks_deg))
     return msgspec.structs.replace(GUPPY, launcher=msgspec.structs.replace(GUPPY.launcher, wheel=wheels))
 
 
-def weightless(release_height_m: float = 0.0) -> Facts:
+def weightless(release_height_m: float = 0.0) -> Rig:
     """The same rig without gravity, releasing at another height."""
     launcher = msgspec.structs.replace(GUPPY.launcher, release_height_m=release_height_m)
     return msgspec.structs.replace(GUPPY, launcher=launcher, world=WorldFacts(0.0))

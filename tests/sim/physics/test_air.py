@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.integrate import quad, solve_ivp
 
-from sim.physics.catalogue import flight_terms
-from sim.physics.flight import fly, make_law, path, start_of
-from sim.physics.launch import Exit
-from sim.physics.plane import reach_plane
+from truearc.sim.physics.catalogue import flight_terms
+from truearc.sim.physics.flight import fly, make_law, path, start_of
+from truearc.sim.physics.launch import Exit
+from truearc.sim.physics.flight_over_x import reach_plane
 from tests.sim.physics.rigs import GUPPY, weightless
 
 M, R, RHO, G, UP = 0.14, 0.0889, 1.2, 9.81, 0.75

@@ -11,15 +11,15 @@ import msgspec
 import numpy as np
 import pytest
 
-import sim.fit
-from sim.physics.catalogue import flight_terms
-from sim.physics.compiled import UntraceableLaw, facts_values, load_kernel, make_source
-from sim.physics.flight import make_law
-from sim.physics.term import BallState, FlightTerm, Parameter
-from sim.physics.vector import Vec, length, scale
+import truearc.sim.infer
+from truearc.sim.physics.catalogue import flight_terms
+from truearc.sim.physics.compiled import UntraceableLaw, facts_values, load_kernel, make_source
+from truearc.sim.physics.flight import make_law
+from truearc.sim.physics.term import BallState, FlightTerm, Parameter
+from truearc.sim.physics.vector import Vec, length, scale
 from tests.sim.physics.rigs import GUPPY
 
-TEMPLATE = Path(sim.fit.__file__).parent / "grid_kernel.py"
+TEMPLATE = Path(truearc.sim.infer.__file__).parent / "grid_kernel.py"
 TERMS = flight_terms(("gravity", "drag", "magnus"))
 VALUES = (("drag", "cd"), ("magnus", "cl"))
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from robot.config import BadInput
-from sim.physics.launch import exit_no_slip, exit_seed
+from truearc.robot.config.schema import InputError
+from truearc.sim.physics.launch import exit_no_slip, exit_seed
 from tests.sim.physics import reference
 from tests.sim.physics.rigs import GUPPY, with_wheels
 
@@ -47,5 +47,5 @@ def test_a_lone_wheel_rolls_the_ball_along_a_wall():
 
 
 def test_the_seeds_exit_needs_opposed_wheels_and_a_free_speed():
-    with pytest.raises(BadInput, match="clock_deg 0 and 180"):
+    with pytest.raises(InputError, match="clock_deg 0 and 180"):
         exit_seed(with_wheels(0.0, 120.0, 240.0), 0.5, 45.0)

@@ -6,8 +6,8 @@ import jax
 import numpy as np
 import pytest
 
-from robot.config import BadInput
-from sim.physics.catalogue import (
+from truearc.robot.config.schema import InputError
+from truearc.sim.physics.catalogue import (
     TERMS,
     arrival_terms,
     effective,
@@ -18,8 +18,8 @@ from sim.physics.catalogue import (
     sensing_terms,
     watch_terms,
 )
-from sim.physics.scales import SCALES, fits_scale, from_scale, to_scale
-from sim.physics.term import AirTerm, Circumstances, FlightTerm, complete
+from truearc.sim.physics.scales import SCALES, fits_scale, from_scale, to_scale
+from truearc.sim.physics.term import AirTerm, Circumstances, FlightTerm, complete
 from tests.sim.physics.hooks import (
     DISTANCES_M,
     EXITS,
@@ -94,7 +94,7 @@ def test_scales_go_there_and_back(term):
 def test_names_are_those_of_the_files_and_unique():
     assert len(set(NAMES)) == len(NAMES)
     for term in TERMS:
-        assert type(term).__module__ == f"sim.physics.terms.{term.name}"
+        assert type(term).__module__ == f"truearc.sim.physics.terms.{term.name}"
 
 
 def test_each_stage_has_its_terms_and_each_term_the_hook_of_its_stage():
@@ -210,7 +210,7 @@ def test_an_ordinary_shot_knows_no_departure(term):
 
 def test_the_seeds_believed_terms_are_there():
     assert [term.name for term in flight_terms(GUPPY.believe.terms)] == ["gravity", "drag", "magnus"]
-    with pytest.raises(BadInput, match="no term 'gravitas'"):
+    with pytest.raises(InputError, match="no term 'gravitas'"):
         find_terms(["gravitas"])
 
 

@@ -2,9 +2,9 @@
 
 import msgspec
 
-from sim.world.bench import Bench
-from sim.world.options import Options
-from sim.world.world import World
+from truearc.sim.world.test_bench import Bench
+from truearc.sim.world.options import Options
+from truearc.sim.world.world import World
 
 CALM = Options(scatter_scale=0.0, pose_scale=0.0)
 

@@ -2,10 +2,10 @@ import itertools
 
 import pytest
 
-from sim.world.bench import TICK_NS, Bench
-from sim.world.driver import Driver
-from sim.world.options import Options
-from sim.world.world import World
+from truearc.sim.world.test_bench import TICK_NS, Bench
+from truearc.sim.world.driver import Driver
+from truearc.sim.world.options import Options
+from truearc.sim.world.world import World
 
 
 class _Robot:

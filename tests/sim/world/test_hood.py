@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot import config
-from robot.config import load_config
-from sim.world.hood import COULOMB_NM, LEAD_M, Hood, elevation_deg, screw_rad
-from sim.world.options import Options
+from truearc.robot.config import schema as config
+from truearc.robot.config.schema import load_config
+from truearc.sim.world.parts.hood import COULOMB_NM, LEAD_M, Hood, elevation_deg, screw_rad
+from truearc.sim.world.options import Options
 
 DT = 0.005
 

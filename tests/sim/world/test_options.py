@@ -2,8 +2,8 @@ from pathlib import Path
 
 import pytest
 
-from robot.config import BadInput
-from sim.world.options import Options, load_options
+from truearc.robot.config.schema import InputError
+from truearc.sim.world.options import Options, load_options
 
 
 def test_without_a_file_everything_is_at_its_default() -> None:
@@ -32,16 +32,16 @@ def test_what_the_file_says_is_read_and_the_rest_is_default(tmp_path: Path) -> N
 def test_a_wrong_line_is_named(tmp_path: Path, text: str, line: int, key: str) -> None:
     path = tmp_path / "world.toml"
     path.write_text(text, encoding="utf-8")
-    with pytest.raises(BadInput) as error:
+    with pytest.raises(InputError) as error:
         load_options(path)
     assert f"{path}:{line}:" in str(error.value)
     assert key in str(error.value)
 
 
 def test_a_missing_or_broken_file_is_named(tmp_path: Path) -> None:
-    with pytest.raises(BadInput, match=r"nowhere\.toml"):
+    with pytest.raises(InputError, match=r"nowhere\.toml"):
         load_options(tmp_path / "nowhere.toml")
     broken = tmp_path / "broken.toml"
     broken.write_text("wind_x_m_s = \n", encoding="utf-8")
-    with pytest.raises(BadInput, match=r"broken\.toml.*line 1"):
+    with pytest.raises(InputError, match=r"broken\.toml.*line 1"):
         load_options(broken)

@@ -5,18 +5,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import robot
-from robot.config import load_config
-from sim.shots import Dataset, load_dataset, save_dataset
-from sim.world.options import Options
-from sim.world.practice import ASIDE, plan_season, reach_m, reach_table
-from sim.world.season import Sensors, Setting, play_season, shoot_season
-from sim.world.target import CENTRE_HEIGHT_M
+from truearc import robot
+from truearc.robot.config.schema import load_config
+from truearc.sim.data.dataset import Dataset, load_dataset, save_dataset
+from truearc.sim.world.options import Options
+from truearc_proof.world.practice import ASIDE, plan_season, reach_m, reach_table
+from truearc_proof.world.season import Sensors, ShotSetting, play_season, shoot_season
+from truearc.sim.world.parts.target import CENTRE_HEIGHT_M
 
 FACTS = load_config(Path(robot.__file__).parent / "launcher.toml").rig
 EXACT = Sensors(0.0, 0.0, 0.0, 0.0)
 CALM = Options(scatter_scale=0.0, pose_scale=0.0)
-SETTINGS = (Setting(5.4, 45.0, 0.55), Setting(5.7, 45.0, 0.55), Setting(6.5, 40.0, 0.6))
+SETTINGS = (ShotSetting(5.4, 45.0, 0.55), ShotSetting(5.7, 45.0, 0.55), ShotSetting(6.5, 40.0, 0.6))
 
 
 def season(options: Options = CALM, level: str = "L2", sensors: Sensors = EXACT, seed: int = 3) -> Dataset:
@@ -49,7 +49,7 @@ def test_sensors_say_what_they_would() -> None:
 
 
 def test_bad_sensors_do_what_they_say_and_leave_the_shots_alone() -> None:
-    settings = [Setting(5.4, 45.0, 0.55 + 0.001 * number) for number in range(40)]
+    settings = [ShotSetting(5.4, 45.0, 0.55 + 0.001 * number) for number in range(40)]
     plain, bad = (play_season(FACTS, Options(), 3, settings, "L2", sensors) for sensors in (
         EXACT, EXACT._replace(track_m=0.01, wrong_marks=0.5, track_tails=3, lost_frames=0.25)))
     assert bad.results == plain.results
@@ -102,7 +102,7 @@ def test_tracks_begin_at_the_muzzle_and_fall_as_a_ball_does() -> None:
 
 def test_practice_says_where_balls_fall_through_the_goal() -> None:
     """Shot where the table says, a ball passes near the centre; the plan spreads about that."""
-    setting = Setting(reach_m(46.0, 0.57), 46.0, 0.57)
+    setting = ShotSetting(reach_m(46.0, 0.57), 46.0, 0.57)
     tracks = shoot_season(FACTS, CALM, 0, (setting,), "L2", EXACT._replace(track_s=5.0)).tracks
     assert tracks is not None and tracks.z_m[-1] == pytest.approx(CENTRE_HEIGHT_M, abs=0.15)
     assert np.isnan(reach_m(10.0, 0.5)) and np.isfinite(reach_table()).mean() > 0.8
@@ -113,7 +113,7 @@ def test_practice_says_where_balls_fall_through_the_goal() -> None:
 
 
 def test_a_shot_that_the_battery_has_no_speed_for_is_given_up_and_the_next_is_shot() -> None:
-    slow, fast = Setting(3.0, 50.0, 0.5), Setting(3.0, 50.0, 0.8)
+    slow, fast = ShotSetting(3.0, 50.0, 0.5), ShotSetting(3.0, 50.0, 0.8)
     empty = Options(battery_start_v=7.5)
     shots = shoot_season(FACTS, empty, 1, [slow, fast, slow], "L0").shots
     assert len(shots) == 2

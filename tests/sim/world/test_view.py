@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hw.emulated.plant import View
-from robot import config
-from robot.config import load_config
-from sim.world.options import Options
-from sim.world.world import World
+from truearc.hw.emulated.plant import View
+from truearc.robot.config import schema as config
+from truearc.robot.config.schema import load_config
+from truearc.sim.world.options import Options
+from truearc.sim.world.world import World
 from tests.sim.world.calm import CALM, calm
 
 

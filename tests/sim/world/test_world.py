@@ -5,10 +5,10 @@ from itertools import pairwise
 
 import pytest
 
-from hw.emulated.plant import Plant
-from sim.world.bench import TICK_NS, Bench
-from sim.world.options import Options
-from sim.world.world import World
+from truearc.hw.emulated.plant import Plant
+from truearc.sim.world.test_bench import TICK_NS, Bench
+from truearc.sim.world.options import Options
+from truearc.sim.world.world import World
 from tests.sim.world.calm import CALM, calm, fire
 
 

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from sim.world.bench import TICK_NS
-from sim.world.options import Options
-from sim.world.world import World
+from truearc.sim.world.test_bench import TICK_NS
+from truearc.sim.world.options import Options
+from truearc.sim.world.world import World
 from tests.sim.world.calm import CALM, calm, fire
 
 

@@ -1,0 +1,1 @@
+"""Motors that somebody else's controller drives: truearc reads and advises."""

@@ -1,0 +1,1 @@
+"""The operator's button box on a serial port."""

@@ -1,0 +1,98 @@
+r"""The operator's button box: a line protocol over a serial port. No IO.
+
+    $B,<seq>,<button>*<crc>\r\n         one press
+    $H,<seq>*<crc>\r\n                  every 0.5 s: the box is there; <seq> is that of its newest press
+
+`<seq>` counts presses, decimal, 0-65535 and then 0 again, without leading zeros: a gap means lost presses, and the
+heartbeat shows it even when no further press comes. `<crc>` is CRC-8 (polynomial 0x07, start 0, as in SMBus) of
+the characters between `$` and `*`, two upper-case hexadecimal digits. Whatever does not match to the letter is refused.
+`docs/button-box.md` says the same to whoever builds a box.
+"""
+
+import re
+
+from msgspec import Struct
+
+from truearc.hw.readings import ButtonEvent
+
+BUTTONS = ("arm", "fire", "miss-low", "miss-high", "two", "three", "reject")
+HEARTBEAT_NS = 500_000_000
+SEQ_COUNT = 65536
+LONGEST = 64                                      # bytes; no line is longer
+END = b"\r\n"
+
+_LINE = re.compile(rb"(?:B,(0|[1-9]\d{0,4}),([a-z-]+)|H,(0|[1-9]\d{0,4}))\*([0-9A-F]{2})\r")
+
+
+class BoxHeartbeat(Struct, frozen=True):
+    """The box is there; `seq` is that of its newest press."""
+
+    t_ns: int
+    seq: int
+
+
+def make_press(seq: int, button: str) -> bytes:
+    """The line for one press; ValueError for an unknown button."""
+    if button not in BUTTONS:
+        raise ValueError(f"no button {button!r}; there are {', '.join(BUTTONS)}")
+    return _make(f"B,{seq % SEQ_COUNT},{button}")
+
+
+def make_heartbeat(seq: int) -> bytes:
+    """The line for one heartbeat; `seq` is that of the newest press."""
+    return _make(f"H,{seq % SEQ_COUNT}")
+
+
+def lost_presses(previous_seq: int, seq: int) -> int:
+    """How many presses are missing between two sequence numbers; `seq` is of a press."""
+    return (seq - previous_seq - 1) % SEQ_COUNT
+
+
+def parse_lines(pending: bytes, data: bytes, t_ns: int) -> tuple[list[ButtonEvent | BoxHeartbeat], bytes, list[str]]:
+    """Events in `pending + data`, the rest to hand in next time, and at most one fault in words.
+
+    `pending` is the rest of the previous call (empty at first); `t_ns` stamps every event. Garbage gives faults, never
+    an exception and never an event, and the rest is never longer than a line.
+    """
+    *lines, rest = (pending + data).split(b"\n")
+    events: list[ButtonEvent | BoxHeartbeat] = []
+    refused: list[bytes] = []
+    for line in lines:
+        before, start, body = line.rpartition(b"$")
+        event = _parse(body, t_ns) if start else None
+        if event is not None:
+            events.append(event)
+        if event is None or before:
+            refused.append(line)
+    if len(rest) > LONGEST:
+        refused.append(rest)
+        rest = rest[-LONGEST:]
+    faults = [f"{len(refused)} lines refused, first {refused[0][:LONGEST]!r}"] if refused else []
+    return events, rest, faults
+
+
+def _parse(body: bytes, t_ns: int) -> ButtonEvent | BoxHeartbeat | None:
+    match = _LINE.fullmatch(body)
+    if match is None or match[4] != b"%02X" % _crc(body[:-4]):
+        return None
+    seq = int(match[1] or match[3])
+    if seq >= SEQ_COUNT:
+        return None
+    if match[2] is None:
+        return BoxHeartbeat(t_ns, seq)
+    button = match[2].decode("ascii")
+    return ButtonEvent(t_ns, seq, button) if button in BUTTONS else None
+
+
+def _make(body: str) -> bytes:
+    text = body.encode("ascii")
+    return b"$%b*%02X" % (text, _crc(text)) + END
+
+
+def _crc(text: bytes) -> int:
+    crc = 0
+    for byte in text:
+        crc ^= byte
+        for _ in range(8):
+            crc = (crc << 1 ^ 0x07 if crc & 0x80 else crc << 1) & 0xFF
+    return crc

@@ -1,0 +1,1 @@
+"""Redux Canandmag absolute encoder over CAN."""

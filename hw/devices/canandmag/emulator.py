@@ -1,0 +1,104 @@
+"""A Canandmag at the far end of the wire: 14 bits of absolute angle, and a count of turns since power-up."""
+
+import math
+
+from truearc.hw.devices.canandmag.frames import POSITION_PERIOD_SETTING, Encoder
+from truearc.hw.codec import Values, load_codec
+from truearc.hw.emulated.nodes import MS, Report, take_reports
+from truearc.hw.emulated.plant import Plant
+from truearc.hw.protocols import BadFrame, Frame
+
+COUNTS = 16384                                    # per turn
+POSITION_PERIOD_NS = 20 * MS                      # of a new device
+STATUS_PERIOD_NS = 100 * MS
+POWER_CYCLE = 0x01
+MAGNET_OUT_OF_RANGE = 0x20
+MAGNET_LOST_STATUS = 3
+TEMPERATURE_DEGC = 25
+RELATIVE_COUNTS = 1 << 31                         # the count is 32 bits, signed, and wraps
+
+
+class CanandmagNode:
+    """The encoder on the hood's pivot.
+
+    `zero_deg`: what it reads when the launch elevation is 0; `direction`: +1 if the reading grows with elevation.
+    `magnet_ok` may be set by whoever wants the magnet to fall off.
+    """
+
+    def __init__(self, encoder: Encoder, plant: Plant, zero_deg: float, direction: int) -> None:
+        self.motor: str | None = None
+        self.magnet_ok = True
+        self.bad_frames = 0
+        self._encoder, self._plant = encoder, plant
+        self._zero_rad, self._direction = math.radians(zero_deg), direction
+        self._codec = load_codec("canandmag")
+        self.restart(0)
+
+    def restart(self, t_ns: int) -> None:
+        """Power is back: an ephemeral period is forgotten, and the count of turns begins anew."""
+        self._sticky = POWER_CYCLE
+        self._start_counts = self._counts()
+        self._position = Report(POSITION_PERIOD_NS, t_ns, self._make_position)
+        self._reports = (self._position, Report(STATUS_PERIOD_NS, t_ns, self._make_status))
+        self._due_ns = t_ns
+
+    def ids(self) -> tuple[tuple[int, bool], ...]:
+        return tuple((self._id(name), True) for name in ("SET_SETTING", "CLEAR_STICKY_FAULTS"))
+
+    def receive(self, frame: Frame, t_ns: int) -> list[Frame]:
+        """Take a setting, or forget sticky faults; a malformed frame is ignored and counted."""
+        if frame.is_remote:
+            return []
+        if frame.arbitration_id == self._id("CLEAR_STICKY_FAULTS"):
+            self._sticky = 0
+            return []
+        try:
+            values = self._codec.parse("SET_SETTING", frame.data)
+        except BadFrame:
+            self.bad_frames += 1
+            return []
+        return [self._take_setting(int(values["setting"]), int(values["value"]), t_ns)]
+
+    def due_ns(self) -> int:
+        return self._due_ns
+
+    def step(self, t_ns: int) -> list[Frame]:
+        if t_ns < self._due_ns:
+            return []
+        frames = take_reports(self._reports, t_ns)
+        self._due_ns = min(report.due_ns for report in self._reports)
+        return frames
+
+    def torque_nm(self) -> float:
+        return 0.0
+
+    def _take_setting(self, setting: int, value: int, t_ns: int) -> Frame:
+        accepted = setting == POSITION_PERIOD_SETTING and value <= 0xFFFF
+        if accepted:
+            self._position.set_period(value * MS, t_ns)
+            self._due_ns = min(report.due_ns for report in self._reports)
+        return self._make("REPORT_SETTING", {"setting": setting, "value": value, "accepted": int(accepted),
+                                             "committed": 0})
+
+    def _counts(self) -> int:
+        angle_rad = self._zero_rad + self._direction * self._plant.hood_encoder_rad()
+        return round(angle_rad / math.tau * COUNTS)
+
+    def _make_position(self) -> Frame:
+        counts = self._counts()
+        relative = (counts - self._start_counts + RELATIVE_COUNTS) % (2 * RELATIVE_COUNTS) - RELATIVE_COUNTS
+        return self._make("POSITION_OUTPUT", {
+            "relative_rev": relative / COUNTS, "absolute_rev": counts % COUNTS / COUNTS,
+            "magnet_status": 0 if self.magnet_ok else MAGNET_LOST_STATUS})
+
+    def _make_status(self) -> Frame:
+        faults = 0 if self.magnet_ok else MAGNET_OUT_OF_RANGE
+        self._sticky |= faults
+        return self._make("STATUS", {"faults": faults, "sticky_faults": self._sticky,
+                                     "temperature_degc": TEMPERATURE_DEGC})
+
+    def _id(self, message: str) -> int:
+        return self._codec.base_id(message) + self._encoder.device
+
+    def _make(self, message: str, values: Values) -> Frame:
+        return Frame(0, self._id(message), self._codec.make(message, values), is_extended=True)

@@ -1,0 +1,95 @@
+"""Redux Canandmag absolute encoder: frames to send, and what the frames that come back say. No IO.
+
+An arbitration id is 29 bits: that of device 0 plus the device's number.
+"""
+
+import math
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from truearc.hw.codec import Values, load_codec
+from truearc.hw.protocols import BadFrame, Frame
+from truearc.hw.readings import AngleReading
+
+REVOLUTION_RAD = 2.0 * math.pi
+MESSAGES = ("POSITION_OUTPUT", "STATUS")          # what becomes part of an AngleReading
+
+POSITION_PERIOD_SETTING = 253                     # ms
+FAULT_WORDS = (
+    (0x01, "power cycle"), (0x02, "id conflict"), (0x04, "CAN error"), (0x08, "temperature"), (0x10, "hardware"),
+    (0x20, "magnet out of range"), (0x40, "supply low"),
+)
+NO_ANGLE = 0x10 | 0x20                            # with one of these the angle means nothing
+
+
+class Encoder(Struct, frozen=True):
+    """One encoder on the bus."""
+
+    device: int                                   # 0-63
+
+
+def fault_words(faults: int) -> tuple[str, ...]:
+    """The faults in a STATUS bit field, in words."""
+    return tuple(word for bit, word in FAULT_WORDS if faults & bit)
+
+
+def frame_ids(encoder: Encoder) -> tuple[int, ...]:
+    """Arbitration ids (29 bits) of the frames that `parse` understands; the angle's comes first."""
+    codec = load_codec("canandmag")
+    return tuple(codec.base_id(message) + encoder.device for message in MESSAGES)
+
+
+def ids_sent_by(encoder: Encoder, node: str) -> tuple[int, ...]:
+    """Arbitration ids (29 bits) of all frames about it that the "Encoder" or a "Host" sends, by the DBC file."""
+    codec = load_codec("canandmag")
+    return tuple(codec.base_id(message) + encoder.device for message in codec.sent_by(node))
+
+
+def make_position_period(encoder: Encoder, period_ms: int) -> Frame:
+    """Ask for an angle every `period_ms` (1-65535) until the next power-down."""
+    if not 1 <= period_ms <= 65535:
+        raise BadFrame(f"canandmag device {encoder.device}: a period of {period_ms} ms is not in 1 to 65535")
+    return _make(encoder, "SET_SETTING", {"setting": POSITION_PERIOD_SETTING, "value": period_ms, "ephemeral": 1})
+
+
+def make_clear_sticky(encoder: Encoder) -> Frame:
+    """Forget the sticky faults, so that a later power cycle shows."""
+    return _make(encoder, "CLEAR_STICKY_FAULTS", {})
+
+
+def parse(encoder: Encoder, frame: Frame, previous: AngleReading | None) -> AngleReading | None:
+    """`previous` brought up to date by one frame; None until the first angle. Angle in [0, 2 pi), the device's sign.
+
+    BadFrame: wrong length, or an id that is not among `frame_ids(encoder)`.
+    """
+    if frame.is_remote:
+        return previous
+    codec = load_codec("canandmag")
+    base_id = frame.arbitration_id - encoder.device
+    try:
+        if base_id == codec.base_id("POSITION_OUTPUT"):
+            return _with_angle(codec.parse("POSITION_OUTPUT", frame.data), frame.t_ns, previous)
+        if base_id == codec.base_id("STATUS"):
+            return _with_faults(int(codec.parse("STATUS", frame.data)["faults"]), frame.t_ns, previous)
+    except BadFrame as error:
+        raise BadFrame(f"canandmag device {encoder.device}, id 0x{frame.arbitration_id:08x}: {error}") from error
+    raise BadFrame(f"canandmag device {encoder.device}: frame 0x{frame.arbitration_id:08x} is not one of its readings")
+
+
+def _with_angle(values: Values, t_ns: int, previous: AngleReading | None) -> AngleReading:
+    faults, faults_t_ns = (previous.faults, previous.faults_t_ns or 0) if previous is not None else (0, 0)
+    return AngleReading(t_ns, values["absolute_rev"] * REVOLUTION_RAD,
+                        values["magnet_status"] == 0 and not faults & NO_ANGLE, faults, faults_t_ns)
+
+
+def _with_faults(faults: int, t_ns: int, previous: AngleReading | None) -> AngleReading | None:
+    if previous is None:
+        return None
+    # A device that recovers is believed again with its next angle, which brings the magnet's own bits.
+    return replace(previous, faults=faults, faults_t_ns=t_ns, magnet_ok=previous.magnet_ok and not faults & NO_ANGLE)
+
+
+def _make(encoder: Encoder, message: str, values: Values) -> Frame:
+    codec = load_codec("canandmag")
+    return Frame(0, codec.base_id(message) + encoder.device, codec.make(message, values), is_extended=True)

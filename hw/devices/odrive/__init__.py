@@ -1,0 +1,1 @@
+"""ODrive S1 and Pro motor controllers over CAN."""

@@ -1,0 +1,215 @@
+"""ODrive CANSimple, firmware 0.6: frames to send, and what the frames that come back say. No IO.
+
+An arbitration id is `node << 5 | command`, 11 bits. On the wire positions are revolutions of the motor shaft; here they
+are radians, and the axis's `direction` has been applied: positive launches a ball or raises the hood.
+"""
+
+import math
+from types import MappingProxyType
+from typing import NamedTuple
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from truearc.hw.codec import Values, load_codec
+from truearc.hw.protocols import BadFrame, Frame
+from truearc.hw.readings import MotorReading
+
+REVOLUTION_RAD = 2.0 * math.pi
+
+# Axis states
+IDLE = 1
+CALIBRATION = 3
+CLOSED_LOOP = 8
+HOMING = 11
+
+# Controller modes
+TORQUE = 1
+VELOCITY = 2
+POSITION = 3
+PASSTHROUGH = 1
+
+# Error bits that this house acts on by name
+WATCHDOG_EXPIRED = 0x01000000
+ESTOP_REQUESTED = 0x02000000
+VELOCITY_LIMIT = 0x00008000
+ERROR_WORDS = (
+    (0x00000001, "initializing"), (0x00000002, "system"), (0x00000004, "timing"), (0x00000008, "no encoder estimate"),
+    (0x00000010, "bad configuration"), (0x00000020, "gate driver"), (0x00000040, "no input"),
+    (0x00000100, "bus over voltage"), (0x00000200, "bus under voltage"), (0x00000400, "bus over current"),
+    (0x00000800, "bus over regeneration"), (0x00001000, "current limit"), (0x00002000, "motor too hot"),
+    (0x00004000, "inverter too hot"), (VELOCITY_LIMIT, "velocity limit"), (0x00010000, "position limit"),
+    (WATCHDOG_EXPIRED, "watchdog expired"), (ESTOP_REQUESTED, "estop requested"), (0x04000000, "spinout"),
+    (0x08000000, "brake resistor disarmed"), (0x10000000, "thermistor disconnected"), (0x40000000, "calibration"),
+)
+
+SDO_READ = 0
+VERSION_COMMAND = 0x00                            # message Get_Version
+HEARTBEAT_COMMAND = 0x01                          # message Heartbeat
+SDO_COMMAND = 0x05                                # message TxSdo
+# Command -> message, of what becomes part of a MotorReading
+READINGS = MappingProxyType({
+    HEARTBEAT_COMMAND: "Heartbeat", 0x03: "Get_Error", SDO_COMMAND: "TxSdo", 0x09: "Get_Encoder_Estimates",
+    0x14: "Get_Iq", 0x17: "Get_Bus_Voltage_Current",
+})
+
+
+class OdriveAxis(Struct, frozen=True):
+    """One motor on the bus."""
+
+    node: int                                     # 0-62
+    direction: int                                # +1 or -1: device's sign that launches a ball or raises the hood
+    endstop_endpoint: int = 0                     # SDO endpoint that reads the limit switch; 0 = none
+
+
+class OdriveVersion(NamedTuple):
+    """What a device says it is."""
+
+    hardware: tuple[int, int, int]
+    firmware: tuple[int, int, int]
+
+
+def error_words(axis_error: int) -> tuple[str, ...]:
+    """The errors in a bit field, in words; a bit without a name is given as its number."""
+    words = [word for bit, word in ERROR_WORDS if axis_error & bit]
+    unnamed = axis_error & ~sum(bit for bit, _ in ERROR_WORDS)
+    return (*words, f"error 0x{unnamed:08x}") if unnamed else tuple(words)
+
+
+def frame_ids(axis: OdriveAxis) -> tuple[int, ...]:
+    """Arbitration ids (11 bits) of the frames that `parse` understands."""
+    return tuple(axis.node << 5 | command for command in READINGS)
+
+
+def parameter_id(axis: OdriveAxis) -> int:
+    """Arbitration id of the answers that `parse_parameter` understands."""
+    return axis.node << 5 | SDO_COMMAND
+
+
+def ids_sent_by(axis: OdriveAxis, node: str) -> tuple[int, ...]:
+    """Arbitration ids of all frames about this axis that the "Axis" or a "Host" sends, by the DBC file."""
+    codec = load_codec("odrive")
+    return tuple(axis.node << 5 | codec.base_id(message) for message in codec.sent_by(node))
+
+
+def heartbeat_id(axis: OdriveAxis) -> int:
+    """Arbitration id of the frame that an axis sends ten times a second unless it is set otherwise."""
+    return axis.node << 5 | HEARTBEAT_COMMAND
+
+
+def version_id(axis: OdriveAxis) -> int:
+    """Arbitration id of the answer that `parse_version` understands."""
+    return axis.node << 5 | VERSION_COMMAND
+
+
+def make_torque(axis: OdriveAxis, torque_nm: float) -> Frame:
+    """Ask for a torque at the motor shaft; also feeds the device's watchdog. BadFrame if it is not finite."""
+    return _make(axis, "Set_Input_Torque", {"torque_nm": axis.direction * torque_nm})
+
+
+def make_state(axis: OdriveAxis, state: int) -> Frame:
+    """Ask for an axis state: IDLE, CLOSED_LOOP, ..."""
+    return _make(axis, "Set_Axis_State", {"axis_state": state})
+
+
+def make_controller_mode(axis: OdriveAxis, control: int, input_mode: int) -> Frame:
+    """Choose what the device controls (TORQUE, ...) and how it treats its input (PASSTHROUGH, ...)."""
+    return _make(axis, "Set_Controller_Mode", {"control_mode": control, "input_mode": input_mode})
+
+
+def make_limits(axis: OdriveAxis, velocity_rad_s: float, current_a: float) -> Frame:
+    """Bound speed and motor current, whatever is asked later."""
+    return _make(axis, "Set_Limits", {"velocity_rev_s": velocity_rad_s / REVOLUTION_RAD, "current_a": current_a})
+
+
+def make_clear_errors(axis: OdriveAxis) -> Frame:
+    """Forget standing errors; the axis stays idle."""
+    return _make(axis, "Clear_Errors", {"identify": 0})
+
+
+def make_estop(axis: OdriveAxis) -> Frame:
+    """Disarm at once; stands as an error until cleared."""
+    return _make(axis, "Estop", {})
+
+
+def make_endstop_query(axis: OdriveAxis) -> Frame:
+    """Ask for the limit switch; the answer is a TxSdo frame, which `parse` takes."""
+    return make_parameter_query(axis, axis.endstop_endpoint)
+
+
+def make_parameter_query(axis: OdriveAxis, endpoint: int) -> Frame:
+    """Ask for one parameter by its number in the firmware's own table; `parse_parameter` takes the answer."""
+    return _make(axis, "RxSdo", {"opcode": SDO_READ, "endpoint": endpoint, "value": 0})
+
+
+def make_version_query(axis: OdriveAxis) -> Frame:
+    """Ask who is there; the answer has the same id, and `parse_version` takes it."""
+    return Frame(0, version_id(axis), b"", is_remote=True)
+
+
+def parse(axis: OdriveAxis, frame: Frame, previous: MotorReading) -> MotorReading:
+    """`previous` brought up to date by one frame.
+
+    A remote frame (another host's question) and an answer about another endpoint change nothing. BadFrame: wrong
+    length, non-finite or implausible value, or an id that is not among `frame_ids(axis)`.
+    """
+    if frame.is_remote:
+        return previous
+    message = READINGS.get(frame.arbitration_id - (axis.node << 5))
+    if message is None:
+        raise BadFrame(f"odrive node {axis.node}: frame 0x{frame.arbitration_id:03x} is not one of its readings")
+    values = _parse(axis, message, frame)
+    sign, t_ns = axis.direction, frame.t_ns
+    if message == "Get_Encoder_Estimates":
+        return replace(previous, t_ns=t_ns, position_rad=sign * REVOLUTION_RAD * values["position_rev"],
+                       velocity_rad_s=sign * REVOLUTION_RAD * values["velocity_rev_s"])
+    if message == "Get_Iq":
+        return replace(previous, current_t_ns=t_ns, current_a=sign * values["measured_a"])
+    if message == "Heartbeat":
+        return replace(previous, heartbeat_t_ns=t_ns, axis_state=int(values["axis_state"]),
+                       axis_error=int(values["axis_error"]))
+    if message == "Get_Bus_Voltage_Current":
+        return replace(previous, bus_t_ns=t_ns, bus_v=values["bus_v"])
+    if message == "Get_Error":        # no stamp: each heartbeat says the errors again, and its age is asked
+        return replace(previous, axis_error=int(values["active_errors"]) | int(values["disarm_reason"]))
+    return _with_endstop(axis, values, t_ns, previous)
+
+
+def parse_version(axis: OdriveAxis, frame: Frame) -> OdriveVersion:
+    """Hardware (line, version, variant) and firmware (major, minor, revision); BadFrame for anything else."""
+    if frame.arbitration_id != version_id(axis) or frame.is_remote:
+        raise BadFrame(f"odrive node {axis.node}: frame 0x{frame.arbitration_id:03x} is not its version")
+    values = {name: int(value) for name, value in _parse(axis, "Get_Version", frame).items()}
+    return OdriveVersion((values["hardware_line"], values["hardware_version"], values["hardware_variant"]),
+                   (values["firmware_major"], values["firmware_minor"], values["firmware_revision"]))
+
+
+def parse_parameter(axis: OdriveAxis, frame: Frame) -> tuple[int, bytes]:
+    """The parameter's number and its four bytes (shorter ones come first); BadFrame for anything else."""
+    if frame.arbitration_id != parameter_id(axis) or frame.is_remote:
+        raise BadFrame(f"odrive node {axis.node}: frame 0x{frame.arbitration_id:03x} is not a parameter of it")
+    values = _parse(axis, "TxSdo", frame)
+    return int(values["endpoint"]), int(values["value"]).to_bytes(4, "little")
+
+
+def _with_endstop(axis: OdriveAxis, values: Values, t_ns: int, previous: MotorReading) -> MotorReading:
+    if not axis.endstop_endpoint or values["endpoint"] != axis.endstop_endpoint:
+        return previous
+    if values["value"] not in (0, 1):
+        raise BadFrame(f"odrive node {axis.node} TxSdo: a limit switch is 0 or 1, not {values['value']:g}")
+    return replace(previous, endstop_t_ns=t_ns, endstop=values["value"] == 1)
+
+
+def _make(axis: OdriveAxis, message: str, values: Values) -> Frame:
+    codec = load_codec("odrive")
+    return Frame(0, axis.node << 5 | codec.base_id(message), codec.make(message, values))
+
+
+def _parse(axis: OdriveAxis, message: str, frame: Frame) -> dict[str, float]:
+    data = frame.data
+    if message == "TxSdo" and 5 <= len(data) < 8:
+        data = data.ljust(8, b"\0")               # an answer is only as long as the parameter, one byte for a switch
+    try:
+        return load_codec("odrive").parse(message, data)
+    except BadFrame as error:
+        raise BadFrame(f"odrive node {axis.node}, id 0x{frame.arbitration_id:03x}: {error}") from error

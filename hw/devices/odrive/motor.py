@@ -1,0 +1,62 @@
+"""An ODrive axis as a Motor: kept in closed loop while it is wanted, its watchdog fed."""
+
+from truearc.hw.devices.odrive import frames as odrive
+from truearc.hw.encoder_plausibility import Agreement
+from truearc.hw.protocols import Frame
+from truearc.hw.motor import Order
+from truearc.hw.readings import MotorReading
+
+RETRY_NS = 100_000_000                # how often an axis that will not come up is asked again
+ENDSTOP_NS = 50_000_000               # how often the limit switch is read
+FEED_NS = 25_000_000                  # an unchanged torque is repeated this often: the watchdog wants to hear it
+
+
+class OdriveMotor:
+    """A Motor that is given torques. Its errors stand until it is wanted anew: arming is the operator's re-arm."""
+
+    def __init__(self, axis: odrive.OdriveAxis) -> None:
+        self.reading = MotorReading()
+        self._axis = axis
+        self._wanted = False
+        self._asked_ns = self._endstop_ns = self._fed_ns = 0
+        self._asked_nm = 0.0
+        self._agreement = Agreement()
+
+    def ids(self) -> tuple[tuple[int, bool], ...]:
+        return tuple((frame_id, False) for frame_id in odrive.frame_ids(self._axis))
+
+    def take(self, frame: Frame) -> None:
+        before, self.reading = self.reading, odrive.parse(self._axis, frame, self.reading)
+        self._agreement.take(before, self.reading)
+
+    def faults(self, t_ns: int) -> tuple[str, ...]:
+        fault = self._agreement.fault(f"odrive node {self._axis.node}", self.reading)
+        return (fault,) if fault else ()
+
+    def order(self, torque_nm: float | None, t_ns: int) -> Order:
+        wanted = torque_nm is not None
+        frames = [odrive.make_clear_errors(self._axis)] if wanted and not self._wanted else []
+        self._wanted = wanted
+        frames += self._keep_state(odrive.CLOSED_LOOP if wanted else odrive.IDLE, t_ns)
+        if self._axis.endstop_endpoint and t_ns - self._endstop_ns >= ENDSTOP_NS:
+            self._endstop_ns = t_ns
+            frames.append(odrive.make_endstop_query(self._axis))
+        if torque_nm is None:
+            return Order(tuple(frames))
+        return Order((*frames, *self._feed(torque_nm, t_ns)), torque_nm)
+
+    def release(self) -> tuple[Frame, ...]:
+        return (odrive.make_state(self._axis, odrive.IDLE),)
+
+    def _keep_state(self, state: int, t_ns: int) -> list[Frame]:
+        if self.reading.axis_state == state or t_ns - self._asked_ns < RETRY_NS:
+            return []
+        self._asked_ns = t_ns
+        mode = [odrive.make_controller_mode(self._axis, odrive.TORQUE, odrive.PASSTHROUGH)]
+        return [*(mode if state == odrive.CLOSED_LOOP else []), odrive.make_state(self._axis, state)]
+
+    def _feed(self, torque_nm: float, t_ns: int) -> list[Frame]:
+        if torque_nm == self._asked_nm and t_ns - self._fed_ns < FEED_NS:
+            return []
+        self._asked_nm, self._fed_ns = torque_nm, t_ns
+        return [odrive.make_torque(self._axis, torque_nm)]

@@ -1,0 +1,1 @@
+"""REV SPARK MAX and SPARK Flex motor controllers over CAN."""

@@ -1,0 +1,251 @@
+"""REV SPARK MAX and SPARK Flex, firmware 25 and 26: frames to send, and what the frames that come back say. No IO.
+
+An arbitration id is 29 bits: that of device 0 plus the device's number. On the wire positions are revolutions of the
+motor shaft and speeds revolutions a minute; here they are radians, and the axis's `direction` has been applied.
+"""
+
+import math
+import struct
+from collections.abc import Iterable
+from types import MappingProxyType
+from typing import NamedTuple
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from truearc.hw.codec import Values, load_codec
+from truearc.hw.protocols import BadFrame, Frame
+from truearc.hw.readings import MotorReading
+
+RPM_RAD_S = 2.0 * math.pi / 60.0
+REVOLUTION_RAD = 2.0 * math.pi
+OLDEST_FIRMWARE, NEWEST_FIRMWARE = 25, 26         # before 25 the frames had other ids; after 26 nobody has looked
+HEARTBEAT = "SECONDARY_HEARTBEAT"                    # one frame about all devices
+HEARTBEAT_LOST_MS = 100                           # without a secondary heartbeat for this long the output is 0
+
+# The device has no states of its own; these are what this house knows of it
+UNKNOWN = 0                                       # not set up: nothing of it is to be believed
+IDLE = 1
+DRIVEN = 8                                        # set up, enabled, and applying what it is asked
+
+# Bits of `axis_error`: the device's own faults, standing or sticky, and two things more
+HAS_RESET = 0x100
+LOCKED = 0x200
+FAULTS = 0xFF
+ERROR_WORDS = (
+    (0x01, "unnamed fault"), (0x02, "motor type"), (0x04, "sensor"), (0x08, "CAN"), (0x10, "too hot"),
+    (0x20, "gate driver"), (0x40, "controller's memory"), (0x80, "firmware"),
+    (HAS_RESET, "has reset (was the supply interrupted?)"),
+    (LOCKED, "locked to a competition controller's heartbeat: it obeys nobody else until its power is cycled"),
+)
+RESET_WARNING = 0x40                              # among STATUS_1's warnings
+
+READINGS = ("STATUS_0", "STATUS_1", "STATUS_2")   # what becomes part of a MotorReading
+STATUSES = 0b111                                  # the same as bits of SET_STATUSES_ENABLED
+ANSWERS = ("SET_STATUSES_ENABLED_RESPONSE", "GET_FIRMWARE_VERSION", "PARAMETER_WRITE_RESPONSE")
+
+# Parameters, by number
+P_GAIN, F_GAIN = 13, 16                           # of slot 0; duty per 1/min
+FORWARD_LIMIT, REVERSE_LIMIT = 52, 53             # 1: the switch stops the motor
+STALL_LIMIT = 59                                  # A
+AVERAGE_DEPTH, SAMPLE_DELTA = 70, 71              # of an encoder's speed: samples; 0.5 ms
+HALL_PERIOD, HALL_DEPTH = 136, 137                # of a brushless motor's own sensor: s; samples
+STATUS_2_PERIOD = 160                             # ms
+PARAMETERS = (P_GAIN, F_GAIN, FORWARD_LIMIT, REVERSE_LIMIT, STALL_LIMIT, AVERAGE_DEPTH, SAMPLE_DELTA, HALL_PERIOD,
+              HALL_DEPTH, STATUS_2_PERIOD)
+FLOATS = (P_GAIN, F_GAIN, HALL_PERIOD)
+# A new device smears speed over 0.1 s and says it every 20 ms: too late for a loop, and a ball's dip does not show.
+QUICK_SPEED = MappingProxyType({AVERAGE_DEPTH: 1.0, SAMPLE_DELTA: 16.0, HALL_PERIOD: 0.008, HALL_DEPTH: 1.0,
+                                STATUS_2_PERIOD: 10.0})
+
+
+class SparkAxis(Struct, frozen=True):
+    """One motor on the bus."""
+
+    device: int                                   # 0-62
+    direction: int                                # +1 or -1: device's sign that launches a ball or raises the hood
+    has_endstop: bool = False                     # a limit switch ends its motion in the robot's negative direction
+
+
+class SparkVersion(NamedTuple):
+    """The firmware that a device says it runs."""
+
+    major: int
+    minor: int
+    build: int
+
+
+class Statuses(NamedTuple):
+    """An answer to `make_statuses`."""
+
+    taken: bool
+    enabled: int                                  # bit n: STATUS_n is on
+
+
+class Setting(NamedTuple):
+    """An answer to `make_setting`."""
+
+    parameter: int
+    taken: bool
+    value: float                                  # what holds now
+
+
+def error_words(axis_error: int) -> tuple[str, ...]:
+    """The errors in `axis_error`, in words."""
+    return tuple(word for bit, word in ERROR_WORDS if axis_error & bit)
+
+
+def settings(axis: SparkAxis) -> dict[int, float]:
+    """The parameters that truearc needs, and sets after every reset."""
+    limit = {REVERSE_LIMIT if axis.direction > 0 else FORWARD_LIMIT: 1.0} if axis.has_endstop else {}
+    return {**QUICK_SPEED, **limit}
+
+
+def frame_id(axis: SparkAxis, message: str) -> int:
+    """Arbitration id (29 bits) of one of the device's messages."""
+    return load_codec("spark").base_id(message) + axis.device
+
+
+def ids_sent_by(axis: SparkAxis, node: str) -> tuple[int, ...]:
+    """Arbitration ids of all frames about this axis that the "Spark" or a "Host" sends, by the DBC file; the heartbeat
+    is about all axes."""
+    codec = load_codec("spark")
+    return tuple(codec.base_id(message) if message == HEARTBEAT else frame_id(axis, message)
+                 for message in codec.sent_by(node))
+
+
+def frame_ids(axis: SparkAxis) -> tuple[int, ...]:
+    """Arbitration ids of the frames that `parse` understands."""
+    return tuple(frame_id(axis, message) for message in READINGS)
+
+
+def make_duty(axis: SparkAxis, duty: float) -> Frame:
+    """Apply this share of the bus voltage, -1 to 1, as long as heartbeats come. BadFrame if it is not in that range."""
+    return _make(axis, "DUTY_CYCLE_SETPOINT", {"duty": axis.direction * duty, "feedforward": 0, "slot": 0,
+                                               "feedforward_is_duty": 0})
+
+
+def make_velocity(axis: SparkAxis, velocity_rad_s: float) -> Frame:
+    """Hold this speed by the device's own loop, with the gains of its slot 0."""
+    return _make(axis, "VELOCITY_SETPOINT", {"velocity_rpm": axis.direction * velocity_rad_s / RPM_RAD_S,
+                                             "feedforward": 0, "slot": 0, "feedforward_is_duty": 0})
+
+
+def make_heartbeat(devices: Iterable[int]) -> Frame:
+    """Enable these devices and disable every other SPARK on the bus; to be sent by the tick, every 20 to 50 ms."""
+    bits = sum(1 << device for device in set(devices))
+    codec = load_codec("spark")
+    data = codec.make(HEARTBEAT, {"devices_0_31": bits & 0xFFFFFFFF, "devices_32_63": bits >> 32})
+    return Frame(0, codec.base_id(HEARTBEAT), data, is_extended=True)
+
+
+def make_statuses(axis: SparkAxis, enabled: int) -> Frame:
+    """Turn status frames on (bit n: STATUS_n) and leave the others as they are."""
+    return _make(axis, "SET_STATUSES_ENABLED", {"mask": enabled, "enabled": enabled})
+
+
+def make_setting(axis: SparkAxis, parameter: int, value: float) -> Frame:
+    """Set one of PARAMETERS until the next power-down; BadFrame if it does not fit."""
+    return _make(axis, "PARAMETER_WRITE", {"parameter": parameter, "value": setting_bits(parameter, value)})
+
+
+def make_clear_faults(axis: SparkAxis) -> Frame:
+    """Forget sticky faults and warnings, so that a later reset shows."""
+    return _make(axis, "CLEAR_FAULTS", {})
+
+
+def make_version_query(axis: SparkAxis) -> Frame:
+    """Ask for the firmware's version, eight bytes; the answer has the same id, and `parse_version` takes it."""
+    return Frame(0, frame_id(axis, "GET_FIRMWARE_VERSION"), bytes(8), is_extended=True, is_remote=True)
+
+
+def setting_bits(parameter: int, value: float) -> int:
+    """A parameter's value as the 32 bits on the wire."""
+    if parameter in FLOATS:
+        return int.from_bytes(struct.pack("<f", value), "little")
+    return int(value)
+
+
+def setting_value(parameter: int, bits: int) -> float:
+    """What 32 bits on the wire say of a parameter; BadFrame for a float that is not finite."""
+    if parameter not in FLOATS:
+        return float(bits)
+    value = float(struct.unpack("<f", bits.to_bytes(4, "little"))[0])
+    if not math.isfinite(value):
+        raise BadFrame(f"spark parameter {parameter}: {value:g}")
+    return value
+
+
+def parse(axis: SparkAxis, frame: Frame, previous: MotorReading) -> MotorReading:
+    """`previous` brought up to date by one frame; `axis_state` is left to who knows what the device was asked.
+
+    A remote frame changes nothing. BadFrame: wrong length, non-finite or implausible value, or an id that is not among
+    `frame_ids(axis)`.
+    """
+    if frame.is_remote:
+        return previous
+    message = next((name for name in READINGS if frame_id(axis, name) == frame.arbitration_id), None)
+    if message is None:
+        raise BadFrame(f"spark {axis.device}: frame 0x{frame.arbitration_id:08x} is not one of its readings")
+    values, sign, t_ns = _parse(axis, message, frame), axis.direction, frame.t_ns
+    if message == "STATUS_2":
+        return replace(previous, t_ns=t_ns, position_rad=sign * REVOLUTION_RAD * values["position_rev"],
+                       velocity_rad_s=sign * RPM_RAD_S * values["velocity_rpm"])
+    if message == "STATUS_1":
+        return replace(previous, axis_error=previous.axis_error & LOCKED | _errors(values), errors_t_ns=t_ns)
+    return _with_status_0(axis, values, t_ns, previous)
+
+
+def parse_applied(axis: SparkAxis, frame: Frame) -> float:
+    """The duty that a STATUS_0 frame says is applied, in the robot's sign."""
+    return axis.direction * _parse(axis, "STATUS_0", frame)["applied_duty"]
+
+
+def parse_version(axis: SparkAxis, frame: Frame) -> SparkVersion:
+    values = _parse(axis, "GET_FIRMWARE_VERSION", frame)
+    return SparkVersion(int(values["major"]), int(values["minor"]), int(values["build"]))
+
+
+def parse_statuses(axis: SparkAxis, frame: Frame) -> Statuses:
+    values = _parse(axis, "SET_STATUSES_ENABLED_RESPONSE", frame)
+    return Statuses(values["result"] == 0, int(values["enabled"]))
+
+
+def parse_setting(axis: SparkAxis, frame: Frame) -> Setting | None:
+    """None for a parameter that this house never sets."""
+    values = _parse(axis, "PARAMETER_WRITE_RESPONSE", frame)
+    parameter = int(values["parameter"])
+    if parameter not in PARAMETERS:
+        return None
+    return Setting(parameter, values["result"] == 0, setting_value(parameter, int(values["value"])))
+
+
+def _errors(values: Values) -> int:
+    # Sticky ones too: what came and went since they were last cleared is to be looked at before anything moves.
+    reset = HAS_RESET if int(values["sticky_warnings"]) & RESET_WARNING else 0
+    return int(values["faults"]) | int(values["sticky_faults"]) | reset
+
+
+def _with_status_0(axis: SparkAxis, values: Values, t_ns: int, previous: MotorReading) -> MotorReading:
+    # The current comes without a sign. Driving, it is that of the duty; an axis that is braked by its duty says less.
+    current_a = math.copysign(values["current_a"], axis.direction * values["applied_duty"])
+    error = previous.axis_error & ~LOCKED | (LOCKED if values["primary_heartbeat_lock"] else 0)
+    reading = replace(previous, heartbeat_t_ns=t_ns, axis_error=error, current_t_ns=t_ns, current_a=current_a,
+                      bus_t_ns=t_ns, bus_v=values["bus_v"], errors_t_ns=previous.errors_t_ns or 0)
+    if not axis.has_endstop:
+        return reading
+    closed = values["hard_reverse" if axis.direction > 0 else "hard_forward"]
+    return replace(reading, endstop_t_ns=t_ns, endstop=closed == 1)
+
+
+def _make(axis: SparkAxis, message: str, values: Values) -> Frame:
+    return Frame(0, frame_id(axis, message), load_codec("spark").make(message, values), is_extended=True)
+
+
+def _parse(axis: SparkAxis, message: str, frame: Frame) -> dict[str, float]:
+    if frame.arbitration_id != frame_id(axis, message) or frame.is_remote:
+        raise BadFrame(f"spark {axis.device}: frame 0x{frame.arbitration_id:08x} is not its {message}")
+    try:
+        return load_codec("spark").parse(message, frame.data)
+    except BadFrame as error:
+        raise BadFrame(f"spark {axis.device}, id 0x{frame.arbitration_id:08x}: {error}") from error

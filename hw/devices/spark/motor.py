@@ -1,0 +1,224 @@
+"""A SPARK as a Motor: asked who it is, set up, verified, and kept enabled by a heartbeat that only the tick sends."""
+
+from msgspec.structs import replace
+
+from truearc.hw.devices.spark import frames as spark
+from truearc.hw.encoder_plausibility import Agreement
+from truearc.hw.dc_motor import DcMotor, duty_for, torque_of
+from truearc.hw.protocols import BadFrame, Frame
+from truearc.hw.motor import Order
+from truearc.hw.readings import MotorReading
+
+MS = 1_000_000
+RETRY_NS = 100 * MS                   # how often a question without an answer is asked again
+FEED_NS = 25 * MS                     # an unchanged duty is repeated this often, in case a frame was lost
+HEARTBEAT_NS = 20 * MS                # a device's patience is five times this
+STALE_NS = 100 * MS                   # a duty is not worked out from a speed or a voltage older than this
+FAULTS_STALE_NS = 1000 * MS           # STATUS_1 comes every 0.25 s
+DEAF_NS = 150 * MS                    # a device that applies nothing for this long does not do as it is asked
+LEAST_DUTY = 0.01                     # one smaller may be rounded away
+
+
+class SparkHeartbeat:
+    """The secondary heartbeat of all SPARKs on one bus: a single frame names every device that may drive.
+
+    Whoever changes that has the frame sent at once; otherwise the first motor of a tick in which it is due sends it.
+    """
+
+    def __init__(self) -> None:
+        self._devices: frozenset[int] = frozenset()
+        self._sent_ns = -HEARTBEAT_NS
+
+    def frames(self, device: int, enabled: bool, t_ns: int) -> tuple[Frame, ...]:
+        devices = self._devices | {device} if enabled else self._devices - {device}
+        if devices == self._devices and (not devices or t_ns - self._sent_ns < HEARTBEAT_NS):
+            return ()                             # with nobody enabled silence says the same
+        self._devices, self._sent_ns = devices, t_ns
+        return (spark.make_heartbeat(devices),)
+
+    def drop(self, device: int) -> Frame:
+        """Disable one device now."""
+        self._devices -= {device}
+        return spark.make_heartbeat(self._devices)
+
+
+class SparkMotor:
+    """A Motor that turns torques into duties.
+
+    It drives only a device whose firmware it knows, whose status frames and settings it has seen confirmed, whose
+    readings are fresh and which has no error. A reset loses all of that: it shows as status frames that stop, whereupon
+    everything is asked for again, and as a warning. Errors, that warning among them, stand until the motor is wanted
+    anew: arming is the operator's re-arm.
+    """
+
+    def __init__(self, axis: spark.SparkAxis, motor: DcMotor, heartbeat: SparkHeartbeat) -> None:
+        self.reading = MotorReading()
+        self._axis, self._motor, self._heartbeat = axis, motor, heartbeat
+        self._takers = {spark.frame_id(axis, name): take for name, take in (
+            ("STATUS_0", self._take_status_0), ("STATUS_1", self._take_reading), ("STATUS_2", self._take_reading),
+            ("GET_FIRMWARE_VERSION", self._take_version), ("SET_STATUSES_ENABLED_RESPONSE", self._take_statuses),
+            ("PARAMETER_WRITE_RESPONSE", self._take_setting))}
+        self._agreement = Agreement()
+        self._version: spark.SparkVersion | None = None
+        self._statuses_on = False
+        self._statuses_ns = 0                     # since then STATUS_2 has had a chance to come
+        self._unset = spark.settings(axis)        # settings that the device has not confirmed
+        self._asked_ns = -RETRY_NS
+        self._wanted = False
+        self._duty: float | None = None           # what the device was last sent; None: it is not to drive
+        self._fed_ns = 0
+        self._applied = 0.0
+        self._heeded_ns = 0                       # when it last did as it was asked
+        self._drove_ns = 0
+        self._deaf = False                        # it did not; stands until it does, or is wanted anew
+
+    def ids(self) -> tuple[tuple[int, bool], ...]:
+        return tuple((frame_id, True) for frame_id in self._takers)
+
+    def take(self, frame: Frame) -> None:
+        taker = self._takers.get(frame.arbitration_id)
+        if taker is None:
+            raise BadFrame(f"spark {self._axis.device}: frame 0x{frame.arbitration_id:08x} is not one of its own")
+        taker(frame)
+
+    def faults(self, t_ns: int) -> tuple[str, ...]:
+        if fault := self._setup_fault() or self._driving_fault(t_ns):
+            return (f"spark {self._axis.device} {fault}",)
+        stuck = self._agreement.fault(f"spark {self._axis.device}", self.reading)
+        return (stuck,) if stuck else ()
+
+    def order(self, torque_nm: float | None, t_ns: int) -> Order:
+        if self._statuses_on and t_ns - max(self.reading.t_ns, self._statuses_ns) > STALE_NS:
+            self._forget()                        # status frames that were on are not: it has lost its settings
+        frames = self._rearm() if torque_nm is not None and not self._wanted else []
+        self._wanted = torque_nm is not None
+        frames += self._setup(t_ns)
+        order = self._stop(t_ns) if torque_nm is None or not self._may_drive(t_ns) else self._drive(torque_nm, t_ns)
+        return order._replace(frames=(*frames, *order.frames))
+
+    def release(self) -> tuple[Frame, ...]:
+        return spark.make_duty(self._axis, 0.0), self._heartbeat.drop(self._axis.device)
+
+    # --- what comes
+
+    def _take_reading(self, frame: Frame) -> None:
+        before, self.reading = self.reading, spark.parse(self._axis, frame, self.reading)
+        self._agreement.take(before, self.reading)
+
+    def _take_status_0(self, frame: Frame) -> None:
+        self._take_reading(frame)
+        self._applied = spark.parse_applied(self._axis, frame)
+
+    def _take_version(self, frame: Frame) -> None:
+        self._version = spark.parse_version(self._axis, frame)
+        if self._speaks_our_frames():
+            self._asked_ns = -RETRY_NS            # the next question need not wait
+
+    def _take_statuses(self, frame: Frame) -> None:
+        answer = spark.parse_statuses(self._axis, frame)
+        self._statuses_on = answer.taken and answer.enabled & spark.STATUSES == spark.STATUSES
+        self._statuses_ns = frame.t_ns
+        if self._statuses_on:
+            self._asked_ns = -RETRY_NS
+
+    def _take_setting(self, frame: Frame) -> None:
+        answer = spark.parse_setting(self._axis, frame)
+        if answer is None or not answer.taken or answer.parameter not in self._unset:
+            return
+        wanted = self._unset[answer.parameter]
+        if spark.setting_bits(answer.parameter, wanted) == spark.setting_bits(answer.parameter, answer.value):
+            del self._unset[answer.parameter]
+
+    # --- setting up
+
+    def _forget(self) -> None:
+        self._version, self._statuses_on, self._unset = None, False, spark.settings(self._axis)
+
+    def _rearm(self) -> list[Frame]:
+        if self.reading.axis_error & spark.HAS_RESET:
+            self._forget()                        # whatever it may have lost is set again before it drives
+        self._deaf = False
+        return [spark.make_clear_faults(self._axis)]
+
+    def _speaks_our_frames(self) -> bool:
+        return self._version is not None and (
+            spark.OLDEST_FIRMWARE <= self._version.major <= spark.NEWEST_FIRMWARE)
+
+    def _is_ready(self) -> bool:
+        return self._speaks_our_frames() and self._statuses_on and not self._unset
+
+    def _setup(self, t_ns: int) -> list[Frame]:
+        """The next question on the way to a device that is ready; none while an answer may still come."""
+        if self._is_ready() or t_ns - self._asked_ns < RETRY_NS:
+            return []
+        self._asked_ns = t_ns
+        if not self._speaks_our_frames():         # a refused one too: it may be exchanged or updated
+            return [spark.make_version_query(self._axis)]
+        if not self._statuses_on:
+            return [spark.make_statuses(self._axis, spark.STATUSES)]
+        return [spark.make_setting(self._axis, parameter, value) for parameter, value in self._unset.items()]
+
+    def _setup_fault(self) -> str:
+        if self._version is None:
+            return "has not said which firmware it runs"
+        if not self._speaks_our_frames():
+            return (f"runs firmware {'.'.join(map(str, self._version))}; only {spark.OLDEST_FIRMWARE} to "
+                    f"{spark.NEWEST_FIRMWARE} are understood here: update it with its maker's tool")
+        if not self._statuses_on:
+            return "has not turned its status frames on"
+        if self._unset:
+            return f"has not taken parameters {', '.join(map(str, self._unset))}"
+        return ""
+
+    # --- driving
+
+    def _may_drive(self, t_ns: int) -> bool:
+        reading = self.reading
+        return (self._is_ready() and not reading.axis_error and reading.bus_v > 0.0
+                and _is_young(reading.t_ns, t_ns, STALE_NS) and _is_young(reading.bus_t_ns, t_ns, STALE_NS)
+                and _is_young(reading.errors_t_ns or 0, t_ns, FAULTS_STALE_NS))
+
+    def _drive(self, torque_nm: float, t_ns: int) -> Order:
+        velocity_rad_s, bus_v = self.reading.velocity_rad_s, self.reading.bus_v
+        duty = duty_for(self._motor, torque_nm, velocity_rad_s, bus_v)
+        frames: list[Frame] = []
+        if duty != self._duty or t_ns - self._fed_ns >= FEED_NS:
+            self._fed_ns = t_ns
+            frames.append(spark.make_duty(self._axis, duty))      # before the heartbeat: an old one may still stand
+        self._note_whether_it_heeds(t_ns)
+        self._duty = duty
+        self._note_state(spark.IDLE if self._deaf else spark.DRIVEN)
+        frames += self._heartbeat.frames(self._axis.device, True, t_ns)
+        return Order(tuple(frames), torque_of(self._motor, duty, velocity_rad_s, bus_v), duty)
+
+    def _stop(self, t_ns: int) -> Order:
+        frames = (spark.make_duty(self._axis, 0.0),) if self._duty is not None else ()
+        self._duty = None
+        self._note_state(spark.IDLE if self._is_ready() else spark.UNKNOWN)
+        return Order((*frames, *self._heartbeat.frames(self._axis.device, False, t_ns)))
+
+    def _note_whether_it_heeds(self, t_ns: int) -> None:
+        """A feeder is asked for moments only, so that what such a moment told has to outlast it."""
+        asked = self._duty or 0.0
+        stalled, self._drove_ns = t_ns - self._drove_ns > STALE_NS, t_ns     # nobody fed it, so it let go
+        if abs(asked) < LEAST_DUTY or stalled:
+            self._heeded_ns = t_ns
+        elif self._applied * asked > 0.0 or (self.reading.endstop and asked < 0.0):
+            self._heeded_ns, self._deaf = t_ns, False
+        elif t_ns - self._heeded_ns > DEAF_NS:
+            self._deaf = True
+
+    def _driving_fault(self, t_ns: int) -> str:
+        if not _is_young(self.reading.errors_t_ns or 0, t_ns, FAULTS_STALE_NS):
+            return "says nothing of its faults"
+        return "applies nothing of the duty that it is sent: a limit switch, or another's heartbeat?" if (
+            self._deaf) else ""
+
+    def _note_state(self, state: int) -> None:
+        if self.reading.axis_state != state:
+            self.reading = replace(self.reading, axis_state=state)
+
+
+def _is_young(stamp_ns: int, t_ns: int, limit_ns: int) -> bool:
+    """Whether something was heard, and not longer ago than that."""
+    return stamp_ns > 0 and t_ns - stamp_ns <= limit_ns

@@ -1,0 +1,1 @@
+"""The emulated camera: lens, shutter, image degradation and picture server."""

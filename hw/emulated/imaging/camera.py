@@ -1,0 +1,229 @@
+"""A camera that renders the retro-reflective half hexagon as a ring light shows it.
+
+Work is done only where it has to be: the background (lights, reflections) once, noise from one tile shifted at random,
+the tape in the box around it: the share of each pixel that lies between its projected edges, blurred by the lens, with
+a halo, in the colours that photographs of the real one show. All randomness comes from the seed.
+"""
+
+from collections import deque
+from dataclasses import dataclass
+from functools import reduce
+
+import cv2
+import numpy as np
+
+from truearc.hw.emulated.imaging.lens import Array, Lens, Plane, distort, ideal_pixels
+from truearc.hw.emulated.imaging.image_degradation import (
+    DARK_BGR,
+    HALO_BLUR_PX,
+    HALO_MARGIN_PX,
+    TAPE_BGR,
+    USUAL,
+    Image,
+    Look,
+    Patch,
+    paint,
+    spread,
+)
+from truearc.hw.emulated.plant import Scene, View
+from truearc.hw.emulated.imaging.shutter import project_turning
+from truearc.hw.emulated.imaging.tone_curve import tone
+from truearc.hw.readings import CameraFrame
+
+UNEVEN = 0.1                          # the ring light is this much dimmer at one end of the tape
+EXPOSURE_JITTER = 0.04                # from frame to frame, one standard deviation
+SHAKES = 2.0                          # flywheels shake the lens; a rolling shutter bends the picture in waves
+NEAREST_M = 0.2
+SHRINK = 4                            # the halo is computed this much coarser
+TILE_SPARE_PX = (97, 131)             # by how much the noise tile may be shifted
+
+
+@dataclass(frozen=True)
+class TapeSize:
+    """Outer outline of the target: the lower half of a hexagon, open at the top."""
+
+    top_width_m: float
+    bottom_width_m: float
+    height_m: float
+    tape_width_m: float
+
+
+class EmulatedCamera:
+    """truearc.hw.protocols.Camera on an emulated world; whoever owns the clock calls `step`."""
+
+    def __init__(self, scene: Scene, lens: Lens, tape: TapeSize, fps: float, latency_s: float, seed: int, *,
+                 look: Look = USUAL) -> None:
+        """`latency_s` runs from the middle of the exposure until the frame can be read."""
+        self._scene, self._lens, self._look = scene, lens, look
+        self._outline_m = outline_m(tape)
+        self._columns, self._rows = ideal_pixels(lens)
+        self._period_ns, self._latency_ns = round(1e9 / fps), round(latency_s * 1e9)
+        self._random = np.random.default_rng(seed)
+        self._background = _draw_background(lens, self._random)
+        self._noise = _make_noise(lens, look.noise, self._random)
+        self._due_ns: int | None = None
+        self._now_ns = 0
+        self._waiting: deque[CameraFrame] = deque()
+        self._frozen, self._black, self._hidden_share = False, False, 0.0
+        self._patches: tuple[Patch, ...] = ()
+
+    def freeze(self, on: bool = True) -> None:
+        """The camera gives no more images, as one whose driver hangs."""
+        self._frozen = on
+
+    def black(self, on: bool = True) -> None:
+        """Images keep coming and show nothing but noise, as with a lens cap on."""
+        self._black = on
+
+    def occlude(self, share: float) -> None:
+        """Something dark hides this share (0-1) of the tape's box, from its left."""
+        self._hidden_share = share
+
+    def clutter(self, patches: tuple[Patch, ...]) -> None:
+        """From now on these stand before the scene, instead of any earlier ones."""
+        self._patches = patches
+
+    def step(self, t_ns: int) -> None:
+        """Bring the camera to `t_ns`; takes one image when one is due (late steps do not make up for missed ones)."""
+        self._now_ns = t_ns
+        if self._due_ns is None:
+            self._due_ns = t_ns
+        if t_ns < self._due_ns:
+            return
+        self._due_ns += ((t_ns - self._due_ns) // self._period_ns + 1) * self._period_ns
+        if not self._frozen:
+            self._waiting.append(self.expose(t_ns))
+
+    def expose(self, t_ns: int) -> CameraFrame:
+        """The image of this moment, whether one is due or not."""
+        return CameraFrame(t_ns, tone(self._expose(), self._look))
+
+    def read(self) -> CameraFrame | None:
+        """The newest image that has arrived and was not yet read, or None."""
+        newest = None
+        while self._waiting and self._waiting[0].t_ns + self._latency_ns <= self._now_ns:
+            newest = self._waiting.popleft()
+        return newest
+
+    def close(self) -> None:
+        self._waiting.clear()
+
+    def _expose(self) -> Image:
+        height, width = self._lens.height_px, self._lens.width_px
+        dice = self._random.integers(0, 1 << 30, 10)
+        exposure = 1.0 + EXPOSURE_JITTER * float(self._random.standard_normal())
+        top, left = int(dice[0] % TILE_SPARE_PX[0]), int(dice[1] % TILE_SPARE_PX[1])
+        noise = self._noise[top:top + height, left:left + width]
+        if self._black:
+            return noise.copy()
+        image: Image = cv2.add(self._background, noise)
+        view = self._scene.view()
+        edges = self._edges(view)
+        box = None if edges is None else self._box(edges)
+        if edges is not None and box is not None:
+            x0, y0, x1, y1 = box
+            lit = self._lit(edges, box) * np.float32(view.brightness * self._look.gain * exposure)
+            cv2.add(_colour(lit), noise[y0:y1, x0:x1], dst=image[y0:y1, x0:x1])    # the goal's wall hides the lights
+        for k in (2, 6):                                                           # small green glints
+            at = int(dice[k] % width), int(dice[k + 1] % height)
+            shade = 0.3 + 0.7 * float(dice[k + 2] % 1000) / 1000
+            cv2.circle(image, at, 1 + int(dice[k + 3] % 2), tuple(shade * part for part in TAPE_BGR), -1)
+        for patch in self._patches:
+            paint(image, noise, patch, self._look)
+        return image
+
+    def _edges(self, view: View) -> Array | None:
+        """The outline (8, 2) in ideal pixels, or None when it is not wholly before the camera."""
+        lens = self._lens
+        pixels, ahead_m = project_turning(self._outline_m, view.camera_from_target, lens, view.focal_scale,
+                                          self._look.turn_deg_s, self._look.readout_s)
+        if ahead_m.min() < NEAREST_M:
+            return None
+        phase, *push_px = self._random.standard_normal(3)
+        bend = np.sin(2 * np.pi * (SHAKES * pixels[:, 1:] / lens.height_px + phase))
+        pixels += self._look.shake_px * bend * np.array(push_px)
+        return pixels
+
+    def _box(self, edges: Array) -> tuple[int, int, int, int] | None:
+        """(x0, y0, x1, y1) around the tape and its halo, inside the image; None when there is nothing to draw."""
+        lens = self._lens
+        seen = edges if not any(lens.distortion) else distort(edges, lens)
+        x0, y0 = np.maximum(np.floor(seen.min(axis=0)).astype(int) - HALO_MARGIN_PX, 0)
+        x1, y1 = np.ceil(seen.max(axis=0)).astype(int) + HALO_MARGIN_PX
+        x1, y1 = min(x1, lens.width_px), min(y1, lens.height_px)
+        return (int(x0), int(y0), int(x1), int(y1)) if x1 - x0 >= SHRINK and y1 - y0 >= SHRINK else None
+
+    def _lit(self, edges: Array, box: tuple[int, int, int, int]) -> Plane:
+        """Light on the pixels of the box, 1 = a pixel full of well lit tape."""
+        x0, y0, x1, y1 = box
+        columns = self._columns[:, x0:x1] if len(self._columns) == 1 else self._columns[y0:y1, x0:x1]
+        rows = self._rows[y0:y1] if self._rows.shape[1] == 1 else self._rows[y0:y1, x0:x1]
+        tape = _covered(edges, columns, rows)
+        tape *= np.linspace(1.0, 1.0 - UNEVEN, x1 - x0, dtype=np.float32)
+        if self._hidden_share > 0.0:
+            tape[:, :round(HALO_MARGIN_PX + self._hidden_share * (x1 - x0 - 2 * HALO_MARGIN_PX))] = 0.0
+        small = cv2.resize(tape, (-(-(x1 - x0) // SHRINK), -(-(y1 - y0) // SHRINK)), interpolation=cv2.INTER_AREA)
+        halo = cv2.resize(cv2.GaussianBlur(small, (0, 0), HALO_BLUR_PX / SHRINK), (x1 - x0, y1 - y0))
+        lit: Plane = cv2.addWeighted(spread(tape, self._look), 1.0, halo, self._look.halo_share, 0.0)
+        return lit
+
+
+def outline_m(tape: TapeSize) -> Array:
+    """(8, 3) corners in the target's frame (truearc.hw.emulated.plant.View): outer bottom right, bottom left, top left, top
+    right, then the same four of the tape's inner edge."""
+    top, bottom, high, wide = tape.top_width_m / 2, tape.bottom_width_m / 2, tape.height_m / 2, tape.tape_width_m
+    slope = (top - bottom) / tape.height_m
+    across = wide * np.hypot(1.0, slope)              # the tape's width measured horizontally on its sloping sides
+    inner_bottom = bottom + slope * wide - across
+    half = np.array([[bottom, -high], [top, high], [inner_bottom, wide - high], [top - across, high]])
+    left, right = np.column_stack([-half[:, 0], half[:, 1]]), half
+    flat = np.array([right[0], left[0], left[1], right[1], right[2], left[2], left[3], right[3]])
+    return np.column_stack([flat, np.zeros(8)])
+
+
+def _covered(edges: Array, columns: Plane, rows: Plane) -> Plane:
+    """The share of each pixel that lies on the tape: inside its outer edge and not inside its inner edge."""
+    top = _inside(edges[2], edges[3], columns, rows)
+    outer = [_inside(edges[a], edges[b], columns, rows) for a, b in ((0, 1), (1, 2), (3, 0))]
+    inner = [_inside(edges[a], edges[b], columns, rows) for a, b in ((4, 5), (5, 6), (7, 4))]
+    within = [reduce(lambda a, b: np.minimum(a, b, out=a), sides) for sides in (outer, inner)]
+    for part in within:
+        np.minimum(part, top, out=part)
+        np.clip(part, 0.0, 1.0, out=part)
+    covered: Plane = np.subtract(within[0], within[1], out=within[0])
+    return covered
+
+
+def _inside(begin: Array, end: Array, columns: Plane, rows: Plane) -> Plane:
+    """0.5 + distance in pixels to the right of the line from begin to end, as seen in the image (y down)."""
+    along = (end - begin) / np.hypot(*(end - begin))
+    level = 0.5 + along[1] * begin[0] - along[0] * begin[1]
+    plane: Plane = columns * np.float32(-along[1]) + (rows * np.float32(along[0]) + np.float32(level))
+    return plane
+
+
+def _colour(lit: Plane) -> Image:
+    """(h, w, 3) BGR, clipped as a sensor clips."""
+    image: Image = cv2.merge([cv2.convertScaleAbs(lit, alpha=level) for level in TAPE_BGR])
+    return image
+
+
+def _make_noise(lens: Lens, level: float, random: np.random.Generator) -> Image:
+    size = (lens.height_px + TILE_SPARE_PX[0], lens.width_px + TILE_SPARE_PX[1], 3)
+    noise: Image = np.clip(np.rint(random.normal(DARK_BGR, level, size)), 0, 255).astype(np.uint8)
+    return noise
+
+
+def _draw_background(lens: Lens, random: np.random.Generator) -> Image:
+    """Ceiling lights, coloured strips and dim reflections of other colours, out of focus."""
+    width, height = lens.width_px, lens.height_px
+    image = np.zeros((height, width, 3), np.uint8)
+    colours = ((255, 255, 250), (250, 255, 255), (190, 60, 20), (40, 70, 150), (30, 20, 140), (60, 60, 20), (18, 32, 8))
+    for colour in colours:
+        x, y = int(random.integers(0, width)), int(random.integers(0, height))
+        long, wide = (int(side * width / 640) + 1 for side in (random.integers(12, 60), random.integers(3, 14)))
+        lean = int(random.integers(-8, 9))
+        corners = np.array([[x, y], [x + long, y + lean], [x + long, y + lean + wide], [x, y + wide]], np.int32)
+        cv2.fillPoly(image, [corners], colour)
+    blurred: Image = cv2.GaussianBlur(image, (0, 0), 1.2)
+    return blurred

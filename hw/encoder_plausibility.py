@@ -1,0 +1,83 @@
+"""Speed and position of one encoder go together, or one of them is wrong: it hangs, or its firmware does. No IO.
+
+A launcher is fired by its speeds alone, and with a single motor nothing else would tell. Positions are of families that
+count turns on without a wrap, as 32-bit floats; speeds may lag a little, and be stamped a little late.
+"""
+
+from collections import deque
+from typing import NamedTuple
+
+from truearc.hw.readings import MotorReading
+
+MS = 1_000_000
+STILL_NS = 50 * MS                    # a position that does not change for so long, at a speed, is stuck
+MOVING_RAD_S = 10.0
+# What a position did is compared with what the speeds come to over the longer of these, or at least the shorter one:
+# readings come every 10 or 20 ms, and a stamp that a busy adapter or tick made 20 ms late is then a tenth of it.
+WINDOW_NS, LEAST_NS = 200 * MS, 150 * MS
+GAP_NS = 50 * MS                      # after more silence than a lost frame or two make, it begins anew ...
+SETTLE_NS = 50 * MS                   # ... so much later: what was held back comes at once, stamped when it came
+SHARE = 0.25                          # they may differ by so much, twice the worst stamps, and by what is no motion yet
+GRAIN = 2.0 ** -23                    # of a 32-bit float
+
+
+class _Told(NamedTuple):
+    t_ns: int
+    position_rad: float
+    velocity_rad_s: float
+    angle_rad: float                  # what the speeds told come to
+
+
+class Agreement:
+    """Whether a motor's position has gone with its speed."""
+
+    def __init__(self) -> None:
+        self._still_ns = 0                        # since when it says that it turns and stands still; 0: it does not
+        self._told: deque[_Told] = deque()
+        self._from_ns = 0
+        self._differ: tuple[float, float] | None = None          # speed as told, and as the position has it
+
+    def take(self, before: MotorReading, reading: MotorReading) -> None:
+        """One reading and the one before it."""
+        if reading.t_ns != before.t_ns:
+            still = reading.position_rad == before.position_rad and abs(reading.velocity_rad_s) > MOVING_RAD_S
+            self._still_ns = (self._still_ns or before.t_ns) if still else 0
+        elif reading.position_rad == before.position_rad:
+            return                                # a frame about something else, or one that came twice
+        if not 0 <= reading.t_ns - before.t_ns <= GAP_NS:
+            self._told.clear()
+            self._differ, self._from_ns = None, reading.t_ns + SETTLE_NS
+        if reading.t_ns >= self._from_ns:
+            self._follow(reading)
+
+    def fault(self, device: str, reading: MotorReading) -> str:
+        """In words; "" for an encoder that goes with its motor."""
+        if self._still_ns and reading.t_ns - self._still_ns >= STILL_NS:
+            return f"{device} says {reading.velocity_rad_s:.0f} rad/s, but its position stands still: encoder stuck?"
+        if self._differ is None:
+            return ""
+        told, turned = self._differ
+        return f"{device} says {told:.0f} rad/s, but its position turns at {turned:.0f}: encoder or firmware?"
+
+    def _follow(self, reading: MotorReading) -> None:
+        told, t_ns, velocity = self._told, reading.t_ns, reading.velocity_rad_s
+        angle = 0.0
+        if told:
+            last = told[-1]
+            angle = last.angle_rad + (last.velocity_rad_s + velocity) / 2.0 * (t_ns - last.t_ns) * 1e-9
+        told.append(_Told(t_ns, reading.position_rad, velocity, angle))
+        while len(told) > 2 and told[1].t_ns <= t_ns - WINDOW_NS:
+            told.popleft()
+        self._differ = self._compare(told[0], told[-1])
+
+    def _compare(self, first: _Told, last: _Told) -> tuple[float, float] | None:
+        span_ns = last.t_ns - first.t_ns
+        if span_ns < LEAST_NS:
+            return None
+        span_s = span_ns * 1e-9
+        told, turned = (last.angle_rad - first.angle_rad) / span_s, (last.position_rad - first.position_rad) / span_s
+        speeds = [one.velocity_rad_s for one in self._told]
+        lag = max(speeds) - min(speeds)           # a speed that changes is told late, by a filter
+        grain = GRAIN * (abs(first.position_rad) + abs(last.position_rad)) / span_s
+        allowed = MOVING_RAD_S + SHARE * max(abs(told), abs(turned)) + lag + grain
+        return None if abs(told - turned) <= allowed else (told, turned)

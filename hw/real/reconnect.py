@@ -1,0 +1,117 @@
+"""Wires that are opened again, by a thread of their own, when they were lost: unplugged, and plugged in again."""
+
+import threading
+from collections.abc import Callable
+from typing import Generic, Protocol, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from truearc.hw.protocols import Camera, LinkLost, Stream
+from truearc.hw.readings import CameraFrame
+
+PAUSE_S = 0.5                                     # between tries; an open camera takes about as long
+LONGEST_S = 4.0                                   # before one that can be opened, but says nothing, is opened again
+
+
+class Closable(Protocol):
+    def close(self) -> None: ...
+
+
+Wire = TypeVar("Wire", bound=Closable)
+Answer = TypeVar("Answer")
+Image = npt.NDArray[np.uint8]
+
+
+class Mended(Generic[Wire]):
+    """An open wire, opened again by `open_again` (which raises LinkLost until it can) whenever it is lost.
+
+    One that is lost before it has answered anything is opened again after pauses that grow: opening does not mend it.
+    """
+
+    def __init__(self, wire: Wire, open_again: Callable[[], Wire], pause_s: float = PAUSE_S) -> None:
+        self._wire: Wire | None = wire
+        self._open_again, self._first_s, self._pause_s = open_again, pause_s, pause_s
+        self._why = ""
+        self._stop = threading.Event()
+        self._mender: threading.Thread | None = None
+
+    def ask(self, question: Callable[[Wire], Answer]) -> Answer:
+        """What `question` makes of the wire; LinkLost, every time, from when it is lost until it is open again."""
+        wire = self._wire
+        if wire is None:
+            raise LinkLost(self._why)
+        try:
+            answer = question(wire)
+        except LinkLost as error:
+            self._why, self._wire = str(error), None
+            self._mender = threading.Thread(target=self._mend, args=(wire,), name="reopen", daemon=True)
+            self._mender.start()
+            raise
+        if answer is not None:
+            self._pause_s = self._first_s
+        return answer
+
+    def close(self) -> None:
+        self._stop.set()
+        if self._mender is not None:
+            self._mender.join()
+        if self._wire is not None:
+            self._wire.close()
+
+    def _mend(self, lost: Wire) -> None:
+        lost.close()
+        pause_s, self._pause_s = self._pause_s, min(2.0 * self._pause_s, LONGEST_S)
+        while not self._stop.wait(pause_s):
+            try:
+                self._wire = self._open_again()
+                return
+            except LinkLost as error:
+                self._why, pause_s = str(error), self._first_s
+
+
+class MendedStream:
+    """truearc.hw.protocols.Stream that comes back."""
+
+    def __init__(self, open_stream: Callable[[], Stream], pause_s: float = PAUSE_S) -> None:
+        """Opens it the first time, too; LinkLost when that fails."""
+        self._wire = Mended(open_stream(), open_stream, pause_s)
+
+    def read(self) -> bytes:
+        return self._wire.ask(lambda stream: stream.read())
+
+    def write(self, data: bytes) -> None:
+        self._wire.ask(lambda stream: stream.write(data))
+
+    def close(self) -> None:
+        self._wire.close()
+
+
+class MendedCamera:
+    """truearc.hw.protocols.Camera that comes back.
+
+    The image that it was lost with is none when it comes again: a driver that hangs may hand out its last one for ever,
+    also to who opens it anew.
+    """
+
+    def __init__(self, open_camera: Callable[[], Camera], pause_s: float = PAUSE_S) -> None:
+        """Opens it the first time, too; LinkLost when that fails."""
+        self._wire = Mended(open_camera(), open_camera, pause_s)
+        self._newest: Image | None = None
+        self._stale: Image | None = None          # what it was lost with, until there is another
+
+    def read(self) -> CameraFrame | None:
+        try:
+            return self._wire.ask(lambda camera: self._look(camera.read()))
+        except LinkLost:
+            self._stale = self._newest
+            raise
+
+    def _look(self, frame: CameraFrame | None) -> CameraFrame | None:
+        if frame is None or (self._stale is not None and np.array_equal(frame.image, self._stale)):
+            return None
+        self._newest, self._stale = frame.image, None
+        return frame
+
+    def close(self) -> None:
+        self._wire.close()

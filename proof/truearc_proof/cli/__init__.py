@@ -1,0 +1,1 @@
+"""Commands that the proof distribution adds to truearc."""

@@ -1,0 +1,1 @@
+"""Importers of particular public data sets."""

@@ -1,0 +1,89 @@
+"""`Ball_drops_data.xls`, a sheet a ball, and `balls.txt`, their weights and girths -> the tables of ball_drops."""
+
+import io
+import math
+from pathlib import Path
+from typing import Any
+
+from truearc.robot.config.schema import InputError
+from truearc.sim.data.columns import parse_number
+from truearc.sim.data.problems import Problems
+from truearc.sim.data.table import Cell, Table, text_of
+from truearc_proof.importers.originals import needed, part
+
+COLUMNS = {"drop": "Drop #", "t_s": "Time (s)", "height_m": "Height (m)"}     # ours -> theirs
+OUNCE_KG = 0.0283495
+CM_M = 0.01
+UNKNOWN = "??"                        # nobody measured it
+# sheets whose ball has another name in the list; else it is the sheet's in one word, with "wiffle" for "whiffle"
+LISTED_AS = {"Yellow Whiffle Ball": "yellowWiffle", "Orange Whiffle Ball": "orangeWiffle"}
+Body = tuple[Cell, Cell]              # mass_kg, diameter_m
+
+
+def load_sheets(workbook: Path, balls: Path, problems: Problems) -> list[Table]:
+    """A table a ball; lines are the sheet's rows, from 1. InputError names the file, sheet or line that is no such."""
+    xlrd = needed("xlrd", workbook)
+    bodies = _bodies(balls, problems)
+    problems.close()
+    return [_sheet(xlrd, part(workbook, f"sheet {sheet.name}"), sheet, bodies, balls)
+            for sheet in _opened(xlrd, workbook).sheets()]
+
+
+def _opened(xlrd: Any, workbook: Path) -> Any:
+    try:
+        return xlrd.open_workbook(str(workbook), logfile=io.StringIO())
+    except OSError as error:
+        raise InputError(f"{workbook}: {error.strerror or error}") from error
+    except Exception as error:        # what xlrd meets in a damaged workbook is of many kinds
+        raise InputError(f"{workbook}: not a readable Excel workbook of the old kind ({error})") from error
+
+
+def _sheet(xlrd: Any, here: Path, sheet: Any, bodies: dict[str, Body], balls: Path) -> Table:
+    ball = LISTED_AS.get(sheet.name, sheet.name.lower().replace(" ", "").replace("whiffle", "wiffle"))
+    if ball not in bodies:
+        raise InputError(f"{here}: its ball, {ball}, is not in {balls}")
+    header = [str(cell.value).strip() for cell in sheet.row(0)] if sheet.nrows else []
+    for name in COLUMNS.values():
+        if header.count(name) != 1:
+            raise InputError(f"{here}:1: column {name!r} " + ("stands twice" if name in header else "is missing"))
+    place = {ours: header.index(theirs) for ours, theirs in COLUMNS.items()}
+    rows = {row: {ours: _cell(xlrd, sheet.cell(row, at)) for ours, at in place.items()}
+            for row in range(1, sheet.nrows)}
+    kept = [row for row, cells in rows.items() if any(cell is not None for cell in cells.values())]
+    columns: dict[str, list[Cell]] = {ours: [rows[row][ours] for row in kept] for ours in COLUMNS}
+    mass_kg, diameter_m = bodies[ball]
+    columns |= {"ball": [ball] * len(kept), "mass_kg": [mass_kg] * len(kept), "diameter_m": [diameter_m] * len(kept)}
+    columns["drop"] = [f"{cell:g}" if isinstance(cell, float) else cell for cell in columns["drop"]]
+    return Table(here, columns, [row + 1 for row in kept])
+
+
+def _cell(xlrd: Any, cell: Any) -> Cell:
+    """A number, or the text of what is none; an empty cell is missing."""
+    if cell.ctype == xlrd.XL_CELL_NUMBER:
+        return float(cell.value)
+    odd = {xlrd.XL_CELL_ERROR: "an error", xlrd.XL_CELL_BOOLEAN: "a yes or no", xlrd.XL_CELL_DATE: "a date"}
+    return odd.get(cell.ctype, str(cell.value).strip()) or None
+
+
+def _bodies(path: Path, problems: Problems) -> dict[str, Body]:
+    """Mass and diameter of each ball, out of lines `name ounces girth_cm` under a header."""
+    bodies: dict[str, Body] = {}
+    for line, text in enumerate(text_of(path).splitlines(), start=1):
+        words = text.split()
+        if line == 1 or not words:
+            continue
+        if len(words) != 3:
+            problems.add(f"{path}:{line}", "", "is not a ball's name, weight (oz) and circumference (cm)")
+        elif words[0] in bodies:
+            problems.add(f"{path}:{line}", "", f"{words[0]!r} stands twice")
+        else:
+            bodies[words[0]] = (_scaled(words[1], OUNCE_KG, f"{path}:{line}", problems),
+                                _scaled(words[2], CM_M / math.pi, f"{path}:{line}", problems))
+    return bodies
+
+
+def _scaled(word: str, factor: float, place: str, problems: Problems) -> Cell:
+    number = None if word == UNKNOWN else parse_number(word)
+    if word != UNKNOWN and (number is None or not math.isfinite(number)):
+        problems.add(place, "", f"{word!r} is not a finite number, nor {UNKNOWN!r} for unknown")
+    return None if number is None else number * factor

@@ -1,0 +1,158 @@
+"""Flights of a three-wheel table-tennis launcher (ball_prediction, MPI for Intelligent Systems) -> dataset.
+
+docs/importing.md says what the columns are, where the files come from, and what is assumed.
+"""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from truearc.robot.config.rig_spec import Air, Ball, Believe, Rig, LauncherFacts, Noise, Wheel
+from truearc.sim.data.problems import Problems, gathered
+from truearc.sim.data.table import Table, load_table
+from truearc.sim.data.importers.cells import need_columns, number_column, text_column
+from truearc_proof.importers.mpi_recordings import load_recording
+from truearc.sim.data.dataset import Dataset, Shots, Tracks
+
+LAUNCH_COLUMNS = ("set", "launch", "phi_cmd", "theta_cmd", "motor_top_left_rpm", "motor_top_right_rpm",
+                  "motor_bottom_rpm", "n_samples")
+TRACK_COLUMNS = ("set", "launch", "t_s", "x_m", "y_m", "z_m")
+# name, clock position seen along the exit direction; even spacing is assumed
+WHEELS = (("top_left", 300.0), ("top_right", 60.0), ("bottom", 180.0))
+WHEEL_RADIUS_M = 0.04                 # assumed: with it the no-spin sets leave at the speed of wheels that do not slip
+BALL = Ball(mass_kg=0.0027, radius_m=0.02)
+TRACK_NOISE_M = 0.002                 # scatter of the samples around a smooth flight, the worst of the three axes
+RPM = 2.0 * math.pi / 60.0
+FALL_M = 0.05                         # below the highest sample so far: the ball is on its way down
+RISE_M = 0.01                         # above the lowest one, twice running: it has bounced
+SHORTEST = 8                          # samples that a flight needs
+
+
+@dataclass(frozen=True)
+class _Launches:
+    shot_id: list[str]
+    session: list[str]
+    numbers: dict[str, np.ndarray]
+    samples: list[np.ndarray]         # of each launch [k, 4]: t_s x_m y_m z_m
+
+
+def import_mpi(*files: str | Path) -> Dataset:
+    """Read two CSV files, launches and tracks, or any number of HDF5 recordings; flights end before the bounce.
+
+    Frame as measured: x down the table, y left, z up from the floor. `t_s` is counted from each flight's first sample.
+    BadInput names file, line (of a recording: group and sample) and column of each bad row.
+    """
+    with gathered() as problems:
+        read = [_launches(launches, tracks, problems) for launches, tracks in _tables(list(map(Path, files)), problems)]
+        shot_id = [name for some in read for name in some.shot_id]
+        for name in sorted({name for name in shot_id if shot_id.count(name) > 1}):
+            problems.add(", ".join(map(str, files)), "", f"launch {name} stands twice")
+    numbers = {name: np.concatenate([some.numbers[name] for some in read]) for name in read[0].numbers}
+    cut = [_before_bounce(samples) for some in read for samples in some.samples]
+    kept = [row for row, samples in enumerate(cut) if len(samples) >= SHORTEST]
+    left_out = tuple(f"{name}: fewer than {SHORTEST} samples before the bounce"
+                     for row, name in enumerate(shot_id) if row not in kept)
+    session = tuple(name for some in read for name in some.session)
+    shots = Shots(tuple(shot_id), numbers, {"session": session}).take(kept)
+    cut = [cut[row] for row in kept]
+    return Dataset("mpi", _facts(cut), shots, _tracks(cut), None, left_out)
+
+
+def _tables(files: list[Path], problems: Problems) -> list[tuple[Table, Table]]:
+    """Launches and their tracks: of all in two CSV files, of each by itself in recordings."""
+    if files[0].suffix.lower() == ".hdf5":
+        return [pair for path in files for pair in load_recording(path, problems)]
+    launches, tracks = files
+    return [(load_table(launches, problems), load_table(tracks, problems))]
+
+
+def _launches(table: Table, tracks: Table, problems: Problems) -> _Launches:
+    need_columns(table, LAUNCH_COLUMNS)
+    shot_id = _ids(table, problems)
+    numbers = _launch_numbers(table, problems)
+    samples = _flights(tracks, shot_id, problems)
+    _check_counts(table, shot_id, numbers.pop("n_samples"), samples, problems)
+    session = [str(cell) for cell in table.columns["set"]]
+    return _Launches(shot_id, session, numbers, [samples[name] for name in shot_id])
+
+
+def _launch_numbers(table: Table, problems: Problems) -> dict[str, np.ndarray]:
+    numbers = {name: number_column(table, name, problems) for name in ("phi_cmd", "theta_cmd", "n_samples")}
+    for wheel, _ in WHEELS:
+        numbers[f"wheel_{wheel}_rad_s"] = number_column(table, f"motor_{wheel}_rpm", problems) * RPM
+    return numbers
+
+
+def _ids(table: Table, problems: Problems) -> list[str]:
+    """set-launch of each row; each may stand once."""
+    ids: list[str] = []
+    names = zip(text_column(table, "set", problems), text_column(table, "launch", problems), strict=True)
+    for row, (name, launch) in enumerate(names):
+        if f"{name}-{launch}" in ids:
+            problems.add(table.place(row), "launch", f"set {name!r} has launch {launch} already")
+        ids.append(f"{name}-{launch}")
+    return ids
+
+
+def _flights(table: Table, shot_id: list[str], problems: Problems) -> dict[str, np.ndarray]:
+    """The samples of each launch, as they stand; times must grow within one."""
+    need_columns(table, TRACK_COLUMNS)
+    columns = np.stack([number_column(table, name, problems) for name in ("t_s", "x_m", "y_m", "z_m")], axis=1)
+    rows_of: dict[str, list[int]] = {name: [] for name in shot_id}
+    for row, (name, launch) in enumerate(zip(table.columns["set"], table.columns["launch"], strict=True)):
+        if f"{name}-{launch}" not in rows_of:
+            problems.add(table.place(row), "launch", f"set {name!r} launch {launch} is not among the launches")
+            continue
+        rows = rows_of[f"{name}-{launch}"]
+        if rows and columns[row, 0] <= columns[rows[-1], 0]:
+            problems.add(table.place(row), "t_s", "does not follow the sample before of the same launch")
+        rows.append(row)
+    return {name: columns[rows] for name, rows in rows_of.items()}
+
+
+def _check_counts(table: Table, shot_id: list[str], n_samples: np.ndarray, samples: dict[str, np.ndarray],
+                  problems: Problems) -> None:
+    """The launches say how many samples each flight has: a lost part of the tracks shows."""
+    for row, name in enumerate(shot_id):
+        found = len(samples[name])
+        if math.isfinite(n_samples[row]) and found != n_samples[row]:
+            problems.add(table.place(row), "n_samples", f"is {n_samples[row]:g}, but the tracks have {found}")
+
+
+def _before_bounce(samples: np.ndarray) -> np.ndarray:
+    """The samples before the one nearest to the first bounce, time from 0.
+
+    The bounce is the lowest height after the ball has begun to fall and before two samples running (or the last one)
+    are clearly above it, or before whatever follows it; the sample there is dropped too, for it may lie on either side.
+    """
+    z_m = samples[:, 3]
+    falling = np.flatnonzero(z_m < np.maximum.accumulate(z_m) - FALL_M) if len(z_m) else np.zeros(0, int)
+    end = len(z_m)
+    if len(falling):
+        z_fall = z_m[falling[0]:]
+        up = z_fall > np.minimum.accumulate(z_fall) + RISE_M
+        twice = np.flatnonzero(up & np.append(up[1:], True))
+        lowest = int(z_fall[:twice[0] + 1].argmin() if len(twice) else z_fall.argmin())
+        # a flight that stops on its lowest sample was still falling
+        if lowest < len(z_fall) - 1:
+            end = falling[0] + lowest
+    cut = samples[:end].copy()
+    cut[:, 0] -= cut[0, 0] if len(cut) else 0.0
+    return cut
+
+
+def _tracks(cut: list[np.ndarray]) -> Tracks:
+    shot = np.repeat(np.arange(len(cut)), [len(samples) for samples in cut])
+    stacked = np.concatenate(cut) if cut else np.zeros((0, 4))
+    return Tracks(shot, stacked[:, 0], stacked[:, 1], stacked[:, 2], stacked[:, 3])
+
+
+def _facts(cut: list[np.ndarray]) -> Rig:
+    """What is known of the rig; the ball first shows about where it leaves the wheels."""
+    wheels = tuple(Wheel(name, WHEEL_RADIUS_M, 1.0, clock_deg) for name, clock_deg in WHEELS)
+    first_m = [samples[np.abs(samples[:, 1]).argmin(), 3] for samples in cut]
+    height_m = round(float(np.median(first_m)), 3) if cut else 0.0
+    return Rig(ball=BALL, launcher=LauncherFacts(release_height_m=height_m, wheel=wheels), air=Air(1.2),
+                 noise=Noise(track_m=TRACK_NOISE_M), believe=Believe(("gravity", "drag", "magnus")))

@@ -1,0 +1,74 @@
+"""What the public originals have in common: numbers in program text, parts of a file, packages that only some need."""
+
+import importlib
+import json
+import math
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from types import ModuleType
+
+from truearc.robot.config.schema import InputError
+from truearc.sim.data.columns import parse_number
+from truearc.sim.data.table import Cell, Table, text_of
+
+INCH_M = 0.0254
+C_COMMENT = r"/\*.*?\*/|//[^\n]*"       # C++ and Java
+PYTHON_COMMENT = r"#[^\n]*"
+
+
+def matching(path: Path, pattern: str, comment: str = C_COMMENT) -> Table:
+    """A row for each match of the pattern outside comments; its named groups are the columns.
+
+    Let the groups take whatever stands where a number should, so that what is none is named and not passed over.
+    InputError where nothing matches.
+    """
+    code = re.sub(comment, lambda found: "\n" * found[0].count("\n"), text_of(path), flags=re.DOTALL)
+    matches = list(re.finditer(pattern, code))
+    if not matches:
+        raise InputError(f"{path}: holds no numbers where they are looked for (docs/importing.md says which file it is)")
+    columns: dict[str, list[Cell]] = {name: [match[name].strip() or None for match in matches]
+                                      for name in re.compile(pattern).groupindex}
+    return Table(path, columns, [code.count("\n", 0, match.start()) + 1 for match in matches])
+
+
+def json_rows(text: str, path: Path, key: str, names: Sequence[str]) -> Table:
+    """The list of objects under `key`, one a row, each with all `names`; a row's line is that of its first name.
+
+    InputError when it is not there.
+    """
+    try:
+        rows = json.loads(text)[key]
+        cells = {name: [row[name] for row in rows] for name in names}
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{path}: has no list {key!r} of objects with {', '.join(names)} ({error})") from error
+    lines = [text.count("\n", 0, match.start()) + 1 for match in re.finditer(f'"{re.escape(names[0])}"', text)]
+    columns: dict[str, list[Cell]] = {name: [cell if isinstance(cell, float) else str(cell) for cell in column]
+                                      for name, column in cells.items()}
+    return Table(path, columns, lines[:len(rows)])
+
+
+def scaled(cells: Sequence[Cell], factor: float) -> list[Cell]:
+    """Cells, or products of numbers such as `4.0 * 12.0`, in another unit; one that is none stays, to be named."""
+    numbers = [_product(cell) for cell in cells]
+    return [cell if number is None or not math.isfinite(number) else number * factor
+            for cell, number in zip(cells, numbers, strict=True)]
+
+
+def _product(cell: Cell) -> float | None:
+    factors = [parse_number(part) for part in cell.split("*")] if isinstance(cell, str) else [parse_number(cell)]
+    known = [factor for factor in factors if factor is not None]
+    return math.prod(known) if len(known) == len(factors) else None
+
+
+def part(path: Path, name: str) -> Path:
+    """How messages name a part of a file: a sheet, a group, one of its versions."""
+    return Path(f"{path}, {name}")
+
+
+def needed(package: str, path: Path) -> ModuleType:
+    """A package that only this kind of file needs; InputError says what to install."""
+    try:
+        return importlib.import_module(package)
+    except ModuleNotFoundError as error:
+        raise InputError(f"{path}: reading it needs {package}: pip install 'truearc[originals]'") from error

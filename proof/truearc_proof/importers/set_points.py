@@ -1,0 +1,145 @@
+"""Set points that FRC teams tuned by hand -> dataset: each is taken as a shot through the middle of the goal.
+
+docs/importing.md says what the columns are, where they come from, and what is assumed of each robot.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+
+from truearc.robot.config.schema import InputError
+from truearc.robot.config.rig_spec import Air, Ball, Believe, Rig, LauncherFacts, Noise, Target, Wheel
+from truearc.sim.data.problems import Problems, gathered
+from truearc.sim.data.table import Table, load_table
+from truearc.sim.data.importers.cells import need_columns, number_column, text_column
+from truearc_proof.importers.frc_254 import load_254
+from truearc_proof.importers.frc_2910 import load_2910
+from truearc_proof.importers.frc_3476 import load_3476
+from truearc.sim.data.dataset import Dataset, Shots
+
+RPM = 2.0 * math.pi / 60.0
+BALL = Ball(0.142, 0.0889)            # team 2910's notebook: 0.142 kg, 0.1778 m
+GOAL_M = 2.4956                       # 98.25 in, the field drawings of 2020
+OPENING_M = (0.0762, 0.381)           # half heights: the ball's margin in the inner port; 30 in across flats outside
+WHEEL_M = 0.0508                      # 4 in
+RELEASE_M = 0.75                      # stated by nobody
+DISTANCE_M = 0.05
+
+
+@dataclass(frozen=True)
+class Robot:
+    """How one team's numbers are read. elevation_deg: of its `hood_raw`; `taken`: tables of it, by the ball they are
+    for; a wheel of WHEEL_M runs against a hood that stands still. load: its own files, or CSV."""
+
+    team: str
+    taken: dict[str, str]
+    elevation_deg: Callable[[float], float]
+    load: Callable[[Path, Problems], Table] = load_table
+
+
+# larger numbers are flatter shots (its hood's home, 45, is the steepest); counted from the vertical
+ROBOT_254 = Robot("254", {"laser_old_ball": "old", "laser_medium_ball": "medium", "laser_new_ball": "new"},
+                  lambda raw: 90.0 - raw, load_254)
+ROBOT_2910 = Robot("2910", {"west_valley": "", "shooter_tuning": ""}, lambda raw: raw, load_2910)
+
+
+def import_254(tables: str | Path) -> Dataset:
+    """Team 254 (2020), tables for old, medium and new balls, CSV or their Constants.java; as import_set_points."""
+    return import_set_points(tables, ROBOT_254)
+
+
+def import_2910(tables: str | Path) -> Dataset:
+    """Team 2910 (2020), CSV or their TargetWithShooterCommand.java; as import_set_points."""
+    return import_set_points(tables, ROBOT_2910)
+
+
+def import_set_points(tables: str | Path, robot: Robot) -> Dataset:
+    """One shot a set point, in the file's order; `ball_quality` where the team says for which ball it was tuned.
+
+    InputError names file, line and column of each bad row. Set points that the team itself extrapolated are left out.
+    """
+    with gathered() as problems:
+        table = robot.load(Path(tables), problems)
+        need_columns(table, ("team", "table", "distance_m", "wheel_rpm", "hood_raw", "note"))
+        team, name = text_column(table, "team", problems), text_column(table, "table", problems)
+        mine = [row for row in range(len(team)) if team[row] == robot.team and name[row] in robot.taken]
+        numbers = _numbers(table, mine, ("distance_m", "wheel_rpm", "hood_raw"), problems)
+    if not mine:
+        raise InputError(f"{tables}: column team: has no set points of {robot.team}")
+    guessed = [row for row in mine if "EXTRAPOLATED" in str(table.columns["note"][row] or "")]
+    kept = np.array([row not in guessed for row in mine])
+    rows = [row for row in mine if row not in guessed]
+    distance_m, wheel_rpm, hood = numbers[kept].T
+    texts = {"table": tuple(name[row] for row in rows)}
+    if any(robot.taken.values()):
+        texts["ball_quality"] = tuple(robot.taken[name[row]] for row in rows)
+    shots = _shots(tuple(f"{name[row]}-{k:02d}" for k, row in enumerate(rows)), distance_m, wheel_rpm,
+                   np.array([robot.elevation_deg(raw) for raw in hood]), {}, texts)
+    left_out = tuple(f"{table.place(row)}: extrapolated by the team" for row in guessed)
+    return Dataset(f"frc-{robot.team}", _facts(), shots, left_out=left_out)
+
+
+def import_3476(history: str | Path) -> Dataset:
+    """Team 3476 (2021): dated versions of one table; a shot for each set point that a version changed.
+
+    `t_s` counts from the first version. Set points that a version kept are no new shots and are left out. All versions
+    in one CSV, or a clone of the team's repository; one version alone can be read from its own shooterconfig.json.
+    """
+    with gathered() as problems:
+        read = [_dated(table, problems) for table in load_3476(Path(history), problems)]
+    commit = [name for names, _, _ in read for name in names]
+    numbers, time_s = (np.concatenate(columns) for columns in list(zip(*read, strict=True))[1:])
+    every = range(len(commit))
+    order = sorted(every, key=lambda row: (time_s[row], row))
+    rows, before = [], set[tuple[float, ...]]()
+    for version in dict.fromkeys(commit[row] for row in order):
+        points = {tuple(numbers[row]): row for row in order if commit[row] == version}
+        rows += [row for point, row in points.items() if point not in before]
+        before = set(points)
+    distance_m, wheel_rpm, hood_deg = numbers[rows].T
+    shots = _shots(tuple(f"{commit[row]}-{row:03d}" for row in rows), distance_m, wheel_rpm, hood_deg,
+                   {"t_s": time_s[rows] - time_s.min()}, {"version": tuple(commit[row] for row in rows)})
+    same = len(every) - len(rows)
+    return Dataset("frc-3476", _facts(), shots,
+                   left_out=(f"{same} set points that a version left as they were",) if same else ())
+
+
+def _dated(table: Table, problems: Problems) -> tuple[list[str], np.ndarray, np.ndarray]:
+    """Of each row its version, [rows, 3] distance, wheel and hood, and when it was written."""
+    need_columns(table, ("commit", "committed_at", "distance_m", "hood_eject_angle_deg", "flywheel_rpm"))
+    commit, when = text_column(table, "commit", problems), text_column(table, "committed_at", problems)
+    every = list(range(len(commit)))
+    numbers = _numbers(table, every, ("distance_m", "flywheel_rpm", "hood_eject_angle_deg"), problems)
+    return commit, numbers, np.array([_time_s(table, row, when[row], problems) for row in every])
+
+
+def _numbers(table: Table, rows: list[int], names: tuple[str, ...], problems: Problems) -> np.ndarray:
+    """[rows, names]; only those rows have to have numbers."""
+    chosen = Table(table.path, {name: [table.columns[name][row] for row in rows] for name in names},
+                   [table.lines[row] for row in rows])
+    return np.stack([number_column(chosen, name, problems) for name in names], axis=1)
+
+
+def _time_s(table: Table, row: int, text: str, problems: Problems) -> float:
+    try:
+        return datetime.fromisoformat(text).timestamp()
+    except ValueError:
+        problems.add(table.place(row), "committed_at", f"{text!r} is no date with time (ISO 8601)")
+        return 0.0
+
+
+def _shots(shot_id: tuple[str, ...], distance_m: np.ndarray, wheel_rpm: np.ndarray, hood_deg: np.ndarray,
+           more: dict[str, np.ndarray], texts: dict[str, tuple[str, ...]]) -> Shots:
+    still = np.zeros(len(shot_id))
+    return Shots(shot_id, {"distance_m": distance_m, "hood_deg": hood_deg, "wheel_main_rad_s": wheel_rpm * RPM,
+                           "wheel_hood_rad_s": still, "miss_height_m": still, **more}, texts)
+
+
+def _facts() -> Rig:
+    wheels = (Wheel("main", WHEEL_M, 1.0, 180.0), Wheel("hood", WHEEL_M, 0.0, 0.0))
+    return Rig(BALL, LauncherFacts(RELEASE_M, None, wheels), Target(GOAL_M, *OPENING_M), Air(1.2),
+                 noise=Noise(distance_m=DISTANCE_M), believe=Believe(("gravity", "drag", "magnus", "exit_efficiency")))

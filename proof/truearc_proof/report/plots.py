@@ -1,0 +1,83 @@
+"""Pictures of a round of proof: what was found by how plain it was, what was said of what was true, chance."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from truearc.sim.intervals import wilson
+from truearc_proof.scoring.score_world import NULLS, Mark
+from truearc_proof.report.tables import VERDICTS, ladder_of, matrix_of
+from truearc.sim.report import make_png, new_figure
+
+INK, OURS, ALLOWED, NAMED = "#30343b", "#1f5fa8", "#c2571a", "#2f7d4f"
+BAND_95 = 1.358                       # Kolmogorov's, over the root of the number (Smirnov 1948)
+
+
+def ladder_png(marks: Sequence[Mark]) -> bytes:
+    """Share found and share named right (up to alias) of all worlds with one hidden effect, over lambda."""
+    figure = new_figure(7.5, 4.4)
+    axes = figure.subplots()
+    steps = ladder_of(marks)
+    place = [float(np.exp(np.mean(np.log([max(one.strength or 0.0, 0.1) for one in mine])))) for _, _, mine in steps]
+    allowed = [np.mean([one.allowed[0] for one in mine if one.allowed] or [np.nan]) for _, _, mine in steps]
+    axes.plot(place, allowed, "o--", color=ALLOWED, ms=5, label="could be found: the data's information")
+    for answers, aside, colour, label in (
+            ([[one.found for one in mine] for _, _, mine in steps], 0.97, OURS, "found"),
+            ([[bool(one.alias) for one in mine] for _, _, mine in steps], 1.03, NAMED,
+             "found, and its name or an alias of it said first")):
+        shares = [sum(one) / len(one) for one in answers]
+        ends = np.array([wilson(sum(one), len(one)) for one in answers])
+        axes.errorbar(np.array(place) * aside, shares, np.abs(ends.T - shares), fmt="o-", color=colour, ms=6,
+                      capsize=2.5, label=label)
+    for x, (_, _, mine) in zip(place, steps, strict=True):
+        axes.annotate(str(len(mine)), (x, -0.06), ha="center", fontsize=8, color=INK)
+    axes.set(xscale="log", ylim=(-0.1, 1.05), xlabel="how plain the hidden effect is: lambda (worlds below)",
+             ylabel="share of worlds, 95 %")
+    figure.legend(frameon=False, loc="outside upper left", fontsize=9)
+    _clean(axes)
+    return make_png(figure)
+
+
+def matrix_png(marks: Sequence[Mark]) -> bytes:
+    """What was true (rows) against what was said (columns), as shares of a row."""
+    counts = matrix_of(marks)
+    figure = new_figure(6.2, 0.9 + 0.55 * len(counts))
+    axes = figure.subplots()
+    table = np.array(list(counts.values()), dtype=float)
+    shares = table / np.maximum(table.sum(1, keepdims=True), 1.0)
+    axes.imshow(shares, cmap="Blues", vmin=0.0, vmax=1.0, aspect="auto")
+    for (row, column), share in np.ndenumerate(shares):
+        axes.annotate(f"{int(table[row, column])}", (column, row), ha="center", va="center", fontsize=11,
+                      color="white" if share > 0.55 else INK)
+    axes.set_xticks(range(len(VERDICTS)), VERDICTS)
+    axes.set_yticks(range(len(counts)), list(counts))
+    axes.set_xlabel("what was said")
+    axes.set_ylabel("what was true")
+    axes.tick_params(length=0)
+    axes.spines[:].set_visible(False)
+    return make_png(figure)
+
+
+def chance_png(marks: Sequence[Mark]) -> bytes | None:
+    """Share of the nulls with a p-value up to p: the diagonal, if p-values mean what they say; None without nulls."""
+    p = np.sort([one.p_value for one in marks if one.kind in NULLS and one.p_value is not None])
+    if not len(p):
+        return None
+    figure = new_figure(4.6, 3.8)
+    axes = figure.subplots()
+    line, half = np.linspace(0.0, 1.0, 101), BAND_95 / np.sqrt(len(p))
+    axes.fill_between(line, np.clip(line - half, 0, 1), np.clip(line + half, 0, 1), color=ALLOWED, alpha=0.15, lw=0,
+                      label="chance, 95 %")
+    axes.plot(line, line, "--", color=ALLOWED, lw=1.0)
+    axes.step([0.0, *p, 1.0], [0.0, *np.arange(1, len(p) + 1) / len(p), 1.0], where="post", color=OURS, lw=1.8,
+              label=f"{len(p)} worlds without a mismatch")
+    axes.axvline(0.05, color=INK, lw=0.8)
+    axes.set(xlim=(0, 1), ylim=(0, 1), xlabel="p-value that was claimed", ylabel="share of worlds with such or less")
+    axes.legend(frameon=False, loc="lower right", fontsize=9)
+    _clean(axes)
+    return make_png(figure)
+
+
+def _clean(axes: Axes) -> None:
+    axes.spines[["top", "right"]].set_visible(False)

@@ -1,0 +1,162 @@
+"""The design's targets (discovery.md, section 8) for a round of proof, each beside what was reached."""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from truearc.sim.intervals import wilson
+from truearc_proof.scoring.score_world import Mark
+from truearc_proof.report.figures import (
+    ALIAS_SET,
+    ALL_GAINS,
+    ALL_NAMES,
+    DECOY_AMONG,
+    DECOY_FIRST,
+    DESIGNED,
+    PAIR,
+    RESOLVABLE,
+    SEALED_KEPT,
+    SEALED_LOST,
+    Figure,
+    figures_of,
+)
+
+Setting = tuple[str, int, float]      # level, shots, scale of effects
+
+
+class Target(NamedTuple):
+    """What the design asks for (section 8); `least`: the figure must reach it, else stay at or below it; `most`: and
+    not go beyond this."""
+
+    figure: str
+    least: bool
+    at: dict[Setting, float]
+    most: float = math.inf
+
+
+L0_300, L0_1000, L1_300, L1_1000 = ("L0", 300, 1.0), ("L0", 1000, 1.0), ("L1", 300, 1.0), ("L1", 1000, 1.0)
+L2_300 = ("L2", 300, 0.25)
+SETTINGS = (L0_300, L0_1000, L1_300, L1_1000, L2_300)
+PLAIN = ("L2", 300, 1.0)              # tracks, usual sizes: everything should be seen and named
+LARGE = ("L2", 300, 2.0)              # where what is in no catalogue is looked at
+PLAINLY = {PLAIN: 0.97}
+
+
+def goals(*values: float) -> dict[Setting, float]:
+    """{setting: figure}, of SETTINGS."""
+    return dict(zip(SETTINGS, values, strict=True))
+
+
+TARGETS = (
+    Target("detected", True, goals(0.45, 0.72, 0.50, 0.74, 0.72) | PLAINLY),
+    Target("stage", True, goals(0.72, 0.78, 0.82, 0.88, 0.97) | PLAINLY),
+    Target("top-1", True, goals(0.62, 0.70, 0.74, 0.82, 0.88) | PLAINLY),
+    Target("up to alias", True, goals(0.74, 0.82, 0.78, 0.86, 0.95) | PLAINLY),
+    Target("in the set", True, goals(0.90, 0.90, 0.90, 0.90, 0.90) | PLAINLY),
+    Target("set size", False, goals(5.0, 3.5, 4.5, 2.5, 1.6)),
+    Target("interval holds", True, goals(0.86, 0.86, 0.86, 0.86, 0.86), 0.94),
+    Target("gain kept", True, goals(0.70, 0.82, 0.75, 0.87, 0.90)),
+    Target("gain below 0", False, goals(0.05, 0.03, 0.05, 0.03, 0.02)),
+    Target("called unknown", False, goals(0.10, 0.10, 0.10, 0.08, 0.05)),
+    Target("named wrong", False, goals(0.10, 0.10, 0.10, 0.10, 0.05)),
+    Target("off: unknown", True, goals(0.40, 0.55, 0.55, 0.70, 0.85) | {LARGE: 0.85}),
+    Target("off: covariate and direction", True, {L2_300: 0.75, LARGE: 0.75}),
+)
+# The ceilings that the design's targets were set against (its section 4.4).
+DESIGN_CEILING = {"detected": goals(0.53, 0.82, 0.56, 0.83, 0.80) | {PLAIN: 1.0},
+                  "top-1": goals(0.70, 0.77, 0.81, 0.88, 0.92) | {PLAIN: 1.0},
+                  "up to alias": goals(0.80, 0.88, 0.82, 0.90, 0.98) | {PLAIN: 1.0},
+                  "stage": goals(0.79, 0.83, 0.88, 0.92, 0.99) | {PLAIN: 1.0}}
+ALARMS = (
+    Target("false alarms, clean", True, goals(0.03, 0.03, 0.03, 0.03, 0.03), 0.06),
+    Target("false alarms, dirty", False, goals(0.07, 0.07, 0.07, 0.07, 0.07)),
+)
+FURTHER = (
+    Target(SEALED_KEPT, True, goals(0.70, 0.82, 0.75, 0.87, 0.90)),
+    Target(SEALED_LOST, False, goals(0.05, 0.03, 0.05, 0.03, 0.02)),
+    Target("amplitude's RMS error / least", False, goals(1.4, 1.25, 1.35, 1.2, 1.15)),
+    Target(ALIAS_SET, True, goals(0.95, 0.95, 0.95, 0.95, 0.95)),
+    Target(DECOY_FIRST, False, goals(0.10, 0.10, 0.10, 0.10, 0.05)),
+    Target(DECOY_AMONG, False, {}),
+    Target("two: one is right", True, goals(0.50, 0.72, 0.60, 0.80, 0.88)),
+    Target(PAIR, True, {setting: wanted for setting, wanted in goals(0.0, 0.20, 0.0, 0.38, 0.40).items() if wanted}),
+    Target(DESIGNED, True, {L0_300: 300.0, L1_300: 300.0}),
+)
+WIDER = {"gain below 0": ALL_GAINS, "named wrong": ALL_NAMES}      # asked of more worlds too, by the same target
+UNASKED = (DECOY_AMONG, PAIR)         # told even where the design wants nothing of them
+SHOWN = {"gain kept": "gain kept, by the solver's own folds", "gain below 0": "gain below 0, of one effect found",
+         "named wrong": "named wrong, of one effect found"}
+WHY = {"off: unknown": f"none with a lambda of {RESOLVABLE:g} or more was found",
+       DECOY_FIRST: "no decoy that such data have anything of", DECOY_AMONG: "no decoy that such data have anything of",
+       DESIGNED: "no shots were asked for and given"}
+NOT_MEASURED, NOBODY = "not measured", "no world of this round says"
+
+
+def against_targets(marks: Sequence[Mark], scale: float | None = None) -> list[list[str]]:
+    """Rows of level and shots, figure, what was reached, what the data allow, what is wanted, and whether it is, or why
+    nobody knows: every target of the design for a level that was played; scale: of effects, where they have one."""
+    rows = []
+    for level, shots in sorted({(one.level, one.shots) for one in marks}):
+        mine = [one for one in marks if (one.level, one.shots) == (level, shots)]
+        setting = next((one for one in (*SETTINGS, PLAIN, LARGE) if one[:2] == (level, shots)
+                        and scale in (None, one[2])), None)
+        rows += [[f"{level}, {shots}", *row] for row in _rows(setting, mine)]
+    played = {(one.level, one.shots) for one in marks}
+    return rows + [[f"{level}, {shots}", "all", NOT_MEASURED, "-", "-", f"no world here has {shots} shots"]
+                   for level, shots, _ in SETTINGS
+                   if level in {one.level for one in marks} and (level, shots) not in played]
+
+
+def _rows(setting: Setting | None, marks: Sequence[Mark]) -> list[list[str]]:
+    if setting is None:
+        return [["all", NOT_MEASURED, "-", "-", "the design has no targets for so many shots"]]
+    figures = figures_of(marks)
+    targets = [*ALARMS, *(one for target in TARGETS for one in _widened(target)), *FURTHER]
+    return [[SHOWN.get(target.figure, target.figure), *_judged(setting, target, figures[target.figure])]
+            for target in targets if setting in target.at or target.figure in UNASKED]
+
+
+def _widened(target: Target) -> list[Target]:
+    wider = WIDER.get(target.figure)
+    return [target] if wider is None else [target, target._replace(figure=wider)]
+
+
+def _judged(setting: Setting, target: Target, figure: Figure) -> list[str]:
+    scaled = scaled_target(setting, target, figure.allowed)
+    wanted = target.at.get(setting) if scaled is None else scaled
+    words = "-" if wanted is None else words_of(target, wanted) + ("" if scaled is None else " (scaled)")
+    if figure.value is None:
+        return [NOT_MEASURED, "-", words, WHY.get(target.figure, NOBODY)]
+    return [figure.words, "-" if figure.allowed is None else f"{figure.allowed:.2f}", words,
+            "no target" if wanted is None else _verdict(target, wanted, figure)]
+
+
+def _verdict(target: Target, wanted: float, figure: Figure) -> str:
+    """Whether it is reached, and of a share, whether it might be luck: Wilson's interval has values of either kind."""
+    assert figure.value is not None
+    reached = is_reached(target, figure.value, wanted)
+    said = "reached" if reached else "NOT REACHED"
+    if figure.counts is None:
+        return said
+    low, high = wilson(*figure.counts)
+    ends = is_reached(target, low, wanted) and is_reached(target, high, wanted)
+    apart = high < wanted or low > target.most if target.least else low > wanted
+    return said if (ends if reached else apart) else f"{said}, may be luck"
+
+
+def is_reached(target: Target, value: float, goal: float) -> bool:
+    return goal <= value <= target.most if target.least else value <= goal
+
+
+def words_of(target: Target, goal: float) -> str:
+    most = f", <= {target.most:.2g}" if target.most < 1.0 else ""
+    return f"{'>=' if target.least else '<='} {round(goal, 2):g}{most}"
+
+
+def scaled_target(setting: Setting, target: Target, allowed: float | None) -> float | None:
+    """The target times our ceiling over the design's (its section 8 asks to keep the ratios); None without either."""
+    theirs = DESIGN_CEILING.get(target.figure, {}).get(setting)
+    wanted = target.at.get(setting)
+    if theirs is None or wanted is None or allowed is None:
+        return None
+    return wanted / theirs * allowed

@@ -1,0 +1,44 @@
+"""The term that fits these very shots best: truearc's own refits, and the highest likelihood wins, no question asked.
+
+It always says something. Of all terms of the catalogue the LIKELY with the largest first-step gain are truly refitted
+(more cost minutes in dirty worlds, whose fits settle slowly); ranking is by log likelihood of the shots that
+were fitted, not held out, without a prior's price for the term.
+"""
+
+import numpy as np
+
+from truearc.sim.discover.model.baseline_fit import BaselineFit, only_shared
+from truearc.sim.discover.select.forecast_error import end_errors
+from truearc.sim.discover.select.term_ranking import Candidate, one_step
+from truearc.sim.discover.select.refit import Refit, refit, unseen_change, without
+from truearc_proof.rivals.claim import Believed, Claim
+from truearc.sim.data.dataset import Dataset
+
+LIKELY = 3
+MOST_USUAL = 3.0                      # usual sizes from which a refit starts at most
+
+
+def answer(dataset: Dataset, believed: Believed, seed: int = 0) -> Claim:
+    """The best fit's name and what it foretells; nothing in it is random."""
+    fitted = believed.fitted
+    candidates = [one for one in one_step(fitted.evidence)[0] if one.visible]
+    if not candidates:
+        return Claim(False)
+    ordered = sorted(candidates, key=lambda one: -one.z**2)
+    refits = {one.name: believed.refits.get(one.name) or _refit(fitted, one) for one in ordered[:LIKELY]}
+    fits = {name: float(found.evidence.log_score.sum()) for name, found in refits.items()}
+    ranked = sorted(fits, key=lambda name: -fits[name]) + [one.name for one in ordered[LIKELY:]]
+    null = without(fitted.evidence)
+    before = end_errors(fitted.intake, only_shared(fitted.layout), fitted.spot, null,
+                        unseen_change(null, believed.clusters))
+    best = refits[ranked[0]]
+    after = end_errors(fitted.intake, best.layout, best.spot, best.evidence,
+                       unseen_change(best.evidence, believed.clusters))
+    names = tuple(dict.fromkeys(name.partition(".")[0] for name in ranked))
+    return Claim(True, names, before, after, {"gain": fits[ranked[0]] - float(null.log_score.sum())})
+
+
+def _refit(fitted: BaselineFit, one: Candidate) -> Refit:
+    """From one step on, tamed: all is linear nearby only."""
+    usual = fitted.evidence.columns[one.column].usual
+    return refit(fitted, (one.name,), np.array([np.clip(one.amplitude, -MOST_USUAL * usual, MOST_USUAL * usual)]))

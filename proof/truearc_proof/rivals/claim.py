@@ -1,0 +1,77 @@
+"""What every entrant gets, and what it answers."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from msgspec import Struct
+
+from truearc.sim.discover.model.baseline_fit import BaselineFit
+from truearc.sim.discover.detect.clusters import Clusters
+from truearc.sim.discover.api import Investigation
+from truearc.sim.discover.select.refit import Refit
+from truearc.sim.data.dataset import Dataset
+
+Array = np.ndarray
+FOLDS = 5
+
+
+class Claim(Struct, frozen=True):
+    """One entrant about one world.
+
+    says_something: that the believed simulation lacks something. names: terms of the catalogue, likeliest first; empty
+    where none is named. before_m, after_m: RMS error of the height at the tracks' ends, foretold for shots that were
+    held out, by the believed physics and by what the entrant makes of it (the same while it says nothing); None where
+    it foretells nothing. figures: what it went by.
+    """
+
+    says_something: bool
+    names: tuple[str, ...] = ()
+    before_m: float | None = None
+    after_m: float | None = None
+    figures: Mapping[str, float] = {}
+
+
+@dataclass(frozen=True)
+class Believed:
+    """The believed simulation fitted to the dataset, as truearc fits it; refits: of single terms, as far as made."""
+
+    fitted: BaselineFit
+    clusters: Clusters
+    refits: Mapping[str, Refit] = field(default_factory=dict)
+
+    @property
+    def terms(self) -> tuple[str, ...]:
+        """Terms that are believed."""
+        columns = self.fitted.evidence.columns[self.fitted.evidence.first_shared:]
+        return tuple(dict.fromkeys(column.name.partition(".")[0] for column in columns if column.kind == "shared"))
+
+
+Rival = Callable[[Dataset, Believed, int], Claim]
+
+
+class Held(NamedTuple):
+    """A fold: which of n rows are learnt from, and which are held out; masks [n]."""
+
+    train: Array
+    out: Array
+
+
+def folds(n: int) -> tuple[Held, ...]:
+    """Every fifth of n shots, as truearc's own figures on unseen shots have it."""
+    fold = np.arange(n) % FOLDS
+    return tuple(Held(fold != k, fold == k) for k in range(FOLDS))
+
+
+def believed_of(found: Investigation) -> Believed | None:
+    """From truearc's own investigation; None where the data carry no test at all."""
+    if found.fitted is None or found.clusters is None:
+        return None
+    refits = found.steps[0].naming.refits if found.steps else {}
+    return Believed(found.fitted, found.clusters, refits)
+
+
+def rms(errors: Array) -> float:
+    """Root mean square."""
+    return float(np.sqrt(np.mean(np.square(errors))))

@@ -1,0 +1,1 @@
+"""Sealed rounds: commit, solve, open, grade and check."""

@@ -1,0 +1,207 @@
+"""The keeper's part: draw worlds, make and give away their data, and commit to what is true of them before.
+
+Seals are opened in this process alone: workers, of which a cluster's may have worked for the solver, are handed what
+they need of them, and write into a directory of their own (Room.half), which is moved when it is whole. So nobody who
+outlives a killed keeper can spoil what the next one makes.
+"""
+
+import math
+import operator
+import os
+import secrets
+import shutil
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from msgspec import Struct
+
+from truearc.robot.config.schema import InputError
+from truearc.sim.parallel import fan_out
+from truearc_proof.rounds.ledger import append, digest
+from truearc_proof.rounds.file_lock import alone
+from truearc_proof.worlds.generate_data import home_of, make_data, make_more, make_reading
+from truearc_proof.worlds.sampling_plan import FIRST_SEED, MUJOCO, NUMPY, OWN, Drawn, draw_round, drawn_of
+from truearc_proof.rounds.round_layout import ANSWERED, ASKED, CLAIMED, OPENED, SEALED, Room
+from truearc_proof.rounds.commitment import canonical, hash_files, load_seal, make_seal, save_seal
+from truearc_proof.worlds.instruments import TOOLS
+from truearc_proof.truth.followup import Asked
+
+Progress = Callable[[float, str], None]
+MOST_CONFIGURATIONS, MOST_SHOTS = 5, 100     # of a follow-up
+Wanted = list[Asked] | str             # configurations, or what to measure (truearc_proof.worlds.instruments)
+AT_ONCE = 8                           # worlds made between two entries in the ledger
+
+
+class Plan(Struct, frozen=True, forbid_unknown_fields=True):
+    """What a round is drawn from."""
+
+    seed: int
+    worlds: int
+    level: str
+    shots: int
+    engines: tuple[str, ...] = (NUMPY, MUJOCO)
+    entropy: bool = False             # nobody chose the seed; that much its keeper says
+
+    def drawn(self) -> tuple[Drawn, ...]:
+        """Its worlds, MuJoCo's unmodified session first where there is one."""
+        worlds = draw_round(self.seed, self.worlds, self.level, self.shots, self.engines)
+        home = home_of(worlds, FIRST_SEED + self.seed % FIRST_SEED)
+        return worlds if home is None else (home, *worlds)
+
+
+def entropy() -> int:
+    """A number that nobody knows beforehand."""
+    return secrets.randbits(62)
+
+
+def seal_round(room: Room, plan: Plan, progress: Progress, workers: int | None = None,
+               scheduler: str | None = None) -> None:
+    """Make and seal every world that is not sealed yet. InputError where the round was begun from another plan."""
+    worlds = plan.drawn()             # before anything is there: a plan of which nothing can be drawn leaves nothing
+    with alone(room.root):
+        keep_plan(room, plan)
+        _seal_drawn(room, worlds, progress, workers, scheduler)
+
+
+def keep_plan(room: Room, plan: Plan) -> None:
+    """Written once, whole or not at all. InputError where the round was begun from another."""
+    room.keeper.mkdir(parents=True, exist_ok=True)
+    if not room.plan.exists():
+        half = room.plan.with_suffix(".half")
+        half.write_bytes(msgspec.json.encode(plan) + b"\n")
+        os.replace(half, room.plan)
+    elif load_plan(room) != plan:
+        raise InputError(f"{room.plan}: this round was drawn from something else; give another directory")
+
+
+def _seal_drawn(room: Room, worlds: tuple[Drawn, ...], progress: Progress, workers: int | None,
+                scheduler: str | None) -> None:
+    done, half = room.steps(), _half(room)
+    todo = [one for one in worlds if SEALED not in done.get(one.name, {}) or not room.data(one.name).is_dir()]
+    for first in range(0, len(todo), AT_ONCE):
+        batch = todo[first:first + AT_ONCE]
+        progress((len(worlds) - len(todo) + first) / len(worlds), "worlds are made and sealed")
+        makers = fan_out(partial(_make, half), batch, scheduler, workers=workers)
+        for drawn, maker in zip(batch, makers, strict=True):
+            if SEALED not in done.get(drawn.name, {}):
+                seal = make_seal(msgspec.to_builtins(drawn), maker, half / drawn.name)
+                save_seal(room.seal(drawn.name), seal)
+                append(room.ledger, SEALED, drawn.name, seal.commitment)
+            _move(half / drawn.name, room.data(drawn.name))      # given away once it is committed to
+    progress(1.0, f"{len(worlds)} worlds sealed")
+
+
+def answer_round(room: Room, progress: Progress, workers: int | None = None, scheduler: str | None = None) -> None:
+    """Shoot what the solver has asked for, in every world that is claimed and not opened yet."""
+    with alone(room.root):
+        _answer_claimed(room, progress, workers, scheduler)
+
+
+def _answer_claimed(room: Room, progress: Progress, workers: int | None, scheduler: str | None) -> None:
+    steps, half = room.steps(), _half(room)
+    todo = [name for name, done in steps.items() if CLAIMED in done and OPENED not in done
+            and not (ANSWERED in done and room.more(name).is_dir())]
+    drawn = {name: drawn_of(load_seal(room.seal(name)).world, room.seal(name)) for name in todo}
+    asked = {name: asked_of(room, name) for name in todo if drawn[name].engine != OWN}
+    todo = [name for name, wanted in asked.items() if wanted and can_answer(drawn[name], wanted)]
+    for first in range(0, len(todo), AT_ONCE):
+        batch = todo[first:first + AT_ONCE]
+        progress(first / len(todo), "more shots are given")
+        for name in batch:
+            if ASKED not in steps[name]:
+                append(room.ledger, ASKED, name, digest(canonical(as_claimed(asked[name]))))
+        fan_out(partial(_answer, half), [(drawn[name], asked[name]) for name in batch], scheduler, workers=workers)
+        for name in batch:
+            if ANSWERED not in steps[name]:
+                append(room.ledger, ANSWERED, name, digest(canonical(hash_files(half / name))))
+            _move(half / name, room.more(name))
+    progress(1.0, f"{len(todo)} worlds shot again")
+
+
+def can_answer(drawn: Drawn, asked: Wanted) -> bool:
+    """Somebody else's world only they can shoot again, or measure; of MuJoCo's robot nothing is measured."""
+    return drawn.engine == NUMPY or (drawn.engine == MUJOCO and not isinstance(asked, str))
+
+
+def as_claimed(asked: Wanted) -> list[dict[str, Any]]:
+    """As claims have it."""
+    return [{"measure": asked}] if isinstance(asked, str) else [one._asdict() for one in asked]
+
+
+def asked_of(room: Room, world: str) -> Wanted:
+    """What a world's claims ask for; InputError for more than the rules allow: configurations, or one measurement."""
+    path = room.claims(world)
+    try:
+        given = msgspec.json.decode(path.read_bytes())["asked"]
+        if given and "measure" in given[0]:
+            return _tool(given)
+        asked = [_asked(one) for one in given]
+    except (OSError, msgspec.MsgspecError, KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{path}: asked: {error}") from error
+    if len(asked) > MOST_CONFIGURATIONS or sum(one.shots for one in asked) > MOST_SHOTS or any(
+            one.shots < 1 for one in asked):
+        raise InputError(f"{path}: asked: at most {MOST_CONFIGURATIONS} configurations and {MOST_SHOTS} shots")
+    return asked
+
+
+def _tool(given: list[dict[str, str]]) -> str:
+    (only,) = given
+    (tool,) = only.values()
+    if tool not in TOOLS:
+        raise ValueError(f"measure: there is no {tool!r}; there are {'; '.join(TOOLS)}")
+    return tool
+
+
+def _asked(one: dict[str, Any]) -> Asked:
+    asked = Asked(**one)              # as it was claimed, to the letter: its hash is entered
+    if not all(map(math.isfinite, asked)):
+        raise ValueError("a number in it is not finite")
+    operator.index(asked.shots)
+    return asked
+
+
+def _answer(half: Path, job: tuple[Drawn, Wanted]) -> None:
+    drawn, asked = job
+    answer(drawn, asked, _emptied(half / drawn.name))
+
+
+def answer(drawn: Drawn, asked: Wanted, directory: Path) -> None:
+    """Write what was asked for; the same world and wish write the same bytes."""
+    if isinstance(asked, str):
+        make_reading(drawn, asked, directory)
+    else:
+        make_more(drawn, asked, directory)
+
+
+def load_plan(room: Room) -> Plan:
+    """InputError names the file and what is wrong with it."""
+    try:
+        return msgspec.json.decode(room.plan.read_bytes(), type=Plan)
+    except OSError as error:
+        raise InputError(f"{room.plan}: {error.strerror}") from error
+    except msgspec.MsgspecError as error:
+        raise InputError(f"{room.plan}: {error}") from error
+
+
+def _make(half: Path, drawn: Drawn) -> str:
+    return make_data(drawn, _emptied(half / drawn.name))
+
+
+def _half(room: Room) -> Path:
+    """A directory for data in the making, which no keeper before has used; theirs are gone."""
+    shutil.rmtree(room.half, ignore_errors=True)
+    return room.half.resolve() / secrets.token_hex(8)
+
+
+def _emptied(directory: Path) -> Path:
+    """What a worker that was lost has left is away, and its parent is there."""
+    shutil.rmtree(directory, ignore_errors=True)
+    directory.parent.mkdir(parents=True, exist_ok=True)
+    return directory
+
+
+def _move(made: Path, directory: Path) -> None:
+    os.replace(made, _emptied(directory))

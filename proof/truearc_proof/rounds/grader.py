@@ -1,0 +1,180 @@
+"""The grader's part: open the seals of what has been claimed, find out whatever was changed, and mark the rest."""
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from msgspec import Struct, structs
+
+from truearc.robot.config.schema import InputError
+from truearc.sim.infer.belief import from_table
+from truearc.sim.parallel import fan_out
+from truearc_proof.rounds.claims_schema import load_claims
+from truearc_proof.rounds.committer import load_plan
+from truearc_proof.rounds.ledger import append, digest
+from truearc_proof.rounds.file_lock import alone
+from truearc_proof.worlds.generate_data import HOME, MEASURED
+from truearc_proof.scoring.score_world import MEASUREMENT, SHOTS, Mark, mark
+from truearc_proof.rounds.score_store import Steps, load_marks, save_mark, worlds_of, wrong_marks
+from truearc_proof.scoring.information_bound import Measured, measure
+from truearc_proof.worlds.sampling_plan import NUMPY, OWN, Drawn, drawn_of
+from truearc_proof.rounds.round_layout import ANSWERED, ASKED, CLAIMED, CLAIMED_AGAIN, OPENED, SEALED, Room
+from truearc_proof.scoring.design_gain import random_worth
+from truearc_proof.rounds.commitment import canonical, check_data, hash_files, load_seal
+from truearc_proof.scoring.sealed_holdout import Unseen, off_m, shoot_unseen
+from truearc_proof.rounds.jsonl_store import mend
+from truearc.sim.data.dataset import Dataset, load_dataset
+
+Progress = Callable[[float, str], None]
+
+
+class Graded(Struct, frozen=True):
+    """Marks of one world: of what was said at first, and, where more shots were asked for and given, then."""
+
+    world: str
+    first: Mark
+    again: Mark | None = None
+
+
+def grade_round(room: Room, progress: Progress, workers: int | None = None, scheduler: str | None = None,
+                so_far: bool = False) -> tuple[Graded, ...]:
+    """Marks of every world, each opened and marked once. InputError names all that was tampered with, and worlds that
+    nobody has claimed.
+
+    so_far: the round goes on: worlds that are not claimed, or not again though more shots were given, are waited for.
+    Otherwise the latter are marked by their first claims alone.
+    """
+    with alone(room.root):
+        mend(room.grades)
+        steps = room.steps()
+        wrong = check_papers(room, steps, so_far) + wrong_marks(room.grades, steps)
+        if not so_far:
+            wrong += [f"{room.claims(name)}: is missing: nobody has claimed anything of {name} (--so-far, where the "
+                      "round goes on)" for name in unclaimed(steps)]
+        if wrong:
+            raise InputError("\n".join(wrong))
+        _mark_claimed(room, steps, progress, workers, scheduler, so_far)
+    return graded_of(room)
+
+
+def _mark_claimed(room: Room, steps: Steps, progress: Progress, workers: int | None, scheduler: str | None,
+                  so_far: bool) -> None:
+    known = worlds_of(room.grades)
+    todo = [name for name, done in steps.items() if CLAIMED in done and name != HOME and name not in known
+            and not (so_far and ANSWERED in done and not {CLAIMED_AGAIN, OPENED} & set(done))]
+    for name in todo:
+        if OPENED not in steps[name]:
+            append(room.ledger, OPENED, name, digest(room.seal(name).read_bytes()))
+    # seals are read here: a worker of a cluster may have worked for the solver, and is refused them
+    jobs = [(drawn_of(load_seal(room.seal(name)).world, room.seal(name)), CLAIMED_AGAIN in steps[name])
+            for name in todo]
+    fan_out(partial(mark_world, room.root.resolve()), jobs, scheduler,
+            lambda done, note: progress(done, "worlds are opened and marked"), workers,
+            lambda job, one: save_mark(room, one.world, one, steps[one.world]))
+    progress(1.0, f"{len(known) + len(todo)} worlds marked")
+
+
+def unclaimed(steps: Steps) -> list[str]:
+    """Worlds that were sealed, and of which nothing was claimed."""
+    return [name for name, done in steps.items() if CLAIMED not in done and name != HOME]
+
+
+def check_papers(room: Room, steps: Steps, so_far: bool) -> list[str]:
+    """What was changed or left out in the whole round, a sentence each. so_far: not all need be sealed yet."""
+    wrong = [f"{room.ledger}: {name}: was never sealed" for name, done in steps.items() if SEALED not in done]
+    wrong += [line for name, done in steps.items() if SEALED in done for line in check_world(room, name, done)]
+    wrong += [] if so_far else left_out(room, steps)
+    return wrong or check_draw(room, steps, so_far)
+
+
+def left_out(room: Room, steps: Steps) -> list[str]:
+    """Seals that the ledger does not have, a sentence each."""
+    return [f"{path}: its world is not in the ledger: it was taken out, or `truearc prove seal` was cut short"
+            for path in sorted(room.keeper.glob("*.json")) if path != room.plan and path.stem not in steps]
+
+
+def check_draw(room: Room, steps: Steps, so_far: bool = False) -> list[str]:
+    """Whether the worlds are all those that the seed gives, and none was left out for what came of it; somebody else's
+    are drawn from none. so_far: not all need be sealed yet."""
+    sealed = {name: load_seal(room.seal(name)).world for name in steps}
+    ours = {name: world for name, world in sealed.items() if world.get("engine") != OWN}
+    if not ours and not room.plan.exists():
+        return []
+    drawn = {one.name: msgspec.to_builtins(one) for one in load_plan(room).drawn()}
+    return [f"{room.seal(name)}: is not what the seed of the round gives; or {room.plan} was changed"
+            for name, world in ours.items() if canonical(world) != canonical(drawn.get(name))] + [
+        f"{room.ledger}: {name}, which the seed of the round gives, is missing; or {room.plan} was changed"
+        for name in drawn if name not in ours and not so_far]
+
+
+def check_world(room: Room, world: str, done: Mapping[str, str]) -> list[str]:
+    """What was changed after it was committed to, a sentence each: seal, data, claims, what was asked and answered."""
+    seal = load_seal(room.seal(world))
+    wrong = [] if seal.commitment == done.get(SEALED) else [f"{room.seal(world)}: is not what was sealed"]
+    if seal.world.get("name") != world:
+        wrong.append(f"{room.seal(world)}: world: name: is not {world!r}")
+    if OPENED in done and digest(room.seal(world).read_bytes()) != done[OPENED]:
+        wrong.append(f"{room.seal(world)}: is not what was opened")
+    wrong += check_data(seal, room.data(world))
+    given = {f"more/{name}": value for name, value in hash_files(room.more(world)).items()} if ANSWERED in done else {}
+    if CLAIMED in done:
+        wrong += _check_claims(room.claims(world), done[CLAIMED], seal.data)
+    if ASKED in done and not wrong and digest(canonical(load_claims(room.claims(world)).asked)) != done[ASKED]:
+        wrong.append(f"{room.claims(world)}: asked for something else")
+    if ANSWERED in done and digest(canonical(hash_files(room.more(world)))) != done[ANSWERED]:
+        wrong.append(f"{room.more(world)}: is not what was given")
+    if CLAIMED_AGAIN in done:
+        wrong += _check_claims(room.again(world), done[CLAIMED_AGAIN], {**seal.data, **given})
+    return wrong
+
+
+def _check_claims(path: Path, claimed: str, data: dict[str, str]) -> list[str]:
+    text = path.read_bytes() if path.is_file() else b""
+    if digest(text) != claimed:
+        return [f"{path}: is not what was claimed" if text else f"{path}: is missing"]
+    return [] if load_claims(path).data == data else [f"{path}: claims are about other data than were given"]
+
+
+def mark_world(root: Path, job: tuple[Drawn, bool]) -> Graded:
+    """One world's marks; job: what was sealed, and whether there are second claims."""
+    room, (drawn, twice) = Room(root), job
+    paths = [room.claims(drawn.name), *([room.again(drawn.name)] if twice else [])]
+    tested = [load_claims(path).believed is not None for path in paths]
+    dataset = load_dataset(room.data(drawn.name))
+    measured = measure(drawn, dataset, any(tested))
+    unseen = shoot_unseen(drawn) if any(tested) else None
+    marks = [_mark(path, drawn, measured, unseen) for path in paths]
+    random = _random(room, drawn, dataset) if twice else None
+    return Graded(drawn.name, structs.replace(marks[0], random=random), marks[1] if twice else None)
+
+
+def _random(room: Room, drawn: Drawn, dataset: Dataset) -> int | None:
+    """How many random shots those that were asked for and given are worth."""
+    more = room.more(drawn.name)
+    if drawn.engine != NUMPY or (more / MEASURED).exists():
+        return None
+    return random_worth(dataset, load_dataset(more), load_claims(room.claims(drawn.name)).finding)
+
+
+def _kind(asked: Sequence[Any]) -> str:
+    return "" if not asked else MEASUREMENT if "measure" in asked[0] else SHOTS
+
+
+def _mark(path: Path, drawn: Drawn, measured: Measured, unseen: Unseen | None) -> Mark:
+    claims = load_claims(path)
+    try:
+        told = structs.replace(mark(drawn, claims.finding, measured, claims.rivals), asked=_kind(claims.asked))
+        if claims.believed is None or unseen is None:
+            return told
+        before = measured.before or from_table(claims.believed.before, str(path))
+        beliefs = (before, from_table(claims.believed.after, str(path)), measured.oracle)
+        return structs.replace(told, off_m=tuple(off_m(one, unseen) for one in beliefs if one is not None))
+    except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
+        raise InputError(f"{path}: finding: {type(error).__name__}: {error}") from error
+
+
+def graded_of(room: Room) -> tuple[Graded, ...]:
+    """All marks of a round, a world each, in its order. InputError where they are not what the ledger has."""
+    return tuple({line["world"]: msgspec.convert(line, Graded) for line in load_marks(room)}.values())

@@ -1,0 +1,199 @@
+"""The solver's part: discovery on data whose truth is sealed. It opens no file of the keeper's.
+
+An audit hook of the interpreter, which cannot be taken off again, refuses them wherever it runs. That guards against
+accident, not against malice: a subprocess, ctypes, or a library that opens files by itself passes it. Whoever does not
+trust a solver gives it a copy of the round without keeper/, which is all that it needs (docs/challenge.md).
+
+Claims come back from the workers by value and are written here, so that none that outlives a killed solver writes
+anything beside the next one.
+"""
+
+import hashlib
+import os
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache, partial
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from truearc import sim
+from truearc.robot.config.schema import InputError
+from truearc.sim.infer.belief import Belief, as_table
+from truearc.sim.discover.adopt import make_belief
+from truearc.sim.discover.plan.experiment_design import can_design, make_design
+from truearc.sim.discover.api import Investigation, discover
+from truearc.sim.discover.finding import make_json
+from truearc.sim.discover.model.external_measurements import Measured, Measurement, column_of
+from truearc.sim.parallel import fan_out
+from truearc_proof.rounds.ledger import append, digest
+from truearc_proof.rounds.file_lock import alone
+from truearc_proof.worlds.generate_data import HOME, MEASURED
+from truearc_proof.rivals.claim import believed_of
+from truearc_proof.rivals.registry import find_rival
+from truearc_proof.rounds.round_layout import ANSWERED, CLAIMED, CLAIMED_AGAIN, OPENED, SEALED, Room
+from truearc_proof.rounds.commitment import canonical, hash_files
+from truearc_proof.worlds.instruments import TOOLS
+from truearc.sim.data.dataset import Dataset, join_datasets, load_dataset
+
+Progress = Callable[[float, str], None]
+SCHEMA = "truearc.claims/1"
+FALSE_ALARM = 0.05
+AT_HOME = ("gravity", "drag", "magnus")      # what is believed of MuJoCo's robot before its unmodified session
+MORE_SHOTS, MORE_CONFIGURATIONS = 100, 5     # at most, in a follow-up
+OPENING = ("open", "os.listdir", "os.scandir", "os.rename", "os.link", "os.symlink")
+OTHERS = ("prove/", "world/")         # of sim: whose sources are no part of a solver,
+OWN = ("prove/solver.py", "prove/tools.py")  # but for these
+
+_forbidden: list[str] = []
+
+
+def solve_round(room: Room, progress: Progress, workers: int | None = None, scheduler: str | None = None,
+                rivals: tuple[str, ...] = ()) -> None:
+    """Claims for every sealed world that has none in the ledger, and second ones where more shots were given; rivals:
+    others (truearc_proof.rivals) that are put to the same tracks. Call it in a process of its own: afterwards this one can
+    open nothing of the keeper's any more. InputError for rivals where no world has tracks."""
+    forbid(room.keeper)
+    with alone(room.root):
+        _solve_sealed(room, progress, workers, scheduler, rivals)
+
+
+def _solve_sealed(room: Room, progress: Progress, workers: int | None, scheduler: str | None,
+                  rivals: tuple[str, ...]) -> None:
+    steps = room.steps()
+    names = [name for name, done in steps.items() if SEALED in done and OPENED not in done and name != HOME]
+    if rivals and names and not any(any(room.data(name).glob("tracks.*")) for name in names):
+        raise InputError(f"--rivals: {room.root / 'data'}: no world has tracks, and others are put to tracks alone")
+    first = [name for name in names if CLAIMED not in steps[name]]
+    again = [name for name in names if ANSWERED in steps[name] and CLAIMED_AGAIN not in steps[name]]
+    for todo, work, step, path in ((first, partial(solve, room.root.resolve(), rivals), CLAIMED, room.claims),
+                                   (again, partial(solve_again, room.root.resolve()), CLAIMED_AGAIN, room.again)):
+        fan_out(work, todo, scheduler, partial(_tell, progress, f"worlds are discovered in ({step})"), workers,
+                partial(_claim, room, step, path))
+    progress(1.0, f"{len(names)} worlds claimed")
+
+
+def _tell(progress: Progress, what: str, done: float, note: str) -> None:
+    progress(done, what)
+
+
+def _claim(room: Room, step: str, path: Callable[[str], Path], world: str, claims: dict[str, Any]) -> None:
+    """Written and entered, as soon as it is there."""
+    _write(path(world), claims)
+    append(room.ledger, step, world, digest(path(world).read_bytes()))
+
+
+def solve(root: Path, rivals: tuple[str, ...], world: str) -> dict[str, Any]:
+    """One world's claims, and those of rivals where there are tracks."""
+    room = Room(root)
+    forbid(room.keeper)
+    directory = room.data(world)
+    found, dataset = _discover(room, world, None)
+    claims = {"schema": SCHEMA, "world": world, "solver": solver_id(), "data": hash_files(directory),
+              "finding": msgspec.json.decode(make_json(found.finding)), "asked": asked_for(found, dataset),
+              **believed_by(found)}
+    believed = believed_of(found)
+    if rivals and dataset.tracks is not None and believed is not None:
+        claims["rivals"] = {name: msgspec.to_builtins(find_rival(name)(dataset, believed, 0)) for name in rivals}
+    return claims
+
+
+def solve_again(root: Path, world: str) -> dict[str, Any]:
+    """The same with the shots that were asked for."""
+    room = Room(root)
+    forbid(room.keeper)
+    reading = room.more(world) / MEASURED
+    found, _ = _discover(room, world, *((None, _read(reading)) if reading.exists() else (
+        load_dataset(room.more(world)), None)))
+    return {"schema": SCHEMA, "world": world, "solver": solver_id(),
+            "data": {**hash_files(room.data(world)), **_below("more", hash_files(room.more(world)))},
+            "finding": msgspec.json.decode(make_json(found.finding)), "asked": [], **believed_by(found)}
+
+
+def _read(path: Path) -> Measured:
+    read = msgspec.json.decode(path.read_bytes())["terms"]
+    return {column_of(term): Measurement(**value) for term, value in read.items()}
+
+
+def believed_by(found: Investigation) -> dict[str, Any]:
+    """What the solver would foretell shots by, before it found anything and after: what the test block is put to."""
+    if not found.steps:
+        return {}
+    return {"believed": {"before": as_table(make_belief(replace(found, steps=()))[0]),
+                         "after": as_table(make_belief(found)[0])}}
+
+
+def _below(folder: str, files: dict[str, str]) -> dict[str, str]:
+    return {f"{folder}/{name}": value for name, value in files.items()}
+
+
+def _discover(room: Room, world: str, more: Dataset | None,
+              measured: Measured | None = None) -> tuple[Investigation, Dataset]:
+    dataset = load_dataset(room.data(world))
+    whole = dataset if more is None else join_datasets(dataset, more)
+    if dataset.facts.believe.terms:
+        return discover(whole, None, FALSE_ALARM, 0, measured=measured), whole
+    home, belief = at_home(room.data(HOME))
+    return discover(whole, None, FALSE_ALARM, 0, belief=belief, since=home), whole
+
+
+def asked_for(found: Investigation, dataset: Dataset) -> list[dict[str, Any]]:
+    """Where several names are left: one measurement, if that is likelier to leave one alone than more shots are; else
+    configurations to be shot again, each once, with how many shots."""
+    if not found.steps or not can_design(found.steps[0]):
+        return []
+    design = make_design(found.steps[0], MORE_SHOTS, MORE_CONFIGURATIONS)
+    tool = next((one for one in design.measurements if one.what in TOOLS), None)
+    if tool is not None and tool.probability > design.after and dataset.facts.believe.terms:
+        return [{"measure": tool.what}]
+    rows = found.steps[0].fitted.evidence.rows
+    asked = [(int(rows[block.row]), block.pace) for block in design.blocks]
+    distance, hood, ratio = (dataset.shots.number(name) for name in ("distance_m", "hood_deg", "motor_ratio"))
+    block = MORE_SHOTS // MORE_CONFIGURATIONS
+    return [{"distance_m": float(distance[row]), "hood_deg": float(hood[row]), "motor_ratio": float(pace * ratio[row]),
+             "shots": block * asked.count((row, pace))} for row, pace in dict.fromkeys(asked)]
+
+
+def _write(path: Path, claims: dict[str, Any]) -> None:
+    """Whole or not at all."""
+    path.parent.mkdir(exist_ok=True)
+    half = path.with_suffix(".half")
+    half.write_bytes(canonical(claims) + b"\n")
+    os.replace(half, path)
+
+
+@cache
+def at_home(directory: Path) -> tuple[Dataset, Belief]:
+    """The unmodified robot's session, and what it leaves to be believed."""
+    if not directory.is_dir():
+        raise InputError(f"{directory}: is missing: these worlds are to be compared with it")
+    home = load_dataset(directory)
+    return home, make_belief(discover(home, AT_HOME, FALSE_ALARM, 0))[0]
+
+
+@cache
+def solver_id() -> str:
+    """SHA-256 of the solver's sources, all that claims can hang on: the same as long as not a letter has changed."""
+    state, home = hashlib.sha256(), Path(sim.__file__).parent
+    for path in sorted(home.rglob("*.py")):
+        name = path.relative_to(home).as_posix()
+        if not name.startswith(OTHERS) or name in OWN:
+            state.update(name.encode() + b"\0" + path.read_bytes())
+    return state.hexdigest()
+
+
+def forbid(directory: Path) -> None:
+    """From now on nothing in this process opens anything in there: PermissionError."""
+    if not _forbidden:
+        sys.addaudithook(_refuse)
+    _forbidden.append(os.path.realpath(directory))
+
+
+def _refuse(event: str, args: tuple[Any, ...]) -> None:
+    if event not in OPENING or not args or not isinstance(args[0], str | bytes | os.PathLike):
+        return
+    path = os.path.realpath(os.fsdecode(args[0]))
+    if any(path == one or path.startswith(one + os.sep) for one in _forbidden):
+        raise PermissionError(f"{path}: is sealed")

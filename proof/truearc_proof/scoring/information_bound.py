@@ -1,0 +1,65 @@
+"""What the data of an opened world would have allowed anybody: worked out by the grader, who knows the truth."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from truearc.sim.infer.belief import Belief
+from truearc.sim.discover.adopt import believed_in
+from truearc.sim.discover.model.baseline_fit import BaselineFit, fit_believed
+from truearc.sim.discover.detect.clusters import find_clusters, groups_of
+from truearc.sim.discover.model.design_columns import lay_out
+from truearc.sim.discover.model.prepared_data import take_in
+from truearc.sim.discover.select.term_ranking import efficient
+from truearc.sim.discover.select.refit import refit, unseen_score, without
+from truearc_proof.scoring.oracle import ceiling_of, strength_of
+from truearc_proof.scoring.score_finding import PARAMETER
+from truearc_proof.worlds.sampling_plan import NUMPY, Drawn
+from truearc_proof.truth.generate import shift_m
+from truearc_proof.truth.world import make_world
+from truearc.sim.data.dataset import Dataset
+
+
+class Measured(NamedTuple):
+    """allowed: as truearc_proof.scoring.oracle.Ceiling, of one hidden effect of the catalogue; alike: terms of its class in these
+    data; best_sd: least standard error of its amplitude; oracle_gain: nats a shot on unseen shots, had somebody said
+    which term it is; strength: lambda of an effect that no catalogue has, where only heights speak of it. before,
+    oracle: what is believed, fitted by the grader, without the true term and with it."""
+
+    allowed: tuple[float, ...] | None = None
+    alike: tuple[str, ...] = ()
+    best_sd: float | None = None
+    oracle_gain: float | None = None
+    strength: float | None = None
+    before: Belief | None = None
+    oracle: Belief | None = None
+
+
+def measure(drawn: Drawn, dataset: Dataset, claimed: bool = True, seed: int = 0) -> Measured:
+    """Of worlds of the NumPy engine with one hidden effect; of those with none or more only what is believed, if
+    something was claimed; of others nothing is known."""
+    single = len(drawn.effects) == 1
+    if drawn.engine != NUMPY or not (single or claimed):
+        return Measured()
+    terms, intake = dataset.facts.believe.terms, take_in(dataset)
+    fitted = fit_believed(intake, lay_out(intake, terms, groups_of(dataset.shots, intake.rows)))
+    before = believed_in(fitted.evidence, terms)
+    return _of_one(drawn, dataset, fitted, seed)._replace(before=before) if single else Measured(before=before)
+
+
+def _of_one(drawn: Drawn, dataset: Dataset, fitted: BaselineFit, seed: int) -> Measured:
+    (name, amount), = drawn.effects.items()
+    if name not in PARAMETER:
+        world = make_world(drawn.effects, drawn.level, drawn.shots, drawn.seed, drawn.dirt)
+        return Measured(strength=strength_of(fitted.evidence, shift_m(world)))
+    column, amplitude = f"{name}.{PARAMETER[name][0]}", PARAMETER[name][1](amount)
+    ceiling = ceiling_of(fitted.evidence, drawn.level, column, amplitude, seed)
+    if ceiling is None:
+        return Measured()
+    index = np.array([fitted.evidence.index(column)])
+    information = float(efficient(fitted.evidence, index)[1][0, 0])
+    best_sd = information**-0.5 if information > 0.0 else None
+    told, clusters = refit(fitted, (column,), np.array([amplitude])), find_clusters(dataset.shots)
+    gain = unseen_score(told.evidence, clusters) - unseen_score(without(fitted.evidence), clusters)
+    return Measured(tuple(ceiling[:4]), ceiling.alike, best_sd, float(gain.mean()),
+                    oracle=believed_in(told.evidence, dataset.facts.believe.terms))

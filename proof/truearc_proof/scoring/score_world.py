@@ -1,0 +1,168 @@
+"""Marks of one opened world: what was claimed against what was true."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from msgspec import Struct, structs
+
+from truearc_proof.worlds.perturbations import changes_of
+from truearc_proof.scoring.score_finding import (
+    BY_BALL,
+    GOES_WITH,
+    STAGE_OF,
+    goes_with_right,
+    in_catalogue,
+    is_alias,
+    names_ranked,
+    said_set,
+    said_stage,
+)
+from truearc_proof.scoring.information_bound import Measured
+from truearc_proof.worlds.sampling_plan import ALIKE, DECOY, MUJOCO, OWN, Drawn
+
+Finding = Mapping[str, Any]
+NULLS = ("clean", "dirty")
+SHOTS, MEASUREMENT = "shots", "one measurement"
+
+
+class Mark(Struct, frozen=True):
+    """One world's; None where the question does not arise. `hidden`: what was true of it.
+
+    first: the first name is right. alias: or of a class with the right one, be it a decoy's (truearc_proof.scoring.decoys takes
+    those out). covered: the set has a right name. both: of two effects both are named. error: amplitude of the right
+    name, less the truth, over the best standard error that anybody could have (Cramer and Rao). gain: held out, nats a
+    shot, by the solver's own word (its folds); oracle_gain: the same of the true term, by the grader. allowed: chances
+    that the data allow to find, name, name up to alias, place. goes_with: covariate and direction of what is in no
+    catalogue. right: names of the catalogue that would be right. off_m: RMS errors of heights in the sealed test, by
+    what was believed, by what was adopted, and, where the grader knows it, by what is believed with the true term.
+    asked: for what, further SHOTS or one MEASUREMENT. random: as many shots drawn like the first would have parted the
+    names as well as those asked for. rivals: of others put to the same data, whether each says something, and of its
+    first name what `first` and `alias` are of ours, decoys taken out.
+    """
+
+    world: str
+    engine: str
+    kind: str
+    level: str
+    shots: int
+    hidden: tuple[str, ...]
+    strength: float | None
+    found: bool
+    p_value: float | None
+    verdict: str
+    names: tuple[str, ...]
+    set_size: int | None = None
+    stage: bool | None = None
+    first: bool | None = None
+    alias: bool | None = None
+    covered: bool | None = None
+    both: bool | None = None
+    holds: bool | None = None
+    error: float | None = None
+    gain: float | None = None
+    oracle_gain: float | None = None
+    allowed: tuple[float, ...] | None = None
+    goes_with: bool | None = None
+    right: tuple[str, ...] = ()
+    rivals: dict[str, tuple[bool, bool | None, bool | None]] = {}
+    off_m: tuple[float, ...] | None = None
+    asked: str = ""
+    random: int | None = None
+
+
+def mark(drawn: Drawn, finding: Finding, measured: Measured, rivals: Mapping[str, Any] | None = None) -> Mark:
+    """Against the sealed truth; `measured`: what the data themselves allow, as far as it was worked out; rivals:
+    {name: its claim (truearc_proof.rivals.claim)}."""
+    names, found = names_ranked(finding)[:1], bool(finding["mismatch"]["found"])
+    further = [one["what"][0]["term"] for one in finding.get("also") or () if one.get("set") and one["what"]]
+    said = said_set(finding) if found else []
+    plain = Mark(drawn.name, drawn.engine, drawn.kind, drawn.level, drawn.shots, hidden_of(drawn),
+                 _strength(drawn, measured), found, finding["mismatch"].get("p_value"),
+                 str(finding["verdict"]), tuple(said) if finding["verdict"] in ("named", "set") else (),
+                 len(said) if said else None)
+    right, stages = right_names(drawn), right_stages(drawn)
+    plain = structs.replace(plain, allowed=measured.allowed, right=right, rivals={
+        name: mark_rival(drawn, claim, right, measured) for name, claim in (rivals or {}).items()})
+    if not found or drawn.kind in NULLS:
+        return plain
+    more = {"stage": said_stage(finding.get("where") or {}) in stages if stages else None,
+            "gain": (finding.get("fit") or {}).get("gain_per_shot"), "oracle_gain": measured.oracle_gain}
+    if not right:                     # in no catalogue: only the stage can be right, and no name
+        hidden = hidden_of(drawn)
+        known = drawn.kind == "off" and len(hidden) == 1 and set(hidden) <= set(GOES_WITH)
+        return structs.replace(plain, **more, goes_with=goes_with_right(hidden[0], finding) if known else None)
+    more |= {"first": bool(names) and names[0] in right, "covered": bool(set(said) & set(right)),
+             "alias": _alike(drawn, names, right, measured)}
+    if drawn.kind == "two":
+        more["both"] = all({*names, *further} & set(each) for each in _right_of_each(drawn))
+    return structs.replace(plain, **more, **_size(drawn, finding, measured))
+
+
+def _strength(drawn: Drawn, measured: Measured) -> float | None:
+    """Lambda in these very data where it was worked out, else by the ladder's table."""
+    return min(drawn.strength.values(), default=None) if measured.strength is None else measured.strength
+
+
+def _alike(drawn: Drawn, names: Sequence[str], right: Sequence[str], measured: Measured) -> bool:
+    """Whether the first of these names is right, or of a class with a right one."""
+    return bool(names) and (names[0] in right or names[0] in measured.alike
+                            or any(is_alias(drawn.level, name, names) for name in right))
+
+
+def mark_rival(drawn: Drawn, claim: Mapping[str, Any], right: Sequence[str],
+               measured: Measured) -> tuple[bool, bool | None, bool | None]:
+    """Whether it says something, and of its first name whether it is right, or of a class with a right one; None where
+    no name of the catalogue would be right."""
+    says, names = bool(claim["says_something"]), list(claim["names"])[:1]
+    if not right:
+        return says, None, None
+    decoy = drawn.engine != OWN and drawn.kind == "decoy" and names == [DECOY]       # ours: truearc_proof.scoring.decoys
+    return (says, says and bool(names) and names[0] in right,
+            says and not decoy and _alike(drawn, names, right, measured))
+
+
+def hidden_of(drawn: Drawn) -> tuple[str, ...]:
+    """What is hidden, by name; a change of MuJoCo's robot by the change's."""
+    if drawn.engine == MUJOCO:
+        return tuple(change.name for change in changes_of(drawn.change))
+    return tuple(drawn.effects)
+
+
+def right_names(drawn: Drawn) -> tuple[str, ...]:
+    """Names of the catalogue that would be right; none of what no catalogue has."""
+    return tuple(dict.fromkeys(name for names in _right_of_each(drawn) for name in names))
+
+
+def _right_of_each(drawn: Drawn) -> list[tuple[str, ...]]:
+    """Names that would be right of each thing that is hidden; of MuJoCo's aliases those of the whole class are."""
+    if drawn.engine == MUJOCO and drawn.kind == "alias":
+        return [ALIKE[drawn.level]]
+    if drawn.engine == MUJOCO:
+        return [change.names for change in changes_of(drawn.change)]
+    return [(name,) for name, amount in drawn.effects.items() if in_catalogue(name, amount)]
+
+
+def right_stages(drawn: Drawn) -> tuple[str, ...]:
+    if drawn.engine == MUJOCO:
+        alike = [(STAGE_OF[name],) for name in ALIKE[drawn.level]] if drawn.kind == "alias" else None
+        each: Sequence[tuple[str, ...]] = alike or [change.stages for change in changes_of(drawn.change)]
+        return tuple(dict.fromkeys(stage for stages in each for stage in stages))
+    return tuple(STAGE_OF[name] for name in drawn.effects if name in STAGE_OF)
+
+
+def _size(drawn: Drawn, finding: Finding, measured: Measured) -> dict[str, Any]:
+    """Whether the interval of the first name, where that is the one hidden effect, holds the truth, and its error."""
+    if drawn.engine == MUJOCO or len(drawn.effects) != 1 or names_ranked(finding)[:1] != list(drawn.effects):
+        return {}
+    (name, amount), = drawn.effects.items()
+    told = in_catalogue(name, amount)
+    if told is None:
+        return {}
+    parameter = told[0]
+    truth = amount if drawn.engine == OWN else told[1]       # strangers state the catalogue's own number
+    given = (next(one for one in finding["what"] if one["term"] == name).get("parameters") or {}).get(parameter)
+    if given is None or given["low90"] is None or (drawn.level == "L0" and name in BY_BALL):
+        return {}                     # balls not told apart: wear is what it comes to by the end, not a ball's own
+    error = None if measured.best_sd is None else (given["value"] - truth) / measured.best_sd
+    return {"holds": given["low90"] <= truth <= given["high90"], "error": error}
+

@@ -1,0 +1,1 @@
+"""The concealed truth: a small 3-D launcher in numpy that shares no line with truearc.sim.physics."""

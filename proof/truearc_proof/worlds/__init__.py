@@ -1,0 +1,1 @@
+"""Concealed worlds: sampling plan, data and perturbations."""

@@ -1,0 +1,1 @@
+"""The launcher's configuration: schema, rig specification, shot plan and CAN policy."""

@@ -1,0 +1,334 @@
+"""The launcher's configuration: one TOML file, no defaults, so that a typo cannot become one."""
+
+import hashlib
+import re
+import tomllib
+from pathlib import Path
+from typing import Annotated, Literal, TypeVar, get_args
+
+import msgspec
+from msgspec import Struct
+
+from truearc.robot.config.rig_spec import Rig
+
+Kind = TypeVar("Kind")
+Positive = Annotated[float, msgspec.Meta(gt=0.0, lt=1e9)]
+Finite = Annotated[float, msgspec.Meta(gt=-1e9, lt=1e9)]
+Doubt = Annotated[float, msgspec.Meta(ge=0.0, lt=1e9)]
+Place = Annotated[float, msgspec.Meta(gt=-1e6, lt=1e6)]   # any number, but neither infinite nor none
+Share = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
+Some = Annotated[float, msgspec.Meta(ge=0.0, le=1e4)]     # a doubt that can be reckoned with, or none
+Least = Annotated[float, msgspec.Meta(gt=0.0, le=1e4)]    # ... and some in any case
+Hue = Annotated[int, msgspec.Meta(ge=0, le=179)]          # OpenCV's, two degrees each
+Slope = Annotated[float, msgspec.Meta(gt=-90.0, lt=90.0)]
+Level = Annotated[int, msgspec.Meta(ge=0, le=255)]
+Count = Annotated[int, msgspec.Meta(gt=0, lt=1_000_000)]
+CanNode = Annotated[int, msgspec.Meta(ge=0, le=62)]     # 63 means everybody to ODrives, and to the FRC's devices
+Direction = Literal[-1, 1]            # sign that makes positive launch a ball or raise the hood
+
+
+class InputError(Exception):
+    """The user's file or option is wrong; the message names file, line, key or frame. Doors answer with exit code 2."""
+
+
+class Can(Struct, frozen=True, forbid_unknown_fields=True):
+    interface: str                    # python-can interface name: socketcan, slcan, virtual, ...
+    channel: str
+    bitrate: Annotated[int, msgspec.Meta(ge=10_000, le=1_000_000)]
+
+
+class Buttons(Struct, frozen=True, forbid_unknown_fields=True):
+    port: str                         # serial device or pyserial URL such as socket://host:port
+    baud: Annotated[int, msgspec.Meta(ge=300, le=4_000_000)]
+
+
+class OdriveAxis(Struct, frozen=True, forbid_unknown_fields=True, tag_field="driver", tag="odrive"):
+    """An ODrive, given torques."""
+
+    node: CanNode
+    direction: Direction
+    endstop_endpoint: int             # SDO endpoint that reads the limit switch; 0 = none
+
+
+class SparkAxis(Struct, frozen=True, forbid_unknown_fields=True, tag_field="driver", tag="spark"):
+    """A REV SPARK MAX or Flex, given duties, which follow from what the motor's data sheet says; see truearc.hw.dc_motor."""
+
+    device: CanNode
+    direction: Direction
+    has_endstop: bool                 # a limit switch on its data port ends the negative direction
+    stall_torque_nm: Positive         # at the shaft that the encoder counts, at the rated voltage
+    free_speed_rad_s: Positive
+    rated_v: Positive
+
+
+class AdvisoryAxis(Struct, frozen=True, forbid_unknown_fields=True, tag_field="driver", tag="advisory"):
+    """Somebody else's motor: its frames are heard, and nothing is ever sent to it."""
+
+    listens_to: Literal["odrive", "spark"]    # whose frames they are
+    device: CanNode
+    direction: Direction
+    has_endstop: bool                 # its frames tell of a limit switch at the negative end; only a SPARK's do
+
+
+Axis = OdriveAxis | SparkAxis | AdvisoryAxis
+
+
+class Axes(Struct, frozen=True, forbid_unknown_fields=True):
+    flywheels: Annotated[tuple[Axis, ...], msgspec.Meta(min_length=1)]    # every motor on the one flywheel belt
+    hood: Axis
+    feeder: Axis
+
+
+class HoodEncoder(Struct, frozen=True, forbid_unknown_fields=True):
+    driver: Literal["canandmag"]
+    device: CanNode
+    period_ms: Annotated[int, msgspec.Meta(ge=0, le=65535)]    # asked of the device at start; 0: nothing is sent to it
+    zero_deg: Finite                   # encoder reading when the launch elevation is 0
+    direction: Direction                    # +1 if the reading grows with elevation
+
+
+class PidGains(Struct, frozen=True, forbid_unknown_fields=True):
+    kp: Finite
+    ki: Finite
+    kd: Finite
+    derivative_tau_s: Doubt           # first-order filter of the derivative, taken on the measurement
+    integral_limit: Doubt             # |integral term| at most, in output units
+    output_low: Finite
+    output_high: Finite
+
+
+class Flywheel(Struct, frozen=True, forbid_unknown_fields=True):
+    """Speed loop on the belt: output is torque on each motor; feed-forward ks + kv w + ka dw/dt."""
+
+    pid: PidGains                     # input rad/s at the motor
+    ks_nm: Finite
+    kv_nm_s: Finite                    # per rad/s
+    ka_nm_s2: Finite                   # per rad/s^2
+    brake: bool                       # may an overspeeding wheel be given negative torque?
+    tolerance_rad_s: Positive
+    spread_rad_s: Positive               # motors of one belt may differ by this much
+    steady_s: Doubt                   # within tolerance this long before firing
+
+
+class Hood(Struct, frozen=True, forbid_unknown_fields=True):
+    """Angle loop over an acme screw: a motor on a pivot turns the screw, a nut on the hood rides it."""
+
+    pid: PidGains                     # input degrees of elevation; output Nm at the motor
+    friction_nm: Doubt                # torque that just moves the screw, added in the direction of motion
+    deadband_deg: Doubt               # inside it the self-locking screw is left alone
+    low_deg: Finite                    # elevation at the limit switch
+    high_deg: Finite
+    tolerance_deg: Positive
+    screw_lead_m: Positive               # nut travel per screw turn
+    screw_gear: Positive                 # screw turns per motor turn
+    pivot_to_motor_m: Positive
+    pivot_to_nut_m: Positive
+    included_deg: Finite               # angle motor-pivot-nut when the elevation is 0; it grows with elevation
+    homing_torque_nm: Finite           # negative: towards the switch
+    crosscheck_deg: Positive             # absolute and screw encoder may differ by this much
+
+
+class Feeder(Struct, frozen=True, forbid_unknown_fields=True):
+    torque_nm: Finite
+    feed_s: Positive
+    clear_s: Doubt                    # no new shot for this long after one
+
+
+class CameraConfig(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """Pinhole and Brown distortion at the stated size; the mounting relative to the ball's exit point.
+
+    The calibration's own doubts, one standard deviation each, are 0 where nothing is said: recordings from before they
+    were there still say what they said (as with the exposure). `truearc vision calibrate` writes them.
+    """
+
+    device: str                       # V4L2 path or index
+    width_px: Count
+    height_px: Count
+    fps: Positive
+    fx_px: Positive
+    fy_px: Positive
+    cx_px: Place
+    cy_px: Place
+    distortion: tuple[Place, Place, Place, Place, Place]    # k1 k2 p1 p2 k3
+    height_m: Place                   # lens above floor
+    height_sigma_m: Least             # how well that is known, one standard deviation
+    pitch_deg: Slope                  # optical axis above horizontal
+    pitch_sigma_deg: Least            # how well that, and that the camera is not rolled, is known
+    behind_exit_m: Place              # lens behind the ball's exit point
+    focal_sigma: Share = 0.0          # of both focal lengths together
+    aspect_sigma: Share = 0.0         # of fy / fx
+    centre_sigma_px: Some = 0.0       # of cx and of cy
+    bias_m: Place = 0.0               # distances come out this much too long whatever they are
+    bias_sigma_m: Some = 0.0
+    exposure_s: Doubt = 0.0           # asked of a local device at start and read back; 0 leaves it to the camera
+    readout_s: Share = 0.03           # of a rolling shutter, from the first row's exposure to the last one's
+    turn_sigma_deg_s: Some = 10.0     # how fast the camera may turn meanwhile, one standard deviation
+
+
+class Tape(Struct, frozen=True, forbid_unknown_fields=True):
+    """Outer outline of the retro-reflective target: the lower half of a regular hexagon, open at the top."""
+
+    top_width_m: Positive
+    bottom_width_m: Positive
+    height_m: Positive
+    tape_width_m: Positive
+    centre_height_m: Place            # tape's vertical middle above floor
+
+
+class Vision(Struct, frozen=True, forbid_unknown_fields=True):
+    hue_low: Hue                      # low > high wraps around
+    hue_high: Hue
+    saturation_low: Level
+    value_low: Level
+    min_area_px: Doubt
+    corner_sigma_px: Positive         # of a corner's coordinate, beside what its edges' own unevenness shows
+    max_reprojection_px: Positive
+
+
+class GateConfig(Struct, frozen=True, forbid_unknown_fields=True):
+    policy: str                       # "collect": fires on the driver's button; "model": the model must agree
+    threshold: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]                  # p_three at least
+    reading_age_s: Positive              # oldest motor or encoder reading that may fire
+    sighting_age_s: Positive             # oldest sighting that may fire
+    request_s: Positive                  # a fire request lapses after this
+    doubt_s: Doubt                    # ... and after this when only the model says no
+
+
+class Prescribed(Struct, frozen=True, forbid_unknown_fields=True):
+    """One configuration to be shot as it stands."""
+
+    distance_m: Positive              # where the driver is to stand: ball exit to target plane, horizontal
+    motor_ratio: Annotated[float, msgspec.Meta(gt=0.0, le=1.0)]
+    hood_deg: Finite
+
+
+class Collect(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """Deliberately spread set points, aimed by vacuum ballistics times a correction walked by the driver's marks.
+
+    With `prescribed` they are those, one after the other, and no mark changes them. It has a default,
+    so that recordings from before it was there still say what they said.
+    """
+
+    hood_low_deg: Finite
+    hood_high_deg: Finite
+    spread: Doubt                     # speeds are trimmed by up to this fraction
+    repeats: Annotated[int, msgspec.Meta(ge=1)]                      # shots at each configuration
+    efficiency: Positive                 # first guess of vacuum exit speed / mean wheel surface speed, air included
+    walk_start: tuple[Finite, Finite, Finite]    # where the walk begins: level, slope in distance, slope in elevation
+    walk_step: Finite                  # log speed per high/low mark
+    prescribed: tuple[Prescribed, ...] = ()       # what `--plan` gives; see truearc.robot.config.shot_plan
+
+
+class Excite(Struct, frozen=True, forbid_unknown_fields=True):
+    """How `truearc identify` drives one joint: torque at the motor shaft, speed at the motor."""
+
+    repeats: Annotated[int, msgspec.Meta(ge=0, le=20)]       # 0 leaves the joint alone
+    ramp_nm_s: Positive               # quasistatic: the torque grows this fast, up to that of the step
+    step_nm: Positive                 # dynamic: this torque at once
+    top_rad_s: Positive               # here driving ends and coasting begins
+    longest_s: Positive               # of one phase
+
+
+class ExciteFlywheel(Excite, frozen=True, forbid_unknown_fields=True):
+    reverse: bool                     # may the wheels be driven backwards?
+
+
+class ExciteHood(Excite, frozen=True, forbid_unknown_fields=True):
+    margin_deg: Positive              # driving ends this far before the ends of the hood's travel
+
+
+class Identify(Struct, frozen=True, forbid_unknown_fields=True):
+    flywheel: ExciteFlywheel
+    hood: ExciteHood
+
+
+class Config(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """launcher.toml. Without [identify] the robot drives nothing to identify it, and recordings from before that
+    section was there still say what they said."""
+
+    tick_hz: Annotated[int, msgspec.Meta(ge=20, le=1000)]
+    can: Can
+    buttons: Buttons
+    axes: Axes
+    hood_encoder: HoodEncoder
+    flywheel: Flywheel
+    hood: Hood
+    feeder: Feeder
+    camera: CameraConfig
+    tape: Tape
+    vision: Vision
+    gate: GateConfig
+    collect: Collect
+    rig: Rig
+    identify: Identify | None = None
+
+
+class CameraFile(Struct, frozen=True, forbid_unknown_fields=True):
+    """camera.toml: the sections of launcher.toml that `truearc vision` needs."""
+
+    camera: CameraConfig
+    tape: Tape
+    vision: Vision
+
+
+def load_config(path: str | Path) -> Config:
+    """Read launcher.toml; InputError names file, key and line."""
+    return load_toml(path, Config)
+
+
+def load_toml(path: str | Path, kind: type[Kind]) -> Kind:
+    """Read a TOML file into a struct; InputError names file, key and line."""
+    return parse_toml(load_text(path), kind, str(path))
+
+
+def load_text(path: str | Path) -> str:
+    """The text of a file in UTF-8; InputError names the file and says why it cannot be read."""
+    try:
+        return Path(path).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: {in_words(error)}") from error
+
+
+def in_words(error: Exception) -> str:
+    """What an error says, without the system's number of it and without the file, which our messages name first."""
+    if isinstance(error, OSError):
+        return error.strerror or str(error)
+    return "not UTF-8 text" if isinstance(error, UnicodeDecodeError) else str(error)
+
+
+def parse_toml(text: str, kind: type[Kind], name: str) -> Kind:
+    """As load_toml, of text that came from somewhere called `name`."""
+    try:
+        return msgspec.convert(tomllib.loads(text), kind)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{name}: {error}") from error
+    except msgspec.ValidationError as error:
+        raise InputError(f"{name}{_line_of(text, str(error))}: {_reworded(str(error))}") from error
+
+
+def config_hash(config: Config) -> str:
+    """SHA-256 of what the configuration says, however its file was written."""
+    return hashlib.sha256(msgspec.json.encode(config, order="deterministic")).hexdigest()
+
+
+def _reworded(message: str) -> str:
+    if message.startswith("Invalid value") and message.endswith(".driver`"):
+        message += f" (there are {', '.join(str(kind.__struct_config__.tag) for kind in get_args(Axis))})"
+    return (message.replace("Object contains unknown field", "unknown key")
+            .replace("Object missing required field", "missing key").replace("`$.", "`").replace(" - at `$`", ""))
+
+
+def _line_of(text: str, message: str) -> str:
+    """':line' of the key that the message quotes, in the table that it quotes, else of that table; '' if neither is."""
+    *names, place = [re.sub(r"\[.*?\]", "", quoted.removeprefix("$").removeprefix("."))
+                     for quoted in re.findall(r"`([^`]+)`", message)] or [""]
+    table, _, key = place.rpartition(".")
+    places = {(place, name) for name in names} | {(table, key)}
+    header, begins = "", ""
+    for number, line in enumerate(text.splitlines(), 1):
+        if found := re.match(r"\s*\[+\s*([\w.]+)\s*\]", line):
+            header = found[1]
+            begins = begins or (f":{number}" if header == place else "")
+        elif (found := re.match(r"\s*([\w-]+)\s*=", line)) and (header, found[1]) in places:
+            return f":{number}"
+    return begins

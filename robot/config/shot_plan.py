@@ -1,0 +1,77 @@
+"""Prescribed shots: a table of configurations to be shot as they stand, instead of the walk that the robot would take.
+
+Read with the standard library alone, since the robot reads it too: `truearc run --plan`.
+"""
+
+import csv
+import math
+from pathlib import Path
+
+from msgspec.structs import replace
+
+from truearc.robot.config.schema import InputError, Config, Prescribed, in_words
+
+COLUMNS = ("distance_m", "motor_ratio", "hood_deg")
+SHOWN = 5                             # bad rows that a message names before it only counts
+
+
+def load_plan(path: str | Path, config: Config) -> tuple[Prescribed, ...]:
+    """Rows of a CSV file, or of shots.csv in a dataset directory; other columns are not looked at.
+
+    InputError names file, line and column of every row that this launcher cannot be set to: ratio in (0, 1], elevation
+    within the hood's limits, distance above 0.
+    """
+    file = Path(path) / "shots.csv" if Path(path).is_dir() else Path(path)
+    rows = _rows(file)
+    bad: list[str] = []
+    plan = [_parse_row(f"{file}:{line}", row, config, bad) for line, row in rows]
+    if bad:
+        more = [f"... and {len(bad) - SHOWN} more"] if len(bad) > SHOWN else []
+        raise InputError("\n".join([*bad[:SHOWN], *more]))
+    if not plan:
+        raise InputError(f"{file}: no rows: there is nothing to shoot")
+    return tuple(row for row in plan if row is not None)
+
+
+def with_plan(config: Config, plan: tuple[Prescribed, ...], repeats: int | None = None) -> Config:
+    """The configuration with these shots prescribed, each `repeats` times (None: as often as [collect] says)."""
+    repeats = config.collect.repeats if repeats is None else repeats
+    if repeats < 1:
+        raise InputError(f"--repeats {repeats}: at least 1")
+    return replace(config, collect=replace(config.collect, prescribed=plan, repeats=repeats))
+
+
+def _rows(file: Path) -> list[tuple[int, dict[str, str]]]:
+    """(line, cells by column) of each row; InputError when it is no such table."""
+    try:
+        with file.open(encoding="utf-8-sig", newline="") as text:
+            reader = csv.DictReader(text, strict=True)
+            header = reader.fieldnames or []
+            for name in COLUMNS:
+                if name not in header:
+                    raise InputError(f"{file}:1: column {name} is missing")
+            return [(reader.line_num, {name: row[name] or "" for name in COLUMNS}) for row in reader]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"{file}: {in_words(error)}") from error
+
+
+def _parse_row(place: str, row: dict[str, str], config: Config, bad: list[str]) -> Prescribed | None:
+    limits = {"distance_m": (0.0, 1e3), "motor_ratio": (0.0, 1.0),
+              "hood_deg": (config.hood.low_deg, config.hood.high_deg)}
+    values: dict[str, float] = {}
+    for name in COLUMNS:
+        low, high = limits[name]
+        value = _number(row[name])
+        if math.isnan(value):
+            bad.append(f"{place}: {name}: {row[name]!r} is not a number")
+        elif not low <= value <= high or (value == 0.0 and name != "hood_deg"):
+            bad.append(f"{place}: {name}: {value:g} is out of the launcher's range ({low:g} to {high:g})")
+        values[name] = value
+    return None if bad else Prescribed(**values)
+
+
+def _number(cell: str) -> float:
+    try:
+        return float(cell)
+    except ValueError:
+        return math.nan

@@ -1,0 +1,65 @@
+"""Where things are on the robot's computer, and what is asked of its parts."""
+
+import re
+from collections.abc import Iterator
+
+from msgspec import Struct
+
+from truearc.robot.config.schema import InputError, Config
+
+HOME = "/opt/truearc"                 # the virtual environment
+SETTINGS = "/etc/truearc"             # launcher.toml, gate.onnx
+STATE = "/var/lib/truearc"            # sessions
+USER = "truearc"
+PROGRAM = f"{HOME}/venv/bin/truearc"
+QUEUE_FRAMES = 64                     # longer only makes set points older; the kernel's ten are refused in one tick
+RESTART_MS = 100                      # after bus-off
+HIGHEST_PRIORITY = 60                 # that the service may ask for
+
+
+class Parts(Struct, frozen=True):
+    """What the configuration does not say of a computer's parts; None or "" = leave it as it is."""
+
+    has_gate: bool
+    has_endpoints: bool
+    core: int | None
+    priority: int
+    can_serial: str                   # of the CAN adapter: it then has its name whatever port it is plugged into
+    box_usb: str                      # vendor:product of the button box, four hexadecimal digits each
+    exposure_ms: float | None
+
+
+def make_parts(config: Config, parts: Parts) -> Parts:
+    """`parts`, checked against the configuration; InputError names the option that cannot be."""
+    for wrong in (*_wrong_names(config, parts), *_wrong_numbers(config, parts)):
+        raise InputError(wrong)
+    return parts
+
+
+def _wrong_names(config: Config, parts: Parts) -> Iterator[str]:
+    channel = config.can.channel
+    if config.can.interface == "socketcan" and not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]{0,14}", channel):
+        yield f"[can] channel {channel!r}: not the name of a network interface"
+    if parts.can_serial and not re.fullmatch(r"[A-Za-z0-9._-]+", parts.can_serial):
+        yield f"--can-serial {parts.can_serial!r}: not as `udevadm info` prints ID_SERIAL_SHORT"
+    if parts.can_serial and re.fullmatch(r"can\d+", channel):
+        yield (f"--can-serial: [can] channel {channel!r} is a name that the kernel gives out itself; call it something "
+               "else, such as 'canlaunch'")
+    if parts.box_usb and not re.fullmatch(r"[0-9a-f]{4}:[0-9a-f]{4}", parts.box_usb):
+        yield f"--box-usb {parts.box_usb!r}: vendor:product as `lsusb` prints them, such as 2341:8036"
+    if parts.box_usb and not re.fullmatch(r"/dev/[A-Za-z0-9_-]+", config.buttons.port):
+        yield f"--box-usb: [buttons] port {config.buttons.port!r} is no name directly in /dev"
+    if parts.exposure_ms is not None and not re.fullmatch(r"/dev/[\w./:+-]+|\d+", config.camera.device):
+        yield f"--exposure-ms: [camera] device {config.camera.device!r} is no V4L2 device"
+
+
+def _wrong_numbers(config: Config, parts: Parts) -> Iterator[str]:
+    longest_ms = 1000.0 / config.camera.fps
+    if parts.exposure_ms is not None and not 0.1 <= parts.exposure_ms <= longest_ms:
+        yield f"--exposure-ms {parts.exposure_ms:g}: 0.1 to {longest_ms:g}, the time from one image to the next"
+    if not 1 <= parts.priority <= HIGHEST_PRIORITY:
+        yield f"--priority {parts.priority}: 1 to {HIGHEST_PRIORITY}, which the service is allowed"
+    if parts.core is not None and parts.core < 0:
+        yield f"--core {parts.core}: cores count from 0"
+    if config.gate.policy == "model" and not parts.has_gate:
+        yield "gate.policy is 'model', so --gate is needed"

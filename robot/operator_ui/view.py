@@ -1,0 +1,155 @@
+"""A Glance as the page shows it: words and numbers with their units, ready to be put on a screen. Pure."""
+
+from msgspec import Struct
+
+from truearc.hw.readings import MotorReading
+from truearc.robot.config.schema import Config
+from truearc.robot.gate.verdict import HEARTBEAT_S
+from truearc.robot.motors import name_axes
+from truearc.robot.operator_ui.page_state import Glance, PageTrial
+from truearc.robot.operator_ui.driver_messages import FAULT, FIRE_BUTTON, YOU, Told, tell
+from truearc.robot.recording.recording_rig import NOT_RECORDING
+from truearc.robot.types import Sighting, Tick
+
+NS = 1e-9
+FIRED_S = 0.5                         # a verdict of FIRE lasts one tick; the tile stays for as long as one can read it
+BOX_GONE = ("button box lost", "button box silent")
+ABSENT = "–"
+
+
+class Line(Struct, frozen=True):
+    """One value and what it is called; `ok` is false where it stands in the way."""
+
+    name: str
+    value: str
+    ok: bool = True
+
+
+class Block(Struct, frozen=True):
+    title: str
+    lines: tuple[Line, ...]
+
+
+class PageView(Struct, frozen=True):
+    """One event for the browser."""
+
+    seq: int
+    t_robot_s: float
+    state: str                                    # FIRE or HOLD; that it is STALE a browser must find out by itself
+    tone: str                                     # "fire", "ready", "you" (all as it should be), "fault"
+    told: tuple[Told, ...]
+    blocks: tuple[Block, ...]
+
+
+def describe(glance: Glance, tick: Tick, config: Config, recording: str) -> PageView:
+    """`tick` is the glance's own; `recording`: where it is recorded, "" = nowhere."""
+    told = tell(tick.verdict.reasons)
+    fire = _is_fire(glance, tick, told)
+    return PageView(glance.seq, round(tick.inputs.t_ns * NS, 3), "FIRE" if fire else "HOLD", _tone(tick, fire, told), told,
+                (_aim(glance.sighting, tick, config), _robot(tick, recording), _shots(glance),
+                 _links(glance.sighting, tick, config)))
+
+
+def _is_fire(glance: Glance, tick: Tick, told: tuple[Told, ...]) -> bool:
+    if tick.verdict.fire:
+        return True
+    shot = tick.memory.last_shot
+    fired = tick.memory.armed and shot is not None and 0 <= (tick.inputs.t_ns - shot.t_ns) * NS < FIRED_S
+    return fired and not any(one.kind == FAULT for one in told)
+
+
+def _tone(tick: Tick, fire: bool, told: tuple[Told, ...]) -> str:
+    if fire:
+        return "fire"
+    if tick.verdict.reasons == (FIRE_BUTTON,):
+        return "ready"
+    return FAULT if any(one.kind == FAULT for one in told) else YOU
+
+
+def _aim(sighting: Sighting | None, tick: Tick, config: Config) -> Block:
+    belief, aim, verdict = tick.estimate, tick.aim, tick.verdict
+    wanted = aim.motor_ratio * (config.rig.launcher.free_speed_rad_s or 0.0)
+    return Block("Aim", (
+        Line("distance", f"{belief.distance_m:.2f} ± {_number(belief.distance_sigma_m, '.2f')} m"
+             if belief.distance_m is not None else "not known", belief.distance_m is not None),
+        Line("target", *_target(sighting, tick, config)),
+        Line("wheels", f"{belief.motor_rad_s:.0f}{f' of {wanted:.0f}' if wanted else ''} rad/s",
+             not wanted or abs(belief.motor_rad_s - wanted) <= config.flywheel.tolerance_rad_s),
+        Line("hood", f"{_number(belief.hood_deg, '.1f')}{f' of {aim.hood_deg:.1f}' if wanted else ''}°",
+             belief.hood_deg is not None and (not wanted
+                                              or abs(belief.hood_deg - aim.hood_deg) <= config.hood.tolerance_deg)),
+        Line("p(three)", _number(verdict.p_three, ".0%")), Line("p(two)", _number(verdict.p_two, ".0%"))))
+
+
+def _target(sighting: Sighting | None, tick: Tick, config: Config) -> tuple[str, bool]:
+    seen_s, newest = tick.estimate.sighting_s, tick.memory.last_sighting
+    if seen_s is not None and 0.0 <= seen_s <= config.gate.sighting_age_s:
+        bearing_deg = None if newest is None else newest.bearing_deg
+        return "in sight" if bearing_deg is None else f"in sight, {_side(bearing_deg)}", True
+    since = "never seen" if seen_s is None else f"not seen for {_age(seen_s)}"
+    return since + (f": {sighting.reason}" if sighting is not None and sighting.reason else ""), False
+
+
+def _side(bearing_deg: float) -> str:
+    return f"{abs(bearing_deg):.1f}° to the {'right' if bearing_deg > 0.0 else 'left'}"
+
+
+def _robot(tick: Tick, recording: str) -> Block:
+    memory, battery_v = tick.memory, tick.estimate.battery_v
+    trouble = next((fault for fault in tick.inputs.faults if fault.startswith(NOT_RECORDING)), "")
+    return Block("Robot", (
+        Line("armed", "yes" if memory.armed else "no", memory.armed),
+        Line("homed", "yes" if memory.homed else "no", memory.homed),
+        Line("shot asked for", _age((tick.inputs.t_ns - memory.request_t_ns) * NS) + " ago" if memory.request_t_ns
+             else "no"),
+        Line("trial", str(memory.trial)),
+        Line("battery", f"{battery_v:.1f} V" if battery_v else ABSENT),
+        Line("recording", trouble or recording or "nothing is recorded",
+             bool(recording) and not trouble)))
+
+
+def _shots(glance: Glance) -> Block:
+    counts = ", ".join(f"{count} {outcome}" for outcome, count in sorted(glance.outcomes.items()) if count)
+    return Block("Shots", (Line("this session", f"{glance.shots} fired" + (f": {counts}" if counts else "")),
+                           *(_trial(one) for one in reversed(glance.recent))))
+
+
+def _trial(one: PageTrial) -> Line:
+    name = f"{one.trial}" + (f" from {one.shot.distance_m:.2f} m" if one.shot is not None else "")
+    if one.outcome == "held":
+        return Line(name, "held: " + "; ".join(told.means for told in tell(one.reasons)[:1]))
+    return Line(name, one.outcome or "not marked yet", bool(one.outcome))
+
+
+def _links(sighting: Sighting | None, tick: Tick, config: Config) -> Block:
+    inputs = tick.inputs
+    motors = (*inputs.flywheels, inputs.hood_motor, inputs.feeder)
+    lines = [_motor(name, motor, inputs.t_ns, config.gate.reading_age_s)
+             for (name, _), motor in zip(name_axes(config), motors, strict=True)]
+    angle_ns = inputs.hood_angle.t_ns if inputs.hood_angle is not None else 0
+    gone = any(fault.startswith(BOX_GONE) for fault in inputs.faults)
+    return Block("Links: age of reading / heartbeat", (
+        *lines, _reading("hood encoder", angle_ns, inputs.t_ns, config.gate.reading_age_s),
+        _reading("camera", sighting.t_ns if sighting is not None else 0, inputs.t_ns, config.gate.sighting_age_s),
+        Line("button box", "gone" if gone else "answers", not gone)))
+
+
+def _motor(name: str, motor: MotorReading, t_ns: int, limit_s: float) -> Line:
+    reading, beat = (_reading(name, stamp_ns, t_ns, most_s)
+                     for stamp_ns, most_s in ((motor.t_ns, limit_s), (motor.heartbeat_t_ns, HEARTBEAT_S)))
+    return Line(name, f"{reading.value} / {beat.value}", reading.ok and beat.ok)
+
+
+def _reading(name: str, stamp_ns: int, t_ns: int, limit_s: float) -> Line:
+    if not stamp_ns:
+        return Line(name, "never", False)
+    age_s = (t_ns - stamp_ns) * NS
+    return Line(name, _age(age_s), 0.0 <= age_s <= limit_s)
+
+
+def _age(age_s: float) -> str:
+    return f"{age_s * 1e3:.0f} ms" if abs(age_s) < 1.0 else f"{age_s:.1f} s"
+
+
+def _number(value: float | None, form: str) -> str:
+    return ABSENT if value is None else format(value, form)

@@ -1,0 +1,1 @@
+"""Recordings as WPILOG, MCAP, CSV and tables."""

@@ -1,0 +1,115 @@
+"""Who keeps what a tick has to record: three threads, which own the files."""
+
+import threading
+from functools import partial
+from pathlib import Path
+from typing import Protocol
+
+from truearc.hw.readings import CameraFrame
+from truearc.robot.config.schema import in_words
+from truearc.robot.recording.files import Row, SessionFiles
+from truearc.robot.recording.write_queue import LONGEST, Lane
+
+MARK_S = 0.01                         # a tick waits no longer for its trial to be written; usually under 1 ms
+SLOW_JOBS = 20                        # two seconds of batches wait: the disk does not answer
+
+
+class Keeper(Protocol):
+    """Takes what is encoded; in this process, or on its way to another. Nothing of it waits for a disk."""
+
+    failed: Exception | None          # after `close`: why not all has been kept
+
+    @property
+    def dropped(self) -> int:
+        """Batches, trials and pictures that are lost for good."""
+
+    def keep_rows(self, rows: list[Row]) -> None: ...
+
+    def keep_trial(self, row: bytes) -> None:
+        """Returns when the system has the row, or after MARK_S."""
+
+    def keep_picture(self, picture: CameraFrame) -> None: ...
+
+    def keep_lateness(self, row: bytes) -> None: ...
+
+    def sync(self) -> None:
+        """Have what was kept survive a power cut, soon."""
+
+    def push(self) -> None:
+        """Once a tick: go on with whatever could not go on before."""
+
+    def trouble(self) -> str:
+        """Why what is recorded is not reaching the disk, or ''."""
+
+    def is_gone(self) -> bool:
+        """Whether nothing more will ever be kept."""
+
+    def close(self) -> None:
+        """Write out what waits and close the files."""
+
+
+class LaneKeeper:
+    """Keeps in the files of `folder`.
+
+    Ticks and CAN frames are handed to the system as they come, trials at once. What may take long, pictures and every
+    fsync, has a thread to itself, so that neither of the others waits for it. `lossless`: whatever the disk does, the
+    caller waits and nothing is dropped. `longest`: jobs that may wait for each thread.
+    """
+
+    def __init__(self, folder: Path, lossless: bool, longest: int = LONGEST) -> None:
+        self.failed: Exception | None = None
+        self._lossless = lossless
+        self._files = SessionFiles(folder)
+        self._ticks, self._trials, self._slow = (Lane(name, lossless, longest)
+                                                  for name in ("ticks", "trials", "pictures"))
+        self._lanes = (self._ticks, self._trials, self._slow)
+
+    @property
+    def dropped(self) -> int:
+        return sum(lane.dropped for lane in self._lanes)
+
+    @property
+    def trials_kept(self) -> int:
+        """How many of the trials that were handed over the system has."""
+        return self._files.trials_kept
+
+    def keep_rows(self, rows: list[Row]) -> None:
+        self._ticks.hand(partial(self._files.write_ticks, rows))
+
+    def keep_trial(self, row: bytes) -> None:
+        written = threading.Event()
+        self._trials.hand(partial(self._files.write_trial, row, written))
+        written.wait(None if self._lossless else MARK_S)
+        self._slow.hand(self._files.sync_trials)
+
+    def keep_picture(self, picture: CameraFrame) -> None:
+        self._slow.hand(partial(self._files.write_picture, picture))
+
+    def keep_lateness(self, row: bytes) -> None:
+        self._slow.hand(partial(self._files.write_lateness, row))
+
+    def sync(self) -> None:
+        self._trials.hand(self._files.flush_trials)
+        self._slow.hand(self._files.sync)
+
+    def push(self) -> None: ...
+
+    def trouble(self) -> str:
+        for lane in self._lanes:
+            if (error := lane.trouble) is not None:
+                return in_words(error)
+        return "the disk does not answer" if max(lane.waiting() for lane in self._lanes) > SLOW_JOBS else ""
+
+    def is_gone(self) -> bool:
+        return False
+
+    def close(self) -> None:
+        self._ticks.hand(self._files.finish)
+        for lane in self._lanes:
+            lane.close()
+        troubles = [lane.trouble for lane in self._lanes if lane.trouble is not None]
+        try:
+            self._files.close()
+        except OSError as error:
+            troubles.append(error)
+        self.failed = troubles[0] if troubles else None

@@ -1,0 +1,36 @@
+"""A shot that nobody would know of is not fired."""
+
+from typing import Protocol
+
+from msgspec.structs import replace
+
+from truearc.hw.readings import CameraFrame
+from truearc.robot.runtime import RobotIo
+from truearc.robot.types import Command, Inputs, Sent
+
+NOT_RECORDING = "not recording: "     # how that fault begins
+
+
+class Troubled(Protocol):
+    def trouble(self) -> str:
+        """Why what is recorded is not reaching the disk, or ''."""
+
+
+class RecordingRig:
+    """A rig whose inputs also say when the recording is in trouble; a fault like any other, so it is a HOLD."""
+
+    def __init__(self, rig: RobotIo, recorder: Troubled) -> None:
+        self._rig, self._recorder = rig, recorder
+
+    def read(self) -> Inputs | None:
+        inputs = self._rig.read()
+        trouble = self._recorder.trouble()
+        if inputs is None or not trouble:
+            return inputs
+        return replace(inputs, faults=(*inputs.faults, NOT_RECORDING + trouble))
+
+    def write(self, command: Command) -> Sent:
+        return self._rig.write(command)
+
+    def picture(self) -> CameraFrame | None:
+        return self._rig.picture()

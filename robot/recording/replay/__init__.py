@@ -1,0 +1,1 @@
+"""Deterministic replay of recordings and comparison with what was recorded."""

@@ -1,0 +1,154 @@
+"""Replay from the wires: raw CAN frames through the codecs, and kept images through vision, once more into Inputs.
+
+What no frame and no image says is taken as it was recorded: button presses, that a wire was lost, and sightings whose
+image was not kept (a session keeps the one behind each shot).
+"""
+
+import itertools
+from collections.abc import Iterator
+from pathlib import Path
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from truearc.hw.protocols import Frame, LinkLost
+from truearc.hw.readings import CameraFrame
+from truearc.robot.config.schema import InputError, Config, in_words
+from truearc.robot.motors import name_axes
+from truearc.robot.recording.candump import parse_candump
+from truearc.robot.recording.images import load_image, load_pictures
+from truearc.robot.recording.session import CAN, FRAMES, INDEX
+from truearc.robot.rig import CAN_LOST, HardwareRig, ReplayRig
+from truearc.robot.types import Command, Inputs, Sent, Sighting
+from truearc.robot.vision import detect
+
+
+class Recomputed(Struct):
+    """How much of the inputs came from the wires again."""
+
+    frames: int = 0                   # parsed again
+    seen: int = 0                     # sightings seen again in their image
+    taken: int = 0                    # sightings taken as recorded: their image was not kept
+    missing: int = 0                  # images that the session names but that are not there, or broken; or their index
+    ended: str = ""                   # why not every tick was recomputed
+
+
+class LoggedBus:
+    """truearc.hw.protocols.Bus that reads can0.log, as many frames a tick as were read then; what is written to it goes nowhere."""
+
+    def __init__(self, path: Path, done: Recomputed) -> None:
+        self._path, self._done = path, done
+        self._frames = self._read()
+        self._count, self._lost = 0, ""
+
+    def turn(self, inputs: Inputs) -> None:
+        """Go to the tick that had `inputs`."""
+        self._count = inputs.frames
+        self._lost = next((fault[len(CAN_LOST):] for fault in inputs.faults if fault.startswith(CAN_LOST)), "")
+
+    def read(self) -> list[Frame]:
+        if self._lost:
+            raise LinkLost(self._lost)
+        frames = list(itertools.islice(self._frames, self._count))
+        self._done.frames += len(frames)
+        if len(frames) < self._count:
+            self._done.ended = f"{self._path}: ends before the ticks do"
+        return frames
+
+    def write(self, frame: Frame) -> bool:
+        return True
+
+    def faults(self) -> list[str]:
+        return []
+
+    def close(self) -> None: ...
+
+    def _read(self) -> Iterator[Frame]:
+        try:
+            file = self._path.open(encoding="ascii", errors="replace", newline="\n")
+        except OSError as error:
+            raise InputError(f"{self._path}: {in_words(error)}") from error
+        with file:
+            for number, line in enumerate(file, 1):
+                parsed = parse_candump(line)
+                if parsed is None and line.endswith("\n"):
+                    raise InputError(f"{self._path}:{number}: not a line of this log")
+                if parsed is not None and not parsed[1]:
+                    yield parsed[0]
+
+
+class FramesRig:
+    """A ReplayRig whose inputs are made anew by HardwareRig, out of the recorded frames and images."""
+
+    def __init__(self, ticks: ReplayRig, config: Config, session: Path) -> None:
+        self.done = Recomputed(missing=int(not (session / FRAMES / INDEX).exists()))
+        self._ticks, self._config, self._session = ticks, config, session
+        self._bus = LoggedBus(session / CAN, self.done)
+        self._clock = _RecordedClock()
+        self._rig = HardwareRig(config, self._bus, _NoBox(), _NoEyes(), self._clock, lambda: False)
+        self._pictures = {picture.t_ns: picture for picture in load_pictures(session)}
+        self._ours = ("bad frame: ", *(f"{name}: " for name, _ in name_axes(config)))    # faults that frames tell
+
+    def read(self) -> Inputs | None:
+        recorded = self._ticks.read()
+        if recorded is None:
+            return None
+        self._clock.t_ns = recorded.t_ns
+        self._bus.turn(recorded)
+        parsed = self._rig.read()
+        if parsed is None or self.done.ended:
+            return None
+        return replace(recorded, flywheels=parsed.flywheels, hood_motor=parsed.hood_motor, feeder=parsed.feeder,
+                       hood_angle=parsed.hood_angle, sighting=self._see(recorded.sighting),
+                       faults=self._faults(recorded.faults, parsed.faults))
+
+    def write(self, command: Command) -> Sent:
+        """What went out then; drivers are told, for some of what they say of a motor is about what they asked it."""
+        self._rig.write(command)
+        return self._ticks.write(command)
+
+    def picture(self) -> CameraFrame | None:
+        return None
+
+    def _see(self, sighting: Sighting | None) -> Sighting | None:
+        if sighting is None:
+            return None
+        picture = self._pictures.get(sighting.t_ns)
+        image = None if picture is None else load_image(self._session, picture)
+        self.done.seen += image is not None
+        self.done.taken += image is None
+        self.done.missing += picture is not None and image is None
+        return sighting if image is None else detect(image, self._config.camera, self._config.tape,
+                                                     self._config.vision)
+
+    def _faults(self, recorded: tuple[str, ...], parsed: tuple[str, ...]) -> tuple[str, ...]:
+        """What the frames are at fault for now; what else was at fault then."""
+        again, was = (tuple(fault for fault in faults if fault.startswith(self._ours)) for faults in (parsed, recorded))
+        return recorded if again == was else again + tuple(fault for fault in recorded if fault not in was)
+
+
+class _RecordedClock:
+    def __init__(self) -> None:
+        self.t_ns = 0
+
+    def now_ns(self) -> int:
+        return self.t_ns
+
+    def sleep_until_ns(self, t_ns: int) -> None: ...
+
+
+class _NoBox:
+    def read(self) -> bytes:
+        return b""
+
+    def write(self, data: bytes) -> None: ...
+
+    def close(self) -> None: ...
+
+
+class _NoEyes:
+    def read(self) -> Sighting | None:
+        return None
+
+    def picture(self) -> CameraFrame | None:
+        return None

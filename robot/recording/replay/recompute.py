@@ -1,0 +1,133 @@
+"""Replay: recompute every output of a recording and compare to the last bit.
+
+From the recorded inputs, or from deeper: the raw CAN frames and the kept images, parsed and seen again.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import msgspec
+from msgspec import UNSET
+from msgspec.structs import replace
+
+from truearc.hw.readings import CameraFrame
+from truearc.robot.config.schema import InputError, Config
+from truearc.robot.sysid.tick import POLICY, make_step
+from truearc.robot.recording.replay.frame_replay import FramesRig, Recomputed
+from truearc.robot.recording.reader import TickReader
+from truearc.robot.recording.session import load_header, load_session_config, load_session_gate
+from truearc.robot.rig import ReplayRig
+from truearc.robot.runtime import Think, run
+from truearc.robot.tick import step
+from truearc.robot.types import Sent, Tick
+
+LATER = b'"aim_place_m":'             # of the memory; recordings from before it was there say nothing of it
+
+
+class Difference(Exception):
+    """The first recomputed value that is not the recorded one; the message names tick and field."""
+
+
+class Replayed(NamedTuple):
+    """What came out bit-equal."""
+
+    ticks: int
+    cut_short: str | None             # what was wrong with the file's tail, if anything
+
+
+class Comparer:
+    """A Recorder that keeps nothing and compares everything."""
+
+    def __init__(self, rows: "RecordedRows") -> None:
+        self._rows = rows
+        self._encoder = msgspec.json.Encoder()
+
+    def record(self, tick: Tick, sent: Sent) -> None:
+        if LATER not in self._rows.current:
+            tick = replace(tick, memory=replace(tick.memory, aim_place_m=UNSET))
+        again = self._encoder.encode(replace(tick, sent=sent))
+        if again != self._rows.current:
+            raise Difference(_first_difference(self._rows.current, again))
+
+    def keep_picture(self, picture: CameraFrame) -> None: ...
+
+
+class RecordedRows:
+    """Feeds ticks to a ReplayRig while keeping the bytes of the current one.
+
+    Difference where ticks were never recorded, for what follows cannot be recomputed from what came before.
+    """
+
+    def __init__(self, reader: TickReader) -> None:
+        self._reader = reader
+        self.current = b""
+
+    def __iter__(self) -> Iterator[Tick]:
+        before = 0
+        for tick, row in self._reader:
+            cycle = tick.inputs.cycle
+            if cycle != before + 1:
+                raise Difference(f"cycle {cycle} follows {before}: the ticks between are not in the recording")
+            self.current, before = row, cycle
+            yield tick
+
+
+def replay(session: Path) -> Replayed:
+    """Recompute the outputs of every tick from its recorded inputs.
+
+    Raises Difference at the first tick that does not match; InputError when there is nothing to match.
+    """
+    config, gate = load_session_config(session), load_session_gate(session)
+    reader = TickReader(session)
+    rows = RecordedRows(reader)
+    ticks = run(ReplayRig(rows), config, gate, Comparer(rows), _think(session, config))
+    return _matched(ticks, reader)
+
+
+def replay_frames(session: Path) -> tuple[Replayed, Recomputed]:
+    """As `replay`, with the inputs recomputed, too, from what can0.log and frames/ hold of them."""
+    config, gate = load_session_config(session), load_session_gate(session)
+    reader = TickReader(session)
+    rows = RecordedRows(reader)
+    rig = FramesRig(ReplayRig(rows), config, session)
+    try:
+        ticks = run(rig, config, gate, Comparer(rows), _think(session, config))
+    except Difference as difference:
+        if rig.done.frames == 0:
+            raise InputError(f"{reader.path}: does not say which frames each tick had read: recorded before that was "
+                           "kept") from difference
+        raise
+    if rig.done.frames == 0:
+        raise InputError(f"{session}: no frames to parse again")
+    replayed = _matched(ticks, reader)
+    return Replayed(ticks, replayed.cut_short or rig.done.ended or None), rig.done
+
+
+def _think(session: Path, config: Config) -> Think:
+    """The tick that the session was recorded by."""
+    return make_step(config) if load_header(session).policy == POLICY else step
+
+
+def _matched(ticks: int, reader: TickReader) -> Replayed:
+    if ticks == 0:
+        raise InputError(f"{reader.path}: no ticks to replay" + (f" ({reader.cut_short})" if reader.cut_short else ""))
+    return Replayed(ticks, reader.cut_short)
+
+
+def _first_difference(was: bytes, now: bytes) -> str:
+    old, new = msgspec.json.decode(was), msgspec.json.decode(now)
+    path, before, after = _walk(old, new, "tick")
+    return f"cycle {old['inputs']['cycle']}: {path} was {before!r}, is now {after!r}"
+
+
+def _walk(old: Any, new: Any, path: str) -> tuple[str, Any, Any]:
+    if isinstance(old, dict) and isinstance(new, dict):
+        for key in [*old, *new]:
+            if old.get(key) != new.get(key):
+                return _walk(old.get(key), new.get(key), f"{path}.{key}")
+    if isinstance(old, list) and isinstance(new, list) and len(old) == len(new):
+        for index, (one, other) in enumerate(zip(old, new, strict=True)):
+            if one != other:
+                return _walk(one, other, f"{path}[{index}]")
+    return path, old, new

@@ -1,0 +1,163 @@
+"""One tick of identifying: every doubt lets go of every motor, for good. Pure, like truearc.robot.tick, so a replay is exact.
+
+The operator arms once; any button after that is taken for a release. What has ended never begins again by itself.
+"""
+
+from collections.abc import Callable
+
+from msgspec import UnsetType
+from msgspec.structs import replace
+
+from truearc.robot.config.schema import Config
+from truearc.robot.control import RELEASED
+from truearc.robot.estimate import estimate, remember
+from truearc.robot.gate.model import Gate
+from truearc.robot.gate.verdict import doubted_readings
+from truearc.robot.sysid.program import COAST, FLYWHEEL, HOME, HOOD, OVERSPEED, READY, STILL, Phase, phases
+from truearc.robot.types import Aim, Command, Estimate, Inputs, Memory, Progress, Tick, Verdict
+
+NS = 1e-9
+POLICY = "identify"                   # what the session's header says
+DONE = "done"
+BACKWARDS = 0.05                      # times top_rad_s: it turns against its torque
+LIMIT_SHARE = 0.5                     # of the hood's margin: nearer to an end of its travel everything is let go
+
+
+def make_step(config: Config) -> Callable[[Inputs, Memory, Config, Gate | None], Tick]:
+    """What one tick does, for truearc.robot.runtime.run; BadInput when the configuration has no such program."""
+    program = phases(config)
+
+    def step(inputs: Inputs, memory: Memory, config: Config, gate: Gate | None) -> Tick:
+        progress = Progress() if isinstance(memory.identify, UnsetType) else memory.identify
+        memory, progress = _operate(inputs, memory, progress)
+        memory = remember(inputs, memory, config)
+        belief = estimate(inputs, memory, config)
+        progress = _advance(inputs, belief, memory, progress, program, config)
+        memory = replace(memory, armed=memory.armed and not progress.over, identify=progress)
+        command = _command(inputs, progress, program) if memory.armed else RELEASED
+        return Tick(inputs, belief, Aim(0.0, belief.hood_deg or 0.0, POLICY),
+                    Verdict(False, (say(progress, program),)), command, memory)
+
+    return step
+
+
+def say(progress: Progress, program: tuple[Phase, ...]) -> str:
+    """Where the program stands, for the operator and the record."""
+    if progress.over:
+        return f"identify: {progress.over}"
+    if not progress.since_t_ns:
+        return "identify: waiting for the arm button"
+    phase = program[progress.phase]
+    if phase.kind == READY:
+        return "identify: waiting for the axes"
+    way = "" if phase.kind == COAST else " up" if phase.sign > 0 else " down"
+    return f"identify: {phase.joint} {phase.kind}{way} ({progress.phase} of {len(program) - 1})"
+
+
+def _operate(inputs: Inputs, memory: Memory, progress: Progress) -> tuple[Memory, Progress]:
+    if inputs.missed:                 # any button lets go, so that a press that got lost does, too
+        begun = bool(progress.since_t_ns) and not progress.over
+        return memory, replace(progress, over=f"released, as the button box {inputs.missed}") if begun else progress
+    for event in inputs.buttons:
+        if progress.over:
+            break
+        if progress.since_t_ns:
+            progress = replace(progress, over=f"released by the operator ({event.button})")
+        elif event.button == "arm":
+            memory, progress = replace(memory, armed=True), replace(progress, since_t_ns=inputs.t_ns)
+    return memory, progress
+
+
+def _advance(inputs: Inputs, belief: Estimate, memory: Memory, progress: Progress, program: tuple[Phase, ...],
+             config: Config) -> Progress:
+    if progress.over or not progress.since_t_ns:
+        return progress
+    phase, since_s = program[progress.phase], (inputs.t_ns - progress.since_t_ns) * NS
+    doubts = [*inputs.faults, *doubted_readings(inputs, config)]
+    if phase.kind == READY:
+        if doubts and since_s < phase.longest_s:
+            return progress
+    else:
+        doubts += _trespasses(inputs, belief, phase, config)
+    speed = _speed(inputs, belief, phase.joint)
+    late = since_s >= phase.longest_s
+    if late:
+        doubts += _overdue(phase, speed)
+    if doubts:
+        return replace(progress, over="; ".join(doubts))
+    if not late and not _is_over(belief, memory, phase, speed, config):
+        return progress
+    if progress.phase + 1 == len(program):
+        return replace(progress, over=DONE)
+    return Progress(progress.phase + 1, inputs.t_ns)
+
+
+def _command(inputs: Inputs, progress: Progress, program: tuple[Phase, ...]) -> Command:
+    phase = program[progress.phase]
+    asked_nm = phase.asked_nm((inputs.t_ns - progress.since_t_ns) * NS)
+    return Command(True, asked_nm if phase.joint == FLYWHEEL else 0.0, asked_nm if phase.joint == HOOD else 0.0, 0.0)
+
+
+def _speed(inputs: Inputs, belief: Estimate, joint: str) -> float:
+    return belief.motor_rad_s if joint == FLYWHEEL else inputs.hood_motor.velocity_rad_s
+
+
+def _trespasses(inputs: Inputs, belief: Estimate, phase: Phase, config: Config) -> list[str]:
+    """What must not happen in any phase."""
+    speed = _speed(inputs, belief, phase.joint)
+    reasons = []
+    if phase.kind != HOME and not abs(speed) <= OVERSPEED * phase.top_rad_s:
+        reasons.append(f"{phase.joint} at {speed:.0f} rad/s, above {OVERSPEED:g} x {phase.top_rad_s:.0f}")
+    if phase.torque_nm and not speed * phase.sign >= -BACKWARDS * phase.top_rad_s:
+        reasons.append(f"{phase.joint} turns against its torque: is its direction right?")
+    if not belief.motor_spread_rad_s <= config.flywheel.spread_rad_s:
+        reasons.append(f"flywheel motors differ by {belief.motor_spread_rad_s:.0f} rad/s: belt?")
+    return reasons + (_hood(belief, phase, speed, config) if phase.joint == HOOD else [])
+
+
+def _hood(belief: Estimate, phase: Phase, speed: float, config: Config) -> list[str]:
+    if phase.kind == HOME:
+        return []
+    if belief.hood_deg is None or belief.hood_screw_deg is None:
+        return ["hood angle unknown"]
+    if not abs(belief.hood_deg - belief.hood_screw_deg) <= config.hood.crosscheck_deg:
+        return [f"hood encoder says {belief.hood_deg:.1f} deg, its screw {belief.hood_screw_deg:.1f}"]
+    low_deg, high_deg = _window(config, LIMIT_SHARE)
+    slow = STILL * phase.top_rad_s
+    if (belief.hood_deg > high_deg and speed > slow) or (belief.hood_deg < low_deg and speed < -slow):
+        return [f"hood at {belief.hood_deg:.1f} deg and still moving outwards"]
+    return []
+
+
+def _window(config: Config, share: float) -> tuple[float, float]:
+    """The hood's travel less this share of the margin at each end."""
+    assert config.identify is not None
+    margin_deg = share * config.identify.hood.margin_deg
+    return config.hood.low_deg + margin_deg, config.hood.high_deg - margin_deg
+
+
+def _is_over(belief: Estimate, memory: Memory, phase: Phase, speed: float, config: Config) -> bool:
+    if phase.kind == READY:
+        return True                   # nothing is in doubt any more
+    if phase.kind == HOME:
+        return memory.homed
+    if phase.kind == COAST:
+        return abs(speed) <= STILL * phase.top_rad_s
+    return speed * phase.sign >= phase.top_rad_s or (phase.joint == HOOD and _at_end(belief, phase, config))
+
+
+def _at_end(belief: Estimate, phase: Phase, config: Config) -> bool:
+    low_deg, high_deg = _window(config, 1.0)
+    assert belief.hood_deg is not None            # _hood has asked
+    return belief.hood_deg >= high_deg if phase.sign > 0 else belief.hood_deg <= low_deg
+
+
+def _overdue(phase: Phase, speed: float) -> list[str]:
+    """Driving may last as long as it may; not so what ought to have come to an end."""
+    if phase.kind == HOME:
+        return [f"the hood's limit switch was not reached in {phase.longest_s:g} s"]
+    if phase.kind == COAST and abs(speed) > STILL * phase.top_rad_s:
+        return [f"{phase.joint} still turns after {phase.longest_s:g} s of coasting"]
+    if phase.torque_nm and abs(speed) <= STILL * phase.top_rad_s:
+        return [f"{phase.joint} does not turn at {phase.torque_nm:g} Nm"]
+    return []

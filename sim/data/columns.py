@@ -1,0 +1,54 @@
+"""What the columns of shots.csv mean: which are numbers, how far they may go, which words they take."""
+
+import math
+import re
+
+from truearc.sim.data.table import Cell
+
+OUTCOMES = ("miss", "two", "three")
+SIDES = ("low", "high", "left", "right")
+
+# (lowest, highest) that a launcher and a field can give; beyond is a slip of the pen or of a unit
+RANGES = {
+    "distance_m": (0.0, 100.0),
+    "hood_deg": (0.0, 90.0),
+    "motor_ratio": (0.0, 1.0),
+    "miss_height_m": (-100.0, 100.0),
+    "exit_speed_m_s": (0.0, 200.0),
+    "exit_deg": (-90.0, 90.0),
+    "exit_spin_rev_s": (-1000.0, 1000.0),
+    "t_s": (-math.inf, math.inf),
+}
+WORDS = {"outcome": OUTCOMES, "side": SIDES}
+TEXTS = ("session", "ball_id")
+
+# A column that nobody declared is one of numbers when its cells are, or when some are and its name ends in a unit (then
+# text in it is an error).
+UNITS = ("m", "s", "deg", "rad", "rad_s", "rev_s", "m_s", "v", "a", "c", "k", "pa", "kg", "kg_m3", "m_s2", "ratio",
+         "rpm", "nm", "hz", "n")
+NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*", re.ASCII)
+NOT_FINITE = re.compile(r"\s*[+-]?(nan|inf|infinity)\s*", re.ASCII | re.IGNORECASE)
+WHEEL = re.compile(r"wheel_(.+)_rad_s")
+
+
+def parse_number(cell: Cell) -> float | None:
+    """The number that a cell holds, finite or not; None when it holds none."""
+    if not isinstance(cell, str):
+        return None if cell is None else float(cell)
+    return float(cell) if NUMBER.fullmatch(cell) or NOT_FINITE.fullmatch(cell) else None
+
+
+def is_numeric(name: str, cells: list[Cell]) -> bool:
+    """Whether a column of shots is one of numbers."""
+    if name in RANGES or WHEEL.fullmatch(name):
+        return True
+    if name in WORDS or name in TEXTS or name == "shot_id":
+        return False
+    filled = [parse_number(cell) is not None for cell in cells if cell is not None]
+    if not filled or (any(filled) and not all(filled)):
+        return _has_unit(name)
+    return all(filled)
+
+
+def _has_unit(name: str) -> bool:
+    return any(name.endswith("_" + unit) for unit in UNITS)

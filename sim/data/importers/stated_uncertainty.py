@@ -1,0 +1,32 @@
+"""What cannot be as it was written down, whatever the launcher: said on import, before anybody asks discovery."""
+
+import numpy as np
+
+from truearc.sim.data.dataset import Dataset
+
+
+def doubts_of(dataset: Dataset) -> tuple[str, ...]:
+    """One line for each thing in doubt."""
+    return _too_flat(dataset)
+
+
+def _too_flat(dataset: Dataset) -> tuple[str, ...]:
+    """A ball falls below the straight line that it leaves along, so one that went in left at the lower rim or above.
+
+    Asked of shots that are said to have passed the opening's plane at a known height.
+    """
+    target, shots = dataset.facts.target, dataset.shots
+    if target is None:
+        return ()
+    distance_m, hood_deg = shots.number("distance_m"), shots.number("hood_deg")
+    rim_m = target.centre_height_m + shots.number("miss_height_m") - target.two_half_height_m
+    needed_deg = np.degrees(np.arctan2(rim_m - dataset.facts.launcher.release_height_m, distance_m))
+    lacking_deg = needed_deg - hood_deg
+    flat = np.flatnonzero(lacking_deg > 0.0)
+    if not len(flat):
+        return ()
+    worst = flat[np.argmax(lacking_deg[flat])]
+    return (f"{len(flat)} of {len(shots)} shots leave flatter than a straight line to the opening's lower rim, so that "
+            f"no ball without more lift than weight gets there: {shots.shot_id[worst]} at {distance_m[worst]:.2f} m "
+            f"has {hood_deg[worst]:.1f} deg, where {needed_deg[worst]:.1f} are the least. Their hood_deg may be no "
+            "elevation, or have another zero; what discover names may then only stand for that",)

@@ -1,0 +1,186 @@
+"""A directory -> Dataset, strictly: every bad row is named, nothing is dropped."""
+
+import hashlib
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from truearc.robot.config.schema import InputError
+from truearc.sim.data.columns import RANGES, WORDS, is_numeric, parse_number
+from truearc.sim.data.model import Dataset, Floats, Shots, Traces, Tracks
+from truearc.sim.data.problems import Problems, gathered
+from truearc.sim.data.rig import RIG, load_rig
+from truearc.sim.data.table import Cell, Table, find_table, load_table
+
+LEFT_OUT = "left_out.txt"
+NO_RANGE = (-math.inf, math.inf)
+
+
+def load_dataset(directory: str | Path) -> Dataset:
+    """Read rig.toml, shots, tracks and traces of a directory (formats.md section 1).
+
+    InputError lists every bad row with file, line (CSV) or row (Parquet) and column.
+    """
+    home = Path(directory)
+    if not home.is_dir():
+        raise InputError(f"{home}: there is no such directory")
+    facts = load_rig(home / RIG)
+    shots_path = find_table(home, "shots")
+    if shots_path is None:
+        raise InputError(f"{home}: has neither shots.csv nor shots.parquet")
+    with gathered() as problems:
+        shots = _shots(load_table(shots_path, problems), problems)
+        row_of = {name: row for row, name in enumerate(shots.shot_id)}
+        tracks = _tracks(find_table(home, "tracks"), row_of, problems)
+        traces = _traces(find_table(home, "traces"), row_of, problems)
+    return Dataset(home.resolve().name, facts, shots, tracks, traces, _left_out(home / LEFT_OUT))
+
+
+def dataset_hash(directory: str | Path) -> str:
+    """SHA-256 of what a dataset says, whether it lies in CSV or Parquet and whatever its columns' order."""
+    return hash_dataset(load_dataset(directory))
+
+
+def hash_dataset(dataset: Dataset) -> str:
+    """As dataset_hash, of a dataset in memory; its name does not count."""
+    digest = hashlib.sha256(msgspec.json.encode(dataset.facts, order="deterministic"))
+    shots = dataset.shots
+    _feed(digest, "shots", {"shot_id": shots.shot_id, **shots.numbers, **shots.texts})
+    for name, table in (("tracks", dataset.tracks), ("traces", dataset.traces)):
+        if table is not None:
+            _feed(digest, name, dict(vars(table)))
+    digest.update(msgspec.json.encode(list(dataset.left_out)))
+    return digest.hexdigest()
+
+
+def _feed(digest: "hashlib._Hash", table: str, columns: dict[str, Sequence[str] | np.ndarray]) -> None:
+    for name in sorted(columns):
+        column = columns[name]
+        # repr round-trips floats and writes every nan alike
+        cells = [repr(float(cell)) for cell in column] if isinstance(column, np.ndarray) else list(column)
+        digest.update(msgspec.json.encode([table, name, cells]))
+
+
+def _shots(table: Table, problems: Problems) -> Shots:
+    if "shot_id" not in table.columns:
+        raise InputError(f"{table.place(-1)}: column shot_id is missing")
+    shot_id = _ids(table, problems)
+    numbers, texts = {}, {}
+    for name, cells in table.columns.items():
+        if name == "shot_id":
+            continue
+        if is_numeric(name, cells):
+            numbers[name] = _numbers(table, name, problems)
+        else:
+            texts[name] = _texts(table, name, problems)
+    _check_sides(table, texts, problems)
+    return Shots(shot_id, numbers, texts, str(table.path))
+
+
+def _ids(table: Table, problems: Problems) -> tuple[str, ...]:
+    first: dict[str, int] = {}
+    ids = tuple(_text(cell) for cell in table.columns["shot_id"])
+    for row, name in enumerate(ids):
+        if not name:
+            problems.add(table.place(row), "shot_id", "is missing")
+        elif name in first:
+            problems.add(table.place(row), "shot_id", f"{name!r} stands already in {table.place(first[name])}")
+        else:
+            first[name] = row
+    return ids
+
+
+def _numbers(table: Table, name: str, problems: Problems, needed: bool = False) -> Floats:
+    low, high = RANGES.get(name, NO_RANGE)
+    values = np.full(len(table.lines), np.nan)
+    for row, cell in enumerate(table.columns[name]):
+        number = parse_number(cell)
+        if cell is None:
+            if needed:
+                problems.add(table.place(row), name, "is missing")
+        elif number is None:
+            problems.add(table.place(row), name, f"{cell!r} is not a number")
+        elif not math.isfinite(number):
+            problems.add(table.place(row), name, f"{cell} is not finite")
+        elif not low <= number <= high:
+            problems.add(table.place(row), name, f"{number:g} is out of range ({low:g} to {high:g})")
+        else:
+            values[row] = number
+    return values
+
+
+def _texts(table: Table, name: str, problems: Problems) -> tuple[str, ...]:
+    words = WORDS.get(name)
+    values = tuple(_text(cell) for cell in table.columns[name])
+    for row, value in enumerate(values):
+        if words and value and value not in words:
+            problems.add(table.place(row), name, f"{value!r} is none of {', '.join(words)}")
+    return values
+
+
+def _text(cell: Cell) -> str:
+    return "" if cell is None else str(cell)
+
+
+def _check_sides(table: Table, texts: dict[str, tuple[str, ...]], problems: Problems) -> None:
+    """A ball through the inner target passed on no side of it."""
+    for row, (outcome, side) in enumerate(zip(texts.get("outcome", ()), texts.get("side", ()), strict=False)):
+        if outcome == "three" and side in WORDS["side"]:
+            problems.add(table.place(row), "side", f"outcome three cannot have the miss side {side!r}")
+
+
+def _tracks(path: Path | None, row_of: dict[str, int], problems: Problems) -> Tracks | None:
+    if path is None:
+        return None
+    table = load_table(path, problems)
+    _need_columns(table, ("shot_id", "t_s", "x_m", "y_m", "z_m"))
+    shot = _shot_rows(table, row_of, problems)
+    t_s, x_m, y_m, z_m = (_numbers(table, name, problems, needed=True) for name in ("t_s", "x_m", "y_m", "z_m"))
+    _check_order(table, shot, t_s, problems)
+    return Tracks(shot, t_s, x_m, y_m, z_m)
+
+
+def _traces(path: Path | None, row_of: dict[str, int], problems: Problems) -> Traces | None:
+    if path is None:
+        return None
+    table = load_table(path, problems)
+    _need_columns(table, ("shot_id", "t_s", "signal", "value"))
+    signal = _texts(table, "signal", problems)
+    for row, name in enumerate(signal):
+        if not name:
+            problems.add(table.place(row), "signal", "is missing")
+    return Traces(_shot_rows(table, row_of, problems), _numbers(table, "t_s", problems, needed=True), signal,
+                  _numbers(table, "value", problems, needed=True))
+
+
+def _need_columns(table: Table, names: Sequence[str]) -> None:
+    for name in names:
+        if name not in table.columns:
+            raise InputError(f"{table.place(-1)}: column {name} is missing")
+
+
+def _shot_rows(table: Table, row_of: dict[str, int], problems: Problems) -> np.ndarray:
+    rows = np.full(len(table.lines), -1, dtype=np.int64)
+    for row, cell in enumerate(table.columns["shot_id"]):
+        name = _text(cell)
+        if name in row_of:
+            rows[row] = row_of[name]
+        else:
+            problems.add(table.place(row), "shot_id", f"{name!r} is not among the shots" if name else "is missing")
+    return rows
+
+
+def _check_order(table: Table, shot: np.ndarray, t_s: np.ndarray, problems: Problems) -> None:
+    """Samples of one shot come in the order of time."""
+    last: dict[int, float] = {}
+    for row, (index, time_s) in enumerate(zip(shot.tolist(), t_s.tolist(), strict=True)):
+        if index in last and time_s <= last[index]:
+            problems.add(table.place(row), "t_s", f"{time_s:g} does not follow {last[index]:g} of the same shot")
+        last[index] = time_s
+
+
+def _left_out(path: Path) -> tuple[str, ...]:
+    return tuple(path.read_text(encoding="utf-8", errors="replace").splitlines()) if path.is_file() else ()

@@ -1,0 +1,75 @@
+"""A dataset in memory: columns, SI, one row a shot."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from truearc.robot.config.rig_spec import Rig
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Shots:
+    """Shots in columns. `numbers`: float64 [n], nan = missing. `texts`: one string a shot, "" = missing.
+
+    `source`: the file they were read from, for messages about them.
+    """
+
+    shot_id: tuple[str, ...]
+    numbers: dict[str, Floats]
+    texts: dict[str, tuple[str, ...]]
+    source: str = "shots"
+
+    def __len__(self) -> int:
+        return len(self.shot_id)
+
+    def number(self, name: str) -> Floats:
+        """A numeric column; all nan when the dataset has none of that name."""
+        return self.numbers[name] if name in self.numbers else np.full(len(self), np.nan)
+
+    def text(self, name: str) -> tuple[str, ...]:
+        """A text column; all "" when the dataset has none of that name."""
+        return self.texts[name] if name in self.texts else ("",) * len(self)
+
+    def take(self, index: Any) -> "Shots":
+        """The shots at integer positions or under a boolean mask, in that order."""
+        rows = np.arange(len(self))[np.asarray(index)]
+        return Shots(tuple(self.shot_id[row] for row in rows),
+                     {name: column[rows] for name, column in self.numbers.items()},
+                     {name: tuple(column[row] for row in rows) for name, column in self.texts.items()}, self.source)
+
+
+@dataclass(frozen=True)
+class Tracks:
+    """Measured ball positions, launcher frame. `shot`: row in Shots; all [m]."""
+
+    shot: npt.NDArray[np.int64]
+    t_s: Floats
+    x_m: Floats
+    y_m: Floats
+    z_m: Floats
+
+
+@dataclass(frozen=True)
+class Traces:
+    """Telemetry through shots; `t_s` = 0 when the ball is fed. `shot`: row in Shots; all [m]."""
+
+    shot: npt.NDArray[np.int64]
+    t_s: Floats
+    signal: tuple[str, ...]
+    value: Floats
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """All that a directory of shots says; `left_out`: what its maker left out and why, one line each."""
+
+    name: str
+    facts: Rig
+    shots: Shots
+    tracks: Tracks | None = None
+    traces: Traces | None = None
+    left_out: tuple[str, ...] = ()

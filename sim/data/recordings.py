@@ -1,0 +1,120 @@
+"""Recorded sessions to a dataset of shots."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from truearc.robot.config.schema import InputError, Config
+from truearc.robot.recording.reader import TickReader
+from truearc.robot.recording.session import Trial, load_session_config, load_trials
+from truearc.robot.types import Tick
+from truearc.sim.data.dataset import Dataset, Shots, Traces
+
+NS = 1e-9
+BEFORE_S, AFTER_S = 0.1, 0.7                      # telemetry kept around the feeding of each ball
+OUTCOMES = {"miss-low": ("miss", "low"), "miss-high": ("miss", "high"), "two": ("two", ""), "three": ("three", "")}
+NUMBERS = ("distance_m", "hood_deg", "motor_ratio", "battery_v", "since_last_shot_s")
+
+
+def shots_from_sessions(sessions: Sequence[Path], name: str, telemetry: bool = True) -> Dataset:
+    """All marked shots of the sessions, with the telemetry around each unless that is not asked for.
+
+    Rejected and held trials are not shots: each is named in `left_out`. InputError when the sessions' rigs differ, when
+    two sessions have one name, or when there is no shot at all.
+    """
+    _check_names(sessions)
+    rows: list[tuple[str, Trial]] = []
+    left_out: list[str] = []
+    traces: list[tuple[int, float, str, float]] = []
+    configs = [load_session_config(session) for session in sessions]
+    for session, config in zip(sessions, configs, strict=True):
+        if config.rig != configs[0].rig:
+            raise InputError(f"{session}: recorded with another rig than {sessions[0]} ([rig] differs)")
+        kept, dropped = _split(session)
+        left_out += dropped
+        if telemetry:
+            reader = TickReader(session)
+            traces += _traces(reader, kept, config, len(rows))
+            if reader.cut_short:
+                left_out.append(f"{reader.cut_short}: telemetry after that is missing")
+        rows += [(session.resolve().name, trial) for trial in kept]
+    if not rows:
+        raise InputError(f"{', '.join(map(str, sessions))}: no marked shots")
+    return Dataset(name, configs[0].rig, _shots(rows), None, _columns(traces), tuple(left_out))
+
+
+def outcomes_of(session: Path) -> list[str]:
+    """What came of the session's marked shots, "miss", "two" or "three" each; none where a gate held every time."""
+    return [OUTCOMES[trial.outcome.outcome][0] for trial in _split(session)[0]]
+
+
+def _check_names(sessions: Sequence[Path]) -> None:
+    names = [session.resolve().name for session in sessions]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"two sessions are called {name}: shot_id would not be unique")
+
+
+def _split(session: Path) -> tuple[list[Trial], list[str]]:
+    kept, dropped = [], []
+    for trial in load_trials(session):
+        outcome = trial.outcome
+        if outcome.outcome in OUTCOMES and trial.shot is not None:
+            kept.append(trial)
+        else:
+            why = "; ".join(outcome.reasons) or "by the driver"
+            dropped.append(f"{session.name} trial {outcome.trial}: {outcome.outcome} ({why})")
+    return kept, dropped
+
+
+def _shots(rows: list[tuple[str, Trial]]) -> Shots:
+    shots = [trial.shot for _, trial in rows if trial.shot is not None]
+    marks = [OUTCOMES[trial.outcome.outcome] for _, trial in rows]
+    numbers = {name: np.array([_number(getattr(shot, name)) for shot in shots]) for name in NUMBERS}
+    numbers["t_s"] = np.array([shot.t_ns * NS for shot in shots])
+    texts = {"outcome": tuple(mark for mark, _ in marks), "side": tuple(side for _, side in marks),
+             "session": tuple(session for session, _ in rows), "config_id": tuple(shot.config_id for shot in shots)}
+    ids = tuple(f"{session}-{shot.trial:04d}" for (session, _), shot in zip(rows, shots, strict=True))
+    return Shots(ids, {name: column for name, column in numbers.items() if np.isfinite(column).any()}, texts)
+
+
+def _number(value: float | None) -> float:
+    return float("nan") if value is None else value
+
+
+def _traces(reader: TickReader, trials: list[Trial], config: Config,
+            first_row: int) -> list[tuple[int, float, str, float]]:
+    """Signals around each shot, one sample for each new reading."""
+    feeds = np.array([trial.shot.t_ns for trial in trials if trial.shot is not None], dtype=np.int64)
+    if len(feeds) == 0:
+        return []
+    rows: list[tuple[int, float, str, float]] = []
+    newest: dict[str, int] = {}
+    for tick, _ in reader:
+        # the one shot in whose window this tick lies, if any
+        index = int(np.searchsorted(feeds, tick.inputs.t_ns + int(BEFORE_S / NS), side="right")) - 1
+        if index < 0 or (tick.inputs.t_ns - feeds[index]) * NS > AFTER_S:
+            continue
+        for signal, t_ns, value in _signals(tick, config):
+            if newest.get(signal) != t_ns:
+                newest[signal] = t_ns
+                rows.append((first_row + index, float(t_ns - feeds[index]) * NS, signal, value))
+    return rows
+
+
+def _signals(tick: Tick, config: Config) -> list[tuple[str, int, float]]:
+    motors = tick.inputs.flywheels
+    speed, t_ns = tick.estimate.motor_rad_s, min(motor.t_ns for motor in motors)
+    signals = [(f"wheel_{wheel.name}_rad_s", t_ns, speed * wheel.gear) for wheel in config.rig.launcher.wheel]
+    signals.append(("motor_current_a", min(motor.current_t_ns for motor in motors),
+                    sum(motor.current_a for motor in motors)))
+    signals.append(("battery_v", min(motor.bus_t_ns for motor in motors), tick.estimate.battery_v))
+    return signals
+
+
+def _columns(rows: list[tuple[int, float, str, float]]) -> Traces | None:
+    if not rows:
+        return None
+    shot, t_s, signal, value = zip(*rows, strict=True)
+    return Traces(np.array(shot, dtype=np.int64), np.array(t_s), tuple(signal), np.array(value))

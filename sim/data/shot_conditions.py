@@ -1,0 +1,167 @@
+"""A dataset's columns -> what terms may know of each shot beside its configuration (numpy)."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from truearc.sim.physics.term import Circumstances
+from truearc.sim.data.dataset import Dataset, Shots, Traces
+
+ORDINARY = Circumstances()
+KELVIN = 273.15                       # at 0 deg C
+WHEEL, SPEED = "wheel_", "_rad_s"     # a trace of a wheel's speed is called wheel_<name>_rad_s
+BEFORE_S = 0.02                       # how long before the ball is fed a wheel's speed still counts as what it was
+LEAST_CHANGE_DEG = 1e-6               # of the hood; less is no move
+
+
+class Known(NamedTuple):
+    """One circumstance [n], and of which shots the data really say it."""
+
+    value: np.ndarray
+    said: np.ndarray
+
+
+def circumstances_of(dataset: Dataset) -> Circumstances:
+    """Circumstances of every shot of a dataset, arrays [n]; ordinary ones where the data say nothing.
+
+    battery, density: against the median of the shots that have it. since_last_shot_s: its own column, else differences
+    of t_s within the session; the first shot of a session was long after another. age: with ball_id the shots that the
+    ball has had by the most that any ball has had, else how far through its session by t_s, or by order without it.
+    droop: largest dip of the wheels from their speed as the ball is fed, in shares of it, mean of the wheels, by the
+    mean over shots. hood_change: in the order of the rows within a session, or of t_s where all its shots have one.
+    """
+    found = gather_circumstances(dataset)
+    return Circumstances(**{name: np.where(known.said, known.value, getattr(ORDINARY, name))
+                            for name, known in found.items()}, ball=np.zeros(len(dataset.shots)))
+
+
+def take_circumstances(circumstances: Circumstances, rows: np.ndarray) -> Circumstances:
+    """Those of the shots `rows`; numbers that all shots share stay as they are."""
+    return Circumstances(*(part if np.ndim(part) == 0 else part[rows] for part in circumstances))
+
+
+def known(dataset: Dataset) -> frozenset[str]:
+    """Fields of Circumstances that the data really have: said of at least two shots, and not of all alike."""
+    return frozenset(name for name, one in gather_circumstances(dataset).items()
+                     if one.said.sum() > 1 and np.ptp(one.value[one.said]) > 0.0)
+
+
+def gather_circumstances(dataset: Dataset) -> dict[str, Known]:
+    """{field of Circumstances: its values, and of which shots the data say it}."""
+    shots = dataset.shots
+    return {"battery": _departure(shots.number("battery_v")), "since_last_shot_s": _since(shots), "age": _age(shots),
+            "droop": _droop(dataset.traces, len(shots)), "density": _density(shots), "hood_change": _hood_change(shots),
+            "closing_speed_m_s": _plain(shots.number("robot_speed_m_s"))}
+
+
+def _plain(column: np.ndarray) -> Known:
+    said = np.isfinite(column)
+    return Known(np.where(said, column, 0.0), said)
+
+
+def _departure(column: np.ndarray) -> Known:
+    """From the median, in shares of it."""
+    said = np.isfinite(column)
+    median = np.median(column[said]) if said.any() else 0.0
+    if median == 0.0:
+        return _plain(np.full(len(column), np.nan))
+    return _plain(column / median - 1.0)
+
+
+def _density(shots: Shots) -> Known:
+    """By the ideal gas: pressure / temperature, a missing one of the two taken as its median, or as steady."""
+    pressure, kelvin = shots.number("pressure_pa"), shots.number("temperature_c") + KELVIN
+    said = np.isfinite(pressure) | np.isfinite(kelvin)
+    density = _filled(pressure) / _filled(kelvin)
+    return _departure(np.where(said, density, np.nan))
+
+
+def _filled(column: np.ndarray) -> np.ndarray:
+    missing = ~np.isfinite(column)
+    return np.where(missing, 1.0 if missing.all() else np.median(column[~missing]), column)
+
+
+def _sessions(shots: Shots) -> Iterator[np.ndarray]:
+    """Rows of each session in the order in which they were shot."""
+    names, t_s = np.array(shots.text("session")), shots.number("t_s")
+    for name in dict.fromkeys(names):
+        rows = np.flatnonzero(names == name)
+        yield rows[np.argsort(t_s[rows], kind="stable")] if np.isfinite(t_s[rows]).all() else rows
+
+
+def _since(shots: Shots) -> Known:
+    value, t_s = shots.number("since_last_shot_s").copy(), shots.number("t_s")
+    for rows in _sessions(shots):
+        gaps = np.diff(t_s[rows])
+        later = rows[1:]
+        value[later] = np.where(np.isnan(value[later]), gaps, value[later])
+    said = np.isfinite(value) & (value >= 0.0)
+    return Known(np.where(said, value, 0.0), said)
+
+
+def counts_shots(shots: Shots) -> bool:
+    """Whether `age` counts what each ball has gone through: all balls are known."""
+    return all(shots.text("ball_id"))
+
+
+def _age(shots: Shots) -> Known:
+    value = np.full(len(shots), np.nan)
+    balls = np.array(shots.text("ball_id"))
+    if counts_shots(shots):
+        return _plain(_shots_had(shots, balls))
+    for rows in _sessions(shots):
+        t_s = shots.number("t_s")[rows]
+        timed = np.isfinite(t_s).all() and np.ptp(t_s) > 0.0
+        along = t_s - t_s[0] if timed else np.arange(len(rows), dtype=float)
+        value[rows] = along / along[-1] if len(rows) > 1 else np.nan
+    return _plain(value)
+
+
+def _shots_had(shots: Shots, balls: np.ndarray) -> np.ndarray:
+    """How often each shot's ball has been shot before, by the most that any has been."""
+    had, count = np.zeros(len(balls)), dict.fromkeys(np.unique(balls), 0)
+    for rows in _sessions(shots):
+        for row in rows:
+            had[row] = count[balls[row]]
+            count[balls[row]] += 1
+    share: np.ndarray = had / max(had.max(), 1.0)
+    return share
+
+
+def _droop(traces: Traces | None, count: int) -> Known:
+    if traces is None:
+        return _plain(np.full(count, np.nan))
+    signals = np.array(traces.signal)
+    wheels = [name for name in np.unique(signals) if name.startswith(WHEEL) and name.endswith(SPEED)]
+    dips = [_dips(traces, signals == name, count) for name in wheels]
+    if not dips:
+        return _plain(np.full(count, np.nan))
+    heard = np.isfinite(dips)
+    dip = np.where(heard, dips, 0.0).sum(0) / np.maximum(heard.sum(0), 1)
+    said = np.any(heard, axis=0)
+    mean = dip[said].mean() if said.any() else 0.0
+    return Known(dip / mean, said) if mean > 0.0 else _plain(np.full(count, np.nan))
+
+
+def _dips(traces: Traces, here: np.ndarray, count: int) -> np.ndarray:
+    """Largest dip [count] of a signal after the ball is fed, in shares of what it was; nan where it is not told."""
+    dip = np.full(count, np.nan)
+    rows = np.flatnonzero(here)
+    rows = rows[np.lexsort((traces.t_s[rows], traces.shot[rows]))]
+    shots, first = np.unique(traces.shot[rows], return_index=True)
+    for shot, mine in zip(shots, np.split(rows, first[1:]), strict=True):
+        t_s, value = traces.t_s[mine], traces.value[mine]
+        before, after = (t_s >= -BEFORE_S) & (t_s <= 0.0), t_s >= 0.0
+        fed = value[before].mean() if before.any() else value[np.abs(t_s).argmin()]
+        if after.sum() > 1 and fed > 0.0:
+            dip[shot] = (fed - value[after].min()) / fed
+    return dip
+
+
+def _hood_change(shots: Shots) -> Known:
+    hood_deg, change = shots.number("hood_deg"), np.full(len(shots), np.nan)
+    for rows in _sessions(shots):
+        moved = np.diff(hood_deg[rows])
+        change[rows[1:]] = np.where(np.abs(moved) > LEAST_CHANGE_DEG, np.sign(moved), 0.0)
+    return _plain(np.where(np.isfinite(hood_deg), change, np.nan))

@@ -1,0 +1,122 @@
+"""CSV and Parquet files -> cells in columns, each row knowing where it came from."""
+
+import csv
+import io
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from truearc.robot.config.schema import InputError
+from truearc.sim.data.problems import Problems
+
+Cell = str | float | None             # CSV gives text; Parquet numbers, text or None
+
+
+@dataclass(frozen=True)
+class Table:
+    """`columns`: name -> one cell a row, None = missing; `lines`: line (CSV) or row (Parquet) of each, from 1."""
+
+    path: Path
+    columns: dict[str, list[Cell]]
+    lines: list[int]
+
+    def place(self, row: int) -> str:
+        """File and line as messages name them; row -1 is the header."""
+        if self.path.suffix == ".parquet":
+            return f"{self.path}: row {self.lines[row]}" if row >= 0 else f"{self.path}"
+        return f"{self.path}:{self.lines[row] if row >= 0 else 1}"
+
+
+def find_table(directory: Path, stem: str) -> Path | None:
+    """The CSV or Parquet file of that name, None when there is neither; InputError when there are both."""
+    found = [path for path in (directory / f"{stem}.csv", directory / f"{stem}.parquet") if path.is_file()]
+    if len(found) > 1:
+        raise InputError(f"{directory}: has both {stem}.csv and {stem}.parquet; keep one")
+    return found[0] if found else None
+
+
+def load_table(path: Path, problems: Problems) -> Table:
+    """Read a table; rows of a wrong length become problems, an unreadable file is InputError."""
+    return _load_parquet(path) if path.suffix == ".parquet" else parse_csv(text_of(path), path, problems)
+
+
+def parse_csv(text: str, path: Path, problems: Problems) -> Table:
+    """Cells of CSV text with a header; empty cells are None, blank lines are skipped."""
+    rows = _rows(text, path)
+    _, header = next(rows, (1, []))
+    if not header:
+        raise InputError(f"{path}:1: the header is missing")
+    _check_separator(header, path)
+    for name in header:
+        if not name.strip() or header.count(name) > 1:
+            raise InputError(f"{path}:1: column {name!r} " + ("stands twice" if name.strip() else "has no name"))
+    columns: dict[str, list[Cell]] = {name: [] for name in header}
+    lines = []
+    for line, cells in rows:
+        if len(cells) != len(header):
+            problems.add(f"{path}:{line}", "", f"{len(cells)} cells where the header has {len(header)}")
+            continue
+        lines.append(line)
+        for name, cell in zip(header, cells, strict=True):
+            columns[name].append(cell or None)
+    return Table(path, columns, lines)
+
+
+def _check_separator(header: list[str], path: Path) -> None:
+    """Spreadsheets of many countries write semicolons, and then commas for decimal points."""
+    for mark, name in ((";", "semicolons"), ("\t", "tabs")):
+        if len(header) == 1 and mark in header[0]:
+            raise InputError(f"{path}:1: cells are separated by {name}; save the table with commas between them (and "
+                           "points in decimal numbers)")
+
+
+def _rows(text: str, path: Path) -> Iterator[tuple[int, list[str]]]:
+    """(line on which the row starts, its cells), without blank lines."""
+    reader = csv.reader(io.StringIO(text, newline=""), strict=True)
+    while True:
+        line = reader.line_num + 1
+        try:
+            cells = next(reader)
+        except StopIteration:
+            return
+        except csv.Error as error:
+            raise InputError(f"{path}:{line}: {error}") from error
+        if cells:
+            yield line, cells
+
+
+def text_of(path: Path) -> str:
+    """A text file; InputError names it, and the line that is no UTF-8."""
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}") from error
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        raise InputError(f"{path}:{line}: not UTF-8 text") from error
+
+
+def _load_parquet(path: Path) -> Table:
+    try:
+        table = pq.read_table(path)
+    except (OSError, pa.ArrowException) as error:
+        raise InputError(f"{path}: not a readable Parquet file ({error})") from error
+    names = table.column_names
+    if len(set(names)) < len(names):
+        raise InputError(f"{path}: a column stands twice")
+    columns = {name: [_cell(value) for value in table.column(name).to_pylist()] for name in names}
+    return Table(path, columns, list(range(1, table.num_rows + 1)))
+
+
+def _cell(value: object) -> Cell:
+    """Integers in text columns (an id, say) keep their digits: only real numbers become float."""
+    if value is None or value == "":
+        return None
+    if isinstance(value, bool | int | float):
+        return value
+    return value if isinstance(value, str) else str(value)

@@ -1,0 +1,119 @@
+"""Discovery: is there a mismatch, where is it, what is it, and how much better is a simulation that has it?"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from truearc.robot.config.schema import InputError
+from truearc.sim.infer.belief import Belief
+from truearc.sim.discover.report.build_finding import make_finding, silent
+from truearc.sim.discover.detect.test_battery import ALLOWANCE, Asked
+from truearc.sim.discover.model.baseline_fit import BaselineFit, climb, fit_believed, only_shared, usual_spot
+from truearc.sim.discover.detect.clusters import Clusters, find_clusters, groups_of
+from truearc.sim.discover.model.design_columns import KNOWN, lay_out
+from truearc.sim.discover.detect.covariates import every_column, gather_covariates, gather_factors
+from truearc.sim.discover.finding import Finding
+from truearc.sim.discover.select.forward_selection import Search, go_forward
+from truearc.sim.discover.detect.reference_session import ReferenceSession
+from truearc.sim.discover.model.prepared_data import take_in
+from truearc.sim.discover.model.linearization import ParameterLayout, linearise
+from truearc.sim.discover.detect.localization import Place, locate
+from truearc.sim.discover.model.external_measurements import Measured
+from truearc.sim.discover.detect.score_test import Judged, judge
+from truearc.sim.discover.select.selection_step import Step
+from truearc.sim.physics.catalogue import find_terms
+from truearc.sim.data.dataset import Dataset
+
+Progress = Callable[[float, str], None]
+DRAWS = 1999
+FALSE_ALARM = 0.05
+
+
+@dataclass(frozen=True)
+class Investigation:
+    """The answer, and what the report draws from. `steps`: one a named effect; all but finding are None for silence.
+    belief: of the earlier session that was started from; search: what every step asked with."""
+
+    finding: Finding
+    fitted: BaselineFit | None = None
+    clusters: Clusters | None = None
+    asked: Asked | None = None
+    judged: Judged | None = None
+    place: Place | None = None
+    steps: tuple[Step, ...] = ()
+    belief: Belief | None = None
+    search: Search | None = None
+
+
+def discover(dataset: Dataset, believed: Sequence[str] | None = None, false_alarm: float = FALSE_ALARM, seed: int = 0,
+             progress: Progress = lambda done, note: None, belief: Belief | None = None,
+             since: Dataset | None = None, measured: Measured | None = None) -> Investigation:
+    """Fit the believed terms, test whether anything is left over, say where, and name what.
+
+    believed: names of terms, the rig's own list when None; gravity always is. belief: of this very rig, from an earlier
+    session: its terms, with what is known of their numbers, are what is believed, and whether one of them has changed
+    is asked, too. since: that very session; what the belief leaves over there is then no change (truearc.sim.discover.detect.reference_session).
+    measured: what somebody has measured of terms; it says which name it is, not whether anything is missing.
+    The same data and seed give the same answer. InputError for an unknown term, too few shots, outcomes without a target,
+    or a measurement of what is believed already.
+    """
+    terms = _terms(dataset, believed if belief is None else tuple(belief.coefficients))
+    _check_measured(measured or {}, terms)
+    intake = take_in(dataset, {} if belief is None else belief.curves)
+    clusters = find_clusters(dataset.shots)
+    layout = lay_out(intake, terms, groups_of(dataset.shots, intake.rows), belief=belief)
+    layout = replace(layout, measured=measured or {})
+    if not len(intake.rows):
+        return Investigation(silent(dataset, intake, terms, false_alarm))
+    fitted = fit_believed(intake, layout, lambda done, note: progress(0.3 * done, note))
+    home = None if since is None or belief is None else _at_home(since, belief, terms, layout)
+    search = make_search(dataset, false_alarm, seed, home)
+    asked, judged = detect(fitted, search, lambda done, note: progress(0.3 + 0.2 * done, note))
+    if not asked.tests:
+        return Investigation(silent(dataset, intake, terms, false_alarm))
+    found = judged.p_any <= false_alarm
+    place = locate(fitted.evidence, asked, judged, false_alarm, clusters, seed)
+    steps: tuple[Step, ...] = ()
+    if found:
+        steps = go_forward(fitted, place, search, lambda done, note: progress(0.5 + 0.5 * done, note))
+    progress(1.0, "done")
+    finding = make_finding(dataset, terms, fitted, clusters, asked, judged, place, steps, false_alarm,
+                           seed)
+    return Investigation(finding, fitted, clusters, asked, judged, place, steps, belief, search)
+
+
+def _terms(dataset: Dataset, believed: Sequence[str] | None) -> tuple[str, ...]:
+    """What is believed, gravity first: nothing flies without it."""
+    given = tuple(dataset.facts.believe.terms if believed is None else believed)
+    try:
+        find_terms(given)
+    except InputError as error:
+        if believed is not None:
+            raise
+        raise InputError(f"{dataset.name}: rig.toml: believe.terms: {error}") from error
+    return (*KNOWN, *(name for name in given if name not in KNOWN))
+
+
+def _check_measured(measured: Measured, terms: Sequence[str]) -> None:
+    for term in sorted({name.partition(".")[0] for name in measured} & set(terms)):
+        raise InputError(f"measured: {term} is believed already: put what was measured into rig.toml or the coefficients")
+
+
+def make_search(dataset: Dataset, false_alarm: float = FALSE_ALARM, seed: int = 0, home: ReferenceSession | None = None) -> Search:
+    """What a dataset is asked with."""
+    return Search(find_clusters(dataset.shots), gather_covariates(dataset), gather_factors(dataset.shots), false_alarm,
+                  seed, home)
+
+
+def detect(fitted: BaselineFit, search: Search, progress: Progress) -> tuple[Asked, Judged]:
+    """All tests of one fit, judged. Without a test nothing is judged."""
+    asked = search.ask(fitted)
+    judged = judge(asked.scores, [test.family for test in asked.tests], ALLOWANCE, DRAWS, search.seed, progress)
+    return asked, judged
+
+
+def _at_home(since: Dataset, belief: Belief, terms: tuple[str, ...], later: ParameterLayout) -> ReferenceSession:
+    """The belief at its best in the session that it was made from, laid out like the later one."""
+    intake = take_in(since, belief.curves)
+    layout = lay_out(intake, terms, groups_of(since.shots, intake.rows), belief=belief, later=later)
+    spot, _ = climb(intake, only_shared(layout), usual_spot(intake, layout))
+    return ReferenceSession(BaselineFit(intake, layout, spot, linearise(intake, layout, spot)[0]), every_column(since))

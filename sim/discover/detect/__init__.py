@@ -1,0 +1,1 @@
+"""Detection and localisation of a mismatch."""

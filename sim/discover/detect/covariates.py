@@ -1,0 +1,227 @@
+"""What residuals might depend on: every numeric column, what can be derived from it, and every text column."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from truearc.sim.data.shot_conditions import counts_shots, gather_circumstances
+from truearc.sim.discover.model.score_table import Array
+from truearc.sim.physics.simulate import LAUNCH_STATE, launch_state
+from truearc.sim.data.dataset import Dataset, Shots
+
+# What a shot did, not what it was shot with.
+RESULTS = ("miss_height_m", "outcome", "side")
+SAME = 0.98                           # |correlation| from which two columns are one covariate with two names
+FEWEST = 8                            # known values: fewer say little
+MOST_LEVELS = 20
+ENERGY = "energy_of_wheels"           # taken by a shot, (rad/s)^2: times their inertia it is in joules
+WORN = "shots_of_ball"                # that its ball had before, by the most that any has had
+# Columns behind what a term follows from shot to shot, the fittest first.
+FOLLOWED = {"battery": ("battery_v",), "since_last_shot_s": ("since_last_shot_s",), "density": ("temperature_c",),
+            "closing_speed_m_s": ("robot_speed_m_s",), "hood_change": ("hood_change",), "droop": ("wheel_dip",),
+            "age": (WORN, "t_s")}
+
+
+@dataclass(frozen=True)
+class Covariate:
+    """A number a shot, nan where unknown, under each of its names: columns so alike that the data cannot part them."""
+
+    columns: tuple[tuple[str, Array], ...]
+
+    @property
+    def name(self) -> str:
+        return self.columns[0][0]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(name for name, _ in self.columns)
+
+    @property
+    def values(self) -> Array:
+        return self.columns[0][1]
+
+    def led_by_launch(self) -> "Covariate":
+        """The same under the ball's speed or spin, if just one of them is among the names: forces know no wheels."""
+        states = [name for name in LAUNCH_STATE if name in self.names]
+        if len(states) != 1:
+            return self
+        return Covariate(tuple(sorted(self.columns, key=lambda column: column[0] != states[0])))
+
+
+@dataclass(frozen=True)
+class Factor:
+    """A text column: `codes` [n] index `levels`, -1 where empty."""
+
+    name: str
+    levels: tuple[str, ...]
+    codes: Array
+
+
+@dataclass(frozen=True)
+class CovariatePair:
+    """Two covariates that something may depend on together: `place` [2, n] in standard deviations, 0 where unknown."""
+
+    first: Covariate
+    second: Covariate
+    place: Array
+
+    @property
+    def name(self) -> str:
+        return f"{self.first.name} x {self.second.name}"
+
+
+def gather_covariates(dataset: Dataset) -> tuple[Covariate, ...]:
+    """Columns, derived launch state, time and order, and first value and dip of each telemetry signal.
+
+    Columns that run alike (|correlation| >= 0.98) are one covariate; constant ones are left out.
+    """
+    found: list[Covariate] = []
+    for name, values in number_columns(dataset).items():
+        if name in RESULTS or not varies(values):
+            continue
+        twin = next((k for k, other in enumerate(found) if _alike(other.values, values)), None)
+        if twin is None:
+            found.append(Covariate(((name, values),)))
+        else:
+            found[twin] = Covariate((*found[twin].columns, (name, values)))
+    return tuple(covariate.led_by_launch() for covariate in found)
+
+
+def every_column(dataset: Dataset) -> dict[str, Any]:
+    """All that is known of each shot by name: numbers [n], and texts."""
+    return {**{name: dataset.shots.text(name) for name in dataset.shots.texts}, **number_columns(dataset)}
+
+
+def number_columns(dataset: Dataset) -> dict[str, Array]:
+    """Every number a shot, by name: as recorded, and derived."""
+    columns = {"t_s": dataset.shots.number("t_s"), **dataset.shots.numbers}
+    derived = launch_state(dataset.facts, dataset.shots), *(
+        derive(dataset) for derive in (_time_columns, _circumstance_columns, _trace_columns))
+    for more in derived:
+        columns |= {name: values for name, values in more.items() if name not in columns}
+    return columns
+
+
+def gather_factors(shots: Shots) -> tuple[Factor, ...]:
+    """Text columns with between two and twenty levels."""
+    found = []
+    for name in shots.texts:
+        levels = tuple(sorted({text for text in shots.text(name) if text}))
+        if name not in RESULTS and 2 <= len(levels) <= MOST_LEVELS:
+            codes = np.array([levels.index(text) if text else -1 for text in shots.text(name)])
+            found.append(Factor(name, levels, codes))
+    return tuple(found)
+
+
+def followed_column(follows: str, covariates: Iterable[Covariate]) -> str | None:
+    """The column behind what a term follows from shot to shot; None for what goes on inside a flight."""
+    names = {name for covariate in covariates for name in covariate.names}
+    return next((name for name in FOLLOWED.get(follows, ()) if name in names), None)
+
+
+def carried_by(covariate: Covariate, factors: tuple[Factor, ...]) -> tuple[str, ...]:
+    """Factors in each of whose levels the covariate stays the same: any of them could stand in its place."""
+    values, held = covariate.values, []
+    for factor in factors:
+        groups = [values[(factor.codes == code) & np.isfinite(values)] for code in range(len(factor.levels))]
+        if all(len(group) == 0 or not np.ptp(group) > 1e-6 * np.nanmax(np.abs(values)) for group in groups):
+            held.append(factor.name)
+    return tuple(held)
+
+
+def smooth_shapes(values: Array) -> Array:
+    """Natural cubic spline basis [n, 4] on the quantiles of `values`: straight, and three bends; unknown = 0."""
+    known = np.isfinite(values)
+    middle, width = values[known].mean(), values[known].std()
+    scaled = np.where(known, (values - middle) / width, 0.0)
+    knots = (_quantiles(values[known]) - middle) / width
+    columns = [scaled]
+    if len(knots) >= 4:
+        last = _ramp(scaled, knots[-2], knots)
+        columns += [_ramp(scaled, knot, knots) - last for knot in knots[:-2]]
+    basis = np.where(known[:, None], np.stack(columns, axis=1), 0.0)
+    unit: Array = basis / np.maximum(basis.std(0), 1e-12)
+    return unit
+
+
+def spline_knots(values: Array) -> Array:
+    """Where the basis of `smooth_shapes` bends, ends included; two places where it does not."""
+    knots = _quantiles(values)
+    return knots if len(knots) >= 4 else np.array([values.min(), values.max()])
+
+
+def _quantiles(values: Array) -> Array:
+    return np.unique(np.quantile(values, (0.02, 0.27, 0.5, 0.73, 0.98)))
+
+
+def _ramp(scaled: Array, knot: float, knots: Array) -> Array:
+    """Truncated cubes that leave the spline straight beyond the last knot."""
+    ramp: Array = (np.maximum(scaled - knot, 0.0)**3 - np.maximum(scaled - knots[-1], 0.0)**3) / (knots[-1] - knot)
+    return ramp
+
+
+def varies(values: Array) -> bool:
+    known = values[np.isfinite(values)]
+    return len(known) >= FEWEST and bool(np.ptp(known) > 1e-9 * (1e-9 + np.abs(known).max()))
+
+
+def _alike(a: Array, b: Array) -> bool:
+    both = np.isfinite(a) & np.isfinite(b)
+    mostly = both.sum() >= 0.9 * max(np.isfinite(a).sum(), np.isfinite(b).sum())
+    if not (mostly and varies(a[both]) and varies(b[both])):
+        return False
+    return bool(abs(np.corrcoef(a[both], b[both])[0, 1]) >= SAME)
+
+
+def _time_columns(dataset: Dataset) -> dict[str, Array]:
+    """Order of the rows within their session, and the wait since the session's shot before."""
+    shots = dataset.shots
+    sessions = np.array(shots.text("session"))
+    order, wait = np.zeros(len(shots)), np.full(len(shots), np.nan)
+    for session in np.unique(sessions):
+        rows = np.flatnonzero(sessions == session)
+        order[rows] = np.arange(len(rows))
+        wait[rows[1:]] = np.diff(shots.number("t_s")[rows])
+    return {"order_in_session": order, "since_last_shot_s": wait}
+
+
+def _circumstance_columns(dataset: Dataset) -> dict[str, Array]:
+    """What terms follow and no column says as it is: the way the hood came, the wheels' dip, the ball's earlier shots.
+    """
+    wanted = {"hood_change": "hood_change", "droop": "wheel_dip"}
+    wanted |= {"age": WORN} if counts_shots(dataset.shots) else {}
+    found = gather_circumstances(dataset)
+    return {name: np.where(found[field].said, found[field].value, np.nan) for field, name in wanted.items()}
+
+
+def _trace_columns(dataset: Dataset) -> dict[str, Array]:
+    """Of each telemetry signal its value when the ball is fed, and how far it dips below that; the wheels' energy."""
+    if dataset.traces is None:
+        return {}
+    traces, n = dataset.traces, len(dataset.shots)
+    signals = np.array(traces.signal)
+    columns: dict[str, Array] = {}
+    for signal in np.unique(signals):
+        first, lowest = np.full(n, np.nan), np.full(n, np.nan)
+        here = signals == signal
+        for shot in np.unique(traces.shot[here]):
+            rows = np.flatnonzero(here & (traces.shot == shot))
+            rows = rows[np.argsort(traces.t_s[rows], kind="stable")]
+            fed = np.abs(traces.t_s[rows]).argmin()
+            first[shot] = traces.value[rows][fed]
+            lowest[shot] = first[shot] - traces.value[rows][fed:].min()
+        columns |= {f"fed_{signal}": first, f"dip_{signal}": lowest}
+    return columns | _energy_column(columns)
+
+
+def _energy_column(columns: dict[str, Array]) -> dict[str, Array]:
+    """What the wheels give the ball and lose beside it, all told: half the drop of their squared speeds, summed, which
+    is energy over the inertia that no file states. A ball that leaves slower than what it took would have it has lost
+    the rest: squeezed, slipped, rubbed."""
+    wheels = [name.removeprefix("fed_") for name in columns if name.startswith("fed_wheel_")]
+    if not wheels:
+        return {}
+    drops = [0.5 * (columns[f"fed_{one}"]**2 - (columns[f"fed_{one}"] - columns[f"dip_{one}"])**2) for one in wheels]
+    return {ENERGY: np.sum(drops, axis=0)}

@@ -1,0 +1,164 @@
+"""A free smooth correction of one channel over one covariate, and what it gains on shots that it has not seen."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from truearc.sim.discover.detect.test_battery import Test
+from truearc.sim.discover.detect.clusters import Clusters
+from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, smooth_shapes
+from truearc.sim.discover.model.score_table import Array, ScoreTable, shared_columns
+from truearc.sim.discover.select.refit import folds_of
+from truearc.sim.discover.detect.weight_functions import STEP
+
+STEPS = 8                             # of Fisher scoring; one is exact for Gaussian evidence
+HALVINGS = 8
+RIDGES = (0.0003, 0.003, 0.03, 0.3, 3.0)      # of bends, relative to what the shots say of them
+FIRM = 1e-6                           # of everything else, so that an alias of a coefficient does not run away
+
+
+@dataclass(frozen=True)
+class Correction:
+    """Changes [n, 1 + p] of the test's column and the shared ones: for each shot fitted to the other folds.
+
+    evidence: with these columns only.
+    """
+
+    test: Test
+    evidence: ScoreTable
+    amplitude: Array                  # [n] of the column, fitted to all shots
+    shared: Array                     # [p] changes of the shared columns that go with it
+    before: Array                     # [n, 1 + p] held out, shared columns alone refitted
+    after: Array
+    log_before: Array                 # [n] held-out log score
+    log_after: Array
+    steps: tuple[float, ...] = ()     # ridge chosen in each fold
+
+    @property
+    def gain(self) -> Array:
+        gain: Array = self.log_after - self.log_before
+        return gain
+
+
+def correct(evidence: ScoreTable, test: Test, clusters: Clusters) -> Correction:
+    """Fit the correction to all shots and to each fold's complement; folds keep clusters whole."""
+    evidence = evidence.pick(np.array([test.column, *range(evidence.first_shared, len(evidence.columns))]))
+    basis = _basis(evidence, test)
+    fold = folds_of(clusters.label[evidence.rows])
+    shape = evidence.score.shape
+    before, after = np.zeros(shape), np.zeros(shape)
+    ridges = []
+    for held in range(fold.max() + 1):
+        train, out = fold != held, fold == held
+        before[out] = _fitted(evidence, basis[:, :0], train, 0.0)[out]
+        ridge = _choose_ridge(evidence, test, basis, train)
+        after[out] = _fitted(evidence, basis, train, ridge)[out]
+        ridges.append(ridge)
+    whole = np.ones(len(fold), dtype=bool)
+    found = _fit(evidence, 0, basis, whole, _choose_ridge(evidence, test, basis, whole))
+    q = basis.shape[1]
+    return Correction(test, evidence, basis @ found[:q], found[q:], before, after,
+                      evidence.log_score + evidence.gain(before), evidence.log_score + evidence.gain(after),
+                      tuple(ridges))
+
+
+def unseen(evidence: ScoreTable, basis: Array, clusters: Clusters) -> tuple[Array, Array]:
+    """(held-out log score [n], coefficients [q] fitted to all shots) with the first column's amplitude in the span of
+    `basis` [n, q]; folds as in `correct`."""
+    fold = folds_of(clusters.label[evidence.rows])
+    change = np.zeros(evidence.score.shape)
+    for held in range(fold.max() + 1):
+        change[fold == held] = _fitted(evidence, basis, fold != held, 0.0)[fold == held]
+    found = _fit(evidence, 0, basis, np.ones(len(fold), dtype=bool), 0.0)
+    return evidence.log_score + evidence.gain(change), found[:basis.shape[1]]
+
+
+def _basis(evidence: ScoreTable, test: Test) -> Array:
+    """[n, q]: the same for all; straight in the covariate and its bends, after the step where one was found; or each
+    group's difference from the first; or two covariates, their product and the wave that was found."""
+    ones = np.ones((len(evidence.rows), 1))
+    if test.what is None:
+        return ones
+    if isinstance(test.what, Covariate):
+        step = [test.weights[:, None]] if test.shape.startswith(STEP) else []
+        return np.concatenate([ones, *step, smooth_shapes(test.what.values[evidence.rows])], axis=1)
+    if isinstance(test.what, CovariatePair):
+        a, b = test.what.place
+        own = [a * b] if test.shape == "product" else [a * b, test.weights]
+        return np.concatenate([ones, np.stack([a, b, *own], axis=1)], axis=1)
+    codes = test.what.codes[evidence.rows]
+    return np.concatenate([ones] + [(codes == k)[:, None] * 1.0 for k in range(1, len(test.what.levels))], axis=1)
+
+
+def _fitted(evidence: ScoreTable, basis: Array, train: Array, ridge: float) -> Array:
+    """Most likely change [n, 1+p] with the first column's amplitude in the span of `basis`, by rows in `train`."""
+    return _spread(evidence, 0, basis, _fit(evidence, 0, basis, train, ridge))
+
+
+def _fit(evidence: ScoreTable, channel: int, basis: Array, train: Array, ridge: float) -> Array:
+    """Coefficients of the basis and changes of the shared columns [q+p], likeliest for the rows in `train`."""
+    shared = shared_columns(evidence)
+    q, p = basis.shape[1], evidence.score[:, shared].shape[1]
+    penalty = block_diag(np.diag(_penalty(evidence, channel, basis, train, ridge)), evidence.precision)
+    slope = np.concatenate([np.zeros(q), evidence.pull])
+    found, best = np.zeros(q + p), 0.0
+    for _ in range(STEPS):
+        score, info = _normal(evidence, channel, basis, train, _spread(evidence, channel, basis, found))
+        step = np.linalg.solve(info + penalty + 1e-12 * np.eye(q + p), score + slope - penalty @ found)
+        for halving in range(HALVINGS):
+            tried = found + step * 0.5**halving
+            gained = evidence.gain(_spread(evidence, channel, basis, tried))[train].sum()
+            value = gained + slope @ tried - 0.5 * tried @ penalty @ tried
+            if value >= best:
+                break
+        else:
+            break
+        small, found, best = value - best < 1e-6, tried, value
+        if small:
+            break
+    return found
+
+
+def _spread(evidence: ScoreTable, channel: int, basis: Array, found: Array) -> Array:
+    """Coefficients of the basis and shared changes -> one change a shot [n, C+p]."""
+    change = np.zeros_like(evidence.score)
+    change[:, channel] = basis @ found[:basis.shape[1]]
+    change[:, shared_columns(evidence)] = found[basis.shape[1]:]
+    return change
+
+
+def _normal(evidence: ScoreTable, channel: int, basis: Array, train: Array, change: Array) -> tuple[Array, Array]:
+    """Score [q+p] and information [q+p, q+p] of basis coefficients and shared parameters at `change`."""
+    score, info = (part[train] for part in evidence.slopes_at(change))
+    shared, deal = shared_columns(evidence), evidence.deal.some(train)
+    shapes = basis[train]
+    cross = shapes.T @ deal.spread(info[:, channel])[:, shared]
+    top = np.einsum("nq,nr,n->qr", shapes, shapes, info[:, channel, channel])
+    return (np.concatenate([shapes.T @ score[:, channel], deal.spread(score)[:, shared].sum(0)]),
+            np.block([[top, cross], [cross.T, deal.total(info)[shared, shared]]]))
+
+
+def _penalty(evidence: ScoreTable, channel: int, basis: Array, train: Array, ridge: float) -> Array:
+    """Ridge on each basis column: firm but tiny, and `ridge` on bends (columns from the third)."""
+    said = (basis[train]**2 * evidence.info[train, channel, channel][:, None]).sum(0)
+    ridges: Array = said * np.where(np.arange(basis.shape[1]) >= 2, FIRM + ridge, FIRM)
+    return ridges
+
+
+def _choose_ridge(evidence: ScoreTable, test: Test, basis: Array, train: Array) -> float:
+    """The ridge under which the training shots are likeliest, bends integrated out (Laplace, first step); groups: 0."""
+    q, channel = basis.shape[1], 0
+    if q <= 2 or not isinstance(test.what, Covariate):
+        return 0.0
+    score, info = _normal(evidence, channel, basis, train, np.zeros_like(evidence.score))
+    score = score + np.concatenate([np.zeros(q), evidence.pull])
+    return max(RIDGES, key=lambda ridge: _marginal(evidence, channel, basis, train, ridge, score, info))
+
+
+def _marginal(evidence: ScoreTable, channel: int, basis: Array, train: Array, ridge: float, score: Array,
+              info: Array) -> float:
+    bends = _penalty(evidence, channel, basis, train, ridge)
+    total = info + block_diag(np.diag(bends), evidence.precision) + 1e-12 * np.eye(len(info))
+    volume = np.log(np.maximum(bends, 1e-300)).sum() - np.linalg.slogdet(total)[1]
+    return float(0.5 * score @ np.linalg.solve(total, score) + 0.5 * volume)

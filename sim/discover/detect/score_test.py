@@ -1,0 +1,223 @@
+"""Does anything depend on anything? Efficient scores, clustered, and their largest, judged by flipping signs.
+
+Pure numpy. A test asks whether a channel's amplitude is w_i b with given weights w (a covariate's shape) and b not 0.
+Its score is freed of the shared parameters (Neyman's C(alpha): what they could explain is projected out), summed over
+shots of one cluster, and divided by the spread that the clusters themselves show. Under the believed simulation a
+cluster's sum is as likely to be negative as positive, whatever its variance and however the samples inside it hang
+together; so the same statistic under random signs is its null distribution, and the largest over all tests under the
+same signs gives the probability of so large a largest one (the score bootstrap: Kline and Santos 2012; max statistic:
+Westfall and Young 1993). The spread is of the scores as they are, not of what an effect would leave of them: signs do
+not change the former, so that tests that rest on few clusters have light tails, and do not raise the bar for all.
+
+What is thought of a shared parameter beforehand is one more observation of it, which errs like any other, and so a
+cluster of its own. Without these a test that leans on priors (one supplier's balls against another's, where each ball
+may differ by luck) would take the priors' errors for a finding.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from truearc.sim.discover.model.score_table import Array, ScoreTable, shared_columns
+
+Progress = Callable[[float, str], None]
+FEWEST_CLUSTERS = 8.0                 # a test that rests on fewer is not made: their signs can hardly say 1 %
+LEAST_SHARE = 1e-4                    # of a test's information that must survive the projection
+MOST_LEVERAGE = 0.9
+PIECES = 30                           # that an earlier session's word on one number is split into
+TINY = 1e-300                         # what is not known at all has a root, too
+CHUNK = 250                           # sign patterns at once
+
+
+@dataclass(frozen=True)
+class Scores:
+    """M tests over G clusters, the shared parameters' priors last: `psi` [G, M] efficient scores, `kappa` [G, M] their
+    information; `kept` [M] usable.
+
+    `stretch` [G, M]: fitting the shared parameters draws each cluster's score towards zero; times this it has the
+    spread that it had before.
+    """
+
+    psi: Array
+    kappa: Array
+    stretch: Array
+    kept: Array
+
+    def take(self, kept: Array) -> "Scores":
+        """These of the tests."""
+        return Scores(self.psi[:, kept], self.kappa[:, kept], self.stretch[:, kept], self.kept[kept])
+
+
+@dataclass(frozen=True)
+class Judged:
+    """`statistic` [M] |score| in units of its spread; `p_each` [M] one test alone; `p_value` [M] as the largest of its
+    family, with the family's share of the allowance for false alarms; `families` {name: p of the family}; `p_any`: of
+    all.
+
+    largest {family: [1 + draws]} the largest of each as seen, then by chance; weights: their shares of the allowance.
+    """
+
+    statistic: Array
+    amplitude: Array                  # [M] one-step estimate of b
+    gain: Array                       # [M] log-likelihood explained by it
+    p_each: Array
+    p_value: Array
+    families: dict[str, float]
+    p_any: float
+    largest: dict[str, Array]
+    weights: dict[str, float]
+
+    def threshold(self, family: str, false_alarm: float) -> float:
+        """The statistic from which one test of the family is an alarm; infinite where nothing was asked."""
+        if family not in self.largest:
+            return float("inf")
+        allowed = np.quantile(_least(self.largest, self.weights)[1], false_alarm) * self.weights[family]
+        return float(np.quantile(self.largest[family], 1.0 - min(allowed, 1.0)))
+
+
+def efficient_scores(evidence: ScoreTable, channel: int, weights: Array, cluster: Array, clusters: int) -> Scores:
+    """Scores of `weights` [n, q] (q tests on one channel), summed over `cluster` [n] (numbers below `clusters`); those
+    of the p priors follow."""
+    shared, first = shared_columns(evidence), evidence.first_shared
+    place = evidence.deal.place[:, first:] - first
+    k_cc, k_ct, k_tt = (evidence.info[:, channel, channel], evidence.info[:, channel, first:],
+                        evidence.info[:, first:, first:])
+    across = evidence.deal.spread(evidence.info[:, channel])[:, shared]
+    total = evidence.information[shared, shared] + evidence.precision
+    project = np.linalg.solve(total, (weights.T @ across).T).T if len(total) else np.zeros((weights.shape[1], 0))
+    mine = np.swapaxes(project[:, place], 0, 1)
+    known = mine @ k_tt
+    psi = weights * evidence.score[:, channel, None] - evidence.score[:, shared] @ project.T
+    raw = weights**2 * k_cc[:, None]
+    kappa = raw - 2.0 * weights * (across @ project.T) + (known * mine).sum(2)
+    common = weights[:, :, None] * k_ct[:, None] - known
+    summed = (_sum_over(cluster, clusters, psi), _sum_over(cluster, clusters, kappa),
+              _drawn(cluster, clusters, common, place, np.linalg.inv(total)))
+    psi, kappa, drawn = (np.concatenate(both) for both in zip(summed, _prior_scores(evidence, project, total),
+                                                              strict=True))
+    return Scores(psi, kappa, _stretch(kappa, drawn), _usable(kappa, raw.sum(0)))
+
+
+def _prior_scores(evidence: ScoreTable, project: Array, total: Array) -> tuple[Array, Array, Array]:
+    """(psi, kappa, drawn) [m, q] of the priors, as independent observations of combinations of the shared parameters:
+    one each, or, of what an earlier session told, PIECES each.
+
+    A session's error is normal and as large as it says, so it may be split into many (its share of the error and
+    noise that adds up to nothing); a single one would leave a test that rests on it with one sign to flip. How far
+    the catalogue's priors err nobody knows: their one error stands for itself.
+    """
+    told = np.array([column.told for column in evidence.columns[shared_columns(evidence)]], dtype=bool)
+    root = np.linalg.cholesky(evidence.precision + TINY * np.eye(len(evidence.precision)))
+    error = np.linalg.solve(root, evidence.pull)
+    count = np.where(told, PIECES, 1)
+    whose = np.repeat(np.arange(len(told)), count)
+    noise = np.random.default_rng(0).normal(size=(len(told), PIECES))
+    noise = (noise - noise.mean(axis=1, keepdims=True)) / np.sqrt(PIECES)
+    piece = (error / count)[whose]
+    piece[told[whose]] += noise[told].ravel()
+    onto = (project @ root).T
+    share = 1.0 / count[whose, None]
+    leaned = np.einsum("ij,ij->i", root.T @ np.linalg.inv(total), root.T)[whose, None]
+    return -onto[whose] * piece[:, None], onto[whose]**2 * share, onto[whose]**2 * leaned * share**2
+
+
+def _sum_over(cluster: Array, clusters: int, rows: Array) -> Array:
+    summed = np.zeros((clusters, *rows.shape[1:]))
+    if _each_by_itself(cluster):      # 4 times as fast
+        summed[cluster] = rows
+    else:
+        np.add.at(summed, cluster, rows)
+    return summed
+
+
+def _drawn(cluster: Array, clusters: int, common: Array, place: Array, inverse: Array) -> Array:
+    """[G, q]: how far fitting the shared parameters draws each cluster's score, as a variance.
+
+    `common` [n, q, c]: covariance of a shot's efficient score with its own score of the shared parameters, of which
+    `place` [n, c] says which of the p they are; inverse [p, p] of what is known of these.
+    """
+    if _each_by_itself(cluster):
+        own = inverse[place[:, :, None], place[:, None, :]]
+        return _sum_over(cluster, clusters, ((common @ own) * common).sum(2))
+    summed = np.zeros((clusters, len(inverse), common.shape[1]))
+    np.add.at(summed, (cluster[:, None], place), np.swapaxes(common, 1, 2))
+    variance: Array = np.einsum("gpq,pr,grq->gq", summed, inverse, summed, optimize=True)
+    return variance
+
+
+def _each_by_itself(cluster: Array) -> bool:
+    """As ever but in tests."""
+    return len(np.unique(cluster)) == len(cluster)
+
+
+def _stretch(kappa: Array, drawn: Array) -> Array:
+    """1 / sqrt(1 - leverage), each cluster's leverage in each test as its information has it (HC2 of linear models)."""
+    leverage = drawn / np.maximum(kappa, 1e-300)
+    factor: Array = 1.0 / np.sqrt(1.0 - np.clip(leverage, 0.0, MOST_LEVERAGE))
+    return factor
+
+
+def _usable(kappa: Array, raw: Array) -> Array:
+    total = kappa.sum(0)
+    effective = total**2 / np.maximum((kappa**2).sum(0), 1e-300)
+    usable: Array = (total > LEAST_SHARE * raw) & (raw > 0.0) & (effective >= FEWEST_CLUSTERS)
+    return usable
+
+
+def judge(scores: Scores, family: Sequence[str], allowance: Mapping[str, float], draws: int, seed: int,
+          progress: Progress) -> Judged:
+    """Judge every test alone, in its family [M], and all families together, under `draws` random sign patterns.
+
+    The families' probabilities, each over its share of the allowance, are compared by their smallest under the same
+    signs, so that sharing costs no more than it must (Westfall and Young's min-p).
+    """
+    psi, total, observed = scores.psi * scores.stretch, scores.kappa.sum(0), scores.psi.sum(0)
+    unit = psi / np.sqrt((psi**2).sum(0) + TINY)
+    seen = np.abs(observed) / np.sqrt((psi**2).sum(0) + TINY)
+    member = {name: np.array([one == name for one in family], dtype=bool) for name in allowance if name in set(family)}
+    if not member:
+        return Judged(seen, observed, observed, seen, seen, {}, 1.0, {}, {})
+    largest, above_each = _flip(unit, seen, member, draws, seed, progress)
+    share = sum(allowance[name] for name in member)
+    weights = {name: allowance[name] / share for name in member}
+    p_value, families, p_any = _combine(seen, member, largest, weights)
+    amplitude = observed / total
+    return Judged(seen, amplitude, 0.5 * amplitude * observed, (1.0 + above_each) / (1.0 + draws), p_value, families,
+                  p_any, largest, weights)
+
+
+def _flip(unit: Array, seen: Array, member: Mapping[str, Array], draws: int, seed: int,
+          progress: Progress) -> tuple[dict[str, Array], Array]:
+    """({family: its largest as observed, then in each draw}, draws [M] in which a test came out as large).
+
+    `unit` [G, M]: each cluster's part of a test's score, in units of the spread.
+    """
+    rng = np.random.default_rng(seed)
+    largest = {name: np.append(seen[inside].max(), np.zeros(draws)) for name, inside in member.items()}
+    above_each = np.zeros(len(seen))
+    for start in range(0, draws, CHUNK):
+        count = min(CHUNK, draws - start)
+        flipped = np.abs(rng.choice((-1.0, 1.0), size=(count, len(unit))) @ unit)
+        above_each += (flipped >= seen - 1e-9).sum(0)
+        for name, inside in member.items():
+            largest[name][1 + start:1 + start + count] = flipped[:, inside].max(1)
+        progress((start + count) / draws, "chance")
+    return largest, above_each
+
+
+def _combine(seen: Array, member: dict[str, Array], largest: dict[str, Array],
+             weights: dict[str, float]) -> tuple[Array, dict[str, float], float]:
+    """(p of each test, p of each family alone, p of any): `largest` holds what was observed first, then the draws."""
+    ranks, least = _least(largest, weights)
+    p_value = np.ones(len(seen))
+    for name, values in largest.items():
+        alone = (values[None] >= seen[member[name]][:, None] - 1e-9).mean(1) / weights[name]
+        p_value[member[name]] = (least[None] <= alone[:, None] + 1e-12).mean(1)
+    return p_value, {name: float(rank[0]) for name, rank in ranks.items()}, float((least <= least[0] + 1e-12).mean())
+
+
+def _least(largest: dict[str, Array], weights: dict[str, float]) -> tuple[dict[str, Array], Array]:
+    """({family: p of each of its largest}, the smallest of these [1 + draws], each over its share of the allowance)."""
+    ranks = {name: (values[None] >= values[:, None] - 1e-9).mean(1) for name, values in largest.items()}
+    return ranks, np.min([ranks[name] / weights[name] for name in largest], axis=0)

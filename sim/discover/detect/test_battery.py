@@ -1,0 +1,93 @@
+"""Every question that is asked of the data, in families: terms, free changes over covariates, any pattern at all."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from truearc.sim.discover.detect.clusters import Clusters
+from truearc.sim.discover.detect.covariates import Covariate, Factor, CovariatePair
+from truearc.sim.discover.model.score_table import Array, Column, ScoreTable
+from truearc.sim.discover.detect.reference_session import ReferenceSession
+from truearc.sim.discover.detect.weight_functions import (
+    SAME,
+    Look,
+    WeightFunction,
+    group_shapes,
+    number_shapes,
+    pair_shapes,
+    weights_of,
+)
+from truearc.sim.discover.detect.score_test import Scores, efficient_scores
+
+TERMS, FREE, PATTERN = "terms", "free", "pattern"
+# How the allowance for false alarms is shared out: a name is worth most, and most of what is left out has one.
+ALLOWANCE = {TERMS: 0.6, FREE: 0.3, PATTERN: 0.1}
+
+
+@dataclass(frozen=True)
+class Test:
+    """One question: does this column's amplitude go with these weights [n]? what None: the same in every shot."""
+
+    __test__ = False                  # not one of pytest's
+
+    family: str
+    column: int
+    what: Covariate | Factor | CovariatePair | None
+    shape: str
+    weights: Array
+    form: WeightFunction = SAME                # behind `shape` and `weights`, to lay over another session
+
+
+@dataclass(frozen=True)
+class Asked:
+    """All tests with their scores [G, M]."""
+
+    tests: tuple[Test, ...]
+    scores: Scores
+
+
+def ask_everything(evidence: ScoreTable, covariates: Sequence[Covariate], factors: Sequence[Factor],
+                   clusters: Clusters, seed: int, home: ReferenceSession | None = None) -> Asked:
+    """All tests that the data can carry; a factor that makes the clusters is not asked about. home: what was left over
+    there already is no change."""
+    label, look = clusters.label[evidence.rows], _look_at(evidence.rows)
+    grouped = next((column.name.partition(" ")[0] for column in evidence.columns if column.kind == "group"), "")
+    shapes = [SAME, *(shape for covariate in covariates for shape in number_shapes(covariate, look)),
+              *(shape for factor in factors if factor.name != grouped for shape in group_shapes(factor, look))]
+    tests: list[Test] = []
+    parts: list[Scores] = []
+
+    def ask(number: int, family: str, shapes: Sequence[WeightFunction]) -> None:
+        weights = weights_of(shapes, look)
+        tests.extend(Test(family, number, shape.what, shape.name, weights[:, k], shape)
+                     for k, shape in enumerate(shapes))
+        scores = efficient_scores(evidence, number, weights, label, clusters.count)
+        parts.append(scores if home is None else home.beside(scores, evidence, number, shapes, weights))
+
+    for number, column in enumerate(evidence.columns[:evidence.first_shared]):
+        if column.kind == "term" or column.follows:
+            ask(number, TERMS if column.kind == "term" else FREE, [SAME])
+        else:
+            ask(number, FREE, shapes)
+    if pairs := pair_shapes(covariates, look, seed):
+        ask(evidence.index("launch speed"), PATTERN, pairs)
+    scores = _join(parts)
+    kept = np.flatnonzero(scores.kept)
+    return Asked(tuple(tests[k] for k in kept), scores.take(kept))
+
+
+def name_of(test: Test, column: Column) -> str | None:
+    """The covariate as reported: what it varies with inside a flight, a column, or nothing."""
+    if column.kind == "free" and column.follows:
+        return column.follows
+    return None if test.what is None else test.what.name
+
+
+def _join(parts: list[Scores]) -> Scores:
+    return Scores(*(np.concatenate([getattr(part, name) for part in parts], axis=-1)
+                    for name in ("psi", "kappa", "stretch", "kept")))
+
+
+def _look_at(rows: Array) -> Look:
+    return Look(len(rows), lambda what: what.codes[rows] if isinstance(what, Factor) else what.values[rows])

@@ -1,0 +1,153 @@
+"""How a test weighs shots: by what may depend on one covariate, on a group, on two covariates together.
+
+A shape is made from the session that is asked, in whose units and about whose middle it is; it can be laid over the
+shots of another session, which is looked at the same way.
+"""
+
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from truearc.sim.discover.detect.covariates import Covariate, Factor, CovariatePair, varies
+from truearc.sim.discover.model.score_table import Array
+
+FEWEST = 8                            # shots on each side of a step, and in a group: the signs of fewer say little
+STEPS = 5
+STEP = "step at "                     # followed by where
+WAVES = 48                            # over planes of two covariates drawn at random
+WAVE_LENGTH = 1.5                     # standard deviations of a covariate to a radian
+FARTHEST = 2.5                        # standard deviations beyond which a covariate of a pair counts as no further out
+
+
+@dataclass(frozen=True)
+class Look:
+    """A session's n shots. `at`: what they are by a covariate, numbers [n], nan where unknown; or by a factor, codes
+    [n] of its levels, -1 where unknown."""
+
+    n: int
+    at: Callable[[Covariate | Factor], Array]
+
+
+Law = Callable[[Array], Array]
+
+
+@dataclass(frozen=True)
+class WeightFunction:
+    """One way of weighing. what None: every shot alike. `weigh`: weights [n] of the shots of a session so looked at."""
+
+    what: Covariate | Factor | CovariatePair | None
+    name: str
+    weigh: Callable[[Look], Array]
+
+
+SAME = WeightFunction(None, "same", lambda look: np.ones(look.n))
+
+
+def number_shapes(covariate: Covariate, look: Look) -> list[WeightFunction]:
+    """Straight, bent, steps, proportional. All but the last are centred; a shot whose covariate is unknown weighs
+    nothing."""
+    values = look.at(covariate)
+    known = np.isfinite(values)
+    if known.sum() < FEWEST or not varies(values):
+        return []
+    middle, width = values[known].mean(), values[known].std()
+    scaled = (values - middle) / width
+    skew = np.mean(scaled[known]**3)
+    laws: list[tuple[str, Law]] = [("straight", lambda x: (x - middle) / width)]
+    if len(np.unique(values[known])) >= 3:
+        laws.append(("bent", lambda x: ((x - middle) / width)**2 - 1.0 - (x - middle) / width * skew))
+    laws += [(f"{STEP}{cut:.4g}", _step(cut, np.mean(values[known] > cut))) for cut in _cuts(values[known])]
+    if {"exit_spin_rev_s", "exit_speed_m_s"} & set(covariate.names):
+        largest = np.abs(values[known]).max()
+        laws.append(("proportional", lambda x: x / largest))
+    return [WeightFunction(covariate, name, _of_number(covariate, law)) for name, law in laws]
+
+
+def group_shapes(factor: Factor, look: Look) -> list[WeightFunction]:
+    """Each level of a factor with enough shots against the rest, centred."""
+    codes = look.at(factor)
+    found = []
+    for code, level in enumerate(factor.levels):
+        inside = codes == code
+        if FEWEST <= inside.sum() <= (codes >= 0).sum() - FEWEST:
+            found.append(WeightFunction(factor, level, _of_group(factor, code, inside[codes >= 0].mean())))
+    return found
+
+
+def pair_shapes(covariates: Sequence[Covariate], look: Look, seed: int) -> list[WeightFunction]:
+    """Over the plane of every two covariates, centred: their product, and over some planes a random wave (random
+    Fourier features of a Gaussian kernel), so that whatever two of them do together leaves a trace."""
+    placed = [(one, _place_in(look.at(one))) for one in covariates if varies(look.at(one))]
+    pairs = [_Plane(*first, *second) for first, second in itertools.combinations(placed, 2)]
+    shapes = [pair.shape("product", look, lambda place: place[0] * place[1]) for pair in pairs]
+    rng = np.random.default_rng(seed)
+    for pair in [pairs[k] for k in rng.integers(0, len(pairs), WAVES)] if pairs else ():
+        turn, phase = rng.normal(size=2) / WAVE_LENGTH, rng.uniform(0.0, 2.0 * np.pi)
+        shapes.append(pair.shape("wave", look, _wave(turn, phase)))
+    return shapes
+
+
+def weights_of(shapes: Sequence[WeightFunction], look: Look) -> Array:
+    """Weights [n, q] of the shots so looked at."""
+    return np.stack([shape.weigh(look) for shape in shapes], axis=1)
+
+
+@dataclass(frozen=True)
+class _Plane:
+    """Of two covariates, each with the way to its place in it."""
+
+    first: Covariate
+    across: Law
+    second: Covariate
+    up: Law
+
+    def place(self, look: Look) -> Array:
+        """[2, n] in standard deviations."""
+        return np.stack([self.across(look.at(self.first)), self.up(look.at(self.second))])
+
+    def shape(self, name: str, look: Look, law: Law) -> WeightFunction:
+        """By a law of the place, centred over the shots of the session that is asked."""
+        place = self.place(look)
+        middle = law(place).mean()
+        return WeightFunction(CovariatePair(self.first, self.second, place), name, lambda other: law(self.place(other)) - middle)
+
+
+def _of_number(covariate: Covariate, law: Law) -> Callable[[Look], Array]:
+    def weigh(look: Look) -> Array:
+        values = look.at(covariate)
+        return np.where(np.isfinite(values), law(values), 0.0)
+    return weigh
+
+
+def _of_group(factor: Factor, code: int, share: float) -> Callable[[Look], Array]:
+    def weigh(look: Look) -> Array:
+        codes = look.at(factor)
+        return np.where(codes >= 0, (codes == code) - share, 0.0)
+    return weigh
+
+
+def _step(cut: float, share: float) -> Law:
+    return lambda x: (x > cut) - share
+
+
+def _wave(turn: Array, phase: float) -> Law:
+    return lambda place: np.sqrt(2.0) * np.cos(turn @ place + phase)
+
+
+def _place_in(values: Array) -> Law:
+    """In standard deviations from the mean, no farther than FARTHEST; unknown = 0."""
+    middle, width = np.nanmean(values), np.nanstd(values)
+    return lambda x: np.nan_to_num(np.clip((x - middle) / width, -FARTHEST, FARTHEST))
+
+
+def _cuts(values: Array) -> list[float]:
+    """Thresholds that leave enough shots on each side, at even quantiles, none splitting as another does."""
+    ordered = np.unique(values)
+    if len(ordered) < 3:
+        return []                     # straight says it already
+    middles = (ordered[1:] + ordered[:-1]) / 2.0
+    wanted = np.quantile(values, np.arange(1, STEPS + 1) / (STEPS + 1.0))
+    cuts = sorted({float(middles[np.abs(middles - want).argmin()]) for want in wanted})
+    return [cut for cut in cuts if FEWEST <= (values > cut).sum() <= len(values) - FEWEST]

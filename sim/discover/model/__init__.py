@@ -1,0 +1,1 @@
+"""The linearised statistical model behind discovery."""

@@ -1,0 +1,321 @@
+"""The believed simulation fitted to a dataset: coefficients and scatter that all shots share."""
+
+import itertools
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from functools import cache
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from scipy.linalg import block_diag
+
+from truearc.sim.discover.model import outcome_likelihood as outcomes
+from truearc.sim.discover.model.forward_model import Chain, plane_grid
+from truearc.sim.discover.model.design_columns import SCATTER_PRIOR
+from truearc.sim.discover.model.score_table import Array, ScoreTable
+from truearc.sim.discover.model.prepared_data import SCATTERS, Intake
+from truearc.sim.discover.model.linearization import (
+    Linearization,
+    ParameterLayout,
+    LinearizationPoint,
+    fly,
+    linearise,
+    nowhere,
+)
+from truearc.sim.discover.model.external_measurements import prior_of
+from truearc.sim.physics.catalogue import find_parameter, flight_terms
+from truearc.sim.physics.nonparametric import CURVE, NAMELESS
+from truearc.sim.physics.scales import LOG
+
+Progress = Callable[[float, str], None]
+GRID = (-1.0, -0.5, 0.0, 0.5, 1.0)    # of each coefficient's prior, in standard deviations, where the fit may start
+SOME = 96                             # outcomes that the grid looks at
+MOST_GRID = 3                         # coefficients that are gridded; more start from the prior's centre
+SCATTER_GRID = (1.0, 3.0, 10.0)       # times the usual one of a launch
+OF_LAUNCH = np.array([name != "scatter.distance" for name in SCATTERS])
+FEWEST = 5                            # outcomes that the grid can be judged by
+ROUNDS = 20                           # of flying, and of steps between two flights
+INNER = 10
+PATIENCE = 4                          # flights that gain nothing, before what slopes promise is no longer believed
+HALVINGS = 8
+SETTLED = 1e-3                        # nats
+LEAST_ROUNDS = 2                      # with tracks, whose shots' own deviations must settle too
+FARTHEST = 2.0                        # usual sizes that a column may move by in one step: all is linear nearby only
+SLACK = 0.3                           # nats a step may lose with tracks: scores leave out that slopes change the spread
+ABSURD = 5.0                          # times the usual scatter of a launch
+FEW = 200                             # outcomes up to which the likelihood may have several tops
+
+
+@dataclass(frozen=True)
+class BaselineFit:
+    """The believed simulation at its best: where, and the evidence there with the columns asked for."""
+
+    intake: Intake
+    layout: ParameterLayout
+    spot: LinearizationPoint
+    evidence: ScoreTable
+
+    @property
+    def values(self) -> dict[str, float]:
+        """{shared column: value}; scatters themselves, not their logs."""
+        first = self.evidence.first_shared
+        named = zip(self.evidence.columns[first:], self.evidence.point[first:], strict=True)
+        return {column.name: float(np.exp(value) if column.name.startswith("scatter.") else value)
+                for column, value in named if column.kind != "group"}
+
+    @property
+    def together(self) -> Array:
+        """Which shots hang together when figures are compared, a number each [n]: those of a group, else each alone."""
+        groups = self.layout.groups
+        return np.arange(len(self.evidence.rows)) if groups is None or groups.count == 1 else groups.label
+
+
+def part_of(progress: Progress, begin: float, share: float) -> Progress:
+    """Progress of a part that begins at `begin` and is `share` of the whole."""
+    return lambda done, note: progress(begin + share * done, note)
+
+
+def fit_believed(intake: Intake, layout: ParameterLayout, progress: Progress = lambda done, note: None) -> BaselineFit:
+    """Most probable shared columns by Newton's method with halved steps, relinearised at every step."""
+    bare = only_shared(layout)
+    starts = usual_starts(intake, layout)
+    starts = starts[:1] if intake.samples is not None or len(intake.marked) > FEW else (
+        *starts, usual_spot(intake, layout))
+    tops = [climb(intake, bare, start, part_of(progress, 0.9 * k / len(starts), 0.9 / len(starts)))
+            for k, start in enumerate(starts)]
+    spot = max(tops, key=lambda top: objective(top[1], bare))[0]
+    progress(0.9, "slopes")
+    whole, _ = linearise(intake, layout, spot)
+    return BaselineFit(intake, layout, spot, whole)
+
+
+def climb(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint,
+          progress: Progress = lambda done, note: None) -> tuple[LinearizationPoint, ScoreTable]:
+    """Uphill in all columns of the layout, which must all be shared ones, until a step is far below their doubt.
+
+    Between flights all is taken as linear; it is flown again at each top so found, until the top stays.
+    """
+    best = highest = -np.inf
+    idle = 0
+    kept: tuple[LinearizationPoint, ScoreTable, Array] | None = None
+    for number in range(ROUNDS):
+        progress(number / ROUNDS, "fit")
+        flown = fly(intake, layout, spot)
+        evidence, deviates = linearise(intake, layout, spot, flown)
+        value = objective(evidence, layout)
+        idle = 0 if value > highest + _slack(intake) else idle + 1
+        highest = max(highest, value)
+        if idle > PATIENCE:
+            break
+        if kept is not None and not value >= best - _slack(intake):
+            spot = _halfway(kept[0], spot)
+            continue
+        best, kept = value, (spot, evidence, deviates)
+        if _step_within(layout, spot, evidence)[1] < SETTLED and number >= LEAST_ROUNDS * (intake.samples is not None):
+            break
+        top, found = _climb_linear(intake, layout, spot, flown)
+        spot = replace(top, deviates=found)
+    assert kept is not None
+    return kept[0], kept[1]
+
+
+def _climb_linear(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint, flown: Linearization) -> tuple[LinearizationPoint, Array]:
+    """(the top without flying anew, most likely deviates there)."""
+    evidence, deviates = linearise(intake, layout, spot, flown)
+    best = objective(evidence, layout)
+    for _ in range(INNER):
+        step, worth = _step_within(layout, spot, evidence)
+        if worth < SETTLED or not np.isfinite(step).all():
+            break
+        step = step / max(1.0, float(np.abs(step * scale_of(layout)).max(initial=0.0)) / FARTHEST)
+        for halving in range(HALVINGS):
+            tried = moved(layout, spot, step * 0.5**halving)
+            there, found = linearise(intake, layout, tried, flown)
+            value = objective(there, layout)
+            if value >= best - _slack(intake):
+                break
+        else:
+            break
+        best, spot, evidence, deviates = value, tried, there, found
+    return spot, deviates
+
+
+def _halfway(a: LinearizationPoint, b: LinearizationPoint) -> LinearizationPoint:
+    return LinearizationPoint(*(0.5 * (x + y) for x, y in ((a.values, b.values), (a.log_scatter, b.log_scatter),
+                                             (a.deviates, b.deviates), (a.effects, b.effects))))
+
+
+def newton_step(evidence: ScoreTable, free: Array | slice = slice(None)) -> tuple[Array, float]:
+    """(Fisher scoring step [P] for layouts of shared columns only, nats that it promises); columns that are not `free`
+    stay."""
+    info, slope = evidence.information + evidence.precision, evidence.score.sum(0) + evidence.pull
+    info, slope, step = info[free][:, free], slope[free], np.zeros(len(slope))
+    step[free] = np.linalg.solve(info + 1e-12 * np.diag(np.diag(info) + 1e-12), slope)
+    return step, 0.5 * float(step[free] @ slope)
+
+
+def _step_within(layout: ParameterLayout, spot: LinearizationPoint, evidence: ScoreTable) -> tuple[Array, float]:
+    """The same; what is at a limit and would go beyond it stays, so that the others go where it is best for it there.
+    """
+    free = np.full(len(layout.columns), True)
+    while True:
+        step, worth = newton_step(evidence, free)
+        out = free & _leads_out(layout, spot, step)
+        if not out.any():
+            return step, worth
+        free &= ~out
+
+
+def _leads_out(layout: ParameterLayout, spot: LinearizationPoint, step: Array) -> Array:
+    """Which columns [P] are at a limit of theirs that the step is to lead beyond."""
+    out = np.full(len(layout.columns), False)
+    slots = np.flatnonzero((layout.source >= 0) & (layout.source < len(layout.chain.slots)))
+    source = layout.source[slots]
+    (low, high), values = _bounds(layout.chain.slots), spot.values[source]
+    out[slots] = ((values <= low[source]) & (step[slots] < 0.0)) | ((values >= high[source]) & (step[slots] > 0.0))
+    return out
+
+
+def scale_of(layout: ParameterLayout) -> Array:
+    """1 / a usual size of each column [P]."""
+    return 1.0 / np.array([column.usual for column in layout.columns])
+
+
+def objective(evidence: ScoreTable, layout: ParameterLayout) -> float:
+    """Log posterior, up to a constant."""
+    off = evidence.point[evidence.first_shared:] - layout.centre
+    value = float(evidence.log_score.sum() - 0.5 * off @ layout.precision @ off)
+    return value if np.isfinite(value) else -np.inf
+
+
+def moved(layout: ParameterLayout, spot: LinearizationPoint, change: Array) -> LinearizationPoint:
+    """The spot after its columns change by `change` [P], parameters no further than they can go; log scatters by no
+    more than 1 at a time."""
+    values, log_scatter = spot.values.copy(), spot.log_scatter.copy()
+    slots = (layout.source >= 0) & (layout.source < len(layout.chain.slots))
+    values[layout.source[slots]] += change[slots]
+    values = np.clip(values, *_bounds(layout.chain.slots))
+    for number, column in enumerate(layout.scatters):
+        if column >= 0:
+            log_scatter[number] = np.clip(log_scatter[number] + np.clip(change[column], -1.0, 1.0), -9.0, 1.0)
+    return LinearizationPoint(values, log_scatter, spot.deviates, spot.effects + change[layout.source == -2])
+
+
+def out_of_range(values: Mapping[str, float]) -> list[str]:
+    """Names ("term.parameter") of values that no fit may come to, or that stopped at their limit; scatters have none.
+    """
+    slots = tuple(tuple(name.split(".", 1)) for name in values if not name.startswith("scatter."))
+    low, high = _bounds(slots)
+    return [".".join(slot) for slot, least, most in zip(slots, low, high, strict=True)
+            if not least < values[".".join(slot)] < most]
+
+
+@cache
+def _bounds(slots: tuple[tuple[str, str], ...]) -> tuple[Array, Array]:
+    """Lowest and highest [slots] that a fit may come to. A parameter's declared range, in which it is looked for, goes
+    on below zero where its scale does: lift may be reversed, an efficiency above one; drag cannot drive."""
+    parameters = [find_parameter(".".join(slot)) for slot in slots]
+    low = [one.low if one.prior is not None and one.prior.scale == LOG else min(one.low, -one.high)
+           for one in parameters]
+    return np.array(low), np.array([one.high for one in parameters])
+
+
+def only_shared(layout: ParameterLayout, more: Iterable[str] = ()) -> ParameterLayout:
+    """The layout without free columns and terms, but for the named ones, which become shared with their usual size
+    as a prior. One that is a change of a shared number widens that one's prior instead, and puts it in front."""
+    first = len(layout.columns) - len(layout.precision)
+    asked = {column.name: k for k, column in enumerate(layout.columns[:first]) if column.name in set(more)}
+    shared = {column.name: k for k, column in enumerate(layout.columns) if k >= first}
+    changed = [shared[name] for name in asked if name in shared]
+    named = [k for name, k in asked.items() if name not in shared]
+    rest = [k for k in range(first, len(layout.columns)) if k not in changed]
+    kept = [*named, *changed, *rest]
+    place = {column: number for number, column in enumerate(kept)}
+    known = widened(layout.precision, [(k - first, layout.columns[asked[layout.columns[k].name]].usual)
+                                       for k in changed])
+    order = np.array([*changed, *rest], dtype=int) - first
+    own = [prior_of(layout.measured, layout.columns[k].name, layout.columns[k].usual) for k in named]
+    precision = block_diag(np.diag([one.precision for one in own]), known[np.ix_(order, order)])
+    return ParameterLayout(_lean(layout, kept), tuple(layout.columns[k] for k in kept), layout.source[kept],
+                  tuple(place.get(column, -1) for column in layout.scatters), precision,
+                  np.concatenate([[one.centre for one in own], layout.centre[order]]), layout.edges_s, layout.usual,
+                  layout.groups, layout.measured, layout.see)
+
+
+def widened(precision: Array, by: Iterable[tuple[int, float]]) -> Array:
+    """The prior's precision once numbers [(place, standard deviation)] may have changed (Sherman and Morrison)."""
+    for place, sd in by:
+        row = precision[place]
+        precision = precision - np.outer(row, row) * sd**2 / (1.0 + sd**2 * row[place])
+    return precision
+
+
+def _lean(layout: ParameterLayout, kept: list[int]) -> Chain:
+    """The chain with as few terms in the air as these columns need, but one of two: compiled code is shared."""
+    chain = layout.chain
+    first = len(layout.columns) - len(layout.precision)
+    airborne = {term.name for term in flight_terms(chain.terms)}
+    known = {layout.columns[k].name.partition(".")[0] for k in range(first, len(layout.columns))} | {"gravity"}
+    known |= {term.name for term in NAMELESS}
+    named = {layout.columns[k].name.partition(".")[0] for k in kept}
+    if named & airborne - known:
+        return chain
+    return replace(chain, terms=tuple(name for name in chain.terms if name not in airborne or name in known))
+
+
+def _slack(intake: Intake) -> float:
+    return SETTLED if intake.samples is None else SLACK
+
+
+def usual_starts(intake: Intake, layout: ParameterLayout) -> tuple[LinearizationPoint, ...]:
+    """Where to climb from, the likeliest first: for each size of the scatter the best of a grid over up to MOST_GRID
+    coefficients, by outcomes; without outcomes the prior's middle alone."""
+    usual = usual_spot(intake, layout)
+    if len(intake.marked) < FEWEST:
+        return (usual,)
+    first = len(layout.columns) - len(layout.precision)
+    slots = layout.chain.slots
+    shared = [k for k in range(first, len(layout.columns))
+              if 0 <= layout.source[k] < len(slots) and slots[layout.source[k]][0] != CURVE]
+    known = np.sqrt(np.diag(np.linalg.inv(layout.precision)))
+    axes = [(layout.source[k], layout.centre[k - first], known[k - first]) for k in shared][:MOST_GRID]
+    steps = np.array(list(itertools.product(GRID, repeat=len(axes))))
+    points = np.tile(usual.values, (len(steps), 1))
+    for number, (slot, centre, sd) in enumerate(axes):
+        points[:, slot] = centre + steps[:, number] * sd
+    likelihood = _rough(intake, layout, points) - 0.5 * (steps**2).sum(1)[:, None]
+    return tuple(replace(usual, values=points[likelihood[:, k].argmax()],
+                         log_scatter=usual.log_scatter + np.log(SCATTER_GRID[k]) * OF_LAUNCH)
+                 for k in np.argsort(-likelihood.max(0)))
+
+
+def usual_spot(intake: Intake, layout: ParameterLayout) -> LinearizationPoint:
+    """Coefficients and scatters in the middle of their priors, no shot off its configuration."""
+    slots = len(layout.chain.slots)
+    values = layout.usual.copy()
+    first = len(layout.columns) - len(layout.precision)
+    for k in range(first, len(layout.columns)):
+        if 0 <= layout.source[k] < slots:
+            values[layout.source[k]] = layout.centre[k - first]
+    return nowhere(intake, layout, values, np.log([SCATTER_PRIOR[name][0] for name in SCATTERS]))
+
+
+def is_lost(fitted: BaselineFit) -> bool:
+    """Whether the fit takes the launch to scatter by ABSURD times what is usual: something great is missing, and what
+    was fitted without it is no place to start from."""
+    usual = np.log([SCATTER_PRIOR[name][0] for name in SCATTERS])
+    return bool(((fitted.spot.log_scatter - usual)[OF_LAUNCH] > np.log(ABSURD)).any())
+
+
+def _rough(intake: Intake, layout: ParameterLayout, points: Array) -> Array:
+    """Log-likelihood [points, scatters] of some of the outcomes, at some sizes of one scatter of the height."""
+    some = np.arange(len(intake.marked))[::-(-len(intake.marked) // SOME)]
+    lanes = jax.tree.map(lambda part: np.asarray(part)[np.resize(intake.marked[some], SOME)] if np.ndim(part) else part,
+                         intake.lanes)
+    chain = replace(_lean(layout, []), track=False, bands=0)
+    mean, near = (np.asarray(part)[:, :len(some)] for part in plane_grid(chain, lanes, jnp.asarray(points)))
+    mean = np.where(near, mean, -10.0)
+    seen = intake.seen.take(some)
+    return np.array([[outcomes.log_likelihood(seen, row, np.full(len(row), 0.08 * factor)).sum()
+                      for factor in SCATTER_GRID] for row in mean])

@@ -1,0 +1,245 @@
+"""The ways to be wrong that are asked about, for one dataset and belief: free ones, terms, and what is fitted."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from truearc.robot.config.schema import InputError
+from truearc.sim.infer.belief import Belief
+from truearc.sim.discover.model.curve_columns import bent
+from truearc.sim.discover.model.forward_model import DIRECTIONS, Chain
+from truearc.sim.discover.model.score_table import Array, Column
+from truearc.sim.discover.model.prepared_data import SCATTERS, Intake
+from truearc.sim.discover.model.linearization import Groups, ParameterLayout
+from truearc.sim.discover.model.belief_prior import inform, may_have_moved
+from truearc.sim.physics.catalogue import TERMS, find_parameter, find_terms
+from truearc.sim.physics.nonparametric import NAMELESS
+from truearc.sim.physics.term import Parameter, Term
+
+BANDS = 6                             # of the flight's time, with tracks
+LONGEST_STEP_S, MOST_DOUBLINGS = 0.02, 4          # of Runge-Kutta in a track
+WEAKER = 1.5                          # so that what is believed can hardly be argued away by its own prior
+KNOWN = ("gravity",)                  # terms whose parameters are known, not fitted
+# A tracker's calibration is never so sure that it could name physics: fitted always, its prior all but flat.
+TRACKER = {"track_scale": 0.05, "track_tilt": 2.5, "track_clock": 0.05}
+SCATTER_PRIOR = {"scatter.speed": (0.015, 3.0), "scatter.elevation_rad": (0.007, 3.0),
+                 "scatter.azimuth_rad": (0.007, 3.0), "scatter.distance": (1.0, 2.0)}      # median, factor
+
+# How much balls (or sessions, robots) differ from one another in exit speed and in drag: a share, one deviation.
+LUCK = {"speed": 0.03, "drag": 0.08}
+# Balls that nobody told apart: a later session's are others, so many; one differs from another in elevation, too, and
+# in the numbers that go with a ball by as large a share as in drag.
+OTHERS, OTHER_BALLS, OTHER_RAD = "others", 10, 0.01
+OF_A_BALL = ("drag.cd", "magnus.cl", "wheel_slip.loss_per_m_s")
+BALLS_PART = 0.5                      # of the variance of launches from shot to shot: as if that were the balls'
+
+# Deviations of single launches that may go with anything, and what each amounts to where it is at work.
+FREE = (
+    (0, Column("launch speed", "free", "launch", "along", "1", 0.2,
+               ("the ball leaves faster", "the ball leaves slower"))),
+    (1, Column("launch elevation", "free", "launch", "vertical", "rad", 0.0175,
+               ("the ball leaves steeper", "the ball leaves flatter"))),
+    (4, Column("distance", "free", "sensing", "along", "m", 0.12,
+               ("the target is farther", "the target is nearer"))),
+)
+AZIMUTH = (2, Column("launch azimuth", "free", "launch", "lateral", "rad", 0.0175,
+                     ("the ball leaves to the left", "the ball leaves to the right")))
+PUSH_WORDS = {"along": ("the ball is driven along its flight", "the ball is held back along its flight"),
+              "vertical": ("the ball is lifted across its flight", "the ball is pressed down across its flight"),
+              "lateral": ("the ball is pushed to its left", "the ball is pushed to its right")}
+PUSH_USUAL = 1.5                      # m/s2, as of a wrong drag law or a breeze of 1 m/s
+ALONG_TERMS = ("drag", "drag_reynolds", "spin_drag", "air_density", "air_change", "drag_wear", "wind_x",
+               "exit_efficiency", "wheel_slip", "wheel_droop", "ball_wear", "battery_sag", "rapid_fire",
+               "encoder_scale", "ball_spread", "distance_scale", "distance_bias", "vision_latency", "track_scale",
+               "track_clock")
+
+
+def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Array, int] | None = None,
+            catalogue: tuple[Term, ...] = TERMS, belief: Belief | None = None,
+            later: ParameterLayout | None = None) -> ParameterLayout:
+    """Every column that the data could speak of; InputError for a believed term that there is none of.
+
+    belief: of this very rig, from an earlier session; whether a number in it has changed since is asked like any term.
+
+    groups: (what, label [n] of the intake's shots, how many) of things that differ by luck, such as balls. later: of a
+    session after the one that the belief was made from, which is laid out here: with the same bands of the flight, as
+    free to have other balls, so that both take up alike what the belief leaves over, and as doubtful as without the
+    belief, for it must not be heard twice.
+    """
+    check_believed(tuple(name for name in believed if belief is None or name not in belief.coefficients))
+    terms = tuple(term.name for term in catalogue)
+    slots = tuple((term.name, p.name) for term in catalogue for p in term.parameters)
+    usual = np.array([float(p.default) for term in catalogue for p in term.parameters])
+    tracked = intake.samples is not None
+    chain = Chain(intake.stripped, terms, slots, BANDS if tracked else 0, _substeps(intake), bool(len(intake.marked)),
+                  tracked, bool(np.asarray(intake.lanes.free).any()))
+    edges = _edges(intake) if later is None else later.edges_s
+    free = [*FREE, *([AZIMUTH] if tracked else [])]
+    columns = [column for _, column in free]
+    source = [len(slots) + number for number, _ in free]
+    pushes = _pushes(chain, edges)
+    first_push = len(slots) + chain.deviates
+    columns += [column for _, column in pushes]
+    source += [first_push + number for number, _ in pushes]
+    known = {*believed, *KNOWN, *(TRACKER if tracked else ())}
+    asked = [term for term in catalogue if term.name not in known and (belief is not None or not term.relative)]
+    columns += [_term_column(term) for term in asked]
+    source += [slots.index((term.name, term.parameters[0].name)) for term in asked]
+    shared = _shared(intake, believed, slots)
+    changed = _changed(shared, belief)
+    columns += [column for column, _ in changed]
+    source += [place for _, place in changed]
+    scatters = tuple(_scatter_place(intake, name, len(columns) + len(shared), k) for k, name in enumerate(SCATTERS))
+    names = [name for name, place in zip(SCATTERS, scatters, strict=True) if place >= 0]
+    prior = [(mean, sd) for _, _, mean, sd in shared]
+    prior += [(np.log(SCATTER_PRIOR[name][0]), np.log(SCATTER_PRIOR[name][1])) for name in names]
+    columns += [column for column, *_ in shared]
+    columns += [Column(name, "shared", "launch", "along", "1", 1.0) for name in names]
+    source += [place for _, place, *_ in shared] + [-1] * len(names)
+    lucky: Groups | None
+    if groups is None and belief is not None:
+        differ = _as_balls_differ if tracked else _as_shots_differ
+        lucky = _others(len(intake.rows), *differ(belief, slots))
+        groups = OTHERS, lucky.label, lucky.count
+    else:
+        lucky = None if groups is None else _groups(groups, believed, slots)
+    if lucky is not None and groups is not None:
+        columns += [Column(f"{groups[0]} {number}", "group", "launch", "along", "1", 1.0, told=groups[0] == OTHERS)
+                    for _ in lucky.inputs for number in range(lucky.count)]
+        source += [-2] * (lucky.count * len(lucky.inputs))
+        prior += [(0.0, 1.0)] * (lucky.count * len(lucky.inputs))
+    centre, sd = np.array(prior, dtype=float).reshape(-1, 2).T
+    layout = ParameterLayout(chain, tuple(columns), np.array(source, dtype=int), scatters, np.diag(sd**-2.0), centre, edges,
+                    usual, lucky)
+    return layout if belief is None else inform(bent(layout, belief), belief, sure=later is None)
+
+
+def _groups(groups: tuple[str, Array, int], believed: tuple[str, ...], slots: tuple[tuple[str, str], ...]) -> Groups:
+    """Speed, and drag where it is believed, each with its own luck."""
+    _, label, count = groups
+    inputs, scale = [len(slots)], [LUCK["speed"]]
+    if "drag" in believed:
+        drag = find_parameter("drag.cd")
+        inputs.append(slots.index(("drag", "cd")))
+        scale.append(LUCK["drag"] * (drag.prior.centre if drag.prior else 1.0))
+    return Groups(label, count, np.array(inputs), np.array(scale))
+
+
+def _others(n: int, inputs: list[int], scale: list[float]) -> Groups:
+    """By how much the mean of a session's balls may differ from that of the belief's, one of which does by `scale`."""
+    return Groups(np.zeros(n, dtype=int), 1, np.array(inputs, dtype=int), np.array(scale) / np.sqrt(OTHER_BALLS))
+
+
+def _as_balls_differ(belief: Belief, slots: tuple[tuple[str, str], ...]) -> tuple[list[int], list[float]]:
+    """In speed, elevation, and the believed numbers that go with a ball; tracks would see each."""
+    mine = {tuple(name.split(".")): LUCK["drag"] * abs(belief.value(name)) for name in OF_A_BALL if belief.has(name)}
+    return ([len(slots), len(slots) + 1, *(slots.index((term, key)) for term, key in mine)],
+            [LUCK["speed"], OTHER_RAD, *mine.values()])
+
+
+def _as_shots_differ(belief: Belief, slots: tuple[tuple[str, str], ...]) -> tuple[list[int], list[float]]:
+    """In speed and elevation, by no more than launches do from shot to shot: outcomes show no more of a ball."""
+    spread = belief.scatter.get("speed", 0.0), np.radians(belief.scatter.get("elevation_deg", 0.0))
+    return [len(slots), len(slots) + 1], [float(np.sqrt(BALLS_PART) * value) for value in spread]
+
+
+def _term_column(term: Term) -> Column:
+    amplitude = term.parameters[0]
+    return Column(f"{term.name}.{amplitude.name}", "term", term.stage,
+                  "along" if term.name in ALONG_TERMS else "lateral" if term.name == "wind_y" else "vertical",
+                  amplitude.unit, usual_of(term), follows=term.follows or "")
+
+
+def usual_of(term: Term) -> float:
+    """One standard deviation of a term's amplitude, in its own unit, where it is at work at all."""
+    prior = term.parameters[0].prior
+    if prior is None:
+        return 1.0
+    if prior.scale == "linear":
+        return max(abs(prior.centre), prior.sd)
+    return prior.centre if prior.scale == "log" else max(prior.centre, prior.sd)
+
+
+def weak_prior(parameter: Parameter) -> tuple[float, float]:
+    """(centre, standard deviation) in the parameter's own unit: its prior, WEAKER times as wide."""
+    prior = parameter.prior
+    if prior is None:
+        return parameter.default, 0.2 * (parameter.high - parameter.low)
+    spread = {"linear": 1.0, "log": prior.centre, "left": 1.0 - prior.centre}[prior.scale]
+    return prior.centre, WEAKER * spread * prior.sd
+
+
+def check_believed(believed: tuple[str, ...]) -> None:
+    """InputError for a term that there is none of, and for one that stands for an effect without a name."""
+    for term in find_terms(believed):
+        if term in NAMELESS:
+            raise InputError(f"{term.name} stands for an effect without a name; discovery starts from effects "
+                           "that have names")
+
+
+def _shared(intake: Intake, believed: tuple[str, ...],
+            slots: tuple[tuple[str, str], ...]) -> list[tuple[Column, int, float, float]]:
+    """(column, slot, mean, sd) of the believed terms' parameters and of the tracker's calibration."""
+    found = []
+    for term in find_terms(believed):
+        for parameter in term.parameters if term.name not in KNOWN and term not in NAMELESS else ():
+            centre, sd = weak_prior(parameter)
+            column = Column(f"{term.name}.{parameter.name}", "shared", term.stage, "along", parameter.unit, sd)
+            found.append((column, slots.index((term.name, parameter.name)), centre, sd))
+    for name, sd in TRACKER.items() if intake.samples is not None else ():
+        if name not in believed:
+            parameter = find_terms([name])[0].parameters[0]
+            column = Column(f"{name}.{parameter.name}", "shared", "sensing", "along", parameter.unit, sd)
+            found.append((column, slots.index((name, parameter.name)), 0.0, sd))
+    return found
+
+
+def _changed(shared: list[tuple[Column, int, float, float]], belief: Belief | None) -> list[tuple[Column, int]]:
+    """(column, slot) of the changes since the belief; they have the names of what they are changes of."""
+    found = [(column, place, may_have_moved(belief, column.name)) for column, place, *_ in shared]
+    return [(replace(column, kind="term", usual=usual), place) for column, place, usual in found if usual is not None]
+
+
+def _scatter_place(intake: Intake, name: str, first: int, number: int) -> int:
+    """The column of a scatter, or -1 where nothing could tell it."""
+    wanted = [bool(intake.scattered[:, k].any()) and (one != "scatter.azimuth_rad" or intake.samples is not None)
+              for k, one in enumerate(SCATTERS)]
+    return first + sum(wanted[:number]) if wanted[number] else -1
+
+
+def _pushes(chain: Chain, edges: Array) -> list[tuple[int, Column]]:
+    """Throughout the flight, in each band of its time, and with the speed; outcomes see no sideways push."""
+    width = chain.pushes // len(DIRECTIONS)
+    found = []
+    for number, direction in enumerate(DIRECTIONS):
+        if direction == "lateral" and not chain.track:
+            continue
+        words, start = PUSH_WORDS[direction], number * width
+        found.append((start, Column(f"push {direction}", "free", "flight", direction, "m/s2", PUSH_USUAL, words)))
+        if not chain.bands:
+            continue
+        bounds = [0.0, *edges.tolist(), float("inf")]
+        for band in range(chain.bands):
+            span = (bounds[band], bounds[band + 1])
+            found.append((start + 1 + band, Column(f"push {direction} from {span[0]:.2f} s", "free", "flight",
+                                                   direction, "m/s2", PUSH_USUAL, words, "time_in_flight_s", span)))
+        found.append((start + 1 + chain.bands, Column(f"push {direction} in proportion to speed", "free", "flight",
+                                                      direction, "m/s2", PUSH_USUAL, words, "speed_in_flight_m_s")))
+    return found
+
+
+def _edges(intake: Intake) -> Array:
+    if intake.samples is None:
+        return np.zeros(0)
+    lead_s = np.asarray(intake.lanes.lead_s)[intake.tracked]
+    times = (intake.samples.time_s + lead_s[:, None])[intake.samples.real]
+    edges_s: Array = np.quantile(times, np.arange(1, BANDS) / BANDS)
+    return edges_s
+
+
+def _substeps(intake: Intake) -> int:
+    """Runge-Kutta steps between samples, a power of two, since each number is compiled."""
+    if intake.samples is None:
+        return 1
+    wanted = np.diff(intake.samples.time_s, axis=1).max(initial=0.0) / LONGEST_STEP_S
+    return int(2 ** np.clip(np.ceil(np.log2(max(wanted, 1.0))), 0, MOST_DOUBLINGS))

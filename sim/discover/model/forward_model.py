@@ -1,0 +1,312 @@
+"""From what the sensors said of a shot to where it passes the plane and what a tracker sees, differentiable in
+everything that could be wrong (JAX): parameters of all terms, deviations of the single launch, free pushes.
+
+sensed configuration -> sensing terms -> launch terms -> the launch's own deviation -> flight -> arrival, watch terms
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import msgspec
+from jax import lax
+
+from truearc.robot.config.rig_spec import Ball, Rig
+from truearc.sim.infer.curve import resized
+from truearc.sim.physics.catalogue import (
+    arrival_terms,
+    effective,
+    find_terms,
+    flight_terms,
+    launch_terms,
+    sensing_terms,
+    watch_terms,
+)
+from truearc.sim.physics.flight import Law, make_law
+from truearc.sim.physics.frame import axes
+from truearc.sim.physics.launch import Exit
+from truearc.sim.physics.nonparametric import CURVE
+from truearc.sim.physics.term import BallState, Circumstances, Opening
+from truearc.sim.physics.vector import Vec, add
+
+# What makes one shot differ from its configuration. The last six are of flights whose launch nobody knows.
+DEVIATES = ("log_speed", "elevation_rad", "azimuth_rad", "spin_share", "distance_m", "lead_s",
+            "x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s")
+PLANE_DEVIATES, LAUNCHED_DEVIATES = 5, 9
+DIRECTIONS = ("along", "vertical", "lateral")
+PLANE_STEPS = 16                      # Runge-Kutta over x: heights within 1e-4 m, far below any spread
+AHEAD = (0.5, 0.5, 1.0, 0.0)          # where the next stage of a Runge-Kutta step is taken
+SHARE = (1 / 6, 1 / 3, 1 / 3, 1 / 6)  # of each stage in the step
+LEAD_STEPS = 3                        # from the launch to the first sample of its track
+SLOWEST_M_S = 0.3                     # horizontally; slower has as good as turned back
+LOWEST_M = -6.0                       # below the floor: no height there could be a hit
+
+Slot = tuple[str, str]                # term, parameter
+
+
+class ShotBatch(NamedTuple):
+    """Shots as arrays [n, ...]; launcher frame.
+
+    rolling: launch by the sensors, before any term; side_spin_rev_s [n, 2]: what else it spins, about the direction of
+    flight and about up across it. `rolled`, `hooded`: speed and spin are the wheels', the elevation the hood's, so that
+    terms about these act; not where a camera measured the ball. ball_kg, ball_m: mass and radius of its ball. `free`:
+    nobody knows the launch; then start_m and start_m_s [n, 3] and spin_rev_s [n, 3] say where the track begins. lead_s
+    [n]: from launch to the first sample; time_s [n, L] from the first sample, padded with its last.
+    """
+
+    rolling: Exit
+    side_spin_rev_s: Any
+    rolled: Any
+    hooded: Any
+    free: Any
+    ball_kg: Any
+    ball_m: Any
+    distance_m: Any
+    circumstances: Circumstances
+    start_m: Any
+    start_m_s: Any
+    spin_rev_s: Any
+    lead_s: Any
+    time_s: Any
+
+
+class Prediction(NamedTuple):
+    """What the chain comes to, of one lane or of lanes [n].
+
+    exit [3]: log speed, elevation in rad, backspin in rev/s, of the ball as it leaves. plane [4]: height above the
+    target's centre, lateral position, half heights of three and two points, all in m. near: the ball came there.
+    track_m, track_m_s [L, 3]: what the tracker says, and how fast the ball is then.
+    """
+
+    exit: Any
+    plane: Any
+    near: Any
+    track_m: Any
+    track_m_s: Any
+
+
+@dataclass(frozen=True)
+class Chain:
+    """What the functions below are compiled for. `slots`: parameters that may be varied; those of terms that are not
+    among `terms` do nothing. free: some launches are unknown.
+
+    bands: number of stretches of the flight in which a free push may act, besides all of it. facts: noise and beliefs
+    play no part here; strip them, so that the compiled code is shared.
+    """
+
+    facts: Rig
+    terms: tuple[str, ...]
+    slots: tuple[Slot, ...]
+    bands: int = 0
+    substeps: int = 1
+    plane: bool = True
+    track: bool = True
+    free: bool = True
+
+    @property
+    def deviates(self) -> int:
+        """The first so many of DEVIATES; without tracks the others say nothing."""
+        if not self.track:
+            return PLANE_DEVIATES
+        return len(DEVIATES) if self.free else LAUNCHED_DEVIATES
+
+    @property
+    def pushes(self) -> int:
+        """Free accelerations: per direction throughout, in each band, and in proportion to the speed."""
+        return len(DIRECTIONS) * (self.bands + 2) if self.bands else len(DIRECTIONS)
+
+    @property
+    def size(self) -> int:
+        return len(self.slots) + self.deviates + self.pushes
+
+
+@partial(jax.jit, static_argnames=("chain",))
+def see(chain: Chain, lanes: ShotBatch, point: Any, deviates: Any, edges_s: Any) -> Prediction:
+    """What is to be seen at the parameters `point` [slots] and the deviates [n, D]."""
+    at = jnp.zeros(chain.pushes)
+
+    def one(lane: ShotBatch, deviate: Any) -> Prediction:
+        return _see(chain, lane, jnp.concatenate([point, deviate, at]), edges_s)
+
+    return jax.vmap(one)(lanes, deviates)
+
+
+@partial(jax.jit, static_argnames=("chain",))
+def see_slopes(chain: Chain, lanes: ShotBatch, point: Any, deviates: Any, edges_s: Any, basis: Any) -> tuple[Prediction, Prediction]:
+    """(what is seen, its derivatives along the columns of `basis` [size, k], last axis): slots, deviates, pushes."""
+    pushes = jnp.zeros(chain.pushes)
+
+    def one(lane: ShotBatch, deviate: Any) -> tuple[Prediction, Prediction]:
+        here = jnp.concatenate([point, deviate, pushes])
+
+        def moved(step: Any) -> tuple[Prediction, Prediction]:
+            seen = _see(chain, lane, here + basis @ step, edges_s)
+            return seen._replace(near=jnp.zeros(())), seen
+
+        slopes, seen = jax.jacfwd(moved, has_aux=True)(jnp.zeros(basis.shape[1]))
+        return seen, slopes
+
+    return jax.vmap(one)(lanes, deviates)
+
+
+@partial(jax.jit, static_argnames=("chain",))
+def plane_grid(chain: Chain, lanes: ShotBatch, points: Any) -> tuple[Any, Any]:
+    """Heights above the target's centre and whether the ball came there, [g, n] at the parameters points [g, slots]."""
+    rest = jnp.zeros(chain.size - len(chain.slots))
+
+    def one(point: Any, lane: ShotBatch) -> tuple[Any, Any]:
+        seen = _see(chain, lane, jnp.concatenate([point, rest]), jnp.zeros(max(chain.bands - 1, 0)))
+        return seen.plane[0], seen.near
+
+    return jax.vmap(lambda point: jax.vmap(lambda lane: one(point, lane))(lanes))(points)
+
+
+def _see(chain: Chain, lane: ShotBatch, at: Any, edges_s: Any) -> Prediction:
+    slots, count = len(chain.slots), chain.deviates
+    values = _values(chain, at[:slots], lane.circumstances)
+    facts = msgspec.structs.replace(chain.facts, ball=Ball(lane.ball_kg, lane.ball_m))
+    deviate = jnp.concatenate([at[slots:slots + count], jnp.zeros(len(DEVIATES) - count)])
+    pushes = at[slots + count:]
+    law = make_law(facts, flight_terms(chain.terms), values)
+    push = partial(_push, pushes.reshape(len(DIRECTIONS), -1), edges_s)
+    exit, distance_m = _leave(facts, values, lane, deviate)
+    ball = _start(facts, lane, exit, deviate)
+    measured = jnp.stack([jnp.log(exit.speed_m_s), exit.elevation_rad, exit.spin_rev_s])
+    nothing = jnp.zeros((0, 3))
+    plane, near = _plane(chain, values, law, push, ball, distance_m) if chain.plane else (jnp.zeros(4), False)
+    tracks = _track(chain, values, law, push, ball, lane, deviate) if chain.track else (nothing, nothing)
+    return Prediction(measured, plane, near, *tracks)
+
+
+def _values(chain: Chain, at: Any, circumstances: Circumstances) -> dict[str, dict[str, Any]]:
+    """Effective values of all terms at the slots' numbers."""
+    raw = {term.name: {p.name: p.default for p in term.parameters} for term in find_terms(chain.terms)}
+    for index, (name, parameter) in enumerate(chain.slots):
+        if name in raw:
+            raw[name][parameter] = at[index]
+    points = {index: key.partition(".")[0] for index, (name, key) in enumerate(chain.slots) if name == CURVE}
+    if points:
+        circumstances = resized(circumstances, tuple(points.values()), at[jnp.array(tuple(points))])
+    return effective(raw, circumstances)
+
+
+def _leave(facts: Rig, values: Mapping[str, Any], lane: ShotBatch, deviate: Any) -> tuple[Exit, Any]:
+    """The launch as it is, and the true distance: sensing terms, launch terms, the shot's own deviation.
+
+    What a camera measured of the ball is not the wheels' doing: there only the elevation by the hood is corrected.
+    """
+    sensed = Exit(*map(jnp.asarray, lane.rolling))
+    exit, distance_m = sensed, lane.distance_m
+    for sensing in sensing_terms(values):
+        exit, distance_m = sensing.sense(facts, values[sensing.name], exit, distance_m)
+    for launching in launch_terms(values):
+        exit = launching.leave(facts, values[launching.name], exit)
+    speed = jnp.where(lane.rolled, exit.speed_m_s, sensed.speed_m_s)
+    spin = jnp.where(lane.rolled, exit.spin_rev_s, sensed.spin_rev_s)
+    elevation = jnp.where(lane.hooded, exit.elevation_rad, sensed.elevation_rad)
+    leaving = Exit(speed * jnp.exp(deviate[0]), elevation + deviate[1], spin * (1.0 + deviate[3]), exit.above_m)
+    return leaving, distance_m + deviate[4]
+
+
+def _start(facts: Rig, lane: ShotBatch, exit: Exit, deviate: Any) -> BallState:
+    """The ball as it leaves, or where its track begins."""
+    level, rise = jnp.cos(exit.elevation_rad), jnp.sin(exit.elevation_rad)
+    aside, ahead = jnp.sin(deviate[2]), jnp.cos(deviate[2])
+    along = jnp.stack([level * ahead, level * aside, rise])
+    left = jnp.stack([-aside, ahead, jnp.zeros_like(ahead)])
+    up = jnp.cross(along, left)
+    spin = (lane.side_spin_rev_s[0] * along - exit.spin_rev_s * left
+            + lane.side_spin_rev_s[1] * up)
+    place = jnp.stack([0.0 * level, 0.0 * level, facts.launcher.release_height_m + exit.above_m + 0.0 * level])
+    place = jnp.where(lane.free, lane.start_m, place) + deviate[6:9]
+    velocity = jnp.where(lane.free, lane.start_m_s, exit.speed_m_s * along) + deviate[9:12]
+    spin = jnp.where(lane.free, lane.spin_rev_s * (1.0 + deviate[3]), spin)
+    return BallState(Vec(*place), Vec(*velocity), Vec(*spin), jnp.zeros(()))
+
+
+def _push(pushes: Any, edges_s: Any, ball: BallState) -> Vec:
+    """Free acceleration at a moment of the flight: `pushes` [direction, throughout | bands | with the speed]."""
+    velocity = ball.velocity_m_s
+    speed = jnp.sqrt(velocity.x**2 + velocity.y**2 + velocity.z**2 + 1e-12)
+    shape = jnp.ones(1)
+    if pushes.shape[1] > 1:
+        band = jnp.arange(pushes.shape[1] - 2) == jnp.searchsorted(edges_s, ball.time_s)
+        shape = jnp.concatenate([shape, band.astype(float), jnp.array([speed / 10.0])])
+    size = pushes @ shape
+    along, up, left = axes(velocity)
+    return Vec(*(size[0] * a + size[1] * u + size[2] * b for a, u, b in zip(along, up, left, strict=True)))
+
+
+def _plane(chain: Chain, values: Mapping[str, Any], law: Law, push: Any, ball: BallState,
+           distance_m: Any) -> tuple[Any, Any]:
+    """([4] as in Seen.plane, near): over x, through the floor if need be."""
+    step_m = (distance_m - ball.position_m.x) / PLANE_STEPS
+
+    def rate(state: Any) -> Any:
+        """d(x, y, z, vx, vy, vz, t)/dx."""
+        pace = jnp.maximum(state[3], SLOWEST_M_S)
+        return _rate(law, push, ball.spin_rev_s, state.at[3].set(pace)) / pace
+
+    def advance(carry: tuple[Any, Any], _: None) -> tuple[tuple[Any, Any], None]:
+        state, near = carry
+        new = _runge_kutta(rate, state, step_m)
+        near = near & (new[3] > SLOWEST_M_S) & (new[2] > LOWEST_M) & jnp.all(jnp.isfinite(new))
+        return (jnp.where(near, new, state), near), None
+
+    start = _pack(ball)
+    (end, near), _ = lax.scan(advance, (start, (start[3] > SLOWEST_M_S) & (step_m > 0.0)), None, length=PLANE_STEPS)
+    target = chain.facts.target
+    opening = Opening(target.centre_height_m, target.three_half_height_m, target.two_half_height_m) if target else (
+        Opening(0.0, 0.07, 0.35))
+    for term in arrival_terms(values):
+        opening = term.arrive(values[term.name], opening)
+    return jnp.stack([end[2] - opening.centre_m, end[1], opening.three_half_m + 0.0 * end[1],
+                      opening.two_half_m + 0.0 * end[1]]), near
+
+
+def _track(chain: Chain, values: Mapping[str, Any], law: Law, push: Any, ball: BallState, lane: ShotBatch,
+           deviate: Any) -> tuple[Any, Any]:
+    """Positions and velocities [L, 3] that the tracker gives at its own times."""
+    rate = partial(_rate, law, push, ball.spin_rev_s)
+
+    def through(state: Any, span_s: Any, steps: int) -> Any:
+        return lax.scan(lambda here, _: (_runge_kutta(rate, here, span_s / steps), None), state, None, length=steps)[0]
+
+    def sample(state: Any, span_s: Any) -> tuple[Any, Any]:
+        state = through(state, span_s, chain.substeps)
+        return state, state[:6]
+
+    lead_s = lane.lead_s + deviate[5]
+    first = through(_pack(ball), lead_s, LEAD_STEPS)
+    states = jnp.concatenate([first[None, :6], lax.scan(sample, first, jnp.diff(lane.time_s))[1]])
+    place, velocity = states[:, :3], states[:, 3:]
+    seen = Vec(*place.T)
+    for term in watch_terms(values):
+        seen = term.watch(values[term.name], seen, Vec(*velocity.T), lead_s + lane.time_s)
+    return jnp.stack(seen, axis=1), velocity
+
+
+def _pack(ball: BallState) -> Any:
+    """(x, y, z, vx, vy, vz, t)."""
+    return jnp.stack([*ball.position_m, *ball.velocity_m_s, ball.time_s])
+
+
+def _rate(law: Law, push: Any, spin_rev_s: Vec, state: Any) -> Any:
+    """d(x, y, z, vx, vy, vz, t)/dt."""
+    here = BallState(Vec(*state[:3]), Vec(*state[3:6]), spin_rev_s, state[6])
+    return jnp.concatenate([state[3:6], jnp.stack(add(law(here), push(here))), jnp.ones(1)])
+
+
+def _runge_kutta(rate: Any, state: Any, step: Any) -> Any:
+    """One classical step; its four stages are a loop, which compiles in a third of the time."""
+    def stage(carry: tuple[Any, Any], weights: Any) -> tuple[tuple[Any, Any], None]:
+        here, total = carry
+        slope = rate(here)
+        return (state + weights[0] * step * slope, total + weights[1] * slope), None
+
+    weights = (jnp.array(AHEAD), jnp.array(SHARE))
+    total = lax.scan(stage, (state, jnp.zeros_like(state)), weights)[0][1]
+    return state + step * total

@@ -1,0 +1,342 @@
+"""The likelihood about a point: each shot's own unknowns integrated out, as slopes and curvatures in all columns.
+
+A shot departs from its configuration by d ~ N(0, S). What the tracker and the exit's instruments say is, near the
+point, linear in d and in the columns; so d is integrated out exactly, and the height at the plane is normal given what
+they said. Only the outcome's likelihood is not Gaussian, and it is of one number.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from truearc.sim.discover.model import outcome_likelihood as outcomes
+from truearc.sim.discover.model.forward_model import Chain, ShotBatch, Prediction, see_slopes
+from truearc.sim.discover.model.grouped_columns import GroupedColumns
+from truearc.sim.discover.model.score_table import FLOOR_M, Array, Column, ScoreTable, PlaneScores, make_evidence
+from truearc.sim.discover.model.prepared_data import Intake
+from truearc.sim.discover.model.external_measurements import Measured
+from truearc.sim.discover.model.normal_equations import Normal, multiply_out
+
+SCATTERED = (0, 1, 2, 4)              # deviates that scatter: log speed, elevation, azimuth, distance
+FAR_BELOW_M = -10.0                   # stands for a ball that never came near
+PAD = 32                              # lanes fly in multiples of this, since each size is compiled,
+BLOCK = 64                            # and at most so many at once: more do not fit the caches
+WIDTH = 12                            # slopes that are flown together
+
+
+@dataclass(frozen=True)
+class Groups:
+    """Things that shots share a few at a time and that differ by luck, such as balls: each its own small effects.
+
+    label [n] numbers each shot's thing, below `count`; inputs, scale [B]: the chain's inputs that an effect moves, and
+    by how much a unit of it does.
+    """
+
+    label: Array
+    count: int
+    inputs: Array
+    scale: Array
+
+
+@dataclass(frozen=True)
+class ParameterLayout:
+    """Which columns of the evidence are which inputs of the chain.
+
+    columns: free, terms, then shared. source [P]: for each column its input of the chain (slot, deviate or push), or
+    -1 for a scatter, -2 for a group's effect (those come last, effect by effect, group by group). scatters: columns of
+    the logs of SCATTERS, in that order, -1 where not fitted. precision [p, p], centre [p]: the shared columns' prior.
+    usual [slots]: what the chain's parameters are where nobody says anything else. measured: of terms that are asked
+    about, by somebody who needed no shot for it. see: what flies the chain, if not see_slopes.
+    """
+
+    chain: Chain
+    columns: tuple[Column, ...]
+    source: Array
+    scatters: tuple[int, ...]
+    precision: Array
+    centre: Array
+    edges_s: Array
+    usual: Array
+    groups: Groups | None = None
+    measured: Measured = field(default_factory=dict)
+    see: Callable[..., tuple[Prediction, Prediction]] | None = None
+
+    @property
+    def inputs(self) -> Array:
+        """The chain's inputs that are flown, those of groups last."""
+        own = self.source[self.source >= 0]
+        return own if self.groups is None else np.concatenate([own, self.groups.inputs])
+
+    @property
+    def grouped(self) -> int:
+        """How many columns are effects of groups."""
+        return int((self.source == -2).sum())
+
+
+@dataclass(frozen=True)
+class LinearizationPoint:
+    """Where the chain is linearised: `values` [slots], log scatters [S], each shot's deviates [n, D], and the effects
+    of groups [Q], to which all is taken to be linear."""
+
+    values: Array
+    log_scatter: Array
+    deviates: Array
+    effects: Array
+
+
+@dataclass(frozen=True)
+class Linearization:
+    """What was seen about a spot, its slopes by the layout's inputs, then deviates (last axis), and what tracks and
+    exits say of both."""
+
+    spot: LinearizationPoint
+    seen: Prediction
+    slopes: Prediction
+    normal: Normal
+
+    def plane_at(self, layout: ParameterLayout, values: Array) -> Prediction:
+        """What would be seen at the plane at other values of the inputs, all else the same, taken as linear."""
+        change = self._change(layout, values)
+        return self.seen._replace(plane=self.seen.plane + self.slopes.plane[..., :len(change)] @ change)
+
+    def normal_at(self, layout: ParameterLayout, values: Array) -> Normal:
+        """What tracks and exits say there."""
+        return self.normal.at(np.concatenate([self._change(layout, values), np.zeros(layout.chain.deviates)]))
+
+    def _change(self, layout: ParameterLayout, values: Array) -> Array:
+        """From the spot, of the inputs; those of groups do not change."""
+        inputs = layout.inputs
+        slots = inputs < len(values)
+        slots[len(inputs) - _bases(layout):] = False
+        change = np.zeros(len(inputs))
+        change[slots] = (values - self.spot.values)[inputs[slots]]
+        return change
+
+
+def _bases(layout: ParameterLayout) -> int:
+    return 0 if layout.groups is None else len(layout.groups.inputs)
+
+
+def linearise(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint, flown: Linearization | None = None) -> tuple[ScoreTable, Array]:
+    """(evidence at the spot, most likely deviates [n, D] there); of what was flown about a spot near by, if given,
+    with the same deviates."""
+    count, inputs = layout.chain.deviates, len(layout.inputs)
+    flown = flown or fly(intake, layout, spot)
+    seen, slopes = flown.plane_at(layout, spot.values), flown.slopes
+    real = len(layout.columns) - layout.grouped
+    bases = _bases(layout)
+    columns = np.concatenate([np.flatnonzero(layout.source >= 0), real + np.arange(bases)])
+    sd = np.sqrt(variance_of(intake, spot.log_scatter))[:, :count]
+    with np.errstate(over="ignore", invalid="ignore"):     # far from all that flies there is no likelihood: not finite
+        left = _integrate(flown.normal_at(layout, spot.values), sd, columns, real + bases)
+    own = left.mean + np.einsum("ndb,nb->nd", left.mean_by[:, :, real:], _luck(layout, spot))
+    score, info = _scatter_terms(intake, layout, spot, sd, left, own, real + bases)
+    plane = _plane(intake, layout, spot, seen, slopes, sd, left, columns, inputs, real + bases)
+    parts = _scaled(layout, left.score + score, left.info + info, plane)
+    point = _point(layout, spot)
+    pull = layout.precision @ (layout.centre - point[len(layout.columns) - len(layout.precision):])
+    evidence = make_evidence(intake.rows, layout.columns, point, *parts, layout.precision, pull, left.log_likelihood,
+                             _deal(layout))
+    if spot.effects.any():
+        change = np.concatenate([np.zeros(real), spot.effects])
+        evidence = evidence.moved(np.tile(change, (len(intake.rows), 1)))
+    return evidence, left.mean
+
+
+def _scaled(layout: ParameterLayout, linear: Array, bend: Array, plane: PlaneScores | None) -> tuple[Array, Array, PlaneScores | None]:
+    """The effects of a shot's own group, which come last, in units of their own."""
+    groups = layout.groups
+    if groups is None:
+        return linear, bend, plane
+    scale = np.concatenate([np.ones(len(layout.columns) - layout.grouped), groups.scale])
+    if plane is not None:
+        plane = replace(plane, by_column=plane.by_column * scale, wider_by=plane.wider_by * scale,
+                        log_spread_by=plane.log_spread_by * scale)
+    return linear * scale, bend * scale[:, None] * scale, plane
+
+
+def _deal(layout: ParameterLayout) -> GroupedColumns | None:
+    groups = layout.groups
+    if groups is None:
+        return None
+    return GroupedColumns(len(layout.columns) - layout.grouped, len(groups.inputs), groups.count, groups.label)
+
+
+def _point(layout: ParameterLayout, spot: LinearizationPoint) -> Array:
+    point = np.zeros(len(layout.columns))
+    slots = (layout.source >= 0) & (layout.source < len(layout.chain.slots))
+    point[slots] = spot.values[layout.source[slots]]
+    for number, column in enumerate(layout.scatters):
+        if column >= 0:
+            point[column] = spot.log_scatter[number]
+    point[layout.source == -2] = spot.effects
+    return point
+
+
+def fly(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint) -> Linearization:
+    """Fly all shots at the spot.
+
+    Slopes by inputs are those of a shot that deviates as all do on average: taken at the deviation that a track itself
+    tells, they would go with that track's noise, and the score of what bends with a deviation would lean to one side.
+    Taken without deviation, they would be those of another launcher where a loss of speed is not believed.
+    """
+    inputs, first = layout.inputs, len(layout.chain.slots)
+    deviates = first + np.arange(layout.chain.deviates)
+    both = np.concatenate([inputs, deviates])
+    if not spot.deviates.any():
+        seen, slopes = _fly(layout, intake.lanes, spot, _basis(layout, both))
+        return Linearization(spot, seen, slopes, multiply_out(intake, seen, slopes, spot.deviates))
+    _, still = _fly(layout, intake.lanes, replace(spot, deviates=_common(spot.deviates)), _basis(layout, inputs))
+    seen, moving = _fly(layout, intake.lanes, spot, _basis(layout, deviates))
+    slopes = jax.tree.map(lambda a, b: np.concatenate([a, b], axis=-1), still, moving)
+    return Linearization(spot, seen, slopes, multiply_out(intake, seen, slopes, spot.deviates))
+
+
+def _common(deviates: Array) -> Array:
+    """The mean [n, D] of those that deviate, for each of them; nothing for the others."""
+    own = np.any(deviates, axis=1)
+    return np.where(own[:, None], deviates[own].mean(axis=0), 0.0)
+
+
+def _basis(layout: ParameterLayout, inputs: Array) -> Array:
+    basis = np.zeros((layout.chain.size, len(inputs)))
+    basis[inputs, np.arange(len(inputs))] = 1.0
+    return basis
+
+
+def pad_lanes(lanes: ShotBatch, multiple: int = PAD) -> tuple[ShotBatch, int]:
+    """(lanes repeated up to a multiple, how many there were)."""
+    n = len(lanes.distance_m)
+    return _take(lanes, np.resize(np.arange(n), -(-n // multiple) * multiple)), n
+
+
+def _take(lanes: ShotBatch, rows: Any) -> ShotBatch:
+    taken: ShotBatch = jax.tree.map(lambda part: np.asarray(part)[rows] if np.ndim(part) else part, lanes)
+    return taken
+
+
+def _fly(layout: ParameterLayout, lanes: ShotBatch, spot: LinearizationPoint, basis: Array) -> tuple[Prediction, Prediction]:
+    """see_slopes of all lanes, as numpy arrays; BLOCK lanes and WIDTH slopes at a time, so that one compilation serves
+    all."""
+    padded, n = pad_lanes(lanes, PAD if len(lanes.distance_m) <= BLOCK else BLOCK)
+    deviates = np.resize(spot.deviates, (len(padded.distance_m), spot.deviates.shape[1]))
+    width = basis.shape[1]
+    wide = np.pad(basis, ((0, 0), (0, -width % WIDTH if width else WIDTH)))
+    bases = np.split(wide, wide.shape[1] // WIDTH, axis=1)
+    blocks = [slice(first, first + BLOCK) for first in range(0, len(deviates), BLOCK)]
+    see = layout.see or see_slopes
+    parts = [[see(layout.chain, _take(padded, rows), jnp.asarray(spot.values), deviates[rows],
+                  jnp.asarray(layout.edges_s), jnp.asarray(some)) for some in bases] for rows in blocks]
+    seen = jax.tree.map(lambda *each: np.concatenate(each)[:n], *(part[0][0] for part in parts))
+    slopes = [jax.tree.map(lambda *each: np.concatenate(each, axis=-1), *(one for _, one in part)) for part in parts]
+    return seen, jax.tree.map(lambda *each: np.concatenate(each)[:n][..., :width], *slopes)
+
+
+def variance_of(intake: Intake, log_scatter: Array) -> Array:
+    """Variances [n, D] of the deviates."""
+    variance = intake.noise_var.copy()
+    variance[:, SCATTERED] += intake.scattered * np.exp(2.0 * log_scatter)
+    return variance
+
+
+@dataclass(frozen=True)
+class _Left:
+    """After the deviates are integrated out: score [n, P], info [n, P, P], log-likelihood [n]; and the deviates'
+    posterior mean [n, D], covariance [n, D, D] and the mean's slope by the columns [n, D, P]."""
+
+    score: Array
+    info: Array
+    log_likelihood: Array
+    mean: Array
+    covariance: Array
+    mean_by: Array
+
+
+def _integrate(normal: Normal, sd: Array, columns: Array, count: int) -> _Left:
+    """`columns`: which of the P = count the inputs are; in the others nothing is said."""
+    inputs = len(columns)
+    inner, cross = normal.inner[:, inputs:, inputs:], normal.inner[:, inputs:, :inputs]
+    inner = np.eye(sd.shape[1]) + sd[:, :, None] * inner * sd[:, None, :]
+    inverse = np.linalg.inv(inner)
+    onto_r, onto_c = sd * normal.onto[:, inputs:], sd[:, :, None] * cross
+    shift, by = np.einsum("nde,ne->nd", inverse, onto_r), inverse @ onto_c
+    score, info, mean_by = np.zeros((len(sd), count)), np.zeros((len(sd), count, count)), np.zeros((*sd.shape, count))
+    score[:, columns] = normal.onto[:, :inputs] - np.einsum("ndp,nd->np", onto_c, shift)
+    info[:, columns[:, None], columns] = normal.inner[:, :inputs, :inputs] - np.swapaxes(onto_c, 1, 2) @ by
+    mean_by[:, :, columns] = -sd[:, :, None] * by
+    quadratic = normal.square - (onto_r * shift).sum(1)
+    value = -0.5 * (quadratic + np.linalg.slogdet(inner)[1]) + normal.log_noise
+    return _Left(score, info, value, sd * shift, sd[:, :, None] * inverse * sd[:, None, :], mean_by)
+
+
+def _luck(layout: ParameterLayout, spot: LinearizationPoint) -> Array:
+    """Effects of each shot's own group [n, bases], in the units of what they act on."""
+    groups = layout.groups
+    if groups is None:
+        return np.zeros((len(spot.deviates), 0))
+    effects: Array = spot.effects.reshape(-1, groups.count)[:, groups.label].T * groups.scale
+    return effects
+
+
+def _scatter_terms(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint, sd: Array, left: _Left, own: Array,
+                   count: int) -> tuple[Array, Array]:
+    """Score and information of the log scatters from tracks and exits (the plane adds its own). own [n, D]: deviates of
+    each shot, beside what its group does: that is no scatter."""
+    n = len(sd)
+    score, info = np.zeros((n, count)), np.zeros((n, count, count))
+    variance = np.maximum(sd**2, 1e-300)
+    scattered = intake.scattered * np.exp(2.0 * spot.log_scatter)
+    for number, (column, deviate) in enumerate(zip(layout.scatters, SCATTERED, strict=True)):
+        if column < 0:
+            continue
+        total, kept = variance[:, deviate], left.covariance[:, deviate, deviate]
+        share = scattered[:, number] / total
+        known = np.clip(1.0 - kept / total, 0.0, 1.0)
+        score[:, column] = share * ((own[:, deviate]**2 + kept) / total - 1.0)
+        info[:, column, column] = 2.0 * (share * known)**2
+    return score, info
+
+
+def _plane(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint, seen: Prediction, slopes: Prediction, sd: Array, left: _Left,
+           columns: Array, inputs: int, count: int) -> PlaneScores | None:
+    """Heights given what tracks and exits said of the launch."""
+    rows = intake.marked
+    if not len(rows) or not layout.chain.plane:
+        return None
+    near = seen.near[rows]
+    slope = np.where(near[:, None, None], slopes.plane[rows], 0.0)
+    by_deviate = slope[:, 0, inputs:]
+    by_column, wider = np.zeros((2, len(rows), count))
+    by_column[:, columns] = slope[:, 0, :inputs]
+    wider[:, columns] = slope[:, 2:4, :inputs].mean(1)
+    by_column += np.einsum("md,mdp->mp", by_deviate, left.mean_by[rows])
+    mean = seen.plane[rows, 0] + np.einsum("md,md->m", by_deviate, left.mean[rows] - spot.deviates[rows])
+    variance = np.einsum("md,mde,me->m", by_deviate, left.covariance[rows], by_deviate) + FLOOR_M**2
+    log_spread = np.zeros((len(rows), count))
+    scattered = intake.scattered[rows] * np.exp(2.0 * spot.log_scatter)
+    kept = np.diagonal(left.covariance[rows], axis1=1, axis2=2) / np.maximum(sd[rows]**2, 1e-300)
+    for number, (column, deviate) in enumerate(zip(layout.scatters, SCATTERED, strict=True)):
+        if column >= 0:
+            log_spread[:, column] = (by_deviate[:, deviate]**2 * scattered[:, number] * kept[:, deviate]**2) / variance
+    spread = np.where(near, np.sqrt(variance), 1.0)
+    return PlaneScores(rows, _opening(intake, seen, rows), np.where(near, mean, FAR_BELOW_M), spread, by_column, wider,
+                 log_spread)
+
+
+def _opening(intake: Intake, seen: Prediction, rows: Array) -> outcomes.OutcomeObservations:
+    """What was seen, of the opening as it is at the spot: arrival terms may have moved its borders."""
+    if intake.facts.target is None:
+        return intake.seen
+    rig = intake.facts.target.three_half_height_m, intake.facts.target.two_half_height_m
+    wider_m = float((seen.plane[rows, 2:4] - rig).mean())
+    return outcomes.reopened(intake.seen, wider_m) if wider_m != 0.0 else intake.seen
+
+
+def nowhere(intake: Intake, layout: ParameterLayout, values: Array, log_scatter: Array) -> LinearizationPoint:
+    """A spot without deviations."""
+    return LinearizationPoint(values, log_scatter, np.zeros((len(intake.rows), layout.chain.deviates)), np.zeros(layout.grouped))
+

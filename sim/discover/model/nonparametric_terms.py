@@ -1,0 +1,212 @@
+"""Effects without a name as part of the simulation: their free curves, and the terms that take them."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from truearc.sim.infer.curve import Curve, natural
+from truearc.sim.discover.detect.test_battery import FREE, Test
+from truearc.sim.discover.model.baseline_fit import BaselineFit, climb, only_shared, out_of_range
+from truearc.sim.discover.model.curve_columns import with_curve
+from truearc.sim.discover.detect.free_curve import Correction, correct
+from truearc.sim.discover.detect.covariates import Covariate, Factor, CovariatePair, spline_knots
+from truearc.sim.discover.model.score_table import Array, Column, ScoreTable
+from truearc.sim.discover.select.forward_selection import Search, judge_left
+from truearc.sim.discover.model.linearization import linearise
+from truearc.sim.discover.select.selection_step import Step, clearly
+from truearc.sim.physics.simulate import LAUNCH_STATE
+
+TERMS = {"launch speed": ("free_speed", {"share": 1.0}), "launch elevation": ("free_elevation", {"angle_rad": 1.0}),
+         "distance": ("free_distance", {"bias_m": 1.0})}
+SIDES = {"along": "along", "vertical": "up", "lateral": "left"}
+LONGEST_S = 60.0
+MOST = 3                              # curves; so many things a robot's nip may do beyond its names
+BEFORE = frozenset(("distance_m", "hood_deg", "motor_ratio", *LAUNCH_STATE))
+HALF = 0.5
+UNABLE = "no simulation of single shots can take what has no name"
+APART = ("scatter.", "track_", "curve.")      # columns that are no coefficients
+
+
+@dataclass(frozen=True)
+class Freed:
+    """`term` with `values` takes the curve; fitted: with its points among the shared columns; evidence: these and the
+    other shared ones alone; `said` in short."""
+
+    term: str
+    values: dict[str, float]
+    curve: Curve
+    fitted: BaselineFit
+    evidence: ScoreTable
+    said: str
+
+
+def all_freed(step: Step, search: Search) -> tuple[tuple[Freed, ...], str]:
+    """(curves of the step without a name, then of what is left beside them, each surely better on unseen shots; why one
+    was not taken, if it was not).
+
+    Not taken: beside which a coefficient comes to the end of what is possible; which explains nothing once it is flown;
+    what no simulation of single shots can take (two covariates together; a launch to one side, on which no height
+    depends); a second curve of the same thing. Without tracks also the first where it is not surely better on unseen
+    shots: outcomes let a curve follow luck (of fourteen such ten foretold another session worse).
+    """
+    if step.place is None:
+        return (), ""
+    if step.fitted.intake.samples is None and not clearly(step.place.correction.gain, step.fitted):
+        return (), "the free curve does not surely do better on unseen shots"
+    found: list[Freed] = []
+    fitted = step.fitted
+    correction: Correction | None = step.place.correction
+    while correction is not None and len(found) < MOST:
+        foreseeable = _foreseeable(fitted, correction, search)
+        others = () if foreseeable is correction else (correction,)
+        one, why = _first_possible(fitted, (foreseeable, *others))
+        if one is None:
+            return tuple(found), "" if found and why == UNABLE else why
+        found.append(one)
+        fitted = one.fitted
+        correction = _what_is_left(fitted, search)
+    return tuple(found), ""
+
+
+def _first_possible(fitted: BaselineFit, corrections: tuple[Correction, ...]) -> tuple[Freed | None, str]:
+    """(the first of them that may be believed, why the last one may not)."""
+    why = ""
+    for correction in corrections:
+        one = freed(fitted, correction)
+        if one is None:
+            why = UNABLE
+        elif beyond := _impossible(one):
+            why = f"beside the free curve {', '.join(beyond)} would be impossible"
+        elif one.evidence.log_score.sum() <= fitted.evidence.log_score.sum():
+            why = "the free curve explains nothing once it is flown"
+        else:
+            return one, ""
+    return None, why
+
+
+def _foreseeable(fitted: BaselineFit, correction: Correction, search: Search) -> Correction:
+    """The same change over what is known before a shot, if that gains half as much on unseen shots: a curve over what
+    the shot itself did to the wheels counts with its mean in every forecast."""
+    what = correction.test.what
+    if not isinstance(what, Covariate):
+        return correction
+    if BEFORE & set(what.names):
+        return replace(correction, test=replace(correction.test, what=_led_by_settings(what)))
+    asked = search.ask(fitted)
+    gain = judge_left(asked, search.seed).gain
+    others = [k for k, test in enumerate(asked.tests) if test.column == correction.test.column
+              and isinstance(test.what, Covariate) and BEFORE & set(test.what.names)]
+    if not others:
+        return correction
+    test = asked.tests[max(others, key=lambda k: gain[k])]
+    assert isinstance(test.what, Covariate)
+    other = correct(fitted.evidence, replace(test, what=_led_by_settings(test.what)), search.clusters)
+    return other if other.gain.sum() >= HALF * correction.gain.sum() else correction
+
+
+def _led_by_settings(what: Covariate) -> Covariate:
+    """The same by a name that it has before the shot."""
+    return Covariate(tuple(sorted(what.columns, key=lambda column: column[0] not in BEFORE)))
+
+
+def freed(fitted: BaselineFit, correction: Correction) -> Freed | None:
+    """None for what cannot be taken."""
+    column = fitted.evidence.columns[correction.test.column]
+    taken, curve = _term(column), _curve(correction)
+    if taken is None or curve is None or taken[0] in fitted.layout.chain.terms:
+        return None
+    curve, whole, evidence = _fly(fitted, correction, *taken, curve)
+    goes = f" by {curve.covariate}" if curve.covariate else ""
+    return Freed(*taken, curve, whole, evidence, f"{column.name}{goes}")
+
+
+def _impossible(free: Freed) -> list[str]:
+    values = zip(free.evidence.columns, map(float, free.evidence.point), strict=True)
+    return out_of_range({column.name: value for column, value in values
+                         if column.kind == "shared" and not column.name.startswith(APART)})
+
+
+def _what_is_left(fitted: BaselineFit, search: Search) -> Correction | None:
+    """The free change that explains most of what is left beyond chance, of those that a curve can take."""
+    asked = search.ask(fitted)
+    if not asked.tests:
+        return None
+    judged = judge_left(asked, search.seed)
+    able = np.array([k for k, test in enumerate(asked.tests) if test.family == FREE and _can(fitted, test)], dtype=int)
+    if judged.p_any > search.false_alarm or not len(able):
+        return None
+    best = able[judged.gain[able].argmax()]      # not the plainest: what it leaves over would be found again
+    correction = correct(fitted.evidence, asked.tests[best], search.clusters)
+    return correction if clearly(correction.gain, fitted) else None
+
+
+def _can(fitted: BaselineFit, test: Test) -> bool:
+    taken = _term(fitted.evidence.columns[test.column])
+    return taken is not None and taken[0] not in fitted.layout.chain.terms
+
+
+def _fly(fitted: BaselineFit, correction: Correction, term: str, values: dict[str, float],
+         curve: Curve) -> tuple[Curve, BaselineFit, ScoreTable]:
+    """(the curve, all, shared evidence) where the simulation that has both fits best, uphill from a curve of nought:
+    the correction was but a step on slopes, and may lie where the flown simulation is worse than without it."""
+    lanes, n = fitted.intake.lanes, len(fitted.intake.rows)
+    by, before = curve.by(_columns(correction), n), np.asarray(lanes.circumstances.curve_by)
+    curve_by = np.concatenate([before, by], axis=1) if before.ndim == 2 else by
+    intake = replace(fitted.intake, lanes=lanes._replace(circumstances=lanes.circumstances._replace(curve_by=curve_by)))
+    layout = with_curve(fitted.layout, term, values, curve.moved(dict.fromkeys(curve.fitted, 0.0)))
+    new = len(layout.usual) - len(fitted.spot.values)
+    start = replace(fitted.spot, values=np.concatenate([fitted.spot.values, layout.usual[-new:]]))
+    top, evidence = climb(intake, only_shared(layout), start)
+    found = curve.moved({key: float(evidence.point[k]) for k, key in enumerate(curve.fitted)})
+    if curve.covariate:
+        found = found.moved({curve.keys[-1]: float(by.mean(0) @ found.points)})
+    return found, BaselineFit(intake, layout, top, linearise(intake, layout, top)[0]), evidence
+
+
+def _columns(correction: Correction) -> dict[str, Any]:
+    """The covariate of each of the evidence's shots, by name."""
+    what, rows = correction.test.what, correction.evidence.rows
+    if isinstance(what, Covariate):
+        return {what.name: what.values[rows]}
+    return {what.name: [what.levels[code] if code >= 0 else "" for code in what.codes[rows]]} if isinstance(
+        what, Factor) else {}
+
+
+def _term(column: Column) -> tuple[str, dict[str, float]] | None:
+    if column.name in TERMS:
+        name, values = TERMS[column.name]
+        return name, dict(values)
+    if not column.name.startswith("push "):
+        return None
+    values = {"size_m_s2": 1.0, SIDES[column.direction]: 1.0}
+    if column.times_s is not None:
+        values |= {"from_s": column.times_s[0], "to_s": min(column.times_s[1], LONGEST_S)}
+    elif column.follows:
+        values |= {"with_speed": 1.0}
+    return "free_push", values
+
+
+def _curve(correction: Correction) -> Curve | None:
+    what, amplitude = correction.test.what, correction.amplitude
+    rows, otherwise = correction.evidence.rows, float(correction.amplitude.mean())
+    if what is None:
+        return Curve((), otherwise)
+    if isinstance(what, Factor):
+        codes = what.codes[rows]
+        seen = [k for k in range(len(what.levels)) if (codes == k).any()]
+        return Curve(tuple(float(amplitude[codes == k][0]) for k in seen), otherwise, what.name,
+                     levels=tuple(what.levels[k] for k in seen))
+    if isinstance(what, CovariatePair) or not isinstance(what, Covariate):
+        return None
+    return _spline(what, rows, amplitude, otherwise)
+
+
+def _spline(what: Covariate, rows: Array, amplitude: Array, otherwise: float) -> Curve:
+    """Values at the fit's own knots: between them the fit is that very spline."""
+    x = what.values[rows]
+    said = np.isfinite(x)
+    knots = spline_knots(x[said])
+    value = np.linalg.lstsq(natural(knots, x[said]), amplitude[said], rcond=None)[0]
+    return Curve(tuple(map(float, value)), otherwise, what.name, at=tuple(map(float, knots)),
+                 low=float(x[said].min()), high=float(x[said].max()))

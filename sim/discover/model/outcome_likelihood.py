@@ -1,0 +1,171 @@
+"""How likely an outcome is: a normal height at the plane, cut into the classes that the operator can tell apart."""
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from scipy.special import log_ndtr, ndtr
+
+from truearc.robot.config.schema import InputError
+from truearc.robot.config.rig_spec import Target
+from truearc.sim.data.dataset import Shots
+
+Array = np.ndarray
+LAPSE = 0.005                         # share of outcomes that mean nothing: a slip of the operator's finger
+CLASSES = {"miss": 0.0, "two": 1.0, "three": 2.0}
+SIDED_SHARE = 0.5                     # of misses (of twos) must have a side before that counts as noted of them
+
+
+@dataclass(frozen=True)
+class OutcomeObservations:
+    """What was seen of n heights relative to the target's centre, in m.
+
+    Up to two intervals each: `low`, `high` [n, 2] (an empty one has low = high = inf); `height_m` [n] where the
+    height itself was measured (nan elsewhere) and beats the class. `classes` [n]: 0 miss, 1 two, 2 three, nan not
+    given. `borders` part low misses, low twos, threes, high twos and high misses; `sided`: of which classes, "miss" or
+    "two", it was noted on which side of the centre they were. Most drivers note it of misses alone.
+    """
+
+    low: Array
+    high: Array
+    height_m: Array
+    classes: Array
+    borders: Array
+    sided: tuple[str, ...]
+
+    @property
+    def measured(self) -> Array:
+        measured: Array = np.isfinite(self.height_m)
+        return measured
+
+    def take(self, index: Array) -> "OutcomeObservations":
+        """Those of the shots."""
+        return replace(self, low=self.low[index], high=self.high[index], height_m=self.height_m[index],
+                       classes=self.classes[index])
+
+
+def see_outcomes(shots: Shots, target: Target | None) -> tuple[Array, OutcomeObservations]:
+    """(rows [n] with a usable outcome or height, what was seen). A miss to the left or right says nothing of height.
+
+    InputError when there are outcomes but no [target] in rig.toml.
+    """
+    outcome, side = np.array(shots.text("outcome")), np.array(shots.text("side"))
+    height_m = shots.number("miss_height_m")
+    if (outcome != "").any() and target is None:
+        raise InputError("rig.toml: [target] is needed to make sense of the column outcome")
+    aside = (outcome == "miss") & np.isin(side, ("left", "right"))
+    rows = np.flatnonzero(np.isfinite(height_m) | ((outcome != "") & ~aside))
+    two, three = (target.two_half_height_m, target.three_half_height_m) if target else (0.35, 0.07)
+    pairs = [_intervals(outcome[row], side[row], two, three) for row in rows]
+    bounds = np.array(pairs, dtype=float).reshape(len(rows), 2, 2)
+    sided = tuple(name for name in ("miss", "two") if _is_sided(side[(outcome == name) & ~aside]))
+    borders = np.array([-np.inf, -two, -three, three, two, np.inf])
+    classes = np.array([CLASSES.get(outcome[row], np.nan) for row in rows])
+    return rows, OutcomeObservations(bounds[..., 0], bounds[..., 1], height_m[rows], classes, borders, sided)
+
+
+def _is_sided(side: Array) -> bool:
+    return len(side) > 0 and np.isin(side, ("low", "high")).mean() >= SIDED_SHARE
+
+
+def _intervals(outcome: str, side: str, two: float, three: float) -> list[tuple[float, float]]:
+    none = (np.inf, np.inf)
+    low = {"miss": (-np.inf, -two), "two": (-two, -three)}
+    high = {"miss": (two, np.inf), "two": (three, two)}
+    if outcome == "three":
+        return [(-three, three), none]
+    if outcome not in low:
+        return [(-np.inf, np.inf), none]
+    if side in ("low", "high"):
+        return [(low if side == "low" else high)[outcome], none]
+    return [(-two, two), none] if side in ("left", "right") else [low[outcome], high[outcome]]
+
+
+def log_likelihood(seen: OutcomeObservations, mean_m: Array, spread_m: Array) -> Array:
+    """Log-likelihood [n] of what was seen, heights normal(mean_m, spread_m), from the centre."""
+    chance = (1.0 - LAPSE) * _chance(seen.low, seen.high, mean_m, spread_m).sum(1) + LAPSE / 3.0
+    off = np.where(seen.measured, (seen.height_m - mean_m) / spread_m, 0.0)
+    nats: Array = np.where(seen.measured, -0.5 * off**2 - np.log(spread_m) - 0.5 * np.log(2.0 * np.pi), np.log(chance))
+    return nats
+
+
+def slopes(seen: OutcomeObservations, mean_m: Array, spread_m: Array) -> tuple[Array, Array, Array]:
+    """Derivatives of the log-likelihood [n] by mean_m, by log spread_m, and by metres that all borders move out."""
+    chance = (1.0 - LAPSE) * _chance(seen.low, seen.high, mean_m, spread_m).sum(1) + LAPSE / 3.0
+    by_mean, by_log, by_width = _chance_slopes(seen.low, seen.high, mean_m, spread_m)
+    scale = (1.0 - LAPSE) / chance
+    off = np.where(seen.measured, (seen.height_m - mean_m) / spread_m, 0.0)
+    return (np.where(seen.measured, off / spread_m, by_mean.sum(1) * scale),
+            np.where(seen.measured, off**2 - 1.0, by_log.sum(1) * scale),
+            np.where(seen.measured, 0.0, by_width.sum(1) * scale))
+
+
+def information(seen: OutcomeObservations, mean_m: Array, spread_m: Array) -> Array:
+    """Expected information [n, 3, 3] on what `slopes` differentiates by, over all outcomes that could be told apart."""
+    low, high = _all_classes(seen)
+    n = len(mean_m)
+    chance = np.zeros((n, len(low)))
+    slope = np.zeros((n, len(low), 3))
+    for k, parts in enumerate(zip(low, high, strict=True)):
+        lower, upper = (np.broadcast_to(np.array(part, dtype=float), (n, 2)) for part in parts)
+        chance[:, k] = (1.0 - LAPSE) * _chance(lower, upper, mean_m, spread_m).sum(1) + LAPSE / 3.0
+        slope[:, k] = (1.0 - LAPSE) * np.stack(_chance_slopes(lower, upper, mean_m, spread_m), axis=-1).sum(1)
+    classed = np.einsum("nki,nkj,nk->nij", slope, slope, 1.0 / chance)
+    measured = np.zeros((n, 3, 3))
+    measured[:, 0, 0], measured[:, 1, 1] = 1.0 / spread_m**2, 2.0
+    return np.where(seen.measured[:, None, None], measured, classed)
+
+
+def widened(seen: OutcomeObservations, wider_m: Array) -> OutcomeObservations:
+    """The same outcomes where all borders lie `wider_m` [n] farther out."""
+    low, high = (np.where(np.isfinite(edge), edge + np.sign(edge) * wider_m[:, None], edge)
+                 for edge in (seen.low, seen.high))
+    return replace(seen, low=low, high=high)
+
+
+def reopened(seen: OutcomeObservations, wider_m: float) -> OutcomeObservations:
+    """The same outcomes of an opening whose half heights are both `wider_m` larger."""
+    borders = np.where(np.isfinite(seen.borders), seen.borders + np.sign(seen.borders) * wider_m, seen.borders)
+    return replace(widened(seen, np.full(len(seen.low), wider_m)), borders=borders)
+
+
+def best_class(seen: OutcomeObservations, mean_m: Array, spread_m: Array) -> Array:
+    """Index [n] of the likeliest of miss, two, three."""
+    two, three = seen.borders[4], seen.borders[3]
+    inside = [ndtr((edge - mean_m) / spread_m) - ndtr((-edge - mean_m) / spread_m) for edge in (two, three)]
+    likeliest: Array = np.argmax(np.stack([1.0 - inside[0], inside[0] - inside[1], inside[1]], axis=1), axis=1)
+    return likeliest
+
+
+def _all_classes(seen: OutcomeObservations) -> tuple[list[tuple[float, float]], list[tuple[float, float]]]:
+    """Lower and upper bounds of the two intervals of each distinguishable outcome."""
+    cells = list(pairwise(map(float, seen.borders)))
+    low, high, none = cells[:2], cells[:-3:-1], (np.inf, np.inf)
+    pairs = [(cells[2], none)]
+    for name, below, above in zip(("miss", "two"), low, high, strict=True):
+        pairs += [(below, none), (above, none)] if name in seen.sided else [(below, above)]
+    return [(a[0], b[0]) for a, b in pairs], [(a[1], b[1]) for a, b in pairs]
+
+
+def _chance(low: Array, high: Array, mean_m: Array, spread_m: Array) -> Array:
+    """Probability of each interval [n, k], without cancellation in either tail."""
+    a, b = ((edge - mean_m[:, None]) / spread_m[:, None] for edge in (low, high))
+    flip = a > 0.0
+    a, b = np.where(flip, -b, a), np.where(flip, -a, b)
+    return np.where(low < high, np.exp(log_ndtr(b)) - np.exp(log_ndtr(a)), 0.0)
+
+
+def _chance_slopes(low: Array, high: Array, mean_m: Array, spread_m: Array) -> tuple[Array, Array, Array]:
+    """Derivatives of the probabilities [n, k] by mean_m, by log spread_m, and by borders moving outwards."""
+    a, b = ((edge - mean_m[:, None]) / spread_m[:, None] for edge in (low, high))
+    at_a, at_b = _density(a), _density(b)
+    weigh_a, weigh_b = (np.where(np.isfinite(edge), edge, 0.0) for edge in (a, b))
+    out_a, out_b = (np.where(np.isfinite(edge), np.sign(edge), 0.0) for edge in (low, high))
+    return ((at_a - at_b) / spread_m[:, None], weigh_a * at_a - weigh_b * at_b,
+            (out_b * at_b - out_a * at_a) / spread_m[:, None])
+
+
+def _density(z: Array) -> Array:
+    """Of the standard normal."""
+    density: Array = np.exp(-0.5 * z**2) / np.sqrt(2.0 * np.pi)
+    return density

@@ -1,0 +1,246 @@
+"""A dataset -> arrays for the chain and the likelihood: what was believed of each shot, and what was seen of it."""
+
+from dataclasses import dataclass
+
+import msgspec
+import numpy as np
+
+from truearc.robot.config.schema import InputError
+from truearc.robot.config.rig_spec import Believe, Rig, Noise
+from truearc.sim.data.shot_conditions import circumstances_of, known
+from truearc.sim.infer.curve import Curves, along
+from truearc.sim.discover.model.forward_model import DEVIATES, ShotBatch
+from truearc.sim.discover.detect.covariates import every_column
+from truearc.sim.discover.model.score_table import Array
+from truearc.sim.discover.model.outcome_likelihood import OutcomeObservations, see_outcomes
+from truearc.sim.discover.model.track_data import Samples, Scatter, gather_samples, measure_scatter
+from truearc.sim.infer.likelihood.launch_inputs import EXIT_DEG_SD, EXIT_SPEED_SD_M_S, EXIT_SPIN_SD_REV_S, given_of
+from truearc.sim.physics.launch import Exit, exit_no_slip, is_opposed
+from truearc.sim.physics.term import Circumstances
+from truearc.sim.data.dataset import Dataset, Shots
+
+NONE: Curves = {}
+FEWEST_SHOTS = 10
+# Standard deviations of what nobody fits: spin from shot to shot (a share), the moment of release against the first
+# sample, where the ball leaves; and of a flight whose launch nobody knows.
+SPIN_SHARE = 0.05
+LEAD_S = 0.3
+PLACE_M = 0.01
+FREE_PLACE_M = 0.3
+FREE_SPEED_M_S = 3.0
+SETTINGS = ("distance_m", "hood_deg", "motor_ratio", "miss_height_m", "t_s")
+# What scatters by amounts that are fitted: launches, and measured distances as a multiple of what the rig states.
+SCATTERS = ("scatter.speed", "scatter.elevation_rad", "scatter.azimuth_rad", "scatter.distance")
+
+
+@dataclass(frozen=True)
+class Intake:
+    """n shots (`rows` of the dataset) that say something; `stripped` facts for the chain.
+
+    noise_var [n, D]: variances of the deviates that are no scatter (sensors, release). scattered [n, S]: variances on
+    top where a scatter is 1: of log speed, elevation and azimuth 1 or 0, of the distance as stated. exits [n, 3],
+    exit_sd [n, 3]: measured log speed, elevation in rad, backspin, nan where not. seen: of the plane, rows `marked` [m]
+    of the n. samples: tracks, with `tracked` [k] their rows among the n.
+    """
+
+    facts: Rig
+    stripped: Rig
+    rows: Array
+    lanes: ShotBatch
+    noise_var: Array
+    scattered: Array
+    exits: Array
+    exit_sd: Array
+    marked: Array
+    seen: OutcomeObservations
+    tracked: Array
+    samples: Samples | None
+    scatter: Scatter | None
+    known: frozenset[str]
+    level: str
+    left_out: tuple[str, ...]
+
+
+def take_in(dataset: Dataset, curves: Curves = NONE) -> Intake:
+    """InputError when there are fewer than FEWEST_SHOTS shots or outcomes without a target.
+
+    curves: of effects without a name that are believed.
+    """
+    facts, shots = dataset.facts, dataset.shots
+    if len(shots) < FEWEST_SHOTS:
+        raise InputError(f"{shots.source}: {len(shots)} shots are too few to judge a simulation by; "
+                       f"{FEWEST_SHOTS} at least")
+    wheels, hood = _has_wheels(facts, shots), np.isfinite(shots.number("hood_deg"))
+    launched = ((wheels | np.isfinite(shots.number("exit_speed_m_s")))
+                & (hood | np.isfinite(shots.number("exit_deg"))))
+    marked, seen = see_outcomes(shots, facts.target)
+    usable = launched[marked] & np.isfinite(shots.number("distance_m")[marked])
+    samples, notes = _samples(dataset)
+    tracked = np.zeros(len(shots), bool) if samples is None else np.isin(np.arange(len(shots)), samples.rows)
+    use = tracked.copy()
+    use[marked[usable]] = True
+    measured = (wheels & (np.isfinite(shots.number("exit_speed_m_s")) | np.isfinite(shots.number("exit_spin_rev_s")))
+                | hood & np.isfinite(shots.number("exit_deg")))
+    use |= launched & measured
+    rows = np.flatnonzero(use)
+    place = np.full(len(shots), -1)
+    place[rows] = np.arange(len(rows))
+    part = _Part(facts, shots.take(rows), wheels[rows], hood[rows], launched[rows])
+    left_out = [*dataset.left_out, *notes]
+    if not usable.all():
+        left_out.append(f"{int((~usable).sum())} outcomes without distance_m, or without hood_deg and a launch speed")
+    columns = every_column(dataset) if curves else {}
+    around = along(curves, circumstances_of(dataset), columns, len(shots))
+    lanes, noise_var, scattered = _lanes(part, _pick(around, rows), samples, place)
+    exits, exit_sd = _exits(part)
+    scatter = None if samples is None else measure_scatter(samples, facts.noise.track_m)
+    stripped = replace_facts(facts)
+    return Intake(facts, stripped, rows, lanes, noise_var, scattered, exits, exit_sd, place[marked[usable]],
+                  seen.take(usable), np.zeros(0, int) if samples is None else place[samples.rows], samples, scatter,
+                  known(dataset), _level(dataset, samples), tuple(left_out))
+
+
+def replace_facts(facts: Rig) -> Rig:
+    """Without noise and beliefs, on which no flight depends: compiled code is kept by facts."""
+    return msgspec.structs.replace(facts, noise=Noise(), believe=Believe())
+
+
+@dataclass(frozen=True)
+class _Part:
+    """The shots used, and what is known of each."""
+
+    facts: Rig
+    shots: Shots
+    wheels: Array
+    hood: Array
+    launched: Array
+
+
+def _lanes(part: _Part, circumstances: Circumstances, samples: Samples | None,
+           place: Array) -> tuple[ShotBatch, Array, Array]:
+    """(lanes, noise variances [n, D], what scatters on top [n, S])."""
+    shots, n, free = part.shots, len(part.shots), ~part.launched
+    numbers = {**shots.numbers}
+    numbers["exit_speed_m_s"] = np.where(free, 1.0, np.where(part.wheels, np.nan, shots.number("exit_speed_m_s")))
+    numbers["exit_deg"] = np.where(free, 0.0, np.where(part.hood, np.nan, shots.number("exit_deg")))
+    numbers["exit_spin_rev_s"] = np.where(part.wheels & part.launched, np.nan, shots.number("exit_spin_rev_s"))
+    numbers["distance_m"] = np.nan_to_num(shots.number("distance_m"), nan=1.0)
+    given = given_of(part.facts, Shots(shots.shot_id, numbers, shots.texts))
+    side = _side_spin(part)
+    start_m, start_m_s, spin, lead_s, time_s = _starts(part, given.rolling, samples, place)
+    rolling = Exit(*(np.asarray(each, dtype=float) for each in given.rolling))._replace(above_m=np.zeros(n))
+    mass_kg = _or_else(shots.number("mass_kg"), part.facts.ball.mass_kg)
+    radius_m = _or_else(shots.number("radius_m"), part.facts.ball.radius_m)
+    lanes = ShotBatch(rolling, side, given.rolled & part.launched, given.hooded & part.launched, free, mass_kg, radius_m,
+                  given.distance_m, circumstances, start_m, start_m_s, spin, lead_s, time_s)
+    noise = np.zeros((n, len(DEVIATES)))
+    noise[:, 0] = np.where(free, 0.0, (given.wheel_log_speed**2).sum(1))
+    noise[:, 1] = np.where(free, 0.0, given.elevation_sd_rad**2)
+    spinning = np.maximum(np.abs(np.asarray(given.rolling.spin_rev_s)), 0.5)
+    noise[:, 3] = SPIN_SHARE**2 + np.where(free, 0.0, (given.wheel_spin_rev_s**2).sum(1) / spinning**2)
+    noise[:, 5] = np.where(free, 0.0, LEAD_S**2)
+    noise[:, 6:9] = np.where(free, FREE_PLACE_M, PLACE_M)[:, None]**2
+    noise[:, 9:12] = np.where(free, FREE_SPEED_M_S, 0.0)[:, None]**2
+    return lanes, noise, np.stack([given.rolled & ~free, given.hooded & ~free, ~free,
+                                   np.broadcast_to(given.distance_sd_m**2, n)], axis=1) * 1.0
+
+
+def _or_else(measured: Array, rig: float) -> Array:
+    """What a ball's own column says, where it says something a ball can be."""
+    return np.where(measured > 0.0, measured, rig)
+
+
+def _side_spin(part: _Part) -> Array:
+    """Spin [n, 2] in rev/s about the direction of flight and about up, of rigs with other wheels than the seed's."""
+    side = np.zeros((len(part.shots), 2))
+    if not part.facts.launcher.wheel or is_opposed(part.facts):
+        return side
+    body = _wheel_spin(part)
+    known = np.isfinite(body).all(1)
+    side[known] = body[known][:, [0, 2]]
+    return side
+
+
+def _wheel_spin(part: _Part) -> Array:
+    """Spin [n, 3] by all wheels in rev/s about (ahead, left, up); nan where a wheel's speed is unknown."""
+    surface = np.stack([part.shots.number(f"wheel_{wheel.name}_rad_s") * wheel.radius_m
+                        for wheel in part.facts.launcher.wheel], axis=1)
+    spin_rev_s: Array = exit_no_slip(part.facts, surface)[1] / (2.0 * np.pi)
+    return spin_rev_s
+
+
+def _starts(part: _Part, rolling: Exit, samples: Samples | None, place: Array) -> tuple[Array, ...]:
+    """start_m, start_m_s, spin [n, 3], lead_s [n], time_s [n, L] of ShotBatch."""
+    n = len(part.shots)
+    start_m, start_m_s, spin = np.zeros((n, 3)), np.tile([1.0, 0.0, 0.0], (n, 1)), np.zeros((n, 3))
+    if samples is None:
+        return start_m, start_m_s, spin, np.zeros(n), np.zeros((n, 1))
+    time_s, lead_s = np.zeros((n, samples.time_s.shape[1])), np.zeros(n)
+    rows = place[samples.rows]
+    time_s[rows] = samples.time_s
+    start_m[rows], start_m_s[rows] = first_guess(samples)
+    ahead_m_s = np.maximum(np.asarray(rolling.speed_m_s) * np.cos(np.asarray(rolling.elevation_rad)), 0.5)
+    lead_s[rows] = np.clip(start_m[rows, 0] / ahead_m_s[rows], 0.0, 1.0)
+    spin[:] = _free_spin(part, start_m_s)
+    return start_m, start_m_s, spin, np.where(part.launched, lead_s, 0.0), time_s
+
+
+def _free_spin(part: _Part, velocity_m_s: Array) -> Array:
+    """Spin [n, 3] in rev/s of flights with unknown launch: as measured (backspin), else by the wheels, else none."""
+    speed = np.maximum(np.linalg.norm(velocity_m_s, axis=1, keepdims=True), 1e-9)
+    ahead = velocity_m_s / speed
+    level = np.maximum(np.hypot(ahead[:, 0], ahead[:, 1]), 1e-9)
+    left = np.stack([-ahead[:, 1] / level, ahead[:, 0] / level, np.zeros(len(ahead))], axis=1)
+    measured = part.shots.number("exit_spin_rev_s")
+    spin = -left * np.nan_to_num(measured)[:, None]
+    if part.facts.launcher.wheel:
+        body = _wheel_spin(part)
+        turned = body[:, :1] * ahead + body[:, 1:2] * left + body[:, 2:] * np.cross(ahead, left)
+        spin = np.where((np.isfinite(turned).all(1) & np.isnan(measured))[:, None], turned, spin)
+    return spin
+
+
+def first_guess(samples: Samples) -> tuple[Array, Array]:
+    """Position and velocity [k, 3] at the first sample from a parabola through each track."""
+    position, velocity = np.zeros((2, len(samples.rows), 3))
+    for k, real in enumerate(samples.real):
+        curve = np.polynomial.polynomial.polyfit(samples.time_s[k][real], samples.position_m[k][real], 2)
+        position[k], velocity[k] = curve[0], curve[1]
+    return position, velocity
+
+
+def _exits(part: _Part) -> tuple[Array, Array]:
+    """Measured exits that are evidence about wheels and hood [n, 3], and their standard deviations."""
+    speed = np.where(part.wheels & part.launched, part.shots.number("exit_speed_m_s"), np.nan)
+    exits = np.stack([np.log(np.where(speed > 0.0, speed, np.nan)),
+                      np.radians(np.where(part.hood & part.launched, part.shots.number("exit_deg"), np.nan)),
+                      np.where(part.wheels & part.launched, part.shots.number("exit_spin_rev_s"), np.nan)], axis=1)
+    sd = np.stack([EXIT_SPEED_SD_M_S / np.where(speed > 0.0, speed, 1.0),
+                   np.full(len(speed), np.radians(EXIT_DEG_SD)), np.full(len(speed), EXIT_SPIN_SD_REV_S)], axis=1)
+    return exits, sd
+
+
+def _samples(dataset: Dataset) -> tuple[Samples | None, tuple[str, ...]]:
+    if dataset.tracks is None or len(dataset.tracks.t_s) == 0:
+        return None, ()
+    samples, notes, _ = gather_samples(dataset.tracks, len(dataset.shots))
+    return (samples if len(samples.rows) else None), notes
+
+
+def _has_wheels(facts: Rig, shots: Shots) -> Array:
+    by_ratio = np.isfinite(shots.number("motor_ratio")) & (facts.launcher.free_speed_rad_s is not None)
+    turned = [np.isfinite(shots.number(f"wheel_{wheel.name}_rad_s")) | by_ratio for wheel in facts.launcher.wheel]
+    return np.all(turned, axis=0) if turned else np.zeros(len(shots), bool)
+
+
+def _pick(circumstances: Circumstances, rows: Array) -> Circumstances:
+    return Circumstances(*(np.broadcast_to(np.asarray(part, dtype=float), (rows.max(initial=-1) + 1,))[rows]
+                           if np.ndim(part) == 0 else np.asarray(part)[rows] for part in circumstances))
+
+
+def _level(dataset: Dataset, samples: Samples | None) -> str:
+    if samples is not None:
+        return "L2"
+    wheels = tuple(f"wheel_{wheel.name}_rad_s" for wheel in dataset.facts.launcher.wheel)
+    telemetry = [name for name in dataset.shots.numbers if name not in SETTINGS + wheels]
+    return "L1" if telemetry or dataset.traces is not None else "L0"

@@ -1,0 +1,170 @@
+"""Tracks as padded arrays, and how their samples scatter: per axis, and from one sample to the next."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from truearc.sim.discover.model.score_table import Array
+from truearc.sim.data.dataset import Tracks
+
+FEWEST_SAMPLES = 6                    # per track; fewer cannot say more than where it started and how fast
+SMOOTH_DEGREE = 4                     # of the polynomial that stands for "any smooth flight" when scatter is measured
+ENOUGH_SAMPLES = 12                   # per track, to measure scatter from it
+GROSS = 8.0                           # robust standard deviations off a smooth flight: not a sample of the ball
+LEAPS, MOST_LOST = 3, 4               # the longest steps of a track, behind which up to so many frames may be lost
+SURE_NATS = 30.0                      # that stamps put right must gain,
+COMMON = 0.03                         # and share of tracks that must leap: of those with bad noise alone 2 in 300 do
+MEMORIES = np.linspace(0.0, 0.97, 50)  # correlations of neighbouring samples that are told apart
+LEAST_MEMORY = 0.03
+PAD = 16                              # tracks are padded to a multiple of this, since each length is compiled
+
+
+@dataclass(frozen=True)
+class Samples:
+    """n tracks padded to L samples (padding repeats the last); `time_s` [n, L] from 0, `position_m` [n, L, 3]."""
+
+    rows: Array                       # [n] shot of each track
+    time_s: Array
+    position_m: Array
+    real: Array                       # [n, L] False = padding
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """Noise of the samples: `sigma_m` [3], and memory: correlation exp(-dt / memory_s) [3], 0 = none."""
+
+    sigma_m: Array
+    memory_s: Array
+
+
+def gather_samples(tracks: Tracks, shots: int) -> tuple[Samples, tuple[str, ...], int]:
+    """(padded tracks, what was left out in words, number of gross outliers left out)."""
+    kept, short, gross = [], 0, 0
+    for shot in range(shots):
+        where = np.flatnonzero(tracks.shot == shot)
+        data = np.stack([tracks.t_s[where], tracks.x_m[where], tracks.y_m[where], tracks.z_m[where]], axis=1)
+        sound = _sound(data)
+        gross += int((~sound).sum())
+        data = data[sound]
+        if len(data) >= FEWEST_SAMPLES:
+            kept.append((shot, data))
+        elif len(data):
+            short += 1
+    notes: tuple[str, ...] = (f"{short} tracks with fewer than {FEWEST_SAMPLES} samples",) if short else ()
+    if gross:
+        notes += (f"{gross} track samples more than {GROSS:g} standard deviations off a smooth flight",)
+    right = [put_right(data) for _, data in kept]
+    leapt = sum(bool((stamps != data[:, 0]).any()) for stamps, (_, data) in zip(right, kept, strict=True))
+    if leapt > COMMON * len(kept):
+        for stamps, (_, data) in zip(right, kept, strict=True):
+            data[:, 0] = stamps
+        notes += (f"{leapt} tracks that leap ahead as if frames had been lost in between: their stamps are put right",)
+    return _pad(kept), notes, gross
+
+
+def put_right(data: Array) -> Array:
+    """Stamps [L] of samples (t, x, y, z), put on by whole frames where some were lost in between without a word.
+
+    A smooth flight through samples that leap ahead along their own way fits far better once the stamps leap, too. No
+    force on a ball does that.
+    """
+    time_s = data[:, 0]
+    if len(data) < ENOUGH_SAMPLES:
+        return time_s
+    frame_s = float(np.median(np.diff(time_s)))
+    length = np.linalg.norm(np.diff(data[:, 1:], axis=0), axis=1) / np.maximum(np.diff(time_s), 1e-9)
+    places = np.argsort(-length, kind="stable")[:LEAPS] + 1
+    tried = [time_s + lost * frame_s * (np.arange(len(data)) >= place) for place in places
+             for lost in range(1, MOST_LOST + 1)]
+    left = np.array([(_detrend(stamps, data[:, 1:])**2).sum() for stamps in (time_s, *tried)])
+    best = int(left[1:].argmin())
+    gain = 1.5 * len(data) * np.log(left[0] / max(left[1 + best], 1e-300))
+    return tried[best] if gain > SURE_NATS else time_s
+
+
+def measure_scatter(samples: Samples, believed_m: float) -> Scatter:
+    """Noise about the smoothest flight that each track allows; the believed figure when no track is long enough.
+
+    A smooth curve takes some of the noise with it, most of slow noise. Size and memory are those that would leave what
+    was found after the same curve was taken out of a typical track.
+    """
+    long = [k for k, real in enumerate(samples.real) if real.sum() >= ENOUGH_SAMPLES]
+    if not long:
+        return Scatter(np.full(3, believed_m), np.zeros(3))
+    residuals = [_detrend(samples.time_s[k][samples.real[k]], samples.position_m[k][samples.real[k]]) for k in long]
+    square = sum((r**2).sum(0) for r in residuals) / sum(len(r) for r in residuals)
+    together = sum((r[1:] * r[:-1]).sum(0) for r in residuals) / sum(len(r) for r in residuals)
+    typical = sorted(long, key=lambda k: samples.real[k].sum())[len(long) // 2]
+    time_s = samples.time_s[typical][samples.real[typical]]
+    gap_s = float(np.median(np.diff(time_s)))
+    left = np.array([_left_over(time_s, memory, gap_s) for memory in MEMORIES])
+    found = np.interp(together / np.maximum(square, 1e-300), left[:, 1] / left[:, 0], MEMORIES)
+    sigma_m = np.sqrt(square / np.interp(found, MEMORIES, left[:, 0]))
+    memory_s = np.where(found > LEAST_MEMORY, -gap_s / np.log(np.maximum(found, 1e-12)), 0.0)
+    return Scatter(np.maximum(sigma_m, 1e-6), memory_s)
+
+
+def _left_over(time_s: Array, memory: float, gap_s: float) -> tuple[float, float]:
+    """(mean square, mean product of neighbours) of unit noise with memory after a smooth curve is taken out."""
+    apart = np.abs(time_s[:, None] - time_s[None]) / gap_s
+    noise = np.where(apart == 0.0, 1.0, memory**apart)
+    left = _detrend(time_s, _detrend(time_s, noise).T)
+    return float(np.diag(left).mean()), float(np.diag(left, 1).sum() / len(time_s))
+
+
+def whiten(samples: Samples, scatter: Scatter, columns: Array) -> Array:
+    """Turn position-like columns [n, L, 3, k] into ones with independent unit noise [n, 3 L, k]; padding becomes 0.
+
+    First-order autoregression in continuous time: each sample less what the one before foretells.
+    """
+    gaps_s = np.diff(samples.time_s, axis=1)[:, :, None]
+    memory = np.exp(-gaps_s / np.where(scatter.memory_s > 0.0, scatter.memory_s, 1e-9))
+    clean = columns / scatter.sigma_m[:, None]
+    new = (clean[:, 1:] - memory[..., None] * clean[:, :-1]) / np.sqrt(1.0 - memory**2 + 1e-12)[..., None]
+    joined = np.concatenate([clean[:, :1], new], axis=1) * samples.real[:, :, None, None]
+    white: Array = joined.reshape(len(columns), 3 * columns.shape[1], columns.shape[-1])
+    return white
+
+
+def log_volume(samples: Samples, scatter: Scatter) -> Array:
+    """Log density [n] of each track's noise where all that `whiten` makes of it is 0."""
+    gaps_s = np.diff(samples.time_s, axis=1)[:, :, None]
+    memory = np.exp(-gaps_s / np.where(scatter.memory_s > 0.0, scatter.memory_s, 1e-9))
+    new = np.log(scatter.sigma_m) + 0.5 * np.log(1.0 - memory**2 + 1e-12)
+    first = np.log(scatter.sigma_m).sum() + 1.5 * np.log(2.0 * np.pi)
+    later = ((new.sum(2) + 1.5 * np.log(2.0 * np.pi)) * samples.real[:, 1:]).sum(1)
+    log_density: Array = -(first * samples.real[:, 0] + later)
+    return log_density
+
+
+def _detrend(time_s: Array, position_m: Array) -> Array:
+    scaled = (time_s - time_s[0]) / max(float(np.ptp(time_s)), 1e-9) * 2.0 - 1.0
+    basis = np.polynomial.legendre.legvander(scaled, SMOOTH_DEGREE)
+    residual_m: Array = position_m - basis @ np.linalg.lstsq(basis, position_m, rcond=None)[0]
+    return residual_m
+
+
+def _sound(data: Array) -> Array:
+    """Samples that could be the ball: twice over, so that a gross one does not hide another."""
+    sound = np.ones(len(data), dtype=bool)
+    for _ in range(2):
+        if sound.sum() < ENOUGH_SAMPLES:
+            return np.ones(len(data), dtype=bool)
+        basis = np.polynomial.legendre.legvander((data[:, 0] - data[0, 0]) / np.ptp(data[:, 0]) * 2.0 - 1.0,
+                                                 SMOOTH_DEGREE)
+        fitted = np.linalg.lstsq(basis[sound], data[sound, 1:], rcond=None)[0]
+        off = np.abs(data[:, 1:] - basis @ fitted)
+        sigma = 1.4826 * np.median(off[sound], axis=0) + 1e-9
+        sound = (off <= GROSS * sigma).all(axis=1)
+    return sound
+
+
+def _pad(kept: list[tuple[int, Array]]) -> Samples:
+    longest = -(-max((len(data) for _, data in kept), default=1) // PAD) * PAD
+    padded = np.zeros((len(kept), longest, 4))
+    real = np.zeros((len(kept), longest), dtype=bool)
+    for k, (_, data) in enumerate(kept):
+        padded[k, :len(data)], padded[k, len(data):] = data, data[-1]
+        padded[k, :, 0] -= data[0, 0]
+        real[k, :len(data)] = True
+    return Samples(np.array([shot for shot, _ in kept], dtype=int), padded[..., 0], padded[..., 1:], real)

@@ -1,0 +1,1 @@
+"""Planning: identifiability, expected information and experiment design."""

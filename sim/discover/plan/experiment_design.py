@@ -1,0 +1,235 @@
+"""Which shots, or which measurement, would tell the remaining names apart, and how likely they are to.
+
+Every configuration that has been shot is one that can be shot again: safe, within reach, and its information is known
+at the level of these very data. So is the same place and hood with the wheels a little slower or faster, as far as they
+have turned at all: drivers aim at the middle, and outcomes tell most at its edge. Shots are chosen one block after
+another by what they add to the separation of every two names (Fedorov's exchange without going back; the criterion of
+Box and Hill 1967, in its linear form).
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import softmax
+
+from truearc.sim.discover.model.baseline_fit import BaselineFit
+from truearc.sim.discover.model.score_table import Array, ScoreTable
+from truearc.sim.discover.model.linearization import linearise
+from truearc.sim.discover.select.term_ranking import efficient, nats_for
+from truearc.sim.discover.plan.recommendations import MEASURE
+from truearc.sim.discover.select.selection_step import Step
+
+CONFIGURATIONS = 5
+SHOTS = 100
+DRAWS = 4000
+PACES = (1.0, 0.94, 0.97, 1.03, 1.06)             # of the wheels, times the recorded one
+KEPT = 300                            # of the candidates, the best by themselves, that further blocks are chosen from
+SURE = 0.95                           # probability from which a name stands alone
+MOST_NAMES = 8
+MOST_RANDOM = 64                      # times the present shots, up to which random ones are counted
+
+# One standard deviation of what a team's tools say of a term's amplitude, in its unit: assumed, not measured.
+ACCURACY = {"hood_offset": 0.2, "hood_backlash": 0.2, "encoder_scale": 0.003, "distance_scale": 0.005,
+            "distance_bias": 0.01, "vision_latency": 0.005, "release_height": 0.01, "target_height": 0.01,
+            "rim_catch": 0.01, "exit_efficiency": 0.02, "wheel_slip": 0.003, "ball_wear": 0.02, "battery_sag": 0.1,
+            "rapid_fire": 0.02, "spin_decay": 0.1, "drag_wear": 0.05, "wind_x": 0.2, "wind_y": 0.2, "wind_z": 0.2,
+            "wheel_droop": 0.02, "ball_compression": 0.05, "ball_spread": 0.01, "drag": 0.05, "drag_reynolds": 0.2,
+            "air_density": 0.3, "magnus": 0.05, "spin_drag": 0.15, "lift_saturation": 0.3,
+            "buoyancy": 0.3, "added_mass": 0.3}      # a kitchen scale sees a third of the air that a ball displaces
+
+Option = tuple[int, float]            # row of the evidence's shots, pace
+
+
+@dataclass(frozen=True)
+class Block:
+    """Shots of one configuration: `row` of the evidence's shots, its wheels `pace` times as fast."""
+
+    row: int
+    shots: int
+    pace: float = 1.0
+
+
+@dataclass(frozen=True)
+class PlannedMeasurement:
+    what: str
+    terms: tuple[str, ...]
+    probability: float                # that one name stands alone afterwards
+
+
+@dataclass(frozen=True)
+class Design:
+    """names with their probabilities; before, after: probability that the right one stands alone, now and with the
+    blocks. random: shots like the present ones that would part the names as well; None beyond MOST_RANDOM times."""
+
+    names: tuple[str, ...]
+    probability: Array
+    blocks: tuple[Block, ...]
+    before: float
+    after: float
+    random: int | None
+    measurements: tuple[PlannedMeasurement, ...]
+
+
+@dataclass(frozen=True)
+class Contest:
+    """K names: columns of the evidence, amplitudes, sizes, probabilities, and what refits know beyond one step."""
+
+    evidence: ScoreTable
+    columns: Array
+    amplitude: Array
+    usual: Array
+    probability: Array
+    offset: Array                     # nats
+
+
+def make_design(step: Step, shots: int = SHOTS, configurations: int = CONFIGURATIONS, seed: int = 0) -> Design:
+    """Blocks of equal numbers of shots, most telling first. ValueError where fewer than two names compete."""
+    if not can_design(step):
+        raise ValueError("fewer than two names compete")
+    names = _competing(step)
+    contest = _contest(step, names)
+    block = max(shots // configurations, 1)
+    there = at_paces(step.fitted)
+
+    def told(option: Option) -> Array:
+        return there[option[1]].told_by([option[0]])
+
+    chosen = choose_blocks(contest, block, within_reach(step.fitted, there), configurations, told)
+    more = block * np.sum([told(option) for option in chosen], axis=0)
+    measurements = sorted(_measurements(contest, names, seed), key=lambda one: -one.probability)
+    return Design(names, contest.probability, tuple(Block(row, block, pace) for row, pace in chosen),
+                  float((contest.probability * (contest.probability >= SURE)).sum()),
+                  chance_of_name(contest, more, seed), _random_equal(contest, more), tuple(measurements))
+
+
+def can_design(step: Step) -> bool:
+    """Whether there are two names or more to tell apart."""
+    return not step.unknown and len(_competing(step)) > 1
+
+
+def _competing(step: Step) -> tuple[str, ...]:
+    """Of the set the names that were truly refitted, whose amplitudes are known."""
+    return tuple(name for name in step.naming.chosen if name in step.naming.refits)[:MOST_NAMES]
+
+
+def _contest(step: Step, names: tuple[str, ...]) -> Contest:
+    evidence, naming = step.fitted.evidence, step.naming
+    columns = np.array([evidence.index(name) for name in names], dtype=int)
+    usual = np.array([evidence.columns[k].usual for k in columns])
+    nats = np.array([naming.nats[name] for name in names])
+    score, left = efficient(evidence, columns, 0.0)
+    linear = np.array([nats_for(score[k], float(left[k, k]), usual[k]) for k in range(len(names))])
+    amplitude = np.array([naming.refits[name].amplitude[0] for name in names])
+    return Contest(evidence, columns, amplitude, usual, softmax(nats), nats - linear)
+
+
+def separation(contest: Contest, more: Array | float) -> Array:
+    """Delta [K, K]: how far name k, at its best, is from data that j makes, as a chi-squared; 0 on the diagonal."""
+    left = efficient(contest.evidence, contest.columns, more)[1]
+    own = np.maximum(np.diag(left), 1e-300)
+    return contest.amplitude[:, None]**2 * np.maximum(own[:, None] - left**2 / own[None, :], 0.0)
+
+
+def worth(contest: Contest, more: Array | float) -> float:
+    """Mean log separation of pairs, each as likely as its two names; what a design is chosen by."""
+    weight = np.outer(contest.probability, contest.probability) * (1.0 - np.eye(len(contest.columns)))
+    return float((weight * np.log1p(separation(contest, more))).sum() / weight.sum())
+
+
+def at_paces(fitted: BaselineFit) -> dict[float, ScoreTable]:
+    """{pace: expected evidence of all shots so}; the recorded one alone where tracks or measured exits tell how fast
+    each ball was."""
+    intake, there = fitted.intake, {1.0: fitted.evidence}
+    if intake.samples is not None or np.isfinite(intake.exits).any() or not np.asarray(intake.lanes.rolled).any():
+        return there
+    rolling = intake.lanes.rolling
+    for pace in PACES[1:]:
+        faster = rolling._replace(speed_m_s=pace * np.asarray(rolling.speed_m_s),
+                                  spin_rev_s=pace * np.asarray(rolling.spin_rev_s))
+        lanes = intake.lanes._replace(rolling=faster)
+        there[pace] = linearise(replace(intake, lanes=lanes), fitted.layout, fitted.spot)[0]
+    return there
+
+
+def within_reach(fitted: BaselineFit, paces: Iterable[float]) -> list[tuple[int, float]]:
+    """(row, pace) of every configuration whose wheels turn no slower and no faster than they have been seen to."""
+    lanes = fitted.intake.lanes
+    speed, rolled = np.asarray(lanes.rolling.speed_m_s), np.asarray(lanes.rolled)
+    low, high = (speed[rolled].min(), speed[rolled].max()) if rolled.any() else (0.0, 0.0)
+    return [(row, pace) for pace in paces for row in range(len(speed))
+            if pace == 1.0 or (rolled[row] and low <= pace * speed[row] <= high)]
+
+
+def choose_blocks(contest: Contest, block: int, options: Sequence[Option], count: int,
+                  told: Callable[[Option], Array]) -> list[Option]:
+    """The options of which `block` shots each are taken; one may come more than once. told: what one shot of it says
+    [P, P]."""
+    total: Array | float = 0.0
+    chosen: list[Option] = []
+    left = list(options)
+    for _ in range(count):
+        value = np.array([worth(contest, total + block * told(option)) for option in left])
+        chosen.append(left[int(np.argmax(value))])
+        total = total + block * told(chosen[-1])
+        if not chosen[1:]:
+            left = [left[k] for k in np.argsort(-value, kind="stable")[:KEPT]]
+    return chosen
+
+
+def chance_of_name(contest: Contest, more: Array, seed: int) -> float:
+    """Probability that the right name will hold SURE of the probability, were `more` information there.
+
+    Truths are drawn as likely as they are now, each at its fitted amplitude; scores to come are normal.
+    """
+    rng = np.random.default_rng(seed)
+    score, left = efficient(contest.evidence, contest.columns, 0.0)
+    after = efficient(contest.evidence, contest.columns, more)[1]
+    gained = after - left
+    values, vectors = np.linalg.eigh(gained)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    truth = rng.choice(len(contest.columns), DRAWS, p=contest.probability)
+    come = rng.normal(size=(DRAWS, len(values))) @ root.T + (gained[:, truth] * contest.amplitude[truth]).T
+    nats = np.stack([nats_for(score[k] + come[:, k], float(after[k, k]), contest.usual[k])
+                     for k in range(len(contest.columns))], axis=1)
+    return _stands_alone(nats + contest.offset, truth)
+
+
+def _stands_alone(nats: Array, truth: Array) -> float:
+    chance = softmax(nats, axis=1)
+    return float(np.mean(chance[np.arange(len(truth)), truth] >= SURE))
+
+
+def _random_equal(contest: Contest, more: Array) -> int | None:
+    """Shots drawn like the present ones that are worth as much as `more`."""
+    wanted, present = worth(contest, more), contest.evidence.information
+    shots = len(contest.evidence.rows)
+    low, high = 0.0, float(MOST_RANDOM)
+    if worth(contest, high * present) < wanted:
+        return None
+    for _ in range(30):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if worth(contest, middle * present) >= wanted else (middle, high)
+    return int(np.ceil(high * shots))
+
+
+def _measurements(contest: Contest, names: tuple[str, ...], seed: int) -> list[PlannedMeasurement]:
+    """Each thing that can be measured, and what it would do: it finds the amplitude of its terms, or nothing."""
+    terms = [name.partition(".")[0] for name in names]
+    found = []
+    for what in dict.fromkeys(MEASURE[term] for term in terms if term in ACCURACY and term in MEASURE):
+        mine = [k for k, term in enumerate(terms) if MEASURE.get(term) == what and term in ACCURACY]
+        found.append(PlannedMeasurement(what, tuple(terms[k] for k in mine), _chance_measured(contest, terms, mine, seed)))
+    return found
+
+
+def _chance_measured(contest: Contest, terms: list[str], mine: list[int], seed: int) -> float:
+    """As chance_of_name, for a measurement of the amplitudes of the terms `mine`."""
+    rng = np.random.default_rng(seed)
+    truth = rng.choice(len(terms), DRAWS, p=contest.probability)
+    nats = np.tile(np.log(contest.probability), (DRAWS, 1))
+    for k in mine:
+        sd, amplitude = ACCURACY[terms[k]], contest.amplitude[k]
+        seen = np.where(truth == k, amplitude, 0.0) + sd * rng.normal(size=DRAWS)
+        nats[:, k] += (seen**2 - (seen - amplitude)**2) / (2.0 * sd**2)
+    return _stands_alone(nats, truth)

@@ -1,0 +1,118 @@
+"""What to do next: a measurement that no shot can replace, and the shots of these that part the likeliest names."""
+
+from typing import Any
+
+import numpy as np
+
+from truearc.sim.discover.detect.test_battery import name_of
+from truearc.sim.discover.model.score_table import Array, ScoreTable
+from truearc.sim.discover.select.refit import Refit
+from truearc.sim.discover.report.effect_wording import IN_FLIGHT
+from truearc.sim.discover.select.selection_step import Step
+from truearc.sim.data.dataset import Dataset
+
+# What settles each term without shooting, discovery.md's cheap metrology.
+MEASURE = {
+    "hood_offset": "hood angle with an inclinometer",
+    "hood_backlash": "hood angle with an inclinometer, from both sides",
+    "encoder_scale": "wheel diameter with calipers, wheel speed with an optical tachometer",
+    "distance_scale": "distance with a tape at 3 stations",
+    "distance_bias": "distance with a tape at 3 stations",
+    "vision_latency": "the camera's delay, by a lamp in its view that the robot switches",
+    "track_scale": "a ruler in the tracker's view",
+    "track_tilt": "a plumb line in the tracker's view",
+    "track_clock": "a stopwatch in the tracker's view",
+    "track_perspective": "a ruler at two heights in the tracker's view",
+    "release_height": "exit height with a tape",
+    "target_height": "target height with a tape",
+    "rim_catch": "where balls touch the rim, on film",
+    "exit_efficiency": "exit speed with a high-speed camera",
+    "wheel_slip": "exit speed with a high-speed camera",
+    "wheel_droop": "exit speed at little and at much dip with a high-speed camera",
+    "ball_compression": "spin of a marked ball at 120 frames/s",
+    "ball_wear": "the speed of new and worn balls in turn",
+    "drag_wear": "the fall of new and worn balls side by side, on film",
+    "ball_spread": "weight and size of each ball, and note which was shot (ball_id)",
+    "battery_sag": "the same shot on a full and an empty battery",
+    "rapid_fire": "the same shot after 1 s and after 10 s",
+    "drag": "the fall of a ball from a known height, on film",
+    "magnus": "where five shots without spin go",
+    "buoyancy": "ball mass with a scale",
+    "added_mass": "ball mass with a scale",
+    "spin_decay": "spin of a marked ball at 120 frames/s, early and late",
+    "spin_drag": "where five shots without spin go",
+    "lift_saturation": "spin of a marked ball at 120 frames/s",
+    "drag_reynolds": "the fall of a ball from two heights, on film",
+    "wind_x": "the wind with an anemometer",
+    "wind_y": "the wind with an anemometer",
+    "wind_z": "the wind with an anemometer",
+    "air_change": "temperature and pressure, and those of the session before",
+    "air_density": "the fall of a ball on a cold and on a warm day, on film",
+}
+SHOTS = 20
+FEW = 3                               # measurements proposed at most
+
+
+def next_steps(dataset: Dataset, step: Step, chosen: tuple[str, ...] | None) -> tuple[dict[str, Any], ...]:
+    """The configuration among the shots at which the two likeliest names differ most, measurements that settle the
+    names that compete (or confirm the only one), and what to note of every shot from now on."""
+    if chosen is None:
+        return (*_about_unknown(step), *_sides(dataset))
+    wanted = dict.fromkeys(MEASURE[name] for name in chosen if name in MEASURE)
+    steps: list[dict[str, Any]] = [{"do": "measure", "what": what} for what in list(wanted)[:FEW]]
+    if len(chosen) < 2:
+        return tuple(steps)
+    shot = parting_shot(dataset, step, (step.naming.chosen[0], step.naming.chosen[1]))
+    return (*([shot] if shot else []), *steps, *_sides(dataset))
+
+
+def _about_unknown(step: Step) -> tuple[dict[str, Any], ...]:
+    """What has no name is looked for beside what it goes with."""
+    place = step.place
+    name = None if place is None else name_of(place.test, place.column)
+    if name is None or name in IN_FLIGHT:
+        return ({"do": "measure", "what": "the flight with a camera from the side (tracks.csv)"},)
+    return ({"do": "measure", "what": f"what else changes with {name}, which it goes with"},)
+
+
+def _sides(dataset: Dataset) -> tuple[dict[str, Any], ...]:
+    """A miss without a side tells half of what it could."""
+    outcome, side = dataset.shots.text("outcome"), dataset.shots.text("side")
+    blind = sum(said in ("miss", "two") and not where for said, where in zip(outcome, side, strict=True))
+    return ({"do": "measure", "what": "on which side of the centre, low or high, each shot passes (column side)"},) \
+        if blind > 0.5 * sum(map(bool, outcome)) else ()
+
+
+def parting_shot(dataset: Dataset, step: Step, pair: tuple[str, str]) -> dict[str, Any] | None:
+    """The recorded configuration where the two, each fitted, foretell the most different heights."""
+    evidence = step.fitted.evidence
+    plane = evidence.plane
+    if plane is None or any(name not in step.naming.refits for name in pair):
+        return None
+    changes = (np.tile(moved_by(evidence, step.naming.refits[name]), (len(evidence.rows), 1)) for name in pair)
+    one, other = (evidence.heights(change)[1] for change in changes)
+    apart = np.abs(one - other) / plane.spread_m
+    shot = int(evidence.rows[plane.rows[int(apart.argmax())]])
+    numbers = {name: dataset.shots.number(name)[shot] for name in ("distance_m", "hood_deg", "motor_ratio")}
+    if not np.isfinite(list(numbers.values())).all():
+        return None
+    return {"do": "shoot", **{name: round(float(value), 3) for name, value in numbers.items()}, "shots": SHOTS,
+            "separates": [name.partition(".")[0] for name in pair]}
+
+
+def moved_by(evidence: ScoreTable, one: Refit) -> Array:
+    """Change [P] of the evidence's columns that a refit of one name amounts to.
+
+    A name that is a fitted number itself (one that has changed since the belief) stands in that number's place: it is
+    then a move from where the number was fitted, not from where it was believed.
+    """
+    (name,) = one.names
+    shared = range(evidence.first_shared, len(evidence.columns))
+    rest = [k for k in shared if evidence.columns[k].name != name]
+    change = np.zeros(len(evidence.columns))
+    change[rest] = one.evidence.point[1:] - evidence.point[rest]
+    if len(rest) == len(shared):
+        change[evidence.index(name)] = one.amplitude[0]
+    for k in set(shared) - set(rest):
+        change[k] = one.evidence.point[0] - evidence.point[k]
+    return change

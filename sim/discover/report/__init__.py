@@ -1,0 +1,1 @@
+"""Reports of a finding: text, plots and HTML."""

@@ -1,0 +1,249 @@
+"""The investigation as an answer: truearc.finding/1."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from truearc.sim.discover.model import outcome_likelihood as outcomes
+from truearc.sim.discover.detect.test_battery import TERMS, Asked, name_of
+from truearc.sim.discover.model.baseline_fit import BaselineFit, only_shared
+from truearc.sim.discover.detect.clusters import Clusters
+from truearc.sim.discover.detect.covariates import (
+    Covariate,
+    carried_by,
+    followed_column,
+    gather_covariates,
+    gather_factors,
+)
+from truearc.sim.discover.select.forecast_error import end_errors
+from truearc.sim.discover.model.score_table import Array, Column, ScoreTable
+from truearc.sim.discover.finding import (
+    DataSummary,
+    Finding,
+    FitSummary,
+    Further,
+    Interval,
+    Mismatch,
+    Named,
+    TestResult,
+    Unknown,
+    Where,
+)
+from truearc.sim.discover.report.formula import find_formula
+from truearc.sim.discover.model.prepared_data import Intake
+from truearc.sim.discover.detect.localization import Place, amplitude_of, times_of
+from truearc.sim.discover.plan.recommendations import next_steps
+from truearc.sim.discover.select.refit import clustered_error, unseen_change, without
+from truearc.sim.discover.detect.score_test import Judged
+from truearc.sim.discover.select.selection_step import Step
+from truearc.sim.discover.report.finding_text import say_named, say_none, say_smallest, say_unknown
+from truearc.sim.physics.catalogue import find_terms
+from truearc.sim.physics.term import STAGES
+from truearc.sim.data.dataset import Dataset
+
+SHOWN = 40                            # lines of the tests that the answer lists
+RANKED = 12                           # names that it lists
+NINETY = 1.6448536269514722
+TRIFLE = 0.03                         # of what a name explains on unseen shots
+UNSURE = 0.5
+
+
+def silent(dataset: Dataset, intake: Intake, terms: tuple[str, ...], false_alarm: float) -> Finding:
+    """Data that can say nothing."""
+    data = DataSummary(len(dataset.shots), intake.level, intake.left_out, terms, {}, {"by": "shot", "count": 0})
+    nowhere = Where(None, None, None, None, {}, None, None, (), "the data carry no test")
+    return Finding(data, Mismatch(False, None, false_alarm, {}, 0, {}), nowhere, "none",
+                   say_none(terms, None, len(dataset.shots), false_alarm), None, None)
+
+
+def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: BaselineFit, clusters: Clusters, asked: Asked,
+                 judged: Judged, place: Place | None, steps: Sequence[Step], false_alarm: float,
+                 seed: int) -> Finding:
+    """Put it together; without steps nothing was found."""
+    intake = fitted.intake
+    data = DataSummary(len(dataset.shots), intake.level, intake.left_out, terms, {"all": fitted.values},
+                {"by": clusters.by, "count": clusters.count})
+    mismatch = Mismatch(bool(steps), judged.p_any, false_alarm, _results(fitted.evidence, asked, judged, false_alarm),
+                        len(asked.tests), judged.families)
+    fit = _fit(fitted, steps, clusters)
+    if not steps:
+        where = Where(None, None, None, None, {}, None, None, (), "nothing was found")
+        sentence = say_none(terms, judged.p_any, data.shots, false_alarm) + say_smallest(
+            fitted.evidence, judged.threshold(TERMS, false_alarm))
+        return Finding(data, mismatch, where, "none", sentence, None, fit)
+    told = (replace(steps[0], unknown=True),) if is_stand_in(steps) else steps
+    first = told[0]
+    verdict = "unknown" if first.unknown else "named" if len(first.naming.chosen) == 1 else "set"
+    where = _where(dataset, first, asked, judged, false_alarm, _probabilities(first))
+    leading, *rest = (_further(step, clusters, seed) for step in (first, *steps[1:]))
+    also = rest if len(told) > 1 else []
+    say = say_unknown if first.unknown else say_named
+    sentence = say(terms, judged.p_any, where, leading, rest, fit, place)
+    return Finding(data, mismatch, where, verdict, sentence, leading.unknown, fit, what=leading.what, set=leading.set,
+                   next=next_steps(dataset, first, leading.set), also=tuple(also))
+
+
+def is_stand_in(steps: Sequence[Step]) -> bool:
+    """Whether the first name leaves something over, without a name, that pushes in the direction in which the effect
+    was found: then it only stands in for what is missing, and what else it takes does not make it right. A trifle
+    beside what it explains is another thing: a law that holds to a few hundredths is no wrong one."""
+    first, *later = steps
+    if first.unknown or first.place is None:
+        return False
+    explained = float((first.after - first.before).sum())
+    return any(step.unknown and step.place is not None and step.place.column.direction == first.place.column.direction
+               and (step.free is None or float((step.free - step.before).sum()) > TRIFLE * explained)
+               for step in later)
+
+
+def _further(step: Step, clusters: Clusters, seed: int) -> Further:
+    """What one step says."""
+    probability = _probabilities(step)
+    what = tuple(_named(step, name, probability) for name in list(step.naming.probability)[:RANKED])
+    chosen = None if step.unknown else tuple(name.partition(".")[0] for name in step.naming.chosen)
+    return Further(what, chosen, _unknown(step, clusters, seed) if step.unknown else None)
+
+
+def _probabilities(step: Step) -> dict[str, float]:
+    """Of each name, with what is left for something that has none."""
+    share = 0.3 if step.unknown else 1.0 / (1.0 + _free_odds(step))
+    return {name: share * value for name, value in step.naming.probability.items()}
+
+
+def _free_odds(step: Step) -> float:
+    """Of a free curve against the best name: what it gains on unseen shots, a curve being worth a twentieth of one."""
+    return 0.02 if step.rival is None else float(0.05 * np.exp(np.clip(step.rival, -5.0, 5.0)))
+
+
+def _where(dataset: Dataset, step: Step, asked: Asked, judged: Judged, false_alarm: float,
+           probability: dict[str, float]) -> Where:
+    evidence, place = step.fitted.evidence, step.place
+    stage_of = {column.name: column.stage for column in evidence.columns}
+    mass = {stage: sum(p for name, p in probability.items() if stage_of[name] == stage) for stage in STAGES}
+    rest = 1.0 - sum(probability.values())
+    if place is not None:
+        mass = {stage: value + rest * place.stage_probability[stage] for stage, value in mass.items()}
+    total = sum(mass.values())
+    mass = {stage: value / total for stage, value in mass.items()}
+    stage = max(mass, key=lambda name: mass[name])
+    reason = None if mass[stage] > UNSURE else "stage: these data cannot tell the likely stages apart"
+    column = evidence.columns[evidence.index(step.naming.leader)]
+    covariate, direction, others = _follows(dataset, column, step, judged, false_alarm)
+    times = None
+    if evidence.plane is None or step.fitted.intake.samples is not None:
+        times = _until_seen(step.fitted.intake, times_of(evidence, place.test)) if place is not None else None
+    return Where(stage, mass, covariate, direction, place.region if place else {}, times,
+                 place.column.name if place else None, others, reason)
+
+
+def _until_seen(intake: Intake, times: tuple[float, float] | None) -> tuple[float, float] | None:
+    """The last band of time has no end of its own: it ends with the longest track."""
+    if times is None or intake.samples is None:
+        return times
+    longest_s = (np.asarray(intake.lanes.lead_s)[intake.tracked, None] + intake.samples.time_s).max()
+    return times[0], float(min(times[1], longest_s))
+
+
+def _follows(dataset: Dataset, column: Column, step: Step, judged: Judged,
+             false_alarm: float) -> tuple[str | None, str | None, tuple[str, ...]]:
+    """(covariate, direction, other names that go with the same shots)."""
+    place = step.place
+    free = None if place is None else name_of(place.test, place.column)
+    sure = place is not None and judged.p_value[place.number] <= false_alarm if step.base == () else True
+    if step.unknown and place is not None:
+        name, direction = free, place.column.direction
+    elif followed := followed_column(column.follows, gather_covariates(dataset)):
+        name, direction = followed, column.direction
+    else:
+        name, direction = (free if sure else None), column.direction
+    others: tuple[str, ...] = ()
+    if place is not None and isinstance(place.test.what, Covariate) and name == free:
+        what = place.test.what
+        others = tuple(n for n in what.names if n != name) + carried_by(what, gather_factors(dataset.shots))
+    return name, direction, others
+
+
+def _unknown(step: Step, clusters: Clusters, seed: int) -> Unknown | None:
+    place = step.place
+    if place is None:
+        return None
+    return Unknown(name_of(place.test, place.column), place.column.direction, amplitude_of(place.correction),
+                   place.column.unit, find_formula(place.correction, step.fitted, clusters, seed))
+
+
+def _named(step: Step, name: str, probability: dict[str, float]) -> Named:
+    """One name with its amplitude: refitted where it was among the likely, one step from nothing otherwise."""
+    term_name, _, parameter = name.partition(".")
+    term = find_terms([term_name])[0]
+    column = step.fitted.evidence.columns[step.fitted.evidence.index(name)]
+    found, before = step.naming.refits.get(name), _believed_before(step, name)
+    if found is not None:
+        value, sd = float(found.value[0]), float(found.sd[0])
+    else:
+        candidate = next(c for c in step.naming.candidates if c.name == name)
+        information = candidate.information + column.usual**-2.0
+        value, sd = candidate.amplitude * candidate.information / information, information**-0.5
+        value += 0.0 if before is None else before
+    interval = Interval(value, sd, value - NINETY * sd, value + NINETY * sd, column.unit)
+    return Named(term_name, probability[name], {parameter: interval}, term.sentence, column.stage, before)
+
+
+def _believed_before(step: Step, name: str) -> float | None:
+    """What the belief had of a number that may have changed; None of what it had nothing of."""
+    layout = step.fitted.layout
+    first = len(layout.columns) - len(layout.precision)
+    place = next((k for k, column in enumerate(layout.columns[first:]) if column.name == name), None)
+    return None if place is None else float(layout.centre[place])
+
+
+def _results(evidence: ScoreTable, asked: Asked, judged: Judged, false_alarm: float) -> dict[str, TestResult]:
+    """The strongest shape of each column and covariate, SHOWN of them: found ones first, by what they explain."""
+    best: dict[str, tuple[tuple[float, float], TestResult]] = {}
+    for k, test in enumerate(asked.tests):
+        column = evidence.columns[test.column]
+        covariate = name_of(test, column)
+        key = column.name + (f" ~ {covariate}" if covariate and not column.follows else "")
+        result = TestResult(column.stage, column.direction, covariate, test.shape, float(judged.statistic[k]),
+                            float(judged.p_each[k]), float(judged.p_value[k]), float(judged.amplitude[k]), column.unit,
+                            float(judged.gain[k]))
+        rank = (max(result.p_value, false_alarm), -result.log_gain)
+        if key not in best or rank < best[key][0]:
+            best[key] = (rank, result)
+    ordered = sorted(best.items(), key=lambda item: item[1][0])[:SHOWN]
+    return {key: result for key, (_, result) in ordered}
+
+
+def _fit(fitted: BaselineFit, steps: Sequence[Step], clusters: Clusters) -> FitSummary:
+    """Figures on unseen shots: as believed, and with every named effect (log score: with the last free curve, too)."""
+    null = without(fitted.evidence)
+    before_change = unseen_change(null, clusters)
+    before = null.log_score + null.gain(before_change)
+    rmse = end_errors(fitted.intake, only_shared(fitted.layout), fitted.spot, null, before_change)
+    accuracy = _accuracy(null, before_change)
+    height_at = "plane" if fitted.intake.samples is None else "track end"
+    if not steps:
+        return FitSummary(len(null.rows), float(before.mean()), None, None, None, rmse, None, accuracy, None, height_at)
+    last, named = steps[-1], [step.refit for step in steps if not step.unknown]
+    after = last.average
+    if last.unknown:
+        after = last.free if last.free is not None else last.before
+    rmse_after = accuracy_after = None
+    if named:
+        change = unseen_change(named[-1].evidence, clusters)
+        rmse_after = end_errors(fitted.intake, named[-1].layout, named[-1].spot, named[-1].evidence, change)
+        accuracy_after = _accuracy(named[-1].evidence, change)
+    gain = after - before
+    return FitSummary(len(null.rows), float(before.mean()), float(after.mean()), float(gain.mean()),
+               clustered_error(gain, fitted.together), rmse, rmse_after, accuracy, accuracy_after, height_at)
+
+
+def _accuracy(evidence: ScoreTable, change: Array) -> float | None:
+    """Share of recorded outcomes that were the likeliest."""
+    if evidence.plane is None:
+        return None
+    seen, mean_m, spread_m = evidence.heights(change)
+    classed = np.isfinite(seen.classes)
+    if not classed.any():
+        return None
+    return float(np.mean((outcomes.best_class(seen, mean_m, spread_m) == seen.classes)[classed]))

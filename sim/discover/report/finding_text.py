@@ -1,0 +1,245 @@
+"""The verdict in sentences that a driver coach can act on."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.special import ndtri
+
+from truearc.sim.discover.detect.covariates import Covariate, Factor, CovariatePair
+from truearc.sim.discover.model.score_table import ScoreTable
+from truearc.sim.discover.finding import Finding, FitSummary, Further, Named, Unknown, Where
+from truearc.sim.discover.plan.identifiability import EIGHTY, sight_of
+from truearc.sim.discover.detect.localization import Place
+from truearc.sim.discover.detect.weight_functions import STEP
+from truearc.sim.discover.report.effect_wording import in_words, plain, say_effect, scale_of, size_of
+
+STAGE_WORDS = {"sensing": "in what the sensors say", "launch": "at the launch", "flight": "in flight",
+               "arrival": "at the target"}
+DIRECTION_WORDS = {"along": "along the flight", "vertical": "vertically", "lateral": "sideways"}
+NINETY = 1.6448536269514722
+SHOWN = 6
+DOUBTFUL = 0.25                       # probability of something without a name, from which a sentence says so
+FOUR_IN_FIVE = 0.8
+HEIGHTS = {"plane": "heights", "track end": "where tracks end, from their first 40 %,"}
+TIMES = ("t_s", "order_in_session", "shots_of_ball")
+LISTED = 4                            # names of a set that a sentence lists
+THEN = ("With that put in", "And with that, too")
+
+
+def say_named(believed: tuple[str, ...], p_value: float, where: Where, leading: Further, also: Sequence[Further],
+              fit: FitSummary, place: Place | None) -> str:
+    """One name, or those that cannot be told apart, with the size and what it gains."""
+    del where
+    what = leading.what
+    names = leading.set or (what[0].term,)
+    likeliest = _effect(what[0])
+    if len(names) == 1:
+        said = f"{_missing(believed)}: {likeliest}."
+    else:
+        members = [one for one in what if one.term in names]
+        listed = members[:LISTED if len(names) > LISTED + 1 else LISTED + 1]
+        rest = [f"{plain(one.term)} ({one.probability:.0%})" for one in listed]
+        rest += [f"one of {len(names) - LISTED} others"] if len(names) > LISTED + 1 else []
+        stages = list(dict.fromkeys(STAGE_WORDS[one.stage] for one in what if one.term in names))
+        said = (f"{_missing(believed)}, {_either(stages)}: {_either(rest)}. These data cannot tell which of these it "
+                f"is. If it is the first, {likeliest}.")
+    nameless = 1.0 - sum(one.probability for one in what)
+    if nameless >= DOUBTFUL:
+        said += f" A free curve explains it about as well, so it may be something without a name ({nameless:.0%})."
+    return said + _since(place) + "".join(map(besides, also, THEN)) + _gained(fit) + _luck(p_value)
+
+
+def _since(place: Place | None) -> str:
+    """When it began, where a step in time is what shows it best."""
+    if place is None or not isinstance(place.test.what, Covariate) or not place.test.shape.startswith(STEP):
+        return ""
+    name, cut = place.test.what.name, place.test.shape.removeprefix(STEP)
+    return f" It shows best as a step where {in_words(name)} is above {cut}." if name in TIMES else ""
+
+
+def besides(further: Further, then: str) -> str:
+    """A further effect, after `then`: what it looks like, for it may well be an error of the one named first."""
+    if further.unknown is not None:
+        goes = f", and goes with {in_words(further.unknown.covariate)}" if further.unknown.covariate else ""
+        return f" {then}, something smaller is left over that has no name{goes}."
+    in_set = [one for one in further.what if one.term in (further.set or ())]
+    clear = _clear(further)
+    if not clear:
+        vague = [plain(one.term) for one in in_set[:LISTED]]
+        return f" Something more is left over, too little to be named: perhaps {_either(vague)}."
+    others = [plain(one.term) for one in in_set if one is not clear[0]][:LISTED]
+    instead = f"; or {_either(others)}" if others else ""
+    return f" {then}, what is left looks most as if {_effect(clear[0])}{instead}."
+
+
+def too_little(also: Sequence[Further]) -> list[str]:
+    """Terms that lead further effects none of whose names is surely of one sign: they foretell, and are no finding."""
+    return [further.what[0].term for further in also if further.unknown is None and not _clear(further)]
+
+
+def _clear(further: Further) -> list[Named]:
+    """Of its set, those whose sign is sure."""
+    sizes = [(one, next(iter(one.parameters.values()))) for one in further.what if one.term in (further.set or ())]
+    return [one for one, size in sizes if size.low90 * size.high90 > 0.0]
+
+
+def say_unknown(believed: tuple[str, ...], p_value: float, where: Where, leading: Further, also: Sequence[Further],
+                fit: FitSummary, place: Place | None) -> str:
+    """Nothing in the catalogue explains it; what it looks like all the same. also: what the nearest name leaves."""
+    said = f"{_missing(believed)} that has no name in the catalogue."
+    if leading.unknown is None or place is None:
+        return said + _luck(p_value)
+    stage = ""
+    if where.stage and where.reason is None:
+        likely = "most likely it happens" if where.stage == place.column.stage else "it may as well happen"
+        stage = f"; {likely} {STAGE_WORDS[where.stage]}"
+    falls_short = "explains it worse than a free curve does"
+    if also:
+        left = next((one.unknown.covariate for one in also if one.unknown is not None), None)
+        falls_short = "leaves something of the kind over" + (f" that goes with {in_words(left)}" if left else "")
+    nearest = f" The nearest name is {plain(leading.what[0].term)}, which {falls_short}." if leading.what else ""
+    formula = leading.unknown.formula
+    law = f" An empirical formula does as well as the curve: {formula}." if formula else ""
+    return f"{said}{_looks(leading.unknown, place)}{stage}.{law}{nearest}{_gained(fit)}{_luck(p_value)}"
+
+
+def _looks(unknown: Unknown, place: Place) -> str:
+    """How the real shots differ, and along with what."""
+    words = place.column.words[unknown.amplitude < 0.0]
+    size, name = _size(abs(unknown.amplitude), unknown.unit), in_words(unknown.covariate or "")
+    seen = f" Compared with it {words}"
+    if isinstance(place.test.what, Factor):
+        return f"{seen}, by up to {size}, depending on {name}"
+    if isinstance(place.test.what, CovariatePair):
+        first, second = in_words(place.test.what.first.name), in_words(place.test.what.second.name)
+        return f"{seen}, by up to {size}, as {first} and {second} go together"
+    if place.test.what is None:
+        follows = place.column.follows
+        return f"{seen}, by {size}, {f'along with {in_words(follows)}' if follows else 'in every shot alike'}"
+    if place.test.shape.startswith(STEP):
+        cut = place.test.shape.removeprefix(STEP)
+        return f"{seen} where {name} is above {cut}, by {size}: a step, not a drift"
+    return f"{seen} as {name} grows, by {size} over its range"
+
+
+def say_none(believed: tuple[str, ...], p_value: float | None, shots: int, false_alarm: float) -> str:
+    """No mismatch, or nothing to see one by."""
+    if p_value is None:
+        return (f"These {shots} shots cannot say anything about the simulation: too few of them have a track, or an "
+                "outcome or height, with distance and launch, that would tell.")
+    return (f"No mismatch: {shots} shots differ from the simulation ({_list(believed)}) by no more than luck would "
+            f"have it (p = {p_value:.2g}, alarm at {false_alarm:g}).")
+
+
+def say_smallest(evidence: ScoreTable, threshold: float) -> str:
+    """The smallest effects that would have been seen four times in five among all that was asked, of the terms that
+    these data see best for their usual size. threshold: the |score| that a term needs, in standard deviations."""
+    terms = [one for one in sight_of(evidence, "", ()).terms if one.smallest is not None]
+    if not terms or not np.isfinite(threshold):
+        return " Of no term could these data have shown anything."
+    among_all = (threshold + ndtri(FOUR_IN_FIVE)) / np.sqrt(EIGHTY)
+    best = sorted(terms, key=lambda one: (one.smallest or 0.0) / one.usual)[:SHOWN]
+    parts = [f"{plain(one.term)} of {size_of(one.term, among_all * (one.smallest or 0.0), one.unit)}" for one in best]
+    return f" Smallest effects that they would have shown, four times in five: {', '.join(parts)}."
+
+
+def console_lines(finding: Finding) -> list[str]:
+    """The verdict and a few lines below it."""
+    data, where = finding.data, finding.where
+    made = finding.mismatch.tests_made
+    lines = [finding.sentence, f"{data.shots} shots, level {data.level}, {made} test{'s' * (made != 1)} over "
+                               f"{data.clusters['count']} clusters ({data.clusters['by']})"]
+    lines += [f"fitted: {', '.join(f'{name} {value:.3g}' for name, value in values.items())}"
+              for values in data.fitted.values() if values]
+    if finding.what:
+        lines.append("names: " + ", ".join(f"{one.term} {one.probability:.0%}" for one in finding.what[:SHOWN]))
+    if finding.mismatch.found and where.stage_probability:
+        lines.append("stages: " + ", ".join(f"{stage} {p:.0%}" for stage, p in where.stage_probability.items()))
+    if where.inseparable:
+        lines.append(say_inseparable(where))
+    if finding.mismatch.found and where.times_s:
+        lines.append(f"along the flight: {where.times_s[0]:.2f} to {where.times_s[1]:.2f} s")
+    lines += [f"next: {say_step(step)}" for step in finding.next]
+    lines += [f"left out: {line}" for line in data.left_out]
+    return lines
+
+
+def say_inseparable(where: Where) -> str:
+    """Which other columns could stand in the guilty one's place."""
+    others = ", ".join(map(in_words, where.inseparable))
+    return f"{in_words(where.covariate or '')} goes with {others}: these data cannot tell them apart"
+
+
+def say_step(step: dict[str, object]) -> str:
+    """What to do next, in words."""
+    if step["do"] == "measure":
+        return f"measure {step['what']}"
+    names = step["separates"]
+    assert isinstance(names, list)
+    return (f"{step['shots']} shots at {step['distance_m']:.3g} m, hood {step['hood_deg']:.3g}°, motor "
+            f"{step['motor_ratio']:.3g}, to tell {' from '.join(plain(name) for name in names)}")
+
+
+def gained_interval(fit: FitSummary) -> tuple[float, float] | None:
+    """90 % interval of the log score gained a shot."""
+    if fit.gain_per_shot is None or fit.gain_se is None:
+        return None
+    return fit.gain_per_shot - NINETY * fit.gain_se, fit.gain_per_shot + NINETY * fit.gain_se
+
+
+def _gained(fit: FitSummary) -> str:
+    """What the change is worth on shots that the fit has not seen."""
+    interval = gained_interval(fit)
+    if interval is None:
+        return ""
+    better: list[str] = []
+    worse: list[str] = []
+    if fit.accuracy_before is not None and fit.accuracy_after is not None:
+        before, after = f"{100.0 * fit.accuracy_before:.0f}", f"{100.0 * fit.accuracy_after:.0f}"
+        part = f"{after} of 100 outcomes right instead of {before}"
+        if before != after:
+            (better if fit.accuracy_after > fit.accuracy_before else worse).append(part)
+    if fit.height_rmse_before_m is not None and fit.height_rmse_after_m is not None:
+        before, after = _size(fit.height_rmse_before_m, "m"), _size(fit.height_rmse_after_m, "m")
+        part = f"{HEIGHTS[fit.height_at]} within {after} instead of {before}"
+        if before != after:
+            (better if fit.height_rmse_after_m < fit.height_rmse_before_m else worse).append(part)
+    places = 3 if abs(fit.gain_per_shot or 0.0) < 10.0 else 0
+    score = (f"log score {fit.gain_per_shot:+.{places}f} a shot, 90 %: {interval[0]:+.{places}f} to "
+             f"{interval[1]:+.{places}f}")
+    if interval[1] < 0.0:
+        return f" On shots it has not seen the corrected simulation is surely worse ({score}): do not use it."
+    if interval[0] <= 0.0:
+        return f" On shots it has not seen the corrected simulation is not surely better ({score})."
+    told = f"foretells {' and '.join(better)}" if better else "does better"
+    but = f", but foretells {' and '.join(worse)}" if worse else ""
+    return f" On shots it has not seen the corrected simulation {told} ({score}){but}."
+
+
+def _effect(one: Named) -> str:
+    interval = next(iter(one.parameters.values()))
+    said = say_effect(one.term, interval, one.sentence)
+    return said if one.believed is None else f"{said}, and not {size_of(one.term, one.believed, interval.unit)}"
+
+
+def _missing(believed: tuple[str, ...]) -> str:
+    return f"The simulation ({_list(believed)}) leaves something out"
+
+
+def _luck(p_value: float) -> str:
+    return f" Luck alone would look like this with p = {p_value:.2g}."
+
+
+def _list(names: Sequence[str]) -> str:
+    return ", ".join(plain(name) for name in names)
+
+
+def _either(names: Sequence[str]) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} or {names[-1]}"
+
+
+def _size(amount: float, unit: str) -> str:
+    if unit == "m" and amount >= 1.0:
+        return f"{amount:.2g} m"
+    factor, said = scale_of(unit)
+    return f"{amount * factor:.2g}{said}"

@@ -1,0 +1,123 @@
+"""What data could tell, as a table on the terminal, a section of a report, and a page of its own."""
+
+import html
+
+import numpy as np
+
+from truearc.sim.discover.plan.identifiability import LUCK, TAKEN, Fittable, TermIdentifiability, Sight
+from truearc.sim.discover.report.plots import sight_png
+from truearc.sim.discover.report.effect_wording import plain, size_of
+from truearc.sim.report import make_page, paragraph, picture, table
+
+SURE = 0.8                            # power that counts as "would be seen"
+NAMED = 6
+KNOWING_WHICH = 1.75                  # times the shots, when it could be any of about twenty effects
+# What has to be recorded for terms that nothing in the data depends on.
+RECORD = {
+    "battery_sag": "battery_v of each shot", "rapid_fire": "t_s or since_last_shot_s of each shot",
+    "vision_latency": "robot_speed_m_s of each shot", "air_density": "temperature_c and pressure_pa",
+    "wheel_droop": "wheel speeds through the shot (traces.csv)", "wind_y": "tracks of the ball",
+    "track_scale": "tracks of the ball", "track_tilt": "tracks of the ball", "track_clock": "tracks of the ball",
+    "track_perspective": "tracks of the ball",
+    "hood_backlash": "hood_deg of shots in their order", "target_height": "outcomes", "rim_catch": "outcomes",
+}
+METHOD = (
+    "Expected Fisher information: what is left of each effect's after the fitted coefficients, scatters and the luck "
+    "of each ball (or session) have taken what they can. Seen means by a 5 % test with 80 % power, if this one effect "
+    f"is there at its usual size and nothing else is; finding out which of twenty it is takes about {KNOWING_WHICH:g} "
+    "times the shots, and showing the gain on unseen shots about twice. Effects whose patterns over the shots are "
+    "alike to 0.95 or more are told as one. Small effects are assumed, so that everything is linear in them.")
+
+
+def sight_lines(sight: Sight) -> list[str]:
+    """The table on the terminal."""
+    lines = [sight_sentence(sight), ""]
+    head = ("effect", "stage", "usual size", "left", "shots needed", "like")
+    rows = [head, *(_row(one) for one in sight.terms if one.shots_needed is not None)]
+    width = [max(len(row[k]) for row in rows) for k in range(len(head))]
+    lines += ["  ".join(cell.ljust(width[k]) if k not in (3, 4) else cell.rjust(width[k])
+                        for k, cell in enumerate(row)).rstrip() for row in rows]
+    lines += ["", *(f"one and the same to these data: {', '.join(group)}" for group in sight.classes)]
+    lines += [f"never seen: {one.term}: {why_not(one)}" for one in sight.terms if one.shots_needed is None]
+    lines.append("fitted anyway: " + ", ".join(f"{one.name} {_doubt(one, one.after)}" for one in sight.fitted))
+    return lines
+
+
+def _row(one: TermIdentifiability) -> tuple[str, ...]:
+    like = "" if one.like is None else f"{one.like} {one.correlation:+.2f}"
+    return (one.term, one.stage, size_of(one.term, one.usual, one.unit), f"{one.share_left:.1%}",
+            str(one.shots_needed), like)
+
+
+def sight_sentence(sight: Sight) -> str:
+    """How many effects would be seen, and the one thing to keep in mind."""
+    shown = [one for one in sight.terms if one.power >= SURE]
+    possible = [one for one in sight.terms if one.shots_needed is not None]
+    more, never = len(possible) - len(shown), len(sight.terms) - len(possible)
+    said = (f"{sight.shots} shots of this kind ({sight.level}) would show {len(shown)} of {len(sight.terms)} effects "
+            "at their usual size, four times in five")
+    said += f"; {more} more would take more shots" if more else ""
+    return said + (f"; {never} no number of them could show." if never else ".")
+
+
+def why_not(one: TermIdentifiability) -> str:
+    """Why no number of shots would show it, and what would."""
+    if one.term == LUCK:
+        return "counted as luck: each ball may have a speed of its own"
+    record = f"; record {RECORD[one.term]}" if one.term in RECORD else ""
+    if one.why == TAKEN:
+        return f"what it does, {', '.join(one.taken_by) or 'the fit'} would take up{record}"
+    return f"nothing in these data depends on it{record}"
+
+
+def sight_section(sight: Sight, opened: bool = False) -> str:
+    """The summary, with picture and tables to unfold; or these opened, for where the summary stands already."""
+    parts = [_alike(sight)] if opened else [paragraph(sight_sentence(sight)), _alike(sight)]
+    png = sight_png(sight)
+    inner = "" if png is None else picture(png, "shots needed for each effect", "Full colour: fewer than these shots "
+                                           "will do.")
+    inner += _table(sight) + _never(sight) + _fitted(sight) + paragraph(METHOD, dim=True)
+    if opened:
+        return "".join(parts) + inner
+    return "".join(parts) + f"<details><summary>Effect by effect</summary>{inner}</details>"
+
+
+def make_sight_page(name: str, sight: Sight) -> str:
+    """HTML page of what data of the rig `name` could tell."""
+    believed = ", ".join(map(plain, sight.believed))
+    return make_page(f"truearc discover --identifiability: {name}", sight_sentence(sight), [
+        ("Before any data", paragraph(f"Believed: {believed}. Every other effect of the catalogue is asked for.")
+         + sight_section(sight, opened=True))])
+
+
+def _alike(sight: Sight) -> str:
+    if not sight.classes:
+        return ""
+    items = "".join(f"<li>{html.escape(' = '.join(map(plain, group)))}</li>" for group in sight.classes)
+    return f"<p>To these data these are one and the same; only a measurement tells which:</p><ul>{items}</ul>"
+
+
+def _table(sight: Sight) -> str:
+    rows = [(plain(one.term), one.stage, size_of(one.term, one.usual, one.unit),
+             size_of(one.term, one.smallest or 0.0, one.unit), f"{one.power:.0%}", one.shots_needed,
+             f"{one.share_left:.1%}", "" if one.like is None else f"{plain(one.like)} ({one.correlation:+.2f})")
+            for one in sight.terms if one.shots_needed is not None]
+    return table(("effect", "stage", "usual size", f"seen from, with {sight.shots} shots", "seen at usual size",
+                  "shots needed", "left after the fit", "most alike"), rows)
+
+
+def _never(sight: Sight) -> str:
+    rows = [(plain(one.term), one.stage, why_not(one)) for one in sight.terms if one.shots_needed is None]
+    return paragraph("No number of these shots would show:") + table(("effect", "stage", "why"), rows) if rows else ""
+
+
+def _fitted(sight: Sight) -> str:
+    rows = [(one.name, _doubt(one, one.before), _doubt(one, one.after)) for one in sight.fitted]
+    return paragraph("Fitted anyway:") + table(("number", "doubt before", "doubt after these shots"), rows)
+
+
+def _doubt(one: Fittable, sd: float) -> str:
+    """A standard deviation; of scatters, which are known by their logs, a factor."""
+    if one.name.startswith("scatter."):
+        return f"times or over {np.exp(sd):.2f}"
+    return f"± {sd:.2g}" + ("" if one.unit == "1" else f" {one.unit}")

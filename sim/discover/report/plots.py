@@ -1,0 +1,208 @@
+"""What the report shows: residuals against what they follow, along the flight, over the field; shots needed."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.patches import Patch
+
+from truearc.sim.discover.model.score_table import Array, ScoreTable
+from truearc.sim.discover.plan.identifiability import Sight
+from truearc.sim.discover.detect.localization import joint_bands
+from truearc.sim.discover.detect.residuals import Along, Bins, Part, Residual, binned, bins_of
+from truearc.sim.discover.report.effect_wording import plain
+from truearc.sim.report import make_png, new_figure
+
+INK, BEFORE, AFTER, FAINT = "#30343b", "#1f5fa8", "#c2571a", "#c9ced6"
+STAGE_COLOURS = {"sensing": "#7a56a8", "launch": "#c2571a", "flight": "#1f5fa8", "arrival": "#2f7d4f"}
+DIRECTIONS = ("along", "vertical", "lateral")
+DIRECTION_LABELS = {"along": "along the flight", "vertical": "up across the flight", "lateral": "to the left"}
+CELL_SHOTS, MOST_CELLS, FEWEST_CELLS = 9, 5, 2
+FEWEST_SHOTS = 4                      # of a cell that is drawn
+SURE_SD = 5.0                         # standard errors at which a cell has its full colour
+LEAST_INFORMATION = 1e-3              # of the fullest band's; less is not drawn
+Series = Sequence[tuple[str, ScoreTable, str]]
+
+
+def residual_png(residual: Residual, along: Along, rows: Array, what: str) -> bytes:
+    """Residual by bins of `along`, as simulated on the left, with `what` put in on the right (when something was)."""
+    bins = bins_of(along, rows)
+    parts = [("as simulated", residual.before, BEFORE)]
+    if residual.after is not None:
+        parts.append((f"with {what}", residual.after, AFTER))
+    figure = new_figure(9.0 if len(parts) == 2 else 6.0, 3.5)
+    panels = figure.subplots(1, len(parts), sharey=True, squeeze=False)[0]
+    for axes, (title, part, colour) in zip(panels, parts, strict=True):
+        _points(axes, bins, part, residual.factor, colour)
+        axes.set_title(title, loc="left", fontsize=11, color=colour, fontweight="bold")
+        axes.set_xlabel(_worded(bins.name))
+    panels[0].set_ylabel(f"{residual.name}: real − simulated\n[{residual.unit}]")
+    if residual.after is not None:
+        _explained(panels[0], bins, residual, what)
+    return make_png(figure)
+
+
+def _points(axes: Axes, bins: Bins, part: Part, factor: float, colour: str) -> None:
+    value, error = binned(part, bins)
+    axes.axhline(0.0, color=INK, lw=0.9)
+    axes.errorbar(bins.middle, value * factor, error * factor, fmt="o", ms=6, color=colour, elinewidth=1.4, capsize=2.5)
+    if bins.labels:
+        axes.set_xticks(bins.middle, bins.labels)
+    elif len(bins.middle) <= 3:
+        axes.set_xticks(bins.middle, [f"{middle:.3g}" for middle in bins.middle])
+    axes.margins(x=0.08)
+    _clean(axes)
+
+
+def _explained(axes: Axes, bins: Bins, residual: Residual, what: str) -> None:
+    assert residual.after is not None
+    gone = (binned(residual.before, bins)[0] - binned(residual.after, bins)[0]) * residual.factor
+    axes.plot(bins.middle, gone, color=AFTER, lw=2.0, alpha=0.8, zorder=1, label=f"{what}, as fitted")
+    axes.legend(frameon=False, fontsize=9)
+
+
+def flight_png(before: ScoreTable, after: ScoreTable | None, what: str,
+               groups: Sequence[tuple[str, Array]]) -> bytes | None:
+    """Missing acceleration by flight time, a row a group of shots (label, [n] booleans); None without bands."""
+    if not any(column.times_s for column in before.columns):
+        return None
+    series: list[tuple[str, ScoreTable, str]] = [("as simulated", before, BEFORE)]
+    if after is not None:
+        series.append((f"with {what}", after, AFTER))
+    directions = [way for way in DIRECTIONS if _bands(before, way)]
+    figure = new_figure(9.0, 3.1 if len(groups) == 1 else 5.0)
+    grid = figure.subplots(len(groups), len(directions), sharex=True, sharey=True, squeeze=False)
+    for row, (label, chosen) in zip(grid, groups, strict=True):
+        for axes, way in zip(row, directions, strict=True):
+            _band_panel(axes, way, series, chosen)
+        row[0].set_ylabel(f"{label}\n[m/s²]" if label else "real − simulated\n[m/s²]")
+    for axes, way in zip(grid[0], directions, strict=True):
+        axes.set_title(DIRECTION_LABELS[way], loc="left", fontsize=11)
+    for axes in grid[-1]:
+        axes.set_xlabel("time in flight [s]")
+    figure.legend(*grid[0, -1].get_legend_handles_labels(), loc="outside upper right", ncols=2, frameon=False,
+                  fontsize=9)
+    return make_png(figure)
+
+
+def _bands(evidence: ScoreTable, direction: str) -> list[int]:
+    """Columns of a direction's bands that the data say something of."""
+    bands = [k for k, column in enumerate(evidence.columns) if column.times_s and column.direction == direction]
+    size = [float(evidence.info[:, k, k].sum()) for k in bands]
+    return [k for k, each in zip(bands, size, strict=True) if each > LEAST_INFORMATION * max(size)]
+
+
+def _band_panel(axes: Axes, direction: str, series: Series, chosen: Array) -> None:
+    axes.axhline(0.0, color=INK, lw=0.9)
+    for number, (label, evidence, colour) in enumerate(series):
+        bands = _bands(evidence, direction)
+        amplitude = joint_bands(evidence, bands, chosen.astype(float))
+        error = _band_errors(evidence, bands, chosen, amplitude)
+        spans = np.array([evidence.columns[k].times_s for k in bands])
+        spans[~np.isfinite(spans)] = 2.0 * spans[-1, 0] - spans[-2, 0] if len(spans) > 1 else 1.0
+        shift = (number - 0.5 * (len(series) - 1)) * 0.25 * np.diff(spans, axis=1)[:, 0]
+        axes.errorbar(spans.mean(1) + shift, amplitude, error, fmt="o", ms=5, color=colour, elinewidth=1.4, capsize=2,
+                      label=label)
+    _clean(axes)
+
+
+def _band_errors(evidence: ScoreTable, bands: Sequence[int], chosen: Array, amplitude: Array) -> Array:
+    """Standard errors from how the shots differ among themselves (sandwich)."""
+    info = evidence.info[chosen][:, bands][:, :, bands]
+    left = evidence.score[chosen][:, bands] - info @ amplitude
+    bread = np.linalg.inv(info.sum(0) + 1e-9 * np.trace(info.sum(0)) * np.eye(len(bands)))
+    return np.sqrt(np.maximum(np.diag(bread @ (left.T @ left) @ bread), 0.0))
+
+
+def field_png(residual: Residual, across: tuple[str, Array], up: tuple[str, Array], what: str) -> bytes | None:
+    """Mean residual in cells of two settings (name, [n]), before and after; None where a setting hardly varies."""
+    count = int(np.clip(np.sqrt(len(across[1]) / CELL_SHOTS), FEWEST_CELLS, MOST_CELLS))
+    edges = [_edges(values, count) for _, values in (across, up)]
+    if any(len(edge) < 3 for edge in edges):
+        return None
+    parts = [("as simulated", residual.before)] + ([(f"with {what}", residual.after)] if residual.after else [])
+    cells = [_cells(part, (across[1], up[1]), edges) for _, part in parts]
+    figure = new_figure(9.0 if len(parts) == 2 else 5.5, 3.6)
+    panels = figure.subplots(1, len(parts), sharey=True, squeeze=False)[0]
+    for axes, (title, _), (values, error), colour in zip(panels, parts, cells, (BEFORE, AFTER), strict=False):
+        image = axes.pcolormesh(*edges, (values / error).T, cmap="RdBu_r", vmin=-SURE_SD, vmax=SURE_SD,
+                                edgecolor="white", lw=1.5)
+        _write_cells(axes, edges, values * residual.factor, values / error)
+        axes.set_title(title, loc="left", fontsize=11, color=colour, fontweight="bold")
+        axes.set_xlabel(across[0])
+    panels[0].set_ylabel(up[0])
+    figure.colorbar(image, ax=list(panels), pad=0.01,
+                    label=f"colour: standard errors from 0\nnumbers: {residual.name} [{residual.unit}]")
+    return make_png(figure)
+
+
+def _edges(values: Array, count: int) -> Array:
+    known = values[np.isfinite(values)]
+    return np.unique(np.quantile(known, np.linspace(0.0, 1.0, count + 1))) if len(known) else np.zeros(0)
+
+
+def _cells(part: Part, settings: tuple[Array, Array], edges: Sequence[Array]) -> tuple[Array, Array]:
+    """(mean residual, its standard error) [across, up]; nan in cells that hardly any shot is in."""
+    place = [np.clip(np.searchsorted(edge, values, side="right") - 1, 0, len(edge) - 2)
+             for edge, values in zip(edges, settings, strict=True)]
+    index = np.ravel_multi_index(place, (len(edges[0]) - 1, len(edges[1]) - 1))
+    shape = tuple(len(edge) - 1 for edge in edges)
+    value, error = binned(part, Bins("cell", index, np.zeros(int(np.prod(shape)))))
+    rare = np.bincount(index, minlength=len(value)) < FEWEST_SHOTS
+    value[rare] = np.nan
+    return value.reshape(shape), np.maximum(error, 1e-12).reshape(shape)
+
+
+def _write_cells(axes: Axes, edges: Sequence[Array], values: Array, sure: Array) -> None:
+    middles = [(edge[1:] + edge[:-1]) / 2.0 for edge in edges]
+    for i, j in np.argwhere(np.isfinite(values)):
+        axes.text(middles[0][i], middles[1][j], _signed(values[i, j]), ha="center", va="center", fontsize=8.5,
+                  color="white" if abs(sure[i, j]) > 0.6 * SURE_SD else INK)
+
+
+def _signed(value: float) -> str:
+    return f"{value:+.0f}" if abs(value) >= 10.0 else f"{value:+.2g}"
+
+
+def sight_png(sight: Sight) -> bytes | None:
+    """Shots needed for each effect at its usual size, on a log scale; None where no number of shots would do."""
+    seen = [one for one in sight.terms if one.shots_needed is not None]
+    if not seen:
+        return None
+    figure = new_figure(9.0, 0.9 + 0.27 * len(seen))
+    axes = figure.subplots()
+    for row, one in enumerate(reversed(seen)):
+        needed = one.shots_needed or 1
+        axes.barh(row, needed, left=0.8, height=0.68, color=STAGE_COLOURS[one.stage],
+                  alpha=1.0 if needed <= sight.shots else 0.45)
+        axes.text(needed * 1.15 + 0.8, row, f"{needed:,}".replace(",", " "), va="center", fontsize=9, color=INK,
+                  bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6})
+    axes.set_yticks(range(len(seen)), [plain(one.term) for one in reversed(seen)])
+    axes.set_xscale("log")
+    axes.set_xlim(0.8, 4.0 * max(max(one.shots_needed or 1 for one in seen), sight.shots))
+    axes.axvline(sight.shots, color=INK, lw=1.2, ls="--", zorder=0)
+    axes.text(sight.shots, len(seen) - 0.35, f" {sight.shots} shots", fontsize=9, color=INK, va="bottom")
+    axes.set_ylim(-0.6, len(seen) + 0.3)
+    axes.set_xlabel("shots needed to see it at its usual size, four times in five")
+    stages = [stage for stage in STAGE_COLOURS if any(one.stage == stage for one in seen)]
+    axes.legend(handles=[Patch(color=STAGE_COLOURS[stage], label=stage) for stage in stages], frameon=False,
+                loc="upper right", fontsize=9)
+    _clean(axes)
+    return make_png(figure)
+
+
+def _clean(axes: Axes) -> None:
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.tick_params(labelsize=9)
+
+
+def _worded(name: str) -> str:
+    """A column's name with its unit in brackets, where it ends in one."""
+    for unit, said in UNITS:
+        if name.endswith(f"_{unit}"):
+            return f"{name.removesuffix(f'_{unit}').replace('_', ' ')} [{said}]"
+    return name.replace("_", " ")
+
+
+UNITS = (("rad_s", "rad/s"), ("rev_s", "rev/s"), ("m_s", "m/s"), ("deg", "°"), ("m2_kg", "m²/kg"), ("kg", "kg"),
+         ("pa", "Pa"), ("ratio", "share of full"), ("v", "V"), ("c", "°C"), ("m", "m"), ("s", "s"))

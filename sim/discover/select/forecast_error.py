@@ -1,0 +1,49 @@
+"""How far off a forecast of the height is: at the end of each track from its first part, or at the plane."""
+
+import numpy as np
+
+from truearc.sim.discover.model.score_table import Array, ScoreTable
+from truearc.sim.discover.model.prepared_data import Intake
+from truearc.sim.discover.model.linearization import ParameterLayout, LinearizationPoint, fly, variance_of
+from truearc.sim.discover.model.track_data import whiten
+
+FORECAST = 0.4                        # of a track's samples tell its start; its end is foretold
+
+
+def end_errors(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint, evidence: ScoreTable, change: Array) -> float | None:
+    """RMS error in m of forecast heights, columns changed by `change` [n, P]; None where no height was measured.
+
+    With tracks: at each one's last sample, the shot's own deviation taken from its first FORECAST of samples. Without:
+    heights measured at the plane against those of the evidence.
+    """
+    if intake.samples is not None:
+        errors = track_errors(intake, layout, spot, change)[:, 2]
+    else:
+        if evidence.plane is None or not evidence.plane.seen.measured.any():
+            return None
+        seen, mean_m, _ = evidence.heights(change)
+        errors = (mean_m - seen.height_m)[seen.measured]
+    return float(np.sqrt(np.mean(errors**2)))
+
+
+def track_errors(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint, change: Array) -> Array:
+    """[k, 3] in m: each track's last sample less its forecast from the first FORECAST of its samples."""
+    samples, rows, scatter = intake.samples, intake.tracked, intake.scatter
+    assert samples is not None and scatter is not None
+    inputs = layout.inputs
+    columns = np.flatnonzero(layout.source >= 0)
+    flown = fly(intake, layout, spot)
+    seen, slopes = flown.seen, flown.slopes
+    by_column, by_deviate = np.split(slopes.track_m[rows], [len(inputs)], axis=3)
+    by_column = by_column[..., :len(columns)]
+    off = (samples.position_m - seen.track_m[rows] - np.einsum("klcp,kp->klc", by_column, change[rows][:, columns])
+           + np.einsum("klcd,kd->klc", by_deviate, spot.deviates[rows]))
+    sd = np.sqrt(variance_of(intake, spot.log_scatter))[rows][:, :by_deviate.shape[3]]
+    white = whiten(samples, scatter, np.concatenate([off[..., None], by_deviate * sd[:, None, None, :]], axis=3))
+    errors = np.zeros((len(rows), 3))
+    for k, count in enumerate(samples.real.sum(1)):
+        early = white[k, :3 * max(int(FORECAST * count), 4)]
+        slope = early[:, 1:]
+        told = np.linalg.solve(np.eye(slope.shape[1]) + slope.T @ slope, slope.T @ early[:, 0])
+        errors[k] = off[k, count - 1] - by_deviate[k, count - 1] @ (sd[k] * told)
+    return errors

@@ -1,0 +1,165 @@
+"""One named change at a time, truly refitted, and what it is worth on shots that the fit has not seen."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from truearc.sim.discover.model.baseline_fit import (
+    BaselineFit,
+    climb,
+    is_lost,
+    moved,
+    objective,
+    only_shared,
+    usual_spot,
+)
+from truearc.sim.discover.detect.clusters import Clusters
+from truearc.sim.discover.model.score_table import Array, ScoreTable
+from truearc.sim.discover.model.shape_parameters import ShapeParameter, find_peak, further_numbers
+from truearc.sim.discover.model.linearization import ParameterLayout, LinearizationPoint
+
+FOLDS = 5
+STEPS = 12
+HALVINGS = 6
+PLAIN = 2.0                           # standard errors of an amplitude, from which its term's further numbers are told
+
+
+@dataclass(frozen=True)
+class Refit:
+    """The believed simulation with these terms' amplitudes fitted too.
+
+    evidence: at the optimum, named columns first, all shared. log_evidence: nats by which the data favour it over the
+    believed simulation, size of the amplitude integrated out (Laplace). amplitude, sd [k] of the named columns;
+    value [k]: the same but for changes of believed numbers, of which it is what they come to. wanted [k]: value, or
+    where the fit would go from there if the end of the parameter's range did not stop it.
+    """
+
+    names: tuple[str, ...]
+    layout: ParameterLayout
+    spot: LinearizationPoint
+    evidence: ScoreTable
+    amplitude: Array
+    value: Array
+    wanted: Array
+    sd: Array
+    log_evidence: float
+
+
+def refit(fitted: BaselineFit, names: tuple[str, ...], start: Array, near: LinearizationPoint | None = None) -> Refit:
+    """Fit the named columns with the shared ones, from amplitudes `start` [k] at the fitted spot, or at `near`.
+
+    Numbers that a term has besides its amplitude are at their likeliest, and what else they may be is in sd and in
+    log_evidence (truearc.sim.discover.model.shape_parameters), where the term does enough for that to be told.
+    """
+    found = _refit_at(fitted, names, start, near)
+    if (np.abs(found.amplitude) > PLAIN * found.sd).all():
+        for number in further_numbers(fitted.layout, names):
+            found = _looked_for(number, fitted, found)
+    return found
+
+
+def _looked_for(number: ShapeParameter, fitted: BaselineFit, found: Refit) -> Refit:
+    """The same with one further number where it is likeliest."""
+    tried: dict[float, Refit] = {}
+
+    def nats(place: float) -> float:
+        near = number.put(found.spot, place)
+        tried[place] = _refit_at(fitted, found.names, np.zeros(len(found.names)), near)
+        return tried[place].log_evidence
+
+    peak = find_peak(nats)
+    best, (left, right) = tried[peak.place], (tried[place] for place in peak.beside)
+    moves = (right.amplitude - left.amplitude) / (peak.beside[1] - peak.beside[0])
+    return replace(best, sd=np.hypot(best.sd, peak.sd * moves), log_evidence=peak.nats)
+
+
+def _refit_at(fitted: BaselineFit, names: tuple[str, ...], start: Array, near: LinearizationPoint | None) -> Refit:
+    layout = only_shared(fitted.layout, names)
+    order = [column.name for column in layout.columns[:len(names)]]
+    change = np.zeros(len(layout.columns))
+    change[:len(names)] = [start[names.index(name)] for name in order]
+    starts = [fitted.spot if near is None else near]
+    if near is None and is_lost(fitted):
+        starts.append(usual_spot(fitted.intake, layout))
+    tops = [climb(fitted.intake, layout, moved(layout, spot, change)) for spot in starts]
+    spot, evidence = max(tops, key=lambda top: objective(top[1], layout))
+    info = evidence.information + evidence.precision
+    covariance = np.linalg.pinv(info)
+    # what the shots themselves scatter by, where the model is too sure of itself
+    scattered = covariance @ (evidence.score.T @ evidence.score) @ covariance
+    sd = np.sqrt(np.maximum(np.diag(covariance), np.diag(scattered)))
+    k = len(names)
+    null = fitted.evidence.pick(np.arange(fitted.evidence.first_shared, len(fitted.evidence.columns)))
+    null_info = null.information + null.precision
+    gained = objective(evidence, layout) - objective(null, only_shared(fitted.layout))
+    priors = np.linalg.slogdet(layout.precision)[1] - np.linalg.slogdet(fitted.layout.precision)[1]
+    volume = 0.5 * (priors - np.linalg.slogdet(info)[1] + np.linalg.slogdet(null_info)[1])
+    value = evidence.point[:k]
+    believed = {column.name for column in fitted.layout.columns[-len(fitted.layout.precision):]}
+    usual = np.array([centre if name in believed else 0.0 for name, centre in zip(order, layout.centre, strict=False)])
+    wanted = value + (covariance @ (evidence.score.sum(0) + evidence.pull))[:k]
+    return Refit(tuple(order), layout, spot, evidence, value - usual, value, wanted, sd[:k],
+                 float(gained + volume))
+
+
+def unseen_score(evidence: ScoreTable, clusters: Clusters) -> Array:
+    """Log score [n] of each shot by fits of all columns to the other folds; folds keep clusters whole."""
+    fold = folds_of(clusters.label[evidence.rows])
+    score = np.zeros(len(fold))
+    for held in range(fold.max() + 1):
+        change = fit_linear(evidence, fold != held)
+        out = fold == held
+        score[out] = (evidence.log_score + evidence.gain(np.tile(change, (len(fold), 1))))[out]
+    return score
+
+
+def unseen_change(evidence: ScoreTable, clusters: Clusters) -> Array:
+    """For each shot the change [n, P] that the other folds ask for."""
+    fold = folds_of(clusters.label[evidence.rows])
+    change = np.zeros((len(fold), len(evidence.columns)))
+    for held in range(fold.max() + 1):
+        change[fold == held] = fit_linear(evidence, fold != held)
+    return change
+
+
+def folds_of(label: Array) -> Array:
+    """Every fifth cluster in order of appearance, so that each fold sees the whole session."""
+    first = {cluster: k for k, cluster in enumerate(dict.fromkeys(label.tolist()))}
+    return np.array([first[cluster] % FOLDS for cluster in label.tolist()])
+
+
+def fit_linear(evidence: ScoreTable, train: Array) -> Array:
+    """Most probable change [P] of all columns, which must all be shared, given the shots in `train`."""
+    found, best = np.zeros(len(evidence.columns)), 0.0
+    n, deal = len(evidence.rows), evidence.deal.some(train)
+    for _ in range(STEPS):
+        score, info = evidence.slopes_at(np.tile(found, (n, 1)))
+        slope = deal.spread(score[train]).sum(0) + evidence.pull - evidence.precision @ found
+        step = np.linalg.solve(deal.total(info[train]) + evidence.precision, slope)
+        for halving in range(HALVINGS):
+            tried = found + step * 0.5**halving
+            value = (evidence.gain(np.tile(tried, (n, 1)))[train].sum() + evidence.pull @ tried
+                     - 0.5 * tried @ evidence.precision @ tried)
+            if value >= best:
+                break
+        else:
+            break
+        small, found, best = value - best < 1e-5, tried, value
+        if small:
+            break
+    return found
+
+
+def clustered_error(values: Array, label: Array) -> float:
+    """Standard error of the mean of values [n] whose clusters `label` [n] hang together."""
+    sums = np.zeros(label.max() + 1)
+    np.add.at(sums, label, values - values.mean())
+    count = len(np.unique(label))
+    return float(np.sqrt((sums**2).sum() * count / max(count - 1, 1)) / len(values))
+
+
+def without(evidence: ScoreTable) -> ScoreTable:
+    """The shared columns alone."""
+    return evidence.pick(np.arange(evidence.first_shared, len(evidence.columns)))
+
+

@@ -1,0 +1,121 @@
+"""One effect: its name, and what the name is worth beside a free curve, beside decoys, and averaged with others."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import logsumexp
+
+from truearc.sim.discover.model.baseline_fit import BaselineFit
+from truearc.sim.discover.detect.clusters import Clusters
+from truearc.sim.discover.detect.free_curve import correct
+from truearc.sim.discover.select.decoys import share_above
+from truearc.sim.discover.model.score_table import Array
+from truearc.sim.discover.detect.reference_session import ReferenceSession
+from truearc.sim.discover.detect.localization import Place
+from truearc.sim.discover.select.term_ranking import Naming, name_terms
+from truearc.sim.discover.select.condition_on import promote
+from truearc.sim.discover.select.refit import Refit, clustered_error, folds_of, unseen_score, without
+
+Progress = Callable[[float, str], None]
+CLEARLY = 2.0                         # standard errors by which a free curve must beat the best name on unseen shots
+FALSE_NAMES = 0.1                     # share of deals of decoys that may do as well as a name
+
+
+@dataclass(frozen=True)
+class Step:
+    """One effect. `before`, `after`, `average`, `free` [n]: log scores of unseen shots without it, with the leading
+    name, with all names as far as they are likely, with the free curve. What else was named is in `fitted`.
+
+    rival: nats by which the curve beats the name on unseen shots (None without a curve). decoys: share of deals in
+    which one does as well as the name. unknown: the curve beats it clearly, decoys do too often, or nothing has a name.
+    """
+
+    naming: Naming
+    place: Place | None
+    before: Array
+    after: Array
+    average: Array
+    free: Array | None
+    rival: float | None
+    decoys: float
+    unknown: bool
+    base: tuple[str, ...]             # names put in before
+    fitted: BaselineFit                    # without this effect
+    outrun: bool                      # it is unknown for the curve's sake alone: more names might do better yet
+
+    @property
+    def refit(self) -> Refit:
+        return self.naming.refits[self.naming.leader]
+
+
+def make_step(fitted: BaselineFit, clusters: Clusters, place: Place | None, base: tuple[str, ...], seed: int,
+              progress: Progress, home: ReferenceSession | None = None) -> Step:
+    """Name what is left in `fitted`, and weigh the name against a free curve and decoys. home: what such a curve gains
+    there already is not to the credit of this one."""
+    naming = name_terms(fitted, progress)
+    before = unseen_score(without(fitted.evidence), clusters)
+    scores = {name: unseen_score(one.evidence, clusters) for name, one in naming.refits.items()}
+    after, average = scores[naming.leader], averaged(naming, before, scores, clusters.label[fitted.evidence.rows])
+    free = None if place is None else place.correction.log_after
+    rivals = _rivals(naming, after, place, clusters, fitted, home)
+    decoys = share_above(fitted.evidence, clusters, naming.nats[naming.leader], seed)
+    nameless = naming.nats[naming.leader] <= 0.0 or decoys > FALSE_NAMES
+    outrun = not nameless and bool(rivals) and all(clearly(gain, fitted) for gain in rivals)
+    rival = min((worth(gain, fitted) for gain in rivals), default=None)
+    return Step(naming, place, before, after, average, free, rival, decoys, nameless or outrun, base, fitted, outrun)
+
+
+def averaged(naming: Naming, before: Array, scores: dict[str, Array], label: Array) -> Array:
+    """Log score [n] of unseen shots by all refitted names and none, each as likely as the other folds' shots make it.
+
+    For forecasts: a name that is one of several likely ones forgoes what the others know (Hoeting et al. 1999).
+    """
+    fold = folds_of(label)
+    each = np.stack([before, *scores.values()])
+    nats = np.array([0.0, *(naming.nats[name] for name in scores)])
+    result = np.zeros(len(before))
+    for held in range(fold.max() + 1):
+        out = fold == held
+        log_weight = nats - (each[:, out] - before[out]).sum(1)
+        result[out] = logsumexp(each[:, out].T + log_weight - logsumexp(log_weight), axis=1)
+    return result
+
+
+def _rivals(naming: Naming, after: Array, place: Place | None, clusters: Clusters, fitted: BaselineFit,
+            home: ReferenceSession | None) -> list[Array]:
+    """What the free curve gains [n] on unseen shots, twice: instead of the name, and, if that is anything, on top of
+    it. The former alone compares two linearisations, the latter alone would take a second effect for proof against
+    the first."""
+    if place is None:
+        return []
+    usual = 0.0 if home is None else _gain_at(home, place)
+    instead = place.correction.log_after - after - usual
+    if instead.sum() <= 0.0:
+        return [instead]
+    named = promote(fitted, naming.refits[naming.leader])
+    test = replace(place.test, column=named.evidence.index(place.column.name))
+    return [instead, correct(named.evidence, test, clusters).gain - usual]
+
+
+def _gain_at(home: ReferenceSession, place: Place) -> float:
+    """Nats a shot that such a curve gains at home; 0 where it cannot be drawn there."""
+    number, what = home.index(place.column.name), home.own(place.test.what)
+    if number is None or (what is None and place.test.what is not None):
+        return 0.0
+    test = replace(place.test, column=number, what=what, weights=place.test.form.weigh(home.look))
+    shots = len(home.columns["t_s"])
+    return max(0.0, float(correct(home.fitted.evidence, test, Clusters("shot", np.arange(shots), shots)).gain.mean()))
+
+
+def clearly(gain: Array, fitted: BaselineFit) -> bool:
+    """Whether log scores [n] of unseen shots are better by more than chance, and by more than a trifle."""
+    return bool(gain.mean() > CLEARLY * clustered_error(gain, fitted.together) and gain.sum() > CLEARLY)
+
+
+def worth(gain: Array, fitted: BaselineFit) -> float:
+    """Nats that log scores [n] of unseen shots gain; no more than their own spread vouches for, since shots that lie
+    far beyond their stated noise speak louder than they know."""
+    error = clustered_error(gain, fitted.together)
+    total = float(gain.sum())
+    return total if total <= 0.0 or error <= 0.0 else min(total, 0.5 * float(gain.mean() / error)**2)

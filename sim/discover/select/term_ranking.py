@@ -1,0 +1,228 @@
+"""Which term it is: one-step evidence for all, true refits of the likely, probabilities, and what cannot be told apart.
+
+Every term competes with a normal prior on its amplitude, of the size that such effects usually have: so a term that
+would have to be absurdly large to explain the data loses to one that need not, and beyond what the term allows it
+cannot win at all.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from truearc.sim.discover.model.baseline_fit import BaselineFit
+from truearc.sim.discover.model.score_table import Array, ScoreTable, shared_columns
+from truearc.sim.discover.model.external_measurements import nats_measured
+from truearc.sim.discover.select.refit import Refit, refit
+from truearc.sim.physics.catalogue import find_parameter
+
+Progress = Callable[[float, str], None]
+REFITTED = 8                          # of the likeliest terms
+WITHIN = 7.0                          # nats of the likeliest by one step, beyond which none is refitted,
+SHARE = 0.5                           # or this share of its nats: one step is a poor guide to large effects
+ALIAS = 0.95                          # correlation of two efficient slopes from which only words part them
+TOLD_APART = 2.0                      # nats by which one of two such fits the better, all the same
+MASS = 0.9                            # that the set of names holds
+LEAST_INFORMATION = 1e-4              # of a term's own, that must be left by the shared columns
+BUSY = 1e-12
+MOST_USUAL = 6.0                      # usual sizes beyond which an amplitude is not what its name says,
+DOUBT = 2.0                           # by more standard deviations than this
+NEVER = -1e3                          # nats
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A term's amplitude column after one step: z, amplitude, information left, and nats for it."""
+
+    name: str
+    column: int
+    z: float
+    amplitude: float
+    information: float
+    nats: float
+    visible: bool
+
+
+@dataclass(frozen=True)
+class Naming:
+    """Names ranked by probability (which sums to 1 over them); `alike` [K, K]: correlation of efficient slopes."""
+
+    candidates: tuple[Candidate, ...]
+    refits: dict[str, Refit]
+    nats: dict[str, float]
+    probability: dict[str, float]
+    chosen: tuple[str, ...]           # the set, likeliest first
+    aliases: tuple[str, ...]          # of the likeliest, whatever its probability
+
+    @property
+    def leader(self) -> str:
+        return self.chosen[0]
+
+
+def one_step(evidence: ScoreTable) -> tuple[tuple[Candidate, ...], Array]:
+    """(every term after one step, correlations of their efficient slopes [K, K])."""
+    columns = [k for k in range(evidence.first_shared) if evidence.columns[k].kind == "term"]
+    score, left = efficient(evidence, np.array(columns, dtype=int))
+    total = evidence.information
+    found = []
+    for number, column in enumerate(columns):
+        own, kept = total[column, column], left[number, number]
+        visible = own > BUSY and kept > LEAST_INFORMATION * own
+        information = kept if visible else 0.0
+        usual = evidence.columns[column].usual
+        found.append(Candidate(evidence.columns[column].name, column,
+                               float(score[number] / np.sqrt(information)) if visible else 0.0,
+                               float(score[number] / information) if visible else 0.0, float(information),
+                               nats_for(score[number], information, usual), visible))
+    size = np.sqrt(np.maximum(np.diag(left), BUSY))
+    return tuple(found), left / np.outer(size, size)
+
+
+def visible_terms(evidence: ScoreTable) -> Array:
+    """Columns of terms of which the shots say anything that the shared ones could not."""
+    columns = np.array([k for k in range(evidence.first_shared) if evidence.columns[k].kind == "term"], dtype=int)
+    own, kept = evidence.information[columns, columns], np.diag(efficient(evidence, columns)[1])
+    visible: Array = columns[(own > BUSY) & (kept > LEAST_INFORMATION * own)]
+    return visible
+
+
+def nats_for(score: Any, information: float, usual: float) -> Any:
+    """Log Bayes factor of an amplitude ~ N(0, usual^2) against none, for a Gaussian score or several."""
+    if information <= 0.0:
+        return np.zeros_like(score) if np.ndim(score) else 0.0
+    size = information * usual**2
+    nats = 0.5 * score**2 / information * size / (1.0 + size) - 0.5 * np.log1p(size)
+    return nats if np.ndim(nats) else float(nats)
+
+
+def name_terms(fitted: BaselineFit, progress: Progress, surmised: Mapping[str, float] | None = None) -> Naming:
+    """Rank the terms. At least one must be visible. surmised: {name: amplitude} refitted from there in any case."""
+    candidates, alike = one_step(fitted.evidence)
+    visible = [c for c in candidates if c.visible]
+    likely = sorted(visible, key=lambda c: -c.nats)
+    within = max(WITHIN, SHARE * likely[0].nats)
+    likely = [c for c in likely[:REFITTED] if c.nats > likely[0].nats - within]
+    refits: dict[str, Refit] = {}
+    nats = {c.name: c.nats + nats_measured(fitted.layout.measured, c.name, c.amplitude, c.information**-0.5)
+            for c in visible}
+    for candidate in visible:
+        if candidate.name in (surmised or {}):
+            _refit(fitted, candidate, refits, nats, (surmised or {})[candidate.name])
+    likely = [c for c in likely if c.name not in refits]
+    for number, candidate in enumerate(likely):
+        progress(number / len(likely), candidate.name.partition(".")[0])
+        _refit(fitted, candidate, refits, nats)
+    place = {c.name: number for number, c in enumerate(candidates)}
+
+    def kin(top: str) -> list[Candidate]:
+        """The likeliest, and what one step cannot tell from it, which must not lose for want of a refit."""
+        return [c for c in visible if abs(alike[place[c.name], place[top]]) > ALIAS or c.name == top]
+
+    while missing := [c for c in kin(max(nats, key=lambda name: nats[name])) if c.name not in refits]:
+        _refit(fitted, missing[0], refits, nats)
+    top = next(c for c in visible if c.name == max(nats, key=lambda name: nats[name]))
+    for one in kin(top.name):
+        if refits[one.name].log_evidence < refits[top.name].log_evidence - TOLD_APART:
+            _refit_beside(fitted, one, top, refits, nats)
+    probability = _probabilities(nats)
+    ranked = sorted(nats, key=lambda name: -nats[name])
+    aliases = _aliases(fitted, ranked, [c.name for c in kin(ranked[0])], refits, nats)
+    chosen = _smallest_set(ranked, probability, aliases)
+    return Naming(candidates, refits, nats, probability, chosen, aliases)
+
+
+def _refit(fitted: BaselineFit, candidate: Candidate, refits: dict[str, Refit], nats: dict[str, float],
+           start: float | None = None) -> None:
+    """Refit one name into both, from one step's amplitude unless a start is given."""
+    name = candidate.name
+    refits[name] = refit(fitted, (name,), np.array([tame(candidate, fitted.evidence) if start is None else start]))
+    usual = fitted.evidence.columns[candidate.column].usual
+    nats[name] = _nats(fitted, refits[name], usual)
+
+
+def _refit_beside(fitted: BaselineFit, one: Candidate, top: Candidate, refits: dict[str, Refit],
+                  nats: dict[str, float]) -> None:
+    """Refit a name once more, from where the likeliest came to rest: a fit may have several tops, and two names that
+    one step cannot tell apart must not differ by which of them their climbs ended on."""
+    best = refits[top.name]
+    values = best.spot.values.copy()
+    own = best.layout.source[0]
+    values[own] = fitted.spot.values[own]
+    start = np.array([best.amplitude[0] * one.amplitude / top.amplitude])
+    again = refit(fitted, (one.name,), start, replace(best.spot, values=values))
+    if again.log_evidence > refits[one.name].log_evidence:
+        refits[one.name] = again
+        usual = fitted.evidence.columns[one.column].usual
+        nats[one.name] = _nats(fitted, again, usual)
+
+
+def _nats(fitted: BaselineFit, found: Refit, usual: float) -> float:
+    """For one name truly refitted, by the shots and by what was measured without one, which the fit has in its prior.
+    """
+    said = nats_measured(fitted.layout.measured, found.names[0], 0.0, usual)
+    return found.log_evidence + said if is_possible(found, usual) else NEVER
+
+
+def is_possible(found: Refit, *usual: float) -> bool:
+    """Whether each amplitude may lie in the range that its parameter declares, and within MOST_USUAL usual sizes.
+
+    By where it would go, so that a fit that came to rest at the end of its range does not pass for one inside it.
+    """
+    low, high = np.array([(one.low, one.high) for one in map(find_parameter, found.names)]).T
+    doubt = DOUBT * found.sd
+    return bool(((found.wanted >= low - doubt) & (found.wanted <= high + doubt)
+                 & (np.abs(found.amplitude) <= MOST_USUAL * np.array(usual) + doubt)).all())
+
+
+def tame(candidate: Candidate, evidence: ScoreTable) -> float:
+    """The one-step amplitude, drawn towards zero as its prior would, and no larger than three usual ones."""
+    usual = evidence.columns[candidate.column].usual
+    shrunk = candidate.amplitude * candidate.information / (candidate.information + usual**-2.0)
+    return float(np.clip(shrunk, -3.0 * usual, 3.0 * usual))
+
+
+def efficient(evidence: ScoreTable, columns: Array, more: Array | float = 0.0) -> tuple[Array, Array]:
+    """(scores [K], information [K, K]) of columns with what the shared ones could explain projected out.
+
+    more [P, P]: information of shots to come, added to that of the evidence; scores are those there are.
+    """
+    shared = shared_columns(evidence)
+    info, score = evidence.information + more, evidence.score.sum(0)
+    inner = info[shared, shared] + evidence.precision
+    cross = info[columns][:, shared]
+    lift = np.linalg.solve(inner, cross.T).T if len(inner) else np.zeros((len(columns), 0))
+    return (score[columns] - lift @ (score[shared] + evidence.pull),
+            info[np.ix_(columns, columns)] - lift @ cross.T)
+
+
+def _probabilities(nats: dict[str, float]) -> dict[str, float]:
+    top = max(nats.values())
+    weight = {name: float(np.exp(value - top)) for name, value in nats.items()}
+    total = sum(weight.values())
+    return {name: value / total for name, value in sorted(weight.items(), key=lambda item: -item[1])}
+
+
+def _aliases(fitted: BaselineFit, ranked: Sequence[str], kin: Sequence[str], refits: Mapping[str, Refit],
+             nats: Mapping[str, float]) -> tuple[str, ...]:
+    """Of what one step cannot tell from the likeliest, that which a true fit cannot either, and which is possible.
+
+    By how well they fit: that one of them would have to be unusually large is no word of the data's.
+    """
+    fit = {name: float(refits[name].evidence.log_score.sum())
+           + nats_measured(fitted.layout.measured, name, float(refits[name].amplitude[0]), 0.0) for name in kin}
+    return tuple(name for name in ranked[1:]
+                 if name in fit and fit[name] > fit[ranked[0]] - TOLD_APART and nats[name] > NEVER)
+
+
+def _smallest_set(ranked: Sequence[str], probability: dict[str, float], aliases: Sequence[str]) -> tuple[str, ...]:
+    """The likeliest names that hold MASS together, and the leader's aliases."""
+    chosen: list[str] = []
+    held = 0.0
+    for name in ranked:
+        if held >= MASS:
+            break
+        chosen.append(name)
+        held += probability[name]
+    return tuple(name for name in ranked if name in chosen or name in aliases)
+

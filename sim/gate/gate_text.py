@@ -1,0 +1,43 @@
+"""What a fitted gate learned, in words for someone who shoots."""
+
+import numpy as np
+
+from truearc.sim.gate.metrics import Figures
+from truearc.sim.gate.model import PhysicsGate, residual
+from truearc.sim.gate.physics import Physics
+from truearc.sim.gate.train import Heldout
+
+SILENT_M = 0.02                       # a residual smaller than this is not worth a sentence
+
+
+def tell_residual(gate: PhysicsGate, features: np.ndarray, physics: Physics) -> list[str]:
+    """How far the physics alone is off, and how shots scatter, at near, middle and far recorded shots [n, 3]."""
+    learned_m, _ = residual(gate.fit, gate.scaling(features), physics)
+    _, sigma_m = gate.correct(features, physics)
+    order = np.array_split(np.argsort(features[:, 0], kind="stable"), 3)
+    lines = []
+    for rows in (rows for rows in order if rows.size):
+        at_m, off_m = float(np.median(features[rows, 0])), -float(np.median(learned_m[rows]))
+        side = "high" if off_m > 0.0 else "low"
+        said = "right to 2 cm" if abs(off_m) < SILENT_M else f"{100.0 * abs(off_m):.0f} cm {side}"
+        lines.append(f"at {at_m:.1f} m the physics alone is {said}; "
+                     f"a shot passes within {100.0 * float(np.median(sigma_m[rows])):.0f} cm of what the gate expects "
+                     "two times in three")
+    return lines
+
+
+def tell_heldout(heldout: Heldout, temperature: float) -> list[str]:
+    """What the gate was worth on configurations that it had not seen, though the belief's fit may have."""
+    lines = ["on configurations that the correction had not learned from, each fifth in turn (the coefficients may "
+             "have been fitted to them):",
+             _figures("  the gate", heldout.plain)]
+    if temperature == 1.0:
+        return [*lines, "calibration: the spread is as fitted; stretching it made unseen configurations no likelier"]
+    how = "wider" if temperature > 1.0 else "narrower"
+    return [*lines, _figures("  and calibrated", heldout.calibrated),
+            f"calibration: the spread is made {abs(temperature - 1.0):.0%} {how}, as unseen configurations ask for"]
+
+
+def _figures(name: str, figures: Figures) -> str:
+    return (f"{name}: {figures.shots} shots, outcome right {figures.accuracy:.1%}, log score {figures.log_score:.3f}, "
+            f"Brier {figures.brier:.4f}, stated and true shares differ by {figures.ece:.3f}")

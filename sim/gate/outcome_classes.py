@@ -1,0 +1,77 @@
+"""Recorded outcomes as what they say about the height at the plane."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from truearc.robot.config.schema import InputError
+from truearc.robot.gate.contract import FEATURES
+from truearc.sim.physics.simulate import MISS, THREE, TWO
+from truearc.sim.data.dataset import Shots
+from truearc.sim.paper.training import lacking_features
+
+# The plane from below to above: miss low, two low, three, two high, miss high.
+CELLS = 5
+ANYWHERE = {MISS: (1, 0, 0, 0, 1), TWO: (0, 1, 0, 1, 0), THREE: (0, 0, 1, 0, 0)}
+SIDED = {(MISS, "low"): (1, 0, 0, 0, 0), (MISS, "high"): (0, 0, 0, 0, 1),
+         (TWO, "low"): (0, 1, 0, 0, 0), (TWO, "high"): (0, 0, 0, 1, 0),
+         # beside the centre: of the height it says no more than that it was within the two
+         (TWO, "left"): (0, 1, 1, 1, 0), (TWO, "right"): (0, 1, 1, 1, 0)}
+ASIDE = ("left", "right")
+LEVEL = {MISS: 0, TWO: 1, THREE: 2}
+
+
+class OutcomeClasses(NamedTuple):
+    """Shots that say something, one a row.
+
+    features [n, 3] in the contract's order; cells [n, 5]: 1 where the height may have been, by the outcome and side;
+    miss_m [n]: measured height minus the target's centre, nan where not measured (it then overrides the cells);
+    level [n]: 0 miss, 1 two, 2 three, -1 not judged; aside [n]: a miss to the left or right, whose cells are all 1;
+    group [n]: rows of one configuration share a number.
+    """
+
+    features: np.ndarray
+    cells: np.ndarray
+    miss_m: np.ndarray
+    level: np.ndarray
+    aside: np.ndarray
+    group: np.ndarray
+
+    def take(self, rows: np.ndarray) -> "OutcomeClasses":
+        return OutcomeClasses(*(column[rows] for column in self))
+
+
+def marks_of(shots: Shots, name: str) -> tuple[OutcomeClasses, np.ndarray, list[str]]:
+    """Marks, the positions in `shots` that they come from, and a sentence for each kind of shot of `name` left out.
+
+    InputError when none is left.
+    """
+    features = np.stack([shots.number(feature.name) for feature in FEATURES], axis=1)
+    outcome, side, miss_m = shots.text("outcome"), shots.text("side"), shots.number("miss_height_m")
+    judged = np.array([one in LEVEL for one in outcome], bool)
+    whole = np.isfinite(features).all(axis=1)
+    silent = ~judged & np.isnan(miss_m)
+    kept = np.flatnonzero(whole & ~silent)
+    reasons = (("no outcome or miss_height_m", silent), (lacking_features(features[~silent]), ~silent & ~whole))
+    left_out = [f"{name}: {int(lacks.sum())} of {len(shots)} shots left out: {why}" for why, lacks in reasons
+                if lacks.any()]
+    if not kept.size:
+        raise InputError("there is nothing to train on; " + "; ".join(left_out or [f"{name}: no shots"]))
+    cells = np.array([_cells(outcome[row], side[row]) for row in kept], float)
+    level = np.array([LEVEL.get(outcome[row], -1) for row in kept])
+    aside = np.array([outcome[row] == MISS and side[row] in ASIDE for row in kept])
+    return OutcomeClasses(features[kept], cells, miss_m[kept], level, aside, _groups(shots, kept)), kept, left_out
+
+
+def _cells(outcome: str, side: str) -> tuple[int, ...]:
+    if outcome == MISS and side in ASIDE:
+        return (1,) * CELLS
+    return SIDED.get((outcome, side), ANYWHERE.get(outcome, (1,) * CELLS))
+
+
+def _groups(shots: Shots, kept: np.ndarray) -> np.ndarray:
+    """Shots of one session with one config_id are a group; a shot without a config_id is one by itself."""
+    session, config = shots.text("session"), shots.text("config_id")
+    keys = [(session[row], config[row]) if config[row] else ("", shots.shot_id[row]) for row in kept]
+    numbers = {key: number for number, key in enumerate(dict.fromkeys(keys))}
+    return np.array([numbers[key] for key in keys])

@@ -1,0 +1,1 @@
+"""Inference: observations, likelihood, MAP fit, intervals, posterior, forecast and belief."""

@@ -1,0 +1,135 @@
+"""Which further shots, and which further measurement at each, would tell apart what a dataset cannot."""
+
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from scipy.special import ndtr
+
+from truearc.robot.config.rig_spec import Target
+from truearc.sim.infer.likelihood.observations import blind
+from truearc.sim.infer.forecast import forecast
+from truearc.sim.infer.likelihood.launch_inputs import EXIT_SPEED_SD_M_S, Given, given_of
+from truearc.sim.infer.likelihood.heights import configured
+from truearc.sim.infer.identifiability import weakest
+from truearc.sim.infer.likelihood.shot_likelihood import Points, narrow, plane_of, values_at
+from truearc.sim.infer.likelihood.outcome_likelihood import HEIGHT_SD_M, LAPSE
+from truearc.sim.infer.map_fit import MlFit
+from truearc.sim.infer.parameters import Model
+from truearc.sim.data.dataset import Shots
+
+SHOTS = 20                            # of each proposal
+AIMS_M = (-0.3, 0.0, 0.3)             # of the forecast height from the centre
+PLACES = (0.0, 0.5, 1.0)              # of the dataset's own range of distances and elevations
+HALVINGS = 40
+KINDS = ("outcome", "outcome and high or low", "height at the plane", "exit speed, by camera or radar")
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """SHOTS shots at one configuration: `sd_ratio` is what they leave of the worst known combination's sd."""
+
+    kind: str
+    distance_m: float
+    hood_deg: float
+    motor_ratio: float
+    aim_m: float
+    sd_ratio: float
+
+
+def advise(fit: MlFit, most: int = 3) -> tuple[Proposal, ...]:
+    """The best proposal of each kind of observation, best first; none where the rig's wheels cannot be set by ratio."""
+    facts = fit.model.facts
+    shots = fit.gathered.shots.take(fit.gathered.rows[:len(fit.problem.evidence.given.rolled)])
+    if facts.launcher.free_speed_rad_s is None or not facts.launcher.wheel or facts.target is None or not len(shots):
+        return ()
+    designs, aim_m = _designs(fit, shots, facts.target)
+    if not len(designs):
+        return ()
+    vector = weakest(fit)
+    before = float(vector @ fit.covariance @ vector)
+    proposals = []
+    for kind, information in zip(KINDS, _information(fit, designs, facts.target), strict=True):
+        after = [vector @ np.linalg.inv(fit.optimum.hessian + SHOTS * one) @ vector for one in information]
+        best = int(np.argmin(after))
+        distance_m, hood_deg, ratio = (float(designs.number(name)[best])
+                                       for name in ("distance_m", "hood_deg", "motor_ratio"))
+        proposals.append(Proposal(kind, distance_m, hood_deg, ratio, float(aim_m[best]),
+                                  float(np.sqrt(after[best] / before))))
+    return tuple(sorted(proposals, key=lambda one: one.sd_ratio)[:most])
+
+
+def _designs(fit: MlFit, shots: Shots, target: Target) -> tuple[Shots, np.ndarray]:
+    """Configurations over the dataset's own range, each with the motor ratio that sends the ball to its aim."""
+    ends = [(np.nanmin(column), np.nanmax(column)) for column in (shots.number("distance_m"), shots.number("hood_deg"))]
+    if not np.isfinite(ends).all():
+        return shots.take([]), np.zeros(0)
+    axes = [[low + place * (high - low) for place in PLACES] for low, high in ends]
+    distance_m, hood_deg, aim_m = (part.ravel() for part in np.meshgrid(*axes, AIMS_M, indexing="ij"))
+    low, high = np.full(distance_m.shape, 0.02), np.ones(distance_m.shape)
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        height_m = forecast(fit.model.facts, fit.belief, _as_shots(distance_m, hood_deg, middle)).height_m
+        over = np.nan_to_num(height_m, nan=np.inf) > target.centre_height_m + aim_m
+        low, high = np.where(over, low, middle), np.where(over, middle, high)
+    reaches = (high < 0.999) & (low > 0.021)
+    return _as_shots(distance_m[reaches], hood_deg[reaches], high[reaches]), aim_m[reaches]
+
+
+def _as_shots(distance_m: np.ndarray, hood_deg: np.ndarray, motor_ratio: np.ndarray) -> Shots:
+    return Shots(tuple(map(str, range(len(distance_m)))),
+                 {"distance_m": distance_m, "hood_deg": hood_deg, "motor_ratio": motor_ratio}, {})
+
+
+def _information(fit: MlFit, designs: Shots, target: Target) -> list[np.ndarray]:
+    """Expected information [n, p, p] in prior units of one shot of each kind at each design."""
+    given = given_of(fit.model.facts, designs)
+    u = fit.optimum.u
+    mean, log_sd, log_speed, speed_var = map(np.asarray, _predict(fit.model, given, u))
+    by_mean, by_log_sd, by_speed, _ = map(np.asarray, jax.jacfwd(partial(_predict, fit.model, given))(u))
+    sd = np.exp(log_sd)
+    inner, outer = target.three_half_height_m, target.two_half_height_m
+    kinds = []
+    for joined in (True, False):
+        kinds.append(_ordinal((-outer, -inner, inner, outer), mean, sd, by_mean, by_log_sd, joined))
+    wide = sd**2 + HEIGHT_SD_M**2
+    kinds.append(_outer(by_mean) / wide[:, None, None] + 2.0 * _outer(by_log_sd * (sd**2 / wide)[:, None]))
+    noise = speed_var + (EXIT_SPEED_SD_M_S / np.exp(log_speed))**2
+    kinds.append(kinds[0] + _outer(by_speed) / noise[:, None, None])
+    return kinds
+
+
+def _ordinal(edges: tuple[float, ...], mean: np.ndarray, sd: np.ndarray, by_mean: np.ndarray, by_log_sd: np.ndarray,
+             joined: bool) -> np.ndarray:
+    """Information of the classes between edges; `joined`: those at equal distance from the centre are one class."""
+    place = (np.array([-np.inf, *edges, np.inf])[:, None] - mean) / sd
+    density = np.exp(-0.5 * np.minimum(place**2, 1e3)) / np.sqrt(2.0 * np.pi)
+    share = np.diff(ndtr(place), axis=0)
+    in_mean = -np.diff(density, axis=0) / sd
+    in_log_sd = -np.diff(density * np.clip(place, -40.0, 40.0), axis=0)
+    slope = in_mean[:, :, None] * by_mean + in_log_sd[:, :, None] * by_log_sd
+    if joined:
+        fold = [[2], [1, 3], [0, 4]]
+        share, slope = (np.stack([part[rows].sum(0) for rows in fold]) for part in (share, slope))
+    share = (1.0 - LAPSE) * share + LAPSE / len(share)
+    square: np.ndarray = (1.0 - LAPSE)**2 * slope[:, :, :, None] * slope[:, :, None, :] / share[:, :, None, None]
+    information: np.ndarray = square.sum(0)
+    return information
+
+
+def _outer(slope: np.ndarray) -> np.ndarray:
+    square: np.ndarray = slope[:, :, None] * slope[:, None, :]
+    return square
+
+
+@partial(jax.jit, static_argnames=("model",))
+def _predict(model: Model, given: Given, u: Any) -> tuple[Any, Any, Any, Any]:
+    """(mean height, log of its sd, log exit speed, its variance by scatter and wheels) [n] of launches at u."""
+    launch = narrow(model, blind(given), Points(jnp.zeros((0, 3)), jnp.zeros((0, 4))), u)
+    plane = plane_of(model, given, launch, u)
+    values = values_at(model, u)
+    exit = configured(model.facts, values, given)[1]
+    return plane.mean_m, jnp.log(plane.sd_m), jnp.log(exit.speed_m_s), launch.covariance[:, 0, 0]

@@ -1,0 +1,193 @@
+"""What we believe of a launcher: coefficients, shot-to-shot scatter of the launch, and how well each is known.
+
+A coefficients.toml with two more tables, which a fit by likelihood writes and the grid does not:
+
+    [scatter]
+    speed = 0.021                     # standard deviation of the log of the exit speed
+    elevation_deg = 0.5               # standard deviation of the exit elevation
+    [covariance]
+    names = ["drag.cd", "scatter.speed"]
+    matrix = [[0.01, 0.0], [0.0, 0.04]]
+
+The matrix is that of the numbers on each parameter's own scale (truearc.sim.physics.scales, named by its prior in the
+catalogue; scatters: their logarithm), on which the belief is about normal. The points of a curve (truearc.sim.infer.curve) are
+numbers, too: "curve.free_speed.0", "curve.free_speed.1", ...
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from truearc.robot.config.schema import InputError
+from truearc.sim.infer.coefficients import Coefficients, load_coefficients, load_table, save_coefficients
+from truearc.sim.infer.curve import Curve, read_curves, write_curve
+from truearc.sim.physics.catalogue import find_parameter
+from truearc.sim.physics.nonparametric import CURVE, NAMELESS
+from truearc.sim.physics.scales import LINEAR, LOG, fits_scale, from_scale, to_scale
+
+SCATTERS = ("speed", "elevation_deg")
+SCATTER = "scatter"
+
+
+@dataclass(frozen=True, eq=False)
+class Belief:
+    """Coefficients with scatter and doubt.
+
+    coefficients: {term: {parameter: value}}. scatter: {"speed": sd of the log of the exit speed from shot to shot,
+    "elevation_deg": sd of the exit elevation}, empty when nobody fitted it. names: "term.parameter" or "scatter.x", one
+    a row of `covariance` [p, p], which is on the parameters' own scales (module docstring); what has no name is exact.
+    curves: how large effects without a name are, by their terms of truearc.sim.physics.nonparametric in `coefficients`.
+    """
+
+    coefficients: Coefficients
+    scatter: dict[str, float]
+    names: tuple[str, ...]
+    covariance: np.ndarray
+    curves: dict[str, Curve] = field(default_factory=dict)
+
+    def values(self) -> np.ndarray:
+        """The named parameters [p] on their scales: the mean that `covariance` goes with."""
+        return np.array([float(to_scale(scale_of(name), self.value(name))) for name in self.names])
+
+    def value(self, name: str) -> float:
+        """One parameter by its "term.parameter" or "scatter.x", in its own unit."""
+        table, _, key = name.partition(".")
+        if table == CURVE:
+            term, _, point = key.partition(".")
+            return self.curves[term].point(point)
+        return self.scatter[key] if table == SCATTER else self.coefficients[table][key]
+
+    def has(self, name: str) -> bool:
+        """Whether there is such a number in it."""
+        try:
+            self.value(name)
+        except KeyError:
+            return False
+        return True
+
+
+def point_belief(coefficients: Mapping[str, Mapping[str, float]], scatter: Mapping[str, float] | None = None) -> Belief:
+    """A belief without doubt, such as the grid's pair is."""
+    return Belief({name: dict(values) for name, values in coefficients.items()}, dict(scatter or {}), (),
+                  np.zeros((0, 0)))
+
+
+def scale_of(name: str) -> str:
+    """The scale of a parameter by its name; a parameter that is known, not fitted, has the linear one."""
+    if name.startswith(SCATTER + "."):
+        return LOG
+    prior = find_parameter(name).prior
+    return prior.scale if prior is not None else LINEAR
+
+
+def replace_values(belief: Belief, numbers: np.ndarray) -> Belief:
+    """A point belief whose named parameters have these values, given on their scales [p]."""
+    coefficients = {name: dict(values) for name, values in belief.coefficients.items()}
+    scatter, points = dict(belief.scatter), dict[str, float]()
+    for name, number in zip(belief.names, numbers, strict=True):
+        table, _, key = name.partition(".")
+        place = {SCATTER: scatter, CURVE: points, **coefficients}[table]
+        place[key] = float(from_scale(scale_of(name), number))
+    return replace(point_belief(coefficients, scatter), curves=moved_curves(belief.curves, points))
+
+
+def moved_curves(curves: Mapping[str, Curve], points: Mapping[str, float]) -> dict[str, Curve]:
+    """With these points {"free_speed.0": value} at other values."""
+    return {term: curve.moved({key.removeprefix(term + "."): value for key, value in points.items()
+                               if key.startswith(term + ".")}) for term, curve in curves.items()}
+
+
+def draw(belief: Belief, n: int, rng: np.random.Generator) -> list[Belief]:
+    """`n` point beliefs, normal on the parameters' scales with the belief's covariance; without one, n times itself."""
+    if not belief.names:
+        return [replace(point_belief(belief.coefficients, belief.scatter), curves=belief.curves)] * n
+    drawn = rng.multivariate_normal(belief.values(), belief.covariance, size=n, method="eigh")
+    return [replace_values(belief, numbers) for numbers in drawn]
+
+
+def as_table(belief: Belief) -> dict[str, Any]:
+    """Plain values, as JSON has them, that `from_table` makes the same belief of."""
+    return {"coefficients": belief.coefficients, "scatter": belief.scatter, "names": list(belief.names),
+            "covariance": np.asarray(belief.covariance, float).tolist(),
+            CURVE: {term: write_curve(curve) for term, curve in belief.curves.items()}}
+
+
+def from_table(table: Mapping[str, Any], name: str) -> Belief:
+    """The inverse of `as_table`; `name` is for messages. KeyError, ValueError, InputError: it is no such table."""
+    names = tuple(map(str, table["names"]))
+    return Belief(table["coefficients"], table["scatter"], names,
+                  np.array(table["covariance"], float).reshape(len(names), len(names)),
+                  read_curves(name, table.get(CURVE, {})))
+
+
+def save_belief(path: str | Path, belief: Belief, provenance: Mapping[str, Any]) -> None:
+    """Write a coefficients.toml with scatter and covariance; every float reads back exactly."""
+    more: dict[str, Any] = {}
+    if belief.scatter:
+        more["scatter"] = {name: float(value) for name, value in belief.scatter.items()}
+    if belief.names:
+        more["covariance"] = {"names": list(belief.names), "matrix": np.asarray(belief.covariance, float).tolist()}
+    if belief.curves:
+        more[CURVE] = {term: write_curve(curve) for term, curve in belief.curves.items()}
+    save_coefficients(path, belief.coefficients, provenance, more)
+
+
+def load_belief(path: str | Path) -> Belief:
+    """Read any coefficients.toml; one without [scatter] or [covariance] has an empty one.
+
+    InputError names the file and key of what is not known, no number, out of its range, or no covariance.
+    """
+    coefficients = load_coefficients(path)
+    table = load_table(path)
+    scatter = _scatter(path, table.get("scatter", {}))
+    names, covariance = _covariance(path, table.get("covariance", {}))
+    curves = read_curves(path, table.get(CURVE, {}))
+    taking = [term.name for term in NAMELESS if term.name in coefficients]
+    for term in curves:
+        if term not in taking:
+            raise InputError(f"{path}: curve.{term}: no term takes it, such as [free_speed] takes [curve.free_speed]")
+    for term in taking:
+        if term not in curves:
+            raise InputError(f"{path}: {term}: has no [curve.{term}] to say how large it is")
+    belief = Belief(coefficients, scatter, names, covariance, curves)
+    for name in names:
+        _check(path, name, belief)
+    return belief
+
+
+def _scatter(path: str | Path, table: Any) -> dict[str, float]:
+    if not isinstance(table, dict):
+        raise InputError(f"{path}: scatter is not a table")
+    for name, value in table.items():
+        if name not in SCATTERS:
+            raise InputError(f"{path}: scatter.{name}: there is no such scatter ({', '.join(SCATTERS)})")
+        if isinstance(value, bool) or not isinstance(value, int | float) or not (0.0 < value < np.inf):
+            raise InputError(f"{path}: scatter.{name}: {value!r} is not a number above 0")
+    return {name: float(value) for name, value in table.items()}
+
+
+def _covariance(path: str | Path, table: Any) -> tuple[tuple[str, ...], np.ndarray]:
+    if not isinstance(table, dict):
+        raise InputError(f"{path}: covariance is not a table")
+    names = table.get("names", [])
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names) or len(set(names)) < len(names):
+        raise InputError(f"{path}: covariance.names: {names!r} is not a list of different names")
+    try:
+        matrix = np.array(table.get("matrix", []), dtype=float).reshape(len(names), len(names))
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{path}: covariance.matrix: not {len(names)} rows of {len(names)} numbers") from error
+    if not np.isfinite(matrix).all() or not np.allclose(matrix, matrix.T, rtol=1e-6, atol=1e-12):
+        raise InputError(f"{path}: covariance.matrix: not finite and symmetric")
+    if names and np.linalg.eigvalsh(matrix).min() < -1e-9 * max(np.trace(matrix), 1e-12):
+        raise InputError(f"{path}: covariance.matrix: no covariance, some combination has a negative variance")
+    return tuple(names), matrix
+
+
+def _check(path: str | Path, name: str, belief: Belief) -> None:
+    if not belief.has(name):
+        raise InputError(f"{path}: covariance.names: {name} has no value in the file")
+    if not fits_scale(scale_of(name), belief.value(name)):
+        raise InputError(f"{path}: {name}: {belief.value(name):g} has no place on its scale, which is {scale_of(name)}")

@@ -1,0 +1,111 @@
+"""A fit by likelihood in words for whoever shot the balls."""
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from truearc.sim.infer.advise import SHOTS, Proposal
+from truearc.sim.infer.crossval import CrossValidation
+from truearc.sim.infer.forecast import forecast
+from truearc.sim.infer.identifiability import Identified, identify
+from truearc.sim.infer.map_fit import MlFit
+from truearc.sim.infer.parameters import TRACK_NOISE
+from truearc.sim.infer.profile import ProfileInterval
+
+EVIDENCE = {"outcome": "outcomes", "side": "sides (high or low)", "miss_height_m": "measured heights",
+            "exit_speed_m_s": "measured exit speeds", "exit_deg": "measured exit angles",
+            "exit_spin_rev_s": "measured spins", "tracks": "tracks"}
+MEANING = {"drag.cd": "drag coefficient", "magnus.cl": "lift coefficient",
+           "exit_efficiency.loss": "share of the wheels' speed that the ball does not get",
+           "wheel_slip.loss_per_m_s": "further share lost for each m/s of wheel speed",
+           "scatter.speed": "exit speed from shot to shot (sd)",
+           "scatter.elevation_deg": "exit angle from shot to shot (sd)",
+           TRACK_NOISE: "noise of the tracked positions (sd)"}
+PERCENT = ("scatter.speed", "exit_efficiency.loss")
+NEAREST = 15                          # shots whose median stands for "at this distance"
+
+
+def say_evidence(fit: MlFit) -> Iterable[str]:
+    """What was used, and what was not."""
+    used = ", ".join(f"{count} {EVIDENCE[kind]}" for kind, count in fit.gathered.used.items())
+    yield f"fitted to {len(fit.gathered.rows)} of {len(fit.gathered.shots)} shots: {used}"
+    for line in fit.gathered.left_out:
+        yield f"left out: {line}"
+
+
+def say_estimates(intervals: Iterable[ProfileInterval], units: dict[str, str]) -> Iterable[str]:
+    """A line a parameter: value, 90 % interval, unit, and what stopped the interval where it was not the data."""
+    yield "parameter                  value    90 % interval         meaning"
+    for one in intervals:
+        factor, unit = (100.0, "%") if one.name in PERCENT else (1.0, "" if units[one.name] == "1" else units[one.name])
+        numbers = [_number(factor * part) for part in (one.value, one.low90, one.high90)]
+        line = f"{one.name:24s} {numbers[0]:>8s}    {numbers[1]} to {numbers[2]} {unit}"
+        yield f"{line:57s}  {MEANING.get(one.name, _plain(one.name))}{_doubt(one)}"
+
+
+def _plain(name: str) -> str:
+    """A parameter by the name of its term."""
+    return name.partition(".")[0].replace("_", " ")
+
+
+def _number(value: float) -> str:
+    return f"{value:.3g}" if abs(value) < 1000.0 else f"{value:.0f}"
+
+
+def _doubt(one: ProfileInterval) -> str:
+    if not one.closed:
+        return "; OPEN: the data do not bound it, the end is where the search stopped"
+    sides = [word for word, known in (("low", one.low_by_data), ("high", one.high_by_data)) if not known]
+    return f"; {' and '.join(sides)} end set by the prior, not by these shots" if sides else ""
+
+
+def say_scatter(fit: MlFit) -> Iterable[str]:
+    """What the scatter means at the target."""
+    count = len(fit.problem.evidence.given.rolled)
+    shots = fit.gathered.shots.take(fit.gathered.rows[:count])
+    distance_m = shots.number("distance_m")
+    shots = shots.take(np.isfinite(distance_m) & fit.problem.evidence.given.rolled)
+    if not len(shots):
+        return
+    middle_m = float(np.median(shots.number("distance_m")))
+    nearest = np.argsort(np.abs(shots.number("distance_m") - middle_m), kind="stable")[:NEAREST]
+    ahead = forecast(fit.model.facts, fit.belief, shots.take(nearest))
+    launch, sensor, doubt = (100.0 * float(np.nanmedian(part)) for part in (ahead.launch_m, ahead.sensor_m,
+                                                                            ahead.parameter_m))
+    yield (f"from shot to shot the height at {middle_m:.1f} m varies by {launch:.0f} cm (one standard deviation); what "
+           f"the sensors misjudge adds {sensor:.0f} cm, what this fit does not know {doubt:.0f} cm")
+
+
+def say_identified(fit: MlFit) -> Iterable[str]:
+    """What these shots cannot tell apart, or on their own not at all."""
+    found: Identified = identify(fit)
+    for pair in found.pairs:
+        sign = "+" if pair.factor >= 0.0 else "-"
+        yield (f"{pair.a} and {pair.b} are hard to tell apart: correlation {pair.correlation:.2f}; this dataset fixes "
+               f"{pair.a} {sign} {_number(abs(pair.factor))} {pair.b}, to {_number(pair.known_to)}")
+    for name in found.from_prior:
+        yield (f"{name}: these shots say hardly more than was believed before ({found.share[name]:.0%} of its doubt is "
+               "left)")
+    if not found.pairs and not found.from_prior:
+        yield "every parameter is fixed by these shots on its own"
+
+
+def say_advice(proposals: Iterable[Proposal]) -> Iterable[str]:
+    """What would tell apart what is known worst."""
+    for one in proposals:
+        side = "over" if one.aim_m > 0.0 else "under"
+        aim = "at the centre" if abs(one.aim_m) < 0.01 else f"{abs(one.aim_m):.2f} m {side} the centre"
+        yield (f"{SHOTS} shots at {one.distance_m:.1f} m, hood {one.hood_deg:.0f} deg, motor ratio "
+               f"{one.motor_ratio:.3f} (aimed {aim}), recording {one.kind}: {one.sd_ratio:.0%} of the worst doubt "
+               "would be left")
+
+
+def say_prediction(score: CrossValidation | None) -> Iterable[str]:
+    """How well outcomes are predicted that the fit did not see."""
+    if score is None:
+        return
+    gain = score.log_score - score.share_log_score
+    yield (f"outcomes of shots held out ({score.shots} in {score.groups} groups): predicted right "
+           f"{score.accuracy:.0%} (always naming the commonest: {score.share_accuracy:.0%}); log score "
+           f"{score.log_score:.3f} a shot (by plain shares: {score.share_log_score:.3f}), gain {gain:.3f} "
+           f"± {score.gain_se:.3f}")

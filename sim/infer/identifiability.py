@@ -1,0 +1,91 @@
+"""What a dataset can tell apart, before anyone refines the model: its information with the priors set apart.
+
+Curvature of the likelihood alone, in units of the priors' standard deviations: along an eigenvector with eigenvalue l,
+the data know that combination to 1 / sqrt(l) of what the prior knew. Below 1 the prior says more than the data.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from truearc.sim.infer.map_fit import MlFit
+
+CORRELATED = 0.9                      # pairs from here on are named
+SILENT = 0.7                          # a parameter known to more than this share of its prior's sd is the prior's
+
+
+@dataclass(frozen=True)
+class AliasedPair:
+    """Two parameters that this dataset keeps together: it fixes `a` + factor * `b`, to `known_to`, in a's unit."""
+
+    a: str
+    b: str
+    correlation: float
+    factor: float
+    known_to: float
+
+
+@dataclass(frozen=True)
+class Direction:
+    """A combination of parameters: eigenvalue of the data's information, and its loadings in prior units."""
+
+    eigenvalue: float
+    loadings: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Identified:
+    """`share`: of its prior's sd to which each parameter is known. `from_prior`: those that the data hardly touch."""
+
+    directions: tuple[Direction, ...]             # weakest first
+    pairs: tuple[AliasedPair, ...]
+    share: dict[str, float]
+    from_prior: tuple[str, ...]
+
+
+def identify(fit: MlFit) -> Identified:
+    """Eigen-analysis of the fit's information, and what it means for parameters and pairs of them."""
+    names = fit.model.names
+    data = fit.optimum.hessian - np.eye(len(names))
+    values, vectors = np.linalg.eigh(data)
+    directions = tuple(Direction(float(max(value, 0.0)), _loadings(names, vector))
+                       for value, vector in zip(values, vectors.T, strict=True))
+    share = {name: float(np.sqrt(fit.covariance[index, index])) for index, name in enumerate(names)}
+    return Identified(directions, _pairs(fit), share, tuple(name for name in names if share[name] > SILENT))
+
+
+def weakest(fit: MlFit) -> np.ndarray:
+    """Unit vector [p], in prior units, of the combination of terms' parameters that is known worst."""
+    inner = len(fit.model.numbers)
+    _, vectors = np.linalg.eigh(fit.covariance[:inner, :inner])
+    vector = np.zeros(len(fit.model.names))
+    vector[:inner] = vectors[:, -1]
+    return vector
+
+
+def _loadings(names: tuple[str, ...], vector: np.ndarray) -> dict[str, float]:
+    turned = vector * np.sign(vector[np.argmax(np.abs(vector))])
+    return {name: float(part) for name, part in zip(names, turned, strict=True)}
+
+
+def _pairs(fit: MlFit) -> tuple[AliasedPair, ...]:
+    """Pairs with a correlation of at least CORRELATED, strongest first, each with the combination that is fixed."""
+    names, covariance = fit.model.names, fit.covariance * np.outer(slopes(fit), slopes(fit))
+    sd = np.sqrt(np.diag(covariance))
+    pairs = []
+    for a in range(len(names)):
+        for b in range(a + 1, len(names)):
+            correlation = covariance[a, b] / (sd[a] * sd[b])
+            if abs(correlation) >= CORRELATED:
+                factor = -covariance[a, b] / covariance[b, b]
+                left = covariance[a, a] - covariance[a, b]**2 / covariance[b, b]
+                known_to = float(np.sqrt(max(left, 0.0)))
+                pairs.append(AliasedPair(names[a], names[b], float(correlation), float(factor), known_to))
+    return tuple(sorted(pairs, key=lambda pair: -abs(pair.correlation)))
+
+
+def slopes(fit: MlFit) -> np.ndarray:
+    """d value / d u [p] at the optimum: from units of the prior to the parameter's own."""
+    step = 1e-5
+    return np.array([float(one.value(u + step) - one.value(u - step)) / (2.0 * step)
+                     for one, u in zip(fit.model.sought, fit.optimum.u, strict=True)])

@@ -1,0 +1,129 @@
+"""Heights at the plane as smooth functions of parameters and of small deviations of the launch (JAX, forward mode)."""
+
+from collections.abc import Mapping
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from truearc.robot.config.rig_spec import Rig
+from truearc.sim.infer.likelihood.launch_inputs import Given
+from truearc.sim.physics.catalogue import effective, flight_terms
+from truearc.sim.physics.flight import make_law
+from truearc.sim.physics.launch import Exit
+from truearc.sim.physics.nonparametric import CURVE
+from truearc.sim.physics.flight_over_x import reach_plane
+from truearc.sim.physics.scales import from_scale
+from truearc.sim.physics.simulate import leave, sense
+
+STEPS = (1e-3, 1e-3, 1e-2)            # of a launch's deviations, for the heights' derivatives by them
+
+Values = Mapping[str, Mapping[str, Any]]
+Number = tuple[str, str, str]         # term, parameter, scale
+
+
+class Deviation(NamedTuple):
+    """What makes one shot differ from its configuration; numbers, or arrays [n]."""
+
+    log_speed: Any
+    elevation_rad: Any
+    spin_rev_s: Any
+
+
+class Height(NamedTuple):
+    """At the plane, arrays [n], through the floor if need be.
+
+    `near` False: the ball turns back, and the rest means nothing. by_launch [n, 3]: derivatives of the height by a
+    Deviation; by_distance [n]: by the plane's distance.
+    """
+
+    height_m: Any
+    by_launch: Any
+    by_distance: Any
+    near: Any
+
+
+def height_at(facts: Rig, values: Values, given: Given, log_speed: Any = 0.0, elevation_rad: Any = 0.0) -> Height:
+    """Heights of launches that leave with these deviations, with their derivatives.
+
+    values: {term: {parameter: value}}; gravity is always at work. A deviation acts on the ball as it leaves, after the
+    launch terms. The derivatives by it are central differences of flights side by side, within 1e-5 of their size:
+    nesting them into the derivatives by parameters costs a hundred times as much.
+    """
+    at, exit, distance_m = configured(facts, values, given)
+    law = make_law(facts, flight_terms({"gravity", *values}), at)
+    steps = jnp.concatenate([jnp.zeros((1, 3)), jnp.diag(jnp.array(STEPS)), -jnp.diag(jnp.array(STEPS))]).T[:, :, None]
+    leaving = Exit(exit.speed_m_s * jnp.exp(log_speed + steps[0]), exit.elevation_rad + elevation_rad + steps[1],
+                   exit.spin_rev_s + steps[2], exit.above_m)
+    plane = reach_plane(facts, law, leaving, jnp.broadcast_to(distance_m, (7, *jnp.shape(given.distance_m))))
+    by_launch = (plane.height_m[1:4] - plane.height_m[4:]) / (2.0 * jnp.array(STEPS)[:, None])
+    return Height(plane.height_m[0], by_launch.T, plane.climb[0], plane.near.all(0))
+
+
+def configured(facts: Rig, values: Values, given: Given) -> tuple[dict[str, dict[str, Any]], Exit, Any]:
+    """(effective values, launch, distance in m) of shots as they are in truth, by sensing and launch terms."""
+    at = effective(values, given.circumstances)
+    exit, distance_m = sense(facts, at, Exit(*map(jnp.asarray, given.rolling)), given.distance_m, given.whose)
+    return at, leave(facts, at, exit, given.whose), distance_m
+
+
+def speed_gain(facts: Rig, values: Values, given: Given) -> Any:
+    """d log(exit speed) / d log(speed by the wheels) [n]: 1 where no launch term depends on the speed."""
+    def log_speed(change: Any) -> Any:
+        faster = given.rolling._replace(speed_m_s=given.rolling.speed_m_s * jnp.exp(change))
+        return jnp.log(configured(facts, values, given._replace(rolling=faster))[1].speed_m_s)
+
+    return jax.jacfwd(log_speed)(0.0)
+
+
+class Slopes(NamedTuple):
+    """Heights with derivatives by a launch's deviations and by numbers on the parameters' scales [n, p]."""
+
+    height: Height
+    by_number: np.ndarray
+    gain: np.ndarray
+
+
+@partial(jax.jit, static_argnames=("facts", "numbers"))
+def slopes_at(facts: Rig, fixed: Values, numbers: tuple[Number, ...], at: Any, given: Given) -> Slopes:
+    """Heights and exact derivatives; `numbers` names what `at` [p] holds, `fixed` has the values of the rest.
+
+    A point of the given circumstances' curves is called by its term and its place among all their points.
+    """
+    def height(at: Any) -> tuple[Any, Height]:
+        flown = height_at(facts, with_numbers(fixed, numbers, at), along_curve(given, numbers, at))
+        return flown.height_m, flown
+
+    by_number, flown = jax.jacfwd(height, has_aux=True)(at)
+    return Slopes(flown, by_number, speed_gain(facts, with_numbers(fixed, numbers, at), given))
+
+
+def with_numbers(fixed: Values, numbers: tuple[Number, ...], at: Any) -> dict[str, dict[str, Any]]:
+    """`fixed` with the numbers' values in it."""
+    values = {name: dict(part) for name, part in fixed.items()}
+    for index, (term, parameter, scale) in enumerate(numbers):
+        if term != CURVE:
+            values.setdefault(term, {})[parameter] = from_scale(scale, at[index])
+    return values
+
+
+def along_curve(given: Given, numbers: tuple[Number, ...], at: Any) -> Given:
+    """The same, with derivatives by those of the numbers that are points of its curves."""
+    around = given.circumstances
+    for index, (table, point, _) in enumerate(numbers):
+        if table == CURVE:
+            term, _, place = point.partition(".")
+            nothing = at[index] - jax.lax.stop_gradient(at[index])
+            size = getattr(around, term) + around.curve_by[:, int(place)] * nothing
+            around = around._replace(**{term: size})
+    return given._replace(circumstances=around)
+
+
+def sensor_variance(height: Height, gain: Any, given: Given) -> Any:
+    """Variance of the height [n] in m2 that the instruments' noise makes: wheels, elevation, distance."""
+    by_speed, by_elevation, by_spin = (height.by_launch[:, column] for column in range(3))
+    wheels = (by_speed * gain)[:, None] * given.wheel_log_speed + by_spin[:, None] * given.wheel_spin_rev_s
+    return ((wheels**2).sum(1) + (by_elevation * given.elevation_sd_rad)**2
+            + (height.by_distance * given.distance_sd_m)**2)

@@ -1,0 +1,79 @@
+"""What is known of a launch before its ball flies: columns of shots as inputs of the physics, and their doubt."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from truearc.robot.config.rig_spec import Rig
+from truearc.sim.physics.launch import Exit
+from truearc.sim.physics.simulate import ORDINARY, by_wheels, launch_of, require, roll
+from truearc.sim.physics.term import Circumstances
+from truearc.sim.data.dataset import Shots
+
+# What instruments that give the exit_* columns are believed to do: standard deviations. A good high-speed camera or
+# radar; rig.toml has no keys for them.
+EXIT_SPEED_SD_M_S = 0.05
+EXIT_DEG_SD = 0.3
+EXIT_SPIN_SD_REV_S = 0.2
+SLOWEST_M_S = 0.1                     # a slower launch goes nowhere, whatever its doubt
+
+
+class Given(NamedTuple):
+    """Launches as the robot's own instruments have them before the shot; numpy arrays [n].
+
+    rolling: by the wheels without launch terms and the hood; a speed, elevation or spin that was measured on the ball
+    has `rolled`, `hooded` or `spun` False, and no scatter of the launch comes on top of it. wheel_log_speed and
+    wheel_spin_rev_s [n, w]: what one standard deviation of each wheel's noise does to the log of that speed and to the
+    spin. elevation_sd_rad and distance_sd_m: standard deviations.
+    """
+
+    rolling: Exit
+    rolled: Any
+    hooded: Any
+    spun: Any
+    distance_m: Any
+    wheel_log_speed: Any
+    wheel_spin_rev_s: Any
+    elevation_sd_rad: Any
+    distance_sd_m: Any
+    circumstances: Circumstances = ORDINARY
+
+    @property
+    def whose(self) -> Exit:
+        """Which parts of the launch are the robot's own, as truearc.sim.physics.simulate wants it."""
+        return Exit(self.rolled, self.hooded, self.spun, True)
+
+
+def given_of(facts: Rig, shots: Shots, circumstances: Circumstances = ORDINARY) -> Given:
+    """Launches of shots with wheel speeds (or motor_ratio) and hood_deg; BadInput names shots that lack one.
+
+    Measured exit columns take precedence as in truearc.sim.physics.simulate.launch_of, with the doubt stated above.
+    circumstances: of these shots.
+    """
+    speed_m_s = shots.number("exit_speed_m_s")
+    by_camera, spin_seen = (~np.isnan(shots.number(name)) for name in ("exit_deg", "exit_spin_rev_s"))
+    exit = launch_of(facts, shots)
+    log_speed, spin_rev_s = _doubt(facts, exit, ~np.isnan(speed_m_s), spin_seen)
+    return Given(exit, by_wheels(shots), ~by_camera, ~spin_seen, require(shots, "distance_m"), log_speed, spin_rev_s,
+                 np.radians(np.where(by_camera, EXIT_DEG_SD, facts.noise.hood_deg)),
+                 np.full(len(shots), facts.noise.distance_m), circumstances)
+
+
+def _doubt(facts: Rig, exit: Exit, speed_seen: np.ndarray, spin_seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What one deviation of each wheel, of a measured speed and of a measured spin does: [n, wheels + 2] twice.
+
+    Launches are linear in the wheels' speeds, so that of one wheel alone is the derivative. Wheels are read apart;
+    for those on one belt (speeds by motor_ratio) this overstates the doubt about the spin a little.
+    """
+    radius_m = np.array([wheel.radius_m for wheel in facts.launcher.wheel])
+    one_speed, one_spin = roll(facts, np.diag(radius_m) * facts.noise.wheel_rad_s) if radius_m.size else _nothing()
+    per_m_s = 1.0 / np.maximum(exit.speed_m_s, SLOWEST_M_S)
+    zero = np.zeros_like(per_m_s)
+    speed = np.outer(~speed_seen * per_m_s, one_speed)
+    spin = np.outer(~spin_seen, one_spin)
+    return (np.column_stack([speed, speed_seen * per_m_s * EXIT_SPEED_SD_M_S, zero]),
+            np.column_stack([spin, zero, spin_seen * EXIT_SPIN_SD_REV_S]))
+
+
+def _nothing() -> tuple[np.ndarray, np.ndarray]:
+    return np.zeros(0), np.zeros(0)

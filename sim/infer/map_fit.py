@@ -1,0 +1,168 @@
+"""Maximum a posteriori fit of terms, scatter and tracker noise to everything that a dataset has."""
+
+import itertools
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from truearc.robot.config.schema import InputError
+from truearc.robot.config.rig_spec import Rig
+from truearc.sim.infer.belief import Belief
+from truearc.sim.infer.likelihood.observations import Observations, Gathered, gather
+from truearc.sim.paper.grid_fit import fit_grid
+from truearc.sim.infer.likelihood.shot_likelihood import Points, relinearise
+from truearc.sim.infer.optimum import Optimum, Problem, best_of, minimise
+from truearc.sim.infer.parameters import TRACK_NOISE, Model, make_model
+from truearc.sim.infer.likelihood.track_likelihood import guess_lead, guess_start
+from truearc.sim.physics.simulate import THREE
+from truearc.sim.data.dataset import Dataset
+
+STARTS = 2                            # of the coarse search that are followed up, besides the grid's pair
+COARSE_U = (-1.5, -0.5, 0.5, 1.5)     # prior standard deviations, of up to COARSE parameters of terms
+COARSE = 3
+GRID_STEP = 0.05
+ROUNDS = 6                            # of moving the point about which tracks are linear
+SETTLED = 1e-3                        # of a move of the parameters in prior standard deviations
+
+Progress = Callable[[float, str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class MlFit:
+    """The fit: `covariance` [p, p] of u (units of the priors) is the inverse Hessian; `grid` what the grid chose."""
+
+    model: Model
+    gathered: Gathered
+    problem: Problem
+    optimum: Optimum
+    covariance: np.ndarray
+    grid: dict[str, dict[str, float]]
+
+    @property
+    def converged(self) -> bool:
+        return self.optimum.converged
+
+    @property
+    def values(self) -> dict[str, float]:
+        """{name: most probable value}."""
+        return self.model.values(self.optimum.u)
+
+    @property
+    def belief(self) -> Belief:
+        """For whoever forecasts or simulates: without the tracker's noise, which is integrated out."""
+        keep = [index for index, name in enumerate(self.model.names) if name != TRACK_NOISE]
+        sd = self.model.scales()[1][keep]
+        coefficients: dict[str, dict[str, float]] = {}
+        scatter = {}
+        for name, value in self.values.items():
+            table, _, key = name.partition(".")
+            if table == "scatter":
+                scatter[key] = value
+            elif name != TRACK_NOISE:
+                coefficients.setdefault(table, {})[key] = value
+        return Belief(coefficients, scatter, tuple(self.model.names[index] for index in keep),
+                      self.covariance[np.ix_(keep, keep)] * np.outer(sd, sd))
+
+
+def fit_ml(facts: Rig, dataset: Dataset, terms: tuple[str, ...],
+           progress: Progress = lambda done, note: None) -> MlFit:
+    """Fit the named terms (gravity always among them) and the scatter of the launch to a dataset.
+
+    Deterministic. A fit that did not settle says so in `converged`. InputError: unknown terms, or nothing to fit to.
+    """
+    gathered = gather(facts, dataset)
+    evidence = gathered.evidence
+    model = make_model(facts, terms, _scatters(evidence), evidence.tracks is not None or evidence.free is not None)
+    points = _moved(model, evidence, _first_points(evidence), np.zeros(len(model.sought)))
+    problem = Problem(model, evidence, points, np.ones(len(gathered.rows)))
+    grid = _grid_pair(facts, dataset)
+    progress(0.05, "coarse search")
+    optimum = best_of(problem, _starts(problem, grid), lambda done, note: progress(0.1 + 0.6 * done, note))
+    problem, optimum = settle(problem, optimum)
+    progress(1.0, "fitted")
+    return MlFit(model, gathered, problem, optimum, _covariance(optimum.hessian), grid)
+
+
+def settle(problem: Problem, optimum: Optimum) -> tuple[Problem, Optimum]:
+    """Move the points about which tracks are linear to the optimum, and find it anew, until neither moves."""
+    evidence = problem.evidence
+    if evidence.tracks is None and evidence.free is None:
+        return problem, optimum
+    for _ in range(ROUNDS):
+        problem = replace(problem, points=_moved(problem.model, evidence, problem.points, optimum.u))
+        before, optimum = optimum, minimise(problem, optimum.u)
+        if np.abs(optimum.u - before.u).max() < SETTLED:
+            break
+    return problem, optimum
+
+
+def refit(fit: MlFit, weight: np.ndarray) -> Optimum:
+    """The optimum with other weights of the units, from the fit's own."""
+    return minimise(replace(fit.problem, weight=weight), fit.optimum.u)
+
+
+def _scatters(evidence: Observations) -> tuple[str, ...]:
+    """Those of which some launch has any: not where only the ball itself was measured."""
+    given = evidence.given
+    return tuple(name for name, where in (("scatter.speed", given.rolled), ("scatter.elevation_deg", given.hooded))
+                 if np.any(where))
+
+
+def _first_points(evidence: Observations) -> Points:
+    tracks, free = evidence.tracks, evidence.free
+    return Points(np.zeros((0, 3)) if tracks is None else guess_lead(tracks, evidence.given.rolling),
+                  np.zeros((0, 4)) if free is None else guess_start(free))
+
+
+def _moved(model: Model, evidence: Observations, points: Points, u: np.ndarray, rounds: int = 4) -> Points:
+    for _ in range(rounds if evidence.tracks is not None or evidence.free is not None else 0):
+        points = relinearise(model, evidence, points, u)
+    return points
+
+
+def _covariance(hessian: np.ndarray) -> np.ndarray:
+    """Inverse of the curvature; no direction is known worse than its prior says."""
+    values, vectors = np.linalg.eigh(hessian)
+    inverse: np.ndarray = (vectors / np.maximum(values, 1.0)) @ vectors.T
+    return inverse
+
+
+def _starts(problem: Problem, grid: dict[str, dict[str, float]]) -> list[np.ndarray]:
+    """The prior's centre and the best of a coarse grid about it, and the seed's grid's pair where it gave one."""
+    size, count = len(problem.model.sought), min(len(problem.model.numbers), COARSE)
+    tried = [np.zeros(size)]
+    for point in itertools.product(COARSE_U, repeat=count):
+        for scatter in (0.0, 1.5):
+            u = np.zeros(size)
+            u[:count] = point
+            u[len(problem.model.numbers):] = scatter
+            tried.append(u)
+    best = sorted(range(len(tried)), key=lambda row: problem.value(tried[row]))
+    starts = [tried[row] for row in best[:STARTS]]
+    return starts + _grid_start(problem.model, grid)
+
+
+def _grid_start(model: Model, grid: dict[str, dict[str, float]]) -> list[np.ndarray]:
+    """The grid's pair with a loss of nothing, which is what it was found with; within two sd of the prior."""
+    if not grid:
+        return []
+    u = np.zeros(len(model.sought))
+    wanted = {f"{term}.{key}": value for term, values in grid.items() for key, value in values.items()}
+    wanted["exit_efficiency.loss"] = 0.0
+    for index, one in enumerate(model.sought):
+        if one.name in wanted:
+            u[index] = np.clip(one.u(max(wanted[one.name], 1e-3)), -2.0, 2.0)
+        elif one.name.startswith("scatter."):
+            u[index] = 1.0
+    return [u]
+
+
+def _grid_pair(facts: Rig, dataset: Dataset) -> dict[str, dict[str, float]]:
+    """What the seed's grid chooses, coarsely; nothing where it cannot be run."""
+    if facts.target is None or THREE not in dataset.shots.text("outcome"):
+        return {}
+    try:
+        return fit_grid(facts, dataset.shots, GRID_STEP).coefficients
+    except InputError:
+        return {}

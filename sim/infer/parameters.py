@@ -1,0 +1,103 @@
+"""What a likelihood fit looks for: parameters of terms, scatter of the launch, noise of the tracker; priors of each.
+
+Everything numerical happens in units of the prior: u = (number on the parameter's scale - prior's centre) / prior's sd.
+The log prior is then -|u|^2 / 2.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from truearc.robot.config.schema import InputError
+from truearc.robot.config.rig_spec import Rig
+from truearc.sim.infer.likelihood.heights import Number
+from truearc.sim.physics.catalogue import find_terms
+from truearc.sim.physics.scales import LOG, from_scale, to_scale
+from truearc.sim.physics.term import Prior
+
+# Scatter from shot to shot, whose log is taken to be normal.
+SCATTER_PRIORS: Mapping[str, Prior] = {
+    "scatter.speed": Prior(LOG, 0.015, 0.7, "teams quote one to three per cent of exit speed between like shots; a "
+                                            "factor of two either way"),
+    "scatter.elevation_deg": Prior(LOG, 0.4, 0.7, "a few tenths of a degree come from how the ball meets the wheels; a "
+                                                  "factor of two either way"),
+}
+TRACK_NOISE = "tracks.noise_m"
+TRACK_FACTOR_SD = 0.7                 # about rig.toml's own figure: a factor of two either way
+UNITS = {"scatter.speed": "of the exit speed", "scatter.elevation_deg": "deg", TRACK_NOISE: "m"}
+
+
+@dataclass(frozen=True)
+class Sought:
+    """One fitted parameter: its "term.parameter" (or "scatter.x", "tracks.noise_m"), unit and prior."""
+
+    name: str
+    unit: str
+    prior: Prior
+
+    @property
+    def centre(self) -> float:
+        """The prior's centre on the parameter's scale."""
+        return float(to_scale(self.prior.scale, self.prior.centre))
+
+    def value(self, u: Any) -> Any:
+        """The parameter itself at u."""
+        return from_scale(self.prior.scale, self.centre + self.prior.sd * u)
+
+    def u(self, value: float) -> float:
+        return (float(to_scale(self.prior.scale, value)) - self.centre) / self.prior.sd
+
+
+@dataclass(frozen=True)
+class Model:
+    """Terms believed in, and what of them is fitted, in the catalogue's order, then scatters, then tracker noise."""
+
+    facts: Rig
+    terms: tuple[str, ...]
+    sought: tuple[Sought, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(one.name for one in self.sought)
+
+    @property
+    def numbers(self) -> tuple[Number, ...]:
+        """The terms' parameters as truearc.sim.infer.likelihood.heights wants them; they come first."""
+        inner = [one for one in self.sought if one.name.partition(".")[0] in self.terms]
+        split = [(*one.name.partition("."), one.prior.scale) for one in inner]
+        return tuple((term, key, scale) for term, _, key, scale in split)
+
+    def index(self, name: str) -> int | None:
+        return self.names.index(name) if name in self.names else None
+
+    def scales(self) -> tuple[np.ndarray, np.ndarray]:
+        """Centre and standard deviation [p] of the priors on the parameters' scales."""
+        return np.array([one.centre for one in self.sought]), np.array([one.prior.sd for one in self.sought])
+
+    def fixed(self) -> dict[str, dict[str, float]]:
+        """What is not fitted: parameters that are known."""
+        return {term.name: {p.name: p.default for p in term.parameters if p.prior is None}
+                for term in find_terms(self.terms)}
+
+    def values(self, u: np.ndarray) -> dict[str, float]:
+        """{name: value} at u [p]."""
+        return {one.name: float(one.value(number)) for one, number in zip(self.sought, u, strict=True)}
+
+
+def make_model(facts: Rig, terms: tuple[str, ...], scatters: tuple[str, ...] = tuple(SCATTER_PRIORS),
+               tracks: bool = False) -> Model:
+    """All parameters of the terms that have a prior, the named scatters, the tracker's noise where there are tracks.
+
+    InputError: a term that the catalogue has not.
+    """
+    names = tuple(term.name for term in find_terms({"gravity", *terms}))
+    sought = [Sought(f"{term.name}.{p.name}", p.unit, p.prior) for term in find_terms(names) for p in term.parameters
+              if p.prior is not None]
+    sought += [Sought(name, UNITS[name], prior) for name, prior in SCATTER_PRIORS.items() if name in scatters]
+    if tracks:
+        if facts.noise.track_m <= 0.0:
+            raise InputError("rig.toml: noise.track_m must be above 0 to fit tracks")
+        sought.append(Sought(TRACK_NOISE, "m", Prior(LOG, facts.noise.track_m, TRACK_FACTOR_SD, "rig.toml's figure")))
+    return Model(facts, names, tuple(sought))

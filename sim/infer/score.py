@@ -1,0 +1,44 @@
+"""How well a set of coefficients explains recorded outcomes, in the seed's measures (section IV-C, Table I)."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from truearc.robot.config.rig_spec import Rig
+from truearc.sim.physics.catalogue import effective
+from truearc.sim.physics.simulate import MISS, ORDINARY, THREE, TWO, classify, opening_of, predict
+from truearc.sim.data.dataset import Shots
+
+
+class Score(NamedTuple):
+    """Shares in 0-1, nan where no shot counts; deviations in m of the shots whose outcome is three.
+
+    `three`: of shots with outcome three, those flown into the three. `two`: of shots with outcome two or three, those
+    flown into the two. `all`: of all shots with an outcome, those whose outcome is predicted exactly.
+    """
+
+    three: float
+    two: float
+    all: float
+    mean_m: float
+    median_m: float
+    shots: int
+
+
+def score(facts: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: Shots) -> Score:
+    """Predict every shot that has an outcome and compare; a plane not reached is an infinite deviation."""
+    known = shots.take(np.flatnonzero(np.isin(shots.text("outcome"), (MISS, TWO, THREE))))
+    outcome = np.array(known.text("outcome"), dtype=str)
+    height_m = predict(facts, coefficients, known).height_m
+    opening = opening_of(facts, effective(coefficients, ORDINARY))
+    said = classify(facts, height_m, opening)
+    is_three = outcome == THREE
+    deviation_m = np.nan_to_num(np.abs(height_m - opening.centre_m), nan=np.inf)[is_three]
+    return Score(_share((said == THREE)[is_three]), _share((said != MISS)[outcome != MISS]), _share(said == outcome),
+                 float(np.mean(deviation_m)) if is_three.any() else np.nan,
+                 float(np.median(deviation_m)) if is_three.any() else np.nan, len(known))
+
+
+def _share(hits: np.ndarray) -> float:
+    return float(np.mean(hits)) if hits.size else float("nan")

@@ -1,0 +1,146 @@
+"""The seed's coefficient search (section III-A and IV-C): every pair of drag and lift coefficient on a square grid."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from truearc.robot.config.schema import InputError
+from truearc.robot.config.rig_spec import Rig
+from truearc.sim.paper.grid_cells import THREE as LABEL_THREE
+from truearc.sim.paper.grid_labels import Flyer, Hits, find_hits, fly_pairs, make_flyer
+from truearc.sim.physics.simulate import THREE, TWO, launch_of, require
+from truearc.sim.data.dataset import Shots
+
+LOW, HIGH, STEP = 0.0, 5.0, 0.005     # the seed's grid, bounds included
+MOST_PARTS = 10000                    # of the range: a hundred times the seed's pairs
+
+Progress = Callable[[float, str], None]
+
+
+@dataclass(frozen=True)
+class GridFit:
+    """The map over the grid and the pair chosen from it. Maps are [len(axis), len(axis)]: row = cd, column = cl.
+
+    `share_three`: of the shots whose outcome is three, those flown within the three's bounds. `share_two`: of those
+    whose outcome is two or three, those flown within the two's. `tied`: best in share_three, and among those in
+    share_two. `ties` [k, 4]: cd, cl, mean and median of |height - centre| in m over the shots whose outcome is three,
+    for each tied pair, the chosen one first; infinite where a shot (for the median: half of them) is not reached.
+    """
+
+    axis: np.ndarray
+    share_three: np.ndarray
+    share_two: np.ndarray
+    tied: np.ndarray
+    ties: np.ndarray
+    median_pair: tuple[float, float]  # (cd, cl) of the least median deviation among the tied
+    shots_three: int
+    shots_two: int
+    hits: Hits
+
+    @property
+    def cd(self) -> float:
+        return float(self.ties[0, 0])
+
+    @property
+    def cl(self) -> float:
+        return float(self.ties[0, 1])
+
+    @property
+    def mean_m(self) -> float:
+        """Deviations at the chosen pair."""
+        return float(self.ties[0, 2])
+
+    @property
+    def median_m(self) -> float:
+        return float(self.ties[0, 3])
+
+    @property
+    def coefficients(self) -> dict[str, dict[str, float]]:
+        return {"drag": {"cd": self.cd}, "magnus": {"cl": self.cl}}
+
+
+@dataclass(frozen=True)
+class Scoring:
+    """The shots that the seed's measures see, ready to fly."""
+
+    flyer: Flyer
+    is_three: np.ndarray              # [launches]; the others' outcome is two
+    target: tuple[float, float, float]  # centre, three's and two's half height in m
+
+    def deviation_m(self, cd: np.ndarray, cl: np.ndarray) -> np.ndarray:
+        """|height - centre| [pairs, shots whose outcome is three], infinite where not reached."""
+        threes = Flyer(self.flyer.kernel, self.flyer.facts, self.flyer.release_m, self.flyer.launch[self.is_three])
+        return np.nan_to_num(np.abs(fly_pairs(threes, cd, cl) - self.target[0]), nan=np.inf)
+
+
+def fit_grid(facts: Rig, shots: Shots, step: float = STEP, progress: Progress = lambda done, note: None) -> GridFit:
+    """Fly every scoring shot with every pair of the grid and choose as the seed does.
+
+    First the share of three-point shots flown into the three, then of scoring shots into the two, then the least mean
+    deviation (and least median, cd, cl, should that tie too). Shots whose outcome is miss or unknown play no part: the
+    seed's measures do not see them. InputError: no shot with outcome three, no target, a step that does not divide 5, or
+    no pair that puts a single shot where it went.
+    """
+    axis = make_axis(step)
+    progress(0.0, "the law of motion is compiled when it is new")
+    scoring = make_scoring(facts, shots)
+    hits = find_hits(scoring.flyer, axis, scoring.target, progress)
+    three, two = count_hits(hits, scoring.is_three, np.ones(len(scoring.is_three)), axis.size)
+    if not two.any():
+        raise InputError("no pair of coefficients puts any of the scoring shots into the target: distances, launch, "
+                       "release height and target of rig.toml cannot all be right")
+    tied = (three == three.max()) & (two == two[three == three.max()].max())
+    ties = rank_ties(scoring, axis, np.flatnonzero(tied.ravel()))
+    median_pair = ties[np.lexsort((ties[:, 1], ties[:, 0], ties[:, 3]))[0], :2]
+    threes = int(scoring.is_three.sum())
+    return GridFit(axis, three.T / threes, two.T / len(scoring.is_three), tied.T, ties,
+                   (float(median_pair[0]), float(median_pair[1])), threes, len(scoring.is_three) - threes, hits)
+
+
+def make_axis(step: float) -> np.ndarray:
+    """The grid's values of one coefficient; InputError when the step does not divide the range."""
+    parts = (HIGH - LOW) / step if step > 0.0 else 0.0
+    if not parts <= MOST_PARTS:
+        raise InputError(f"--step: {step:g} is too fine; {(HIGH - LOW) / MOST_PARTS:g} is the least")
+    if parts < 1.0 or abs(parts - round(parts)) > 1e-6:
+        raise InputError(f"--step: {step:g} does not divide the range {LOW:g} to {HIGH:g}")
+    return np.linspace(LOW, HIGH, round(parts) + 1)
+
+
+def make_scoring(facts: Rig, shots: Shots) -> Scoring:
+    """The shots whose outcome is two or three; InputError when none is a three or the rig has no target."""
+    if facts.target is None:
+        raise InputError("rig.toml: [target] is needed to fit by outcomes")
+    outcome = np.array(shots.text("outcome"))
+    if not (outcome == THREE).any():
+        raise InputError(f"{shots.source}: outcome: fit by grid needs at least one shot whose outcome is three")
+    scoring = shots.take(np.flatnonzero((outcome == THREE) | (outcome == TWO)))
+    flyer = make_flyer(facts, launch_of(facts, scoring), require(scoring, "distance_m"))
+    target = (facts.target.centre_height_m, facts.target.three_half_height_m, facts.target.two_half_height_m)
+    return Scoring(flyer, np.array(scoring.text("outcome")) == THREE, target)
+
+
+def count_hits(hits: Hits, is_three: np.ndarray, weight: np.ndarray, points: int) -> tuple[np.ndarray, np.ndarray]:
+    """Maps [cl, cd]: three-shots flown into the three, and all shots flown into the two, each shot so often."""
+    in_three = (hits.label >= LABEL_THREE) & is_three[hits.launch]
+    three = np.bincount(hits.pair[in_three], weight[hits.launch[in_three]], points**2)
+    two = np.bincount(hits.pair, weight[hits.launch], points**2)
+    return three.reshape(points, points), two.reshape(points, points)
+
+
+def rank_ties(scoring: Scoring, axis: np.ndarray, pairs: np.ndarray) -> np.ndarray:
+    """GridFit.ties of pairs given as indices of [cl, cd] laid flat."""
+    cl, cd = axis[pairs // axis.size], axis[pairs % axis.size]
+    deviation_m = scoring.deviation_m(cd, cl)
+    mean_m, median_m = deviation_m.mean(axis=1), np.median(deviation_m, axis=1)
+    return np.stack([cd, cl, mean_m, median_m], axis=1)[np.lexsort((cl, cd, median_m, mean_m))]
+
+
+def map_deviation(facts: Rig, shots: Shots, cd: np.ndarray, cl: np.ndarray) -> np.ndarray:
+    """Mean deviation in m of the shots whose outcome is three at each pair, infinite where one is not reached.
+
+    cd and cl are arrays of one shape, and so is the result. Flies every pair: about a microsecond each and shot.
+    """
+    mean_m: np.ndarray = make_scoring(facts, shots).deviation_m(np.ravel(cd), np.ravel(cl)).mean(axis=1)
+    return mean_m.reshape(np.shape(cd))

@@ -1,0 +1,146 @@
+"""The seed's network: three features, eight hidden nodes, two probabilities, a sigmoid after each layer."""
+
+import hashlib
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import truearc.sim.physics  # noqa: F401 - the house's one switch to double precision
+from truearc.robot.config.schema import InputError
+from truearc.robot.gate.contract import FEATURES, OUTPUTS
+
+HIDDEN = 8
+WEIGHTS_FILE = "weights.npz"
+RECORD_FILE = "training.json"
+SCHEMA = "truearc.training/1"
+
+
+class Layers(NamedTuple):
+    """What is trained: `hidden_w` [3, 8], `hidden_b` [8], `out_w` [8, 2], `out_b` [2]."""
+
+    hidden_w: Any
+    hidden_b: Any
+    out_w: Any
+    out_b: Any
+
+
+SHAPES = Layers((len(FEATURES), HIDDEN), (HIDDEN,), (HIDDEN, len(OUTPUTS)), (len(OUTPUTS),))
+
+
+@dataclass(frozen=True)
+class Network:
+    """Trained layers behind a fixed standardisation, z = (features - mean) * scale; all float64 arrays.
+
+    `mean` (unit of the feature) and `scale` (its inverse) are exact in float32, so the exported graph subtracts and
+    multiplies by the very numbers that were trained with.
+    """
+
+    mean: np.ndarray                  # [3]
+    scale: np.ndarray                 # [3]
+    layers: Layers
+
+
+def initial_layers(rng: np.random.Generator) -> Layers:
+    """Glorot-uniform weights and zero biases (Keras's default, which the seed's implementation section implies)."""
+    def uniform(shape: tuple[int, ...]) -> np.ndarray:
+        if len(shape) == 1:
+            return np.zeros(shape)
+        limit = np.sqrt(6.0 / sum(shape))
+        return rng.uniform(-limit, limit, shape)
+    return Layers(*(uniform(shape) for shape in SHAPES))
+
+
+def logits(layers: Layers, z: Any) -> Any:
+    """Log odds [n, 2] of (two, three) from standardised features [n, 3]; differentiable."""
+    return jax.nn.sigmoid(z @ layers.hidden_w + layers.hidden_b) @ layers.out_w + layers.out_b
+
+
+def probabilities(network: Network, features: np.ndarray) -> np.ndarray:
+    """The trainer's own forward pass in float64: features [n, 3] (order and units of the contract) to p [n, 2]."""
+    z = (jnp.asarray(features, jnp.float64) - network.mean) * network.scale
+    return np.asarray(jax.nn.sigmoid(logits(Layers(*map(jnp.asarray, network.layers)), z)))
+
+
+def standardisation(features: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """`mean` [3] and `scale` [3] = 1 / standard deviation of these rows; a feature that never varies gets scale 1."""
+    deviation = features.std(axis=0)
+    scale = np.divide(1.0, deviation, out=np.ones_like(deviation), where=deviation > 1e-9)
+    return _exact_in_float32(features.mean(axis=0)), _exact_in_float32(scale)
+
+
+def _exact_in_float32(values: np.ndarray) -> np.ndarray:
+    return values.astype(np.float32).astype(np.float64)
+
+
+def save_weights(directory: str | Path, network: Network, record: dict[str, Any]) -> None:
+    """Write weights.npz and training.json; the same network and record give the same bytes.
+
+    InputError when the directory cannot be written.
+    """
+    text = json.dumps({"schema": SCHEMA, **record}, indent=1, allow_nan=False) + "\n"
+    directory = Path(directory)
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        np.savez(directory / WEIGHTS_FILE, mean=network.mean, scale=network.scale, **network.layers._asdict())
+        (directory / RECORD_FILE).write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{error.filename}: {error.strerror}") from error
+
+
+def load_weights(directory: str | Path) -> tuple[Network, dict[str, Any]]:
+    """Read what save_weights wrote; InputError names the file and what is wrong with it."""
+    arrays = _load_arrays(Path(directory) / WEIGHTS_FILE)
+    network = Network(arrays["mean"], arrays["scale"], Layers(*(arrays[name] for name in Layers._fields)))
+    return network, load_record(Path(directory) / RECORD_FILE)
+
+
+def weights_hash(directory: str | Path) -> str:
+    """SHA-256 over the bytes of weights.npz and training.json; InputError when either cannot be read."""
+    digest = hashlib.sha256()
+    for name in (WEIGHTS_FILE, RECORD_FILE):
+        digest.update(_read(Path(directory) / name))
+    return digest.hexdigest()
+
+
+def _load_arrays(path: Path) -> dict[str, np.ndarray]:
+    _read(path)
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            arrays = {name: np.asarray(file[name], np.float64) for name in file.files}
+    except Exception as error:        # NumPy, zipfile and zlib each raise their own kinds on a damaged archive
+        raise InputError(f"{path}: not a weights file ({error})") from error
+    shapes = {"mean": (len(FEATURES),), "scale": (len(FEATURES),), **SHAPES._asdict()}
+    for name, shape in shapes.items():
+        if name not in arrays:
+            raise InputError(f"{path}: array {name!r} is missing")
+        if arrays[name].shape != shape:
+            raise InputError(f"{path}: array {name!r} has shape {arrays[name].shape}, not {shape}")
+        if not np.isfinite(arrays[name]).all():
+            raise InputError(f"{path}: array {name!r} holds a number that is not finite")
+    return arrays
+
+
+def load_record(path: Path) -> dict[str, Any]:
+    """The training.json of a weights directory of any kind; InputError names the file and what is wrong with it."""
+    try:
+        record = json.loads(_read(path))
+    except ValueError as error:
+        raise InputError(f"{path}: not JSON ({error})") from error
+    if not isinstance(record, dict) or record.get("schema") != SCHEMA:
+        raise InputError(f"{path}: key 'schema' is not {SCHEMA!r}")
+    domain = record.get("domain")
+    if not isinstance(domain, dict) or set(domain) != {feature.name for feature in FEATURES}:
+        raise InputError(f"{path}: key 'domain' does not name the contract's features")
+    return record
+
+
+def _read(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror or error}") from error

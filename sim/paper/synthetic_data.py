@@ -1,0 +1,150 @@
+"""Simulated shots: the seed's grid of configurations, flown, labelled, and sampled evenly by outcome (section III-B).
+
+The paper speaks of 375,000 configurations; the ranges and steps that it states, taken inclusively, are
+101 x 61 x 76 = 468,236, and those are flown.
+"""
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from truearc.robot.config.schema import InputError
+from truearc.robot.config.rig_spec import Rig
+from truearc.sim.infer.belief import Belief
+from truearc.sim.infer.curve import Curves, before_the_shot
+from truearc.sim.physics.catalogue import effective, flight_terms
+from truearc.sim.physics.flight import fly
+from truearc.sim.physics.launch import Exit
+from truearc.sim.physics.simulate import MISS, ORDINARY, THREE, TWO, classify, launch_of, leave, opening_of, sense
+from truearc.sim.data.dataset import Shots
+
+OUTCOMES = (MISS, TWO, THREE)
+PROVENANCE_FILE = "synth.json"
+Progress = Callable[[float, str], None]
+NONE: Curves = {}
+STEP_S = 0.01                         # heights then agree with the simulator's own finer step to 1e-6 m
+
+
+@dataclass(frozen=True)
+class Axis:
+    """Evenly spaced values: low, low + 1 / per_unit, ... (`count` of them)."""
+
+    name: str
+    low: float
+    per_unit: int                     # values per unit; its inverse, the seed's step, is not exact in binary
+    count: int
+
+    def values(self) -> np.ndarray:
+        """All values, each the float nearest to its decimal."""
+        return (round(self.low * self.per_unit) + np.arange(self.count)) / self.per_unit
+
+    def nearest(self, values: np.ndarray) -> np.ndarray:
+        """Index of the grid value nearest to each value; -1 where it is further than half a step outside the axis."""
+        index = np.rint((values - self.low) * self.per_unit)
+        return np.where((index >= 0) & (index < self.count), index, -1).astype(np.int64)
+
+
+AXES = (Axis("motor_ratio", 0.0, 100, 101), Axis("hood_deg", 15.0, 1, 61), Axis("distance_m", 1.0, 5, 76))
+SHAPE = tuple(axis.count for axis in AXES)
+
+
+def grid_shots(index: np.ndarray) -> Shots:
+    """The configurations at flat positions of the grid (motor_ratio slowest, distance_m fastest)."""
+    places = np.unravel_index(index, SHAPE)
+    numbers = {axis.name: axis.values()[place] for axis, place in zip(AXES, places, strict=True)}
+    return Shots(tuple(f"sim-{position:06d}" for position in index), numbers, {})
+
+
+def grid_heights(facts: Rig, coefficients: Mapping[str, Mapping[str, float]],
+                 progress: Progress = lambda done, note: None, curves: Curves = NONE) -> np.ndarray:
+    """Height in m at the plane of every configuration of the grid, flat, nan where it is not reached.
+
+    By the simulator with gravity and these terms, of which some may go with curves. InputError when the rig cannot turn a
+    motor ratio into a launch.
+    """
+    terms = flight_terms({"gravity", *coefficients})
+    chunk = SHAPE[1] * SHAPE[2]                   # one motor ratio: flights of like length end together
+    heights_m = []
+    for number in range(SHAPE[0]):
+        shots = grid_shots(np.arange(number * chunk, (number + 1) * chunk))
+        values = effective(coefficients, before_the_shot(curves, facts, shots))
+        exit, distance_m = sense(facts, values, launch_of(facts, shots), shots.number("distance_m"))
+        start = Exit(*map(np.asarray, leave(facts, values, exit)))
+        crossing = fly(facts, terms, values, start, distance_m, step_s=STEP_S)
+        heights_m.append(np.asarray(crossing.height_m))
+        progress((number + 1) / SHAPE[0], f"{(number + 1) * chunk} flights")
+    return np.concatenate(heights_m)
+
+
+def label_grid(facts: Rig, coefficients: Mapping[str, Mapping[str, float]],
+               progress: Progress = lambda done, note: None, curves: Curves = NONE) -> np.ndarray:
+    """Outcome of every configuration of the grid, flat; InputError as grid_heights, or when the rig has no target."""
+    opening = opening_of(facts, effective(coefficients, ORDINARY))    # a rig without target is told before the work
+    return classify(facts, grid_heights(facts, coefficients, progress, curves), opening)
+
+
+def taken_configurations(shots: Shots) -> np.ndarray:
+    """Flat positions of the grid nearest to recorded shots; a shot that lacks one of the three columns has none."""
+    known = np.all([np.isfinite(shots.number(axis.name)) for axis in AXES], axis=0)
+    places = np.stack([axis.nearest(shots.number(axis.name)[known]) for axis in AXES])
+    return np.unique(np.ravel_multi_index(tuple(places[:, (places >= 0).all(axis=0)]), SHAPE))
+
+
+def sample_balanced(outcomes: np.ndarray, count: int, taken: np.ndarray, seed: int) -> np.ndarray:
+    """`count` flat positions, ascending, as evenly by outcome as may be, none of them in `taken`; drawn by seed.
+
+    What does not divide by three goes to miss first, then two. InputError when an outcome is too rare for its share.
+    """
+    check_draw(count, seed)
+    rng = np.random.default_rng(seed)
+    free = np.ones(len(outcomes), bool)
+    free[taken] = False
+    chosen = []
+    for rank, outcome in enumerate(OUTCOMES):
+        share = (count + len(OUTCOMES) - 1 - rank) // len(OUTCOMES)
+        pool = np.flatnonzero(free & (outcomes == outcome))
+        if len(pool) < share:
+            raise InputError(f"only {len(pool)} configurations of the grid are a {outcome!r} with these coefficients, "
+                           f"and -n {count} asks for {share}")
+        chosen.append(rng.choice(pool, share, replace=False))
+    return np.sort(np.concatenate(chosen))
+
+
+def check_draw(count: int, seed: int) -> None:
+    """InputError names the option that no sample can be drawn with."""
+    if count < len(OUTCOMES):
+        raise InputError(f"-n is {count}; at least {len(OUTCOMES)} shots are needed, one of each outcome")
+    if seed < 0:
+        raise InputError(f"--seed is {seed}; it cannot be negative")
+
+
+def synthesise(facts: Rig, belief: Belief, count: int, recorded: Shots | None, seed: int,
+               progress: Progress = lambda done, note: None) -> Shots:
+    """Simulated shots with an outcome each, none at a configuration that `recorded` has; same arguments, same shots."""
+    check_draw(count, seed)                      # before the work, not after it
+    return sample_shots(label_grid(facts, belief.coefficients, progress, belief.curves), count, recorded, seed)
+
+
+def sample_shots(outcomes: np.ndarray, count: int, recorded: Shots | None, seed: int) -> Shots:
+    """As synthesise, of a grid that has its outcomes."""
+    taken = np.zeros(0, np.int64) if recorded is None else taken_configurations(recorded)
+    shots = grid_shots(index := sample_balanced(outcomes, count, taken, seed))
+    return Shots(shots.shot_id, shots.numbers, {"outcome": tuple(map(str, outcomes[index]))})
+
+
+def load_provenance(directory: str | Path) -> dict[str, Any]:
+    """What the maker of a simulated dataset wrote down about it; empty when it wrote nothing."""
+    path = Path(directory) / PROVENANCE_FILE
+    if not path.is_file():
+        return {}
+    try:
+        provenance = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: {error}") from error
+    if not isinstance(provenance, dict):
+        raise InputError(f"{path}: not a JSON object")
+    return provenance

@@ -1,0 +1,141 @@
+"""Simulated shots that carry doubt: each flies with coefficients of its own, launch scatter and sensor noise.
+
+Ours, not the seed's, which flies one pair of coefficients as if they were exact and no shot differed from the next.
+Here the label of a configuration is what became of *one* shot that the robot would have measured so: coefficients and
+scatter drawn from the fitted belief, a launch scattered by it, and a true speed, elevation and distance that differ
+from the measured ones by the sensors' noise. So near the edge of the target labels mix as they do on the field.
+
+Of the 468 236 configurations most pass metres away from the target, whatever is drawn. Only those are flown whose
+height by the belief itself is within NEAR standard deviations (truearc.sim.infer.forecast: scatter, sensors and the fit's doubt)
+of the two-point window; the others stay misses.
+"""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from truearc.robot.config.schema import InputError
+from truearc.robot.config.rig_spec import Rig
+from truearc.sim.infer.belief import SCATTERS, Belief, draw
+from truearc.sim.infer.curve import before_the_shot, owners, resized
+from truearc.sim.infer.forecast import forecast
+from truearc.sim.infer.likelihood.launch_inputs import given_of
+from truearc.sim.physics.catalogue import effective, flight_terms
+from truearc.sim.physics.flight import fly
+from truearc.sim.physics.launch import Exit
+from truearc.sim.physics.simulate import MISS, ORDINARY, Values, classify, leave, opening_of, sense, take_values
+from truearc.sim.physics.term import Circumstances
+from truearc.sim.data.dataset import Shots
+from truearc.sim.paper.synthetic_data import STEP_S, Progress, check_draw, grid_heights, grid_shots, sample_shots
+
+NEAR = 4.0                            # one normal number in 16 000 is further out, on either side together
+BLOCK = 4096                          # flights at once
+
+
+class Draws(NamedTuple):
+    """Numbers of each flight [n]: {term: {parameter: values}}, {"speed", "elevation_deg": standard deviations}, and the
+    points [n, k] of all curves, with whose each is."""
+
+    coefficients: dict[str, dict[str, np.ndarray]]
+    scatter: dict[str, np.ndarray]
+    points: np.ndarray
+    whose: tuple[str, ...]
+
+
+def check_belief(belief: Belief, name: str) -> None:
+    """InputError names the tables that a coefficients file `name` lacks for draws."""
+    lacking = [what for what, there in (("[scatter]", set(belief.scatter) == set(SCATTERS)),
+                                        ("[covariance]", bool(belief.names))) if not there]
+    if lacking:
+        raise InputError(f"{name}: has no {' and no '.join(lacking)}, which --draws draws from; "
+                       "`truearc fit --method ml` writes them, the grid does not")
+
+
+def synthesise_draws(facts: Rig, belief: Belief, draws: int, count: int, recorded: Shots | None, seed: int,
+                     progress: Progress = lambda done, note: None) -> Shots:
+    """As truearc.sim.paper.synthetic_data.synthesise, with labels by `draws` coefficient sets of the belief, each flight scattered anew.
+
+    Same arguments, same shots. InputError as there, or when draws < 1.
+    """
+    check_draw(count, seed)
+    if draws < 1:
+        raise InputError(f"--draws is {draws}; at least 1 is needed")
+    outcomes = label_grid_draws(facts, belief, draws, seed, progress)
+    return sample_shots(outcomes, count, recorded, seed)
+
+
+def label_grid_draws(facts: Rig, belief: Belief, draws: int, seed: int,
+                     progress: Progress = lambda done, note: None) -> np.ndarray:
+    """Outcome of one uncertain shot at every configuration of the grid, flat."""
+    classify(facts, np.zeros(0))                  # a rig without target is told before the work
+    height_m = grid_heights(facts, belief.coefficients, lambda done, note: progress(0.5 * done, note), belief.curves)
+    places = near_places(facts, belief, height_m)
+    rng = np.random.default_rng([seed, 2])
+    shots = grid_shots(places)
+    drawn = assign(draw(belief, draws, rng), len(places), rng)
+    drawn_m = fly_draws(facts, shots, drawn, rng, lambda done, note: progress(0.5 + 0.5 * done, note),
+                        before_the_shot(belief.curves, facts, shots))
+    outcomes = np.full(len(height_m), MISS, dtype="<U5")
+    outcomes[places] = classify(facts, drawn_m, opening_of(facts, effective(drawn.coefficients, ORDINARY)))
+    return outcomes
+
+
+def near_places(facts: Rig, belief: Belief, height_m: np.ndarray) -> np.ndarray:
+    """Flat positions of the grid from which a draw may score: heights [grid] by the belief's own coefficients."""
+    opening = opening_of(facts, effective(belief.coefficients, ORDINARY))
+    reached = np.flatnonzero(np.isfinite(height_m))
+    sigma_m = forecast(facts, belief, grid_shots(reached)).sigma_m
+    beyond_m = np.abs(height_m[reached] - opening.centre_m) - opening.two_half_m
+    near: np.ndarray = reached[~(beyond_m > NEAR * sigma_m)]          # an unknown sigma is flown too
+    return near
+
+
+def assign(beliefs: list[Belief], count: int, rng: np.random.Generator) -> Draws:
+    """One of the drawn beliefs for each of `count` flights, all about equally often."""
+    which = rng.permutation(np.resize(np.arange(len(beliefs)), count))
+
+    def column(tables: list[Mapping[str, float]], key: str) -> np.ndarray:
+        drawn: np.ndarray = np.array([table[key] for table in tables])[which]
+        return drawn
+
+    first = beliefs[0]
+    coefficients = {term: {key: column([one.coefficients[term] for one in beliefs], key) for key in values}
+                    for term, values in first.coefficients.items()}
+    points = np.array([[value for curve in one.curves.values() for value in curve.points] for one in beliefs])
+    return Draws(coefficients, {key: column([one.scatter for one in beliefs], key) for key in first.scatter},
+                 points[which], owners(first.curves))
+
+
+def fly_draws(facts: Rig, shots: Shots, draws: Draws, rng: np.random.Generator,
+              progress: Progress = lambda done, note: None, circumstances: Circumstances = ORDINARY) -> np.ndarray:
+    """Heights [n] in m at the plane, nan where not reached, of one shot at each measured configuration."""
+    given = given_of(facts, shots)
+    count = len(shots)
+    noise = rng.standard_normal((count, given.wheel_log_speed.shape[1]))
+    rolling = Exit(given.rolling.speed_m_s * np.exp(np.sum(given.wheel_log_speed * noise, axis=1)),
+                   given.rolling.elevation_rad + given.elevation_sd_rad * rng.standard_normal(count),
+                   given.rolling.spin_rev_s + np.sum(given.wheel_spin_rev_s * noise, axis=1))
+    values = effective(draws.coefficients, resized(circumstances, draws.whose, draws.points))
+    rolling, true_m = sense(facts, values, rolling, given.distance_m)
+    left = Exit(*map(np.asarray, leave(facts, values, rolling)))
+    scattered = Exit(left.speed_m_s * np.exp(draws.scatter["speed"] * rng.standard_normal(count)),
+                     left.elevation_rad + np.radians(draws.scatter["elevation_deg"]) * rng.standard_normal(count),
+                     left.spin_rev_s, left.above_m)
+    distance_m = np.asarray(true_m) + given.distance_sd_m * rng.standard_normal(count)
+    return _fly(facts, values, scattered, distance_m, progress)
+
+
+def _fly(facts: Rig, values: Values, exit: Exit, distance_m: np.ndarray, progress: Progress) -> np.ndarray:
+    """Blocks of one size, since each is compiled, of flights that stay aloft about equally long."""
+    terms = flight_terms({"gravity", *values})
+    named = {term.name: values.get(term.name, {}) for term in terms}
+    order = np.argsort(exit.speed_m_s * np.sin(exit.elevation_rad), kind="stable")
+    height_m = np.full(len(order), np.nan)
+    for first in range(0, len(order), BLOCK):
+        rows = order[first:first + BLOCK]
+        lanes = np.resize(rows, BLOCK)
+        crossing = fly(facts, terms, take_values(named, lanes), exit.take(lanes), distance_m[lanes], step_s=STEP_S)
+        height_m[rows] = np.asarray(crossing.height_m)[:rows.size]
+        progress((first + rows.size) / len(order), f"{first + rows.size} flights with doubt")
+    return height_m

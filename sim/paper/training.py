@@ -1,0 +1,99 @@
+"""What networks are trained on and judged by: rows of shots, their splits, the loss, the accuracy, the domain.
+
+The training itself is in `truearc.sim.paper.sweep`.
+"""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from truearc.robot.config.schema import InputError
+from truearc.robot.gate.contract import FEATURES
+from truearc.sim.paper.network import Network, logits, probabilities
+from truearc.sim.data.dataset import Shots
+
+LABELS = {"miss": (0.0, 0.0), "two": (1.0, 0.0), "three": (1.0, 1.0)}     # three lies inside two
+DOMAIN_MARGIN = 0.1                   # the domain is the recorded rows' box, wider by this share (half on each side)
+
+
+class Rows(NamedTuple):
+    """Training rows: `features` [n, 3] in the contract's order and units, `labels` [n, 2] (hit two, hit three)."""
+
+    features: np.ndarray
+    labels: np.ndarray
+
+
+def training_rows(shots: Shots, name: str) -> tuple[Rows, list[str]]:
+    """Rows with an outcome and all three features, and a sentence for each kind of shot of dataset `name` left out."""
+    features = np.stack([shots.number(feature.name) for feature in FEATURES], axis=1)
+    outcomes = shots.text("outcome")
+    judged = np.array([outcome in LABELS for outcome in outcomes], bool)
+    whole = np.isfinite(features).all(axis=1)
+    reasons = (("no outcome", ~judged), (lacking_features(features[judged]), judged & ~whole))
+    left_out = [f"{name}: {int(lacks.sum())} of {len(shots)} shots left out: {why}" for why, lacks in reasons
+                if lacks.any()]
+    kept = np.flatnonzero(judged & whole)
+    labels = np.array([LABELS[outcomes[row]] for row in kept], float).reshape(-1, 2)
+    return Rows(features[kept], labels), left_out
+
+
+def lacking_features(features: np.ndarray) -> str:
+    """The features [n, 3] of which some are nan, in words."""
+    gaps = np.isnan(features).any(axis=0)
+    return " or ".join(f"no {feature.name}" for feature, gap in zip(FEATURES, gaps, strict=True) if gap)
+
+
+def cross_entropy(log_odds: Any, labels: Any) -> Any:
+    """Binary cross-entropy of each row, summed over the two outputs: log odds [n, 2], labels [n, 2] -> [n] nats."""
+    return jnp.sum(jax.nn.softplus(log_odds) - labels * log_odds, axis=-1)
+
+
+def mean_loss(network: Network, rows: Rows | None) -> float:
+    """Mean cross-entropy a row; NaN when there are none."""
+    if rows is None or not len(rows.features):
+        return float("nan")
+    z = (rows.features - network.mean) * network.scale
+    return float(jnp.mean(cross_entropy(logits(network.layers, z), rows.labels)))
+
+
+def split_heldout(rows: Rows, share: float, seed: int, option: str = "--holdout") -> tuple[Rows, Rows]:
+    """(kept, held out): `share` of each class is held out, drawn by seed, a draw of its own for each option.
+
+    InputError names the option unless 0 <= share < 1.
+    """
+    if not 0.0 <= share < 1.0:
+        raise InputError(f"{option} is {share}; it must be at least 0 and less than 1")
+    rng = np.random.default_rng([seed, 1, *(() if option == "--holdout" else option.encode())])
+    level = rows.labels.sum(axis=1)
+    out = np.zeros(len(level), bool)
+    for value in np.unique(level):
+        members = rng.permutation(np.flatnonzero(level == value))
+        out[members[:round(share * len(members))]] = True
+    return Rows(*(array[~out] for array in rows)), Rows(*(array[out] for array in rows))
+
+
+def accuracy(network: Network, rows: Rows) -> dict[str, float | int | None]:
+    """Share of rows whose outcome (of three), two-point hit and three-point hit are called right at p = 0.5."""
+    if not len(rows.features):
+        return {"shots": 0, "outcome": None, "two": None, "three": None}
+    return {"shots": len(rows.features), **called_right(network, rows)}
+
+
+def called_right(network: Network, rows: Rows) -> dict[str, float]:
+    """The shares of `accuracy` alone, of at least one row."""
+    right = (probabilities(network, rows.features) >= 0.5) == (rows.labels >= 0.5)
+    return {"outcome": float(right.all(axis=1).mean()),
+            "two": float(right[:, 0].mean()), "three": float(right[:, 1].mean())}
+
+
+def domain_of(features: np.ndarray) -> dict[str, list[float]]:
+    """Where the model may be believed: the box around the recorded rows [n, 3], 10 % wider, within the contract.
+
+    Simulated rows do not widen it: they cover configurations that no robot has shown anything about.
+    """
+    low, high = features.min(axis=0), features.max(axis=0)
+    margin = 0.5 * DOMAIN_MARGIN * (high - low)
+    return {feature.name: [float(max(feature.low, low[k] - margin[k])), float(min(feature.high, high[k] + margin[k]))]
+            for k, feature in enumerate(FEATURES)}

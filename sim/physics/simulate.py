@@ -1,0 +1,241 @@
+"""The seed's simulator: a recorded configuration -> height at the target plane -> outcome."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from truearc.robot.config.schema import InputError
+from truearc.robot.config.rig_spec import Rig
+from truearc.sim.physics.catalogue import (
+    arrival_terms,
+    effective,
+    flight_terms,
+    launch_terms,
+    sensing_terms,
+    watch_terms,
+)
+from truearc.sim.physics.flight import Crossing, fly
+from truearc.sim.physics.launch import Exit, exit_no_slip, exit_opposed, is_opposed
+from truearc.sim.physics.term import Circumstances, Opening, complete
+from truearc.sim.physics.vector import Vec
+from truearc.sim.data.dataset import Shots
+
+MISS, TWO, THREE = "miss", "two", "three"
+BLOCK = 4096                          # rows flown at once
+LAUNCH_STATE = ("exit_speed_m_s", "exit_spin_rev_s")
+DIGITS = 9                            # of derived columns: rounding errors are no covariate
+NAMED = 5                             # shots that a message names before it only counts
+ORDINARY = Circumstances()
+
+Values = Mapping[str, Mapping[str, Any]]
+
+
+def predict(facts: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: Shots,
+            progress: Callable[[float, str], None] = lambda done, note: None,
+            circumstances: Circumstances = ORDINARY) -> Crossing:
+    """Fly each recorded configuration to its plane with gravity and the terms that `coefficients` names.
+
+    Sensing terms correct what the robot's sensors say and launch terms what the wheels do, never what was measured on
+    the ball. Returns numpy arrays, one row a shot. circumstances: of these shots (truearc.sim.data.shot_conditions); terms that
+    follow one are absent from ordinary shots. InputError names shots without a distance or a launch.
+    """
+    values = effective(coefficients, circumstances)
+    whose = by_robot(shots)
+    exit, distance_m = sense(facts, values, launch_of(facts, shots), require(shots, "distance_m"), whose)
+    return _fly_rows(facts, values, leave(facts, values, exit, whose), distance_m, progress)
+
+
+def fly_rows(facts: Rig, coefficients: Mapping[str, Mapping[str, float]], exit: Exit, distance_m: np.ndarray,
+             progress: Callable[[float, str], None] = lambda done, note: None) -> Crossing:
+    """As predict, of ordinary launches by the wheels (before sensing and launch terms) given as numpy arrays [n]."""
+    values = effective(coefficients, ORDINARY)
+    exit, distance_m = sense(facts, values, exit, distance_m)
+    return _fly_rows(facts, values, leave(facts, values, exit), distance_m, progress)
+
+
+def sense(facts: Rig, values: Values, exit: Exit, distance_m: Any, where: Any = True) -> tuple[Exit, Any]:
+    """(launch by the wheels, distance) in truth, by the sensing terms among `values`; numpy or JAX arrays [n].
+
+    exit, distance_m: as the sensors have them. where: which parts of the launch the robot's own sensors told, an Exit
+    of booleans (by_robot) or one for all; a distance is always theirs.
+    """
+    changed = exit, distance_m
+    for term in sensing_terms(values):
+        changed = term.sense(facts, values[term.name], *changed)
+    return _where(where, changed[0], exit), changed[1]
+
+
+def leave(facts: Rig, values: Values, exit: Exit, where: Any = True) -> Exit:
+    """The launch after the launch terms among `values` (effective); numpy or JAX arrays [n].
+
+    exit: the launch by the wheels. Terms act on the parts that `where` names, an Exit of booleans (by_robot) or one for
+    all; without such terms `exit` itself returns.
+    """
+    changed = exit
+    for term in launch_terms(values):
+        changed = term.leave(facts, complete(term, values[term.name]), changed)
+    return _where(where, changed, exit)
+
+
+def watch(values: Values, position_m: Vec, velocity_m_s: Vec, time_s: Any) -> Vec:
+    """Where a tracker says a ball is, in m, that is in truth there time_s after release, by `values` (effective)."""
+    for term in watch_terms(values):
+        position_m = term.watch(values[term.name], position_m, velocity_m_s, time_s)
+    return position_m
+
+
+def opening_of(facts: Rig, values: Values) -> Opening:
+    """What the ball has to pass, by the rig's target and the arrival terms among `values` (effective).
+
+    InputError when the rig has no target.
+    """
+    if facts.target is None:
+        raise InputError("rig.toml: [target] is needed to tell an outcome")
+    opening = Opening(facts.target.centre_height_m, facts.target.three_half_height_m, facts.target.two_half_height_m)
+    for term in arrival_terms(values):
+        opening = term.arrive(values[term.name], opening)
+    return opening
+
+
+def _where(where: Any, new: Exit, old: Exit) -> Exit:
+    """The new parts of a launch where they apply."""
+    if new is old:
+        return old
+    masks = where if isinstance(where, Exit) else Exit(where, where, where, True)
+    pick = np.where if all(isinstance(part, np.ndarray | float) for part in new) else jnp.where
+    return Exit(*(b if a is b else pick(mask, a, b) for mask, a, b in zip(masks, new, old, strict=True)))
+
+
+def take_values(values: Values, rows: Any) -> dict[str, dict[str, Any]]:
+    """Those lanes of effective values; numbers that all lanes share stay as they are."""
+    return {name: {key: value if np.ndim(value) == 0 else value[rows] for key, value in table.items()}
+            for name, table in values.items()}
+
+
+def _fly_rows(facts: Rig, values: Values, exit: Exit, distance_m: np.ndarray,
+              progress: Callable[[float, str], None]) -> Crossing:
+    """Heights and times of launches as they leave.
+
+    Rows fly in blocks of those that stay aloft about equally long, and in few different sizes, since each is compiled.
+    """
+    terms = flight_terms({"gravity", *values})
+    named = {term.name: values[term.name] for term in terms if term.name in values}
+    exit, distance_m = Exit(*map(np.asarray, exit)), np.asarray(distance_m)
+    upward_m_s = exit.speed_m_s * np.sin(exit.elevation_rad)
+    order = np.argsort(upward_m_s, kind="stable")
+    height_m, time_s = np.full(len(order), np.nan), np.full(len(order), np.nan)
+    lanes = min(BLOCK, 1 << max(len(order) - 1, 15).bit_length())
+    for first in range(0, len(order), lanes):
+        rows = order[first:first + lanes]
+        padded = np.resize(rows, lanes)
+        part = fly(facts, terms, take_values(named, padded), exit.take(padded), distance_m[padded])
+        height_m[rows] = np.asarray(part.height_m)[:rows.size]
+        time_s[rows] = np.asarray(part.time_s)[:rows.size]
+        progress(min(first + lanes, len(order)) / len(order), f"{min(first + lanes, len(order))} shots")
+    return Crossing(height_m, time_s, ~np.isnan(height_m))
+
+
+def classify(facts: Rig, height_m: np.ndarray, opening: Opening | None = None) -> np.ndarray:
+    """Outcome of a height at the plane (nan = not reached): the seed's Eq. 13 and 14, bounds included.
+
+    opening: the target's; the rig's own when not given.
+    """
+    hole = opening_of(facts, {}) if opening is None else opening
+    deviation_m = np.abs(np.asarray(height_m, dtype=float) - hole.centre_m)
+    return np.where(deviation_m <= hole.three_half_m, THREE, np.where(deviation_m <= hole.two_half_m, TWO, MISS))
+
+
+def launch_of(facts: Rig, shots: Shots) -> Exit:
+    """How each shot left: measured exit columns first, then wheel speeds, then motor_ratio (numpy, one row a shot).
+
+    A measured speed without a spin, measured or of wheels, means a ball without spin. InputError names shots that have
+    too little of these, or no elevation.
+    """
+    speed_m_s = _prefer(shots.number("exit_speed_m_s"), _from_wheels(facts, shots)[0])
+    elevation_deg = _prefer(shots.number("exit_deg"), shots.number("hood_deg"))
+    _need(shots, np.isnan(speed_m_s), "motor_ratio (with launcher.free_speed_rad_s in rig.toml), every "
+          "wheel_<name>_rad_s, or exit_speed_m_s")
+    _need(shots, np.isnan(elevation_deg), "hood_deg or exit_deg")
+    return Exit(speed_m_s, np.radians(elevation_deg), spin_of(facts, shots))
+
+
+def launch_state(facts: Rig, shots: Shots) -> dict[str, np.ndarray]:
+    """Exit speed and backspin as the believed launch has them; nothing when wheels and speed are both unknown."""
+    level = replace(shots, numbers={**shots.numbers, "hood_deg": np.zeros(len(shots))})    # speed and spin only
+    try:
+        leaving = launch_of(facts, level)
+    except InputError:
+        return {}
+    return {name: np.round(np.asarray(column), DIGITS) + 0.0      # no -0.0
+            for name, column in zip(LAUNCH_STATE, (leaving.speed_m_s, leaving.spin_rev_s), strict=True)}
+
+
+def spin_of(facts: Rig, shots: Shots) -> np.ndarray:
+    """Backspin in rev/s as it was measured, else by the wheels, else none; one a shot."""
+    spin_rev_s = _prefer(shots.number("exit_spin_rev_s"), _from_wheels(facts, shots)[1])
+    return np.where(np.isnan(spin_rev_s), 0.0, spin_rev_s)
+
+
+def by_wheels(shots: Shots) -> np.ndarray:
+    """Which shots' speed launch_of takes from the wheels, since none was measured."""
+    return np.isnan(shots.number("exit_speed_m_s"))
+
+
+def by_robot(shots: Shots) -> Exit:
+    """Which parts of launch_of the robot's own sensors told, since they were not measured on the ball: booleans [n].
+
+    The release height is always the rig's.
+    """
+    return Exit(by_wheels(shots), np.isnan(shots.number("exit_deg")), np.isnan(shots.number("exit_spin_rev_s")), True)
+
+
+def require(shots: Shots, name: str) -> np.ndarray:
+    """A numeric column without gaps; InputError names the shots that lack it."""
+    column = shots.number(name)
+    _need(shots, np.isnan(column), name)
+    return column
+
+
+def roll(facts: Rig, surface_m_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(speed in m/s, backspin in rev/s) [n] by the surface speeds of the wheels [n, wheels]; linear in them."""
+    if is_opposed(facts):
+        lower = [round(wheel.clock_deg % 360.0, 6) for wheel in facts.launcher.wheel].index(180.0)
+        exit = exit_opposed(facts, surface_m_s[:, 1 - lower], surface_m_s[:, lower], 0.0)
+        return exit.speed_m_s, exit.spin_rev_s
+    speed_m_s, spin_rad_s = exit_no_slip(facts, surface_m_s)
+    return speed_m_s, -spin_rad_s[:, 1] / (2.0 * np.pi)
+
+
+def _from_wheels(facts: Rig, shots: Shots) -> tuple[np.ndarray, np.ndarray]:
+    """Speed and backspin from the wheels; nan where a wheel's speed is not known."""
+    wheels = facts.launcher.wheel
+    if not wheels:
+        return np.full(len(shots), np.nan), np.full(len(shots), np.nan)
+    surface_m_s = np.stack([_wheel_rad_s(facts, shots, index) * wheel.radius_m for index, wheel in enumerate(wheels)],
+                           axis=1)
+    return roll(facts, surface_m_s)
+
+
+def _wheel_rad_s(facts: Rig, shots: Shots, index: int) -> np.ndarray:
+    wheel = facts.launcher.wheel[index]
+    measured = shots.number(f"wheel_{wheel.name}_rad_s")
+    free_speed_rad_s = facts.launcher.free_speed_rad_s
+    if free_speed_rad_s is None:
+        return measured
+    return _prefer(measured, shots.number("motor_ratio") * wheel.gear * free_speed_rad_s)
+
+
+def _prefer(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    return np.where(np.isnan(first), second, first)
+
+
+def _need(shots: Shots, lacking: np.ndarray, what: str) -> None:
+    if len(lacking) and lacking.all():
+        raise InputError(f"{shots.source}: {what} is needed, and no shot has it")
+    if lacking.any():
+        names = [shots.shot_id[row] for row in np.flatnonzero(lacking)]
+        more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
+        raise InputError(f"{shots.source}: shots {', '.join(names[:NAMED])}{more}: {what} is needed and missing")

@@ -1,0 +1,1 @@
+"""Terms of the arrival stage: the target's opening."""

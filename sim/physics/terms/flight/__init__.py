@@ -1,0 +1,1 @@
+"""Terms of the flight stage: air and forces."""

@@ -1,0 +1,1 @@
+"""Terms of the launch stage: how the wheels send the ball off."""

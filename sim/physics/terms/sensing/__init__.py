@@ -1,0 +1,1 @@
+"""Terms of the sensing stage: what sensors and trackers read."""

@@ -1,1 +1,0 @@
-"""The concealed truth: a small 3-D launcher in numpy that shares no line with sim.physics."""

@@ -1,0 +1,108 @@
+"""A recorded session of `truearc identify` -> what was asked of each joint and the speeds that came of it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from truearc.hw.readings import MotorReading
+from truearc.robot.config.schema import InputError, Config
+from truearc.robot.sysid.program import FLYWHEEL, HOME, HOOD, READY, phases
+from truearc.robot.sysid.tick import DONE, POLICY
+from truearc.robot.recording.reader import TickReader
+from truearc.robot.recording.session import load_header, load_session_config
+from truearc.robot.types import Progress, Tick
+from truearc.sim.sysid.record import Floats, Record
+
+NS = 1e-9
+SHORT_SHARE = 0.15                    # of the largest current: further from what was asked is no noise
+SHORT_TICKS = 0.1                     # this share of them is no switching either
+
+
+@dataclass(frozen=True)
+class Driven:
+    """What a session holds: `records` of the joints whose program came to its end, `whole` when that is all."""
+
+    config: Config
+    records: dict[str, Record]
+    whole: bool
+    warnings: tuple[str, ...]
+
+
+def load_driven(session: Path) -> Driven:
+    """Read a session; InputError when it was not made by `truearc identify`."""
+    if load_header(session).policy != POLICY:
+        raise InputError(f"{session}: not a recording of `truearc identify`")
+    config = load_session_config(session)
+    reader = TickReader(session)
+    ticks = [tick for tick, _ in reader]
+    if not ticks:
+        raise InputError(f"{reader.path}: no ticks")
+    program, whole = phases(config), True
+    warnings = [reader.cut_short] if reader.cut_short else []
+    records = {}
+    for joint in (FLYWHEEL, HOOD):
+        steps = [index for index, phase in enumerate(program)
+                 if phase.joint == joint and phase.kind not in (READY, HOME)]
+        if not steps:
+            continue
+        ended = _progress(ticks[-1])
+        if ended.phase <= steps[-1] and ended.over != DONE:
+            whole = False
+            warnings.append(f"{joint}: its program did not come to the end ({ended.over or 'the recording ends'})")
+            continue
+        mine = [tick for tick in ticks if steps[0] <= _progress(tick).phase <= steps[-1]]
+        records[joint] = _record(f"{session}: {joint}", joint, mine)
+        warnings += _short_of_current(joint, mine)
+    return Driven(config, records, whole, tuple(warnings))
+
+
+def _progress(tick: Tick) -> Progress:
+    progress = tick.memory.identify
+    return progress if isinstance(progress, Progress) else Progress()
+
+
+def _motors(tick: Tick, joint: str) -> tuple[MotorReading, ...]:
+    return tick.inputs.flywheels if joint == FLYWHEEL else (tick.inputs.hood_motor,)
+
+
+def _sent_nm(tick: Tick, joint: str) -> float:
+    assert tick.sent is not None
+    return tick.sent.flywheel_torque_nm if joint == FLYWHEEL else tick.sent.hood_torque_nm
+
+
+def _record(name: str, joint: str, ticks: Sequence[Tick]) -> Record:
+    """Torque on each motor from the tick on that sent it; the motors' mean speed at the mean of their stamps."""
+    begin_ns = ticks[0].inputs.t_ns
+    stamps, speeds, last = [], [], 0.0
+    for tick in ticks:
+        motors = _motors(tick, joint)
+        stamp = sum((motor.t_ns - begin_ns) * NS for motor in motors) / len(motors)
+        if stamp > last:
+            last = stamp
+            stamps.append(stamp)
+            speeds.append(sum(motor.velocity_rad_s for motor in motors) / len(motors))
+    return Record(name, "nm", np.array([(tick.inputs.t_ns - begin_ns) * NS for tick in ticks]),
+                  np.array([_sent_nm(tick, joint) for tick in ticks]), np.array(stamps), np.array(speeds))
+
+
+def _short_of_current(joint: str, ticks: Sequence[Tick]) -> list[str]:
+    """Whether the drivers gave less than was asked: current should go with torque, by one constant."""
+    pairs = np.array([(_sent_nm(tick, joint), motor.current_a) for tick in ticks for motor in _motors(tick, joint)])
+    asked_nm, current_a = pairs[:, 0], pairs[:, 1]
+    driven = asked_nm != 0.0
+    if not driven.any() or not current_a.any():
+        return [f"{joint}: no motor current was reported, so that nobody knows whether it was driven as asked"]
+    off = np.abs(current_a - _slope(asked_nm[driven], current_a[driven]) * asked_nm)[driven]
+    share = float(np.mean(off > SHORT_SHARE * np.abs(current_a).max()))
+    if share <= SHORT_TICKS:
+        return []
+    return [f"{joint}: in {share:.0%} of the driven time the current does not go with the torque that was asked "
+            "(voltage or current limit?): ask for a lower step_nm or top_rad_s"]
+
+
+def _slope(x: Floats, y: Floats) -> float:
+    """Median of y/x over the larger x: a few limited ticks do not bend it."""
+    large = np.abs(x) > 0.5 * np.abs(x).max()
+    return float(np.median(y[large] / x[large]))

@@ -1,0 +1,1 @@
+"""Mechanical and electrical parts of the MuJoCo world."""

@@ -1,0 +1,129 @@
+"""Nothing leaves but what is on the list, and never more often: against a count that looks at all that was sent."""
+
+from collections import Counter
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from msgspec.structs import replace
+
+from truearc.hw.tx_allowlist import WINDOW_NS, Allowed, AllowedBus, AllowList, allow
+from truearc.hw.protocols import Frame
+
+TORQUE, QUESTION, SETTING = Frame(0, 0x2E, bytes(8)), Frame(0, 0x20, b"", is_remote=True), Frame(0, 0x2E, b"", True)
+LIST = (allow(TORQUE, 3), allow(QUESTION, 1), allow(SETTING, 2))
+
+
+class Wire:
+    """A bus that keeps what it is given; full when told so."""
+
+    def __init__(self) -> None:
+        self.sent: list[Frame] = []
+        self.full = self.closed = False
+
+    def read(self) -> list[Frame]:
+        return [TORQUE]
+
+    def write(self, frame: Frame) -> bool:
+        self.sent.append(frame)
+        return not self.full
+
+    def faults(self) -> list[str]:
+        return ["wire"]
+
+    def close(self) -> None:
+        self.closed = True
+
+
+@pytest.fixture
+def bench(clock):
+    wire, tally = Wire(), Counter()
+    return wire, clock, tally, AllowedBus(wire, LIST, clock, tally)
+
+
+def test_an_example_gives_its_kind() -> None:
+    assert WINDOW_NS == 100_000_000
+    with pytest.raises(AttributeError):
+        LIST[0].most = 1000
+    assert list(LIST) == [Allowed(0x2E, False, False, 8, 3), Allowed(0x20, False, True, 0, 1),
+                          Allowed(0x2E, True, False, 0, 2)]
+
+
+@given(st.lists(st.tuples(st.sampled_from([TORQUE, QUESTION, SETTING]), st.integers(0, WINDOW_NS // 2)), max_size=60))
+def test_no_window_ever_holds_more_than_it_may(asked: list[tuple[Frame, int]]) -> None:
+    rules, t_ns = AllowList(LIST), 0
+    most = {TORQUE: 3, QUESTION: 1, SETTING: 2}
+    sent: list[tuple[Frame, int]] = []
+    for frame, pause_ns in asked:
+        t_ns += pause_ns
+        within = sum(other == frame and t_ns - sent_ns < WINDOW_NS for other, sent_ns in sent)
+        why = rules.refuse(frame, t_ns)
+        assert (why == "") == (within < most[frame])
+        if not why:
+            sent.append((frame, t_ns))
+        else:
+            assert f"{most[frame]} times in 0.1 s" in why and frame.name in why
+
+
+frames = st.builds(Frame, st.just(0), st.one_of(st.integers(0, 0x7FF), st.integers(0, 0x1FFFFFFF)),
+                   st.binary(max_size=9), st.booleans(), st.booleans())
+
+
+@given(st.one_of(frames, st.sampled_from([0x2E, 0x20]).flatmap(lambda frame_id: st.builds(
+    Frame, st.just(0), st.just(frame_id), st.binary(max_size=9), st.booleans(), st.booleans()))))
+def test_what_is_not_listed_to_the_bit_is_refused(frame: Frame) -> None:
+    listed = any((frame.arbitration_id, frame.is_extended, frame.is_remote, len(frame.data))
+                 == (kind.arbitration_id, kind.is_extended, kind.is_remote, kind.length) for kind in LIST)
+    why = AllowList(LIST).refuse(frame, 0)
+    assert (why == "") == listed and (listed or frame.name in why)
+
+
+@pytest.mark.parametrize(("frame", "words"), [
+    (Frame(0, 0x2F, bytes(8)), "frame 0x02f with 8 bytes is not among those that may be sent"),
+    (Frame(0, 0x2E, b"", is_remote=True),
+     "a question about frame 0x02e with 0 bytes is not among those that may be sent"),
+])
+def test_a_refusal_says_what_was_refused(frame: Frame, words: str) -> None:
+    assert AllowList(LIST).refuse(frame, 0) == words
+
+
+def test_a_frame_too_many_is_told_how_many_there_may_be() -> None:
+    rules = AllowList(LIST)
+    assert rules.refuse(QUESTION, 0) == "" and rules.refuse(QUESTION, 0) == (
+        "frame 0x020 may be sent 1 times in 0.1 s and no more")
+
+
+def test_an_empty_list_allows_nothing() -> None:
+    assert AllowList(()).refuse(TORQUE, 0) and AllowList([replace(LIST[0], most=0)]).refuse(TORQUE, 0)
+
+
+def test_what_a_frame_says_is_not_asked() -> None:
+    assert AllowList(LIST).refuse(TORQUE._replace(data=b"\xff" * 8), 0) == ""
+
+
+def test_a_refused_frame_is_never_sent_is_counted_and_is_said_once(bench) -> None:
+    wire, _, tally, bus = bench
+    wrong = TORQUE._replace(arbitration_id=0x7FF)
+    assert [bus.write(frame) for frame in (wrong, wrong, TORQUE._replace(data=bytes(4)))] == [False] * 3
+    assert wire.sent == [] and tally == {"frames not allowed": 3}
+    assert bus.faults() == ["wire", "not sent: frame 0x7ff with 8 bytes is not among those that may be sent",
+                            "not sent: frame 0x02e with 4 bytes is not among those that may be sent"]
+    assert bus.faults() == ["wire"]
+
+
+def test_too_often_is_refused_until_the_window_has_passed(bench) -> None:
+    wire, clock, tally, bus = bench
+    assert [bus.write(TORQUE) for _ in range(5)] == [True, True, True, False, False]
+    clock.t_ns = WINDOW_NS - 1
+    assert not bus.write(TORQUE) and bus.write(SETTING)
+    clock.t_ns = WINDOW_NS
+    assert bus.write(TORQUE) and tally == {"frames not allowed": 3} and len(wire.sent) == 5
+
+
+def test_a_full_queue_is_the_wires_own_refusal(bench) -> None:
+    wire, _, tally, bus = bench
+    wire.full = True
+    assert not bus.write(TORQUE) and not tally and bus.faults() == ["wire"] and bus.read() == [TORQUE]
+    assert wire.sent == [TORQUE]
+    bus.close()
+    assert wire.closed

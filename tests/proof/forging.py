@@ -1,0 +1,44 @@
+"""What a cheat does to a round: marks made kinder, claims made others, and the ledger's chain made anew."""
+
+from collections.abc import Iterable
+from typing import Any
+
+import msgspec
+
+from truearc_proof.rounds.ledger import Entry, append, digest, read_ledger
+from truearc_proof.rounds.round_layout import Room
+from truearc_proof.rounds.commitment import canonical
+
+
+def chain_anew(room: Room, entries: Iterable[Entry]) -> None:
+    """A ledger of these entries, whole and consistent."""
+    entries = list(entries)
+    room.ledger.unlink(missing_ok=True)
+    for one in entries:
+        append(room.ledger, one.what, one.world, one.sha256)
+
+
+def enter_otherwise(room: Room, world: str, new: dict[str, str]) -> None:
+    """The ledger with other hashes {step: SHA-256} of that world, the chain made anew."""
+    chain_anew(room, [msgspec.structs.replace(one, sha256=new[one.what]) if one.world == world and one.what in new
+                      else one for one in read_ledger(room.ledger)])
+
+
+def leave_world_out(room: Room, world: str, step: str | None = None) -> None:
+    """The ledger without that step of it, or without all of it."""
+    chain_anew(room, [one for one in read_ledger(room.ledger) if one.world != world or step not in (None, one.what)])
+
+
+def make_mark_kinder(room: Room, number: int) -> dict[str, Any]:
+    """Another verdict in that line of the marks; the line."""
+    lines = [msgspec.json.decode(line) for line in room.grades.read_bytes().splitlines()]
+    lines[number]["first"]["verdict"] = "named, of course"
+    room.grades.write_bytes(b"".join(msgspec.json.encode(line) + b"\n" for line in lines))
+    return dict(lines[number])
+
+
+def ask(room: Room, world: str, asked: list[dict[str, Any]]) -> None:
+    """As if the solver had asked for this, and had said so in time."""
+    claims = msgspec.json.decode(room.claims(world).read_bytes())
+    room.claims(world).write_bytes(canonical({**claims, "asked": asked}) + b"\n")
+    enter_otherwise(room, world, {"claimed": digest(room.claims(world).read_bytes())})

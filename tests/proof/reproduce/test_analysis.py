@@ -1,0 +1,174 @@
+"""From a pool to tables, pictures and files: everybody is asked about the same rows, and the figures are theirs."""
+
+import csv
+import json
+import math
+
+import numpy as np
+import pytest
+
+from truearc_proof.cli import reproduce as door
+from truearc.sim.parallel import fan_out
+from truearc.sim.paper.grid_fit import fit_grid
+from truearc_proof.reproduce import analysis as analysing
+from truearc_proof.reproduce.analysis import BY_TEST, EVERYTHING, WHERE, Analysis, analyse, best_by_test, network_name
+from truearc_proof.reproduce.intervals import interval
+from truearc_proof.reproduce.metrics import Metrics, measure
+from truearc_proof.reproduce.networks import SweepSetting, settings_of, train_networks
+from truearc_proof.reproduce.page import OURS_NOT_THEIRS, save_figures, save_page
+from truearc_proof.reproduce.repetition import OURS, SIMULATOR, run_repetition, tasks_of
+from truearc_proof.reproduce.settings import Settings
+from truearc_proof.reproduce.tables import make_tables, make_text
+from truearc.sim.paper.training import LABELS
+from tests.proof.reproduce.pools import SMALL, make_pool
+from truearc.cli.main import main
+
+
+@pytest.fixture(scope="module")
+def pool():
+    return make_pool()
+
+
+@pytest.fixture(scope="module")
+def done(pool):
+    repetitions = fan_out(run_repetition, tasks_of(pool, SMALL), workers=1)
+    answers = train_networks(repetitions, SMALL, lambda done, note: None)
+    return repetitions, answers, analyse(repetitions, answers, SMALL)
+
+
+@pytest.mark.slow
+def test_everybody_answers_for_the_draws_own_rows(pool, done):
+    repetitions, answers, _ = done
+    for one, networks in zip(repetitions, answers, strict=True):
+        labels = [LABELS[outcome] for outcome in pool.real.shots.take(one.draw.test).text("outcome")]
+        labels += [LABELS[outcome] for outcome in pool.launched.shots.take(one.draw.transfer).text("outcome")]
+        assert np.array_equal(one.asked.labels, labels) and one.tests == 6
+        everybody = [*one.predictions.values(), *(answer.p for answer in networks.values())]
+        assert {OURS, SIMULATOR, "Gaussian process", "logistic regression", "gradient-boosted trees"} <= set(
+            one.predictions)
+        for p in everybody:
+            assert p.shape == (18, 2) and (p >= 0.0).all() and (p <= 1.0).all()
+
+
+@pytest.mark.slow
+def test_nobody_learns_from_what_it_is_asked_about(pool, done):
+    for one in done[0]:
+        known = {tuple(row) for part in (one.learn, one.validation) for row in part.features}
+        assert len(known) == 24 and not known & {tuple(row) for row in one.asked.features}
+        train = pool.real.shots.take(one.draw.train)
+        assert fit_grid(pool.real.facts, train, SMALL.grid_step).coefficients == one.coefficients
+
+
+@pytest.mark.slow
+def test_simulated_sets_are_even_and_as_large_as_asked(done):
+    for one in done[0]:
+        rows = one.simulated[90]
+        assert np.bincount(rows.labels.sum(axis=1).astype(int)).tolist() == [30, 30, 30]
+
+
+@pytest.mark.slow
+def test_a_repetition_is_the_same_every_time(pool, done):
+    again, one = run_repetition(tasks_of(pool, SMALL)[1]), done[0][1]
+    assert again.coefficients == one.coefficients and again.scores == one.scores
+    for name, p in one.predictions.items():
+        assert np.array_equal(p, again.predictions[name]), name
+
+
+@pytest.mark.slow
+def test_physics_that_holds_beats_what_knows_none(done):
+    """The pool's truth is a point mass, which our gate may find and a network of 24 rows cannot."""
+    _, _, analysis = done
+    assert analysis.values(OURS, EVERYTHING, "brier").mean() < 0.7 * analysis.values(
+        network_name(SweepSetting(0, 0.01)), EVERYTHING, "brier").mean()
+
+
+@pytest.mark.slow
+def test_files_say_what_the_analysis_says(pool, done, tmp_path):
+    repetitions, answers, analysis = done
+    tables = make_tables(repetitions, analysis, SMALL)
+    save_figures(tmp_path, pool, repetitions, analysis, tables, SMALL)
+    save_page(tmp_path / "index.html", pool, repetitions, answers, analysis, tables, SMALL)
+    rows = list(csv.DictReader((tmp_path / "figures.csv").open(encoding="utf-8")))
+    ours = [float(row["brier"]) for row in rows if row["model"] == OURS and row["rows"] == EVERYTHING]
+    assert ours == analysis.values(OURS, EVERYTHING, "brier").tolist() and len(ours) == SMALL.draws
+    p = repetitions[1].predictions[SIMULATOR]
+    found = next(row for row in rows if row["model"] == SIMULATOR and row["rows"] == EVERYTHING
+                 and row["repetition"] == "1")
+    assert float(found["accuracy"]) == measure(p, repetitions[1].asked.labels).accuracy
+    summary = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))
+    assert summary["data"].startswith("The data are ours") and len(summary["repetitions"]) == SMALL.draws
+    page = (tmp_path / "index.html").read_text(encoding="utf-8")
+    assert page.index(OURS_NOT_THEIRS.partition(",")[0]) < page.index("<h2>")
+    assert page.count("<img") == 5 and "not printed in the paper" in page and "44.29%" in page
+
+
+@pytest.mark.slow
+def test_the_door_prints_paper_and_ours(pool, done, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(door, "collect", lambda *_: pool)
+    monkeypatch.setattr(door, "run_repetition", lambda task: done[0][task.number])
+    monkeypatch.setattr(door, "_settings", lambda _: SMALL)
+    out = tmp_path / "out"
+    assert main(["reproduce", "-o", str(out), "--workers", "1"]) == 0
+    said = capsys.readouterr().out
+    assert said.startswith("The data are ours") and "Table I:" in said and "44.29%" in said and "Table II" in said
+    assert {"index.html", "figures.csv", "table_1.csv", "summary.json", "data"} <= {p.name for p in out.iterdir()}
+    assert main(["reproduce", "-o", str(out), "--workers", "1", "--quiet"]) == 0       # again over its own
+
+
+@pytest.mark.parametrize("words", [["--seeds", "1"], ["--seed", "-1"], ["--workers", "0"]])
+def test_options_that_cannot_be_are_told(words, tmp_path, capsys):
+    assert main(["reproduce", "-o", str(tmp_path / "out"), *words]) == 2
+    assert words[0] in capsys.readouterr().err and not (tmp_path / "out").exists()
+
+
+def test_a_folder_of_somebody_elses_is_left_alone(tmp_path, capsys):
+    (tmp_path / "thesis.txt").write_text("mine", encoding="utf-8")
+    assert main(["reproduce", "-o", str(tmp_path)]) == 2
+    assert "not made by truearc" in capsys.readouterr().err and [p.name for p in tmp_path.iterdir()] == ["thesis.txt"]
+
+
+def figure(number, model, accuracy, brier):
+    return [analysing.Figure(number, model, None, None, where, Metrics(accuracy, 0, 0, accuracy, 0, brier, brier))
+            for where in WHERE]
+
+
+def made(ours, theirs):
+    settings = [SweepSetting(900, 0.01), SweepSetting(900, 1.0)]
+    figures = []
+    for number, (a, b) in enumerate(zip(ours, theirs, strict=True)):
+        figures += figure(number, OURS, a, 1.0 - a)
+        for setting, off in zip(settings, (0.0, -0.3), strict=True):
+            figures += figure(number, network_name(setting), b + off, 1.0 - b - off)
+    return Analysis(tuple(figures), ()), settings
+
+
+def test_a_difference_is_paired_and_called_better_only_when_settled():
+    steps = np.linspace(0.0, 0.4, 20)
+    clear, settings = made(0.5 + steps + np.tile([0.01, 0.03], 10), 0.5 + steps)
+    found = next(one for one in analysing._differences(clear, settings)
+                 if one.metric == "accuracy" and one.other == BY_TEST and one.where == EVERYTHING)
+    assert found.better and found.difference.mean == pytest.approx(0.02)
+    assert found.difference.high - found.difference.low < 0.02         # unpaired it would be some 0.16
+    open_, settings = made(0.5 + np.tile([0.3, -0.29], 10), np.full(20, 0.5))
+    assert not any(one.better for one in analysing._differences(open_, settings))
+
+
+def test_best_by_test_is_the_setting_with_the_best_mean_either_way_round():
+    analysis, settings = made([0.9, 0.8], [0.7, 0.6])
+    assert best_by_test(analysis, settings, EVERYTHING, "accuracy") == SweepSetting(900, 0.01)
+    assert best_by_test(analysis, settings, EVERYTHING, "brier") == SweepSetting(900, 0.01)
+    found = next(one for one in analysing._differences(analysis, settings) if one.metric == "brier")
+    assert found.difference.mean < 0.0
+
+
+def test_every_setting_of_the_paper_is_trained_once():
+    wanted = settings_of(Settings())
+    assert len(wanted) == len(set(wanted)) == 15
+    assert {setting.size for setting in wanted if setting.weight == 0.01} == {0, 500, 600, 750, 900, 1000, 1250}
+
+
+def test_a_table_for_the_terminal_lines_up():
+    from truearc_proof.reproduce.tables import Table
+    lines = make_text(Table("T", ("a", "bbbb"), (("xxxx", "1"), ("y", "2")), "")).splitlines()
+    assert lines[2:] == ["a     bbbb", "xxxx  1", "y     2"]
+    assert not math.isnan(interval(np.array([1.0, 2.0])).low)

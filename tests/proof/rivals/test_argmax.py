@@ -1,0 +1,51 @@
+"""The best in-sample fit, on linear-Gaussian evidence whose likelihoods are known in closed form."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from truearc.sim.discover.model.baseline_fit import BaselineFit
+from truearc.sim.discover.detect.clusters import Clusters
+from truearc.sim.discover.select.refit import Refit
+from truearc_proof.rivals import argmax
+from truearc_proof.rivals.claim import Believed
+from tests.sim.discover.made import at_least_squares, column, gaussian
+
+N = 200
+
+
+def believed(signal: float, seed: int = 0) -> Believed:
+    """Two terms at right angles and a shared constant; `signal` of the second is true. Refits are least squares."""
+    rng = np.random.default_rng(seed)
+    slopes = np.linalg.qr(np.column_stack([np.ones(N), rng.normal(size=(N, 2))]))[0][:, 1:]
+    y = signal * slopes[:, 1] + rng.normal(size=N)
+    evidence = at_least_squares(y, slopes, np.ones((N, 1)))
+    refits = {}
+    for k in range(2):
+        amplitude = slopes[:, k] @ y
+        made = gaussian(y - y.mean() - amplitude * slopes[:, k], np.column_stack([slopes[:, k], np.ones(N)]),
+                        (column("t", "shared"), column("s0", "shared")))
+        name = f"t{k}.amplitude"
+        here = np.array([amplitude])
+        refits[name] = Refit((name,), None, None, made, here, here, here, np.ones(1), 0.0)
+    return Believed(BaselineFit(SimpleNamespace(samples=None), None, None, evidence), Clusters("shot", np.arange(N), N),
+                    refits)
+
+
+@pytest.fixture(autouse=True)
+def without_layouts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No flight is flown here."""
+    monkeypatch.setattr(argmax, "only_shared", lambda layout: layout)
+
+
+def test_the_true_term_of_two_at_right_angles_fits_best() -> None:
+    claim = argmax.answer(None, believed(8.0))
+    assert claim.says_something and claim.names == ("t1", "t0") and claim.after_m is None
+    scores = [float(one.evidence.log_score.sum()) for one in believed(8.0).refits.values()]
+    null = float(believed(8.0).fitted.evidence.log_score.sum())
+    assert claim.figures["gain"] == pytest.approx(max(scores) - null)
+
+
+def test_it_says_something_of_nothing_too() -> None:
+    assert argmax.answer(None, believed(0.0)).says_something

@@ -1,0 +1,70 @@
+"""One writer at a time, also where one was killed and its solver was not."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from truearc.robot.config.schema import InputError
+from truearc_proof.rounds.file_lock import alone
+from truearc_proof.rounds.round_layout import Room
+
+PLAY = [sys.executable, "-m", "truearc", "prove", "--worlds", "9", "--level", "L0", "--shots", "12", "--engines",
+        "numpy", "--seed", "3", "--processes", "1", "--quiet", "--out"]
+PATIENCE_S = 300.0
+
+
+def wait_for(there: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + PATIENCE_S
+    while not there():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+def is_free(root: Path) -> bool:
+    try:
+        with alone(root):
+            return True
+    except InputError:
+        return False
+
+
+def test_a_second_writer_is_told_so_and_the_lock_goes_with_its_holder(tmp_path: Path) -> None:
+    program = f"from pathlib import Path; from truearc_proof.rounds.file_lock import alone\nwith alone(Path({str(tmp_path)!r})): pass"
+    with alone(tmp_path):
+        done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+        assert "is being played by another process" in done.stderr
+    subprocess.run([sys.executable, "-c", program], check=True)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name != "posix", reason="kill -9")
+def test_a_round_whose_player_was_killed_is_left_to_its_solver_and_then_goes_on(tmp_path: Path) -> None:
+    room = Room(tmp_path / "round")
+    player = subprocess.Popen([*PLAY, str(room.root)], stdout=subprocess.DEVNULL)
+    try:                              # the first eight of nine are claimed: the solver is at work on the last
+        wait_for(lambda: room.ledger.exists() and b'"claimed"' in room.ledger.read_bytes())
+    finally:
+        player.send_signal(signal.SIGKILL)
+        player.wait()
+    assert not is_free(room.root)
+    wait_for(lambda: is_free(room.root))
+    words = [*PLAY[:4], "solve", "--processes", "1", "--quiet", "--out", str(room.root)]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert [list(steps) for steps in room.steps().values()] == [["sealed", "claimed"]] * 9
+
+
+@pytest.mark.slow
+def test_who_takes_up_a_round_that_is_being_solved_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "ledger.jsonl").touch()
+    with alone(tmp_path):
+        for role in ("seal", "solve", "answer", "grade"):
+            words = [sys.executable, "-m", "truearc", "prove", role, "--seed", "1", "--out", str(tmp_path)]
+            done = subprocess.run(words, capture_output=True, text=True, check=False)
+            assert done.returncode == 2 and "played by another process" in done.stderr, done.stderr

@@ -1,0 +1,79 @@
+"""What the data allow, against closed forms of the normal law."""
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from truearc.sim.discover.model.score_table import ScoreTable, PlaneScores, make_evidence
+from truearc.sim.discover.select.term_ranking import efficient
+from truearc_proof.scoring.oracle import ceiling_of, strength_of
+from tests.sim.discover.made import column, gaussian, heights
+
+N = 400
+
+
+def evidence_of(names: tuple[str, ...], slopes: np.ndarray) -> ScoreTable:
+    stages = {"hood_offset": "sensing"}
+    columns = tuple(column(f"{name}.amplitude", "term", stages.get(name, "flight")) for name in names)
+    return gaussian(np.zeros(N), slopes, columns)
+
+
+def straight(count: int) -> np.ndarray:
+    """Columns at right angles to one another, each of information 100."""
+    return np.linalg.qr(np.random.default_rng(0).normal(size=(N, count)))[0] * 10.0
+
+
+@pytest.mark.parametrize("amplitude", [0.0, 0.2, 0.3, 1.0])
+def test_one_term_alone_is_a_normal_test(amplitude: float) -> None:
+    found = ceiling_of(evidence_of(("wind_x",), straight(1)), "L2", "wind_x.amplitude", amplitude, 1)
+    power = norm.sf(1.96 - 10.0 * amplitude) + norm.cdf(-1.96 - 10.0 * amplitude)
+    assert found is not None and found.detected == pytest.approx(power, abs=0.03)
+    assert found.top == found.alias == found.stage == found.detected
+
+
+def test_two_terms_of_one_slope_are_named_by_chance() -> None:
+    slopes = straight(1)
+    found = ceiling_of(evidence_of(("wind_x", "hood_offset"), np.concatenate([slopes, slopes], axis=1)), "L2",
+                       "hood_offset.amplitude", 2.0, 1)
+    assert found is not None and found.detected == 1.0 and found.alike == ("wind_x",)
+    assert found.alias == 1.0 and found.top == found.stage      # sensing is right only if the name is
+
+
+def test_terms_at_right_angles_are_told_apart_and_the_threshold_knows_their_number() -> None:
+    names = ("wind_x", "wind_z", "hood_offset", "drag_reynolds", "buoyancy")
+    found = ceiling_of(evidence_of(names, straight(5)), "L2", "wind_x.amplitude", 0.3, 2)
+    critical = norm.isf(0.5 * (1.0 - 0.95**0.2))
+    missed = norm.cdf(critical - 3.0) - norm.cdf(-critical - 3.0)
+    assert found is not None and found.detected == pytest.approx(1.0 - missed * 0.95**0.8, abs=0.03)
+    assert 0.9 * found.detected < found.top < found.stage <= found.detected and found.alike == ()
+
+
+def test_what_nothing_depends_on_is_found_by_chance_alone() -> None:
+    found = ceiling_of(evidence_of(("wind_x", "wind_y"), straight(1) * [[1.0, 0.0]]), "L2", "wind_y.amplitude", 1.0, 0)
+    assert found == (0.05, 0.0, 0.0, 0.0, ())
+    assert ceiling_of(evidence_of(("wind_x",), straight(1)), "L2", "magnus.amplitude", 1.0, 0) is None
+
+
+def test_what_moves_heights_as_a_term_does_is_as_plain_as_the_term() -> None:
+    rng = np.random.default_rng(4)
+    by = rng.normal(0.0, 0.1, (N, 3))
+    plane = PlaneScores(np.arange(N), heights(N, rng), rng.normal(0.0, 0.3, N), rng.uniform(0.1, 0.2, N), by,
+                  np.zeros((N, 3)), np.zeros((N, 3)))
+    columns = (column("wind_x.speed_m_s", "term"), column("a", "shared"), column("b", "shared"))
+    silent = np.zeros((N, 3))
+    found = make_evidence(np.arange(N), columns, np.zeros(3), silent, np.zeros((N, 3, 3)), plane, np.diag([0.1, 2.0]),
+                          np.zeros(2), np.zeros(N))
+    left = efficient(found, np.array([0]))[1][0, 0]
+    assert strength_of(found, 0.7 * by[:, 0]) == pytest.approx(0.49 * left, rel=1e-9)
+    shared = strength_of(found, by[:, 1])
+    assert shared is not None and shared < 0.01 * left            # a fitted number takes it up but for its prior
+    assert strength_of(evidence_of(("wind_x",), straight(1)), np.ones(N)) is None
+
+
+def test_the_eigenvectors_signs_which_are_the_machine_s_change_no_draw(monkeypatch: pytest.MonkeyPatch) -> None:
+    slopes = straight(3) @ np.random.default_rng(1).normal(size=(3, 3))
+    evidence = evidence_of(("wind_x", "wind_z", "hood_offset"), slopes)
+    here = ceiling_of(evidence, "L2", "wind_x.amplitude", 0.2, 1)
+    usual = np.linalg.eigh
+    monkeypatch.setattr(np.linalg, "eigh", lambda one: (usual(one)[0], -usual(one)[1]))
+    assert ceiling_of(evidence, "L2", "wind_x.amplitude", 0.2, 1) == here

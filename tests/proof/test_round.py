@@ -1,0 +1,187 @@
+"""A round of proof from end to end, role by role."""
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+
+from truearc.robot.config.schema import InputError
+from truearc_proof.rounds.committer import Plan, answer_round, load_plan, seal_round
+from truearc_proof.rounds.ledger import read_ledger
+from truearc_proof.rounds.grader import grade_round
+from truearc_proof.worlds.external_world import seal_own
+from truearc_proof.rounds.round_layout import Room
+from truearc_proof.rounds.commitment import load_seal
+from truearc.sim.data.dataset import load_dataset
+from tests.proof.forging import ask, chain_anew
+from tests.proof.playing import prove, quiet
+
+pytestmark = pytest.mark.slow
+
+
+def test_every_world_is_sealed_claimed_opened_and_marked_in_that_order(room: Room) -> None:
+    marks = grade_round(room, quiet, 1)
+    assert [one.first.world for one in marks] == ["w0001", "w0002", "w0003"]
+    for world in ("w0001", "w0002", "w0003"):
+        assert [entry.what for entry in read_ledger(room.ledger) if entry.world == world] == [
+            "sealed", "claimed", "opened", "graded"]
+    before = room.ledger.read_bytes(), room.grades.read_bytes()
+    assert grade_round(room, quiet, 1) == marks
+    assert (room.ledger.read_bytes(), room.grades.read_bytes()) == before      # never marked twice
+
+
+def test_marks_are_about_what_was_sealed(room: Room) -> None:
+    for one in grade_round(room, quiet, 1):
+        sealed = load_seal(room.seal(one.world)).world
+        claims = msgspec.json.decode(room.claims(one.world).read_bytes())
+        assert (one.first.kind, one.first.hidden) == (sealed["kind"], tuple(sealed["effects"]))
+        assert one.first.found == claims["finding"]["mismatch"]["found"]
+
+
+def test_a_mistyped_level_leaves_nothing_behind(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="L7"):
+        seal_round(Room(tmp_path / "round"), Plan(3, 1, "L7", 40, ("numpy",)), quiet, 1)
+    assert not (tmp_path / "round").exists()
+
+
+def test_rivals_without_tracks_are_refused(room: Room) -> None:
+    early = prove(room.root.parent / "new", "--level", "L1", "--rivals", "gp", "--seed", "1")
+    assert early.returncode == 2 and "--rivals" in early.stderr and not (room.root.parent / "new").exists()
+    late = prove(room.root, "solve", "--rivals", "gp")
+    assert late.returncode == 2 and "no world has tracks" in late.stderr
+
+
+def test_the_solver_needs_no_keeper_beside_it(room: Room, tmp_path: Path) -> None:
+    """Whoever does not trust a solver gives it a copy of data and ledger."""
+    away = Room(tmp_path / "away")
+    shutil.copytree(room.root / "data", away.root / "data")
+    chain_anew(away, [one for one in read_ledger(room.ledger) if one.what == "sealed"])
+    done = prove(away.root, "solve", "--processes", "1")
+    assert done.returncode == 0 and not away.keeper.exists(), done.stderr
+    shutil.copytree(away.root / "claims", room.root / "claims", dirs_exist_ok=True)
+    shutil.copy(away.ledger, room.ledger)
+    assert len(grade_round(room, quiet, 1)) == 3
+
+
+def test_what_was_cut_short_goes_on(room: Room) -> None:
+    """Killed after the first world was sealed and claimed: the same data come again, and what is there stays."""
+    claims = room.claims("w0001").read_bytes()
+    lines = room.ledger.read_bytes().splitlines(keepends=True)
+    kept = [line for line in lines[:3] if b'"w0001"' in line]
+    assert len(kept) == 1
+    room.ledger.write_bytes(kept[0])
+    data = {path: path.read_bytes() for path in room.data("w0003").iterdir()}
+    given = {path: path.read_bytes() for path in room.data("w0001").iterdir()}
+    shutil.rmtree(room.data("w0003"))
+    shutil.rmtree(room.data("w0001"))            # in the ledger, and not given away yet
+    (room.data("w0002") / "torn").write_bytes(b"")
+    seal_round(room, load_plan(room), quiet, 1)
+    assert [(one.world, one.what) for one in read_ledger(room.ledger)] == [
+        ("w0001", "sealed"), ("w0002", "sealed"), ("w0003", "sealed")]
+    assert {path: path.read_bytes() for path in room.data("w0003").iterdir()} == data
+    assert {path: path.read_bytes() for path in room.data("w0001").iterdir()} == given
+    assert room.claims("w0001").read_bytes() == claims
+
+
+def test_somebody_elses_world_is_sealed_with_their_data(room: Room, tmp_path: Path) -> None:
+    data, truth = tmp_path / "challenge", tmp_path / "truth.json"
+    shutil.copytree(room.data("w0001"), data)
+    truth.write_text('{"kind": "one", "effects": {"wind_x": 2.0}, "note": "a fan"}')
+    done = prove(room.root, "seal", "--world", str(truth), "--data", str(data))
+    assert done.returncode == 0, done.stderr
+    seal = load_seal(room.seal("challenge"))
+    assert seal.commitment in done.stdout and seal.world["note"] == "a fan"
+    assert room.steps()["challenge"] == {"sealed": seal.commitment}
+    with pytest.raises(InputError, match="sealed already"):
+        seal_own(room, truth, data)
+    truth.write_text('{"kind": "storm"}')
+    with pytest.raises(InputError, match=r"truth\.json: kind: there is no 'storm'"):
+        seal_own(Room(tmp_path / "other"), truth, data)
+
+
+def test_more_shots_are_given_and_a_second_claim_is_marked_beside_the_first(room: Room) -> None:
+    ask(room, "w0002", [{"distance_m": 4.0, "hood_deg": 48.0, "motor_ratio": 0.55, "shots": 12}])
+    answer_round(room, quiet, 1)
+    assert len(load_dataset(room.more("w0002")).shots) == 12 and not room.more("w0001").exists()
+    assert [one.world for one in grade_round(room, quiet, 1, so_far=True)] == ["w0001", "w0003"]     # it is waited for
+    assert prove(room.root, "solve", "--processes", "1").returncode == 0
+    second = {one.world: one.again for one in grade_round(room, quiet, 1)}
+    assert second["w0001"] is None and second["w0002"] is not None
+    assert [one.what for one in read_ledger(room.ledger) if one.world == "w0002"] == [
+        "sealed", "claimed", "asked", "answered", "claimed again", "opened", "graded"]
+    path = next(room.more("w0002").glob("shots.*"))
+    path.write_bytes(path.read_bytes() + b"\n")
+    with pytest.raises(InputError, match="is not what was given"):
+        grade_round(room, quiet, 1)
+
+
+def test_one_measurement_is_given_and_told_of_in_a_second_claim(room: Room) -> None:
+    ask(room, "w0002", [{"measure": "target height with a tape"}])
+    answer_round(room, quiet, 1)
+    read = msgspec.json.decode((room.more("w0002") / "measured.json").read_bytes())
+    assert abs(read["terms"]["target_height"]["value"]) < 1.0 and read["terms"]["target_height"]["sd"] == 0.01
+    assert prove(room.root, "solve", "--processes", "1").returncode == 0
+    second = {one.world: one for one in grade_round(room, quiet, 1)}["w0002"]
+    assert second.again is not None and second.first.asked == "one measurement" and second.first.random is None
+    (room.more("w0002") / "measured.json").write_bytes(b"{}")
+    with pytest.raises(InputError, match="is not what was given"):
+        grade_round(room, quiet, 1)
+
+
+@pytest.mark.parametrize("asked", [[{"distance_m": 4.0, "hood_deg": 48.0, "motor_ratio": 0.5, "shots": 101}],
+                                   [{"measure": "the truth"}], [{"measure": "target height with a tape"}] * 2,
+                                   [{"measure": "target height with a tape", "shots": 3}],
+                                   [{"distance_m": 4.0, "hood_deg": 48.0, "motor_ratio": 0.5, "shots": 1}] * 6,
+                                   [{"distance_m": 4.0, "hood_deg": 48.0, "motor_ratio": 0.5, "shots": 0}],
+                                   [{"where": "everywhere"}]])
+def test_nobody_gets_more_than_the_rules_allow(room: Room, asked: list[dict[str, Any]]) -> None:
+    ask(room, "w0001", asked)
+    with pytest.raises(InputError, match="asked"):
+        answer_round(room, quiet, 1)
+
+
+def test_another_plan_needs_another_directory(room: Room) -> None:
+    with pytest.raises(InputError, match="drawn from something else"):
+        seal_round(room, Plan(4, 3, "L0", 40, ("numpy",)), quiet, 1)
+
+
+def test_the_solver_can_open_nothing_of_the_keepers(tmp_path: Path) -> None:
+    (tmp_path / "keeper").mkdir()
+    for name in ("keeper/seal.json", "other.json"):
+        (tmp_path / name).write_text("{}")
+    program = f"""
+import os, pathlib
+from truearc_proof.rounds.solver import forbid
+os.chdir({str(tmp_path)!r})
+os.symlink("keeper/seal.json", "way_round") if hasattr(os, "symlink") else None
+forbid(pathlib.Path("keeper"))
+assert open("other.json").read() == "{{}}"
+for attempt in (lambda: open("keeper/seal.json"), lambda: open("way_round"), lambda: os.listdir("keeper"),
+                lambda: os.open("keeper/seal.json", os.O_RDONLY), lambda: list(os.scandir("keeper")),
+                lambda: pathlib.Path("other/../keeper/seal.json").read_text(),
+                lambda: os.rename("keeper/seal.json", "mine.json"), lambda: os.link("keeper/seal.json", "mine.json")):
+    try:
+        attempt()
+    except (PermissionError, FileNotFoundError):
+        continue
+    raise SystemExit(f"opened: {{attempt}}")
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert (tmp_path / "keeper" / "seal.json").exists()
+
+
+def test_a_round_needs_a_seed(tmp_path: Path) -> None:
+    done = prove(tmp_path / "round", "seal", "--worlds", "2")
+    assert done.returncode == 2
+    assert "--seed" in done.stderr
+
+
+@pytest.mark.parametrize("role", ["solve", "answer", "grade", "gates"])
+def test_a_directory_without_a_round_is_refused(tmp_path: Path, role: str) -> None:
+    done = prove(tmp_path / "nothing", role)
+    assert done.returncode == 2 and "ledger.jsonl: is missing" in done.stderr, done.stderr

@@ -1,0 +1,193 @@
+"""Marks of claims made up so that the right mark is plain."""
+
+from typing import Any
+
+import pytest
+
+from truearc_proof.scoring.decoys import has_decoy, named_decoy, up_to_alias
+from truearc_proof.rounds.ledger import Entry
+from truearc_proof.scoring.score_world import Mark, mark
+from truearc_proof.scoring.information_bound import Measured
+from truearc_proof.worlds.sampling_plan import ALIKE, Drawn
+from truearc_proof.report.html_page import make_proof_page, verdict
+from truearc_proof.report.tables import make_tables
+from truearc_proof.report.targets import against_targets
+
+ONE = Drawn("w1", "numpy", "one", "L1", 300, 1, {"wind_x": 2.0}, (), "", {"wind_x": 20.0})
+
+
+def finding(*names: tuple[str, float], found: bool = True, verdict: str = "named", stage: str = "flight",
+            value: float = 2.2, also: tuple[str, ...] = ()) -> dict[str, Any]:
+    parameters = {"speed_m_s": {"value": value, "low90": value - 0.5, "high90": value + 0.5}}
+    what = [{"term": name, "probability": share, "parameters": parameters} for name, share in names]
+    return {"mismatch": {"found": found, "p_value": 0.01}, "verdict": verdict, "where": {"stage": stage},
+            "what": what, "set": [name for name, _ in names] or None, "fit": {"gain_per_shot": 0.1},
+            "also": [{"what": [{"term": name}], "set": [name]} for name in also]}
+
+
+def test_the_right_name_with_its_size() -> None:
+    told = mark(ONE, finding(("wind_x", 0.95)), Measured((0.9, 0.8, 0.85, 0.9), (), 0.4, 0.2))
+    assert (told.found, told.stage, told.first, told.alias, told.covered, told.holds) == (True,) * 6
+    assert told.error == pytest.approx(0.5)
+    assert (told.gain, told.oracle_gain, told.strength, told.hidden) == (0.1, 0.2, 20.0, ("wind_x",))
+
+
+def test_a_wrong_name_and_a_set_that_has_the_right_one() -> None:
+    wrong = mark(ONE, finding(("wheel_slip", 0.95), stage="launch"), Measured())
+    assert (wrong.stage, wrong.first, wrong.alias, wrong.covered, wrong.holds) == (False, False, False, False, None)
+    told = mark(ONE, finding(("spin_drag", 0.5), ("wind_x", 0.4), verdict="set"), Measured())
+    assert (told.first, told.alias, told.covered, told.set_size) == (False, False, True, 2)
+    alike = mark(ONE, finding(("spin_drag", 0.95)), Measured(None, ("spin_drag",)))
+    assert (alike.first, alike.alias) == (False, True)
+
+
+def test_nothing_found_is_asked_nothing() -> None:
+    told = mark(ONE, finding(found=False, verdict="none"), Measured((0.5, 0.4, 0.4, 0.4)))
+    assert (told.found, told.first, told.stage, told.names) == (False, None, None, ())
+    assert told.allowed == (0.5, 0.4, 0.4, 0.4)
+
+
+def test_two_effects_are_both_right_only_together() -> None:
+    two = Drawn("w2", "numpy", "two", "L1", 300, 1, {"wind_x": 2.0, "wheel_slip": 0.02})
+    assert mark(two, finding(("wind_x", 0.95), also=("wheel_slip",)), Measured()).both
+    assert mark(two, finding(("wind_x", 0.95), also=("rim_catch",)), Measured()).both is False
+
+
+def test_what_no_catalogue_has_can_be_named_only_wrongly() -> None:
+    off = Drawn("w3", "numpy", "off", "L1", 300, 1, {"hood_flex": 2.0})
+    told = mark(off, finding(verdict="unknown", stage="launch"), Measured())
+    assert (told.stage, told.first, told.covered, told.names) == (True, None, None, ())
+
+
+def test_a_changed_robot_may_be_told_by_several_names() -> None:
+    soft = Drawn("w4", "mujoco", "one", "L1", 300, 1, {"ball_stiffness_scale": 0.6}, (), "soft_ball")
+    told = mark(soft, finding(("exit_efficiency", 0.95), stage="launch"), Measured())
+    assert (told.first, told.stage, told.hidden, told.holds) == (True, True, ("soft_ball",), None)
+    still = Drawn("w5", "mujoco", "clean", "L1", 300, 1, change="nothing")
+    assert mark(still, finding(("wind_x", 0.9)), Measured()).hidden == ()
+
+
+def robot(kind: str, change: str, level: str = "L1", dirt: tuple[str, ...] = (), **options: float) -> Drawn:
+    return Drawn("w8", "mujoco", kind, level, 300, 1, options, dirt, change)
+
+
+def test_two_changes_of_a_robot_are_both_right_when_each_has_one_of_its_names() -> None:
+    two = robot("two", "tail_wind+soft_ball", wind_x_m_s=1.5, ball_stiffness_scale=0.6)
+    told = mark(two, finding(("wind_x", 0.95), also=("wheel_slip",)), Measured())
+    assert (told.hidden, told.first, told.stage, told.both) == (("tail_wind", "soft_ball"), True, True, True)
+    assert set(told.right) == {"wind_x", "exit_efficiency", "wheel_slip", "wheel_droop", "ball_compression"}
+    # two names of the one change are not both
+    told = mark(two, finding(("exit_efficiency", 0.95), also=("wheel_slip",), stage="launch"), Measured())
+    assert (told.first, told.stage, told.both) == (True, True, False)
+    assert mark(two, finding(("rim_catch", 0.95), stage="arrival"), Measured()).stage is False
+
+
+@pytest.mark.parametrize(("level", "change", "name", "stage", "right"), [
+    ("L0", "camera_scale", "target_height", "arrival", True),
+    ("L0", "release_height", "distance_bias", "sensing", True),
+    ("L1", "release_height", "target_height", "launch", True),
+    ("L1", "release_height", "distance_bias", "sensing", False),
+    ("L2", "camera_scale", "distance_scale", "sensing", True),
+    ("L2", "camera_scale", "release_height", "launch", False)])
+def test_any_name_of_a_class_is_right_of_a_robots_alias(level: str, change: str, name: str, stage: str,
+                                                       right: bool) -> None:
+    told = mark(robot("alias", change, level), finding((name, 0.95), stage=stage), Measured())
+    assert (told.first, told.stage, told.covered, told.right) == (right, right, right, ALIKE[level])
+
+
+def test_a_robots_decoy_is_nobodys_alias_and_what_wears_is_right() -> None:
+    decoy = robot("decoy", "worn_ball", dirt=("battery_with_wear",), wear_stiffness_per_shot=0.005)
+    told = mark(decoy, finding(("battery_sag", 0.95), stage="launch"), Measured(None, ("battery_sag",)),
+                {"argmax": {"says_something": True, "names": ["battery_sag"]}})
+    assert (told.first, told.alias, up_to_alias(told), named_decoy(told)) == (False, True, False, True)
+    assert told.rivals == {"argmax": (True, False, False)}
+    right = mark(decoy, finding(("ball_wear", 0.95), stage="launch"), Measured())
+    assert (right.first, up_to_alias(right), named_decoy(right), has_decoy(right)) == (True, True, False, False)
+    bare = mark(robot("decoy", "worn_ball", "L0", ("battery_with_wear",)), finding(("drag", 0.9)), Measured())
+    assert named_decoy(bare) is None                  # outcomes alone have no battery
+
+
+def test_what_no_catalogue_has_of_a_robot_can_be_named_only_wrongly() -> None:
+    flexed = robot("off", "hood_flex", hood_flex_deg=0.4)
+    told = finding(verdict="unknown", stage="launch")
+    told["where"] |= {"covariate": "motor_ratio", "direction": "vertical"}
+    marked = mark(flexed, told, Measured())
+    assert (marked.hidden, marked.right, marked.first, marked.stage, marked.goes_with) == (
+        ("hood_flex",), (), None, True, True)
+    told["where"]["direction"] = "along"
+    assert mark(flexed, told, Measured()).goes_with is False
+    aloft = mark(robot("off", "wind_aloft", wind_x_m_s=0.5, wind_above_m=2.5), told, Measured())
+    assert (aloft.stage, aloft.goes_with) == (False, None)       # nobody can be sure of what it would go with
+
+
+def test_a_dirty_robot_is_a_null_and_has_a_row_of_its_own() -> None:
+    dirty = mark(robot("dirty", "nothing", dirt=("scatter",)), finding(("wind_x", 0.9)), Measured())
+    assert (dirty.hidden, dirty.found, dirty.first, dirty.right) == ((), True, None, ())
+    clean = mark(robot("clean", "nothing"), finding(found=False, verdict="none"), Measured())
+    numpys = mark(Drawn("w6", "numpy", "dirty", "L1", 300, 1, {}, ("balls",)), finding(found=False, verdict="none"),
+                  Measured())
+    alarms = make_tables([dirty, clean, clean, numpys])[0]
+    assert {row[0]: row[1][:3] for row in alarms.rows} == {
+        "dirty": "0/1", "MuJoCo, unchanged": "0/2", "MuJoCo, unchanged, dirty": "1/1", "together": "1/4"}
+
+
+def test_every_kind_of_a_changed_robot_has_a_row() -> None:
+    marks = [mark(robot(kind, change), finding(("wind_x", 0.95)), Measured()) for kind, change in (
+        ("one", "tail_wind"), ("two", "tail_wind+soft_ball"), ("alias", "release_height"), ("decoy", "worn_ball"),
+        ("off", "wind_aloft"))]
+    (table,) = [one for one in make_tables(marks) if one.title.startswith("Worlds in which something is hidden")]
+    assert [(row[0], row[1][:3], row[3][:3]) for row in table.rows] == [
+        ("MuJoCo, one thing changed", "1/1", "1/1"), ("MuJoCo, two things", "1/1", "1/1"),
+        ("MuJoCo, aliases", "1/1", "0/1"), ("MuJoCo, with a decoy", "1/1", "0/1"),
+        ("MuJoCo, in no catalogue", "1/1", "-")]
+
+
+def test_tables_count_every_world_once() -> None:
+    clean = Drawn("w6", "numpy", "clean", "L1", 300, 1)
+    marks: list[Mark] = [mark(clean, finding(found=False, verdict="none"), Measured())] * 19
+    marks += [mark(clean, finding(("wind_x", 0.9)), Measured()), mark(ONE, finding(("wind_x", 0.95)), Measured())]
+    text = "\n".join(one.markdown() for one in make_tables(marks))
+    assert "| together | 1/20 = 0.05 (0.01-0.24) | 1/20" in text
+    assert "| nothing | 19 | 1 | 0 | 0 |" in text
+    assert "| 15-35 | 1/1" in text
+
+
+def test_what_others_say_of_the_same_world_is_marked_by_the_same_rule() -> None:
+    claims = {"gp": {"says_something": True, "names": []}, "argmax": {"says_something": True, "names": ["spin_drag"]},
+              "boosted": {"says_something": False, "names": ["wind_x"]}}
+    told = mark(ONE, finding(("wind_x", 0.95)), Measured(None, ("spin_drag",)), claims)
+    assert told.rivals == {"gp": (True, False, False), "argmax": (True, False, True), "boosted": (False, False, False)}
+    clean = mark(Drawn("w6", "numpy", "clean", "L2", 300, 1), finding(found=False, verdict="none"), Measured(), claims)
+    assert clean.rivals["argmax"] == (True, None, None)
+    (table,) = [one for one in make_tables([told, clean]) if "Beside others" in one.title]
+    rows = {row[0]: row[1:] for row in table.rows}
+    assert rows["truearc"][0].startswith("0/1") and rows["truearc"][2].startswith("1/1")
+    assert rows["argmax"][0].startswith("1/1") and rows["argmax"][2].startswith("0/1")
+    assert rows["argmax"][3].startswith("1/1")
+
+
+def test_a_decoy_s_name_is_no_rival_s_alias_either() -> None:
+    decoy = Drawn("w7", "numpy", "decoy", "L2", 300, 1, {"ball_wear": 0.1}, ("battery_with_wear",))
+    claims = {"argmax": {"says_something": True, "names": ["battery_sag"]},
+              "gp": {"says_something": True, "names": ["drag_wear"]}}
+    told = mark(decoy, finding(("ball_wear", 0.95)), Measured(None, ("battery_sag", "drag_wear")), claims)
+    assert told.rivals == {"argmax": (True, False, False), "gp": (True, False, True)}
+
+
+def test_figures_stand_beside_the_design_s_targets_scaled_to_what_the_data_allow() -> None:
+    allowed = Measured((0.28, 0.2, 0.25, 0.26), (), 0.4, 0.2)
+    seen = mark(ONE, finding(("wind_x", 0.95)), allowed)
+    missed = mark(ONE, finding(found=False, verdict="none"), allowed)
+    rows = {row[1]: row[2:] for row in against_targets([seen, missed, missed, missed])}
+    assert rows["detected"] == ["1/4 = 0.25 (0.05-0.70)", "0.28", ">= 0.25 (scaled)",       # .50 of .56
+                                "reached, may be luck"]
+    assert rows["top-1"][3] == "reached, may be luck" and rows["amplitude's RMS error / least"][0] == "0.50"
+    assert rows["gain kept, by the solver's own folds"] == ["0.50", "-", ">= 0.75", "NOT REACHED"]
+
+
+def test_the_page_says_all_in_a_sentence_and_holds_every_world_and_line() -> None:
+    marks = [mark(ONE, finding(("wind_x", 0.95)), Measured()),
+             mark(Drawn("w6", "numpy", "clean", "L1", 300, 1), finding(found=False, verdict="none"), Measured())]
+    assert verdict(marks).startswith("Where nothing was missing, something was claimed in 0 of 1 worlds (0% to 79%).")
+    page = make_proof_page(marks, make_tables(marks), (Entry(1, "sealed", "w1", "ab" * 32, "0" * 64),))
+    assert page.count("data:image/png") == 3 and "wind_x" in page and "abababababababab" in page

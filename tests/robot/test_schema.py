@@ -1,0 +1,72 @@
+"""launcher.toml is strict: whatever is wrong is named with its file, line and key."""
+
+from pathlib import Path
+
+import pytest
+
+from truearc import robot
+from truearc.robot.config.schema import InputError, Config, config_hash, load_config, parse_toml
+from truearc.robot.config.rig_spec import unknown_keys
+
+SHIPPED = Path(robot.__file__).parent / "launcher.toml"
+TEXT = SHIPPED.read_text(encoding="utf-8")
+
+
+def test_the_shipped_configuration_loads():
+    config = load_config(SHIPPED)
+    assert [wheel.name for wheel in config.rig.launcher.wheel] == ["lower", "upper"]
+
+
+@pytest.mark.parametrize(("old", "new", "message"), [
+    ("spread = 0.06", "spred = 0.06", r"my\.toml:\d+: unknown key `spred` - at `collect`"),
+    ("kp = 0.03", "", r"my\.toml.*: missing key `kp` - at `flywheel\.pid`"),
+    ("tick_hz = 200", 'tick_hz = "fast"', r"my\.toml:3: Expected `int`, got `str` - at `tick_hz`"),
+    ("fps = 20.0", "fps = [", r"my\.toml: .*line \d+"),
+    ("mass_kg = 0.14", "", r"my\.toml.*missing key `mass_kg`"),
+    ("tick_hz = 200", "tick_hz = 0", r"my\.toml:3: Expected `int` >= 20 - at `tick_hz`"),
+    ("reading_age_s = 0.1", "reading_age_s = inf", r"my\.toml:\d+: Expected `float` < .* - at `gate\.reading_age_s`"),
+    ("reading_age_s = 0.1", "reading_age_s = nan", r"my\.toml:\d+: Expected `float` > .* - at `gate\.reading_age_s`"),
+    ('driver = "canandmag"', 'driver = "canandmug"', r"my\.toml:\d+: .*'canandmug' - at `hood_encoder\.driver`"),
+    ("kp = 0.03", "kp = nan", r"my\.toml:\d+: .* - at `flywheel\.pid\.kp`"),
+])
+def test_a_mistake_is_named(old, new, message):
+    assert old in TEXT
+    with pytest.raises(InputError, match=message):
+        parse_toml(TEXT.replace(old, new, 1), Config, "my.toml")
+
+
+@pytest.mark.parametrize(("old", "new", "message"), [
+    ('[axes.feeder]\ndriver = "odrive"', '[axes.feeder]\ndriver = "sprak"',
+     "Invalid value 'sprak' - at `axes.feeder.driver` (there are odrive, spark, advisory)"),
+    ("node = 4", "node = 64", "Expected `int` <= 62 - at `axes.feeder.node`"),
+    ("node = 3\ndirection = 1", "node = 3\ndirection = 2", "Invalid enum value 2 - at `axes.hood.direction`"),
+    ("[hood.pid]\nkp = 0.05", "[hood.pid]", "missing key `kp` - at `hood.pid`"),
+    ('[axes.hood]\ndriver = "odrive"', '[axes.hood]\ndriver = "spark"', "unknown key `node` - at `axes.hood`"),
+])
+def test_the_line_is_that_of_the_right_table(old, new, message):
+    """Many tables have a `driver`, a `node`, a `kp`."""
+    assert TEXT.count(old) == 1
+    text = TEXT.replace(old, new)
+    if "unknown" in message:
+        new += "\nnode"
+    line = text[:text.index(new)].count("\n") + new.count("\n") + 1
+    with pytest.raises(InputError) as error:
+        parse_toml(text, Config, "my.toml")
+    assert str(error.value) == f"my.toml:{line}: {message}"
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(InputError, match=r"nowhere\.toml"):
+        load_config(tmp_path / "nowhere.toml")
+
+
+def test_the_hash_follows_what_the_file_says_not_how_it_is_written():
+    config = parse_toml(TEXT, Config, "a")
+    assert config_hash(parse_toml("# a comment\n" + TEXT, Config, "b")) == config_hash(config)
+    assert config_hash(parse_toml(TEXT.replace("spread = 0.06", "spread = 0.13"), Config, "c")) != config_hash(config)
+
+
+def test_keys_of_rig_toml_that_nobody_reads_are_listed():
+    table = {"ball": {"mass_kg": 0.1, "radius_m": 0.1, "colour": "red"}, "camera": {},
+             "launcher": {"wheel": [{"name": "a", "radius_m": 1, "gear": 1, "clock_deg": 0, "rim": 2}]}}
+    assert unknown_keys(table) == ["ball.colour", "camera", "launcher.wheel.rim"]

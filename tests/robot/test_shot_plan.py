@@ -1,0 +1,123 @@
+"""Prescribed shots: what the launcher cannot do is named by file, line and column; the rest is done to the letter."""
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from msgspec.structs import replace
+
+from truearc.robot.aim import aim, config_id, step_walk
+from truearc.robot.config.schema import InputError, Config, Prescribed, config_hash, parse_toml
+from truearc.robot.estimate import estimate
+from truearc.robot.gate.verdict import judge
+from truearc.robot.config.shot_plan import load_plan, with_plan
+from truearc.robot.types import Shot
+from tests.robot.good_tick import CONFIG, DISTANCE_M, HOOD_DEG, good_inputs, good_memory
+from truearc.cli.main import main
+
+SHIPPED = Path(__file__).parents[2] / "robot" / "launcher.toml"
+ROWS = (Prescribed(DISTANCE_M, 0.5, HOOD_DEG), Prescribed(7.0, 0.625, 33.0))
+
+
+def write(path, text):
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_columns_may_stand_in_any_order_and_others_are_ignored(tmp_path):
+    file = write(tmp_path / "p.csv", "hood_deg,name,distance_m,motor_ratio\n50,a,5,0.5\n33,b,7.0,0.625\n")
+    assert load_plan(file, CONFIG) == ROWS
+
+
+def test_a_dataset_directory_is_a_plan(tmp_path):
+    write(tmp_path / "shots.csv", "shot_id,distance_m,hood_deg,motor_ratio,outcome\ns1,7.0,33.0,0.625,two\n")
+    assert load_plan(tmp_path, CONFIG) == ROWS[1:]
+
+
+@settings(deadline=None)
+@given(rows=st.lists(st.tuples(st.floats(0.1, 30.0), st.floats(0.01, 1.0), st.floats(15.0, 75.0)), min_size=1))
+def test_what_is_written_is_read_to_the_bit(tmp_path_factory, rows):
+    text = "distance_m,motor_ratio,hood_deg\n" + "".join(f"{d!r},{r!r},{h!r}\n" for d, r, h in rows)
+    file = write(tmp_path_factory.mktemp("plan") / "p.csv", text)
+    assert [(row.distance_m, row.motor_ratio, row.hood_deg) for row in load_plan(file, CONFIG)] == rows
+
+
+@pytest.mark.parametrize(("text", "message"), [
+    ("distance_m,motor_ratio\n5,0.5\n", r"p\.csv:1: column hood_deg is missing"),
+    ("", r"p\.csv:1: column distance_m is missing"),
+    ("distance_m,motor_ratio,hood_deg\n", "no rows"),
+    ("distance_m,motor_ratio,hood_deg\n5,0.5,45\n5,1.01,45\n", r"p\.csv:3: motor_ratio: 1\.01 is out of the .*0 to 1"),
+    ("distance_m,motor_ratio,hood_deg\n5,0.5,14\n", r"p\.csv:2: hood_deg: 14 is out of the .*15 to 75"),
+    ("distance_m,motor_ratio,hood_deg\n5,0,45\n", "motor_ratio: 0 is out"),
+    ("distance_m,motor_ratio,hood_deg\n5,nan,45\n", "motor_ratio: 'nan' is not a number"),
+    ("distance_m,motor_ratio,hood_deg\ninf,0.5,45\n", "distance_m: inf is out"),
+    ("distance_m,motor_ratio,hood_deg\n5,,45\n", "motor_ratio: '' is not a number"),
+    ("distance_m,motor_ratio,hood_deg\n5,0.5\n", "hood_deg: '' is not a number"),
+    ("distance_m,motor_ratio,hood_deg\n" + "5,2,45\n" * 9, "and 4 more"),
+])
+def test_a_row_that_cannot_be_is_named(tmp_path, text, message):
+    with pytest.raises(InputError, match=message):
+        load_plan(write(tmp_path / "p.csv", text), CONFIG)
+
+
+@pytest.mark.parametrize("verb", [["emulate", "--out", "s"], ["run", "--config", str(SHIPPED)]])
+def test_the_verbs_refuse_it_with_exit_code_2_and_leave_nothing(verb, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path / "p.csv", "distance_m,motor_ratio,hood_deg\n5,0.5,80\n")
+    assert main([*verb, "--plan", "p.csv", "--quiet"]) == 2
+    assert "p.csv:2: hood_deg: 80" in capsys.readouterr().err
+    assert main([*verb, "--plan", "nowhere.csv"]) == 2
+    assert "nowhere.csv" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["p.csv"]
+
+
+@pytest.mark.parametrize("words", [[], ["--trials", "5"], ["--repeats", "0"]])
+def test_how_many_must_be_possible(words, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path / "p.csv", "distance_m,motor_ratio,hood_deg\n5,0.5,45\n")
+    plan = ["--plan", "p.csv"] if words else []
+    assert main(["emulate", "--out", "s", *plan, *words, "--quiet"]) == 2
+    assert "--trials" in (said := capsys.readouterr().err) or "--repeats" in said
+    assert not (tmp_path / "s").exists()
+
+
+PLANNED = with_plan(CONFIG, ROWS, repeats=2)
+
+
+def aim_at(trial, config=PLANNED):
+    memory = replace(good_memory(), trial=trial, aim=None)
+    return aim(estimate(good_inputs(), memory, config), memory, config)
+
+
+def test_each_row_is_shot_as_often_as_asked_and_then_there_is_nothing_more():
+    assert (aim_at(0).motor_ratio, aim_at(0).hood_deg, aim_at(0).source) == (0.5, HOOD_DEG, "plan")
+    assert aim_at(1) == aim_at(0)
+    assert (aim_at(2).motor_ratio, aim_at(2).hood_deg) == (0.625, 33.0)
+    assert aim_at(4).source == "idle"
+    assert [config_id(trial, PLANNED.collect) for trial in range(4)] == ["c0000", "c0000", "c0001", "c0001"]
+
+
+def test_from_another_place_it_holds_and_says_where_to_stand():
+    elsewhere = aim_at(2)
+    memory = replace(good_memory(), aim=elsewhere)
+    inputs = good_inputs(elsewhere.motor_ratio * CONFIG.rig.launcher.free_speed_rad_s, elsewhere.hood_deg)
+    verdict = judge(inputs, estimate(inputs, memory, PLANNED), elsewhere, memory, PLANNED, None)
+    assert verdict.reasons == ("stand at 7.00 m",)
+
+
+def test_marks_of_prescribed_shots_walk_nothing():
+    shot = Shot(0, 0, "c", 8.0, 0.02, 45.0, 0.5, 300.0, 12.0, None, None, None)
+    assert step_walk((0.1, 0.0, 0.0), -1, shot, PLANNED.collect) == (0.1, 0.0, 0.0)
+    assert step_walk((0.1, 0.0, 0.0), -1, shot, CONFIG.collect) != (0.1, 0.0, 0.0)
+
+
+def test_a_configuration_without_a_plan_says_what_it_said_before_there_were_plans():
+    """The hash is that of the file shipped before the key was there, so recordings from then still load."""
+    import msgspec
+    assert b"prescribed" not in msgspec.json.encode(CONFIG)
+    assert config_hash(PLANNED) != config_hash(CONFIG)
+    text = SHIPPED.read_text(encoding="utf-8")
+    rows = "\n".join(f"[[collect.prescribed]]\ndistance_m = {r.distance_m}\nmotor_ratio = {r.motor_ratio}\n"
+                     f"hood_deg = {r.hood_deg}" for r in ROWS)
+    assert parse_toml(text + "\n" + rows, Config, "x").collect.prescribed == ROWS

@@ -1,0 +1,220 @@
+"""The program that is driven, and the tick that drives it: every doubt lets go, and for good."""
+
+import math
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from msgspec.structs import replace
+
+from truearc.hw.devices.odrive.frames import IDLE
+from truearc.hw.readings import ButtonEvent
+from truearc.robot.config.schema import InputError
+from truearc.robot.control import RELEASED
+from truearc.robot.sysid.program import COAST, FLYWHEEL, HOME, HOOD, RAMP, READY, STEP, phases
+from truearc.robot.sysid.tick import DONE, make_step
+from truearc.robot.types import Memory, Progress
+from tests.robot.good_tick import CONFIG, HOOD_DEG, NOW_NS, good_inputs, good_memory, seconds
+
+STEP_ONCE = make_step(CONFIG)
+PROGRAM = phases(CONFIG)
+
+
+def excite(joint, **keys):
+    changed = replace(getattr(CONFIG.identify, joint), **keys)
+    return replace(CONFIG, identify=replace(CONFIG.identify, **{joint: changed}))
+
+
+def pressed(button):
+    return (ButtonEvent(NOW_NS, 1, button),)
+
+
+def first(joint, kind, sign=1):
+    return next(i for i, one in enumerate(PROGRAM) if (one.joint, one.kind, one.sign) == (joint, kind, sign))
+
+
+def running(phase, since_s=0.5):
+    """Armed, homed, in the middle of a phase."""
+    memory = good_memory()
+    return Memory(armed=True, homed=True, screw_zero_rad=memory.screw_zero_rad,
+                  identify=Progress(phase, NOW_NS - seconds(since_s)))
+
+
+def tick(inputs, memory):
+    return STEP_ONCE(inputs, memory, CONFIG, None)
+
+
+def inputs_at(joint, rad_s, hood_deg=HOOD_DEG, buttons=()):
+    inputs = good_inputs(rad_s if joint == FLYWHEEL else 0.0, hood_deg, buttons)
+    if joint == HOOD:
+        inputs = replace(inputs, hood_motor=replace(inputs.hood_motor, velocity_rad_s=rad_s))
+    return inputs
+
+
+# --- the program
+
+
+def test_flywheels_are_never_driven_backwards_unless_the_configuration_says_so():
+    assert all(one.sign > 0 for one in PROGRAM if one.joint == FLYWHEEL)
+    reverse = phases(excite("flywheel", reverse=True))
+    assert {one.sign for one in reverse if one.joint == FLYWHEEL and one.torque_nm} == {1, -1}
+
+
+def test_each_joint_gets_its_ramps_and_steps_each_followed_by_coasting():
+    for joint, ways in ((FLYWHEEL, 1), (HOOD, 2)):
+        repeats = getattr(CONFIG.identify, joint).repeats
+        mine = [one for one in PROGRAM if one.joint == joint and one.kind not in (READY, HOME)]
+        for kind in (RAMP, STEP):
+            assert sum(one.kind == kind for one in mine) == repeats * ways
+        assert [one.kind == COAST for one in mine] == [number % 2 == 0 for number in range(len(mine))]
+
+
+def test_the_hood_goes_up_as_often_as_down_and_is_homed_first():
+    driven = [one for one in PROGRAM if one.joint == HOOD and one.torque_nm]
+    assert driven[0].kind == HOME
+    assert sum(one.sign for one in driven[1:]) == 0
+
+
+@given(st.sampled_from(PROGRAM), st.floats(0.0, 1e4))
+def test_no_torque_is_ever_above_what_was_configured(phase, since_s):
+    asked = phase.asked_nm(since_s)
+    assert abs(asked) <= phase.torque_nm and asked * phase.sign >= 0.0
+    if phase.joint == FLYWHEEL:
+        assert abs(asked) <= CONFIG.identify.flywheel.step_nm
+
+
+@pytest.mark.parametrize(("config", "words"), [
+    (replace(CONFIG, identify=None), r"\[identify\] is missing"),
+    (excite("flywheel", step_nm=1.3), "identify.flywheel.step_nm is 1.3, above flywheel.pid.output_high"),
+    (excite("hood", step_nm=0.31), "identify.hood.step_nm is 0.31"),
+    (excite("flywheel", top_rad_s=590.0), "above rig.launcher.free_speed_rad_s"),
+    (excite("hood", margin_deg=30.0), "identify.hood.margin_deg is 30: nothing is left"),
+    (replace(CONFIG, identify=replace(CONFIG.identify, flywheel=replace(CONFIG.identify.flywheel, repeats=0),
+                                      hood=replace(CONFIG.identify.hood, repeats=0))), "nothing would be driven"),
+])
+def test_what_the_launcher_forbids_is_refused_before_anything_moves(config, words):
+    with pytest.raises(InputError, match=words):
+        make_step(config)
+
+
+# --- the tick
+
+
+def test_nothing_moves_before_the_operator_arms():
+    memory = Memory()
+    for button in (None, "fire", "two", "reject"):
+        out = tick(good_inputs(0.0, HOOD_DEG, pressed(button) if button else ()), memory)
+        assert out.command == RELEASED and not out.verdict.fire
+        memory = out.memory
+    armed = tick(good_inputs(0.0, HOOD_DEG, pressed("arm")), memory)
+    assert armed.command.enable and armed.command.flywheel_torque_nm == 0.0
+
+
+def test_it_waits_for_the_axes_and_gives_up_on_them():
+    idle = good_inputs(0.0, HOOD_DEG)
+    idle = replace(idle, flywheels=tuple(replace(one, axis_state=IDLE) for one in idle.flywheels))
+    waits = tick(idle, running(0, since_s=1.0))
+    assert waits.memory.identify.phase == 0 and waits.command.enable and waits.command.flywheel_torque_nm == 0.0
+    gives_up = tick(idle, running(0, since_s=6.0))
+    assert "not under control" in gives_up.memory.identify.over and gives_up.command == RELEASED
+    goes_on = tick(good_inputs(0.0, HOOD_DEG), running(0, since_s=1.0))
+    assert goes_on.memory.identify == Progress(1, NOW_NS)
+
+
+def wheels(inputs, **keys):
+    return replace(inputs, flywheels=tuple(replace(motor, **keys) for motor in inputs.flywheels))
+
+
+def one_wheel(inputs, **keys):
+    return replace(inputs, flywheels=(inputs.flywheels[0], replace(inputs.flywheels[1], **keys)))
+
+
+def stale(inputs, joint):
+    old = NOW_NS - seconds(0.2)
+    if joint == "encoder":
+        return replace(inputs, hood_angle=replace(inputs.hood_angle, t_ns=old))
+    if joint == "flywheel":
+        return one_wheel(inputs, t_ns=old)
+    return replace(inputs, **{joint: replace(getattr(inputs, joint), t_ns=old)})
+
+
+@pytest.mark.parametrize(("phase", "spoil", "words"), [
+    (first(FLYWHEEL, STEP), lambda i: stale(i, "flywheel"), "flywheel motor 2 silent for 0.20 s"),
+    (first(FLYWHEEL, STEP), lambda i: stale(i, "hood_motor"), "hood motor silent"),
+    (first(HOOD, STEP), lambda i: stale(i, "encoder"), "hood encoder silent"),
+    (first(HOOD, COAST), lambda i: stale(i, "flywheel"), "flywheel motor 2 silent"),
+    (first(HOOD, STEP), lambda i: replace(i, hood_angle=None), "has never answered"),
+    (first(FLYWHEEL, STEP), lambda i: replace(i, faults=("CAN lost: gone",)), "CAN lost"),
+    (first(FLYWHEEL, RAMP), lambda i: wheels(i, axis_error=1), "flywheel motor 1: "),
+    (first(FLYWHEEL, STEP), lambda i: wheels(i, velocity_rad_s=520.0), "flywheel at 520 rad/s"),
+    (first(FLYWHEEL, STEP), lambda i: wheels(i, velocity_rad_s=math.nan), "flywheel at nan"),
+    (first(FLYWHEEL, STEP), lambda i: wheels(i, velocity_rad_s=-30.0), "turns against its torque"),
+    (first(FLYWHEEL, STEP), lambda i: one_wheel(i, velocity_rad_s=70.0), "belt"),
+    (first(HOOD, STEP), lambda i: replace(i, hood_motor=replace(i.hood_motor, velocity_rad_s=150.0)), "hood at 150"),
+    (first(HOOD, STEP), lambda i: replace(i, hood_motor=replace(i.hood_motor, position_rad=0.0)), "its screw"),
+])
+def test_every_doubt_lets_go_of_everything_for_good(phase, spoil, words):
+    joint = PROGRAM[phase].joint
+    good = inputs_at(joint, 60.0)
+    assert not tick(good, running(phase)).memory.identify.over
+    out = tick(spoil(good), running(phase))
+    assert words in out.memory.identify.over
+    assert out.command == RELEASED and not out.memory.armed
+    assert words in out.verdict.reasons[0] and not out.verdict.fire
+    again = tick(replace(good, buttons=pressed("arm")), out.memory)
+    assert again.command == RELEASED and again.memory.identify == out.memory.identify
+
+
+@pytest.mark.parametrize("button", ["arm", "fire", "reject", "three"])
+def test_any_button_is_a_release(button):
+    out = tick(inputs_at(FLYWHEEL, 60.0, buttons=pressed(button)), running(first(FLYWHEEL, STEP)))
+    assert out.command == RELEASED and button in out.memory.identify.over
+
+
+@pytest.mark.parametrize(("hood_deg", "rad_s", "ends"), [
+    (70.0, 50.0, True), (70.0, -50.0, False), (70.0, 0.0, False), (18.0, -50.0, True), (18.0, 50.0, False)])
+def test_the_hood_is_let_go_where_it_would_run_into_its_end(hood_deg, rad_s, ends):
+    out = tick(inputs_at(HOOD, rad_s, hood_deg), running(first(HOOD, STEP) + 1))
+    assert bool(out.memory.identify.over) == ends
+    if ends:
+        assert "still moving outwards" in out.memory.identify.over and out.command == RELEASED
+
+
+def test_a_phase_ends_at_its_speed_or_at_the_hoods_margin_and_coasting_at_rest():
+    step = first(FLYWHEEL, STEP)
+    assert tick(inputs_at(FLYWHEEL, 440.0), running(step)).memory.identify.phase == step
+    ended = tick(inputs_at(FLYWHEEL, 460.0), running(step))
+    assert ended.memory.identify == Progress(step + 1, NOW_NS) and ended.command.flywheel_torque_nm == 0.0
+    assert tick(inputs_at(FLYWHEEL, 60.0), running(step + 1)).memory.identify.phase == step + 1
+    assert tick(inputs_at(FLYWHEEL, 3.0), running(step + 1)).memory.identify.phase == step + 2
+    up = first(HOOD, STEP)
+    assert tick(inputs_at(HOOD, 60.0, 64.0), running(up)).memory.identify.phase == up + 1
+    assert tick(inputs_at(HOOD, 60.0, 50.0), running(up)).memory.identify.phase == up
+
+
+@pytest.mark.parametrize(("phase", "rad_s", "words"), [
+    (first(FLYWHEEL, STEP), 1.0, "does not turn at 0.3 Nm"),
+    (first(FLYWHEEL, STEP) + 1, 60.0, "still turns after 60 s"),
+])
+def test_what_ought_to_have_moved_or_stopped_is_an_end(phase, rad_s, words):
+    out = tick(inputs_at(FLYWHEEL, rad_s), running(phase, since_s=61.0))
+    assert words in out.memory.identify.over and out.command == RELEASED
+
+
+def test_the_last_phase_ends_in_done():
+    out = tick(inputs_at(HOOD, 0.0), running(len(PROGRAM) - 1))
+    assert out.memory.identify.over == DONE and out.command == RELEASED
+
+
+def test_only_one_joint_is_ever_driven_and_the_feeder_never():
+    for index, phase in enumerate(PROGRAM):
+        command = tick(inputs_at(phase.joint, 0.0), running(index, since_s=0.5)).command
+        assert command.feeder_torque_nm == 0.0
+        assert 0.0 in (command.flywheel_torque_nm, command.hood_torque_nm)
+
+
+def test_recordings_and_configurations_of_before_still_say_what_they_said():
+    """Neither a row nor a hash knows of identifying where there is none: old sessions replay to the bit."""
+    assert b"identify" not in msgspec.json.encode(Memory())
+    assert b"identify" not in msgspec.json.encode(replace(CONFIG, identify=None))

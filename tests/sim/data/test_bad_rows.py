@@ -1,0 +1,126 @@
+"""Every kind of bad row or file is named with its place."""
+
+import string
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from truearc.robot.config.schema import InputError
+from truearc.sim.data.dataset import load_dataset
+from tests.sim.data.files import GOOD, HEADER, RIG, write
+
+BAD_ROWS = {
+    "b,nan,50,0.5,two,,,": "shots.csv:3: distance_m: nan is not finite",
+    "b,3,inf,0.5,two,,,": "shots.csv:3: hood_deg: inf is not finite",
+    "b,3,50,1e999,two,,,": "shots.csv:3: motor_ratio: 1e999 is not finite",
+    "b,-1,50,0.5,two,,,": "shots.csv:3: distance_m: -1 is out of range",
+    "b,3,120,0.5,two,,,": "shots.csv:3: hood_deg: 120 is out of range (0 to 90)",
+    "b,3,50,1.5,two,,,": "shots.csv:3: motor_ratio: 1.5 is out of range (0 to 1)",
+    "b,3,50,fast,two,,,": "shots.csv:3: motor_ratio: 'fast' is not a number",
+    "b,3,50,1_0,two,,,": "shots.csv:3: motor_ratio: '1_0' is not a number",
+    "b,3,50,0.5,four,,,": "shots.csv:3: outcome: 'four' is none of miss, two, three",
+    "b,3,50,0.5,miss,up,,": "shots.csv:3: side: 'up' is none of low, high, left, right",
+    "b,3,50,0.5,three,low,,": "shots.csv:3: side: outcome three cannot have the miss side 'low'",
+    "b,3,50,0.5,two,,,warm": "shots.csv:3: temperature_c: 'warm' is not a number",
+    "b,3,50,0.5,two,,,NaN": "shots.csv:3: temperature_c: NaN is not finite",
+    "a,3,50,0.5,two,,,": "shots.csv:3: shot_id: 'a' stands already in",
+    ",3,50,0.5,two,,,": "shots.csv:3: shot_id: is missing",
+    "b,3,50,0.5,two": "shots.csv:3: 5 cells where the header has 8",
+    "b,3,50,0.5,two,,,,9": "shots.csv:3: 9 cells where the header has 8",
+}
+
+
+@pytest.mark.parametrize(("row", "message"), BAD_ROWS.items())
+def test_a_bad_row_is_named(tmp_path, row, message):
+    write(tmp_path, f"{HEADER}\n{GOOD}\n{row}\n")
+    with pytest.raises(InputError) as error:
+        load_dataset(tmp_path)
+    assert message in str(error.value)
+    assert len(str(error.value).splitlines()) == 1
+
+
+def test_a_blank_line_and_a_cell_of_two_lines_do_not_shift_the_count(tmp_path):
+    write(tmp_path, f'{HEADER}\n{GOOD}\n\nb,3,50,0.5,two,,"day\n2",20\nc,3,99,0.5,two,,,\n')
+    with pytest.raises(InputError, match=r"shots\.csv:6: hood_deg"):
+        load_dataset(tmp_path)
+
+
+def test_all_problems_are_listed_up_to_twenty(tmp_path):
+    rows = "\n".join(f"r{number},-1,50,0.5,two,,," for number in range(23))
+    write(tmp_path, f"{HEADER}\n{rows}\n", tracks="shot_id,t_s,x_m,y_m,z_m\nr0,0,0,0,\n")
+    with pytest.raises(InputError) as error:
+        load_dataset(tmp_path)
+    lines = str(error.value).splitlines()
+    assert len(lines) == 21
+    assert "shots.csv:21: distance_m" in lines[19]
+    assert lines[20] == "... and 4 more problems (24 in all)"
+
+
+@pytest.mark.parametrize(("tracks", "message"), [
+    ("z,0,0,0,0", "tracks.csv:3: shot_id: 'z' is not among the shots"),
+    ("a,0,0,0,0", "tracks.csv:3: t_s: 0 does not follow 0 of the same shot"),
+    ("a,1,,0,0", "tracks.csv:3: x_m: is missing"),
+    ("a,1,0,0,inf", "tracks.csv:3: z_m: inf is not finite"),
+])
+def test_a_bad_track_sample_is_named(tmp_path, tracks, message):
+    write(tmp_path, f"{HEADER}\n{GOOD}\n", tracks=f"shot_id,t_s,x_m,y_m,z_m\na,0,0,0,1\n{tracks}\n")
+    with pytest.raises(InputError) as error:
+        load_dataset(tmp_path)
+    assert message in str(error.value)
+
+
+def test_a_bad_trace_sample_is_named(tmp_path):
+    write(tmp_path, f"{HEADER}\n{GOOD}\n", traces="shot_id,t_s,signal,value\na,0,,1\na,0,battery_v,full\n")
+    with pytest.raises(InputError) as error:
+        load_dataset(tmp_path)
+    assert "traces.csv:2: signal: is missing" in str(error.value)
+    assert "traces.csv:3: value: 'full' is not a number" in str(error.value)
+
+
+@pytest.mark.parametrize(("shots", "message"), [
+    ("", "shots.csv:1: the header is missing"),
+    ("distance_m\n3\n", "shots.csv:1: column shot_id is missing"),
+    ("shot_id,a,a\nx,1,2\n", "shots.csv:1: column 'a' stands twice"),
+    ("shot_id;distance_m\nx;3,5\n", "shots.csv:1: cells are separated by semicolons; save the table with commas"),
+    ("shot_id\tdistance_m\nx\t3.5\n", "shots.csv:1: cells are separated by tabs; save the table with commas"),
+    ("shot_id,\nx,1\n", "shots.csv:1: column '' has no name"),
+    ('shot_id,a\nx,"1\n', "shots.csv:2: unexpected end of data"),
+])
+def test_a_broken_file_is_named(tmp_path, shots, message):
+    with pytest.raises(InputError) as error:
+        load_dataset(write(tmp_path, shots))
+    assert message in str(error.value)
+
+
+def test_bytes_that_are_no_text_are_named(tmp_path):
+    write(tmp_path, "")
+    (tmp_path / "shots.csv").write_bytes(b"shot_id,session\na,x\nb,\xff\n")
+    with pytest.raises(InputError, match=r"shots\.csv:3: not UTF-8"):
+        load_dataset(tmp_path)
+
+
+def test_missing_files_are_named(tmp_path):
+    with pytest.raises(InputError, match="no such directory"):
+        load_dataset(tmp_path / "nowhere")
+    with pytest.raises(InputError, match=r"rig\.toml"):
+        load_dataset(tmp_path)
+    (tmp_path / "rig.toml").write_text(RIG, encoding="utf-8")
+    with pytest.raises(InputError, match=r"neither shots\.csv nor shots\.parquet"):
+        load_dataset(tmp_path)
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.text(alphabet=string.printable + "é\x00\ufeff", max_size=200))
+def test_any_text_is_read_or_refused(tmp_path_factory, text):
+    home = tmp_path_factory.mktemp("any")
+    write(home, "")
+    (home / "shots.csv").write_bytes(text.encode())
+    try:
+        shots = load_dataset(home).shots
+    except InputError as error:
+        assert "shots.csv" in str(error)
+    else:
+        assert all(np.isfinite(column[~np.isnan(column)]).all() for column in shots.numbers.values())
+        assert len(set(shots.shot_id)) == len(shots)

@@ -1,0 +1,45 @@
+"""rig.toml: it reads back, and whatever is wrong is named with its key."""
+
+import pytest
+
+from truearc.robot.config.schema import InputError
+from truearc.sim.data.dataset import load_dataset, load_rig, save_rig
+from tests.sim.data.files import FACTS, GOOD, HEADER, RIG, write
+
+
+def test_unknown_rig_keys_are_warned_of(tmp_path, capsys):
+    load_dataset(write(tmp_path, f"{HEADER}\n{GOOD}\n", rig=RIG + "[believ]\nterms = []\n[air]\ndensty = 1.2\n"))
+    warnings = capsys.readouterr().err
+    assert "rig.toml: key believ is not known" in warnings
+    assert "rig.toml: key air.densty is not known" in warnings
+
+
+@pytest.mark.parametrize(("old", "new", "message"), [
+    ("mass_kg = 0.14", "mass_kg = 0.0", "ball.mass_kg: 0.0 must be above 0"),
+    ("mass_kg = 0.14", "mass_kg = nan", "ball.mass_kg: nan is not finite"),
+    ("mass_kg = 0.14", "mass_kg = 'light'", "mass_kg"),
+    ("mass_kg = 0.14", "", "mass_kg"),
+    ("centre_height_m = 2.44", "centre_height_m = 2.44\nthree_half_height_m = 0.5", "target.three_half_height_m"),
+    ("[target]", "[air]\ndensity_kg_m3 = -1.0\n[target]", "air.density_kg_m3: -1.0 must not be below 0"),
+])
+def test_a_bad_rig_is_named(tmp_path, old, new, message):
+    with pytest.raises(InputError) as error:
+        load_dataset(write(tmp_path, f"{HEADER}\n{GOOD}\n", rig=RIG.replace(old, new)))
+    assert "rig.toml" in str(error.value)
+    assert message in str(error.value)
+
+
+def test_a_rig_that_cannot_be_read_is_named_without_the_systems_number(tmp_path):
+    (tmp_path / "rig.toml").mkdir()
+    with pytest.raises(InputError, match=r"rig\.toml: Is a directory$"):
+        load_rig(tmp_path / "rig.toml")
+    with pytest.raises(InputError, match=r"none\.toml: No such file or directory$"):
+        load_rig(tmp_path / "none.toml")
+    (tmp_path / "latin.toml").write_bytes(b"[ball] # f\xfcr\n")
+    with pytest.raises(InputError, match=r"latin\.toml: not UTF-8 text$"):
+        load_rig(tmp_path / "latin.toml")
+
+
+def test_a_rig_reads_back(tmp_path):
+    save_rig(tmp_path / "rig.toml", FACTS)
+    assert load_rig(tmp_path / "rig.toml") == FACTS

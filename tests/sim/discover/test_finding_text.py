@@ -1,0 +1,219 @@
+"""Verdicts in words: sizes in the units of a driver coach, signs that agree with what the terms do."""
+
+import re
+from typing import cast
+
+import numpy as np
+import pytest
+
+from truearc.robot.config.rig_spec import Ball, Rig, LauncherFacts, Wheel
+from truearc.sim.discover.detect.test_battery import Test
+from truearc.sim.discover.detect.free_curve import Correction
+from truearc.sim.discover.detect.covariates import Covariate, Factor, CovariatePair
+from truearc.sim.discover.model.score_table import Column
+from truearc.sim.discover.finding import (
+    DataSummary,
+    Finding,
+    FitSummary,
+    Further,
+    Interval,
+    Mismatch,
+    Named,
+    Unknown,
+    Where,
+)
+from truearc.sim.discover.detect.localization import Place
+from truearc.sim.discover.report.effect_wording import PHRASES, plain, say_effect, scale_of, size_of
+from truearc.sim.discover.report.finding_text import (
+    console_lines,
+    say_named,
+    say_none,
+    say_step,
+    say_unknown,
+    too_little,
+)
+from truearc.sim.physics.catalogue import TERMS, find_terms
+from truearc.sim.physics.launch import Exit
+from truearc.sim.physics.term import BallState, Opening, complete
+from truearc.sim.physics.vector import Vec
+
+WHERE = Where("launch", None, None, None, {}, None, None, (), None)
+NO_FIT = FitSummary(100, -0.9, None, None, None, None, None, None, None)
+BATTERY, WARMTH = (Covariate(((name, np.arange(4.0)),)) for name in ("battery_v", "temperature_c"))
+FACTS = Rig(Ball(0.14, 0.0889), LauncherFacts(0.75, 594.0, (Wheel("lower", 0.05, 1.0, 180.0),
+                                                             Wheel("upper", 0.03, 0.5, 0.0))))
+
+
+def interval(value: float, sd: float, unit: str = "1") -> Interval:
+    return Interval(value, sd, value - 2.0 * sd, value + 2.0 * sd, unit)
+
+
+def named(term: str, value: float, sd: float, probability: float = 0.9, unit: str = "1") -> Named:
+    found = find_terms([term])[0]
+    return Named(term, probability, {found.parameters[0].name: interval(value, sd, unit)}, found.sentence, found.stage)
+
+
+def told(what: tuple[Named, ...], chosen: tuple[str, ...] = (), also: tuple[Further, ...] = (), fit: FitSummary = NO_FIT,
+         believed: tuple[str, ...] = ("gravity",), p_value: float = 0.01) -> str:
+    """The sentence for these names; the first alone unless more are chosen."""
+    leading = Further(what, chosen or (what[0].term,), None)
+    return say_named(believed, p_value, WHERE, leading, also, fit, None)
+
+
+def test_every_term_has_words_for_either_sign_that_take_one_size() -> None:
+    assert set(PHRASES) == {term.name for term in TERMS}
+    for phrase in PHRASES.values():
+        assert phrase.more.count("{}") == phrase.less.count("{}") == 1
+        assert phrase.factor > 0.0
+
+
+def test_shares_are_told_as_per_cent_with_their_interval() -> None:
+    said = say_effect("exit_efficiency", interval(0.042, 0.005), "")
+    assert said == "the ball leaves 4.2 % (90 %: 3.2 to 5.2 %) slower than the wheels' surfaces run"
+    assert "1.5 cm (90 %: 0.5 to 2.5 cm) lower" in say_effect("target_height", interval(-0.015, 0.005, "m"), "")
+    assert "3.0 % (90 %: 1.0 to 5.0 %) slower" in say_effect("battery_sag", interval(0.3, 0.1), "")
+
+
+def test_a_term_that_nobody_has_words_for_is_told_by_its_own_sentence() -> None:
+    said = say_effect("moonlight", interval(2.0, 0.5, "m/s"), "The moon pulls.")
+    assert said == "the moon pulls (2.0 m/s, 90 %: 1.0 to 3.0)"
+
+
+@pytest.mark.parametrize(("term", "word"), [
+    ("hood_offset", "steeper"), ("encoder_scale", "faster"), ("exit_efficiency", "slower"), ("wheel_slip", "slips"),
+    ("ball_wear", "slower"), ("battery_sag", "slower"), ("release_height", "higher"), ("ball_compression", "faster")])
+def test_launch_words_have_the_sign_of_the_term(term: str, word: str) -> None:
+    """A positive amplitude through the term's own hook, and what the phrase for it says."""
+    found = find_terms([term])[0]
+    values = {**complete(found, None), found.parameters[0].name: 0.01}
+    before = Exit(10.0, 0.8, 5.0, 0.0)
+    after = found.sense(FACTS, values, before, 5.0)[0] if found.stage == "sensing" else found.leave(FACTS, values,
+                                                                                                   before)
+    change = {"steeper": after.elevation_rad - before.elevation_rad, "higher": after.above_m - before.above_m,
+              "slower": before.speed_m_s - after.speed_m_s, "slips": before.speed_m_s - after.speed_m_s,
+              "faster": after.speed_m_s - before.speed_m_s + after.spin_rev_s - before.spin_rev_s}[word]
+    # a battery's sensitivity is told for a weaker one, so its effect turns with the voltage's sign
+    assert (-change if term == "battery_sag" else change) > 0.0
+    assert word in PHRASES[term].more and word not in PHRASES[term].less
+
+
+def test_other_words_have_the_sign_of_the_term() -> None:
+    def values(name: str) -> dict[str, float]:
+        found = find_terms([name])[0]
+        return {**complete(found, None), found.parameters[0].name: 0.01}
+
+    for name in ("distance_scale", "distance_bias"):
+        assert find_terms([name])[0].sense(FACTS, values(name), Exit(9.0, 0.8, 0.0), 5.0)[1] > 5.0
+        assert "farther" in PHRASES[name].more
+    ball = BallState(Vec(0.0, 0.0, 1.0), Vec(9.0, 0.0, 1.0), Vec(0.0, 0.0, 0.0))
+    assert find_terms(["wind_x"])[0].meet(FACTS, values("wind_x"), ball).velocity_m_s.x < 9.0
+    assert "toward the target" in PHRASES["wind_x"].more
+    assert find_terms(["target_height"])[0].arrive(values("target_height"), Opening(2.0, 0.1, 0.3)).centre_m > 2.0
+    tracked = find_terms(["track_clock"])[0].watch(values("track_clock"), Vec(4.0, 0.0, 2.0), Vec(9.0, 0.0, 0.0), 0.5)
+    assert tracked.x > 4.0 and "slow" in PHRASES["track_clock"].more
+
+
+def test_one_name_and_several() -> None:
+    first, second = named("rapid_fire", 0.08, 0.01, 0.6), named("ball_wear", 0.03, 0.01, 0.3)
+    single = told((first,), believed=("gravity", "exit_efficiency"), p_value=0.0005)
+    assert single.startswith("The simulation (gravity, exit efficiency) leaves something out: a shot right after")
+    assert "p = 0.0005" in single and "cannot tell" not in single
+    both = told((first, second), ("rapid_fire", "ball_wear"))
+    assert "at the launch: rapid fire (60%) or ball wear (30%)" in both and "cannot tell" in both
+
+
+def test_what_is_left_besides_is_what_it_looks_like() -> None:
+    first = named("rapid_fire", 0.08, 0.01)
+    sure, unsure = named("wind_x", 1.0, 0.1, unit="m/s"), named("target_height", 0.01, 0.02, unit="m")
+    alone, either, vague = (told((first,), also=(Further(what, tuple(one.term for one in what), None),))
+                            for what in ((sure,), (sure, unsure), (unsure,)))
+    assert "looks most as if there is wind of 1.00 m/s (90 %: 0.80 to 1.20 m/s) toward the target." in alone
+    assert "toward the target; or target height." in either
+    assert "too little to be named: perhaps target height" in vague and "target stands" not in vague
+    assert too_little((Further((unsure,), ("target_height",), None), Further((sure,), ("wind_x",), None))) == [
+        "target_height"]
+    nameless = Further((sure,), None, Unknown("battery_v", "along", 0.1, "1", None))
+    assert "no name, and goes with the battery's voltage." in told((first,), also=(nameless,))
+
+
+def test_a_name_that_a_free_curve_rivals_is_said_with_that_doubt() -> None:
+    sure, unsure = (told((named("wind_x", 1.0, 0.1, share, "m/s"),)) for share in (0.95, 0.5))
+    assert "without a name" not in sure and "without a name (50%)" in unsure
+
+
+def test_long_sets_are_cut_short() -> None:
+    what = tuple(named(term.name, 0.1, 0.01, 0.05) for term in TERMS[:9])
+    assert "or one of 5 others" in told(what, tuple(one.term for one in what))
+
+
+def test_what_is_gained_is_told_in_outcomes_and_centimetres() -> None:
+    drag = (named("drag", 0.5, 0.1),)
+    said = told(drag, fit=FitSummary(100, -0.9, -0.7, 0.2, 0.05, 0.19, 0.11, 0.71, 0.83))
+    assert "83 of 100 outcomes right instead of 71 and heights within 11 cm instead of 19 cm" in said
+    low, high = map(float, re.search(r"90 %: ([+-][\d.]+) to ([+-][\d.]+)\)", said.partition("log score")[2]).groups())
+    assert (low, high) == (pytest.approx(0.2 - 1.645 * 0.05, abs=1e-3), pytest.approx(0.2 + 1.645 * 0.05, abs=1e-3))
+    worse = told(drag, fit=FitSummary(100, -0.9, -0.7, 0.2, 0.05, None, None, 0.83, 0.71))
+    assert "does better (log score" in worse and "but foretells 71 of 100 outcomes right instead of 83" in worse
+    assert "not surely better" in told(drag, fit=FitSummary(100, -0.9, -0.89, 0.01, 0.05, None, None, 0.71, 0.72))
+    assert "surely worse" in told(drag, fit=FitSummary(100, -0.9, -1.0, -0.1, 0.05, None, None, 0.71, 0.70))
+    far = told(drag, fit=FitSummary(100, -0.9, -0.7, 0.2, 0.05, 7.2, 0.84, None, None))
+    assert "heights within 84 cm instead of 7.2 m" in far
+    ends = told(drag, fit=FitSummary(100, -0.9, -0.7, 0.2, 0.05, 0.06, 0.02, None, None, "track end"))
+    assert "where tracks end, from their first 40 %, within 2 cm instead of 6 cm" in ends
+
+
+def test_nothing_found_and_nothing_to_say() -> None:
+    assert "No mismatch: 80 shots" in say_none(("gravity",), 0.4, 80, 0.05)
+    assert "cannot say anything" in say_none(("gravity",), None, 20, 0.05)
+    leading = Further((), None, Unknown(None, "along", 0.1, "1", None))
+    unnamed = say_unknown(("gravity",), 0.01, WHERE, leading, (), NO_FIT, None)
+    assert "no name in the catalogue" in unnamed
+
+
+@pytest.mark.parametrize(("what", "shape", "said"), [
+    (BATTERY, "straight", "the ball leaves faster as the battery's voltage grows, by 12 % over its range"),
+    (BATTERY, "step at 11.9", "faster where the battery's voltage is above 11.9, by 12 %: a step, not a drift"),
+    (CovariatePair(BATTERY, WARMTH, np.zeros((2, 4))), "product", "up to 12 %, as the battery's voltage and the temperature go"),
+    (Factor("supplier", ("a", "b"), np.zeros(4, int)), "a", "by up to 12 %, depending on supplier"),
+    (None, "same", "by 12 %, in every shot alike")])
+def test_what_has_no_name_is_described(what: Covariate | CovariatePair | Factor | None, shape: str, said: str) -> None:
+    column = Column("launch speed", "free", "launch", "along", "1", 0.2, ("the ball leaves faster", "slower"))
+    correction = cast(Correction, None)
+    place = Place(Test("free", 0, what, shape, np.zeros(4)), column, 0, correction, {}, {}, None)
+    unknown = Unknown(None if what is None else what.name, "along", 0.12, "1", None)
+    assert said in say_unknown(("gravity",), 0.01, WHERE, Further((), None, unknown), (), NO_FIT, place)
+
+
+def test_a_name_that_shows_as_a_step_in_time_says_since_when() -> None:
+    column = Column("launch elevation", "free", "launch", "vertical", "rad", 0.02, ("steeper", "flatter"))
+    time = Covariate((("t_s", np.arange(4.0)),))
+    leading = Further((named("ball_wear", 0.1, 0.01),), ("ball_wear",), None)
+    for what, shape, told in ((time, "step at 2990", True), (time, "straight", False), (BATTERY, "step at 12", False)):
+        place = Place(Test("free", 0, what, shape, np.zeros(4)), column, 0, cast(Correction, None), {}, {}, None)
+        said = say_named(("gravity",), 0.01, WHERE, leading, (), NO_FIT, place)
+        assert ("as a step where the time in the session is above 2990" in said) == told
+
+
+def test_sizes_in_the_units_of_people() -> None:
+    assert size_of("hood_offset.angle_deg", 0.8, "deg") == "0.80°"
+    assert size_of("rim_catch", 0.03, "m") == "3.0 cm"
+    assert size_of("launch speed", 0.02, "1") == "2.0 %"
+    assert size_of("nobody", 0.5, "kg") == "0.50 kg"
+    factor, unit = scale_of("rad")
+    assert factor * np.pi == pytest.approx(180.0) and unit == "°"
+    assert plain("exit_efficiency.loss") == "exit efficiency" and plain("wind_y") == "crosswind"
+
+
+def test_console_lines_name_steps_and_what_was_left_out() -> None:
+    steps = ({"do": "measure", "what": "ball mass with a scale"},
+             {"do": "shoot", "distance_m": 6.6, "hood_deg": 38.0, "motor_ratio": 0.62, "shots": 20,
+              "separates": ["hood_offset", "wind_x"]})
+    finding = Finding(DataSummary(20, "L0", ("2 shots",), ("gravity",), {}, {"by": "shot", "count": 20}),
+                      Mismatch(True, 0.01, 0.05, {}, 7, {}), WHERE, "set", "Verdict.", None, None,
+                      what=(named("drag", 0.5, 0.1, 0.7),), next=steps)
+    lines = console_lines(finding)
+    assert lines[0] == "Verdict."
+    assert "next: 20 shots at 6.6 m, hood 38°, motor 0.62, to tell hood offset from head or tail wind" in lines
+    assert "next: measure ball mass with a scale" in lines and "left out: 2 shots" in lines
+    assert "names: drag 70%" in lines
+    assert say_step(steps[0]) == "measure ball mass with a scale"

@@ -1,0 +1,94 @@
+"""The free correction on evidence whose answer is known in closed form."""
+
+import numpy as np
+import pytest
+
+from truearc.sim.discover.detect.test_battery import Test
+from truearc.sim.discover.detect.clusters import Clusters
+from truearc.sim.discover.detect.free_curve import correct
+from truearc.sim.discover.detect.covariates import Covariate, Factor, smooth_shapes
+from truearc.sim.discover.model.score_table import ScoreTable
+from truearc.sim.discover.detect.localization import amplitude_of, shortest_run
+from truearc.sim.discover.detect.weight_functions import STEP
+from tests.sim.discover.made import column, gaussian
+
+N = 300
+
+
+def evidence_of(effect: np.ndarray, noise: np.ndarray) -> ScoreTable:
+    """One unit of information a shot and no shared parameters: the score is what was seen."""
+    return gaussian(effect + noise, np.ones((len(effect), 1)), (column("push"),))
+
+
+def asked(what: Covariate | Factor | None) -> Test:
+    return Test("free", 0, what, "straight", np.ones(N))
+
+
+SINGLE = Clusters("shot", np.arange(N), N)
+
+
+def test_the_same_in_every_shot_is_the_mean_and_gains_half_its_square() -> None:
+    noise = np.random.default_rng(0).normal(size=N)
+    found = correct(evidence_of(np.full(N, 0.8), noise), asked(None), SINGLE)
+    assert found.amplitude == pytest.approx(np.full(N, 0.8 + noise.mean()), rel=1e-4)
+    # held out: half the square of the truth, less about 1 / (2 n) for not knowing it
+    assert found.gain.mean() == pytest.approx(0.5 * 0.8**2, abs=0.1)
+    assert np.allclose(found.log_after - found.log_before, found.gain)
+
+
+def test_a_bent_effect_is_followed() -> None:
+    rng = np.random.default_rng(1)
+    x = rng.uniform(-1.0, 1.0, N)
+    truth = 3.0 * x**2
+    found = correct(evidence_of(truth, rng.normal(size=N)), asked(Covariate((("x", x),))), SINGLE)
+    assert np.sqrt(np.mean((found.amplitude - truth)**2)) < 0.3
+    assert found.gain.mean() > 0.4 * np.mean(truth**2)
+
+
+def test_a_step_is_a_step_and_no_bend() -> None:
+    rng = np.random.default_rng(2)
+    x = np.arange(N) / N
+    after = (x > 0.4) * 1.0
+    evidence = evidence_of(0.6 * after, rng.normal(size=N))
+    bent, found = (correct(evidence, Test("free", 0, Covariate((("x", x),)), shape, after - after.mean()), SINGLE)
+                   for shape in ("straight", f"{STEP}0.4"))
+    jump = found.amplitude[121] - found.amplitude[119]
+    assert jump == pytest.approx(0.6, abs=3.0 * np.sqrt(1.0 / 120 + 1.0 / 180))
+    assert abs(bent.amplitude[121] - bent.amplitude[119]) < 0.05
+    assert found.gain.sum() > bent.gain.sum()
+
+
+def test_pure_noise_is_not_followed_far() -> None:
+    gains = []
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        found = correct(evidence_of(np.zeros(N), rng.normal(size=N)), asked(Covariate((("x", rng.normal(size=N)),))),
+                        SINGLE)
+        gains.append(found.gain.mean())
+    assert np.mean(gains) < 0.0                            # on unseen shots a correction of nothing costs
+    assert np.mean(gains) > -3.0 / N                       # ... about as much as its two firm coefficients
+
+
+def test_groups_take_their_means() -> None:
+    rng = np.random.default_rng(3)
+    codes = np.arange(N) % 3
+    y = np.array([0.0, 1.0, -1.0])[codes] + rng.normal(size=N)
+    what = Factor("rig", ("a", "b", "c"), codes)
+    found = correct(evidence_of(y, np.zeros(N)), asked(what), SINGLE)
+    means = np.array([y[codes == k].mean() for k in range(3)])
+    assert np.allclose(found.amplitude, means[codes], atol=1e-3)
+    assert amplitude_of(found) == pytest.approx(np.ptp(means), abs=1e-3)
+
+
+def test_the_spline_is_straight_beyond_its_last_knots() -> None:
+    x = np.linspace(0.0, 1.0, 2001)
+    basis = smooth_shapes(x)
+    second = np.abs(np.diff(basis, 2, axis=0))
+    assert second[:30].max() < 1e-9 < second[500:1500].max()
+    assert second[-30:].max() < 1e-9
+
+
+def test_the_shortest_run_holds_its_share() -> None:
+    assert shortest_run(np.array([0.0, 5.0, 4.0, 0.5, 0.5])) == (1, 2)
+    assert shortest_run(np.array([1.0, 0.0, 1.0])) == (0, 2)
+    assert shortest_run(np.zeros(4)) is None

@@ -1,0 +1,135 @@
+"""The report as a page: verdict first, well-formed, nothing fetched, every verdict told."""
+
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import msgspec
+import numpy as np
+import pytest
+
+from truearc.sim.discover.api import Investigation, discover
+from truearc.sim.discover.finding import Further, Interval, Named
+from truearc.sim.discover.plan.expected_information import foresee
+from truearc.sim.discover.report.html_report import make_pictures, make_report
+from truearc.sim.discover.report.identifiability_report import make_sight_page, sight_lines, sight_sentence, why_not
+from truearc.sim.physics.catalogue import find_terms
+from truearc.sim.data.dataset import Dataset, Shots
+from tests.sim.discover.worlds import FACTS, World, make_outcomes
+
+BELIEVED = ("gravity", "drag", "magnus", "exit_efficiency")
+VOID = {"meta", "img", "br"}
+
+
+class Balanced(HTMLParser):
+    """Collects text; complains of tags that do not close as they opened."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.text: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: object) -> None:
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if not {"style"} & set(self.open):
+            self.text.append(data)
+
+
+def read(page: str) -> str:
+    """The page's text, after checking that it is a page on its own."""
+    parser = Balanced()
+    parser.feed(page)
+    assert not parser.open
+    assert not re.search(r"(src|href)\s*=\s*[\"'](?!data:)", page)
+    assert "http" not in re.sub(r"data:image/png;base64,[A-Za-z0-9+/=]*", "", page)
+    return " ".join(" ".join(parser.text).split())
+
+
+@pytest.fixture(scope="module")
+def drifting() -> Investigation:
+    """Outcomes with sides while the balls get faster by a tenth."""
+    return discover(make_outcomes(World(speed_drift=0.1), 120, 4), BELIEVED)
+
+
+@pytest.fixture(scope="module")
+def quiet() -> Investigation:
+    return discover(make_outcomes(World(), 120, 1), BELIEVED)
+
+
+def test_the_verdict_comes_first_then_where_then_what_then_the_fine_print(drifting: Investigation) -> None:
+    assert drifting.finding.verdict in ("named", "set")
+    text = read(make_report("week <1>", drifting))
+    places = [text.index(part) for part in (drifting.finding.sentence, "What these 120 shots could show", "Where it is",
+                                            "What it is", "What it is worth", "Fine print")]
+    assert places == sorted(places)
+    assert "week <1>" in text
+    assert all(f"{round(100 * one.probability)}%" in text for one in drifting.finding.what[:2])
+    assert "tests, alarm at 0.05" in text and "Not tested" in text
+
+
+def test_the_pictures_show_the_drift_before_and_its_absence_after(drifting: Investigation) -> None:
+    sections = make_pictures(drifting)
+    assert sections[0][0] == "Where it is"
+    assert sections[0][1].count("data:image/png;base64,") == 2          # against its covariate, over the field
+    assert re.search(r"against (t_s|order_in_session)", sections[0][1])
+
+
+def test_a_set_is_marked_and_a_name_besides_is_told(drifting: Investigation) -> None:
+    finding = drifting.finding
+    size = Interval(1.0, 0.1, 0.8, 1.2, "m/s")
+    wind = Named("wind_x", 0.4, {"speed_m_s": size}, find_terms(["wind_x"])[0].sentence, "flight")
+    first = replace_probability(finding.what[0], 0.5)
+    both = msgspec.structs.replace(finding, what=(first, wind), set=(first.term, "wind_x"), verdict="set",
+                                  also=(Further((wind,), ("wind_x",), None),))
+    page = make_report("set", replace(drifting, finding=both))
+    text = read(page)
+    assert page.count('class="fill set"') == 2 and "apart; together they hold the orange bars" in text
+    assert "looks most as if there is wind of 1.00 m/s (90 %: 0.80 to 1.20 m/s) toward the target" in text
+    assert "something without a name" in text and "10%" in text
+
+
+def replace_probability(named: Named, probability: float) -> Named:
+    return msgspec.structs.replace(named, probability=probability)
+
+
+def test_nothing_found_still_shows_the_shots_and_what_they_could_have_told(quiet: Investigation) -> None:
+    assert quiet.finding.verdict == "none"
+    page = make_report("quiet", quiet)
+    text = read(page)
+    assert "No mismatch" in text and "seen from, with 120 shots" in text and "shots needed" in text
+    assert "<details><summary>Effect by effect" not in page and "Simulation and shots" in text
+    assert page.count("data:image/png;base64,") >= 2
+
+
+def test_an_effect_without_a_name_is_drawn_with_its_free_curve(drifting: Investigation) -> None:
+    step = replace(drifting.steps[0], unknown=True)
+    finding = msgspec.structs.replace(drifting.finding, verdict="unknown", set=None)
+    text = read(make_report("unknown", replace(drifting, finding=finding, steps=(step,))))
+    assert "something without a name" in text and "Where it is" in text
+
+
+def test_data_that_say_nothing_make_a_page_all_the_same() -> None:
+    shots = Shots(tuple(map(str, range(20))), {"distance_m": np.linspace(2.0, 6.0, 20)}, {})
+    mute = discover(Dataset("mute", FACTS, shots))
+    assert make_pictures(mute) == []
+    assert "cannot say anything" in read(make_report("mute", mute))
+
+
+def test_what_a_season_could_tell_as_table_and_page() -> None:
+    sight = foresee(FACTS, ("gravity", "drag", "magnus"), "L0", 120)
+    lines = sight_lines(sight)
+    text = read(make_sight_page("rig.toml", sight))
+    for one in sight.terms:
+        row = next(line for line in lines if re.match(rf"(never seen: )?{one.term}\b", line))
+        assert str(one.shots_needed) in row.split() if one.shots_needed else row.startswith("never seen")
+    assert sight_sentence(sight) in text and text.index(sight_sentence(sight)) < text.index("shots needed")
+    assert any(line.startswith("one and the same") and "target_height" in line for line in lines)
+    never = {one.term: why_not(one) for one in sight.terms if one.shots_needed is None}
+    assert "record battery_v" in never["battery_sag"] and "luck" in never["ball_spread"]
+    assert "magnus.cl" in never["ball_compression"]

@@ -1,0 +1,202 @@
+"""What data could tell: against least squares, the non-central chi-squared, and facts of the flight."""
+
+import json
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats import chi2, ncx2
+
+from truearc.robot.config.schema import InputError
+from truearc.robot.config.rig_spec import Rig, Target
+from truearc.sim.discover.plan.expected_information import foresee, foresee_dataset
+from truearc.sim.discover.plan.identifiability import EIGHTY, TermIdentifiability, Sight, make_sight, sight_of
+from truearc.sim.discover.plan.planned_season import rehearse
+from truearc.sim.data.dataset import Dataset
+from tests.sim.discover.synthetic import make_linear, shared, term
+from tests.sim.discover.worlds import FACTS, World, fly, make_outcomes, plane_heights
+
+BELIEVED = ("gravity", "drag", "magnus")
+FLAT = np.array([1e-12, 1e-12])
+
+
+def by_name(sight: Sight) -> dict[str, TermIdentifiability]:
+    return {one.term: one for one in sight.terms}
+
+
+@given(st.integers(0, 10_000), st.integers(6, 30), st.floats(0.1, 3.0))
+def test_what_is_left_is_what_least_squares_leaves(seed: int, n: int, usual: float) -> None:
+    rng = np.random.default_rng(seed)
+    slopes = rng.normal(size=(n, 2, 4))
+    columns = (term("a", usual), term("b", usual), shared("p"), shared("q"))
+    sight = by_name(sight_of(make_linear(slopes, columns, FLAT), "L0", ()))
+    rows = slopes.reshape(-1, 4)
+    left = rows[:, :2] - rows[:, 2:] @ np.linalg.lstsq(rows[:, 2:], rows[:, :2], rcond=None)[0]
+    square = left.T @ left
+    assert sight["a"].information == pytest.approx(square[0, 0], rel=1e-6)
+    assert sight["a"].share_left == pytest.approx(square[0, 0] / (rows[:, 0] ** 2).sum(), rel=1e-6)
+    assert sight["a"].like == "b"
+    assert sight["a"].correlation == pytest.approx(square[0, 1] / np.sqrt(square[0, 0] * square[1, 1]), abs=1e-6)
+    force = square[0, 0] * usual**2
+    assert sight["a"].power == pytest.approx(ncx2.sf(chi2.isf(0.05, 1), 1, force), abs=1e-6)
+    assert sight["a"].shots_needed == pytest.approx(n * EIGHTY / force, abs=1.0)
+
+
+def test_an_effect_of_the_smallest_size_is_seen_four_times_in_five() -> None:
+    slopes = np.random.default_rng(0).normal(size=(40, 1, 3))
+    columns = (term("a", 0.3), shared("p"), shared("q"))
+    one = by_name(sight_of(make_linear(slopes, columns, FLAT), "L0", ()))["a"]
+    assert one.smallest is not None
+    assert ncx2.sf(chi2.isf(0.05, 1), 1, one.smallest**2 * one.information) == pytest.approx(0.8, abs=1e-3)
+
+
+def test_twice_the_shots_of_a_kind_leave_the_shots_needed_as_they_are() -> None:
+    slopes = np.random.default_rng(1).normal(size=(50, 1, 3))
+    columns = (term("a", 0.2), shared("p"), shared("q"))
+    once, twice = (by_name(sight_of(make_linear(np.tile(slopes, (k, 1, 1)), columns, FLAT), "L0", ()))["a"]
+                   for k in (1, 2))
+    assert once.shots_needed == twice.shots_needed
+    assert twice.information == pytest.approx(2.0 * once.information)
+
+
+def test_copies_are_one_class_and_what_the_fit_mimics_is_never_seen() -> None:
+    rng = np.random.default_rng(2)
+    a, free, p, q = rng.normal(size=(4, 60))
+    parts = [a, -2.0 * a + 0.01 * rng.normal(size=60), free, 3.0 * p, 0.0 * p, p, q]
+    columns = (*(term(name) for name in ("a", "copy", "free", "mimic", "idle")), shared("p"), shared("q"))
+    sight = sight_of(make_linear(np.stack(parts, axis=1)[:, None], columns, np.ones(2)), "L0", ())
+    assert sight.classes == (("a", "copy"),)
+    mimic, idle = by_name(sight)["mimic"], by_name(sight)["idle"]
+    assert (mimic.why, mimic.taken_by, mimic.shots_needed, mimic.power) == ("taken up", ("p",), None, 0.0)
+    assert (idle.why, idle.taken_by) == ("untouched", ())
+    assert by_name(sight)["free"].why is None
+
+
+def test_luck_of_balls_takes_its_share_and_no_more() -> None:
+    ball = np.arange(60) % 6
+    of_ball = np.random.default_rng(3).normal(size=6)[ball]
+    members = (ball[:, None] == np.arange(6)) * 1.0
+    columns = (term("worn"), *(shared(f"ball_id {k}", "group") for k in range(6)))
+    slopes = np.concatenate([of_ball[:, None], members], axis=1)[:, None]
+    one = by_name(sight_of(make_linear(slopes, columns, np.full(6, 0.1)), "L0", ()))["worn"]
+    # per ball 10 shots against a prior of precision 0.1: 0.1 / 10.1 of the information is left
+    assert one.share_left == pytest.approx(0.1 / 10.1)
+    assert one.why is None
+
+
+@pytest.fixture(scope="module")
+def outcomes() -> Sight:
+    return foresee(FACTS, BELIEVED, "L0", 120)
+
+
+@pytest.fixture(scope="module")
+def tracks() -> Sight:
+    return foresee(FACTS, BELIEVED, "L2", 40)
+
+
+def test_outcomes_cannot_tell_the_target_from_the_release_height(outcomes: Sight) -> None:
+    assert any({"target_height", "release_height"} <= set(group) for group in outcomes.classes)
+    seen = by_name(outcomes)
+    # a quicker ball is a lighter one to outcomes: gravity's scale is that of the speed squared
+    assert any({"exit_efficiency", "buoyancy"} <= set(group) for group in outcomes.classes)
+    assert seen["battery_sag"].why == seen["wind_y"].why == seen["track_tilt"].why == "untouched"
+    assert (seen["ball_compression"].why, seen["ball_compression"].taken_by) == ("taken up", ("magnus.cl",))
+    assert not {one.term for one in outcomes.terms} & set(BELIEVED)
+
+
+def test_tracks_see_spin_and_crosswind_but_never_weight_from_added_mass(tracks: Sight) -> None:
+    seen = by_name(tracks)
+    for name in ("spin_decay", "wind_y", "wind_z"):
+        assert seen[name].power > 0.99, name
+    assert any({"buoyancy", "added_mass"} <= set(group) for group in tracks.classes)
+    assert not any({"target_height", "release_height"} <= set(group) for group in tracks.classes)
+    assert {"track_scale.share", "track_tilt.angle_deg", "track_clock.share"} <= {one.name for one in tracks.fitted}
+    # of balls' own speeds only the size is uncertain, and a size has no slope
+    assert seen["ball_spread"].shots_needed is None
+
+
+def test_sides_tell_more_of_every_effect(outcomes: Sight) -> None:
+    told = by_name(foresee(FACTS, BELIEVED, "L0", 120, sides=True))
+    for one in outcomes.terms:
+        if one.why is None:
+            assert told[one.term].information >= 0.999 * one.information, one.term
+    # beside the centre a miss gives its side away as it is: little is left to be told
+    assert told["target_height"].information > 1.02 * by_name(outcomes)["target_height"].information
+
+
+def test_fitted_numbers_become_surer_with_the_shots(outcomes: Sight) -> None:
+    more = {one.name: one.after for one in foresee(FACTS, BELIEVED, "L0", 60).fitted}
+    assert all(one.after <= one.before for one in outcomes.fitted)
+    assert next(one.after for one in outcomes.fitted if one.name == "drag.cd") < more["drag.cd"]
+
+
+def test_the_answer_as_json(outcomes: Sight) -> None:
+    answer = json.loads(make_sight(outcomes))
+    assert answer["schema"] == "truearc.identifiability/1" and answer["level"] == "L0" and answer["shots"] == 120
+    assert msgspec.json.decode(make_sight(outcomes), type=Sight) == outcomes
+
+
+def test_rehearsed_shots_pass_beside_the_centre_by_another_integrator() -> None:
+    shots = rehearse(FACTS, BELIEVED, "L0", 60, seed=3).shots
+    ratio, hood_deg, distance_m = (shots.number(name) for name in ("motor_ratio", "hood_deg", "distance_m"))
+    height = plane_heights(World(cd=0.5, cl=0.1), ratio, hood_deg, distance_m, np.ones(60)) - 2.44
+    speedier = plane_heights(World(cd=0.5, cl=0.1), ratio, hood_deg, distance_m, np.full(60, 1.001)) - 2.44
+    off = np.abs(height) / np.hypot(0.018 * (speedier - height) / 0.001, 0.03)
+    assert ((off > 1.0) & (off < 3.5)).mean() > 0.9
+    assert 0.25 < (height > 0.0).mean() < 0.75
+
+
+def test_rehearsed_tracks_are_the_flight_with_the_rigs_noise() -> None:
+    dataset = rehearse(FACTS, BELIEVED, "L2", 12, seed=4)
+    assert dataset.tracks is not None and dataset.traces is not None
+    for shot in range(3):
+        rows = dataset.tracks.shot == shot
+        ratio, hood = (dataset.shots.number(name)[shot] for name in ("motor_ratio", "hood_deg"))
+        lower, upper = ratio * 594.0 * 0.0508, ratio * 594.0 * 0.5625 * 0.0349
+        speed, angle = (lower + upper) / 2.0, np.radians(hood)
+        start = np.array([0.0, 0.0, 0.75, speed * np.cos(angle), 0.0, speed * np.sin(angle)])
+        time_s = dataset.tracks.t_s[rows] + 1.0 / 60.0
+        path = fly(start, time_s, (0.5, 0.1, (lower - upper) / (2.0 * np.pi * 0.0889), 0.0, 0.0))
+        seen = np.stack([dataset.tracks.x_m, dataset.tracks.y_m, dataset.tracks.z_m], axis=1)[rows]
+        assert np.abs(seen - path).max() < 5.0 * FACTS.noise.track_m
+        assert (seen - path).std() == pytest.approx(FACTS.noise.track_m, rel=0.4)
+
+
+def test_the_same_seed_rehearses_the_same_shots() -> None:
+    one, two, other = (rehearse(FACTS, BELIEVED, "L1", 20, seed=seed) for seed in (5, 5, 6))
+    assert all(np.array_equal(one.shots.numbers[name], two.shots.numbers[name], equal_nan=True)
+               for name in one.shots.numbers)
+    assert not np.array_equal(one.shots.number("distance_m"), other.shots.number("distance_m"))
+
+
+def test_shots_without_results_are_taken_as_aimed() -> None:
+    rehearsed = rehearse(FACTS, BELIEVED, "L0", 60, seed=1)
+    bare = replace(rehearsed, shots=replace(rehearsed.shots, texts={}))
+    seen = by_name(foresee_dataset(bare, BELIEVED))
+    aimed = by_name(foresee(FACTS, BELIEVED, "L0", 60, seed=1))
+    for name in ("ball_wear", "target_height", "hood_backlash"):
+        assert seen[name].information == pytest.approx(aimed[name].information, rel=0.5), name
+    data = make_outcomes(World(), 60, 3)
+    assert foresee_dataset(data, BELIEVED).shots == 60
+
+
+def test_bad_input_is_named() -> None:
+    with pytest.raises(InputError, match="too few"):
+        foresee(FACTS, BELIEVED, "L0", 5)
+    with pytest.raises(InputError, match="level 'L7'"):
+        foresee(FACTS, BELIEVED, "L7", 50)
+    with pytest.raises(InputError, match="'magic'"):
+        foresee(FACTS, ("gravity", "magic"), "L0", 50)
+    with pytest.raises(InputError, match="reach the target"):
+        rehearse(_with_target(FACTS, Target(60.0)), BELIEVED, "L0", 20)
+    with pytest.raises(InputError, match=r"\[target\]"):
+        rehearse(_with_target(FACTS, None), BELIEVED, "L1", 20)
+    thrown = rehearse(_with_target(FACTS, None), BELIEVED, "L2", 20)
+    assert isinstance(thrown, Dataset) and thrown.tracks is not None
+
+
+def _with_target(facts: Rig, target: Target | None) -> Rig:
+    return msgspec.structs.replace(facts, target=target)

@@ -1,0 +1,345 @@
+"""The likelihood of shots whose own unknowns are integrated out: against the big covariance matrix, shot by shot.
+
+What a track and an exit's instruments say is y ~ N(g - A d, A S A' + R) about a deviation d: built here entry by entry,
+with slopes by differences of what is to be seen, and handed to SciPy's multivariate normal.
+"""
+
+from dataclasses import dataclass, replace
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal, norm
+
+from truearc.sim.discover.model.forward_model import see
+from truearc.sim.discover.model.design_columns import LUCK, lay_out
+from truearc.sim.discover.model.score_table import FLOOR_M, ScoreTable
+from truearc.sim.discover.model.prepared_data import Intake, take_in
+from truearc.sim.discover.model.linearization import (
+    ParameterLayout,
+    LinearizationPoint,
+    fly,
+    linearise,
+    pad_lanes,
+    variance_of,
+)
+from truearc.sim.discover.model.outcome_likelihood import LAPSE
+from truearc.sim.physics.catalogue import find_parameter
+from tests.sim.discover.mixed import BALLS, BELIEVED, FLOWN, LANDED, MEASURED, SHOTS, THROWN, make_mixed
+
+pytestmark = pytest.mark.slow
+SHOWN = (int(FLOWN[0]), int(LANDED[1]), int(LANDED[2]), int(MEASURED[1]), int(MEASURED[6]), int(THROWN[0]), 35, 38)
+COLUMNS = ("launch speed", "launch elevation", "distance", "spin_decay.rate_per_s", "lift_saturation.rate",
+           "target_height.rise_m", "drag.cd", "exit_efficiency.loss", "track_tilt.angle_deg")
+
+
+@dataclass(frozen=True)
+class Bench:
+    """The evidence at a spot off the optimum, deviates and all, and the means to work it out again."""
+
+    intake: Intake
+    layout: ParameterLayout
+    spot: LinearizationPoint
+    evidence: ScoreTable
+    mean: np.ndarray
+
+    def see(self, spot: LinearizationPoint) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(exit [n, 3], plane [n, 4], track [n, L, 3])."""
+        lanes, n = pad_lanes(self.intake.lanes)
+        deviates = np.resize(spot.deviates, (len(lanes.distance_m), spot.deviates.shape[1]))
+        seen = see(self.layout.chain, lanes, jnp.asarray(spot.values), jnp.asarray(deviates),
+                   jnp.asarray(self.layout.edges_s))
+        exit, plane, track = (np.asarray(part)[:n] for part in (seen.exit, seen.plane, seen.track_m))
+        return exit, plane, track
+
+    def still(self) -> LinearizationPoint:
+        """Every shot that deviates does so as all of those do on average."""
+        deviates = self.spot.deviates
+        own = deviates.any(axis=1, keepdims=True)
+        return replace(self.spot, deviates=own * deviates[own[:, 0]].mean(0))
+
+
+@pytest.fixture(scope="module")
+def bench() -> Bench:
+    intake = take_in(make_mixed())
+    layout = lay_out(intake, BELIEVED, ("ball_id", BALLS, 5))
+    chain = layout.chain
+    values = np.array([float(find_parameter(".".join(slot)).default) for slot in chain.slots])
+    for slot, value in ((("drag", "cd"), 0.45), (("magnus", "cl"), 0.05), (("exit_efficiency", "loss"), 0.22)):
+        values[chain.slots.index(slot)] = value
+    # not quite at rest: then both looks are made by the same compiled code
+    spot = LinearizationPoint(values, np.log([0.02, 0.008, 0.006, 1.3]), np.full((SHOTS, chain.deviates), 1e-9),
+                np.zeros(layout.grouped))
+    _, mean = linearise(intake, layout, spot)
+    spot = replace(spot, deviates=mean)
+    return Bench(intake, layout, spot, *linearise(intake, layout, spot))
+
+
+@dataclass(frozen=True)
+class Brute:
+    """One shot written out: residual r of what was observed, slopes A [m, D] by deviates, covariance R of the noise,
+    S [D] of the deviates; height h at no deviation and its slope B [D]."""
+
+    r: np.ndarray
+    slope: np.ndarray
+    noise: np.ndarray
+    own: np.ndarray
+    height: float
+    height_by: np.ndarray
+
+    @property
+    def total(self) -> np.ndarray:
+        return self.slope @ np.diag(self.own) @ self.slope.T + self.noise
+
+    def log_density(self) -> float:
+        if not len(self.r):
+            return 0.0
+        return float(multivariate_normal.logpdf(self.r, np.zeros(len(self.r)), self.total))
+
+    def height_given(self) -> tuple[float, float]:
+        """(mean, standard deviation) of the height given what was observed: joint normal, conditioned."""
+        pull = np.diag(self.own) @ self.slope.T @ np.linalg.inv(self.total)
+        left = np.diag(self.own) - pull @ self.slope @ np.diag(self.own)
+        variance = self.height_by @ left @ self.height_by
+        return self.height + float(self.height_by @ (pull @ self.r)), float(np.sqrt(variance + FLOOR_M**2))
+
+
+def flat(bench: Bench, row: int, exit: np.ndarray, track: np.ndarray) -> np.ndarray:
+    """What is observed of a shot in a row: its measured exit, then its track, axis by axis."""
+    known = np.isfinite(bench.intake.exits[row])
+    samples = bench.intake.samples
+    assert samples is not None
+    place = np.flatnonzero(bench.intake.tracked == row)
+    seen = track[row][samples.real[place[0]]].T.ravel() if len(place) else np.zeros(0)
+    return np.concatenate([exit[row][known], seen])
+
+
+def observed(bench: Bench, row: int) -> np.ndarray:
+    samples = bench.intake.samples
+    assert samples is not None
+    track = np.zeros((SHOTS, *samples.position_m.shape[1:]))
+    track[bench.intake.tracked] = samples.position_m
+    return flat(bench, row, bench.intake.exits, track)
+
+
+def noise_of(bench: Bench, row: int) -> np.ndarray:
+    """Covariance of what is observed."""
+    samples, scatter = bench.intake.samples, bench.intake.scatter
+    assert samples is not None and scatter is not None
+    known = np.isfinite(bench.intake.exits[row])
+    blocks = [np.diag(bench.intake.exit_sd[row][known]**2)]
+    place = np.flatnonzero(bench.intake.tracked == row)
+    if len(place):
+        time_s = samples.time_s[place[0]][samples.real[place[0]]]
+        apart = np.abs(time_s[:, None] - time_s)
+        for sigma, memory in zip(scatter.sigma_m, scatter.memory_s, strict=True):
+            blocks.append(sigma**2 * (np.exp(-apart / memory) if memory > 0.0 else np.eye(len(time_s))))
+    whole = np.zeros((sum(map(len, blocks)),) * 2)
+    first = 0
+    for block in blocks:
+        whole[first:first + len(block), first:first + len(block)] = block
+        first += len(block)
+    return whole
+
+
+def written_out(bench: Bench, row: int) -> Brute:
+    spot, step = bench.spot, 1e-5
+    exit, plane, track = bench.see(spot)
+    slope, height_by = [], []
+    for number in range(spot.deviates.shape[1]):
+        off = np.zeros_like(spot.deviates)
+        off[:, number] = step
+        (e1, p1, t1), (e0, p0, t0) = (bench.see(replace(spot, deviates=spot.deviates + sign * off)) for sign in (1, -1))
+        slope.append((flat(bench, row, e1, t1) - flat(bench, row, e0, t0)) / (2.0 * step))
+        height_by.append((p1[row, 0] - p0[row, 0]) / (2.0 * step))
+    by = np.stack(slope, axis=1)
+    return Brute(observed(bench, row) - flat(bench, row, exit, track) + by @ spot.deviates[row], by,
+                 noise_of(bench, row), variance_of(bench.intake, spot.log_scatter)[row][:len(height_by)],
+                 float(plane[row, 0] - np.array(height_by) @ spot.deviates[row]), np.array(height_by))
+
+
+@pytest.fixture(scope="module")
+def brute(bench: Bench) -> dict[int, Brute]:
+    return {row: written_out(bench, row) for row in SHOWN}
+
+
+def column_slope(bench: Bench, name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What one column's input does to a shot that deviates as all do on average, by differences of `see`."""
+    source, still, step = int(bench.layout.source[bench.evidence.index(name)]), bench.still(), 1e-5
+    sides = []
+    for sign in (1.0, -1.0):
+        if source < len(bench.layout.chain.slots):
+            values = still.values.copy()
+            values[source] += sign * step
+            sides.append(bench.see(replace(still, values=values)))
+        else:
+            off = still.deviates.copy()
+            off[:, source - len(bench.layout.chain.slots)] += sign * step
+            sides.append(bench.see(replace(still, deviates=off)))
+    return tuple((a - b) / (2.0 * step) for a, b in zip(*sides, strict=True))       # type: ignore[return-value]
+
+
+def test_log_likelihoods_are_those_of_the_big_matrix_and_the_normal_cdf(bench: Bench, brute: dict[int, Brute]) -> None:
+    places = {row: number for number, row in enumerate(bench.intake.marked.tolist())}
+    for row, one in brute.items():
+        value = one.log_density()
+        if row in places:
+            mean, spread = one.height_given()
+            value += class_log(bench, places[row], mean, spread)
+        assert bench.evidence.log_score[row] == pytest.approx(value, abs=2e-3), row
+
+
+def class_log(bench: Bench, place: int, mean: float, spread: float, wider: float = 0.0) -> float:
+    """Log of the chance of what was seen of a height: by the normal CDF, intervals from rig.toml's half heights."""
+    seen = bench.intake.seen
+    if np.isfinite(seen.height_m[place]):
+        return float(norm.logpdf(seen.height_m[place], mean, spread))
+    inside = {half: norm.cdf(half + wider, mean, spread) - norm.cdf(-half - wider, mean, spread)
+              for half in (0.07, 0.35)}
+    chance = (1.0 - inside[0.35], inside[0.35] - inside[0.07], inside[0.07])[int(seen.classes[place])]
+    return float(np.log((1.0 - LAPSE) * chance + LAPSE / 3.0))
+
+
+def test_an_opening_that_has_grown_is_the_one_that_counts(bench: Bench) -> None:
+    values = bench.spot.values.copy()
+    values[bench.layout.chain.slots.index(("rim_catch", "reach_m"))] = 0.03
+    grown, _ = linearise(bench.intake, bench.layout, replace(bench.spot, values=values))
+    plane = bench.evidence.plane
+    assert plane is not None and grown.plane is not None
+    classed = [place for place in range(len(plane.rows)) if not np.isfinite(plane.seen.height_m[place])]
+    for place in classed:
+        mean, spread = float(plane.mean_m[place]), float(plane.spread_m[place])
+        gained = grown.log_score[plane.rows[place]] - bench.evidence.log_score[plane.rows[place]]
+        expected = class_log(bench, place, mean, spread, 0.03) - class_log(bench, place, mean, spread)
+        assert gained == pytest.approx(expected, abs=1e-6), place
+    assert np.allclose(grown.plane.seen.borders[1:-1], [-0.38, -0.1, 0.1, 0.38]) and len(classed) > 10
+
+
+def test_scores_and_information_are_those_of_the_big_matrix(bench: Bench, brute: dict[int, Brute]) -> None:
+    index = [bench.evidence.index(name) for name in COLUMNS]
+    slopes = [column_slope(bench, name) for name in COLUMNS]
+    for row, one in brute.items():
+        if not len(one.r):
+            assert not bench.evidence.linear[row].any() and not bench.evidence.bend[row].any()
+            continue
+        by = np.stack([flat(bench, row, exit, track) for exit, _, track in slopes], axis=1)
+        precise = np.linalg.inv(one.total)
+        score, info = by.T @ precise @ one.r, by.T @ precise @ by
+        size = np.sqrt(np.diag(info)) + 1e-9
+        assert bench.evidence.linear[row, index] / size == pytest.approx(score / size, abs=2e-3), row
+        found = bench.evidence.bend[row][np.ix_(index, index)] / np.outer(size, size)
+        assert found == pytest.approx(info / np.outer(size, size), abs=1e-3), row
+
+
+def test_heights_given_the_track_move_with_the_columns_as_conditioning_says(bench: Bench,
+                                                                            brute: dict[int, Brute]) -> None:
+    plane = bench.evidence.plane
+    assert plane is not None
+    places = {row: number for number, row in enumerate(bench.intake.marked.tolist())}
+    for name in COLUMNS:
+        exit, height, track = column_slope(bench, name)
+        for row in sorted(set(SHOWN) & set(places)):
+            one = brute[row]
+            pull = np.diag(one.own) @ one.slope.T @ np.linalg.inv(one.total)
+            expected = height[row, 0] - one.height_by @ (pull @ flat(bench, row, exit, track))
+            scale = 1e-4 + 1e-3 * abs(height[row, 0])
+            assert plane.by_column[places[row], bench.evidence.index(name)] == pytest.approx(expected, abs=scale)
+
+
+def test_scores_of_the_scatters_are_slopes_of_the_big_matrix(bench: Bench, brute: dict[int, Brute]) -> None:
+    for number, (column, deviate) in enumerate(zip(bench.layout.scatters, (0, 1, 2, 4), strict=True)):
+        for row, one in brute.items():
+            if not len(one.r):
+                continue
+            own = bench.intake.scattered[row, number] * np.exp(2.0 * bench.spot.log_scatter[number])
+            sides = []
+            for step in (1e-4, -1e-4):
+                more = one.own.copy()
+                more[deviate] += own * (np.exp(2.0 * step) - 1.0)
+                sides.append(replace(one, own=more).log_density())
+            assert bench.evidence.linear[row, column] == pytest.approx((sides[0] - sides[1]) / 2e-4, abs=2e-3)
+            half = own * one.slope[:, deviate] @ np.linalg.solve(one.total, one.slope[:, deviate])
+            assert bench.evidence.bend[row, column, column] == pytest.approx(2.0 * half**2, rel=1e-3, abs=1e-6)
+
+
+def test_an_effect_of_a_ball_is_the_same_slope_in_that_balls_shots_alone(bench: Bench) -> None:
+    """Against indicator columns: launch speed and drag, times one standard deviation of balls, times (ball = b)."""
+    evidence, cd = bench.evidence, find_parameter("drag.cd").prior
+    assert cd is not None
+    base = [evidence.index("launch speed")] * 5 + [evidence.index("drag.cd")] * 5
+    scale = np.repeat([LUCK["speed"], LUCK["drag"] * cd.centre], 5)
+    groups = [number for number, column in enumerate(evidence.columns) if column.kind == "group"]
+    assert len(groups) == 10 and groups[-1] == len(evidence.columns) - 1
+    member = np.tile(BALLS[:, None] == np.arange(5), 2) * scale
+    assert evidence.score[:, groups] == pytest.approx(member * evidence.score[:, base], rel=1e-9, abs=1e-9)
+    other, told = evidence.index("magnus.cl"), np.stack([evidence.told_by([row]) for row in range(SHOTS)])
+    assert told[:, groups, other] == pytest.approx(member * evidence.info[:, base, other], rel=1e-9, abs=1e-9)
+    inner = told[:, groups][:, :, groups]
+    dealt = member[:, :, None] * member[:, None, :] * evidence.info[:, base][:, :, base]
+    assert inner == pytest.approx(dealt, rel=1e-9, abs=1e-9)
+
+
+def test_effects_of_balls_already_found_move_the_evidence_along(bench: Bench) -> None:
+    """A spot with effects is the plain spot's evidence moved by them, drawn back by the balls' own prior."""
+    effects = np.random.default_rng(1).normal(0.0, 0.5, bench.layout.grouped)
+    there, _ = linearise(bench.intake, bench.layout, replace(bench.spot, effects=effects))
+    change = np.zeros(len(bench.evidence.columns))
+    change[-len(effects):] = effects
+    tiled = np.tile(change, (SHOTS, 1))
+    assert there.log_score == pytest.approx(bench.evidence.log_score + bench.evidence.gain(tiled), abs=1e-9)
+    others = np.setdiff1d(np.arange(there.own_score.shape[1]), bench.layout.scatters)    # theirs hang on what is left
+    assert there.own_score[:, others] == pytest.approx(bench.evidence.slopes_at(tiled)[0][:, others], abs=1e-9)
+    assert there.pull[-len(effects):] == pytest.approx(-effects)
+
+
+def test_what_a_balls_luck_does_is_no_scatter(bench: Bench) -> None:
+    """With five balls that are faster and slower by as much as 15 %, the slope of each scatter is that of what tracks
+    say by differences: their deviations beside their balls' luck, or scatter would be larger the more balls differ."""
+    effects = np.zeros(bench.layout.grouped)
+    effects[:5] = [-5.0, 3.0, 4.0, -4.0, 2.0]
+    spot = replace(bench.spot, effects=effects)
+    flown = fly(bench.intake, bench.layout, spot)
+    tracked = ~np.isin(np.arange(len(bench.intake.rows)), bench.intake.marked)
+    for number, column in enumerate(bench.layout.scatters):
+        if column < 0:
+            continue
+        sides = []
+        for step in (1e-3, -1e-3):
+            log_scatter = spot.log_scatter.copy()
+            log_scatter[number] += step
+            there = replace(spot, log_scatter=log_scatter)
+            sides.append(linearise(bench.intake, bench.layout, there, flown)[0].log_score[tracked])
+        by_hand = (sides[0] - sides[1]) / 2e-3
+        here = linearise(bench.intake, bench.layout, spot, flown)[0]
+        assert here.score[tracked, column] == pytest.approx(by_hand, rel=0.02, abs=0.02)
+
+
+def test_at_the_most_likely_deviates_a_second_look_changes_them_little(bench: Bench) -> None:
+    """Gauss-Newton: about the posterior mean the linear model's mean is the same point again."""
+    sd = np.sqrt(variance_of(bench.intake, bench.spot.log_scatter))[:, :bench.mean.shape[1]]
+    launched = np.setdiff1d(bench.intake.tracked, [*THROWN, *MEASURED])      # MEASURED's exits are drawn at random
+    again = np.abs(bench.mean - bench.spot.deviates) / np.maximum(sd, 1e-12)
+    assert again[launched].max() < 0.2
+
+
+def test_a_spot_near_by_is_foretold_without_flying_anew(bench: Bench) -> None:
+    """What was flown about one spot, taken as linear with the slopes of shots without deviation: nearly right."""
+    flown, slot = fly(bench.intake, bench.layout, bench.spot), bench.layout.chain.slots.index(("drag", "cd"))
+    ordinary = np.setdiff1d(np.arange(SHOTS), [*THROWN, *MEASURED])
+    values = bench.spot.values.copy()
+    values[slot] += 0.002
+    near = replace(bench.spot, values=values)
+    told = linearise(bench.intake, bench.layout, near, flown)[0].log_score[ordinary]
+    true = linearise(bench.intake, bench.layout, near)[0].log_score[ordinary]
+    change = true - bench.evidence.log_score[ordinary]
+    assert np.abs(change).max() > 0.1
+    assert np.abs(told - true).max() < 0.2 * np.abs(change).max()
+
+
+def test_the_centre_of_the_prior_pulls(bench: Bench) -> None:
+    evidence, layout = bench.evidence, bench.layout
+    place = evidence.index("drag.cd") - evidence.first_shared
+    centre, sd = 0.5, 1.5 * 0.5 * 0.7         # the catalogue's log prior as a plain one, half as wide again
+    assert layout.centre[place] == pytest.approx(centre)
+    assert evidence.precision[place, place] == pytest.approx(sd**-2.0)
+    assert evidence.pull[place] == pytest.approx((centre - 0.45) / sd**2)

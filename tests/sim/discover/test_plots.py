@@ -1,0 +1,162 @@
+"""Residuals and pictures: closed forms, what is chosen to be shown, and that something is drawn."""
+
+import io
+
+import matplotlib.image
+import numpy as np
+import pytest
+from scipy.optimize import minimize_scalar
+from scipy.stats import norm
+
+from truearc.robot.config.rig_spec import Target
+from truearc.sim.discover.detect.covariates import Covariate, Factor
+from truearc.sim.discover.model.score_table import Column, PlaneScores
+from truearc.sim.discover.plan.identifiability import sight_of
+from truearc.sim.discover.model.outcome_likelihood import LAPSE, see_outcomes
+from truearc.sim.discover.report.plots import field_png, flight_png, residual_png, sight_png
+from truearc.sim.discover.detect.residuals import (
+    Bins,
+    Heights,
+    LinearResiduals,
+    Residual,
+    binned,
+    bins_of,
+    choose,
+    find_along,
+    halves,
+)
+from truearc.sim.data.dataset import Shots
+from tests.sim.discover.synthetic import make_linear, shared, term
+
+ROWS = np.arange(80)
+ORDER = Covariate((("t_s", np.linspace(0.0, 100.0, 80)), ("order_in_session", ROWS.astype(float))))
+OTHER = Covariate((("battery_v", np.random.default_rng(9).normal(12.0, 0.3, 80)),))
+SIDE = Factor("supplier", ("north", "south"), ROWS % 2)
+BLUE = np.array([0x1f, 0x5f, 0xa8]) / 255.0
+
+
+def drifting() -> Residual:
+    """Two per cent up and down over t_s before, nothing after; every shot's own error is one per cent."""
+    truth = np.linspace(-0.02, 0.02, 80)
+    noise = 0.01 * np.random.default_rng(1).normal(size=80)
+    information = np.full(80, 1e4)
+    return Residual("launch speed", 0, "launch", 100.0, "%", LinearResiduals((truth + noise) * information, information),
+                    LinearResiduals(noise * information, information))
+
+
+def drawn(png: bytes | None) -> np.ndarray:
+    assert png is not None
+    return matplotlib.image.imread(io.BytesIO(png))[..., :3]
+
+
+def share_like(image: np.ndarray, colour: np.ndarray) -> float:
+    return float((np.abs(image - colour).max(axis=2) < 0.12).mean())
+
+
+def test_a_bin_holds_the_weighted_mean_with_its_error() -> None:
+    score, information = np.array([2.0, 4.0, 9.0, 8.0]), np.array([1.0, 2.0, 3.0, 4.0])
+    value, error = LinearResiduals(score, information).estimate(np.ones(4, dtype=bool))
+    assert value == pytest.approx(np.average(score / information, weights=information))
+    assert error >= 1.0 / np.sqrt(10.0)
+    assert np.isnan(LinearResiduals(score, information).estimate(np.arange(4) < 2)[0])
+
+
+def test_heights_shift_to_where_the_outcomes_are_likeliest() -> None:
+    rng = np.random.default_rng(2)
+    mean_m, spread_m = rng.normal(0.0, 0.2, 200), np.full(200, 0.1)
+    height = mean_m + 0.06 + spread_m * rng.normal(size=200)
+    outcome = np.where(np.abs(height) <= 0.07, "three", np.where(np.abs(height) <= 0.35, "two", "miss"))
+    side = np.where(outcome == "three", "", np.where(height < 0.0, "low", "high"))
+    shots = Shots(tuple(map(str, range(200))), {}, {"outcome": tuple(outcome.tolist()), "side": tuple(side.tolist())})
+    rows, seen = see_outcomes(shots, Target(2.44))
+    none = np.zeros((200, 0))
+    value, error = Heights(PlaneScores(rows, seen, mean_m, spread_m, none, none, none), 200).estimate(np.ones(200, bool))
+    borders = {"three": (-0.07, 0.07), "low two": (-0.35, -0.07), "high two": (0.07, 0.35), "low miss": (-9.0, -0.35),
+               "high miss": (0.35, 9.0)}
+    low, high = np.array([borders[f"{s} {o}".strip()] for s, o in zip(side, outcome, strict=True)]).T
+
+    def unlikely(shift: float) -> float:
+        chance = norm.cdf(high, mean_m + shift, spread_m) - norm.cdf(low, mean_m + shift, spread_m)
+        return float(-np.log((1.0 - LAPSE) * chance + LAPSE / 3.0).sum())
+
+    best = minimize_scalar(unlikely, bounds=(-0.2, 0.3), method="bounded").x
+    assert value == pytest.approx(best, abs=0.004)
+    assert unlikely(best + error) - unlikely(best) == pytest.approx(0.5, abs=0.2)
+    assert value == pytest.approx(0.06, abs=3.0 * error)
+
+
+def test_bins_are_even_or_the_values_there_are() -> None:
+    even = bins_of(ORDER, ROWS)
+    assert np.bincount(even.index).tolist() == [10] * 8
+    assert (np.diff(even.middle) > 0.0).all()
+    assert bins_of(SIDE, ROWS).labels == ("north", "south")
+    few = bins_of(Covariate((("hood_change", np.where(ROWS % 3, 1.0, -1.0)),)), ROWS)
+    assert few.middle.tolist() == [-1.0, 1.0] and (few.middle[few.index] == np.where(ROWS % 3, 1.0, -1.0)).all()
+    gaps = Covariate((("x", np.where(ROWS < 10, np.nan, ROWS.astype(float))),))
+    assert (bins_of(gaps, ROWS).index[:10] == -1).all()
+
+
+def test_what_carries_the_effect_is_what_is_shown() -> None:
+    flat = Residual("push", 1, "flight", 1.0, "m/s²", LinearResiduals(np.zeros(80), np.ones(80)), LinearResiduals(np.zeros(80),
+                                                                                                np.ones(80)))
+    chosen = choose((flat, drifting()), (OTHER, SIDE, ORDER), ROWS)
+    assert chosen is not None
+    assert (chosen[0].name, chosen[1].name) == ("launch speed", "t_s")
+    assert choose((drifting(),), (), ROWS) is None
+    assert find_along("order_in_session", (OTHER, ORDER)) is ORDER
+    assert find_along("nothing", (OTHER, ORDER)) is None
+
+
+def test_after_the_right_correction_no_bin_is_far_off() -> None:
+    bins = bins_of(ORDER, ROWS)
+    before, after = (binned(part, bins) for part in (drifting().before, drifting().after) if part is not None)
+    assert np.abs(before[0] / before[1]).max() > 4.0 and np.abs(after[0] / after[1]).max() < 3.5
+
+
+def test_pictures_are_not_blank_and_the_same_each_time() -> None:
+    for along in (ORDER, SIDE):
+        image = drawn(residual_png(drifting(), along, ROWS, "ball wear"))
+        assert share_like(image, BLUE) > 1e-4
+        assert share_like(image, np.ones(3)) < 0.99
+    assert residual_png(drifting(), ORDER, ROWS, "x") == residual_png(drifting(), ORDER, ROWS, "x")
+
+
+def test_the_field_is_coloured_where_shots_are_off() -> None:
+    across, up = np.tile(np.arange(10.0), 8), np.repeat(np.arange(8.0), 10)
+    off = np.where(across > 5.0, 0.1, 0.0)
+    information = np.full(80, 1e4)
+    residual = Residual("height", None, "arrival", 100.0, "cm", LinearResiduals(off * information, information), None)
+    image = drawn(field_png(residual, ("distance [m]", across), ("elevation", up), ""))
+    red = (image[..., 0] > 0.3) & (image[..., 2] < 0.2)
+    assert red.mean() > 0.1
+    width = image.shape[1]
+    assert red[:, :width // 3].sum() < 0.05 * red[:, width // 3:].sum()
+    assert field_png(residual, ("distance [m]", np.full(80, 3.0)), ("elevation", up), "") is None
+
+
+def test_bands_along_the_flight_show_what_was_pushed() -> None:
+    spans = [(0.0, 0.2), (0.2, 0.4), (0.4, float("inf"))]
+    bands = tuple(Column(f"push vertical from {a}", "free", "flight", "vertical", "m/s2", 1.5, times_s=(a, b))
+                  for a, b in spans)
+    observed = np.tile([0.0, 0.0, 5.0], (40, 1)) + np.random.default_rng(3).normal(size=(40, 3))
+    evidence = make_linear(np.tile(np.eye(3), (40, 1, 1)), bands, np.zeros(0), observed)
+    image = drawn(flight_png(evidence, None, "", [("", np.ones(40, dtype=bool))]))
+    rows = np.flatnonzero((np.abs(image - BLUE).max(axis=2) < 0.12).any(axis=1))
+    assert rows[-1] - rows[0] > 0.4 * image.shape[0]
+    two = drawn(flight_png(evidence, evidence, "wind", halves(ORDER, ROWS[:40])))
+    assert two.shape[0] > image.shape[0]
+    assert flight_png(make_linear(np.ones((4, 1, 1)), (term("a"),), np.zeros(0)), None, "", []) is None
+
+
+def test_shots_needed_are_drawn_for_what_can_be_seen() -> None:
+    rng = np.random.default_rng(4)
+    columns = (term("drag_wear", 1.0, "flight"), term("ball_wear", 0.03), shared("p"))
+    evidence = make_linear(rng.normal(size=(50, 1, 3)), columns, np.ones(1))
+    assert share_like(drawn(sight_png(sight_of(evidence, "L0", ()))), BLUE) > 0.005
+    blind = make_linear(np.zeros((50, 1, 3)), columns, np.ones(1))
+    assert sight_png(sight_of(blind, "L0", ())) is None
+
+
+def test_bins_of_nothing_are_nothing() -> None:
+    value, error = binned(drifting().before, Bins("x", np.full(80, -1), np.zeros(2)))
+    assert np.isnan(value).all() and np.isnan(error).all()

@@ -1,0 +1,145 @@
+"""What is taken of a dataset: which shots, what of each, how sure; what is left out is said."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from truearc.robot.config.schema import InputError
+from truearc.sim.discover.model.forward_model import DEVIATES
+from truearc.sim.discover.model.prepared_data import FEWEST_SHOTS, Intake, take_in
+from truearc_proof.truth.generate import shoot
+from truearc_proof.truth.world import make_world
+from truearc.sim.data.dataset import Dataset, Shots, Traces, Tracks
+from tests.sim.discover.mixed import FLOWN, LANDED, MEASURED, SHOTS, THROWN, make_mixed
+
+
+@pytest.fixture(scope="module")
+def mixed() -> Dataset:
+    return make_mixed()
+
+
+@pytest.fixture(scope="module")
+def intake(mixed: Dataset) -> Intake:
+    return take_in(mixed)
+
+
+def without(dataset: Dataset, *names: str) -> Dataset:
+    numbers = {name: column for name, column in dataset.shots.numbers.items() if name not in names}
+    return replace(dataset, shots=replace(dataset.shots, numbers=numbers))
+
+
+def changed(dataset: Dataset, name: str, rows: np.ndarray, value: float) -> Dataset:
+    column = dataset.shots.number(name).copy()
+    column[rows] = value
+    return replace(dataset, shots=replace(dataset.shots, numbers={**dataset.shots.numbers, name: column}))
+
+
+def test_every_shot_brings_what_was_seen_of_it(intake: Intake) -> None:
+    assert intake.rows.tolist() == list(range(SHOTS))
+    assert intake.tracked.tolist() == np.setdiff1d(np.arange(SHOTS), LANDED).tolist()
+    assert intake.marked.tolist() == np.setdiff1d(np.arange(SHOTS), [*FLOWN, *THROWN]).tolist()
+    assert np.isfinite(intake.exits).all(1).nonzero()[0].tolist() == MEASURED.tolist()
+    assert np.asarray(intake.lanes.free).nonzero()[0].tolist() == THROWN.tolist()
+    assert intake.left_out == ()
+
+
+def test_measured_exits_are_evidence_and_do_not_replace_wheels_and_hood(mixed: Dataset, intake: Intake) -> None:
+    shots = mixed.shots
+    rolled = (shots.number("wheel_lower_rad_s") * 0.0508 + shots.number("wheel_upper_rad_s") * 0.0349) / 2.0
+    launched = np.setdiff1d(np.arange(SHOTS), THROWN)
+    assert np.asarray(intake.lanes.rolling.speed_m_s)[launched] == pytest.approx(rolled[launched])
+    assert intake.exits[MEASURED, 0] == pytest.approx(np.log(shots.number("exit_speed_m_s")[MEASURED]))
+    assert intake.exits[MEASURED, 1] == pytest.approx(np.radians(shots.number("exit_deg")[MEASURED]))
+    assert intake.exit_sd[MEASURED, 0] == pytest.approx(0.05 / shots.number("exit_speed_m_s")[MEASURED])
+
+
+def test_a_measured_height_beats_the_class(mixed: Dataset, intake: Intake) -> None:
+    place = {row: number for number, row in enumerate(intake.marked.tolist())}
+    rows = MEASURED[:4]
+    assert intake.seen.measured.sum() == 4
+    assert intake.seen.height_m[[place[row] for row in rows]] == pytest.approx(
+        mixed.shots.number("miss_height_m")[rows])
+
+
+def test_doubt_is_the_sensors_own(intake: Intake) -> None:
+    """By hand from rig.toml's noise: an encoder each, the hood, the distance; spin scatter and release by the house."""
+    variance = dict(zip(DEVIATES, intake.noise_var.T, strict=True))
+    row = int(LANDED[0])
+    speed = float(np.asarray(intake.lanes.rolling.speed_m_s)[row])
+    wheel = 0.5 * np.hypot(0.0508, 0.0349) / 2.0
+    assert variance["log_speed"][row] == pytest.approx((wheel / speed)**2, rel=1e-6)
+    assert variance["elevation_rad"][row] == pytest.approx(np.radians(0.2)**2)
+    assert variance["distance_m"][row] == 0.0              # it is one of what scatters, by a multiple that is fitted
+    assert variance["spin_share"][row] > 0.05**2
+    assert (variance["vx_m_s"][THROWN] > 1.0).all() and variance["vx_m_s"][row] == 0.0
+    assert (variance["log_speed"][THROWN] == 0.0).all() and (variance["elevation_rad"][THROWN] == 0.0).all()
+    assert intake.scattered[row] == pytest.approx([1.0, 1.0, 1.0, 0.03**2])
+    assert not intake.scattered[THROWN, :3].any()
+
+
+def test_a_thrown_ball_starts_where_its_track_does(mixed: Dataset, intake: Intake) -> None:
+    assert mixed.tracks is not None
+    for row in THROWN:
+        here = mixed.tracks.shot == row
+        first = [float(column[here][0]) for column in (mixed.tracks.x_m, mixed.tracks.y_m, mixed.tracks.z_m)]
+        assert np.asarray(intake.lanes.start_m)[row] == pytest.approx(first, abs=0.06)
+        ahead = np.polyfit(mixed.tracks.t_s[here], mixed.tracks.x_m[here], 2)[1]
+        assert np.asarray(intake.lanes.start_m_s)[row, 0] == pytest.approx(ahead, abs=1e-6)
+
+
+def test_levels() -> None:
+    plain, telemetry, tracked = (shoot(make_world({}, level, 12, 1)) for level in ("L0", "L1", "L2"))
+    assert [take_in(one).level for one in (plain, telemetry, tracked)] == ["L0", "L1", "L2"]
+    traces = Traces(np.arange(12), np.zeros(12), ("battery_v",) * 12, np.full(12, 12.0))
+    assert take_in(replace(plain, traces=traces)).level == "L1"
+    battery = {**plain.shots.numbers, "battery_v": np.linspace(12.0, 11.0, 12)}
+    assert take_in(replace(plain, shots=replace(plain.shots, numbers=battery))).level == "L1"
+    timed = {**plain.shots.numbers, "t_s": np.arange(12.0), "miss_height_m": np.full(12, 0.1)}
+    assert take_in(replace(plain, shots=replace(plain.shots, numbers=timed))).level == "L0"
+
+
+def test_what_is_left_out_is_said_and_counted(mixed: Dataset) -> None:
+    blind = changed(mixed, "distance_m", LANDED[:3], np.nan)
+    intake = take_in(blind)
+    assert any(note.startswith("3 outcomes without distance_m") for note in intake.left_out)
+    assert set(range(SHOTS)) - set(intake.rows.tolist()) == set(LANDED[:3].tolist())
+    assert mixed.tracks is not None
+    short = ~((mixed.tracks.shot == FLOWN[0]) & (mixed.tracks.t_s > 0.05))
+    cut = replace(mixed, tracks=Tracks(*(column[short] for column in vars(mixed.tracks).values())),
+                  left_out=("row 3: no such ball",))
+    said = take_in(cut)
+    assert said.left_out[0] == "row 3: no such ball"
+    assert any(note.startswith("1 tracks with fewer than") for note in said.left_out)
+    assert FLOWN[0] not in said.rows
+
+
+def test_shots_that_say_nothing_are_not_rows() -> None:
+    shots = Shots(tuple(map(str, range(20))), {"distance_m": np.linspace(2.0, 6.0, 20), "hood_deg": np.full(20, 50.0),
+                                               "motor_ratio": np.full(20, 0.5)}, {})
+    assert len(take_in(Dataset("mute", make_world().facts, shots)).rows) == 0
+
+
+def test_each_ball_has_its_own_mass_and_size_where_they_were_measured(mixed: Dataset) -> None:
+    weighed = changed(changed(mixed, "mass_kg", FLOWN, 0.2), "radius_m", FLOWN[:4], 0.1)
+    lanes = take_in(weighed).lanes
+    assert np.asarray(lanes.ball_kg)[FLOWN] == pytest.approx(0.2)
+    assert np.asarray(lanes.ball_m)[FLOWN[:4]] == pytest.approx(0.1)
+    others = np.setdiff1d(np.arange(SHOTS), FLOWN)
+    assert np.asarray(lanes.ball_kg)[others] == pytest.approx(mixed.facts.ball.mass_kg)
+    assert np.asarray(lanes.ball_m)[others] == pytest.approx(mixed.facts.ball.radius_m)
+
+
+def test_bad_input_is_named(mixed: Dataset) -> None:
+    few = replace(mixed, shots=mixed.shots.take(np.arange(FEWEST_SHOTS - 1)), tracks=None)
+    with pytest.raises(InputError, match=f"{FEWEST_SHOTS - 1} shots are too few.*{FEWEST_SHOTS} at least"):
+        take_in(few)
+    facts = type(mixed.facts)(ball=mixed.facts.ball, launcher=mixed.facts.launcher, noise=mixed.facts.noise)
+    with pytest.raises(InputError, match=r"\[target\] is needed"):
+        take_in(replace(mixed, facts=facts))
+
+
+def test_a_hood_that_was_not_read_makes_the_launch_unknown(mixed: Dataset) -> None:
+    intake = take_in(without(mixed, "hood_deg", "exit_deg"))
+    assert np.asarray(intake.lanes.free)[intake.tracked].all()
+    assert len(intake.marked) == 0

@@ -1,0 +1,114 @@
+"""What a belief leaves over at home is no change, what goes beyond that is: a difference of two samples."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from truearc.sim.infer.belief import Belief
+from truearc.sim.discover.detect.test_battery import Asked, ask_everything
+from truearc.sim.discover.model.baseline_fit import BaselineFit
+from truearc.sim.discover.model.design_columns import lay_out
+from truearc.sim.discover.detect.covariates import Covariate, Factor, CovariatePair
+from truearc.sim.discover.select.forward_selection import Search, judge_left
+from truearc.sim.discover.detect.reference_session import ReferenceSession
+from truearc.sim.discover.model.prepared_data import take_in
+from truearc.sim.discover.select.condition_on import promote
+from truearc.sim.discover.select.refit import refit
+from truearc_proof.truth.generate import shoot
+from truearc_proof.truth.world import make_world
+from tests.sim.discover.straight import each_by_itself, fit_straight
+
+LEFT = {"wind_z.speed_m_s": 0.4, "spin_decay.rate_per_s": -0.3}
+
+
+def asked(later: BaselineFit, home: BaselineFit | None, seed: int = 0) -> Asked:
+    beside = None if home is None else ReferenceSession(home, {})
+    return ask_everything(later.evidence, (), (), each_by_itself(later), seed, beside)
+
+
+def test_what_is_left_over_in_both_sessions_is_no_change() -> None:
+    """Alone every session would be an alarm, beside home no more than one in twenty, chance allowed for."""
+    alone, beside = [], []
+    for seed in range(40):
+        home = fit_straight(LEFT, 2 * seed)
+        later = fit_straight(LEFT, 2 * seed + 1)
+        alone.append(judge_left(asked(later, None), seed).p_any)
+        beside.append(judge_left(asked(later, home), seed).p_any)
+    assert np.mean(np.array(alone) <= 0.05) > 0.9
+    assert sum(p <= 0.05 for p in beside) <= stats.binom.ppf(0.999, 40, 0.05)
+    assert stats.kstest(beside, "uniform").pvalue > 0.001
+
+
+@pytest.mark.parametrize("shots", [100, 400])
+def test_what_has_changed_since_is_seen_and_its_size_is_that_of_the_change(shots: int) -> None:
+    changed = {**LEFT, "buoyancy.share": 1.0}
+    home = fit_straight(LEFT, 1, shots=shots)
+    later = fit_straight(changed, 2)
+    found = asked(later, home)
+    judged = judge_left(found, 0)
+    named = [later.evidence.columns[test.column].name for test in found.tests]
+    amplitude = dict(zip(named, judged.amplitude, strict=True))
+    assert judged.p_any < 0.01 and named[int(judged.statistic.argmax())] == "buoyancy.share"
+    sd = np.sqrt(1.0 / 200 + 1.0 / shots)                     # of a difference of two means with unit noise
+    assert amplitude["buoyancy.share"] == pytest.approx(1.0, abs=4.0 * sd)
+    assert all(abs(amplitude[name]) < 4.0 * sd for name in LEFT)
+
+
+def test_a_small_home_leaves_the_test_as_it_is() -> None:
+    """Its luck would drown what the session says."""
+    home = fit_straight({}, 1, shots=20)
+    later = fit_straight({"wind_x.speed_m_s": 0.3}, 2)
+    alone, beside = (judge_left(asked(later, one), 0) for one in (None, home))
+    assert np.allclose(alone.statistic, beside.statistic) and np.allclose(alone.gain, beside.gain)
+
+
+def test_names_that_were_given_since_are_fitted_at_home_too() -> None:
+    home = fit_straight(LEFT, 1)
+    given = ReferenceSession(home, {})
+    assert given.among(home) is given
+    later = fit_straight(LEFT, 1)
+    search = Search(each_by_itself(later), (), (), 0.05, 0, given)
+    name = "wind_z.speed_m_s"
+    there = search.beside(promote(later, refit(later, (name,), np.array([0.1]))))
+    assert there is not None and there.index(name) is None and given.index(name) is not None
+    assert there.fitted.values[name] == pytest.approx(0.4, abs=0.3)
+    assert search.beside(promote(later, refit(later, (name,), np.array([0.1])))) is there
+
+
+def test_home_is_as_free_to_have_other_balls_as_the_later_session() -> None:
+    """So that both fits take up alike what the belief leaves over; of its numbers home knows nothing yet."""
+    intake = take_in(shoot(make_world({}, "L2", 12, 5, side=True)))
+    belief = Belief({"drag": {"cd": 0.5}, "magnus": {"cl": 0.2}}, {}, ("drag.cd",), np.array([[1e-4]]))
+    later = lay_out(intake, ("gravity", "drag", "magnus"), belief=belief)
+    home = lay_out(intake, ("gravity", "drag", "magnus"), belief=belief, later=later)
+    balls = later.grouped
+    assert balls == home.grouped == 4                         # speed, elevation, drag, lift
+    assert later.precision[-balls:, -balls:] == pytest.approx(home.precision[-balls:, -balls:], abs=1e-6)
+    drag = [column.name for column in later.columns].index("drag.cd", len(later.columns) - len(later.precision))
+    place = drag - len(later.columns)
+    assert later.precision[place, place] > 100.0 * home.precision[place, place]
+
+
+def test_without_tracks_another_rack_moves_a_session_by_its_share_of_the_shots_scatter() -> None:
+    """A belief that knows no scatter allows for nothing."""
+    intake = take_in(shoot(make_world({}, "L0", 12, 5, side=True)))
+    launch = {"speed": 0.02, "elevation_deg": 0.5}
+    layouts = [lay_out(intake, ("gravity", "drag"), belief=Belief({"drag": {"cd": 0.5}}, scatter, (), np.zeros((0, 0))))
+               for scatter in (launch, {})]
+    rng = np.random.default_rng(1)
+    racks = [rng.normal(0.0, np.sqrt(0.5) * sd, (20_000, 10)).mean(1).std() for sd in (0.02, np.radians(0.5))]
+    assert [layout.grouped for layout in layouts] == [2, 2]
+    known, unknown = (layout.groups for layout in layouts)
+    assert known is not None and known.scale == pytest.approx(racks, rel=0.03)
+    assert unknown is not None and (unknown.scale == 0.0).all()
+
+
+def test_home_is_looked_at_by_any_of_a_covariates_names() -> None:
+    fitted = fit_straight({}, 1, shots=20)
+    x = np.arange(20.0)
+    home = ReferenceSession(fitted, {"t_s": x, "driver": ("a", "b") * 10})
+    one, other = Covariate((("order_in_session", x), ("t_s", x))), Covariate((("battery_v", x),))
+    assert np.array_equal(home.look.at(one), x) and np.isnan(home.look.at(other)).all()
+    driver, place = Factor("driver", ("b", "c"), np.zeros(20, int)), Factor("place", ("b",), np.zeros(20, int))
+    assert home.look.at(driver).tolist() == [-1, 0] * 10 and set(home.look.at(place)) == {-1}
+    assert home.own(other) is None and home.own(None) is None and home.own(CovariatePair(one, other, np.zeros((2, 20)))) is None

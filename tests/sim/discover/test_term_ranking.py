@@ -1,0 +1,134 @@
+"""Names, where everything is linear: evidence against the exact marginal likelihood, sets, what is impossible."""
+
+from types import SimpleNamespace
+from typing import cast
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+
+from benchmarks.suite import Job, world_of
+from truearc.sim.discover.model.baseline_fit import BaselineFit
+from truearc.sim.discover.api import discover
+from truearc.sim.discover.select.term_ranking import NEVER, Naming, is_possible, name_terms, nats_for, one_step
+from truearc.sim.discover.select.refit import Refit
+from truearc_proof.truth.generate import shoot
+from tests.sim.discover.straight import ASKED, NAMES, SHARED, fit_straight, slopes_and_y
+
+PLANTED = "spin_drag.share"
+
+
+def named(fitted: BaselineFit) -> Naming:
+    return name_terms(fitted, lambda done, note: None)
+
+
+def log_marginal(fitted: BaselineFit, names: tuple[str, ...], world: tuple[np.ndarray, np.ndarray]) -> float:
+    """Of y under normal priors on these names and the shared ones: one big covariance matrix."""
+    slopes, y = world
+    sd = np.array([*(fitted.evidence.columns[ASKED.index(name)].usual for name in names), 2.0, 2.0])
+    mine = slopes[:, [NAMES.index(name) for name in (*names, *SHARED)]] * sd
+    return float(multivariate_normal.logpdf(y, np.zeros(len(y)), np.eye(len(y)) + mine @ mine.T))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_right_name_wins_and_probabilities_sum_to_one(seed: int) -> None:
+    naming = named(fit_straight({PLANTED: 0.6}, seed))
+    assert naming.leader == PLANTED
+    assert sum(naming.probability.values()) == pytest.approx(1.0)
+    assert set(naming.probability) == set(ASKED)
+    assert naming.chosen == (PLANTED,) and naming.aliases == ()
+    assert naming.probability[PLANTED] > 0.99
+    found = naming.refits[PLANTED]
+    assert abs(found.amplitude[0] - 0.6) < 4.0 * found.sd[0] < 0.4
+
+
+def test_a_refits_evidence_is_the_exact_one() -> None:
+    fitted = fit_straight({PLANTED: 0.2}, 3)
+    naming, world = named(fitted), slopes_and_y({PLANTED: 0.2}, 3, 200, {})
+    believed = log_marginal(fitted, (), world)
+    assert len(naming.refits) >= 3
+    for name, refit in naming.refits.items():
+        assert refit.log_evidence == pytest.approx(log_marginal(fitted, (name,), world) - believed, abs=1e-3)
+        assert naming.nats[name] == refit.log_evidence
+
+
+def test_one_step_is_exact_where_all_is_linear() -> None:
+    fitted = fit_straight({PLANTED: 0.3}, 4)
+    world = slopes_and_y({PLANTED: 0.3}, 4, 200, {})
+    believed = log_marginal(fitted, (), world)
+    for candidate in one_step(fitted.evidence)[0]:
+        assert candidate.nats == pytest.approx(log_marginal(fitted, (candidate.name,), world) - believed, abs=0.01)
+
+
+def test_nats_are_the_log_ratio_of_two_normal_laws() -> None:
+    """A score s ~ N(0, I) without the amplitude, N(0, I + I^2 u^2) with it."""
+    for score, information, usual in ((3.0, 2.0, 0.5), (-0.4, 9.0, 1.0), (7.0, 0.3, 0.1)):
+        with_it = multivariate_normal.logpdf(score, 0.0, information + (information * usual)**2)
+        without = multivariate_normal.logpdf(score, 0.0, information)
+        assert nats_for(score, information, usual) == pytest.approx(with_it - without)
+    assert nats_for(5.0, 0.0, 1.0) == 0.0
+
+
+def test_exact_aliases_come_as_a_set() -> None:
+    twin = "buoyancy.share"
+    naming = named(fit_straight({PLANTED: 0.6}, 5, copies={twin: PLANTED}))
+    assert set(naming.chosen) == {PLANTED, twin}
+    assert naming.probability[PLANTED] == pytest.approx(naming.probability[twin]) == pytest.approx(0.5, abs=1e-3)
+    assert len(naming.aliases) == 1 and naming.aliases[0] in {PLANTED, twin}
+
+
+def test_of_two_aliases_the_one_of_a_usual_size_leads() -> None:
+    twin = "buoyancy.share"
+    naming = named(fit_straight({PLANTED: 0.6}, 5, copies={twin: PLANTED}, usual={twin: 0.01}))
+    assert naming.leader == PLANTED
+    assert naming.probability[PLANTED] > 0.95
+    near = named(fit_straight({PLANTED: 0.6}, 5, copies={twin: PLANTED}, usual={twin: 2.0}))
+    assert near.leader == PLANTED and twin in near.chosen      # less likely, but nothing but words parts them
+
+
+def test_what_the_believed_terms_explain_is_invisible() -> None:
+    copies = {"wind_x.speed_m_s": "drag.cd"}
+    naming = named(fit_straight({PLANTED: 0.6}, 6, shots=5000, copies=copies))
+    hidden = next(c for c in naming.candidates if c.name == "wind_x.speed_m_s")
+    assert not hidden.visible and hidden.z == 0.0
+    assert "wind_x.speed_m_s" not in naming.probability
+
+
+def test_a_name_beyond_what_its_term_allows_loses() -> None:
+    """Ten usual sizes are not this effect, though nothing else in the catalogue fits."""
+    naming = named(fit_straight({PLANTED: 1.5}, 5, usual={PLANTED: 0.15}))
+    assert naming.refits[PLANTED].log_evidence > 50.0
+    assert naming.nats[PLANTED] == NEVER and naming.probability[PLANTED] == 0.0 and naming.leader != PLANTED
+    assert named(fit_straight({PLANTED: 1.5}, 5, usual={PLANTED: 0.3})).leader == PLANTED
+
+
+def test_amplitudes_of_the_wrong_sign_are_impossible_only_beyond_doubt() -> None:
+    def found(value: float, wanted: float | None = None) -> Refit:
+        amplitude = np.array([value])
+        one = SimpleNamespace(names=("wheel_slip.loss_per_m_s",), amplitude=amplitude, value=amplitude,
+                              wanted=amplitude if wanted is None else np.array([wanted]), sd=np.array([0.002]))
+        return cast(Refit, one)
+
+    assert is_possible(found(0.01), 0.015) and is_possible(found(-0.003), 0.015)
+    assert not is_possible(found(-0.006), 0.015)
+    assert is_possible(found(0.053), 0.015) and not is_possible(found(0.056), 0.015)
+    # a fit that the end of its range stopped
+    assert is_possible(found(0.05, 0.053), 0.015) and not is_possible(found(0.05, 0.08), 0.015)
+
+
+def test_a_name_that_is_nothing_gets_no_nats_on_average() -> None:
+    """Bayes factors: under the believed simulation the mean of exp(nats) is 1, and that of nats below 0."""
+    nats = np.concatenate([[c.nats for c in one_step(fit_straight({}, 100 + seed).evidence)[0]]
+                           for seed in range(40)])
+    assert nats.mean() < -0.5
+    assert np.exp(nats).mean() == pytest.approx(1.0, abs=0.35)
+
+
+@pytest.mark.slow
+def test_two_names_of_one_thing_come_as_a_set_whichever_top_their_climbs_end_on() -> None:
+    """Without telemetry a dip of the wheels is a loss of efficiency, to the letter; here the climb of the true name, by
+    itself, came to rest on a far lower top, and the other one was named alone."""
+    job = Job("cut", "exit_efficiency", "L0", 300, 1.0, 5001, 3)
+    finding = discover(shoot(world_of(job)), seed=job.index).finding
+    assert finding.verdict == "set" and finding.set is not None
+    assert set(finding.set) >= {"exit_efficiency", "wheel_droop"}, finding.sentence

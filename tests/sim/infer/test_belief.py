@@ -1,0 +1,102 @@
+"""Beliefs read back exactly, draw with their covariance, and refuse what is none."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from truearc.robot.config.schema import InputError
+from truearc.sim.infer.belief import Belief, draw, load_belief, point_belief, save_belief
+from truearc.sim.infer.coefficients import load_coefficients, load_provenance, save_coefficients
+
+NAMES = ("drag.cd", "exit_efficiency.loss", "magnus.cl", "scatter.speed")
+POSITIVE = st.floats(1e-3, 5.0)
+
+
+def _belief(cd=0.5, cl=0.05, loss=0.25, speed=0.02, factor=None) -> Belief:
+    factor = np.diag([0.2, 0.05, 0.01, 0.3]) if factor is None else factor
+    return Belief({"drag": {"cd": cd}, "magnus": {"cl": cl}, "exit_efficiency": {"loss": loss}},
+                  {"speed": speed, "elevation_deg": 0.4}, NAMES, factor @ factor.T)
+
+
+@settings(deadline=None, max_examples=40)
+@given(POSITIVE, st.floats(-2, 2), st.floats(-0.5, 0.9), POSITIVE,
+       st.lists(st.floats(-1, 1), min_size=16, max_size=16))
+def test_what_is_saved_reads_back(tmp_path_factory, cd, cl, loss, speed, numbers):
+    path = tmp_path_factory.mktemp("b") / "coefficients.toml"
+    belief = _belief(cd, cl, loss, speed, np.array(numbers).reshape(4, 4))
+    save_belief(path, belief, {"method": "ml"})
+    again = load_belief(path)
+    assert (again.coefficients, again.scatter, again.names) == (belief.coefficients, belief.scatter, belief.names)
+    np.testing.assert_array_equal(again.covariance, belief.covariance)
+    assert load_coefficients(path) == belief.coefficients
+    assert load_provenance(path) == {"method": "ml"}
+
+
+def test_the_grids_file_is_a_belief_without_doubt(tmp_path):
+    path = tmp_path / "coefficients.toml"
+    save_coefficients(path, {"drag": {"cd": 0.91}, "magnus": {"cl": 0.06}}, {})
+    belief = load_belief(path)
+    assert (belief.scatter, belief.names, belief.covariance.shape) == ({}, (), (0, 0))
+    assert [one.coefficients for one in draw(belief, 3, np.random.default_rng(0))] == [belief.coefficients] * 3
+
+
+def test_draws_have_the_covariance_on_the_parameters_own_scales():
+    factor = np.array([[0.2, 0, 0, 0], [-0.04, 0.02, 0, 0], [0.0, 0.005, 0.01, 0], [0, 0, 0, 0.3]])
+    belief = _belief(factor=factor)
+    drawn = draw(belief, 20_000, np.random.default_rng(1))
+    assert all(one.names == () for one in drawn)
+    cd, cl, loss = (np.array([one.coefficients[term][key] for one in drawn])
+                    for term, key in (("drag", "cd"), ("magnus", "cl"), ("exit_efficiency", "loss")))
+    speed = np.array([one.scatter["speed"] for one in drawn])
+    numbers = np.stack([np.log(cd), -np.log1p(-loss), cl, np.log(speed)])
+    np.testing.assert_allclose(numbers.mean(1), [np.log(0.5), -np.log(0.75), 0.05, np.log(0.02)], atol=0.01)
+    np.testing.assert_allclose(np.cov(numbers), belief.covariance, atol=2e-3)
+    assert cd.min() > 0.0 and loss.max() < 1.0
+    assert {one.scatter["elevation_deg"] for one in drawn} == {0.4}         # it has no name: exact
+    once, again = (draw(belief, 5, np.random.default_rng(1)) for _ in range(2))
+    assert [one.coefficients for one in once] == [one.coefficients for one in again]
+
+
+GOOD = """schema = "truearc.coefficients/1"
+[drag]
+cd = 0.5
+[scatter]
+speed = 0.02
+[covariance]
+names = ["drag.cd", "scatter.speed"]
+matrix = [[0.04, 0.001], [0.001, 0.09]]
+"""
+
+
+@pytest.mark.parametrize(("old", "new", "message"), [
+    ("speed = 0.02", "spin = 0.02", "scatter.spin: there is no such scatter"),
+    ("speed = 0.02", "speed = -0.02", "scatter.speed: -0.02 is not a number above 0"),
+    ("speed = 0.02", "speed = true", "scatter.speed: True is not a number above 0"),
+    ("[scatter]\nspeed = 0.02\n", "", "covariance.names: scatter.speed has no value"),
+    ('"drag.cd", ', "", "covariance.matrix: not 1 rows of 1 numbers"),
+    ('"drag.cd"', '"drag.cx"', "covariance.names: drag.cx has no value"),
+    ('"scatter.speed"]', '"drag.cd"]', "is not a list of different names"),
+    ("[0.001, 0.09]", "[0.002, 0.09]", "not finite and symmetric"),
+    ("[0.001, 0.09]", "[0.001, nan]", "not finite and symmetric"),
+    ("[[0.04, 0.001], [0.001, 0.09]]", "[[0.04, 0.1], [0.1, 0.09]]", "negative variance"),
+    ("cd = 0.5", "cd = 0.0", "drag.cd: 0 has no place on its scale, which is log"),
+    ("cd = 0.5", "cd = 0.5\n[free_speed]\nshare = 1.0", "free_speed: has no [curve.free_speed]"),
+    ("[covariance]", "[curve.free_push]\nvalue = []\notherwise = 0.1\n[covariance]", "free_push: no term takes it"),
+])
+def test_a_bad_file_is_named(tmp_path, old, new, message):
+    path = tmp_path / "coefficients.toml"
+    path.write_text(GOOD)
+    assert load_belief(path).names == ("drag.cd", "scatter.speed")
+    path.write_text(GOOD.replace(old, new))
+    with pytest.raises(InputError) as error:
+        load_belief(path)
+    assert "coefficients.toml" in str(error.value)
+    assert message in str(error.value)
+
+
+def test_a_point_belief_copies_what_it_is_given():
+    given = {"drag": {"cd": 0.5}}
+    belief = point_belief(given)
+    given["drag"]["cd"] = 9.0
+    assert belief.value("drag.cd") == 0.5

@@ -1,0 +1,45 @@
+"""coefficients.toml reads back exactly; what the catalogue does not know is refused by name."""
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from truearc.robot.config.schema import InputError
+from truearc.sim.infer.coefficients import load_coefficients, load_provenance, save_coefficients
+
+FLOATS = st.floats(allow_nan=False, allow_infinity=False)
+TEXT = st.text(alphabet=st.characters(codec="utf-8"), max_size=20)
+PLAIN = st.one_of(TEXT, FLOATS, st.integers(0, 10**9), st.booleans())
+
+
+@settings(deadline=None)
+@given(FLOATS, FLOATS, st.dictionaries(TEXT.filter(bool), PLAIN))
+def test_what_is_saved_reads_back(tmp_path_factory, cd, cl, provenance):
+    path = tmp_path_factory.mktemp("c") / "coefficients.toml"
+    coefficients = {"drag": {"cd": cd}, "magnus": {"cl": cl}}
+    save_coefficients(path, coefficients, provenance)
+    assert load_coefficients(path) == coefficients
+    assert load_provenance(path) == provenance
+
+
+GOOD = 'schema = "truearc.coefficients/1"\n[drag]\ncd = 0.91\n'
+
+
+@pytest.mark.parametrize(("old", "new", "message"), [
+    ("coefficients/1", "coefficients/9", "schema is 'truearc.coefficients/9'"),
+    ("[drag]", "[drug]", "no term 'drug'"),
+    ("cd =", "dc =", "drag.dc: drag has no such parameter"),
+    ("0.91", "nan", "drag.cd: nan is not a finite number"),
+    ("0.91", "true", "drag.cd: True is not a finite number"),
+    ("0.91", "", "Invalid value"),
+    ("[drag]\ncd", "drag", "drag is not a table"),
+])
+def test_a_bad_file_is_named(tmp_path, old, new, message):
+    path = tmp_path / "coefficients.toml"
+    path.write_text(GOOD)
+    assert load_coefficients(path) == {"drag": {"cd": 0.91}}
+    path.write_text(GOOD.replace(old, new))
+    with pytest.raises(InputError) as error:
+        load_coefficients(path)
+    assert "coefficients.toml" in str(error.value)
+    assert message in str(error.value)

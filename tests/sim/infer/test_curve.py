@@ -1,0 +1,170 @@
+"""Curves of effects without a name: what they are at a shot, and on disk."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from msgspec.structs import replace as replace_struct
+
+from truearc.robot.config.schema import InputError
+from truearc.robot.config.rig_spec import Noise
+from truearc.sim.infer.belief import Belief, draw, load_belief, point_belief, replace_values, save_belief
+from truearc.sim.infer.curve import Curve, along, before_the_shot, natural
+from truearc.sim.discover.detect.covariates import smooth_shapes, spline_knots
+from truearc.sim.infer.forecast import forecast
+from truearc.sim.physics.catalogue import effective, flight_terms
+from truearc.sim.physics.flight import path
+from truearc.sim.physics.launch import Exit
+from truearc.sim.physics.simulate import ORDINARY, fly_rows, launch_of, predict
+from truearc.sim.data.dataset import Shots
+from truearc.sim.paper.synthetic_draws import assign, fly_draws
+from tests.sim.physics.rigs import GUPPY
+
+SILENT = replace_struct(GUPPY, noise=Noise(0.0, 0.0, 0.0, 0.0))
+KNOTS = (2.0, 3.0, 4.0, 6.0)
+CURVE = Curve((0.0, 0.02, 0.01, 0.05), 0.03, "distance_m", KNOTS, low=1.5, high=7.0)
+AIR = {"drag": {"cd": 0.5}, "magnus": {"cl": 0.06}}
+CONFIGURATIONS = Shots(("a", "b", "c"), {"distance_m": np.array([2.5, 4.0, 5.0]), "hood_deg": np.full(3, 50.0),
+                                         "motor_ratio": np.full(3, 0.6)}, {})
+
+
+def size_of(curve: Curve, columns: dict, n: int) -> np.ndarray:
+    return np.asarray(along({"free_speed": curve}, ORDINARY, columns, n).free_speed)
+
+
+def test_it_is_the_spline_that_discovery_fits() -> None:
+    x = np.random.default_rng(0).uniform(1.0, 9.0, 200)
+    shapes = np.concatenate([np.ones((200, 1)), smooth_shapes(x)], axis=1)
+    knots = spline_knots(x)
+    wanted = shapes @ [0.3, 1.0, -2.0, 0.5, 1.5][:shapes.shape[1]]
+    value = np.linalg.lstsq(natural(knots, x), wanted, rcond=None)[0]
+    assert np.allclose(natural(knots, x) @ value, wanted, atol=1e-9)
+
+
+def test_through_its_knots_straight_beyond_and_level_where_nothing_was_recorded() -> None:
+    size = size_of(CURVE, {"distance_m": [*KNOTS, 6.5, 7.0, 7.5, 99.0, 1.5, 0.1]}, 10)
+    assert np.allclose(size[:4], CURVE.value)
+    assert size[5] - size[4] == pytest.approx(size[4] - size[3])
+    assert size[5] == size[6] == size[7]
+    assert size[8] == size[9]
+
+
+def test_where_the_covariate_is_unknown_it_is_the_mean() -> None:
+    assert size_of(CURVE, {"distance_m": [np.nan, 3.0]}, 2) == pytest.approx([0.03, 0.02])
+    assert size_of(CURVE, {}, 2) == pytest.approx([0.03, 0.03])
+    assert size_of(Curve((), 0.4), {"distance_m": [1.0]}, 1) == pytest.approx([0.4])
+    by_text = Curve((0.1, -0.1), 0.0, "supplier", levels=("north", "south"))
+    assert size_of(by_text, {"supplier": ("south", "", "north")}, 3) == pytest.approx([-0.1, 0.0, 0.1])
+
+
+def test_before_the_shot_the_launch_and_the_distance_tell() -> None:
+    assert before_the_shot({}, GUPPY, CONFIGURATIONS) is ORDINARY
+    around = before_the_shot({"free_speed": CURVE}, GUPPY, CONFIGURATIONS)
+    assert np.allclose(around.free_speed, size_of(CURVE, {"distance_m": [2.5, 4.0, 5.0]}, 3))
+    fast = replace(CONFIGURATIONS, numbers={**CONFIGURATIONS.numbers, "motor_ratio": np.array([0.5, 0.6, 0.7])})
+    by_speed = Curve((0.0, 1.0), 9.0, "exit_speed_m_s", (0.0, 100.0))
+    sizes = np.asarray(before_the_shot({"free_push": by_speed}, GUPPY, fast).free_push)
+    assert np.allclose(sizes / sizes[0], [1.0, 1.2, 1.4])
+
+
+@pytest.mark.parametrize(("term", "values", "launch"), [
+    ("free_speed", {"share": 1.0}, lambda at, c: (at._replace(speed_m_s=at.speed_m_s * np.exp(c)), 0.0)),
+    ("free_elevation", {"angle_rad": 1.0}, lambda at, c: (at._replace(elevation_rad=at.elevation_rad + c), 0.0)),
+    ("free_distance", {"bias_m": 1.0}, lambda at, c: (at, c))])
+def test_it_changes_what_its_term_says(term, values, launch) -> None:
+    around = along({term: CURVE}, ORDINARY, CONFIGURATIONS.numbers, 3)
+    with_it = predict(GUPPY, {**AIR, term: values}, CONFIGURATIONS, circumstances=around).height_m
+    exit, farther_m = launch(launch_of(GUPPY, CONFIGURATIONS), np.asarray(getattr(around, term)))
+    by_hand = fly_rows(GUPPY, AIR, exit, CONFIGURATIONS.numbers["distance_m"] + farther_m).height_m
+    assert np.allclose(with_it, by_hand, atol=1e-9)
+    assert not np.allclose(with_it, predict(GUPPY, AIR, CONFIGURATIONS).height_m, atol=1e-3)
+
+
+def test_a_push_against_the_flight_that_goes_with_speed_is_linear_drag() -> None:
+    """dv/dt = -k v: x = v0 cos (1 - exp(-k t)) / k."""
+    k = 0.4
+    values = effective({"free_push": {"size_m_s2": 10.0 * k, "along": -1.0, "with_speed": 1.0}},
+                       ORDINARY._replace(free_push=np.ones(1)))
+    flown = path(GUPPY, flight_terms({"free_push"}), values, Exit(np.array([10.0]), np.array([0.6]), np.zeros(1)),
+                 points=101, step_s=0.01)
+    assert float(flown.position_m.x[100, 0]) == pytest.approx(10.0 * np.cos(0.6) * (1.0 - np.exp(-k)) / k, rel=1e-7)
+
+
+def test_a_push_in_a_stretch_of_the_flight_pushes_only_there() -> None:
+    values = effective({"free_push": {"size_m_s2": -2.0, "along": 1.0, "from_s": 0.2, "to_s": 0.5}},
+                       ORDINARY._replace(free_push=np.ones(1)))
+    flown = path(GUPPY, flight_terms({"free_push"}), values, Exit(np.array([10.0]), np.array([0.0]), np.zeros(1)),
+                 points=1001, step_s=0.001)
+    speed = np.asarray(flown.velocity_m_s.x)[:, 0]
+    assert speed[190] == pytest.approx(10.0)
+    assert speed[1000] == pytest.approx(10.0 - 2.0 * 0.3, abs=0.005)
+
+
+def test_it_comes_back_from_disk(tmp_path: Path) -> None:
+    for number, curve in enumerate((CURVE, Curve((), -0.2), Curve((0.1, 0.2), 0.15, "ball", levels=("a", "b")))):
+        file = tmp_path / f"{number}.toml"
+        belief = replace(point_belief({**AIR, "free_speed": {"share": 1.0}}), curves={"free_speed": curve})
+        save_belief(file, belief, {"method": "x"})
+        assert load_belief(file).curves == {"free_speed": curve}
+
+
+@pytest.mark.parametrize(("table", "said"), [
+    ("otherwise = 0.0", "value"), ("value = [1.0]\notherwise = 0.0\nat = [1.0, 2.0]\ncovariate = 'x'", "1 of them"),
+    ("value = [1.0, 2.0]\notherwise = 0.0\nat = [2.0, 1.0]\ncovariate = 'x'", "rising"),
+    ("value = [nan, 2.0]\notherwise = 0.0\nat = [0.0, 1.0]\ncovariate = 'x'", "finite"),
+    ("value = []\notherwise = 0.0\nshape = 'odd'", "shape")])
+def test_a_table_that_is_no_curve_is_refused(tmp_path: Path, table: str, said: str) -> None:
+    file = tmp_path / "c.toml"
+    file.write_text(f'schema = "truearc.coefficients/1"\n[curve.free_speed]\n{table}\n')
+    with pytest.raises(InputError, match=said):
+        load_belief(file)
+
+
+@pytest.mark.parametrize("curve", [CURVE, Curve((), 0.02), Curve((0.01, 0.02), 0.0, "ball", levels=("a", "b"))])
+def test_points_that_are_in_doubt_make_heights_doubtful(curve: Curve, tmp_path: Path) -> None:
+    """Against heights flown with one point moved, and heights of beliefs that were drawn; two curves at once."""
+    curves = {"free_elevation": Curve((), 0.01), "free_speed": curve}
+    named = ("curve.free_elevation.0", *(f"curve.free_speed.{key}" for key in curve.keys))
+    belief = Belief({**AIR, "free_elevation": {"angle_rad": 1.0}, "free_speed": {"share": 1.0}},
+                    {"speed": 1e-9, "elevation_deg": 1e-9}, named, np.diag(np.full(len(named), 0.004**2)), curves)
+    save_belief(tmp_path / "c.toml", belief, {"method": "x"})
+    belief = load_belief(tmp_path / "c.toml")
+    assert belief.curves == curves and belief.values() == pytest.approx([0.01, *curve.points])
+    slopes = np.zeros((3, len(named)))
+    for k, name in enumerate(named):
+        ends = [flown(replace_values(belief, belief.values() + step * np.eye(len(named))[k])) for step in (1e-4, -1e-4)]
+        slopes[:, k] = (ends[0] - ends[1]) / 2e-4
+        assert name not in replace_values(belief, belief.values()).names
+    told = forecast(GUPPY, belief, CONFIGURATIONS)
+    assert np.allclose(told.height_m, flown(belief), atol=1e-6)
+    assert np.allclose(told.parameter_m, 0.004 * np.linalg.norm(slopes, axis=1), rtol=1e-3)
+    some = np.array([flown(one) for one in draw(belief, 400, np.random.default_rng(0))])
+    assert np.allclose(some.std(0), told.parameter_m, rtol=0.15)
+    many = Shots(tuple(map(str, range(400))), {name: np.full(400, column[1])
+                                               for name, column in CONFIGURATIONS.numbers.items()}, {})
+    rng = np.random.default_rng(1)
+    drawn = fly_draws(SILENT, many, assign(draw(belief, 100, rng), 400, rng), rng,
+                      circumstances=before_the_shot(curves, GUPPY, many))
+    assert drawn.std() == pytest.approx(told.parameter_m[1], rel=0.2)
+
+
+def flown(belief: Belief) -> np.ndarray:
+    around = before_the_shot(belief.curves, GUPPY, CONFIGURATIONS)
+    return np.asarray(predict(GUPPY, belief.coefficients, CONFIGURATIONS, circumstances=around).height_m)
+
+
+@pytest.mark.parametrize(("change", "said"), [
+    ({"names": ("curve.free_speed.7",)}, "free_speed.7 has no value"),
+    ({"names": ("curve.free_push.0",)}, "free_push.0 has no value"),
+    ({"coefficients": AIR}, "no term takes it"),
+    ({"curves": {}, "names": (), "covariance": np.zeros((0, 0))}, "how large")])
+def test_curves_and_terms_that_do_not_go_together_are_refused(change: dict, said: str, tmp_path: Path) -> None:
+    belief = Belief({"free_speed": {"share": 1.0}}, {}, ("curve.free_speed.0",), np.eye(1), {"free_speed": CURVE})
+    save_belief(tmp_path / "c.toml", replace(belief, **change), {"method": "x"})
+    with pytest.raises(InputError, match=said):
+        load_belief(tmp_path / "c.toml")
+
+
+def test_a_covariate_that_hardly_ever_departs_has_two_knots_all_the_same() -> None:
+    assert spline_knots(np.r_[np.zeros(992), np.ones(8)]) == pytest.approx([0.0, 1.0])

@@ -1,0 +1,160 @@
+"""`truearc predict` and `truearc fit` as a user meets them."""
+
+import csv
+import io
+
+import numpy as np
+import pytest
+
+from truearc.sim.infer.coefficients import load_coefficients, load_provenance
+from truearc.sim.data.dataset import Dataset, Shots, dataset_hash, save_dataset
+from tests.sim.physics import reference
+from tests.sim.physics.rigs import GUPPY
+from truearc.cli.main import main
+
+ROWS = [(3.0, 0.5, 50.0), (15.0, 0.3, 40.0), (4.0, 0.6, 60.0), (2.0, 0.45, 60.0)]
+OUTCOMES = ("three", "miss", "two", "three")
+
+
+@pytest.fixture
+def home(tmp_path):
+    columns = dict(zip(("distance_m", "motor_ratio", "hood_deg"), np.array(ROWS).T, strict=True))
+    shots = Shots(("a", "b,c", "d", "e"), columns, {"outcome": OUTCOMES})
+    save_dataset(tmp_path / "shots", Dataset("shots", GUPPY, shots))
+    return tmp_path / "shots"
+
+
+def test_predict_prints_the_columns_of_formats_md(home, capsys):
+    assert main(["predict", str(home), "--cd", "0.91", "--cl", "0.06"]) == 0
+    printed = list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
+    assert [row["shot_id"] for row in printed] == ["a", "b,c", "d", "e"]
+    assert list(printed[0]) == ["shot_id", "height_m", "deviation_m", "outcome"]
+    for row, shot in zip(printed, ROWS, strict=True):
+        height_m = reference.integrate(*shot, 0.91, 0.06).height_m
+        if np.isnan(height_m):
+            assert (row["height_m"], row["deviation_m"], row["outcome"]) == ("", "", "miss")
+        else:
+            assert float(row["height_m"]) == pytest.approx(height_m, abs=1e-5)
+            assert float(row["deviation_m"]) == pytest.approx(height_m - 2.44, abs=1e-5)
+    assert printed[1]["height_m"] == ""
+
+
+def test_fit_writes_what_predict_reads(home, tmp_path, capsys):
+    out, grid = tmp_path / "coefficients.toml", tmp_path / "map.npz"
+    assert main(["fit", str(home), "--step", "0.5", "-o", str(out), "--map", str(grid), "--quiet"]) == 0
+    printed = capsys.readouterr()
+    assert "11 x 11" in printed.out
+    assert printed.err == ""
+    chosen = load_coefficients(out)
+    saved = np.load(grid)
+    at = (round(chosen["drag"]["cd"] / 0.5), round(chosen["magnus"]["cl"] / 0.5))
+    assert saved["tied"][at]
+    assert saved["share_three"][at] == saved["share_three"].max()
+    assert load_provenance(out)["dataset_sha256"] == dataset_hash(home)
+    assert load_provenance(out)["tied_pairs"] == saved["tied"].sum()
+    assert main(["predict", str(home), "--coefficients", str(out), "-o", str(tmp_path / "p.csv")]) == 0
+    assert main(["predict", str(home), "--cd", str(chosen["drag"]["cd"]), "--cl", str(chosen["magnus"]["cl"])]) == 0
+    assert capsys.readouterr().out == (tmp_path / "p.csv").read_text()
+
+
+@pytest.mark.parametrize(("arguments", "message"), [
+    (["--cd", "0.9"], "--cl is needed"),
+    (["--cd", "nan", "--cl", "0"], "--cd: nan is not a finite number"),
+    (["--cd", "1", "--cl", "1", "--coefficients", "x"], "exclude each other"),
+    (["--coefficients", "nowhere.toml"], "nowhere.toml"),
+    (["--cd", "1", "--cl", "1", "-o", "/nowhere/p.csv"], "/nowhere/p.csv"),
+])
+def test_predict_refuses_by_name(home, capsys, arguments, message):
+    assert main(["predict", str(home), *arguments]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_a_bad_row_stops_both(home, capsys):
+    with (home / "shots.csv").open("a") as file:
+        file.write("a,3,50,0.5,two\n")
+    for verb in (["predict", "--cd", "1", "--cl", "1"], ["fit"]):
+        assert main([verb[0], str(home), *verb[1:]]) == 2
+        assert "shots.csv:6: shot_id: 'a' stands already in" in capsys.readouterr().err
+
+
+def test_fit_refuses_by_name(home, capsys):
+    assert main(["fit", str(home), "--step", "0.3"]) == 2
+    assert "--step: 0.3" in capsys.readouterr().err
+    assert main(["fit", str(home), "--step", "2.5", "--quiet", "-o", "/nowhere/c.toml"]) == 2
+    assert "/nowhere/c.toml" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("column", "message"), [
+    ("hood_deg", "hood_deg or exit_deg is needed, and no shot has it"),
+    ("distance_m", "distance_m is needed, and no shot has it"),
+    ("motor_ratio", "motor_ratio (with launcher.free_speed_rad_s in rig.toml), every wheel_<name>_rad_s, or"),
+    ("outcome", "outcome: fit by grid needs at least one shot whose outcome is three"),
+])
+def test_a_column_that_is_not_there_is_named_with_its_file(home, capsys, column, message):
+    path = home / "shots.csv"
+    path.write_text(path.read_text().replace(column, "unheard_of"))
+    assert main(["fit", str(home), "--quiet"]) == 2
+    assert f"truearc fit: {path}: {message}" in capsys.readouterr().err
+
+
+def test_a_cell_that_is_empty_is_named_with_file_shot_and_column(home, capsys):
+    path = home / "shots.csv"
+    path.write_text(path.read_text() + "late,,50.0,0.5,two\n")
+    assert path.read_text().startswith("shot_id,distance_m,hood_deg,motor_ratio,outcome\n")
+    assert main(["fit", str(home), "--quiet"]) == 2
+    assert f"{path}: shots late: distance_m is needed and missing" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("option", "value"), [("--terms", ""), ("--terms", "drag"), ("--posterior", "5")])
+def test_the_grid_refuses_options_that_it_would_not_heed(home, capsys, option, value):
+    assert main(["fit", str(home), option, value, "--quiet"]) == 2
+    assert f"truearc fit: {option}: --method grid makes no use of it; --method ml does" in capsys.readouterr().err
+
+
+def test_fit_says_what_it_found_and_where_to_be_careful(home, tmp_path, capsys):
+    """Four shots: the tied pairs are listed, and one or two three-pointers are called few."""
+    tied, picture = tmp_path / "tied.csv", tmp_path / "map.png"
+    assert main(["fit", str(home), "--step", "0.1", "--tied", str(tied), "--picture", str(picture), "--quiet"]) == 0
+    said = capsys.readouterr().out
+    rows = list(csv.DictReader(tied.open()))
+    assert f"{len(rows)} pairs do so equally well (tied)" in said
+    assert "chosen: cd {:.3f}, cl {:.3f}".format(float(rows[0]["cd"]), float(rows[0]["cl"])) in said
+    means = [float(row["mean_deviation_m"]) for row in rows]
+    assert means == sorted(means)
+    for row in rows[:3]:
+        off_m = [abs(reference.integrate(*shot, float(row["cd"]), float(row["cl"])).height_m - 2.44)
+                 for shot, outcome in zip(ROWS, OUTCOMES, strict=True) if outcome == "three"]
+        assert float(row["mean_deviation_m"]) == pytest.approx(np.mean(off_m), abs=1e-5)
+    assert "careful: only 2 three-pointers" in said
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_fit_lists_ten_of_many_ties(home, capsys):
+    assert main(["fit", str(home), "--step", "0.005", "--quiet"]) == 0
+    said = capsys.readouterr().out.splitlines()
+    header = next(row for row, line in enumerate(said) if line.startswith("     cd"))
+    more = next(row for row, line in enumerate(said) if "and" in line and "more (--tied" in line)
+    assert more == header + 11
+
+
+def test_fit_puts_the_bootstrap_into_the_provenance(home, tmp_path, capsys):
+    out = tmp_path / "c.toml"
+    assert main(["fit", str(home), "--step", "0.1", "--bootstrap", "20", "--seed", "3", "-o", str(out), "--quiet"]) == 0
+    said, told = capsys.readouterr().out, load_provenance(out)
+    assert f"drawn again {told['bootstrap_resamples']} times (seed 3)" in said
+    assert f"cd {told['cd_low90']:.3f} to {told['cd_high90']:.3f}" in said
+    assert told["cl_low90"] <= load_coefficients(out)["magnus"]["cl"] <= told["cl_high90"]
+
+
+def test_fit_in_words_when_no_pair_reaches_all(tmp_path, capsys):
+    """One three-pointer no drag and lift can have flown: never `inf`, and no deviation in the file."""
+    rows = [*ROWS[:1], (16.0, 0.1, 20.0)]
+    columns = dict(zip(("distance_m", "motor_ratio", "hood_deg"), np.array(rows).T, strict=True))
+    save_dataset(tmp_path / "odd", Dataset("odd", GUPPY, Shots(("a", "b"), columns, {"outcome": ("three",) * 2})))
+    out = tmp_path / "c.toml"
+    assert main(["fit", str(tmp_path / "odd"), "--step", "0.05", "--quiet", "-o", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert "do not reach the target at all" in said and "inf" not in said
+    assert "careful: no drag and lift explain these shots well" in said
+    assert "mean_deviation_m" not in load_provenance(out)
+    assert main(["fit", str(tmp_path / "odd"), "--bootstrap", "-1"]) == 2

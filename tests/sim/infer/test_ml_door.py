@@ -1,0 +1,62 @@
+"""truearc fit --method ml, as a user with a spreadsheet meets it."""
+
+import numpy as np
+import pytest
+
+import truearc.sim.infer.optimum
+from truearc.sim.infer.belief import load_belief
+from truearc.sim.infer.coefficients import load_provenance
+from truearc.sim.data.dataset import dataset_hash, save_dataset
+from tests.sim.infer.independent import make_dataset
+from truearc.cli.main import main
+
+TERMS = "drag,magnus,exit_efficiency"
+
+
+@pytest.fixture(scope="module")
+def directory(tmp_path_factory):
+    path = tmp_path_factory.mktemp("shots") / "d"
+    save_dataset(path, make_dataset(11, 100, side=True))
+    return path
+
+
+def test_a_fit_is_told_in_words_and_written_as_a_belief(directory, tmp_path, capsys):
+    out = tmp_path / "coefficients.toml"
+    arguments = ["fit", str(directory), "--method", "ml", "--terms", TERMS, "-o", str(out), "--quiet"]
+    assert main(arguments) == 0
+    said, errors = capsys.readouterr()
+    assert errors == ""
+    for words in ("fitted to 100 of 100 shots", "sides (high or low)", "drag coefficient", "90 % interval",
+                  "20 shots at", "from shot to shot the height at", "held out (100 in", "hard to tell apart"):
+        assert words in said, words
+    belief = load_belief(out)
+    assert set(belief.coefficients) == {"drag", "magnus", "exit_efficiency"}
+    assert set(belief.scatter) == {"speed", "elevation_deg"}
+    assert np.linalg.eigvalsh(belief.covariance).min() > 0.0
+    provenance = load_provenance(out)
+    assert (provenance["method"], provenance["dataset_sha256"]) == ("ml", dataset_hash(directory))
+    low, high = provenance["interval90"]["drag.cd"]
+    assert low < belief.coefficients["drag"]["cd"] < high
+    assert main(["predict", str(directory), "--coefficients", str(out), "-o", str(tmp_path / "p.csv")]) == 0
+
+
+@pytest.mark.parametrize(("arguments", "message"), [
+    (["--terms", "drag,magnetism"], "no term 'magnetism'"),
+    (["--terms", ""], "--terms: names no term"),
+    (["--terms", " , "], "--terms: names no term"),
+    (["--picture", "map.png"], "--picture: --method ml makes no use of it; --method grid does"),
+    (["--posterior", "0"], "--posterior is 0"),
+    (["--posterior", "5", "--seed", "-1"], "--seed is -1"),
+    (["-o", "nowhere/at/all.toml"], "nowhere/at/all.toml"),
+])
+def test_a_users_mistake_is_named(directory, capsys, arguments, message):
+    assert main(["fit", str(directory), "--method", "ml", "--quiet", *arguments]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_a_fit_that_does_not_settle_writes_nothing(directory, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(truearc.sim.infer.optimum, "MOST_ITERATIONS", 1)
+    out = tmp_path / "coefficients.toml"
+    assert main(["fit", str(directory), "--method", "ml", "--terms", TERMS, "-o", str(out), "--quiet"]) == 1
+    assert "did not settle" in capsys.readouterr().err
+    assert not out.exists()

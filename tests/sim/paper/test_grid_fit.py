@@ -1,0 +1,147 @@
+"""The seed's search against brute force with DOP853, and the measures by hand."""
+
+import numpy as np
+import pytest
+
+from truearc.robot.config.schema import InputError
+from truearc.sim.paper.grid_fit import fit_grid, make_axis, map_deviation
+from truearc.sim.paper.grid_bootstrap import bootstrap_grid
+from truearc.sim.infer.score import score
+from truearc.sim.data.dataset import Shots
+from tests.sim.physics import reference
+from tests.sim.physics.rigs import GUPPY
+
+TRUTH = (0.9, 0.05)
+CENTRE_M, THREE_M, TWO_M = 2.44, 0.07, 0.35
+
+
+def _shots(rows: list[tuple[float, float, float]], outcomes: list[str]) -> Shots:
+    columns = dict(zip(("distance_m", "motor_ratio", "hood_deg"), np.array(rows).T, strict=True))
+    return Shots(tuple(f"s{row}" for row in range(len(rows))), columns, {"outcome": tuple(outcomes)})
+
+
+def _recorded(seed: int, count: int) -> Shots:
+    """Configurations with the outcome that DOP853 gives them at TRUTH, as many of each kind."""
+    rng = np.random.default_rng(seed)
+    found: dict[str, list] = {"miss": [], "two": [], "three": []}
+    while min(map(len, found.values())) < count:
+        row = (rng.uniform(1, 8), rng.uniform(0.2, 1), rng.uniform(15, 75))
+        off_m = abs(reference.integrate(*row, *TRUTH).height_m - CENTRE_M)
+        found["three" if off_m <= THREE_M else "two" if off_m <= TWO_M else "miss"].append(row)
+    rows = [(row, outcome) for outcome, all_rows in found.items() for row in all_rows[:count]]
+    return _shots([row for row, _ in rows], [outcome for _, outcome in rows])
+
+
+@pytest.fixture(scope="module")
+def recorded() -> Shots:
+    return _recorded(21, 6)
+
+
+def test_the_map_is_that_of_brute_force(recorded):
+    """Every pair of a coarse grid by DOP853: shares, mean deviation, ties and choice."""
+    fit = fit_grid(GUPPY, recorded, 1.0)
+    axis = np.arange(6.0)
+    outcome = np.array(recorded.text("outcome"))
+    rows = [recorded.number(name) for name in ("distance_m", "motor_ratio", "hood_deg")]
+    off_m = np.array([[[abs(reference.integrate(*row, cd, cl).height_m - CENTRE_M) for row in zip(*rows, strict=True)]
+                       for cl in axis] for cd in axis])
+    off_m[np.isnan(off_m)] = np.inf
+    three, scoring = outcome == "three", outcome != "miss"
+    np.testing.assert_array_equal(fit.axis, axis)
+    np.testing.assert_allclose(fit.share_three, (off_m[..., three] <= THREE_M).mean(-1))
+    np.testing.assert_allclose(fit.share_two, (off_m[..., scoring] <= TWO_M).mean(-1))
+    every_cd, every_cl = np.meshgrid(axis, axis, indexing="ij")
+    mean_m = map_deviation(GUPPY, recorded, every_cd, every_cl)
+    np.testing.assert_allclose(mean_m, off_m[..., three].mean(-1), atol=1e-4)
+    key = fit.share_three + 1e-3 * fit.share_two
+    np.testing.assert_array_equal(fit.tied, key == key.max())
+    at = np.searchsorted(axis, fit.ties[:, 0]), np.searchsorted(axis, fit.ties[:, 1])
+    assert len(fit.ties) == fit.tied.sum() == fit.tied[at].sum()
+    np.testing.assert_allclose(fit.ties[:, 2], off_m[..., three].mean(-1)[at], atol=1e-4)
+    np.testing.assert_allclose(fit.ties[:, 3], np.median(off_m[..., three], axis=-1)[at], atol=1e-4)
+
+
+def test_finds_the_truth_on_a_finer_grid(recorded):
+    """At the truth's own grid point every three is hit, and no pair may do better."""
+    said = []
+    fit = fit_grid(GUPPY, recorded, 0.05, lambda done, note: said.append(done))
+    at = tuple(int(np.argmin(np.abs(fit.axis - part))) for part in TRUTH)
+    assert fit.tied[at]
+    assert fit.share_three[at] == fit.share_two[at] == 1.0
+    assert abs(fit.cd - TRUTH[0]) <= 0.15
+    assert abs(fit.cl - TRUTH[1]) <= 0.05
+    assert fit.mean_m == fit.ties[:, 2].min()
+    assert list(fit.ties[:, 2]) == sorted(fit.ties[:, 2])
+    assert list(TRUTH) in np.round(fit.ties[:, :2], 9).tolist()
+    assert fit.median_pair in [tuple(pair) for pair in fit.ties[fit.ties[:, 3] == fit.ties[:, 3].min(), :2]]
+    assert said[-1] == 1.0
+    scored = score(GUPPY, fit.coefficients, recorded)
+    assert (scored.three, scored.two) == (1.0, 1.0)
+    assert scored.mean_m == pytest.approx(fit.mean_m, abs=1e-4)
+    assert scored.median_m == pytest.approx(fit.median_m, abs=1e-4)
+
+
+def test_score_counts_as_table_1_does():
+    """Three-point accuracy among threes, two-point accuracy among twos and threes; misses count only in `all`."""
+    rows, outcomes = [], []
+    for recorded_outcome, kind in (("three", "three"), ("three", "two"), ("two", "two"), ("two", "miss"),
+                                   ("miss", "three"), ("", "three")):
+        one = _recorded(22, 1)
+        rows.append([one.number(name)[one.text("outcome").index(kind)]
+                     for name in ("distance_m", "motor_ratio", "hood_deg")])
+        outcomes.append(recorded_outcome)
+    scored = score(GUPPY, {"drag": {"cd": TRUTH[0]}, "magnus": {"cl": TRUTH[1]}}, _shots(rows, outcomes))
+    assert scored.three == pytest.approx(1 / 2)
+    assert scored.two == pytest.approx(3 / 4)
+    assert scored.all == pytest.approx(2 / 5)
+    assert scored.shots == 5
+
+
+@pytest.mark.parametrize("step", [0.0, -1.0, 0.3, 7.0])
+def test_a_step_that_does_not_fit_is_refused(step):
+    with pytest.raises(InputError, match="--step"):
+        make_axis(step)
+
+
+def test_the_seeds_axis():
+    axis = make_axis(0.005)
+    assert (axis.size, axis[0], axis[-1]) == (1001, 0.0, 5.0)
+    np.testing.assert_allclose(axis[[12, 182]], [0.06, 0.91], rtol=1e-15)
+
+
+def test_a_dataset_without_a_three_is_refused():
+    with pytest.raises(InputError, match="outcome is three"):
+        fit_grid(GUPPY, _shots([(3.0, 0.5, 50.0)], ["two"]), 1.0)
+
+
+def test_shots_that_no_pair_explains_are_refused_in_words():
+    """Eight metres with the slowest wheels."""
+    with pytest.raises(InputError, match="no pair of coefficients"):
+        fit_grid(GUPPY, _shots([(8.0, 0.05, 50.0)], ["three"]), 0.5)
+
+
+def test_a_bootstrap_is_the_fit_of_the_shots_drawn(recorded):
+    """Each draw, made into a dataset of its own and fitted from scratch, chooses the same pair."""
+    fit = fit_grid(GUPPY, recorded, 0.1)
+    again = bootstrap_grid(GUPPY, recorded, fit, 8, 5)
+    scoring = np.flatnonzero(np.array(recorded.text("outcome")) != "miss")
+    draws = np.random.default_rng(5).integers(len(scoring), size=(8, len(scoring)))
+    outcome = np.array(recorded.text("outcome"))
+    fits = [fit_grid(GUPPY, recorded.take(scoring[draw]), 0.1) for draw in draws
+            if (outcome[scoring[draw]] == "three").any()]
+    assert again.without_three == 8 - len(fits)
+    np.testing.assert_allclose(np.stack([again.cd, again.cl], 1), [(one.cd, one.cl) for one in fits], rtol=1e-12)
+    low, high = again.interval90("cd")
+    assert low == again.cd.min() and high == again.cd.max()
+    same = bootstrap_grid(GUPPY, recorded, fit, 8, 5)
+    np.testing.assert_array_equal(same.cd, again.cd)
+
+
+def test_a_bootstrap_counts_draws_without_a_three():
+    """One three among four: of 200 draws about (3/4)^4 hold none."""
+    shots = _recorded(23, 3)
+    outcome = np.array(shots.text("outcome"))
+    shots = shots.take([*np.flatnonzero(outcome == "three")[:1], *np.flatnonzero(outcome == "two")[:3]])
+    again = bootstrap_grid(GUPPY, shots, fit_grid(GUPPY, shots, 0.25), 200, 6)
+    assert again.without_three + len(again.cd) == 200
+    assert abs(again.without_three / 200 - 0.75**4) < 0.1

@@ -1,0 +1,144 @@
+"""The sweep: who is trained on what, what the table says, and the door around it."""
+
+import csv
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats import ttest_1samp
+
+import truearc.cli.main as truearc
+from truearc.robot.config.schema import InputError
+from truearc.robot.config.rig_spec import Ball, Rig
+from truearc.sim.paper.network import load_weights
+from truearc.sim.data.dataset import Dataset, Shots, save_dataset
+from truearc.sim.paper.sweep_settings import (
+    SweepScore,
+    SweepSetting,
+    balanced_order,
+    compare,
+    mean_of,
+    plan,
+    settings_of,
+)
+from truearc.sim.paper.training import Rows
+from tests.sim.training_rows import some_rows
+
+REAL, SIMULATED = some_rows(60, 1), some_rows(90, 2)
+
+
+def test_every_size_goes_with_every_weight_and_nothing_simulated_goes_once() -> None:
+    assert settings_of([0, 30], [0.01, 0.1]) == [(0, 0.0), (30, 0.01), (30, 0.1)]
+    for sizes, weights, option in (([-1], [0.1], "--sizes"), ([1], [-0.1], "--lambdas"),
+                                   ([1], [math.nan], "--lambdas")):
+        with pytest.raises(InputError, match=option):
+            settings_of(sizes, weights)
+
+
+def test_settings_of_one_seed_differ_in_simulated_shots_alone() -> None:
+    networks = plan(REAL, SIMULATED, settings_of([0, 30, 60], [0.01]), [3, 4], 0.2, 0.25)
+    assert [(network.setting.size, network.seed) for network in networks] == [
+        (0, 3), (30, 3), (60, 3), (0, 4), (30, 4), (60, 4)]
+    none, small, large = (network.job for network in networks[:3])
+    assert none.simulated is None and none.seed == small.seed == 3
+    for part in range(2):
+        assert np.array_equal(none.real[part], large.real[part])
+        assert np.array_equal(small.simulated[part], large.simulated[part][:30])
+    assert not np.array_equal(none.real.features, networks[3].job.real.features)
+    sets = [none.real.features, none.validation.features, networks[0].heldout.features]
+    assert sorted(np.concatenate(sets)[:, 0]) == sorted(REAL.features[:, 0])         # nothing lost, nothing twice
+
+
+def test_more_than_there_is_and_nobody_to_judge_are_refused() -> None:
+    with pytest.raises(InputError, match=r"--sizes: 100 .* --sim has 90"):
+        plan(REAL, SIMULATED, [SweepSetting(100, 0.01)], [0], 0.2, 0.25)
+    for holdout, validation, option in ((0.0, 0.25, "--holdout"), (0.2, 0.0, "--validation")):
+        with pytest.raises(InputError, match=option):
+            plan(REAL, None, [SweepSetting(0, 0.0)], [0], holdout, validation)
+
+
+@given(st.integers(0, 20), st.integers(0, 20), st.integers(1, 20), st.integers(0, 2**32))
+def test_every_beginning_of_the_order_is_evenly_mixed(misses: int, twos: int, threes: int, seed: int) -> None:
+    labels = np.array([[0.0, 0.0]] * misses + [[1.0, 0.0]] * twos + [[1.0, 1.0]] * threes)
+    order = balanced_order(Rows(np.zeros((len(labels), 3)), labels), seed)
+    assert sorted(order) == list(range(len(labels)))
+    level, limit = labels.sum(axis=1)[order], min(count for count in (misses, twos, threes) if count)
+    kinds = len(np.unique(level))
+    for size in range(1, kinds * limit + 1):
+        counts = np.unique(level[:size], return_counts=True)[1]
+        assert counts.max() - (counts.min() if len(counts) == kinds else 0) <= 1
+
+
+def test_the_interval_is_that_of_the_t_test() -> None:
+    values = np.random.default_rng(0).normal(1.0, 2.0, 12)
+    low, high = ttest_1samp(values, 0.0).confidence_interval(0.95)
+    mean = mean_of(values)
+    assert (mean.value - mean.half, mean.value + mean.half) == pytest.approx((low, high), rel=1e-12)
+    assert math.isnan(mean_of([3.0]).half)
+
+
+def make_score(setting: SweepSetting, seed: int, validation: float, heldout: float) -> SweepScore:
+    return SweepScore(*setting, seed, 100, validation, heldout, 0.5, 0.5, 0.5)
+
+
+def test_validation_alone_says_which_is_best_and_seeds_are_paired() -> None:
+    settings = [SweepSetting(0, 0.0), SweepSetting(30, 0.01), SweepSetting(60, 0.01)]
+    rng = np.random.default_rng(1)
+    level = rng.normal(0.0, 5.0, 8)                                  # a hard split is hard for every setting
+    gains = rng.normal(0.3, 0.05, 8)
+    scores = [make_score(settings[0], seed, 0.9, level[seed]) for seed in range(8)]
+    scores += [make_score(settings[1], seed, 0.5, level[seed] - gains[seed]) for seed in reversed(range(8))]
+    scores += [make_score(settings[2], seed, 0.7, -99.0) for seed in range(8)]     # held out says this: no say
+    verdict = compare(scores, settings)
+    assert (verdict.best, verdict.rival) == (settings[1], settings[0])
+    assert verdict.gain == pytest.approx(mean_of(gains), rel=1e-9)
+    assert verdict.gain.half < 0.1
+    assert compare(scores[8:], settings[1:]).rival == settings[2]    # without a plain one: the next best
+    assert compare(scores[:8], settings[:1]) is None
+
+
+def save_rows(directory: Path, rows: Rows) -> None:
+    numbers = dict(zip(("distance_m", "motor_ratio", "hood_deg"), rows.features.T, strict=True))
+    outcomes = tuple(("miss", "two", "three")[int(level)] for level in rows.labels.sum(axis=1))
+    ids = tuple(f"s{row}" for row in range(len(outcomes)))
+    save_dataset(directory, Dataset("rows", Rig(Ball(0.14, 0.0889)), Shots(ids, numbers, {"outcome": outcomes})))
+
+
+def test_the_door_writes_tables_picture_and_weights(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    save_rows(tmp_path / "real", REAL)
+    save_rows(tmp_path / "sim", SIMULATED)
+    words = ["sweep", "--quiet", "--real", f"{tmp_path}/real", "--sim", f"{tmp_path}/sim", "--sizes", "0,30,90",
+             "--seeds", "4", "--steps", "6000", "--patience", "5000", "--learning-rate", "0.003"]
+    assert truearc.main([*words, "-o", f"{tmp_path}/out"]) == 0
+    said = capsys.readouterr().out
+    assert "best on the validation shots" in said
+    with (tmp_path / "out" / "networks.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 12
+    with (tmp_path / "out" / "settings.csv").open() as file:
+        table = list(csv.DictReader(file))
+    for line in table:
+        mine = [float(row["heldout_loss"]) for row in rows if row["size"] == line["size"]]
+        assert float(line["heldout_loss"]) == pytest.approx(np.mean(mine))
+        assert 0.0 < float(line["outcome"]) <= 1.0
+    assert (tmp_path / "out" / "sweep.png").read_bytes().startswith(b"\x89PNG")
+    _, record = load_weights(tmp_path / "out" / "best")
+    best = min(table, key=lambda line: float(line["validation_loss"]))
+    assert (record["sim_shots"], record["lambda"]) == (int(best["size"]), float(best["weight"]))
+    assert truearc.main(["export", f"{tmp_path}/out/best", "-o", f"{tmp_path}/gate.onnx"]) == 0
+
+
+@pytest.mark.parametrize(("words", "named"), [
+    (["--real", "nowhere"], "nowhere"), (["--sizes", "0,x"], "--sizes: 'x' in '0,x' is not a whole number"),
+    (["--lambdas", "0.1,"], "--lambdas: '' in '0.1,' is not a number"), (["--seeds", "0"], "--seeds is 0"),
+    (["--sizes", "5"], "--sim has 0"), (["--patience", "0"], "--patience"),
+])
+def test_bad_options_are_named(words: list[str], named: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+                               capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.chdir(tmp_path)
+    save_rows(tmp_path / "real", REAL)
+    assert truearc.main(["sweep", "--quiet", "--real", "real", "-o", "out", *words]) == 2
+    assert named in capsys.readouterr().err and not (tmp_path / "out").exists()

@@ -1,0 +1,40 @@
+"""truearc import: other people's recordings to a dataset."""
+
+import argparse
+
+from truearc.robot.config.schema import InputError
+from truearc.sim.data.importers.stated_uncertainty import doubts_of
+from truearc.sim.data.importers.registry import IMPORTERS
+from truearc.sim.data.importers.selection import only
+from truearc.sim.data.dataset import save_dataset
+
+DESCRIPTION = "Turn recordings that others made into a dataset directory (docs/importing.md)."
+EXAMPLE = "truearc import mpi mn5008_backspin.hdf5 mn5008_no_spin.hdf5 -o mpi"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the verb."""
+    known = "; ".join(f"{importer.name}: {', or '.join(importer.ways)}" for importer in IMPORTERS)
+    parser.add_argument("source", choices=[importer.name for importer in IMPORTERS], help="whose recordings")
+    parser.add_argument("files", nargs="+", metavar="FILE", help=f"the public originals, or tables of them: {known}")
+    parser.add_argument("-o", "--out", required=True, metavar="DIR", help="dataset directory to write")
+    parser.add_argument("--only", metavar="COLUMN=TEXT,...", help="of the dataset's shots those with one of these "
+                        "texts in the column (ball_quality=new), to compare parts with each other")
+
+
+def main(args: argparse.Namespace) -> int:
+    """Read, say what came of it, write."""
+    importer = next(importer for importer in IMPORTERS if importer.name == args.source)
+    if not importer.takes(args.files):
+        raise InputError(f"{args.source} takes {', or '.join(importer.ways)}; not {' '.join(args.files)}")
+    dataset = importer.load(*args.files)
+    if args.only is not None:
+        dataset = only(dataset, args.only)
+    save_dataset(args.out, dataset)
+    samples = 0 if dataset.tracks is None else len(dataset.tracks.t_s)
+    print(f"{args.out}: {len(dataset.shots)} shots, {samples} track samples")
+    for line in dataset.left_out:
+        print(f"left out: {line}")
+    for line in doubts_of(dataset):
+        print(f"warning: {line}")
+    return 0

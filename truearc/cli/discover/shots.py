@@ -1,0 +1,37 @@
+"""truearc shots: recordings to a dataset."""
+
+import argparse
+import sys
+from pathlib import Path
+
+from truearc.cli.progress import make_progress
+from truearc.sim.data.recordings import shots_from_sessions
+from truearc.sim.data.repeatability_labels import label_by_repeatability
+from truearc.sim.data.dataset import check_free, save_dataset
+
+DESCRIPTION = "Turn recorded sessions into a dataset of shots (rig.toml, shots.csv, traces.csv)."
+EXAMPLE = "truearc shots sessions/monday sessions/tuesday -o data/week"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("sessions", type=Path, nargs="+", metavar="SESSION", help="recorded session folder")
+    parser.add_argument("-o", "--out", type=Path, required=True, metavar="DIR", help="dataset folder to write")
+    parser.add_argument("--repeatability", action="store_true",
+                        help="one row a configuration, labelled by the paper's R2/R3 rule (section IV-A)")
+
+
+def main(args: argparse.Namespace) -> int:
+    check_free(args.out)
+    progress = make_progress("shots", args.quiet)
+    dataset = shots_from_sessions(args.sessions, args.out.name)
+    progress(0.8, "read")
+    if args.repeatability:
+        dataset = label_by_repeatability(dataset)
+    save_dataset(args.out, dataset)
+    progress(1.0, f"{len(dataset.shots)} rows")
+    outcomes = dataset.shots.text("outcome")
+    counts = ", ".join(f"{outcomes.count(kind)} {kind}" for kind in ("three", "two", "miss"))
+    print(f"{args.out}: {len(dataset.shots)} shots ({counts}); {len(dataset.left_out)} left out")
+    for line in [] if args.quiet else dataset.left_out:
+        print(f"  left out: {line}", file=sys.stderr)
+    return 0

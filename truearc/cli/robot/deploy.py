@@ -1,0 +1,117 @@
+"""truearc deploy: the robot's computer, made to start by itself."""
+
+import argparse
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from truearc.robot.config.schema import InputError, load_config
+from truearc.robot.deploy.texts import INSTALL, make_files
+from truearc.robot.deploy.install import Parts, make_parts
+from truearc.robot.doctor.parameters import load_endpoints
+from truearc.robot.gate.model import load_gate
+
+DESCRIPTION = ("Carry truearc, its configuration and its model to the robot's computer by ssh, install them there with "
+               "a service that starts with it, and run the doctor. Exit 1 when a step fails or the doctor finds a "
+               "failure.")
+EXAMPLE = "truearc deploy pi@launcher.local --config launcher.toml --gate gate.onnx --core 3 --dry-run"
+SOURCE = Path(__file__).parents[1]
+FAR = "truearc-deploy"                # folder in the home directory there
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("host", help="user@host, as for ssh; the user may use sudo")
+    parser.add_argument("--config", type=Path, required=True, help="launcher.toml")
+    parser.add_argument("--gate", type=Path, help="exported model; needed when the policy is 'model'")
+    parser.add_argument("--endpoints", type=Path, metavar="JSON", help="flat_endpoints.json for the doctor")
+    parser.add_argument("--wheels", type=Path, metavar="DIR", help="wheels of what truearc needs, for that computer: "
+                        "it then needs no network (docs/deploy.md)")
+    parser.add_argument("--core", type=int, metavar="N", help="core of the control loop (default: any)")
+    parser.add_argument("--priority", type=int, default=50, metavar="P", help="of the control loop (default: 50)")
+    parser.add_argument("--can-serial", default="", metavar="S", help="give the CAN adapter with this serial number "
+                        "the configured name")
+    parser.add_argument("--box-usb", default="", metavar="V:P", help="give the serial device with this USB vendor and "
+                        "product the name in [buttons] port")
+    parser.add_argument("--exposure-ms", type=float, metavar="MS", help="fix the camera's exposure (needs v4l-utils "
+                        "there)")
+    parser.add_argument("--dry-run", action="store_true", help="print every command and every file, and do nothing")
+
+
+def main(args: argparse.Namespace) -> int:
+    if not re.fullmatch(r"([A-Za-z0-9_][A-Za-z0-9._-]*@)?[A-Za-z0-9][A-Za-z0-9.-]*", args.host):
+        raise InputError(f"{args.host!r}: not user@host")
+    config = load_config(args.config)
+    if args.gate:
+        load_gate(args.gate)                      # a model that the robot would refuse is refused here
+    if args.endpoints:
+        load_endpoints(args.endpoints)
+    parts = make_parts(config, Parts(args.gate is not None, args.endpoints is not None, args.core, args.priority,
+                                     args.can_serial, args.box_usb, args.exposure_ms))
+    copies = {"constraints.txt": SOURCE / "constraints.txt", "launcher.toml": args.config, "gate.onnx": args.gate,
+              "flat_endpoints.json": args.endpoints}
+    files, carried = make_files(config, parts), {name: path for name, path in copies.items() if path}
+    wheels = _wheels(args.wheels)
+    if not (SOURCE / "pyproject.toml").exists():
+        raise InputError(f"{SOURCE}: deploy builds truearc from its source; run it from a checkout")
+    if args.dry_run:
+        _explain(args.host, files, carried, wheels)
+        return 0
+    with tempfile.TemporaryDirectory(prefix="truearc-") as folder:
+        stage = Path(folder) / FAR
+        _fill(stage, files, carried, wheels)
+        for command in make_commands(args.host, str(stage)):
+            if _run(command):
+                return 1
+    return 0
+
+
+def make_commands(host: str, stage: str) -> list[list[str]]:
+    """What is run here, in order, to fill up `stage` and carry it over; the last exit code is the doctor's."""
+    return [[sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir", f"{stage}/wheels",
+             str(SOURCE)],
+            ["ssh", host, shlex.join(["rm", "-rf", FAR])],
+            ["scp", "-q", "-r", stage, f"{host}:{FAR}"],
+            ["ssh", "-t", host, shlex.join(["sudo", "sh", f"{FAR}/{INSTALL}"])]]
+
+
+def _wheels(folder: Path | None) -> list[Path]:
+    if folder is None:
+        return []
+    found = sorted(path for path in folder.glob("*.whl") if not path.name.startswith("truearc-"))
+    if not any(path.name.startswith("numpy-") for path in found):
+        raise InputError(f"{folder}: no wheels of what truearc needs; docs/deploy.md has the command that fetches them")
+    return found
+
+
+def _fill(stage: Path, files: dict[str, str], carried: dict[str, Path], wheels: list[Path]) -> None:
+    (stage / "wheels").mkdir(parents=True)
+    for name, text in files.items():
+        (stage / name).write_text(text, encoding="utf-8", newline="\n")
+    for name, path in carried.items():
+        shutil.copyfile(path, stage / name)
+    for path in wheels:
+        shutil.copyfile(path, stage / "wheels" / path.name)
+
+
+def _explain(host: str, files: dict[str, str], carried: dict[str, Path], wheels: list[Path]) -> None:
+    for command in make_commands(host, f"STAGE/{FAR}"):
+        print(f"$ {shlex.join(command)}")
+    for name, path in [*carried.items(), *((f"wheels/{path.name}", path) for path in wheels)]:
+        print(f"\n=== STAGE/{FAR}/{name}: a copy of {path}")
+    for name, text in files.items():
+        print(f"\n=== STAGE/{FAR}/{name}\n{text}", end="")
+
+
+def _run(command: list[str]) -> int:
+    print(f"$ {shlex.join(command)}", flush=True)
+    try:
+        code = subprocess.run(command, check=False).returncode
+    except OSError as error:
+        raise InputError(f"{command[0]}: {error.strerror}") from error
+    if code:
+        print(f"truearc deploy: exit code {code} from: {shlex.join(command)}", file=sys.stderr)
+    return code

@@ -1,0 +1,197 @@
+"""What runs beside the control loop of `truearc run`: eyes and recorder, in its process or in ones of their own."""
+
+import socket
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+from typing import NamedTuple, Protocol
+
+import cv2
+import msgspec
+
+from truearc.robot.operator_ui.serve_option import open_page, with_page
+from truearc.hw.protocols import Clock, LinkLost
+from truearc.hw.readings import CameraFrame
+from truearc.hw.real.camera import open_camera
+from truearc.hw.real.child_process import Child, Line, make_shared
+from truearc.hw.real.clock import MonotonicClock
+from truearc.hw.real.ipc import Inbox, Outbox
+from truearc.hw.real.reconnect import PAUSE_S, MendedCamera
+from truearc.hw.shared_latest import Room, Slots
+from truearc.robot.config.schema import InputError, Config
+from truearc.robot.vision_source import Eyes, InlineEyes
+from truearc.robot.operator_ui.server import OperatorPage
+from truearc.robot.processes.recorder_client import FarKeeper
+from truearc.robot.processes.recorder import NEWS, Desk
+from truearc.robot.processes.vision import FarEyes, make_room, tell, watch
+from truearc.robot.recording.files import Row
+from truearc.robot.recording.file_writers import Keeper, LaneKeeper
+from truearc.robot.runtime import Recorder
+from truearc.robot.types import Sighting, Tick
+from truearc.robot.vision import detect
+
+CLOSE_S = 2.0                         # for a camera to be let go
+
+
+class PageWanted(NamedTuple):
+    """What `--page` says, and what the page is to know; all of it goes to whichever process shows it."""
+
+    where: str
+    config: Config
+    recording: str
+
+    def open(self, clock: Clock) -> OperatorPage | None:
+        return open_page(self.where, self.config, self.recording, clock)
+
+
+class ProcessLayout(Protocol):
+    """Which process does what."""
+
+    def open_eyes(self, clock: Clock) -> Eyes:
+        """LinkLost, saying why, when there is no camera."""
+
+    def open_keeper(self, folder: Path) -> Keeper:
+        """Whoever keeps the recording in that folder; InputError when it cannot be."""
+
+    def show(self, recorder: Recorder) -> Recorder:
+        """That recorder, whose ticks the operator's page shows, if there is one."""
+
+    def lines(self) -> list[str]:
+        """What runs where, in words."""
+
+
+class OneProcess:
+    """Everything in this process; `wires` closes what is opened."""
+
+    def __init__(self, config: Config, wires: ExitStack, page: PageWanted | None = None) -> None:
+        self._config, self._wires, self._page = config, wires, page
+
+    def open_eyes(self, clock: Clock) -> Eyes:
+        cv2.setNumThreads(1)
+        camera = open_mended(self._config, clock)
+        self._wires.callback(camera.close)
+        return InlineEyes(camera, make_see(self._config))
+
+    def open_keeper(self, folder: Path) -> Keeper:
+        return LaneKeeper(folder, lossless=False)
+
+    def show(self, recorder: Recorder) -> Recorder:
+        page = None if self._page is None else self._page.open(MonotonicClock())
+        if page is not None:
+            self._wires.callback(page.close)
+        return with_page(recorder, page)
+
+    def lines(self) -> list[str]:
+        return ["vision and recorder are in the same process"]
+
+
+class ThreeProcesses:
+    """Vision, and the recorder with the page, in processes of their own, which start at once, side by side; `wires`
+    ends them."""
+
+    def __init__(self, config: Config, wires: ExitStack, page: PageWanted | None = None) -> None:
+        room = make_room(config.camera.width_px, config.camera.height_px)
+        memory = make_shared(room.bytes)
+        self._sightings = Slots(memory, room)
+        self.vision = Child("vision", look, (config, memory, room), mended=True, mortal=True)
+        wires.callback(self.vision.close, CLOSE_S)
+        self.recorder = RecorderProcess(wires, page)
+
+    def open_eyes(self, clock: Clock) -> Eyes:
+        self.vision.wait()
+        return FarEyes(self._sightings, lambda: self.vision.trouble, clock)
+
+    def open_keeper(self, folder: Path) -> Keeper:
+        return self.recorder.open_keeper(folder)
+
+    def show(self, recorder: Recorder) -> Recorder:
+        return recorder                           # its process does
+
+    def lines(self) -> list[str]:
+        return [f"vision is process {self.vision.pid}", f"recorder is process {self.recorder.child.pid}"]
+
+
+class RecorderProcess:
+    """Writes files until it is told to end, or the process that it is told by has died: so nobody kills it then."""
+
+    def __init__(self, wires: ExitStack, page: PageWanted | None = None) -> None:
+        ours, self._theirs = socket.socketpair()
+        memory = make_shared(NEWS.bytes)
+        self.child = Child("recorder", write, (self._theirs, memory, page), mended=False, mortal=False)
+        self._outbox, self._news = Outbox(ours), Slots(memory, NEWS)
+        wires.callback(self.child.close, CLOSE_S)
+        wires.callback(self._theirs.close)
+        wires.callback(self._outbox.close)        # at which it ends, if it was never told to
+
+    def open_keeper(self, folder: Path) -> Keeper:
+        """InputError when it cannot start, or the files cannot be opened."""
+        try:
+            self.child.wait()
+        except LinkLost as error:
+            raise InputError(f"cannot start: {error}") from error
+        self._theirs.close()                      # the other process has it
+        return FarKeeper(folder, self._outbox, self._news, self.child, MonotonicClock())
+
+
+LAYOUTS: dict[str, Callable[[Config, ExitStack, PageWanted], ProcessLayout]] = {"three": ThreeProcesses, "one": OneProcess}
+
+
+def look(line: Line, is_first: bool, config: Config, memory: object, room: Room) -> None:
+    """The vision process. The first one's camera must be there; a later one waits for it."""
+    cv2.setNumThreads(1)
+    clock, slots = MonotonicClock(), Slots(memory, room)
+    told = ""
+    while True:
+        slots.beat(clock.now_ns())
+        try:
+            camera = open_mended(config, clock)
+            break
+        except LinkLost as error:
+            if is_first:
+                return line.say(str(error))
+            told = tell(slots, str(error), told)
+            line.say("")
+        if line.is_over(PAUSE_S):
+            return None
+    line.say("")
+    watch(camera, make_see(config), slots, clock, line.is_over)
+    camera.close()
+    return None
+
+
+def write(line: Line, is_first: bool, end: socket.socket, memory: object, wanted: PageWanted | None) -> None:
+    """The recorder process, until the control process ends or dies."""
+    cv2.setNumThreads(1)
+    inbox, clock = Inbox(end), MonotonicClock()
+    page = None if wanted is None else wanted.open(clock)
+    desk = Desk(Slots(memory, NEWS), clock, make_show(page))
+    line.say("")
+    desk.serve(inbox)
+    inbox.close()
+    if page is not None:
+        page.close()
+
+
+def make_show(page: OperatorPage | None) -> Callable[[list[Row]], None]:
+    """Shows rows of ticks, as they are written, on the page; none, where there is none."""
+    if page is None:
+        return lambda rows: None
+    decoder = msgspec.json.Decoder(Tick)
+
+    def show(rows: list[Row]) -> None:
+        for _, text, _ in rows:
+            page.show(decoder.decode(text))
+
+    return show
+
+
+def open_mended(config: Config, clock: Clock) -> MendedCamera:
+    """The configuration's camera, which comes back when it was lost; LinkLost when it cannot be opened now."""
+    asked = config.camera
+    return MendedCamera(lambda: open_camera(asked.device, asked.width_px, asked.height_px, asked.fps, clock,
+                                            asked.exposure_s))
+
+
+def make_see(config: Config) -> Callable[[CameraFrame], Sighting]:
+    """Vision as configured."""
+    return lambda frame: detect(frame, config.camera, config.tape, config.vision)

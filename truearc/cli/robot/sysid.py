@@ -1,0 +1,119 @@
+"""truearc identify: what moves the flywheels and the hood, and the gains that follow."""
+
+import argparse
+import sys
+from collections.abc import Mapping, Sequence
+from importlib.metadata import version
+from pathlib import Path
+
+from msgspec.structs import replace
+
+from truearc import robot
+from truearc.cli.robot.sysid_drive import drive_robot
+from truearc.cli.progress import make_progress
+from truearc.robot.config.schema import InputError, Config, load_config
+from truearc.robot.sysid.program import FLYWHEEL, HOOD
+from truearc.sim.sysid.fit import fit_motion
+from truearc.sim.sysid.record import Record
+from truearc.sim.sysid.session import load_driven
+from truearc.sim.sysid.sysid_text import make_fragment
+
+DESCRIPTION = ("Drive flywheels and hood by the program of [identify] and fit friction, inertia and delay; or fit a "
+               "session or a CSV file of before. Writes gains to paste, never the configuration.")
+EXAMPLE = "truearc identify --config launcher.toml -o gains.toml --report identify.html"
+
+SHIPPED = Path(robot.__file__).parent / "launcher.toml"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    source = parser.add_mutually_exclusive_group()
+    source.add_argument("session", type=Path, nargs="?", help="fit a session that was recorded before")
+    source.add_argument("--csv", type=Path, metavar="FILE", help="fit a table with t_s, a column in _V or _Nm, and one "
+                        "in _rad_s")
+    source.add_argument("--emulate", action="store_true", help="drive the emulated robot instead of a real one")
+    parser.add_argument("--config", type=Path, help="launcher.toml; with --emulate the shipped one, if not given")
+    parser.add_argument("--only", choices=(FLYWHEEL, HOOD), help="drive only this")
+    parser.add_argument("--out", type=Path, metavar="SESSION", help="session folder to make (default: "
+                        "sessions/<time>; needed with --emulate)")
+    parser.add_argument("--world", type=Path, help="world.toml of the emulated robot")
+    parser.add_argument("--seed", type=int, default=0, help="of the emulated robot")
+    parser.add_argument("-o", dest="gains", type=Path, metavar="FILE", help="write the gains here, too")
+    parser.add_argument("--report", type=Path, metavar="PAGE", help="HTML page with residuals (needs the sim extra)")
+
+
+def main(args: argparse.Namespace) -> int:
+    _check(args)
+    if args.csv is not None:
+        # pyarrow, which the robot's base install leaves out
+        from truearc.sim.sysid.table import load_steps
+        return _answer(args, str(args.csv), {"feedforward": load_steps(args.csv)}, None, [])
+    session = args.session or _drive(args)
+    driven = load_driven(session)
+    for warning in driven.warnings:
+        print(f"truearc identify: {warning}", file=sys.stderr)
+    code = _answer(args, str(session), driven.records, driven.config, driven.warnings)
+    return code if driven.whole else 1
+
+
+def _check(args: argparse.Namespace) -> None:
+    driving = args.session is None and args.csv is None
+    if driving and not args.emulate and args.config is None:
+        raise InputError("give --config to drive a robot, --emulate, a session, or --csv FILE")
+    if args.emulate and args.out is None:
+        raise InputError("--emulate needs --out, the session to make")
+    if args.seed < 0:
+        raise InputError(f"--seed {args.seed}: cannot be negative")
+    for path in (args.gains, args.report):
+        if path is not None and not path.parent.is_dir():
+            raise InputError(f"{path}: there is no directory to write it to")
+    if args.gains is not None and args.gains.exists():
+        raise InputError(f"{args.gains}: exists already; gains are never written over anything")
+
+
+def _drive(args: argparse.Namespace) -> Path:
+    """Drive what was asked for; the session's folder."""
+    config = _narrowed(load_config(args.config or SHIPPED), args.only)
+
+    def tell(text: str) -> None:
+        if not args.quiet:
+            print(text, file=sys.stderr, flush=True)
+
+    if not args.emulate:
+        return drive_robot(config, args.out, tell)
+    # MuJoCo, which the robot's base install leaves out
+    from truearc.cli.robot.sysid_emulated import drive_twin
+    from truearc.sim.world.options import load_options
+    from truearc.sim.world.world import World
+    drive_twin(config, args.out, World(args.seed, load_options(args.world)), tell)
+    return Path(args.out)
+
+
+def _narrowed(config: Config, only: str | None) -> Config:
+    """The configuration that drives one joint only; it is recorded as it ran."""
+    if only is None or config.identify is None:
+        return config
+    other = HOOD if only == FLYWHEEL else FLYWHEEL
+    still = replace(getattr(config.identify, other), repeats=0)
+    return replace(config, identify=replace(config.identify, **{other: still}))
+
+
+def _answer(args: argparse.Namespace, source: str, records: Mapping[str, Record], config: Config | None,
+            notes: Sequence[str]) -> int:
+    """Fit, and say what came of it; 1 when there is nothing to fit."""
+    if not records:
+        return 1
+    show, fits = make_progress("identify", args.quiet), {}
+    for number, (joint, record) in enumerate(records.items()):
+        show(number / len(records), joint)
+        fits[joint] = fit_motion(record)
+    show(1.0, "")
+    title = f"truearc identify {version('truearc')}: {source}"
+    fragment = make_fragment(title, fits, config, notes)
+    print(fragment, end="")
+    if args.gains is not None:
+        args.gains.write_text(fragment, encoding="utf-8")
+    if args.report is not None:
+        # matplotlib, likewise
+        from truearc.sim.sysid.html_report import make_fit_page
+        args.report.write_text(make_fit_page(title, fits, notes), encoding="utf-8")
+    return 0

@@ -1,0 +1,77 @@
+"""Drives a launcher by the program of [identify] and records it: on its real wires, or on the emulated robot."""
+
+from collections import Counter
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+
+from msgspec.structs import replace
+
+from truearc.cli.robot.run import Ending
+from truearc.cli.robot.real_bus import open_bus
+from truearc.hw.protocols import LinkLost
+from truearc.hw.readings import CameraFrame
+from truearc.hw.real.clock import MonotonicClock, wall_clock
+from truearc.hw.real.serial_port import open_serial
+from truearc.robot.config.schema import InputError, Config
+from truearc.robot.vision_source import NoEyes
+from truearc.robot.sysid.program import phases
+from truearc.robot.sysid.tick import POLICY, make_step, say
+from truearc.robot.recording.candump import TappedBus
+from truearc.robot.recording.session import make_header
+from truearc.robot.recording.encoder import SessionWriter
+from truearc.robot.rig import HardwareRig
+from truearc.robot.runtime import run
+from truearc.robot.types import Progress, Sent, Tick
+
+Say = Callable[[str], None]
+
+
+class Watch:
+    """A Recorder that passes all on, says where the program stands when that changes, and knows when it is over."""
+
+    def __init__(self, recorder: SessionWriter, config: Config, tell: Say) -> None:
+        self.over = ""
+        self._recorder, self._program, self._tell = recorder, phases(config), tell
+        self._told = ""
+
+    def record(self, tick: Tick, sent: Sent) -> None:
+        self._recorder.record(tick, sent)
+        progress = tick.memory.identify
+        assert isinstance(progress, Progress)
+        self.over = progress.over
+        text = say(progress, self._program)
+        if text != self._told:
+            self._told = text
+            self._tell(text)
+
+    def keep_picture(self, picture: CameraFrame) -> None: ...
+
+
+def open_recorder(folder: Path, config: Config, started: str | None, lossless: bool) -> SessionWriter:
+    """A session whose header says that it was no shooting."""
+    return SessionWriter(folder, replace(make_header(config, None, started), policy=POLICY), config, None, lossless)
+
+
+def drive_robot(config: Config, folder: Path | None, tell: Say) -> Path:
+    """Drive the real launcher until the program is over or Ctrl-C; returns the session's folder."""
+    step, ending, started = make_step(config), Ending(), wall_clock()
+    folder = folder or Path("sessions") / started.replace(":", "")
+    with ExitStack() as wires:
+        clock = MonotonicClock()
+        try:
+            bus = open_bus(config, clock, wires, Counter())
+            box = open_serial(config.buttons.port, config.buttons.baud)
+            wires.callback(box.close)
+        except LinkLost as error:
+            raise InputError(f"cannot start: {error}") from error
+        recorder = open_recorder(folder, config, started, lossless=False)
+        wires.callback(recorder.close)
+        watch = Watch(recorder, config, tell)
+        rig = HardwareRig(config, TappedBus(bus, recorder.tap), box, NoEyes(), clock,
+                          lambda: ending.asked or bool(watch.over))
+        wires.callback(rig.release)               # first of all to be done on the way out, whatever happened
+        run(rig, config, None, watch, step)
+    if recorder.failed is not None:
+        raise InputError(f"{folder}: the recording stopped: {recorder.failed}")
+    return folder

@@ -1,0 +1,28 @@
+"""truearc recover: make a recording that was cut short whole."""
+
+import argparse
+import sys
+from pathlib import Path
+
+from truearc.robot.recording.recover import recover
+from truearc.robot.recording.session import CAN, FRAMES, INDEX
+
+DESCRIPTION = ("Make a recording that was cut short (power loss, kill, full disk) whole. Nothing that is whole is "
+               "lost, and the damaged files are kept in SESSION/damaged.")
+EXAMPLE = "truearc recover sessions/monday"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("session", type=Path, help="recorded session folder")
+
+
+def main(args: argparse.Namespace) -> int:
+    recovered = recover(args.session)
+    absent = [name for name in (CAN, f"{FRAMES}/{INDEX}") if not (args.session / name).exists()]
+    counts = f"{recovered.ticks} ticks, {recovered.trials} trials"
+    print(f"{args.session}: " + ("whole now" if recovered.repairs else "was whole") + f", {counts}")
+    for repair in recovered.repairs:
+        print(f"  {repair}")
+    for name in absent:
+        print(f"  {name} is not there, and cannot be made again", file=sys.stderr)
+    return 0

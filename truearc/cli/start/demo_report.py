@@ -1,0 +1,175 @@
+"""The demo's one page: what was launched, what was learnt, what the gate was worth, where the physics is wrong."""
+
+import json
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from truearc.cli.start.demo_files import Demo, read_ratings, score, share
+from truearc.cli.start.demo_worth import put_in, worth_of_it
+from truearc.robot.recording.reader import TickReader
+from truearc.robot.recording.session import load_session_config, load_trials
+from truearc.sim.infer.coefficients import load_coefficients
+from truearc.sim.data.columns import OUTCOMES
+from truearc.sim.discover.api import Investigation
+from truearc.sim.discover.report.html_report import make_pictures
+from truearc.sim.gate.metrics import Figures, figures_of
+from truearc.sim.intervals import difference
+from truearc.sim.plots import Share, draw_shares, draw_shot, draw_trajectories
+from truearc_proof.rounds.grader import graded_of
+from truearc_proof.report.html_page import verdict
+from truearc_proof.report.plots import matrix_png
+from truearc_proof.rounds.round_layout import Room
+from truearc.sim.report import make_page, make_png, paragraph, picture, table
+from truearc.sim.data.dataset import load_dataset
+
+NS = 1e-9
+BEFORE_S, AFTER_S = 1.5, 1.0
+
+
+def headline(demo: Demo) -> list[str]:
+    """The numbers that matter, in words."""
+    gated, ungated = load_dataset(demo.gated_shots), load_dataset(demo.ungated_shots)
+    lines = [f"practice: {len(load_dataset(demo.shots).shots)} marked shots; with the gate the robot fired "
+             f"{len(gated.shots)} of {len(load_trials(demo.gated))} asked for, without it {len(ungated.shots)}"]
+    for name, kinds in SCORES:
+        with_gate, without = score(gated, kinds), score(ungated, kinds)
+        low, high = difference(with_gate, without)
+        lines.append(f"{name}: {share(with_gate)} with the gate, {share(without)} without; "
+                     f"difference {low:+.0%} to {high:+.0%} (95 %)")
+    ours, network = _judged(demo)
+    lines.append(f"told beforehand, of {ours.shots} shots neither had seen: our gate right on {ours.accuracy:.0%} "
+                 f"(Brier {ours.brier:.3f}), the paper's network on {network.accuracy:.0%} (Brier {network.brier:.3f})")
+    coefficients = load_coefficients(demo.coefficients)
+    lines.append("fit (grid): " + ", ".join(f"{term}.{name} = {value:.3f}" for term, values in coefficients.items()
+                                     for name, value in values.items()))
+    lines.append("discover: " + json.loads(demo.finding.read_text(encoding="utf-8"))["sentence"])
+    marks = [one.first for one in graded_of(Room(demo.round))]
+    return [*lines, put_in(demo), f"sealed worlds: {verdict(marks)}"]
+
+
+SCORES = (("two or three points", ("two", "three")), ("three points", ("three",)))
+
+
+def save_report(demo: Demo, found: Investigation) -> Path:
+    """Write index.html; returns its path."""
+    lines = headline(demo)
+    sections = [
+        ("In numbers", "<ul>" + "".join(f"<li>{line}</li>" for line in lines) + "</ul>"),
+        ("What the gate is worth", _gate_worth(demo)),
+        ("Where simulation and recordings disagree", _disagreement(demo, found)),
+        ("What putting it in is worth", worth_of_it(demo)),
+        ("Worlds whose truth was sealed", _sealed(demo)),
+        ("One shot", _one_shot(demo)),
+        ("Recorded shots, flown by the fitted simulator", _trajectories(demo)),
+        ("The fit", _fit(demo)),
+        ("Gate against outcome", _confusion(demo)),
+        ("Fine print", _fine_print(demo)),
+    ]
+    page = demo.folder / "index.html"
+    page.write_text(make_page("truearc demo: the emulated robot", _verdict(demo), sections), encoding="utf-8")
+    return page
+
+
+def _verdict(demo: Demo) -> str:
+    gated, ungated = load_dataset(demo.gated_shots), load_dataset(demo.ungated_shots)
+    with_gate, without = score(gated, ("three",)), score(ungated, ("three",))
+    return (f"Of the shots the gate let through {share(with_gate)} scored three points; of the same driver's shots "
+            f"without it, {share(without)}.")
+
+
+def _gate_worth(demo: Demo) -> str:
+    gated, ungated = load_dataset(demo.gated_shots), load_dataset(demo.ungated_shots)
+    shares = [Share(f"{name}, {which}", *score(dataset, kinds)) for name, kinds in SCORES
+              for which, dataset in (("with the gate", gated), ("without", ungated))]
+    held = [trial for trial in load_trials(demo.gated) if trial.outcome.outcome == "held"]
+    return picture(make_png(draw_shares(shares)), "shares with and without the gate") + paragraph(
+        f"Both sessions have the same driver, places, set points and seed; they differ in the gate alone. It held "
+        f"{len(held)} of {len(load_trials(demo.gated))} requests. Bars: Wilson 95 % intervals.", dim=True)
+
+
+def _disagreement(demo: Demo, found: Investigation) -> str:
+    pictures = "".join(body for _, body in make_pictures(found))
+    return paragraph(found.finding.sentence) + pictures + (
+        f'<p class="dim">The whole finding: <a href="{demo.finding_page.name}">{demo.finding_page.name}</a>; '
+        f'as data: <a href="{demo.finding.name}">{demo.finding.name}</a>.</p>')
+
+
+def _sealed(demo: Demo) -> str:
+    room = Room(demo.round)
+    marks = [one.first for one in graded_of(room)]
+    return picture(matrix_png(marks), "worlds by what was true and what was said") + (
+        f'<p class="dim">{len(marks)} worlds by another simulator, drawn from the seed, their truth committed to '
+        "before discovery saw the data: a taste, no proof. "
+        f'<a href="{room.root.name}/{room.report.name}">The round</a>; '
+        "<code>truearc prove --worlds 60 --level L1 --shots 300 --seed-from-entropy</code> plays one that nobody has "
+        "seen.</p>")
+
+
+def _one_shot(demo: Demo) -> str:
+    config = load_session_config(demo.collect)
+    shots = [trial.shot for trial in load_trials(demo.collect) if trial.shot is not None]
+    fed = shots[len(shots) // 2].t_ns
+    ticks = [tick for tick, _ in TickReader(demo.collect) if -BEFORE_S <= (tick.inputs.t_ns - fed) * NS <= AFTER_S]
+    return picture(make_png(draw_shot(ticks, config, fed)), "wheel speed, hood angle and battery around one shot",
+                   "The red line is the moment the ball is fed. Nobody typed the dip in: it is the contact in MuJoCo.")
+
+
+def _trajectories(demo: Demo) -> str:
+    data = load_dataset(demo.shots)
+    figure = draw_trajectories(data.facts, load_coefficients(demo.coefficients), data.shots, 12)
+    return picture(make_png(figure), "trajectories", "Where green ones miss the green bar, the simulator is wrong.")
+
+
+def _fit(demo: Demo) -> str:
+    return picture(demo.fit_map.read_bytes(), "3-point accuracy over the coefficients, and the pairs that tie")
+
+
+class Rated(NamedTuple):
+    """Shots of the ungated session inside our gate's domain: p [n, 2] of both gates and level [n] (0, 1, 2)."""
+
+    ours: np.ndarray
+    network: np.ndarray
+    level: np.ndarray
+
+
+def _rated(demo: Demo) -> Rated:
+    shots = load_dataset(demo.ungated_shots).shots
+    ours, network = read_ratings(demo.ratings), read_ratings(demo.network_ratings)
+    kept = [row for row, rating in enumerate(ours) if rating["in_domain"] == "true" and rating["p_two"]]
+    p = [np.array([[float(ratings[row][name]) for name in ("p_two", "p_three")] for row in kept]).reshape(-1, 2)
+         for ratings in (ours, network)]
+    return Rated(p[0], p[1], np.array([OUTCOMES.index(shots.text("outcome")[row]) for row in kept], int))
+
+
+def _judged(demo: Demo) -> tuple[Figures, Figures]:
+    rated = _rated(demo)
+    return figures_of(rated.ours, rated.level), figures_of(rated.network, rated.level)
+
+
+def _confusion(demo: Demo) -> str:
+    rated = _rated(demo)
+    said = (rated.ours >= 0.5).sum(axis=1)
+    rows = [[f"it was {was}", *(int(((rated.level == k) & (said == j)).sum()) for j in range(3))]
+            for k, was in enumerate(OUTCOMES)]
+    figures = [[name, f"{one.accuracy:.0%}", f"{one.f1_three:.2f}", f"{one.brier:.3f}", f"{one.ece:.3f}",
+                f"{one.log_score:.2f}"] for name, one in zip(("our gate", "the paper's network"), _judged(demo),
+                                                             strict=True)]
+    return (table(["", *(f"our gate said {said}" for said in OUTCOMES)], rows)
+            + table(["", "outcome right", "F1 of three", "Brier", "calibration error", "log score"], figures)
+            + paragraph(f"The {len(rated.level)} shots of the ungated session that lie in our gate's domain; both "
+                        "gates were trained on the practice session alone. Of Brier and calibration error less is "
+                        "better, of the others more.", dim=True))
+
+
+def _fine_print(demo: Demo) -> str:
+    training = json.loads((demo.network_weights / "training.json").read_text(encoding="utf-8"))
+    rejected = [trial for session in (demo.collect, demo.gated, demo.ungated) for trial in load_trials(session)
+                if trial.outcome.outcome == "rejected"]
+    rows: list[list[object]] = [
+        ["seed", demo.seed], ["trained on", demo.shots.name], ["steps of the paper's network", training["steps"]],
+        ["its lambda", training["lambda"]], ["shots that the driver rejected", len(rejected)]]
+    return table(["", ""], rows) + paragraph(
+        "Everything here was recorded by the emulated robot: real runtime, real frames and images, a MuJoCo world that "
+        "neither runtime nor fit can see.", dim=True)
