@@ -3,7 +3,6 @@
 import argparse
 import importlib
 import os
-import re
 import sys
 from importlib.metadata import version
 
@@ -40,6 +39,36 @@ VERBS = {
     "reproduce": "the paper's tables and figures beside ours",
 }
 
+# command -> the module behind it, imported only when the command is called
+MODULES = {
+    "demo": "truearc.cli.start.demo",
+    "run": "truearc.cli.robot.run",
+    "doctor": "truearc.cli.robot.doctor",
+    "deploy": "truearc.cli.robot.deploy",
+    "identify": "truearc.cli.robot.sysid",
+    "emulate": "truearc.cli.robot.emulate",
+    "replay": "truearc.cli.session.replay",
+    "recover": "truearc.cli.session.recover",
+    "convert": "truearc.cli.session.convert",
+    "shots": "truearc.cli.discover.shots",
+    "import": "truearc.cli.discover.import_",
+    "predict": "truearc.cli.discover.predict",
+    "fit": "truearc.cli.discover.fit",
+    "synth": "truearc.cli.paper.synth",
+    "train": "truearc.cli.gate.train",
+    "sweep": "truearc.cli.paper.sweep",
+    "export": "truearc.cli.gate.export",
+    "verify": "truearc.cli.gate.verify",
+    "predict-gate": "truearc.cli.gate.predict_gate",
+    "vision": "truearc.cli.robot.vision",
+    "vision calibrate": "truearc.cli.robot.vision_calibrate",
+    "vision tune": "truearc.cli.robot.vision_tune",
+    "discover": "truearc.cli.discover.discover",
+    "design": "truearc.cli.discover.design",
+    "prove": "truearc_proof.cli.prove",
+    "reproduce": "truearc_proof.cli.reproduce",
+}
+
 # Arrays here are small: threads of the linear algebra would only wait for one another and, where another process keeps
 # a core busy, for that. Before NumPy is there.
 ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
@@ -59,7 +88,7 @@ def main(argv: list[str] | None = None) -> int:
     try:
         return _open(verb, argv)
     except ModuleNotFoundError as error:
-        if error.name is None or error.name.partition(".")[0] in ("doors", "model_export", "sim", "robot", "hw"):
+        if error.name is None or error.name.partition(".")[0] in ("truearc", "truearc_proof"):
             raise                     # ours: a defect, not an install without the companion
         print(f"truearc {verb}: needs {error.name}, which the robot's base install leaves out: "
               "pip install 'truearc[sim]'", file=sys.stderr)
@@ -68,7 +97,7 @@ def main(argv: list[str] | None = None) -> int:
 
 def _open(verb: str, argv: list[str]) -> int:
     """The door behind the verb; some need the companion's packages for some options only."""
-    door = importlib.import_module("doors." + re.sub("[- ]", "_", verb).replace("import", "import_"))
+    door = importlib.import_module(MODULES[verb])
     parser = argparse.ArgumentParser(prog=f"truearc {verb}", description=door.DESCRIPTION,
                                      epilog=f"example: {door.EXAMPLE}")
     parser.add_argument("--quiet", action="store_true", help="no progress")

@@ -19,7 +19,7 @@ DESCRIPTION = ("Carry truearc, its configuration and its model to the robot's co
                "a service that starts with it, and run the doctor. Exit 1 when a step fails or the doctor finds a "
                "failure.")
 EXAMPLE = "truearc deploy pi@launcher.local --config launcher.toml --gate gate.onnx --core 3 --dry-run"
-SOURCE = Path(__file__).parents[1]
+SOURCE = Path(__file__).parents[3]
 FAR = "truearc-deploy"                # folder in the home directory there
 
 

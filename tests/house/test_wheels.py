@@ -1,0 +1,62 @@
+"""What ships: every tracked module and data file, one top-level name, and commands that work outside the checkout."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.house.wheels import ROOT, build_wheels
+
+PLACES = {"truearc": "truearc", "hw": "truearc/hw", "robot": "truearc/robot", "sim": "truearc/sim",
+          "model_export": "truearc/model_export", "proof/truearc_proof": "truearc_proof"}
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return build_wheels(tmp_path_factory.mktemp("wheels"))
+
+
+def tracked() -> set[str]:
+    """What the wheels should hold, by git."""
+    done = subprocess.run(["git", "ls-files", *PLACES], cwd=ROOT, capture_output=True, text=True, check=False)
+    names = done.stdout.split()
+    if not names:
+        pytest.skip("not a git checkout")
+    return {to + name.removeprefix(folder) for name in names for folder, to in PLACES.items()
+            if name.startswith(folder + "/") and (ROOT / name).exists()}
+
+
+def test_wheels_hold_what_git_tracks(site: Path) -> None:
+    held = {path.relative_to(site).as_posix() for path in site.rglob("*") if path.is_file()}
+    assert {name for name in held if ".dist-info/" not in name} == tracked()
+
+
+def test_wheel_has_one_top_level_name(site: Path) -> None:
+    names = {path.name for path in site.iterdir() if not path.name.endswith(".dist-info")}
+    assert names == {"truearc", "truearc_proof"}
+
+
+def run(site: Path, folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    """A command from the unpacked wheel, without the checkout on the path."""
+    paths = [str(site), *(path for path in sys.path if "site-packages" in path)]
+    code = ("import sys; sys.meta_path[:] = [f for f in sys.meta_path if 'editable' not in repr(f).lower()]; "
+            f"sys.path[:0] = {paths!r}; from truearc.cli.main import main; sys.exit(main({list(words)!r}))")
+    return subprocess.run([sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, check=False,
+                          env={**os.environ, "PYTHONSAFEPATH": "1"})
+
+
+def test_import_works_beside_a_robot_py(site: Path, tmp_path: Path) -> None:
+    (tmp_path / "robot.py").write_text("raise SystemExit('the wrong robot')")
+    code = (f"import sys; sys.meta_path[:] = [f for f in sys.meta_path if 'editable' not in repr(f).lower()]; "
+            f"sys.path.insert(1, {str(site)!r}); import truearc, truearc.robot.tick; print(truearc.__file__)")
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0 and done.stdout.startswith(str(site)), done.stderr
+
+
+def test_doctor_and_emulate_run_from_the_wheel(site: Path, tmp_path: Path) -> None:
+    done = run(site, tmp_path, "emulate", "--trials", "1", "--out", "session", "--page", "off", "--quiet")
+    assert done.returncode == 0 and (tmp_path / "session" / "telemetry.mcap").exists(), done.stderr
+    done = run(site, tmp_path, "doctor", "--help")
+    assert done.returncode == 0, done.stderr

@@ -1,0 +1,1 @@
+"""truearc: a ball launcher that knows whether its shot will score, and says which physics its simulation left out."""
