@@ -4,12 +4,14 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV   ?= .venv
 BIN    := $(VENV)/bin
 
-.PHONY: demo test faults mutants setup clean
+.PHONY: demo test test-fast golden faults mutants setup clean
 setup: $(VENV)/.installed
 
-$(VENV)/.installed: pyproject.toml constraints.txt
+# both distributions, editable; build/view shows static tools the import names
+$(VENV)/.installed: pyproject.toml proof/pyproject.toml constraints.txt tools/make_view.py
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[sim,test,field]'
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[sim,test]' --editable proof
+	$(BIN)/python tools/make_view.py
 	touch $@
 
 demo: setup
@@ -17,6 +19,12 @@ demo: setup
 
 test: setup
 	$(BIN)/python -m pytest
+
+test-fast: setup
+	$(BIN)/python -m pytest -m "not slow"
+
+golden: setup
+	$(BIN)/python tests/golden/make.py
 
 faults: setup
 	$(BIN)/python benchmarks/fault_matrix.py $(FAULTS)
@@ -27,4 +35,4 @@ mutants: setup
 	$(BIN)/mutmut results
 
 clean:
-	rm -rf mutants $(VENV) report sessions .truearc_cache
+	rm -rf build mutants $(VENV) report sessions .truearc_cache

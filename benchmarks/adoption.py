@@ -3,12 +3,12 @@
     python benchmarks/adoption.py --worlds 2 --shots 300 --seed 71 --out FILE
     python benchmarks/adoption.py --table FILE
 
-Worlds are MuJoCo's with one thing changed each (truearc_proof.worlds.perturbations), or nothing. From a recorded session of each, by
-telemetry and outcomes (L1), gates are trained in pairs that are alike in all but their physics: the seed's (gravity,
-drag and lift, fitted), and what discovery adopted from the same session. `ours`: truearc's gate, which adds what it
-learns of the rest; `network`: the paper's, from the recorded shots and 900 simulated ones with its lambda of 0.01;
-`network, even`: with a lambda of 1. All are put to another session of the same world, whose shots the rule of
-launcher.toml would fire or hold. Pairs of worlds, not of shots, make the intervals. A line of FILE a
+Worlds are MuJoCo's with one thing changed each (truearc_proof.worlds.perturbations), or nothing. From a recorded
+session of each, by telemetry and outcomes (L1), gates are trained in pairs that are alike in all but their physics:
+the seed's (gravity, drag and lift, fitted), and what discovery adopted from the same session. `ours`: truearc's gate,
+which adds what it learns of the rest; `network`: the paper's, from the recorded shots and 900 simulated ones with its
+lambda of 0.01; `network, even`: with a lambda of 1. All are put to another session of the same world, whose shots the
+rule of launcher.toml would fire or hold. Pairs of worlds, not of shots, make the intervals. A line of FILE a
 world; one that is there already is not run again. Development used seeds below 1000.
 """
 
@@ -23,32 +23,32 @@ from typing import Any
 
 import numpy as np
 
-from truearc import robot
 from benchmarks.adoption_table import make_table
 from benchmarks.filling import fill_and_tell, parser_of
 from benchmarks.unseen import off_m
+from truearc import robot
 from truearc.cli.discover.discover import keep_compiled
 from truearc.cli.progress import make_progress
-from truearc.robot.config.schema import Config, load_config
 from truearc.robot.config.rig_spec import Rig
+from truearc.robot.config.schema import Config, load_config
 from truearc.robot.gate.contract import NOVELTY_LIMIT
-from truearc.sim.infer.belief import Belief
+from truearc.sim.data.dataset import Shots
 from truearc.sim.discover.adopt import make_belief
 from truearc.sim.discover.api import discover
 from truearc.sim.gate.metrics import figures_of
-from truearc.sim.gate.outcome_classes import OutcomeClasses, marks_of
 from truearc.sim.gate.novelty import fit_novelty
+from truearc.sim.gate.outcome_classes import OutcomeClasses, marks_of
 from truearc.sim.gate.train import train_physics_gate
+from truearc.sim.infer.belief import Belief
 from truearc.sim.paper.network import probabilities
-from truearc_proof.worlds.perturbations import Change, seen_at
-from truearc_proof.rounds.jsonl_store import fill
-from truearc.sim.data.dataset import Shots
 from truearc.sim.paper.sweep import Job, train_many
 from truearc.sim.paper.synthetic_data import synthesise
 from truearc.sim.paper.training import split_heldout, training_rows
 from truearc.sim.world.options import Options
+from truearc_proof.rounds.jsonl_store import fill
 from truearc_proof.world.practice import plan_season
 from truearc_proof.world.season import ORDINARY, play_season
+from truearc_proof.worlds.perturbations import Change, seen_at
 
 BELIEVED = ("gravity", "drag", "magnus")
 LEVEL = "L1"

@@ -8,10 +8,10 @@ other drop only the first K samples are used, and only for its height and moment
 between the foretold and the filmed height at frame 42 (2.8 s), averaged over the balls, for either drop as the unseen
 one. Their best figure is 1.33 to 1.37 m, with a start that was smoothed over samples 0 to 34.
 
-Falls are the simulator's own (truearc.sim.physics.flight.path, terms of the catalogue), priors the catalogue's, the noise of
-the samples as `discover` measures it on the drop that is learned from. g is known, and then, as a check on film and
-model together, fitted to each session by itself, with all else: ten balls, and eleven with the bowling ball. --ask runs
-`discover` on each session alone (gravity believed, all eleven balls) and says what it answers; some minutes.
+Falls are the simulator's own (truearc.sim.physics.flight.path, terms of the catalogue), priors the catalogue's, the
+noise of the samples as `discover` measures it on the drop that is learned from. g is known, and then, as a check on
+film and model together, fitted to each session by itself, with all else: ten balls, and eleven with the bowling ball.
+--ask runs `discover` on each session alone (gravity believed, all eleven balls) and says what it answers; some minutes.
 """
 
 import argparse
@@ -21,14 +21,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
-from truearc.robot.config.rig_spec import Ball, Rig, LauncherFacts
+from truearc.robot.config.rig_spec import Ball, LauncherFacts, Rig
+from truearc.sim.data.dataset import Dataset, take_shots
 from truearc.sim.discover.api import discover
 from truearc.sim.discover.model.track_data import Samples, Scatter, gather_samples, measure_scatter, whiten
-from truearc_proof.importers.ball_drops import import_ball_drops
 from truearc.sim.physics.catalogue import find_parameter, find_terms
 from truearc.sim.physics.flight import path
 from truearc.sim.physics.launch import Exit
-from truearc.sim.data.dataset import Dataset, take_shots
+from truearc_proof.importers.ball_drops import import_ball_drops
 
 LEFT_OUT = "bowlingball"
 FRAME = 42

@@ -3,8 +3,8 @@
     python benchmarks/coverage.py [--replicates 200] [--shots 150] [--side] [--seed 0]
 
 Every replicate draws its own truth (scatters from their priors, coefficients from wide ranges), configurations and
-shots (tests.sim.fit.independent: DOP853, no code of truearc.sim.physics), fits, and asks of every parameter whether the truth
-lies in its profile-likelihood interval.
+shots (tests.sim.fit.independent: DOP853, no code of truearc.sim.physics), fits, and asks of every parameter whether
+the truth lies in its profile-likelihood interval.
 """
 
 import argparse
@@ -12,12 +12,12 @@ import time
 
 import numpy as np
 
+from tests.sim.infer.independent import Truth, make_dataset
+from tests.sim.physics.rigs import GUPPY
 from truearc.sim.infer.map_fit import fit_ml
 from truearc.sim.infer.parameters import SCATTER_PRIORS
 from truearc.sim.infer.profile import Z90, deviance_at
 from truearc.sim.intervals import wilson
-from tests.sim.infer.independent import Truth, make_dataset
-from tests.sim.physics.rigs import GUPPY
 
 TERMS = ("drag", "magnus", "exit_efficiency")
 LOW, HIGH = 0.86, 0.94                # what is asked of every parameter

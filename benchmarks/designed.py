@@ -26,13 +26,13 @@ from benchmarks.filling import fill_and_tell, parser_of
 from benchmarks.suite import Job, amount_of
 from truearc.cli.discover.discover import keep_compiled
 from truearc.cli.progress import make_progress
-from truearc.sim.discover.plan.experiment_design import can_design, make_design
+from truearc.sim.data.dataset import Dataset, Shots, join_datasets
 from truearc.sim.discover.api import discover
+from truearc.sim.discover.plan.experiment_design import can_design, make_design
+from truearc_proof.rounds.jsonl_store import fill
 from truearc_proof.truth.followup import Asked, follow
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import World, make_world
-from truearc_proof.rounds.jsonl_store import fill
-from truearc.sim.data.dataset import Dataset, Shots, join_datasets
 
 ALIKE = ("hood_offset", "wheel_slip", "drag_reynolds", "spin_drag", "wind_x", "wind_z", "distance_scale",
          "distance_bias", "release_height", "target_height")

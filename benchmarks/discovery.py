@@ -5,8 +5,8 @@
 
 Every world is a line of FILE; a world that is there already is not run again, so a run that was cut short goes on
 where it stopped. --table reads packed files too: the reported run's is benchmarks/results/discovery.jsonl.xz. Worlds
-come from truearc_proof.truth, which shares no code with what is tested. L2's effects are a quarter of their typical size,
-as in the design's targets, unless --scale says otherwise.
+come from truearc_proof.truth, which shares no code with what is tested. L2's effects are a quarter of their typical
+size, as in the design's targets, unless --scale says otherwise.
 """
 
 import argparse
@@ -28,12 +28,12 @@ from truearc.robot.config.schema import InputError
 from truearc.sim.discover.api import Investigation, discover
 from truearc.sim.discover.finding import make_json
 from truearc.sim.parallel import fan_out
+from truearc_proof.report.tables import Table, make_tables, said, share
+from truearc_proof.rounds.jsonl_store import append_line, lines_of, mend
 from truearc_proof.scoring.oracle import ceiling_of, oracle_gain, strength_of
 from truearc_proof.scoring.score_world import NULLS, Mark
-from truearc_proof.report.tables import Table, make_tables, said, share
 from truearc_proof.truth.generate import shift_m, shoot
 from truearc_proof.truth.world import World, as_table
-from truearc_proof.rounds.jsonl_store import append_line, lines_of, mend
 
 SCALES = {"L0": 1.0, "L1": 1.0, "L2": 0.25}
 FALSE_ALARM = 0.05

@@ -11,17 +11,17 @@ import time
 from collections.abc import Callable
 
 from truearc.cli.discover.discover import keep_compiled
-from truearc.sim.discover.model.baseline_fit import fit_believed
-from truearc.sim.discover.detect.clusters import groups_of
-from truearc.sim.discover.model.design_columns import lay_out
+from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.api import detect, discover, make_search
+from truearc.sim.discover.detect.clusters import groups_of
+from truearc.sim.discover.model.baseline_fit import fit_believed
+from truearc.sim.discover.model.design_columns import lay_out
 from truearc.sim.discover.model.prepared_data import take_in
 from truearc.sim.discover.report.html_report import make_report
 from truearc.sim.physics.catalogue import TERMS
 from truearc.sim.physics.term import Term
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world
-from truearc.sim.data.dataset import Dataset
 
 EFFECT = {"wheel_droop": 0.05}
 SIZES = (8, 20, len(TERMS))           # terms that are asked about, besides the believed ones

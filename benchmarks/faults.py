@@ -4,10 +4,10 @@
     python benchmarks/faults.py --tracks DIR --believe gravity,drag,magnus [--since] --out FILE
     python benchmarks/faults.py --table FILE
 
-The tracks of worlds in which nothing is hidden (truearc_proof.truth, L2, 300 shots), or those of a dataset that somebody
-recorded, are spoilt as a bad tracker would have spoilt them (tracker_faults.py), and discovery is asked about each, and
-about the same tracks unspoilt. --since: what has changed, to someone who believes what the unspoilt tracks led to? A
-line of FILE an answer; one that is there already is not worked out again.
+The tracks of worlds in which nothing is hidden (truearc_proof.truth, L2, 300 shots), or those of a dataset that
+somebody recorded, are spoilt as a bad tracker would have spoilt them (tracker_faults.py), and discovery is asked
+about each, and about the same tracks unspoilt. --since: what has changed, to someone who believes what the unspoilt
+tracks led to? A line of FILE an answer; one that is there already is not worked out again.
 """
 
 import argparse
@@ -25,13 +25,13 @@ from benchmarks.tracker_faults import FAULTS, with_fault
 from truearc.cli.discover.discover import keep_compiled
 from truearc.cli.progress import make_progress
 from truearc.robot.config.schema import InputError
-from truearc.sim.infer.belief import Belief
+from truearc.sim.data.dataset import Dataset, load_dataset
 from truearc.sim.discover.adopt import make_belief
 from truearc.sim.discover.api import discover
 from truearc.sim.discover.finding import make_json
-from truearc_proof.truth.generate import shoot
+from truearc.sim.infer.belief import Belief
 from truearc_proof.rounds.jsonl_store import fill
-from truearc.sim.data.dataset import Dataset, load_dataset
+from truearc_proof.truth.generate import shoot
 
 NONE = "none"
 SINCE = ", since"

@@ -4,8 +4,8 @@
     python benchmarks/field.py --table FILE
 
 Worlds are L2 with what belongs to the flight hidden, at its typical size and a quarter of it, and nulls. A world is a
-line of FILE; one that is there with all rivals asked for is not run again. Rivals are in proof/truearc_proof/rivals; pysindy
-comes with the extra `field`.
+line of FILE; one that is there with all rivals asked for is not run again. Rivals are in proof/truearc_proof/rivals;
+pysindy comes with the extra `field`.
 """
 
 import argparse
@@ -27,13 +27,13 @@ from truearc.robot.config.schema import InputError
 from truearc.sim.discover.api import Investigation, discover
 from truearc.sim.discover.finding import make_json
 from truearc.sim.parallel import fan_out
-from truearc_proof.scoring.oracle import FALSE_ALARM, ceiling_of
 from truearc_proof.rivals.claim import Claim, believed_of
 from truearc_proof.rivals.registry import OURS, RIVALS, check_rivals, find_rival
 from truearc_proof.rivals.truearc_entry import claim_of
+from truearc_proof.rounds.jsonl_store import append_line, lines_of, mend
+from truearc_proof.scoring.oracle import FALSE_ALARM, ceiling_of
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import as_table
-from truearc_proof.rounds.jsonl_store import append_line, lines_of, mend
 
 
 def run(path: str, rivals: tuple[str, ...], job: Job) -> None:

@@ -22,16 +22,16 @@ import numpy as np
 from sklearn.linear_model import LogisticRegression
 
 from truearc.model_export.graph import export_weights
-from truearc.robot.config.rig_spec import Ball, Rig, LauncherFacts, Target, Wheel
+from truearc.robot.config.rig_spec import Ball, LauncherFacts, Rig, Target, Wheel
 from truearc.robot.gate.contract import FEATURES
 from truearc.robot.gate.model import load_gate
-from truearc.sim.infer.belief import point_belief
+from truearc.sim.data.dataset import Shots
 from truearc.sim.gate.novelty import fit_novelty, novelty_record
 from truearc.sim.gate.physics import physics_of
 from truearc.sim.gate.store import save_physics_gate
 from truearc.sim.gate.train import train_physics_gate
+from truearc.sim.infer.belief import point_belief
 from truearc.sim.paper.network import Network, initial_layers, save_weights, standardisation
-from truearc.sim.data.dataset import Shots
 from truearc.sim.paper.training import domain_of
 
 LIMIT_US = 50.0

@@ -31,11 +31,11 @@ from truearc.hw.readings import CameraFrame
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.config.schema import load_config
 from truearc.robot.recording.candump import parse_candump
+from truearc.robot.recording.encoder import SessionWriter
 from truearc.robot.recording.images import load_image, load_pictures
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.recover import recover
 from truearc.robot.recording.session import CAN, load_header, load_session_config, load_trials
-from truearc.robot.recording.encoder import SessionWriter
 from truearc.robot.types import Outcome, Tick
 
 MARK_TICKS = 50
@@ -154,7 +154,9 @@ def main() -> None:
     if args.child:
         record_for_ever(*args.child, args.pace, args.layout)
     layout = args.layout or ("three" if args.pace == "robot" else "one")
-    from truearc.sim.world.emulated_robot import emulate  # not for the child, nor for its recorder, which imports this file again
+    from truearc.sim.world.emulated_robot import (
+        emulate,  # not for the child, nor for its recorder, which imports this file again
+    )
 
     with tempfile.TemporaryDirectory(dir=args.folder) as folder:
         source = Path(folder) / "source"

@@ -1,10 +1,12 @@
-"""How plain each hidden effect is at its usual size, by level: the lambda of 300 shots in proof/truearc_proof/truth/ladder.toml.
+"""How plain each hidden effect is at its usual size, by level: the lambda of 300 shots in
+proof/truearc_proof/truth/ladder.toml.
 
     python benchmarks/ladder.py --worlds 5 > proof/truearc_proof/truth/ladder.toml
 
 Lambda is the chi-squared by which the data speak of the effect once the fitted numbers have taken what they can, from
-the information in worlds that hide nothing. Concealed worlds have their sizes by it (truearc_proof.worlds.sampling_plan), so that worlds of
-different effects and levels are equally hard; it is a table, so that the truth shares no code with what is tested.
+the information in worlds that hide nothing. Concealed worlds have their sizes by it
+(truearc_proof.worlds.sampling_plan), so that worlds of different effects and levels are equally hard; it is a table,
+so that the truth shares no code with what is tested.
 """
 
 import argparse
@@ -15,11 +17,11 @@ import numpy as np
 
 from benchmarks.suite import Job, true_parameter, world_of
 from truearc.cli.discover.discover import keep_compiled
-from truearc.sim.discover.model.baseline_fit import fit_believed
 from truearc.sim.discover.detect.clusters import groups_of
+from truearc.sim.discover.model.baseline_fit import fit_believed
 from truearc.sim.discover.model.design_columns import lay_out
-from truearc.sim.discover.model.score_table import ScoreTable
 from truearc.sim.discover.model.prepared_data import take_in
+from truearc.sim.discover.model.score_table import ScoreTable
 from truearc.sim.discover.select.term_ranking import efficient, visible_terms
 from truearc_proof.scoring.oracle import strength_of
 from truearc_proof.truth.effects import ABSORBED, EFFECTS

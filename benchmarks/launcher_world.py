@@ -6,9 +6,10 @@
 as-is: an unmodified world, from the seed's belief (gravity, drag, magnus): is the mismatch found, where, by what names,
 and how well does the adopted simulation foretell another session's heights at the plane, beside the world's own scatter
 from shot to shot (the same shots with and without it) and beside the seed's belief, fitted.
-changed: one thing changed (truearc_proof.worlds.perturbations), asked against the belief adopted from the as-is session of the same
-number and, with tracks, since that session. A line of FILE a world; one that is there already is not run again.
-World number N has the seed 1000 N. Development used seeds below 1000, and numbers 101 to 120 for what `since` does.
+changed: one thing changed (truearc_proof.worlds.perturbations), asked against the belief adopted from the as-is
+session of the same number and, with tracks, since that session. A line of FILE a world; one that is there already is
+not run again. World number N has the seed 1000 N. Development used seeds below 1000, and numbers 101 to 120 for what
+`since` does.
 """
 
 import argparse
@@ -22,23 +23,23 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from truearc import robot
 from benchmarks.filling import fill_and_tell, parser_of
 from benchmarks.launcher_table import AS_IS, make_tables
 from benchmarks.unseen import heights_m, off_m
+from truearc import robot
 from truearc.cli.discover.discover import keep_compiled
 from truearc.cli.progress import make_progress
-from truearc.robot.config.schema import load_config
 from truearc.robot.config.rig_spec import Rig
-from truearc.sim.infer.belief import as_table, from_table
+from truearc.robot.config.schema import load_config
 from truearc.sim.discover.adopt import make_belief
 from truearc.sim.discover.api import Investigation, discover
 from truearc.sim.discover.finding import make_json
-from truearc_proof.worlds.perturbations import Change, seen_at
-from truearc_proof.rounds.jsonl_store import fill
+from truearc.sim.infer.belief import as_table, from_table
 from truearc.sim.world.options import Options
+from truearc_proof.rounds.jsonl_store import fill
 from truearc_proof.world.practice import plan_season
 from truearc_proof.world.season import ORDINARY, Sensors, play_season
+from truearc_proof.worlds.perturbations import Change, seen_at
 
 BELIEVED = ("gravity", "drag", "magnus")
 EXACT = Sensors(0.0, 0.0, 0.0)        # so that heights are missed for the simulation's sake alone

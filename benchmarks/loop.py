@@ -16,14 +16,14 @@ from pathlib import Path
 
 import numpy as np
 
-from truearc import robot
 from benchmarks import loop_frames, loop_lateness
-from truearc.sim.world.emulated_robot import emulate
+from truearc import robot
 from truearc.robot.config.schema import Config, load_config
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.replay.recompute import replay
 from truearc.robot.tick import step
 from truearc.robot.types import Memory
+from truearc.sim.world.emulated_robot import emulate
 
 
 def main() -> None:

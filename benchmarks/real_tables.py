@@ -12,8 +12,8 @@ import argparse
 import numpy as np
 from matplotlib.axes import Axes
 
-from truearc.sim.report import new_figure
 from truearc.sim.data.dataset import Dataset, load_dataset
+from truearc.sim.report import new_figure
 
 PAIRS = (("254", "new balls", "old balls"), ("3476", "first version", "last, two weeks on"))
 COLOURS = ("#1f5fa8", "#c2571a")

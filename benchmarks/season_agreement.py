@@ -3,9 +3,9 @@
     python benchmarks/season_agreement.py --trials 240 --seed 11
 
 The emulated robot (buses, images, control, operator) records a session; the same settings, as the world had them at
-each shot, are then shot by truearc_proof.world.season, with the same launcher and rack of balls and other luck. What the world
-says of every ball is compared as distributions: means with the standard error of the difference of pairs, deviations,
-and the two-sample Kolmogorov-Smirnov test; then what was read of each shot against the truth.
+each shot, are then shot by truearc_proof.world.season, with the same launcher and rack of balls and other luck. What
+the world says of every ball is compared as distributions: means with the standard error of the difference of pairs,
+deviations, and the two-sample Kolmogorov-Smirnov test; then what was read of each shot against the truth.
 """
 
 import argparse
@@ -18,13 +18,13 @@ from scipy.stats import ks_2samp
 
 from truearc import robot
 from truearc.cli.progress import make_progress
-from truearc.sim.world.emulated_robot import emulate
 from truearc.robot.config.schema import load_config
-from truearc.sim.data.recordings import shots_from_sessions
 from truearc.sim.data.dataset import Shots
+from truearc.sim.data.recordings import shots_from_sessions
+from truearc.sim.world.emulated_robot import emulate
 from truearc.sim.world.options import Options
-from truearc_proof.world.season import ShotSetting, play_season
 from truearc.sim.world.parts.target import BallResult
+from truearc_proof.world.season import ShotSetting, play_season
 
 NS = 1e-9
 TOGETHER_S = 0.2                      # a recorded shot and a ball of the world that are less apart are one

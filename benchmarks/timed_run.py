@@ -9,8 +9,8 @@ import time
 from array import array
 from pathlib import Path
 
-from truearc.robot.processes.tick_timing import Lateness
 from truearc.cli.main import main
+from truearc.robot.processes.tick_timing import Lateness
 
 if __name__ == "__main__":
     noted, note = array("q"), Lateness.note

@@ -20,10 +20,10 @@ from msgspec.structs import replace
 from vision_scenes import LOOKS, TURNING, WRITTEN, Shot, baseline, clutter, shoot
 
 from truearc import robot
-from truearc.cli.robot.images import decode_image
 from truearc.cli.progress import make_progress
+from truearc.cli.robot.images import decode_image
 from truearc.hw.readings import CameraFrame
-from truearc.robot.config.schema import InputError, CameraFile, Config, load_config, load_toml
+from truearc.robot.config.schema import CameraFile, Config, InputError, load_config, load_toml
 from truearc.robot.vision import detect
 from truearc.robot.vision.taped import fit_taped
 

@@ -14,13 +14,13 @@ import numpy as np
 from msgspec.structs import replace
 
 from truearc import robot
-from truearc.sim.world.emulated_vision import make_lens, make_tape
 from truearc.hw.emulated.imaging.camera import EmulatedCamera
-from truearc.hw.emulated.imaging.lens import project
 from truearc.hw.emulated.imaging.image_degradation import USUAL, Look, Patch
+from truearc.hw.emulated.imaging.lens import project
 from truearc.hw.emulated.static_plant import Stage, place
 from truearc.robot.config.schema import Config, load_config
 from truearc.robot.vision import detect
+from truearc.sim.world.emulated_vision import make_lens, make_tape
 
 DISTANCES_M = (2.5, 5.0, 8.0, 12.0)
 BLURRED = Look(blur_px=1.5)

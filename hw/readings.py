@@ -19,7 +19,8 @@ class MotorReading(Struct, frozen=True):
     position_rad: float = 0.0
     velocity_rad_s: float = 0.0
     heartbeat_t_ns: int = 0
-    axis_state: int = 0               # its driver's code; truearc.hw.devices.odrive.frames and truearc.hw.devices.spark.frames name theirs
+    # its driver's code; truearc.hw.devices.odrive.frames and truearc.hw.devices.spark.frames name theirs
+    axis_state: int = 0
     axis_error: int = 0               # likewise; 0 = healthy
     current_t_ns: int = 0
     current_a: float = 0.0            # torque-producing (Iq), sign of torque

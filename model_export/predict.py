@@ -15,7 +15,8 @@ NAMED = 5                             # shots that a message names before it onl
 
 
 def features_of(shots: Shots, name: str) -> np.ndarray:
-    """Feature rows [n, 3] of dataset `name` in the contract's order; InputError names column and shots that lack one."""
+    """Feature rows [n, 3] of dataset `name` in the contract's order; InputError names column and shots that lack
+    one."""
     for feature in FEATURES:
         lacking = [shots.shot_id[row] for row in np.flatnonzero(np.isnan(shots.number(feature.name)))]
         if lacking:

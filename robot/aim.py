@@ -9,8 +9,8 @@ import math
 
 from msgspec import UNSET, UnsetType
 
-from truearc.robot.config.schema import Collect, Config, Prescribed
 from truearc.robot.config.rig_spec import Target
+from truearc.robot.config.schema import Collect, Config, Prescribed
 from truearc.robot.types import Aim, Estimate, Memory, Shot
 
 R2 = (0.7548776662466927, 0.5698402909980532)   # additive recurrence that fills the unit square evenly

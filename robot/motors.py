@@ -2,15 +2,15 @@
 
 from functools import partial
 
-from truearc.hw.devices.odrive import frames as odrive
-from truearc.hw.devices.spark import frames as spark
-from truearc.hw.devices.advisory.motor import AdvisoryMotor
 from truearc.hw.dc_motor import DcMotor
-from truearc.hw.motor import Motor
+from truearc.hw.devices.advisory.motor import AdvisoryMotor
+from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.motor import OdriveMotor
-from truearc.hw.readings import MotorReading
+from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.motor import SparkHeartbeat, SparkMotor
-from truearc.robot.config.schema import AdvisoryAxis, Axis, InputError, Config, OdriveAxis, SparkAxis
+from truearc.hw.motor import Motor
+from truearc.hw.readings import MotorReading
+from truearc.robot.config.schema import AdvisoryAxis, Axis, Config, InputError, OdriveAxis, SparkAxis
 
 
 def name_axes(config: Config) -> tuple[tuple[str, Axis], ...]:

@@ -5,16 +5,16 @@ from collections.abc import Callable, Iterable, Iterator
 from msgspec import UNSET
 from msgspec.structs import replace
 
-from truearc.hw.devices.canandmag import frames as canandmag
 from truearc.hw.devices.button_box.frames import parse_lines
-from truearc.hw.protocols import BadFrame, Bus, Clock, Frame, LinkLost, Stream
-from truearc.hw.motor import Order
 from truearc.hw.devices.button_box.press_sequence import PressCount
+from truearc.hw.devices.canandmag import frames as canandmag
+from truearc.hw.motor import Order
+from truearc.hw.protocols import BadFrame, Bus, Clock, Frame, LinkLost, Stream
 from truearc.hw.readings import AngleReading, ButtonEvent, CameraFrame
 from truearc.robot.config.schema import Config
-from truearc.robot.vision_source import Eyes
 from truearc.robot.motors import make_motors, name_axes
 from truearc.robot.types import Command, Inputs, Sent, Sighting, Tick
+from truearc.robot.vision_source import Eyes
 
 NS_PER_S = 1_000_000_000
 BOX_SILENT_NS = 1_500_000_000         # three missed heartbeats of the button box

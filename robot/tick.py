@@ -4,12 +4,12 @@ from msgspec.structs import replace
 
 from truearc.robot.aim import aim as aim_at
 from truearc.robot.aim import config_id, from_here, place_m
+from truearc.robot.button_logic import operate
 from truearc.robot.config.schema import Config
 from truearc.robot.control import control
 from truearc.robot.estimate import estimate, remember
 from truearc.robot.gate.model import Gate
 from truearc.robot.gate.verdict import judge, only_the_model_doubts
-from truearc.robot.button_logic import operate
 from truearc.robot.types import Aim, Estimate, Inputs, Memory, Outcome, Shot, Tick, Verdict
 
 NS = 1e-9

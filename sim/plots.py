@@ -8,15 +8,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from truearc.robot.config.schema import Config
 from truearc.robot.config.rig_spec import Rig
+from truearc.robot.config.schema import Config
 from truearc.robot.types import Tick
+from truearc.sim.data.dataset import Shots
 from truearc.sim.intervals import wilson
 from truearc.sim.physics.catalogue import effective, flight_terms
 from truearc.sim.physics.flight import path
 from truearc.sim.physics.simulate import ORDINARY, by_robot, launch_of, leave, sense
 from truearc.sim.report import new_figure
-from truearc.sim.data.dataset import Shots
 
 NS = 1e-9
 COLOURS = {"three": "#1b7f3b", "two": "#d99000", "miss": "#b3261e"}

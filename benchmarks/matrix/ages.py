@@ -1,7 +1,7 @@
 """Which frames firing needs, and how old the newest of each may be: restated here, apart from the verdict's code."""
 
-from truearc.hw.devices.canandmag import frames as canandmag
 from truearc.hw.codec import load_codec
+from truearc.hw.devices.canandmag import frames as canandmag
 from truearc.robot.config.schema import Axis, Config, OdriveAxis
 
 AGE_S, BEAT_S, FAULTS_S = 0.1, 0.25, 1.0

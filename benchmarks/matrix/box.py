@@ -3,8 +3,8 @@
 import os
 from pathlib import Path
 
-from truearc.hw.emulated.serial_link import Cable, open_cable
 from truearc.hw.devices.button_box.emulator import ButtonBox
+from truearc.hw.emulated.serial_link import Cable, open_cable
 
 NOISE_NS = 20_000_000                 # between two lines of garbage, or two presses of a stuck button
 NOISE = b"\x00\xffq$B,7,fi\xfe*3\n$B,8,fire*00\r\n"
@@ -34,7 +34,8 @@ class CrookedCable:
 
 
 class BrokenBox:
-    """A ButtonBox behind `port`, a link that leads to its cable. `prompt` as truearc.hw.emulated.serial_link.open_cable has it."""
+    """A ButtonBox behind `port`, a link that leads to its cable. `prompt` as
+    truearc.hw.emulated.serial_link.open_cable has it."""
 
     def __init__(self, link: Path, prompt: bool) -> None:
         self.port = str(link)

@@ -14,19 +14,19 @@ from benchmarks.matrix.plant import AdvisedPlant, Ball, SmallPlant
 from benchmarks.matrix.row import Row
 from benchmarks.matrix.span import Span
 from benchmarks.matrix.spark_troubles import begin_trouble, end_trouble
-from truearc.sim.world.emulated_robot import FLYWHEEL, make_nodes
-from truearc.hw.devices.odrive import frames as odrive
-from truearc.hw.devices.spark import frames as spark
 from truearc.hw.codec import load_codec
 from truearc.hw.devices.canandmag.emulator import CanandmagNode
-from truearc.hw.emulated.faults import Fault, FaultyNode
-from truearc.hw.emulated.nodes import NEVER_NS
+from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.emulator import OdriveNode
+from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.emulator import SparkNode
 from truearc.hw.emulated.emulated_robot import Twin
+from truearc.hw.emulated.faults import Fault, FaultyNode
+from truearc.hw.emulated.nodes import NEVER_NS
 from truearc.robot.config.schema import Config
 from truearc.robot.motors import name_axes
 from truearc.robot.recording.candump import TappedBus
+from truearc.sim.world.emulated_robot import FLYWHEEL, make_nodes
 
 MS = 1_000_000
 NS_PER_S = 1_000_000_000

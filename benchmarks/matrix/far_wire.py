@@ -11,10 +11,10 @@ import can
 
 from benchmarks.matrix.spark_troubles import stray_frames
 from truearc.hw.devices.odrive import frames as odrive
+from truearc.hw.devices.odrive.frames import OdriveAxis
 from truearc.hw.emulated.pty_cable import PtyCable
 from truearc.hw.emulated.slcan_adapter import SlcanAdapter
 from truearc.hw.protocols import Clock, Frame, LinkLost
-from truearc.hw.devices.odrive.frames import OdriveAxis
 from truearc.hw.real.can_bus import open_can
 
 MS = 1_000_000

@@ -18,7 +18,7 @@ from benchmarks.matrix.play import AIM, ends_robot, make_config
 from benchmarks.matrix.robot_side import RobotSide
 from benchmarks.matrix.row import DISARMS, ITSELF, KEEPS, REARM, REFUSED, Row
 from benchmarks.matrix.span import Span
-from truearc.robot.config.schema import InputError, Config
+from truearc.robot.config.schema import Config, InputError
 from truearc.robot.recording.candump import parse_candump
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.replay.recompute import Comparer, Difference, RecordedRows

@@ -15,7 +15,6 @@ from typing import NamedTuple
 
 from msgspec.structs import replace
 
-from truearc import robot
 from benchmarks.matrix.box import BrokenBox
 from benchmarks.matrix.breaking import Breaking, Disk, Model, Process, Start, Time
 from benchmarks.matrix.devices import FarSide
@@ -27,11 +26,12 @@ from benchmarks.matrix.models import write_model
 from benchmarks.matrix.robot_side import run_robot
 from benchmarks.matrix.row import DISARMS, REARM, Row
 from benchmarks.matrix.span import Span
-from truearc.sim.world.device_server import keep_time
+from truearc import robot
+from truearc.cli.main import main as truearc
 from truearc.hw.emulated.clock import StepClock
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.config.schema import Config, Prescribed, load_config
-from truearc.cli.main import main as truearc
+from truearc.sim.world.device_server import keep_time
 
 SHIPPED = Path(robot.__file__).parent / "launcher.toml"
 AIM = Prescribed(distance_m=4.0, motor_ratio=0.3, hood_deg=20.0)

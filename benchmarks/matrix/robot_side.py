@@ -25,17 +25,17 @@ from truearc.hw.real.serial_port import open_serial
 from truearc.hw.real.supervised_bus import WAIT_S, SupervisedBus
 from truearc.robot.config.can_policy import guard
 from truearc.robot.config.schema import Config
-from truearc.robot.vision_source import Eyes, InlineEyes
 from truearc.robot.gate.model import Rating
 from truearc.robot.processes.tick_timing import Lateness, TimedRig
+from truearc.robot.processes.watchdog_rig import WatchedRig
 from truearc.robot.recording.candump import TappedBus
-from truearc.robot.recording.session import make_header
-from truearc.robot.recording.recording_rig import RecordingRig
 from truearc.robot.recording.encoder import SessionWriter
+from truearc.robot.recording.recording_rig import RecordingRig
+from truearc.robot.recording.session import make_header
 from truearc.robot.rig import NS_PER_S, HardwareRig
 from truearc.robot.runtime import RobotIo, run
 from truearc.robot.types import Command, Inputs, Sent
-from truearc.robot.processes.watchdog_rig import WatchedRig
+from truearc.robot.vision_source import Eyes, InlineEyes
 
 SMALL_ROOM = 64                       # frames that may wait for the tick, where an overrun is wanted
 

@@ -4,7 +4,8 @@ from collections.abc import Callable
 
 
 class StepClock:
-    """truearc.hw.protocols.Clock of a twin: sleeping makes the emulated world advance, as fast as it can be computed."""
+    """truearc.hw.protocols.Clock of a twin: sleeping makes the emulated world advance, as fast as it can be
+    computed."""
 
     def __init__(self, advance: Callable[[int], None], start_ns: int = 0) -> None:
         self._advance = advance

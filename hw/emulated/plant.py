@@ -1,6 +1,7 @@
 """All that an emulated device may ask of the world it is attached to.
 
-The world behind this is somebody else's (`truearc.sim.world`); the devices here only quantise, delay and put on the wire.
+The world behind this is somebody else's (`truearc.sim.world`); the devices here only quantise, delay and put on the
+wire.
 """
 
 from collections.abc import Mapping

@@ -9,9 +9,9 @@ from msgspec import Struct
 from truearc.hw.devices.canandmag import frames as canandmag
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.spark import frames as spark
-from truearc.hw.tx_allowlist import WINDOW_NS, Allowed, AllowedBus, allow
-from truearc.hw.protocols import Bus, Clock, Frame
 from truearc.hw.monitor import Kind, MonitoredBus
+from truearc.hw.protocols import Bus, Clock, Frame
+from truearc.hw.tx_allowlist import WINDOW_NS, Allowed, AllowedBus, allow
 from truearc.robot.config.schema import AdvisoryAxis, Axis, Config, OdriveAxis, SparkAxis
 from truearc.robot.motors import name_axes, odrive_axis, spark_axis
 

@@ -4,7 +4,7 @@ import argparse
 
 from msgspec.structs import replace
 
-from truearc.robot.config.schema import InputError, Can, Config
+from truearc.robot.config.schema import Can, Config, InputError
 
 
 def add_port_arguments(parser: argparse.ArgumentParser) -> None:

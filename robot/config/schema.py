@@ -51,7 +51,8 @@ class OdriveAxis(Struct, frozen=True, forbid_unknown_fields=True, tag_field="dri
 
 
 class SparkAxis(Struct, frozen=True, forbid_unknown_fields=True, tag_field="driver", tag="spark"):
-    """A REV SPARK MAX or Flex, given duties, which follow from what the motor's data sheet says; see truearc.hw.dc_motor."""
+    """A REV SPARK MAX or Flex, given duties, which follow from what the motor's data sheet says; see
+    truearc.hw.dc_motor."""
 
     device: CanNode
     direction: Direction

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-from truearc.robot.config.schema import InputError, Config, Prescribed, in_words
+from truearc.robot.config.schema import Config, InputError, Prescribed, in_words
 
 COLUMNS = ("distance_m", "motor_ratio", "hood_deg")
 SHOWN = 5                             # bad rows that a message names before it only counts

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 from msgspec import Struct
 
-from truearc.robot.config.schema import InputError, Config
+from truearc.robot.config.schema import Config, InputError
 
 HOME = "/opt/truearc"                 # the virtual environment
 SETTINGS = "/etc/truearc"             # launcher.toml, gate.onnx

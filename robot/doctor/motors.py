@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from truearc.hw.devices.odrive import frames as odrive
-from truearc.hw.protocols import BadFrame, Frame
 from truearc.hw.devices.odrive.frames import OdriveAxis
+from truearc.hw.protocols import BadFrame, Frame
 from truearc.hw.readings import MotorReading
 from truearc.robot.doctor.finding import Finding, failure, ok, warning
 from truearc.robot.doctor.listening import Heard

@@ -12,8 +12,8 @@ from pathlib import Path
 from msgspec import Struct
 
 from truearc.hw.devices.odrive import frames as odrive
-from truearc.hw.protocols import BadFrame, Frame
 from truearc.hw.devices.odrive.frames import OdriveAxis
+from truearc.hw.protocols import BadFrame, Frame
 from truearc.robot.config.schema import InputError, load_text
 from truearc.robot.doctor.finding import Finding, failure, ok, warning
 from truearc.robot.doctor.listening import Heard

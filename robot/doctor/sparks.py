@@ -3,9 +3,9 @@
 from collections.abc import Iterator
 
 from truearc.hw.devices.spark import frames as spark
+from truearc.hw.devices.spark.frames import SparkAxis
 from truearc.hw.protocols import BadFrame
 from truearc.hw.readings import MotorReading
-from truearc.hw.devices.spark.frames import SparkAxis
 from truearc.robot.doctor.finding import Finding, failure, ok, warning
 from truearc.robot.doctor.listening import Heard
 

@@ -4,7 +4,7 @@ import argparse
 import sys
 
 from truearc.hw.protocols import Clock
-from truearc.robot.config.schema import InputError, Config
+from truearc.robot.config.schema import Config, InputError
 from truearc.robot.operator_ui.server import OperatorPage, ShowingRecorder
 from truearc.robot.runtime import Recorder
 

@@ -13,8 +13,8 @@ from truearc.hw.protocols import Clock, LinkLost
 from truearc.hw.readings import CameraFrame
 from truearc.hw.shared_latest import Room, Slots
 from truearc.robot.config.schema import in_words
-from truearc.robot.recording.files import Row
 from truearc.robot.recording.file_writers import LaneKeeper
+from truearc.robot.recording.files import Row
 
 LOOK_S = 0.1                          # it says this often, at least, that it is alive and how the files are
 NEWS = Room(4, 4096)

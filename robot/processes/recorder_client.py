@@ -1,4 +1,5 @@
-"""The control process's end of the recorder: truearc.robot.recording.file_writers.Keeper on files that another process owns."""
+"""The control process's end of the recorder: truearc.robot.recording.file_writers.Keeper on files that another
+process owns."""
 
 from collections import deque
 from collections.abc import Callable
@@ -23,8 +24,8 @@ from truearc.robot.processes.recorder import (
     Sync,
     TrialRow,
 )
-from truearc.robot.recording.files import Row, append_trials
 from truearc.robot.recording.file_writers import MARK_S
+from truearc.robot.recording.files import Row, append_trials
 
 NS_PER_S = 1_000_000_000
 SILENT_S = 1.5                        # a recorder that has not stirred for so long does not answer

@@ -8,8 +8,8 @@ from msgspec import Struct
 from truearc.hw.protocols import Camera, Clock, LinkLost
 from truearc.hw.readings import CameraFrame
 from truearc.hw.shared_latest import Room, Slots
-from truearc.robot.vision_source import vision_failed
 from truearc.robot.types import Sighting
+from truearc.robot.vision_source import vision_failed
 
 LOOK_S = 0.002                        # between looks at whether there is a new image
 SILENT_NS = 1_500_000_000             # a process that has not stirred for so long does not answer

@@ -9,8 +9,8 @@ from truearc.hw.protocols import Frame
 from truearc.hw.readings import CameraFrame
 from truearc.robot.config.schema import Config
 from truearc.robot.processes.tick_timing import Second
-from truearc.robot.recording.files import Row, make_folder
 from truearc.robot.recording.file_writers import Keeper, LaneKeeper
+from truearc.robot.recording.files import Row, make_folder
 from truearc.robot.recording.session import Header, make_trials
 from truearc.robot.types import Sent, Tick
 

@@ -10,7 +10,7 @@ from mcap.writer import CompressionType, Writer
 
 from truearc.hw.protocols import Frame
 from truearc.hw.readings import CameraFrame
-from truearc.robot.config.schema import InputError, Config, in_words
+from truearc.robot.config.schema import Config, InputError, in_words
 from truearc.robot.recording.append_file import Appender
 from truearc.robot.recording.candump import candump_line
 from truearc.robot.recording.session import (

@@ -11,6 +11,7 @@ from msgspec import Struct
 from truearc.robot.config.schema import InputError, in_words
 from truearc.robot.recording.append_file import claim
 from truearc.robot.recording.candump import parse_candump
+from truearc.robot.recording.encoder import BATCH_NS
 from truearc.robot.recording.files import TickFile
 from truearc.robot.recording.images import load_image
 from truearc.robot.recording.reader import TickReader
@@ -27,7 +28,6 @@ from truearc.robot.recording.session import (
     load_session_config,
     make_trials,
 )
-from truearc.robot.recording.encoder import BATCH_NS
 from truearc.robot.types import Tick
 
 

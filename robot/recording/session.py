@@ -16,7 +16,7 @@ from pathlib import Path
 import msgspec
 from msgspec import Struct
 
-from truearc.robot.config.schema import InputError, Config, config_hash, in_words
+from truearc.robot.config.schema import Config, InputError, config_hash, in_words
 from truearc.robot.gate.model import Gate, load_gate
 from truearc.robot.types import Outcome, Shot, Tick
 

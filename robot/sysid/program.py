@@ -2,7 +2,7 @@
 
 from msgspec import Struct
 
-from truearc.robot.config.schema import InputError, Config, Excite
+from truearc.robot.config.schema import Config, Excite, InputError
 
 READY, HOME, COAST, RAMP, STEP = "ready", "home", "coast", "ramp", "step"
 FLYWHEEL, HOOD = "flywheel", "hood"
@@ -68,7 +68,8 @@ def _check(config: Config) -> None:
                            f"{limit_nm:g}, to which everything sent is cut")
     free_rad_s = config.rig.launcher.free_speed_rad_s
     if free_rad_s and OVERSPEED * wheel.top_rad_s > free_rad_s:
-        raise InputError(f"identify.flywheel.top_rad_s is {wheel.top_rad_s:g}; with {OVERSPEED - 1.0:.0%} to spare that "
+        raise InputError(f"identify.flywheel.top_rad_s is {wheel.top_rad_s:g}; with {OVERSPEED - 1.0:.0%} to spare "
+                         f"that "
                        f"is above rig.launcher.free_speed_rad_s, {free_rad_s:g}")
     if not 0.0 < 2.0 * hood.margin_deg < config.hood.high_deg - config.hood.low_deg:
         raise InputError(f"identify.hood.margin_deg is {hood.margin_deg:g}: nothing is left of the hood's travel from "

@@ -1,4 +1,5 @@
-"""One tick of identifying: every doubt lets go of every motor, for good. Pure, like truearc.robot.tick, so a replay is exact.
+"""One tick of identifying: every doubt lets go of every motor, for good. Pure, like truearc.robot.tick, so a replay
+is exact.
 
 The operator arms once; any button after that is taken for a release. What has ended never begins again by itself.
 """

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from truearc.robot.config.schema import InputError, Config
+from truearc.robot.config.schema import Config, InputError
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import Trial, load_session_config, load_trials
 from truearc.robot.types import Tick

@@ -8,8 +8,8 @@ from typing import Any
 
 import msgspec
 
-from truearc.robot.config.schema import InputError, load_toml
 from truearc.robot.config.rig_spec import Rig, unknown_keys
+from truearc.robot.config.schema import InputError, load_toml
 from truearc.robot.config.toml_text import make_toml
 
 RIG = "rig.toml"

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from truearc.sim.physics.term import Circumstances
+from truearc.sim.data.conditions import Circumstances
 from truearc.sim.data.dataset import Dataset, Shots, Traces
 
 ORDINARY = Circumstances()

@@ -5,20 +5,20 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from truearc.sim.discover.api import Investigation
+from truearc.sim.discover.detect.clusters import Clusters
+from truearc.sim.discover.model.belief_prior import SCATTERS, believed_name, own_slope
+from truearc.sim.discover.model.nonparametric_terms import Freed, all_freed
+from truearc.sim.discover.model.score_table import Array, Column, ScoreTable
+from truearc.sim.discover.model.shape_parameters import further_values
+from truearc.sim.discover.report.finding_text import gained_interval
+from truearc.sim.discover.select.batch_effect import luck_of_others, usual_gain
+from truearc.sim.discover.select.model_averaging import Mixed, mixed
+from truearc.sim.discover.select.refit import Refit
+from truearc.sim.discover.select.selection_step import Step
 from truearc.sim.infer.belief import SCATTER, Belief, moved_curves, point_belief, scale_of
 from truearc.sim.infer.coefficients import Coefficients
 from truearc.sim.infer.curve import Curve
-from truearc.sim.discover.detect.clusters import Clusters
-from truearc.sim.discover.api import Investigation
-from truearc.sim.discover.model.score_table import Array, Column, ScoreTable
-from truearc.sim.discover.model.nonparametric_terms import Freed, all_freed
-from truearc.sim.discover.model.shape_parameters import further_values
-from truearc.sim.discover.select.model_averaging import Mixed, mixed
-from truearc.sim.discover.select.batch_effect import luck_of_others, usual_gain
-from truearc.sim.discover.model.belief_prior import SCATTERS, believed_name, own_slope
-from truearc.sim.discover.select.refit import Refit
-from truearc.sim.discover.select.selection_step import Step
-from truearc.sim.discover.report.finding_text import gained_interval
 from truearc.sim.physics.catalogue import find_terms
 from truearc.sim.physics.nonparametric import CURVE, NAMELESS
 from truearc.sim.physics.scales import fits_scale
@@ -32,8 +32,8 @@ def make_belief(investigation: Investigation, gain: Gain = usual_gain) -> tuple[
     """(coefficients, scatter and covariance with all that was named, and the curve of what was not; provenance).
 
     Where several names of the last effect could not be told apart, the simulation is taken that forecasts their average
-    (truearc.sim.discover.select.model_averaging). gain: bounds of what forecasts win where the balls are others. ValueError for data that carry
-    no test.
+    (truearc.sim.discover.select.model_averaging). gain: bounds of what forecasts win where the balls are others.
+    ValueError for data that carry no test.
     """
     if investigation.fitted is None:
         raise ValueError("the data carry no test, so nothing was fitted")

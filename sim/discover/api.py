@@ -4,24 +4,24 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from truearc.robot.config.schema import InputError
-from truearc.sim.infer.belief import Belief
-from truearc.sim.discover.report.build_finding import make_finding, silent
-from truearc.sim.discover.detect.test_battery import ALLOWANCE, Asked
-from truearc.sim.discover.model.baseline_fit import BaselineFit, climb, fit_believed, only_shared, usual_spot
-from truearc.sim.discover.detect.clusters import Clusters, find_clusters, groups_of
-from truearc.sim.discover.model.design_columns import KNOWN, lay_out
-from truearc.sim.discover.detect.covariates import every_column, gather_covariates, gather_factors
-from truearc.sim.discover.finding import Finding
-from truearc.sim.discover.select.forward_selection import Search, go_forward
-from truearc.sim.discover.detect.reference_session import ReferenceSession
-from truearc.sim.discover.model.prepared_data import take_in
-from truearc.sim.discover.model.linearization import ParameterLayout, linearise
-from truearc.sim.discover.detect.localization import Place, locate
-from truearc.sim.discover.model.external_measurements import Measured
-from truearc.sim.discover.detect.score_test import Judged, judge
-from truearc.sim.discover.select.selection_step import Step
-from truearc.sim.physics.catalogue import find_terms
 from truearc.sim.data.dataset import Dataset
+from truearc.sim.discover.detect.clusters import Clusters, find_clusters, groups_of
+from truearc.sim.discover.detect.covariates import every_column, gather_covariates, gather_factors
+from truearc.sim.discover.detect.localization import Place, locate
+from truearc.sim.discover.detect.reference_session import ReferenceSession
+from truearc.sim.discover.detect.score_test import Judged, judge
+from truearc.sim.discover.detect.test_battery import ALLOWANCE, Asked
+from truearc.sim.discover.finding import Finding
+from truearc.sim.discover.model.baseline_fit import BaselineFit, climb, fit_believed, only_shared, usual_spot
+from truearc.sim.discover.model.design_columns import KNOWN, lay_out
+from truearc.sim.discover.model.external_measurements import Measured
+from truearc.sim.discover.model.linearization import ParameterLayout, linearise
+from truearc.sim.discover.model.prepared_data import take_in
+from truearc.sim.discover.report.build_finding import make_finding, silent
+from truearc.sim.discover.select.forward_selection import Search, go_forward
+from truearc.sim.discover.select.selection_step import Step
+from truearc.sim.infer.belief import Belief
+from truearc.sim.physics.catalogue import find_terms
 
 Progress = Callable[[float, str], None]
 DRAWS = 1999
@@ -51,10 +51,10 @@ def discover(dataset: Dataset, believed: Sequence[str] | None = None, false_alar
 
     believed: names of terms, the rig's own list when None; gravity always is. belief: of this very rig, from an earlier
     session: its terms, with what is known of their numbers, are what is believed, and whether one of them has changed
-    is asked, too. since: that very session; what the belief leaves over there is then no change (truearc.sim.discover.detect.reference_session).
-    measured: what somebody has measured of terms; it says which name it is, not whether anything is missing.
-    The same data and seed give the same answer. InputError for an unknown term, too few shots, outcomes without a target,
-    or a measurement of what is believed already.
+    is asked, too. since: that very session; what the belief leaves over there is then no change
+    (truearc.sim.discover.detect.reference_session). measured: what somebody has measured of terms; it says which name
+    it is, not whether anything is missing. The same data and seed give the same answer. InputError for an unknown
+    term, too few shots, outcomes without a target, or a measurement of what is believed already.
     """
     terms = _terms(dataset, believed if belief is None else tuple(belief.coefficients))
     _check_measured(measured or {}, terms)
@@ -95,10 +95,13 @@ def _terms(dataset: Dataset, believed: Sequence[str] | None) -> tuple[str, ...]:
 
 def _check_measured(measured: Measured, terms: Sequence[str]) -> None:
     for term in sorted({name.partition(".")[0] for name in measured} & set(terms)):
-        raise InputError(f"measured: {term} is believed already: put what was measured into rig.toml or the coefficients")
+        raise InputError(f"measured: {term} is believed already: put what was measured into rig.toml or the "
+                         f"coefficients")
 
 
-def make_search(dataset: Dataset, false_alarm: float = FALSE_ALARM, seed: int = 0, home: ReferenceSession | None = None) -> Search:
+def make_search(
+    dataset: Dataset, false_alarm: float = FALSE_ALARM, seed: int = 0, home: ReferenceSession | None = None
+) -> Search:
     """What a dataset is asked with."""
     return Search(find_clusters(dataset.shots), gather_covariates(dataset), gather_factors(dataset.shots), false_alarm,
                   seed, home)

@@ -7,9 +7,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from truearc.robot.config.schema import InputError
 from truearc.robot.config.rig_spec import Rig
-from truearc.sim.infer.belief import Belief
+from truearc.robot.config.schema import InputError
 from truearc.sim.gate.fit import GateFit
 from truearc.sim.gate.likelihood import (
     RESIDUAL,
@@ -23,6 +22,7 @@ from truearc.sim.gate.likelihood import (
 )
 from truearc.sim.gate.novelty import Novelty
 from truearc.sim.gate.physics import Physics, physics_of
+from truearc.sim.infer.belief import Belief
 
 
 @dataclass(frozen=True)

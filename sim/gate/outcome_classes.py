@@ -6,9 +6,9 @@ import numpy as np
 
 from truearc.robot.config.schema import InputError
 from truearc.robot.gate.contract import FEATURES
-from truearc.sim.physics.simulate import MISS, THREE, TWO
 from truearc.sim.data.dataset import Shots
 from truearc.sim.paper.training import lacking_features
+from truearc.sim.physics.simulate import MISS, THREE, TWO
 
 # The plane from below to above: miss low, two low, three, two high, miss high.
 CELLS = 5

@@ -5,14 +5,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from truearc.robot.config.schema import InputError
 from truearc.robot.config.rig_spec import Rig
+from truearc.robot.config.schema import InputError
 from truearc.robot.gate.contract import FEATURES
+from truearc.sim.data.dataset import Shots
 from truearc.sim.infer.belief import Belief
 from truearc.sim.infer.forecast import forecast
 from truearc.sim.physics.catalogue import effective
 from truearc.sim.physics.simulate import ORDINARY, opening_of
-from truearc.sim.data.dataset import Shots
 
 # Of a launcher whose scatter nobody has fitted; the gate fits one number that scales it.
 TYPICAL_SCATTER = {"speed": 0.02, "elevation_deg": 0.5}

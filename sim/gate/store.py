@@ -8,13 +8,13 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from truearc.robot.config.schema import InputError, in_words
 from truearc.robot.config.rig_spec import Rig
-from truearc.sim.infer.belief import as_table, from_table
+from truearc.robot.config.schema import InputError, in_words
 from truearc.sim.gate.fit import GateFit
 from truearc.sim.gate.likelihood import SIZE, Widths
 from truearc.sim.gate.model import PhysicsGate, Scaling
 from truearc.sim.gate.novelty import novelty_record, parse_novelty
+from truearc.sim.infer.belief import as_table, from_table
 from truearc.sim.paper.network import RECORD_FILE, load_record
 
 MODEL_FILE = "physics.json"

@@ -81,7 +81,8 @@ def make_surrogate(gate: PhysicsGate, domain: dict[str, list[float]]) -> tuple[S
         errors = compare(gate, surrogate, checks, wanted)
         if errors.acceptable:
             return surrogate, errors
-    raise InputError(f"the physics is too crooked over this domain for the graph: with {DEGREES[-1]} degrees the mean is "
+    raise InputError(f"the physics is too crooked over this domain for the graph: with {DEGREES[-1]} degrees the "
+                     f"mean is "
                    f"off by {errors.mean_m:.4f} m near the target, p by {errors.p:.4f}; record fewer extremes")
 
 

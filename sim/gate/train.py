@@ -6,15 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from truearc.robot.config.rig_spec import Rig
-from truearc.sim.infer.belief import Belief
-from truearc.sim.gate.metrics import Figures, figures_of, log_scores
+from truearc.sim.data.dataset import Shots
 from truearc.sim.gate.fit import fit_widest
 from truearc.sim.gate.likelihood import PRIORS, GateData, GateShape, cell_probabilities, spread_m
-from truearc.sim.gate.outcome_classes import OutcomeClasses, marks_of
+from truearc.sim.gate.metrics import Figures, figures_of, log_scores
 from truearc.sim.gate.model import PhysicsGate, Scaling, halves_of
 from truearc.sim.gate.novelty import fit_novelty
+from truearc.sim.gate.outcome_classes import OutcomeClasses, marks_of
 from truearc.sim.gate.physics import Physics, physics_of
-from truearc.sim.data.dataset import Shots
+from truearc.sim.infer.belief import Belief
 
 FOLDS = 5
 FEWEST_TO_FOLD = 15

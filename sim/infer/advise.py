@@ -10,16 +10,16 @@ import numpy as np
 from scipy.special import ndtr
 
 from truearc.robot.config.rig_spec import Target
-from truearc.sim.infer.likelihood.observations import blind
+from truearc.sim.data.dataset import Shots
 from truearc.sim.infer.forecast import forecast
-from truearc.sim.infer.likelihood.launch_inputs import EXIT_SPEED_SD_M_S, Given, given_of
-from truearc.sim.infer.likelihood.heights import configured
 from truearc.sim.infer.identifiability import weakest
-from truearc.sim.infer.likelihood.shot_likelihood import Points, narrow, plane_of, values_at
+from truearc.sim.infer.likelihood.heights import configured
+from truearc.sim.infer.likelihood.launch_inputs import EXIT_SPEED_SD_M_S, Given, given_of
+from truearc.sim.infer.likelihood.observations import blind
 from truearc.sim.infer.likelihood.outcome_likelihood import HEIGHT_SD_M, LAPSE
+from truearc.sim.infer.likelihood.shot_likelihood import Points, narrow, plane_of, values_at
 from truearc.sim.infer.map_fit import MlFit
 from truearc.sim.infer.parameters import Model
-from truearc.sim.data.dataset import Shots
 
 SHOTS = 20                            # of each proposal
 AIMS_M = (-0.3, 0.0, 0.3)             # of the forecast height from the centre

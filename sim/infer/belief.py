@@ -10,8 +10,8 @@ A coefficients.toml with two more tables, which a fit by likelihood writes and t
     matrix = [[0.01, 0.0], [0.0, 0.04]]
 
 The matrix is that of the numbers on each parameter's own scale (truearc.sim.physics.scales, named by its prior in the
-catalogue; scatters: their logarithm), on which the belief is about normal. The points of a curve (truearc.sim.infer.curve) are
-numbers, too: "curve.free_speed.0", "curve.free_speed.1", ...
+catalogue; scatters: their logarithm), on which the belief is about normal. The points of a curve
+(truearc.sim.infer.curve) are numbers, too: "curve.free_speed.0", "curve.free_speed.1", ...
 """
 
 from collections.abc import Mapping

@@ -29,7 +29,8 @@ Coefficients = dict[str, dict[str, float]]
 
 
 def load_coefficients(path: str | Path) -> Coefficients:
-    """{term: {parameter: value}}; InputError names an unknown term or parameter, or a value that is no finite number."""
+    """{term: {parameter: value}}; InputError names an unknown term or parameter, or a value that is no finite
+    number."""
     table = load_table(path)
     return {name: _values(path, name, values) for name, values in table.items() if name not in APART}
 

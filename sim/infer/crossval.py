@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from truearc.sim.infer.likelihood.shot_likelihood import outcome_table
 from truearc.sim.infer.likelihood.outcome_likelihood import OUTCOMES
+from truearc.sim.infer.likelihood.shot_likelihood import outcome_table
 from truearc.sim.infer.map_fit import MlFit, Progress, refit
 
 FOLDS = 5

@@ -22,11 +22,11 @@ import numpy as np
 from msgspec import Struct
 from scipy.interpolate import CubicSpline
 
-from truearc.robot.config.schema import InputError
 from truearc.robot.config.rig_spec import Rig
-from truearc.sim.physics.simulate import ORDINARY, launch_state
-from truearc.sim.physics.term import Circumstances
+from truearc.robot.config.schema import InputError
+from truearc.sim.data.conditions import Circumstances
 from truearc.sim.data.dataset import Shots
+from truearc.sim.physics.simulate import ORDINARY, launch_state
 
 Columns = Mapping[str, Any]           # name -> numbers [n], or texts (n of them)
 Curves = Mapping[str, "Curve"]        # by the term of truearc.sim.physics.nonparametric that takes it

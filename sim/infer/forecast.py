@@ -6,12 +6,12 @@ import jax
 import numpy as np
 
 from truearc.robot.config.rig_spec import Rig
+from truearc.sim.data.dataset import Shots
 from truearc.sim.infer.belief import SCATTER, Belief, scale_of
 from truearc.sim.infer.curve import before_the_shot, owners
-from truearc.sim.infer.likelihood.launch_inputs import Given, given_of
 from truearc.sim.infer.likelihood.heights import Number, sensor_variance, slopes_at
+from truearc.sim.infer.likelihood.launch_inputs import Given, given_of
 from truearc.sim.physics.nonparametric import CURVE
-from truearc.sim.data.dataset import Shots
 
 LANES = 256                           # rows fly in multiples of this, since each size is compiled
 

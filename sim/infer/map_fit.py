@@ -6,22 +6,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from truearc.robot.config.schema import InputError
 from truearc.robot.config.rig_spec import Rig
+from truearc.sim.data.dataset import Dataset
 from truearc.sim.infer.belief import Belief
-from truearc.sim.infer.likelihood.observations import Observations, Gathered, gather
-from truearc.sim.paper.grid_fit import fit_grid
+from truearc.sim.infer.likelihood.observations import Gathered, Observations, gather
 from truearc.sim.infer.likelihood.shot_likelihood import Points, relinearise
+from truearc.sim.infer.likelihood.track_likelihood import guess_lead, guess_start
 from truearc.sim.infer.optimum import Optimum, Problem, best_of, minimise
 from truearc.sim.infer.parameters import TRACK_NOISE, Model, make_model
-from truearc.sim.infer.likelihood.track_likelihood import guess_lead, guess_start
-from truearc.sim.physics.simulate import THREE
-from truearc.sim.data.dataset import Dataset
 
 STARTS = 2                            # of the coarse search that are followed up, besides the grid's pair
 COARSE_U = (-1.5, -0.5, 0.5, 1.5)     # prior standard deviations, of up to COARSE parameters of terms
 COARSE = 3
-GRID_STEP = 0.05
 ROUNDS = 6                            # of moving the point about which tracks are linear
 SETTLED = 1e-3                        # of a move of the parameters in prior standard deviations
 
@@ -65,9 +61,11 @@ class MlFit:
                       self.covariance[np.ix_(keep, keep)] * np.outer(sd, sd))
 
 
-def fit_ml(facts: Rig, dataset: Dataset, terms: tuple[str, ...],
-           progress: Progress = lambda done, note: None) -> MlFit:
+def fit_ml(facts: Rig, dataset: Dataset, terms: tuple[str, ...], progress: Progress = lambda done, note: None,
+           grid: dict[str, dict[str, float]] | None = None) -> MlFit:
     """Fit the named terms (gravity always among them) and the scatter of the launch to a dataset.
+
+    grid: {term: {parameter: value}} that the paper's grid chose, one more start (truearc.sim.paper.grid_start).
 
     Deterministic. A fit that did not settle says so in `converged`. InputError: unknown terms, or nothing to fit to.
     """
@@ -76,7 +74,7 @@ def fit_ml(facts: Rig, dataset: Dataset, terms: tuple[str, ...],
     model = make_model(facts, terms, _scatters(evidence), evidence.tracks is not None or evidence.free is not None)
     points = _moved(model, evidence, _first_points(evidence), np.zeros(len(model.sought)))
     problem = Problem(model, evidence, points, np.ones(len(gathered.rows)))
-    grid = _grid_pair(facts, dataset)
+    grid = grid or {}
     progress(0.05, "coarse search")
     optimum = best_of(problem, _starts(problem, grid), lambda done, note: progress(0.1 + 0.6 * done, note))
     problem, optimum = settle(problem, optimum)
@@ -156,13 +154,3 @@ def _grid_start(model: Model, grid: dict[str, dict[str, float]]) -> list[np.ndar
         elif one.name.startswith("scatter."):
             u[index] = 1.0
     return [u]
-
-
-def _grid_pair(facts: Rig, dataset: Dataset) -> dict[str, dict[str, float]]:
-    """What the seed's grid chooses, coarsely; nothing where it cannot be run."""
-    if facts.target is None or THREE not in dataset.shots.text("outcome"):
-        return {}
-    try:
-        return fit_grid(facts, dataset.shots, GRID_STEP).coefficients
-    except InputError:
-        return {}

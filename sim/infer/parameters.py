@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from truearc.robot.config.schema import InputError
 from truearc.robot.config.rig_spec import Rig
+from truearc.robot.config.schema import InputError
 from truearc.sim.infer.likelihood.heights import Number
 from truearc.sim.physics.catalogue import find_terms
 from truearc.sim.physics.scales import LOG, from_scale, to_scale

@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 
 from truearc.robot.config.rig_spec import Rig
+from truearc.sim.data.dataset import Shots
 from truearc.sim.physics.catalogue import effective
 from truearc.sim.physics.simulate import MISS, ORDINARY, THREE, TWO, classify, opening_of, predict
-from truearc.sim.data.dataset import Shots
 
 
 class Score(NamedTuple):

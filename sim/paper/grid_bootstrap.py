@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from truearc.robot.config.rig_spec import Rig
-from truearc.sim.paper.grid_fit import GridFit, Scoring, count_hits, make_scoring
 from truearc.sim.data.dataset import Shots
+from truearc.sim.paper.grid_fit import GridFit, Scoring, count_hits, make_scoring
 
 FLOWN_AT_ONCE = 200_000               # flights of tied pairs worked out together
 

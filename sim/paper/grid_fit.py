@@ -5,12 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from truearc.robot.config.schema import InputError
 from truearc.robot.config.rig_spec import Rig
+from truearc.robot.config.schema import InputError
+from truearc.sim.data.dataset import Shots
 from truearc.sim.paper.grid_cells import THREE as LABEL_THREE
 from truearc.sim.paper.grid_labels import Flyer, Hits, find_hits, fly_pairs, make_flyer
 from truearc.sim.physics.simulate import THREE, TWO, launch_of, require
-from truearc.sim.data.dataset import Shots
 
 LOW, HIGH, STEP = 0.0, 5.0, 0.005     # the seed's grid, bounds included
 MOST_PARTS = 10000                    # of the range: a hundred times the seed's pairs
@@ -79,8 +79,8 @@ def fit_grid(facts: Rig, shots: Shots, step: float = STEP, progress: Progress = 
 
     First the share of three-point shots flown into the three, then of scoring shots into the two, then the least mean
     deviation (and least median, cd, cl, should that tie too). Shots whose outcome is miss or unknown play no part: the
-    seed's measures do not see them. InputError: no shot with outcome three, no target, a step that does not divide 5, or
-    no pair that puts a single shot where it went.
+    seed's measures do not see them. InputError: no shot with outcome three, no target, a step that does not divide 5,
+    or no pair that puts a single shot where it went.
     """
     axis = make_axis(step)
     progress(0.0, "the law of motion is compiled when it is new")

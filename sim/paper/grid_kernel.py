@@ -1,8 +1,10 @@
-"""Flights of the grid, 64 abreast. A template: truearc.sim.physics.compiled puts the law of motion where `acceleration` stands.
+"""Flights of the grid, 64 abreast. A template: truearc.sim.physics.compiled puts the law of motion where
+`acceleration` stands.
 
-The same flight as truearc.sim.physics.flight's, in numbers instead of arrays: Runge-Kutta steps of a lane's own length, the
-turn, the plane and the floor solved within the last one. It goes on through the floor down to `deepest_m`, so that the
-height at the plane is continuous in the coefficients; the lowest height on the way is given beside it.
+The same flight as truearc.sim.physics.flight's, in numbers instead of arrays: Runge-Kutta steps of a lane's own
+length, the turn, the plane and the floor solved within the last one. It goes on through the floor down to
+`deepest_m`, so that the height at the plane is continuous in the coefficients; the lowest height on the way is given
+beside it.
 """
 
 import math

@@ -9,9 +9,9 @@ from matplotlib.figure import Figure
 from scipy.stats import t as student
 
 from truearc.robot.config.schema import InputError
-from truearc.sim.report import new_figure
 from truearc.sim.paper.sweep import Job, Trained
 from truearc.sim.paper.training import Rows, called_right, mean_loss, split_heldout
+from truearc.sim.report import new_figure
 
 LEVEL = 0.95
 COLOURS = ("#1f5fa8", "#d99000", "#1b7f3b", "#b3261e", "#6b4fa0", "#9aa3af")

@@ -12,15 +12,15 @@ from typing import Any
 
 import numpy as np
 
-from truearc.robot.config.schema import InputError
 from truearc.robot.config.rig_spec import Rig
+from truearc.robot.config.schema import InputError
+from truearc.sim.data.dataset import Shots
 from truearc.sim.infer.belief import Belief
 from truearc.sim.infer.curve import Curves, before_the_shot
 from truearc.sim.physics.catalogue import effective, flight_terms
 from truearc.sim.physics.flight import fly
 from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.simulate import MISS, ORDINARY, THREE, TWO, classify, launch_of, leave, opening_of, sense
-from truearc.sim.data.dataset import Shots
 
 OUTCOMES = (MISS, TWO, THREE)
 PROVENANCE_FILE = "synth.json"
@@ -63,8 +63,8 @@ def grid_heights(facts: Rig, coefficients: Mapping[str, Mapping[str, float]],
                  progress: Progress = lambda done, note: None, curves: Curves = NONE) -> np.ndarray:
     """Height in m at the plane of every configuration of the grid, flat, nan where it is not reached.
 
-    By the simulator with gravity and these terms, of which some may go with curves. InputError when the rig cannot turn a
-    motor ratio into a launch.
+    By the simulator with gravity and these terms, of which some may go with curves. InputError when the rig cannot
+    turn a motor ratio into a launch.
     """
     terms = flight_terms({"gravity", *coefficients})
     chunk = SHAPE[1] * SHAPE[2]                   # one motor ratio: flights of like length end together

@@ -6,8 +6,8 @@ scatter drawn from the fitted belief, a launch scattered by it, and a true speed
 from the measured ones by the sensors' noise. So near the edge of the target labels mix as they do on the field.
 
 Of the 468 236 configurations most pass metres away from the target, whatever is drawn. Only those are flown whose
-height by the belief itself is within NEAR standard deviations (truearc.sim.infer.forecast: scatter, sensors and the fit's doubt)
-of the two-point window; the others stay misses.
+height by the belief itself is within NEAR standard deviations (truearc.sim.infer.forecast: scatter, sensors and the
+fit's doubt) of the two-point window; the others stay misses.
 """
 
 from collections.abc import Mapping
@@ -15,19 +15,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from truearc.robot.config.schema import InputError
 from truearc.robot.config.rig_spec import Rig
+from truearc.robot.config.schema import InputError
+from truearc.sim.data.conditions import Circumstances
+from truearc.sim.data.dataset import Shots
 from truearc.sim.infer.belief import SCATTERS, Belief, draw
 from truearc.sim.infer.curve import before_the_shot, owners, resized
 from truearc.sim.infer.forecast import forecast
 from truearc.sim.infer.likelihood.launch_inputs import given_of
+from truearc.sim.paper.synthetic_data import STEP_S, Progress, check_draw, grid_heights, grid_shots, sample_shots
 from truearc.sim.physics.catalogue import effective, flight_terms
 from truearc.sim.physics.flight import fly
 from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.simulate import MISS, ORDINARY, Values, classify, leave, opening_of, sense, take_values
-from truearc.sim.physics.term import Circumstances
-from truearc.sim.data.dataset import Shots
-from truearc.sim.paper.synthetic_data import STEP_S, Progress, check_draw, grid_heights, grid_shots, sample_shots
 
 NEAR = 4.0                            # one normal number in 16 000 is further out, on either side together
 BLOCK = 4096                          # flights at once
@@ -54,7 +54,8 @@ def check_belief(belief: Belief, name: str) -> None:
 
 def synthesise_draws(facts: Rig, belief: Belief, draws: int, count: int, recorded: Shots | None, seed: int,
                      progress: Progress = lambda done, note: None) -> Shots:
-    """As truearc.sim.paper.synthetic_data.synthesise, with labels by `draws` coefficient sets of the belief, each flight scattered anew.
+    """As truearc.sim.paper.synthetic_data.synthesise, with labels by `draws` coefficient sets of the belief, each
+    flight scattered anew.
 
     Same arguments, same shots. InputError as there, or when draws < 1.
     """

@@ -11,8 +11,8 @@ import numpy as np
 
 from truearc.robot.config.schema import InputError
 from truearc.robot.gate.contract import FEATURES
-from truearc.sim.paper.network import Network, logits, probabilities
 from truearc.sim.data.dataset import Shots
+from truearc.sim.paper.network import Network, logits, probabilities
 
 LABELS = {"miss": (0.0, 0.0), "two": (1.0, 0.0), "three": (1.0, 1.0)}     # three lies inside two
 DOMAIN_MARGIN = 0.1                   # the domain is the recorded rows' box, wider by this share (half on each side)

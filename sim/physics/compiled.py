@@ -1,7 +1,8 @@
 """The law of motion as machine code: the one JAX law of the terms, traced, written out as scalars, compiled by numba.
 
 Only the plane of a flight without sideways force is written out. Nothing here knows what a term says: whatever the
-terms of truearc.sim.physics.terms come to is what gets compiled, and an operation that has no counterpart here is an error.
+terms of truearc.sim.physics.terms come to is what gets compiled, and an operation that has no counterpart here is an
+error.
 """
 
 import hashlib

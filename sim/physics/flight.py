@@ -83,8 +83,8 @@ def path(facts: Rig, terms: tuple[InFlight, ...], params: Mapping[str, Mapping[s
 def make_law(facts: Rig, terms: Sequence[InFlight], params: Mapping[str, Mapping[str, Any]]) -> Law:
     """The sum of the terms' accelerations in m/s2 as a function of the ball's state.
 
-    terms: in the catalogue's order. params: effective values (truearc.sim.physics.catalogue.effective). First the terms about
-    the air make the ball as the air sees it; then each force in turn may be a share of those before it.
+    terms: in the catalogue's order. params: effective values (truearc.sim.physics.catalogue.effective). First the
+    terms about the air make the ball as the air sees it; then each force in turn may be a share of those before it.
     """
     airs = [(term, complete(term, params.get(term.name))) for term in terms if isinstance(term, AirTerm)]
     pushes = [(term, complete(term, params.get(term.name))) for term in terms if not isinstance(term, AirTerm)]

@@ -1,7 +1,7 @@
 """The flight over x instead of time: the height at a plane as a smooth function, in few steps of fixed number.
 
-The same law of motion as truearc.sim.physics.flight, which it is tested against; for likelihoods, whose second derivatives it
-keeps cheap. Through the floor if need be; only a ball that has as good as turned back has no height.
+The same law of motion as truearc.sim.physics.flight, which it is tested against; for likelihoods, whose second
+derivatives it keeps cheap. Through the floor if need be; only a ball that has as good as turned back has no height.
 """
 
 from typing import Any, NamedTuple

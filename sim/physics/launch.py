@@ -5,8 +5,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from truearc.robot.config.schema import InputError
 from truearc.robot.config.rig_spec import Rig, Wheel
+from truearc.robot.config.schema import InputError
 
 
 class Exit(NamedTuple):

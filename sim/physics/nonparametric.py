@@ -1,7 +1,8 @@
 """What an effect without a name does: a free change of the launch, the distance or the flight, as fitted.
 
-Each amplitude is multiplied by the circumstance of the term's name, which truearc.sim.infer.curve works out for every shot. They are
-no hypotheses: no discovery asks about them. A curve's points are numbers like a term's: "curve.free_speed.0", ...
+Each amplitude is multiplied by the circumstance of the term's name, which truearc.sim.infer.curve works out for every
+shot. They are no hypotheses: no discovery asks about them. A curve's points are numbers like a term's:
+"curve.free_speed.0", ...
 """
 
 import math

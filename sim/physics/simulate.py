@@ -7,8 +7,10 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from truearc.robot.config.schema import InputError
 from truearc.robot.config.rig_spec import Rig
+from truearc.robot.config.schema import InputError
+from truearc.sim.data.conditions import Circumstances
+from truearc.sim.data.dataset import Shots
 from truearc.sim.physics.catalogue import (
     arrival_terms,
     effective,
@@ -19,9 +21,8 @@ from truearc.sim.physics.catalogue import (
 )
 from truearc.sim.physics.flight import Crossing, fly
 from truearc.sim.physics.launch import Exit, exit_no_slip, exit_opposed, is_opposed
-from truearc.sim.physics.term import Circumstances, Opening, complete
+from truearc.sim.physics.term import Opening, complete
 from truearc.sim.physics.vector import Vec
-from truearc.sim.data.dataset import Shots
 
 MISS, TWO, THREE = "miss", "two", "three"
 BLOCK = 4096                          # rows flown at once
@@ -39,8 +40,8 @@ def predict(facts: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: 
     """Fly each recorded configuration to its plane with gravity and the terms that `coefficients` names.
 
     Sensing terms correct what the robot's sensors say and launch terms what the wheels do, never what was measured on
-    the ball. Returns numpy arrays, one row a shot. circumstances: of these shots (truearc.sim.data.shot_conditions); terms that
-    follow one are absent from ordinary shots. InputError names shots without a distance or a launch.
+    the ball. Returns numpy arrays, one row a shot. circumstances: of these shots (truearc.sim.data.shot_conditions);
+    terms that follow one are absent from ordinary shots. InputError names shots without a distance or a launch.
     """
     values = effective(coefficients, circumstances)
     whose = by_robot(shots)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
 from truearc.robot.config.rig_spec import Rig
+from truearc.sim.data.conditions import Circumstances
 from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.vector import Vec
 
@@ -55,27 +56,6 @@ class BallState(NamedTuple):
     velocity_m_s: Vec
     spin_rev_s: Vec                   # right-handed; backspin is about -y
     time_s: Any = 0.0                 # since release
-
-
-class Circumstances(NamedTuple):
-    """What a term may know of a shot beside its configuration: arrays [n], or numbers; by itself the ordinary shot.
-
-    truearc.sim.data.shot_conditions gathers them from a dataset.
-    """
-
-    battery: Any = 0.0                # (battery_v - median) / median
-    since_last_shot_s: Any = 1e9      # unknown, or the first of its session: long ago
-    age: Any = 0.0                    # 0 to 1: how far through its session, or with ball_id through that ball's shots
-    droop: Any = 1.0                  # dip of the wheels while the ball passes, by traces, / its mean; 1 without traces
-    density: Any = 0.0                # of the air, / its median, - 1
-    hood_change: Any = 0.0            # sign of this hood_deg less that of the session's shot before
-    closing_speed_m_s: Any = 0.0      # of the robot, toward the target positive
-    ball: Any = 0.0                   # a ball's own departure in units of the balls' spread; nobody knows it: 0
-    free_speed: Any = 0.0             # sizes of effects without a name, by truearc.sim.infer.curve,
-    free_elevation: Any = 0.0
-    free_distance: Any = 0.0
-    free_push: Any = 0.0
-    curve_by: Any = 0.0               # and their derivatives by their curves' points, one curve after another [n, K]
 
 
 class Opening(NamedTuple):

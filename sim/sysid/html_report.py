@@ -6,10 +6,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from truearc.sim.report import make_page, make_png, new_figure, paragraph, picture, table
 from truearc.sim.sysid.fit import SysidFit
 from truearc.sim.sysid.record import Floats
 from truearc.sim.sysid.sysid_text import UNITS, WORDS
-from truearc.sim.report import make_page, make_png, new_figure, paragraph, picture, table
 
 EFFORT = {"nm": "torque, Nm", "v": "voltage, V"}
 INK, LINE, BAND, MISS = "#1a1c20", "#1f5fa8", "#e8edf4", "#b3261e"

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from truearc.hw.readings import MotorReading
-from truearc.robot.config.schema import InputError, Config
-from truearc.robot.sysid.program import FLYWHEEL, HOME, HOOD, READY, phases
-from truearc.robot.sysid.tick import DONE, POLICY
+from truearc.robot.config.schema import Config, InputError
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import load_header, load_session_config
+from truearc.robot.sysid.program import FLYWHEEL, HOME, HOOD, READY, phases
+from truearc.robot.sysid.tick import DONE, POLICY
 from truearc.robot.types import Progress, Tick
 from truearc.sim.sysid.record import Floats, Record
 

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 
 from truearc.robot.config.schema import Config
 from truearc.robot.sysid.program import FLYWHEEL, HOOD
-from truearc.sim.sysid.fit import SysidFit, Number, line
+from truearc.sim.sysid.fit import Number, SysidFit, line
 from truearc.sim.sysid.gains import Gains, flywheel_gains, hood_gains
 
 WORDS = {"ks": "dry friction", "ks_back": "dry friction, downwards or backwards", "kv": "friction by speed",

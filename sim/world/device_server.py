@@ -6,24 +6,24 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
-from truearc.sim.world.pacing import Pace
-from truearc.robot.config.port_options import split_bus
-from truearc.sim.world.emulated_robot import make_nodes
-from truearc.sim.world.emulated_vision import make_lens, make_tape
-from truearc.hw.emulated.serial_link import SocketCable, open_cable
+from truearc.hw.devices.button_box.emulator import open_button_box
+from truearc.hw.emulated.emulated_robot import Twin
 from truearc.hw.emulated.imaging.camera import EmulatedCamera
 from truearc.hw.emulated.imaging.picture_server import PictureServer
 from truearc.hw.emulated.plant import View
-from truearc.hw.devices.button_box.emulator import open_button_box
+from truearc.hw.emulated.serial_link import SocketCable, open_cable
 from truearc.hw.emulated.slcan_adapter import SlcanAdapter
-from truearc.hw.emulated.emulated_robot import Twin
 from truearc.hw.protocols import Bus, Clock, Frame, LinkLost
 from truearc.hw.real.can_bus import open_can
 from truearc.hw.real.clock import MonotonicClock
-from truearc.robot.config.schema import InputError, CameraConfig, Config, Tape
+from truearc.robot.config.port_options import split_bus
+from truearc.robot.config.schema import CameraConfig, Config, InputError, Tape
 from truearc.robot.recording.candump import TappedBus
 from truearc.sim.world.driver import Driver
+from truearc.sim.world.emulated_robot import make_nodes
+from truearc.sim.world.emulated_vision import make_lens, make_tape
 from truearc.sim.world.options import Options
+from truearc.sim.world.pacing import Pace
 from truearc.sim.world.parts.target import BallResult
 from truearc.sim.world.world import World
 

@@ -7,20 +7,17 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-from truearc.robot.operator_ui.serve_option import with_page
-from truearc.sim.world.pacing import Pace
-from truearc.sim.world.emulated_vision import TwinEyes
-from truearc.hw.devices.odrive import frames as odrive
-from truearc.hw.devices.spark import frames as spark
-from truearc.hw.devices.canandmag.frames import Encoder
+from truearc.hw.devices.button_box.emulator import open_button_box
 from truearc.hw.devices.canandmag.emulator import CanandmagNode
+from truearc.hw.devices.canandmag.frames import Encoder
+from truearc.hw.devices.odrive import frames as odrive
+from truearc.hw.devices.odrive.emulator import OdriveNode, OdriveSettings
+from truearc.hw.devices.spark import frames as spark
+from truearc.hw.devices.spark.emulator import SparkNode, SparkSettings
 from truearc.hw.emulated.clock import StepClock
+from truearc.hw.emulated.emulated_robot import Twin
 from truearc.hw.emulated.faults import Fault, FaultyNode
 from truearc.hw.emulated.nodes import Node
-from truearc.hw.devices.odrive.emulator import OdriveNode, OdriveSettings
-from truearc.hw.devices.button_box.emulator import open_button_box
-from truearc.hw.devices.spark.emulator import SparkNode, SparkSettings
-from truearc.hw.emulated.emulated_robot import Twin
 from truearc.hw.real.can_bus import open_can
 from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.real.serial_port import open_serial
@@ -28,17 +25,20 @@ from truearc.robot.config.can_policy import guard
 from truearc.robot.config.schema import AdvisoryAxis, Axis, Config, OdriveAxis, SparkAxis
 from truearc.robot.gate.model import Gate, load_gate
 from truearc.robot.motors import name_axes, odrive_axis, spark_axis
+from truearc.robot.operator_ui.serve_option import with_page
 from truearc.robot.operator_ui.server import OperatorPage
 from truearc.robot.recording.candump import TappedBus
-from truearc.robot.recording.session import make_header
-from truearc.robot.recording.recording_rig import RecordingRig
 from truearc.robot.recording.encoder import SessionWriter
+from truearc.robot.recording.recording_rig import RecordingRig
+from truearc.robot.recording.session import make_header
 from truearc.robot.rig import HardwareRig
 from truearc.robot.runtime import run
 from truearc.sim.world.driver import Driver
+from truearc.sim.world.emulated_vision import TwinEyes
+from truearc.sim.world.options import Options
+from truearc.sim.world.pacing import Pace
 from truearc.sim.world.parts.motor import FEEDER, HOOD
 from truearc.sim.world.parts.motor import FLYWHEEL as FLYWHEEL_MOTOR
-from truearc.sim.world.options import Options
 from truearc.sim.world.parts.target import BallResult
 from truearc.sim.world.world import World
 

@@ -13,8 +13,8 @@ from typing import IO, Any
 
 import cv2
 
-from truearc.hw.emulated.imaging.camera import EmulatedCamera, TapeSize
 from truearc.hw.emulated.faults import Fault
+from truearc.hw.emulated.imaging.camera import EmulatedCamera, TapeSize
 from truearc.hw.emulated.imaging.lens import Lens
 from truearc.hw.emulated.plant import Plant
 from truearc.hw.emulated.static_plant import NOTHING, Stage

@@ -8,10 +8,10 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
+from truearc.sim.world.options import Options
 from truearc.sim.world.parts.air import Air
 from truearc.sim.world.parts.balls import Ball
 from truearc.sim.world.parts.wheel_contact import Released
-from truearc.sim.world.options import Options
 from truearc.sim.world.scene import FLIGHT_STEP_S, make_flight
 
 LONGEST_S = 6.0                   # a ball that has met neither plane nor floor by then is out of the hall

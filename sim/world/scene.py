@@ -5,8 +5,8 @@ import math
 import mujoco
 import numpy as np
 
-from truearc.sim.world.parts.balls import RADIUS_M, Ball
 from truearc.sim.world.options import Options
+from truearc.sim.world.parts.balls import RADIUS_M, Ball
 
 LOWER_RADIUS_M = 0.0508
 UPPER_RADIUS_M = 0.0349

@@ -6,18 +6,18 @@ from collections.abc import Mapping
 import numpy as np
 
 from truearc.hw.emulated.plant import MotorTruth, View
-from truearc.sim.world.parts.balls import Rack
-from truearc.sim.world.parts.belt import Belt
-from truearc.sim.world.parts.feeder import Feeder
 from truearc.sim.world.flight import Flight
+from truearc.sim.world.options import Options
+from truearc.sim.world.parts.balls import Rack
+from truearc.sim.world.parts.battery import Supply
+from truearc.sim.world.parts.belt import Belt
+from truearc.sim.world.parts.chassis import Pose, Stand, look
+from truearc.sim.world.parts.feeder import Feeder
 from truearc.sim.world.parts.hood import Hood, flexed
 from truearc.sim.world.parts.motor import FEEDER, FLYWHEEL, HOOD, Drawn, Motor, drive_motor
-from truearc.sim.world.parts.wheel_contact import Nip, Released
-from truearc.sim.world.options import Options
-from truearc.sim.world.shot import Launch, from_exit_point, from_muzzle, in_field, result_of
-from truearc.sim.world.parts.chassis import Pose, Stand, look
-from truearc.sim.world.parts.battery import Supply
 from truearc.sim.world.parts.target import BallResult
+from truearc.sim.world.parts.wheel_contact import Nip, Released
+from truearc.sim.world.shot import Launch, from_exit_point, from_muzzle, in_field, result_of
 
 LONGEST_STEP_S = 0.005
 START_DISTANCE_M = 4.0

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from truearc.hw.emulated.imaging.camera import EmulatedCamera, TapeSize, outline_m
-from truearc.hw.emulated.imaging.lens import Lens, distort
 from truearc.hw.emulated.imaging.image_degradation import TAPE_BGR, Look
+from truearc.hw.emulated.imaging.lens import Lens, distort
 from truearc.hw.emulated.plant import View
 
 TAPE = TapeSize(0.99695, 0.49885, 0.4318, 0.0508)

@@ -1,4 +1,5 @@
-"""python-can behind truearc.hw.protocols.Bus: a real virtual bus, a real slcan adapter's line protocol over a pseudo-terminal."""
+"""python-can behind truearc.hw.protocols.Bus: a real virtual bus, a real slcan adapter's line protocol over a
+pseudo-terminal."""
 
 import os
 import select

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from truearc.hw.codec import load_codec
 from truearc.hw.devices.canandmag import frames as canandmag
 from truearc.hw.devices.canandmag.frames import Encoder
-from truearc.hw.codec import load_codec
 from truearc.hw.protocols import BadFrame, Frame
 from truearc.hw.readings import AngleReading
 

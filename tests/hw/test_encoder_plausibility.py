@@ -8,15 +8,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from truearc.hw.devices.odrive import frames as odrive
-from truearc.hw.devices.spark import frames as spark
-from truearc.hw.devices.advisory.motor import AdvisoryMotor
-from truearc.hw.encoder_plausibility import Agreement
 from truearc.hw.dc_motor import DcMotor
-from truearc.hw.protocols import Frame
+from truearc.hw.devices.advisory.motor import AdvisoryMotor
+from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.motor import OdriveMotor
-from truearc.hw.readings import MotorReading
+from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.motor import SparkHeartbeat, SparkMotor
+from truearc.hw.encoder_plausibility import Agreement
+from truearc.hw.protocols import Frame
+from truearc.hw.readings import MotorReading
 
 MS = 1_000_000
 TOLD, TRUE = 178.0, 9.0

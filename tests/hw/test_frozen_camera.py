@@ -5,9 +5,9 @@ import threading
 import numpy as np
 import pytest
 
+from tests.hw.conftest import SetClock
 from truearc.hw.protocols import LinkLost
 from truearc.hw.real.camera import SILENT_NS, CameraThread
-from tests.hw.conftest import SetClock
 
 
 class Capture:

@@ -4,8 +4,8 @@ from collections import Counter
 
 import pytest
 
-from truearc.hw.protocols import Frame
 from truearc.hw.monitor import KINDS, MonitoredBus
+from truearc.hw.protocols import Frame
 
 MS, S = 1_000_000, 1_000_000_000
 PULSE, KNOWN, OURS = Frame(0, 0x21, bytes(8)), Frame(0, 0x29, bytes(8)), Frame(0, 0x2E, bytes(8))

@@ -6,9 +6,9 @@ from functools import partial
 from hypothesis import given
 from hypothesis import strategies as st
 
+from truearc.hw.devices.advisory.motor import AdvisoryMotor
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.spark import frames as spark
-from truearc.hw.devices.advisory.motor import AdvisoryMotor
 from truearc.hw.protocols import Frame
 
 THEIRS = spark.SparkAxis(7, 1, has_endstop=True)

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.codec import load_codec
-from truearc.hw.protocols import BadFrame, Frame
+from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.frames import OdriveAxis
+from truearc.hw.protocols import BadFrame, Frame
 from truearc.hw.readings import MotorReading
 
 TURN = 2.0 * math.pi
@@ -43,7 +43,9 @@ def test_command_bytes() -> None:
 
 
 @given(axis=axes, position=st.floats(-1e5, 1e5, width=32), velocity=st.floats(-500.0, 500.0, width=32))
-def test_encoder_estimates_become_radians_in_the_robots_sign(axis: OdriveAxis, position: float, velocity: float) -> None:
+def test_encoder_estimates_become_radians_in_the_robots_sign(
+    axis: OdriveAxis, position: float, velocity: float
+) -> None:
     reading = odrive.parse(axis, frame(axis, 0x09, struct.pack("<ff", position, velocity)), MotorReading())
     assert reading.t_ns == 7
     assert reading.position_rad == pytest.approx(axis.direction * TURN * position)

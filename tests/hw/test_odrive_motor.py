@@ -4,10 +4,10 @@ import struct
 
 import pytest
 
-from truearc.hw.encoder_plausibility import MOVING_RAD_S
-from truearc.hw.protocols import Frame
 from truearc.hw.devices.odrive.frames import OdriveAxis
 from truearc.hw.devices.odrive.motor import OdriveMotor
+from truearc.hw.encoder_plausibility import MOVING_RAD_S
+from truearc.hw.protocols import Frame
 
 MS = 1_000_000
 FAST_REV_S = 20.0

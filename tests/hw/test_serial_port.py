@@ -4,10 +4,10 @@ import os
 
 import pytest
 
-from truearc.hw.devices.button_box.frames import BUTTONS, BoxHeartbeat, make_press, parse_lines
-from truearc.hw.emulated.serial_link import SocketCable
-from truearc.hw.emulated.pty_cable import PtyCable
 from truearc.hw.devices.button_box.emulator import ButtonBox, open_button_box
+from truearc.hw.devices.button_box.frames import BUTTONS, BoxHeartbeat, make_press, parse_lines
+from truearc.hw.emulated.pty_cable import PtyCable
+from truearc.hw.emulated.serial_link import SocketCable
 from truearc.hw.protocols import LinkLost
 from truearc.hw.readings import ButtonEvent
 from truearc.hw.real.serial_port import open_serial
@@ -47,7 +47,12 @@ def test_heartbeats_keep_time_and_tell_the_newest_press(box) -> None:
             box.press("fire")
         heard += hear(stream, tick * S // 200)
     assert [event for event in heard if isinstance(event, BoxHeartbeat)] == [
-        BoxHeartbeat(0, 0), BoxHeartbeat(S // 2, 0), BoxHeartbeat(S, 1), BoxHeartbeat(3 * S // 2, 1), BoxHeartbeat(2 * S, 1)]
+        BoxHeartbeat(0, 0),
+        BoxHeartbeat(S // 2, 0),
+        BoxHeartbeat(S, 1),
+        BoxHeartbeat(3 * S // 2, 1),
+        BoxHeartbeat(2 * S, 1),
+    ]
     stream.close()
 
 

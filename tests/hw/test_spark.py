@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from truearc.hw.devices.spark import frames as spark
 from truearc.hw.codec import load_codec
+from truearc.hw.devices.spark import frames as spark
+from truearc.hw.devices.spark.frames import SparkAxis
 from truearc.hw.protocols import BadFrame, Frame
 from truearc.hw.readings import MotorReading
-from truearc.hw.devices.spark.frames import SparkAxis
 
 TURN = 2.0 * math.pi
 signs = st.sampled_from((-1, 1))

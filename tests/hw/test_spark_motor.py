@@ -5,15 +5,15 @@ import struct
 
 import pytest
 
-from truearc.hw.devices.spark import frames as spark
 from truearc.hw.dc_motor import DcMotor
-from truearc.hw.emulated.faults import OVERWRITTEN, SILENT, UNPOWERED, Fault, FaultyNode
+from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.emulator import SparkNode, SparkSettings
-from truearc.hw.emulated.emulated_robot import Twin
-from truearc.hw.protocols import BadFrame, Frame
-from truearc.hw.real.can_bus import open_can
 from truearc.hw.devices.spark.frames import SparkAxis
 from truearc.hw.devices.spark.motor import SparkHeartbeat, SparkMotor
+from truearc.hw.emulated.emulated_robot import Twin
+from truearc.hw.emulated.faults import OVERWRITTEN, SILENT, UNPOWERED, Fault, FaultyNode
+from truearc.hw.protocols import BadFrame, Frame
+from truearc.hw.real.can_bus import open_can
 
 MS = 1_000_000
 TICK_MS = 5

@@ -4,12 +4,12 @@ import struct
 
 import pytest
 
+from tests.hw.spinning_plant import SpinningPlant
 from truearc.hw.devices.spark.emulator import SparkNode, SparkSettings
+from truearc.hw.devices.spark.frames import SparkAxis
 from truearc.hw.emulated.emulated_robot import Twin
 from truearc.hw.protocols import Frame
 from truearc.hw.real.can_bus import open_can
-from truearc.hw.devices.spark.frames import SparkAxis
-from tests.hw.spinning_plant import SpinningPlant
 
 MS = 1_000_000
 KT, OHM = 0.02, 0.1

@@ -6,18 +6,18 @@ import struct
 import numpy as np
 import pytest
 
+from tests.hw.spinning_plant import TORQUE_NM_A
 from truearc.hw.devices.canandmag import frames as canandmag
-from truearc.hw.devices.odrive import frames as odrive
-from truearc.hw.devices.canandmag.frames import Encoder
 from truearc.hw.devices.canandmag.emulator import CanandmagNode
-from truearc.hw.emulated.clock import StepClock
+from truearc.hw.devices.canandmag.frames import Encoder
+from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.emulator import OdriveNode, OdriveSettings
+from truearc.hw.devices.odrive.frames import CLOSED_LOOP, IDLE, PASSTHROUGH, TORQUE, OdriveAxis
+from truearc.hw.emulated.clock import StepClock
 from truearc.hw.emulated.emulated_robot import Twin
 from truearc.hw.protocols import Frame
-from truearc.hw.devices.odrive.frames import CLOSED_LOOP, IDLE, PASSTHROUGH, TORQUE, OdriveAxis
 from truearc.hw.readings import MotorReading
 from truearc.hw.real.can_bus import open_can
-from tests.hw.spinning_plant import TORQUE_NM_A
 
 MS = 1_000_000
 LEFT, RIGHT, HOOD, ENCODER = OdriveAxis(1, 1), OdriveAxis(2, -1), OdriveAxis(3, 1, 596), Encoder(5)
@@ -116,7 +116,9 @@ def test_a_lost_magnet_sticks_until_cleared(bench) -> None:
 
 
 @pytest.mark.parametrize(("axis", "motor"), [(LEFT, "flywheel_a"), (RIGHT, "flywheel_b")])
-def test_torque_turns_the_motor_the_robots_way_whatever_the_devices_sign(bench, plant, axis: OdriveAxis, motor: str) -> None:
+def test_torque_turns_the_motor_the_robots_way_whatever_the_devices_sign(
+    bench, plant, axis: OdriveAxis, motor: str
+) -> None:
     bench.arm(axis)
     bench.run(100, odrive.make_torque(axis, 0.4))           # 0.5 s at 400 rad/s2, from the first advance on
     assert plant.velocity_rad_s[motor] == pytest.approx(200.0)

@@ -13,26 +13,26 @@ import pytest
 from msgspec.structs import replace
 
 from benchmarks.real_robot import PATIENT, SHIPPED, WATCHDOG_MS, begin, save_config
-from truearc.sim.world.device_server import keep_time, open_far_bus
-from truearc.robot.config.port_options import split_bus, with_ports
-from truearc.sim.world.emulated_robot import make_nodes
+from tests.hw.spinning_plant import SpinningPlant
+from truearc.cli.main import main
+from truearc.hw.emulated.emulated_robot import Twin
 from truearc.hw.emulated.pty_cable import PtyCable
 from truearc.hw.emulated.slcan_adapter import SlcanAdapter
-from truearc.hw.emulated.emulated_robot import Twin
 from truearc.hw.protocols import Frame
 from truearc.hw.real.can_bus import open_can
 from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.real.supervised_bus import WAIT_S, SupervisedBus
 from truearc.robot.config.can_policy import guard
+from truearc.robot.config.port_options import split_bus, with_ports
 from truearc.robot.config.schema import InputError, load_config
-from truearc.robot.vision_source import InlineEyes
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import Trial
 from truearc.robot.rig import HardwareRig
 from truearc.robot.tick import step
 from truearc.robot.types import Memory, Sighting
-from tests.hw.spinning_plant import SpinningPlant
-from truearc.cli.main import main
+from truearc.robot.vision_source import InlineEyes
+from truearc.sim.world.device_server import keep_time, open_far_bus
+from truearc.sim.world.emulated_robot import make_nodes
 
 LIMIT_S = 240.0
 

@@ -3,12 +3,12 @@
 import pytest
 from msgspec.structs import replace
 
-from truearc.sim.world.emulated_robot import emulate
+from tests.robot.sparks import ALL_SPARK, SPARK_HOOD, SPARK_WHEELS, only_advice
 from truearc.hw.emulated.faults import OVERWRITTEN, SILENT, UNPOWERED, Fault
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.replay.recompute import replay, replay_frames
 from truearc.robot.recording.session import CAN, load_trials
-from tests.robot.sparks import ALL_SPARK, SPARK_HOOD, SPARK_WHEELS, only_advice
+from truearc.sim.world.emulated_robot import emulate
 
 SECOND = 1_000_000_000
 FOREVER = 1 << 62

@@ -9,16 +9,16 @@ import pytest
 from msgspec.structs import replace
 
 from truearc import robot
+from truearc.cli.main import main
 from truearc.cli.robot.sysid_emulated import ARM, drive_twin
-from truearc.sim.world.emulated_robot import emulate
-from truearc.hw.emulated.faults import SILENT, Fault
 from truearc.hw.devices.button_box.emulator import open_button_box
+from truearc.hw.emulated.faults import SILENT, Fault
 from truearc.robot.config.schema import load_config
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.replay.recompute import replay
 from truearc.sim.sysid.session import load_driven
+from truearc.sim.world.emulated_robot import emulate
 from truearc.sim.world.world import World
-from truearc.cli.main import main
 
 SHIPPED = Path(robot.__file__).parent / "launcher.toml"
 CONFIG = load_config(SHIPPED)

@@ -8,18 +8,18 @@ import pytest
 from msgspec.structs import replace
 
 from truearc import robot
+from truearc.cli.main import main
 from truearc.cli.robot.sysid_emulated import drive_twin
-from truearc.sim.world.emulated_robot import emulate
 from truearc.robot.config.schema import Config, load_config
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.replay.recompute import replay
 from truearc.robot.recording.session import load_trials
 from truearc.sim.sysid.fit import fit_law, fit_motion
 from truearc.sim.sysid.session import load_driven
-from truearc.sim.world.parts import belt, hood
+from truearc.sim.world.emulated_robot import emulate
 from truearc.sim.world.options import Options
+from truearc.sim.world.parts import belt, hood
 from truearc.sim.world.world import World
-from truearc.cli.main import main
 
 SHIPPED = Path(robot.__file__).parent / "launcher.toml"
 CONFIG = load_config(SHIPPED)

@@ -10,18 +10,18 @@ import pytest
 from msgspec.structs import replace
 
 from truearc import robot
-from truearc.sim.world.emulated_robot import emulate
+from truearc.cli.main import main
 from truearc.hw.emulated.faults import OVERWRITTEN, SILENT, TRUNCATED, Fault
 from truearc.robot.config.schema import InputError, Prescribed, config_hash, load_config
 from truearc.robot.config.shot_plan import with_plan
+from truearc.robot.processes.watchdog_rig import WatchedRig
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.replay.recompute import Difference, replay
 from truearc.robot.recording.session import CONFIG, load_session_config, load_trials
 from truearc.robot.rig import ReplayRig
 from truearc.robot.types import Command
-from truearc.robot.processes.watchdog_rig import WatchedRig
 from truearc.sim.data.recordings import shots_from_sessions
-from truearc.cli.main import main
+from truearc.sim.world.emulated_robot import emulate
 
 CONFIGURATION = load_config(Path(robot.__file__).parent / "launcher.toml")
 SECOND = 1_000_000_000

@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 
 from truearc import robot
-from truearc.sim.world.emulated_robot import emulate
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.config.schema import load_config
 from truearc.robot.operator_ui.server import OperatorPage
 from truearc.robot.recording.reader import TickReader
+from truearc.sim.world.emulated_robot import emulate
 
 CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")
 

@@ -7,12 +7,12 @@ import msgspec
 import pytest
 from msgspec import structs
 
-from truearc_proof.cli.prove_drive import LEVEL, NO_GATE, SIDES, Driven, driven_of, driven_table, play_driven, room_of
 from truearc.robot.config.schema import InputError
+from truearc.sim.data.dataset import load_dataset
+from truearc_proof.cli.prove_drive import LEVEL, NO_GATE, SIDES, Driven, driven_of, driven_table, play_driven, room_of
+from truearc_proof.rounds.commitment import load_seal
 from truearc_proof.rounds.committer import Plan
 from truearc_proof.rounds.ledger import read_ledger
-from truearc_proof.rounds.commitment import load_seal
-from truearc.sim.data.dataset import load_dataset
 
 pytestmark = pytest.mark.slow
 RECORDED, TRIALS = 20, 2

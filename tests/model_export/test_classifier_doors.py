@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import truearc.cli.main as truearc
-from truearc.robot.config.rig_spec import Ball, Rig, LauncherFacts, Target, Wheel
+from truearc.robot.config.rig_spec import Ball, LauncherFacts, Rig, Target, Wheel
 from truearc.robot.gate.model import load_gate
 from truearc.sim.data.dataset import Dataset, Shots, dataset_hash, load_dataset, save_dataset
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import truearc.cli.main as truearc
-from truearc.robot.gate.model import load_gate
-from truearc.sim.infer.belief import save_belief
-from truearc.sim.data.dataset import load_dataset, save_dataset
 from tests.sim.gate.worlds import BELIEF, make_shots
+from truearc.robot.gate.model import load_gate
+from truearc.sim.data.dataset import load_dataset, save_dataset
+from truearc.sim.infer.belief import save_belief
 
 
 @pytest.fixture(scope="module")

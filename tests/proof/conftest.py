@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from tests.proof.playing import ARGUMENTS, prove, quiet
 from truearc_proof.rounds.grader import grade_round
 from truearc_proof.rounds.round_layout import Room
-from tests.proof.playing import ARGUMENTS, prove, quiet
 
 
 @pytest.fixture(scope="session")

@@ -5,9 +5,9 @@ from typing import Any
 
 import msgspec
 
+from truearc_proof.rounds.commitment import canonical
 from truearc_proof.rounds.ledger import Entry, append, digest, read_ledger
 from truearc_proof.rounds.round_layout import Room
-from truearc_proof.rounds.commitment import canonical
 
 
 def chain_anew(room: Room, entries: Iterable[Entry]) -> None:

@@ -8,15 +8,15 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from truearc.robot.config.schema import InputError
-from truearc_proof.rounds.committer import Plan, seal_round
-from truearc_proof.rounds.ledger import digest
-from truearc_proof.rounds.grader import grade_round, graded_of
-from truearc_proof.rounds.archive import check_round, pack, unpack
-from truearc_proof.rounds.round_layout import Room
-from truearc_proof.rounds.commitment import canonical, load_seal, save_seal
 from tests.proof.forging import enter_otherwise, leave_world_out, make_mark_kinder
 from truearc.cli.main import main
+from truearc.robot.config.schema import InputError
+from truearc_proof.rounds.archive import check_round, pack, unpack
+from truearc_proof.rounds.commitment import canonical, load_seal, save_seal
+from truearc_proof.rounds.committer import Plan, seal_round
+from truearc_proof.rounds.grader import grade_round, graded_of
+from truearc_proof.rounds.ledger import digest
+from truearc_proof.rounds.round_layout import Room
 
 pytestmark = pytest.mark.slow
 

@@ -4,10 +4,10 @@ from math import comb
 
 import pytest
 
-from truearc_proof.scoring.score_world import Mark, mark
-from truearc_proof.scoring.information_bound import Measured
-from truearc_proof.worlds.sampling_plan import Drawn
 from truearc_proof.report.compare_rounds import beside
+from truearc_proof.scoring.information_bound import Measured
+from truearc_proof.scoring.score_world import Mark, mark
+from truearc_proof.worlds.sampling_plan import Drawn
 
 
 def nulls(alarms: int, of: int) -> list[Mark]:

@@ -6,11 +6,11 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from truearc_proof.rounds.ledger import read_ledger
-from truearc_proof.worlds.sampling_plan import MUJOCO, NUMPY
-from truearc_proof.rounds.grader import graded_of
-from truearc_proof.rounds.round_layout import Room
 from tests.proof.playing import prove
+from truearc_proof.rounds.grader import graded_of
+from truearc_proof.rounds.ledger import read_ledger
+from truearc_proof.rounds.round_layout import Room
+from truearc_proof.worlds.sampling_plan import MUJOCO, NUMPY
 
 pytestmark = pytest.mark.slow
 ARGUMENTS = ["--worlds", "6", "--level", "L1", "--shots", "60", "--seed", "49", "--follow-up", "--processes", "1"]

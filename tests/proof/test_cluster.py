@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from tests.proof.forging import ask
 from truearc_proof.rounds.ledger import read_ledger
 from truearc_proof.rounds.round_layout import Room
-from tests.proof.forging import ask
 
 pytestmark = pytest.mark.slow
 ARGUMENTS = ["--worlds", "2", "--level", "L0", "--shots", "40", "--engines", "numpy", "--seed", "3"]

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from truearc.robot.config.schema import InputError
-from truearc_proof.rounds.ledger import FIRST, append, committed, read_ledger
 from truearc_proof.rounds.commitment import canonical, check_data, load_seal, make_seal, save_seal
+from truearc_proof.rounds.ledger import FIRST, append, committed, read_ledger
 
 PLAIN = st.recursive(st.none() | st.booleans() | st.integers(-10**9, 10**9) | st.text(max_size=8)
                      | st.floats(allow_nan=False, allow_infinity=False),

@@ -5,13 +5,13 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from truearc.cli.main import main
+from truearc.robot.config.schema import InputError
 from truearc_proof.cli import prove
 from truearc_proof.cli.prove_drive import Driven, driven_of, room_of
-from truearc.robot.config.schema import InputError
 from truearc_proof.rounds.ledger import append
-from truearc_proof.rounds.score_store import save_mark
 from truearc_proof.rounds.round_layout import Room
-from truearc.cli.main import main
+from truearc_proof.rounds.score_store import save_mark
 
 
 def make_driven(root: Path) -> Room:

@@ -12,14 +12,14 @@ import msgspec
 import pytest
 
 from truearc.robot.config.schema import InputError
-from truearc_proof.worlds.generate_data import make_data
-from truearc_proof.scoring.score_world import Mark
-from truearc_proof.worlds.sampling_plan import Drawn
-from truearc_proof.worlds.external_world import seal_own
 from truearc_proof.report.tables import make_tables
 from truearc_proof.rounds.round_layout import Room
+from truearc_proof.scoring.score_world import Mark
+from truearc_proof.worlds.external_world import seal_own
+from truearc_proof.worlds.generate_data import make_data
+from truearc_proof.worlds.sampling_plan import Drawn
 
-DOCS = Path(__file__).parents[3] / "docs" / "challenge.md"
+DOCS = Path(__file__).parents[2] / "docs" / "challenge.md"
 WIND: dict[str, Any] = {"kind": "one", "effects": {"wind_x": 2.0}}
 
 

@@ -35,7 +35,8 @@ def is_free(root: Path) -> bool:
 
 
 def test_a_second_writer_is_told_so_and_the_lock_goes_with_its_holder(tmp_path: Path) -> None:
-    program = f"from pathlib import Path; from truearc_proof.rounds.file_lock import alone\nwith alone(Path({str(tmp_path)!r})): pass"
+    program = ("from pathlib import Path; from truearc_proof.rounds.file_lock import alone\n"
+               f"with alone(Path({str(tmp_path)!r})): pass")
     with alone(tmp_path):
         done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
         assert "is being played by another process" in done.stderr

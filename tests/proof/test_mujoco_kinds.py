@@ -6,10 +6,28 @@ import msgspec
 import numpy as np
 import pytest
 
-from truearc import robot
 from benchmarks.unseen import heights_m
+from truearc import robot
 from truearc.robot.config.schema import load_config
+from truearc.sim.data.dataset import load_dataset
 from truearc.sim.physics.term import STAGES
+from truearc.sim.world.options import Options
+from truearc_proof.scoring.score_finding import GOES_WITH
+from truearc_proof.truth.effects import find_effect
+from truearc_proof.truth.followup import Asked
+from truearc_proof.world.practice import plan_season
+from truearc_proof.world.season import ORDINARY, Season, Sensors, ShotSetting, play_season
+from truearc_proof.worlds.data_quality import (
+    DECOY_DIRT,
+    FALL_V,
+    FAR_M,
+    SCATTER_SCALE,
+    dirt_at,
+    dirty_options,
+    dirty_plan,
+    dirty_sensors,
+)
+from truearc_proof.worlds.generate_data import make_data, make_more
 from truearc_proof.worlds.perturbations import (
     ALIKE_CHANGES,
     AND,
@@ -21,25 +39,7 @@ from truearc_proof.worlds.perturbations import (
     pairs_at,
     seen_at,
 )
-from truearc_proof.worlds.data_quality import (
-    DECOY_DIRT,
-    FALL_V,
-    FAR_M,
-    SCATTER_SCALE,
-    dirt_at,
-    dirty_options,
-    dirty_plan,
-    dirty_sensors,
-)
-from truearc_proof.scoring.score_finding import GOES_WITH
-from truearc_proof.worlds.generate_data import make_data, make_more
 from truearc_proof.worlds.sampling_plan import FACTORS, MUJOCO, PLAIN_FACTORS, SHARES, Drawn, draw_round
-from truearc_proof.truth.effects import find_effect
-from truearc_proof.truth.followup import Asked
-from truearc.sim.data.dataset import load_dataset
-from truearc.sim.world.options import Options
-from truearc_proof.world.practice import plan_season
-from truearc_proof.world.season import ORDINARY, Season, Sensors, ShotSetting, play_season
 
 LEVELS = ("L0", "L1", "L2")
 FACTS = load_config(Path(robot.__file__).parent / "launcher.toml").rig

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from truearc.sim.discover.model.score_table import ScoreTable, PlaneScores, make_evidence
+from tests.sim.discover.made import column, gaussian, heights
+from truearc.sim.discover.model.score_table import PlaneScores, ScoreTable, make_evidence
 from truearc.sim.discover.select.term_ranking import efficient
 from truearc_proof.scoring.oracle import ceiling_of, strength_of
-from tests.sim.discover.made import column, gaussian, heights
 
 N = 400
 

@@ -7,15 +7,15 @@ from typing import Any
 import msgspec
 import pytest
 
-from truearc_proof.rounds.ledger import digest
-from truearc_proof.rounds.grader import grade_round
-from truearc_proof.rounds.archive import pack
-from truearc_proof.rounds.round_layout import Room
-from truearc_proof.rounds.commitment import canonical
-from truearc_proof.rounds.reproduce_claims import _unlike, compare_claims
-from truearc_proof.rounds.solver import solver_id
 from tests.proof.forging import enter_otherwise
 from tests.proof.playing import prove, quiet
+from truearc_proof.rounds.archive import pack
+from truearc_proof.rounds.commitment import canonical
+from truearc_proof.rounds.grader import grade_round
+from truearc_proof.rounds.ledger import digest
+from truearc_proof.rounds.reproduce_claims import _unlike, compare_claims
+from truearc_proof.rounds.round_layout import Room
+from truearc_proof.rounds.solver import solver_id
 
 
 def forge(room: Room, world: str, solver: str) -> None:

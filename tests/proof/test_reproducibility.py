@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from msgspec import structs
 
-from truearc_proof.scoring.score_world import Mark
 from truearc_proof.rounds.grader import Graded
 from truearc_proof.rounds.reproducibility import compare
+from truearc_proof.scoring.score_world import Mark
 
 MARK = Mark("w1", "numpy", "one", "L1", 300, ("wind_x",), 20.0, True, 0.01, "named", ("wind_x",), 1, True, True, True,
             True, None, True, 0.5, 0.1, 0.2, (0.9, 0.8, 0.85, 0.9), None, ("wind_x",))

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from truearc.sim.infer.belief import Belief, point_belief
-from truearc_proof.worlds.sampling_plan import Drawn
 from truearc_proof.scoring.sealed_holdout import off_m, shoot_unseen
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world
+from truearc_proof.worlds.sampling_plan import Drawn
 
 
 def drawn(effects: dict[str, float], engine: str = "numpy") -> Drawn:

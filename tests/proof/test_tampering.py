@@ -7,14 +7,14 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from truearc.robot.config.schema import InputError
-from truearc_proof.rounds.committer import answer_round
-from truearc_proof.rounds.ledger import digest
-from truearc_proof.rounds.grader import grade_round, graded_of
-from truearc_proof.rounds.round_layout import Room
-from truearc_proof.rounds.jsonl_store import append_line
 from tests.proof.forging import ask, enter_otherwise, leave_world_out, make_mark_kinder
 from tests.proof.playing import prove, quiet
+from truearc.robot.config.schema import InputError
+from truearc_proof.rounds.committer import answer_round
+from truearc_proof.rounds.grader import grade_round, graded_of
+from truearc_proof.rounds.jsonl_store import append_line
+from truearc_proof.rounds.ledger import digest
+from truearc_proof.rounds.round_layout import Room
 
 pytestmark = pytest.mark.slow
 

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 import pytest
 from msgspec.structs import replace
 
-from truearc_proof.scoring.score_world import Mark, mark
-from truearc_proof.scoring.information_bound import Measured
-from truearc_proof.worlds.sampling_plan import DECOY, Drawn
+from tests.proof.test_score_world import finding
 from truearc_proof.report.html_page import verdict
 from truearc_proof.report.tables import make_tables
 from truearc_proof.report.targets import against_targets
-from tests.proof.test_score_world import finding
+from truearc_proof.scoring.information_bound import Measured
+from truearc_proof.scoring.score_world import Mark, mark
+from truearc_proof.worlds.sampling_plan import DECOY, Drawn
 
 ALLOWED = Measured((0.28, 0.2, 0.25, 0.26), (DECOY,), 0.4, 0.2)
 

@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.proof.law import fly_to
 from truearc.robot.config.rig_spec import Noise
 from truearc.sim.physics.simulate import predict
 from truearc_proof.truth.air import make_law, start_of
 from truearc_proof.truth.flight import arrive, at, fly
+from truearc_proof.truth.generate import play
 from truearc_proof.truth.launch import Launch, air_density
 from truearc_proof.truth.plan import plan_shots
-from truearc_proof.truth.generate import play
 from truearc_proof.truth.world import Scatter, make_world
-from tests.proof.law import fly_to
 
 IN_THE_AIR = {"wind_x": -0.9, "wind_y": 0.7, "wind_z": 0.4, "spin_decay": 0.8, "spin_drag": 0.2,
               "lift_saturation": 1.1, "drag_reynolds": -0.3, "buoyancy": 1.0, "added_mass": 1.0, "air_density": 1.0,

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.proof.test_truth_flight import quiet
+from truearc.sim.data.dataset import join_datasets, take_shots
 from truearc_proof.truth.followup import Asked, follow
 from truearc_proof.truth.generate import play
 from truearc_proof.truth.world import make_world
-from truearc.sim.data.dataset import join_datasets, take_shots
-from tests.proof.test_truth_flight import quiet
 
 ASKED = (Asked(3.0, 45.0, 0.5, 12), Asked(5.0, 50.0, 0.62, 8))
 

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
+from tests.proof.test_truth_flight import quiet
 from truearc_proof.truth.effects import find_effect
+from truearc_proof.truth.generate import play
 from truearc_proof.truth.launch import leave, no_luck, wheel_dip, wheel_speeds
 from truearc_proof.truth.plan import plan_shots
 from truearc_proof.truth.sensors import see_places
-from truearc_proof.truth.generate import play
 from truearc_proof.truth.world import make_world
-from tests.proof.test_truth_flight import quiet
 
 N = 40
 RATIO = np.linspace(0.4, 0.7, N)

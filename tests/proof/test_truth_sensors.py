@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from truearc.robot.config.schema import InputError
+from tests.proof.test_truth_flight import quiet
 from truearc.robot.config.rig_spec import Noise
+from truearc.robot.config.schema import InputError
+from truearc.sim.data.dataset import hash_dataset, load_dataset
 from truearc_proof.truth.effects import EFFECTS
 from truearc_proof.truth.flight import at
-from truearc_proof.truth.launch import wheel_dip
 from truearc_proof.truth.generate import play, shoot, write
+from truearc_proof.truth.launch import wheel_dip
 from truearc_proof.truth.world import DIRT, LEVELS, make_world
-from truearc.sim.data.dataset import hash_dataset, load_dataset
-from tests.proof.test_truth_flight import quiet
 
 ALL = {effect.name: effect.typical for effect in EFFECTS}
 

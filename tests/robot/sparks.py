@@ -2,8 +2,8 @@
 
 from msgspec.structs import replace
 
-from truearc.robot.config.schema import AdvisoryAxis, Config, SparkAxis
 from tests.robot.good_tick import CONFIG
+from truearc.robot.config.schema import AdvisoryAxis, Config, SparkAxis
 
 HOOD = SparkAxis(device=3, direction=1, has_endstop=True, stall_torque_nm=2.6, free_speed_rad_s=594.0, rated_v=12.0)
 LEFT = replace(HOOD, device=11, has_endstop=False)

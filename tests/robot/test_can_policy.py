@@ -5,17 +5,17 @@ from collections import Counter
 import pytest
 from msgspec.structs import replace
 
-from truearc.hw.devices.odrive import frames as odrive
-from truearc.hw.tx_allowlist import Allowed
-from truearc.hw.protocols import Frame
-from truearc.robot.config.can_policy import guard, make_rules
-from truearc.robot.config.schema import Config
-from truearc.robot.vision_source import InlineEyes
-from truearc.robot.rig import HardwareRig
-from truearc.robot.types import Command, Sighting
 from tests.robot.good_tick import CONFIG
 from tests.robot.sparks import SPARK_HOOD, SPARK_WHEELS, only_advice
 from tests.robot.test_rig import Blind, Stream, Time, Wire
+from truearc.hw.devices.odrive import frames as odrive
+from truearc.hw.protocols import Frame
+from truearc.hw.tx_allowlist import Allowed
+from truearc.robot.config.can_policy import guard, make_rules
+from truearc.robot.config.schema import Config
+from truearc.robot.rig import HardwareRig
+from truearc.robot.types import Command, Sighting
+from truearc.robot.vision_source import InlineEyes
 
 # ODrive CANSimple: node << 5 | command; the hood, node 3, has a limit switch to ask for, command 0x04
 ESTOP, AXIS_STATE, CONTROLLER_MODE, TORQUE, CLEAR_ERRORS = 0x02, 0x07, 0x0B, 0x0E, 0x18

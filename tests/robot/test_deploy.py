@@ -12,13 +12,13 @@ import pytest
 from msgspec.structs import replace
 
 import truearc.cli.robot.deploy
-from truearc import robot
-from truearc.robot.config.schema import InputError
-from truearc.robot.deploy.texts import INSTALL, LINK, NETWORK, RULES, UNIT, make_files, make_rules
-from truearc.robot.deploy.install import HOME, PROGRAM, Parts, make_parts
 from tests.robot.gate.test_model import build
 from tests.robot.good_tick import CONFIG
+from truearc import robot
 from truearc.cli.main import main
+from truearc.robot.config.schema import InputError
+from truearc.robot.deploy.install import HOME, PROGRAM, Parts, make_parts
+from truearc.robot.deploy.texts import INSTALL, LINK, NETWORK, RULES, UNIT, make_files, make_rules
 
 PARTS = Parts(True, True, 3, 50, "", "2341:8036", 5.0)
 SHIPPED = Path(robot.__file__).parent / "launcher.toml"

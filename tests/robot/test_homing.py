@@ -2,9 +2,9 @@
 
 from msgspec.structs import replace
 
+from tests.robot.good_tick import CONFIG, good_inputs, good_memory
 from truearc.robot.estimate import remember
 from truearc.robot.tick import step
-from tests.robot.good_tick import CONFIG, good_inputs, good_memory
 
 
 def lost_count():

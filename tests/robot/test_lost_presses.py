@@ -5,13 +5,13 @@ import pytest
 from msgspec import UNSET
 from msgspec.structs import replace
 
+from tests.robot.good_tick import CONFIG, DISTANCE_M, NOW_NS, good_inputs, good_memory
+from tests.robot.test_rig import bench  # noqa: F401 (a fixture)
 from truearc.hw.devices.button_box import frames as buttons
 from truearc.hw.readings import ButtonEvent
 from truearc.robot.sysid.tick import make_step
 from truearc.robot.tick import step
 from truearc.robot.types import Memory, Progress
-from tests.robot.good_tick import CONFIG, DISTANCE_M, NOW_NS, good_inputs, good_memory
-from tests.robot.test_rig import bench  # noqa: F401 (a fixture)
 
 WHATS = pytest.mark.parametrize("what", ["lost presses", "has restarted"])
 

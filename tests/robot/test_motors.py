@@ -11,19 +11,19 @@ import msgspec
 import pytest
 from msgspec.structs import replace
 
+from tests.robot.good_tick import CONFIG, good_inputs, good_memory
+from tests.robot.sparks import ALL_SPARK, SPARK_HOOD, SPARK_WHEELS, only_advice
+from tests.robot.test_rig import ASKED, Blind, Stream, Time, Wire
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.protocols import Frame
-from truearc.robot.config.schema import AdvisoryAxis, Axis, InputError, Config, OdriveAxis, SparkAxis
+from truearc.robot.config.schema import AdvisoryAxis, Axis, Config, InputError, OdriveAxis, SparkAxis
 from truearc.robot.estimate import estimate
-from truearc.robot.vision_source import InlineEyes
 from truearc.robot.gate.verdict import judge
 from truearc.robot.motors import make_motors, name_axes
 from truearc.robot.recording.candump import candump_line
 from truearc.robot.rig import HardwareRig
 from truearc.robot.types import Command, Sent, Sighting
-from tests.robot.good_tick import CONFIG, good_inputs, good_memory
-from tests.robot.sparks import ALL_SPARK, SPARK_HOOD, SPARK_WHEELS, only_advice
-from tests.robot.test_rig import ASKED, Blind, Stream, Time, Wire
+from truearc.robot.vision_source import InlineEyes
 
 MS = 1_000_000
 STATUS_0, STATUS_1, STATUS_2 = 0x0205B800, 0x0205B840, 0x0205B880

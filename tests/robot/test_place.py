@@ -5,13 +5,13 @@ import pytest
 from msgspec import UNSET
 from msgspec.structs import replace
 
+from tests.robot.good_tick import CONFIG, DISTANCE_M, NOW_NS, good_inputs, good_memory
 from truearc.robot.aim import PLACE_M
 from truearc.robot.config.schema import Prescribed
 from truearc.robot.gate.model import Rating
 from truearc.robot.recording.replay.recompute import Comparer, Difference
 from truearc.robot.tick import step
 from truearc.robot.types import Sent
-from tests.robot.good_tick import CONFIG, DISTANCE_M, NOW_NS, good_inputs, good_memory
 
 HELD = good_memory().aim
 MODEL = replace(CONFIG, gate=replace(CONFIG.gate, policy="model"))

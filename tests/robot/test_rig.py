@@ -4,13 +4,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.robot.good_tick import CONFIG
 from truearc.hw.devices.button_box import frames as buttons
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.protocols import Frame, LinkLost
-from truearc.robot.vision_source import InlineEyes
 from truearc.robot.rig import HardwareRig
 from truearc.robot.types import Command, Sighting
-from tests.robot.good_tick import CONFIG
+from truearc.robot.vision_source import InlineEyes
 
 ASKED = Command(True, 0.1, -0.02, 0.2)
 

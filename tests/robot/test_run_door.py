@@ -10,17 +10,17 @@ import pytest
 
 import truearc.cli.robot.run
 import truearc.cli.robot.run_processes
+from tests.robot.good_tick import good_inputs, good_memory
+from tests.robot.test_rig import Stream, Time, Wire
 from truearc import robot
-from truearc.robot.operator_ui.serve_option import open_page, parse_page
+from truearc.cli.main import main
 from truearc.cli.robot.run_processes import make_show
 from truearc.hw.devices.button_box.frames import make_heartbeat
 from truearc.robot.config.schema import load_config
-from truearc.robot.vision_source import NoEyes
+from truearc.robot.operator_ui.serve_option import open_page, parse_page
 from truearc.robot.recording.session import LATENESS
 from truearc.robot.tick import step
-from tests.robot.good_tick import good_inputs, good_memory
-from tests.robot.test_rig import Stream, Time, Wire
-from truearc.cli.main import main
+from truearc.robot.vision_source import NoEyes
 
 CONFIG = str(Path(robot.__file__).parent / "launcher.toml")
 ONE = ("--layout", "one")             # hand-made wires cannot be handed to another process

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from truearc import robot
-from truearc.robot.config.schema import InputError, Config, config_hash, load_config, parse_toml
 from truearc.robot.config.rig_spec import unknown_keys
+from truearc.robot.config.schema import Config, InputError, config_hash, load_config, parse_toml
 
 SHIPPED = Path(robot.__file__).parent / "launcher.toml"
 TEXT = SHIPPED.read_text(encoding="utf-8")

@@ -7,14 +7,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from truearc.robot.aim import aim, config_id, step_walk
-from truearc.robot.config.schema import InputError, Config, Prescribed, config_hash, parse_toml
-from truearc.robot.estimate import estimate
-from truearc.robot.gate.verdict import judge
-from truearc.robot.config.shot_plan import load_plan, with_plan
-from truearc.robot.types import Shot
 from tests.robot.good_tick import CONFIG, DISTANCE_M, HOOD_DEG, good_inputs, good_memory
 from truearc.cli.main import main
+from truearc.robot.aim import aim, config_id, step_walk
+from truearc.robot.config.schema import Config, InputError, Prescribed, config_hash, parse_toml
+from truearc.robot.config.shot_plan import load_plan, with_plan
+from truearc.robot.estimate import estimate
+from truearc.robot.gate.verdict import judge
+from truearc.robot.types import Shot
 
 SHIPPED = Path(__file__).parents[2] / "robot" / "launcher.toml"
 ROWS = (Prescribed(DISTANCE_M, 0.5, HOOD_DEG), Prescribed(7.0, 0.625, 33.0))

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
+from tests.robot.good_tick import CONFIG, HOOD_DEG, NOW_NS, good_inputs, good_memory, seconds
 from truearc.hw.devices.odrive.frames import IDLE
 from truearc.hw.readings import ButtonEvent
 from truearc.robot.config.schema import InputError
@@ -15,7 +16,6 @@ from truearc.robot.control import RELEASED
 from truearc.robot.sysid.program import COAST, FLYWHEEL, HOME, HOOD, RAMP, READY, STEP, phases
 from truearc.robot.sysid.tick import DONE, make_step
 from truearc.robot.types import Memory, Progress
-from tests.robot.good_tick import CONFIG, HOOD_DEG, NOW_NS, good_inputs, good_memory, seconds
 
 STEP_ONCE = make_step(CONFIG)
 PROGRAM = phases(CONFIG)

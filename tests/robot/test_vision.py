@@ -15,8 +15,8 @@ from msgspec.structs import replace
 from truearc import robot
 from truearc.hw.emulated.imaging.camera import EmulatedCamera, TapeSize, outline_m
 from truearc.hw.emulated.imaging.distractors import KINDS, second_goal
-from truearc.hw.emulated.imaging.lens import Lens, project
 from truearc.hw.emulated.imaging.image_degradation import USUAL, Look
+from truearc.hw.emulated.imaging.lens import Lens, project
 from truearc.hw.emulated.static_plant import NOTHING, Stage, place
 from truearc.hw.readings import CameraFrame
 from truearc.robot.config.schema import CameraConfig, CameraFile, load_config, load_toml

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from truearc import robot
 import truearc.cli.main as truearc
+from truearc import robot
 from truearc.hw.emulated.imaging.camera import EmulatedCamera
 from truearc.hw.emulated.imaging.lens import Lens, distort
 from truearc.hw.emulated.static_plant import Stage, place

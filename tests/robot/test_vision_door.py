@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 import pytest
 
-from truearc import robot
 import truearc.cli.main as truearc
+from truearc import robot
 from truearc.hw.emulated.imaging.camera import EmulatedCamera, TapeSize
 from truearc.hw.emulated.imaging.lens import Lens
 from truearc.hw.emulated.static_plant import Stage, place

@@ -13,6 +13,7 @@ import pytest
 from msgspec.structs import replace
 
 from truearc import robot
+from truearc.cli.main import main
 from truearc.cli.robot.run_processes import ThreeProcesses
 from truearc.hw.emulated.imaging.picture_server import PictureServer
 from truearc.hw.protocols import LinkLost
@@ -20,10 +21,9 @@ from truearc.hw.readings import CameraFrame
 from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.shared_latest import Slots
 from truearc.robot.config.schema import load_config
-from truearc.robot.vision_source import InlineEyes
 from truearc.robot.processes.vision import FarEyes, make_room, watch
 from truearc.robot.types import Sighting
-from truearc.cli.main import main
+from truearc.robot.vision_source import InlineEyes
 
 PATIENCE_S = 30.0                     # of a loaded machine
 SHIPPED = Path(robot.__file__).parent / "launcher.toml"

@@ -14,16 +14,16 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from truearc import robot
 import truearc.cli.main as truearc
+from truearc import robot
 from truearc.cli.robot.tune_server import TuneServer
-from truearc.sim.world.emulated_vision import make_lens, make_tape
 from truearc.cli.robot.vision_tune import Live, Recorded, Tuner, find_pictures
 from truearc.hw.emulated.imaging.camera import EmulatedCamera
 from truearc.hw.emulated.static_plant import Stage, place
 from truearc.hw.protocols import LinkLost
 from truearc.hw.readings import CameraFrame
-from truearc.robot.config.schema import InputError, CameraFile, load_config, load_toml
+from truearc.robot.config.schema import CameraFile, InputError, load_config, load_toml
+from truearc.sim.world.emulated_vision import make_lens, make_tape
 
 CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")
 FILE = CameraFile(CONFIG.camera, CONFIG.tape, CONFIG.vision)

@@ -8,15 +8,15 @@ import pytest
 from msgspec.structs import replace
 
 from truearc import robot
-from truearc.sim.world.emulated_vision import make_lens, make_tape
 from truearc.hw.emulated.imaging.camera import EmulatedCamera
-from truearc.hw.emulated.imaging.lens import project
 from truearc.hw.emulated.imaging.image_degradation import Look
+from truearc.hw.emulated.imaging.lens import project
 from truearc.hw.emulated.imaging.shutter import project_turning
 from truearc.hw.emulated.static_plant import NOTHING, Stage, place
 from truearc.robot.config.schema import load_config
 from truearc.robot.vision import detect
 from truearc.robot.vision.optics import make_optics
+from truearc.sim.world.emulated_vision import make_lens, make_tape
 
 CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")
 LENS = make_lens(CONFIG.camera)

@@ -8,8 +8,8 @@ from msgspec.structs import replace
 
 from truearc import robot
 from truearc.hw.emulated.imaging.camera import EmulatedCamera
-from truearc.hw.emulated.imaging.lens import Lens, project
 from truearc.hw.emulated.imaging.image_degradation import USUAL, Look, Patch
+from truearc.hw.emulated.imaging.lens import Lens, project
 from truearc.hw.emulated.static_plant import Stage, place
 from truearc.robot.config.schema import load_config
 from truearc.robot.vision import detect

@@ -3,9 +3,9 @@
 import pytest
 from msgspec.structs import replace
 
-from truearc.robot.types import Command, Sent, Sighting
-from truearc.robot.processes.watchdog_rig import WatchedRig, first_missing
 from tests.robot.good_tick import CONFIG, NOW_NS, good_inputs
+from truearc.robot.processes.watchdog_rig import WatchedRig, first_missing
+from truearc.robot.types import Command, Sent, Sighting
 
 IDLE = Command(False, 0.0, 0.0, 0.0)
 SEEN = Sighting(NOW_NS - 50_000_000, False, "dark")

@@ -4,7 +4,8 @@ import argparse
 import importlib
 import os
 import sys
-from importlib.metadata import version
+from functools import cache
+from importlib.metadata import entry_points, version
 
 from truearc.robot.config.schema import InputError
 
@@ -35,8 +36,6 @@ VERBS = {
     "vision tune": "a page with sliders for what vision takes for the target",
     "discover": "where recordings and simulation disagree",
     "design": "the next shots, to tell apart what discover cannot",
-    "prove": "concealed worlds, sealed before and opened after",
-    "reproduce": "the paper's tables and figures beside ours",
 }
 
 # command -> the module behind it, imported only when the command is called
@@ -65,8 +64,6 @@ MODULES = {
     "vision tune": "truearc.cli.robot.vision_tune",
     "discover": "truearc.cli.discover.discover",
     "design": "truearc.cli.discover.design",
-    "prove": "truearc_proof.cli.prove",
-    "reproduce": "truearc_proof.cli.reproduce",
 }
 
 # Arrays here are small: threads of the linear algebra would only wait for one another and, where another process keeps
@@ -82,7 +79,7 @@ def main(argv: list[str] | None = None) -> int:
     if argv == ["--version"]:
         print(f"truearc {version('truearc')}")
         return 0
-    verb = next((words for words in (" ".join(argv[:2]), *argv[:1]) if words in VERBS), None)
+    verb = next((words for words in (" ".join(argv[:2]), *argv[:1]) if words in MODULES or words in plugins()), None)
     if verb is None:
         return _explain(argv)
     try:
@@ -95,9 +92,15 @@ def main(argv: list[str] | None = None) -> int:
         return 2
 
 
+@cache
+def plugins() -> dict[str, str]:
+    """Commands that other distributions add: {command: module}, from the entry points `truearc.commands`."""
+    return {point.name: point.value for point in entry_points(group="truearc.commands")}
+
+
 def _open(verb: str, argv: list[str]) -> int:
     """The door behind the verb; some need the companion's packages for some options only."""
-    door = importlib.import_module(MODULES[verb])
+    door = importlib.import_module(MODULES.get(verb) or plugins()[verb])
     parser = argparse.ArgumentParser(prog=f"truearc {verb}", description=door.DESCRIPTION,
                                      epilog=f"example: {door.EXAMPLE}")
     parser.add_argument("--quiet", action="store_true", help="no progress")
@@ -127,7 +130,8 @@ def _explain(argv: list[str]) -> int:
     if argv and not asked:
         print(f"truearc: there is no verb {argv[0]!r}", file=out)
     print("usage: truearc VERB ... (truearc VERB --help says more)\n", file=out)
-    for verb, does in VERBS.items():
+    more = {verb: importlib.import_module(module).SUMMARY for verb, module in plugins().items()}
+    for verb, does in (VERBS | more).items():
         print(f"  {verb:16s} {does}", file=out)
     return 0 if asked else 2
 

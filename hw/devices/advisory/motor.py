@@ -3,8 +3,8 @@
 from collections.abc import Callable
 
 from truearc.hw.encoder_plausibility import Agreement
-from truearc.hw.protocols import Frame
 from truearc.hw.motor import Order
+from truearc.hw.protocols import Frame
 from truearc.hw.readings import MotorReading
 
 Parse = Callable[[Frame, MotorReading], MotorReading]

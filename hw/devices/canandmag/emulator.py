@@ -2,8 +2,8 @@
 
 import math
 
-from truearc.hw.devices.canandmag.frames import POSITION_PERIOD_SETTING, Encoder
 from truearc.hw.codec import Values, load_codec
+from truearc.hw.devices.canandmag.frames import POSITION_PERIOD_SETTING, Encoder
 from truearc.hw.emulated.nodes import MS, Report, take_reports
 from truearc.hw.emulated.plant import Plant
 from truearc.hw.protocols import BadFrame, Frame

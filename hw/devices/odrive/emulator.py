@@ -4,12 +4,12 @@ from collections.abc import Callable
 
 from msgspec import Struct
 
-from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.codec import Values, load_codec
+from truearc.hw.devices.odrive import frames as odrive
+from truearc.hw.devices.odrive.frames import REVOLUTION_RAD, OdriveAxis
 from truearc.hw.emulated.nodes import MS, NEVER_NS, Report, take_reports
 from truearc.hw.emulated.plant import Plant
 from truearc.hw.protocols import BadFrame, Frame
-from truearc.hw.devices.odrive.frames import REVOLUTION_RAD, OdriveAxis
 
 DISARMED = 3                                      # procedure_result
 PHASE_NS = 3 * MS                                 # of every axis's reports: each moment of its own would cost time

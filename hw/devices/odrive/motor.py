@@ -2,8 +2,8 @@
 
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.encoder_plausibility import Agreement
-from truearc.hw.protocols import Frame
 from truearc.hw.motor import Order
+from truearc.hw.protocols import Frame
 from truearc.hw.readings import MotorReading
 
 RETRY_NS = 100_000_000                # how often an axis that will not come up is asked again

@@ -6,12 +6,12 @@ from collections.abc import Callable
 from msgspec import Struct
 from msgspec.structs import replace
 
-from truearc.hw.devices.spark import frames as spark
 from truearc.hw.codec import Values, load_codec
+from truearc.hw.devices.spark import frames as spark
+from truearc.hw.devices.spark.frames import REVOLUTION_RAD, RPM_RAD_S, SparkAxis
 from truearc.hw.emulated.nodes import MS, NEVER_NS, Report, take_reports
 from truearc.hw.emulated.plant import Plant
 from truearc.hw.protocols import BadFrame, Frame
-from truearc.hw.devices.spark.frames import REVOLUTION_RAD, RPM_RAD_S, SparkAxis
 
 UNIVERSAL_HEARTBEAT = 0x01011840                  # of a competition controller; the first one locks the device to it
 PHASE_NS = 3 * MS                                 # of the reports, as the other axes'

@@ -2,11 +2,11 @@
 
 from msgspec.structs import replace
 
+from truearc.hw.dc_motor import DcMotor, duty_for, torque_of
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.encoder_plausibility import Agreement
-from truearc.hw.dc_motor import DcMotor, duty_for, torque_of
-from truearc.hw.protocols import BadFrame, Frame
 from truearc.hw.motor import Order
+from truearc.hw.protocols import BadFrame, Frame
 from truearc.hw.readings import MotorReading
 
 MS = 1_000_000

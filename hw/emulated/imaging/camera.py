@@ -12,7 +12,6 @@ from functools import reduce
 import cv2
 import numpy as np
 
-from truearc.hw.emulated.imaging.lens import Array, Lens, Plane, distort, ideal_pixels
 from truearc.hw.emulated.imaging.image_degradation import (
     DARK_BGR,
     HALO_BLUR_PX,
@@ -25,9 +24,10 @@ from truearc.hw.emulated.imaging.image_degradation import (
     paint,
     spread,
 )
-from truearc.hw.emulated.plant import Scene, View
+from truearc.hw.emulated.imaging.lens import Array, Lens, Plane, distort, ideal_pixels
 from truearc.hw.emulated.imaging.shutter import project_turning
 from truearc.hw.emulated.imaging.tone_curve import tone
+from truearc.hw.emulated.plant import Scene, View
 from truearc.hw.readings import CameraFrame
 
 UNEVEN = 0.1                          # the ring light is this much dimmer at one end of the tape
@@ -169,8 +169,8 @@ class EmulatedCamera:
 
 
 def outline_m(tape: TapeSize) -> Array:
-    """(8, 3) corners in the target's frame (truearc.hw.emulated.plant.View): outer bottom right, bottom left, top left, top
-    right, then the same four of the tape's inner edge."""
+    """(8, 3) corners in the target's frame (truearc.hw.emulated.plant.View): outer bottom right, bottom left, top
+    left, top right, then the same four of the tape's inner edge."""
     top, bottom, high, wide = tape.top_width_m / 2, tape.bottom_width_m / 2, tape.height_m / 2, tape.tape_width_m
     slope = (top - bottom) / tape.height_m
     across = wide * np.hypot(1.0, slope)              # the tape's width measured horizontally on its sloping sides

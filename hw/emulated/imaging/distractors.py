@@ -9,8 +9,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from truearc.hw.emulated.imaging.lens import Array, Lens, distort, project
 from truearc.hw.emulated.imaging.image_degradation import TAPE_BGR, Patch
+from truearc.hw.emulated.imaging.lens import Array, Lens, distort, project
 from truearc.hw.emulated.static_plant import place
 
 Kind = Callable[[Lens, Array | None, np.random.Generator], tuple[Patch, ...]]

@@ -7,27 +7,28 @@ from pathlib import Path
 import msgspec
 from msgspec import structs
 
-from truearc.cli.start.demo import FEWEST
 from truearc.cli.discover.discover import keep_compiled
 from truearc.cli.progress import make_progress
+from truearc.cli.start.demo import FEWEST
+from truearc.robot.config.schema import InputError
+from truearc.sim.discover.model.prepared_data import FEWEST_SHOTS
 from truearc_proof.cli.prove_apart import solve_apart
 from truearc_proof.cli.prove_check import check_packed
 from truearc_proof.cli.prove_drive import LEVEL, driven_of, driven_table, learn_gates, play_driven, room_of
-from truearc.robot.config.schema import InputError
-from truearc.sim.discover.model.prepared_data import FEWEST_SHOTS
-from truearc_proof.rounds.committer import Plan, answer_round, entropy, load_plan, seal_round
-from truearc_proof.rounds.ledger import last_digest, read_ledger
-from truearc_proof.worlds.sampling_plan import MUJOCO, NUMPY, OWN
-from truearc_proof.rounds.grader import Graded, grade_round, graded_of, unclaimed
-from truearc_proof.worlds.external_world import seal_own
-from truearc_proof.rounds.archive import pack
 from truearc_proof.report.figures import plain_figures
 from truearc_proof.report.html_page import make_proof_page, verdict
 from truearc_proof.report.tables import Table, make_tables
 from truearc_proof.rivals.registry import RIVALS, check_rivals
+from truearc_proof.rounds.archive import pack
+from truearc_proof.rounds.committer import Plan, answer_round, entropy, load_plan, seal_round
+from truearc_proof.rounds.grader import Graded, grade_round, graded_of, unclaimed
+from truearc_proof.rounds.ledger import last_digest, read_ledger
 from truearc_proof.rounds.round_layout import SEALED, Room
 from truearc_proof.rounds.solver import solve_round
+from truearc_proof.worlds.external_world import seal_own
+from truearc_proof.worlds.sampling_plan import MUJOCO, NUMPY, OWN
 
+SUMMARY = "concealed worlds, sealed before and opened after"
 DESCRIPTION = """Draw concealed worlds, seal what is true of them, discover in their data, open the seals and mark what
 was said. Without a role all are played, the solver's in a process of its own that cannot read the seals; seal, solve,
 answer (shoot what the solver asks for; then solve again) and grade are the roles apart. What was cut short goes on

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from truearc.cli.progress import make_progress
-from truearc_proof.cli.prove_apart import solve_apart
 from truearc.robot.config.schema import InputError
+from truearc_proof.cli.prove_apart import solve_apart
 from truearc_proof.rounds.archive import check_round, unpack
-from truearc_proof.rounds.round_layout import Room
 from truearc_proof.rounds.reproduce_claims import compare_claims, give_away, solver_of
+from truearc_proof.rounds.round_layout import Room
 from truearc_proof.rounds.solver import solver_id
 
 
@@ -34,7 +34,8 @@ def check_packed(args: argparse.Namespace, room: Room) -> None:
 
 
 def _solve_again(args: argparse.Namespace, room: Room, names: Sequence[str]) -> str:
-    """What came of it; InputError for claims by another state of the solver, and where anything is claimed otherwise."""
+    """What came of it; InputError for claims by another state of the solver, and where anything is claimed
+    otherwise."""
     others = [name for name in names if solver_of(room, name) != solver_id()]
     if others:
         raise InputError(f"--solve: {room.claims(others[0])}: claimed by the solver whose hash is "

@@ -22,30 +22,30 @@ import numpy as np
 from msgspec import Struct
 
 from truearc import robot
+from truearc.cli.discover.discover import adopt, keep_compiled
+from truearc.cli.main import main as front_door
 from truearc.cli.start.demo import walked_in
 from truearc.cli.start.demo_files import Score
-from truearc.cli.discover.discover import adopt, keep_compiled
-from truearc.sim.world.emulated_robot import emulate
 from truearc.robot.config.schema import InputError, load_config
+from truearc.sim.data.dataset import load_dataset, save_dataset
+from truearc.sim.data.recordings import outcomes_of, shots_from_sessions
 from truearc.sim.discover.api import discover
 from truearc.sim.discover.finding import make_json
-from truearc.sim.parallel import fan_out
 from truearc.sim.intervals import difference
-from truearc_proof.rounds.committer import Plan, keep_plan
-from truearc_proof.rounds.ledger import append, digest
-from truearc_proof.rounds.file_lock import alone
-from truearc_proof.rounds.score_store import load_marks, save_mark, worlds_of, wrong_marks
-from truearc_proof.worlds.sampling_plan import FIRST_SEED, MUJOCO, Drawn, change_one, drawn_of
-from truearc_proof.rounds.grader import check_world, left_out
-from truearc_proof.report.tables import Table, said
-from truearc_proof.rounds.round_layout import CLAIMED, OPENED, SEALED, Room
-from truearc_proof.rounds.commitment import canonical, hash_files, load_seal, make_seal, save_seal
-from truearc_proof.rounds.solver import FALSE_ALARM, SCHEMA, forbid, solver_id
-from truearc_proof.rounds.jsonl_store import mend
-from truearc.sim.data.recordings import outcomes_of, shots_from_sessions
-from truearc.sim.data.dataset import load_dataset, save_dataset
+from truearc.sim.parallel import fan_out
+from truearc.sim.world.emulated_robot import emulate
 from truearc.sim.world.options import Options
-from truearc.cli.main import main as front_door
+from truearc_proof.report.tables import Table, said
+from truearc_proof.rounds.commitment import canonical, hash_files, load_seal, make_seal, save_seal
+from truearc_proof.rounds.committer import Plan, keep_plan
+from truearc_proof.rounds.file_lock import alone
+from truearc_proof.rounds.grader import check_world, left_out
+from truearc_proof.rounds.jsonl_store import mend
+from truearc_proof.rounds.ledger import append, digest
+from truearc_proof.rounds.round_layout import CLAIMED, OPENED, SEALED, Room
+from truearc_proof.rounds.score_store import load_marks, save_mark, worlds_of, wrong_marks
+from truearc_proof.rounds.solver import FALSE_ALARM, SCHEMA, forbid, solver_id
+from truearc_proof.worlds.sampling_plan import FIRST_SEED, MUJOCO, Drawn, change_one, drawn_of
 
 LEVEL = "L1"
 AT_ONCE = 4                           # worlds between two entries in the ledger
@@ -72,8 +72,8 @@ def room_of(root: Path) -> Room:
 
 def play_driven(root: Path, plan: Plan, trials: int, progress: Progress, workers: int | None = None) -> list[Driven]:
     """Seal the plan's worlds, as many trials each as it has shots, have gates learnt by a process that is refused the
-    seals, open, and drive `trials` with each gate; nothing is done twice. InputError for whatever was tampered with, and
-    for a round that was begun from another plan."""
+    seals, open, and drive `trials` with each gate; nothing is done twice. InputError for whatever was tampered with,
+    and for a round that was begun from another plan."""
     room = room_of(root)
     names = [f"r{number:04d}" for number in range(1, plan.worlds + 1)]
     with alone(room.root):

@@ -8,9 +8,10 @@ from pathlib import Path
 
 from truearc import robot
 from truearc.cli.progress import make_progress
-from truearc_proof.cli.reproduce_record import make_record
 from truearc.robot.config.schema import InputError, load_config
+from truearc.sim.data.dataset import save_dataset
 from truearc.sim.parallel import fan_out
+from truearc_proof.cli.reproduce_record import make_record
 from truearc_proof.reproduce.analysis import analyse
 from truearc_proof.reproduce.collect import Pool, collect
 from truearc_proof.reproduce.networks import train_networks
@@ -18,8 +19,8 @@ from truearc_proof.reproduce.page import OURS_NOT_THEIRS, headline, save_figures
 from truearc_proof.reproduce.repetition import run_repetition, tasks_of
 from truearc_proof.reproduce.settings import Settings, quick
 from truearc_proof.reproduce.tables import in_short, make_tables, make_text
-from truearc.sim.data.dataset import save_dataset
 
+SUMMARY = "the paper's tables and figures beside ours"
 DESCRIPTION = """The paper's Table I, Table II and Figures 8 to 10 on recordings of the emulated robot, beside the
 paper's own numbers, with intervals, baselines and our gate. Recordings are kept and a broken-off run goes on."""
 EXAMPLE = "truearc reproduce -o reproduction --quick"

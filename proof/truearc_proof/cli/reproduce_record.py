@@ -6,10 +6,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from truearc.sim.world.emulated_robot import emulate
 from truearc.robot.config.schema import InputError, config_hash
 from truearc.robot.recording.session import CAN, FRAMES, load_header
 from truearc.sim.parallel import fan_out
+from truearc.sim.world.emulated_robot import emulate
 from truearc_proof.reproduce.collect import Record, Recording
 
 DONE = "recording.json"               # written last: a folder without it was broken off and is recorded anew
@@ -24,8 +24,8 @@ def make_record(folder: Path, scheduler: str | None, workers: int | None,
                 make_progress: Callable[[str], Callable[[float, str], None]]) -> Record:
     """A function that sees to it that sessions are recorded in `folder`, and returns their folders in order.
 
-    What is there and was recorded alike is used as it is. InputError when it was recorded otherwise, or when a cluster's
-    workers write to another disk.
+    What is there and was recorded alike is used as it is. InputError when it was recorded otherwise, or when a
+    cluster's workers write to another disk.
     """
     def record(recordings: Sequence[Recording], what: str) -> list[Path]:
         # a worker elsewhere has another working directory
@@ -36,7 +36,8 @@ def make_record(folder: Path, scheduler: str | None, workers: int | None,
             fan_out(_record, missing, scheduler, make_progress(f"record {what}"), workers)
         for job in missing:
             if not _is_there(job):
-                raise InputError(f"{job.folder}: not here after it was recorded: the cluster's workers need this folder")
+                raise InputError(f"{job.folder}: not here after it was recorded: the cluster's workers need this "
+                                 f"folder")
         return [job.folder for job in jobs]
 
     return record

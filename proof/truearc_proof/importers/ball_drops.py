@@ -9,13 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
+from truearc.robot.config.rig_spec import Air, Ball, Believe, LauncherFacts, Noise, Rig
 from truearc.robot.config.schema import InputError
-from truearc.robot.config.rig_spec import Air, Ball, Believe, Rig, LauncherFacts, Noise
+from truearc.sim.data.dataset import Dataset, Shots, Tracks
+from truearc.sim.data.importers.cells import need_columns, number_column, text_column
 from truearc.sim.data.problems import Problems, gathered
 from truearc.sim.data.table import Table, load_table
 from truearc_proof.importers.ball_sheets import load_sheets
-from truearc.sim.data.importers.cells import need_columns, number_column, text_column
-from truearc.sim.data.dataset import Dataset, Shots, Tracks
 
 COLUMNS = ("ball", "drop", "t_s", "height_m", "mass_kg", "diameter_m")
 BODY = ("mass_kg", "diameter_m")      # of a ball: the same in each of its rows, empty where nobody weighed it

@@ -8,14 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
-from truearc.robot.config.rig_spec import Air, Ball, Believe, Rig, LauncherFacts, Wheel
+from truearc.robot.config.rig_spec import Air, Ball, Believe, LauncherFacts, Rig, Wheel
+from truearc.sim.data.dataset import Dataset, Shots
+from truearc.sim.data.importers.cells import need_columns, number_column
 from truearc.sim.data.problems import Problems, gathered
 from truearc.sim.data.table import Table, load_table
-from truearc.sim.data.importers.cells import need_columns, number_column
 from truearc_proof.importers.fuel import load_fuel
 from truearc_proof.importers.originals import matching
 from truearc_proof.importers.set_points import BALL, RELEASE_M, WHEEL_M
-from truearc.sim.data.dataset import Dataset, Shots
 
 SPEEDS_971 = ("ball_speed_mps", "accelerator_rad_s")
 # in constants.cc: {ball speed, {accelerator, kVelocityFinisher}}

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from truearc.robot.config.rig_spec import Air, Ball, Believe, Rig, LauncherFacts, Noise, Wheel
+from truearc.robot.config.rig_spec import Air, Ball, Believe, LauncherFacts, Noise, Rig, Wheel
+from truearc.sim.data.dataset import Dataset, Shots, Tracks
+from truearc.sim.data.importers.cells import need_columns, number_column, text_column
 from truearc.sim.data.problems import Problems, gathered
 from truearc.sim.data.table import Table, load_table
-from truearc.sim.data.importers.cells import need_columns, number_column, text_column
 from truearc_proof.importers.mpi_recordings import load_recording
-from truearc.sim.data.dataset import Dataset, Shots, Tracks
 
 LAUNCH_COLUMNS = ("set", "launch", "phi_cmd", "theta_cmd", "motor_top_left_rpm", "motor_top_right_rpm",
                   "motor_bottom_rpm", "n_samples")

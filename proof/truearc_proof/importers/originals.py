@@ -26,7 +26,8 @@ def matching(path: Path, pattern: str, comment: str = C_COMMENT) -> Table:
     code = re.sub(comment, lambda found: "\n" * found[0].count("\n"), text_of(path), flags=re.DOTALL)
     matches = list(re.finditer(pattern, code))
     if not matches:
-        raise InputError(f"{path}: holds no numbers where they are looked for (docs/importing.md says which file it is)")
+        raise InputError(f"{path}: holds no numbers where they are looked for (docs/importing.md says which file it "
+                         f"is)")
     columns: dict[str, list[Cell]] = {name: [match[name].strip() or None for match in matches]
                                       for name in re.compile(pattern).groupindex}
     return Table(path, columns, [code.count("\n", 0, match.start()) + 1 for match in matches])

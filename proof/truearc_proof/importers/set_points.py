@@ -11,15 +11,15 @@ from pathlib import Path
 
 import numpy as np
 
+from truearc.robot.config.rig_spec import Air, Ball, Believe, LauncherFacts, Noise, Rig, Target, Wheel
 from truearc.robot.config.schema import InputError
-from truearc.robot.config.rig_spec import Air, Ball, Believe, Rig, LauncherFacts, Noise, Target, Wheel
+from truearc.sim.data.dataset import Dataset, Shots
+from truearc.sim.data.importers.cells import need_columns, number_column, text_column
 from truearc.sim.data.problems import Problems, gathered
 from truearc.sim.data.table import Table, load_table
-from truearc.sim.data.importers.cells import need_columns, number_column, text_column
 from truearc_proof.importers.frc_254 import load_254
 from truearc_proof.importers.frc_2910 import load_2910
 from truearc_proof.importers.frc_3476 import load_3476
-from truearc.sim.data.dataset import Dataset, Shots
 
 RPM = 2.0 * math.pi / 60.0
 BALL = Ball(0.142, 0.0889)            # team 2910's notebook: 0.142 kg, 0.1778 m

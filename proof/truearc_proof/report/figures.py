@@ -9,7 +9,8 @@ from truearc_proof.scoring.decoys import has_decoy, named_decoy, up_to_alias
 from truearc_proof.scoring.score_world import Mark
 from truearc_proof.worlds.sampling_plan import ALIKE, NUMPY
 
-CEILINGS = {"detected": 0, "top-1": 1, "up to alias": 2, "stage": 3}      # places in truearc_proof.scoring.oracle.Ceiling
+# places in truearc_proof.scoring.oracle.Ceiling
+CEILINGS = {"detected": 0, "top-1": 1, "up to alias": 2, "stage": 3}
 RESOLVABLE = 50.0                     # lambda, from which what has no name should be told as such
 # Of everything that was said, by whichever engine the world was made and whatever was hidden.
 ALL_GAINS, ALL_NAMES = "gain below 0, of all claims with a gain", "named wrong, of all single names given"

@@ -6,9 +6,9 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from truearc.sim.intervals import wilson
-from truearc_proof.scoring.score_world import NULLS, Mark
-from truearc_proof.report.tables import VERDICTS, ladder_of, matrix_of
 from truearc.sim.report import make_png, new_figure
+from truearc_proof.report.tables import VERDICTS, ladder_of, matrix_of
+from truearc_proof.scoring.score_world import NULLS, Mark
 
 INK, OURS, ALLOWED, NAMED = "#30343b", "#1f5fa8", "#c2571a", "#2f7d4f"
 BAND_95 = 1.358                       # Kolmogorov's, over the root of the number (Smirnov 1948)

@@ -6,11 +6,11 @@ from operator import attrgetter
 from typing import NamedTuple
 
 from truearc.sim.intervals import wilson
+from truearc_proof.report.figures import kept_in_test, worse_in_test
+from truearc_proof.report.targets import against_targets
 from truearc_proof.scoring.decoys import up_to_alias
 from truearc_proof.scoring.score_world import MEASUREMENT, NULLS, SHOTS, Mark
 from truearc_proof.worlds.sampling_plan import MUJOCO, NUMPY, OWN
-from truearc_proof.report.figures import kept_in_test, worse_in_test
-from truearc_proof.report.targets import against_targets
 
 VERDICTS = ("none", "named", "set", "unknown")
 GROUPS = {"nothing": NULLS, "one of the catalogue": ("one", "decoy", "cut"), "aliases": ("alias",), "two": ("two",),

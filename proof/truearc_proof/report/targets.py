@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from truearc.sim.intervals import wilson
-from truearc_proof.scoring.score_world import Mark
 from truearc_proof.report.figures import (
     ALIAS_SET,
     ALL_GAINS,
@@ -20,6 +19,7 @@ from truearc_proof.report.figures import (
     Figure,
     figures_of,
 )
+from truearc_proof.scoring.score_world import Mark
 
 Setting = tuple[str, int, float]      # level, shots, scale of effects
 

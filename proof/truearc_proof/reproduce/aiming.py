@@ -15,10 +15,10 @@ from scipy.stats import norm
 from sklearn.linear_model import LogisticRegression
 
 from truearc.robot.aim import FEASIBLE_DEG, vacuum_speed_m_s
-from truearc.robot.config.schema import Collect, Prescribed
 from truearc.robot.config.rig_spec import Rig
-from truearc.sim.physics.launch import exit_seed
+from truearc.robot.config.schema import Collect, Prescribed
 from truearc.sim.data.dataset import Shots
+from truearc.sim.physics.launch import exit_seed
 
 DISTANCES_M = (2.6, 8.0)
 RATIOS = (0.15, 0.95)                 # what the wheels do

@@ -6,12 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from truearc.sim.paper.sweep_settings import SweepSetting
 from truearc_proof.reproduce.intervals import Interval, interval
 from truearc_proof.reproduce.metrics import Metrics, measure
 from truearc_proof.reproduce.networks import Answer
 from truearc_proof.reproduce.repetition import OURS, Repetition
 from truearc_proof.reproduce.settings import Settings
-from truearc.sim.paper.sweep_settings import SweepSetting
 
 EVERYTHING, REAL, SIMULATED = "D_r test + D_s^T", "D_r test", "D_s^T"
 WHERE = (EVERYTHING, REAL, SIMULATED)

@@ -12,16 +12,13 @@ from typing import NamedTuple
 import numpy as np
 from msgspec.structs import replace
 
-from truearc.robot.config.schema import InputError, Config, Prescribed
 from truearc.robot.config.rig_spec import Rig
+from truearc.robot.config.schema import Config, InputError, Prescribed
 from truearc.robot.config.shot_plan import with_plan
-from truearc.sim.paper.grid_fit import fit_grid
+from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.recordings import shots_from_sessions
 from truearc.sim.data.repeatability_labels import label_by_repeatability
-from truearc_proof.reproduce.aiming import RATIOS, Aiming, intentions, learn_aiming, propose
-from truearc_proof.reproduce.draws import draw
-from truearc_proof.reproduce.settings import Settings
-from truearc.sim.data.dataset import Dataset, Shots
+from truearc.sim.paper.grid_fit import fit_grid
 from truearc.sim.paper.synthetic_data import (
     AXES,
     OUTCOMES,
@@ -31,6 +28,9 @@ from truearc.sim.paper.synthetic_data import (
     sample_balanced,
     taken_configurations,
 )
+from truearc_proof.reproduce.aiming import RATIOS, Aiming, intentions, learn_aiming, propose
+from truearc_proof.reproduce.draws import draw
+from truearc_proof.reproduce.settings import Settings
 
 ABREAST = 4                           # sessions of a round, which may be recorded side by side
 PRACTICE_SPREAD = 0.12                # speeds off by up to this: misses on both sides teach more than twos
@@ -91,7 +91,8 @@ def collect_real(config: Config, settings: Settings, record: Record) -> Dataset:
         if min(counts.values()) >= settings.pool_each:
             return labelled
     if min(counts.values()) < settings.each:
-        raise InputError(f"{len(sessions)} sessions gave {_said(counts)}: too few for draws of {settings.configurations}")
+        raise InputError(f"{len(sessions)} sessions gave {_said(counts)}: too few for draws of "
+                         f"{settings.configurations}")
     return labelled
 
 
@@ -104,7 +105,8 @@ def labels(sessions: Sequence[Path], name: str, settings: Settings) -> Dataset:
 def _aiming(facts: Rig, sessions: Sequence[Path]) -> Aiming:
     aiming = learn_aiming(facts, shots_from_sessions(sessions, "practice", telemetry=False).shots)
     if aiming is None:
-        raise InputError("the practice sessions have misses on one side of the target only, from which nobody learns to "
+        raise InputError("the practice sessions have misses on one side of the target only, from which nobody learns "
+                         "to "
                        "aim: try another --seed, or without --quick")
     return aiming
 

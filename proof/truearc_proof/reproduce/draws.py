@@ -4,9 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from truearc_proof.reproduce.settings import Settings
 from truearc.sim.data.dataset import Shots
 from truearc.sim.paper.synthetic_data import OUTCOMES
+from truearc_proof.reproduce.settings import Settings
 
 
 class Draw(NamedTuple):

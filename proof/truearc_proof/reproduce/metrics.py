@@ -16,8 +16,8 @@ class Metrics(NamedTuple):
     `accuracy`: rows whose outcome (of three) is called right. `class_three`, `class_two`: of the rows of that outcome,
     those called right, which is what the paper's "F1" is. `f1_three`, `f1_two`: F1 proper of that outcome against the
     others. `brier`: mean squared error of the probabilities, over rows and both outputs. `ece`: calibration error
-    expected over truearc.sim.gate.metrics.BINS equal bins of both outputs' probabilities, that is the mean over predictions of
-    |share of hits - mean probability| of their bin.
+    expected over truearc.sim.gate.metrics.BINS equal bins of both outputs' probabilities, that is the mean over
+    predictions of |share of hits - mean probability| of their bin.
     """
 
     accuracy: float

@@ -6,10 +6,10 @@ from typing import NamedTuple
 import numpy as np
 
 from truearc.sim.paper.network import probabilities
-from truearc_proof.reproduce.repetition import Repetition
-from truearc_proof.reproduce.settings import Settings
 from truearc.sim.paper.sweep import Job, Recipe, train_many
 from truearc.sim.paper.sweep_settings import SweepSetting
+from truearc_proof.reproduce.repetition import Repetition
+from truearc_proof.reproduce.settings import Settings
 
 
 class Answer(NamedTuple):

@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from truearc.sim.paper.sweep_settings import SweepSetting
+from truearc.sim.paper.synthetic_data import OUTCOMES
 from truearc.sim.report import make_page, make_png, paragraph, picture, table
 from truearc_proof.reproduce.analysis import BY_TEST, BY_VALIDATION, EVERYTHING, PAPERS, Analysis
 from truearc_proof.reproduce.collect import LAUNCHABLE, Pool
@@ -20,8 +22,6 @@ from truearc_proof.reproduce.pictures import draw_deviations, draw_reliability, 
 from truearc_proof.reproduce.repetition import OURS, SIMULATOR, Repetition
 from truearc_proof.reproduce.settings import Settings
 from truearc_proof.reproduce.tables import NAMES, Table
-from truearc.sim.paper.sweep_settings import SweepSetting
-from truearc.sim.paper.synthetic_data import OUTCOMES
 
 OURS_NOT_THEIRS = ("The data are ours, recorded by an emulated robot in a MuJoCo world, not the paper's: what agrees "
                    "with the paper does so on another launcher, and what differs may differ for that reason.")

@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from truearc.sim.gate.metrics import reliability
+from truearc.sim.paper.sweep_settings import SweepSetting
 from truearc.sim.plots import COLOURS
 from truearc.sim.report import new_figure
 from truearc_proof.reproduce import paper
@@ -14,7 +15,6 @@ from truearc_proof.reproduce.analysis import EVERYTHING, REAL, SIMULATED, Analys
 from truearc_proof.reproduce.intervals import interval
 from truearc_proof.reproduce.repetition import OURS, Repetition
 from truearc_proof.reproduce.settings import Settings
-from truearc.sim.paper.sweep_settings import SweepSetting
 
 BLUE, GREY, RED, GREEN = "#1f5fa8", "#9aa3af", "#b3261e", "#1b7f3b"
 FARTHEST_M = 2.0

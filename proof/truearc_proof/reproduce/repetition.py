@@ -6,18 +6,19 @@ from typing import NamedTuple
 import numpy as np
 
 from truearc.robot.config.rig_spec import Rig
-from truearc.sim.paper.grid_fit import fit_grid
+from truearc.sim.data.dataset import Dataset, Shots
+from truearc.sim.gate.train import fit_physics_gate
 from truearc.sim.infer.map_fit import fit_ml
 from truearc.sim.infer.score import Score, score
-from truearc.sim.gate.train import fit_physics_gate
+from truearc.sim.paper.grid_fit import fit_grid
+from truearc.sim.paper.grid_start import grid_start
+from truearc.sim.paper.synthetic_data import grid_shots, label_grid, sample_balanced, taken_configurations
+from truearc.sim.paper.training import LABELS, Rows, training_rows
 from truearc.sim.physics.simulate import classify, predict
 from truearc_proof.reproduce.baselines import fit_baselines
 from truearc_proof.reproduce.collect import Pool
 from truearc_proof.reproduce.draws import Draw, draw
 from truearc_proof.reproduce.settings import Settings
-from truearc.sim.data.dataset import Dataset, Shots
-from truearc.sim.paper.synthetic_data import grid_shots, label_grid, sample_balanced, taken_configurations
-from truearc.sim.paper.training import LABELS, Rows, training_rows
 
 SIMULATOR, OURS = "simulator alone", "our gate"
 # What the gate's physics may hold: the seed's forces, and a loss of speed between wheels and ball.
@@ -101,7 +102,8 @@ def simulated_sets(facts: Rig, coefficients: dict[str, dict[str, float]], train:
 
 def our_predictions(facts: Rig, train: Shots, asked: Rows, seed: int) -> dict[str, np.ndarray]:
     """Our gate's, from the same configurations and labels as everybody else's, and nothing besides."""
-    belief = fit_ml(facts, Dataset("training split", facts, train), OUR_TERMS).belief
+    split = Dataset("training split", facts, train)
+    belief = fit_ml(facts, split, OUR_TERMS, grid=grid_start(facts, split)).belief
     return {OURS: fit_physics_gate(facts, belief, train, seed, "training split").probabilities(asked.features)}
 
 

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from truearc.sim.gate.metrics import BINS
+from truearc.sim.paper.sweep_settings import SweepSetting
 from truearc_proof.reproduce import paper
 from truearc_proof.reproduce.analysis import (
     BY_TEST,
@@ -22,7 +23,6 @@ from truearc_proof.reproduce.intervals import Interval, interval
 from truearc_proof.reproduce.metrics import Metrics
 from truearc_proof.reproduce.repetition import OURS, Repetition
 from truearc_proof.reproduce.settings import Settings
-from truearc.sim.paper.sweep_settings import SweepSetting
 
 DIFFERENCES = "Our gate against the others, paired"
 NAMES = {"accuracy": "accuracy", "class_three": "3-pt class accuracy", "class_two": "2-pt class accuracy",
@@ -92,10 +92,16 @@ def table_two(analysis: Analysis, settings: Settings) -> Table:
 
 
 def figure_nine(analysis: Analysis, settings: Settings) -> Table:
-    rows = [(network_name(SweepSetting(size, settings.best_weight)), paper.NOT_PRINTED,
-             _over(analysis, network_name(SweepSetting(size, settings.best_weight)), REAL, "accuracy"), paper.NOT_PRINTED,
-             _over(analysis, network_name(SweepSetting(size, settings.best_weight)), SIMULATED, "accuracy"))
-            for size in settings.sizes]
+    rows = [
+        (
+            network_name(SweepSetting(size, settings.best_weight)),
+            paper.NOT_PRINTED,
+            _over(analysis, network_name(SweepSetting(size, settings.best_weight)), REAL, "accuracy"),
+            paper.NOT_PRINTED,
+            _over(analysis, network_name(SweepSetting(size, settings.best_weight)), SIMULATED, "accuracy"),
+        )
+        for size in settings.sizes
+    ]
     rows += [(model, "-", _over(analysis, model, REAL, "accuracy"), "-", _over(analysis, model, SIMULATED, "accuracy"))
              for model in analysis.models()]
     return Table("Figure 9: accuracy on recorded and on simulated, then launched, configurations",

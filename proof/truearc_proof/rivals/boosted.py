@@ -10,9 +10,9 @@ import numpy as np
 from sklearn.ensemble import HistGradientBoostingRegressor
 from threadpoolctl import threadpool_limits
 
+from truearc.sim.data.dataset import Dataset
 from truearc_proof.rivals.claim import Array, Believed, Claim
 from truearc_proof.rivals.residual import claim_by
-from truearc.sim.data.dataset import Dataset
 
 TREES, RATE, LEAVES, LEAST_SHOTS = 300, 0.05, 8, 15
 INNER, PATIENCE = 0.2, 15             # share of shots that say when to stop, and trees without gain until then

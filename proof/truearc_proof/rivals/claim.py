@@ -7,11 +7,11 @@ from typing import NamedTuple
 import numpy as np
 from msgspec import Struct
 
-from truearc.sim.discover.model.baseline_fit import BaselineFit
-from truearc.sim.discover.detect.clusters import Clusters
-from truearc.sim.discover.api import Investigation
-from truearc.sim.discover.select.refit import Refit
 from truearc.sim.data.dataset import Dataset
+from truearc.sim.discover.api import Investigation
+from truearc.sim.discover.detect.clusters import Clusters
+from truearc.sim.discover.model.baseline_fit import BaselineFit
+from truearc.sim.discover.select.refit import Refit
 
 Array = np.ndarray
 FOLDS = 5

@@ -1,8 +1,8 @@
 """The height at a track's end, foretold from its beginning by a law of library columns.
 
-The same question that truearc's own figure answers (truearc.sim.discover.select.forecast_error): the first 40 % of a track's samples tell
-how the ball left, the law flies it on. truearc also knows wheels and hood when it does so; a law of accelerations does
-not, so compare each entrant's after with its own before.
+The same question that truearc's own figure answers (truearc.sim.discover.select.forecast_error): the first 40 % of a
+track's samples tell how the ball left, the law flies it on. truearc also knows wheels and hood when it does so; a law
+of accelerations does not, so compare each entrant's after with its own before.
 """
 
 import numpy as np

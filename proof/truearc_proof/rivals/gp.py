@@ -12,9 +12,9 @@ from scipy.optimize import Bounds, minimize
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 
+from truearc.sim.data.dataset import Dataset
 from truearc_proof.rivals.claim import Array, Believed, Claim
 from truearc_proof.rivals.residual import claim_by
-from truearc.sim.data.dataset import Dataset
 
 SCALES = (0.1, 1e3)                   # of length, in standard deviations of a covariate
 SHARES = (1e-4, 1e2)                  # of variance, in the residuals' own

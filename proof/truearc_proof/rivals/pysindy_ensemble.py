@@ -8,12 +8,12 @@ the share of models that do. Velocities are differenced once and accelerations t
 
 import numpy as np
 
+from truearc.sim.data.dataset import Dataset
 from truearc_proof.rivals.claim import Array, Believed, Claim
 from truearc_proof.rivals.library import COLUMNS, accelerations, gravity
 from truearc_proof.rivals.regression import claim_by, known_of
 from truearc_proof.rivals.sparse import Rows
 from truearc_proof.rivals.tracks import Flights, gather_flights
-from truearc.sim.data.dataset import Dataset
 
 WINDOW, ORDER = 21, 3
 EDGE = 8

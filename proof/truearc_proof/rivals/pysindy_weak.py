@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 
+from truearc.sim.data.dataset import Dataset
 from truearc_proof.rivals.claim import Array, Believed, Claim
 from truearc_proof.rivals.library import COLUMNS, accelerations, gravity
 from truearc_proof.rivals.pysindy_ensemble import WINDOW, differentiate
 from truearc_proof.rivals.regression import claim_by, known_of
 from truearc_proof.rivals.sparse import Rows, seeded
 from truearc_proof.rivals.tracks import Flights, gather_flights
-from truearc.sim.data.dataset import Dataset
 
 HALF = 0.49                           # of the track's length, to either side of a domain's centre
 DOMAINS = 1                           # a track

@@ -13,13 +13,13 @@ from typing import Protocol
 
 import numpy as np
 
-from truearc.sim.discover.model.baseline_fit import only_shared
+from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.detect.covariates import FOLLOWED, Covariate, gather_covariates
+from truearc.sim.discover.model.baseline_fit import only_shared
 from truearc.sim.discover.select.forecast_error import track_errors
 from truearc.sim.discover.select.refit import unseen_change, without
 from truearc.sim.physics.catalogue import TERMS
 from truearc_proof.rivals.claim import Array, Believed, Claim, folds, rms
-from truearc.sim.data.dataset import Dataset
 
 
 class Learner(Protocol):

@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from truearc_proof.scoring.score_finding import names_ranked
 from truearc_proof.rivals.claim import Claim
+from truearc_proof.scoring.score_finding import names_ranked
 
 NAMING = ("named", "set")             # verdicts that give names; "unknown" gives none, whatever it ranks
 

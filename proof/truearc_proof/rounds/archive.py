@@ -10,25 +10,26 @@ from typing import NamedTuple
 import numpy as np
 
 from truearc.robot.config.schema import InputError
-from truearc_proof.rounds.committer import answer, asked_of, entropy
-from truearc_proof.rounds.ledger import digest
-from truearc_proof.worlds.generate_data import HOME, make_data
-from truearc_proof.rounds.score_store import missing_marks, wrong_marks
-from truearc_proof.worlds.sampling_plan import OWN, Drawn, drawn_of
-from truearc_proof.rounds.grader import Graded, Progress, check_draw, check_world, graded_of, left_out, mark_world
-from truearc_proof.rounds.round_layout import ANSWERED, CLAIMED, CLAIMED_AGAIN, GRADED, SEALED, Room
-from truearc_proof.rounds.reproducibility import TOLERANCE, compare
 from truearc_proof.rounds.commitment import load_seal
+from truearc_proof.rounds.committer import answer, asked_of, entropy
+from truearc_proof.rounds.grader import Graded, Progress, check_draw, check_world, graded_of, left_out, mark_world
+from truearc_proof.rounds.ledger import digest
 from truearc_proof.rounds.reproduce_claims import solver_of
+from truearc_proof.rounds.reproducibility import TOLERANCE, compare
+from truearc_proof.rounds.round_layout import ANSWERED, CLAIMED, CLAIMED_AGAIN, GRADED, SEALED, Room
+from truearc_proof.rounds.score_store import missing_marks, wrong_marks
 from truearc_proof.rounds.solver import solver_id
+from truearc_proof.worlds.generate_data import HOME, make_data
+from truearc_proof.worlds.sampling_plan import OWN, Drawn, drawn_of
 
 KEPT = ("ledger.jsonl", "grades.jsonl", "keeper", "claims", "again")
 
 
 class Checked(NamedTuple):
     """What was found of a packed round; `wrong` names all that is not as it was committed to; off: how far numbers of
-    the marks that were worked out again are off at most (truearc_proof.rounds.reproducibility); `seed` draws the sample of worlds that
-    were made again; `others`: hashes of other states of the solver, by which worlds were claimed."""
+    the marks that were worked out again are off at most (truearc_proof.rounds.reproducibility); `seed` draws the
+    sample of worlds that were made again; `others`: hashes of other states of the solver, by which worlds were
+    claimed."""
 
     sealed: int
     graded: int
@@ -48,7 +49,8 @@ def pack(room: Room, path: Path) -> None:
     if open_yet:
         raise InputError(f"{room.ledger}: {', '.join(open_yet[:5])}: not marked yet; `truearc prove grade` first")
     if any(_drawn(room, name).engine == OWN for name in room.steps()):
-        raise InputError(f"{room.ledger}: has somebody else's world, whose data cannot be made again: keep the directory")
+        raise InputError(f"{room.ledger}: has somebody else's world, whose data cannot be made again: keep the "
+                         f"directory")
     files = [file for name in KEPT for file in sorted([room.root / name, *(room.root / name).rglob("*")])
              if file.is_file()]
     with tarfile.open(path, "w:xz", preset=9) as tar:

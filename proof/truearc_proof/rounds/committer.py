@@ -20,14 +20,14 @@ from msgspec import Struct
 
 from truearc.robot.config.schema import InputError
 from truearc.sim.parallel import fan_out
-from truearc_proof.rounds.ledger import append, digest
-from truearc_proof.rounds.file_lock import alone
-from truearc_proof.worlds.generate_data import home_of, make_data, make_more, make_reading
-from truearc_proof.worlds.sampling_plan import FIRST_SEED, MUJOCO, NUMPY, OWN, Drawn, draw_round, drawn_of
-from truearc_proof.rounds.round_layout import ANSWERED, ASKED, CLAIMED, OPENED, SEALED, Room
 from truearc_proof.rounds.commitment import canonical, hash_files, load_seal, make_seal, save_seal
-from truearc_proof.worlds.instruments import TOOLS
+from truearc_proof.rounds.file_lock import alone
+from truearc_proof.rounds.ledger import append, digest
+from truearc_proof.rounds.round_layout import ANSWERED, ASKED, CLAIMED, OPENED, SEALED, Room
 from truearc_proof.truth.followup import Asked
+from truearc_proof.worlds.generate_data import home_of, make_data, make_more, make_reading
+from truearc_proof.worlds.instruments import TOOLS
+from truearc_proof.worlds.sampling_plan import FIRST_SEED, MUJOCO, NUMPY, OWN, Drawn, draw_round, drawn_of
 
 Progress = Callable[[float, str], None]
 MOST_CONFIGURATIONS, MOST_SHOTS = 5, 100     # of a follow-up

@@ -17,7 +17,8 @@ FILE = "lock"                         # stays there, empty, when nobody holds it
 
 @contextmanager
 def alone(root: Path) -> Iterator[None]:
-    """As the only writer in there; InputError where another process is one. The directory is made where there is none."""
+    """As the only writer in there; InputError where another process is one. The directory is made where there is
+    none."""
     root.mkdir(parents=True, exist_ok=True)
     file = os.open(root / FILE, os.O_RDWR | os.O_CREAT, 0o644)       # no child inherits it
     try:

@@ -9,23 +9,23 @@ import msgspec
 from msgspec import Struct, structs
 
 from truearc.robot.config.schema import InputError
+from truearc.sim.data.dataset import Dataset, load_dataset
 from truearc.sim.infer.belief import from_table
 from truearc.sim.parallel import fan_out
 from truearc_proof.rounds.claims_schema import load_claims
-from truearc_proof.rounds.committer import load_plan
-from truearc_proof.rounds.ledger import append, digest
-from truearc_proof.rounds.file_lock import alone
-from truearc_proof.worlds.generate_data import HOME, MEASURED
-from truearc_proof.scoring.score_world import MEASUREMENT, SHOTS, Mark, mark
-from truearc_proof.rounds.score_store import Steps, load_marks, save_mark, worlds_of, wrong_marks
-from truearc_proof.scoring.information_bound import Measured, measure
-from truearc_proof.worlds.sampling_plan import NUMPY, OWN, Drawn, drawn_of
-from truearc_proof.rounds.round_layout import ANSWERED, ASKED, CLAIMED, CLAIMED_AGAIN, OPENED, SEALED, Room
-from truearc_proof.scoring.design_gain import random_worth
 from truearc_proof.rounds.commitment import canonical, check_data, hash_files, load_seal
-from truearc_proof.scoring.sealed_holdout import Unseen, off_m, shoot_unseen
+from truearc_proof.rounds.committer import load_plan
+from truearc_proof.rounds.file_lock import alone
 from truearc_proof.rounds.jsonl_store import mend
-from truearc.sim.data.dataset import Dataset, load_dataset
+from truearc_proof.rounds.ledger import append, digest
+from truearc_proof.rounds.round_layout import ANSWERED, ASKED, CLAIMED, CLAIMED_AGAIN, OPENED, SEALED, Room
+from truearc_proof.rounds.score_store import Steps, load_marks, save_mark, worlds_of, wrong_marks
+from truearc_proof.scoring.design_gain import random_worth
+from truearc_proof.scoring.information_bound import Measured, measure
+from truearc_proof.scoring.score_world import MEASUREMENT, SHOTS, Mark, mark
+from truearc_proof.scoring.sealed_holdout import Unseen, off_m, shoot_unseen
+from truearc_proof.worlds.generate_data import HOME, MEASURED
+from truearc_proof.worlds.sampling_plan import NUMPY, OWN, Drawn, drawn_of
 
 Progress = Callable[[float, str], None]
 

@@ -9,10 +9,10 @@ from typing import Any
 
 import msgspec
 
-from truearc_proof.scoring.score_finding import said_set, said_stage
 from truearc_proof.rounds.ledger import append
-from truearc_proof.worlds.generate_data import HOME
 from truearc_proof.rounds.round_layout import SEALED, Room
+from truearc_proof.scoring.score_finding import said_set, said_stage
+from truearc_proof.worlds.generate_data import HOME
 
 NEARLY, ZERO = 1e-3, 1e-6             # of a number, and of one near 0: what other machines' rounding makes of a fit
 

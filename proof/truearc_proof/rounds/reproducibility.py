@@ -7,8 +7,8 @@ another state of the solver they may be any, and are told and not held against a
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from truearc_proof.scoring.score_world import Mark
 from truearc_proof.rounds.grader import Graded
+from truearc_proof.scoring.score_world import Mark
 
 ROUNDING = 1e-6                       # of sums in another order; forty worlds marked again were off by 2e-12 at most
 # Of a chance drawn 2000 times, threshold and all, twice: drawn by six seeds in sixteen worlds it had a standard

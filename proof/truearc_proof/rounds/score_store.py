@@ -7,10 +7,10 @@ from typing import Any
 import msgspec
 
 from truearc.robot.config.schema import InputError
-from truearc_proof.rounds.ledger import append, digest
-from truearc_proof.rounds.round_layout import GRADED, Room
 from truearc_proof.rounds.commitment import canonical
 from truearc_proof.rounds.jsonl_store import append_line, lines_of
+from truearc_proof.rounds.ledger import append, digest
+from truearc_proof.rounds.round_layout import GRADED, Room
 
 Steps = Mapping[str, Mapping[str, str]]
 

@@ -11,32 +11,34 @@ anything beside the next one.
 import hashlib
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import msgspec
 
-from truearc import sim
+import truearc.sim
+import truearc_proof
 from truearc.robot.config.schema import InputError
-from truearc.sim.infer.belief import Belief, as_table
+from truearc.sim.data.dataset import Dataset, join_datasets, load_dataset
 from truearc.sim.discover.adopt import make_belief
-from truearc.sim.discover.plan.experiment_design import can_design, make_design
 from truearc.sim.discover.api import Investigation, discover
 from truearc.sim.discover.finding import make_json
 from truearc.sim.discover.model.external_measurements import Measured, Measurement, column_of
+from truearc.sim.discover.plan.experiment_design import can_design, make_design
+from truearc.sim.infer.belief import Belief, as_table
 from truearc.sim.parallel import fan_out
-from truearc_proof.rounds.ledger import append, digest
-from truearc_proof.rounds.file_lock import alone
-from truearc_proof.worlds.generate_data import HOME, MEASURED
 from truearc_proof.rivals.claim import believed_of
 from truearc_proof.rivals.registry import find_rival
-from truearc_proof.rounds.round_layout import ANSWERED, CLAIMED, CLAIMED_AGAIN, OPENED, SEALED, Room
 from truearc_proof.rounds.commitment import canonical, hash_files
+from truearc_proof.rounds.file_lock import alone
+from truearc_proof.rounds.ledger import append, digest
+from truearc_proof.rounds.round_layout import ANSWERED, CLAIMED, CLAIMED_AGAIN, OPENED, SEALED, Room
+from truearc_proof.worlds.generate_data import HOME, MEASURED
 from truearc_proof.worlds.instruments import TOOLS
-from truearc.sim.data.dataset import Dataset, join_datasets, load_dataset
 
 Progress = Callable[[float, str], None]
 SCHEMA = "truearc.claims/1"
@@ -44,8 +46,12 @@ FALSE_ALARM = 0.05
 AT_HOME = ("gravity", "drag", "magnus")      # what is believed of MuJoCo's robot before its unmodified session
 MORE_SHOTS, MORE_CONFIGURATIONS = 100, 5     # at most, in a follow-up
 OPENING = ("open", "os.listdir", "os.scandir", "os.rename", "os.link", "os.symlink")
-OTHERS = ("prove/", "world/")         # of sim: whose sources are no part of a solver,
-OWN = ("prove/solver.py", "prove/tools.py")  # but for these
+# What the solver's hash covers: patterns of files below each package. The emulated world is no part of a solver.
+SOURCES = {
+    truearc.sim: ("*.py", "data/**/*.py", "physics/**/*.py", "infer/**/*.py", "discover/**/*.py", "gate/**/*.py",
+                  "paper/**/*.py", "sysid/**/*.py"),
+    truearc_proof: ("rounds/solver.py", "worlds/instruments.py"),
+}
 
 _forbidden: list[str] = []
 
@@ -53,8 +59,8 @@ _forbidden: list[str] = []
 def solve_round(room: Room, progress: Progress, workers: int | None = None, scheduler: str | None = None,
                 rivals: tuple[str, ...] = ()) -> None:
     """Claims for every sealed world that has none in the ledger, and second ones where more shots were given; rivals:
-    others (truearc_proof.rivals) that are put to the same tracks. Call it in a process of its own: afterwards this one can
-    open nothing of the keeper's any more. InputError for rivals where no world has tracks."""
+    others (truearc_proof.rivals) that are put to the same tracks. Call it in a process of its own: afterwards this
+    one can open nothing of the keeper's any more. InputError for rivals where no world has tracks."""
     forbid(room.keeper)
     with alone(room.root):
         _solve_sealed(room, progress, workers, scheduler, rivals)
@@ -175,13 +181,28 @@ def at_home(directory: Path) -> tuple[Dataset, Belief]:
 
 @cache
 def solver_id() -> str:
-    """SHA-256 of the solver's sources, all that claims can hang on: the same as long as not a letter has changed."""
-    state, home = hashlib.sha256(), Path(sim.__file__).parent
-    for path in sorted(home.rglob("*.py")):
-        name = path.relative_to(home).as_posix()
-        if not name.startswith(OTHERS) or name in OWN:
-            state.update(name.encode() + b"\0" + path.read_bytes())
+    """Return the SHA-256 of the sources that claims depend on (`SOURCES`)."""
+    state = hashlib.sha256()
+    for name, path in solver_files(SOURCES):
+        state.update(name.encode() + b"\0" + path.read_bytes())
     return state.hexdigest()
+
+
+def solver_files(sources: Mapping[ModuleType, Iterable[str]]) -> list[tuple[str, Path]]:
+    """Return (name, path) of every file that the patterns match, sorted by name.
+
+    Raises:
+        ValueError: a pattern matches no file, so that a file that has moved cannot leave the hash unseen.
+    """
+    files: dict[str, Path] = {}
+    for package, patterns in sources.items():
+        home = Path(str(package.__file__)).parent
+        for pattern in patterns:
+            found = {f"{package.__name__}/{path.relative_to(home).as_posix()}": path for path in home.glob(pattern)}
+            if not found:
+                raise ValueError(f"{package.__name__}: {pattern} matches no file")
+            files |= found
+    return sorted(files.items())
 
 
 def forbid(directory: Path) -> None:

@@ -4,8 +4,8 @@ Marks keep what the data cannot tell apart, the decoy's name with it; here it is
 """
 
 from truearc_proof.scoring.score_world import Mark
-from truearc_proof.worlds.sampling_plan import DECOY, OWN
 from truearc_proof.scoring.suite import unseen
+from truearc_proof.worlds.sampling_plan import DECOY, OWN
 
 
 def named_decoy(mark: Mark) -> bool | None:

@@ -5,13 +5,13 @@ from typing import Any
 
 import numpy as np
 
-from truearc.sim.discover.model.baseline_fit import fit_believed
-from truearc.sim.discover.detect.clusters import groups_of
-from truearc.sim.discover.model.design_columns import lay_out
-from truearc.sim.discover.plan.experiment_design import Contest, worth
-from truearc.sim.discover.model.prepared_data import take_in
-from truearc.sim.discover.model.external_measurements import column_of
 from truearc.sim.data.dataset import Dataset, join_datasets
+from truearc.sim.discover.detect.clusters import groups_of
+from truearc.sim.discover.model.baseline_fit import fit_believed
+from truearc.sim.discover.model.design_columns import lay_out
+from truearc.sim.discover.model.external_measurements import column_of
+from truearc.sim.discover.model.prepared_data import take_in
+from truearc.sim.discover.plan.experiment_design import Contest, worth
 
 MOST = 64.0                           # times the first shots, up to which random ones are counted
 HALVINGS = 30
@@ -21,7 +21,8 @@ def random_worth(first: Dataset, more: Dataset, finding: Mapping[str, Any]) -> i
     """By what the given shots themselves say of the amplitudes of the set's names, each as large and as likely as was
     claimed before; None beyond MOST times the first shots, or for fewer than two names.
 
-    Worth is the design's (truearc.sim.discover.plan.experiment_design.worth), with the information of shots that were really shot.
+    Worth is the design's (truearc.sim.discover.plan.experiment_design.worth), with the information of shots that were
+    really shot.
     """
     what = {one["term"]: one for one in finding["what"] if one["term"] in (finding["set"] or ())}
     whole = join_datasets(first, more)

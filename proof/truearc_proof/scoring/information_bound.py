@@ -4,27 +4,27 @@ from typing import NamedTuple
 
 import numpy as np
 
-from truearc.sim.infer.belief import Belief
+from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.adopt import believed_in
-from truearc.sim.discover.model.baseline_fit import BaselineFit, fit_believed
 from truearc.sim.discover.detect.clusters import find_clusters, groups_of
+from truearc.sim.discover.model.baseline_fit import BaselineFit, fit_believed
 from truearc.sim.discover.model.design_columns import lay_out
 from truearc.sim.discover.model.prepared_data import take_in
-from truearc.sim.discover.select.term_ranking import efficient
 from truearc.sim.discover.select.refit import refit, unseen_score, without
+from truearc.sim.discover.select.term_ranking import efficient
+from truearc.sim.infer.belief import Belief
 from truearc_proof.scoring.oracle import ceiling_of, strength_of
 from truearc_proof.scoring.score_finding import PARAMETER
-from truearc_proof.worlds.sampling_plan import NUMPY, Drawn
 from truearc_proof.truth.generate import shift_m
 from truearc_proof.truth.world import make_world
-from truearc.sim.data.dataset import Dataset
+from truearc_proof.worlds.sampling_plan import NUMPY, Drawn
 
 
 class Measured(NamedTuple):
-    """allowed: as truearc_proof.scoring.oracle.Ceiling, of one hidden effect of the catalogue; alike: terms of its class in these
-    data; best_sd: least standard error of its amplitude; oracle_gain: nats a shot on unseen shots, had somebody said
-    which term it is; strength: lambda of an effect that no catalogue has, where only heights speak of it. before,
-    oracle: what is believed, fitted by the grader, without the true term and with it."""
+    """allowed: as truearc_proof.scoring.oracle.Ceiling, of one hidden effect of the catalogue; alike: terms of its
+    class in these data; best_sd: least standard error of its amplitude; oracle_gain: nats a shot on unseen shots, had
+    somebody said which term it is; strength: lambda of an effect that no catalogue has, where only heights speak of
+    it. before, oracle: what is believed, fitted by the grader, without the true term and with it."""
 
     allowed: tuple[float, ...] | None = None
     alike: tuple[str, ...] = ()

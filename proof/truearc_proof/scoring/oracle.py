@@ -10,8 +10,8 @@ import numpy as np
 
 from truearc.sim.discover.api import Investigation
 from truearc.sim.discover.model.score_table import Array, ScoreTable, plane_terms, shared_columns
-from truearc.sim.discover.select.term_ranking import ALIAS, efficient, nats_for, visible_terms
 from truearc.sim.discover.select.refit import refit, unseen_score, without
+from truearc.sim.discover.select.term_ranking import ALIAS, efficient, nats_for, visible_terms
 from truearc_proof.scoring.score_finding import ALIASES
 
 FALSE_ALARM = 0.05

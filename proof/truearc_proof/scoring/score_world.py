@@ -5,7 +5,7 @@ from typing import Any
 
 from msgspec import Struct, structs
 
-from truearc_proof.worlds.perturbations import changes_of
+from truearc_proof.scoring.information_bound import Measured
 from truearc_proof.scoring.score_finding import (
     BY_BALL,
     GOES_WITH,
@@ -17,7 +17,7 @@ from truearc_proof.scoring.score_finding import (
     said_set,
     said_stage,
 )
-from truearc_proof.scoring.information_bound import Measured
+from truearc_proof.worlds.perturbations import changes_of
 from truearc_proof.worlds.sampling_plan import ALIKE, DECOY, MUJOCO, OWN, Drawn
 
 Finding = Mapping[str, Any]
@@ -28,16 +28,16 @@ SHOTS, MEASUREMENT = "shots", "one measurement"
 class Mark(Struct, frozen=True):
     """One world's; None where the question does not arise. `hidden`: what was true of it.
 
-    first: the first name is right. alias: or of a class with the right one, be it a decoy's (truearc_proof.scoring.decoys takes
-    those out). covered: the set has a right name. both: of two effects both are named. error: amplitude of the right
-    name, less the truth, over the best standard error that anybody could have (Cramer and Rao). gain: held out, nats a
-    shot, by the solver's own word (its folds); oracle_gain: the same of the true term, by the grader. allowed: chances
-    that the data allow to find, name, name up to alias, place. goes_with: covariate and direction of what is in no
-    catalogue. right: names of the catalogue that would be right. off_m: RMS errors of heights in the sealed test, by
-    what was believed, by what was adopted, and, where the grader knows it, by what is believed with the true term.
-    asked: for what, further SHOTS or one MEASUREMENT. random: as many shots drawn like the first would have parted the
-    names as well as those asked for. rivals: of others put to the same data, whether each says something, and of its
-    first name what `first` and `alias` are of ours, decoys taken out.
+    first: the first name is right. alias: or of a class with the right one, be it a decoy's
+    (truearc_proof.scoring.decoys takes those out). covered: the set has a right name. both: of two effects both are
+    named. error: amplitude of the right name, less the truth, over the best standard error that anybody could have
+    (Cramer and Rao). gain: held out, nats a shot, by the solver's own word (its folds); oracle_gain: the same of the
+    true term, by the grader. allowed: chances that the data allow to find, name, name up to alias, place. goes_with:
+    covariate and direction of what is in no catalogue. right: names of the catalogue that would be right. off_m: RMS
+    errors of heights in the sealed test, by what was believed, by what was adopted, and, where the grader knows it,
+    by what is believed with the true term. asked: for what, further SHOTS or one MEASUREMENT. random: as many shots
+    drawn like the first would have parted the names as well as those asked for. rivals: of others put to the same
+    data, whether each says something, and of its first name what `first` and `alias` are of ours, decoys taken out.
     """
 
     world: str
@@ -116,7 +116,8 @@ def mark_rival(drawn: Drawn, claim: Mapping[str, Any], right: Sequence[str],
     says, names = bool(claim["says_something"]), list(claim["names"])[:1]
     if not right:
         return says, None, None
-    decoy = drawn.engine != OWN and drawn.kind == "decoy" and names == [DECOY]       # ours: truearc_proof.scoring.decoys
+    # ours: truearc_proof.scoring.decoys
+    decoy = drawn.engine != OWN and drawn.kind == "decoy" and names == [DECOY]
     return (says, says and bool(names) and names[0] in right,
             says and not decoy and _alike(drawn, names, right, measured))
 

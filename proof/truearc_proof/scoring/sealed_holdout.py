@@ -9,18 +9,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from truearc.sim.infer.belief import Belief
+from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.shot_conditions import circumstances_of
-from truearc.sim.infer.curve import along
 from truearc.sim.discover.detect.covariates import every_column
+from truearc.sim.infer.belief import Belief
+from truearc.sim.infer.curve import along
 from truearc.sim.physics.catalogue import effective
 from truearc.sim.physics.simulate import opening_of, predict
+from truearc_proof.truth.generate import play
+from truearc_proof.truth.world import make_world
 from truearc_proof.worlds.data_quality import dirty_plan
 from truearc_proof.worlds.generate_data import play_robot
 from truearc_proof.worlds.sampling_plan import MUJOCO, NUMPY, Drawn
-from truearc_proof.truth.generate import play
-from truearc_proof.truth.world import make_world
-from truearc.sim.data.dataset import Dataset
 
 APART = 1 << 41                       # of its seeds from those of the world's own season, and of its follow-up's
 

@@ -6,12 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from truearc.sim.data.dataset import Dataset, Shots, take_shots
 from truearc_proof.truth.aiming import intended_s
+from truearc_proof.truth.generate import play, record
 from truearc_proof.truth.plan import Floats, Plan, plan_shots
 from truearc_proof.truth.sensors import see_places
-from truearc_proof.truth.generate import play, record
 from truearc_proof.truth.world import World
-from truearc.sim.data.dataset import Dataset, Shots, take_shots
 
 APART = 1 << 40                       # seeds of a world from those of the shots that follow it
 RESTED_S = 8.0

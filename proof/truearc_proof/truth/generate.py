@@ -6,12 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from truearc.sim.data.dataset import Dataset, Shots, save_dataset
 from truearc_proof.truth.aiming import Flown, aim, fly_shots, shoot_all
 from truearc_proof.truth.launch import draw_luck, wheel_speeds
 from truearc_proof.truth.plan import Floats, Plan, plan_shots
 from truearc_proof.truth.sensors import see_outcomes, see_places, see_telemetry, see_traces, see_tracks
 from truearc_proof.truth.world import World
-from truearc.sim.data.dataset import Dataset, Shots, save_dataset
 
 
 class Season(NamedTuple):

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from truearc.robot.config.rig_spec import Air, Ball, Believe, LauncherFacts, Noise, Rig, Target, Wheel, WorldFacts
 from truearc.robot.config.schema import InputError
-from truearc.robot.config.rig_spec import Air, Ball, Believe, Rig, LauncherFacts, Noise, Target, Wheel, WorldFacts
 from truearc_proof.truth.effects import check_effects
 
 LEVELS = ("L0", "L1", "L2")
@@ -60,8 +60,8 @@ def make_world(effects: Mapping[str, float] | None = None, level: str = "L0", sh
                dirt: Sequence[str] = (), believe: Sequence[str] = BELIEVED, side: bool = False) -> World:
     """A world of the seed's two-wheel rig, its coefficients drawn from `seed`.
 
-    effects: {name: amplitude in the unit of truearc_proof.truth.effects}. Terms missing in `believe` are true all the same
-    (that is a way of hiding drag, lift, or the loss of speed). InputError for an unknown level, effect or dirt.
+    effects: {name: amplitude in the unit of truearc_proof.truth.effects}. Terms missing in `believe` are true all the
+    same (that is a way of hiding drag, lift, or the loss of speed). InputError for an unknown level, effect or dirt.
     """
     for name in dirt:
         if name not in DIRT:

@@ -13,9 +13,9 @@ import numpy as np
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.dataset import Dataset, Shots, Traces, Tracks
-from truearc.sim.world.test_bench import Bench, NotReady
 from truearc.sim.world.options import Options
 from truearc.sim.world.parts.target import BallResult
+from truearc.sim.world.test_bench import Bench, NotReady
 from truearc.sim.world.world import World
 
 NS = 1e-9

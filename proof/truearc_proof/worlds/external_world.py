@@ -8,16 +8,16 @@ from typing import Any
 import msgspec
 
 from truearc.robot.config.schema import InputError
+from truearc.sim.data.dataset import Dataset, load_dataset
 from truearc.sim.discover.model.prepared_data import FEWEST_SHOTS
 from truearc.sim.physics.catalogue import TERMS
-from truearc_proof.scoring.score_finding import PARAMETER
-from truearc_proof.rounds.ledger import append
+from truearc_proof.rounds.commitment import check_data, load_seal, make_seal, save_seal
 from truearc_proof.rounds.file_lock import alone
+from truearc_proof.rounds.ledger import append
+from truearc_proof.rounds.round_layout import SEALED, Room
+from truearc_proof.scoring.score_finding import PARAMETER
 from truearc_proof.worlds.generate_data import HOME
 from truearc_proof.worlds.sampling_plan import OWN, Drawn, drawn_of
-from truearc_proof.rounds.round_layout import SEALED, Room
-from truearc_proof.rounds.commitment import check_data, load_seal, make_seal, save_seal
-from truearc.sim.data.dataset import Dataset, load_dataset
 
 TAKEN = (HOME, "round")               # home: MuJoCo's unmodified robot; keeper/round.json: how a round was drawn
 EFFECTS = {"clean": (0, 0), "dirty": (0, 0), "one": (1, 1), "alias": (1, 1), "decoy": (1, 1), "two": (2, 2),
@@ -28,8 +28,9 @@ def seal_own(room: Room, world: Path, data: Path) -> str:
     """Seal a world that somebody else has made, with its data; its commitment, to be told before the data are.
 
     world: JSON, {"kind": "one", "effects": {"wind_x": 2.0}} and whatever else is true of it; kinds are those of
-    truearc_proof.worlds.sampling_plan, effects the catalogue's parameters' values, or names of their own for what no catalogue has.
-    InputError for what could never be marked, naming file and key, and for one of that name sealed already.
+    truearc_proof.worlds.sampling_plan, effects the catalogue's parameters' values, or names of their own for what no
+    catalogue has. InputError for what could never be marked, naming file and key, and for one of that name sealed
+    already.
     """
     try:
         truth = msgspec.json.decode(world.read_bytes(), type=dict[str, Any])

@@ -1,7 +1,8 @@
 """What may be measured of a concealed robot instead of more shots, and what its keeper then reads.
 
-By the words in which discovery proposes it (truearc.sim.discover.plan.recommendations). One of these is one measurement; it tells of all
-its terms. Each: {term: standard deviation of one reading, in the unit of the catalogue's parameter}.
+By the words in which discovery proposes it (truearc.sim.discover.plan.recommendations). One of these is one
+measurement; it tells of all its terms. Each: {term: standard deviation of one reading, in the unit of the catalogue's
+parameter}.
 """
 
 from collections.abc import Mapping

@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 
 class Change(NamedTuple):
-    """`options` of truearc.sim.world.options, how the changed world differs from one as drawn; names and stages that are right
-    of it; whether only tracks can show it; options that go with it and are not larger where it is; whether nature may
-    turn it either way, where another change is not already the other."""
+    """`options` of truearc.sim.world.options, how the changed world differs from one as drawn; names and stages that
+    are right of it; whether only tracks can show it; options that go with it and are not larger where it is; whether
+    nature may turn it either way, where another change is not already the other."""
 
     name: str
     options: Mapping[str, float]
@@ -55,7 +55,8 @@ UNCATALOGUED: tuple[Change, ...] = (
     Change("drag_crisis", {"drag_step": -0.1}, (), ("flight",)),
     Change("wind_aloft", {"wind_x_m_s": 0.25}, (), ("flight",), beside=(("wind_above_m", 2.5),), signed=True),
 )
-# Of which a class of names that such data never tell apart is the only right answer (truearc_proof.worlds.sampling_plan.ALIKE).
+# Of which a class of names that such data never tell apart is the only right answer
+# (truearc_proof.worlds.sampling_plan.ALIKE).
 ALIKE_CHANGES = {"L0": ("release_height", "camera_scale"), "L1": ("release_height",), "L2": ("camera_scale",)}
 WORN_CHANGE = "worn_ball"             # what a battery that falls with it is a decoy for
 AND = "+"                             # between the names of two

@@ -1,7 +1,8 @@
 """Which worlds a round of proof is made of: drawn from one number, in shares and sizes that the solver does not know.
 
 Shares follow the design (discovery.md section 7), sizes a ladder in lambda: how plain the effect is in such data
-(proof/truearc_proof/truth/ladder.toml), not how large somebody thinks it usually is. Nothing here is truearc.sim.physics.
+(proof/truearc_proof/truth/ladder.toml), not how large somebody thinks it usually is. Nothing here is
+truearc.sim.physics.
 """
 
 import math
@@ -15,6 +16,11 @@ import numpy as np
 from msgspec import Struct, ValidationError, convert, structs
 
 from truearc.robot.config.schema import InputError
+from truearc.sim.world.options import Options
+from truearc_proof.scoring.suite import NULLS, names_at
+from truearc_proof.truth.effects import find_effect
+from truearc_proof.truth.world import LEVELS, TRACK_DIRT
+from truearc_proof.worlds.data_quality import DECOY_DIRT, dirt_at
 from truearc_proof.worlds.perturbations import (
     ALIKE_CHANGES,
     AND,
@@ -26,11 +32,6 @@ from truearc_proof.worlds.perturbations import (
     pairs_at,
     seen_at,
 )
-from truearc_proof.worlds.data_quality import DECOY_DIRT, dirt_at
-from truearc_proof.scoring.suite import NULLS, names_at
-from truearc_proof.truth.effects import find_effect
-from truearc_proof.truth.world import LEVELS, TRACK_DIRT
-from truearc.sim.world.options import Options
 
 NUMPY, MUJOCO = "numpy", "mujoco"
 OWN = "own"                           # somebody else's world, by an engine of theirs

@@ -10,9 +10,9 @@ import msgspec
 from mcap.writer import CompressionType, Writer
 
 from truearc.robot.recording.export.tabular import BOOL, FLOAT, FLOATS, INT, TEXT, TEXTS, Column, FlatTicks, Value
+from truearc.robot.recording.export.wpilog import WpilogWriter, make_payload
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import Trial, load_session_config, load_trials
-from truearc.robot.recording.export.wpilog import WpilogWriter, make_payload
 from truearc.robot.types import Tick
 
 TRIAL_COLUMNS = (

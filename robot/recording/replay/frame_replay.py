@@ -13,7 +13,7 @@ from msgspec.structs import replace
 
 from truearc.hw.protocols import Frame, LinkLost
 from truearc.hw.readings import CameraFrame
-from truearc.robot.config.schema import InputError, Config, in_words
+from truearc.robot.config.schema import Config, InputError, in_words
 from truearc.robot.motors import name_axes
 from truearc.robot.recording.candump import parse_candump
 from truearc.robot.recording.images import load_image, load_pictures
@@ -34,7 +34,8 @@ class Recomputed(Struct):
 
 
 class LoggedBus:
-    """truearc.hw.protocols.Bus that reads can0.log, as many frames a tick as were read then; what is written to it goes nowhere."""
+    """truearc.hw.protocols.Bus that reads can0.log, as many frames a tick as were read then; what is written to it
+    goes nowhere."""
 
     def __init__(self, path: Path, done: Recomputed) -> None:
         self._path, self._done = path, done

@@ -12,13 +12,13 @@ from msgspec import UNSET
 from msgspec.structs import replace
 
 from truearc.hw.readings import CameraFrame
-from truearc.robot.config.schema import InputError, Config
-from truearc.robot.sysid.tick import POLICY, make_step
-from truearc.robot.recording.replay.frame_replay import FramesRig, Recomputed
+from truearc.robot.config.schema import Config, InputError
 from truearc.robot.recording.reader import TickReader
+from truearc.robot.recording.replay.frame_replay import FramesRig, Recomputed
 from truearc.robot.recording.session import load_header, load_session_config, load_session_gate
 from truearc.robot.rig import ReplayRig
 from truearc.robot.runtime import Think, run
+from truearc.robot.sysid.tick import POLICY, make_step
 from truearc.robot.tick import step
 from truearc.robot.types import Sent, Tick
 

@@ -8,7 +8,7 @@ import msgspec
 from msgspec import Struct
 
 from truearc.hw.readings import CameraFrame
-from truearc.robot.config.schema import InputError, Config
+from truearc.robot.config.schema import Config, InputError
 from truearc.robot.gate.model import Gate
 from truearc.robot.recording.export.tabular import FlatTicks, Value
 from truearc.robot.recording.reader import TickReader

@@ -1,15 +1,15 @@
-"""Whose recordings can be read: name, the files it takes, and the function that reads them."""
+"""Importers of other people's recordings, registered through the entry points `truearc.importers`."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 
-from truearc_proof.importers.ball_drops import import_ball_drops
-from truearc_proof.importers.exit_speeds import import_971, import_fuel
-from truearc_proof.importers.mpi import import_mpi
-from truearc_proof.importers.set_points import import_254, import_2910, import_3476
+from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset
 
+GROUP = "truearc.importers"
 KINDS = {".csv": (".csv", ".parquet")} # of a name in `ways`: what a file may end in, where it is not just that
 
 
@@ -37,12 +37,24 @@ def _is_kind(name: str, file: str) -> bool:
     return Path(file).suffix.lower() in KINDS.get(suffix, (suffix,))
 
 
-IMPORTERS = (
-    Importer("mpi", ("RECORDING.hdf5 ...", "LAUNCHES.csv TRACKS.csv"), import_mpi),
-    Importer("ball-drops", ("Ball_drops_data.xls balls.txt", "DROPS.csv"), import_ball_drops),
-    Importer("frc-254", ("Constants.java", "TABLES.csv"), import_254),
-    Importer("frc-2910", ("TargetWithShooterCommand.java", "TABLES.csv"), import_2910),
-    Importer("frc-3476", ("CLONE/", "shooterconfig.json", "HISTORY.csv"), import_3476),
-    Importer("frc-971", ("constants.cc", "SPEEDS.csv"), import_971),
-    Importer("fuel", ("shooter.py", "SPEEDS.csv"), import_fuel),
-)
+@cache
+def load_importers() -> tuple[Importer, ...]:
+    """Return every installed importer, sorted by name.
+
+    An entry point of the group `truearc.importers` names an `Importer`.
+
+    Raises:
+        InputError: an entry point cannot be loaded, or is not an `Importer`; the message names its distribution.
+    """
+    return tuple(_load(point) for point in sorted(entry_points(group=GROUP), key=lambda point: point.name))
+
+
+def _load(point: EntryPoint) -> Importer:
+    where = f"entry point {GROUP}: {point.name} of {point.dist.name if point.dist else 'an unknown distribution'}"
+    try:
+        importer = point.load()
+    except (ImportError, AttributeError) as error:
+        raise InputError(f"{where}: {error}") from error
+    if not isinstance(importer, Importer):
+        raise InputError(f"{where}: {point.value} is not an Importer")
+    return importer

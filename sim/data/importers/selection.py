@@ -12,7 +12,8 @@ def only(dataset: Dataset, wanted: str) -> Dataset:
     name, equals, listed = wanted.partition("=")
     texts = dataset.shots.texts
     if not equals or name not in texts:
-        raise InputError(f"--only: {wanted!r} is not COLUMN=TEXT with one of the columns {', '.join(texts) or '(none)'}")
+        raise InputError(f"--only: {wanted!r} is not COLUMN=TEXT with one of the columns "
+                         f"{', '.join(texts) or '(none)'}")
     column, parts = dataset.shots.text(name), listed.split(",")
     for part in parts:
         if part not in column:

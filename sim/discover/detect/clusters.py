@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from truearc.sim.discover.model.score_table import Array
 from truearc.sim.data.dataset import Shots
+from truearc.sim.discover.model.score_table import Array
 
 MOST_GROUPED = 0.34                   # groups a shot: with fewer than three shots each nothing would be left to ask
 MANY = 10.0                           # groups, counted by size, from which they and not the shots hang together

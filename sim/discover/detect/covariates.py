@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.shot_conditions import counts_shots, gather_circumstances
 from truearc.sim.discover.model.score_table import Array
 from truearc.sim.physics.simulate import LAUNCH_STATE, launch_state
-from truearc.sim.data.dataset import Dataset, Shots
 
 # What a shot did, not what it was shot with.
 RESULTS = ("miss_height_m", "outcome", "side")

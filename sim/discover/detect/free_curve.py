@@ -5,12 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import block_diag
 
-from truearc.sim.discover.detect.test_battery import Test
 from truearc.sim.discover.detect.clusters import Clusters
 from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, smooth_shapes
+from truearc.sim.discover.detect.test_battery import Test
+from truearc.sim.discover.detect.weight_functions import STEP
 from truearc.sim.discover.model.score_table import Array, ScoreTable, shared_columns
 from truearc.sim.discover.select.refit import folds_of
-from truearc.sim.discover.detect.weight_functions import STEP
 
 STEPS = 8                             # of Fisher scoring; one is exact for Gaussian evidence
 HALVINGS = 8

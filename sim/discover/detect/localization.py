@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from truearc.sim.discover.detect.test_battery import FREE, PATTERN, Asked, Test
 from truearc.sim.discover.detect.clusters import Clusters
+from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Factor
 from truearc.sim.discover.detect.free_curve import Correction, correct
-from truearc.sim.discover.detect.covariates import Covariate, Factor, CovariatePair
-from truearc.sim.discover.model.score_table import Array, Column, ScoreTable
 from truearc.sim.discover.detect.score_test import Judged
+from truearc.sim.discover.detect.test_battery import FREE, PATTERN, Asked, Test
+from truearc.sim.discover.model.score_table import Array, Column, ScoreTable
 from truearc.sim.physics.term import STAGES
 
 AS_GOOD = 0.9                         # of the largest gain: then the plainer description is preferred

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from truearc.sim.discover.detect.clusters import Clusters
-from truearc.sim.discover.detect.covariates import Covariate, Factor, CovariatePair
-from truearc.sim.discover.model.score_table import Array, Column, ScoreTable
+from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Factor
 from truearc.sim.discover.detect.reference_session import ReferenceSession
+from truearc.sim.discover.detect.score_test import Scores, efficient_scores
 from truearc.sim.discover.detect.weight_functions import (
     SAME,
     Look,
@@ -18,7 +18,7 @@ from truearc.sim.discover.detect.weight_functions import (
     pair_shapes,
     weights_of,
 )
-from truearc.sim.discover.detect.score_test import Scores, efficient_scores
+from truearc.sim.discover.model.score_table import Array, Column, ScoreTable
 
 TERMS, FREE, PATTERN = "terms", "free", "pattern"
 # How the allowance for false alarms is shared out: a name is worth most, and most of what is left out has one.

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from truearc.sim.discover.detect.covariates import Covariate, Factor, CovariatePair, varies
+from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Factor, varies
 from truearc.sim.discover.model.score_table import Array
 
 FEWEST = 8                            # shots on each side of a step, and in a group: the signs of fewer say little
@@ -111,7 +111,9 @@ class _Plane:
         """By a law of the place, centred over the shots of the session that is asked."""
         place = self.place(look)
         middle = law(place).mean()
-        return WeightFunction(CovariatePair(self.first, self.second, place), name, lambda other: law(self.place(other)) - middle)
+        return WeightFunction(
+            CovariatePair(self.first, self.second, place), name, lambda other: law(self.place(other)) - middle
+        )
 
 
 def _of_number(covariate: Covariate, law: Law) -> Callable[[Look], Array]:

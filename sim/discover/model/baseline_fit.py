@@ -11,19 +11,19 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from truearc.sim.discover.model import outcome_likelihood as outcomes
-from truearc.sim.discover.model.forward_model import Chain, plane_grid
 from truearc.sim.discover.model.design_columns import SCATTER_PRIOR
-from truearc.sim.discover.model.score_table import Array, ScoreTable
-from truearc.sim.discover.model.prepared_data import SCATTERS, Intake
+from truearc.sim.discover.model.external_measurements import prior_of
+from truearc.sim.discover.model.forward_model import Chain, plane_grid
 from truearc.sim.discover.model.linearization import (
     Linearization,
-    ParameterLayout,
     LinearizationPoint,
+    ParameterLayout,
     fly,
     linearise,
     nowhere,
 )
-from truearc.sim.discover.model.external_measurements import prior_of
+from truearc.sim.discover.model.prepared_data import SCATTERS, Intake
+from truearc.sim.discover.model.score_table import Array, ScoreTable
 from truearc.sim.physics.catalogue import find_parameter, flight_terms
 from truearc.sim.physics.nonparametric import CURVE, NAMELESS
 from truearc.sim.physics.scales import LOG
@@ -120,7 +120,9 @@ def climb(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint,
     return kept[0], kept[1]
 
 
-def _climb_linear(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint, flown: Linearization) -> tuple[LinearizationPoint, Array]:
+def _climb_linear(
+    intake: Intake, layout: ParameterLayout, spot: LinearizationPoint, flown: Linearization
+) -> tuple[LinearizationPoint, Array]:
     """(the top without flying anew, most likely deviates there)."""
     evidence, deviates = linearise(intake, layout, spot, flown)
     best = objective(evidence, layout)

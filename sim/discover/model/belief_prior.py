@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from truearc.sim.infer.belief import SCATTER, Belief, scale_of
 from truearc.sim.discover.model.linearization import ParameterLayout
+from truearc.sim.infer.belief import SCATTER, Belief, scale_of
 from truearc.sim.physics.catalogue import find_parameter
 from truearc.sim.physics.scales import LEFT, LOG
 

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 from scipy.linalg import block_diag
 
+from truearc.sim.discover.model.linearization import ParameterLayout
+from truearc.sim.discover.model.score_table import Column
 from truearc.sim.infer.belief import Belief
 from truearc.sim.infer.curve import Curve
-from truearc.sim.discover.model.score_table import Column
-from truearc.sim.discover.model.linearization import ParameterLayout
 from truearc.sim.physics.catalogue import find_terms
 from truearc.sim.physics.nonparametric import CURVE
 from truearc.sim.physics.term import complete

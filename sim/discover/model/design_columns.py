@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 
 from truearc.robot.config.schema import InputError
-from truearc.sim.infer.belief import Belief
+from truearc.sim.discover.model.belief_prior import inform, may_have_moved
 from truearc.sim.discover.model.curve_columns import bent
 from truearc.sim.discover.model.forward_model import DIRECTIONS, Chain
-from truearc.sim.discover.model.score_table import Array, Column
-from truearc.sim.discover.model.prepared_data import SCATTERS, Intake
 from truearc.sim.discover.model.linearization import Groups, ParameterLayout
-from truearc.sim.discover.model.belief_prior import inform, may_have_moved
+from truearc.sim.discover.model.prepared_data import SCATTERS, Intake
+from truearc.sim.discover.model.score_table import Array, Column
+from truearc.sim.infer.belief import Belief
 from truearc.sim.physics.catalogue import TERMS, find_parameter, find_terms
 from truearc.sim.physics.nonparametric import NAMELESS
 from truearc.sim.physics.term import Parameter, Term
@@ -109,8 +109,9 @@ def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Array,
         source += [-2] * (lucky.count * len(lucky.inputs))
         prior += [(0.0, 1.0)] * (lucky.count * len(lucky.inputs))
     centre, sd = np.array(prior, dtype=float).reshape(-1, 2).T
-    layout = ParameterLayout(chain, tuple(columns), np.array(source, dtype=int), scatters, np.diag(sd**-2.0), centre, edges,
-                    usual, lucky)
+    layout = ParameterLayout(
+        chain, tuple(columns), np.array(source, dtype=int), scatters, np.diag(sd**-2.0), centre, edges, usual, lucky
+    )
     return layout if belief is None else inform(bent(layout, belief), belief, sure=later is None)
 
 

@@ -15,6 +15,7 @@ import msgspec
 from jax import lax
 
 from truearc.robot.config.rig_spec import Ball, Rig
+from truearc.sim.data.conditions import Circumstances
 from truearc.sim.infer.curve import resized
 from truearc.sim.physics.catalogue import (
     arrival_terms,
@@ -29,7 +30,7 @@ from truearc.sim.physics.flight import Law, make_law
 from truearc.sim.physics.frame import axes
 from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.nonparametric import CURVE
-from truearc.sim.physics.term import BallState, Circumstances, Opening
+from truearc.sim.physics.term import BallState, Opening
 from truearc.sim.physics.vector import Vec, add
 
 # What makes one shot differ from its configuration. The last six are of flights whose launch nobody knows.
@@ -135,7 +136,9 @@ def see(chain: Chain, lanes: ShotBatch, point: Any, deviates: Any, edges_s: Any)
 
 
 @partial(jax.jit, static_argnames=("chain",))
-def see_slopes(chain: Chain, lanes: ShotBatch, point: Any, deviates: Any, edges_s: Any, basis: Any) -> tuple[Prediction, Prediction]:
+def see_slopes(
+    chain: Chain, lanes: ShotBatch, point: Any, deviates: Any, edges_s: Any, basis: Any
+) -> tuple[Prediction, Prediction]:
     """(what is seen, its derivatives along the columns of `basis` [size, k], last axis): slots, deviates, pushes."""
     pushes = jnp.zeros(chain.pushes)
 

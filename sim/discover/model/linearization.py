@@ -14,12 +14,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from truearc.sim.discover.model import outcome_likelihood as outcomes
-from truearc.sim.discover.model.forward_model import Chain, ShotBatch, Prediction, see_slopes
-from truearc.sim.discover.model.grouped_columns import GroupedColumns
-from truearc.sim.discover.model.score_table import FLOOR_M, Array, Column, ScoreTable, PlaneScores, make_evidence
-from truearc.sim.discover.model.prepared_data import Intake
 from truearc.sim.discover.model.external_measurements import Measured
+from truearc.sim.discover.model.forward_model import Chain, Prediction, ShotBatch, see_slopes
+from truearc.sim.discover.model.grouped_columns import GroupedColumns
 from truearc.sim.discover.model.normal_equations import Normal, multiply_out
+from truearc.sim.discover.model.prepared_data import Intake
+from truearc.sim.discover.model.score_table import FLOOR_M, Array, Column, PlaneScores, ScoreTable, make_evidence
 
 SCATTERED = (0, 1, 2, 4)              # deviates that scatter: log speed, elevation, azimuth, distance
 FAR_BELOW_M = -10.0                   # stands for a ball that never came near
@@ -121,7 +121,9 @@ def _bases(layout: ParameterLayout) -> int:
     return 0 if layout.groups is None else len(layout.groups.inputs)
 
 
-def linearise(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint, flown: Linearization | None = None) -> tuple[ScoreTable, Array]:
+def linearise(
+    intake: Intake, layout: ParameterLayout, spot: LinearizationPoint, flown: Linearization | None = None
+) -> tuple[ScoreTable, Array]:
     """(evidence at the spot, most likely deviates [n, D] there); of what was flown about a spot near by, if given,
     with the same deviates."""
     count, inputs = layout.chain.deviates, len(layout.inputs)
@@ -147,7 +149,9 @@ def linearise(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint,
     return evidence, left.mean
 
 
-def _scaled(layout: ParameterLayout, linear: Array, bend: Array, plane: PlaneScores | None) -> tuple[Array, Array, PlaneScores | None]:
+def _scaled(
+    layout: ParameterLayout, linear: Array, bend: Array, plane: PlaneScores | None
+) -> tuple[Array, Array, PlaneScores | None]:
     """The effects of a shot's own group, which come last, in units of their own."""
     groups = layout.groups
     if groups is None:
@@ -219,7 +223,9 @@ def _take(lanes: ShotBatch, rows: Any) -> ShotBatch:
     return taken
 
 
-def _fly(layout: ParameterLayout, lanes: ShotBatch, spot: LinearizationPoint, basis: Array) -> tuple[Prediction, Prediction]:
+def _fly(
+    layout: ParameterLayout, lanes: ShotBatch, spot: LinearizationPoint, basis: Array
+) -> tuple[Prediction, Prediction]:
     """see_slopes of all lanes, as numpy arrays; BLOCK lanes and WIDTH slopes at a time, so that one compilation serves
     all."""
     padded, n = pad_lanes(lanes, PAD if len(lanes.distance_m) <= BLOCK else BLOCK)
@@ -282,8 +288,9 @@ def _luck(layout: ParameterLayout, spot: LinearizationPoint) -> Array:
     return effects
 
 
-def _scatter_terms(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint, sd: Array, left: _Left, own: Array,
-                   count: int) -> tuple[Array, Array]:
+def _scatter_terms(
+    intake: Intake, layout: ParameterLayout, spot: LinearizationPoint, sd: Array, left: _Left, own: Array, count: int
+) -> tuple[Array, Array]:
     """Score and information of the log scatters from tracks and exits (the plane adds its own). own [n, D]: deviates of
     each shot, beside what its group does: that is no scatter."""
     n = len(sd)
@@ -301,8 +308,18 @@ def _scatter_terms(intake: Intake, layout: ParameterLayout, spot: LinearizationP
     return score, info
 
 
-def _plane(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint, seen: Prediction, slopes: Prediction, sd: Array, left: _Left,
-           columns: Array, inputs: int, count: int) -> PlaneScores | None:
+def _plane(
+    intake: Intake,
+    layout: ParameterLayout,
+    spot: LinearizationPoint,
+    seen: Prediction,
+    slopes: Prediction,
+    sd: Array,
+    left: _Left,
+    columns: Array,
+    inputs: int,
+    count: int,
+) -> PlaneScores | None:
     """Heights given what tracks and exits said of the launch."""
     rows = intake.marked
     if not len(rows) or not layout.chain.plane:
@@ -338,5 +355,6 @@ def _opening(intake: Intake, seen: Prediction, rows: Array) -> outcomes.OutcomeO
 
 def nowhere(intake: Intake, layout: ParameterLayout, values: Array, log_scatter: Array) -> LinearizationPoint:
     """A spot without deviations."""
-    return LinearizationPoint(values, log_scatter, np.zeros((len(intake.rows), layout.chain.deviates)), np.zeros(layout.grouped))
-
+    return LinearizationPoint(
+        values, log_scatter, np.zeros((len(intake.rows), layout.chain.deviates)), np.zeros(layout.grouped)
+    )

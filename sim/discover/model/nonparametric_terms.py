@@ -5,16 +5,16 @@ from typing import Any
 
 import numpy as np
 
-from truearc.sim.infer.curve import Curve, natural
+from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Factor, spline_knots
+from truearc.sim.discover.detect.free_curve import Correction, correct
 from truearc.sim.discover.detect.test_battery import FREE, Test
 from truearc.sim.discover.model.baseline_fit import BaselineFit, climb, only_shared, out_of_range
 from truearc.sim.discover.model.curve_columns import with_curve
-from truearc.sim.discover.detect.free_curve import Correction, correct
-from truearc.sim.discover.detect.covariates import Covariate, Factor, CovariatePair, spline_knots
+from truearc.sim.discover.model.linearization import linearise
 from truearc.sim.discover.model.score_table import Array, Column, ScoreTable
 from truearc.sim.discover.select.forward_selection import Search, judge_left
-from truearc.sim.discover.model.linearization import linearise
 from truearc.sim.discover.select.selection_step import Step, clearly
+from truearc.sim.infer.curve import Curve, natural
 from truearc.sim.physics.simulate import LAUNCH_STATE
 
 TERMS = {"launch speed": ("free_speed", {"share": 1.0}), "launch elevation": ("free_elevation", {"angle_rad": 1.0}),

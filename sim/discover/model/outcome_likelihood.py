@@ -6,8 +6,8 @@ from itertools import pairwise
 import numpy as np
 from scipy.special import log_ndtr, ndtr
 
-from truearc.robot.config.schema import InputError
 from truearc.robot.config.rig_spec import Target
+from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Shots
 
 Array = np.ndarray

@@ -5,19 +5,19 @@ from dataclasses import dataclass
 import msgspec
 import numpy as np
 
+from truearc.robot.config.rig_spec import Believe, Noise, Rig
 from truearc.robot.config.schema import InputError
-from truearc.robot.config.rig_spec import Believe, Rig, Noise
+from truearc.sim.data.conditions import Circumstances
+from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.shot_conditions import circumstances_of, known
-from truearc.sim.infer.curve import Curves, along
-from truearc.sim.discover.model.forward_model import DEVIATES, ShotBatch
 from truearc.sim.discover.detect.covariates import every_column
-from truearc.sim.discover.model.score_table import Array
+from truearc.sim.discover.model.forward_model import DEVIATES, ShotBatch
 from truearc.sim.discover.model.outcome_likelihood import OutcomeObservations, see_outcomes
+from truearc.sim.discover.model.score_table import Array
 from truearc.sim.discover.model.track_data import Samples, Scatter, gather_samples, measure_scatter
+from truearc.sim.infer.curve import Curves, along
 from truearc.sim.infer.likelihood.launch_inputs import EXIT_DEG_SD, EXIT_SPEED_SD_M_S, EXIT_SPIN_SD_REV_S, given_of
 from truearc.sim.physics.launch import Exit, exit_no_slip, is_opposed
-from truearc.sim.physics.term import Circumstances
-from truearc.sim.data.dataset import Dataset, Shots
 
 NONE: Curves = {}
 FEWEST_SHOTS = 10
@@ -131,8 +131,22 @@ def _lanes(part: _Part, circumstances: Circumstances, samples: Samples | None,
     rolling = Exit(*(np.asarray(each, dtype=float) for each in given.rolling))._replace(above_m=np.zeros(n))
     mass_kg = _or_else(shots.number("mass_kg"), part.facts.ball.mass_kg)
     radius_m = _or_else(shots.number("radius_m"), part.facts.ball.radius_m)
-    lanes = ShotBatch(rolling, side, given.rolled & part.launched, given.hooded & part.launched, free, mass_kg, radius_m,
-                  given.distance_m, circumstances, start_m, start_m_s, spin, lead_s, time_s)
+    lanes = ShotBatch(
+        rolling,
+        side,
+        given.rolled & part.launched,
+        given.hooded & part.launched,
+        free,
+        mass_kg,
+        radius_m,
+        given.distance_m,
+        circumstances,
+        start_m,
+        start_m_s,
+        spin,
+        lead_s,
+        time_s,
+    )
     noise = np.zeros((n, len(DEVIATES)))
     noise[:, 0] = np.where(free, 0.0, (given.wheel_log_speed**2).sum(1))
     noise[:, 1] = np.where(free, 0.0, given.elevation_sd_rad**2)

@@ -170,7 +170,9 @@ def make_evidence(rows: Array, columns: tuple[Column, ...], point: Array, linear
     return ScoreTable(rows, columns, deal, point, linear, bend, plane, precision, pull, log_score, score, info)
 
 
-def _with_plane(plane: PlaneScores, there: tuple[OutcomeObservations, Array, Array], score: Array, bend: Array) -> Array:
+def _with_plane(
+    plane: PlaneScores, there: tuple[OutcomeObservations, Array, Array], score: Array, bend: Array
+) -> Array:
     """What the plane says `there` added to the score, in place, and to the information, which comes back."""
     more, inner = plane_terms(plane, *there)
     info = bend.copy()

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from truearc.sim.discover.model.linearization import LinearizationPoint, ParameterLayout
 from truearc.sim.infer.coefficients import Coefficients
-from truearc.sim.discover.model.linearization import ParameterLayout, LinearizationPoint
 from truearc.sim.physics.catalogue import find_terms
 from truearc.sim.physics.scales import from_scale, to_scale
 from truearc.sim.physics.term import Parameter

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from truearc.sim.discover.model.score_table import Array
 from truearc.sim.data.dataset import Tracks
+from truearc.sim.discover.model.score_table import Array
 
 FEWEST_SAMPLES = 6                    # per track; fewer cannot say more than where it started and how fast
 SMOOTH_DEGREE = 4                     # of the polynomial that stands for "any smooth flight" when scatter is measured

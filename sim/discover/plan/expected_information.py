@@ -6,15 +6,15 @@ from dataclasses import replace
 import numpy as np
 
 from truearc.robot.config.rig_spec import Rig
-from truearc.sim.discover.model.baseline_fit import fit_believed, usual_spot
+from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.discover.detect.clusters import groups_of
+from truearc.sim.discover.model.baseline_fit import fit_believed, usual_spot
 from truearc.sim.discover.model.design_columns import lay_out
+from truearc.sim.discover.model.linearization import linearise
+from truearc.sim.discover.model.prepared_data import take_in
 from truearc.sim.discover.model.score_table import ScoreTable
 from truearc.sim.discover.plan.identifiability import Sight, sight_of
-from truearc.sim.discover.model.prepared_data import take_in
-from truearc.sim.discover.model.linearization import linearise
 from truearc.sim.discover.plan.planned_season import ASIDE, mark, rehearse
-from truearc.sim.data.dataset import Dataset, Shots
 
 Progress = Callable[[float, str], None]
 FEW = 5                               # results, from which a dataset speaks for itself

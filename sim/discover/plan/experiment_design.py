@@ -14,11 +14,11 @@ import numpy as np
 from scipy.special import softmax
 
 from truearc.sim.discover.model.baseline_fit import BaselineFit
-from truearc.sim.discover.model.score_table import Array, ScoreTable
 from truearc.sim.discover.model.linearization import linearise
-from truearc.sim.discover.select.term_ranking import efficient, nats_for
+from truearc.sim.discover.model.score_table import Array, ScoreTable
 from truearc.sim.discover.plan.recommendations import MEASURE
 from truearc.sim.discover.select.selection_step import Step
+from truearc.sim.discover.select.term_ranking import efficient, nats_for
 
 CONFIGURATIONS = 5
 SHOTS = 100
@@ -219,7 +219,9 @@ def _measurements(contest: Contest, names: tuple[str, ...], seed: int) -> list[P
     found = []
     for what in dict.fromkeys(MEASURE[term] for term in terms if term in ACCURACY and term in MEASURE):
         mine = [k for k, term in enumerate(terms) if MEASURE.get(term) == what and term in ACCURACY]
-        found.append(PlannedMeasurement(what, tuple(terms[k] for k in mine), _chance_measured(contest, terms, mine, seed)))
+        found.append(
+            PlannedMeasurement(what, tuple(terms[k] for k in mine), _chance_measured(contest, terms, mine, seed))
+        )
     return found
 
 

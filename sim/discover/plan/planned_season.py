@@ -1,6 +1,7 @@
 """A season that nobody has shot yet: configurations that reach the target as believed, and what would be recorded.
 
-What comes out of the shots does not matter here: it is for the expected information alone (truearc.sim.discover.plan.identifiability).
+What comes out of the shots does not matter here: it is for the expected information alone
+(truearc.sim.discover.plan.identifiability).
 """
 
 from collections.abc import Mapping
@@ -8,15 +9,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from truearc.robot.config.schema import InputError
 from truearc.robot.config.rig_spec import Rig
-from truearc.sim.infer.coefficients import Coefficients
+from truearc.robot.config.schema import InputError
+from truearc.sim.data.dataset import Dataset, Shots, Traces, Tracks
 from truearc.sim.discover.model.design_columns import weak_prior
 from truearc.sim.discover.model.score_table import Array
+from truearc.sim.infer.coefficients import Coefficients
 from truearc.sim.physics.catalogue import effective, find_terms, flight_terms
 from truearc.sim.physics.flight import path
 from truearc.sim.physics.simulate import ORDINARY, by_robot, launch_of, leave, predict, sense
-from truearc.sim.data.dataset import Dataset, Shots, Traces, Tracks
 
 LEVELS = ("L0", "L1", "L2")
 FEWEST, SHOTS = 10, 300
@@ -136,7 +137,8 @@ def _aim(facts: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: int
     drive, _ = _drive_for(heights_m, facts.target.centre_height_m + aside * sd_m, drives)
     there = np.flatnonzero(np.isfinite(drive))
     if len(there) < FEWEST:
-        raise InputError(f"rig.toml: at no distance from {NEAR * reach_m:.3g} to {FAR * reach_m:.3g} m does the launcher "
+        raise InputError(f"rig.toml: at no distance from {NEAR * reach_m:.3g} to {FAR * reach_m:.3g} m does the "
+                         f"launcher "
                        "reach the target, as believed")
     rows = np.resize(there, shots)
     return Plan(distance_m[rows], hood_deg[rows], drive[rows])

@@ -4,12 +4,12 @@ from typing import Any
 
 import numpy as np
 
+from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.detect.test_battery import name_of
 from truearc.sim.discover.model.score_table import Array, ScoreTable
-from truearc.sim.discover.select.refit import Refit
 from truearc.sim.discover.report.effect_wording import IN_FLIGHT
+from truearc.sim.discover.select.refit import Refit
 from truearc.sim.discover.select.selection_step import Step
-from truearc.sim.data.dataset import Dataset
 
 # What settles each term without shooting, discovery.md's cheap metrology.
 MEASURE = {

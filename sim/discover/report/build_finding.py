@@ -5,9 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from truearc.sim.discover.model import outcome_likelihood as outcomes
-from truearc.sim.discover.detect.test_battery import TERMS, Asked, name_of
-from truearc.sim.discover.model.baseline_fit import BaselineFit, only_shared
+from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.detect.clusters import Clusters
 from truearc.sim.discover.detect.covariates import (
     Covariate,
@@ -16,8 +14,9 @@ from truearc.sim.discover.detect.covariates import (
     gather_covariates,
     gather_factors,
 )
-from truearc.sim.discover.select.forecast_error import end_errors
-from truearc.sim.discover.model.score_table import Array, Column, ScoreTable
+from truearc.sim.discover.detect.localization import Place, amplitude_of, times_of
+from truearc.sim.discover.detect.score_test import Judged
+from truearc.sim.discover.detect.test_battery import TERMS, Asked, name_of
 from truearc.sim.discover.finding import (
     DataSummary,
     Finding,
@@ -30,17 +29,18 @@ from truearc.sim.discover.finding import (
     Unknown,
     Where,
 )
-from truearc.sim.discover.report.formula import find_formula
+from truearc.sim.discover.model import outcome_likelihood as outcomes
+from truearc.sim.discover.model.baseline_fit import BaselineFit, only_shared
 from truearc.sim.discover.model.prepared_data import Intake
-from truearc.sim.discover.detect.localization import Place, amplitude_of, times_of
+from truearc.sim.discover.model.score_table import Array, Column, ScoreTable
 from truearc.sim.discover.plan.recommendations import next_steps
-from truearc.sim.discover.select.refit import clustered_error, unseen_change, without
-from truearc.sim.discover.detect.score_test import Judged
-from truearc.sim.discover.select.selection_step import Step
 from truearc.sim.discover.report.finding_text import say_named, say_none, say_smallest, say_unknown
+from truearc.sim.discover.report.formula import find_formula
+from truearc.sim.discover.select.forecast_error import end_errors
+from truearc.sim.discover.select.refit import clustered_error, unseen_change, without
+from truearc.sim.discover.select.selection_step import Step
 from truearc.sim.physics.catalogue import find_terms
 from truearc.sim.physics.term import STAGES
-from truearc.sim.data.dataset import Dataset
 
 SHOWN = 40                            # lines of the tests that the answer lists
 RANKED = 12                           # names that it lists

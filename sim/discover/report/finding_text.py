@@ -5,12 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.special import ndtri
 
-from truearc.sim.discover.detect.covariates import Covariate, Factor, CovariatePair
-from truearc.sim.discover.model.score_table import ScoreTable
-from truearc.sim.discover.finding import Finding, FitSummary, Further, Named, Unknown, Where
-from truearc.sim.discover.plan.identifiability import EIGHTY, sight_of
+from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Factor
 from truearc.sim.discover.detect.localization import Place
 from truearc.sim.discover.detect.weight_functions import STEP
+from truearc.sim.discover.finding import Finding, FitSummary, Further, Named, Unknown, Where
+from truearc.sim.discover.model.score_table import ScoreTable
+from truearc.sim.discover.plan.identifiability import EIGHTY, sight_of
 from truearc.sim.discover.report.effect_wording import in_words, plain, say_effect, scale_of, size_of
 
 STAGE_WORDS = {"sensing": "in what the sensors say", "launch": "at the launch", "flight": "in flight",

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from truearc.sim.discover.model.baseline_fit import BaselineFit
 from truearc.sim.discover.detect.clusters import Clusters
-from truearc.sim.discover.detect.free_curve import Correction, unseen
 from truearc.sim.discover.detect.covariates import Covariate
-from truearc.sim.discover.model.score_table import Array
+from truearc.sim.discover.detect.free_curve import Correction, unseen
+from truearc.sim.discover.model.baseline_fit import BaselineFit
 from truearc.sim.discover.model.prepared_data import Intake
+from truearc.sim.discover.model.score_table import Array
 from truearc.sim.discover.select.refit import clustered_error
 
 POWERS = (1.0, 2.0, 3.0, -1.0, -2.0, 0.5)

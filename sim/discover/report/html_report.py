@@ -5,11 +5,6 @@ import html
 import numpy as np
 
 from truearc.sim.discover.api import Investigation
-from truearc.sim.discover.model.score_table import Array, ScoreTable
-from truearc.sim.discover.finding import Finding, Further
-from truearc.sim.discover.plan.identifiability import sight_of
-from truearc.sim.discover.model.prepared_data import Intake
-from truearc.sim.discover.report.plots import field_png, flight_png, residual_png
 from truearc.sim.discover.detect.residuals import (
     Along,
     Residual,
@@ -22,7 +17,10 @@ from truearc.sim.discover.detect.residuals import (
     stage_of,
     stated_covariate,
 )
-from truearc.sim.discover.report.identifiability_report import sight_section, sight_sentence
+from truearc.sim.discover.finding import Finding, Further
+from truearc.sim.discover.model.prepared_data import Intake
+from truearc.sim.discover.model.score_table import Array, ScoreTable
+from truearc.sim.discover.plan.identifiability import sight_of
 from truearc.sim.discover.report.effect_wording import IN_FLIGHT, in_words, plain, say_effect
 from truearc.sim.discover.report.finding_text import (
     STAGE_WORDS,
@@ -32,6 +30,8 @@ from truearc.sim.discover.report.finding_text import (
     say_inseparable,
     say_step,
 )
+from truearc.sim.discover.report.identifiability_report import sight_section, sight_sentence
+from truearc.sim.discover.report.plots import field_png, flight_png, residual_png
 from truearc.sim.report import make_page, paragraph, picture, table
 
 STYLE = """<style>

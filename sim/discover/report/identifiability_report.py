@@ -4,9 +4,9 @@ import html
 
 import numpy as np
 
-from truearc.sim.discover.plan.identifiability import LUCK, TAKEN, Fittable, TermIdentifiability, Sight
-from truearc.sim.discover.report.plots import sight_png
+from truearc.sim.discover.plan.identifiability import LUCK, TAKEN, Fittable, Sight, TermIdentifiability
 from truearc.sim.discover.report.effect_wording import plain, size_of
+from truearc.sim.discover.report.plots import sight_png
 from truearc.sim.report import make_page, paragraph, picture, table
 
 SURE = 0.8                            # power that counts as "would be seen"

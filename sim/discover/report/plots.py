@@ -6,10 +6,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch
 
-from truearc.sim.discover.model.score_table import Array, ScoreTable
-from truearc.sim.discover.plan.identifiability import Sight
 from truearc.sim.discover.detect.localization import joint_bands
 from truearc.sim.discover.detect.residuals import Along, Bins, Part, Residual, binned, bins_of
+from truearc.sim.discover.model.score_table import Array, ScoreTable
+from truearc.sim.discover.plan.identifiability import Sight
 from truearc.sim.discover.report.effect_wording import plain
 from truearc.sim.report import make_png, new_figure
 

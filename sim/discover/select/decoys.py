@@ -7,9 +7,9 @@ same shots with the same surprises, however they are spread: a name that decoys 
 import numpy as np
 
 from truearc.sim.discover.detect.clusters import Clusters
+from truearc.sim.discover.detect.score_test import efficient_scores
 from truearc.sim.discover.model.score_table import Array, ScoreTable
 from truearc.sim.discover.select.term_ranking import nats_for, visible_terms
-from truearc.sim.discover.detect.score_test import efficient_scores
 
 DEALS = 400
 

@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from truearc.sim.discover.model.baseline_fit import moved, only_shared
-from truearc.sim.discover.model.score_table import Array, ScoreTable, PlaneScores
-from truearc.sim.discover.model.linearization import FAR_BELOW_M, ParameterLayout, LinearizationPoint, linearise
-from truearc.sim.discover.select.term_ranking import MASS, Naming
+from truearc.sim.discover.model.linearization import FAR_BELOW_M, LinearizationPoint, ParameterLayout, linearise
+from truearc.sim.discover.model.score_table import Array, PlaneScores, ScoreTable
 from truearc.sim.discover.select.selection_step import Step
+from truearc.sim.discover.select.term_ranking import MASS, Naming
 
 LEAST = 0.02                          # share of the probability below which a name has no part
 STEPS = 8
@@ -75,7 +75,9 @@ def _point(evidence: ScoreTable, layout: ParameterLayout) -> Array:
     return np.array([known.get(column.name, 0.0) for column in layout.columns])
 
 
-def _come_near(step: Step, layout: ParameterLayout, spot: LinearizationPoint, start: Array, wanted: PlaneScores) -> ScoreTable:
+def _come_near(
+    step: Step, layout: ParameterLayout, spot: LinearizationPoint, start: Array, wanted: PlaneScores
+) -> ScoreTable:
     """Gauss and Newton's steps of all numbers but scatters and the luck of balls, as long as they take something away.
     """
     free = np.flatnonzero(layout.source >= 0)

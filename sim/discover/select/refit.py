@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from truearc.sim.discover.detect.clusters import Clusters
 from truearc.sim.discover.model.baseline_fit import (
     BaselineFit,
     climb,
@@ -13,10 +14,9 @@ from truearc.sim.discover.model.baseline_fit import (
     only_shared,
     usual_spot,
 )
-from truearc.sim.discover.detect.clusters import Clusters
+from truearc.sim.discover.model.linearization import LinearizationPoint, ParameterLayout
 from truearc.sim.discover.model.score_table import Array, ScoreTable
 from truearc.sim.discover.model.shape_parameters import ShapeParameter, find_peak, further_numbers
-from truearc.sim.discover.model.linearization import ParameterLayout, LinearizationPoint
 
 FOLDS = 5
 STEPS = 12

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from truearc.sim.discover.model.baseline_fit import BaselineFit
-from truearc.sim.discover.model.score_table import Array, ScoreTable, shared_columns
 from truearc.sim.discover.model.external_measurements import nats_measured
+from truearc.sim.discover.model.score_table import Array, ScoreTable, shared_columns
 from truearc.sim.discover.select.refit import Refit, refit
 from truearc.sim.physics.catalogue import find_parameter
 

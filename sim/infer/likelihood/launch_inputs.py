@@ -5,10 +5,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from truearc.robot.config.rig_spec import Rig
+from truearc.sim.data.conditions import Circumstances
+from truearc.sim.data.dataset import Shots
 from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.simulate import ORDINARY, by_wheels, launch_of, require, roll
-from truearc.sim.physics.term import Circumstances
-from truearc.sim.data.dataset import Shots
 
 # What instruments that give the exit_* columns are believed to do: standard deviations. A good high-speed camera or
 # radar; rig.toml has no keys for them.

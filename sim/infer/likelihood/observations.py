@@ -5,15 +5,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from truearc.robot.config.schema import InputError
 from truearc.robot.config.rig_spec import Rig
+from truearc.robot.config.schema import InputError
+from truearc.sim.data.conditions import Circumstances
+from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.shot_conditions import circumstances_of, take_circumstances
 from truearc.sim.infer.likelihood.launch_inputs import EXIT_DEG_SD, EXIT_SPEED_SD_M_S, Given, given_of
 from truearc.sim.infer.likelihood.outcome_likelihood import OutcomeMarks, make_marks
 from truearc.sim.infer.likelihood.track_data import TrackData, gather_tracks
 from truearc.sim.physics.simulate import ORDINARY, spin_of
-from truearc.sim.physics.term import Circumstances
-from truearc.sim.data.dataset import Dataset, Shots
 
 KINDS = ("outcome", "side", "miss_height_m", "exit_speed_m_s", "exit_deg", "exit_spin_rev_s", "tracks")
 
@@ -75,7 +75,8 @@ def gather(facts: Rig, dataset: Dataset) -> Gathered:
     free = gather_tracks(dataset.tracks, np.flatnonzero(tracked & ~launched))
     left_out = _left_out(facts, shots, launched, marked, placed, tracked, use, (tracks, free))
     if not rows.size and free is None:
-        raise InputError(f"{shots.source}: there is nothing to fit to, neither a track nor a shot with both a launch and "
+        raise InputError(f"{shots.source}: there is nothing to fit to, neither a track nor a shot with both a launch "
+                         f"and "
                        f"something seen of its flight; {'; '.join(left_out)}")
     free_rows = np.flatnonzero(tracked & ~launched)[free.row if free is not None else np.zeros(0, np.int64)]
     around = circumstances_of(dataset)

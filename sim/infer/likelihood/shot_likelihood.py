@@ -11,25 +11,26 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 
-from truearc.sim.infer.likelihood.observations import Observations
-from truearc.sim.infer.likelihood.launch_inputs import Given
+from truearc.sim.data.conditions import Circumstances
 from truearc.sim.infer.likelihood.heights import configured, height_at, speed_gain, with_numbers
+from truearc.sim.infer.likelihood.launch_inputs import Given
+from truearc.sim.infer.likelihood.observations import Observations
 from truearc.sim.infer.likelihood.outcome_likelihood import fit_edges, log_marks, outcome_probabilities
-from truearc.sim.infer.parameters import TRACK_NOISE, Model
 from truearc.sim.infer.likelihood.track_likelihood import (
     FREE_SD,
     LEAD_SD_S,
-    TrackLinearization,
     Look,
+    TrackLinearization,
     launched,
     linear,
     loose,
 )
+from truearc.sim.infer.parameters import TRACK_NOISE, Model
 from truearc.sim.physics.catalogue import arrival_terms, effective, flight_terms
 from truearc.sim.physics.flight import Law, make_law
 from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.simulate import ORDINARY, opening_of, watch
-from truearc.sim.physics.term import Circumstances, Opening
+from truearc.sim.physics.term import Opening
 
 FLOOR_M = 0.005                       # of the height's deviation: what the model leaves out even of a perfect shot
 FAR_M = -20.0                         # stands for the height of a ball that turned back, which can only have missed
@@ -158,7 +159,9 @@ def _update(variance: Any, off: Any, noise: Any, seen: Any) -> tuple[Any, Any, A
     return share * jnp.where(seen, off, 0.0), variance * (1.0 - share), value
 
 
-def _track_update(model: Model, evidence: Observations, points: Points, u: Any, exit: Exit, launch: Narrowed) -> TrackLinearization:
+def _track_update(
+    model: Model, evidence: Observations, points: Points, u: Any, exit: Exit, launch: Narrowed
+) -> TrackLinearization:
     data = evidence.tracks
     assert data is not None
     around = jax.tree.map(lambda part: jnp.broadcast_to(part, launch.alone.shape)[data.row],

@@ -101,7 +101,8 @@ def linear(fly: Any, data: TrackData, at: Any, mean: Any, sd: Any, noise_m: Any)
     """Integrate the unknowns out about `at` [k, m]; their prior is normal with `mean` and `sd` [k, m].
 
     fly: at [k, m] -> positions [k, l, 2]; its derivatives are central differences of flights side by side, as in
-    truearc.sim.infer.likelihood.heights and for the same reason. Whitened by the prior's sd: right for an unknown that is known exactly too.
+    truearc.sim.infer.likelihood.heights and for the same reason. Whitened by the prior's sd: right for an unknown
+    that is known exactly too.
     """
     m = at.shape[1]
     changes = jnp.concatenate([jnp.zeros((1, m)), jnp.eye(m), -jnp.eye(m)]) * STEP

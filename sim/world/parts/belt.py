@@ -1,7 +1,7 @@
 """Two wheels on one belt with two motors on its shaft, while no ball is between them."""
 
-from truearc.sim.world.parts.motor import step_shaft
 from truearc.sim.world.options import Options
+from truearc.sim.world.parts.motor import step_shaft
 from truearc.sim.world.scene import LOWER_INERTIA_KG_M2, UPPER_GEAR, UPPER_INERTIA_KG_M2
 
 INERTIA_KG_M2 = LOWER_INERTIA_KG_M2 + UPPER_GEAR**2 * UPPER_INERTIA_KG_M2     # seen at the lower wheel = motor shaft

@@ -6,9 +6,9 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
+from truearc.sim.world.options import Options
 from truearc.sim.world.parts.balls import Ball
 from truearc.sim.world.parts.feeder import START_X_M, Feeder
-from truearc.sim.world.options import Options
 from truearc.sim.world.scene import GRAVITY_M_S2, NIP_STEP_S, UPPER_GEAR, make_nip
 
 

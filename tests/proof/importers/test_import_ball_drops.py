@@ -12,8 +12,8 @@ from scipy.stats import spearmanr
 
 import truearc.cli.main as truearc
 from truearc.robot.config.schema import InputError
-from truearc_proof.importers.ball_drops import import_ball_drops
 from truearc.sim.data.dataset import load_dataset
+from truearc_proof.importers.ball_drops import import_ball_drops
 
 HEADER = ("ball", "sheet", "drop", "t_s", "height_m", "velocity_mps", "mass_kg", "diameter_m")
 # name -> (mass in ounces, circumference in cm) as the source has them
@@ -86,7 +86,8 @@ def test_a_ball_that_nobody_weighed_is_kept_with_empty_cells(tmp_path: Path) -> 
     shots = load_dataset(out).shots
     assert shots.shot_id == ("volleyball-1", "tennisball-1")
     assert np.isnan(shots.number("mass_kg")).tolist() == [True, False]
-    with pytest.raises(InputError, match=r"drops\.csv: no drop of 8 samples has a ball of known mass_kg and diameter_m"):
+    with pytest.raises(InputError, match=r"drops\.csv: no drop of 8 samples has a ball of known mass_kg and "
+                                         r"diameter_m"):
         import_ball_drops(write(tmp_path, unknown))
 
 

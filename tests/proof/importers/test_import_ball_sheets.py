@@ -11,10 +11,10 @@ import pytest
 import xlwt
 
 import truearc.cli.main as truearc
+from tests.proof.importers.test_import_ball_drops import good, write
+from tests.sim.same_dataset import assert_same
 from truearc.robot.config.schema import InputError
 from truearc_proof.importers.ball_drops import import_ball_drops
-from tests.sim.same_dataset import assert_same
-from tests.proof.importers.test_import_ball_drops import good, write
 
 HEADER = ("Drop #", "Time (s)", "Height (m)", "Smoothed velocity (m/s)")
 SHEETS = {"golfball": "Golf Ball", "tennisball": "Tennis Ball", "bowlingball": "Bowling Ball"}

@@ -11,11 +11,11 @@ from pathlib import Path
 import pytest
 
 import truearc.cli.main as truearc
+from tests.proof.importers.test_import_set_points import HISTORY, config, write
 from truearc.robot.config.schema import InputError
+from truearc.sim.data.dataset import Dataset
 from truearc_proof.importers.frc_3476 import FILE
 from truearc_proof.importers.set_points import import_3476
-from truearc.sim.data.dataset import Dataset
-from tests.proof.importers.test_import_set_points import HISTORY, config, write
 
 pytestmark = pytest.mark.skipif(shutil.which("git") is None, reason="needs git")
 

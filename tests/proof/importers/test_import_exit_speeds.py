@@ -9,11 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import truearc.cli.main as truearc
-from truearc.robot.config.schema import InputError
-from truearc_proof.importers.exit_speeds import import_971, import_fuel
-from truearc.sim.physics.simulate import launch_of
-from truearc.sim.data.dataset import Shots, load_dataset
 from tests.sim.same_dataset import assert_same
+from truearc.robot.config.schema import InputError
+from truearc.sim.data.dataset import Shots, load_dataset
+from truearc.sim.physics.simulate import launch_of
+from truearc_proof.importers.exit_speeds import import_971, import_fuel
 
 SPEEDS = ("ball_speed_mps", "accelerator_rad_s", "finisher_rad_s")
 FUEL = ("hood_elevation_deg", "motor_rpm", "exit_speed_mps", "spin_rev_s", "ball_mass_kg", "ball_radius_m")

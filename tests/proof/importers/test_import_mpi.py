@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 import truearc.cli.main as truearc
 from truearc.robot.config.schema import InputError
-from truearc_proof.importers.mpi import LAUNCH_COLUMNS, TRACK_COLUMNS, import_mpi
 from truearc.sim.data.dataset import load_dataset
+from truearc_proof.importers.mpi import LAUNCH_COLUMNS, TRACK_COLUMNS, import_mpi
 
 TABLE_M, BALL_M = 0.76, 0.02
 

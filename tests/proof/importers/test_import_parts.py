@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import truearc.cli.main as truearc
+from truearc.sim.data.dataset import load_dataset
 from truearc.sim.data.importers.stated_uncertainty import doubts_of
 from truearc_proof.importers.set_points import import_254, import_3476
-from truearc.sim.data.dataset import load_dataset
 
 HISTORY = ("commit", "committed_at", "distance_m", "hood_eject_angle_deg", "flywheel_rpm")
 NEAR_M, LOWER_RIM_M = 1.5, 2.4956 - 0.381 - 0.75

@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 
 import truearc.cli.main as truearc
+from tests.proof.importers.test_import_mpi import bouncing, good, write
+from tests.sim.same_dataset import assert_same
 from truearc.robot.config.schema import InputError
+from truearc.sim.data.dataset import load_dataset
 from truearc_proof.importers.mpi import import_mpi
 from truearc_proof.importers.mpi_recordings import BALL, WITH_ROBOT
-from truearc.sim.data.dataset import load_dataset
-from tests.sim.same_dataset import assert_same
-from tests.proof.importers.test_import_mpi import bouncing, good, write
 
 RPM = (350.0, 350.0, 2800.0)
 

@@ -9,10 +9,10 @@ import pytest
 
 import truearc.cli.main as truearc
 from truearc.robot.config.schema import InputError
-from truearc_proof.importers.set_points import BALL, import_254, import_2910, import_3476
+from truearc.sim.data.dataset import load_dataset
 from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.simulate import launch_of
-from truearc.sim.data.dataset import load_dataset
+from truearc_proof.importers.set_points import BALL, import_254, import_2910, import_3476
 
 HEADER = ("team", "table", "distance_m", "wheel_rpm", "hood_raw", "note")
 ROWS = [("254", "laser_old_ball", 2.67, 4500, 45.73, ""), ("254", "laser_old_ball", 5.76, 4500, 56.78, "EXTRAPOLATED"),

@@ -6,12 +6,12 @@ import numpy as np
 
 from truearc import robot
 from truearc.robot.config.schema import load_config
+from truearc.sim.data.dataset import Dataset, Shots
+from truearc.sim.data.repeatability_labels import rule
 from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.simulate import classify, fly_rows, launch_of, predict
-from truearc.sim.data.repeatability_labels import rule
 from truearc_proof.reproduce.collect import LAUNCHABLE, Pool
 from truearc_proof.reproduce.settings import Settings
-from truearc.sim.data.dataset import Dataset, Shots
 
 CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")
 FACTS = CONFIG.rig

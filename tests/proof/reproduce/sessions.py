@@ -5,13 +5,13 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from tests.proof.reproduce.pools import EFFICIENCY, FACTS, SCATTER, TRUTH, configurations
 from truearc.robot.config.schema import Prescribed
 from truearc.robot.recording.session import CONFIG, HEADER, TRIALS, Trial, make_header
 from truearc.robot.types import Outcome, Shot
+from truearc.sim.data.dataset import Shots
 from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.simulate import classify, fly_rows, launch_of
-from truearc.sim.data.dataset import Shots
-from tests.proof.reproduce.pools import EFFICIENCY, FACTS, SCATTER, TRUTH, configurations
 
 
 class Launcher:

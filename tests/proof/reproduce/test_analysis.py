@@ -7,9 +7,12 @@ import math
 import numpy as np
 import pytest
 
-from truearc_proof.cli import reproduce as door
-from truearc.sim.parallel import fan_out
+from tests.proof.reproduce.pools import SMALL, make_pool
+from truearc.cli.main import main
 from truearc.sim.paper.grid_fit import fit_grid
+from truearc.sim.paper.training import LABELS
+from truearc.sim.parallel import fan_out
+from truearc_proof.cli import reproduce as door
 from truearc_proof.reproduce import analysis as analysing
 from truearc_proof.reproduce.analysis import BY_TEST, EVERYTHING, WHERE, Analysis, analyse, best_by_test, network_name
 from truearc_proof.reproduce.intervals import interval
@@ -19,9 +22,6 @@ from truearc_proof.reproduce.page import OURS_NOT_THEIRS, save_figures, save_pag
 from truearc_proof.reproduce.repetition import OURS, SIMULATOR, run_repetition, tasks_of
 from truearc_proof.reproduce.settings import Settings
 from truearc_proof.reproduce.tables import make_tables, make_text
-from truearc.sim.paper.training import LABELS
-from tests.proof.reproduce.pools import SMALL, make_pool
-from truearc.cli.main import main
 
 
 @pytest.fixture(scope="module")

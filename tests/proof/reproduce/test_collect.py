@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from truearc_proof.reproduce import collect as collecting
-from truearc.robot.config.schema import InputError
-from truearc_proof.reproduce.collect import LAUNCHABLE, collect, collect_real
-from truearc.sim.paper.synthetic_data import AXES
 from tests.proof.reproduce.pools import CONFIG, FACTS, SMALL
 from tests.proof.reproduce.sessions import Launcher
+from truearc.robot.config.schema import InputError
+from truearc.sim.paper.synthetic_data import AXES
+from truearc_proof.reproduce import collect as collecting
+from truearc_proof.reproduce.collect import LAUNCHABLE, collect, collect_real
 
 pytestmark = pytest.mark.slow
 SETTINGS = replace(SMALL, practice_trials=75, session_rows=12, most_rounds=6, launched=24)

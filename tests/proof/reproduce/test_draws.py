@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from truearc.robot.config.schema import InputError
+from truearc.sim.data.dataset import Shots
 from truearc_proof.reproduce.draws import _even, draw
 from truearc_proof.reproduce.settings import Settings, quick
-from truearc.sim.data.dataset import Shots
 
 SETTINGS = Settings(base_seed=5)
 

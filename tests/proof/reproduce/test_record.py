@@ -2,13 +2,13 @@
 
 import pytest
 
-from truearc_proof.cli.reproduce_record import DONE, make_record
+from tests.proof.reproduce.pools import CONFIG
 from truearc.robot.config.schema import InputError, Prescribed
 from truearc.robot.config.shot_plan import with_plan
 from truearc.robot.recording.replay.recompute import replay
 from truearc.robot.recording.session import load_trials
+from truearc_proof.cli.reproduce_record import DONE, make_record
 from truearc_proof.reproduce.collect import Recording
-from tests.proof.reproduce.pools import CONFIG
 
 PLAN = with_plan(CONFIG, (Prescribed(4.0, 0.5, 47.0),), 1)
 

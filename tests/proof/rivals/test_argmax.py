@@ -5,12 +5,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from truearc.sim.discover.model.baseline_fit import BaselineFit
+from tests.sim.discover.made import at_least_squares, column, gaussian
 from truearc.sim.discover.detect.clusters import Clusters
+from truearc.sim.discover.model.baseline_fit import BaselineFit
 from truearc.sim.discover.select.refit import Refit
 from truearc_proof.rivals import argmax
 from truearc_proof.rivals.claim import Believed
-from tests.sim.discover.made import at_least_squares, column, gaussian
 
 N = 200
 

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
+from tests.proof.law import acceleration
 from truearc_proof.rivals.library import COLUMNS, Moments, accelerations, gravity, middle_of, usual_of
 from truearc_proof.truth.world import make_world
-from tests.proof.law import acceleration
 
 VELOCITY = np.array([[7.0, 0.4, 5.0], [5.0, -0.3, -2.0], [9.0, 0.0, 1.0]])
 SPIN_REV_S = 6.0                      # in the seed's convention: twice what the ball turns by

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
+from tests.proof.rivals.made import KNOWN, constant
 from truearc_proof.rivals import sparse
 from truearc_proof.rivals.forecast import end_errors
 from truearc_proof.rivals.library import COLUMNS
 from truearc_proof.rivals.regression import claim_by, known_of
 from truearc_proof.rivals.sparse import Rows, Tuning, compress, fit, rank
-from tests.proof.rivals.made import KNOWN, constant
 
 CANDIDATES = tuple(name for name in COLUMNS if name not in KNOWN)
 

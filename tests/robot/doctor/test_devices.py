@@ -7,14 +7,15 @@ import cantools
 import pytest
 from msgspec.structs import replace
 
+from tests.hw.spinning_plant import SpinningPlant
+from tests.robot.good_tick import CONFIG
 from truearc.cli.robot.doctor import look_at_bus
-from truearc.sim.world.emulated_robot import FLYWHEEL, SETTINGS
-from truearc.hw.devices.canandmag.frames import Encoder
 from truearc.hw.devices.canandmag.emulator import CanandmagNode
-from truearc.hw.emulated.clock import StepClock
-from truearc.hw.emulated.faults import SILENT, TRUNCATED, UNPLUGGED, Fault, FaultyNode
+from truearc.hw.devices.canandmag.frames import Encoder
 from truearc.hw.devices.odrive.emulator import OdriveNode
+from truearc.hw.emulated.clock import StepClock
 from truearc.hw.emulated.emulated_robot import Twin
+from truearc.hw.emulated.faults import SILENT, TRUNCATED, UNPLUGGED, Fault, FaultyNode
 from truearc.hw.frc import CONTROLLER_HEARTBEAT, locked_spark
 from truearc.hw.protocols import Frame, LinkLost
 from truearc.hw.real.can_bus import open_can
@@ -23,8 +24,7 @@ from truearc.robot.doctor.finding import FAILURE, OK, WARNING
 from truearc.robot.doctor.listening import listen
 from truearc.robot.doctor.parameters import load_endpoints
 from truearc.robot.motors import odrive_axis
-from tests.hw.spinning_plant import SpinningPlant
-from tests.robot.good_tick import CONFIG
+from truearc.sim.world.emulated_robot import FLYWHEEL, SETTINGS
 
 CHANNELS = itertools.count()
 ALWAYS = 1 << 60

@@ -12,10 +12,14 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 import truearc.hw.real.machine
+from tests.robot.gate.test_model import METADATA, build
+from tests.robot.good_tick import CONFIG
+from tests.robot.test_rig import Stream, Time
 from truearc import robot
+from truearc.cli.main import main
 from truearc.hw.devices.button_box.frames import make_heartbeat
-from truearc.hw.protocols import LinkLost
 from truearc.hw.machine import CanLink, Exposure, parse_link
+from truearc.hw.protocols import LinkLost
 from truearc.hw.readings import CameraFrame
 from truearc.hw.real.machine import read_exposure
 from truearc.robot.doctor.bus import check_adapter, check_bitrate
@@ -24,10 +28,6 @@ from truearc.robot.doctor.listening import Heard
 from truearc.robot.doctor.machine import check_clock, check_disk, check_real_time
 from truearc.robot.doctor.model import check_model
 from truearc.robot.doctor.senses import check_box, check_camera, check_exposure
-from tests.robot.gate.test_model import METADATA, build
-from tests.robot.good_tick import CONFIG
-from tests.robot.test_rig import Stream, Time
-from truearc.cli.main import main
 
 # As iproute2 prints a gs_usb adapter and a virtual interface.
 CAN0 = ('[{"ifindex":3,"ifname":"can0","flags":["NOARP","UP","LOWER_UP","ECHO"],"mtu":16,"operstate":"UP",'

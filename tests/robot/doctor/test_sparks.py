@@ -2,22 +2,22 @@
 
 import pytest
 
+from tests.hw.spinning_plant import SpinningPlant
+from tests.robot.sparks import ALL_SPARK, SPARK_HOOD, only_advice
+from truearc.hw.devices.odrive.emulator import OdriveNode
+from truearc.hw.devices.odrive.frames import OdriveAxis
 from truearc.hw.devices.spark import frames as spark
+from truearc.hw.devices.spark.emulator import SparkNode, SparkSettings
 from truearc.hw.emulated.faults import SILENT, TRUNCATED, UNPLUGGED, Fault, FaultyNode
 from truearc.hw.emulated.nodes import Node
-from truearc.hw.devices.odrive.emulator import OdriveNode
-from truearc.hw.devices.spark.emulator import SparkNode, SparkSettings
 from truearc.hw.frc import CONTROLLER_HEARTBEAT, locked_spark
 from truearc.hw.protocols import Frame
-from truearc.hw.devices.odrive.frames import OdriveAxis
 from truearc.robot.config.schema import SparkAxis
 from truearc.robot.doctor.bus import check_heartbeat_lock
 from truearc.robot.doctor.devices import check_devices, questions
 from truearc.robot.doctor.finding import FAILURE, OK, WARNING, Finding
 from truearc.robot.doctor.listening import Heard
 from truearc.robot.motors import name_axes, spark_axis
-from tests.hw.spinning_plant import SpinningPlant
-from tests.robot.sparks import ALL_SPARK, SPARK_HOOD, only_advice
 
 MS, ALWAYS = 1_000_000, 1 << 60
 PLANT = SpinningPlant()
@@ -79,7 +79,9 @@ def test_two_devices_with_one_number():
 
 
 def test_a_controller_may_have_the_say_over_motors_that_are_not_ours():
-    lock = Frame(0, spark.frame_id(spark.SparkAxis(3, 1, False), "STATUS_0"), bytes([0] * 6 + [0x20, 0]), is_extended=True)
+    lock = Frame(
+        0, spark.frame_id(spark.SparkAxis(3, 1, False), "STATUS_0"), bytes([0] * 6 + [0x20, 0]), is_extended=True
+    )
     alive = Frame(0, CONTROLLER_HEARTBEAT, bytes(8), is_extended=True)
     for frame in (lock, alive):
         heard = Heard((frame,), 1.0)

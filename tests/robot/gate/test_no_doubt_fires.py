@@ -9,8 +9,8 @@ from collections import Counter
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
-from truearc.robot.tick import step
 from tests.robot.gate.worlds import FAMILIES, GOOD, NAMES, NEVER, Facts, build, may_fire, spoil
+from truearc.robot.tick import step
 
 AT_ONCE, BYTES = 1000, 7
 

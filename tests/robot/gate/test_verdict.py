@@ -7,11 +7,11 @@ import pytest
 from msgspec import UNSET
 from msgspec.structs import replace
 
+from tests.robot.good_tick import CONFIG, DISTANCE_M, HOOD_DEG, NOW_NS, good_inputs, good_memory, seconds
 from truearc.robot.estimate import estimate
 from truearc.robot.gate.model import Rating
 from truearc.robot.gate.verdict import judge, only_the_model_doubts
 from truearc.robot.types import Aim, Inputs, Sighting, Verdict
-from tests.robot.good_tick import CONFIG, DISTANCE_M, HOOD_DEG, NOW_NS, good_inputs, good_memory, seconds
 
 MODEL = replace(CONFIG, gate=replace(CONFIG.gate, policy="model"))
 

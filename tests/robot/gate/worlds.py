@@ -12,13 +12,13 @@ import numpy as np
 from msgspec import UNSET
 from msgspec.structs import replace
 
+from tests.robot.good_tick import CONFIG, NOW_NS, good_memory
+from tests.robot.sparks import ALL_SPARK, only_advice
 from truearc.hw.readings import AngleReading, ButtonEvent, MotorReading
 from truearc.robot.config.schema import Config
 from truearc.robot.gate.model import Gate
 from truearc.robot.geometry import screw_length_m
 from truearc.robot.types import Aim, Inputs, Memory, Sighting
-from tests.robot.good_tick import CONFIG, NOW_NS, good_memory
-from tests.robot.sparks import ALL_SPARK, only_advice
 
 MS = 1_000_000
 FREE_RAD_S = 594.0

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
+from tests.robot.good_tick import CONFIG, NOW_NS, good_inputs, good_memory, seconds
+from tests.robot.operator_ui.browser import BROWSER, Browser
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.operator_ui.server import OperatorPage
 from truearc.robot.tick import step
 from truearc.robot.types import Sighting
-from tests.robot.good_tick import CONFIG, NOW_NS, good_inputs, good_memory, seconds
-from tests.robot.operator_ui.browser import BROWSER, Browser
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.skipif(BROWSER is None, reason="needs chromium")]
 

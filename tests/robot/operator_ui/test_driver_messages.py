@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
+from tests.robot.good_tick import CONFIG, NOW_NS, good_inputs, good_memory, seconds
 from truearc import robot
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.spark import frames as spark
@@ -24,7 +25,6 @@ from truearc.robot.gate.verdict import judge
 from truearc.robot.operator_ui.driver_messages import FAULT, SEVERAL, TABLE, WAIT, YOU, find_words, placeholders, tell
 from truearc.robot.types import Aim, Memory
 from truearc.robot.vision import detect
-from tests.robot.good_tick import CONFIG, NOW_NS, good_inputs, good_memory, seconds
 
 ROOT = Path(robot.__file__).parents[1]
 DOC = ROOT / "docs" / "page.md"
@@ -35,25 +35,34 @@ SAMPLE = "7"                          # stands for whatever a sentence has put i
 SOURCES = (
     ("robot/gate/verdict.py", None, "{}"),
     ("robot/aim.py", "from_here", "{}"),
-    ("robot/rig.py", "_read_bus", "{}"), ("robot/rig.py", "_read_eyes", "{}"), ("robot/rig.py", "_read_box", "{}"),
+    ("robot/rig.py", "_read_bus", "{}"),
+    ("robot/rig.py", "_read_eyes", "{}"),
+    ("robot/rig.py", "_read_box", "{}"),
     ("robot/rig.py", "_stall", "{}"),
-    ("robot/vision_source.py", "vision_failed", "camera lost: {}"), ("robot/processes/vision.py", "_trouble", "camera lost: {}"),
+    ("robot/vision_source.py", "vision_failed", "camera lost: {}"),
+    ("robot/processes/vision.py", "_trouble", "camera lost: {}"),
     ("robot/recording/file_writers.py", "trouble", "not recording: {}"),
     ("robot/processes/recorder_client.py", "trouble", "not recording: {}"),
     ("hw/encoder_plausibility.py", "fault", "hood motor: {}"),
     ("robot/recording/append_file.py", "flush", "not recording: {}"),
     ("robot/sysid/tick.py", "say", "{}"),
-    ("robot/sysid/tick.py", "_trespasses", "identify: {}"), ("robot/sysid/tick.py", "_hood", "identify: {}"),
+    ("robot/sysid/tick.py", "_trespasses", "identify: {}"),
+    ("robot/sysid/tick.py", "_hood", "identify: {}"),
     ("robot/sysid/tick.py", "_overdue", "identify: {}"),
     ("hw/devices/button_box/frames.py", "parse_lines", "button box: {}"),
     ("hw/devices/button_box/press_sequence.py", "take", "button box: {}"),
-    ("hw/tx_allowlist.py", "faults", "{}"), ("hw/tx_allowlist.py", "refuse", "not sent: {}"),
-    ("hw/monitor.py", "faults", "{}"), ("hw/monitor.py", "fault", "{}"),
+    ("hw/tx_allowlist.py", "faults", "{}"),
+    ("hw/tx_allowlist.py", "refuse", "not sent: {}"),
+    ("hw/monitor.py", "faults", "{}"),
+    ("hw/monitor.py", "fault", "{}"),
     ("hw/devices/spark/motor.py", "_setup_fault", "hood motor: spark 3 {}"),
     ("hw/devices/spark/motor.py", "_driving_fault", "hood motor: spark 3 {}"),
-    ("hw/real/supervised_bus.py", "faults", "{}"), ("hw/real/supervised_bus.py", "_listen", "CAN lost: {}"),
-    ("hw/real/can_bus.py", "_take", "CAN lost: {}"), ("hw/real/can_bus.py", "write", "CAN lost: {}"),
-    ("hw/real/camera.py", "read", "camera lost: {}"), ("hw/real/serial_port.py", "read", "button box lost: {}"),
+    ("hw/real/supervised_bus.py", "faults", "{}"),
+    ("hw/real/supervised_bus.py", "_listen", "CAN lost: {}"),
+    ("hw/real/can_bus.py", "_take", "CAN lost: {}"),
+    ("hw/real/can_bus.py", "write", "CAN lost: {}"),
+    ("hw/real/camera.py", "read", "camera lost: {}"),
+    ("hw/real/serial_port.py", "read", "button box lost: {}"),
 )
 # whose strings are said by one of these around them, when not alone
 AROUND = {("robot/rig.py", "_read_box"): "button box: {}"}
@@ -61,8 +70,15 @@ AROUND = {("robot/rig.py", "_read_box"): "button box: {}"}
 NO_SENTENCES = {SAMPLE, f"button box: {SAMPLE}", f"for {SAMPLE} s", "yet", "", "plan", " up", " down", f" ({SAMPLE})",
                 "lost presses", "has restarted"}
 # files with a `faults` of which there is nothing to be said here: they pass on, or have none
-SILENT = {"hw/protocols.py", "hw/motor.py", "hw/devices/advisory/motor.py", "hw/devices/odrive/motor.py", "hw/real/can_bus.py",
-          "robot/recording/replay/frame_replay.py", "robot/recording/candump.py"}
+SILENT = {
+    "hw/protocols.py",
+    "hw/motor.py",
+    "hw/devices/advisory/motor.py",
+    "hw/devices/odrive/motor.py",
+    "hw/real/can_bus.py",
+    "robot/recording/replay/frame_replay.py",
+    "robot/recording/candump.py",
+}
 
 
 def samples(node, constants):

@@ -11,11 +11,11 @@ import pytest
 from msgspec.structs import replace
 
 import truearc.robot.operator_ui.serving
+from tests.robot.good_tick import CONFIG, good_inputs, good_memory
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.operator_ui.server import MOST_BROWSERS, PERIOD_S, OperatorPage, ShowingRecorder
 from truearc.robot.tick import step
 from truearc.robot.types import Memory
-from tests.robot.good_tick import CONFIG, good_inputs, good_memory
 
 GOOD = step(good_inputs(), good_memory(), CONFIG, None)
 IDLE = step(good_inputs(), Memory(), CONFIG, None)

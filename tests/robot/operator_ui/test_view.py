@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 from msgspec import UNSET
 from msgspec.structs import replace
 
+from tests.robot.good_tick import CONFIG, NOW_NS, good_inputs, good_memory, seconds
+from tests.robot.operator_ui.test_driver_messages import aims, angles, memories, motors, numbers
 from truearc.robot.operator_ui.page_state import RECENT, Glance, look
 from truearc.robot.operator_ui.view import FIRED_S, PageView, describe
 from truearc.robot.tick import step
 from truearc.robot.types import Memory, Outcome, Sighting, Tick
-from tests.robot.good_tick import CONFIG, NOW_NS, good_inputs, good_memory, seconds
-from tests.robot.operator_ui.test_driver_messages import aims, angles, memories, motors, numbers
 
 GOOD = step(good_inputs(), good_memory(), CONFIG, None)
 READY = step(good_inputs(), replace(good_memory(), request_t_ns=0), CONFIG, None)

@@ -5,11 +5,11 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
+from tests.robot.gate.test_model import build
 from truearc import robot
-from truearc.sim.world.emulated_robot import emulate
 from truearc.hw.emulated.faults import SILENT, TRUNCATED, Fault
 from truearc.robot.config.schema import load_config
-from tests.robot.gate.test_model import build
+from truearc.sim.world.emulated_robot import emulate
 
 CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")
 SECOND = 1_000_000_000

@@ -15,11 +15,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 
+from truearc.cli.main import main
 from truearc.robot.recording.export.tabular import FLOAT, INT, TEXTS, FlatTicks, unit_of
+from truearc.robot.recording.export.wpilog import WpilogWriter, make_payload
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import load_trials
-from truearc.robot.recording.export.wpilog import WpilogWriter, make_payload
-from truearc.cli.main import main
 
 
 def convert(session, to, out):

@@ -9,19 +9,19 @@ from mcap.reader import make_reader
 from msgspec.structs import replace
 
 from benchmarks.kill import kill_once
+from tests.robot.good_tick import CONFIG, good_inputs, good_memory
 from truearc.hw.readings import CameraFrame
 from truearc.robot.config.schema import InputError
 from truearc.robot.recording import files
 from truearc.robot.recording.append_file import Appender
+from truearc.robot.recording.encoder import SessionWriter
 from truearc.robot.recording.file_writers import LaneKeeper
 from truearc.robot.recording.reader import TickReader
-from truearc.robot.recording.session import load_trials, make_header
 from truearc.robot.recording.recording_rig import RecordingRig
-from truearc.robot.recording.encoder import SessionWriter
+from truearc.robot.recording.session import load_trials, make_header
 from truearc.robot.rig import ReplayRig
 from truearc.robot.tick import step
 from truearc.robot.types import Memory, Outcome
-from tests.robot.good_tick import CONFIG, good_inputs, good_memory
 
 resource = pytest.importorskip("resource")        # POSIX
 MS = 1_000_000

@@ -5,15 +5,15 @@ import subprocess
 
 import pytest
 
-from truearc.cli.robot.run import make_room
-from truearc.robot.config.schema import InputError
-from truearc.robot.recording.recover import recover
-from truearc.robot.recording.session import load_trials
-from truearc.robot.recording.recording_rig import RecordingRig
-from truearc.robot.rig import ReplayRig
-from truearc.robot.tick import step
 from tests.robot.good_tick import CONFIG, good_memory
 from tests.robot.recording.test_encoder import MS, kept_cycles, open_writer, play, ticks
+from truearc.cli.robot.run import make_room
+from truearc.robot.config.schema import InputError
+from truearc.robot.recording.recording_rig import RecordingRig
+from truearc.robot.recording.recover import recover
+from truearc.robot.recording.session import load_trials
+from truearc.robot.rig import ReplayRig
+from truearc.robot.tick import step
 
 NO_SPACE = "No space left on device"
 

@@ -7,24 +7,24 @@ import cv2
 import numpy as np
 import pytest
 
+from tests.robot.recording.conftest import CONFIG
+from tests.robot.test_rig import Blind, Stream, Time, Wire
 from truearc import robot
+from truearc.cli.main import main
 from truearc.hw.protocols import Frame
 from truearc.robot.config.schema import InputError, load_config
-from truearc.robot.vision_source import InlineEyes
 from truearc.robot.recording.candump import TappedBus
-from truearc.robot.recording.replay.replay_diff import config_changes, find_changes
+from truearc.robot.recording.encoder import SessionWriter
 from truearc.robot.recording.files import TickFile
 from truearc.robot.recording.images import load_pictures
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.replay.recompute import Difference, replay, replay_frames
+from truearc.robot.recording.replay.replay_diff import config_changes, find_changes
 from truearc.robot.recording.session import make_header
-from truearc.robot.recording.encoder import SessionWriter
 from truearc.robot.rig import HardwareRig
 from truearc.robot.runtime import run
 from truearc.robot.types import Sighting
-from tests.robot.recording.conftest import CONFIG
-from tests.robot.test_rig import Blind, Stream, Time, Wire
-from truearc.cli.main import main
+from truearc.robot.vision_source import InlineEyes
 
 
 @pytest.fixture

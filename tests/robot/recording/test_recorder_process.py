@@ -14,24 +14,24 @@ from msgspec.structs import replace
 import truearc.cli.robot.run
 import truearc.cli.robot.run_processes
 from benchmarks.kill import kill_once
-from truearc.cli.robot.run_processes import RecorderProcess
-from truearc.hw.protocols import Frame
-from truearc.hw.readings import CameraFrame
-from truearc.hw.real.clock import MonotonicClock
-from truearc.robot.config.schema import InputError
-from truearc.robot.vision_source import NoEyes
-from truearc.robot.processes import recorder_client as far_keeper
-from truearc.robot.recording.files import append_trials
-from truearc.robot.recording.images import load_image, load_pictures
-from truearc.robot.recording.reader import TickReader
-from truearc.robot.recording.session import load_trials, make_header
-from truearc.robot.recording.encoder import MARKING_NS, SessionWriter
 from tests.robot.good_tick import CONFIG
 from tests.robot.recording.test_encoder import kept_cycles, play, ticks
 from tests.robot.test_rig import Wire
 from tests.robot.test_run_door import CONFIG as SHIPPED
 from tests.robot.test_run_door import Box
 from truearc.cli.main import main
+from truearc.cli.robot.run_processes import RecorderProcess
+from truearc.hw.protocols import Frame
+from truearc.hw.readings import CameraFrame
+from truearc.hw.real.clock import MonotonicClock
+from truearc.robot.config.schema import InputError
+from truearc.robot.processes import recorder_client as far_keeper
+from truearc.robot.recording.encoder import MARKING_NS, SessionWriter
+from truearc.robot.recording.files import append_trials
+from truearc.robot.recording.images import load_image, load_pictures
+from truearc.robot.recording.reader import TickReader
+from truearc.robot.recording.session import load_trials, make_header
+from truearc.robot.vision_source import NoEyes
 
 posix = pytest.mark.skipif(os.name != "posix", reason="signals")
 MS = 1_000_000

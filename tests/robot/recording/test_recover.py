@@ -10,6 +10,7 @@ from mcap.reader import make_reader
 from mcap.records import Chunk, Message
 from mcap.stream_reader import StreamReader, breakup_chunk
 
+from truearc.cli.main import main
 from truearc.robot.config.schema import InputError
 from truearc.robot.recording.append_file import Appender
 from truearc.robot.recording.candump import parse_candump
@@ -20,7 +21,6 @@ from truearc.robot.recording.recover import recover
 from truearc.robot.recording.replay.recompute import Difference, replay, replay_frames
 from truearc.robot.recording.salvage import salvage
 from truearc.robot.recording.session import load_trials
-from truearc.cli.main import main
 
 TELEMETRY, TRIALS, CAN = "telemetry.mcap", "trials.jsonl", "can0.log"
 MANY = settings(max_examples=8, deadline=None,

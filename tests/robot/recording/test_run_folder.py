@@ -5,11 +5,11 @@ from collections import namedtuple
 
 import pytest
 
+from tests.robot.good_tick import CONFIG
 from truearc.cli.robot.run import make_room
 from truearc.robot.config.schema import InputError
-from truearc.robot.recording.session import make_header
 from truearc.robot.recording.encoder import SessionWriter
-from tests.robot.good_tick import CONFIG
+from truearc.robot.recording.session import make_header
 
 
 def test_a_clock_that_was_set_back_costs_a_number_behind_the_name(tmp_path):

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from truearc.robot.config.rig_spec import Ball, Rig, LauncherFacts, Target, Wheel
+from truearc.robot.config.rig_spec import Ball, LauncherFacts, Rig, Target, Wheel
 
 RIG = """
 [ball]

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.sim.data.files import GOOD, HEADER, RIG, write
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import load_dataset
-from tests.sim.data.files import GOOD, HEADER, RIG, write
 
 BAD_ROWS = {
     "b,nan,50,0.5,two,,,": "shots.csv:3: distance_m: nan is not finite",

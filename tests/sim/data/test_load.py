@@ -7,9 +7,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from tests.sim.data.files import GOOD, HEADER, RIG, write
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import dataset_hash, load_dataset
-from tests.sim.data.files import GOOD, HEADER, RIG, write
 
 
 def test_reads_what_formats_md_shows(tmp_path):

@@ -9,13 +9,13 @@ import pytest
 from msgspec.structs import replace
 
 from truearc import robot
-from truearc.sim.world.emulated_robot import emulate
+from truearc.cli.main import main
 from truearc.robot.config.schema import InputError, load_config
 from truearc.robot.recording.session import TRIALS, load_trials
+from truearc.sim.data.dataset import load_dataset, save_dataset
 from truearc.sim.data.recordings import outcomes_of, shots_from_sessions
 from truearc.sim.data.repeatability_labels import label_by_repeatability, rule
-from truearc.sim.data.dataset import load_dataset, save_dataset
-from truearc.cli.main import main
+from truearc.sim.world.emulated_robot import emulate
 
 CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")
 

@@ -2,9 +2,9 @@
 
 import pytest
 
+from tests.sim.data.files import FACTS, GOOD, HEADER, RIG, write
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import load_dataset, load_rig, save_rig
-from tests.sim.data.files import FACTS, GOOD, HEADER, RIG, write
 
 
 def test_unknown_rig_keys_are_warned_of(tmp_path, capsys):

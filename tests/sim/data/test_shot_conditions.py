@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from truearc.sim.data.shot_conditions import circumstances_of, known, take_circumstances
-from truearc.sim.physics.term import Circumstances
-from truearc.sim.data.dataset import Dataset, Shots, Traces
 from tests.sim.physics.rigs import GUPPY
+from truearc.sim.data.conditions import Circumstances
+from truearc.sim.data.dataset import Dataset, Shots, Traces
+from truearc.sim.data.shot_conditions import circumstances_of, known, take_circumstances
 
 NAN = np.nan
 

@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from truearc.sim.data.dataset import Dataset, Shots, Tracks
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world
-from truearc.sim.data.dataset import Dataset, Shots, Tracks
 
 SHOTS = 40
 FLOWN, LANDED, MEASURED, THROWN = (np.arange(first, first + 8) for first in (0, 8, 16, 24))

@@ -6,7 +6,7 @@ All numbers SI; frame x toward the target, y left, z up.
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from truearc.robot.config.rig_spec import Ball, Rig, LauncherFacts, Noise, Target, Wheel
+from truearc.robot.config.rig_spec import Ball, LauncherFacts, Noise, Rig, Target, Wheel
 from truearc.sim.data.dataset import Dataset, Shots, Tracks
 
 GRAVITY, DENSITY, MASS, RADIUS = 9.81, 1.2, 0.14, 0.0889

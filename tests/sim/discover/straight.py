@@ -10,18 +10,18 @@ from typing import Any
 
 import numpy as np
 
+from tests.sim.discover.made import column
 from truearc.robot.config.rig_spec import Ball, Rig, Target
-from truearc.sim.discover.model.baseline_fit import BaselineFit, climb, only_shared
-from truearc.sim.discover.model.forward_model import DEVIATES, Chain, ShotBatch, Prediction
+from truearc.sim.data.conditions import Circumstances
+from truearc.sim.data.dataset import Shots
 from truearc.sim.discover.detect.clusters import Clusters
-from truearc.sim.discover.model.score_table import Column
-from truearc.sim.discover.model.prepared_data import SCATTERS, Intake
+from truearc.sim.discover.model.baseline_fit import BaselineFit, climb, only_shared
+from truearc.sim.discover.model.forward_model import DEVIATES, Chain, Prediction, ShotBatch
 from truearc.sim.discover.model.linearization import ParameterLayout, linearise, nowhere
 from truearc.sim.discover.model.outcome_likelihood import see_outcomes
+from truearc.sim.discover.model.prepared_data import SCATTERS, Intake
+from truearc.sim.discover.model.score_table import Column
 from truearc.sim.physics.launch import Exit
-from truearc.sim.physics.term import Circumstances
-from truearc.sim.data.dataset import Shots
-from tests.sim.discover.made import column
 
 ASKED = ("wind_x.speed_m_s", "wind_y.speed_m_s", "wind_z.speed_m_s", "spin_decay.rate_per_s", "spin_drag.share",
          "drag_reynolds.slope", "lift_saturation.rate", "drag_wear.share", "buoyancy.share", "added_mass.share",
@@ -50,8 +50,22 @@ def take_straight(y: np.ndarray) -> Intake:
     """Shots of which nothing was seen but y."""
     n, unknown = len(y), np.full(len(y), np.nan)
     zero = np.zeros(n)
-    lanes = ShotBatch(Exit(zero, zero, zero, zero), 0.0, zero, zero, zero, zero, zero, np.arange(n), Circumstances(), 0.0,
-                  0.0, 0.0, zero, 0.0)
+    lanes = ShotBatch(
+        Exit(zero, zero, zero, zero),
+        0.0,
+        zero,
+        zero,
+        zero,
+        zero,
+        zero,
+        np.arange(n),
+        Circumstances(),
+        0.0,
+        0.0,
+        0.0,
+        zero,
+        0.0,
+    )
     marked, seen = see_outcomes(Shots(tuple(map(str, range(n))), {}, {}), FACTS.target)
     return Intake(FACTS, FACTS, np.arange(n), lanes, np.zeros((n, len(DEVIATES))), np.zeros((n, len(SCATTERS))),
                   np.stack([y, unknown, unknown], axis=1), np.ones((n, 3)), marked, seen, np.zeros(0, int), None, None,
@@ -65,8 +79,16 @@ def lay_straight(usual: np.ndarray) -> ParameterLayout:
     columns: tuple[Column, ...] = (
         *(column(name, "term", usual=size) for name, size in zip(ASKED, usual, strict=True)),
         *(column(name, "shared") for name in SHARED))
-    return ParameterLayout(chain, columns, np.arange(len(NAMES)), (-1,) * len(SCATTERS), np.diag(np.full(2, 0.25)), np.zeros(2),
-                  np.zeros(0), np.zeros(len(slots)))
+    return ParameterLayout(
+        chain,
+        columns,
+        np.arange(len(NAMES)),
+        (-1,) * len(SCATTERS),
+        np.diag(np.full(2, 0.25)),
+        np.zeros(2),
+        np.zeros(0),
+        np.zeros(len(slots)),
+    )
 
 
 def slopes_and_y(planted: dict[str, float], seed: int, shots: int, copies: dict[str, str],
@@ -84,8 +106,14 @@ def slopes_and_y(planted: dict[str, float], seed: int, shots: int, copies: dict[
     return slopes, slopes @ [truth.get(name, 0.0) for name in NAMES] + rng.normal(size=shots)
 
 
-def fit_straight(planted: dict[str, float], seed: int, shots: int = 200, copies: dict[str, str] | None = None,
-                 usual: dict[str, float] | None = None, between: dict[str, tuple[str, ...]] | None = None) -> BaselineFit:
+def fit_straight(
+    planted: dict[str, float],
+    seed: int,
+    shots: int = 200,
+    copies: dict[str, str] | None = None,
+    usual: dict[str, float] | None = None,
+    between: dict[str, tuple[str, ...]] | None = None,
+) -> BaselineFit:
     """The believed fit at its optimum."""
     slopes, y = slopes_and_y(planted, seed, shots, copies or {}, between)
     layout = replace(lay_straight(np.array([(usual or {}).get(name, 0.3) for name in ASKED])), see=see_straight(slopes))

@@ -7,24 +7,24 @@ import numpy as np
 import pytest
 from msgspec import structs
 
-from truearc.sim.infer.belief import Belief, load_belief, point_belief, save_belief
-from truearc.sim.data.shot_conditions import circumstances_of
-from truearc.sim.infer.curve import Curve, before_the_shot
+from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.parts import take_shots
-from truearc.sim.discover.model import nonparametric_terms as freed
+from truearc.sim.data.shot_conditions import circumstances_of
 from truearc.sim.discover.adopt import make_belief
+from truearc.sim.discover.api import Investigation, discover
+from truearc.sim.discover.detect.free_curve import Correction
+from truearc.sim.discover.model import nonparametric_terms as freed
 from truearc.sim.discover.model.baseline_fit import BaselineFit, usual_spot
 from truearc.sim.discover.model.design_columns import lay_out
-from truearc.sim.discover.detect.free_curve import Correction
-from truearc.sim.discover.api import Investigation, discover
+from truearc.sim.discover.model.linearization import linearise
 from truearc.sim.discover.model.nonparametric_terms import Freed
 from truearc.sim.discover.model.prepared_data import take_in
-from truearc.sim.discover.model.linearization import linearise
+from truearc.sim.infer.belief import Belief, load_belief, point_belief, save_belief
+from truearc.sim.infer.curve import Curve, before_the_shot
 from truearc.sim.physics.catalogue import find_parameter
 from truearc.sim.physics.simulate import classify, predict
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world
-from truearc.sim.data.dataset import Dataset, Shots
 
 pytestmark = pytest.mark.slow
 SHOTS = 96

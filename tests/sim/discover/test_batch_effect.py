@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.sim.discover.made import column, gaussian
 from truearc.sim.discover.detect.clusters import Clusters
 from truearc.sim.discover.model.score_table import ScoreTable
 from truearc.sim.discover.select.batch_effect import luck_of_others, usual_gain, usual_score
 from truearc.sim.discover.select.refit import unseen_score
-from tests.sim.discover.made import column, gaussian
 
 SHOTS, LUCK_SD = 200, 1.0
 EACH = Clusters("shot", np.arange(SHOTS), SHOTS)

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from truearc.sim.infer.belief import Belief
 from truearc.sim.discover.adopt import make_belief
 from truearc.sim.discover.api import discover
 from truearc.sim.discover.finding import Finding
 from truearc.sim.discover.plan.recommendations import moved_by, parting_shot
 from truearc.sim.discover.select.batch_effect import luck_of_others
+from truearc.sim.infer.belief import Belief
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import World, make_world
 

@@ -5,8 +5,8 @@ from typing import Any, cast
 
 import numpy as np
 
-from truearc.sim.discover.report.build_finding import is_stand_in
 from truearc.sim.discover.detect.covariates import Covariate
+from truearc.sim.discover.report.build_finding import is_stand_in
 from truearc.sim.discover.select.selection_step import Step
 
 

@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from truearc.sim.discover.model.baseline_fit import BaselineFit, fit_believed
-from truearc.sim.discover.detect.clusters import groups_of
-from truearc.sim.discover.model.design_columns import lay_out
+from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.api import detect, make_search
+from truearc.sim.discover.detect.clusters import groups_of
+from truearc.sim.discover.model.baseline_fit import BaselineFit, fit_believed
+from truearc.sim.discover.model.design_columns import lay_out
 from truearc.sim.discover.model.prepared_data import take_in
 from truearc.sim.discover.select.term_ranking import one_step
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world
-from truearc.sim.data.dataset import Dataset
 
 pytestmark = pytest.mark.slow
 WORLDS, SHOTS = 24, 64

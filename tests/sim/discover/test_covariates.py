@@ -4,6 +4,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.sim.discover.worlds import FACTS
+from truearc.sim.data.dataset import Dataset, Shots, Traces
 from truearc.sim.discover.detect.covariates import (
     FEWEST,
     Covariate,
@@ -14,8 +16,6 @@ from truearc.sim.discover.detect.covariates import (
     gather_factors,
 )
 from truearc.sim.discover.detect.weight_functions import Look, group_shapes, number_shapes, pair_shapes, weights_of
-from truearc.sim.data.dataset import Dataset, Shots, Traces
-from tests.sim.discover.worlds import FACTS
 
 N = 40
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from tests.sim.discover.straight import each_by_itself, fit_straight
 from truearc.sim.discover.select.decoys import share_above
 from truearc.sim.discover.select.term_ranking import name_terms, visible_terms
-from tests.sim.discover.straight import each_by_itself, fit_straight
 
 PLANTED = "spin_drag.share"
 

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 import truearc.cli.main as truearc
-from truearc.cli.discover.design import as_table, lines_of
-from truearc.sim.discover.plan.experiment_design import Block, Design, make_design
-from truearc.sim.discover.select.forward_selection import Search, go_forward
-from truearc.sim.discover.select.selection_step import Step
-from truearc.sim.data.dataset import Dataset, Shots, save_dataset
 from tests.sim.discover.straight import FACTS as STRAIGHT
 from tests.sim.discover.straight import each_by_itself, fit_straight
 from tests.sim.discover.worlds import FACTS
+from truearc.cli.discover.design import as_table, lines_of
+from truearc.sim.data.dataset import Dataset, Shots, save_dataset
+from truearc.sim.discover.plan.experiment_design import Block, Design, make_design
+from truearc.sim.discover.select.forward_selection import Search, go_forward
+from truearc.sim.discover.select.selection_step import Step
 
 
 def test_a_plan_names_configurations_that_were_shot() -> None:

@@ -7,10 +7,10 @@ import jax
 import pytest
 
 import truearc.cli.main as truearc
-from truearc.cli.discover.discover import keep_compiled
-from truearc.sim.discover.plan.planned_season import rehearse
-from truearc.sim.data.dataset import Dataset, save_dataset, save_rig
 from tests.sim.discover.worlds import FACTS
+from truearc.cli.discover.discover import keep_compiled
+from truearc.sim.data.dataset import Dataset, save_dataset, save_rig
+from truearc.sim.discover.plan.planned_season import rehearse
 
 BELIEVED = ("gravity", "drag", "magnus")
 

@@ -7,8 +7,12 @@ import pytest
 from scipy.special import softmax
 from scipy.stats import multivariate_normal
 
+from tests.sim.discover.made import at_least_squares
+from tests.sim.discover.straight import ASKED, NAMES, SHARED, each_by_itself, fit_straight, slopes_and_y
+from truearc.sim.data.dataset import Shots
 from truearc.sim.discover.model.baseline_fit import fit_believed
 from truearc.sim.discover.model.design_columns import lay_out
+from truearc.sim.discover.model.prepared_data import take_in
 from truearc.sim.discover.plan.experiment_design import (
     ACCURACY,
     PACES,
@@ -23,16 +27,12 @@ from truearc.sim.discover.plan.experiment_design import (
     within_reach,
     worth,
 )
-from truearc.sim.discover.select.forward_selection import Search, go_forward
-from truearc.sim.discover.model.prepared_data import take_in
 from truearc.sim.discover.plan.recommendations import MEASURE
+from truearc.sim.discover.select.forward_selection import Search, go_forward
 from truearc.sim.discover.select.selection_step import Step
 from truearc.sim.physics.simulate import predict
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world
-from truearc.sim.data.dataset import Shots
-from tests.sim.discover.made import at_least_squares
-from tests.sim.discover.straight import ASKED, NAMES, SHARED, each_by_itself, fit_straight, slopes_and_y
 
 PLANTED = {"spin_drag.share": 0.45}
 SHOTS, SEED = 30, 5

@@ -6,11 +6,11 @@ from typing import cast
 import numpy as np
 import pytest
 
-from truearc.robot.config.rig_spec import Ball, Rig, LauncherFacts, Wheel
-from truearc.sim.discover.detect.test_battery import Test
+from truearc.robot.config.rig_spec import Ball, LauncherFacts, Rig, Wheel
+from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Factor
 from truearc.sim.discover.detect.free_curve import Correction
-from truearc.sim.discover.detect.covariates import Covariate, Factor, CovariatePair
-from truearc.sim.discover.model.score_table import Column
+from truearc.sim.discover.detect.localization import Place
+from truearc.sim.discover.detect.test_battery import Test
 from truearc.sim.discover.finding import (
     DataSummary,
     Finding,
@@ -22,7 +22,7 @@ from truearc.sim.discover.finding import (
     Unknown,
     Where,
 )
-from truearc.sim.discover.detect.localization import Place
+from truearc.sim.discover.model.score_table import Column
 from truearc.sim.discover.report.effect_wording import PHRASES, plain, say_effect, scale_of, size_of
 from truearc.sim.discover.report.finding_text import (
     console_lines,
@@ -53,8 +53,14 @@ def named(term: str, value: float, sd: float, probability: float = 0.9, unit: st
     return Named(term, probability, {found.parameters[0].name: interval(value, sd, unit)}, found.sentence, found.stage)
 
 
-def told(what: tuple[Named, ...], chosen: tuple[str, ...] = (), also: tuple[Further, ...] = (), fit: FitSummary = NO_FIT,
-         believed: tuple[str, ...] = ("gravity",), p_value: float = 0.01) -> str:
+def told(
+    what: tuple[Named, ...],
+    chosen: tuple[str, ...] = (),
+    also: tuple[Further, ...] = (),
+    fit: FitSummary = NO_FIT,
+    believed: tuple[str, ...] = ("gravity",),
+    p_value: float = 0.01,
+) -> str:
     """The sentence for these names; the first alone unless more are chosen."""
     leading = Further(what, chosen or (what[0].term,), None)
     return say_named(believed, p_value, WHERE, leading, also, fit, None)
@@ -173,7 +179,8 @@ def test_nothing_found_and_nothing_to_say() -> None:
 @pytest.mark.parametrize(("what", "shape", "said"), [
     (BATTERY, "straight", "the ball leaves faster as the battery's voltage grows, by 12 % over its range"),
     (BATTERY, "step at 11.9", "faster where the battery's voltage is above 11.9, by 12 %: a step, not a drift"),
-    (CovariatePair(BATTERY, WARMTH, np.zeros((2, 4))), "product", "up to 12 %, as the battery's voltage and the temperature go"),
+    (CovariatePair(BATTERY, WARMTH, np.zeros((2, 4))), "product",
+     "up to 12 %, as the battery's voltage and the temperature go"),
     (Factor("supplier", ("a", "b"), np.zeros(4, int)), "a", "by up to 12 %, depending on supplier"),
     (None, "same", "by 12 %, in every shot alike")])
 def test_what_has_no_name_is_described(what: Covariate | CovariatePair | Factor | None, shape: str, said: str) -> None:

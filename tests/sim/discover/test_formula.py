@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from truearc.sim.discover.detect.test_battery import Test
-from truearc.sim.discover.detect.clusters import Clusters
-from truearc.sim.discover.detect.free_curve import correct
-from truearc.sim.discover.detect.covariates import Covariate, Factor
-from truearc.sim.discover.report.formula import find_formula
-from truearc.sim.physics.launch import Exit
 from tests.sim.discover.made import column, gaussian
 from tests.sim.discover.straight import take_straight
+from truearc.sim.discover.detect.clusters import Clusters
+from truearc.sim.discover.detect.covariates import Covariate, Factor
+from truearc.sim.discover.detect.free_curve import correct
+from truearc.sim.discover.detect.test_battery import Test
+from truearc.sim.discover.report.formula import find_formula
+from truearc.sim.physics.launch import Exit
 
 N = 300
 SINGLE = Clusters("shot", np.arange(N), N)

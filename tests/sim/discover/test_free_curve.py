@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from truearc.sim.discover.detect.test_battery import Test
-from truearc.sim.discover.detect.clusters import Clusters
-from truearc.sim.discover.detect.free_curve import correct
-from truearc.sim.discover.detect.covariates import Covariate, Factor, smooth_shapes
-from truearc.sim.discover.model.score_table import ScoreTable
-from truearc.sim.discover.detect.localization import amplitude_of, shortest_run
-from truearc.sim.discover.detect.weight_functions import STEP
 from tests.sim.discover.made import column, gaussian
+from truearc.sim.discover.detect.clusters import Clusters
+from truearc.sim.discover.detect.covariates import Covariate, Factor, smooth_shapes
+from truearc.sim.discover.detect.free_curve import correct
+from truearc.sim.discover.detect.localization import amplitude_of, shortest_run
+from truearc.sim.discover.detect.test_battery import Test
+from truearc.sim.discover.detect.weight_functions import STEP
+from truearc.sim.discover.model.score_table import ScoreTable
 
 N = 300
 

@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from truearc.sim.discover.model.grouped_columns import GroupedColumns
-from truearc.sim.discover.model.score_table import ScoreTable, PlaneScores, make_evidence
-from truearc.sim.discover.detect.score_test import efficient_scores
 from tests.sim.discover.made import column, heights
+from truearc.sim.discover.detect.score_test import efficient_scores
+from truearc.sim.discover.model.grouped_columns import GroupedColumns
+from truearc.sim.discover.model.score_table import PlaneScores, ScoreTable, make_evidence
 
 SHOTS, REAL, EFFECTS, GROUPS = 14, 4, 2, 3
 WIDE = REAL + EFFECTS * GROUPS
@@ -40,8 +40,16 @@ def both_ways(seed: int) -> tuple[ScoreTable, ScoreTable]:
                *(column(f"ball {k}", "group") for k in range(EFFECTS * GROUPS)))
     precision, pull = np.diag(rng.uniform(0.5, 2.0, WIDE - 2)), rng.normal(size=WIDE - 2)
     rest, told = (precision, pull, rng.normal(size=SHOTS)), indicators(label)
-    few = make_evidence(np.arange(SHOTS), columns, np.zeros(WIDE), linear, bend,
-                        PlaneScores(rows, seen, mean, spread, *parts), *rest, GroupedColumns(REAL, EFFECTS, GROUPS, label))
+    few = make_evidence(
+        np.arange(SHOTS),
+        columns,
+        np.zeros(WIDE),
+        linear,
+        bend,
+        PlaneScores(rows, seen, mean, spread, *parts),
+        *rest,
+        GroupedColumns(REAL, EFFECTS, GROUPS, label),
+    )
     dealt = [np.einsum("nc,ncp->np", part, told[rows]) for part in parts]
     many = make_evidence(np.arange(SHOTS), columns, np.zeros(WIDE), np.einsum("nc,ncp->np", linear, told),
                          np.einsum("ncp,ncd,ndq->npq", told, bend, told), PlaneScores(rows, seen, mean, spread, *dealt),

@@ -10,14 +10,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import chi2, ncx2
 
-from truearc.robot.config.schema import InputError
-from truearc.robot.config.rig_spec import Rig, Target
-from truearc.sim.discover.plan.expected_information import foresee, foresee_dataset
-from truearc.sim.discover.plan.identifiability import EIGHTY, TermIdentifiability, Sight, make_sight, sight_of
-from truearc.sim.discover.plan.planned_season import rehearse
-from truearc.sim.data.dataset import Dataset
 from tests.sim.discover.synthetic import make_linear, shared, term
 from tests.sim.discover.worlds import FACTS, World, fly, make_outcomes, plane_heights
+from truearc.robot.config.rig_spec import Rig, Target
+from truearc.robot.config.schema import InputError
+from truearc.sim.data.dataset import Dataset
+from truearc.sim.discover.plan.expected_information import foresee, foresee_dataset
+from truearc.sim.discover.plan.identifiability import EIGHTY, Sight, TermIdentifiability, make_sight, sight_of
+from truearc.sim.discover.plan.planned_season import rehearse
 
 BELIEVED = ("gravity", "drag", "magnus")
 FLAT = np.array([1e-12, 1e-12])

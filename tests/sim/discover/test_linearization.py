@@ -11,21 +11,21 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal, norm
 
-from truearc.sim.discover.model.forward_model import see
+from tests.sim.discover.mixed import BALLS, BELIEVED, FLOWN, LANDED, MEASURED, SHOTS, THROWN, make_mixed
 from truearc.sim.discover.model.design_columns import LUCK, lay_out
-from truearc.sim.discover.model.score_table import FLOOR_M, ScoreTable
-from truearc.sim.discover.model.prepared_data import Intake, take_in
+from truearc.sim.discover.model.forward_model import see
 from truearc.sim.discover.model.linearization import (
-    ParameterLayout,
     LinearizationPoint,
+    ParameterLayout,
     fly,
     linearise,
     pad_lanes,
     variance_of,
 )
 from truearc.sim.discover.model.outcome_likelihood import LAPSE
+from truearc.sim.discover.model.prepared_data import Intake, take_in
+from truearc.sim.discover.model.score_table import FLOOR_M, ScoreTable
 from truearc.sim.physics.catalogue import find_parameter
-from tests.sim.discover.mixed import BALLS, BELIEVED, FLOWN, LANDED, MEASURED, SHOTS, THROWN, make_mixed
 
 pytestmark = pytest.mark.slow
 SHOWN = (int(FLOWN[0]), int(LANDED[1]), int(LANDED[2]), int(MEASURED[1]), int(MEASURED[6]), int(THROWN[0]), 35, 38)

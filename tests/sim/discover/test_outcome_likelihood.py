@@ -7,11 +7,11 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 from scipy.stats import norm
 
-from truearc.robot.config.schema import InputError
 from truearc.robot.config.rig_spec import Target
+from truearc.robot.config.schema import InputError
+from truearc.sim.data.dataset import Shots
 from truearc.sim.discover.model import outcome_likelihood as outcomes
 from truearc.sim.discover.model.outcome_likelihood import LAPSE, OutcomeObservations, see_outcomes, widened
-from truearc.sim.data.dataset import Shots
 
 TARGET = Target(2.44)
 CELLS = (("miss", ""), ("two", ""), ("three", ""), ("miss", "low"), ("miss", "high"), ("two", "low"), ("two", "high"))
@@ -22,7 +22,9 @@ means = st.floats(-1.0, 1.0)
 spreads = st.floats(0.02, 0.6)
 
 
-def seen_of(cells: list[tuple[str, str]], heights: list[float] | None = None, target: Target = TARGET) -> OutcomeObservations:
+def seen_of(
+    cells: list[tuple[str, str]], heights: list[float] | None = None, target: Target = TARGET
+) -> OutcomeObservations:
     numbers = {} if heights is None else {"miss_height_m": np.array(heights)}
     shots = Shots(tuple(map(str, range(len(cells)))), numbers,
                   {"outcome": tuple(c[0] for c in cells), "side": tuple(c[1] for c in cells)})

@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.sim.discover.straight import ASKED, each_by_itself, fit_straight
 from truearc.sim.discover.model.baseline_fit import BaselineFit
 from truearc.sim.discover.select.forward_selection import Search, in_company, or_likelier_pair
-from truearc.sim.discover.select.term_ranking import name_terms
 from truearc.sim.discover.select.pair_search import best_pair
 from truearc.sim.discover.select.selection_step import make_step
-from tests.sim.discover.straight import ASKED, each_by_itself, fit_straight
+from truearc.sim.discover.select.term_ranking import name_terms
 
 PLANTED = {"wind_z.speed_m_s": 1.2, "added_mass.share": 0.8}
 BETWEEN = {"drag_wear.share": tuple(PLANTED)}

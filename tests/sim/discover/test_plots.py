@@ -8,12 +8,10 @@ import pytest
 from scipy.optimize import minimize_scalar
 from scipy.stats import norm
 
+from tests.sim.discover.synthetic import make_linear, shared, term
 from truearc.robot.config.rig_spec import Target
+from truearc.sim.data.dataset import Shots
 from truearc.sim.discover.detect.covariates import Covariate, Factor
-from truearc.sim.discover.model.score_table import Column, PlaneScores
-from truearc.sim.discover.plan.identifiability import sight_of
-from truearc.sim.discover.model.outcome_likelihood import LAPSE, see_outcomes
-from truearc.sim.discover.report.plots import field_png, flight_png, residual_png, sight_png
 from truearc.sim.discover.detect.residuals import (
     Bins,
     Heights,
@@ -25,8 +23,10 @@ from truearc.sim.discover.detect.residuals import (
     find_along,
     halves,
 )
-from truearc.sim.data.dataset import Shots
-from tests.sim.discover.synthetic import make_linear, shared, term
+from truearc.sim.discover.model.outcome_likelihood import LAPSE, see_outcomes
+from truearc.sim.discover.model.score_table import Column, PlaneScores
+from truearc.sim.discover.plan.identifiability import sight_of
+from truearc.sim.discover.report.plots import field_png, flight_png, residual_png, sight_png
 
 ROWS = np.arange(80)
 ORDER = Covariate((("t_s", np.linspace(0.0, 100.0, 80)), ("order_in_session", ROWS.astype(float))))
@@ -40,8 +40,15 @@ def drifting() -> Residual:
     truth = np.linspace(-0.02, 0.02, 80)
     noise = 0.01 * np.random.default_rng(1).normal(size=80)
     information = np.full(80, 1e4)
-    return Residual("launch speed", 0, "launch", 100.0, "%", LinearResiduals((truth + noise) * information, information),
-                    LinearResiduals(noise * information, information))
+    return Residual(
+        "launch speed",
+        0,
+        "launch",
+        100.0,
+        "%",
+        LinearResiduals((truth + noise) * information, information),
+        LinearResiduals(noise * information, information),
+    )
 
 
 def drawn(png: bytes | None) -> np.ndarray:
@@ -70,7 +77,9 @@ def test_heights_shift_to_where_the_outcomes_are_likeliest() -> None:
     shots = Shots(tuple(map(str, range(200))), {}, {"outcome": tuple(outcome.tolist()), "side": tuple(side.tolist())})
     rows, seen = see_outcomes(shots, Target(2.44))
     none = np.zeros((200, 0))
-    value, error = Heights(PlaneScores(rows, seen, mean_m, spread_m, none, none, none), 200).estimate(np.ones(200, bool))
+    value, error = Heights(PlaneScores(rows, seen, mean_m, spread_m, none, none, none), 200).estimate(
+        np.ones(200, bool)
+    )
     borders = {"three": (-0.07, 0.07), "low two": (-0.35, -0.07), "high two": (0.07, 0.35), "low miss": (-9.0, -0.35),
                "high miss": (0.35, 9.0)}
     low, high = np.array([borders[f"{s} {o}".strip()] for s, o in zip(side, outcome, strict=True)]).T
@@ -97,8 +106,15 @@ def test_bins_are_even_or_the_values_there_are() -> None:
 
 
 def test_what_carries_the_effect_is_what_is_shown() -> None:
-    flat = Residual("push", 1, "flight", 1.0, "m/s²", LinearResiduals(np.zeros(80), np.ones(80)), LinearResiduals(np.zeros(80),
-                                                                                                np.ones(80)))
+    flat = Residual(
+        "push",
+        1,
+        "flight",
+        1.0,
+        "m/s²",
+        LinearResiduals(np.zeros(80), np.ones(80)),
+        LinearResiduals(np.zeros(80), np.ones(80)),
+    )
     chosen = choose((flat, drifting()), (OTHER, SIDE, ORDER), ROWS)
     assert chosen is not None
     assert (chosen[0].name, chosen[1].name) == ("launch speed", "t_s")

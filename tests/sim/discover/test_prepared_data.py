@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.sim.discover.mixed import FLOWN, LANDED, MEASURED, SHOTS, THROWN, make_mixed
 from truearc.robot.config.schema import InputError
+from truearc.sim.data.dataset import Dataset, Shots, Traces, Tracks
 from truearc.sim.discover.model.forward_model import DEVIATES
 from truearc.sim.discover.model.prepared_data import FEWEST_SHOTS, Intake, take_in
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world
-from truearc.sim.data.dataset import Dataset, Shots, Traces, Tracks
-from tests.sim.discover.mixed import FLOWN, LANDED, MEASURED, SHOTS, THROWN, make_mixed
 
 
 @pytest.fixture(scope="module")

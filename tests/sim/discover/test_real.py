@@ -5,23 +5,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.sim.thin import thinned
 from truearc.robot.config.schema import InputError
-from truearc.sim.discover.adopt import make_belief
-from truearc.sim.discover.model.baseline_fit import fit_believed
-from truearc.sim.discover.detect.clusters import find_clusters, groups_of
-from truearc.sim.discover.model.design_columns import lay_out
-from truearc.sim.discover.api import detect, discover, make_search
-from truearc.sim.discover.model.prepared_data import take_in
-from truearc.sim.discover.detect.localization import locate
-from truearc.sim.infer.map_fit import fit_ml
-from truearc_proof.importers.ball_drops import import_ball_drops
+from truearc.sim.data.importers.selection import only
 from truearc.sim.data.importers.stated_uncertainty import doubts_of
+from truearc.sim.discover.adopt import make_belief
+from truearc.sim.discover.api import detect, discover, make_search
+from truearc.sim.discover.detect.clusters import find_clusters, groups_of
+from truearc.sim.discover.detect.localization import locate
+from truearc.sim.discover.model.baseline_fit import fit_believed
+from truearc.sim.discover.model.design_columns import lay_out
+from truearc.sim.discover.model.prepared_data import take_in
+from truearc.sim.infer.map_fit import fit_ml
+from truearc.sim.physics.simulate import predict
+from truearc_proof.importers.ball_drops import import_ball_drops
 from truearc_proof.importers.exit_speeds import import_971
 from truearc_proof.importers.mpi import import_mpi
 from truearc_proof.importers.set_points import GOAL_M, import_254, import_3476
-from truearc.sim.data.importers.selection import only
-from truearc.sim.physics.simulate import predict
-from tests.sim.thin import thinned
 
 pytestmark = [pytest.mark.data, pytest.mark.slow]
 

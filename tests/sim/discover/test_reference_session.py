@@ -4,19 +4,19 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from truearc.sim.infer.belief import Belief
+from tests.sim.discover.straight import each_by_itself, fit_straight
+from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Factor
+from truearc.sim.discover.detect.reference_session import ReferenceSession
 from truearc.sim.discover.detect.test_battery import Asked, ask_everything
 from truearc.sim.discover.model.baseline_fit import BaselineFit
 from truearc.sim.discover.model.design_columns import lay_out
-from truearc.sim.discover.detect.covariates import Covariate, Factor, CovariatePair
-from truearc.sim.discover.select.forward_selection import Search, judge_left
-from truearc.sim.discover.detect.reference_session import ReferenceSession
 from truearc.sim.discover.model.prepared_data import take_in
 from truearc.sim.discover.select.condition_on import promote
+from truearc.sim.discover.select.forward_selection import Search, judge_left
 from truearc.sim.discover.select.refit import refit
+from truearc.sim.infer.belief import Belief
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world
-from tests.sim.discover.straight import each_by_itself, fit_straight
 
 LEFT = {"wind_z.speed_m_s": 0.4, "spin_decay.rate_per_s": -0.3}
 
@@ -111,4 +111,8 @@ def test_home_is_looked_at_by_any_of_a_covariates_names() -> None:
     assert np.array_equal(home.look.at(one), x) and np.isnan(home.look.at(other)).all()
     driver, place = Factor("driver", ("b", "c"), np.zeros(20, int)), Factor("place", ("b",), np.zeros(20, int))
     assert home.look.at(driver).tolist() == [-1, 0] * 10 and set(home.look.at(place)) == {-1}
-    assert home.own(other) is None and home.own(None) is None and home.own(CovariatePair(one, other, np.zeros((2, 20)))) is None
+    assert (
+        home.own(other) is None
+        and home.own(None) is None
+        and home.own(CovariatePair(one, other, np.zeros((2, 20)))) is None
+    )

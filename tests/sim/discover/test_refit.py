@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
+from tests.sim.discover.made import column, gaussian, with_plane
+from tests.sim.discover.straight import NAMES, SHARED, fit_straight, slopes_and_y
 from truearc.sim.discover.adopt import make_belief
-from truearc.sim.discover.detect.clusters import Clusters
 from truearc.sim.discover.api import discover
+from truearc.sim.discover.detect.clusters import Clusters
 from truearc.sim.discover.model.score_table import ScoreTable
 from truearc.sim.discover.select.refit import (
     FOLDS,
@@ -18,11 +20,9 @@ from truearc.sim.discover.select.refit import (
     unseen_score,
     without,
 )
-from truearc_proof.truth.launch import RAPID_FIRE_S
 from truearc_proof.truth.generate import shoot
+from truearc_proof.truth.launch import RAPID_FIRE_S
 from truearc_proof.truth.world import make_world
-from tests.sim.discover.made import column, gaussian, with_plane
-from tests.sim.discover.straight import NAMES, SHARED, fit_straight, slopes_and_y
 
 N = 60
 PRECISION, PULL = np.array([0.5, 4.0]), np.array([0.3, -1.0])

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from truearc.sim.discover.model.score_table import shared_columns
 from tests.sim.discover.made import with_plane
+from truearc.sim.discover.model.score_table import shared_columns
 
 seeds = st.integers(0, 10_000)
 

@@ -9,18 +9,18 @@ import pytest
 
 from truearc.cli.discover.discover import adopt
 from truearc.robot.config.schema import InputError
-from truearc.sim.infer.belief import load_belief, point_belief
+from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.shot_conditions import circumstances_of
-from truearc.sim.infer.coefficients import Coefficients
 from truearc.sim.discover.adopt import _coefficients, make_belief
 from truearc.sim.discover.api import Investigation, discover
-from truearc.sim.discover.model.score_table import ScoreTable
 from truearc.sim.discover.model.external_measurements import Measurement
+from truearc.sim.discover.model.score_table import ScoreTable
 from truearc.sim.discover.select.model_averaging import LEAST, mixed, shares
+from truearc.sim.infer.belief import load_belief, point_belief
+from truearc.sim.infer.coefficients import Coefficients
 from truearc.sim.physics.simulate import opening_of, predict
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world
-from truearc.sim.data.dataset import Dataset
 
 pytestmark = pytest.mark.slow
 TARGET = "target_height.rise_m"

@@ -8,12 +8,12 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from benchmarks.suite import Job, world_of
-from truearc.sim.discover.model.baseline_fit import BaselineFit
-from truearc.sim.discover.api import discover
-from truearc.sim.discover.select.term_ranking import NEVER, Naming, is_possible, name_terms, nats_for, one_step
-from truearc.sim.discover.select.refit import Refit
-from truearc_proof.truth.generate import shoot
 from tests.sim.discover.straight import ASKED, NAMES, SHARED, fit_straight, slopes_and_y
+from truearc.sim.discover.api import discover
+from truearc.sim.discover.model.baseline_fit import BaselineFit
+from truearc.sim.discover.select.refit import Refit
+from truearc.sim.discover.select.term_ranking import NEVER, Naming, is_possible, name_terms, nats_for, one_step
+from truearc_proof.truth.generate import shoot
 
 PLANTED = "spin_drag.share"
 

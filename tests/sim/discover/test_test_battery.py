@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from truearc.sim.discover.detect.test_battery import ALLOWANCE, FREE, PATTERN, TERMS, Asked, ask_everything, name_of
+from tests.sim.discover.made import column, gaussian
+from truearc.sim.data.dataset import Shots
 from truearc.sim.discover.detect.clusters import find_clusters, groups_of
 from truearc.sim.discover.detect.covariates import Covariate, Factor
-from truearc.sim.discover.model.score_table import Column, ScoreTable
 from truearc.sim.discover.detect.localization import locate
 from truearc.sim.discover.detect.score_test import Judged, judge
-from truearc.sim.data.dataset import Shots
-from tests.sim.discover.made import column, gaussian
+from truearc.sim.discover.detect.test_battery import ALLOWANCE, FREE, PATTERN, TERMS, Asked, ask_everything, name_of
+from truearc.sim.discover.model.score_table import Column, ScoreTable
 
 N = 200
 LAUNCH = Column("launch speed", "free", "launch", "along", "1", 0.2)

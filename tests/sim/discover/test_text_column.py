@@ -7,13 +7,13 @@ import msgspec
 import numpy as np
 import pytest
 
-from truearc.sim.infer.belief import load_belief
+from truearc.cli.main import main
+from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.parts import join_datasets, take_shots
 from truearc.sim.data.save import save_dataset
+from truearc.sim.infer.belief import load_belief
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world
-from truearc.sim.data.dataset import Dataset, Shots
-from truearc.cli.main import main
 
 pytestmark = pytest.mark.slow
 SHOTS, FASTER = 120, 1.06

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from truearc.robot.config.rig_spec import Ball, Rig, LauncherFacts, Noise, Target, Wheel
+from truearc.robot.config.rig_spec import Ball, LauncherFacts, Noise, Rig, Target, Wheel
 from truearc.sim.data.dataset import Dataset, Shots
 
 GRAVITY = 9.81

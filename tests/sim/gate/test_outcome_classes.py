@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from truearc.robot.config.schema import InputError
-from truearc.sim.gate.outcome_classes import marks_of
 from truearc.sim.data.dataset import Shots
+from truearc.sim.gate.outcome_classes import marks_of
 
 
 def make(outcome: tuple[str, ...], side: tuple[str, ...] | None = None, **numbers: list[float]) -> Shots:
@@ -33,7 +33,8 @@ def test_silent_shots_are_counted_and_measured_ones_kept() -> None:
     assert rows.tolist() == [0, 2] and marks.level.tolist() == [2, -1]
     assert left_out == ["DIR: 1 of 4 shots left out: no outcome or miss_height_m",
                         "DIR: 1 of 4 shots left out: no distance_m"]
-    with pytest.raises(InputError, match=r"nothing to train on; DIR: 2 of 2 shots left out: no outcome or miss_height_m"):
+    with pytest.raises(InputError, match=r"nothing to train on; DIR: 2 of 2 shots left out: no outcome or "
+                                         r"miss_height_m"):
         marks_of(make(("", "")), "DIR")
 
 

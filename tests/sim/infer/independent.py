@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from truearc.sim.data.dataset import Dataset, Shots, Tracks
 from tests.sim.physics import reference as rig
 from tests.sim.physics.rigs import GUPPY
+from truearc.sim.data.dataset import Dataset, Shots, Tracks
 
 CENTRE_M, INNER_M, OUTER_M = 2.44, 0.07, 0.35
 DISTANCE_SD_M, HOOD_SD_DEG, WHEEL_SD_RAD_S = 0.05, 0.2, 0.5       # rig.toml's defaults

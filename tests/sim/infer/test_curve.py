@@ -7,19 +7,19 @@ import numpy as np
 import pytest
 from msgspec.structs import replace as replace_struct
 
-from truearc.robot.config.schema import InputError
+from tests.sim.physics.rigs import GUPPY
 from truearc.robot.config.rig_spec import Noise
+from truearc.robot.config.schema import InputError
+from truearc.sim.data.dataset import Shots
+from truearc.sim.discover.detect.covariates import smooth_shapes, spline_knots
 from truearc.sim.infer.belief import Belief, draw, load_belief, point_belief, replace_values, save_belief
 from truearc.sim.infer.curve import Curve, along, before_the_shot, natural
-from truearc.sim.discover.detect.covariates import smooth_shapes, spline_knots
 from truearc.sim.infer.forecast import forecast
+from truearc.sim.paper.synthetic_draws import assign, fly_draws
 from truearc.sim.physics.catalogue import effective, flight_terms
 from truearc.sim.physics.flight import path
 from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.simulate import ORDINARY, fly_rows, launch_of, predict
-from truearc.sim.data.dataset import Shots
-from truearc.sim.paper.synthetic_draws import assign, fly_draws
-from tests.sim.physics.rigs import GUPPY
 
 SILENT = replace_struct(GUPPY, noise=Noise(0.0, 0.0, 0.0, 0.0))
 KNOTS = (2.0, 3.0, 4.0, 6.0)

@@ -6,17 +6,17 @@ import msgspec
 import numpy as np
 import pytest
 
+from tests.sim.physics.rigs import GUPPY
 from truearc.robot.config.rig_spec import Target
+from truearc.sim.data.dataset import Dataset, Shots, Tracks
 from truearc.sim.data.shot_conditions import circumstances_of
 from truearc.sim.infer.likelihood.observations import gather
 from truearc.sim.infer.likelihood.shot_likelihood import Points, log_likelihood, narrow, opening_at, plane_of, values_at
-from truearc.sim.infer.parameters import make_model
 from truearc.sim.infer.likelihood.track_likelihood import guess_lead
+from truearc.sim.infer.parameters import make_model
 from truearc.sim.physics.catalogue import TERMS, effective, flight_terms
 from truearc.sim.physics.flight import path
 from truearc.sim.physics.simulate import classify, launch_of, predict
-from truearc.sim.data.dataset import Dataset, Shots, Tracks
-from tests.sim.physics.rigs import GUPPY
 
 ADDED = tuple(term for term in TERMS if term.name not in ("gravity", "drag", "magnus"))
 BELIEVED = {"gravity": {"scale": 1.0}, "drag": {"cd": 0.5}, "magnus": {"cl": 0.1}}

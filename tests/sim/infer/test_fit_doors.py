@@ -6,11 +6,11 @@ import io
 import numpy as np
 import pytest
 
-from truearc.sim.infer.coefficients import load_coefficients, load_provenance
-from truearc.sim.data.dataset import Dataset, Shots, dataset_hash, save_dataset
 from tests.sim.physics import reference
 from tests.sim.physics.rigs import GUPPY
 from truearc.cli.main import main
+from truearc.sim.data.dataset import Dataset, Shots, dataset_hash, save_dataset
+from truearc.sim.infer.coefficients import load_coefficients, load_provenance
 
 ROWS = [(3.0, 0.5, 50.0), (15.0, 0.3, 40.0), (4.0, 0.6, 60.0), (2.0, 0.45, 60.0)]
 OUTCOMES = ("three", "miss", "two", "three")

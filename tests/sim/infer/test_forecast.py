@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from truearc.sim.infer.belief import Belief, draw, point_belief
-from truearc.sim.infer.forecast import forecast
-from truearc.sim.data.dataset import Shots
 from tests.sim.infer import independent
 from tests.sim.infer.independent import Truth
 from tests.sim.physics import reference
 from tests.sim.physics.rigs import GUPPY
+from truearc.sim.data.dataset import Shots
+from truearc.sim.infer.belief import Belief, draw, point_belief
+from truearc.sim.infer.forecast import forecast
 
 TRUTH = Truth(speed_sd=0.02, elevation_sd_deg=0.5)
 EXACT = {"drag": {"cd": TRUTH.cd}, "magnus": {"cl": TRUTH.cl}, "exit_efficiency": {"loss": TRUTH.loss}}

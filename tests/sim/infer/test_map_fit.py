@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 
 import truearc.sim.infer.optimum
-from truearc.robot.config.schema import InputError
-from truearc.sim.infer.advise import advise
-from truearc.sim.infer.crossval import cross_validate
-from truearc.sim.infer.likelihood.observations import gather
-from truearc.sim.infer.identifiability import identify
-from truearc.sim.infer.map_fit import MlFit, fit_ml
-from truearc.sim.infer.profile import Z90, deviance_at, profile_interval
-from truearc.sim.data.dataset import Dataset, Shots, Tracks
 from tests.sim.infer.independent import CENTRE_M, Truth, heights, make_dataset, make_tracks
 from tests.sim.physics import reference
 from tests.sim.physics.rigs import GUPPY
+from truearc.robot.config.schema import InputError
+from truearc.sim.data.dataset import Dataset, Shots, Tracks
+from truearc.sim.infer.advise import advise
+from truearc.sim.infer.crossval import cross_validate
+from truearc.sim.infer.identifiability import identify
+from truearc.sim.infer.likelihood.observations import gather
+from truearc.sim.infer.map_fit import MlFit, fit_ml
+from truearc.sim.infer.profile import Z90, deviance_at, profile_interval
 
 TERMS = ("drag", "magnus", "exit_efficiency")
 TRUTH = Truth()

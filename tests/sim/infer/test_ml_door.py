@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 import truearc.sim.infer.optimum
-from truearc.sim.infer.belief import load_belief
-from truearc.sim.infer.coefficients import load_provenance
-from truearc.sim.data.dataset import dataset_hash, save_dataset
 from tests.sim.infer.independent import make_dataset
 from truearc.cli.main import main
+from truearc.sim.data.dataset import dataset_hash, save_dataset
+from truearc.sim.infer.belief import load_belief
+from truearc.sim.infer.coefficients import load_provenance
 
 TERMS = "drag,magnus,exit_efficiency"
 

@@ -6,8 +6,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from truearc.sim.infer.likelihood.observations import gather
+from tests.sim.infer import independent
+from tests.sim.infer.independent import Truth
+from tests.sim.physics import reference
+from tests.sim.physics.rigs import GUPPY
+from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.infer.likelihood.launch_inputs import EXIT_SPEED_SD_M_S
+from truearc.sim.infer.likelihood.observations import gather
+from truearc.sim.infer.likelihood.outcome_likelihood import LAPSE
 from truearc.sim.infer.likelihood.shot_likelihood import (
     Points,
     derivatives,
@@ -16,16 +22,10 @@ from truearc.sim.infer.likelihood.shot_likelihood import (
     outcome_table,
     unit_scores,
 )
-from truearc.sim.infer.likelihood.outcome_likelihood import LAPSE
-from truearc.sim.infer.parameters import make_model
 from truearc.sim.infer.likelihood.small_matrices import log_det_and_inverse
 from truearc.sim.infer.likelihood.track_data import TrackData
 from truearc.sim.infer.likelihood.track_likelihood import linear
-from truearc.sim.data.dataset import Dataset, Shots
-from tests.sim.infer import independent
-from tests.sim.infer.independent import Truth
-from tests.sim.physics import reference
-from tests.sim.physics.rigs import GUPPY
+from truearc.sim.infer.parameters import make_model
 
 TERMS = ("drag", "magnus", "exit_efficiency")
 NO_POINTS = Points(np.zeros((0, 3)), np.zeros((0, 4)))

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from truearc.sim.infer.map_fit import fit_ml
-from truearc.sim.infer.posterior import FEWEST_EFFECTIVE, SPLIT_R_HAT, sample, save_draws
-from truearc.sim.infer.profile import profile_interval
-from truearc.sim.data.dataset import load_dataset
 from tests.sim.infer.independent import make_dataset
 from tests.sim.physics.rigs import GUPPY
 from tests.sim.thin import thinned
 from truearc.cli.main import main
+from truearc.sim.data.dataset import load_dataset
+from truearc.sim.infer.map_fit import fit_ml
+from truearc.sim.infer.posterior import FEWEST_EFFECTIVE, SPLIT_R_HAT, sample, save_draws
+from truearc.sim.infer.profile import profile_interval
 
 pytestmark = pytest.mark.slow
 TERMS = ("drag", "magnus", "exit_efficiency")

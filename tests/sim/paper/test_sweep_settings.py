@@ -11,10 +11,11 @@ from hypothesis import strategies as st
 from scipy.stats import ttest_1samp
 
 import truearc.cli.main as truearc
-from truearc.robot.config.schema import InputError
+from tests.sim.training_rows import some_rows
 from truearc.robot.config.rig_spec import Ball, Rig
-from truearc.sim.paper.network import load_weights
+from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset, Shots, save_dataset
+from truearc.sim.paper.network import load_weights
 from truearc.sim.paper.sweep_settings import (
     SweepScore,
     SweepSetting,
@@ -25,7 +26,6 @@ from truearc.sim.paper.sweep_settings import (
     settings_of,
 )
 from truearc.sim.paper.training import Rows
-from tests.sim.training_rows import some_rows
 
 REAL, SIMULATED = some_rows(60, 1), some_rows(90, 2)
 

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 import truearc.cli.main as truearc
+from truearc.robot.config.rig_spec import Ball, LauncherFacts, Noise, Rig, Target, Wheel
 from truearc.robot.config.schema import InputError
-from truearc.robot.config.rig_spec import Ball, Rig, LauncherFacts, Noise, Target, Wheel
+from truearc.sim.data.dataset import load_dataset, save_rig
 from truearc.sim.infer.belief import Belief, draw, point_belief, save_belief
 from truearc.sim.infer.coefficients import save_coefficients
-from truearc.sim.physics.simulate import classify
-from truearc.sim.data.dataset import load_dataset, save_rig
 from truearc.sim.paper.synthetic_data import grid_heights, grid_shots, load_provenance, sample_shots
 from truearc.sim.paper.synthetic_draws import (
     assign,
@@ -21,6 +20,7 @@ from truearc.sim.paper.synthetic_draws import (
     near_places,
     synthesise_draws,
 )
+from truearc.sim.physics.simulate import classify
 
 WHEELS = (Wheel("lower", 0.0508, 1.0, 180.0), Wheel("upper", 0.0349, 0.5625, 0.0))
 NO_AIR = {"drag": {"cd": 0.0}}

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from truearc.robot.config.schema import InputError
-from truearc.sim.paper.network import Layers, Network, initial_layers, probabilities
-from truearc.sim.data.dataset import Shots
-from truearc.sim.paper.training import Rows, accuracy, cross_entropy, domain_of, mean_loss, split_heldout, training_rows
 from tests.sim.training_rows import REAL, sigmoid
+from truearc.robot.config.schema import InputError
+from truearc.sim.data.dataset import Shots
+from truearc.sim.paper.network import Layers, Network, initial_layers, probabilities
+from truearc.sim.paper.training import Rows, accuracy, cross_entropy, domain_of, mean_loss, split_heldout, training_rows
 
 
 def test_cross_entropy_is_minus_log_likelihood_of_both_outputs() -> None:

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import msgspec
 import numpy as np
 
+from tests.sim.physics.rigs import GUPPY
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.physics.catalogue import find_terms
 from truearc.sim.physics.launch import Exit
@@ -23,7 +24,6 @@ from truearc.sim.physics.term import (
     complete,
 )
 from truearc.sim.physics.vector import Vec
-from tests.sim.physics.rigs import GUPPY
 
 EXITS = Exit(np.array([0.5, 4.0, 9.0, 21.0]), np.array([0.1, 0.5, 0.9, 1.3]), np.array([-3.0, 0.0, 4.0, 11.0]),
              np.array([0.0, 0.1, -0.2, 0.3]))

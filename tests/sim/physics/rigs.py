@@ -2,8 +2,8 @@
 
 import msgspec
 
-from truearc.robot.config.rig_spec import Air, Ball, Rig, LauncherFacts, Target, Wheel, WorldFacts
 from tests.sim.physics import reference
+from truearc.robot.config.rig_spec import Air, Ball, LauncherFacts, Rig, Target, Wheel, WorldFacts
 
 GUPPY = Rig(
     ball=Ball(mass_kg=reference.MASS_KG, radius_m=reference.RADIUS_M),

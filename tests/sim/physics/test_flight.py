@@ -5,14 +5,14 @@ import msgspec
 import numpy as np
 import pytest
 
+from tests.sim.physics import reference
+from tests.sim.physics.rigs import GUPPY, weightless
 from truearc.robot.config.rig_spec import WorldFacts
 from truearc.sim.physics.catalogue import flight_terms
 from truearc.sim.physics.flight import fly, make_law, path, rk4
 from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.term import BallState
 from truearc.sim.physics.vector import Vec
-from tests.sim.physics import reference
-from tests.sim.physics.rigs import GUPPY, weightless
 
 SEED = flight_terms(("gravity", "drag", "magnus"))
 LIFT = flight_terms(("magnus",))

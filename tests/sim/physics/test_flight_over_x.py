@@ -4,17 +4,17 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from truearc.sim.physics.catalogue import flight_terms
-from truearc.sim.physics.flight import fly, make_law
-from truearc.sim.physics.launch import Exit
-from truearc.sim.physics.flight_over_x import reach_plane
-from truearc.sim.physics.simulate import leave, predict
-from truearc.sim.physics.vector import Vec
-from truearc.sim.data.dataset import Shots
 from tests.sim.infer import independent
 from tests.sim.infer.independent import Truth
 from tests.sim.physics import reference
 from tests.sim.physics.rigs import GUPPY, weightless
+from truearc.sim.data.dataset import Shots
+from truearc.sim.physics.catalogue import flight_terms
+from truearc.sim.physics.flight import fly, make_law
+from truearc.sim.physics.flight_over_x import reach_plane
+from truearc.sim.physics.launch import Exit
+from truearc.sim.physics.simulate import leave, predict
+from truearc.sim.physics.vector import Vec
 
 SEED = flight_terms(("gravity", "drag", "magnus"))
 TRUTH = Truth(cd=0.6, cl=0.05, loss=0.0)

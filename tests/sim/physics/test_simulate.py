@@ -4,14 +4,14 @@ import msgspec
 import numpy as np
 import pytest
 
+from tests.sim.physics import reference
+from tests.sim.physics.rigs import GUPPY, with_wheels
 from truearc.robot.config.schema import InputError
+from truearc.sim.data.conditions import Circumstances
+from truearc.sim.data.dataset import Shots
 from truearc.sim.physics.catalogue import flight_terms
 from truearc.sim.physics.flight import fly
 from truearc.sim.physics.simulate import classify, fly_rows, launch_of, opening_of, predict
-from truearc.sim.physics.term import Circumstances
-from truearc.sim.data.dataset import Shots
-from tests.sim.physics import reference
-from tests.sim.physics.rigs import GUPPY, with_wheels
 
 SEED = flight_terms(("gravity", "drag", "magnus"))
 

@@ -6,20 +6,6 @@ import jax
 import numpy as np
 import pytest
 
-from truearc.robot.config.schema import InputError
-from truearc.sim.physics.catalogue import (
-    TERMS,
-    arrival_terms,
-    effective,
-    find_parameter,
-    find_terms,
-    flight_terms,
-    launch_terms,
-    sensing_terms,
-    watch_terms,
-)
-from truearc.sim.physics.scales import SCALES, fits_scale, from_scale, to_scale
-from truearc.sim.physics.term import AirTerm, Circumstances, FlightTerm, complete
 from tests.sim.physics.hooks import (
     DISTANCES_M,
     EXITS,
@@ -34,6 +20,21 @@ from tests.sim.physics.hooks import (
     untouched,
 )
 from tests.sim.physics.rigs import GUPPY
+from truearc.robot.config.schema import InputError
+from truearc.sim.data.conditions import Circumstances
+from truearc.sim.physics.catalogue import (
+    TERMS,
+    arrival_terms,
+    effective,
+    find_parameter,
+    find_terms,
+    flight_terms,
+    launch_terms,
+    sensing_terms,
+    watch_terms,
+)
+from truearc.sim.physics.scales import SCALES, fits_scale, from_scale, to_scale
+from truearc.sim.physics.term import AirTerm, FlightTerm, complete
 
 NAMES = tuple(term.name for term in TERMS)
 IN_THE_AIR = [term for term in TERMS if isinstance(term, FlightTerm | AirTerm)]

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from tests.sim.physics.rigs import GUPPY
 from truearc.sim.physics.catalogue import find_terms
 from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.term import BallState, Opening
 from truearc.sim.physics.vector import Vec
-from tests.sim.physics.rigs import GUPPY
 
 LEVEL = BallState(Vec(0.0, 0.0, 1.0), Vec(10.0, 0.0, 0.0), Vec(0.0, -5.0, 0.0), 0.5)
 FORCES = {"gravity": Vec(0.0, 0.0, -9.81), "drag": Vec(-5.0, 0.0, 0.0), "magnus": Vec(0.0, 0.0, 2.0)}

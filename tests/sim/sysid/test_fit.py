@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from tests.sim.sysid.wheel import TRUTH, stair_record
 from truearc.robot.config.schema import InputError
 from truearc.sim.sysid.fit import NORMAL90, fit_law, fit_motion, line
 from truearc.sim.sysid.motion import Law
 from truearc.sim.sysid.record import Record, cut, find_runs
 from truearc.sim.sysid.solve import climb, doubt
 from truearc.sim.sysid.table import load_steps
-from tests.sim.sysid.wheel import TRUTH, stair_record
 
 # frc3512/Robot-2020, src/main/include/controllers/FlywheelController.hpp at 0905181b: what the team got of its wheel
 TEAM_3512 = {"ks": 0.47564, "kv": 0.0088813, "ka": 0.0045649}

@@ -5,11 +5,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from tests.robot.good_tick import CONFIG
+from tests.sim.sysid.wheel import stair_record
 from truearc.sim.sysid.fit import fit_law
 from truearc.sim.sysid.gains import fewest_rad_per_deg, flywheel_gains, hood_gains
 from truearc.sim.sysid.record import Record
-from tests.robot.good_tick import CONFIG
-from tests.sim.sysid.wheel import stair_record
 
 FREQUENCIES = np.logspace(-2, 3.5, 4000) * 1j
 

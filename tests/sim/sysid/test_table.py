@@ -4,13 +4,13 @@ import tomllib
 
 import pytest
 
+from tests.sim.sysid.wheel import TRUTH, stair_record
+from truearc.cli.main import main
 from truearc.robot.config.schema import InputError
+from truearc.sim.report import make_png
 from truearc.sim.sysid.fit import fit_law
 from truearc.sim.sysid.html_report import draw_fit, make_fit_page
 from truearc.sim.sysid.table import load_steps
-from truearc.sim.report import make_png
-from tests.sim.sysid.wheel import TRUTH, stair_record
-from truearc.cli.main import main
 
 
 def write(path, text):

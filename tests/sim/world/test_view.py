@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.sim.world.calm import CALM, calm
 from truearc.hw.emulated.plant import View
 from truearc.robot.config import schema as config
 from truearc.robot.config.schema import load_config
 from truearc.sim.world.options import Options
 from truearc.sim.world.world import World
-from tests.sim.world.calm import CALM, calm
 
 
 def project(view: View, point: tuple[float, float, float]) -> np.ndarray:

@@ -5,11 +5,11 @@ from itertools import pairwise
 
 import pytest
 
-from truearc.hw.emulated.plant import Plant
-from truearc.sim.world.test_bench import TICK_NS, Bench
-from truearc.sim.world.options import Options
-from truearc.sim.world.world import World
 from tests.sim.world.calm import CALM, calm, fire
+from truearc.hw.emulated.plant import Plant
+from truearc.sim.world.options import Options
+from truearc.sim.world.test_bench import TICK_NS, Bench
+from truearc.sim.world.world import World
 
 
 def test_it_is_a_plant() -> None:

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from truearc.sim.world.test_bench import TICK_NS
-from truearc.sim.world.options import Options
-from truearc.sim.world.world import World
 from tests.sim.world.calm import CALM, calm, fire
+from truearc.sim.world.options import Options
+from truearc.sim.world.test_bench import TICK_NS
+from truearc.sim.world.world import World
 
 
 def _height(options: Options, **kwargs: float) -> float:

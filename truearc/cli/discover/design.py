@@ -8,7 +8,8 @@ import msgspec
 from truearc.cli.discover.discover import RAREST, believed_terms, check_place, home_of, keep_compiled, write_out
 from truearc.cli.progress import make_progress
 from truearc.robot.config.schema import InputError
-from truearc.sim.infer.belief import load_belief
+from truearc.sim.data.dataset import Dataset, Shots, load_dataset
+from truearc.sim.discover.api import FALSE_ALARM, discover
 from truearc.sim.discover.plan.experiment_design import (
     CONFIGURATIONS,
     MOST_RANDOM,
@@ -18,11 +19,10 @@ from truearc.sim.discover.plan.experiment_design import (
     can_design,
     make_design,
 )
-from truearc.sim.discover.api import FALSE_ALARM, discover
 from truearc.sim.discover.report.effect_wording import plain
 from truearc.sim.discover.select.selection_step import Step
+from truearc.sim.infer.belief import load_belief
 from truearc.sim.physics.catalogue import find_terms
-from truearc.sim.data.dataset import Dataset, Shots, load_dataset
 
 DESCRIPTION = """Say which shots, of those that the robot can take, or which measurement would best tell apart the names
 that discover leaves, and how likely they are to."""

@@ -8,21 +8,21 @@ from pathlib import Path
 import jax
 
 from truearc.cli.progress import make_progress
-from truearc.robot.config.schema import InputError
 from truearc.robot.config.rig_spec import Rig
-from truearc.sim.infer.belief import load_belief, save_belief
+from truearc.robot.config.schema import InputError
+from truearc.sim.data.dataset import Dataset, load_dataset, load_rig
 from truearc.sim.discover.adopt import make_belief
-from truearc.sim.discover.model.design_columns import check_believed
 from truearc.sim.discover.api import FALSE_ALARM, Investigation, discover
 from truearc.sim.discover.finding import make_json
+from truearc.sim.discover.model.design_columns import check_believed
+from truearc.sim.discover.model.external_measurements import read_measured
 from truearc.sim.discover.plan.expected_information import foresee, foresee_dataset
 from truearc.sim.discover.plan.identifiability import Sight, make_sight
-from truearc.sim.discover.model.external_measurements import read_measured
-from truearc.sim.discover.report.html_report import make_report
 from truearc.sim.discover.plan.planned_season import LEVELS, SHOTS
-from truearc.sim.discover.report.identifiability_report import make_sight_page, sight_lines
 from truearc.sim.discover.report.finding_text import console_lines, too_little
-from truearc.sim.data.dataset import Dataset, load_dataset, load_rig
+from truearc.sim.discover.report.html_report import make_report
+from truearc.sim.discover.report.identifiability_report import make_sight_page, sight_lines
+from truearc.sim.infer.belief import load_belief, save_belief
 
 DESCRIPTION = """Say whether a dataset disagrees with the simulation as it stands, where, and what the simulation lacks.
 With --identifiability: say, before any data, which effects a season with a rig could show, and which it could not tell
@@ -62,7 +62,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     """0 whether or not something was found."""
     if not RAREST <= args.false_alarm < 1.0:
-        raise InputError(f"--false-alarm: {args.false_alarm} is not between {RAREST} (rarer alarms would take more draws "
+        raise InputError(f"--false-alarm: {args.false_alarm} is not between {RAREST} (rarer alarms would take more "
+                         f"draws "
                        "than are made) and 1")
     if args.seed < 0:
         raise InputError(f"--seed: {args.seed} is negative")

@@ -3,8 +3,8 @@
 import argparse
 from collections.abc import Callable, Mapping
 
-from truearc.cli.paper import fit_grid
 from truearc.cli.discover import fit_ml
+from truearc.cli.paper import fit_grid
 from truearc.robot.config.schema import InputError
 
 DESCRIPTION = ("Find the drag and lift coefficient under which the simulator agrees best with recorded outcomes. "

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 from truearc.cli.progress import make_progress
 from truearc.robot.config.schema import InputError
-from truearc.sim.infer.belief import save_belief
+from truearc.sim.data.dataset import Dataset, hash_dataset, load_dataset
 from truearc.sim.infer.advise import advise
+from truearc.sim.infer.belief import save_belief
 from truearc.sim.infer.crossval import CrossValidation, cross_validate
-from truearc.sim.infer.map_fit import MlFit, fit_ml
 from truearc.sim.infer.fit_text import (
     say_advice,
     say_estimates,
@@ -20,9 +20,10 @@ from truearc.sim.infer.fit_text import (
     say_prediction,
     say_scatter,
 )
+from truearc.sim.infer.map_fit import MlFit, fit_ml
 from truearc.sim.infer.profile import ProfileInterval, profile_interval
+from truearc.sim.paper.grid_start import grid_start
 from truearc.sim.physics.catalogue import find_terms
-from truearc.sim.data.dataset import Dataset, hash_dataset, load_dataset
 
 if TYPE_CHECKING:
     from truearc.sim.infer.posterior import Posterior
@@ -42,7 +43,8 @@ def main(args: argparse.Namespace) -> int:
     dataset = load_dataset(args.dataset)
     terms = dataset.facts.believe.terms if asked is None else asked
     find_terms(terms)
-    fit = fit_ml(dataset.facts, dataset, terms, make_progress("fit", args.quiet))
+    fit = fit_ml(dataset.facts, dataset, terms, make_progress("fit", args.quiet),
+                 grid_start(dataset.facts, dataset))
     _say("", say_evidence(fit))
     if not fit.converged:
         print("truearc fit: the search for the most probable parameters did not settle; nothing is written",

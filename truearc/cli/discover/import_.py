@@ -3,10 +3,10 @@
 import argparse
 
 from truearc.robot.config.schema import InputError
-from truearc.sim.data.importers.stated_uncertainty import doubts_of
-from truearc.sim.data.importers.registry import IMPORTERS
-from truearc.sim.data.importers.selection import only
 from truearc.sim.data.dataset import save_dataset
+from truearc.sim.data.importers.registry import load_importers
+from truearc.sim.data.importers.selection import only
+from truearc.sim.data.importers.stated_uncertainty import doubts_of
 
 DESCRIPTION = "Turn recordings that others made into a dataset directory (docs/importing.md)."
 EXAMPLE = "truearc import mpi mn5008_backspin.hdf5 mn5008_no_spin.hdf5 -o mpi"
@@ -14,8 +14,10 @@ EXAMPLE = "truearc import mpi mn5008_backspin.hdf5 mn5008_no_spin.hdf5 -o mpi"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    known = "; ".join(f"{importer.name}: {', or '.join(importer.ways)}" for importer in IMPORTERS)
-    parser.add_argument("source", choices=[importer.name for importer in IMPORTERS], help="whose recordings")
+    importers = load_importers()
+    known = "; ".join(f"{importer.name}: {', or '.join(importer.ways)}" for importer in importers)
+    parser.add_argument("source", choices=[importer.name for importer in importers],
+                        help="whose recordings" if importers else "none is installed: pip install truearc-proof")
     parser.add_argument("files", nargs="+", metavar="FILE", help=f"the public originals, or tables of them: {known}")
     parser.add_argument("-o", "--out", required=True, metavar="DIR", help="dataset directory to write")
     parser.add_argument("--only", metavar="COLUMN=TEXT,...", help="of the dataset's shots those with one of these "
@@ -24,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Read, say what came of it, write."""
-    importer = next(importer for importer in IMPORTERS if importer.name == args.source)
+    importer = next(importer for importer in load_importers() if importer.name == args.source)
     if not importer.takes(args.files):
         raise InputError(f"{args.source} takes {', or '.join(importer.ways)}; not {' '.join(args.files)}")
     dataset = importer.load(*args.files)

@@ -11,13 +11,13 @@ import numpy as np
 
 from truearc.cli.progress import make_progress
 from truearc.robot.config.schema import InputError
-from truearc.sim.infer.belief import Belief, load_belief, point_belief
+from truearc.sim.data.dataset import Dataset, load_dataset
 from truearc.sim.data.shot_conditions import circumstances_of
-from truearc.sim.infer.curve import along
 from truearc.sim.discover.detect.covariates import every_column
+from truearc.sim.infer.belief import Belief, load_belief, point_belief
+from truearc.sim.infer.curve import along
 from truearc.sim.physics.catalogue import effective
 from truearc.sim.physics.simulate import classify, opening_of, predict
-from truearc.sim.data.dataset import Dataset, load_dataset
 
 DESCRIPTION = ("Fly each shot of a dataset with the seed's simulator and print shot_id,height_m,deviation_m,outcome: "
                "height at the first crossing of x = distance, and that minus the target's centre; both empty where the "

@@ -5,9 +5,9 @@ import sys
 from pathlib import Path
 
 from truearc.cli.progress import make_progress
+from truearc.sim.data.dataset import check_free, save_dataset
 from truearc.sim.data.recordings import shots_from_sessions
 from truearc.sim.data.repeatability_labels import label_by_repeatability
-from truearc.sim.data.dataset import check_free, save_dataset
 
 DESCRIPTION = "Turn recorded sessions into a dataset of shots (rig.toml, shots.csv, traces.csv)."
 EXAMPLE = "truearc shots sessions/monday sessions/tuesday -o data/week"

@@ -2,8 +2,8 @@
 
 import argparse
 
-from truearc.cli.paper import train_network
 from truearc.cli.gate import train_physics
+from truearc.cli.paper import train_network
 from truearc.robot.config.schema import InputError
 
 DESCRIPTION = """Train a classifier on recorded shots. network: the seed's (3-8-2, sigmoids), each batch of recorded

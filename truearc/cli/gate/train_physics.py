@@ -8,17 +8,17 @@ from typing import Any
 
 from truearc.cli.progress import make_progress
 from truearc.robot.config.schema import InputError
-from truearc.sim.infer.belief import Belief, load_belief
-from truearc.sim.gate.outcome_classes import OutcomeClasses, marks_of
+from truearc.sim.data.dataset import Dataset, hash_dataset, load_dataset
+from truearc.sim.gate.gate_text import tell_heldout, tell_residual
 from truearc.sim.gate.model import PhysicsGate
+from truearc.sim.gate.outcome_classes import OutcomeClasses, marks_of
 from truearc.sim.gate.physics import physics_of
 from truearc.sim.gate.plots import draw_reliability
 from truearc.sim.gate.store import save_physics_gate
 from truearc.sim.gate.train import Heldout, train_physics_gate
-from truearc.sim.gate.gate_text import tell_heldout, tell_residual
-from truearc.sim.report import make_png
-from truearc.sim.data.dataset import Dataset, hash_dataset, load_dataset
+from truearc.sim.infer.belief import Belief, load_belief
 from truearc.sim.paper.training import domain_of
+from truearc.sim.report import make_png
 
 NAME = "physics"
 

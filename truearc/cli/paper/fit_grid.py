@@ -11,13 +11,13 @@ import numpy as np
 from truearc.cli.paper.fit_grid_text import TIE_HEADER, explain
 from truearc.cli.progress import make_progress
 from truearc.robot.config.schema import InputError
+from truearc.sim.data.dataset import Dataset, hash_dataset, load_dataset
 from truearc.sim.infer.coefficients import save_coefficients
-from truearc.sim.paper.grid_fit import STEP, GridFit, fit_grid, map_deviation
-from truearc.sim.paper.grid_bootstrap import Bootstrap, bootstrap_grid
 from truearc.sim.infer.score import Score, score
+from truearc.sim.paper.grid_bootstrap import Bootstrap, bootstrap_grid
+from truearc.sim.paper.grid_fit import STEP, GridFit, fit_grid, map_deviation
 from truearc.sim.plots import Zoom, draw_fit_map
 from truearc.sim.report import make_png
-from truearc.sim.data.dataset import Dataset, hash_dataset, load_dataset
 
 ZOOM_POINTS = 90                      # a side at most, of the picture's second panel
 

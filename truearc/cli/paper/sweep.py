@@ -6,12 +6,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
-from truearc.cli.progress import make_progress
 from truearc.cli.paper.train_network import DEFAULT, load_rows, make_record
+from truearc.cli.progress import make_progress
 from truearc.robot.config.schema import InputError
-from truearc.sim.paper.network import save_weights
-from truearc.sim.report import make_png
 from truearc.sim.data.dataset import check_free
+from truearc.sim.paper.network import save_weights
 from truearc.sim.paper.sweep import Recipe, Trained, check_recipe, train_many
 from truearc.sim.paper.sweep_settings import (
     Mean,
@@ -28,6 +27,7 @@ from truearc.sim.paper.sweep_settings import (
     settings_of,
 )
 from truearc.sim.paper.training import accuracy
+from truearc.sim.report import make_png
 
 DESCRIPTION = """Train the seed's network with every amount and weight of simulated shots that is named, many seeds of
 each, all in one batch; say which setting is best on shots that it did not learn from, and by how much."""

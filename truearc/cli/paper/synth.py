@@ -7,8 +7,8 @@ from importlib.metadata import version
 from pathlib import Path
 
 from truearc.cli.progress import make_progress
-from truearc.sim.infer.belief import load_belief
 from truearc.sim.data.dataset import Dataset, check_free, dataset_hash, load_dataset, load_rig, save_dataset
+from truearc.sim.infer.belief import load_belief
 from truearc.sim.paper.synthetic_data import OUTCOMES, PROVENANCE_FILE, SHAPE, synthesise
 from truearc.sim.paper.synthetic_draws import check_belief, synthesise_draws
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from truearc.cli.progress import make_progress
 from truearc.robot.config.schema import InputError
+from truearc.sim.data.dataset import dataset_hash, load_dataset
 from truearc.sim.gate.novelty import fit_novelty, novelty_record
 from truearc.sim.paper.network import save_weights
-from truearc.sim.data.dataset import dataset_hash, load_dataset
 from truearc.sim.paper.sweep import Job, Recipe, Trained, batches_per_epoch, check_job, check_recipe, train_many
 from truearc.sim.paper.synthetic_data import load_provenance
 from truearc.sim.paper.training import Rows, accuracy, domain_of, split_heldout, training_rows

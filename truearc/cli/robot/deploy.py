@@ -10,8 +10,9 @@ import tempfile
 from pathlib import Path
 
 from truearc.robot.config.schema import InputError, load_config
-from truearc.robot.deploy.texts import INSTALL, make_files
 from truearc.robot.deploy.install import Parts, make_parts
+from truearc.robot.deploy.source import copy_source
+from truearc.robot.deploy.texts import INSTALL, make_files
 from truearc.robot.doctor.parameters import load_endpoints
 from truearc.robot.gate.model import load_gate
 
@@ -63,16 +64,17 @@ def main(args: argparse.Namespace) -> int:
     with tempfile.TemporaryDirectory(prefix="truearc-") as folder:
         stage = Path(folder) / FAR
         _fill(stage, files, carried, wheels)
-        for command in make_commands(args.host, str(stage)):
+        source = copy_source(SOURCE, Path(folder) / "source")
+        for command in make_commands(args.host, str(stage), str(source)):
             if _run(command):
                 return 1
     return 0
 
 
-def make_commands(host: str, stage: str) -> list[list[str]]:
+def make_commands(host: str, stage: str, source: str) -> list[list[str]]:
     """What is run here, in order, to fill up `stage` and carry it over; the last exit code is the doctor's."""
     return [[sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir", f"{stage}/wheels",
-             str(SOURCE)],
+             source],
             ["ssh", host, shlex.join(["rm", "-rf", FAR])],
             ["scp", "-q", "-r", stage, f"{host}:{FAR}"],
             ["ssh", "-t", host, shlex.join(["sudo", "sh", f"{FAR}/{INSTALL}"])]]
@@ -98,7 +100,7 @@ def _fill(stage: Path, files: dict[str, str], carried: dict[str, Path], wheels: 
 
 
 def _explain(host: str, files: dict[str, str], carried: dict[str, Path], wheels: list[Path]) -> None:
-    for command in make_commands(host, f"STAGE/{FAR}"):
+    for command in make_commands(host, f"STAGE/{FAR}", "COPY_OF_SOURCE"):
         print(f"$ {shlex.join(command)}")
     for name, path in [*carried.items(), *((f"wheels/{path.name}", path) for path in wheels)]:
         print(f"\n=== STAGE/{FAR}/{name}: a copy of {path}")

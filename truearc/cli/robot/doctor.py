@@ -10,15 +10,15 @@ from pathlib import Path
 import cv2
 import msgspec
 
-from truearc.hw.protocols import Bus, Clock, LinkLost
 from truearc.hw.machine import CanLink
+from truearc.hw.protocols import Bus, Clock, LinkLost
 from truearc.hw.real.camera import open_camera
 from truearc.hw.real.can_bus import open_can
 from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.real.machine import is_clock_synchronised, read_exposure, read_link
 from truearc.hw.real.realtime import rehearse
 from truearc.hw.real.serial_port import open_serial
-from truearc.robot.config.schema import InputError, Config, load_config
+from truearc.robot.config.schema import Config, InputError, load_config
 from truearc.robot.doctor.bus import check_adapter, check_bitrate, check_heartbeat_lock
 from truearc.robot.doctor.devices import check_devices, questions
 from truearc.robot.doctor.finding import FAILURE, WARNING, Finding, count, failure, line

@@ -4,13 +4,13 @@ import argparse
 from pathlib import Path
 
 from truearc import robot
-from truearc.sim.world.device_server import serve
-from truearc.robot.operator_ui.serve_option import OFF, add_page_argument, open_page, parse_page
 from truearc.cli.progress import make_progress
-from truearc.sim.world.emulated_robot import emulate
 from truearc.hw.real.clock import MonotonicClock
-from truearc.robot.config.schema import InputError, Config, load_config
+from truearc.robot.config.schema import Config, InputError, load_config
 from truearc.robot.config.shot_plan import load_plan, with_plan
+from truearc.robot.operator_ui.serve_option import OFF, add_page_argument, open_page, parse_page
+from truearc.sim.world.device_server import serve
+from truearc.sim.world.emulated_robot import emulate
 from truearc.sim.world.options import load_options
 from truearc.sim.world.parts.target import BallResult
 

@@ -12,28 +12,28 @@ from contextlib import ExitStack
 from pathlib import Path
 from types import FrameType
 
-from truearc.robot.operator_ui.serve_option import PORT, add_page_argument, parse_page
-from truearc.robot.config.port_options import add_port_arguments, with_ports
-from truearc.cli.robot.run_processes import LAYOUTS, ProcessLayout, PageWanted
 from truearc.cli.robot.real_bus import open_bus
+from truearc.cli.robot.run_processes import LAYOUTS, PageWanted, ProcessLayout
 from truearc.hw.protocols import Bus, Clock, LinkLost, Stream
 from truearc.hw.real.clock import MonotonicClock, wall_clock
 from truearc.hw.real.realtime import ask_core, ask_fifo, ask_fifo_beside, ask_locked_memory
 from truearc.hw.real.reconnect import MendedStream
 from truearc.hw.real.serial_port import open_serial
 from truearc.hw.real.service import ServiceManager
-from truearc.robot.config.schema import InputError, Config, load_config
-from truearc.robot.vision_source import Eyes
-from truearc.robot.gate.model import load_gate
-from truearc.robot.processes.tick_timing import Lateness, TimedRig
+from truearc.robot.config.port_options import add_port_arguments, with_ports
+from truearc.robot.config.schema import Config, InputError, load_config
 from truearc.robot.config.shot_plan import load_plan, with_plan
+from truearc.robot.gate.model import load_gate
+from truearc.robot.operator_ui.serve_option import PORT, add_page_argument, parse_page
+from truearc.robot.processes.tick_timing import Lateness, TimedRig
+from truearc.robot.processes.watchdog_rig import WatchedRig
 from truearc.robot.recording.candump import TappedBus
-from truearc.robot.recording.session import make_header
-from truearc.robot.recording.recording_rig import RecordingRig
 from truearc.robot.recording.encoder import SessionWriter
+from truearc.robot.recording.recording_rig import RecordingRig
+from truearc.robot.recording.session import make_header
 from truearc.robot.rig import NS_PER_S, HardwareRig
 from truearc.robot.runtime import run
-from truearc.robot.processes.watchdog_rig import WatchedRig
+from truearc.robot.vision_source import Eyes
 
 DESCRIPTION = "Run the launcher on its real wires and record it; ends on Ctrl-C or SIGTERM with the motors idle."
 EXAMPLE = "truearc run --config launcher.toml --gate gate.onnx --out sessions"

@@ -9,7 +9,6 @@ from typing import NamedTuple, Protocol
 import cv2
 import msgspec
 
-from truearc.robot.operator_ui.serve_option import open_page, with_page
 from truearc.hw.protocols import Clock, LinkLost
 from truearc.hw.readings import CameraFrame
 from truearc.hw.real.camera import open_camera
@@ -18,17 +17,18 @@ from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.real.ipc import Inbox, Outbox
 from truearc.hw.real.reconnect import PAUSE_S, MendedCamera
 from truearc.hw.shared_latest import Room, Slots
-from truearc.robot.config.schema import InputError, Config
-from truearc.robot.vision_source import Eyes, InlineEyes
+from truearc.robot.config.schema import Config, InputError
+from truearc.robot.operator_ui.serve_option import open_page, with_page
 from truearc.robot.operator_ui.server import OperatorPage
-from truearc.robot.processes.recorder_client import FarKeeper
 from truearc.robot.processes.recorder import NEWS, Desk
+from truearc.robot.processes.recorder_client import FarKeeper
 from truearc.robot.processes.vision import FarEyes, make_room, tell, watch
-from truearc.robot.recording.files import Row
 from truearc.robot.recording.file_writers import Keeper, LaneKeeper
+from truearc.robot.recording.files import Row
 from truearc.robot.runtime import Recorder
 from truearc.robot.types import Sighting, Tick
 from truearc.robot.vision import detect
+from truearc.robot.vision_source import Eyes, InlineEyes
 
 CLOSE_S = 2.0                         # for a camera to be let go
 
@@ -133,7 +133,10 @@ class RecorderProcess:
         return FarKeeper(folder, self._outbox, self._news, self.child, MonotonicClock())
 
 
-LAYOUTS: dict[str, Callable[[Config, ExitStack, PageWanted], ProcessLayout]] = {"three": ThreeProcesses, "one": OneProcess}
+LAYOUTS: dict[str, Callable[[Config, ExitStack, PageWanted], ProcessLayout]] = {
+    "three": ThreeProcesses,
+    "one": OneProcess,
+}
 
 
 def look(line: Line, is_first: bool, config: Config, memory: object, room: Room) -> None:

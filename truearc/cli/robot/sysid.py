@@ -9,9 +9,9 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from truearc import robot
-from truearc.cli.robot.sysid_drive import drive_robot
 from truearc.cli.progress import make_progress
-from truearc.robot.config.schema import InputError, Config, load_config
+from truearc.cli.robot.sysid_drive import drive_robot
+from truearc.robot.config.schema import Config, InputError, load_config
 from truearc.robot.sysid.program import FLYWHEEL, HOOD
 from truearc.sim.sysid.fit import fit_motion
 from truearc.sim.sysid.record import Record

@@ -7,22 +7,22 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-from truearc.cli.robot.run import Ending
 from truearc.cli.robot.real_bus import open_bus
+from truearc.cli.robot.run import Ending
 from truearc.hw.protocols import LinkLost
 from truearc.hw.readings import CameraFrame
 from truearc.hw.real.clock import MonotonicClock, wall_clock
 from truearc.hw.real.serial_port import open_serial
-from truearc.robot.config.schema import InputError, Config
-from truearc.robot.vision_source import NoEyes
-from truearc.robot.sysid.program import phases
-from truearc.robot.sysid.tick import POLICY, make_step, say
+from truearc.robot.config.schema import Config, InputError
 from truearc.robot.recording.candump import TappedBus
-from truearc.robot.recording.session import make_header
 from truearc.robot.recording.encoder import SessionWriter
+from truearc.robot.recording.session import make_header
 from truearc.robot.rig import HardwareRig
 from truearc.robot.runtime import run
+from truearc.robot.sysid.program import phases
+from truearc.robot.sysid.tick import POLICY, make_step, say
 from truearc.robot.types import Progress, Sent, Tick
+from truearc.robot.vision_source import NoEyes
 
 Say = Callable[[str], None]
 

@@ -6,20 +6,20 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from truearc.cli.robot.sysid_drive import Say, Watch, open_recorder
-from truearc.sim.world.emulated_robot import CHANNELS, make_nodes
-from truearc.hw.emulated.clock import StepClock
-from truearc.hw.emulated.faults import Fault
 from truearc.hw.devices.button_box.emulator import open_button_box
+from truearc.hw.emulated.clock import StepClock
 from truearc.hw.emulated.emulated_robot import Twin
+from truearc.hw.emulated.faults import Fault
 from truearc.hw.real.can_bus import open_can
 from truearc.hw.real.serial_port import open_serial
 from truearc.robot.config.can_policy import guard
 from truearc.robot.config.schema import Config
-from truearc.robot.vision_source import NoEyes
-from truearc.robot.sysid.tick import make_step
 from truearc.robot.recording.candump import TappedBus
 from truearc.robot.rig import HardwareRig
 from truearc.robot.runtime import run
+from truearc.robot.sysid.tick import make_step
+from truearc.robot.vision_source import NoEyes
+from truearc.sim.world.emulated_robot import CHANNELS, make_nodes
 from truearc.sim.world.world import World
 
 Press = tuple[int, str]               # when (ns) and which button
@@ -29,7 +29,8 @@ LONGEST_NS = 900_000_000_000
 
 def drive_twin(config: Config, folder: Path, world: World, tell: Say, presses: Sequence[Press] = ARM,
                faults: Mapping[str, tuple[Fault, ...]] | None = None) -> str:
-    """Drive `world` until the program is over; returns how it ended. `faults`: see truearc.sim.world.emulated_robot.emulate."""
+    """Drive `world` until the program is over; returns how it ended. `faults`: see
+    truearc.sim.world.emulated_robot.emulate."""
     step, box, left = make_step(config), open_button_box(), list(presses)
 
     def operate(t_ns: int) -> None:

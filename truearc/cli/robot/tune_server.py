@@ -43,7 +43,9 @@ class _Page(LocalHandler):
         if not self.is_ours():
             self.give(403, "text/plain", b"this page is for this machine")
         elif where.path == "/":
-            self.give(200, "text/html; charset=utf-8", (files("truearc.cli.robot") / "pages" / "tune.html").read_bytes())
+            self.give(
+                200, "text/html; charset=utf-8", (files("truearc.cli.robot") / "pages" / "tune.html").read_bytes()
+            )
         elif where.path == "/state":
             self._answer(tuner.state)
         elif where.path == "/picture":

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from truearc.cli.robot.images import load_image
 from truearc.cli.progress import make_progress
+from truearc.cli.robot.images import load_image
 from truearc.hw.readings import CameraFrame
-from truearc.robot.config.schema import InputError, CameraFile, Config, in_words, load_text, load_toml
+from truearc.robot.config.schema import CameraFile, Config, InputError, in_words, load_text, load_toml
 from truearc.robot.types import Sighting
 from truearc.robot.vision import detect
 

@@ -10,11 +10,11 @@ import msgspec
 import numpy as np
 from msgspec.structs import replace
 
-from truearc.cli.robot.images import load_image
 from truearc.cli.progress import make_progress
+from truearc.cli.robot.images import load_image
 from truearc.cli.robot.vision import load_camera, load_labels
 from truearc.hw.readings import CameraFrame
-from truearc.robot.config.schema import InputError, CameraConfig, CameraFile
+from truearc.robot.config.schema import CameraConfig, CameraFile, InputError
 from truearc.robot.config.toml_text import make_toml
 from truearc.robot.vision import detect
 from truearc.robot.vision.board import (
@@ -94,7 +94,8 @@ def _from_board(args: argparse.Namespace, camera: CameraConfig) -> CameraConfig:
         names.append(name)
     progress(1.0, "")
     if len(views) < LEAST_VIEWS:
-        raise InputError(f"the board was found in {len(views)} of {len(args.images)} images, the same view counted once; "
+        raise InputError(f"the board was found in {len(views)} of {len(args.images)} images, the same view counted "
+                         f"once; "
                        f"{LEAST_VIEWS} that differ are needed, and ten at different slants are better")
     begin = replace(camera, width_px=size[0], height_px=size[1], fx_px=camera.fx_px * size[1] / camera.height_px,
                     fy_px=camera.fy_px * size[1] / camera.height_px)

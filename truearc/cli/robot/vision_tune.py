@@ -17,7 +17,7 @@ from truearc.hw.protocols import Camera, LinkLost
 from truearc.hw.readings import CameraFrame
 from truearc.hw.real.camera import open_camera
 from truearc.hw.real.clock import MonotonicClock
-from truearc.robot.config.schema import InputError, CameraFile, Vision
+from truearc.robot.config.schema import CameraFile, InputError, Vision
 from truearc.robot.config.toml_text import make_toml
 from truearc.robot.vision import detect
 from truearc.robot.vision.drawing import draw_mask, draw_regions

@@ -7,9 +7,9 @@ from pathlib import Path
 from truearc.cli.session.replay_text import describe_changes
 from truearc.robot.config.schema import InputError, load_config
 from truearc.robot.gate.model import load_gate
-from truearc.robot.recording.replay.replay_diff import config_changes, find_changes
 from truearc.robot.recording.replay.frame_replay import Recomputed
 from truearc.robot.recording.replay.recompute import Difference, replay, replay_frames
+from truearc.robot.recording.replay.replay_diff import config_changes, find_changes
 from truearc.robot.recording.session import load_session_config, load_session_gate
 
 DESCRIPTION = ("Recompute every output of a recording, from its inputs or from its raw CAN frames and images; exit 1 "

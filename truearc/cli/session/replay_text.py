@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 
-from truearc.robot.recording.replay.replay_diff import Change, Changes, Flip
 from truearc.robot.recording.export.tabular import Value
+from truearc.robot.recording.replay.replay_diff import Change, Changes, Flip
 
 MOST_KEYS, MOST_FLIPS = 12, 10
 NAME, COUNT, TIME, VALUES = 30, 13, 10, 30        # widths of the table's columns, characters

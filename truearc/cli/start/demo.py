@@ -11,27 +11,26 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from truearc import robot
+from truearc.cli.discover.discover import adopt, tell
+from truearc.cli.main import main as front_door
+from truearc.cli.progress import make_progress
 from truearc.cli.start.demo_files import Demo
 from truearc.cli.start.demo_report import headline, save_report
-from truearc.cli.discover.discover import adopt, tell
-from truearc.cli.progress import make_progress
-from truearc.sim.world.emulated_robot import emulate
-from truearc.robot.config.schema import InputError, Config, load_config
+from truearc.robot.config.schema import Config, InputError, load_config
 from truearc.robot.recording.reader import TickReader
+from truearc.sim.data.dataset import load_dataset
 from truearc.sim.discover.api import Investigation, discover
 from truearc.sim.parallel import fan_out
-from truearc.sim.data.dataset import load_dataset
+from truearc.sim.world.emulated_robot import emulate
 from truearc.sim.world.parts.target import BallResult
-from truearc.cli.main import main as front_door
 
 DESCRIPTION = """The whole loop on the emulated robot: record, fit, simulate, train, export, verify, say where
 simulation and recordings disagree, put what was found into the simulation, drive with the gate of before, with that of
-after and without one, open a few worlds whose truth was sealed, and write one report."""
+after and without one, and write one report."""
 EXAMPLE = "truearc demo --out report"
 SHIPPED = Path(robot.__file__).parent / "launcher.toml"
 FEWEST = 30
 TERMS = "gravity,drag,magnus,exit_efficiency"     # what our gate's physics consists of
-SEALED_WORLDS, SEALED_SHOTS = 8, 150
 MARK = ".truearc-demo"                # a folder with this in it was made by us and may be made anew
 
 
@@ -54,7 +53,6 @@ def main(args: argparse.Namespace) -> int:
     found = _explain(demo, args.quiet)
     _adopt(demo, args.quiet)
     _compare(demo, args.test_trials, args.quiet)
-    _prove(demo, args.quiet)
     report = save_report(demo, found)
     print("\n".join(["", *headline(demo), f"report: {report}   ({time.monotonic() - began:.0f} s)"]))
     return 0
@@ -147,12 +145,6 @@ def _adopt(demo: Demo, quiet: bool) -> None:
          demo.weights_after, *hush)
     _run("export", demo.weights_after, "-o", demo.gate_after, *hush)
     _run("verify", demo.gate_after, "--weights", demo.weights_after, "--data", demo.shots, *hush)
-
-
-def _prove(demo: Demo, quiet: bool) -> None:
-    _say("9 prove: worlds whose truth is sealed, what discovery says of their data alone, and what was true")
-    _run("prove", "--worlds", SEALED_WORLDS, "--level", "L0", "--shots", SEALED_SHOTS, "--engines", "numpy", "--seed",
-         demo.seed, "--out", demo.round, *(["--quiet"] if quiet else []))
 
 
 def _say(text: str) -> None:

@@ -10,19 +10,15 @@ from truearc.cli.start.demo_files import Demo, read_ratings, score, share
 from truearc.cli.start.demo_worth import put_in, worth_of_it
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import load_session_config, load_trials
-from truearc.sim.infer.coefficients import load_coefficients
 from truearc.sim.data.columns import OUTCOMES
+from truearc.sim.data.dataset import load_dataset
 from truearc.sim.discover.api import Investigation
 from truearc.sim.discover.report.html_report import make_pictures
 from truearc.sim.gate.metrics import Figures, figures_of
+from truearc.sim.infer.coefficients import load_coefficients
 from truearc.sim.intervals import difference
 from truearc.sim.plots import Share, draw_shares, draw_shot, draw_trajectories
-from truearc_proof.rounds.grader import graded_of
-from truearc_proof.report.html_page import verdict
-from truearc_proof.report.plots import matrix_png
-from truearc_proof.rounds.round_layout import Room
 from truearc.sim.report import make_page, make_png, paragraph, picture, table
-from truearc.sim.data.dataset import load_dataset
 
 NS = 1e-9
 BEFORE_S, AFTER_S = 1.5, 1.0
@@ -45,8 +41,7 @@ def headline(demo: Demo) -> list[str]:
     lines.append("fit (grid): " + ", ".join(f"{term}.{name} = {value:.3f}" for term, values in coefficients.items()
                                      for name, value in values.items()))
     lines.append("discover: " + json.loads(demo.finding.read_text(encoding="utf-8"))["sentence"])
-    marks = [one.first for one in graded_of(Room(demo.round))]
-    return [*lines, put_in(demo), f"sealed worlds: {verdict(marks)}"]
+    return [*lines, put_in(demo)]
 
 
 SCORES = (("two or three points", ("two", "three")), ("three points", ("three",)))
@@ -60,7 +55,6 @@ def save_report(demo: Demo, found: Investigation) -> Path:
         ("What the gate is worth", _gate_worth(demo)),
         ("Where simulation and recordings disagree", _disagreement(demo, found)),
         ("What putting it in is worth", worth_of_it(demo)),
-        ("Worlds whose truth was sealed", _sealed(demo)),
         ("One shot", _one_shot(demo)),
         ("Recorded shots, flown by the fitted simulator", _trajectories(demo)),
         ("The fit", _fit(demo)),
@@ -94,17 +88,6 @@ def _disagreement(demo: Demo, found: Investigation) -> str:
     return paragraph(found.finding.sentence) + pictures + (
         f'<p class="dim">The whole finding: <a href="{demo.finding_page.name}">{demo.finding_page.name}</a>; '
         f'as data: <a href="{demo.finding.name}">{demo.finding.name}</a>.</p>')
-
-
-def _sealed(demo: Demo) -> str:
-    room = Room(demo.round)
-    marks = [one.first for one in graded_of(room)]
-    return picture(matrix_png(marks), "worlds by what was true and what was said") + (
-        f'<p class="dim">{len(marks)} worlds by another simulator, drawn from the seed, their truth committed to '
-        "before discovery saw the data: a taste, no proof. "
-        f'<a href="{room.root.name}/{room.report.name}">The round</a>; '
-        "<code>truearc prove --worlds 60 --level L1 --shots 300 --seed-from-entropy</code> plays one that nobody has "
-        "seen.</p>")
 
 
 def _one_shot(demo: Demo) -> str:

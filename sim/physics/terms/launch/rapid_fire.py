@@ -7,8 +7,9 @@ from typing import Any, ClassVar, final
 import jax.numpy as jnp
 
 from truearc.robot.config.rig_spec import Rig
+from truearc.sim.data.conditions import Circumstances
 from truearc.sim.physics.launch import Exit
-from truearc.sim.physics.term import Circumstances, LaunchTerm, Parameter, Prior
+from truearc.sim.physics.term import LaunchTerm, Parameter, Prior
 
 
 @final
