@@ -1,6 +1,6 @@
 """Discovery: is there a mismatch, where is it, what is it, and how much better is a simulation that has it?"""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from truearc.robot.config.schema import InputError
@@ -22,8 +22,8 @@ from truearc.sim.discover.select.forward_selection import Search, go_forward
 from truearc.sim.discover.select.selection_step import Step
 from truearc.sim.infer.belief import Belief
 from truearc.sim.physics.catalogue import find_terms
+from truearc.sim.progress import Progress
 
-Progress = Callable[[float, str], None]
 DRAWS = 1999
 FALSE_ALARM = 0.05
 

@@ -1,7 +1,6 @@
 """Maximum a posteriori fit of terms, scatter and tracker noise to everything that a dataset has."""
 
 import itertools
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,6 +14,7 @@ from truearc.sim.infer.likelihood.shot_likelihood import Points, relinearise
 from truearc.sim.infer.likelihood.track_likelihood import guess_lead, guess_start
 from truearc.sim.infer.optimum import Optimum, Problem, best_of, minimise
 from truearc.sim.infer.parameters import TRACK_NOISE, Model, make_model
+from truearc.sim.progress import Progress
 
 STARTS = 2                            # of the coarse search that are followed up, besides the grid's pair
 COARSE_U = (-1.5, -0.5, 0.5, 1.5)     # prior standard deviations, of up to COARSE parameters of terms
@@ -22,7 +22,6 @@ COARSE = 3
 ROUNDS = 6                            # of moving the point about which tracks are linear
 SETTLED = 1e-3                        # of a move of the parameters in prior standard deviations
 
-Progress = Callable[[float, str], None]
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,7 @@ The paper speaks of 375,000 configurations; the ranges and steps that it states,
 """
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,17 +14,17 @@ import numpy as np
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import InputError
+from truearc.sim.data.columns import OUTCOMES
 from truearc.sim.data.dataset import Shots
 from truearc.sim.infer.belief import Belief
 from truearc.sim.infer.curve import Curves, before_the_shot
 from truearc.sim.physics.catalogue import effective, flight_terms
 from truearc.sim.physics.flight import fly
 from truearc.sim.physics.launch import Exit
-from truearc.sim.physics.simulate import MISS, ORDINARY, THREE, TWO, classify, launch_of, leave, opening_of, sense
+from truearc.sim.physics.simulate import ORDINARY, classify, launch_of, leave, opening_of, sense
+from truearc.sim.progress import Progress
 
-OUTCOMES = (MISS, TWO, THREE)
 PROVENANCE_FILE = "synth.json"
-Progress = Callable[[float, str], None]
 NONE: Curves = {}
 STEP_S = 0.01                         # heights then agree with the simulator's own finer step to 1e-6 m
 

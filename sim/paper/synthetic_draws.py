@@ -23,11 +23,12 @@ from truearc.sim.infer.belief import SCATTERS, Belief, draw
 from truearc.sim.infer.curve import before_the_shot, owners, resized
 from truearc.sim.infer.forecast import forecast
 from truearc.sim.infer.likelihood.launch_inputs import given_of
-from truearc.sim.paper.synthetic_data import STEP_S, Progress, check_draw, grid_heights, grid_shots, sample_shots
+from truearc.sim.paper.synthetic_data import STEP_S, check_draw, grid_heights, grid_shots, sample_shots
 from truearc.sim.physics.catalogue import effective, flight_terms
 from truearc.sim.physics.flight import fly
 from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.simulate import MISS, ORDINARY, Values, classify, leave, opening_of, sense, take_values
+from truearc.sim.progress import Progress
 
 NEAR = 4.0                            # one normal number in 16 000 is further out, on either side together
 BLOCK = 4096                          # flights at once

@@ -1,6 +1,6 @@
 """The seed's simulator: a recorded configuration -> height at the target plane -> outcome."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -23,6 +23,7 @@ from truearc.sim.physics.flight import Crossing, fly
 from truearc.sim.physics.launch import Exit, exit_no_slip, exit_opposed, is_opposed
 from truearc.sim.physics.term import Opening, complete
 from truearc.sim.physics.vector import Vec
+from truearc.sim.progress import Progress
 
 MISS, TWO, THREE = "miss", "two", "three"
 BLOCK = 4096                          # rows flown at once
@@ -35,7 +36,7 @@ Values = Mapping[str, Mapping[str, Any]]
 
 
 def predict(facts: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: Shots,
-            progress: Callable[[float, str], None] = lambda done, note: None,
+            progress: Progress = lambda done, note: None,
             circumstances: Circumstances = ORDINARY) -> Crossing:
     """Fly each recorded configuration to its plane with gravity and the terms that `coefficients` names.
 
@@ -50,7 +51,7 @@ def predict(facts: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: 
 
 
 def fly_rows(facts: Rig, coefficients: Mapping[str, Mapping[str, float]], exit: Exit, distance_m: np.ndarray,
-             progress: Callable[[float, str], None] = lambda done, note: None) -> Crossing:
+             progress: Progress = lambda done, note: None) -> Crossing:
     """As predict, of ordinary launches by the wheels (before sensing and launch terms) given as numpy arrays [n]."""
     values = effective(coefficients, ORDINARY)
     exit, distance_m = sense(facts, values, exit, distance_m)
@@ -117,7 +118,7 @@ def take_values(values: Values, rows: Any) -> dict[str, dict[str, Any]]:
 
 
 def _fly_rows(facts: Rig, values: Values, exit: Exit, distance_m: np.ndarray,
-              progress: Callable[[float, str], None]) -> Crossing:
+              progress: Progress) -> Crossing:
     """Heights and times of launches as they leave.
 
     Rows fly in blocks of those that stay aloft about equally long, and in few different sizes, since each is compiled.

@@ -31,6 +31,7 @@ from truearc.sim.discover.model.external_measurements import Measured, Measureme
 from truearc.sim.discover.plan.experiment_design import can_design, make_design
 from truearc.sim.infer.belief import Belief, as_table
 from truearc.sim.parallel import fan_out
+from truearc.sim.progress import Progress
 from truearc_proof.rivals.claim import believed_of
 from truearc_proof.rivals.registry import find_rival
 from truearc_proof.rounds.commitment import canonical, hash_files
@@ -40,7 +41,6 @@ from truearc_proof.rounds.round_layout import ANSWERED, CLAIMED, CLAIMED_AGAIN, 
 from truearc_proof.worlds.generate_data import HOME, MEASURED
 from truearc_proof.worlds.instruments import TOOLS
 
-Progress = Callable[[float, str], None]
 SCHEMA = "truearc.claims/1"
 FALSE_ALARM = 0.05
 AT_HOME = ("gravity", "drag", "magnus")      # what is believed of MuJoCo's robot before its unmodified session

@@ -1,7 +1,7 @@
 """The believed simulation fitted to a dataset: coefficients and scatter that all shots share."""
 
 import itertools
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -28,8 +28,8 @@ from truearc.sim.discover.model.score_table import Array, ScoreTable
 from truearc.sim.physics.catalogue import find_parameter, flight_terms
 from truearc.sim.physics.nonparametric import CURVE, NAMELESS
 from truearc.sim.physics.scales import LOG
+from truearc.sim.progress import Progress
 
-Progress = Callable[[float, str], None]
 GRID = (-1.0, -0.5, 0.0, 0.5, 1.0)    # of each coefficient's prior, in standard deviations, where the fit may start
 SOME = 96                             # outcomes that the grid looks at
 MOST_GRID = 3                         # coefficients that are gridded; more start from the prior's centre

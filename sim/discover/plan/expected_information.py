@@ -1,6 +1,5 @@
 """Expected evidence: of shots that nobody has taken, or of configurations without results, at believed coefficients."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -15,8 +14,8 @@ from truearc.sim.discover.model.prepared_data import take_in
 from truearc.sim.discover.model.score_table import ScoreTable
 from truearc.sim.discover.plan.identifiability import Sight, sight_of
 from truearc.sim.discover.plan.planned_season import ASIDE, mark, rehearse
+from truearc.sim.progress import Progress
 
-Progress = Callable[[float, str], None]
 FEW = 5                               # results, from which a dataset speaks for itself
 
 

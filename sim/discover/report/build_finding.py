@@ -78,8 +78,8 @@ def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: BaselineFit, 
     where = _where(dataset, first, asked, judged, false_alarm, _probabilities(first))
     leading, *rest = (_further(step, clusters, seed) for step in (first, *steps[1:]))
     also = rest if len(told) > 1 else []
-    say = say_unknown if first.unknown else say_named
-    sentence = say(terms, judged.p_any, where, leading, rest, fit, place)
+    sentence = (say_unknown(terms, judged.p_any, where, leading, rest, fit, place) if first.unknown else
+                say_named(terms, judged.p_any, leading, rest, fit, place))
     return Finding(data, mismatch, where, verdict, sentence, leading.unknown, fit, what=leading.what, set=leading.set,
                    next=next_steps(dataset, first, leading.set), also=tuple(also))
 

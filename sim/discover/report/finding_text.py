@@ -15,7 +15,6 @@ from truearc.sim.discover.report.effect_wording import in_words, plain, say_effe
 
 STAGE_WORDS = {"sensing": "in what the sensors say", "launch": "at the launch", "flight": "in flight",
                "arrival": "at the target"}
-DIRECTION_WORDS = {"along": "along the flight", "vertical": "vertically", "lateral": "sideways"}
 NINETY = 1.6448536269514722
 SHOWN = 6
 DOUBTFUL = 0.25                       # probability of something without a name, from which a sentence says so
@@ -26,10 +25,9 @@ LISTED = 4                            # names of a set that a sentence lists
 THEN = ("With that put in", "And with that, too")
 
 
-def say_named(believed: tuple[str, ...], p_value: float, where: Where, leading: Further, also: Sequence[Further],
-              fit: FitSummary, place: Place | None) -> str:
+def say_named(believed: tuple[str, ...], p_value: float, leading: Further, also: Sequence[Further], fit: FitSummary,
+              place: Place | None) -> str:
     """One name, or those that cannot be told apart, with the size and what it gains."""
-    del where
     what = leading.what
     names = leading.set or (what[0].term,)
     likeliest = _effect(what[0])

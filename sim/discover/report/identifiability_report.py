@@ -8,6 +8,7 @@ from truearc.sim.discover.plan.identifiability import LUCK, TAKEN, Fittable, Sig
 from truearc.sim.discover.report.effect_wording import plain, size_of
 from truearc.sim.discover.report.plots import sight_png
 from truearc.sim.report import make_page, paragraph, picture, table
+from truearc.sim.tables import make_text
 
 SURE = 0.8                            # power that counts as "would be seen"
 NAMED = 6
@@ -33,10 +34,7 @@ def sight_lines(sight: Sight) -> list[str]:
     """The table on the terminal."""
     lines = [sight_sentence(sight), ""]
     head = ("effect", "stage", "usual size", "left", "shots needed", "like")
-    rows = [head, *(_row(one) for one in sight.terms if one.shots_needed is not None)]
-    width = [max(len(row[k]) for row in rows) for k in range(len(head))]
-    lines += ["  ".join(cell.ljust(width[k]) if k not in (3, 4) else cell.rjust(width[k])
-                        for k, cell in enumerate(row)).rstrip() for row in rows]
+    lines += make_text(head, [_row(one) for one in sight.terms if one.shots_needed is not None], right=(3, 4))
     lines += ["", *(f"one and the same to these data: {', '.join(group)}" for group in sight.classes)]
     lines += [f"never seen: {one.term}: {why_not(one)}" for one in sight.terms if one.shots_needed is None]
     lines.append("fitted anyway: " + ", ".join(f"{one.name} {_doubt(one, one.after)}" for one in sight.fitted))

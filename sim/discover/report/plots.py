@@ -13,7 +13,7 @@ from truearc.sim.discover.plan.identifiability import Sight
 from truearc.sim.discover.report.effect_wording import plain
 from truearc.sim.report import make_png, new_figure
 
-INK, BEFORE, AFTER, FAINT = "#30343b", "#1f5fa8", "#c2571a", "#c9ced6"
+INK, BEFORE, AFTER = "#30343b", "#1f5fa8", "#c2571a"
 STAGE_COLOURS = {"sensing": "#7a56a8", "launch": "#c2571a", "flight": "#1f5fa8", "arrival": "#2f7d4f"}
 DIRECTIONS = ("along", "vertical", "lateral")
 DIRECTION_LABELS = {"along": "along the flight", "vertical": "up across the flight", "lateral": "to the left"}

@@ -5,7 +5,7 @@ would have to be absurdly large to explain the data loses to one that need not, 
 cannot win at all.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,8 +16,8 @@ from truearc.sim.discover.model.external_measurements import nats_measured
 from truearc.sim.discover.model.score_table import Array, ScoreTable, shared_columns
 from truearc.sim.discover.select.refit import Refit, refit
 from truearc.sim.physics.catalogue import find_parameter
+from truearc.sim.progress import Progress
 
-Progress = Callable[[float, str], None]
 REFITTED = 8                          # of the likeliest terms
 WITHIN = 7.0                          # nats of the likeliest by one step, beyond which none is refitted,
 SHARE = 0.5                           # or this share of its nats: one step is a poor guide to large effects

@@ -24,19 +24,11 @@ Values = Mapping[str, Mapping[str, Any]]
 Number = tuple[str, str, str]         # term, parameter, scale
 
 
-class Deviation(NamedTuple):
-    """What makes one shot differ from its configuration; numbers, or arrays [n]."""
-
-    log_speed: Any
-    elevation_rad: Any
-    spin_rev_s: Any
-
-
 class Height(NamedTuple):
     """At the plane, arrays [n], through the floor if need be.
 
-    `near` False: the ball turns back, and the rest means nothing. by_launch [n, 3]: derivatives of the height by a
-    Deviation; by_distance [n]: by the plane's distance.
+    `near` False: the ball turns back, and the rest means nothing. by_launch [n, 3]: derivatives of the height by
+    a shot's own log speed, elevation (rad) and spin (rev/s); by_distance [n]: by the plane's distance.
     """
 
     height_m: Any

@@ -230,12 +230,6 @@ def derivatives(model: Model, evidence: Observations, points: Points, weight: Fl
 
 
 @partial(jax.jit, static_argnames=("model",))
-def unit_scores(model: Model, evidence: Observations, points: Points, u: Float[Any, " p"]) -> Float[Any, " units"]:
-    """Log-likelihood of each unit."""
-    return log_likelihood(model, evidence, points, u)
-
-
-@partial(jax.jit, static_argnames=("model",))
 def outcome_table(model: Model, evidence: Observations, points: Points, u: Float[Any, " p"]) -> Float[Any, "n 3"]:
     """As probabilities, compiled."""
     return probabilities(model, evidence, points, u)

@@ -3,7 +3,7 @@
 import argparse
 import csv
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TextIO
 
@@ -18,6 +18,7 @@ from truearc.sim.infer.belief import Belief, load_belief, point_belief
 from truearc.sim.infer.curve import along
 from truearc.sim.physics.catalogue import effective
 from truearc.sim.physics.simulate import classify, opening_of, predict
+from truearc.sim.progress import Progress
 
 DESCRIPTION = ("Fly each shot of a dataset with the seed's simulator and print shot_id,height_m,deviation_m,outcome: "
                "height at the first crossing of x = distance, and that minus the target's centre; both empty where the "
@@ -50,7 +51,7 @@ def main(args: argparse.Namespace) -> int:
     return 0
 
 
-def _progress(shots: int, quiet: bool) -> Callable[[float, str], None]:
+def _progress(shots: int, quiet: bool) -> Progress:
     """Shown for work that lasts only."""
     return make_progress("predict", quiet or shots < LONG)
 
@@ -71,7 +72,7 @@ def _belief(args: argparse.Namespace) -> Belief:
 
 
 def _rows(dataset: Dataset, belief: Belief,
-          progress: Callable[[float, str], None]) -> Iterable[tuple[str, str, str, str]]:
+          progress: Progress) -> Iterable[tuple[str, str, str, str]]:
     if dataset.facts.target is None:
         raise InputError("rig.toml: [target] is needed to tell deviation and outcome")
     circumstances = along(belief.curves, circumstances_of(dataset), every_column(dataset), len(dataset.shots))

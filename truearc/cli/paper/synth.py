@@ -7,9 +7,10 @@ from importlib.metadata import version
 from pathlib import Path
 
 from truearc.cli.progress import make_progress
+from truearc.sim.data.columns import OUTCOMES
 from truearc.sim.data.dataset import Dataset, check_free, dataset_hash, load_dataset, load_rig, save_dataset
 from truearc.sim.infer.belief import load_belief
-from truearc.sim.paper.synthetic_data import OUTCOMES, PROVENANCE_FILE, SHAPE, synthesise
+from truearc.sim.paper.synthetic_data import PROVENANCE_FILE, SHAPE, synthesise
 from truearc.sim.paper.synthetic_draws import check_belief, synthesise_draws
 
 DESCRIPTION = """Simulated shots for the classifier: every configuration of the seed's grid is flown with fitted
