@@ -169,7 +169,8 @@ def is_possible(found: Refit, *usual: float) -> bool:
 
     By where it would go, so that a fit that came to rest at the end of its range does not pass for one inside it.
     """
-    low, high = np.array([(one.low, one.high) for one in map(find_parameter, found.names)]).T
+    among = found.layout.chain.catalogue
+    low, high = np.array([(one.low, one.high) for one in (find_parameter(name, among) for name in found.names)]).T
     doubt = DOUBT * found.sd
     return bool(((found.wanted >= low - doubt) & (found.wanted <= high + doubt)
                  & (np.abs(found.amplitude) <= MOST_USUAL * np.array(usual) + doubt)).all())
