@@ -27,7 +27,7 @@ golden: setup
 	$(BIN)/python tests/golden/make.py
 
 faults: setup
-	$(BIN)/python benchmarks/fault_matrix.py $(FAULTS)
+	$(BIN)/python -m benchmarks.fault_matrix $(FAULTS)
 
 mutants: setup
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[sim,test,mutants]'

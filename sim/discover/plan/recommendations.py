@@ -11,7 +11,7 @@ from truearc.sim.discover.report.effect_wording import IN_FLIGHT
 from truearc.sim.discover.select.refit import Refit
 from truearc.sim.discover.select.selection_step import Step
 
-# What settles each term without shooting, discovery.md's cheap metrology.
+# The cheapest measurement that settles each term without shooting.
 MEASURE = {
     "hood_offset": "hood angle with an inclinometer",
     "hood_backlash": "hood angle with an inclinometer, from both sides",

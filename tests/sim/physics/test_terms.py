@@ -40,7 +40,7 @@ NAMES = tuple(term.name for term in TERMS)
 IN_THE_AIR = [term for term in TERMS if isinstance(term, FlightTerm | AirTerm)]
 KNOWN = {"gravity": {"scale"}, "drag_reynolds": {"at_m_s"}}        # parameters that nobody fits
 UNIT = re.compile(r"(1|((kg|rad|rev|deg|m|s)\d*)+)(/((kg|rad|rev|deg|m|s)\d*)+)?")
-# formats.md section 2, and what was added to it
+# the terms of the file formats' first version, and those added since
 STAGES = {
     "sensing": "hood_offset hood_backlash encoder_scale distance_scale distance_bias vision_latency track_scale "
                "track_tilt track_clock track_perspective",
