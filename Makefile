@@ -20,8 +20,9 @@ demo: setup
 test: setup
 	$(BIN)/python -m pytest
 
+# under two minutes on two cores
 test-fast: setup
-	$(BIN)/python -m pytest -m "not slow"
+	$(BIN)/python -m pytest -m "not slow and not medium and not socketcan and not browser and not data"
 
 golden: setup
 	$(BIN)/python tests/golden/make.py
