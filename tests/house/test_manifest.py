@@ -23,7 +23,8 @@ def test_manifest_lists_every_archive_of_the_tagged_commit() -> None:
     text = MANIFEST.read_text(encoding="utf-8")
     tagged = re.findall(r"commit\n`([0-9a-f]{40})`", text)[0]
     rows = ROW.findall(text)
-    assert {row[0] for row in rows} == set(git("ls-tree", "--name-only", tagged, "benchmarks/results/").decode().split())
+    held = git("ls-tree", "--name-only", tagged, "benchmarks/results/").decode().split()
+    assert {row[0] for row in rows} == set(held)
     for path, commit, digest, size in rows:
         data = git("show", f"{tagged}:{path}")
         assert (hashlib.sha256(data).hexdigest(), len(data)) == (digest, int(size)), path
