@@ -85,7 +85,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.skip(reason="needs the shared recordings (TRUEARC_DATA)"))
         if "socketcan" in item.keywords and not Path("/sys/class/net/vcan0").exists():
             item.add_marker(pytest.mark.skip(reason="needs SocketCAN interface vcan0"))
-        if item.path.relative_to(Path(__file__).parents[1]).as_posix() in MEDIUM:
+        if item.nodeid.partition("::")[0] in MEDIUM or item.nodeid in MEDIUM:
             item.add_marker("medium")
     # workers take files in this order: the long ones first, so that none of them runs alone at the end
     slow = {item.path for item in items if "slow" in item.keywords}

@@ -8,6 +8,7 @@ from pathlib import Path
 import jax
 
 from truearc.cli.progress import make_progress
+from truearc.cli.terms_from import add_terms_from, catalogue_of
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset, load_dataset, load_rig
@@ -23,6 +24,7 @@ from truearc.sim.discover.report.finding_text import console_lines, too_little
 from truearc.sim.discover.report.html_report import make_report
 from truearc.sim.discover.report.identifiability_report import make_sight_page, sight_lines
 from truearc.sim.infer.belief import load_belief, save_belief
+from truearc.sim.physics.catalogue import Catalogue
 
 DESCRIPTION = """Say whether a dataset disagrees with the simulation as it stands, where, and what the simulation lacks.
 With --identifiability: say, before any data, which effects a season with a rig could show, and which it could not tell
@@ -41,6 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         "(discover --adopt, fit --method ml): what is believed, with its doubts; what has changed?")
     parser.add_argument("--since", metavar="DIR", help="dataset that --belief was adopted from: what the belief leaves "
                         "over there already is no change; tracks see that, and telemetry at times")
+    add_terms_from(parser)
     parser.add_argument("--measured", metavar="TERM=VALUE,SD", action="append", default=[], help="what was measured of "
                         "a term without a shot, with its standard deviation, in the term's unit; may come often")
     parser.add_argument("--json", metavar="FILE", help="write the finding as JSON")
@@ -67,17 +70,18 @@ def main(args: argparse.Namespace) -> int:
                        "than are made) and 1")
     if args.seed < 0:
         raise InputError(f"--seed: {args.seed} is negative")
-    believed = believed_terms(args)
+    among = catalogue_of(args)
+    believed = believed_terms(args, among)
     _check_modes(args)
     for path in (args.json, args.report, args.adopt):
         check_place(path)
     keep_compiled()
     if args.identifiability is not None:
-        return _identify(args, believed)
-    belief = None if args.belief is None else load_belief(args.belief)
+        return _identify(args, believed, among)
+    belief = None if args.belief is None else load_belief(args.belief, among)
     dataset = load_dataset(args.dataset)
     found = discover(dataset, believed, args.false_alarm, args.seed, make_progress("discover", args.quiet), belief,
-                     home_of(args, dataset), read_measured(args.measured, "--measured"))
+                     home_of(args, dataset), read_measured(args.measured, "--measured", among), among)
     adopted = [adopt(found, args.dataset, args.adopt)] if args.adopt else []
     tell(found, Path(args.dataset).name, args.json, args.report)
     print(*adopted, sep="\n", end="\n" if adopted else "")
@@ -94,7 +98,7 @@ def home_of(args: argparse.Namespace, later: Dataset) -> Dataset | None:
     return home
 
 
-def believed_terms(args: argparse.Namespace) -> list[str] | None:
+def believed_terms(args: argparse.Namespace, among: Catalogue) -> list[str] | None:
     """What --believe names; InputError where it names nothing, or --belief does, or --since stands without that."""
     if args.since is not None and args.belief is None:
         raise InputError("--since goes with --belief, which was adopted from that dataset")
@@ -104,7 +108,7 @@ def believed_terms(args: argparse.Namespace) -> list[str] | None:
     if believed == []:
         raise InputError("--believe: names no term")
     try:
-        check_believed(tuple(believed or ()))
+        check_believed(believed or (), among)
     except InputError as error:
         raise InputError(f"--believe: {error}") from error
     return believed
@@ -116,7 +120,7 @@ def tell(found: Investigation, name: str, json_path: str | Path | None, report_p
         write_out(json_path, make_json(found.finding))
     if report_path:
         write_out(report_path, make_report(name, found).encode())
-    print("\n".join(console_lines(found.finding)))
+    print("\n".join(console_lines(found.finding, found.catalogue)))
 
 
 def adopt(found: Investigation, dataset: str, path: str) -> str:
@@ -165,20 +169,21 @@ def _check_modes(args: argparse.Namespace) -> None:
         raise InputError(f"--shots, --level: {args.identifiability} is a directory, whose own shots are looked at")
 
 
-def _identify(args: argparse.Namespace, believed: list[str] | None) -> int:
+def _identify(args: argparse.Namespace, believed: list[str] | None, among: Catalogue) -> int:
     path = Path(args.identifiability)
     progress = make_progress("identifiability", args.quiet)
     if path.is_dir():
         dataset = load_dataset(path)
-        sight = foresee_dataset(dataset, _terms(dataset.facts, believed), args.sides, args.seed, progress)
+        sight = foresee_dataset(dataset, _terms(dataset.facts, believed), args.sides, args.seed, progress, among)
     else:
         facts = load_rig(path)
         shots = SHOTS if args.shots is None else args.shots
         try:
-            sight = foresee(facts, _terms(facts, believed), args.level or LEVEL, shots, args.sides, args.seed, progress)
+            sight = foresee(facts, _terms(facts, believed), args.level or LEVEL, shots, args.sides, args.seed, progress,
+                            among)
         except InputError as error:
             raise InputError(f"{path}: {error}") from error
-    _tell_sight(sight, path.name, args.json, args.report)
+    _tell_sight(sight, path.name, args, among)
     return 0
 
 
@@ -186,12 +191,12 @@ def _terms(facts: Rig, believed: list[str] | None) -> tuple[str, ...]:
     return tuple(facts.believe.terms if believed is None else believed)
 
 
-def _tell_sight(sight: Sight, name: str, json_path: str | None, report_path: str | None) -> None:
-    print("\n".join(sight_lines(sight)))
-    if json_path:
-        write_out(json_path, make_sight(sight))
-    if report_path:
-        write_out(report_path, make_sight_page(name, sight).encode())
+def _tell_sight(sight: Sight, name: str, args: argparse.Namespace, among: Catalogue) -> None:
+    print("\n".join(sight_lines(sight, among)))
+    if args.json:
+        write_out(args.json, make_sight(sight))
+    if args.report:
+        write_out(args.report, make_sight_page(name, sight, among).encode())
 
 
 def check_place(path: str | None) -> None:

@@ -3,13 +3,14 @@
 import argparse
 import csv
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TextIO
 
 import numpy as np
 
 from truearc.cli.progress import make_progress
+from truearc.cli.terms_from import add_terms_from, catalogue_of
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset, load_dataset
 from truearc.sim.data.shot_conditions import circumstances_of
@@ -18,6 +19,7 @@ from truearc.sim.infer.belief import Belief, load_belief, point_belief
 from truearc.sim.infer.curve import along
 from truearc.sim.physics.catalogue import effective
 from truearc.sim.physics.simulate import classify, opening_of, predict
+from truearc.sim.progress import Progress
 
 DESCRIPTION = ("Fly each shot of a dataset with the seed's simulator and print shot_id,height_m,deviation_m,outcome: "
                "height at the first crossing of x = distance, and that minus the target's centre; both empty where the "
@@ -32,6 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--cd", type=float, help="drag coefficient of the seed's Eq. 3")
     parser.add_argument("--cl", type=float, help="lift coefficient of the seed's Eq. 2")
     parser.add_argument("--coefficients", metavar="FILE", help="coefficients.toml, instead of --cd and --cl")
+    add_terms_from(parser)
     parser.add_argument("-o", "--out", metavar="FILE", help="CSV to write instead of standard output")
 
 
@@ -50,7 +53,7 @@ def main(args: argparse.Namespace) -> int:
     return 0
 
 
-def _progress(shots: int, quiet: bool) -> Callable[[float, str], None]:
+def _progress(shots: int, quiet: bool) -> Progress:
     """Shown for work that lasts only."""
     return make_progress("predict", quiet or shots < LONG)
 
@@ -61,7 +64,9 @@ def _belief(args: argparse.Namespace) -> Belief:
     if args.coefficients is not None:
         if pair != (None, None):
             raise InputError("--coefficients and --cd, --cl exclude each other")
-        return load_belief(args.coefficients)
+        return load_belief(args.coefficients, catalogue_of(args))
+    if args.terms_from:
+        raise InputError("--terms-from goes with --coefficients, whose file names the terms")
     for option, value in zip(("--cd", "--cl"), pair, strict=True):
         if value is None:
             raise InputError(f"{option} is needed (or --coefficients FILE)")
@@ -71,12 +76,13 @@ def _belief(args: argparse.Namespace) -> Belief:
 
 
 def _rows(dataset: Dataset, belief: Belief,
-          progress: Callable[[float, str], None]) -> Iterable[tuple[str, str, str, str]]:
+          progress: Progress) -> Iterable[tuple[str, str, str, str]]:
     if dataset.facts.target is None:
         raise InputError("rig.toml: [target] is needed to tell deviation and outcome")
     circumstances = along(belief.curves, circumstances_of(dataset), every_column(dataset), len(dataset.shots))
-    opening = opening_of(dataset.facts, effective(belief.coefficients, circumstances))
-    height_m = predict(dataset.facts, belief.coefficients, dataset.shots, progress, circumstances).height_m
+    among = belief.catalogue
+    opening = opening_of(dataset.facts, effective(belief.coefficients, circumstances, among), among)
+    height_m = predict(dataset.facts, belief.coefficients, dataset.shots, progress, circumstances, among).height_m
     deviation_m = height_m - opening.centre_m
     outcome = classify(dataset.facts, height_m, opening)
     for row, name in enumerate(dataset.shots.shot_id):

@@ -7,9 +7,11 @@ from importlib.metadata import version
 from pathlib import Path
 
 from truearc.cli.progress import make_progress
+from truearc.cli.terms_from import add_terms_from, catalogue_of
+from truearc.sim.data.columns import OUTCOMES
 from truearc.sim.data.dataset import Dataset, check_free, dataset_hash, load_dataset, load_rig, save_dataset
 from truearc.sim.infer.belief import load_belief
-from truearc.sim.paper.synthetic_data import OUTCOMES, PROVENANCE_FILE, SHAPE, synthesise
+from truearc.sim.paper.synthetic_data import PROVENANCE_FILE, SHAPE, synthesise
 from truearc.sim.paper.synthetic_draws import check_belief, synthesise_draws
 
 DESCRIPTION = """Simulated shots for the classifier: every configuration of the seed's grid is flown with fitted
@@ -21,6 +23,7 @@ EXAMPLE = "truearc synth --rig rig.toml --coefficients coefficients.toml -n 900 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--rig", required=True, help="rig.toml")
     parser.add_argument("--coefficients", required=True, help="coefficients.toml, as `truearc fit` writes it")
+    add_terms_from(parser)
     parser.add_argument("-n", type=int, default=900, help="shots in all (900)")
     parser.add_argument("--draws", type=int, metavar="N",
                         help="draw N sets of coefficients from the fit's covariance, and scatter every shot; without "
@@ -33,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     check_free(args.out)
     facts = load_rig(args.rig)
-    belief = load_belief(args.coefficients)
+    belief = load_belief(args.coefficients, catalogue_of(args))
     recorded = load_dataset(args.exclude).shots if args.exclude else None
     progress = make_progress("synth", args.quiet)
     if args.draws is None:
