@@ -1,1 +1,123 @@
-"""truearc: a ball launcher that knows whether its shot will score, and says which physics its simulation left out."""
+"""Aim a ball launcher, forecast its shots, and find the physics that its simulation lacks.
+
+    import truearc as ta
+    week = ta.load_dataset("data/week")
+    found = ta.discover(week, seed=0)
+    print(found)
+
+Every name is imported when it is first used: `import truearc` itself loads no NumPy and no JAX.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from truearc.api.discovery import Finding, discover
+    from truearc.api.fitting import Fit, fit
+    from truearc.api.gate import GateTraining, train_gate
+    from truearc.api.planning import Identifiability, ShotDesign, design_shots, identifiability
+    from truearc.api.prediction import predict
+    from truearc.api.recording import Recording
+    from truearc.api.table import Table
+    from truearc.api.terms import catalogue
+    from truearc.robot.config.rig_spec import Rig
+    from truearc.robot.config.schema import InputError
+    from truearc.sim.data.dataset import Dataset, dataset, load_dataset, load_rig, save_dataset
+    from truearc.sim.infer.belief import Belief, load_belief
+    from truearc.sim.physics.term import (
+        AirTerm,
+        ArrivalTerm,
+        FlightTerm,
+        LaunchTerm,
+        Parameter,
+        Prior,
+        SensingTerm,
+        WatchTerm,
+    )
+
+    __version__: str
+
+__all__ = [
+    "AirTerm",
+    "ArrivalTerm",
+    "Belief",
+    "Dataset",
+    "Finding",
+    "Fit",
+    "FlightTerm",
+    "GateTraining",
+    "Identifiability",
+    "InputError",
+    "LaunchTerm",
+    "Parameter",
+    "Prior",
+    "Recording",
+    "Rig",
+    "SensingTerm",
+    "ShotDesign",
+    "Table",
+    "WatchTerm",
+    "catalogue",
+    "dataset",
+    "design_shots",
+    "discover",
+    "fit",
+    "identifiability",
+    "load_belief",
+    "load_dataset",
+    "load_rig",
+    "predict",
+    "save_dataset",
+    "train_gate",
+]
+
+# name -> the module that it is imported from when it is first used
+_MODULES = {
+    "Finding": "truearc.api.discovery",
+    "discover": "truearc.api.discovery",
+    "Fit": "truearc.api.fitting",
+    "fit": "truearc.api.fitting",
+    "GateTraining": "truearc.api.gate",
+    "train_gate": "truearc.api.gate",
+    "Identifiability": "truearc.api.planning",
+    "ShotDesign": "truearc.api.planning",
+    "design_shots": "truearc.api.planning",
+    "identifiability": "truearc.api.planning",
+    "predict": "truearc.api.prediction",
+    "Recording": "truearc.api.recording",
+    "Table": "truearc.api.table",
+    "catalogue": "truearc.api.terms",
+    "Rig": "truearc.robot.config.rig_spec",
+    "InputError": "truearc.robot.config.schema",
+    "Dataset": "truearc.sim.data.dataset",
+    "dataset": "truearc.sim.data.dataset",
+    "load_dataset": "truearc.sim.data.dataset",
+    "load_rig": "truearc.sim.data.dataset",
+    "save_dataset": "truearc.sim.data.dataset",
+    "Belief": "truearc.sim.infer.belief",
+    "load_belief": "truearc.sim.infer.belief",
+    "AirTerm": "truearc.sim.physics.term",
+    "ArrivalTerm": "truearc.sim.physics.term",
+    "FlightTerm": "truearc.sim.physics.term",
+    "LaunchTerm": "truearc.sim.physics.term",
+    "Parameter": "truearc.sim.physics.term",
+    "Prior": "truearc.sim.physics.term",
+    "SensingTerm": "truearc.sim.physics.term",
+    "WatchTerm": "truearc.sim.physics.term",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        from importlib.metadata import version
+        value: Any = version("truearc")
+    elif name in _MODULES:
+        value = getattr(import_module(_MODULES[name]), name)
+    else:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__, "__version__"})

@@ -22,24 +22,32 @@ from typing import Any
 import numpy as np
 
 from truearc.robot.config.schema import InputError
-from truearc.sim.infer.coefficients import Coefficients, load_coefficients, load_table, save_coefficients
+from truearc.sim.infer.coefficients import (
+    Coefficients,
+    load_coefficients,
+    load_provenance,
+    load_table,
+    save_coefficients,
+)
 from truearc.sim.infer.curve import Curve, read_curves, write_curve
 from truearc.sim.physics.catalogue import find_parameter
 from truearc.sim.physics.nonparametric import CURVE, NAMELESS
 from truearc.sim.physics.scales import LINEAR, LOG, fits_scale, from_scale, to_scale
+from truearc.sim.printed import Printed
 
 SCATTERS = ("speed", "elevation_deg")
 SCATTER = "scatter"
 
 
 @dataclass(frozen=True, eq=False)
-class Belief:
+class Belief(Printed):
     """Coefficients with scatter and doubt.
 
     coefficients: {term: {parameter: value}}. scatter: {"speed": sd of the log of the exit speed from shot to shot,
     "elevation_deg": sd of the exit elevation}, empty when nobody fitted it. names: "term.parameter" or "scatter.x", one
     a row of `covariance` [p, p], which is on the parameters' own scales (module docstring); what has no name is exact.
     curves: how large effects without a name are, by their terms of truearc.sim.physics.nonparametric in `coefficients`.
+    provenance: how the belief came about, in plain values that a file keeps; nothing is computed from it.
     """
 
     coefficients: Coefficients
@@ -47,6 +55,7 @@ class Belief:
     names: tuple[str, ...]
     covariance: np.ndarray
     curves: dict[str, Curve] = field(default_factory=dict)
+    provenance: dict[str, Any] = field(default_factory=dict)
 
     def values(self) -> np.ndarray:
         """The named parameters [p] on their scales: the mean that `covariance` goes with."""
@@ -67,6 +76,23 @@ class Belief:
         except KeyError:
             return False
         return True
+
+    def save(self, path: str | Path) -> None:
+        """Write a coefficients.toml that `load_belief` reads back exactly; OSError where it cannot be written."""
+        save_belief(path, self, self.provenance)
+
+    def lines(self) -> list[str]:
+        """Return a line per number: its value, unit, and standard deviation, a factor where its scale is the log."""
+        doubt = dict(zip(self.names, np.sqrt(np.diag(self.covariance)), strict=True))
+        names = [f"{term}.{key}" for term, values in self.coefficients.items() for key in values]
+        return [self._line(name, doubt.get(name)) for name in (*names, *(f"{SCATTER}.{key}" for key in self.scatter))]
+
+    def _line(self, name: str, sd: float | None) -> str:
+        known = "" if sd is None else f" × or / {np.exp(sd):.3g}" if scale_of(name) == LOG else (
+            f" ± {sd:.2g}" if scale_of(name) == LINEAR else f" ± {sd:.2g} on its {scale_of(name)} scale")
+        scattered = "deg" if name.endswith("_deg") else "1"
+        unit = scattered if name.startswith(SCATTER + ".") else find_parameter(name).unit
+        return f"{name:28s} {self.value(name):.4g}{known}{'' if unit == '1' else f' {unit}'}"
 
 
 def point_belief(coefficients: Mapping[str, Mapping[str, float]], scatter: Mapping[str, float] | None = None) -> Belief:
@@ -152,7 +178,7 @@ def load_belief(path: str | Path) -> Belief:
     for term in taking:
         if term not in curves:
             raise InputError(f"{path}: {term}: has no [curve.{term}] to say how large it is")
-    belief = Belief(coefficients, scatter, names, covariance, curves)
+    belief = Belief(coefficients, scatter, names, covariance, curves, load_provenance(path))
     for name in names:
         _check(path, name, belief)
     return belief
