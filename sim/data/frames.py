@@ -43,7 +43,7 @@ def dataset(shots: Columns, *, rig: Rig | str | Path | Mapping[str, Any], tracks
         tracks: One row per sample: shot_id, t_s [s], x_m, y_m, z_m [m]; launcher frame, x toward the target, y left,
             z up. None: no tracks.
         traces: One row per sample: shot_id, t_s [s, 0 when the ball is fed], signal, value. None: no telemetry.
-        name: What reports call the dataset.
+        name: Of the dataset in reports.
 
     Raises:
         InputError: names table, row (from 1) and column of every bad cell, the missing column, or the rig's key.
@@ -86,7 +86,7 @@ def _columns(frame: Columns, which: str) -> Iterable[tuple[str, Iterable[Any]]]:
         names = list(frame) if isinstance(frame, Mapping) else list(frame.columns)
     for name in names:
         if not isinstance(name, str) or not name.strip():
-            raise InputError(f"{which}: column {name!r} has no name")
+            raise InputError(f"{which}: column {name!r}: a name is needed")
         if names.count(name) > 1:
             raise InputError(f"{which}: column {name!r} stands twice")
         yield name, frame[name]

@@ -71,7 +71,7 @@ def train_network(real: Dataset, simulated: Dataset | None = None, *, coefficien
         simulated: Simulated shots; None: recorded ones only.
         coefficients: Behind the simulated shots, for the record.
         recipe: Step size, most steps and patience; None: the defaults.
-        shares: What is held out, and how much simulated shots count; None: the defaults.
+        shares: Held-out shares and the weight of simulated shots; None: the defaults.
         seed: Of splits, first weights and batches.
         progress: Called with the share done, 0 to 1, and a note.
 

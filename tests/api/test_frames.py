@@ -88,7 +88,7 @@ def test_every_bad_cell_of_every_table_is_named_at_once() -> None:
 @pytest.mark.parametrize(("shots", "message"), [
     ({"distance_m": [1.0]}, "shots: column shot_id is missing"),
     ({"shot_id": ["a"], "distance_m": [1.0, 2.0]}, "shots: columns differ in length: shot_id 1, distance_m 2"),
-    ({"shot_id": ["a"], " ": [1.0]}, "shots: column ' ' has no name"),
+    ({"shot_id": ["a"], " ": [1.0]}, "shots: column ' ': a name is needed"),
     (np.zeros((2, 3)), "shots: an array without named columns")])
 def test_a_table_of_the_wrong_shape_is_refused(shots, message) -> None:
     with pytest.raises(ta.InputError, match=message.replace("(", r"\(")):

@@ -4,6 +4,7 @@ import inspect
 import json
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -75,3 +76,11 @@ def test_public_methods_are_documented() -> None:
 def test_an_unknown_name_is_an_attribute_error() -> None:
     with pytest.raises(AttributeError, match="has no attribute 'magic'"):
         _ = ta.magic
+
+
+@pytest.mark.parametrize("folder", ["truearc", "sim", "model_export", "robot", "proof"])
+def test_the_product_calls_no_command_of_its_own(folder: str) -> None:
+    """Nothing but `python -m truearc` hands a list of words to the command line."""
+    for path in (Path(__file__).parents[2] / folder).rglob("*.py"):
+        said = path.read_text(encoding="utf-8")
+        assert "cli.main import" not in said or path.name == "__main__.py", path

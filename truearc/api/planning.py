@@ -71,7 +71,7 @@ def identifiability(rig_or_dataset: Rig | Dataset, *, level: str | None = None, 
         believe: Terms whose coefficients are fitted anyway; None: [believe] of the rig.
         sides: High or low is noted of every miss.
         seed: Of the planned season.
-        name: What the report calls it; None: the dataset's name, or "rig".
+        name: Of it in the report; None: the dataset's name, or "rig".
         progress: Called with the share done, 0 to 1, and a note.
 
     Raises:
@@ -134,7 +134,7 @@ def design_shots(dataset: Dataset, found: Finding, *, shots: int = PLANNED_SHOTS
     """Choose the shots, of those that the robot can take, that best tell a finding's candidate terms apart.
 
     Args:
-        dataset: What the finding is about.
+        dataset: The shots of the finding.
         found: Result of `discover` with that dataset.
         shots: How many to plan.
         configurations: That they are shared out to.
