@@ -10,12 +10,12 @@ from truearc.sim.discover.detect.clusters import Clusters
 from truearc.sim.discover.model.baseline_fit import BaselineFit
 from truearc.sim.discover.select.refit import Refit
 from truearc_proof.rivals import argmax
-from truearc_proof.rivals.claim import Believed
+from truearc_proof.rivals.claim import RivalBelief
 
 N = 200
 
 
-def believed(signal: float, seed: int = 0) -> Believed:
+def believed(signal: float, seed: int = 0) -> RivalBelief:
     """Two terms at right angles and a shared constant; `signal` of the second is true. Refits are least squares."""
     rng = np.random.default_rng(seed)
     slopes = np.linalg.qr(np.column_stack([np.ones(N), rng.normal(size=(N, 2))]))[0][:, 1:]
@@ -29,8 +29,9 @@ def believed(signal: float, seed: int = 0) -> Believed:
         name = f"t{k}.amplitude"
         here = np.array([amplitude])
         refits[name] = Refit((name,), None, None, made, here, here, here, np.ones(1), 0.0)
-    return Believed(BaselineFit(SimpleNamespace(samples=None), None, None, evidence), Clusters("shot", np.arange(N), N),
-                    refits)
+    return RivalBelief(
+        BaselineFit(SimpleNamespace(samples=None), None, None, evidence), Clusters("shot", np.arange(N), N), refits
+    )
 
 
 @pytest.fixture(autouse=True)
