@@ -1,5 +1,6 @@
 """Recordings through the API: ticks as often as wanted, trials, configuration, and what is not a recording."""
 
+import itertools
 import tarfile
 from pathlib import Path
 
@@ -24,7 +25,7 @@ def test_ticks_come_in_order_as_often_as_wanted(session: Path) -> None:
     for _ in range(2):
         ticks = list(recording)
         assert len(ticks) == TICKS and recording.cut_short is None
-        assert all(one.inputs.t_ns < other.inputs.t_ns for one, other in zip(ticks, ticks[1:], strict=False))
+        assert all(one.inputs.t_ns < other.inputs.t_ns for one, other in itertools.pairwise(ticks))
         assert all(tick.verdict.fire != bool(tick.verdict.reasons) for tick in ticks)
 
 
@@ -47,5 +48,5 @@ def test_a_recording_that_ends_early_says_where(session: Path, tmp_path: Path) -
 
 
 def test_what_is_no_recording_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ta.InputError, match="session.json"):
+    with pytest.raises(ta.InputError, match=r"session\.json"):
         ta.Recording(tmp_path)
