@@ -55,7 +55,7 @@ def test_options_that_cannot_be_are_told_and_leave_nothing_behind(words, tmp_pat
 
 
 def test_without_the_companion_a_verb_says_what_to_install():
-    code = "import sys; sys.modules['jax'] = None\nfrom truearc import main\nsys.exit(main(['fit', 'x']))"
+    code = "import sys; sys.modules['jax'] = None\nfrom truearc.cli.main import main\nsys.exit(main(['fit', 'x']))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 2 and "truearc[sim]" in done.stderr and "Traceback" not in done.stderr
 

@@ -1,5 +1,6 @@
 """What `import truearc` and `--help` load, and the names that the package offers."""
 
+import ast
 import inspect
 import json
 import subprocess
@@ -84,3 +85,11 @@ def test_the_product_calls_no_command_of_its_own(folder: str) -> None:
     for path in (Path(__file__).parents[2] / folder).rglob("*.py"):
         said = path.read_text(encoding="utf-8")
         assert "cli.main import" not in said or path.name == "__main__.py", path
+
+
+def test_every_lazy_name_is_one_that_type_checkers_see() -> None:
+    tree = ast.parse(Path(ta.__file__).read_text(encoding="utf-8"))
+    (typing_only,) = (node for node in tree.body if isinstance(node, ast.If))
+    seen = {alias.name: node.module for node in typing_only.body if isinstance(node, ast.ImportFrom)
+            for alias in node.names}
+    assert seen == ta._MODULES and sorted(ta.__all__) == sorted(seen)
