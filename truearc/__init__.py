@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from truearc.api.prediction import predict
     from truearc.api.recording import Recording
     from truearc.api.table import Table
-    from truearc.api.terms import catalogue
     from truearc.robot.config.rig_spec import Rig
     from truearc.robot.config.schema import InputError
     from truearc.sim.data.dataset import Dataset, dataset, load_dataset, load_rig, save_dataset
     from truearc.sim.infer.belief import Belief, load_belief
+    from truearc.sim.physics.catalogue import catalogue
     from truearc.sim.physics.term import (
         AirTerm,
         ArrivalTerm,
@@ -53,7 +53,7 @@ _NAMES = {
     "truearc.api.prediction": "predict",
     "truearc.api.recording": "Recording",
     "truearc.api.table": "Table",
-    "truearc.api.terms": "catalogue",
+    "truearc.sim.physics.catalogue": "catalogue",
     "truearc.robot.config.rig_spec": "Rig",
     "truearc.robot.config.schema": "InputError",
     "truearc.sim.data.dataset": "Dataset dataset load_dataset load_rig save_dataset",

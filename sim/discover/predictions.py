@@ -10,9 +10,9 @@ from truearc.sim.data.shot_conditions import circumstances_of
 from truearc.sim.discover.detect.covariates import every_column
 from truearc.sim.infer.belief import Belief
 from truearc.sim.infer.curve import along
-from truearc.sim.parallel import Progress
 from truearc.sim.physics.catalogue import effective
 from truearc.sim.physics.simulate import classify, opening_of, predict
+from truearc.sim.progress import Progress
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,8 +39,10 @@ def predict_shots(dataset: Dataset, belief: Belief,
     if dataset.facts.target is None:
         raise InputError("rig.toml: [target] is needed to tell deviation and outcome")
     circumstances = along(belief.curves, circumstances_of(dataset), every_column(dataset), len(dataset.shots))
-    opening = opening_of(dataset.facts, effective(belief.coefficients, circumstances))
-    height_m = np.asarray(predict(dataset.facts, belief.coefficients, dataset.shots, progress, circumstances).height_m)
+    among = belief.catalogue
+    opening = opening_of(dataset.facts, effective(belief.coefficients, circumstances, among), among)
+    flown = predict(dataset.facts, belief.coefficients, dataset.shots, progress, circumstances, among)
+    height_m = np.asarray(flown.height_m)
     outcome = classify(dataset.facts, height_m, opening)
     return ShotPredictions(dataset.shots.shot_id, height_m, np.asarray(height_m - opening.centre_m),
                            tuple(map(str, outcome)))

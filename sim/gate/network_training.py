@@ -13,8 +13,8 @@ from truearc.sim.gate.novelty import fit_novelty, novelty_record
 from truearc.sim.paper.network import save_weights
 from truearc.sim.paper.sweep import Job, Recipe, Trained, batches_per_epoch, check_job, check_recipe, train_many
 from truearc.sim.paper.training import Rows, accuracy, domain_of, split_heldout, training_rows
-from truearc.sim.parallel import Progress
 from truearc.sim.printed import Printed
+from truearc.sim.progress import Progress
 
 CURVE_POINTS = 50
 FEW = 15                              # held-out shots, fewer than which are remarked on

@@ -1,10 +1,10 @@
 """Maximum a posteriori fit of terms, scatter and tracker noise to everything that a dataset has."""
 
 import itertools
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from jaxtyping import Float
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.dataset import Dataset
@@ -14,6 +14,8 @@ from truearc.sim.infer.likelihood.shot_likelihood import Points, relinearise
 from truearc.sim.infer.likelihood.track_likelihood import guess_lead, guess_start
 from truearc.sim.infer.optimum import Optimum, Problem, best_of, minimise
 from truearc.sim.infer.parameters import TRACK_NOISE, Model, make_model
+from truearc.sim.physics.catalogue import Catalogue
+from truearc.sim.progress import Progress
 
 STARTS = 2                            # of the coarse search that are followed up, besides the grid's pair
 COARSE_U = (-1.5, -0.5, 0.5, 1.5)     # prior standard deviations, of up to COARSE parameters of terms
@@ -21,18 +23,17 @@ COARSE = 3
 ROUNDS = 6                            # of moving the point about which tracks are linear
 SETTLED = 1e-3                        # of a move of the parameters in prior standard deviations
 
-Progress = Callable[[float, str], None]
 
 
 @dataclass(frozen=True, eq=False)
 class MlFit:
-    """The fit: `covariance` [p, p] of u (units of the priors) is the inverse Hessian; `grid` what the grid chose."""
+    """The fit: `covariance` of u (units of the priors) is the inverse Hessian; `grid` what the grid chose."""
 
     model: Model
     gathered: Gathered
     problem: Problem
     optimum: Optimum
-    covariance: np.ndarray
+    covariance: Float[np.ndarray, "p p"]
     grid: dict[str, dict[str, float]]
 
     @property
@@ -58,20 +59,22 @@ class MlFit:
             elif name != TRACK_NOISE:
                 coefficients.setdefault(table, {})[key] = value
         return Belief(coefficients, scatter, tuple(self.model.names[index] for index in keep),
-                      self.covariance[np.ix_(keep, keep)] * np.outer(sd, sd))
+                      self.covariance[np.ix_(keep, keep)] * np.outer(sd, sd), catalogue=self.model.catalogue)
 
 
 def fit_ml(facts: Rig, dataset: Dataset, terms: tuple[str, ...], progress: Progress = lambda done, note: None,
-           grid: dict[str, dict[str, float]] | None = None) -> MlFit:
+           grid: dict[str, dict[str, float]] | None = None, among: Catalogue | None = None) -> MlFit:
     """Fit the named terms (gravity always among them) and the scatter of the launch to a dataset.
 
     grid: {term: {parameter: value}} that the paper's grid chose, one more start (truearc.sim.paper.grid_fit).
+    among: the catalogue of the terms, truearc.sim.physics.catalogue.catalogue() when not given.
 
     Deterministic. A fit that did not settle says so in `converged`. InputError: unknown terms, or nothing to fit to.
     """
     gathered = gather(facts, dataset)
     evidence = gathered.evidence
-    model = make_model(facts, terms, _scatters(evidence), evidence.tracks is not None or evidence.free is not None)
+    tracked = evidence.tracks is not None or evidence.free is not None
+    model = make_model(facts, terms, _scatters(evidence), tracked, among)
     points = _moved(model, evidence, _first_points(evidence), np.zeros(len(model.sought)))
     problem = Problem(model, evidence, points, np.ones(len(gathered.rows)))
     grid = grid or {}
@@ -95,7 +98,7 @@ def settle(problem: Problem, optimum: Optimum) -> tuple[Problem, Optimum]:
     return problem, optimum
 
 
-def refit(fit: MlFit, weight: np.ndarray) -> Optimum:
+def refit(fit: MlFit, weight: Float[np.ndarray, " units"]) -> Optimum:
     """The optimum with other weights of the units, from the fit's own."""
     return minimise(replace(fit.problem, weight=weight), fit.optimum.u)
 
@@ -113,20 +116,20 @@ def _first_points(evidence: Observations) -> Points:
                   np.zeros((0, 4)) if free is None else guess_start(free))
 
 
-def _moved(model: Model, evidence: Observations, points: Points, u: np.ndarray, rounds: int = 4) -> Points:
+def _moved(model: Model, evidence: Observations, points: Points, u: Float[np.ndarray, " p"], rounds: int = 4) -> Points:
     for _ in range(rounds if evidence.tracks is not None or evidence.free is not None else 0):
         points = relinearise(model, evidence, points, u)
     return points
 
 
-def _covariance(hessian: np.ndarray) -> np.ndarray:
+def _covariance(hessian: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
     """Inverse of the curvature; no direction is known worse than its prior says."""
     values, vectors = np.linalg.eigh(hessian)
     inverse: np.ndarray = (vectors / np.maximum(values, 1.0)) @ vectors.T
     return inverse
 
 
-def _starts(problem: Problem, grid: dict[str, dict[str, float]]) -> list[np.ndarray]:
+def _starts(problem: Problem, grid: dict[str, dict[str, float]]) -> list[Float[np.ndarray, " p"]]:
     """The prior's centre and the best of a coarse grid about it, and the seed's grid's pair where it gave one."""
     size, count = len(problem.model.sought), min(len(problem.model.numbers), COARSE)
     tried = [np.zeros(size)]
@@ -141,7 +144,7 @@ def _starts(problem: Problem, grid: dict[str, dict[str, float]]) -> list[np.ndar
     return starts + _grid_start(problem.model, grid)
 
 
-def _grid_start(model: Model, grid: dict[str, dict[str, float]]) -> list[np.ndarray]:
+def _grid_start(model: Model, grid: dict[str, dict[str, float]]) -> list[Float[np.ndarray, " p"]]:
     """The grid's pair with a loss of nothing, which is what it was found with; within two sd of the prior."""
     if not grid:
         return []

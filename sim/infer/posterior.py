@@ -4,18 +4,20 @@ Forward-mode derivatives, flights of a fixed number of steps, unit normal priors
 theirs), started in the optimum with its covariance as mass matrix.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float
 from numpyro.diagnostics import effective_sample_size, split_gelman_rubin
 from numpyro.infer import MCMC, NUTS
 
 from truearc.sim.infer.likelihood.shot_likelihood import objective
 from truearc.sim.infer.map_fit import MlFit
+from truearc.sim.progress import Progress
 
 CHAINS = 2
 WARMUP = 150
@@ -25,12 +27,12 @@ FEWEST_EFFECTIVE = 50.0
 
 @dataclass(frozen=True, eq=False)
 class Posterior:
-    """`draws` [count, p] of the parameters in their own units; r_hat and effective samples [p]; divergent steps."""
+    """`draws` of the parameters in their own units; r_hat and effective samples of each; divergent steps."""
 
     names: tuple[str, ...]
-    draws: np.ndarray
-    r_hat: np.ndarray
-    effective: np.ndarray
+    draws: Float[np.ndarray, "count p"]
+    r_hat: Float[np.ndarray, " p"]
+    effective: Float[np.ndarray, " p"]
     divergent: int
     seed: int
 
@@ -45,7 +47,7 @@ class Posterior:
 
 
 def sample(fit: MlFit, count: int, seed: int,
-           progress: Callable[[float, str], None] = lambda done, note: None) -> Posterior:
+           progress: Progress = lambda done, note: None) -> Posterior:
     """At least `count` draws are made in CHAINS chains, and `count` kept; the same seed gives the same draws."""
     problem = fit.problem
     spread = np.linalg.cholesky(fit.covariance)
@@ -71,7 +73,8 @@ def sample(fit: MlFit, count: int, seed: int,
     return _posterior(fit, np.stack(drawn), spread, divergent, count, seed)
 
 
-def _posterior(fit: MlFit, chains: np.ndarray, spread: np.ndarray, divergent: int, count: int, seed: int) -> Posterior:
+def _posterior(fit: MlFit, chains: Float[np.ndarray, "chains draws p"], spread: Float[np.ndarray, "p p"],
+               divergent: int, count: int, seed: int) -> Posterior:
     u = fit.optimum.u + chains @ spread.T
     r_hat, effective = np.asarray(split_gelman_rubin(u)), np.asarray(effective_sample_size(u))
     flat = u.swapaxes(0, 1).reshape(-1, u.shape[-1])[:count]

@@ -1,6 +1,5 @@
 """The seed's coefficient search (section III-A and IV-C): every pair of drag and lift coefficient on a square grid."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,12 +10,12 @@ from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.paper.grid_cells import THREE as LABEL_THREE
 from truearc.sim.paper.grid_labels import Flyer, Hits, find_hits, fly_pairs, make_flyer
 from truearc.sim.physics.simulate import THREE, TWO, launch_of, require
+from truearc.sim.progress import Progress
 
 LOW, HIGH, STEP = 0.0, 5.0, 0.005     # the seed's grid, bounds included
 START_STEP = 0.05                     # of the coarse search that gives another fit a start
 MOST_PARTS = 10000                    # of the range: a hundred times the seed's pairs
 
-Progress = Callable[[float, str], None]
 
 
 @dataclass(frozen=True)

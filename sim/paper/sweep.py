@@ -13,7 +13,7 @@ rows say is 0.90 after 200 000 steps and 1.23 after 2 million: the network learn
 
 import math
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -24,13 +24,13 @@ from truearc.robot.config.schema import InputError
 from truearc.sim.paper.network import SHAPES, Layers, Network, initial_layers, standardisation
 from truearc.sim.paper.sweep_kernel import BATCH, COLUMNS, LANES, PARAMETERS, Decks, Real, advance, mean_losses
 from truearc.sim.paper.training import Rows
+from truearc.sim.progress import Progress
 
 STEPS = 1_000_000
 PATIENCE = 200_000
 CHECK = 5000                          # steps between two looks at the losses
 SPANS = 3                             # recorded, simulated and validation rows, in this order
 
-Progress = Callable[[float, str], None]
 
 
 class Job(NamedTuple):

@@ -6,16 +6,18 @@ from importlib.metadata import version
 from pathlib import Path
 
 from truearc.robot.config.rig_spec import Rig
+from truearc.sim.data.columns import OUTCOMES
 from truearc.sim.data.dataset import Dataset, Shots, check_free, hash_dataset, save_dataset
 from truearc.sim.infer.belief import load_belief
-from truearc.sim.paper.synthetic_data import OUTCOMES, PROVENANCE_FILE, SHAPE, synthesise
+from truearc.sim.paper.synthetic_data import PROVENANCE_FILE, SHAPE, synthesise
 from truearc.sim.paper.synthetic_draws import check_belief, synthesise_draws
-from truearc.sim.parallel import Progress
+from truearc.sim.physics.catalogue import Catalogue
+from truearc.sim.progress import Progress
 
 
 def write_synthetic(directory: str | Path, rig: Rig, coefficients: str | Path, n: int, *,
                     exclude: Dataset | None = None, draws: int | None = None, seed: int = 0,
-                    progress: Progress = lambda done, note: None) -> Shots:
+                    among: Catalogue | None = None, progress: Progress = lambda done, note: None) -> Shots:
     """Simulate shots of the paper's grid of configurations, write them as a dataset, and return them.
 
     Args:
@@ -27,13 +29,14 @@ def write_synthetic(directory: str | Path, rig: Rig, coefficients: str | Path, n
         draws: Sets of coefficients drawn from the covariance, with launch scatter and sensor noise; None: one exact
             set, as in the paper.
         seed: Of the draw.
+        among: The catalogue of the terms.
         progress: Called with the share done, 0 to 1, and a note.
 
     Raises:
         InputError: the directory is not empty, the file is not coefficients, or there are too few configurations.
     """
     out = check_free(directory)
-    belief = load_belief(coefficients)
+    belief = load_belief(coefficients, among)
     recorded = None if exclude is None else exclude.shots
     if draws is None:
         shots = synthesise(rig, belief, n, recorded, seed, progress)

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from truearc.api.table import Table
-from truearc.api.terms import check_catalogue, names_of
+from truearc.api.terms import names_of
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover import api as engine
@@ -22,9 +22,10 @@ from truearc.sim.discover.report.finding_text import console_lines
 from truearc.sim.discover.report.html_report import make_report, plot_residuals
 from truearc.sim.discover.settings import FALSE_ALARM, check_chances
 from truearc.sim.infer.belief import Belief
-from truearc.sim.parallel import Progress
+from truearc.sim.physics.catalogue import Catalogue, as_catalogue
 from truearc.sim.physics.term import Term
 from truearc.sim.printed import Printed
+from truearc.sim.progress import Progress
 
 COLUMNS = ("term", "probability", "value", "low90", "high90", "unit", "stage")
 
@@ -135,7 +136,7 @@ class Finding(Printed):
 
     def lines(self) -> list[str]:
         """Return the report: the verdict in a sentence, and a few lines below it."""
-        return console_lines(self.record)
+        return console_lines(self.record, self.investigation.catalogue)
 
     def _repr_html_(self) -> str:
         head, *rest = map(html.escape, self.lines())
@@ -155,7 +156,7 @@ def discover(dataset: Dataset, *, belief: Belief | None = None, believe: Iterabl
             baseline model, and whether one has changed is tested, too.
         believe: Instead of a belief, the terms of the baseline model; None: [believe] of the rig. Gravity is always
             there. Their coefficients are fitted.
-        terms: Candidate terms; None: the catalogue.
+        terms: Candidate terms, such as [*catalogue(), HoodFlex()]; None: those of the belief, or of the catalogue.
         since: The dataset that `belief` was adopted from: misfit present there, too, is not evidence of change.
         measured: {term: (value, standard deviation)} of amplitudes measured without a shot, in the term's unit.
         seed: Of everything drawn at random; the same data and seed give the same finding.
@@ -168,14 +169,15 @@ def discover(dataset: Dataset, *, belief: Belief | None = None, believe: Iterabl
         InputError: an unknown term, contradicting arguments, too few shots, or outcomes without a target.
     """
     check_chances(false_alarm, seed)
-    check_catalogue(terms)
+    among = belief.catalogue if terms is None and belief is not None else as_catalogue(terms)
     if belief is not None and believe is not None:
         raise InputError("belief and believe exclude each other: the belief has its own terms")
     if since is not None:
         check_since(since, belief, dataset)
-    names = names_of(believe, "believe")
-    check_believed(names or ())
-    found = engine.discover(dataset, names, false_alarm, seed, progress, belief, since, _measured(measured or {}))
+    names = names_of(believe, "believe", among)
+    check_believed(names or (), among)
+    found = engine.discover(dataset, names, false_alarm, seed, progress, belief, since,
+                            _measured(measured or {}, among), among)
     return Finding(dataset.name, found)
 
 
@@ -187,11 +189,11 @@ def check_since(since: Dataset, belief: Belief | None, later: Dataset) -> None:
         raise InputError(f"since: {since.name}: was recorded with another rig ([ball] or [launcher] differs)")
 
 
-def _measured(measured: Mapping[str, tuple[float, float]]) -> dict[str, Measurement]:
+def _measured(measured: Mapping[str, tuple[float, float]], among: Catalogue) -> dict[str, Measurement]:
     for term, (value, sd) in measured.items():
         if not np.isfinite([value, sd]).all() or sd <= 0.0:
             raise InputError(f"measured: {term}: a finite value and a standard deviation above 0 are needed")
-    return {column_of(term): Measurement(float(value), float(sd)) for term, (value, sd) in measured.items()}
+    return {column_of(term, among): Measurement(float(value), float(sd)) for term, (value, sd) in measured.items()}
 
 
 def _effect(one: Named) -> Effect:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 from matplotlib.figure import Figure
 
 from truearc.api.table import Table
-from truearc.api.terms import names_of
+from truearc.api.terms import joined, names_of
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset, hash_dataset
 from truearc.sim.infer.advise import Proposal, advise
@@ -29,9 +29,9 @@ from truearc.sim.infer.score import Score, score
 from truearc.sim.paper.grid_bootstrap import Bootstrap, bootstrap_grid
 from truearc.sim.paper.grid_fit import STEP, GridFit, fit_grid, grid_start
 from truearc.sim.paper.grid_report import draw_map, explain, provenance_of
-from truearc.sim.parallel import Progress
 from truearc.sim.physics.term import Term
 from truearc.sim.printed import Printed
+from truearc.sim.progress import Progress
 
 if TYPE_CHECKING:                     # NumPyro takes a second to import
     from truearc.sim.infer.posterior import Posterior
@@ -68,7 +68,7 @@ class Fit(Printed):
 
     def table(self) -> Table:
         """Return a row per parameter: value and ends of its 90 % interval, in `unit`; closed: the data bound it."""
-        units = self._units()
+        units = {one.name: one.unit for one in self.solution.model.sought}
         return Table(COLUMNS, tuple((one.name, one.value, one.low90, one.high90, units[one.name], one.closed)
                                     for one in self.intervals))
 
@@ -90,14 +90,11 @@ class Fit(Printed):
         if not self.converged:
             return lines
         for title, part in (("what these shots can tell", say_identified(fit)),
-                            ("estimates", say_estimates(self.intervals, self._units())), ("", say_scatter(fit)),
+                            ("estimates", say_estimates(self.intervals, fit.model.sought)), ("", say_scatter(fit)),
                             ("", say_prediction(self.holdout)), ("what would tell more", say_advice(self.proposals))):
             told = list(part)
             lines += [*(["", f"{title}:"] if title and told else []), *told]
         return lines
-
-    def _units(self) -> dict[str, str]:
-        return {one.name: one.unit for one in self.solution.model.sought}
 
     def _provenance(self) -> dict[str, Any]:
         fit = self.solution
@@ -161,7 +158,8 @@ def fit(dataset: Dataset, terms: Iterable[str | Term] | None = None, *, method: 
 
     Args:
         dataset: Shots with outcomes, heights, exit measurements or tracks.
-        terms: Terms to fit, by name or from `catalogue()`; None: [believe] of the rig. Gravity is always there.
+        terms: Terms to fit, by name or as values (the user's own, too); None: [believe] of the rig. Gravity is always
+            there.
         method: "map": maximum a posteriori of all records, with 90 % intervals. "grid": the paper's search over drag
             and lift by outcomes alone; terms do not apply.
         step: Grid only: distance of neighbouring coefficients; divides 5.
@@ -178,7 +176,7 @@ def fit(dataset: Dataset, terms: Iterable[str | Term] | None = None, *, method: 
     if method == "map":
         if step is not None or bootstrap or seed:
             raise InputError("step, bootstrap, seed: method 'map' makes no use of them; method 'grid' does")
-        return _fit_map(dataset, names_of(terms, "terms") or dataset.facts.believe.terms, progress)
+        return _fit_map(dataset, dataset.facts.believe.terms if terms is None else terms, progress)
     if method != "grid":
         raise InputError(f"method: there is no {method!r}; there are 'map' and 'grid'")
     if terms is not None:
@@ -191,9 +189,11 @@ def fit(dataset: Dataset, terms: Iterable[str | Term] | None = None, *, method: 
     return GridSearch(dataset, step, found, score(dataset.facts, found.coefficients, dataset.shots), again)
 
 
-def _fit_map(dataset: Dataset, terms: tuple[str, ...], progress: Progress) -> Fit:
-    solution = fit_ml(dataset.facts, dataset, terms, lambda done, note: progress(0.4 * done, note),
-                      grid_start(dataset.facts, dataset))
+def _fit_map(dataset: Dataset, terms: Iterable[str | Term], progress: Progress) -> Fit:
+    terms = terms if isinstance(terms, str) else tuple(terms)
+    among = joined(terms)
+    solution = fit_ml(dataset.facts, dataset, names_of(terms, "terms", among) or (),
+                      lambda done, note: progress(0.4 * done, note), grid_start(dataset.facts, dataset), among)
     if not solution.converged:
         return Fit(dataset, solution, (), None, ())
     intervals = []

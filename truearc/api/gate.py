@@ -13,7 +13,6 @@ from truearc.robot.config.schema import InputError
 from truearc.robot.gate.model import load_gate
 from truearc.sim.data.dataset import Dataset, hash_dataset
 from truearc.sim.gate.gate_text import tell_heldout, tell_residual
-from truearc.sim.gate.metrics import Figures
 from truearc.sim.gate.model import PhysicsGate
 from truearc.sim.gate.outcome_classes import OutcomeClasses, marks_of
 from truearc.sim.gate.physics import physics_of
@@ -21,9 +20,10 @@ from truearc.sim.gate.plots import draw_reliability
 from truearc.sim.gate.store import save_physics_gate
 from truearc.sim.gate.train import Heldout, train_physics_gate
 from truearc.sim.infer.belief import Belief
+from truearc.sim.metrics import Figures
 from truearc.sim.paper.training import domain_of
-from truearc.sim.parallel import Progress
 from truearc.sim.printed import Printed
+from truearc.sim.progress import Progress
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,9 +19,10 @@ from truearc.sim.discover.plan.identifiability import Sight, make_sight
 from truearc.sim.discover.report.design_report import SCHEMA, design_lines, design_table
 from truearc.sim.discover.report.identifiability_report import make_sight_page, sight_lines
 from truearc.sim.discover.settings import CONFIGURATIONS, LEVEL, PLANNED_SHOTS, SEASON_SHOTS
-from truearc.sim.parallel import Progress
+from truearc.sim.physics.catalogue import Catalogue, as_catalogue
 from truearc.sim.physics.term import Term
 from truearc.sim.printed import Printed
+from truearc.sim.progress import Progress
 
 TERM_COLUMNS = ("term", "stage", "unit", "usual", "smallest", "power", "shots_needed", "share_left", "like",
                 "correlation", "why_not")
@@ -34,6 +35,7 @@ class Identifiability(Printed):
 
     name: str
     sight: Sight
+    catalogue: Catalogue
 
     def table(self) -> Table:
         """Return a row per term, most easily seen first.
@@ -52,16 +54,17 @@ class Identifiability(Printed):
 
     def to_html(self, path: str | Path) -> None:
         """Write the report as one HTML file; OSError where it cannot be written."""
-        Path(path).write_bytes(make_sight_page(self.name, self.sight).encode())
+        Path(path).write_bytes(make_sight_page(self.name, self.sight, self.catalogue).encode())
 
     def lines(self) -> list[str]:
         """Return the report: how many terms would be seen, and a line per term."""
-        return sight_lines(self.sight)
+        return sight_lines(self.sight, self.catalogue)
 
 
 def identifiability(rig_or_dataset: Rig | Dataset, *, level: str | None = None, shots: int | None = None,
-                    believe: Iterable[str | Term] | None = None, sides: bool = False, seed: int = 0,
-                    name: str | None = None, progress: Progress = lambda done, note: None) -> Identifiability:
+                    believe: Iterable[str | Term] | None = None, terms: Iterable[Term] | None = None,
+                    sides: bool = False, seed: int = 0, name: str | None = None,
+                    progress: Progress = lambda done, note: None) -> Identifiability:
     """Work out which terms shots could show, before any result is known.
 
     Args:
@@ -69,6 +72,7 @@ def identifiability(rig_or_dataset: Rig | Dataset, *, level: str | None = None, 
         level: Rig only: what is recorded: "L0" outcomes (the default), "L1" telemetry too, "L2" tracks too.
         shots: Rig only: shots of the season, 300 when None.
         believe: Terms whose coefficients are fitted anyway; None: [believe] of the rig.
+        terms: Candidate terms; None: the catalogue.
         sides: High or low is noted of every miss.
         seed: Of the planned season.
         name: Of it in the report; None: the dataset's name, or "rig".
@@ -79,15 +83,16 @@ def identifiability(rig_or_dataset: Rig | Dataset, *, level: str | None = None, 
             given with a dataset.
     """
     rig = rig_or_dataset.facts if isinstance(rig_or_dataset, Dataset) else rig_or_dataset
-    terms = names_of(believe, "believe") or rig.believe.terms
+    among = as_catalogue(terms)
+    believed = names_of(believe, "believe", among) or rig.believe.terms
     if isinstance(rig_or_dataset, Dataset):
         if level is not None or shots is not None:
             raise InputError("level, shots: a dataset's own shots are looked at")
-        sight = foresee_dataset(rig_or_dataset, terms, sides, seed, progress)
-        return Identifiability(name or rig_or_dataset.name, sight)
-    sight = foresee(rig, terms, LEVEL if level is None else level, SEASON_SHOTS if shots is None else shots, sides,
-                    seed, progress)
-    return Identifiability(name or "rig", sight)
+        sight = foresee_dataset(rig_or_dataset, believed, sides, seed, progress, among)
+        return Identifiability(name or rig_or_dataset.name, sight, among)
+    sight = foresee(rig, believed, LEVEL if level is None else level, SEASON_SHOTS if shots is None else shots, sides,
+                    seed, progress, among)
+    return Identifiability(name or "rig", sight, among)
 
 
 @dataclass(frozen=True)
@@ -101,6 +106,7 @@ class ShotDesign(Printed):
     sentence: str
     verdict: str
     plan: dict[str, Any]
+    catalogue: Catalogue
 
     @property
     def probability_before(self) -> float | None:
@@ -125,7 +131,7 @@ class ShotDesign(Printed):
 
     def lines(self) -> list[str]:
         """Return the report: the finding's sentence, then the shots, or that there is nothing to tell apart."""
-        told = design_lines(self.plan) if self.plan else ["There are no names to tell apart by shots."]
+        told = design_lines(self.plan, self.catalogue) if self.plan else ["There are no names to tell apart by shots."]
         return [self.sentence, *told]
 
 
@@ -145,8 +151,8 @@ def design_shots(dataset: Dataset, found: Finding, *, shots: int = PLANNED_SHOTS
     """
     if not 1 <= configurations <= shots:
         raise InputError(f"shots {shots}, configurations {configurations}: at least one shot each")
-    steps, record = found.investigation.steps, found.record
+    steps, record, among = found.investigation.steps, found.record, found.investigation.catalogue
     plan: dict[str, Any] = {}
     if steps and can_design(steps[0]):
-        plan = design_table(make_design(steps[0], shots, configurations, seed), dataset, steps[0])
-    return ShotDesign(record.sentence, record.verdict, plan)
+        plan = design_table(make_design(steps[0], shots, configurations, seed), dataset, steps[0], among)
+    return ShotDesign(record.sentence, record.verdict, plan, among)

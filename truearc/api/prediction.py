@@ -11,7 +11,7 @@ from truearc.robot.gate.model import load_gate
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.predictions import predict_shots
 from truearc.sim.infer.belief import Belief
-from truearc.sim.parallel import Progress
+from truearc.sim.progress import Progress
 
 COLUMNS = ("shot_id", "height_m", "deviation_m", "outcome")
 

@@ -3,24 +3,15 @@
 from collections.abc import Iterable
 
 from truearc.robot.config.schema import InputError
-from truearc.sim.physics.catalogue import TERMS, find_terms
+from truearc.sim.physics.catalogue import Catalogue, catalogue
 from truearc.sim.physics.term import Term
 
 
-def catalogue() -> tuple[Term, ...]:
-    """Return every term that fit, discovery and simulation know, in the order in which they act.
-
-    A term is a hypothesis about sensors, launch, flight or target; its `name`, `stage` and `parameters` (with units,
-    ranges and sources) describe it.
-    """
-    return TERMS
-
-
-def names_of(terms: Iterable[str | Term] | None, argument: str) -> tuple[str, ...] | None:
+def names_of(terms: Iterable[str | Term] | None, argument: str, among: Catalogue) -> tuple[str, ...] | None:
     """Return the terms' names in the given order; None for None.
 
     Raises:
-        InputError: `terms` is one string or empty, or names a term that the catalogue does not have.
+        InputError: `terms` is one string or empty, or names a term that `among` does not have.
     """
     if terms is None:
         return None
@@ -30,17 +21,18 @@ def names_of(terms: Iterable[str | Term] | None, argument: str) -> tuple[str, ..
     if not names:
         raise InputError(f"{argument}: names no term")
     try:
-        find_terms(names)
+        among.find(names)
     except InputError as error:
         raise InputError(f"{argument}: {error}") from error
     return names
 
 
-def check_catalogue(terms: Iterable[Term] | None) -> None:
-    """Refuse candidate terms other than the catalogue's own.
+def joined(terms: Iterable[str | Term]) -> Catalogue:
+    """Return the catalogue with those of the terms that are values and not in it.
 
     Raises:
-        InputError: `terms` is not the whole catalogue.
+        InputError: a term is incomplete, or its name is taken by another.
     """
-    if terms is not None and set(names_of(tuple(terms), "terms") or ()) != {term.name for term in TERMS}:
-        raise InputError("terms: discovery tests the whole catalogue; pass [*catalogue()] or nothing")
+    known = catalogue()
+    own = tuple(term for term in terms if isinstance(term, Term) and term not in known.terms)
+    return Catalogue((*known.terms, *own)) if own else known

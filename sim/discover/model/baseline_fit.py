@@ -1,13 +1,14 @@
 """The believed simulation fitted to a dataset: coefficients and scatter that all shots share."""
 
 import itertools
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Bool, Float, Int
 from scipy.linalg import block_diag
 
 from truearc.sim.discover.model import outcome_likelihood as outcomes
@@ -24,11 +25,11 @@ from truearc.sim.discover.model.linearization import (
 )
 from truearc.sim.discover.model.prepared_data import SCATTERS, Intake
 from truearc.sim.discover.model.score_table import Array, ScoreTable
-from truearc.sim.physics.catalogue import find_parameter, flight_terms
+from truearc.sim.physics.catalogue import Catalogue, find_parameter, flight_terms
 from truearc.sim.physics.nonparametric import CURVE, NAMELESS
 from truearc.sim.physics.scales import LOG
+from truearc.sim.progress import Progress
 
-Progress = Callable[[float, str], None]
 GRID = (-1.0, -0.5, 0.0, 0.5, 1.0)    # of each coefficient's prior, in standard deviations, where the fit may start
 SOME = 96                             # outcomes that the grid looks at
 MOST_GRID = 3                         # coefficients that are gridded; more start from the prior's centre
@@ -65,7 +66,7 @@ class BaselineFit:
                 for column, value in named if column.kind != "group"}
 
     @property
-    def together(self) -> Array:
+    def together(self) -> Int[Array, " n"]:
         """Which shots hang together when figures are compared, a number each [n]: those of a group, else each alone."""
         groups = self.layout.groups
         return np.arange(len(self.evidence.rows)) if groups is None or groups.count == 1 else groups.label
@@ -98,7 +99,7 @@ def climb(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint,
     """
     best = highest = -np.inf
     idle = 0
-    kept: tuple[LinearizationPoint, ScoreTable, Array] | None = None
+    kept: tuple[LinearizationPoint, ScoreTable, Float[Array, "n D"]] | None = None
     for number in range(ROUNDS):
         progress(number / ROUNDS, "fit")
         flown = fly(intake, layout, spot)
@@ -122,7 +123,7 @@ def climb(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint,
 
 def _climb_linear(
     intake: Intake, layout: ParameterLayout, spot: LinearizationPoint, flown: Linearization
-) -> tuple[LinearizationPoint, Array]:
+) -> tuple[LinearizationPoint, Float[Array, "n D"]]:
     """(the top without flying anew, most likely deviates there)."""
     evidence, deviates = linearise(intake, layout, spot, flown)
     best = objective(evidence, layout)
@@ -148,8 +149,10 @@ def _halfway(a: LinearizationPoint, b: LinearizationPoint) -> LinearizationPoint
                                              (a.deviates, b.deviates), (a.effects, b.effects))))
 
 
-def newton_step(evidence: ScoreTable, free: Array | slice = slice(None)) -> tuple[Array, float]:
-    """(Fisher scoring step [P] for layouts of shared columns only, nats that it promises); columns that are not `free`
+def newton_step(
+    evidence: ScoreTable, free: Bool[Array, " P"] | slice = slice(None)
+) -> tuple[Float[Array, " P"], float]:
+    """(Fisher scoring step for layouts of shared columns only, nats that it promises); columns that are not `free`
     stay."""
     info, slope = evidence.information + evidence.precision, evidence.score.sum(0) + evidence.pull
     info, slope, step = info[free][:, free], slope[free], np.zeros(len(slope))
@@ -157,7 +160,9 @@ def newton_step(evidence: ScoreTable, free: Array | slice = slice(None)) -> tupl
     return step, 0.5 * float(step[free] @ slope)
 
 
-def _step_within(layout: ParameterLayout, spot: LinearizationPoint, evidence: ScoreTable) -> tuple[Array, float]:
+def _step_within(
+    layout: ParameterLayout, spot: LinearizationPoint, evidence: ScoreTable
+) -> tuple[Float[Array, " P"], float]:
     """The same; what is at a limit and would go beyond it stays, so that the others go where it is best for it there.
     """
     free = np.full(len(layout.columns), True)
@@ -169,18 +174,18 @@ def _step_within(layout: ParameterLayout, spot: LinearizationPoint, evidence: Sc
         free &= ~out
 
 
-def _leads_out(layout: ParameterLayout, spot: LinearizationPoint, step: Array) -> Array:
-    """Which columns [P] are at a limit of theirs that the step is to lead beyond."""
+def _leads_out(layout: ParameterLayout, spot: LinearizationPoint, step: Float[Array, " P"]) -> Bool[Array, " P"]:
+    """Which columns are at a limit of theirs that the step is to lead beyond."""
     out = np.full(len(layout.columns), False)
     slots = np.flatnonzero((layout.source >= 0) & (layout.source < len(layout.chain.slots)))
     source = layout.source[slots]
-    (low, high), values = _bounds(layout.chain.slots), spot.values[source]
+    (low, high), values = _bounds(layout.chain.slots, layout.chain.catalogue), spot.values[source]
     out[slots] = ((values <= low[source]) & (step[slots] < 0.0)) | ((values >= high[source]) & (step[slots] > 0.0))
     return out
 
 
-def scale_of(layout: ParameterLayout) -> Array:
-    """1 / a usual size of each column [P]."""
+def scale_of(layout: ParameterLayout) -> Float[Array, " P"]:
+    """1 / a usual size of each column."""
     return 1.0 / np.array([column.usual for column in layout.columns])
 
 
@@ -191,33 +196,34 @@ def objective(evidence: ScoreTable, layout: ParameterLayout) -> float:
     return value if np.isfinite(value) else -np.inf
 
 
-def moved(layout: ParameterLayout, spot: LinearizationPoint, change: Array) -> LinearizationPoint:
-    """The spot after its columns change by `change` [P], parameters no further than they can go; log scatters by no
+def moved(layout: ParameterLayout, spot: LinearizationPoint, change: Float[Array, " P"]) -> LinearizationPoint:
+    """The spot after its columns change by `change`, parameters no further than they can go; log scatters by no
     more than 1 at a time."""
     values, log_scatter = spot.values.copy(), spot.log_scatter.copy()
     slots = (layout.source >= 0) & (layout.source < len(layout.chain.slots))
     values[layout.source[slots]] += change[slots]
-    values = np.clip(values, *_bounds(layout.chain.slots))
+    values = np.clip(values, *_bounds(layout.chain.slots, layout.chain.catalogue))
     for number, column in enumerate(layout.scatters):
         if column >= 0:
             log_scatter[number] = np.clip(log_scatter[number] + np.clip(change[column], -1.0, 1.0), -9.0, 1.0)
     return LinearizationPoint(values, log_scatter, spot.deviates, spot.effects + change[layout.source == -2])
 
 
-def out_of_range(values: Mapping[str, float]) -> list[str]:
+def out_of_range(values: Mapping[str, float], among: Catalogue) -> list[str]:
     """Names ("term.parameter") of values that no fit may come to, or that stopped at their limit; scatters have none.
     """
     slots = tuple(tuple(name.split(".", 1)) for name in values if not name.startswith("scatter."))
-    low, high = _bounds(slots)
+    low, high = _bounds(slots, among)
     return [".".join(slot) for slot, least, most in zip(slots, low, high, strict=True)
             if not least < values[".".join(slot)] < most]
 
 
 @cache
-def _bounds(slots: tuple[tuple[str, str], ...]) -> tuple[Array, Array]:
-    """Lowest and highest [slots] that a fit may come to. A parameter's declared range, in which it is looked for, goes
+def _bounds(slots: tuple[tuple[str, str], ...],
+            among: Catalogue) -> tuple[Float[Array, " slots"], Float[Array, " slots"]]:
+    """Lowest and highest that a fit may come to. A parameter's declared range, in which it is looked for, goes
     on below zero where its scale does: lift may be reversed, an efficiency above one; drag cannot drive."""
-    parameters = [find_parameter(".".join(slot)) for slot in slots]
+    parameters = [find_parameter(".".join(slot), among) for slot in slots]
     low = [one.low if one.prior is not None and one.prior.scale == LOG else min(one.low, -one.high)
            for one in parameters]
     return np.array(low), np.array([one.high for one in parameters])
@@ -245,7 +251,7 @@ def only_shared(layout: ParameterLayout, more: Iterable[str] = ()) -> ParameterL
                   layout.groups, layout.measured, layout.see)
 
 
-def widened(precision: Array, by: Iterable[tuple[int, float]]) -> Array:
+def widened(precision: Float[Array, "p p"], by: Iterable[tuple[int, float]]) -> Float[Array, "p p"]:
     """The prior's precision once numbers [(place, standard deviation)] may have changed (Sherman and Morrison)."""
     for place, sd in by:
         row = precision[place]
@@ -257,9 +263,9 @@ def _lean(layout: ParameterLayout, kept: list[int]) -> Chain:
     """The chain with as few terms in the air as these columns need, but one of two: compiled code is shared."""
     chain = layout.chain
     first = len(layout.columns) - len(layout.precision)
-    airborne = {term.name for term in flight_terms(chain.terms)}
-    known = {layout.columns[k].name.partition(".")[0] for k in range(first, len(layout.columns))} | {"gravity"}
-    known |= {term.name for term in NAMELESS}
+    airborne = {term.name for term in flight_terms(chain.terms, chain.catalogue)}
+    known = {layout.columns[k].name.partition(".")[0] for k in range(first, len(layout.columns))}
+    known |= {*chain.catalogue.always, *(term.name for term in NAMELESS)}
     named = {layout.columns[k].name.partition(".")[0] for k in kept}
     if named & airborne - known:
         return chain
@@ -310,8 +316,9 @@ def is_lost(fitted: BaselineFit) -> bool:
     return bool(((fitted.spot.log_scatter - usual)[OF_LAUNCH] > np.log(ABSURD)).any())
 
 
-def _rough(intake: Intake, layout: ParameterLayout, points: Array) -> Array:
-    """Log-likelihood [points, scatters] of some of the outcomes, at some sizes of one scatter of the height."""
+def _rough(intake: Intake, layout: ParameterLayout, points: Float[Array, "points slots"]) -> Float[Array, "points "
+                                                                                                          "scatters"]:
+    """Log-likelihood of some of the outcomes, at some sizes of one scatter of the height."""
     some = np.arange(len(intake.marked))[::-(-len(intake.marked) // SOME)]
     lanes = jax.tree.map(lambda part: np.asarray(part)[np.resize(intake.marked[some], SOME)] if np.ndim(part) else part,
                          intake.lanes)

@@ -6,7 +6,7 @@ from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.discover.plan.experiment_design import MOST_RANDOM, Block, Design
 from truearc.sim.discover.report.effect_wording import plain
 from truearc.sim.discover.select.selection_step import Step
-from truearc.sim.physics.catalogue import find_terms
+from truearc.sim.physics.catalogue import Catalogue, find_terms
 
 SCHEMA = "truearc.design/1"
 # How a shot must be like the one it is named after, where a name that competes follows a circumstance.
@@ -16,7 +16,7 @@ AS_THEN = {"age": "a ball that has been shot as often", "ball": "the same ball",
 SETTINGS = ("distance_m", "hood_deg", "motor_ratio", "exit_speed_m_s", "exit_deg")
 
 
-def design_table(design: Design, dataset: Dataset, step: Step) -> dict[str, Any]:
+def design_table(design: Design, dataset: Dataset, step: Step, among: Catalogue | None = None) -> dict[str, Any]:
     """Return the plan as plain values, without schema and verdict; `next` as in truearc.finding/1."""
     names = [name.partition(".")[0] for name in design.names]
     rows = step.fitted.evidence.rows
@@ -25,16 +25,16 @@ def design_table(design: Design, dataset: Dataset, step: Step) -> dict[str, Any]
              for block in _together(design.blocks)]
     measure = [{"do": "measure", "what": one.what, "separates": list(one.terms), "probability": one.probability}
                for one in design.measurements]
-    follow = [term.follows for term in find_terms(names)]
+    follow = [term.follows for term in find_terms(names, among)]
     return {"names": dict(zip(names, map(float, design.probability), strict=True)),
             "as_then": [AS_THEN[one] for one in dict.fromkeys(follow) if one in AS_THEN],
             "probability_before": design.before, "probability_after": design.after,
             "random_shots_worth_as_much": design.random, "next": shoot + measure}
 
 
-def design_lines(table: dict[str, Any]) -> list[str]:
+def design_lines(table: dict[str, Any], among: Catalogue | None = None) -> list[str]:
     """Return the plan as text, line by line."""
-    names = ", ".join(f"{plain(name)} ({share:.0%})" for name, share in table["names"].items())
+    names = ", ".join(f"{plain(name, among)} ({share:.0%})" for name, share in table["names"].items())
     shoot = [one for one in table["next"] if one["do"] == "shoot"]
     total = sum(one["shots"] for one in shoot)
     lines = [f"To tell apart: {names}."]

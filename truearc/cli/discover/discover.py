@@ -7,6 +7,7 @@ import truearc as ta
 from truearc.cli.discover import identifiability
 from truearc.cli.files import check_place, names_in, write_out
 from truearc.cli.progress import make_progress
+from truearc.cli.terms_from import add_terms_from, catalogue_of
 from truearc.robot.config.schema import InputError
 from truearc.sim.discover.settings import FALSE_ALARM, check_chances
 
@@ -39,6 +40,7 @@ def add_baseline(parser: argparse.ArgumentParser) -> None:
                         "(discover --adopt, fit --method ml): what is believed, with its doubts; what has changed?")
     parser.add_argument("--since", metavar="DIR", help="dataset that --belief was adopted from: what the belief leaves "
                         "over there already is no change; tracks see that, and telemetry at times")
+    add_terms_from(parser)
     parser.add_argument("--false-alarm", type=float, default=FALSE_ALARM, metavar="P",
                         help="how often to cry wolf where there is none (default %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="of everything drawn at random (default %(default)s)")
@@ -79,18 +81,18 @@ def investigate(args: argparse.Namespace, what: str) -> "tuple[ta.Dataset, ta.Fi
     from truearc.sim.compile_cache import keep_compiled
     from truearc.sim.discover.model.design_columns import check_believed
     from truearc.sim.discover.model.external_measurements import read_measured
-    believe = names_in("--believe", args.believe)
+    believe, among = names_in("--believe", args.believe), catalogue_of(args)
     try:
-        check_believed(believe or ())
+        check_believed(believe or (), among)
     except InputError as error:
         raise InputError(f"--believe: {error}") from error
-    measured = read_measured(getattr(args, "measured", []), "--measured")
+    measured = read_measured(getattr(args, "measured", []), "--measured", among)
     keep_compiled()
-    belief = None if args.belief is None else ta.load_belief(args.belief)
+    belief = None if args.belief is None else ta.load_belief(args.belief, among)
     dataset = ta.load_dataset(args.dataset)
     since = None if args.since is None else ta.load_dataset(args.since)
     return dataset, ta.discover(
-        dataset, belief=belief, believe=believe, since=since, seed=args.seed, false_alarm=args.false_alarm,
+        dataset, belief=belief, believe=believe, terms=among, since=since, seed=args.seed, false_alarm=args.false_alarm,
         measured={name.partition(".")[0]: size for name, size in measured.items()},
         progress=make_progress(what, args.quiet))
 

@@ -14,7 +14,7 @@ DESCRIPTION = ("Find the drag and lift coefficient under which the simulator agr
 EXAMPLE = "truearc fit shots/ --method grid -o coefficients.toml"
 METHODS: Mapping[str, Callable[[argparse.Namespace], int]] = {"grid": fit_grid.main, "ml": fit_ml.main}
 # What one method would not heed of the other's.
-FOREIGN = {"grid": ("map", "picture", "tied"), "ml": ("terms", "posterior")}
+FOREIGN = {"grid": ("map", "picture", "tied"), "ml": ("terms", "posterior", "terms_from")}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -29,5 +29,6 @@ def main(args: argparse.Namespace) -> int:
     for method, options in FOREIGN.items():
         for option in options if method != args.method else ():
             if getattr(args, option) is not None:
-                raise InputError(f"--{option}: --method {args.method} makes no use of it; --method {method} does")
+                typed = option.replace("_", "-")
+                raise InputError(f"--{typed}: --method {args.method} makes no use of it; --method {method} does")
     return METHODS[args.method](args)

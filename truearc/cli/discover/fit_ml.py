@@ -9,6 +9,7 @@ from typing import Any
 import truearc as ta
 from truearc.cli.files import names_in
 from truearc.cli.progress import make_progress
+from truearc.cli.terms_from import add_terms_from, catalogue_of
 from truearc.robot.config.schema import InputError
 
 
@@ -16,6 +17,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of this method."""
     ml = parser.add_argument_group("--method ml")
     ml.add_argument("--terms", metavar="NAMES", help="terms to fit, comma-separated; else [believe] of rig.toml")
+    add_terms_from(ml)
     ml.add_argument("--posterior", type=int, metavar="N", help="draw N samples of the posterior too, and save them "
                                                                "beside --out as .npz")
     ml.add_argument("--seed", type=int, default=0, help="of the posterior's sampler (%(default)s)")
@@ -24,8 +26,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     """Return 1 where the fit did not settle or the posterior's chains did not mix."""
     _check(args)
-    terms = names_in("--terms", args.terms)
-    fit = ta.fit(ta.load_dataset(args.dataset), terms, progress=make_progress("fit", args.quiet))
+    names, dataset = names_in("--terms", args.terms), ta.load_dataset(args.dataset)
+    terms = catalogue_of(args).find(dataset.rig.believe.terms if names is None else names)
+    fit = ta.fit(dataset, terms, progress=make_progress("fit", args.quiet))
     print(fit)
     if not fit.converged:
         print("truearc fit: the search for the most probable parameters did not settle; nothing is written",

@@ -6,6 +6,7 @@ from pathlib import Path
 import truearc as ta
 from truearc.cli.files import check_place, names_in, write_out
 from truearc.cli.progress import make_progress
+from truearc.cli.terms_from import add_terms_from, catalogue_of
 from truearc.robot.config.schema import InputError
 from truearc.sim.discover.settings import LEVEL, LEVELS, SEASON_SHOTS
 
@@ -19,6 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("rig", metavar="RIG", help="rig.toml: a season of shots is planned for it; or a dataset "
                         "directory: its own shots, with or without results")
     parser.add_argument("--believe", metavar="TERMS", help="terms of the simulation, comma-separated; else rig.toml's")
+    add_terms_from(parser)
     parser.add_argument("--json", metavar="FILE", help="write the answer as JSON")
     parser.add_argument("--report", metavar="FILE", help="write an HTML report")
     parser.add_argument("--seed", type=int, default=0, help="of everything drawn at random (default %(default)s)")
@@ -45,7 +47,8 @@ def main(args: argparse.Namespace) -> int:
         raise InputError(f"--shots, --level: {path} is a directory, whose own shots are looked at")
     source = ta.load_dataset(path) if path.is_dir() else ta.load_rig(path)
     try:
-        answer = ta.identifiability(source, level=args.level, shots=args.shots, believe=believe, sides=args.sides,
+        answer = ta.identifiability(source, level=args.level, shots=args.shots, believe=believe,
+                                    terms=catalogue_of(args), sides=args.sides,
                                     seed=args.seed, name=path.name,
                                     progress=make_progress("identifiability", args.quiet))
     except InputError as error:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import truearc as ta
 from truearc.cli.files import write_out
 from truearc.cli.progress import make_progress
+from truearc.cli.terms_from import add_terms_from, catalogue_of
 from truearc.robot.config.schema import InputError
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--cd", type=float, help="drag coefficient of the paper's Eq. 3")
     parser.add_argument("--cl", type=float, help="lift coefficient of the paper's Eq. 2")
     parser.add_argument("--coefficients", metavar="FILE", help="coefficients.toml, instead of --cd and --cl")
+    add_terms_from(parser)
     parser.add_argument("-o", "--out", metavar="FILE", help="CSV to write instead of standard output")
 
 
@@ -55,7 +57,9 @@ def _belief(args: argparse.Namespace) -> "Belief":
     if args.coefficients is not None:
         if (args.cd, args.cl) != (None, None):
             raise InputError("--coefficients and --cd, --cl exclude each other")
-        return ta.load_belief(args.coefficients)
+        return ta.load_belief(args.coefficients, catalogue_of(args))
+    if args.terms_from:
+        raise InputError("--terms-from goes with --coefficients, whose file names the terms")
     for option, value in (("--cd", args.cd), ("--cl", args.cl)):
         if value is None:
             raise InputError(f"{option} is needed (or --coefficients FILE)")

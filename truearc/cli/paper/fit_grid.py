@@ -1,7 +1,6 @@
 """truearc fit --method grid: the seed's search."""
 
 import argparse
-import csv
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +14,7 @@ from truearc.sim.paper.grid_bootstrap import Bootstrap, bootstrap_grid
 from truearc.sim.paper.grid_fit import STEP, GridFit, fit_grid, map_deviation
 from truearc.sim.paper.grid_report import TIE_HEADER, draw_map, explain, provenance_of
 from truearc.sim.report import make_png
+from truearc.sim.tables import save_csv
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -51,11 +51,8 @@ def _write(args: argparse.Namespace, dataset: Dataset, fit: GridFit, scored: Sco
     if args.out is not None:
         save_coefficients(args.out, fit.coefficients, provenance_of(args.step, dataset, fit, scored, again))
     if args.tied is not None:
-        with Path(args.tied).open("w", encoding="utf-8", newline="") as file:
-            rows = csv.writer(file)
-            rows.writerow(TIE_HEADER)
-            rows.writerows([[f"{cd:.6g}", f"{cl:.6g}", _metres(mean_m), _metres(median_m)]
-                            for cd, cl, mean_m, median_m in fit.ties])
+        save_csv(Path(args.tied), TIE_HEADER, [[f"{cd:.6g}", f"{cl:.6g}", _metres(mean_m), _metres(median_m)]
+                                               for cd, cl, mean_m, median_m in fit.ties])
     if args.picture is not None:
         Path(args.picture).write_bytes(make_png(draw_map(dataset, fit)))
     if args.map is not None:

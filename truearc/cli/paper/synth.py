@@ -3,6 +3,7 @@
 import argparse
 
 from truearc.cli.progress import make_progress
+from truearc.cli.terms_from import add_terms_from, catalogue_of
 from truearc.sim.data.dataset import check_free, load_dataset, load_rig
 from truearc.sim.paper.synthetic_files import say_synthetic, write_synthetic
 
@@ -15,6 +16,7 @@ EXAMPLE = "truearc synth --rig rig.toml --coefficients coefficients.toml -n 900 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--rig", required=True, help="rig.toml")
     parser.add_argument("--coefficients", required=True, help="coefficients.toml, as `truearc fit` writes it")
+    add_terms_from(parser)
     parser.add_argument("-n", type=int, default=900, help="shots in all (900)")
     parser.add_argument("--draws", type=int, metavar="N",
                         help="draw N sets of coefficients from the fit's covariance, and scatter every shot; without "
@@ -29,6 +31,7 @@ def main(args: argparse.Namespace) -> int:
     facts = load_rig(args.rig)
     recorded = load_dataset(args.exclude) if args.exclude else None
     shots = write_synthetic(args.out, facts, args.coefficients, args.n, exclude=recorded, draws=args.draws,
-                            seed=args.seed, progress=make_progress("synth", args.quiet))
+                            seed=args.seed, among=catalogue_of(args),
+                            progress=make_progress("synth", args.quiet))
     print(say_synthetic(args.out, shots, args.draws))
     return 0
