@@ -7,10 +7,10 @@ from pathlib import Path
 import msgspec
 from msgspec import structs
 
-from truearc.cli.discover.discover import keep_compiled
 from truearc.cli.progress import make_progress
 from truearc.cli.start.demo import FEWEST
 from truearc.robot.config.schema import InputError
+from truearc.sim.compile_cache import keep_compiled
 from truearc.sim.discover.model.prepared_data import FEWEST_SHOTS
 from truearc.sim.tables import Table
 from truearc_proof.cli.prove_apart import solve_apart

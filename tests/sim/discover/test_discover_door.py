@@ -8,7 +8,7 @@ import pytest
 
 import truearc.cli.main as truearc
 from tests.sim.discover.worlds import FACTS
-from truearc.cli.discover.discover import keep_compiled
+from truearc.sim.compile_cache import keep_compiled
 from truearc.sim.data.dataset import Dataset, save_dataset, save_rig
 from truearc.sim.discover.plan.planned_season import rehearse
 

@@ -5,10 +5,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
-from truearc.cli.paper.train_network import DEFAULT, load_rows, make_record
+from truearc.cli.paper.train_network import DEFAULT, load_rows, made_of
 from truearc.cli.progress import make_progress
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import check_free
+from truearc.sim.gate.network_training import make_record
 from truearc.sim.paper.network import save_weights
 from truearc.sim.paper.sweep import Recipe, Trained, check_recipe, train_many
 from truearc.sim.paper.sweep_settings import (
@@ -108,7 +109,7 @@ def _save_best(args: argparse.Namespace, directory: Path, recipe: Recipe, real: 
                trained: Trained) -> None:
     sets = {"train": network.job.real, "validation": network.job.validation, "heldout": network.heldout}
     score = {name: accuracy(trained.network, rows) for name, rows in sets.items() if rows is not None}
-    save_weights(directory, trained.network, make_record(args, recipe, network.job, real, score, trained))
+    save_weights(directory, trained.network, make_record(made_of(args), recipe, network.job, real, score, trained))
 
 
 def _tell(scores: Sequence[SweepScore], settings: Sequence[SweepSetting], verdict: Verdict | None) -> None:
