@@ -17,4 +17,4 @@ class WindX(WindTerm):
     label = "head or tail wind"
     sentence = "There is wind toward the target, or from it."
     phrase = either_way("there is wind of {} <way> the target", "toward", "from", SPEED)
-    instrument = Instrument("the wind with an anemometer", 0.2)
+    instrument = Instrument("anemometer", "the wind with an anemometer", 0.2)

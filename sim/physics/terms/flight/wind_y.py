@@ -18,4 +18,4 @@ class WindY(WindTerm):
     record = "tracks of the ball"
     sentence = "There is wind across the flight."
     phrase = either_way("there is wind of {} to the <way>", "left", "right", SPEED)
-    instrument = Instrument("the wind with an anemometer", 0.2)
+    instrument = Instrument("anemometer", "the wind with an anemometer", 0.2)

@@ -16,4 +16,4 @@ class WindZ(WindTerm):
     label = "rising or sinking air"
     sentence = "The air rises or sinks where the balls fly."
     phrase = either_way("the air <way> at {}", "rises", "sinks", SPEED)
-    instrument = Instrument("the wind with an anemometer", 0.2)
+    instrument = Instrument("anemometer", "the wind with an anemometer", 0.2)
