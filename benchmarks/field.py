@@ -27,7 +27,7 @@ from truearc.robot.config.schema import InputError
 from truearc.sim.compile_cache import keep_compiled
 from truearc.sim.discover.api import Investigation, discover
 from truearc.sim.discover.finding import make_json
-from truearc.sim.parallel import fan_out
+from truearc_proof.parallel import fan_out
 from truearc_proof.rivals.claim import Claim, believed_of
 from truearc_proof.rivals.registry import OURS, RIVALS, check_rivals, find_rival
 from truearc_proof.rounds.jsonl_store import append_line, lines_of, mend

@@ -87,7 +87,6 @@ class FreePush(Nameless, FlightTerm):
         Parameter("from_s", "s", 0.0, 60.0, 0.0, "since release"),
         Parameter("to_s", "s", 0.0, 60.0, 60.0, "since release"),
         Parameter("with_speed", "1", 0.0, 1.0, 0.0, "0 or 1"))
-    symmetry = "vertical"
     sentence = "Something without a name pushes the ball in flight."
     follows = "free_push"
     usual = 1.5

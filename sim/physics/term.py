@@ -32,47 +32,14 @@ from truearc.sim.physics.term_fields import (
 from truearc.sim.physics.vector import Vec, add, plus, scale, times
 
 __all__ = [
-    "ANGLE",
-    "DIRECTIONS",
-    "LENGTH",
-    "NUMBER",
-    "SHARE",
-    "SPEED",
-    "STAGES",
-    "SYMMETRIES",
-    "AirShareTerm",
-    "AirTerm",
-    "ArrivalTerm",
-    "BallState",
-    "Circumstances",
-    "DistanceTerm",
-    "Exit",
-    "FlightTerm",
-    "Forces",
-    "HoodTerm",
-    "InFlight",
-    "Instrument",
-    "LaunchTerm",
-    "Number",
-    "Opening",
-    "Parameter",
-    "Phrase",
-    "Prior",
-    "Rig",
-    "SensingTerm",
-    "SpeedTerm",
-    "Term",
-    "Values",
-    "Vec",
-    "WatchTerm",
-    "WindTerm",
-    "complete",
-    "either_way",
+    "ANGLE", "DIRECTIONS", "LENGTH", "NUMBER", "SHARE", "SPEED", "STAGES", "AirShareTerm", "AirTerm",
+    "ArrivalTerm", "BallState", "Circumstances", "DistanceTerm", "Exit", "FlightTerm", "Forces", "HoodTerm",
+    "InFlight", "Instrument", "LaunchTerm", "Number", "Opening", "Parameter", "Phrase", "Prior", "Rig",
+    "SensingTerm", "SpeedTerm", "Term", "Values", "Vec", "WatchTerm", "WindTerm", "complete", "either_way",
 ]
 
 STAGES = ("sensing", "launch", "flight", "arrival")
 DIRECTIONS = ("along", "vertical", "lateral")
-SYMMETRIES = ("any", "vertical", "none")
 NOT_OF_AIR = ("gravity",)             # among the forces before those that are shares of the air's
 
 Number = Any                          # a number, or an array with one per lane
@@ -214,13 +181,9 @@ class LaunchTerm(Term):
 
 
 class InFlight(Term):
-    """A hypothesis about the flight.
-
-    `symmetry`: "any" = turns with the ball's state about every axis; "vertical" = about z only; "none".
-    """
+    """A hypothesis about the flight."""
 
     stage = "flight"
-    symmetry: ClassVar[str]
 
 
 class FlightTerm(InFlight):
@@ -307,7 +270,6 @@ class AirShareTerm(FlightTerm):
     """The forces of the moving air grow by a share of themselves, the amplitude."""
 
     direction = "along"
-    symmetry = "any"
 
     def acceleration(self, facts: Rig, values: Values, ball: BallState, forces: Forces) -> Vec:
         total = Vec(0.0, 0.0, 0.0)

@@ -10,11 +10,9 @@ from truearc.sim.physics.scales import SCALES, fits_scale
 from truearc.sim.physics.term import (
     DIRECTIONS,
     STAGES,
-    SYMMETRIES,
     AirTerm,
     ArrivalTerm,
     FlightTerm,
-    InFlight,
     Instrument,
     LaunchTerm,
     Parameter,
@@ -53,8 +51,6 @@ def _problems(term: Term) -> Iterator[str]:
         yield "no docstring, which the table of terms shows as its law"
     yield from _one_of(term, "stage", STAGES)
     yield from _one_of(term, "direction", DIRECTIONS)
-    if isinstance(term, InFlight):
-        yield from _one_of(term, "symmetry", SYMMETRIES)
     order = getattr(term, "order", None)
     if not (isinstance(order, tuple) and len(order) == 2 and isinstance(order[0], int | float) and order[1]):
         yield f"order: {order!r} is not a number and a reason, such as 50, \"a factor of the speed\""

@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 
 from tests.robot.samples import check, sample
+from tools.reasons_doc import make_page
 from truearc.hw import fault_codes
 from truearc.hw.reason import OPTIONAL, Code
 from truearc.robot import reasons
 from truearc.robot.operator_ui.driver_messages import MESSAGES
-from truearc.robot.operator_ui.reasons_doc import make_page
 
 ROOT = Path(__file__).parents[2]
 CODES = (*fault_codes.CODES, *reasons.CODES)
@@ -92,4 +92,4 @@ def test_every_code_has_a_message_or_is_the_cause_of_one_that_has():
 
 def test_the_docs_are_made_from_the_codes():
     page = (ROOT / "docs" / "reasons.md").read_text(encoding="utf-8")
-    assert page == make_page(), "python -m truearc.robot.operator_ui.reasons_doc > docs/reasons.md"
+    assert page == make_page(), "python tools/reasons_doc.py > docs/reasons.md"

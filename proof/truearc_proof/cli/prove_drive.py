@@ -34,11 +34,11 @@ from truearc.sim.data.recordings import outcomes_of, shots_from_sessions
 from truearc.sim.discover.finding import make_json
 from truearc.sim.discover.report.finding_text import say_adopted
 from truearc.sim.intervals import difference
-from truearc.sim.parallel import fan_out
 from truearc.sim.progress import Progress
 from truearc.sim.tables import Table
 from truearc.sim.world.emulated_robot import emulate
 from truearc.sim.world.options import Options
+from truearc_proof.parallel import fan_out
 from truearc_proof.report.tables import said
 from truearc_proof.rounds.claims_schema import SCHEMA
 from truearc_proof.rounds.commitment import canonical, hash_files, load_seal, make_seal, save_seal

@@ -9,9 +9,9 @@ from truearc import robot
 from truearc.cli.progress import make_progress
 from truearc.robot.config.schema import InputError, load_config
 from truearc.sim.data.dataset import save_dataset
-from truearc.sim.parallel import fan_out
 from truearc.sim.progress import Progress
 from truearc_proof.cli.reproduce_record import make_record
+from truearc_proof.parallel import fan_out
 from truearc_proof.reproduce.analysis import analyse
 from truearc_proof.reproduce.collect import Pool, collect
 from truearc_proof.reproduce.networks import train_networks

@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 from truearc.robot.config.schema import InputError, config_hash
 from truearc.robot.recording.session import CAN, FRAMES, load_header
-from truearc.sim.parallel import fan_out
 from truearc.sim.progress import Progress
 from truearc.sim.world.emulated_robot import emulate
+from truearc_proof.parallel import fan_out
 from truearc_proof.reproduce.collect import Record, Recording
 
 DONE = "recording.json"               # written last: a folder without it was broken off and is recorded anew

@@ -18,8 +18,8 @@ import msgspec
 from msgspec import Struct
 
 from truearc.robot.config.schema import InputError
-from truearc.sim.parallel import fan_out
 from truearc.sim.progress import Progress
+from truearc_proof.parallel import fan_out
 from truearc_proof.rounds.claims_schema import load_claims
 from truearc_proof.rounds.commitment import canonical, hash_files, load_seal, make_seal, save_seal
 from truearc_proof.rounds.file_lock import alone

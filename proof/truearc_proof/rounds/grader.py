@@ -11,8 +11,8 @@ from msgspec import Struct, structs
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset, load_dataset
 from truearc.sim.infer.belief import from_table
-from truearc.sim.parallel import fan_out
 from truearc.sim.progress import Progress
+from truearc_proof.parallel import fan_out
 from truearc_proof.rounds.claims_schema import load_claims
 from truearc_proof.rounds.commitment import canonical, check_data, hash_files, load_seal
 from truearc_proof.rounds.committer import load_plan

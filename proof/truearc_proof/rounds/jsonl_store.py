@@ -10,8 +10,8 @@ from typing import Any, TypeVar
 
 import msgspec
 
-from truearc.sim.parallel import fan_out
 from truearc.sim.progress import Progress
+from truearc_proof.parallel import fan_out
 
 Job = TypeVar("Job")
 Line = dict[str, Any]

@@ -30,9 +30,9 @@ from truearc.sim.discover.finding import make_json
 from truearc.sim.discover.model.external_measurements import Measured, Measurement, column_of
 from truearc.sim.discover.plan.experiment_design import can_design, make_design
 from truearc.sim.infer.belief import Belief, as_table
-from truearc.sim.parallel import fan_out
 from truearc.sim.physics.catalogue import BUILT_IN
 from truearc.sim.progress import Progress
+from truearc_proof.parallel import fan_out
 from truearc_proof.rivals.claim import believed_of
 from truearc_proof.rivals.registry import find_rival
 from truearc_proof.rounds.claims_schema import SCHEMA
@@ -51,7 +51,7 @@ OPENING = ("open", "os.listdir", "os.scandir", "os.rename", "os.link", "os.symli
 SOURCES = {
     truearc.sim: ("*.py", "data/**/*.py", "physics/**/*.py", "infer/**/*.py", "discover/**/*.py", "gate/**/*.py",
                   "paper/**/*.py", "sysid/**/*.py"),
-    truearc_proof: ("rounds/solver.py", "worlds/instruments.py"),
+    truearc_proof: ("parallel.py", "rounds/solver.py", "worlds/instruments.py"),
 }
 
 _forbidden: list[str] = []

@@ -31,7 +31,6 @@ class Odd(FlightTerm):
 
     name: ClassVar[str] = "odd"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("amount", "1", 0.0, 5.0, 0.3, "made up"),)
-    symmetry: ClassVar[str] = "none"
     sentence: ClassVar[str] = ""
 
     def acceleration(self, facts: Any, values: Mapping[str, Any], ball: BallState,
@@ -47,7 +46,6 @@ class Odd(FlightTerm):
 class Sideways(FlightTerm):
     name: ClassVar[str] = "sideways"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("amount", "m/s2", 0.0, 5.0, 1.0, "made up"),)
-    symmetry: ClassVar[str] = "none"
     sentence: ClassVar[str] = ""
 
     def acceleration(self, facts: Any, values: Mapping[str, Any], ball: BallState,
@@ -60,7 +58,6 @@ class Sideways(FlightTerm):
 class Strange(FlightTerm):
     name: ClassVar[str] = "strange"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("amount", "1", 0.0, 5.0, 1.0, "made up"),)
-    symmetry: ClassVar[str] = "none"
     sentence: ClassVar[str] = ""
 
     def acceleration(self, facts: Any, values: Mapping[str, Any], ball: BallState,

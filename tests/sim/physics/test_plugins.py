@@ -11,10 +11,10 @@ import pytest
 
 from tests.sim.physics import own
 from truearc.robot.config.schema import InputError
-from truearc.sim.parallel import fan_out
 from truearc.sim.physics.catalogue import TERMS, Catalogue
 from truearc.sim.physics.plugins import terms_of_distributions, terms_of_file
 from truearc.sim.physics.term import LaunchTerm, Term
+from truearc_proof.parallel import fan_out
 
 TEXT = inspect.getsource(own)
 

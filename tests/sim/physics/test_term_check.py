@@ -9,7 +9,6 @@ from truearc.robot.config.schema import InputError
 from truearc.sim.physics.catalogue import TERMS
 from truearc.sim.physics.term import (
     Exit,
-    FlightTerm,
     Instrument,
     LaunchTerm,
     Parameter,
@@ -35,13 +34,6 @@ def test_term_without_a_declaration_is_refused(field: str) -> None:
     declared = {name: value for name, value in vars(Flex).items() if name != field and not name.startswith("_abc")}
     bare = type("Bare", (LaunchTerm,), declared)
     with pytest.raises(InputError, match=rf"^Bare: {field}: "):
-        check_term(bare())
-
-
-def test_flight_term_without_symmetry_is_refused() -> None:
-    declared = {name: value for name, value in vars(Flex).items() if not name.startswith("_abc")}
-    bare = type("Bare", (FlightTerm,), {**declared, "acceleration": lambda *_: None})
-    with pytest.raises(InputError, match="symmetry: None is none of any, vertical, none"):
         check_term(bare())
 
 

@@ -2,8 +2,10 @@
 
 import argparse
 import json
+import multiprocessing
 import shutil
 import time
+from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -131,11 +133,11 @@ def _export(weights: Path, gate: Path) -> None:
 def _compare(demo: Demo, trials: int, quiet: bool) -> None:
     """Three sessions of another seed, alike but for the gate, side by side on two cores."""
     from truearc.robot.config.schema import load_config
-    from truearc.sim.parallel import fan_out
     _say(f"8 drive: the same {trials} trials without a gate, with the first one, and with that of what was found")
     config = walked_in(load_config(SHIPPED), demo.collect)
     sessions = [(demo.ungated, None, quiet), (demo.gated, demo.gate, True), (demo.after, demo.gate_after, True)]
-    results = fan_out(partial(_drive, config, trials, demo.seed + 1), sessions, workers=2)
+    with ProcessPoolExecutor(2, multiprocessing.get_context("spawn")) as pool:
+        results = list(pool.map(partial(_drive, config, trials, demo.seed + 1), sessions))
     ungated, *_ = (_save_shots(session, shots) for (session, *_), shots in zip(
         sessions, (demo.ungated_shots, demo.gated_shots, demo.after_shots), strict=True))
     demo.truth.write_text(json.dumps([[one.fed_t_ns, one.z_m] for one in results[0]]), encoding="utf-8")

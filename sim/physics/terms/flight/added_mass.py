@@ -17,7 +17,6 @@ class AddedMass(FlightTerm):
         Prior("linear", 0.0, 1.0, "0 is a simulation without it, 1 is the theory"),
         meaning="part of half the displaced air's mass that moves along"),)
     direction = "vertical"
-    symmetry = "any"
     sentence = "The ball carries air along and is harder to speed up or slow down than its mass says."
     phrase = Phrase("the ball has to move some air along, {} of what theory gives it", "the ball moves as if it were "
                     "lighter, by {} of the air that theory has it move along", *SHARE)

@@ -15,7 +15,6 @@ class Buoyancy(FlightTerm):
         Prior("linear", 0.0, 1.0, "0 is a simulation without it, 1 is what it must be"),
         meaning="part of the displaced air's weight that lifts the ball"),)
     direction = "vertical"
-    symmetry = "vertical"
     sentence = "The air that the ball displaces carries part of its weight."
     phrase = Phrase("the air carries part of the ball's weight, {} of that of the air it displaces",
                     "the ball is heavier than stated, by {} of the weight of the air it displaces", *SHARE)

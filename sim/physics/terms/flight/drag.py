@@ -17,7 +17,6 @@ class Drag(FlightTerm):
               "two either way leaves room for the paper's 0.91"),
         meaning="drag coefficient", by_ball=0.08, fit_each_ball=True),)
     direction = "along"
-    symmetry = "any"
     sentence = "The air slows the ball in proportion to the square of its speed."
     phrase = Phrase("the air slows the ball, with a drag coefficient of {}", "the air drives the ball, with a drag "
                     "coefficient of minus {}", *NUMBER)

@@ -17,7 +17,6 @@ class DragReynolds(FlightTerm):
         Parameter("at_m_s", "m/s", 1.0, 30.0, 10.0, "a usual exit speed; it only says where cd is meant",
                   meaning="speed at which the drag coefficient is stated"))
     direction = "along"
-    symmetry = "any"
     label = "drag by speed"
     sentence = "The drag coefficient changes with the ball's speed."
     phrase = either_way("the drag coefficient <way> with speed, by {} from 10 to 20 m/s", "grows", "falls", SHARE,

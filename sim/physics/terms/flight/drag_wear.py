@@ -15,7 +15,6 @@ class DragWear(FlightTerm):
         Prior("linear", 0.0, 0.1, "none to fifteen per cent in a session, in either direction"),
         meaning="relative growth of the drag by the end of a session"),)
     direction = "along"
-    symmetry = "any"
     label = "drag of worn balls"
     follows = "age"
     record = "ball_id or t_s of each shot"

@@ -11,7 +11,6 @@ class Gravity(FlightTerm):
         "scale", "1", 0.0, 2.0, 1.0, "1 by definition; rig.toml states g",
         meaning="gravity as a multiple of the stated one"),)
     direction = "vertical"
-    symmetry = "vertical"
     always = True
     sentence = "The ball falls under its weight."
     phrase = either_way("the ball <way> with {} of the stated gravity", "falls", "rises", SHARE)

@@ -20,7 +20,6 @@ class LiftSaturation(FlightTerm):
         Prior("linear", 0.0, 1.0, "tunnel data of sports balls flatten at S of about 0.3 to 1"),
         meaning="how soon the lift levels off with the spin parameter"),)
     direction = "vertical"
-    symmetry = "any"
     sentence = "The lift no longer grows in proportion to the spin when the ball spins fast."
     phrase = Phrase("lift levels off as the ball spins faster, at a rate of {}", "lift grows more than in proportion "
                     "to spin, at a rate of {}", *NUMBER)

@@ -17,7 +17,6 @@ class Magnus(FlightTerm):
               "true spin and half of that with the paper's, which is twice as fast; smooth balls may have it reversed"),
         meaning="lift coefficient", by_ball=0.08),)
     direction = "vertical"
-    symmetry = "any"
     label = "lift"
     sentence = "The ball's spin bends its path, in proportion to spin and speed."
     phrase = Phrase("backspin lifts the ball, with a lift coefficient of {}", "backspin presses the ball down, with a "

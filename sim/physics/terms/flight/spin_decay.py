@@ -16,7 +16,6 @@ class SpinDecay(AirTerm):
         Prior("linear", 0.0, 0.4, "from golf's hundredths to the quarter by that law, and twice as much for foam"),
         meaning="share of the spin lost per second"),)
     direction = "vertical"
-    symmetry = "any"
     sentence = "The ball loses spin in flight."
     phrase = either_way("the ball <way> spin in flight, at {} a second", "loses", "gains", SHARE, " a second")
     instrument = Instrument("spin_film_early_late", "spin of a marked ball at 120 frames/s, early and late", 0.1)

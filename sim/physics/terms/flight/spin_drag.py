@@ -17,7 +17,6 @@ class SpinDrag(FlightTerm):
         Prior("linear", 0.0, 0.3, "tunnel data of spinning balls rise by about as much as S squared"),
         meaning="growth of the drag coefficient with the spin parameter squared"),)
     direction = "along"
-    symmetry = "any"
     label = "drag by spin"
     sentence = "The air slows a spinning ball more than one without spin."
     phrase = Phrase("a spinning ball has more drag: its coefficient is {} larger where the ball's rim turns as fast as "

@@ -13,7 +13,6 @@ class WindX(WindTerm):
         meaning="wind toward the target"),)
     axis = "x"
     direction = "along"
-    symmetry = "none"
     label = "head or tail wind"
     sentence = "There is wind toward the target, or from it."
     phrase = either_way("there is wind of {} <way> the target", "toward", "from", SPEED)

@@ -13,7 +13,6 @@ class WindY(WindTerm):
         meaning="wind to the left"),)
     axis = "y"
     direction = "lateral"
-    symmetry = "none"
     label = "crosswind"
     record = "tracks of the ball"
     sentence = "There is wind across the flight."

@@ -12,7 +12,6 @@ class WindZ(WindTerm):
         Prior("linear", 0.0, 0.8, "a hall's draught to a light breeze; more would be felt"), meaning="wind upward"),)
     axis = "z"
     direction = "vertical"
-    symmetry = "vertical"
     label = "rising or sinking air"
     sentence = "The air rises or sinks where the balls fly."
     phrase = either_way("the air <way> at {}", "rises", "sinks", SPEED)

@@ -1,6 +1,6 @@
 """The terms as Markdown tables, made of what they declare.
 
-    python -m truearc.sim.physics.term_table docs/terms.md
+    python tools/term_table.py docs/terms.md
 
 writes the tables of the built-in terms into the page, between its two marks.
 """
@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from truearc.sim.physics.catalogue import BUILT_IN
-from truearc.sim.physics.term import STAGES, InFlight, Parameter, Term
+from truearc.sim.physics.term import STAGES, Parameter, Term
 
 BEGIN, END = "<!-- generated: tables of terms -->", "<!-- end of the generated tables -->"
 HEAD = ("term", "law", "parameter", "unit", "meaning", "believed before any data", "source", "moves a shot",
@@ -37,8 +37,7 @@ def put_tables(page: str) -> str:
 
 def _rows(term: Term) -> Iterator[list[str]]:
     law = (type(term).__doc__ or "").partition("\n\n")[0]
-    turns = f"; symmetry: {term.symmetry}" if isinstance(term, InFlight) else ""
-    about = [f"{term.direction}{turns}", term.record, term.instrument.what if term.instrument else ""]
+    about = [term.direction, term.record, term.instrument.what if term.instrument else ""]
     for number, one in enumerate(term.parameters):
         first = number == 0
         yield [f"`{term.name}`" if first else "", law if first else "", f"`{one.name}`", one.unit, one.meaning,

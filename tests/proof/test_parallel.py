@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from truearc.robot.config.schema import InputError
-from truearc.sim.parallel import fan_out
+from truearc_proof.parallel import fan_out
 
 JOBS = list(range(12))
 
@@ -117,7 +117,7 @@ def test_an_address_that_is_none_is_told(address):
 
 def test_without_distributed_the_extra_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(InputError, match=r"truearc\[cluster\]"):
+    with pytest.raises(InputError, match=r"truearc-proof\[cluster\]"):
         fan_out(draw, JOBS, scheduler="tcp://127.0.0.1:8786")
 
 
@@ -169,7 +169,7 @@ def cluster(tmp_path):
 OVER_DASK = """
 import json, os, signal, sys
 from distributed import Client
-from truearc.sim.parallel import fan_out
+from truearc_proof.parallel import fan_out
 
 address, worker, jobs = sys.argv[1], int(sys.argv[2]), json.loads(sys.argv[3])
 
