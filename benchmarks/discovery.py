@@ -28,12 +28,12 @@ from truearc.robot.config.schema import InputError
 from truearc.sim.compile_cache import keep_compiled
 from truearc.sim.discover.api import Investigation, discover
 from truearc.sim.discover.finding import make_json
-from truearc.sim.tables import Table
 from truearc_proof.parallel import fan_out
 from truearc_proof.report.tables import make_tables, said, share
 from truearc_proof.rounds.jsonl_store import append_line, lines_of, mend
 from truearc_proof.scoring.oracle import ceiling_of, oracle_gain, strength_of
 from truearc_proof.scoring.score_world import NULLS, Mark
+from truearc_proof.table import Table
 from truearc_proof.truth.generate import shift_m, shoot
 from truearc_proof.truth.world import World, as_table
 

@@ -4,8 +4,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from benchmarks.launcher_table import counted
-from truearc.sim.tables import make_markdown
 from truearc_proof.report.tables import said
+from truearc_proof.table import make_markdown
 
 AIR = "flight"
 HEADER = ("fault", "tracks", "something found", "put down to the air alone", "verdicts", "names")

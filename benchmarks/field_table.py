@@ -8,13 +8,13 @@ import msgspec
 import numpy as np
 
 from benchmarks.suite import Job, drawn_of, measured_of, names_of
-from truearc.sim.tables import make_markdown
 from truearc_proof.report.tables import said, yes_of
 from truearc_proof.rivals.claim import Claim
 from truearc_proof.rivals.registry import OURS
 from truearc_proof.scoring.oracle import FALSE_ALARM
 from truearc_proof.scoring.score_finding import STAGE_OF, names_ranked
 from truearc_proof.scoring.score_world import mark_rival, right_names
+from truearc_proof.table import make_markdown
 
 RESOLVABLE = 0.95                     # chance that these data's information lets anybody detect the effect
 WANTED = 0.95                         # of resolvable worlds, that ours names right

@@ -3,8 +3,8 @@
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from truearc.sim.tables import Table
 from truearc_proof.report.tables import said
+from truearc_proof.table import Table
 from truearc_proof.worlds.perturbations import CHANGES, Change
 
 TARGET = 1.5                          # times the world's own scatter, for the adopted simulation's heights

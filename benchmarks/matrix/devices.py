@@ -6,6 +6,7 @@ from typing import Any
 
 import msgspec
 
+from benchmarks.device_faults import Fault, FaultyNode, breaker
 from benchmarks.matrix.ages import frame_id
 from benchmarks.matrix.box import BrokenBox
 from benchmarks.matrix.breaking import Both, Box, Device, Inside, Wire
@@ -21,7 +22,6 @@ from truearc.hw.devices.odrive.emulator import OdriveNode
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.emulator import SparkNode
 from truearc.hw.emulated.emulated_robot import Twin
-from truearc.hw.emulated.faults import Fault, FaultyNode
 from truearc.hw.emulated.nodes import NEVER_NS
 from truearc.robot.config.schema import Config
 from truearc.robot.motors import name_axes
@@ -62,7 +62,7 @@ class FarSide:
         self._breaking, self._lasts_ns, self._is_first = row.breaking, round(row.lasts_s * 1e9), row.first
         self._wire, self._box, self._span, self._now_ns = wire, box, span, now_ns
         self._plant = AdvisedPlant(config, span.advice) if row.launcher == "advisory" else SmallPlant(config)
-        nodes = make_nodes(config, self._plant, {name: () for name in NAMES}, watchdog_ms)
+        nodes = make_nodes(config, self._plant, watchdog_ms, breaker({name: () for name in NAMES}))
         self._nodes: dict[str, Any] = dict(zip(NAMES, nodes, strict=True))
         self._twin = Twin(self._plant, TappedBus(wire, self._listen), nodes, (box.step, self._drive))
         self._began_ns = self._due_ns = 0

@@ -22,18 +22,6 @@ class Exit(NamedTuple):
         return Exit(*(part if np.ndim(part) == 0 else part[rows] for part in self))
 
 
-def exit_seed(facts: Rig, motor_ratio: Any, hood_deg: Any) -> Exit:
-    """Launch of the two-wheel rig at motor speed / free speed and elevation.
-
-    The seed's Eq. 11 and 12, the latter with the paper's own factor (twice the spin of a ball that does not slip).
-    Raises InputError when the rig has no free speed or not one wheel above and one below.
-    """
-    upper, lower = opposed_wheels(facts)
-    motor_rad_s = motor_ratio * free_speed_rad_s(facts)
-    return exit_opposed(facts, motor_rad_s * (upper.gear * upper.radius_m), motor_rad_s * (lower.gear * lower.radius_m),
-                        hood_deg)
-
-
 def exit_opposed(facts: Rig, upper_m_s: Any, lower_m_s: Any, hood_deg: Any) -> Exit:
     """Eq. 11 and 12 from the surface speeds of the two wheels."""
     spin_rev_s = (lower_m_s - upper_m_s) / (2.0 * math.pi * facts.ball.radius_m)

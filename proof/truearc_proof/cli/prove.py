@@ -12,7 +12,6 @@ from truearc.cli.start.demo import FEWEST
 from truearc.robot.config.schema import InputError
 from truearc.sim.compile_cache import keep_compiled
 from truearc.sim.discover.model.prepared_data import FEWEST_SHOTS
-from truearc.sim.tables import Table
 from truearc_proof.cli.prove_apart import solve_apart
 from truearc_proof.cli.prove_check import check_packed
 from truearc_proof.cli.prove_drive import LEVEL, driven_of, driven_table, learn_gates, play_driven, room_of
@@ -26,6 +25,7 @@ from truearc_proof.rounds.grader import Graded, grade_round, graded_of, unclaime
 from truearc_proof.rounds.ledger import last_digest, read_ledger
 from truearc_proof.rounds.round_layout import SEALED, Room
 from truearc_proof.rounds.solver import solve_round
+from truearc_proof.table import Table
 from truearc_proof.worlds.external_world import seal_own
 from truearc_proof.worlds.sampling_plan import MUJOCO, NUMPY, OWN
 

@@ -35,7 +35,6 @@ from truearc.sim.discover.finding import make_json
 from truearc.sim.discover.report.finding_text import say_adopted
 from truearc.sim.intervals import difference
 from truearc.sim.progress import Progress
-from truearc.sim.tables import Table
 from truearc.sim.world.emulated_robot import emulate
 from truearc.sim.world.options import Options
 from truearc_proof.parallel import fan_out
@@ -50,6 +49,7 @@ from truearc_proof.rounds.ledger import append, digest
 from truearc_proof.rounds.round_layout import CLAIMED, OPENED, SEALED, Room
 from truearc_proof.rounds.score_store import load_marks, save_mark, worlds_of, wrong_marks
 from truearc_proof.rounds.solver import FALSE_ALARM, forbid, solver_id
+from truearc_proof.table import Table
 from truearc_proof.worlds.sampling_plan import FIRST_SEED, MUJOCO, Drawn, change_one, drawn_of
 
 LEVEL = "L1"

@@ -6,10 +6,10 @@ import numpy as np
 from scipy.stats import fisher_exact
 
 from truearc.sim.intervals import wilson
-from truearc.sim.tables import Table
 from truearc_proof.report.figures import ProofFigure, figures_of
 from truearc_proof.report.targets import SHOWN
 from truearc_proof.scoring.score_world import Mark
+from truearc_proof.table import Table
 
 ROUNDING = 1e-9                       # an interval that begins at 0 may begin a last digit above it
 

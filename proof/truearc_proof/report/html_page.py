@@ -5,12 +5,12 @@ from collections.abc import Sequence
 
 from truearc.sim.intervals import wilson
 from truearc.sim.report import make_page, paragraph, picture, table
-from truearc.sim.tables import Table
 from truearc_proof.report.plots import chance_png, ladder_png, matrix_png
 from truearc_proof.report.tables import Question, ladder_of, share
 from truearc_proof.rounds.ledger import Entry
 from truearc_proof.scoring.decoys import up_to_alias
 from truearc_proof.scoring.score_world import NULLS, Mark
+from truearc_proof.table import Table
 
 SHOWN = 16                            # of a hash's digits; the ledger has them all
 LAMBDA = ("Lambda is how plain an effect is in such data: the square of its amplitude over the least standard error "

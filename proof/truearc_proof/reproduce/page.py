@@ -12,7 +12,7 @@ import numpy as np
 from truearc.sim.data.columns import OUTCOMES
 from truearc.sim.paper.sweep_settings import SweepSetting
 from truearc.sim.report import make_page, make_png, paragraph, picture, table
-from truearc.sim.tables import Table, save_csv
+from truearc.sim.tables import save_csv
 from truearc_proof.reproduce.analysis import BY_TEST, BY_VALIDATION, EVERYTHING, PAPERS, Analysis
 from truearc_proof.reproduce.collect import LAUNCHABLE, Pool
 from truearc_proof.reproduce.intervals import Interval
@@ -22,6 +22,7 @@ from truearc_proof.reproduce.pictures import draw_deviations, draw_reliability, 
 from truearc_proof.reproduce.repetition import OURS, SIMULATOR, Repetition
 from truearc_proof.reproduce.settings import Settings
 from truearc_proof.reproduce.tables import NAMES
+from truearc_proof.table import Table
 
 OURS_NOT_THEIRS = ("The data are ours, recorded by an emulated robot in a MuJoCo world, not the paper's: what agrees "
                    "with the paper does so on another launcher, and what differs may differ for that reason.")

@@ -1,4 +1,9 @@
-"""What the paper prints (Tables I and II); its Figures 8 to 10 are pictures without numbers."""
+"""The paper's launch (Eq. 11 and 12), and its printed Tables I and II; Figures 8 to 10 are pictures without numbers."""
+
+from typing import Any
+
+from truearc.robot.config.rig_spec import Rig
+from truearc.sim.physics.launch import Exit, exit_opposed, free_speed_rad_s, opposed_wheels
 
 TABLE_I = {"Training": {"two": 1.0, "three": 0.9231, "mean_m": 0.051, "median_m": 0.058},
            "Testing": {"two": 0.9286, "three": 0.8571, "mean_m": 0.283, "median_m": 0.124}}
@@ -9,3 +14,15 @@ TABLE_II = {0: (0.4429, 0.0417, 0.6666), 500: (0.7857, 0.5000, 0.8750), 600: (0.
 COEFFICIENTS = {"cd": 0.91, "cl": 0.06}
 BEST_WEIGHT = 0.01                    # Figure 10's star
 NOT_PRINTED = "not printed in the paper"
+
+
+def exit_seed(facts: Rig, motor_ratio: Any, hood_deg: Any) -> Exit:
+    """Launch of the two-wheel rig at motor speed / free speed and elevation.
+
+    The seed's Eq. 11 and 12, the latter with the paper's own factor (twice the spin of a ball that does not slip).
+    Raises InputError when the rig has no free speed or not one wheel above and one below.
+    """
+    upper, lower = opposed_wheels(facts)
+    motor_rad_s = motor_ratio * free_speed_rad_s(facts)
+    return exit_opposed(facts, motor_rad_s * (upper.gear * upper.radius_m), motor_rad_s * (lower.gear * lower.radius_m),
+                        hood_deg)

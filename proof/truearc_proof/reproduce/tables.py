@@ -6,7 +6,6 @@ import numpy as np
 
 from truearc.sim.metrics import BINS
 from truearc.sim.paper.sweep_settings import SweepSetting
-from truearc.sim.tables import Table
 from truearc_proof.reproduce import paper
 from truearc_proof.reproduce.analysis import (
     BY_TEST,
@@ -23,6 +22,7 @@ from truearc_proof.reproduce.intervals import Interval, interval
 from truearc_proof.reproduce.metrics import Metrics
 from truearc_proof.reproduce.repetition import OURS, Repetition
 from truearc_proof.reproduce.settings import Settings
+from truearc_proof.table import Table
 
 DIFFERENCES = "Our gate against the others, paired"
 NAMES = {"accuracy": "accuracy", "class_three": "3-pt class accuracy", "class_two": "2-pt class accuracy",

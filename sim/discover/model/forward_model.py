@@ -80,14 +80,13 @@ class Prediction(NamedTuple):
 
     exit [3]: log speed, elevation in rad, backspin in rev/s, of the ball as it leaves. plane [4]: height above the
     target's centre, lateral position, half heights of three and two points, all in m. near: the ball came there.
-    track_m, track_m_s [L, 3]: what the tracker says, and how fast the ball is then.
+    track_m [L, 3]: positions by the tracker.
     """
 
     exit: Any
     plane: Any
     near: Any
     track_m: Any
-    track_m_s: Any
 
 
 @dataclass(frozen=True)
@@ -180,10 +179,9 @@ def _see(chain: Chain, lane: ShotBatch, at: Any, edges_s: Any) -> Prediction:
     exit, distance_m = _leave(chain, facts, values, lane, deviate)
     ball = _start(facts, lane, exit, deviate)
     measured = jnp.stack([jnp.log(exit.speed_m_s), exit.elevation_rad, exit.spin_rev_s])
-    nothing = jnp.zeros((0, 3))
     plane, near = _plane(chain, values, law, push, ball, distance_m) if chain.plane else (jnp.zeros(4), False)
-    tracks = _track(chain, values, law, push, ball, lane, deviate) if chain.track else (nothing, nothing)
-    return Prediction(measured, plane, near, *tracks)
+    track_m = _track(chain, values, law, push, ball, lane, deviate) if chain.track else jnp.zeros((0, 3))
+    return Prediction(measured, plane, near, track_m)
 
 
 def _values(chain: Chain, at: Any, circumstances: Circumstances) -> dict[str, dict[str, Any]]:
@@ -273,8 +271,8 @@ def _plane(chain: Chain, values: Mapping[str, Any], law: Law, push: Any, ball: B
 
 
 def _track(chain: Chain, values: Mapping[str, Any], law: Law, push: Any, ball: BallState, lane: ShotBatch,
-           deviate: Any) -> tuple[Any, Any]:
-    """Positions and velocities [L, 3] that the tracker gives at its own times."""
+           deviate: Any) -> Any:
+    """Positions [L, 3] that the tracker gives at its own times."""
     rate = partial(_rate, law, push, ball.spin_rev_s)
 
     def through(state: Any, span_s: Any, steps: int) -> Any:
@@ -291,7 +289,7 @@ def _track(chain: Chain, values: Mapping[str, Any], law: Law, push: Any, ball: B
     seen = Vec(*place.T)
     for term in watch_terms(values, chain.catalogue):
         seen = term.watch(values[term.name], seen, Vec(*velocity.T), lead_s + lane.time_s)
-    return jnp.stack(seen, axis=1), velocity
+    return jnp.stack(seen, axis=1)
 
 
 def _pack(ball: BallState) -> Any:

@@ -7,6 +7,7 @@ import cantools
 import pytest
 from msgspec.structs import replace
 
+from benchmarks.device_faults import SILENT, TRUNCATED, UNPLUGGED, Fault, FaultyNode
 from tests.hw.spinning_plant import SpinningPlant
 from tests.robot.good_tick import CONFIG
 from truearc.cli.robot.doctor import look_at_bus
@@ -15,7 +16,6 @@ from truearc.hw.devices.canandmag.frames import Encoder
 from truearc.hw.devices.odrive.emulator import OdriveNode
 from truearc.hw.emulated.clock import StepClock
 from truearc.hw.emulated.emulated_robot import Twin
-from truearc.hw.emulated.faults import SILENT, TRUNCATED, UNPLUGGED, Fault, FaultyNode
 from truearc.hw.frc import CONTROLLER_HEARTBEAT, locked_spark
 from truearc.hw.protocols import Frame, LinkLost
 from truearc.hw.real.can_bus import open_can

@@ -2,13 +2,13 @@
 
 import pytest
 
+from benchmarks.device_faults import SILENT, TRUNCATED, UNPLUGGED, Fault, FaultyNode
 from tests.hw.spinning_plant import SpinningPlant
 from tests.robot.sparks import ALL_SPARK, SPARK_HOOD, only_advice
 from truearc.hw.devices.odrive.emulator import OdriveNode
 from truearc.hw.devices.odrive.frames import OdriveAxis
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.emulator import SparkNode, SparkSettings
-from truearc.hw.emulated.faults import SILENT, TRUNCATED, UNPLUGGED, Fault, FaultyNode
 from truearc.hw.emulated.nodes import Node
 from truearc.hw.frc import CONTROLLER_HEARTBEAT, locked_spark
 from truearc.hw.protocols import Frame

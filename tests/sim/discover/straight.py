@@ -40,8 +40,8 @@ def see_straight(slopes: np.ndarray) -> Callable[..., tuple[Prediction, Predicti
         exit, by = np.zeros((n, 3)), np.zeros((n, 3, k))
         exit[:, 0], by[:, 0] = mine @ np.asarray(point), mine @ np.asarray(basis)[:len(NAMES)]
         none, none_by = np.zeros((n, 0, 3)), np.zeros((n, 0, 3, k))
-        return (Prediction(exit, np.zeros((n, 4)), np.zeros(n, bool), none, none),
-                Prediction(by, np.zeros((n, 4, k)), np.zeros(n), none_by, none_by))
+        return (Prediction(exit, np.zeros((n, 4)), np.zeros(n, bool), none),
+                Prediction(by, np.zeros((n, 4, k)), np.zeros(n), none_by))
 
     return see_slopes
 
