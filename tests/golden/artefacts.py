@@ -97,12 +97,12 @@ def predict(scratch: Path, out: Path) -> None:
 
 
 def train_network(scratch: Path, out: Path) -> None:
-    run("train", "--quiet", "--real", scratch / "data" / "l0-null", "--sim", REFERENCE / "synth" / "synth",
+    run("train network", "--quiet", "--real", scratch / "data" / "l0-null", "--sim", REFERENCE / "synth" / "synth",
         "--epochs", "100", "--learning-rate", "0.003", "--seed", "2", "-o", out / "weights", cache=scratch / "jax")
 
 
 def train_physics(scratch: Path, out: Path) -> None:
-    run("train", "--model", "physics", "--quiet", "--real", scratch / "data" / "l0-null", "--coefficients",
+    run("train", "--quiet", "--real", scratch / "data" / "l0-null", "--coefficients",
         REFERENCE / "belief" / "belief.toml", "-o", out / "weights", cache=scratch / "jax")
 
 

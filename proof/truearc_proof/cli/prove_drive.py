@@ -22,11 +22,12 @@ import numpy as np
 from msgspec import Struct
 
 from truearc import robot
-from truearc.cli.discover.discover import adopt, keep_compiled
+from truearc.cli.discover.discover import adopt
 from truearc.cli.main import main as front_door
-from truearc.cli.start.demo import walked_in
 from truearc.cli.start.demo_files import Score
+from truearc.cli.start.demo_loop import walked_in
 from truearc.robot.config.schema import InputError, load_config
+from truearc.sim.compile_cache import keep_compiled
 from truearc.sim.data.dataset import load_dataset, save_dataset
 from truearc.sim.data.recordings import outcomes_of, shots_from_sessions
 from truearc.sim.discover.api import discover
@@ -144,7 +145,7 @@ def _learn(root: Path, name: str) -> str:
             adopt(replace(found, steps=steps), str(data), str(folder / f"{side}.toml"))
         for side in SIDES:
             weights, gate = folder / f"{side}_weights", _gate(room, name, side)
-            _verb("train", "--model", "physics", "--real", data, "--coefficients", folder / f"{side}.toml", "-o",
+            _verb("train", "--real", data, "--coefficients", folder / f"{side}.toml", "-o",
                   weights, "--quiet")
             _verb("export", weights, "-o", gate)
             _verb("verify", gate, "--weights", weights, "--data", data)

@@ -1,28 +1,16 @@
 """truearc design: the next shots, or the measurement, that would tell the remaining names apart."""
 
 import argparse
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import msgspec
-
-from truearc.cli.discover.discover import RAREST, believed_terms, check_place, home_of, keep_compiled, write_out
-from truearc.cli.progress import make_progress
+from truearc.cli.discover.discover import believed_terms, check_place, home_of, write_out
 from truearc.robot.config.schema import InputError
-from truearc.sim.data.dataset import Dataset, Shots, load_dataset
-from truearc.sim.discover.api import FALSE_ALARM, discover
-from truearc.sim.discover.plan.experiment_design import (
-    CONFIGURATIONS,
-    MOST_RANDOM,
-    SHOTS,
-    Block,
-    Design,
-    can_design,
-    make_design,
-)
-from truearc.sim.discover.report.effect_wording import plain
-from truearc.sim.discover.select.selection_step import Step
-from truearc.sim.infer.belief import load_belief
-from truearc.sim.physics.catalogue import find_terms
+from truearc.sim.discover.settings import CONFIGURATIONS, FALSE_ALARM, LEAST_FALSE_ALARM, PLANNED_SHOTS
+
+if TYPE_CHECKING:
+    from truearc.sim.data.dataset import Dataset, Shots
+    from truearc.sim.discover.plan.experiment_design import Block, Design
+    from truearc.sim.discover.select.selection_step import Step
 
 DESCRIPTION = """Say which shots, of those that the robot can take, or which measurement would best tell apart the names
 that discover leaves, and how likely they are to."""
@@ -36,13 +24,14 @@ SETTINGS = ("distance_m", "hood_deg", "motor_ratio", "exit_speed_m_s", "exit_deg
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of the verb."""
+    """Arguments of the command."""
     parser.add_argument("dataset", metavar="DIR", help="dataset directory")
     parser.add_argument("--believe", metavar="TERMS", help="terms of the simulation, comma-separated; else rig.toml's")
     parser.add_argument("--belief", metavar="FILE", help="coefficients.toml of this very rig from an earlier session, "
                         "as in discover")
     parser.add_argument("--since", metavar="DIR", help="dataset that --belief was adopted from, as in discover")
-    parser.add_argument("--shots", type=int, default=SHOTS, metavar="N", help="shots to plan (default %(default)s)")
+    parser.add_argument("--shots", type=int, default=PLANNED_SHOTS, metavar="N",
+                        help="shots to plan (default %(default)s)")
     parser.add_argument("--configurations", type=int, default=CONFIGURATIONS, metavar="K",
                         help="that they are shared out to (default %(default)s)")
     parser.add_argument("--false-alarm", type=float, default=FALSE_ALARM, metavar="P", help="as in discover")
@@ -51,11 +40,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(args: argparse.Namespace) -> int:
-    """0 whether or not there is anything to tell apart."""
+    """Return 0 whether or not there is anything to tell apart."""
+    import msgspec
+
+    from truearc.cli.progress import make_progress
+    from truearc.sim.compile_cache import keep_compiled
+    from truearc.sim.data.dataset import load_dataset
+    from truearc.sim.discover.api import discover
+    from truearc.sim.discover.plan.experiment_design import can_design, make_design
+    from truearc.sim.infer.belief import load_belief
     if not 1 <= args.configurations <= args.shots:
         raise InputError(f"--shots {args.shots}, --configurations {args.configurations}: at least one shot each")
-    if args.seed < 0 or not RAREST <= args.false_alarm < 1.0:
-        raise InputError(f"--seed cannot be negative, --false-alarm is between {RAREST} and 1")
+    if args.seed < 0 or not LEAST_FALSE_ALARM <= args.false_alarm < 1.0:
+        raise InputError(f"--seed cannot be negative, --false-alarm is between {LEAST_FALSE_ALARM} and 1")
     check_place(args.json)
     believed, belief = believed_terms(args), None if args.belief is None else load_belief(args.belief)
     keep_compiled()
@@ -75,8 +72,9 @@ def main(args: argparse.Namespace) -> int:
     return 0
 
 
-def as_table(design: Design, dataset: Dataset, step: Step) -> dict[str, Any]:
+def as_table(design: "Design", dataset: "Dataset", step: "Step") -> dict[str, Any]:
     """What --json writes, besides schema and verdict; `next` as in truearc.finding/1."""
+    from truearc.sim.physics.catalogue import find_terms
     names = [name.partition(".")[0] for name in design.names]
     rows = step.fitted.evidence.rows
     shoot = [{"do": "shoot", **_settings(dataset.shots, int(rows[block.row]), block.pace), "shots": block.shots,
@@ -92,7 +90,9 @@ def as_table(design: Design, dataset: Dataset, step: Step) -> dict[str, Any]:
 
 
 def lines_of(table: dict[str, Any]) -> list[str]:
-    """The plan in words."""
+    """The plan as text."""
+    from truearc.sim.discover.plan.experiment_design import MOST_RANDOM
+    from truearc.sim.discover.report.effect_wording import plain
     names = ", ".join(f"{plain(name)} ({share:.0%})" for name, share in table["names"].items())
     shoot = [one for one in table["next"] if one["do"] == "shoot"]
     total = sum(one["shots"] for one in shoot)
@@ -113,8 +113,9 @@ def lines_of(table: dict[str, Any]) -> list[str]:
     return lines
 
 
-def _together(blocks: tuple[Block, ...]) -> list[Block]:
+def _together(blocks: "tuple[Block, ...]") -> "list[Block]":
     """Blocks of one configuration as one."""
+    from truearc.sim.discover.plan.experiment_design import Block
     shots: dict[tuple[int, float], int] = {}
     for block in blocks:
         place = block.row, block.pace
@@ -122,7 +123,7 @@ def _together(blocks: tuple[Block, ...]) -> list[Block]:
     return [Block(row, count, pace) for (row, pace), count in shots.items()]
 
 
-def _settings(shots: Shots, row: int, pace: float) -> dict[str, Any]:
+def _settings(shots: "Shots", row: int, pace: float) -> dict[str, Any]:
     driven = {"motor_ratio", "exit_speed_m_s", *_wheels(shots)}
     known = {name: float(shots.number(name)[row]) * (pace if name in driven else 1.0)
              for name in (*SETTINGS, *_wheels(shots))}
@@ -130,5 +131,5 @@ def _settings(shots: Shots, row: int, pace: float) -> dict[str, Any]:
     return {**like, **{name: round(value, 4) for name, value in known.items() if value == value}}
 
 
-def _wheels(shots: Shots) -> list[str]:
+def _wheels(shots: "Shots") -> list[str]:
     return [name for name in shots.numbers if name.startswith("wheel_") and name.endswith("_rad_s")]

@@ -1,4 +1,4 @@
-"""truearc fit --method ml: maximum likelihood with everything that a dataset has."""
+"""The work of `truearc fit`: the fit, its report and its file."""
 
 import argparse
 import sys
@@ -29,15 +29,8 @@ if TYPE_CHECKING:
     from truearc.sim.infer.posterior import Posterior
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    ml = parser.add_argument_group("--method ml")
-    ml.add_argument("--terms", metavar="NAMES", help="terms to fit, comma-separated; else [believe] of rig.toml")
-    ml.add_argument("--posterior", type=int, metavar="N", help="draw N samples of the posterior too, and save them "
-                                                               "beside --out as .npz")
-    ml.add_argument("--seed", type=int, default=0, help="of the posterior's sampler (%(default)s)")
-
-
-def main(args: argparse.Namespace) -> int:
+def run_fit(args: argparse.Namespace) -> int:
+    """Fit, report and write; args: those of `truearc fit`."""
     _check(args)
     asked = None if args.terms is None else _names("--terms", args.terms)
     dataset = load_dataset(args.dataset)
@@ -68,7 +61,7 @@ def _check(args: argparse.Namespace) -> None:
         raise InputError(f"{args.out}: there is no directory to write it to")
     if args.posterior is not None and args.posterior < 1:
         raise InputError(f"--posterior is {args.posterior}; at least 1 sample is needed")
-    if args.seed < 0:
+    if args.seed is not None and args.seed < 0:
         raise InputError(f"--seed is {args.seed}; it cannot be negative")
 
 
@@ -102,7 +95,7 @@ def _posterior(fit: MlFit, args: argparse.Namespace) -> "Posterior | None":
         return None
     # NumPyro takes a second to import, for one option only
     from truearc.sim.infer.posterior import sample, save_draws, say_posterior
-    drawn = sample(fit, args.posterior, args.seed, make_progress("posterior", args.quiet))
+    drawn = sample(fit, args.posterior, args.seed or 0, make_progress("posterior", args.quiet))
     _say("posterior", say_posterior(drawn))
     if args.out is not None:
         path = Path(args.out).with_suffix(".posterior.npz")

@@ -3,10 +3,7 @@
 import argparse
 
 from truearc.robot.config.schema import InputError
-from truearc.sim.data.dataset import save_dataset
 from truearc.sim.data.importers.registry import load_importers
-from truearc.sim.data.importers.selection import only
-from truearc.sim.data.importers.stated_uncertainty import doubts_of
 
 DESCRIPTION = "Turn recordings that others made into a dataset directory (docs/importing.md)."
 EXAMPLE = "truearc import mpi mn5008_backspin.hdf5 mn5008_no_spin.hdf5 -o mpi"
@@ -26,6 +23,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Read, say what came of it, write."""
+    from truearc.sim.data.dataset import save_dataset
+    from truearc.sim.data.importers.selection import only
+    from truearc.sim.data.importers.stated_uncertainty import doubts_of
     importer = next(importer for importer in load_importers() if importer.name == args.source)
     if not importer.takes(args.files):
         raise InputError(f"{args.source} takes {', or '.join(importer.ways)}; not {' '.join(args.files)}")

@@ -4,11 +4,6 @@ import argparse
 import sys
 from pathlib import Path
 
-from truearc.cli.progress import make_progress
-from truearc.sim.data.dataset import check_free, save_dataset
-from truearc.sim.data.recordings import shots_from_sessions
-from truearc.sim.data.repeatability_labels import label_by_repeatability
-
 DESCRIPTION = "Turn recorded sessions into a dataset of shots (rig.toml, shots.csv, traces.csv)."
 EXAMPLE = "truearc shots sessions/monday sessions/tuesday -o data/week"
 
@@ -21,6 +16,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(args: argparse.Namespace) -> int:
+    """Return 0 when the dataset is written."""
+    from truearc.cli.progress import make_progress
+    from truearc.sim.data.dataset import check_free, save_dataset
+    from truearc.sim.data.recordings import shots_from_sessions
+    from truearc.sim.data.repeatability_labels import label_by_repeatability
     check_free(args.out)
     progress = make_progress("shots", args.quiet)
     dataset = shots_from_sessions(args.sessions, args.out.name)

@@ -1,4 +1,4 @@
-"""truearc train --model physics: the gate that takes the physics in."""
+"""The work of `truearc train`: the gate, its hold-out measures and its files."""
 
 import argparse
 import sys
@@ -20,20 +20,9 @@ from truearc.sim.infer.belief import Belief, load_belief
 from truearc.sim.paper.training import domain_of
 from truearc.sim.report import make_png
 
-NAME = "physics"
 
-
-def add_arguments(parser: argparse._ArgumentGroup) -> None:
-    parser.add_argument("--coefficients", metavar="FILE",
-                        help="coefficients.toml, as `truearc fit` writes it; by --method ml it knows the scatter too. "
-                             "All recorded shots are learned from; what that is worth is found by leaving out each "
-                             "fifth of the configurations in turn, so --holdout has no say")
-    parser.add_argument("--reliability", metavar="FILE", help="picture of stated against true shares to write")
-
-
-def main(args: argparse.Namespace) -> int:
-    if args.coefficients is None:
-        raise InputError("--coefficients: --model physics needs the coefficients.toml of a fit")
+def run_training(args: argparse.Namespace) -> int:
+    """Train, write the weights and report; args: those of `truearc train`."""
     if args.seed < 0:
         raise InputError(f"--seed is {args.seed}; it cannot be negative")
     if args.reliability is not None and not Path(args.reliability).parent.is_dir():

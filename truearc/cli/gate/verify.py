@@ -1,15 +1,15 @@
-"""truearc verify."""
+"""truearc verify: an ONNX file against its trainer and its contract."""
 
 import argparse
+from typing import TYPE_CHECKING
 
-import numpy as np
+from truearc.model_export.tolerances import NETWORK_TOLERANCE, PHYSICS_TOLERANCE
 
-from truearc.model_export.predict import features_of
-from truearc.model_export.trained import NETWORK_TOLERANCE, PHYSICS_TOLERANCE, Trained, load_trained
-from truearc.model_export.verify import NOVELTY_TOLERANCE, compare, domain_grid, find_faults, is_exported_from
-from truearc.robot.gate.contract import FEATURES
-from truearc.robot.gate.model import Gate, load_gate
-from truearc.sim.data.dataset import load_dataset
+if TYPE_CHECKING:
+    import numpy as np
+
+    from truearc.model_export.trained import Trained
+    from truearc.robot.gate.model import Gate
 
 DESCRIPTION = f"""Check an exported gate: its contract, that it repeats itself and rates rows alone as it does together,
 and, with --weights, that onnxruntime agrees in p with the trainer's own float64: to {NETWORK_TOLERANCE:g} for a
@@ -24,6 +24,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(args: argparse.Namespace) -> int:
+    """Return 0 when every check passed, else 1."""
+    from truearc.model_export.predict import features_of
+    from truearc.model_export.trained import load_trained
+    from truearc.model_export.verify import domain_grid, is_exported_from
+    from truearc.robot.gate.contract import FEATURES
+    from truearc.robot.gate.model import load_gate
+    from truearc.sim.data.dataset import load_dataset
     gate = load_gate(args.gate)
     trained = load_trained(args.weights) if args.weights else None
     domain = ", ".join(f"{feature.name} {low:.3f} to {high:.3f}"
@@ -40,7 +47,8 @@ def main(args: argparse.Namespace) -> int:
     return 0 if all(passed) else 1
 
 
-def _check(gate: Gate, trained: Trained | None, name: str, features: np.ndarray) -> bool:
+def _check(gate: "Gate", trained: "Trained | None", name: str, features: "np.ndarray") -> bool:
+    from truearc.model_export.verify import NOVELTY_TOLERANCE, compare, find_faults
     faults = find_faults(gate, features) if len(features) else []
     if trained is not None:
         result = compare(gate, trained, features)

@@ -8,7 +8,8 @@ import numpy as np
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.infer.score import Score
 from truearc.sim.paper.grid_bootstrap import Bootstrap
-from truearc.sim.paper.grid_fit import HIGH, LOW, GridFit
+from truearc.sim.paper.grid_fit import GridFit
+from truearc.sim.paper.settings import HIGH, LOW
 
 TIE_HEADER = ("cd", "cl", "mean_deviation_m", "median_deviation_m")
 LISTED, SHOWN = 30, 10                # as many ties are listed in full; of more, so many are shown

@@ -1,4 +1,4 @@
-"""truearc train --model network: the seed's classifier."""
+"""The work of `truearc paper train`: the paper's network, trained, kept and reported on."""
 
 import argparse
 import sys
@@ -12,33 +12,19 @@ from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import dataset_hash, load_dataset
 from truearc.sim.gate.novelty import fit_novelty, novelty_record
 from truearc.sim.paper.network import save_weights
-from truearc.sim.paper.sweep import Job, Recipe, Trained, batches_per_epoch, check_job, check_recipe, train_many
+from truearc.sim.paper.settings import PATIENCE, Recipe, check_recipe
+from truearc.sim.paper.sweep import Job, Trained, batches_per_epoch, check_job, train_many
 from truearc.sim.paper.synthetic_data import load_provenance
 from truearc.sim.paper.training import Rows, accuracy, domain_of, split_heldout, training_rows
 
-NAME = "network"
 CURVE_POINTS = 50
-DEFAULT = Recipe()
+LAMBDA = 0.01                         # the paper's weight of the simulated loss
 FEW = 15                              # held-out shots, fewer than which are remarked on
 
 
-def add_arguments(parser: argparse._ArgumentGroup) -> None:
-    parser.add_argument("--sim", metavar="DIR", help="dataset of simulated shots; without it, recorded ones only")
-    parser.add_argument("--lambda", dest="simulated_weight", type=float, default=0.01, metavar="L",
-                        help="weight of the simulated loss (0.01)")
-    parser.add_argument("--learning-rate", type=float, default=DEFAULT.learning_rate,
-                        help=f"Adam's step ({DEFAULT.learning_rate:g})")
-    parser.add_argument("--validation", type=float, default=0.25, metavar="SHARE",
-                        help="share of the shots trained on that only says when to stop (0.25); 0 trains to the end")
-    parser.add_argument("--patience", type=int, default=DEFAULT.patience, metavar="STEPS",
-                        help=f"stop when so many steps have brought nothing better ({DEFAULT.patience})")
-    length = parser.add_mutually_exclusive_group()
-    length.add_argument("--steps", type=int, default=DEFAULT.steps, help=f"minibatches at most ({DEFAULT.steps})")
-    length.add_argument("--epochs", type=int, help="times through the simulated shots at most, instead of --steps")
-
-
-def main(args: argparse.Namespace) -> int:
-    check_recipe(Recipe(args.learning_rate, args.steps, args.patience))
+def run_training(args: argparse.Namespace) -> int:
+    """Train, write the weights and report; args: those of `truearc paper train`."""
+    check_recipe(_recipe_of(args, args.steps))
     if args.epochs is not None and args.epochs < 1:
         raise InputError(f"--epochs is {args.epochs}; at least 1 is needed")
     if args.seed < 0:
@@ -47,7 +33,8 @@ def main(args: argparse.Namespace) -> int:
     simulated = load_rows(args.sim) if args.sim else None
     kept, heldout = split_heldout(real, args.holdout, args.seed)
     learnt, validation = split_heldout(kept, args.validation, args.seed, "--validation")
-    job = Job(learnt, simulated, validation, args.simulated_weight, args.seed)
+    weight = LAMBDA if args.simulated_weight is None else args.simulated_weight
+    job = Job(learnt, simulated, validation, weight, args.seed)
     check_job(job)
     recipe = _recipe(args, job)
     trained = train_many([job], recipe, make_progress("train", args.quiet))[0]
@@ -61,7 +48,11 @@ def main(args: argparse.Namespace) -> int:
 def _recipe(args: argparse.Namespace, job: Job) -> Recipe:
     batches = batches_per_epoch(len(job.real.features), len(job.simulated.features) if job.simulated else 0)
     steps = args.steps if args.epochs is None else args.epochs * batches
-    return Recipe(args.learning_rate, steps, args.patience)
+    return _recipe_of(args, steps)
+
+
+def _recipe_of(args: argparse.Namespace, steps: int) -> Recipe:
+    return Recipe(args.learning_rate, steps, PATIENCE if args.patience is None else args.patience)
 
 
 def _tell(args: argparse.Namespace, recipe: Recipe, trained: Trained, score: dict[str, Any]) -> None:
@@ -104,7 +95,7 @@ def load_rows(directory: str) -> Rows:
 
 def make_record(args: argparse.Namespace, recipe: Recipe, job: Job, real: Rows, score: dict[str, Any],
                 trained: Trained) -> dict[str, Any]:
-    """What training.json says of a network; args: `real`, `sim`, `holdout` and `validation` as given to the door."""
+    """What training.json says of a network; args: `real`, `sim`, `holdout` and `validation` as given to the command."""
     return {
         "version": version("truearc"), "seed": job.seed, "lambda": job.simulated_weight,
         "steps": trained.step, "epochs": trained.epoch, "most_steps": recipe.steps, "patience": recipe.patience,
