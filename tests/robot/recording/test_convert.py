@@ -172,8 +172,9 @@ def test_a_recording_is_never_written_over_and_nothing_is_left_of_a_failure(plai
 
 
 def test_without_pyarrow_parquet_says_what_to_install(plain, tmp_path):
-    code = ("import sys; sys.modules['pyarrow'] = None\nfrom truearc import main\n"
-            f"sys.exit(main(['convert', {str(plain)!r}, '--to', 'parquet', '-o', {str(tmp_path / 'x.parquet')!r}]))")
+    code = ("import sys; sys.modules['pyarrow'] = None\nfrom truearc.cli.main import main\n"
+            f"sys.exit(main(['session', 'convert', {str(plain)!r}, '--to', 'parquet', '-o', "
+            f"{str(tmp_path / 'x.parquet')!r}]))")
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 2 and "truearc[sim]" in done.stderr and "Traceback" not in done.stderr
 
