@@ -1,4 +1,5 @@
 # The only two commands a newcomer needs: `make demo` and `make test`. Each sets itself up.
+# `make golden` recomputes what was computed at proof-1, through the command line, and compares.
 # `make faults` breaks the emulated robot in every way of docs/reliability.md, on every bus that there is.
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV   ?= .venv
@@ -24,7 +25,7 @@ test-fast: setup
 	$(BIN)/python -m pytest -m "not slow"
 
 golden: setup
-	$(BIN)/python tests/golden/make.py
+	$(BIN)/python tests/golden/make.py $(GOLDEN)
 
 faults: setup
 	$(BIN)/python benchmarks/fault_matrix.py $(FAULTS)

@@ -28,7 +28,7 @@ from truearc.sim.compile_cache import keep_compiled
 from truearc.sim.discover.api import Investigation, discover
 from truearc.sim.discover.finding import make_json
 from truearc.sim.parallel import fan_out
-from truearc_proof.report.tables import Table, make_tables, said, share
+from truearc_proof.report.tables import ProofTable, make_tables, said, share
 from truearc_proof.rounds.jsonl_store import append_line, lines_of, mend
 from truearc_proof.scoring.oracle import ceiling_of, oracle_gain, strength_of
 from truearc_proof.scoring.score_world import NULLS, Mark
@@ -131,7 +131,7 @@ def _tell(path: Path) -> None:
         print(f"The solver broke in {len(broken)} worlds: {', '.join(broken[:10])}")
 
 
-def _alarms(marks: Sequence[tuple[Job, Mark]]) -> Table:
+def _alarms(marks: Sequence[tuple[Job, Mark]]) -> ProofTable:
     """Of worlds in which nothing is hidden, by what is wrong with their data."""
     nulls = [(job, one) for job, one in marks if one.kind in NULLS]
     rows = []
@@ -139,7 +139,9 @@ def _alarms(marks: Sequence[tuple[Job, Mark]]) -> Table:
         mine = [one for job, one in nulls if (job.level, job.shots, job.name) == setting]
         rows.append([*map(str, setting), said(*share(mine, lambda one: one.found)),
                      said(*share(mine, lambda one: bool(one.names)))])
-    return Table("False alarms (nominal 0.05)", ("level", "shots", "null", "false alarms", "a name was given"), rows)
+    return ProofTable(
+        "False alarms (nominal 0.05)", ("level", "shots", "null", "false alarms", "a name was given"), rows
+    )
 
 
 def _arguments() -> argparse.Namespace:

@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 
 from benchmarks.suite import Job, drawn_of, measured_of, names_of
-from truearc_proof.report.tables import Table, said, yes_of
+from truearc_proof.report.tables import ProofTable, said, yes_of
 from truearc_proof.rivals.registry import OURS
 from truearc_proof.scoring.oracle import FALSE_ALARM
 from truearc_proof.scoring.score_finding import STAGE_OF
@@ -76,7 +76,7 @@ def make_table(lines: Sequence[dict[str, Any]], everywhere: bool = False) -> str
             title = f"{name}{' (cut)' if kind == 'cut' else ''} x {scale:g}" if name else f"**together x {scale:g}**"
             mine = [mark for mark in here if not name or (mark.kind, mark.name) == (kind, name)]
             rows += _lines(title, mine, [mark for mark in mine if everywhere or mark.resolvable], entrants)
-    return "\n".join([Table("Beside others", HEAD, rows).markdown(), "", *_against_target(hidden)])
+    return "\n".join([ProofTable("Beside others", HEAD, rows).markdown(), "", *_against_target(hidden)])
 
 
 def _lines(hidden: str, marks: Sequence[Mark], counted: Sequence[Mark], entrants: Sequence[str]) -> list[list[str]]:

@@ -24,6 +24,20 @@ FRUGAL = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1",
                        "intra_op_parallelism_threads=1"}
 os.environ |= {name: value for name, value in FRUGAL.items() if name not in os.environ}
 
+
+def check_shapes() -> None:
+    """Have modules that declare shapes of arrays check them, and their other annotations, at every call."""
+    from jaxtyping import install_import_hook  # not before the environment is set: it imports NumPy
+
+    root = Path(__file__).parents[1]
+    shaped = ["truearc." + ".".join(path.relative_to(root).with_suffix("").parts)
+              for path in sorted((root / "sim").rglob("*.py"))
+              if "from jaxtyping import" in path.read_text(encoding="utf-8")]
+    install_import_hook(shaped, "beartype.beartype")
+
+
+check_shapes()
+
 # How long an example takes says how busy the machine is, not whether the code is right.
 settings.register_profile("house", deadline=None)
 settings.register_profile("million", deadline=None, max_examples=1000)    # for tests/robot/gate/test_no_doubt_fires.py

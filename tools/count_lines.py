@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-WHEEL = ("hw", "robot", "sim", "model_export", "doors", "truearc.py")
+WHEEL = ("hw", "robot", "sim", "model_export", "truearc")
 SILENT = frozenset({tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT,
                     tokenize.ENCODING, tokenize.ENDMARKER})
 FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import jax
 import numpy as np
+from jaxtyping import Float, Int
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.dataset import Shots
@@ -18,21 +19,21 @@ LANES = 256                           # rows fly in multiples of this, since eac
 
 @dataclass(frozen=True, eq=False)
 class Forecast:
-    """Heights at the plane [n] in m and the standard deviations that make sigma_m.
+    """Heights at the plane in m and the standard deviations that make sigma_m.
 
     nan: the ball turns back before the plane, or falls as good as straight down far below the floor.
 
     `launch_m`: scatter from shot to shot; `sensor_m`: noise of what was measured before the shot, rig.toml [noise];
-    `parameter_m`: doubt about the belief itself, which all shots share. by_launch [n, 4]: derivatives of the height by
+    `parameter_m`: doubt about the belief itself, which all shots share. by_launch: derivatives of the height by
     log exit speed, elevation in rad, spin in rev/s and distance in m.
     """
 
-    height_m: np.ndarray
-    sigma_m: np.ndarray
-    launch_m: np.ndarray
-    sensor_m: np.ndarray
-    parameter_m: np.ndarray
-    by_launch: np.ndarray
+    height_m: Float[np.ndarray, " n"]
+    sigma_m: Float[np.ndarray, " n"]
+    launch_m: Float[np.ndarray, " n"]
+    sensor_m: Float[np.ndarray, " n"]
+    parameter_m: Float[np.ndarray, " n"]
+    by_launch: Float[np.ndarray, "n 4"]
 
 
 def forecast(facts: Rig, belief: Belief, shots: Shots) -> Forecast:
@@ -79,6 +80,6 @@ def _number(belief: Belief, name: str) -> Number:
     return table, key, scale_of(name)
 
 
-def _take(given: Given, rows: np.ndarray) -> Given:
+def _take(given: Given, rows: Int[np.ndarray, " lanes"]) -> Given:
     taken: Given = jax.tree.map(lambda part: part if np.ndim(part) == 0 else np.asarray(part)[rows], given)
     return taken

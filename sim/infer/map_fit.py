@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from jaxtyping import Float
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.dataset import Dataset
@@ -26,13 +27,13 @@ Progress = Callable[[float, str], None]
 
 @dataclass(frozen=True, eq=False)
 class MlFit:
-    """The fit: `covariance` [p, p] of u (units of the priors) is the inverse Hessian; `grid` what the grid chose."""
+    """The fit: `covariance` of u (units of the priors) is the inverse Hessian; `grid` what the grid chose."""
 
     model: Model
     gathered: Gathered
     problem: Problem
     optimum: Optimum
-    covariance: np.ndarray
+    covariance: Float[np.ndarray, "p p"]
     grid: dict[str, dict[str, float]]
 
     @property
@@ -95,7 +96,7 @@ def settle(problem: Problem, optimum: Optimum) -> tuple[Problem, Optimum]:
     return problem, optimum
 
 
-def refit(fit: MlFit, weight: np.ndarray) -> Optimum:
+def refit(fit: MlFit, weight: Float[np.ndarray, " units"]) -> Optimum:
     """The optimum with other weights of the units, from the fit's own."""
     return minimise(replace(fit.problem, weight=weight), fit.optimum.u)
 
@@ -113,20 +114,20 @@ def _first_points(evidence: Observations) -> Points:
                   np.zeros((0, 4)) if free is None else guess_start(free))
 
 
-def _moved(model: Model, evidence: Observations, points: Points, u: np.ndarray, rounds: int = 4) -> Points:
+def _moved(model: Model, evidence: Observations, points: Points, u: Float[np.ndarray, " p"], rounds: int = 4) -> Points:
     for _ in range(rounds if evidence.tracks is not None or evidence.free is not None else 0):
         points = relinearise(model, evidence, points, u)
     return points
 
 
-def _covariance(hessian: np.ndarray) -> np.ndarray:
+def _covariance(hessian: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
     """Inverse of the curvature; no direction is known worse than its prior says."""
     values, vectors = np.linalg.eigh(hessian)
     inverse: np.ndarray = (vectors / np.maximum(values, 1.0)) @ vectors.T
     return inverse
 
 
-def _starts(problem: Problem, grid: dict[str, dict[str, float]]) -> list[np.ndarray]:
+def _starts(problem: Problem, grid: dict[str, dict[str, float]]) -> list[Float[np.ndarray, " p"]]:
     """The prior's centre and the best of a coarse grid about it, and the seed's grid's pair where it gave one."""
     size, count = len(problem.model.sought), min(len(problem.model.numbers), COARSE)
     tried = [np.zeros(size)]
@@ -141,7 +142,7 @@ def _starts(problem: Problem, grid: dict[str, dict[str, float]]) -> list[np.ndar
     return starts + _grid_start(problem.model, grid)
 
 
-def _grid_start(model: Model, grid: dict[str, dict[str, float]]) -> list[np.ndarray]:
+def _grid_start(model: Model, grid: dict[str, dict[str, float]]) -> list[Float[np.ndarray, " p"]]:
     """The grid's pair with a loss of nothing, which is what it was found with; within two sd of the prior."""
     if not grid:
         return []

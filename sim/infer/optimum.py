@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float
 from scipy.optimize import minimize
 
 from truearc.sim.infer.likelihood.observations import Observations
@@ -19,35 +20,36 @@ FAR_COST = 1e4
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """What is minimised: minus the log posterior of a model given evidence, units counted by weight [n + f]."""
+    """What is minimised: minus the log posterior of a model given evidence, units counted by weight."""
 
     model: Model
     evidence: Observations
     points: Points
-    weight: np.ndarray
+    weight: Float[np.ndarray, " units"]
 
-    def value(self, u: np.ndarray) -> float:
+    def value(self, u: Float[np.ndarray, " p"]) -> float:
         """The objective; far from anything believable a steep wall, so that no step ends there."""
         value = float(objective(self.model, self.evidence, self.points, self.weight, np.asarray(u)))
         return value if np.isfinite(value) and np.abs(u).max() < FAR else FAR_COST * (1.0 + float(u @ u))
 
-    def derivatives(self, u: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+    def derivatives(self, u: Float[np.ndarray, " p"]) -> tuple[float, Float[np.ndarray, " p"],
+                                                               Float[np.ndarray, "p p"]]:
         value, gradient, hessian = derivatives(self.model, self.evidence, self.points, self.weight, np.asarray(u))
         return float(value), np.asarray(gradient), np.asarray(hessian)
 
 
 @dataclass(frozen=True, eq=False)
 class Optimum:
-    """u [p], minus log posterior, its gradient [p] and Hessian [p, p] (of all parameters, held ones too)."""
+    """u, minus log posterior, its gradient and Hessian (of all parameters, held ones too)."""
 
-    u: np.ndarray
+    u: Float[np.ndarray, " p"]
     value: float
-    gradient: np.ndarray
-    hessian: np.ndarray
+    gradient: Float[np.ndarray, " p"]
+    hessian: Float[np.ndarray, "p p"]
     converged: bool
 
 
-def minimise(problem: Problem, start: np.ndarray, held: tuple[int, ...] = ()) -> Optimum:
+def minimise(problem: Problem, start: Float[np.ndarray, " p"], held: tuple[int, ...] = ()) -> Optimum:
     """Go downhill from `start`, leaving the parameters `held` where they are.
 
     Converged: the curvature is positive, and its parabola promises no more than LEFT nats below where the search ended.
@@ -56,25 +58,25 @@ def minimise(problem: Problem, start: np.ndarray, held: tuple[int, ...] = ()) ->
     whole = np.array(start, dtype=float)
     seen: dict[bytes, tuple[float, np.ndarray, np.ndarray]] = {}
 
-    def place(part: np.ndarray) -> np.ndarray:
+    def place(part: Float[np.ndarray, " free"]) -> Float[np.ndarray, " p"]:
         u = whole.copy()
         u[free] = part
         return u
 
-    def at(part: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+    def at(part: Float[np.ndarray, " free"]) -> tuple[float, Float[np.ndarray, " p"], Float[np.ndarray, "p p"]]:
         key = np.asarray(part).tobytes()
         if key not in seen:
             seen[key] = problem.derivatives(place(part))
         return seen[key]
 
-    def value_at(part: np.ndarray) -> float:
+    def value_at(part: Float[np.ndarray, " free"]) -> float:
         return problem.value(place(part))
 
-    def gradient_at(part: np.ndarray) -> np.ndarray:
+    def gradient_at(part: Float[np.ndarray, " free"]) -> Float[np.ndarray, " free"]:
         gradient: np.ndarray = at(part)[1][free]
         return gradient
 
-    def hessian_at(part: np.ndarray) -> np.ndarray:
+    def hessian_at(part: Float[np.ndarray, " free"]) -> Float[np.ndarray, "free free"]:
         hessian: np.ndarray = at(part)[2][np.ix_(free, free)]
         return hessian
 
@@ -87,7 +89,7 @@ def minimise(problem: Problem, start: np.ndarray, held: tuple[int, ...] = ()) ->
     return Optimum(whole, value, gradient, hessian, _settled(gradient[free], hessian[np.ix_(free, free)]))
 
 
-def _settled(gradient: np.ndarray, hessian: np.ndarray) -> bool:
+def _settled(gradient: Float[np.ndarray, " free"], hessian: Float[np.ndarray, "free free"]) -> bool:
     if not gradient.size:
         return True
     if not (np.isfinite(gradient).all() and np.isfinite(hessian).all()) or np.linalg.eigvalsh(hessian).min() <= 0.0:
@@ -95,7 +97,7 @@ def _settled(gradient: np.ndarray, hessian: np.ndarray) -> bool:
     return bool(0.5 * gradient @ np.linalg.solve(hessian, gradient) < LEFT)
 
 
-def best_of(problem: Problem, starts: list[np.ndarray], progress: Callable[[float, str], None]) -> Optimum:
+def best_of(problem: Problem, starts: list[Float[np.ndarray, " p"]], progress: Callable[[float, str], None]) -> Optimum:
     """The best optimum reached from any of the starts; a converged one before one that is not."""
     found: list[Optimum] = []
     for number, start in enumerate(starts):

@@ -11,6 +11,7 @@ from pathlib import Path
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float
 from numpyro.diagnostics import effective_sample_size, split_gelman_rubin
 from numpyro.infer import MCMC, NUTS
 
@@ -25,12 +26,12 @@ FEWEST_EFFECTIVE = 50.0
 
 @dataclass(frozen=True, eq=False)
 class Posterior:
-    """`draws` [count, p] of the parameters in their own units; r_hat and effective samples [p]; divergent steps."""
+    """`draws` of the parameters in their own units; r_hat and effective samples of each; divergent steps."""
 
     names: tuple[str, ...]
-    draws: np.ndarray
-    r_hat: np.ndarray
-    effective: np.ndarray
+    draws: Float[np.ndarray, "count p"]
+    r_hat: Float[np.ndarray, " p"]
+    effective: Float[np.ndarray, " p"]
     divergent: int
     seed: int
 
@@ -71,7 +72,8 @@ def sample(fit: MlFit, count: int, seed: int,
     return _posterior(fit, np.stack(drawn), spread, divergent, count, seed)
 
 
-def _posterior(fit: MlFit, chains: np.ndarray, spread: np.ndarray, divergent: int, count: int, seed: int) -> Posterior:
+def _posterior(fit: MlFit, chains: Float[np.ndarray, "chains draws p"], spread: Float[np.ndarray, "p p"],
+               divergent: int, count: int, seed: int) -> Posterior:
     u = fit.optimum.u + chains @ spread.T
     r_hat, effective = np.asarray(split_gelman_rubin(u)), np.asarray(effective_sample_size(u))
     flat = u.swapaxes(0, 1).reshape(-1, u.shape[-1])[:count]

@@ -12,17 +12,21 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tests.golden.commands import run
-from tests.golden.compare import COMPUTED, EXACT, FITTED, TRAINED
+from tests.golden.compare import COMPUTED, EXACT, FITTED, REFITTED, TRAINED
 
 HERE = Path(__file__).parent
 INPUTS = HERE / "inputs"
 REFERENCE = HERE / "reference"
+DATA = Path("data")                   # in `scratch`, where commands run
 RECORDING = HERE.parent / "robot" / "recording" / "golden.tar.xz"
 
 
 @dataclass(frozen=True)
 class Artefact:
-    """`make(scratch, out)` fills `out`; `scratch` holds the unpacked inputs, shared by all artefacts of a run."""
+    """`make(scratch, out)` fills `out`; `scratch` holds the unpacked inputs, shared by all artefacts of a run.
+
+    Datasets are named relative to it, since some results state the path of their dataset.
+    """
 
     name: str
     limit: float
@@ -38,14 +42,14 @@ def unpack(scratch: Path) -> None:
 
 def replay(scratch: Path, out: Path) -> None:
     """Ticks of every output bit-equal, from inputs and from frames: a difference exits 1."""
-    said = [run("replay", scratch / "recording", *options) for options in ((), ("--check",), ("--from", "frames"))]
+    said = [run(scratch, "replay", "recording", *options) for options in ((), ("--check",), ("--from", "frames"))]
     counts = {"ticks_1116": ["1116" in text for text in said], "frames_4188": "4188" in said[2]}
     (out / "replay.json").write_text(json.dumps(counts))
 
 
 def shots(scratch: Path, out: Path) -> None:
     """The dataset of the golden recording."""
-    run("shots", scratch / "recording", "-o", out / "dataset")
+    run(scratch, "shots", "recording", "-o", out / "dataset")
 
 
 def launcher(scratch: Path, out: Path) -> None:
@@ -61,30 +65,30 @@ def gated(kind: str) -> Callable[[Path, Path], None]:
 
 def _emulate(scratch: Path, out: Path, *options: str | Path) -> None:
     session = scratch / "sessions" / out.name
-    run("emulate", "--quiet", "--trials", "1", "--out", session, *options)
+    run(scratch, "emulate", "--quiet", "--trials", "1", "--out", session, *options)
     for name in ("session.json", "trials.jsonl"):
         shutil.copy(session / name, out)
 
 
 def synth(scratch: Path, out: Path) -> None:
-    run("synth", "--quiet", "--rig", scratch / "data" / "l0-null" / "rig.toml", "--coefficients",
+    run(scratch, "synth", "--quiet", "--rig", DATA / "l0-null" / "rig.toml", "--coefficients",
         INPUTS / "coefficients.toml", "-n", "90", "--seed", "3", "-o", out / "synth")
 
 
 def grid(scratch: Path, out: Path) -> None:
     """The whole map of the default grid, tied pairs, and the bootstrap; 400 shots that the paper's method fits ill."""
-    run("fit grid", "--quiet", scratch / "data" / "l0-backlash", "-o", out / "coefficients.toml", "--tied",
+    run(scratch, "fit grid", "--quiet", DATA / "l0-backlash", "-o", out / "coefficients.toml", "--tied",
         out / "tied.csv", "--bootstrap", "20")
 
 
 def grid_synth(scratch: Path, out: Path) -> None:
     """Simulated shots of cd 0.91 and cl 0.06, and a coarse map as a whole."""
-    run("fit grid", "--quiet", REFERENCE / "synth" / "synth", "--step", "0.05", "-o", out / "coefficients.toml",
-        "--map", out / "map.npz", "--tied", out / "tied.csv")
+    run(scratch, "fit grid", "--quiet", REFERENCE / "synth" / "synth", "--step", "0.05", "-o",
+        out / "coefficients.toml", "--map", out / "map.npz", "--tied", out / "tied.csv")
 
 
 def belief(scratch: Path, out: Path) -> None:
-    run("fit ml", "--quiet", scratch / "data" / "l1-target", "-o", out / "belief.toml", cache=scratch / "jax")
+    run(scratch, "fit ml", "--quiet", DATA / "l1-target", "-o", out / "belief.toml")
 
 
 def predict(scratch: Path, out: Path) -> None:
@@ -92,60 +96,61 @@ def predict(scratch: Path, out: Path) -> None:
     for name, believed in (("belief", REFERENCE / "belief" / "belief.toml"),
                            ("adopted", REFERENCE / "finding-l2-home" / "adopted.toml"),
                            ("paper", INPUTS / "coefficients.toml")):
-        run("predict", "--quiet", scratch / "data" / "l2-distance", "--coefficients", believed, "-o",
-            out / f"{name}.csv", cache=scratch / "jax")
+        run(scratch, "predict", "--quiet", DATA / "l2-distance", "--coefficients", believed, "-o",
+            out / f"{name}.csv")
 
 
 def train_network(scratch: Path, out: Path) -> None:
-    run("train network", "--quiet", "--real", scratch / "data" / "l0-null", "--sim", REFERENCE / "synth" / "synth",
-        "--epochs", "100", "--learning-rate", "0.003", "--seed", "2", "-o", out / "weights", cache=scratch / "jax")
+    run(scratch, "train network", "--quiet", "--real", DATA / "l0-null", "--sim", REFERENCE / "synth" / "synth",
+        "--epochs", "100", "--learning-rate", "0.003", "--seed", "2", "-o", out / "weights")
 
 
 def train_physics(scratch: Path, out: Path) -> None:
-    run("train", "--quiet", "--real", scratch / "data" / "l0-null", "--coefficients",
-        REFERENCE / "belief" / "belief.toml", "-o", out / "weights", cache=scratch / "jax")
+    run(scratch, "train", "--quiet", "--real", DATA / "l0-null", "--coefficients",
+        REFERENCE / "belief" / "belief.toml", "-o", out / "weights")
 
 
 def export(kind: str) -> Callable[[Path, Path], None]:
     """The golden weights once more as ONNX: contract and its hash, domain, provenance, operators, constants."""
-    return lambda scratch, out: run("export", REFERENCE / f"train-{kind}" / "weights", "-o", out / "gate.onnx",
-                                    cache=scratch / "jax") and None
+    def make(scratch: Path, out: Path) -> None:
+        run(scratch, "export", REFERENCE / f"train-{kind}" / "weights", "-o", out / "gate.onnx")
+    return make
 
 
 def gate(kind: str) -> Callable[[Path, Path], None]:
     """The golden gate's probabilities, and `verify` against the golden weights, which exits 1 on a difference."""
     def make(scratch: Path, out: Path) -> None:
-        golden, dataset = REFERENCE / f"export-{kind}" / "gate.onnx", scratch / "data" / "l0-null"
-        run("predict gate", golden, dataset, "-o", out / "rows.csv")
-        run("verify", golden, "--weights", REFERENCE / f"train-{kind}" / "weights", "--data", dataset,
-            cache=scratch / "jax")
+        golden, dataset = REFERENCE / f"export-{kind}" / "gate.onnx", DATA / "l0-null"
+        run(scratch, "predict gate", golden, dataset, "-o", out / "rows.csv")
+        run(scratch, "verify", golden, "--weights", REFERENCE / f"train-{kind}" / "weights", "--data", dataset)
     return make
 
 
 def finding(dataset: str, *options: str) -> Callable[[Path, Path], None]:
     def make(scratch: Path, out: Path) -> None:
-        adopted = ("--adopt", str(out / "adopted.toml")) if dataset in ADOPTED else ()
-        run("discover", "--quiet", scratch / "data" / dataset, "--json", out / "finding.json", *options, *adopted,
-            cache=scratch / "jax")
+        run(scratch, "discover", "--quiet", DATA / dataset, "--json", out / "finding.json", *options)
     return make
+
+
+def finding_home(scratch: Path, out: Path) -> None:
+    """The session before any change, and the belief adopted from it."""
+    finding("l2-home", "--believe", "gravity,drag,magnus,exit_efficiency", "--adopt", str(out / "adopted.toml"))(
+        scratch, out)
 
 
 def finding_since(scratch: Path, out: Path) -> None:
     """What has changed since the session whose adopted belief is golden."""
     finding("l2-wind", "--belief", str(REFERENCE / "finding-l2-home" / "adopted.toml"), "--since",
-            str(scratch / "data" / "l2-home"))(scratch, out)
+            str(DATA / "l2-home"))(scratch, out)
 
 
 def identifiability(scratch: Path, out: Path) -> None:
-    run("identifiability", scratch / "data" / "l0-null" / "rig.toml", "--quiet", "--json", out / "identifiability.json",
-        cache=scratch / "jax")
+    run(scratch, "identifiability", DATA / "l0-null" / "rig.toml", "--quiet", "--json", out / "identifiability.json")
 
 
 def design(scratch: Path, out: Path) -> None:
-    run("design", "--quiet", scratch / "data" / "l1-target", "--json", out / "design.json", cache=scratch / "jax")
+    run(scratch, "design", "--quiet", DATA / "l1-target", "--json", out / "design.json")
 
-
-ADOPTED = ("l2-home",)
 
 ARTEFACTS = (
     Artefact("replay", EXACT, replay),
@@ -160,7 +165,7 @@ ARTEFACTS = (
     Artefact("finding-l1-target", FITTED, finding("l1-target")),            # a set of names, with telemetry
     Artefact("finding-l2-distance", FITTED, finding("l2-distance")),        # named, by tracks
     Artefact("finding-l2-seam", FITTED, finding("l2-seam")),                # unknown, by tracks
-    Artefact("finding-l2-home", FITTED, finding("l2-home", "--believe", "gravity,drag,magnus,exit_efficiency")),
+    Artefact("finding-l2-home", FITTED, finding_home),
     Artefact("finding-l2-since", FITTED, finding_since),                    # against a belief
     Artefact("predict", COMPUTED, predict),
     Artefact("identifiability", FITTED, identifiability),
@@ -168,7 +173,7 @@ ARTEFACTS = (
     Artefact("train-network", TRAINED, train_network),
     Artefact("train-physics", TRAINED, train_physics),
     Artefact("export-network", EXACT, export("network")),
-    Artefact("export-physics", COMPUTED, export("physics")),
+    Artefact("export-physics", REFITTED, export("physics")),
     Artefact("gate-network", TRAINED, gate("network")),
     Artefact("gate-physics", TRAINED, gate("physics")),
     Artefact("gated-network", COMPUTED, gated("network")),

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 # Every spelling that `make golden` uses. When a command is renamed, change it here and nowhere else.
@@ -35,13 +36,17 @@ class CommandFailed(Exception):
     """A command ended with another exit code than 0."""
 
 
-def run(name: str, *args: str | Path, cache: Path | None = None) -> str:
-    """Run a command of COMMANDS and return its standard output; raise CommandFailed unless it exits 0."""
-    environment = ENVIRONMENT | dict(os.environ)
-    if cache is not None:
-        environment.setdefault("JAX_COMPILATION_CACHE_DIR", str(cache))
-    argv = [sys.executable, "-m", "truearc", *COMMANDS[name], *map(str, args)]
-    done = subprocess.run(argv, env=environment, capture_output=True, text=True)
+def run(scratch: Path, name: str, *args: str | Path) -> str:
+    """Run a command of COMMANDS in `scratch` and return its standard output; raise CommandFailed unless it exits 0.
+
+    JAX's compiled code is shared by all commands of a run; Numba's is not, since two processes may give one name to
+    code for different arguments.
+    """
+    with tempfile.TemporaryDirectory(prefix="numba-", dir=scratch) as numba:
+        environment = {"JAX_COMPILATION_CACHE_DIR": str(scratch / "jax"), **ENVIRONMENT, **os.environ,
+                       "NUMBA_CACHE_DIR": numba}
+        argv = [sys.executable, "-m", "truearc", *COMMANDS[name], *map(str, args)]
+        done = subprocess.run(argv, env=environment, cwd=scratch, capture_output=True, text=True)
     if done.returncode:
         raise CommandFailed(f"{' '.join(argv[1:])}: exit {done.returncode}\n{done.stdout[-500:]}{done.stderr[-2000:]}")
     return done.stdout

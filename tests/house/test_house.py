@@ -1,18 +1,23 @@
-"""The house keeps its own rules: imports, style, types, sizes."""
+"""The rules of ARCHITECTURE.md, held by a machine: imports, style, types, sizes, names."""
 
 import ast
 import subprocess
 import sys
+from collections import defaultdict
 from pathlib import Path
 
 import pytest
 
 from tests.house.wheels import build_wheels
+from tools.count_lines import WHEEL, count_files, python_files
 
 ROOT = Path(__file__).parents[2]
-ROOMS = ("hw", "robot", "sim", "model_export", "truearc", "proof")
-FILES = sorted(path for room in ROOMS for path in (ROOT / room).rglob("*.py"))
-LONGEST_FILE, LONGEST_FUNCTION = 400, 60
+TOPS = ("hw", "robot", "sim", "model_export", "truearc", "proof")
+FILES = sorted(path for top in TOPS for path in (ROOT / top).rglob("*.py"))
+FOLDERS = sorted({path.parent for path in FILES})
+LONGEST_FILE, LONGEST_FUNCTION, MOST_MODULES = 400, 60, 15
+MOST_LINES = 26_000                   # of code in the wheel of truearc, by tools/count_lines.py
+BARE = ("hw", "robot", "sim", "model_export")
 LINT = ("import sys; sys.meta_path[:] = [one for one in sys.meta_path if 'editable' not in repr(one).lower()]; "
         "sys.path[:] = [{site!r}] + [one for one in sys.path if one]; "
         "from importlinter.cli import lint_imports_command; lint_imports_command()")
@@ -52,6 +57,44 @@ def test_sizes(path):
             assert node.end_lineno - node.lineno < LONGEST_FUNCTION, f"{path.name}: {node.name}"
 
 
+@pytest.mark.parametrize("folder", FOLDERS, ids=lambda path: str(path.relative_to(ROOT)))
+def test_folder_holds_few_modules(folder):
+    modules = [path.name for path in folder.glob("*.py") if path.name != "__init__.py"]
+    assert len(modules) <= MOST_MODULES, modules
+
+
+@pytest.mark.parametrize("top", TOPS)
+def test_public_class_names_are_unique_within_a_top_folder(top):
+    """Emulators excepted: each device family may have the same names there."""
+    places = defaultdict(list)
+    for path in FILES:
+        if path.relative_to(ROOT).parts[0] == top and path.name != "emulator.py":
+            for node in ast.parse(path.read_text(encoding="utf-8")).body:
+                if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                    places[node.name].append(str(path.relative_to(ROOT)))
+    assert {name: where for name, where in places.items() if len(where) > 1} == {}
+
+
+def test_wheel_stays_within_its_lines():
+    assert count_files([path for place in WHEEL for path in python_files(ROOT / place)]).lines <= MOST_LINES
+
+
+def imported_modules(path):
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            yield node.module
+
+
+def test_everything_is_imported_through_truearc():
+    """From the checkout's root `import robot` works, too, and would make a second copy of every class."""
+    others = [path for folder in ("tests", "benchmarks", "tools", "examples") for path in (ROOT / folder).rglob("*.py")]
+    bare = {f"{path.relative_to(ROOT)}: {name}" for path in (*FILES, *others) for name in imported_modules(path)
+            if name.partition(".")[0] in BARE}
+    assert bare == set()
+
+
 def reads_a_clock(node):
     if isinstance(node, ast.Import):
         return any(alias.name == "time" for alias in node.names)
@@ -61,7 +104,8 @@ def reads_a_clock(node):
 def test_only_one_file_reads_a_clock():
     """Doors may time themselves, and so may the world's survey, which prints what the world costs; an importer of
     dated tables reads dates, no clock."""
-    readers = {str(path.relative_to(ROOT)) for path in FILES if "cli" not in path.parts
+    readers = {str(path.relative_to(ROOT)) for path in FILES
+               if "cli" not in path.relative_to(ROOT).parts
                and any(map(reads_a_clock, ast.walk(ast.parse(path.read_text(encoding="utf-8")))))}
     assert readers == {str(Path("hw/real/clock.py")), str(Path("proof/truearc_proof/world/survey.py")),
                        str(Path("proof/truearc_proof/importers/set_points.py"))}

@@ -11,12 +11,12 @@ from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import load_dataset
 from truearc_proof.cli.prove_drive import LEVEL, NO_GATE, SIDES, Driven, driven_of, driven_table, play_driven, room_of
 from truearc_proof.rounds.commitment import load_seal
-from truearc_proof.rounds.committer import Plan
+from truearc_proof.rounds.committer import RoundPlan
 from truearc_proof.rounds.ledger import read_ledger
 
 pytestmark = pytest.mark.slow
 RECORDED, TRIALS = 20, 2
-PLAN = Plan(5, 1, LEVEL, RECORDED, ("mujoco",))
+PLAN = RoundPlan(5, 1, LEVEL, RECORDED, ("mujoco",))
 
 
 def quiet(done: float, note: str) -> None:

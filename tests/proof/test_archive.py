@@ -13,7 +13,7 @@ from truearc.cli.main import main
 from truearc.robot.config.schema import InputError
 from truearc_proof.rounds.archive import check_round, pack, unpack
 from truearc_proof.rounds.commitment import canonical, load_seal, save_seal
-from truearc_proof.rounds.committer import Plan, seal_round
+from truearc_proof.rounds.committer import RoundPlan, seal_round
 from truearc_proof.rounds.grader import grade_round, graded_of
 from truearc_proof.rounds.ledger import digest
 from truearc_proof.rounds.round_layout import Room
@@ -28,7 +28,7 @@ def quiet(done: float, note: str) -> None:
 @pytest.fixture(scope="module")
 def packed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     room = Room(tmp_path_factory.mktemp("packed") / "round")
-    seal_round(room, Plan(3, 2, "L0", 40, ("numpy",)), quiet, 1)
+    seal_round(room, RoundPlan(3, 2, "L0", 40, ("numpy",)), quiet, 1)
     solver = [sys.executable, "-m", "truearc", "prove", "solve", "--processes", "1", "--out", str(room.root)]
     subprocess.run(solver, capture_output=True, check=True)          # whoever has solved can open no seal any more
     with pytest.raises(InputError, match="w0001, w0002: not marked yet"):

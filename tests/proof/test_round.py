@@ -14,7 +14,7 @@ from tests.proof.playing import prove, quiet
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import load_dataset
 from truearc_proof.rounds.commitment import load_seal
-from truearc_proof.rounds.committer import Plan, answer_round, load_plan, seal_round
+from truearc_proof.rounds.committer import RoundPlan, answer_round, load_plan, seal_round
 from truearc_proof.rounds.grader import grade_round
 from truearc_proof.rounds.ledger import read_ledger
 from truearc_proof.rounds.round_layout import Room
@@ -44,7 +44,7 @@ def test_marks_are_about_what_was_sealed(room: Room) -> None:
 
 def test_a_mistyped_level_leaves_nothing_behind(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="L7"):
-        seal_round(Room(tmp_path / "round"), Plan(3, 1, "L7", 40, ("numpy",)), quiet, 1)
+        seal_round(Room(tmp_path / "round"), RoundPlan(3, 1, "L7", 40, ("numpy",)), quiet, 1)
     assert not (tmp_path / "round").exists()
 
 
@@ -146,7 +146,7 @@ def test_nobody_gets_more_than_the_rules_allow(room: Room, asked: list[dict[str,
 
 def test_another_plan_needs_another_directory(room: Room) -> None:
     with pytest.raises(InputError, match="drawn from something else"):
-        seal_round(room, Plan(4, 3, "L0", 40, ("numpy",)), quiet, 1)
+        seal_round(room, RoundPlan(4, 3, "L0", 40, ("numpy",)), quiet, 1)
 
 
 def test_the_solver_can_open_nothing_of_the_keepers(tmp_path: Path) -> None:

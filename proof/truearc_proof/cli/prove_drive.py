@@ -36,9 +36,9 @@ from truearc.sim.intervals import difference
 from truearc.sim.parallel import fan_out
 from truearc.sim.world.emulated_robot import emulate
 from truearc.sim.world.options import Options
-from truearc_proof.report.tables import Table, said
+from truearc_proof.report.tables import ProofTable, said
 from truearc_proof.rounds.commitment import canonical, hash_files, load_seal, make_seal, save_seal
-from truearc_proof.rounds.committer import Plan, keep_plan
+from truearc_proof.rounds.committer import RoundPlan, keep_plan
 from truearc_proof.rounds.file_lock import alone
 from truearc_proof.rounds.grader import check_world, left_out
 from truearc_proof.rounds.jsonl_store import mend
@@ -71,7 +71,9 @@ def room_of(root: Path) -> Room:
     return Room(root / "driven")
 
 
-def play_driven(root: Path, plan: Plan, trials: int, progress: Progress, workers: int | None = None) -> list[Driven]:
+def play_driven(
+    root: Path, plan: RoundPlan, trials: int, progress: Progress, workers: int | None = None
+) -> list[Driven]:
     """Seal the plan's worlds, as many trials each as it has shots, have gates learnt by a process that is refused the
     seals, open, and drive `trials` with each gate; nothing is done twice. InputError for whatever was tampered with,
     and for a round that was begun from another plan."""
@@ -107,7 +109,7 @@ def _in_batches(names: Sequence[str], work: Callable[[str], Done], enter: Callab
             enter(name, done)
 
 
-def _seal(root: Path, plan: Plan, name: str) -> str:
+def _seal(root: Path, plan: RoundPlan, name: str) -> str:
     """Record a practice session in a world that is drawn from seed and name; the commitment to it."""
     room, rng = Room(root), np.random.default_rng([plan.seed, *name.encode()])
     drawn = change_one(rng, Drawn(name, MUJOCO, "one", LEVEL, plan.shots, FIRST_SEED + int(rng.integers(1 << 40))))
@@ -211,7 +213,7 @@ def driven_of(room: Room) -> list[Driven]:
     return [one for _, one in sorted({one.world: one for one in lines}.items())]
 
 
-def driven_table(driven: Sequence[Driven]) -> Table:
+def driven_table(driven: Sequence[Driven]) -> ProofTable:
     """Worlds, then all together with the difference of the two gates (Newcombe's 95 %)."""
     sides = (NO_GATE, *SIDES)
     rows = [[one.world, one.change, one.verdict, ", ".join(one.names),
@@ -221,7 +223,7 @@ def driven_table(driven: Sequence[Driven]) -> Table:
     low, high = difference(total["after"], total["before"])
     rows.append(["together", "", "", f"after - before: {low:+.0%} to {high:+.0%} (95 %)",
                  *(said(*total[side]) for side in sides)])
-    return Table("Driven: three points of shots fired, in sealed worlds of the emulated robot", (
+    return ProofTable("Driven: three points of shots fired, in sealed worlds of the emulated robot", (
         "world", "changed", "verdict", "first name", NO_GATE, "the seed's physics", "what was adopted"), rows)
 
 

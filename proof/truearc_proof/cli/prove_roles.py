@@ -17,10 +17,10 @@ from truearc_proof.cli.prove_check import check_packed
 from truearc_proof.cli.prove_drive import LEVEL, driven_of, driven_table, learn_gates, play_driven, room_of
 from truearc_proof.report.figures import plain_figures
 from truearc_proof.report.html_page import make_proof_page, verdict
-from truearc_proof.report.tables import Table, make_tables
+from truearc_proof.report.tables import ProofTable, make_tables
 from truearc_proof.rivals.registry import check_rivals
 from truearc_proof.rounds.archive import pack
-from truearc_proof.rounds.committer import Plan, answer_round, entropy, load_plan, seal_round
+from truearc_proof.rounds.committer import RoundPlan, answer_round, entropy, load_plan, seal_round
 from truearc_proof.rounds.grader import Graded, grade_round, graded_of, unclaimed
 from truearc_proof.rounds.ledger import last_digest, read_ledger
 from truearc_proof.rounds.round_layout import SEALED, Room
@@ -132,7 +132,7 @@ def _tell(room: Room, graded: Sequence[Graded]) -> None:
     print("\n\n".join([verdict([one.first for one in graded]), *tables, *told, files]))
 
 
-def _save_report(room: Room, graded: Sequence[Graded]) -> list[Table]:
+def _save_report(room: Room, graded: Sequence[Graded]) -> list[ProofTable]:
     """Write the page; its tables, that of the driven worlds among them where there are any."""
     marks, again = [one.first for one in graded], [(one.first, one.again) for one in graded if one.again is not None]
     driven = driven_of(room_of(room.root))
@@ -151,12 +151,12 @@ def _seal_own(args: argparse.Namespace, room: Room) -> int:
     return 0
 
 
-def _plan(args: argparse.Namespace, room: Room) -> Plan:
+def _plan(args: argparse.Namespace, room: Room) -> RoundPlan:
     """What the round is drawn from: as it was begun, or as the arguments say."""
     begun = load_plan(room) if room.plan.exists() else None
     goes_on = begun is not None and args.seed in (None, begun.seed)
     seed, drawn = (begun.seed, begun.entropy) if begun and goes_on else (_seed(args), args.seed is None)
-    return Plan(seed, args.worlds, args.level, args.shots, tuple(args.engines.split(",")), drawn)
+    return RoundPlan(seed, args.worlds, args.level, args.shots, tuple(args.engines.split(",")), drawn)
 
 
 def _seed(args: argparse.Namespace) -> int:

@@ -21,7 +21,7 @@ TRIFLE = 1e-3
 ALIAS_SET, PAIR = "aliases: a set with the whole class", "two: both are right"
 
 
-class Figure(NamedTuple):
+class ProofFigure(NamedTuple):
     """What was reached: a share (counts: its yes and of), or another number; allowed: by the data's own information."""
 
     value: float | None
@@ -30,7 +30,7 @@ class Figure(NamedTuple):
     counts: tuple[int, int] | None = None
 
 
-def figures_of(marks: Sequence[Mark]) -> dict[str, Figure]:
+def figures_of(marks: Sequence[Mark]) -> dict[str, ProofFigure]:
     """All figures, of worlds of one level and as many shots; value None where no world says. Of the NumPy engine's
     alone, but for ALL_GAINS and ALL_NAMES."""
     mine = [one for one in marks if one.engine == NUMPY]
@@ -59,13 +59,13 @@ def plain_figures(marks: Sequence[Mark]) -> dict[str, Any]:
         [mark for mark in marks if (mark.level, mark.shots) == (level, shots)]).items()} for level, shots in settings}
 
 
-def _plain(figure: Figure) -> dict[str, Any]:
+def _plain(figure: ProofFigure) -> dict[str, Any]:
     yes_of = {} if figure.counts is None else {"yes": figure.counts[0], "of": figure.counts[1],
                                                "low95": wilson(*figure.counts)[0], "high95": wilson(*figure.counts)[1]}
     return {"value": figure.value, **yes_of, "allowed": figure.allowed}
 
 
-def kept_in_test(marks: Sequence[Mark]) -> Figure:
+def kept_in_test(marks: Sequence[Mark]) -> ProofFigure:
     """Share of the squared error of sealed heights that the true term takes away, which what was adopted took away: the
     median world's, of those in which the true term takes away more than a trifle. (A sum over worlds would be the word
     of the few in which balls were foretold to fall short.)"""
@@ -122,27 +122,27 @@ def _told_as_set(one: Mark) -> bool:
     return one.verdict == "set" and set(ALIKE[one.level]) <= set(one.names)
 
 
-def _share(answers: Sequence[bool | None]) -> Figure:
+def _share(answers: Sequence[bool | None]) -> ProofFigure:
     known = [answer for answer in answers if answer is not None]
     if not known:
-        return Figure(None, "-")
+        return ProofFigure(None, "-")
     low, high = wilson(sum(known), len(known))
-    return Figure(sum(known) / len(known), f"{sum(known)}/{len(known)} = {sum(known) / len(known):.2f} "
+    return ProofFigure(sum(known) / len(known), f"{sum(known)}/{len(known)} = {sum(known) / len(known):.2f} "
                                            f"({low:.2f}-{high:.2f})", counts=(sum(known), len(known)))
 
 
-def _median(values: Sequence[float], form: str) -> Figure:
+def _median(values: Sequence[float], form: str) -> ProofFigure:
     if not values:
-        return Figure(None, "-")
-    return Figure(float(median(values)), f"{median(values):{form}} (median of {len(values)})")
+        return ProofFigure(None, "-")
+    return ProofFigure(float(median(values)), f"{median(values):{form}} (median of {len(values)})")
 
 
-def _mean(values: Sequence[float]) -> Figure:
+def _mean(values: Sequence[float]) -> ProofFigure:
     return _number(sum(values) / len(values) if values else None)
 
 
-def _number(value: float | None) -> Figure:
-    return Figure(value, "-" if value is None else f"{value:.2f}")
+def _number(value: float | None) -> ProofFigure:
+    return ProofFigure(value, "-" if value is None else f"{value:.2f}")
 
 
 def _allowed(marks: Sequence[Mark], part: int) -> float | None:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from truearc.sim.intervals import wilson
 from truearc.sim.report import make_page, paragraph, picture, table
 from truearc_proof.report.plots import chance_png, ladder_png, matrix_png
-from truearc_proof.report.tables import Question, Table, ladder_of, share
+from truearc_proof.report.tables import ProofTable, Question, ladder_of, share
 from truearc_proof.rounds.ledger import Entry
 from truearc_proof.scoring.decoys import up_to_alias
 from truearc_proof.scoring.score_world import NULLS, Mark
@@ -16,7 +16,7 @@ LAMBDA = ("Lambda is how plain an effect is in such data: the square of its ampl
           "that anybody could have.")
 
 
-def make_proof_page(marks: Sequence[Mark], tables: Sequence[Table], entries: Sequence[Entry]) -> str:
+def make_proof_page(marks: Sequence[Mark], tables: Sequence[ProofTable], entries: Sequence[Entry]) -> str:
     """HTML that needs nothing but itself. entries: the round's ledger. A round that was only driven has no marks."""
     levels = sorted({f"{one.level}, {one.shots} shots" for one in marks})
     sections = [("What was said of what was true", _matrix(marks))] if marks else []

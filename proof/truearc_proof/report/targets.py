@@ -16,7 +16,7 @@ from truearc_proof.report.figures import (
     RESOLVABLE,
     SEALED_KEPT,
     SEALED_LOST,
-    Figure,
+    ProofFigure,
     figures_of,
 )
 from truearc_proof.scoring.score_world import Mark
@@ -121,7 +121,7 @@ def _widened(target: Target) -> list[Target]:
     return [target] if wider is None else [target, target._replace(figure=wider)]
 
 
-def _judged(setting: Setting, target: Target, figure: Figure) -> list[str]:
+def _judged(setting: Setting, target: Target, figure: ProofFigure) -> list[str]:
     scaled = scaled_target(setting, target, figure.allowed)
     wanted = target.at.get(setting) if scaled is None else scaled
     words = "-" if wanted is None else words_of(target, wanted) + ("" if scaled is None else " (scaled)")
@@ -131,7 +131,7 @@ def _judged(setting: Setting, target: Target, figure: Figure) -> list[str]:
             "no target" if wanted is None else _verdict(target, wanted, figure)]
 
 
-def _verdict(target: Target, wanted: float, figure: Figure) -> str:
+def _verdict(target: Target, wanted: float, figure: ProofFigure) -> str:
     """Whether it is reached, and of a share, whether it might be luck: Wilson's interval has values of either kind."""
     assert figure.value is not None
     reached = is_reached(target, figure.value, wanted)

@@ -12,13 +12,13 @@ from truearc.sim.discover.model.baseline_fit import BaselineFit, only_shared
 from truearc.sim.discover.select.forecast_error import end_errors
 from truearc.sim.discover.select.refit import Refit, refit, unseen_change, without
 from truearc.sim.discover.select.term_ranking import Candidate, one_step
-from truearc_proof.rivals.claim import Believed, Claim
+from truearc_proof.rivals.claim import Claim, RivalBelief
 
 LIKELY = 3
 MOST_USUAL = 3.0                      # usual sizes from which a refit starts at most
 
 
-def answer(dataset: Dataset, believed: Believed, seed: int = 0) -> Claim:
+def answer(dataset: Dataset, believed: RivalBelief, seed: int = 0) -> Claim:
     """The best fit's name and what it foretells; nothing in it is random."""
     fitted = believed.fitted
     candidates = [one for one in one_step(fitted.evidence)[0] if one.visible]

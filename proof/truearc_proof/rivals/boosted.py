@@ -11,7 +11,7 @@ from sklearn.ensemble import HistGradientBoostingRegressor
 from threadpoolctl import threadpool_limits
 
 from truearc.sim.data.dataset import Dataset
-from truearc_proof.rivals.claim import Array, Believed, Claim
+from truearc_proof.rivals.claim import Array, Claim, RivalBelief
 from truearc_proof.rivals.residual import claim_by
 
 TREES, RATE, LEAVES, LEAST_SHOTS = 300, 0.05, 8, 15
@@ -55,6 +55,6 @@ class Trees:
         return np.array(worse)
 
 
-def answer(dataset: Dataset, believed: Believed, seed: int = 0) -> Claim:
+def answer(dataset: Dataset, believed: RivalBelief, seed: int = 0) -> Claim:
     """What the trees say."""
     return claim_by(dataset, believed, partial(Trees, seed))

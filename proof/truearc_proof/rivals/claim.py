@@ -34,7 +34,7 @@ class Claim(Struct, frozen=True):
 
 
 @dataclass(frozen=True)
-class Believed:
+class RivalBelief:
     """The believed simulation fitted to the dataset, as truearc fits it; refits: of single terms, as far as made."""
 
     fitted: BaselineFit
@@ -48,7 +48,7 @@ class Believed:
         return tuple(dict.fromkeys(column.name.partition(".")[0] for column in columns if column.kind == "shared"))
 
 
-Rival = Callable[[Dataset, Believed, int], Claim]
+Rival = Callable[[Dataset, RivalBelief, int], Claim]
 
 
 class Held(NamedTuple):
@@ -64,12 +64,12 @@ def folds(n: int) -> tuple[Held, ...]:
     return tuple(Held(fold != k, fold == k) for k in range(FOLDS))
 
 
-def believed_of(found: Investigation) -> Believed | None:
+def believed_of(found: Investigation) -> RivalBelief | None:
     """From truearc's own investigation; None where the data carry no test at all."""
     if found.fitted is None or found.clusters is None:
         return None
     refits = found.steps[0].naming.refits if found.steps else {}
-    return Believed(found.fitted, found.clusters, refits)
+    return RivalBelief(found.fitted, found.clusters, refits)
 
 
 def rms(errors: Array) -> float:

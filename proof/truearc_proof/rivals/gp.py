@@ -13,7 +13,7 @@ from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 
 from truearc.sim.data.dataset import Dataset
-from truearc_proof.rivals.claim import Array, Believed, Claim
+from truearc_proof.rivals.claim import Array, Claim, RivalBelief
 from truearc_proof.rivals.residual import claim_by
 
 SCALES = (0.1, 1e3)                   # of length, in standard deviations of a covariate
@@ -57,6 +57,6 @@ def _climb(cost: Callable[[Array], tuple[float, Array]], start: Array, bounds: A
     return found.x, found.fun
 
 
-def answer(dataset: Dataset, believed: Believed, seed: int = 0) -> Claim:
+def answer(dataset: Dataset, believed: RivalBelief, seed: int = 0) -> Claim:
     """What the process says; nothing in it is random."""
     return claim_by(dataset, believed, Process)

@@ -9,7 +9,7 @@ the share of models that do. Velocities are differenced once and accelerations t
 import numpy as np
 
 from truearc.sim.data.dataset import Dataset
-from truearc_proof.rivals.claim import Array, Believed, Claim
+from truearc_proof.rivals.claim import Array, Claim, RivalBelief
 from truearc_proof.rivals.library import COLUMNS, accelerations, gravity
 from truearc_proof.rivals.regression import claim_by, known_of
 from truearc_proof.rivals.sparse import Rows
@@ -19,7 +19,7 @@ WINDOW, ORDER = 21, 3
 EDGE = 8
 
 
-def answer(dataset: Dataset, believed: Believed, seed: int = 0) -> Claim:
+def answer(dataset: Dataset, believed: RivalBelief, seed: int = 0) -> Claim:
     """What the ensemble says; needs pysindy."""
     flights = gather_flights(dataset)
     known = known_of(believed.terms)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from truearc.sim.data.dataset import Dataset
-from truearc_proof.rivals.claim import Array, Believed, Claim
+from truearc_proof.rivals.claim import Array, Claim, RivalBelief
 from truearc_proof.rivals.library import COLUMNS, accelerations, gravity
 from truearc_proof.rivals.pysindy_ensemble import WINDOW, differentiate
 from truearc_proof.rivals.regression import claim_by, known_of
@@ -26,7 +26,7 @@ DOMAINS = 1                           # a track
 POWER = 2                             # of the test function
 
 
-def answer(dataset: Dataset, believed: Believed, seed: int = 0) -> Claim:
+def answer(dataset: Dataset, believed: RivalBelief, seed: int = 0) -> Claim:
     """What the ensemble over the weak form says; needs pysindy."""
     flights = gather_flights(dataset)
     known = known_of(believed.terms)

@@ -19,7 +19,7 @@ from truearc.sim.discover.model.baseline_fit import only_shared
 from truearc.sim.discover.select.forecast_error import track_errors
 from truearc.sim.discover.select.refit import unseen_change, without
 from truearc.sim.physics.catalogue import TERMS
-from truearc_proof.rivals.claim import Array, Believed, Claim, folds, rms
+from truearc_proof.rivals.claim import Array, Claim, RivalBelief, folds, rms
 
 
 class Learner(Protocol):
@@ -35,7 +35,7 @@ class Learner(Protocol):
         """[q] how much it leans on each covariate, most = largest."""
 
 
-def claim_by(dataset: Dataset, believed: Believed, make: Callable[[], Learner]) -> Claim:
+def claim_by(dataset: Dataset, believed: RivalBelief, make: Callable[[], Learner]) -> Claim:
     """It says something when it foretells held-out residuals better than nothing does."""
     covariates = gather_covariates(dataset)
     residuals = residuals_of(believed)
@@ -49,7 +49,7 @@ def claim_by(dataset: Dataset, believed: Believed, make: Callable[[], Learner]) 
                  {"gain": float(each.mean()), "gain_se": float(each.std() / np.sqrt(len(each)))})
 
 
-def residuals_of(believed: Believed) -> Array:
+def residuals_of(believed: RivalBelief) -> Array:
     """[k, 3] in m of the tracked shots, each by a believed fit that has not seen it."""
     fitted = believed.fitted
     null = without(fitted.evidence)

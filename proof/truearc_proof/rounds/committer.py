@@ -35,7 +35,7 @@ Wanted = list[Asked] | str             # configurations, or what to measure (tru
 AT_ONCE = 8                           # worlds made between two entries in the ledger
 
 
-class Plan(Struct, frozen=True, forbid_unknown_fields=True):
+class RoundPlan(Struct, frozen=True, forbid_unknown_fields=True):
     """What a round is drawn from."""
 
     seed: int
@@ -57,7 +57,7 @@ def entropy() -> int:
     return secrets.randbits(62)
 
 
-def seal_round(room: Room, plan: Plan, progress: Progress, workers: int | None = None,
+def seal_round(room: Room, plan: RoundPlan, progress: Progress, workers: int | None = None,
                scheduler: str | None = None) -> None:
     """Make and seal every world that is not sealed yet. InputError where the round was begun from another plan."""
     worlds = plan.drawn()             # before anything is there: a plan of which nothing can be drawn leaves nothing
@@ -66,7 +66,7 @@ def seal_round(room: Room, plan: Plan, progress: Progress, workers: int | None =
         _seal_drawn(room, worlds, progress, workers, scheduler)
 
 
-def keep_plan(room: Room, plan: Plan) -> None:
+def keep_plan(room: Room, plan: RoundPlan) -> None:
     """Written once, whole or not at all. InputError where the round was begun from another."""
     room.keeper.mkdir(parents=True, exist_ok=True)
     if not room.plan.exists():
@@ -176,10 +176,10 @@ def answer(drawn: Drawn, asked: Wanted, directory: Path) -> None:
         make_more(drawn, asked, directory)
 
 
-def load_plan(room: Room) -> Plan:
+def load_plan(room: Room) -> RoundPlan:
     """InputError names the file and what is wrong with it."""
     try:
-        return msgspec.json.decode(room.plan.read_bytes(), type=Plan)
+        return msgspec.json.decode(room.plan.read_bytes(), type=RoundPlan)
     except OSError as error:
         raise InputError(f"{room.plan}: {error.strerror}") from error
     except msgspec.MsgspecError as error:

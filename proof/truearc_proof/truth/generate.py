@@ -14,7 +14,7 @@ from truearc_proof.truth.sensors import see_outcomes, see_places, see_telemetry,
 from truearc_proof.truth.world import World
 
 
-class Season(NamedTuple):
+class TruthSeason(NamedTuple):
     """All that happened; the solver gets `dataset` and nothing else."""
 
     dataset: Dataset
@@ -36,7 +36,7 @@ def write(world: World, directory: str | Path) -> Dataset:
     return dataset
 
 
-def play(world: World) -> Season:
+def play(world: World) -> TruthSeason:
     """As shoot, with the truth beside it."""
     plan = plan_shots(world)
     distance, hood = see_places(world, plan)
@@ -52,7 +52,7 @@ def shift_m(world: World) -> Floats:
     return season.flown.arrival.height_m - plain.arrival.height_m
 
 
-def record(world: World, plan: Plan, seen: tuple[Floats, Floats], ratio: Floats, flight_s: Floats) -> Season:
+def record(world: World, plan: Plan, seen: tuple[Floats, Floats], ratio: Floats, flight_s: Floats) -> TruthSeason:
     """The shots of a plan and what the sensors say of them.
 
     seen: (distance, elevation) as measured. ratio: of the motors. flight_s: of the aimed shots.
@@ -73,4 +73,4 @@ def record(world: World, plan: Plan, seen: tuple[Floats, Floats], ratio: Floats,
         tracks = see_tracks(world, flown)
     ids = tuple(f"s{number:04d}" for number in range(1, world.shots + 1))
     dataset = Dataset(f"world{world.seed}", world.facts, Shots(ids, numbers, texts), tracks, traces)
-    return Season(dataset, plan, ratio, wheels, flown)
+    return TruthSeason(dataset, plan, ratio, wheels, flown)

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Bool, Float
 from scipy.linalg import block_diag
 
 from truearc.sim.discover.detect.clusters import Clusters
@@ -12,6 +13,8 @@ from truearc.sim.discover.detect.weight_functions import STEP
 from truearc.sim.discover.model.score_table import Array, ScoreTable, shared_columns
 from truearc.sim.discover.select.refit import folds_of
 
+Basis = Float[Array, "n q"]           # shapes of an amplitude over the shots
+Train = Bool[Array, " n"]             # the shots that are fitted to
 STEPS = 8                             # of Fisher scoring; one is exact for Gaussian evidence
 HALVINGS = 8
 RIDGES = (0.0003, 0.003, 0.03, 0.3, 3.0)      # of bends, relative to what the shots say of them
@@ -20,23 +23,23 @@ FIRM = 1e-6                           # of everything else, so that an alias of 
 
 @dataclass(frozen=True)
 class Correction:
-    """Changes [n, 1 + p] of the test's column and the shared ones: for each shot fitted to the other folds.
+    """Changes of the test's column and the shared ones: for each shot fitted to the other folds.
 
     evidence: with these columns only.
     """
 
     test: Test
     evidence: ScoreTable
-    amplitude: Array                  # [n] of the column, fitted to all shots
-    shared: Array                     # [p] changes of the shared columns that go with it
-    before: Array                     # [n, 1 + p] held out, shared columns alone refitted
-    after: Array
-    log_before: Array                 # [n] held-out log score
-    log_after: Array
+    amplitude: Float[Array, " n"]     # of the column, fitted to all shots
+    shared: Float[Array, " p"]        # changes of the shared columns that go with it
+    before: Float[Array, "n P"]       # held out, shared columns alone refitted
+    after: Float[Array, "n P"]
+    log_before: Float[Array, " n"]    # held-out log score
+    log_after: Float[Array, " n"]
     steps: tuple[float, ...] = ()     # ridge chosen in each fold
 
     @property
-    def gain(self) -> Array:
+    def gain(self) -> Float[Array, " n"]:
         gain: Array = self.log_after - self.log_before
         return gain
 
@@ -63,9 +66,9 @@ def correct(evidence: ScoreTable, test: Test, clusters: Clusters) -> Correction:
                       tuple(ridges))
 
 
-def unseen(evidence: ScoreTable, basis: Array, clusters: Clusters) -> tuple[Array, Array]:
-    """(held-out log score [n], coefficients [q] fitted to all shots) with the first column's amplitude in the span of
-    `basis` [n, q]; folds as in `correct`."""
+def unseen(evidence: ScoreTable, basis: Basis, clusters: Clusters) -> tuple[Float[Array, " n"], Float[Array, " q"]]:
+    """(held-out log score, coefficients fitted to all shots) with the first column's amplitude in the span of
+    `basis`; folds as in `correct`."""
     fold = folds_of(clusters.label[evidence.rows])
     change = np.zeros(evidence.score.shape)
     for held in range(fold.max() + 1):
@@ -74,8 +77,8 @@ def unseen(evidence: ScoreTable, basis: Array, clusters: Clusters) -> tuple[Arra
     return evidence.log_score + evidence.gain(change), found[:basis.shape[1]]
 
 
-def _basis(evidence: ScoreTable, test: Test) -> Array:
-    """[n, q]: the same for all; straight in the covariate and its bends, after the step where one was found; or each
+def _basis(evidence: ScoreTable, test: Test) -> Float[Array, "n q"]:
+    """The same for all; straight in the covariate and its bends, after the step where one was found; or each
     group's difference from the first; or two covariates, their product and the wave that was found."""
     ones = np.ones((len(evidence.rows), 1))
     if test.what is None:
@@ -91,13 +94,13 @@ def _basis(evidence: ScoreTable, test: Test) -> Array:
     return np.concatenate([ones] + [(codes == k)[:, None] * 1.0 for k in range(1, len(test.what.levels))], axis=1)
 
 
-def _fitted(evidence: ScoreTable, basis: Array, train: Array, ridge: float) -> Array:
-    """Most likely change [n, 1+p] with the first column's amplitude in the span of `basis`, by rows in `train`."""
+def _fitted(evidence: ScoreTable, basis: Basis, train: Train, ridge: float) -> Float[Array, "n P"]:
+    """Most likely change with the first column's amplitude in the span of `basis`, by rows in `train`."""
     return _spread(evidence, 0, basis, _fit(evidence, 0, basis, train, ridge))
 
 
-def _fit(evidence: ScoreTable, channel: int, basis: Array, train: Array, ridge: float) -> Array:
-    """Coefficients of the basis and changes of the shared columns [q+p], likeliest for the rows in `train`."""
+def _fit(evidence: ScoreTable, channel: int, basis: Basis, train: Train, ridge: float) -> Float[Array, " k"]:
+    """Coefficients of the basis and changes of the shared columns, likeliest for the rows in `train`."""
     shared = shared_columns(evidence)
     q, p = basis.shape[1], evidence.score[:, shared].shape[1]
     penalty = block_diag(np.diag(_penalty(evidence, channel, basis, train, ridge)), evidence.precision)
@@ -120,16 +123,17 @@ def _fit(evidence: ScoreTable, channel: int, basis: Array, train: Array, ridge: 
     return found
 
 
-def _spread(evidence: ScoreTable, channel: int, basis: Array, found: Array) -> Array:
-    """Coefficients of the basis and shared changes -> one change a shot [n, C+p]."""
+def _spread(evidence: ScoreTable, channel: int, basis: Basis, found: Float[Array, " k"]) -> Float[Array, "n P"]:
+    """Coefficients of the basis and shared changes -> one change a shot."""
     change = np.zeros_like(evidence.score)
     change[:, channel] = basis @ found[:basis.shape[1]]
     change[:, shared_columns(evidence)] = found[basis.shape[1]:]
     return change
 
 
-def _normal(evidence: ScoreTable, channel: int, basis: Array, train: Array, change: Array) -> tuple[Array, Array]:
-    """Score [q+p] and information [q+p, q+p] of basis coefficients and shared parameters at `change`."""
+def _normal(evidence: ScoreTable, channel: int, basis: Basis, train: Train,
+            change: Float[Array, "n P"]) -> tuple[Float[Array, " k"], Float[Array, "k k"]]:
+    """Score and information of basis coefficients and shared parameters at `change`."""
     score, info = (part[train] for part in evidence.slopes_at(change))
     shared, deal = shared_columns(evidence), evidence.deal.some(train)
     shapes = basis[train]
@@ -139,14 +143,14 @@ def _normal(evidence: ScoreTable, channel: int, basis: Array, train: Array, chan
             np.block([[top, cross], [cross.T, deal.total(info)[shared, shared]]]))
 
 
-def _penalty(evidence: ScoreTable, channel: int, basis: Array, train: Array, ridge: float) -> Array:
+def _penalty(evidence: ScoreTable, channel: int, basis: Basis, train: Train, ridge: float) -> Float[Array, " q"]:
     """Ridge on each basis column: firm but tiny, and `ridge` on bends (columns from the third)."""
     said = (basis[train]**2 * evidence.info[train, channel, channel][:, None]).sum(0)
     ridges: Array = said * np.where(np.arange(basis.shape[1]) >= 2, FIRM + ridge, FIRM)
     return ridges
 
 
-def _choose_ridge(evidence: ScoreTable, test: Test, basis: Array, train: Array) -> float:
+def _choose_ridge(evidence: ScoreTable, test: Test, basis: Basis, train: Train) -> float:
     """The ridge under which the training shots are likeliest, bends integrated out (Laplace, first step); groups: 0."""
     q, channel = basis.shape[1], 0
     if q <= 2 or not isinstance(test.what, Covariate):
@@ -156,8 +160,8 @@ def _choose_ridge(evidence: ScoreTable, test: Test, basis: Array, train: Array) 
     return max(RIDGES, key=lambda ridge: _marginal(evidence, channel, basis, train, ridge, score, info))
 
 
-def _marginal(evidence: ScoreTable, channel: int, basis: Array, train: Array, ridge: float, score: Array,
-              info: Array) -> float:
+def _marginal(evidence: ScoreTable, channel: int, basis: Basis, train: Train, ridge: float,
+              score: Float[Array, " k"], info: Float[Array, "k k"]) -> float:
     bends = _penalty(evidence, channel, basis, train, ridge)
     total = info + block_diag(np.diag(bends), evidence.precision) + 1e-12 * np.eye(len(info))
     volume = np.log(np.maximum(bends, 1e-300)).sum() - np.linalg.slogdet(total)[1]

@@ -18,6 +18,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Bool, Float, Int
 
 from truearc.sim.discover.model.score_table import Array, ScoreTable, shared_columns
 
@@ -39,10 +40,10 @@ class Scores:
     spread that it had before.
     """
 
-    psi: Array
-    kappa: Array
-    stretch: Array
-    kept: Array
+    psi: Float[Array, "G M"]
+    kappa: Float[Array, "G M"]
+    stretch: Float[Array, "G M"]
+    kept: Bool[Array, " M"]
 
     def take(self, kept: Array) -> "Scores":
         """These of the tests."""
@@ -58,14 +59,14 @@ class Judged:
     largest {family: [1 + draws]} the largest of each as seen, then by chance; weights: their shares of the allowance.
     """
 
-    statistic: Array
-    amplitude: Array                  # [M] one-step estimate of b
-    gain: Array                       # [M] log-likelihood explained by it
-    p_each: Array
-    p_value: Array
+    statistic: Float[Array, " M"]
+    amplitude: Float[Array, " M"]     # one-step estimate of b
+    gain: Float[Array, " M"]          # log-likelihood explained by it
+    p_each: Float[Array, " M"]
+    p_value: Float[Array, " M"]
     families: dict[str, float]
     p_any: float
-    largest: dict[str, Array]
+    largest: dict[str, Float[Array, " draws"]]
     weights: dict[str, float]
 
     def threshold(self, family: str, false_alarm: float) -> float:
@@ -76,8 +77,9 @@ class Judged:
         return float(np.quantile(self.largest[family], 1.0 - min(allowed, 1.0)))
 
 
-def efficient_scores(evidence: ScoreTable, channel: int, weights: Array, cluster: Array, clusters: int) -> Scores:
-    """Scores of `weights` [n, q] (q tests on one channel), summed over `cluster` [n] (numbers below `clusters`); those
+def efficient_scores(evidence: ScoreTable, channel: int, weights: Float[Array, "n q"], cluster: Int[Array, " n"],
+                     clusters: int) -> Scores:
+    """Scores of `weights` (q tests on one channel), summed over `cluster` (numbers below `clusters`); those
     of the p priors follow."""
     shared, first = shared_columns(evidence), evidence.first_shared
     place = evidence.deal.place[:, first:] - first
@@ -99,8 +101,9 @@ def efficient_scores(evidence: ScoreTable, channel: int, weights: Array, cluster
     return Scores(psi, kappa, _stretch(kappa, drawn), _usable(kappa, raw.sum(0)))
 
 
-def _prior_scores(evidence: ScoreTable, project: Array, total: Array) -> tuple[Array, Array, Array]:
-    """(psi, kappa, drawn) [m, q] of the priors, as independent observations of combinations of the shared parameters:
+def _prior_scores(evidence: ScoreTable, project: Float[Array, "q p"], total: Float[Array, "p p"]
+                  ) -> tuple[Float[Array, "m q"], Float[Array, "m q"], Float[Array, "m q"]]:
+    """(psi, kappa, drawn) of the priors, as independent observations of combinations of the shared parameters:
     one each, or, of what an earlier session told, PIECES each.
 
     A session's error is normal and as large as it says, so it may be split into many (its share of the error and
@@ -122,7 +125,7 @@ def _prior_scores(evidence: ScoreTable, project: Array, total: Array) -> tuple[A
     return -onto[whose] * piece[:, None], onto[whose]**2 * share, onto[whose]**2 * leaned * share**2
 
 
-def _sum_over(cluster: Array, clusters: int, rows: Array) -> Array:
+def _sum_over(cluster: Int[Array, " n"], clusters: int, rows: Float[Array, "n q"]) -> Float[Array, "G q"]:
     summed = np.zeros((clusters, *rows.shape[1:]))
     if _each_by_itself(cluster):      # 4 times as fast
         summed[cluster] = rows
@@ -131,11 +134,12 @@ def _sum_over(cluster: Array, clusters: int, rows: Array) -> Array:
     return summed
 
 
-def _drawn(cluster: Array, clusters: int, common: Array, place: Array, inverse: Array) -> Array:
-    """[G, q]: how far fitting the shared parameters draws each cluster's score, as a variance.
+def _drawn(cluster: Int[Array, " n"], clusters: int, common: Float[Array, "n q c"], place: Int[Array, "n c"],
+           inverse: Float[Array, "p p"]) -> Float[Array, "G q"]:
+    """How far fitting the shared parameters draws each cluster's score, as a variance.
 
-    `common` [n, q, c]: covariance of a shot's efficient score with its own score of the shared parameters, of which
-    `place` [n, c] says which of the p they are; inverse [p, p] of what is known of these.
+    `common`: covariance of a shot's efficient score with its own score of the shared parameters, of which
+    `place` says which of the p they are; inverse of what is known of these.
     """
     if _each_by_itself(cluster):
         own = inverse[place[:, :, None], place[:, None, :]]
@@ -146,19 +150,19 @@ def _drawn(cluster: Array, clusters: int, common: Array, place: Array, inverse: 
     return variance
 
 
-def _each_by_itself(cluster: Array) -> bool:
+def _each_by_itself(cluster: Int[Array, " n"]) -> bool:
     """As ever but in tests."""
     return len(np.unique(cluster)) == len(cluster)
 
 
-def _stretch(kappa: Array, drawn: Array) -> Array:
+def _stretch(kappa: Float[Array, "G M"], drawn: Float[Array, "G M"]) -> Float[Array, "G M"]:
     """1 / sqrt(1 - leverage), each cluster's leverage in each test as its information has it (HC2 of linear models)."""
     leverage = drawn / np.maximum(kappa, 1e-300)
     factor: Array = 1.0 / np.sqrt(1.0 - np.clip(leverage, 0.0, MOST_LEVERAGE))
     return factor
 
 
-def _usable(kappa: Array, raw: Array) -> Array:
+def _usable(kappa: Float[Array, "G M"], raw: Float[Array, " M"]) -> Bool[Array, " M"]:
     total = kappa.sum(0)
     effective = total**2 / np.maximum((kappa**2).sum(0), 1e-300)
     usable: Array = (total > LEAST_SHARE * raw) & (raw > 0.0) & (effective >= FEWEST_CLUSTERS)
@@ -187,8 +191,8 @@ def judge(scores: Scores, family: Sequence[str], allowance: Mapping[str, float],
                   p_any, largest, weights)
 
 
-def _flip(unit: Array, seen: Array, member: Mapping[str, Array], draws: int, seed: int,
-          progress: Progress) -> tuple[dict[str, Array], Array]:
+def _flip(unit: Float[Array, "G M"], seen: Float[Array, " M"], member: Mapping[str, Bool[Array, " M"]], draws: int,
+          seed: int, progress: Progress) -> tuple[dict[str, Float[Array, " draws"]], Float[Array, " M"]]:
     """({family: its largest as observed, then in each draw}, draws [M] in which a test came out as large).
 
     `unit` [G, M]: each cluster's part of a test's score, in units of the spread.

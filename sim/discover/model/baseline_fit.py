@@ -8,6 +8,7 @@ from functools import cache
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Bool, Float, Int
 from scipy.linalg import block_diag
 
 from truearc.sim.discover.model import outcome_likelihood as outcomes
@@ -65,7 +66,7 @@ class BaselineFit:
                 for column, value in named if column.kind != "group"}
 
     @property
-    def together(self) -> Array:
+    def together(self) -> Int[Array, " n"]:
         """Which shots hang together when figures are compared, a number each [n]: those of a group, else each alone."""
         groups = self.layout.groups
         return np.arange(len(self.evidence.rows)) if groups is None or groups.count == 1 else groups.label
@@ -98,7 +99,7 @@ def climb(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint,
     """
     best = highest = -np.inf
     idle = 0
-    kept: tuple[LinearizationPoint, ScoreTable, Array] | None = None
+    kept: tuple[LinearizationPoint, ScoreTable, Float[Array, "n D"]] | None = None
     for number in range(ROUNDS):
         progress(number / ROUNDS, "fit")
         flown = fly(intake, layout, spot)
@@ -122,7 +123,7 @@ def climb(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint,
 
 def _climb_linear(
     intake: Intake, layout: ParameterLayout, spot: LinearizationPoint, flown: Linearization
-) -> tuple[LinearizationPoint, Array]:
+) -> tuple[LinearizationPoint, Float[Array, "n D"]]:
     """(the top without flying anew, most likely deviates there)."""
     evidence, deviates = linearise(intake, layout, spot, flown)
     best = objective(evidence, layout)
@@ -148,8 +149,10 @@ def _halfway(a: LinearizationPoint, b: LinearizationPoint) -> LinearizationPoint
                                              (a.deviates, b.deviates), (a.effects, b.effects))))
 
 
-def newton_step(evidence: ScoreTable, free: Array | slice = slice(None)) -> tuple[Array, float]:
-    """(Fisher scoring step [P] for layouts of shared columns only, nats that it promises); columns that are not `free`
+def newton_step(
+    evidence: ScoreTable, free: Bool[Array, " P"] | slice = slice(None)
+) -> tuple[Float[Array, " P"], float]:
+    """(Fisher scoring step for layouts of shared columns only, nats that it promises); columns that are not `free`
     stay."""
     info, slope = evidence.information + evidence.precision, evidence.score.sum(0) + evidence.pull
     info, slope, step = info[free][:, free], slope[free], np.zeros(len(slope))
@@ -157,7 +160,9 @@ def newton_step(evidence: ScoreTable, free: Array | slice = slice(None)) -> tupl
     return step, 0.5 * float(step[free] @ slope)
 
 
-def _step_within(layout: ParameterLayout, spot: LinearizationPoint, evidence: ScoreTable) -> tuple[Array, float]:
+def _step_within(
+    layout: ParameterLayout, spot: LinearizationPoint, evidence: ScoreTable
+) -> tuple[Float[Array, " P"], float]:
     """The same; what is at a limit and would go beyond it stays, so that the others go where it is best for it there.
     """
     free = np.full(len(layout.columns), True)
@@ -169,8 +174,8 @@ def _step_within(layout: ParameterLayout, spot: LinearizationPoint, evidence: Sc
         free &= ~out
 
 
-def _leads_out(layout: ParameterLayout, spot: LinearizationPoint, step: Array) -> Array:
-    """Which columns [P] are at a limit of theirs that the step is to lead beyond."""
+def _leads_out(layout: ParameterLayout, spot: LinearizationPoint, step: Float[Array, " P"]) -> Bool[Array, " P"]:
+    """Which columns are at a limit of theirs that the step is to lead beyond."""
     out = np.full(len(layout.columns), False)
     slots = np.flatnonzero((layout.source >= 0) & (layout.source < len(layout.chain.slots)))
     source = layout.source[slots]
@@ -179,8 +184,8 @@ def _leads_out(layout: ParameterLayout, spot: LinearizationPoint, step: Array) -
     return out
 
 
-def scale_of(layout: ParameterLayout) -> Array:
-    """1 / a usual size of each column [P]."""
+def scale_of(layout: ParameterLayout) -> Float[Array, " P"]:
+    """1 / a usual size of each column."""
     return 1.0 / np.array([column.usual for column in layout.columns])
 
 
@@ -191,8 +196,8 @@ def objective(evidence: ScoreTable, layout: ParameterLayout) -> float:
     return value if np.isfinite(value) else -np.inf
 
 
-def moved(layout: ParameterLayout, spot: LinearizationPoint, change: Array) -> LinearizationPoint:
-    """The spot after its columns change by `change` [P], parameters no further than they can go; log scatters by no
+def moved(layout: ParameterLayout, spot: LinearizationPoint, change: Float[Array, " P"]) -> LinearizationPoint:
+    """The spot after its columns change by `change`, parameters no further than they can go; log scatters by no
     more than 1 at a time."""
     values, log_scatter = spot.values.copy(), spot.log_scatter.copy()
     slots = (layout.source >= 0) & (layout.source < len(layout.chain.slots))
@@ -214,8 +219,8 @@ def out_of_range(values: Mapping[str, float]) -> list[str]:
 
 
 @cache
-def _bounds(slots: tuple[tuple[str, str], ...]) -> tuple[Array, Array]:
-    """Lowest and highest [slots] that a fit may come to. A parameter's declared range, in which it is looked for, goes
+def _bounds(slots: tuple[tuple[str, str], ...]) -> tuple[Float[Array, " slots"], Float[Array, " slots"]]:
+    """Lowest and highest that a fit may come to. A parameter's declared range, in which it is looked for, goes
     on below zero where its scale does: lift may be reversed, an efficiency above one; drag cannot drive."""
     parameters = [find_parameter(".".join(slot)) for slot in slots]
     low = [one.low if one.prior is not None and one.prior.scale == LOG else min(one.low, -one.high)
@@ -245,7 +250,7 @@ def only_shared(layout: ParameterLayout, more: Iterable[str] = ()) -> ParameterL
                   layout.groups, layout.measured, layout.see)
 
 
-def widened(precision: Array, by: Iterable[tuple[int, float]]) -> Array:
+def widened(precision: Float[Array, "p p"], by: Iterable[tuple[int, float]]) -> Float[Array, "p p"]:
     """The prior's precision once numbers [(place, standard deviation)] may have changed (Sherman and Morrison)."""
     for place, sd in by:
         row = precision[place]
@@ -310,8 +315,9 @@ def is_lost(fitted: BaselineFit) -> bool:
     return bool(((fitted.spot.log_scatter - usual)[OF_LAUNCH] > np.log(ABSURD)).any())
 
 
-def _rough(intake: Intake, layout: ParameterLayout, points: Array) -> Array:
-    """Log-likelihood [points, scatters] of some of the outcomes, at some sizes of one scatter of the height."""
+def _rough(intake: Intake, layout: ParameterLayout, points: Float[Array, "points slots"]) -> Float[Array, "points "
+                                                                                                          "scatters"]:
+    """Log-likelihood of some of the outcomes, at some sizes of one scatter of the height."""
     some = np.arange(len(intake.marked))[::-(-len(intake.marked) // SOME)]
     lanes = jax.tree.map(lambda part: np.asarray(part)[np.resize(intake.marked[some], SOME)] if np.ndim(part) else part,
                          intake.lanes)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from jaxtyping import Bool, Float, Int
 
 Array = np.ndarray
 
@@ -23,7 +24,7 @@ class GroupedColumns:
     real: int
     effects: int
     groups: int
-    label: Array
+    label: Int[Array, " n"]
 
     @staticmethod
     def plain(shots: int, columns: int) -> "GroupedColumns":
@@ -36,28 +37,28 @@ class GroupedColumns:
         return self.real + self.effects * self.groups
 
     @cached_property
-    def place(self) -> Array:
+    def place(self) -> Int[Array, "n C"]:
         """Which of the P each of a shot's own columns is [n, C]."""
         common = np.tile(np.arange(self.real), (len(self.label), 1))
         return np.concatenate([common, self.real + np.arange(self.effects) * self.groups + self.label[:, None]], axis=1)
 
-    def own(self, change: Array) -> Array:
-        """[n, P] -> [n, C]."""
+    def own(self, change: Float[Array, "n P"]) -> Float[Array, "n C"]:
+        """Each shot's own columns."""
         return np.take_along_axis(change, self.place, axis=1) if self.effects else change
 
-    def spread(self, own: Array) -> Array:
-        """[n, C] -> [n, P], noughts in other groups' columns."""
+    def spread(self, own: Float[Array, "n C"]) -> Float[Array, "n P"]:
+        """All columns, zero in those of other groups."""
         if not self.effects:
             return own
         spread = np.zeros((len(own), self.width))
         np.put_along_axis(spread, self.place, own, axis=1)
         return spread
 
-    def some(self, rows: Array) -> "GroupedColumns":
+    def some(self, rows: Int[Array, " k"] | Bool[Array, " n"]) -> "GroupedColumns":
         """Of some shots."""
         return replace(self, label=self.label[rows])
 
-    def total(self, own: Array) -> Array:
+    def total(self, own: Float[Array, "n C C"]) -> Float[Array, "P P"]:
         """Sum [P, P] over shots of own [n, C, C]."""
         real = self.real
         total = np.zeros((self.width, self.width))
@@ -67,7 +68,7 @@ class GroupedColumns:
         total[:real, real:] = total[real:, :real].T
         return total
 
-    def pick(self, kept: Array) -> tuple["GroupedColumns", Array]:
+    def pick(self, kept: Int[Array, " k"]) -> tuple["GroupedColumns", Int[Array, " c"]]:
         """(deal, which own columns) of these columns, those of all shots first; of groups all or none."""
         real = kept[kept < self.real]
         effects = self.effects if len(kept) > len(real) else 0

@@ -12,6 +12,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float, Int
 
 from truearc.sim.discover.model import outcome_likelihood as outcomes
 from truearc.sim.discover.model.external_measurements import Measured
@@ -36,10 +37,10 @@ class Groups:
     by how much a unit of it does.
     """
 
-    label: Array
+    label: Int[Array, " n"]
     count: int
-    inputs: Array
-    scale: Array
+    inputs: Int[Array, " B"]
+    scale: Float[Array, " B"]
 
 
 @dataclass(frozen=True)
@@ -55,18 +56,18 @@ class ParameterLayout:
 
     chain: Chain
     columns: tuple[Column, ...]
-    source: Array
+    source: Int[Array, " P"]
     scatters: tuple[int, ...]
-    precision: Array
-    centre: Array
-    edges_s: Array
-    usual: Array
+    precision: Float[Array, "p p"]
+    centre: Float[Array, " p"]
+    edges_s: Float[Array, " edges"]
+    usual: Float[Array, " slots"]
     groups: Groups | None = None
     measured: Measured = field(default_factory=dict)
     see: Callable[..., tuple[Prediction, Prediction]] | None = None
 
     @property
-    def inputs(self) -> Array:
+    def inputs(self) -> Int[Array, " inputs"]:
         """The chain's inputs that are flown, those of groups last."""
         own = self.source[self.source >= 0]
         return own if self.groups is None else np.concatenate([own, self.groups.inputs])
@@ -82,10 +83,10 @@ class LinearizationPoint:
     """Where the chain is linearised: `values` [slots], log scatters [S], each shot's deviates [n, D], and the effects
     of groups [Q], to which all is taken to be linear."""
 
-    values: Array
-    log_scatter: Array
-    deviates: Array
-    effects: Array
+    values: Float[Array, " slots"]
+    log_scatter: Float[Array, " S"]
+    deviates: Float[Array, "n D"]
+    effects: Float[Array, " Q"]
 
 
 @dataclass(frozen=True)
@@ -98,16 +99,16 @@ class Linearization:
     slopes: Prediction
     normal: Normal
 
-    def plane_at(self, layout: ParameterLayout, values: Array) -> Prediction:
+    def plane_at(self, layout: ParameterLayout, values: Float[Array, " slots"]) -> Prediction:
         """What would be seen at the plane at other values of the inputs, all else the same, taken as linear."""
         change = self._change(layout, values)
         return self.seen._replace(plane=self.seen.plane + self.slopes.plane[..., :len(change)] @ change)
 
-    def normal_at(self, layout: ParameterLayout, values: Array) -> Normal:
+    def normal_at(self, layout: ParameterLayout, values: Float[Array, " slots"]) -> Normal:
         """What tracks and exits say there."""
         return self.normal.at(np.concatenate([self._change(layout, values), np.zeros(layout.chain.deviates)]))
 
-    def _change(self, layout: ParameterLayout, values: Array) -> Array:
+    def _change(self, layout: ParameterLayout, values: Float[Array, " slots"]) -> Float[Array, " inputs"]:
         """From the spot, of the inputs; those of groups do not change."""
         inputs = layout.inputs
         slots = inputs < len(values)
@@ -121,10 +122,9 @@ def _bases(layout: ParameterLayout) -> int:
     return 0 if layout.groups is None else len(layout.groups.inputs)
 
 
-def linearise(
-    intake: Intake, layout: ParameterLayout, spot: LinearizationPoint, flown: Linearization | None = None
-) -> tuple[ScoreTable, Array]:
-    """(evidence at the spot, most likely deviates [n, D] there); of what was flown about a spot near by, if given,
+def linearise(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint,
+              flown: Linearization | None = None) -> tuple[ScoreTable, Float[Array, "n D"]]:
+    """(evidence at the spot, most likely deviates there); of what was flown about a spot near by, if given,
     with the same deviates."""
     count, inputs = layout.chain.deviates, len(layout.inputs)
     flown = flown or fly(intake, layout, spot)
@@ -149,9 +149,8 @@ def linearise(
     return evidence, left.mean
 
 
-def _scaled(
-    layout: ParameterLayout, linear: Array, bend: Array, plane: PlaneScores | None
-) -> tuple[Array, Array, PlaneScores | None]:
+def _scaled(layout: ParameterLayout, linear: Float[Array, "n C"], bend: Float[Array, "n C C"],
+            plane: PlaneScores | None) -> tuple[Float[Array, "n C"], Float[Array, "n C C"], PlaneScores | None]:
     """The effects of a shot's own group, which come last, in units of their own."""
     groups = layout.groups
     if groups is None:
@@ -170,7 +169,7 @@ def _deal(layout: ParameterLayout) -> GroupedColumns | None:
     return GroupedColumns(len(layout.columns) - layout.grouped, len(groups.inputs), groups.count, groups.label)
 
 
-def _point(layout: ParameterLayout, spot: LinearizationPoint) -> Array:
+def _point(layout: ParameterLayout, spot: LinearizationPoint) -> Float[Array, " P"]:
     point = np.zeros(len(layout.columns))
     slots = (layout.source >= 0) & (layout.source < len(layout.chain.slots))
     point[slots] = spot.values[layout.source[slots]]
@@ -200,13 +199,13 @@ def fly(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint) -> Li
     return Linearization(spot, seen, slopes, multiply_out(intake, seen, slopes, spot.deviates))
 
 
-def _common(deviates: Array) -> Array:
-    """The mean [n, D] of those that deviate, for each of them; nothing for the others."""
+def _common(deviates: Float[Array, "n D"]) -> Float[Array, "n D"]:
+    """The mean of those that deviate, for each of them; nothing for the others."""
     own = np.any(deviates, axis=1)
     return np.where(own[:, None], deviates[own].mean(axis=0), 0.0)
 
 
-def _basis(layout: ParameterLayout, inputs: Array) -> Array:
+def _basis(layout: ParameterLayout, inputs: Int[Array, " k"]) -> Float[Array, "size k"]:
     basis = np.zeros((layout.chain.size, len(inputs)))
     basis[inputs, np.arange(len(inputs))] = 1.0
     return basis
@@ -224,7 +223,7 @@ def _take(lanes: ShotBatch, rows: Any) -> ShotBatch:
 
 
 def _fly(
-    layout: ParameterLayout, lanes: ShotBatch, spot: LinearizationPoint, basis: Array
+    layout: ParameterLayout, lanes: ShotBatch, spot: LinearizationPoint, basis: Float[Array, "size k"]
 ) -> tuple[Prediction, Prediction]:
     """see_slopes of all lanes, as numpy arrays; BLOCK lanes and WIDTH slopes at a time, so that one compilation serves
     all."""
@@ -242,8 +241,8 @@ def _fly(
     return seen, jax.tree.map(lambda *each: np.concatenate(each)[:n][..., :width], *slopes)
 
 
-def variance_of(intake: Intake, log_scatter: Array) -> Array:
-    """Variances [n, D] of the deviates."""
+def variance_of(intake: Intake, log_scatter: Float[Array, " S"]) -> Float[Array, "n D"]:
+    """Variances of the deviates."""
     variance = intake.noise_var.copy()
     variance[:, SCATTERED] += intake.scattered * np.exp(2.0 * log_scatter)
     return variance
@@ -251,19 +250,19 @@ def variance_of(intake: Intake, log_scatter: Array) -> Array:
 
 @dataclass(frozen=True)
 class _Left:
-    """After the deviates are integrated out: score [n, P], info [n, P, P], log-likelihood [n]; and the deviates'
-    posterior mean [n, D], covariance [n, D, D] and the mean's slope by the columns [n, D, P]."""
+    """After the deviates are integrated out: score, info and log-likelihood; and the deviates' posterior mean, its
+    covariance and the mean's slope by the columns."""
 
-    score: Array
-    info: Array
-    log_likelihood: Array
-    mean: Array
-    covariance: Array
-    mean_by: Array
+    score: Float[Array, "n C"]
+    info: Float[Array, "n C C"]
+    log_likelihood: Float[Array, " n"]
+    mean: Float[Array, "n D"]
+    covariance: Float[Array, "n D D"]
+    mean_by: Float[Array, "n D C"]
 
 
-def _integrate(normal: Normal, sd: Array, columns: Array, count: int) -> _Left:
-    """`columns`: which of the P = count the inputs are; in the others nothing is said."""
+def _integrate(normal: Normal, sd: Float[Array, "n D"], columns: Int[Array, " inputs"], count: int) -> _Left:
+    """`columns`: which of the C = count the inputs are; in the others nothing is said."""
     inputs = len(columns)
     inner, cross = normal.inner[:, inputs:, inputs:], normal.inner[:, inputs:, :inputs]
     inner = np.eye(sd.shape[1]) + sd[:, :, None] * inner * sd[:, None, :]
@@ -279,8 +278,8 @@ def _integrate(normal: Normal, sd: Array, columns: Array, count: int) -> _Left:
     return _Left(score, info, value, sd * shift, sd[:, :, None] * inverse * sd[:, None, :], mean_by)
 
 
-def _luck(layout: ParameterLayout, spot: LinearizationPoint) -> Array:
-    """Effects of each shot's own group [n, bases], in the units of what they act on."""
+def _luck(layout: ParameterLayout, spot: LinearizationPoint) -> Float[Array, "n B"]:
+    """Effects of each shot's own group, in the units of what they act on."""
     groups = layout.groups
     if groups is None:
         return np.zeros((len(spot.deviates), 0))
@@ -289,8 +288,14 @@ def _luck(layout: ParameterLayout, spot: LinearizationPoint) -> Array:
 
 
 def _scatter_terms(
-    intake: Intake, layout: ParameterLayout, spot: LinearizationPoint, sd: Array, left: _Left, own: Array, count: int
-) -> tuple[Array, Array]:
+    intake: Intake,
+    layout: ParameterLayout,
+    spot: LinearizationPoint,
+    sd: Float[Array, "n D"],
+    left: _Left,
+    own: Float[Array, "n D"],
+    count: int,
+) -> tuple[Float[Array, "n C"], Float[Array, "n C C"]]:
     """Score and information of the log scatters from tracks and exits (the plane adds its own). own [n, D]: deviates of
     each shot, beside what its group does: that is no scatter."""
     n = len(sd)
@@ -308,18 +313,9 @@ def _scatter_terms(
     return score, info
 
 
-def _plane(
-    intake: Intake,
-    layout: ParameterLayout,
-    spot: LinearizationPoint,
-    seen: Prediction,
-    slopes: Prediction,
-    sd: Array,
-    left: _Left,
-    columns: Array,
-    inputs: int,
-    count: int,
-) -> PlaneScores | None:
+def _plane(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint, seen: Prediction, slopes: Prediction,
+           sd: Float[Array, "n D"], left: _Left, columns: Int[Array, " inputs"], inputs: int,
+           count: int) -> PlaneScores | None:
     """Heights given what tracks and exits said of the launch."""
     rows = intake.marked
     if not len(rows) or not layout.chain.plane:
@@ -344,7 +340,7 @@ def _plane(
                  log_spread)
 
 
-def _opening(intake: Intake, seen: Prediction, rows: Array) -> outcomes.OutcomeObservations:
+def _opening(intake: Intake, seen: Prediction, rows: Int[Array, " m"]) -> outcomes.OutcomeObservations:
     """What was seen, of the opening as it is at the spot: arrival terms may have moved its borders."""
     if intake.facts.target is None:
         return intake.seen
@@ -353,7 +349,9 @@ def _opening(intake: Intake, seen: Prediction, rows: Array) -> outcomes.OutcomeO
     return outcomes.reopened(intake.seen, wider_m) if wider_m != 0.0 else intake.seen
 
 
-def nowhere(intake: Intake, layout: ParameterLayout, values: Array, log_scatter: Array) -> LinearizationPoint:
+def nowhere(
+    intake: Intake, layout: ParameterLayout, values: Float[Array, " slots"], log_scatter: Float[Array, " S"]
+) -> LinearizationPoint:
     """A spot without deviations."""
     return LinearizationPoint(
         values, log_scatter, np.zeros((len(intake.rows), layout.chain.deviates)), np.zeros(layout.grouped)

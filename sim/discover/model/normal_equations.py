@@ -6,6 +6,7 @@ Near the spot all is linear, so that what they say anywhere else follows from th
 from dataclasses import dataclass, replace
 
 import numpy as np
+from jaxtyping import Float
 
 from truearc.sim.discover.model.forward_model import Prediction
 from truearc.sim.discover.model.prepared_data import Intake
@@ -22,12 +23,12 @@ class Normal:
     onto [n, k] = W'r, square [n] = r'r. log_noise [n]: log density of noise that is nothing, constants included.
     """
 
-    inner: Array
-    onto: Array
-    square: Array
-    log_noise: Array
+    inner: Float[Array, "n k k"]
+    onto: Float[Array, "n k"]
+    square: Float[Array, " n"]
+    log_noise: Float[Array, " n"]
 
-    def at(self, change: Array) -> "Normal":
+    def at(self, change: Float[Array, " k"]) -> "Normal":
         """With the residuals after the k numbers change by `change` [k]."""
         if not change.any():
             return self
@@ -35,7 +36,7 @@ class Normal:
         return replace(self, onto=self.onto - taken, square=self.square - (2.0 * self.onto - taken) @ change)
 
 
-def multiply_out(intake: Intake, seen: Prediction, slopes: Prediction, deviates: Array) -> Normal:
+def multiply_out(intake: Intake, seen: Prediction, slopes: Prediction, deviates: Float[Array, "n D"]) -> Normal:
     """The normal equations of what is seen [n] and its slopes (last axis k), about deviates [n, D]."""
     parts = [_exit_part(intake, seen, slopes), *_track_part(intake, seen, slopes)]
     raw = np.concatenate([part[0] for part in parts], axis=1)
@@ -47,7 +48,9 @@ def multiply_out(intake: Intake, seen: Prediction, slopes: Prediction, deviates:
     return Normal(product[:, 1:, 1:], product[:, 1:, 0], product[:, 0, 0], log_noise)
 
 
-def _exit_part(intake: Intake, seen: Prediction, slopes: Prediction) -> tuple[Array, Array]:
+def _exit_part(
+    intake: Intake, seen: Prediction, slopes: Prediction
+) -> tuple[Float[Array, "n 3 inputs"], Float[Array, " n"]]:
     """(white [n, 3, 1 + k] of the measured exits, log density); unmeasured ones are 0."""
     known = np.isfinite(intake.exits)
     off = np.where(known, intake.exits - seen.exit, 0.0) / intake.exit_sd

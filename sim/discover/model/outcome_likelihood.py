@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+from jaxtyping import Bool, Float, Int
 from scipy.special import log_ndtr, ndtr
 
 from truearc.robot.config.rig_spec import Target
@@ -26,25 +27,25 @@ class OutcomeObservations:
     "two", it was noted on which side of the centre they were. Most drivers note it of misses alone.
     """
 
-    low: Array
-    high: Array
-    height_m: Array
-    classes: Array
-    borders: Array
+    low: Float[Array, "n 2"]
+    high: Float[Array, "n 2"]
+    height_m: Float[Array, " n"]
+    classes: Float[Array, " n"]
+    borders: Float[Array, " 6"]
     sided: tuple[str, ...]
 
     @property
-    def measured(self) -> Array:
+    def measured(self) -> Bool[Array, " n"]:
         measured: Array = np.isfinite(self.height_m)
         return measured
 
-    def take(self, index: Array) -> "OutcomeObservations":
+    def take(self, index: Int[Array, " k"] | Bool[Array, " n"]) -> "OutcomeObservations":
         """Those of the shots."""
         return replace(self, low=self.low[index], high=self.high[index], height_m=self.height_m[index],
                        classes=self.classes[index])
 
 
-def see_outcomes(shots: Shots, target: Target | None) -> tuple[Array, OutcomeObservations]:
+def see_outcomes(shots: Shots, target: Target | None) -> tuple[Int[Array, " n"], OutcomeObservations]:
     """(rows [n] with a usable outcome or height, what was seen). A miss to the left or right says nothing of height.
 
     InputError when there are outcomes but no [target] in rig.toml.
@@ -65,7 +66,7 @@ def see_outcomes(shots: Shots, target: Target | None) -> tuple[Array, OutcomeObs
 
 
 def _is_sided(side: Array) -> bool:
-    return len(side) > 0 and np.isin(side, ("low", "high")).mean() >= SIDED_SHARE
+    return bool(len(side) > 0 and np.isin(side, ("low", "high")).mean() >= SIDED_SHARE)
 
 
 def _intervals(outcome: str, side: str, two: float, three: float) -> list[tuple[float, float]]:
@@ -81,7 +82,9 @@ def _intervals(outcome: str, side: str, two: float, three: float) -> list[tuple[
     return [(-two, two), none] if side in ("left", "right") else [low[outcome], high[outcome]]
 
 
-def log_likelihood(seen: OutcomeObservations, mean_m: Array, spread_m: Array) -> Array:
+def log_likelihood(
+    seen: OutcomeObservations, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"]
+) -> Float[Array, " n"]:
     """Log-likelihood [n] of what was seen, heights normal(mean_m, spread_m), from the centre."""
     chance = (1.0 - LAPSE) * _chance(seen.low, seen.high, mean_m, spread_m).sum(1) + LAPSE / 3.0
     off = np.where(seen.measured, (seen.height_m - mean_m) / spread_m, 0.0)
@@ -89,7 +92,8 @@ def log_likelihood(seen: OutcomeObservations, mean_m: Array, spread_m: Array) ->
     return nats
 
 
-def slopes(seen: OutcomeObservations, mean_m: Array, spread_m: Array) -> tuple[Array, Array, Array]:
+def slopes(seen: OutcomeObservations, mean_m: Float[Array, " n"],
+           spread_m: Float[Array, " n"]) -> tuple[Float[Array, " n"], Float[Array, " n"], Float[Array, " n"]]:
     """Derivatives of the log-likelihood [n] by mean_m, by log spread_m, and by metres that all borders move out."""
     chance = (1.0 - LAPSE) * _chance(seen.low, seen.high, mean_m, spread_m).sum(1) + LAPSE / 3.0
     by_mean, by_log, by_width = _chance_slopes(seen.low, seen.high, mean_m, spread_m)
@@ -100,7 +104,9 @@ def slopes(seen: OutcomeObservations, mean_m: Array, spread_m: Array) -> tuple[A
             np.where(seen.measured, 0.0, by_width.sum(1) * scale))
 
 
-def information(seen: OutcomeObservations, mean_m: Array, spread_m: Array) -> Array:
+def information(
+    seen: OutcomeObservations, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"]
+) -> Float[Array, "n 3 3"]:
     """Expected information [n, 3, 3] on what `slopes` differentiates by, over all outcomes that could be told apart."""
     low, high = _all_classes(seen)
     n = len(mean_m)
@@ -116,7 +122,7 @@ def information(seen: OutcomeObservations, mean_m: Array, spread_m: Array) -> Ar
     return np.where(seen.measured[:, None, None], measured, classed)
 
 
-def widened(seen: OutcomeObservations, wider_m: Array) -> OutcomeObservations:
+def widened(seen: OutcomeObservations, wider_m: Float[Array, " n"]) -> OutcomeObservations:
     """The same outcomes where all borders lie `wider_m` [n] farther out."""
     low, high = (np.where(np.isfinite(edge), edge + np.sign(edge) * wider_m[:, None], edge)
                  for edge in (seen.low, seen.high))
@@ -129,7 +135,7 @@ def reopened(seen: OutcomeObservations, wider_m: float) -> OutcomeObservations:
     return replace(widened(seen, np.full(len(seen.low), wider_m)), borders=borders)
 
 
-def best_class(seen: OutcomeObservations, mean_m: Array, spread_m: Array) -> Array:
+def best_class(seen: OutcomeObservations, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"]) -> Int[Array, " n"]:
     """Index [n] of the likeliest of miss, two, three."""
     two, three = seen.borders[4], seen.borders[3]
     inside = [ndtr((edge - mean_m) / spread_m) - ndtr((-edge - mean_m) / spread_m) for edge in (two, three)]
@@ -147,7 +153,8 @@ def _all_classes(seen: OutcomeObservations) -> tuple[list[tuple[float, float]], 
     return [(a[0], b[0]) for a, b in pairs], [(a[1], b[1]) for a, b in pairs]
 
 
-def _chance(low: Array, high: Array, mean_m: Array, spread_m: Array) -> Array:
+def _chance(low: Float[Array, "n k"], high: Float[Array, "n k"], mean_m: Float[Array, " n"],
+            spread_m: Float[Array, " n"]) -> Float[Array, "n k"]:
     """Probability of each interval [n, k], without cancellation in either tail."""
     a, b = ((edge - mean_m[:, None]) / spread_m[:, None] for edge in (low, high))
     flip = a > 0.0
@@ -155,7 +162,8 @@ def _chance(low: Array, high: Array, mean_m: Array, spread_m: Array) -> Array:
     return np.where(low < high, np.exp(log_ndtr(b)) - np.exp(log_ndtr(a)), 0.0)
 
 
-def _chance_slopes(low: Array, high: Array, mean_m: Array, spread_m: Array) -> tuple[Array, Array, Array]:
+def _chance_slopes(low: Float[Array, "n k"], high: Float[Array, "n k"], mean_m: Float[Array, " n"],
+                   spread_m: Float[Array, " n"]) -> tuple[Float[Array, "n k"], ...]:
     """Derivatives of the probabilities [n, k] by mean_m, by log spread_m, and by borders moving outwards."""
     a, b = ((edge - mean_m[:, None]) / spread_m[:, None] for edge in (low, high))
     at_a, at_b = _density(a), _density(b)
@@ -165,7 +173,7 @@ def _chance_slopes(low: Array, high: Array, mean_m: Array, spread_m: Array) -> t
             (out_b * at_b - out_a * at_a) / spread_m[:, None])
 
 
-def _density(z: Array) -> Array:
+def _density(z: Float[Array, "n k"]) -> Float[Array, "n k"]:
     """Of the standard normal."""
     density: Array = np.exp(-0.5 * z**2) / np.sqrt(2.0 * np.pi)
     return density

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import msgspec
 import numpy as np
+from jaxtyping import Float, Int
 
 from truearc.robot.config.rig_spec import Believe, Noise, Rig
 from truearc.robot.config.schema import InputError
@@ -45,15 +46,15 @@ class Intake:
 
     facts: Rig
     stripped: Rig
-    rows: Array
+    rows: Int[Array, " n"]
     lanes: ShotBatch
-    noise_var: Array
-    scattered: Array
-    exits: Array
-    exit_sd: Array
-    marked: Array
+    noise_var: Float[Array, "n D"]
+    scattered: Float[Array, "n S"]
+    exits: Float[Array, "n 3"]
+    exit_sd: Float[Array, "n 3"]
+    marked: Int[Array, " m"]
     seen: OutcomeObservations
-    tracked: Array
+    tracked: Int[Array, " k"]
     samples: Samples | None
     scatter: Scatter | None
     known: frozenset[str]

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from jaxtyping import Float, Int
 
 from truearc.sim.discover.model import outcome_likelihood as outcomes
 from truearc.sim.discover.model.grouped_columns import GroupedColumns
@@ -47,15 +48,15 @@ class PlaneScores:
     by_column [m, C]: of the mean; wider_by [m, C]: metres by which borders move outwards; log_spread_by [m, C].
     """
 
-    rows: Array
+    rows: Int[Array, " m"]
     seen: OutcomeObservations
-    mean_m: Array
-    spread_m: Array
-    by_column: Array
-    wider_by: Array
-    log_spread_by: Array
+    mean_m: Float[Array, " m"]
+    spread_m: Float[Array, " m"]
+    by_column: Float[Array, "m C"]
+    wider_by: Float[Array, "m C"]
+    log_spread_by: Float[Array, "m C"]
 
-    def moved(self, change: Array) -> tuple[OutcomeObservations, Array, Array]:
+    def moved(self, change: Float[Array, "n C"]) -> tuple[OutcomeObservations, Float[Array, " m"], Float[Array, " m"]]:
         """(seen, mean, spread) after `change` [n, C]."""
         mine = change[self.rows]
         mean, wider, log_spread = (np.einsum("mp,mp->m", mine, by)
@@ -75,42 +76,42 @@ class ScoreTable:
     columns' values where this was made (free ones: 0).
     """
 
-    rows: Array
+    rows: Int[Array, " n"]
     columns: tuple[Column, ...]
     deal: GroupedColumns
-    point: Array
-    linear: Array
-    bend: Array
+    point: Float[Array, " P"]
+    linear: Float[Array, "n C"]
+    bend: Float[Array, "n C C"]
     plane: PlaneScores | None
-    precision: Array
-    pull: Array
-    log_score: Array
-    own_score: Array
-    info: Array
+    precision: Float[Array, "p p"]
+    pull: Float[Array, " p"]
+    log_score: Float[Array, " n"]
+    own_score: Float[Array, "n C"]
+    info: Float[Array, "n C C"]
 
     @property
     def first_shared(self) -> int:
         return len(self.columns) - len(self.precision)
 
     @cached_property
-    def score(self) -> Array:
+    def score(self) -> Float[Array, "n P"]:
         """Slope [n, P] of each shot's log-likelihood."""
         return self.deal.spread(self.own_score)
 
     @cached_property
-    def information(self) -> Array:
+    def information(self) -> Float[Array, "P P"]:
         """What all shots say together [P, P], without the prior."""
         return self.deal.total(self.info)
 
     def index(self, name: str) -> int:
         return next(k for k, column in enumerate(self.columns) if column.name == name)
 
-    def told_by(self, rows: Sequence[int] | Array) -> Array:
+    def told_by(self, rows: Sequence[int] | Int[Array, " k"]) -> Float[Array, "P P"]:
         """The information [P, P] of these shots."""
         chosen = np.asarray(rows)
         return self.deal.some(chosen).total(self.info[chosen])
 
-    def gain(self, change: Array) -> Array:
+    def gain(self, change: Float[Array, "n P"]) -> Float[Array, " n"]:
         """Log-likelihood gained by each shot [n] when columns change by `change` [n, P]; heights linear in it."""
         own = self.deal.own(change)
         value: Array = np.einsum("ni,ni->n", self.linear, own) - 0.5 * np.einsum("ni,nij,nj->n", own, self.bend, own)
@@ -120,12 +121,13 @@ class ScoreTable:
             value[plane.rows] += outcomes.log_likelihood(*plane.moved(own)) - before
         return value
 
-    def heights(self, change: Array) -> tuple[OutcomeObservations, Array, Array]:
+    def heights(self, change: Float[Array, "n P"]) -> tuple[OutcomeObservations, Float[Array, " m"], Float[Array, " "
+                                                                                                                  "m"]]:
         """(seen, mean, spread) at the plane after `change` [n, P]; there must be one."""
         assert self.plane is not None
         return self.plane.moved(self.deal.own(change))
 
-    def slopes_at(self, change: Array) -> tuple[Array, Array]:
+    def slopes_at(self, change: Float[Array, "n P"]) -> tuple[Float[Array, "n C"], Float[Array, "n C C"]]:
         """Own score [n, C] and information [n, C, C] after `change` [n, P]."""
         own = self.deal.own(change)
         score = self.linear - np.einsum("nij,nj->ni", self.bend, own)
@@ -133,7 +135,7 @@ class ScoreTable:
             return score, self.bend
         return score, _with_plane(self.plane, self.plane.moved(own), score, self.bend)
 
-    def moved(self, change: Array) -> "ScoreTable":
+    def moved(self, change: Float[Array, "n P"]) -> "ScoreTable":
         """The same about the point moved by `change` [n, P], heights and tracks taken as linear on the way."""
         score, info = self.slopes_at(change)
         plane, own = self.plane, self.deal.own(change)
@@ -144,7 +146,7 @@ class ScoreTable:
         return replace(self, linear=linear, plane=plane, log_score=self.log_score + self.gain(change), own_score=score,
                        info=info)
 
-    def pick(self, kept: Array) -> "ScoreTable":
+    def pick(self, kept: Int[Array, " k"]) -> "ScoreTable":
         """With these columns only, in this order; the shared ones must all be kept, and last."""
         deal, own = self.deal.pick(kept)
         plane = self.plane
@@ -157,8 +159,9 @@ class ScoreTable:
                         self.info[square])
 
 
-def make_evidence(rows: Array, columns: tuple[Column, ...], point: Array, linear: Array, bend: Array,
-                  plane: PlaneScores | None, precision: Array, pull: Array, log_linear: Array,
+def make_evidence(rows: Int[Array, " n"], columns: tuple[Column, ...], point: Float[Array, " P"],
+                  linear: Float[Array, "n C"], bend: Float[Array, "n C C"], plane: PlaneScores | None,
+                  precision: Float[Array, "p p"], pull: Float[Array, " p"], log_linear: Float[Array, " n"],
                   deal: GroupedColumns | None = None) -> ScoreTable:
     """Put the parts together; log_linear [n]: log-likelihood of tracks and exits. No deal: all columns are everyone's.
     """
@@ -171,8 +174,11 @@ def make_evidence(rows: Array, columns: tuple[Column, ...], point: Array, linear
 
 
 def _with_plane(
-    plane: PlaneScores, there: tuple[OutcomeObservations, Array, Array], score: Array, bend: Array
-) -> Array:
+    plane: PlaneScores,
+    there: tuple[OutcomeObservations, Float[Array, " m"], Float[Array, " m"]],
+    score: Float[Array, "n C"],
+    bend: Float[Array, "n C C"],
+) -> Float[Array, "n C C"]:
     """What the plane says `there` added to the score, in place, and to the information, which comes back."""
     more, inner = plane_terms(plane, *there)
     info = bend.copy()
@@ -181,8 +187,9 @@ def _with_plane(
     return info
 
 
-def plane_terms(plane: PlaneScores, seen: OutcomeObservations, mean_m: Array, spread_m: Array) -> tuple[Array, Array]:
-    """Score [m, C] and expected information [m, C, C] of what was seen at the plane."""
+def plane_terms(plane: PlaneScores, seen: OutcomeObservations, mean_m: Float[Array, " m"],
+                spread_m: Float[Array, " m"]) -> tuple[Float[Array, "m C"], Float[Array, "m C C"]]:
+    """Score and expected information of what was seen at the plane."""
     by_mean, by_log, by_width = outcomes.slopes(seen, mean_m, spread_m)
     score = (by_mean[:, None] * plane.by_column + by_log[:, None] * plane.log_spread_by
              + by_width[:, None] * plane.wider_by)

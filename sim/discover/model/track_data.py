@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Bool, Float, Int
 
 from truearc.sim.data.dataset import Tracks
 from truearc.sim.discover.model.score_table import Array
@@ -23,18 +24,18 @@ PAD = 16                              # tracks are padded to a multiple of this,
 class Samples:
     """n tracks padded to L samples (padding repeats the last); `time_s` [n, L] from 0, `position_m` [n, L, 3]."""
 
-    rows: Array                       # [n] shot of each track
-    time_s: Array
-    position_m: Array
-    real: Array                       # [n, L] False = padding
+    rows: Int[Array, " n"]            # shot of each track
+    time_s: Float[Array, "n L"]
+    position_m: Float[Array, "n L 3"]
+    real: Bool[Array, "n L"]          # False = padding
 
 
 @dataclass(frozen=True)
 class Scatter:
     """Noise of the samples: `sigma_m` [3], and memory: correlation exp(-dt / memory_s) [3], 0 = none."""
 
-    sigma_m: Array
-    memory_s: Array
+    sigma_m: Float[Array, " 3"]
+    memory_s: Float[Array, " 3"]
 
 
 def gather_samples(tracks: Tracks, shots: int) -> tuple[Samples, tuple[str, ...], int]:
@@ -62,7 +63,7 @@ def gather_samples(tracks: Tracks, shots: int) -> tuple[Samples, tuple[str, ...]
     return _pad(kept), notes, gross
 
 
-def put_right(data: Array) -> Array:
+def put_right(data: Float[Array, "L 4"]) -> Float[Array, " L"]:
     """Stamps [L] of samples (t, x, y, z), put on by whole frames where some were lost in between without a word.
 
     A smooth flight through samples that leap ahead along their own way fits far better once the stamps leap, too. No
@@ -104,7 +105,7 @@ def measure_scatter(samples: Samples, believed_m: float) -> Scatter:
     return Scatter(np.maximum(sigma_m, 1e-6), memory_s)
 
 
-def _left_over(time_s: Array, memory: float, gap_s: float) -> tuple[float, float]:
+def _left_over(time_s: Float[Array, " L"], memory: float, gap_s: float) -> tuple[float, float]:
     """(mean square, mean product of neighbours) of unit noise with memory after a smooth curve is taken out."""
     apart = np.abs(time_s[:, None] - time_s[None]) / gap_s
     noise = np.where(apart == 0.0, 1.0, memory**apart)
@@ -112,8 +113,8 @@ def _left_over(time_s: Array, memory: float, gap_s: float) -> tuple[float, float
     return float(np.diag(left).mean()), float(np.diag(left, 1).sum() / len(time_s))
 
 
-def whiten(samples: Samples, scatter: Scatter, columns: Array) -> Array:
-    """Turn position-like columns [n, L, 3, k] into ones with independent unit noise [n, 3 L, k]; padding becomes 0.
+def whiten(samples: Samples, scatter: Scatter, columns: Float[Array, "n L 3 k"]) -> Float[Array, "n 3*L k"]:
+    """Turn position-like columns into ones with independent unit noise; padding becomes 0.
 
     First-order autoregression in continuous time: each sample less what the one before foretells.
     """
@@ -126,8 +127,8 @@ def whiten(samples: Samples, scatter: Scatter, columns: Array) -> Array:
     return white
 
 
-def log_volume(samples: Samples, scatter: Scatter) -> Array:
-    """Log density [n] of each track's noise where all that `whiten` makes of it is 0."""
+def log_volume(samples: Samples, scatter: Scatter) -> Float[Array, " n"]:
+    """Log density of each track's noise where all that `whiten` makes of it is 0."""
     gaps_s = np.diff(samples.time_s, axis=1)[:, :, None]
     memory = np.exp(-gaps_s / np.where(scatter.memory_s > 0.0, scatter.memory_s, 1e-9))
     new = np.log(scatter.sigma_m) + 0.5 * np.log(1.0 - memory**2 + 1e-12)
@@ -137,14 +138,14 @@ def log_volume(samples: Samples, scatter: Scatter) -> Array:
     return log_density
 
 
-def _detrend(time_s: Array, position_m: Array) -> Array:
+def _detrend(time_s: Float[Array, " L"], position_m: Float[Array, "L k"]) -> Float[Array, "L k"]:
     scaled = (time_s - time_s[0]) / max(float(np.ptp(time_s)), 1e-9) * 2.0 - 1.0
     basis = np.polynomial.legendre.legvander(scaled, SMOOTH_DEGREE)
     residual_m: Array = position_m - basis @ np.linalg.lstsq(basis, position_m, rcond=None)[0]
     return residual_m
 
 
-def _sound(data: Array) -> Array:
+def _sound(data: Float[Array, "L 4"]) -> Bool[Array, " L"]:
     """Samples that could be the ball: twice over, so that a gross one does not hide another."""
     sound = np.ones(len(data), dtype=bool)
     for _ in range(2):

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+from jaxtyping import Bool, Float, Int
 
 from truearc.sim.discover.detect.clusters import Clusters
 from truearc.sim.discover.model.baseline_fit import (
@@ -38,14 +39,16 @@ class Refit:
     layout: ParameterLayout
     spot: LinearizationPoint
     evidence: ScoreTable
-    amplitude: Array
-    value: Array
-    wanted: Array
-    sd: Array
+    amplitude: Float[Array, " k"]
+    value: Float[Array, " k"]
+    wanted: Float[Array, " k"]
+    sd: Float[Array, " k"]
     log_evidence: float
 
 
-def refit(fitted: BaselineFit, names: tuple[str, ...], start: Array, near: LinearizationPoint | None = None) -> Refit:
+def refit(
+    fitted: BaselineFit, names: tuple[str, ...], start: Float[Array, " k"], near: LinearizationPoint | None = None
+) -> Refit:
     """Fit the named columns with the shared ones, from amplitudes `start` [k] at the fitted spot, or at `near`.
 
     Numbers that a term has besides its amplitude are at their likeliest, and what else they may be is in sd and in
@@ -73,7 +76,9 @@ def _looked_for(number: ShapeParameter, fitted: BaselineFit, found: Refit) -> Re
     return replace(best, sd=np.hypot(best.sd, peak.sd * moves), log_evidence=peak.nats)
 
 
-def _refit_at(fitted: BaselineFit, names: tuple[str, ...], start: Array, near: LinearizationPoint | None) -> Refit:
+def _refit_at(
+    fitted: BaselineFit, names: tuple[str, ...], start: Float[Array, " k"], near: LinearizationPoint | None
+) -> Refit:
     layout = only_shared(fitted.layout, names)
     order = [column.name for column in layout.columns[:len(names)]]
     change = np.zeros(len(layout.columns))
@@ -102,8 +107,8 @@ def _refit_at(fitted: BaselineFit, names: tuple[str, ...], start: Array, near: L
                  float(gained + volume))
 
 
-def unseen_score(evidence: ScoreTable, clusters: Clusters) -> Array:
-    """Log score [n] of each shot by fits of all columns to the other folds; folds keep clusters whole."""
+def unseen_score(evidence: ScoreTable, clusters: Clusters) -> Float[Array, " n"]:
+    """Log score of each shot by fits of all columns to the other folds; folds keep clusters whole."""
     fold = folds_of(clusters.label[evidence.rows])
     score = np.zeros(len(fold))
     for held in range(fold.max() + 1):
@@ -113,8 +118,8 @@ def unseen_score(evidence: ScoreTable, clusters: Clusters) -> Array:
     return score
 
 
-def unseen_change(evidence: ScoreTable, clusters: Clusters) -> Array:
-    """For each shot the change [n, P] that the other folds ask for."""
+def unseen_change(evidence: ScoreTable, clusters: Clusters) -> Float[Array, "n P"]:
+    """For each shot the change that the other folds ask for."""
     fold = folds_of(clusters.label[evidence.rows])
     change = np.zeros((len(fold), len(evidence.columns)))
     for held in range(fold.max() + 1):
@@ -122,14 +127,14 @@ def unseen_change(evidence: ScoreTable, clusters: Clusters) -> Array:
     return change
 
 
-def folds_of(label: Array) -> Array:
+def folds_of(label: Int[Array, " n"]) -> Int[Array, " n"]:
     """Every fifth cluster in order of appearance, so that each fold sees the whole session."""
     first = {cluster: k for k, cluster in enumerate(dict.fromkeys(label.tolist()))}
     return np.array([first[cluster] % FOLDS for cluster in label.tolist()])
 
 
-def fit_linear(evidence: ScoreTable, train: Array) -> Array:
-    """Most probable change [P] of all columns, which must all be shared, given the shots in `train`."""
+def fit_linear(evidence: ScoreTable, train: Bool[Array, " n"]) -> Float[Array, " P"]:
+    """Most probable change of all columns, which must all be shared, given the shots in `train`."""
     found, best = np.zeros(len(evidence.columns)), 0.0
     n, deal = len(evidence.rows), evidence.deal.some(train)
     for _ in range(STEPS):
@@ -150,7 +155,7 @@ def fit_linear(evidence: ScoreTable, train: Array) -> Array:
     return found
 
 
-def clustered_error(values: Array, label: Array) -> float:
+def clustered_error(values: Float[Array, " n"], label: Int[Array, " n"]) -> float:
     """Standard error of the mean of values [n] whose clusters `label` [n] hang together."""
     sums = np.zeros(label.max() + 1)
     np.add.at(sums, label, values - values.mean())

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+from jaxtyping import Bool, Float
 
 from truearc.sim.data.conditions import Circumstances
 from truearc.sim.infer.likelihood.heights import configured, height_at, speed_gain, with_numbers
@@ -59,8 +60,8 @@ class PlaneModel(NamedTuple):
     sd_m: Any
 
 
-def log_likelihood(model: Model, evidence: Observations, points: Points, u: Any) -> Any:
-    """Log-likelihood of each unit [n + f] at u [p]."""
+def log_likelihood(model: Model, evidence: Observations, points: Points, u: Float[Any, " p"]) -> Float[Any, " units"]:
+    """Log-likelihood of each unit, n launches and then f free flights."""
     launch = narrow(model, evidence, points, u)
     units = launch.log_likelihood
     if evidence.marks is not None:
@@ -74,8 +75,8 @@ def log_likelihood(model: Model, evidence: Observations, points: Points, u: Any)
     return jnp.concatenate([units, free_tracks(model, evidence, points, u).log_likelihood])
 
 
-def probabilities(model: Model, evidence: Observations, points: Points, u: Any) -> Any:
-    """P(miss, two, three) [n, 3] of the shots with a launch, by configuration alone: nothing measured of the launch."""
+def probabilities(model: Model, evidence: Observations, points: Points, u: Float[Any, " p"]) -> Float[Any, "n 3"]:
+    """P(miss, two, three) of the shots with a launch, by configuration alone: nothing measured of the launch."""
     evidence = evidence._replace(
         tracks=None, seen=evidence.seen._replace(speed_seen=jnp.zeros_like(evidence.seen.speed_seen),
                                                  elevation_seen=jnp.zeros_like(evidence.seen.elevation_seen)))
@@ -83,7 +84,7 @@ def probabilities(model: Model, evidence: Observations, points: Points, u: Any) 
     return outcome_probabilities(opening_at(model, u), *plane)
 
 
-def narrow(model: Model, evidence: Observations, points: Points, u: Any) -> Narrowed:
+def narrow(model: Model, evidence: Observations, points: Points, u: Float[Any, " p"]) -> Narrowed:
     """What measured exits and tracks leave of each launch's deviation."""
     given, seen = evidence.given, evidence.seen
     values = values_at(model, u)
@@ -104,7 +105,7 @@ def narrow(model: Model, evidence: Observations, points: Points, u: Any) -> Narr
                     narrowed.log_likelihood.at[row].add(left.log_likelihood), alone.at[row].set(False))
 
 
-def plane_of(model: Model, given: Given, launch: Narrowed, u: Any) -> PlaneModel:
+def plane_of(model: Model, given: Given, launch: Narrowed, u: Float[Any, " p"]) -> PlaneModel:
     """Height above the opening's centre [n] of launches so narrowed, with the noise of spin and distance."""
     values = values_at(model, u)
     height = height_at(model.facts, values, given, launch.mean[:, 0], launch.mean[:, 1])
@@ -119,7 +120,7 @@ def plane_of(model: Model, given: Given, launch: Narrowed, u: Any) -> PlaneModel
                  jnp.sqrt(jnp.where(height.near, variance, 1.0)))
 
 
-def free_tracks(model: Model, evidence: Observations, points: Points, u: Any) -> TrackLinearization:
+def free_tracks(model: Model, evidence: Observations, points: Points, u: Float[Any, " p"]) -> TrackLinearization:
     """Flights whose launch nobody knows, of which there must be some: their start is integrated out."""
     data = evidence.free
     assert data is not None
@@ -131,37 +132,38 @@ def free_tracks(model: Model, evidence: Observations, points: Points, u: Any) ->
                   points.free, sd, _value(model, TRACK_NOISE, u))
 
 
-def opening_at(model: Model, u: Any) -> Opening:
-    """What the ball has to pass at u [p]; BadInput when the rig has no target."""
+def opening_at(model: Model, u: Float[Any, " p"]) -> Opening:
+    """What the ball has to pass at u; BadInput when the rig has no target."""
     return opening_of(model.facts, effective(values_at(model, u), ORDINARY))
 
 
-def values_at(model: Model, u: Any) -> dict[str, dict[str, Any]]:
-    """{term: {parameter: value}} at u [p]."""
+def values_at(model: Model, u: Float[Any, " p"]) -> dict[str, dict[str, Any]]:
+    """{term: {parameter: value}} at u."""
     centre, sd = model.scales()
     count = len(model.numbers)
     return with_numbers(model.fixed(), model.numbers, centre[:count] + sd[:count] * u[:count])
 
 
-def _scatter(model: Model, given: Given, values: dict[str, dict[str, Any]], u: Any) -> tuple[Any, Any]:
-    """Variances [n] of log exit speed and of elevation before anything was measured of the launch."""
+def _scatter(model: Model, given: Given, values: dict[str, dict[str, Any]],
+             u: Float[Any, " p"]) -> tuple[Float[Any, " n"], Float[Any, " n"]]:
+    """Variances of log exit speed and of elevation before anything was measured of the launch."""
     speed, elevation_deg = (_value(model, name, u) for name in ("scatter.speed", "scatter.elevation_deg"))
     wheels = (speed_gain(model.facts, values, given)[:, None] * given.wheel_log_speed)**2
     return (given.rolled * speed**2 + wheels.sum(1),
             given.hooded * jnp.radians(elevation_deg)**2 + given.elevation_sd_rad**2)
 
 
-def _update(variance: Any, off: Any, noise: Any, seen: Any) -> tuple[Any, Any, Any]:
-    """(mean, variance, log-likelihood) [n] after measuring `off` with variance `noise`, where `seen`."""
+def _update(variance: Float[Any, " n"], off: Float[Any, " n"], noise: Float[Any, " n"],
+            seen: Bool[Any, " n"]) -> tuple[Float[Any, " n"], Float[Any, " n"], Float[Any, " n"]]:
+    """(mean, variance, log-likelihood) after measuring `off` with variance `noise`, where `seen`."""
     total = variance + noise
     share = jnp.where(seen, variance / total, 0.0)
     value = jnp.where(seen, -0.5 * (off**2 / total + jnp.log(2.0 * jnp.pi * total)), 0.0)
     return share * jnp.where(seen, off, 0.0), variance * (1.0 - share), value
 
 
-def _track_update(
-    model: Model, evidence: Observations, points: Points, u: Any, exit: Exit, launch: Narrowed
-) -> TrackLinearization:
+def _track_update(model: Model, evidence: Observations, points: Points, u: Float[Any, " p"], exit: Exit,
+                  launch: Narrowed) -> TrackLinearization:
     data = evidence.tracks
     assert data is not None
     around = jax.tree.map(lambda part: jnp.broadcast_to(part, launch.alone.shape)[data.row],
@@ -177,22 +179,22 @@ def _track_update(
                   _value(model, TRACK_NOISE, u))
 
 
-def _law(model: Model, u: Any, circumstances: Circumstances) -> Law:
+def _law(model: Model, u: Float[Any, " p"], circumstances: Circumstances) -> Law:
     return make_law(model.facts, flight_terms(model.terms), effective(values_at(model, u), circumstances))
 
 
-def _tracker(model: Model, u: Any) -> Look:
+def _tracker(model: Model, u: Float[Any, " p"]) -> Look:
     return partial(watch, effective(values_at(model, u), ORDINARY))
 
 
-def _value(model: Model, name: str, u: Any) -> Any:
+def _value(model: Model, name: str, u: Float[Any, " p"]) -> Any:
     """A parameter in its own unit at u; 0 where the model has none of that name."""
     index = model.index(name)
     return 0.0 if index is None else model.sought[index].value(u[index])
 
 
 @partial(jax.jit, static_argnames=("model",))
-def relinearise(model: Model, evidence: Observations, points: Points, u: Any) -> Points:
+def relinearise(model: Model, evidence: Observations, points: Points, u: Float[Any, " p"]) -> Points:
     """Points moved to each flight's most likely deviation at u, by one Gauss-Newton step."""
     launched_at, free_at = points
     if evidence.tracks is not None:
@@ -206,18 +208,20 @@ def relinearise(model: Model, evidence: Observations, points: Points, u: Any) ->
 
 
 @partial(jax.jit, static_argnames=("model",))
-def objective(model: Model, evidence: Observations, points: Points, weight: Any, u: Any) -> Any:
-    """Minus the log posterior, up to a constant; weight [n + f] counts units."""
+def objective(model: Model, evidence: Observations, points: Points, weight: Float[Any, " units"],
+              u: Float[Any, " p"]) -> Float[Any, ""]:
+    """Minus the log posterior, up to a constant; weight counts units."""
     return -(weight * log_likelihood(model, evidence, points, u)).sum() + 0.5 * (u**2).sum()
 
 
 @partial(jax.jit, static_argnames=("model",))
-def derivatives(model: Model, evidence: Observations, points: Points, weight: Any, u: Any) -> tuple[Any, Any, Any]:
-    """(value, gradient [p], Hessian [p, p]) of the objective, exact."""
-    def value(u: Any) -> Any:
+def derivatives(model: Model, evidence: Observations, points: Points, weight: Float[Any, " units"],
+                u: Float[Any, " p"]) -> tuple[Float[Any, ""], Float[Any, " p"], Float[Any, "p p"]]:
+    """(value, gradient, Hessian) of the objective, exact."""
+    def value(u: Float[Any, " p"]) -> Float[Any, ""]:
         return objective(model, evidence, points, weight, u)
 
-    def slope(u: Any) -> tuple[Any, tuple[Any, Any]]:
+    def slope(u: Float[Any, " p"]) -> tuple[Float[Any, " p"], tuple[Float[Any, ""], Float[Any, " p"]]]:
         gradient, at = jax.jacfwd(lambda u: (value(u),) * 2, has_aux=True)(u)
         return gradient, (at, gradient)
 
@@ -226,12 +230,12 @@ def derivatives(model: Model, evidence: Observations, points: Points, weight: An
 
 
 @partial(jax.jit, static_argnames=("model",))
-def unit_scores(model: Model, evidence: Observations, points: Points, u: Any) -> Any:
-    """Log-likelihood of each unit [n + f]."""
+def unit_scores(model: Model, evidence: Observations, points: Points, u: Float[Any, " p"]) -> Float[Any, " units"]:
+    """Log-likelihood of each unit."""
     return log_likelihood(model, evidence, points, u)
 
 
 @partial(jax.jit, static_argnames=("model",))
-def outcome_table(model: Model, evidence: Observations, points: Points, u: Any) -> Any:
+def outcome_table(model: Model, evidence: Observations, points: Points, u: Float[Any, " p"]) -> Float[Any, "n 3"]:
     """As probabilities, compiled."""
     return probabilities(model, evidence, points, u)

@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
+from jaxtyping import Float
 
 from truearc.sim.infer.likelihood.small_matrices import log_det_and_inverse
 from truearc.sim.infer.likelihood.track_data import TrackData
@@ -51,8 +52,9 @@ def as_it_is(position_m: Vec, velocity_m_s: Vec, time_s: Any) -> Vec:
     return position_m
 
 
-def positions(law: Law, start: Start, lead_s: Any, time_s: Any, look: Look = as_it_is) -> Any:
-    """(down, up) [k, l, 2] as the tracker has them at lead_s [k] + time_s [k, l] after the start."""
+def positions(law: Law, start: Start, lead_s: Float[Any, " k"], time_s: Float[Any, "k l"],
+              look: Look = as_it_is) -> Float[Any, "k l 2"]:
+    """(down, up) as the tracker has them at lead_s + time_s after the start."""
     def step(state: tuple[Any, ...], step_s: Any, parts: int) -> tuple[Any, ...]:
         def part(state: tuple[Any, ...], _: None) -> tuple[tuple[Any, ...], None]:
             x, z, vx, vz, flown_s = state
@@ -79,8 +81,9 @@ def positions(law: Law, start: Start, lead_s: Any, time_s: Any, look: Look = as_
     return jnp.swapaxes(whole, 0, 1)
 
 
-def launched(law: Law, exit: Any, release_height_m: float, at: Any, time_s: Any, look: Look = as_it_is) -> Any:
-    """Positions of flights that leave with deviations at [k, 3]: log speed, elevation in rad, lead in s."""
+def launched(law: Law, exit: Any, release_height_m: float, at: Float[Any, "k 3"], time_s: Float[Any, "k l"],
+             look: Look = as_it_is) -> Float[Any, "k l 2"]:
+    """Positions of flights that leave with deviations `at`: log speed, elevation in rad, lead in s."""
     speed, elevation = exit.speed_m_s * jnp.exp(at[:, 0]), exit.elevation_rad + at[:, 1]
     zero = jnp.zeros_like(speed)
     start = Start(zero, zero + release_height_m + exit.above_m, speed * jnp.cos(elevation), speed * jnp.sin(elevation),
@@ -88,8 +91,9 @@ def launched(law: Law, exit: Any, release_height_m: float, at: Any, time_s: Any,
     return positions(law, start, at[:, 2], time_s, look)
 
 
-def loose(law: Law, spin_rev_s: Any, at: Any, time_s: Any, look: Look = as_it_is) -> Any:
-    """Positions of free flights that start with at [k, 4]: x, z in m, their velocities in m/s.
+def loose(law: Law, spin_rev_s: Any, at: Float[Any, "k 4"], time_s: Float[Any, "k l"],
+          look: Look = as_it_is) -> Float[Any, "k l 2"]:
+    """Positions of free flights that start with `at`: x, z in m, their velocities in m/s.
 
     spin_rev_s: at the first sample, from which the time since release is counted too: nobody knows the release.
     """
@@ -97,8 +101,9 @@ def loose(law: Law, spin_rev_s: Any, at: Any, time_s: Any, look: Look = as_it_is
     return positions(law, Start(x_m, z_m, vx_m_s, vz_m_s, spin_rev_s), jnp.zeros(at.shape[0]), time_s, look)
 
 
-def linear(fly: Any, data: TrackData, at: Any, mean: Any, sd: Any, noise_m: Any) -> TrackLinearization:
-    """Integrate the unknowns out about `at` [k, m]; their prior is normal with `mean` and `sd` [k, m].
+def linear(fly: Any, data: TrackData, at: Float[Any, "k m"], mean: Float[Any, "k m"], sd: Float[Any, "k m"],
+           noise_m: Any) -> TrackLinearization:
+    """Integrate the unknowns out about `at`; their prior is normal with `mean` and `sd`.
 
     fly: at [k, m] -> positions [k, l, 2]; its derivatives are central differences of flights side by side, as in
     truearc.sim.infer.likelihood.heights and for the same reason. Whitened by the prior's sd: right for an unknown
@@ -122,8 +127,8 @@ def linear(fly: Any, data: TrackData, at: Any, mean: Any, sd: Any, noise_m: Any)
     return TrackLinearization(value, mean + sd * shift, sd[:, :, None] * inverse * sd[:, None, :])
 
 
-def guess_start(data: TrackData, samples: int = 8) -> np.ndarray:
-    """Start of each flight [k, 4], x, z and velocities, by a parabola through the first samples."""
+def guess_start(data: TrackData, samples: int = 8) -> Float[np.ndarray, "k 4"]:
+    """Start of each flight, x, z and velocities, by a parabola through the first samples."""
     guesses = []
     for time_s, down_m, up_m, mask in zip(data.time_s, data.down_m, data.up_m, data.mask, strict=True):
         count = min(int(mask.sum()), samples)
@@ -132,8 +137,8 @@ def guess_start(data: TrackData, samples: int = 8) -> np.ndarray:
     return np.array(guesses)
 
 
-def guess_lead(data: TrackData, exit: Any) -> np.ndarray:
-    """Deviations [k, 3] to start from: none, and the time that the launch takes to the first sample."""
+def guess_lead(data: TrackData, exit: Any) -> Float[np.ndarray, "k 3"]:
+    """Deviations to start from: none, and the time that the launch takes to the first sample."""
     ahead_m_s = np.maximum(np.asarray(exit.speed_m_s) * np.cos(exit.elevation_rad), 0.5)
     zero = np.zeros(len(data.row))
     return np.column_stack([zero, zero, np.clip(data.down_m[:, 0] / ahead_m_s[data.row], -0.5, 2.0)])

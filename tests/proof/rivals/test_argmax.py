@@ -1,26 +1,29 @@
 """The best in-sample fit, on linear-Gaussian evidence whose likelihoods are known in closed form."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
 from tests.sim.discover.made import at_least_squares, column, gaussian
+from tests.sim.discover.straight import ASKED, NAMES, lay_straight, take_straight
 from truearc.sim.discover.detect.clusters import Clusters
 from truearc.sim.discover.model.baseline_fit import BaselineFit
+from truearc.sim.discover.model.linearization import nowhere
+from truearc.sim.discover.model.prepared_data import SCATTERS
 from truearc.sim.discover.select.refit import Refit
 from truearc_proof.rivals import argmax
-from truearc_proof.rivals.claim import Believed
+from truearc_proof.rivals.claim import RivalBelief
 
 N = 200
 
 
-def believed(signal: float, seed: int = 0) -> Believed:
+def believed(signal: float, seed: int = 0) -> RivalBelief:
     """Two terms at right angles and a shared constant; `signal` of the second is true. Refits are least squares."""
     rng = np.random.default_rng(seed)
     slopes = np.linalg.qr(np.column_stack([np.ones(N), rng.normal(size=(N, 2))]))[0][:, 1:]
     y = signal * slopes[:, 1] + rng.normal(size=N)
     evidence = at_least_squares(y, slopes, np.ones((N, 1)))
+    intake, layout = take_straight(np.zeros(N)), lay_straight(np.full(len(ASKED), 0.3))
+    spot = nowhere(intake, layout, np.zeros(len(NAMES)), np.zeros(len(SCATTERS)))
     refits = {}
     for k in range(2):
         amplitude = slopes[:, k] @ y
@@ -28,15 +31,8 @@ def believed(signal: float, seed: int = 0) -> Believed:
                         (column("t", "shared"), column("s0", "shared")))
         name = f"t{k}.amplitude"
         here = np.array([amplitude])
-        refits[name] = Refit((name,), None, None, made, here, here, here, np.ones(1), 0.0)
-    return Believed(BaselineFit(SimpleNamespace(samples=None), None, None, evidence), Clusters("shot", np.arange(N), N),
-                    refits)
-
-
-@pytest.fixture(autouse=True)
-def without_layouts(monkeypatch: pytest.MonkeyPatch) -> None:
-    """No flight is flown here."""
-    monkeypatch.setattr(argmax, "only_shared", lambda layout: layout)
+        refits[name] = Refit((name,), layout, spot, made, here, here, here, np.ones(1), 0.0)
+    return RivalBelief(BaselineFit(intake, layout, spot, evidence), Clusters("shot", np.arange(N), N), refits)
 
 
 def test_the_true_term_of_two_at_right_angles_fits_best() -> None:

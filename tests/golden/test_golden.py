@@ -1,0 +1,125 @@
+"""The quick part of `make golden`, and that its comparison sees a difference."""
+
+import json
+import platform
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnx
+import pytest
+
+from tests.golden.artefacts import ARTEFACTS, REFERENCE, unpack
+from tests.golden.compare import FITTED, compare
+from tests.golden.make import check
+
+ELSEWHERE = sys.platform != "linux" or platform.machine() != "x86_64"
+QUICK = ("replay", "shots", "launcher", "predict", "finding-l0-null", "export-network", "export-physics",
+         "gate-network", "gate-physics", "gated-network", "gated-physics")
+
+
+@pytest.fixture(scope="module")
+def scratch(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("golden")
+    unpack(folder)
+    return folder
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(ELSEWHERE, reason="another C library rounds otherwise; references made on Linux, x86-64")
+@pytest.mark.parametrize("name", QUICK)
+def test_golden_artefact_is_unchanged(name: str, scratch: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    artefact = next(one for one in ARTEFACTS if one.name == name)
+    same = check(artefact, scratch)
+    assert same, capsys.readouterr().out
+
+
+def test_every_artefact_has_a_reference() -> None:
+    assert sorted(one.name for one in ARTEFACTS) == sorted(path.name for path in REFERENCE.iterdir())
+    assert all(any((REFERENCE / one.name).rglob("*.*")) for one in ARTEFACTS)
+
+
+Finding = dict[str, Any]
+
+
+def changed(tmp_path: Path, finding: Finding) -> tuple[str, ...]:
+    """What `compare` objects to in a finding that was edited."""
+    (tmp_path / "finding.json").write_text(json.dumps(finding))
+    reference = tmp_path / "reference"
+    reference.mkdir()
+    (reference / "finding.json").write_bytes((REFERENCE / "finding-l2-distance" / "finding.json").read_bytes())
+    new = tmp_path / "new"
+    new.mkdir()
+    (tmp_path / "finding.json").rename(new / "finding.json")
+    return compare(reference, new, FITTED).wrong
+
+
+@pytest.fixture
+def finding() -> Finding:
+    loaded: Finding = json.loads((REFERENCE / "finding-l2-distance" / "finding.json").read_text())
+    return loaded
+
+
+def test_comparison_accepts_other_sentences(tmp_path: Path, finding: Finding) -> None:
+    finding["sentence"] = finding["what"][0]["sentence"] = "Other words."
+    finding["next"][0]["what"] = {"code": "measure"}
+    assert changed(tmp_path, finding) == ()
+
+
+def test_comparison_accepts_numbers_within_the_limit(tmp_path: Path, finding: Finding) -> None:
+    finding["what"][0]["parameters"]["share"]["value"] *= 1 + FITTED / 2
+    assert changed(tmp_path, finding) == ()
+
+
+@pytest.mark.parametrize(("path", "value"), [
+    (("what", 0, "parameters", "share", "value"), 0.0715), (("verdict",), "set"), (("mismatch", "p_value"), 0.0026),
+    (("data", "shots"), 61), (("what", 0, "term"), "distance_bias"), (("fit", "accuracy_before"), None),
+    (("mismatch", "found"), 1), (("set",), []), (("new key",), 1.0),
+], ids=lambda part: ".".join(map(str, part)) if isinstance(part, tuple) else str(part))
+def test_comparison_reports_a_changed_value(tmp_path: Path, finding: Finding, path: tuple[Any, ...],
+                                            value: object) -> None:
+    inner = finding
+    for key in path[:-1]:
+        inner = inner[key]
+    inner[path[-1]] = value
+    assert changed(tmp_path, finding)
+
+
+def test_comparison_accepts_another_order_of_tied_terms(tmp_path: Path, finding: Finding) -> None:
+    finding["what"].reverse()
+    assert changed(tmp_path, finding) == ()
+
+
+def test_comparison_reports_a_missing_sentence(tmp_path: Path, finding: Finding) -> None:
+    del finding["sentence"]
+    assert changed(tmp_path, finding) == ("finding.json:sentence: only in the reference",)
+
+
+@pytest.mark.parametrize("name", ["rows.csv", "map.npz", "gate.onnx"])
+def test_comparison_reads_tables_arrays_and_graphs(tmp_path: Path, name: str) -> None:
+    source = next(path for path in sorted(REFERENCE.rglob(name)))
+    old, new = tmp_path / "old" / name, tmp_path / "new" / name
+    old.parent.mkdir()
+    new.parent.mkdir()
+    old.write_bytes(source.read_bytes())
+    match new.suffix:
+        case ".csv":
+            head, first, *rest = source.read_text().splitlines()
+            new.write_text("\n".join([head, ",".join([*first.split(",")[:-1], "0.5"]), *rest]))
+        case ".npz":
+            arrays = dict(np.load(source))
+            np.savez(new, **arrays | {"share_two": arrays["share_two"] + 0.01})
+        case ".onnx":
+            model = onnx.load(source)
+            model.metadata_props[1].value = "0" * 64
+            onnx.save(model, new)
+    wrong = compare(old.parent, new.parent, FITTED).wrong
+    assert len(wrong) == 1 and wrong[0].startswith(f"{name}:")
+
+
+def test_golden_gates_carry_one_contract() -> None:
+    hashes = {entry.value for kind in ("network", "physics")
+              for entry in onnx.load(REFERENCE / f"export-{kind}" / "gate.onnx").metadata_props
+              if entry.key == "truearc.contract_sha256"}
+    assert hashes == {"8f3c45c1f4b43b97b964de6b1c3ca4f6055fed4e92a6e368d50642a90a90478a"}
