@@ -35,11 +35,11 @@ from truearc.sim.compile_cache import keep_compiled
 from truearc.sim.data.dataset import Shots
 from truearc.sim.discover.adopt import make_belief
 from truearc.sim.discover.api import discover
-from truearc.sim.gate.metrics import figures_of
 from truearc.sim.gate.novelty import fit_novelty
 from truearc.sim.gate.outcome_classes import OutcomeClasses, marks_of
 from truearc.sim.gate.train import train_physics_gate
 from truearc.sim.infer.belief import Belief
+from truearc.sim.metrics import figures_of
 from truearc.sim.paper.network import probabilities
 from truearc.sim.paper.sweep import Job, train_many
 from truearc.sim.paper.synthetic_data import synthesise

@@ -4,9 +4,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from scipy.stats import t as student
 
-LEVEL = 0.95
+from truearc.sim.intervals import student_half
+from truearc.sim.tables import Table
+
+HEADER = ("gate", "figure", "before", "after", "after - before, 95 %", "worlds better, worse")
 SIDES = ("before", "after")
 NOTHING = "nothing"                   # the world in which nothing was changed
 FIGURES: tuple[tuple[str, str, str], ...] = (
@@ -28,28 +30,25 @@ def make_table(lines: Sequence[Line]) -> str:
 
 
 def _summary(title: str, lines: Sequence[Line]) -> str:
-    rows = [f"### {title}", "", "| gate | figure | before | after | after - before, 95 % | worlds better, worse |",
-            "|---|---|---|---|---|---|",
-            *_row("none", "heights off, simulation alone (m)", "less", *(
-                np.array([one[which]["off_m"] for one in lines]) for which in SIDES))]
+    rows = _row("none", "heights off, simulation alone (m)", "less",
+                *(np.array([one[which]["off_m"] for one in lines]) for which in SIDES))
     for gate in lines[0]["after"]["gates"] if lines else ():
         for said, key, better in FIGURES:
             rows += _row(gate, said, better, *(
                 np.array([_value(one[which]["gates"][gate], key) for one in lines], dtype=float) for which in SIDES))
-    return "\n".join(rows)
+    return Table(title, HEADER, rows).markdown()
 
 
-def _row(gate: str, said: str, better: str, before: np.ndarray, after: np.ndarray) -> list[str]:
+def _row(gate: str, said: str, better: str, before: np.ndarray, after: np.ndarray) -> list[list[str]]:
     """One line of the table; none where fewer than two worlds have both."""
     both = np.isfinite(before) & np.isfinite(after)
     gain = (after - before)[both]
     if len(gain) < 2:
         return []
-    half = student.ppf(0.5 + LEVEL / 2.0, len(gain) - 1) * gain.std(ddof=1) / np.sqrt(len(gain))
-    sign = 1.0 if better == "more" else -1.0
-    return [f"| {gate} | {said} | {before[both].mean():.3f} | {after[both].mean():.3f} | {gain.mean():+.4f} "
-            f"({gain.mean() - half:+.4f} to {gain.mean() + half:+.4f}) | {int((sign * gain > 0).sum())}, "
-            f"{int((sign * gain < 0).sum())} |"]
+    half, sign = student_half(gain), 1.0 if better == "more" else -1.0
+    return [[gate, said, f"{before[both].mean():.3f}", f"{after[both].mean():.3f}",
+             f"{gain.mean():+.4f} ({gain.mean() - half:+.4f} to {gain.mean() + half:+.4f})",
+             f"{int((sign * gain > 0).sum())}, {int((sign * gain < 0).sum())}"]]
 
 
 def _value(figures: Line, key: str) -> float:
@@ -59,12 +58,12 @@ def _value(figures: Line, key: str) -> float:
 
 
 def _each(lines: Sequence[Line]) -> str:
-    rows = ["### Each world", "", "| changed | seed | adopted | heights off (m) | Brier of the gates |",
-            "|---|---|---|---|---|"]
+    rows = []
     for one in sorted(lines, key=lambda one: (one["name"], one["seed"])):
         before, after = (one[which] for which in SIDES)
         brier = [f"{gate} {before['gates'][gate]['brier']:.3f} -> {figures['brier']:.3f}"
                  for gate, figures in after["gates"].items()]
-        rows.append(f"| {one['name']} | {one['seed']} | {', '.join(one['adopted']) or '-'} | {before['off_m']:.3f} -> "
-                    f"{after['off_m']:.3f} | {'; '.join(brier)} |")
-    return "\n".join(rows)
+        rows.append([one["name"], str(one["seed"]), ", ".join(one["adopted"]) or "-",
+                     f"{before['off_m']:.3f} -> {after['off_m']:.3f}", "; ".join(brier)])
+    header = ("changed", "seed", "adopted", "heights off (m)", "Brier of the gates")
+    return Table("Each world", header, rows).markdown()

@@ -20,7 +20,6 @@ from typing import Any
 
 import numpy as np
 from scipy.special import log_softmax
-from scipy.stats import t as student
 
 from benchmarks.filling import fill_and_tell, parser_of
 from benchmarks.suite import Job, amount_of
@@ -29,6 +28,8 @@ from truearc.sim.compile_cache import keep_compiled
 from truearc.sim.data.dataset import Dataset, Shots, join_datasets
 from truearc.sim.discover.api import discover
 from truearc.sim.discover.plan.experiment_design import can_design, make_design
+from truearc.sim.intervals import student_half
+from truearc.sim.tables import make_markdown
 from truearc_proof.rounds.jsonl_store import fill
 from truearc_proof.truth.followup import Asked, follow
 from truearc_proof.truth.generate import shoot
@@ -38,7 +39,9 @@ ALIKE = ("hood_offset", "wheel_slip", "drag_reynolds", "spin_drag", "wind_x", "w
          "distance_bias", "release_height", "target_height")
 SHOTS, DESIGNED, CONFIGURATIONS = 300, 100, 5
 ONCE_MORE = 2                         # number of the follow-up at random; the designed one's is 1
-LEVEL = 0.95
+HEADER = ("level", "worlds, something found, several names with the hidden one", "names left",
+          "mean log probability of the hidden one: before", "+ 100 designed", "+ 300 at random", "designed - random",
+          "worlds better, worse")
 
 Line = dict[str, Any]
 
@@ -85,9 +88,7 @@ def _told(world: World, dataset: Dataset, asked: list[Asked], number: int, names
 
 def make_table(lines: Sequence[Line]) -> str:
     """Markdown: a level a row, means over worlds, the paired difference with Student's 95 % interval."""
-    rows = ["| level | worlds, something found, several names with the hidden one | names left | mean log probability "
-            "of the hidden one: before | + 100 designed | + 300 at random | designed - random | worlds better, worse |",
-            "|---|---|---|---|---|---|---|---|"]
+    rows = []
     for level in sorted({one["level"] for one in lines}):
         mine = [one for one in lines if one["level"] == level]
         left = [one for one in mine if "designed" in one]
@@ -95,13 +96,13 @@ def make_table(lines: Sequence[Line]) -> str:
             before, designed, random = (np.array([one[key] for one in left])
                                         for key in ("before", "designed", "random"))
             gain = designed - random
-            half = student.ppf(0.5 + LEVEL / 2.0, len(gain) - 1) * gain.std(ddof=1) / np.sqrt(len(gain))
-            rows.append(f"| {level} | {len(mine)}, {sum(one['found'] for one in mine)}, {len(left)} | "
-                        f"{np.mean([len(one['names']) for one in left]):.1f} | {before.mean():.2f} | "
-                        f"{designed.mean():.2f} | {random.mean():.2f} | {gain.mean():+.2f} "
-                        f"({gain.mean() - half:+.2f} to {gain.mean() + half:+.2f}) | {int((gain > 0).sum())}, "
-                        f"{int((gain < 0).sum())} |")
-    return "\n".join(rows)
+            half = student_half(gain)
+            rows.append([level, f"{len(mine)}, {sum(one['found'] for one in mine)}, {len(left)}",
+                         f"{np.mean([len(one['names']) for one in left]):.1f}", f"{before.mean():.2f}",
+                         f"{designed.mean():.2f}", f"{random.mean():.2f}",
+                         f"{gain.mean():+.2f} ({gain.mean() - half:+.2f} to {gain.mean() + half:+.2f})",
+                         f"{int((gain > 0).sum())}, {int((gain < 0).sum())}"])
+    return make_markdown(HEADER, rows)
 
 
 def main() -> int:

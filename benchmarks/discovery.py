@@ -28,7 +28,8 @@ from truearc.sim.compile_cache import keep_compiled
 from truearc.sim.discover.api import Investigation, discover
 from truearc.sim.discover.finding import make_json
 from truearc.sim.parallel import fan_out
-from truearc_proof.report.tables import ProofTable, make_tables, said, share
+from truearc.sim.tables import Table
+from truearc_proof.report.tables import make_tables, said, share
 from truearc_proof.rounds.jsonl_store import append_line, lines_of, mend
 from truearc_proof.scoring.oracle import ceiling_of, oracle_gain, strength_of
 from truearc_proof.scoring.score_world import NULLS, Mark
@@ -131,7 +132,7 @@ def _tell(path: Path) -> None:
         print(f"The solver broke in {len(broken)} worlds: {', '.join(broken[:10])}")
 
 
-def _alarms(marks: Sequence[tuple[Job, Mark]]) -> ProofTable:
+def _alarms(marks: Sequence[tuple[Job, Mark]]) -> Table:
     """Of worlds in which nothing is hidden, by what is wrong with their data."""
     nulls = [(job, one) for job, one in marks if one.kind in NULLS]
     rows = []
@@ -139,7 +140,7 @@ def _alarms(marks: Sequence[tuple[Job, Mark]]) -> ProofTable:
         mine = [one for job, one in nulls if (job.level, job.shots, job.name) == setting]
         rows.append([*map(str, setting), said(*share(mine, lambda one: one.found)),
                      said(*share(mine, lambda one: bool(one.names)))])
-    return ProofTable(
+    return Table(
         "False alarms (nominal 0.05)", ("level", "shots", "null", "false alarms", "a name was given"), rows
     )
 

@@ -18,8 +18,7 @@ from truearc.sim.discover.model.baseline_fit import fit_believed
 from truearc.sim.discover.model.design_columns import lay_out
 from truearc.sim.discover.model.prepared_data import take_in
 from truearc.sim.discover.report.html_report import make_report
-from truearc.sim.physics.catalogue import TERMS
-from truearc.sim.physics.term import Term
+from truearc.sim.physics.catalogue import BUILT_IN, TERMS, Catalogue
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world
 
@@ -27,7 +26,7 @@ EFFECT = {"wheel_droop": 0.05}
 SIZES = (8, 20, len(TERMS))           # terms that are asked about, besides the believed ones
 
 
-def detection(dataset: Dataset, catalogue: tuple[Term, ...] = TERMS) -> None:
+def detection(dataset: Dataset, catalogue: Catalogue = BUILT_IN) -> None:
     """Everything that detection takes."""
     intake = take_in(dataset)
     layout = lay_out(intake, dataset.facts.believe.terms, groups_of(dataset.shots, intake.rows), catalogue)
@@ -47,11 +46,11 @@ def second(run: Callable[[], None]) -> tuple[float, float]:
     return time.perf_counter() - wall, time.process_time() - cpu
 
 
-def smaller(believed: tuple[str, ...], count: int) -> tuple[Term, ...]:
+def smaller(believed: tuple[str, ...], count: int) -> Catalogue:
     """The believed terms, those of the tracker, and the first others up to `count` in all that are asked about."""
     fixed = {*believed, "track_scale", "track_tilt", "track_clock"}
     others = [term.name for term in TERMS if term.name not in fixed][:count]
-    return tuple(term for term in TERMS if term.name in fixed or term.name in others)
+    return Catalogue(tuple(term for term in TERMS if term.name in fixed or term.name in others))
 
 
 def main() -> None:
@@ -67,9 +66,9 @@ def main() -> None:
         for count in SIZES if shots == 300 else SIZES[-1:]:
             catalogue = smaller(dataset.facts.believe.terms, count)
             found = second(lambda dataset=dataset, catalogue=catalogue: detection(dataset, catalogue))
-            whole = "" if len(catalogue) < len(TERMS) else "{:.1f} ({:.1f})".format(
+            whole = "" if len(catalogue.terms) < len(TERMS) else "{:.1f} ({:.1f})".format(
                 *second(lambda dataset=dataset: report(dataset)))
-            print(f"| {shots} | {len(catalogue)} | {found[0]:.2f} ({found[1]:.2f}) | {whole} |", flush=True)
+            print(f"| {shots} | {len(catalogue.terms)} | {found[0]:.2f} ({found[1]:.2f}) | {whole} |", flush=True)
 
 
 if __name__ == "__main__":

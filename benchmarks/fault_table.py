@@ -4,26 +4,27 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from benchmarks.launcher_table import counted
-from truearc.sim.intervals import wilson
+from truearc.sim.tables import make_markdown
+from truearc_proof.report.tables import said
 
 AIR = "flight"
+HEADER = ("fault", "tracks", "something found", "put down to the air alone", "verdicts", "names")
 
 Line = Mapping[str, Any]
 
 
 def make_table(lines: Sequence[Line]) -> str:
     """Markdown: one row a fault and source. Shares have Wilson 95 % intervals and counts."""
-    rows = ["| fault | tracks | something found | put down to the air alone | verdicts | names |",
-            "|---|---|---|---|---|---|"]
+    rows = []
     sources = sorted({_source(one) for one in lines})
     for source, fault in ((source, fault) for source in sources
                           for fault in dict.fromkeys(one["fault"] for one in lines)):
         mine = [one for one in lines if one["fault"] == fault and _source(one) == source]
         if mine:
-            rows.append(f"| {fault} | {source} | {_share([one['found'] for one in mine])} | "
-                        f"{_share([blames_the_air(one) for one in mine])} | "
-                        f"{counted(one['verdict'] for one in mine)} | {counted(_names(mine))} |")
-    return "\n".join(rows)
+            rows.append([fault, source, _share([one["found"] for one in mine]),
+                         _share([blames_the_air(one) for one in mine]), counted(one["verdict"] for one in mine),
+                         counted(_names(mine))])
+    return make_markdown(HEADER, rows)
 
 
 def blames_the_air(line: Line) -> bool:
@@ -46,6 +47,5 @@ def _names(lines: Sequence[Line]) -> Iterator[str]:
 
 
 def _share(marks: Sequence[bool]) -> str:
-    low, high = wilson(sum(marks), len(marks))
-    return f"{sum(marks)}/{len(marks)} ({low:.2f}-{high:.2f})"
+    return said(sum(marks), len(marks))
 

@@ -19,7 +19,7 @@ from typing import Any
 
 import msgspec
 
-from benchmarks.field_table import KINDS, LEVEL, flight_names, make_table
+from benchmarks.field_table import KINDS, LEVEL, claim_of, flight_names, make_table
 from benchmarks.suite import Job, plan_jobs, true_parameter, world_of
 from truearc.cli.progress import make_progress
 from truearc.robot.config.schema import InputError
@@ -29,7 +29,6 @@ from truearc.sim.discover.finding import make_json
 from truearc.sim.parallel import fan_out
 from truearc_proof.rivals.claim import Claim, believed_of
 from truearc_proof.rivals.registry import OURS, RIVALS, check_rivals, find_rival
-from truearc_proof.rivals.truearc_entry import claim_of
 from truearc_proof.rounds.jsonl_store import append_line, lines_of, mend
 from truearc_proof.scoring.oracle import FALSE_ALARM, ceiling_of
 from truearc_proof.truth.generate import shoot

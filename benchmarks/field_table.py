@@ -8,10 +8,12 @@ import msgspec
 import numpy as np
 
 from benchmarks.suite import Job, drawn_of, measured_of, names_of
-from truearc_proof.report.tables import ProofTable, said, yes_of
+from truearc.sim.tables import make_markdown
+from truearc_proof.report.tables import said, yes_of
+from truearc_proof.rivals.claim import Claim
 from truearc_proof.rivals.registry import OURS
 from truearc_proof.scoring.oracle import FALSE_ALARM
-from truearc_proof.scoring.score_finding import STAGE_OF
+from truearc_proof.scoring.score_finding import STAGE_OF, names_ranked
 from truearc_proof.scoring.score_world import mark_rival, right_names
 
 RESOLVABLE = 0.95                     # chance that these data's information lets anybody detect the effect
@@ -19,6 +21,7 @@ WANTED = 0.95                         # of resolvable worlds, that ours names ri
 KINDS = ("nulls", "effects", "cut")
 LEVEL = "L2"
 HEAD = ("hidden", "resolvable, of", "entrant", "says something", "top-1", "up to alias", "track's end, cm", "s")
+NAMING = ("named", "set")             # verdicts that give names; "unknown" gives none, whatever it ranks
 QUESTIONS = (attrgetter("says"), attrgetter("right"), attrgetter("alias"))
 
 
@@ -41,6 +44,16 @@ class Mark(NamedTuple):
 def flight_names(kind: str) -> tuple[str, ...]:
     """What is hidden: all nulls, and what belongs to the flight."""
     return tuple(name for name in names_of(kind, LEVEL) if kind == "nulls" or STAGE_OF[name] == "flight")
+
+
+def claim_of(finding: dict[str, Any]) -> Claim:
+    """truearc's own finding (truearc.finding/1, decoded) as a claim like the others'; names only where its verdict
+    gives them."""
+    fit = finding.get("fit") or {}
+    before, after = fit.get("height_rmse_before_m"), fit.get("height_rmse_after_m")
+    names = tuple(names_ranked(finding)) if finding["verdict"] in NAMING else ()
+    return Claim(bool(finding["mismatch"]["found"]), names, before, before if after is None else after,
+                 {} if finding["mismatch"]["p_value"] is None else {"p_value": float(finding["mismatch"]["p_value"])})
 
 
 def marks_of(line: dict[str, Any]) -> list[Mark]:
@@ -76,7 +89,7 @@ def make_table(lines: Sequence[dict[str, Any]], everywhere: bool = False) -> str
             title = f"{name}{' (cut)' if kind == 'cut' else ''} x {scale:g}" if name else f"**together x {scale:g}**"
             mine = [mark for mark in here if not name or (mark.kind, mark.name) == (kind, name)]
             rows += _lines(title, mine, [mark for mark in mine if everywhere or mark.resolvable], entrants)
-    return "\n".join([ProofTable("Beside others", HEAD, rows).markdown(), "", *_against_target(hidden)])
+    return "\n".join([make_markdown(HEAD, rows), "", *_against_target(hidden)])
 
 
 def _lines(hidden: str, marks: Sequence[Mark], counted: Sequence[Mark], entrants: Sequence[str]) -> list[list[str]]:

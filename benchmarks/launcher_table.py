@@ -3,11 +3,15 @@
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from truearc.sim.intervals import wilson
+from truearc.sim.tables import Table
+from truearc_proof.report.tables import said
 from truearc_proof.worlds.perturbations import CHANGES, Change
 
 TARGET = 1.5                          # times the world's own scatter, for the adopted simulation's heights
 AS_IS = "as-is"
+AS_IS_HEADER = ("level", "seed", "p-value", "verdict", "stage", "names", "heights off before", "adopted", "own scatter",
+                "ratio")
+CHANGED_HEADER = ("changed", "found", "stage", "first name right", "right name in the set", "verdicts", "first names")
 
 Line = Mapping[str, Any]
 
@@ -23,16 +27,14 @@ def make_tables(lines: Sequence[Line]) -> str:
 
 
 def _as_is_table(lines: Sequence[Line]) -> str:
-    rows = ["### As it is", "", "| level | seed | luck | verdict | stage | names | heights off before | adopted | own "
-            "scatter | ratio |", "|---|---|---|---|---|---|---|---|---|---|"]
-    for one in lines:
-        rows.append(f"| {one['level']} | {one['seed']} | {one['p_value']:.2g} | {one['verdict']} | "
-                    f"{one['where']['stage']} | {', '.join(_names(one))} | {one['before_m']:.3f} m | "
-                    f"{one['after_m']:.3f} m | {one['scatter_m']:.3f} m | {one['after_m'] / one['scatter_m']:.2f} |")
+    rows = [[one["level"], str(one["seed"]), f"{one['p_value']:.2g}", one["verdict"], str(one["where"]["stage"]),
+             ", ".join(_names(one)), *(f"{one[name]:.3f} m" for name in ("before_m", "after_m", "scatter_m")),
+             f"{one['after_m'] / one['scatter_m']:.2f}"] for one in lines]
     good = sum(one["after_m"] <= TARGET * one["scatter_m"] for one in lines)
     launch = sum(one["where"]["stage"] == "launch" for one in lines)
-    return "\n".join([*rows, "", f"Adopted within {TARGET} x the own scatter: {good} of {len(lines)}; placed at the "
-                      f"launch: {launch} of {len(lines)}."])
+    return "\n".join([Table("As it is", AS_IS_HEADER, rows).markdown(), "",
+                      f"Adopted within {TARGET} x the own scatter: {good} of {len(lines)}; placed at the launch: "
+                      f"{launch} of {len(lines)}."])
 
 
 def _names(one: Line) -> list[str]:
@@ -48,25 +50,22 @@ def _names(one: Line) -> list[str]:
 
 
 def _changed_table(level: str, lines: Sequence[Line]) -> str:
-    rows = [f"### Changed, {level}", "", "| changed | found | stage | first name right | right name in the set | "
-            "verdicts | first names |", "|---|---|---|---|---|---|---|"]
+    rows = []
     for change in CHANGES:
         mine = [one for one in lines if one["name"] == change.name]
         if mine:
             rows.append(_changed_row(change, mine))
-    return "\n".join(rows)
+    return Table(f"Changed, {level}", CHANGED_HEADER, rows).markdown()
 
 
-def _changed_row(change: Change, lines: Sequence[Line]) -> str:
+def _changed_row(change: Change, lines: Sequence[Line]) -> list[str]:
     found = [one for one in lines if one["found"]]
     first = [one["what"][0]["term"] if one["what"] else "-" for one in found]
     told = [one["set"] or () for one in found]
-    low, high = wilson(len(found), len(lines))
     marks = [sum(one["where"]["stage"] in change.stages for one in found), sum(name in change.names for name in first),
              sum(bool(set(names) & set(change.names)) for names in told)]
     cells = [f"{mark}/{len(found)}" if change.names else "-" for mark in marks]
-    return (f"| {change.name} | {len(found) / len(lines):.2f} ({low:.2f}-{high:.2f}), {len(lines)} | "
-            f"{' | '.join(cells)} | {counted(one['verdict'] for one in lines)} | {counted(first)} |")
+    return [change.name, said(len(found), len(lines)), *cells, counted(one["verdict"] for one in lines), counted(first)]
 
 
 def counted(words: Iterable[str]) -> str:

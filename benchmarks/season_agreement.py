@@ -21,6 +21,7 @@ from truearc.cli.progress import make_progress
 from truearc.robot.config.schema import load_config
 from truearc.sim.data.dataset import Shots
 from truearc.sim.data.recordings import shots_from_sessions
+from truearc.sim.tables import make_markdown
 from truearc.sim.world.emulated_robot import emulate
 from truearc.sim.world.options import Options
 from truearc.sim.world.parts.target import BallResult
@@ -55,17 +56,18 @@ def readings(shots: Shots, results: list[BallResult], free_rad_s: float) -> dict
                                                                            for one in true]}
 
 
-def make_table(emulated: dict[str, np.ndarray], season: dict[str, np.ndarray], paired: bool) -> list[str]:
-    """Markdown rows, one a quantity."""
-    rows = [f"| quantity | robot: mean, sd | season: mean, sd | difference{' of pairs' if paired else ''}, its error | "
-            "KS p |", "|---|---|---|---|---|"]
+def make_table(emulated: dict[str, np.ndarray], season: dict[str, np.ndarray], paired: bool) -> str:
+    """Markdown, a row per quantity."""
+    header = ("quantity", "robot: mean, sd", "season: mean, sd",
+              f"difference{' of pairs' if paired else ''}, its error", "KS p")
+    rows = []
     for name, one in emulated.items():
         other = season[name]
         apart, error = _paired(one - other) if paired else _apart(one, other)
         p = ks_2samp(one[np.isfinite(one)], other[np.isfinite(other)]).pvalue
-        rows.append(f"| {name} | {np.nanmean(one):.4g}, {np.nanstd(one):.3g} | {np.nanmean(other):.4g}, "
-                    f"{np.nanstd(other):.3g} | {apart:+.3g}, {error:.2g} | {p:.3f} |")
-    return rows
+        rows.append([name, f"{np.nanmean(one):.4g}, {np.nanstd(one):.3g}",
+                     f"{np.nanmean(other):.4g}, {np.nanstd(other):.3g}", f"{apart:+.3g}, {error:.2g}", f"{p:.3f}"])
+    return make_markdown(header, rows)
 
 
 def _paired(gap: np.ndarray) -> tuple[float, float]:
@@ -91,12 +93,12 @@ def main() -> int:
     season = play_season(config.rig, Options(), args.seed, settings, "L1", progress=make_progress("season"))
     ours = list(season.results)
     print(f"{len(results)} balls of the emulated robot, and as many of the season\n")
-    print("\n".join(make_table(truths(results), truths(ours), True)), end="\n\n")
+    print(make_table(truths(results), truths(ours), True), end="\n\n")
     for name, each in (("robot", results), ("season", ours)):
         counts = {mark: sum(one.outcome == mark for one in each) for mark in ("three", "two", "miss-low", "miss-high")}
         print(f"{name}: " + ", ".join(f"{count} {mark}" for mark, count in counts.items()))
-    print("\n" + "\n".join(make_table(readings(recorded, results, free_rad_s),
-                                      readings(season.dataset.shots, ours, free_rad_s), False)))
+    print("\n" + make_table(readings(recorded, results, free_rad_s), readings(season.dataset.shots, ours, free_rad_s),
+                            False))
     return 0
 
 

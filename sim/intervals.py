@@ -1,6 +1,10 @@
-"""Intervals for shares."""
+"""Intervals for shares and means."""
 
 import math
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.special import stdtrit
 
 Z95 = 1.959963984540054
 
@@ -26,3 +30,12 @@ def difference(one: tuple[int, int], other: tuple[int, int]) -> tuple[float, flo
 
 def _share(successes: int, trials: int) -> float:
     return successes / trials if trials else 0.5
+
+
+def student_half(values: Sequence[float] | np.ndarray, level: float = 0.95) -> float:
+    """Half the width of Student's interval of the mean of n >= 2 independent values; NaN for fewer."""
+    numbers = np.asarray(values, float)
+    if len(numbers) < 2:
+        return math.nan
+    quantile = stdtrit(len(numbers) - 1, 0.5 + level / 2.0)
+    return float(quantile * numbers.std(ddof=1) / math.sqrt(len(numbers)))

@@ -12,10 +12,10 @@ from concurrent.futures.process import BrokenProcessPool
 from typing import Any, TypeVar
 
 from truearc.robot.config.schema import InputError
+from truearc.sim.progress import Progress
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")
-Progress = Callable[[float, str], None]
 Keep = Callable[[Any, Any], None]     # of a job and its result
 
 PATIENCE_S = 10.0                     # a scheduler, and a worker of its, must answer within this

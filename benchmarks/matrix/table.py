@@ -7,6 +7,7 @@ from benchmarks.matrix.judge import Result
 from benchmarks.matrix.row import KEEPS, REFUSED
 from benchmarks.matrix.rows import ROWS
 from truearc.robot.config.schema import InputError
+from truearc.sim.tables import make_markdown
 
 BEGIN, END = "<!-- fault matrix: begin -->", "<!-- fault matrix: end -->"
 BUSES = ("virtual", "slcan", "socketcan")
@@ -15,8 +16,7 @@ BUSES = ("virtual", "slcan", "socketcan")
 def make_table(results: Sequence[Result]) -> str:
     """Markdown. A cell: seconds from the fault to its HOLD, and from its end (or from arming anew) to the next FIRE."""
     cells = {(result.fault, result.bus): result for result in results}
-    lines = ["| fault | comes to | at most | " + " | ".join(BUSES) + " | fires again |",
-             "|---|---|---|" + "---|" * len(BUSES) + "---|"]
+    lines = []
     for row in ROWS:
         found = [cells.get((row.name, bus)) for bus in BUSES]
         some = next((result for result in found if result is not None), None)
@@ -26,9 +26,9 @@ def make_table(results: Sequence[Result]) -> str:
         if some.outcome == "fires on" and some.reason:
             reason = f"fires on; {some.reason}"
         bound = f"{row.within_s:.2f} s" if row.within_s and row.after not in (KEEPS, REFUSED) else ""
-        lines.append(f"| {row.name} | {_short(reason)} | {bound} | " + " | ".join(map(_cell, found))
-                     + f" | {row.after} |")
-    return "\n".join([*lines, "", _summary(results)])
+        lines.append([row.name, _short(reason), bound, *map(_cell, found), row.after])
+    header = ("fault", "comes to", "at most", *BUSES, "fires again")
+    return "\n".join([make_markdown(header, lines), "", _summary(results)])
 
 
 def write_between(page: Path, table: str) -> None:

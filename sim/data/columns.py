@@ -1,9 +1,15 @@
-"""What the columns of shots.csv mean: which are numbers, how far they may go, which words they take."""
+"""Columns of tables: which are numbers, how far they may go, which words they take; each bad cell is named."""
 
 import math
 import re
+from collections.abc import Sequence
 
-from truearc.sim.data.table import Cell
+import numpy as np
+
+from truearc.robot.config.schema import InputError
+from truearc.sim.data.model import Floats
+from truearc.sim.data.problems import Problems
+from truearc.sim.data.table import Cell, Table
 
 OUTCOMES = ("miss", "two", "three")
 SIDES = ("low", "high", "left", "right")
@@ -19,6 +25,7 @@ RANGES = {
     "exit_spin_rev_s": (-1000.0, 1000.0),
     "t_s": (-math.inf, math.inf),
 }
+NO_RANGE = (-math.inf, math.inf)
 WORDS = {"outcome": OUTCOMES, "side": SIDES}
 TEXTS = ("session", "ball_id")
 
@@ -52,3 +59,47 @@ def is_numeric(name: str, cells: list[Cell]) -> bool:
 
 def _has_unit(name: str) -> bool:
     return any(name.endswith("_" + unit) for unit in UNITS)
+
+
+def need_columns(table: Table, names: Sequence[str]) -> None:
+    """InputError when a column is missing, naming the file and the column."""
+    for name in names:
+        if name not in table.columns:
+            raise InputError(f"{table.place(-1)}: column {name} is missing")
+
+
+def number_column(table: Table, name: str, problems: Problems, needed: bool = True) -> Floats:
+    """A column of finite numbers [n], NaN for an empty cell; a problem is any other cell, a number out of range, and an
+    empty cell where one is needed."""
+    low, high = RANGES.get(name, NO_RANGE)
+    values = np.full(len(table.lines), np.nan)
+    for row, cell in enumerate(table.columns[name]):
+        number = parse_number(cell)
+        if cell is None:
+            if needed:
+                problems.add(table.place(row), name, "is missing")
+        elif number is None or not math.isfinite(number):
+            problems.add(table.place(row), name, f"{cell!r} is not a finite number")
+        elif not low <= number <= high:
+            problems.add(table.place(row), name, f"{number:g} is out of range ({low:g} to {high:g})")
+        else:
+            values[row] = number
+    return values
+
+
+def text_column(table: Table, name: str, problems: Problems, needed: bool = True) -> tuple[str, ...]:
+    """A column of texts, "" for an empty cell; a problem is a word that the column does not take, and an empty cell
+    where one is needed."""
+    words = WORDS.get(name)
+    values = tuple(map(text_of, table.columns[name]))
+    for row, value in enumerate(values):
+        if needed and not value:
+            problems.add(table.place(row), name, "is missing")
+        elif words and value and value not in words:
+            problems.add(table.place(row), name, f"{value!r} is none of {', '.join(words)}")
+    return values
+
+
+def text_of(cell: Cell) -> str:
+    """A cell as text, "" for an empty one."""
+    return "" if cell is None else str(cell)

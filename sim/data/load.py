@@ -1,7 +1,6 @@
 """A directory -> Dataset, strictly: every bad row is named, nothing is dropped."""
 
 import hashlib
-import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -9,14 +8,13 @@ import msgspec
 import numpy as np
 
 from truearc.robot.config.schema import InputError
-from truearc.sim.data.columns import RANGES, WORDS, is_numeric, parse_number
-from truearc.sim.data.model import Dataset, Floats, Shots, Traces, Tracks
+from truearc.sim.data.columns import WORDS, is_numeric, need_columns, number_column, text_column, text_of
+from truearc.sim.data.model import Dataset, Shots, Traces, Tracks
 from truearc.sim.data.problems import Problems, gathered
 from truearc.sim.data.rig import RIG, load_rig
-from truearc.sim.data.table import Cell, Table, find_table, load_table
+from truearc.sim.data.table import Table, find_table, load_table
 
 LEFT_OUT = "left_out.txt"
-NO_RANGE = (-math.inf, math.inf)
 
 
 def load_dataset(directory: str | Path) -> Dataset:
@@ -65,24 +63,23 @@ def _feed(digest: "hashlib._Hash", table: str, columns: dict[str, Sequence[str] 
 
 
 def _shots(table: Table, problems: Problems) -> Shots:
-    if "shot_id" not in table.columns:
-        raise InputError(f"{table.place(-1)}: column shot_id is missing")
+    need_columns(table, ("shot_id",))
     shot_id = _ids(table, problems)
     numbers, texts = {}, {}
     for name, cells in table.columns.items():
         if name == "shot_id":
             continue
         if is_numeric(name, cells):
-            numbers[name] = _numbers(table, name, problems)
+            numbers[name] = number_column(table, name, problems, needed=False)
         else:
-            texts[name] = _texts(table, name, problems)
+            texts[name] = text_column(table, name, problems, needed=False)
     _check_sides(table, texts, problems)
     return Shots(shot_id, numbers, texts, str(table.path))
 
 
 def _ids(table: Table, problems: Problems) -> tuple[str, ...]:
     first: dict[str, int] = {}
-    ids = tuple(_text(cell) for cell in table.columns["shot_id"])
+    ids = tuple(text_of(cell) for cell in table.columns["shot_id"])
     for row, name in enumerate(ids):
         if not name:
             problems.add(table.place(row), "shot_id", "is missing")
@@ -91,38 +88,6 @@ def _ids(table: Table, problems: Problems) -> tuple[str, ...]:
         else:
             first[name] = row
     return ids
-
-
-def _numbers(table: Table, name: str, problems: Problems, needed: bool = False) -> Floats:
-    low, high = RANGES.get(name, NO_RANGE)
-    values = np.full(len(table.lines), np.nan)
-    for row, cell in enumerate(table.columns[name]):
-        number = parse_number(cell)
-        if cell is None:
-            if needed:
-                problems.add(table.place(row), name, "is missing")
-        elif number is None:
-            problems.add(table.place(row), name, f"{cell!r} is not a number")
-        elif not math.isfinite(number):
-            problems.add(table.place(row), name, f"{cell} is not finite")
-        elif not low <= number <= high:
-            problems.add(table.place(row), name, f"{number:g} is out of range ({low:g} to {high:g})")
-        else:
-            values[row] = number
-    return values
-
-
-def _texts(table: Table, name: str, problems: Problems) -> tuple[str, ...]:
-    words = WORDS.get(name)
-    values = tuple(_text(cell) for cell in table.columns[name])
-    for row, value in enumerate(values):
-        if words and value and value not in words:
-            problems.add(table.place(row), name, f"{value!r} is none of {', '.join(words)}")
-    return values
-
-
-def _text(cell: Cell) -> str:
-    return "" if cell is None else str(cell)
 
 
 def _check_sides(table: Table, texts: dict[str, tuple[str, ...]], problems: Problems) -> None:
@@ -136,9 +101,9 @@ def _tracks(path: Path | None, row_of: dict[str, int], problems: Problems) -> Tr
     if path is None:
         return None
     table = load_table(path, problems)
-    _need_columns(table, ("shot_id", "t_s", "x_m", "y_m", "z_m"))
+    need_columns(table, ("shot_id", "t_s", "x_m", "y_m", "z_m"))
     shot = _shot_rows(table, row_of, problems)
-    t_s, x_m, y_m, z_m = (_numbers(table, name, problems, needed=True) for name in ("t_s", "x_m", "y_m", "z_m"))
+    t_s, x_m, y_m, z_m = (number_column(table, name, problems) for name in ("t_s", "x_m", "y_m", "z_m"))
     _check_order(table, shot, t_s, problems)
     return Tracks(shot, t_s, x_m, y_m, z_m)
 
@@ -147,25 +112,16 @@ def _traces(path: Path | None, row_of: dict[str, int], problems: Problems) -> Tr
     if path is None:
         return None
     table = load_table(path, problems)
-    _need_columns(table, ("shot_id", "t_s", "signal", "value"))
-    signal = _texts(table, "signal", problems)
-    for row, name in enumerate(signal):
-        if not name:
-            problems.add(table.place(row), "signal", "is missing")
-    return Traces(_shot_rows(table, row_of, problems), _numbers(table, "t_s", problems, needed=True), signal,
-                  _numbers(table, "value", problems, needed=True))
-
-
-def _need_columns(table: Table, names: Sequence[str]) -> None:
-    for name in names:
-        if name not in table.columns:
-            raise InputError(f"{table.place(-1)}: column {name} is missing")
+    need_columns(table, ("shot_id", "t_s", "signal", "value"))
+    signal = text_column(table, "signal", problems)
+    return Traces(_shot_rows(table, row_of, problems), number_column(table, "t_s", problems), signal,
+                  number_column(table, "value", problems))
 
 
 def _shot_rows(table: Table, row_of: dict[str, int], problems: Problems) -> np.ndarray:
     rows = np.full(len(table.lines), -1, dtype=np.int64)
     for row, cell in enumerate(table.columns["shot_id"]):
-        name = _text(cell)
+        name = text_of(cell)
         if name in row_of:
             rows[row] = row_of[name]
         else:

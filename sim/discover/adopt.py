@@ -8,6 +8,7 @@ import numpy as np
 from truearc.sim.discover.api import Investigation
 from truearc.sim.discover.detect.clusters import Clusters
 from truearc.sim.discover.model.belief_prior import SCATTERS, believed_name, own_slope
+from truearc.sim.discover.model.design_columns import is_tracker
 from truearc.sim.discover.model.nonparametric_terms import Freed, all_freed
 from truearc.sim.discover.model.score_table import Array, Column, ScoreTable
 from truearc.sim.discover.model.shape_parameters import further_values
@@ -19,14 +20,12 @@ from truearc.sim.discover.select.selection_step import Step
 from truearc.sim.infer.belief import SCATTER, Belief, moved_curves, point_belief, scale_of
 from truearc.sim.infer.coefficients import Coefficients
 from truearc.sim.infer.curve import Curve
-from truearc.sim.physics.catalogue import find_terms
+from truearc.sim.physics.catalogue import Catalogue, find_terms
 from truearc.sim.physics.nonparametric import CURVE, NAMELESS
 from truearc.sim.physics.scales import fits_scale
 from truearc.sim.physics.term import complete
 
 Gain = Callable[[ScoreTable, ScoreTable, Clusters], tuple[float, float]]
-TRACKER = "track_"                    # a tracker's errors are its own; no shot depends on them
-
 
 def make_belief(investigation: Investigation, gain: Gain = usual_gain) -> tuple[Belief, dict[str, Any]]:
     """(coefficients, scatter and covariance with all that was named, and the curve of what was not; provenance).
@@ -39,15 +38,16 @@ def make_belief(investigation: Investigation, gain: Gain = usual_gain) -> tuple[
         raise ValueError("the data carry no test, so nothing was fitted")
     taken, worse = _best(investigation, gain)
     named, free, several, evidence = taken.named, taken.free, taken.several, taken.evidence
+    among = investigation.catalogue
     names = [name for step in named[:-1 if several else None] for name in step.refit.names]
-    columns = [k for k, column in enumerate(evidence.columns) if _belongs(column)]
+    columns = [k for k, column in enumerate(evidence.columns) if _belongs(column, among)]
     coefficients, curves = _nameless(evidence, free, investigation.belief)
-    coefficients |= _coefficients(evidence, columns, investigation.finding.data.believed)
+    coefficients |= _coefficients(evidence, columns, investigation.finding.data.believed, among)
     further = further_values(named[-1].refit.layout, named[-1].refit.spot, tuple(names)) if names else {}
     coefficients |= {term: {**coefficients[term], **values} for term, values in further.items()}
     scatter = {SCATTERS[evidence.columns[k].name]: _scatter(evidence.columns[k].name, evidence.point[k])
                for k in columns if evidence.columns[k].name in SCATTERS}
-    kept, covariance = _covariance(evidence, columns)
+    kept, covariance = _covariance(evidence, columns, among)
     if further:
         covariance = _with_doubt_of_further(kept, covariance, named[-1].refit, further)
     finding = investigation.finding
@@ -58,7 +58,7 @@ def make_belief(investigation: Investigation, gain: Gain = usual_gain) -> tuple[
                   "p_value": finding.mismatch.p_value if finding.mismatch.p_value is not None else "none"}
     why = worse or taken.why
     refused = {"refused": why} if why else {}
-    return Belief(coefficients, scatter, kept, covariance, curves), {**refused, **provenance}
+    return Belief(coefficients, scatter, kept, covariance, curves, among), {**refused, **provenance}
 
 
 def _with_doubt_of_further(names: tuple[str, ...], covariance: Array, found: Refit, further: Coefficients) -> Array:
@@ -131,10 +131,10 @@ def _free(investigation: Investigation, steps: tuple[Step, ...]) -> tuple[tuple[
     return all_freed(steps[-1], investigation.search)
 
 
-def believed_in(evidence: ScoreTable, believed: tuple[str, ...]) -> Belief:
+def believed_in(evidence: ScoreTable, believed: tuple[str, ...], among: Catalogue) -> Belief:
     """What is believed at the evidence's point, of these terms and those fitted with them; without its doubt."""
-    shared = [k for k in range(evidence.first_shared, len(evidence.columns)) if _belongs(evidence.columns[k])]
-    return point_belief(_coefficients(evidence, shared, believed))
+    shared = [k for k in range(evidence.first_shared, len(evidence.columns)) if _belongs(evidence.columns[k], among)]
+    return point_belief(_coefficients(evidence, shared, believed, among), among=among)
 
 
 def _nameless(evidence: ScoreTable, free: tuple[Freed, ...],
@@ -151,22 +151,23 @@ def _shared(evidence: ScoreTable) -> ScoreTable:
     return evidence.pick(np.arange(evidence.first_shared, len(evidence.columns)))
 
 
-def _belongs(column: Column) -> bool:
+def _belongs(column: Column, among: Catalogue) -> bool:
     """A parameter of the simulation or a scatter of the launch; no ball's luck, no tracker's calibration."""
-    if column.kind == "group" or column.name.startswith(TRACKER):
+    if column.kind == "group" or is_tracker(column, among):
         return False
     return column.name in SCATTERS or not column.name.startswith(SCATTER + ".")
 
 
-def _coefficients(evidence: ScoreTable, columns: list[int], believed: tuple[str, ...]) -> Coefficients:
+def _coefficients(evidence: ScoreTable, columns: list[int], believed: tuple[str, ...],
+                  among: Catalogue) -> Coefficients:
     """Every believed and named term that has a name, with parameters that nobody fitted at their defaults."""
-    nameless = {term.name for term in NAMELESS}
-    given: Coefficients = {name: {} for name in believed if name != "gravity" and name not in nameless}
+    apart = {*among.always, *(term.name for term in NAMELESS)}
+    given: Coefficients = {name: {} for name in believed if name not in apart}
     for k in columns:
         term, _, parameter = evidence.columns[k].name.partition(".")
         if term not in (SCATTER, CURVE):
             given.setdefault(term, {})[parameter] = float(evidence.point[k])
-    return {name: {key: float(value) for key, value in complete(find_terms([name])[0], values).items()}
+    return {name: {key: float(value) for key, value in complete(find_terms([name], among)[0], values).items()}
             for name, values in given.items()}
 
 
@@ -175,12 +176,12 @@ def _scatter(name: str, log_value: float) -> float:
     return float(np.degrees(value)) if name.endswith("_rad") else value
 
 
-def _covariance(evidence: ScoreTable, columns: list[int]) -> tuple[tuple[str, ...], Array]:
+def _covariance(evidence: ScoreTable, columns: list[int], among: Catalogue) -> tuple[tuple[str, ...], Array]:
     """(names, covariance on their scales); what has no place on its scale is taken as exact."""
     information = evidence.information + evidence.precision
     whole = np.linalg.pinv(information, hermitian=True)
     names = {k: believed_name(evidence.columns[k].name) for k in columns}
     kept = [k for k in columns if evidence.columns[k].name in SCATTERS
-            or fits_scale(scale_of(names[k]), float(evidence.point[k]))]
-    slope = np.array([1.0 / own_slope(evidence.columns[k].name, float(evidence.point[k])) for k in kept])
+            or fits_scale(scale_of(names[k], among), float(evidence.point[k]))]
+    slope = np.array([1.0 / own_slope(evidence.columns[k].name, float(evidence.point[k]), among) for k in kept])
     return tuple(names[k] for k in kept), whole[np.ix_(kept, kept)] * np.outer(slope, slope)

@@ -1,7 +1,7 @@
 """Discovery: is there a mismatch, where is it, what is it, and how much better is a simulation that has it?"""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
 
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset
@@ -13,7 +13,7 @@ from truearc.sim.discover.detect.score_test import Judged, judge
 from truearc.sim.discover.detect.test_battery import ALLOWANCE, Asked
 from truearc.sim.discover.finding import Finding
 from truearc.sim.discover.model.baseline_fit import BaselineFit, climb, fit_believed, only_shared, usual_spot
-from truearc.sim.discover.model.design_columns import KNOWN, lay_out
+from truearc.sim.discover.model.design_columns import lay_out
 from truearc.sim.discover.model.external_measurements import Measured
 from truearc.sim.discover.model.linearization import ParameterLayout, linearise
 from truearc.sim.discover.model.prepared_data import take_in
@@ -22,16 +22,18 @@ from truearc.sim.discover.select.forward_selection import Search, go_forward
 from truearc.sim.discover.select.selection_step import Step
 from truearc.sim.discover.settings import FALSE_ALARM
 from truearc.sim.infer.belief import Belief
-from truearc.sim.physics.catalogue import find_terms
+from truearc.sim.physics.catalogue import Catalogue, as_catalogue, catalogue
+from truearc.sim.physics.term import Term
+from truearc.sim.progress import Progress
 
-Progress = Callable[[float, str], None]
 DRAWS = 1999
 
 
 @dataclass(frozen=True)
 class Investigation:
     """The answer, and what the report draws from. `steps`: one a named effect; all but finding are None for silence.
-    belief: of the earlier session that was started from; search: what every step asked with."""
+    belief: of the earlier session that was started from; search: what every step asked with; catalogue: of the terms
+    that were tested."""
 
     finding: Finding
     fitted: BaselineFit | None = None
@@ -42,55 +44,60 @@ class Investigation:
     steps: tuple[Step, ...] = ()
     belief: Belief | None = None
     search: Search | None = None
+    catalogue: Catalogue = field(default_factory=catalogue)
 
 
 def discover(dataset: Dataset, believed: Sequence[str] | None = None, false_alarm: float = FALSE_ALARM, seed: int = 0,
              progress: Progress = lambda done, note: None, belief: Belief | None = None,
-             since: Dataset | None = None, measured: Measured | None = None) -> Investigation:
+             since: Dataset | None = None, measured: Measured | None = None,
+             terms: Iterable[Term] | None = None) -> Investigation:
     """Fit the believed terms, test whether anything is left over, say where, and name what.
 
     believed: names of terms, the rig's own list when None; gravity always is. belief: of this very rig, from an earlier
     session: its terms, with what is known of their numbers, are what is believed, and whether one of them has changed
     is asked, too. since: that very session; what the belief leaves over there is then no change
     (truearc.sim.discover.detect.reference_session). measured: what somebody has measured of terms; it says which name
-    it is, not whether anything is missing. The same data and seed give the same answer. InputError for an unknown
-    term, too few shots, outcomes without a target, or a measurement of what is believed already.
+    it is, not whether anything is missing. terms: the hypotheses to test, such as [*catalogue(), HoodFlex()]; the
+    believed ones are among them; those of the belief, else the built-in ones and those of installed distributions,
+    when None. The same data and seed give the same answer. InputError for an unknown term, too few shots, outcomes
+    without a target, or a measurement of what is believed already.
     """
-    terms = _terms(dataset, believed if belief is None else tuple(belief.coefficients))
-    _check_measured(measured or {}, terms)
+    among = belief.catalogue if terms is None and belief is not None else as_catalogue(terms)
+    names = _names(dataset, believed if belief is None else tuple(belief.coefficients), among)
+    _check_measured(measured or {}, names)
     intake = take_in(dataset, {} if belief is None else belief.curves)
     clusters = find_clusters(dataset.shots)
-    layout = lay_out(intake, terms, groups_of(dataset.shots, intake.rows), belief=belief)
+    layout = lay_out(intake, names, groups_of(dataset.shots, intake.rows), among, belief)
     layout = replace(layout, measured=measured or {})
     if not len(intake.rows):
-        return Investigation(silent(dataset, intake, terms, false_alarm))
+        return Investigation(silent(dataset, intake, names, false_alarm, among), catalogue=among)
     fitted = fit_believed(intake, layout, lambda done, note: progress(0.3 * done, note))
-    home = None if since is None or belief is None else _at_home(since, belief, terms, layout)
+    home = None if since is None or belief is None else _at_home(since, belief, names, layout)
     search = make_search(dataset, false_alarm, seed, home)
     asked, judged = detect(fitted, search, lambda done, note: progress(0.3 + 0.2 * done, note))
     if not asked.tests:
-        return Investigation(silent(dataset, intake, terms, false_alarm))
+        return Investigation(silent(dataset, intake, names, false_alarm, among), catalogue=among)
     found = judged.p_any <= false_alarm
     place = locate(fitted.evidence, asked, judged, false_alarm, clusters, seed)
     steps: tuple[Step, ...] = ()
     if found:
         steps = go_forward(fitted, place, search, lambda done, note: progress(0.5 + 0.5 * done, note))
     progress(1.0, "done")
-    finding = make_finding(dataset, terms, fitted, clusters, asked, judged, place, steps, false_alarm,
+    finding = make_finding(dataset, names, fitted, clusters, asked, judged, place, steps, false_alarm,
                            seed)
-    return Investigation(finding, fitted, clusters, asked, judged, place, steps, belief, search)
+    return Investigation(finding, fitted, clusters, asked, judged, place, steps, belief, search, among)
 
 
-def _terms(dataset: Dataset, believed: Sequence[str] | None) -> tuple[str, ...]:
+def _names(dataset: Dataset, believed: Sequence[str] | None, among: Catalogue) -> tuple[str, ...]:
     """What is believed, gravity first: nothing flies without it."""
     given = tuple(dataset.facts.believe.terms if believed is None else believed)
     try:
-        find_terms(given)
+        among.find(given)
     except InputError as error:
         if believed is not None:
             raise
         raise InputError(f"{dataset.name}: rig.toml: believe.terms: {error}") from error
-    return (*KNOWN, *(name for name in given if name not in KNOWN))
+    return (*among.always, *(name for name in given if name not in among.always))
 
 
 def _check_measured(measured: Measured, terms: Sequence[str]) -> None:
@@ -117,6 +124,6 @@ def detect(fitted: BaselineFit, search: Search, progress: Progress) -> tuple[Ask
 def _at_home(since: Dataset, belief: Belief, terms: tuple[str, ...], later: ParameterLayout) -> ReferenceSession:
     """The belief at its best in the session that it was made from, laid out like the later one."""
     intake = take_in(since, belief.curves)
-    layout = lay_out(intake, terms, groups_of(since.shots, intake.rows), belief=belief, later=later)
+    layout = lay_out(intake, terms, groups_of(since.shots, intake.rows), later.chain.catalogue, belief, later)
     spot, _ = climb(intake, only_shared(layout), usual_spot(intake, layout))
     return ReferenceSession(BaselineFit(intake, layout, spot, linearise(intake, layout, spot)[0]), every_column(since))

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from truearc.sim.gate.metrics import Figures
 from truearc.sim.gate.model import PhysicsGate, residual
 from truearc.sim.gate.physics import Physics
 from truearc.sim.gate.train import Heldout
+from truearc.sim.metrics import Figures
 
 SILENT_M = 0.02                       # a residual smaller than this is not worth a sentence
 

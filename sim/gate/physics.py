@@ -37,7 +37,7 @@ def physics_of(facts: Rig, belief: Belief, features: np.ndarray) -> Physics:
     numbers = {feature.name: np.array(features[:, k], float) for k, feature in enumerate(FEATURES)}
     ahead = forecast(facts, with_scatter(belief), Shots(tuple(map(str, range(len(features)))), numbers, {}))
     back = np.isnan(ahead.height_m)
-    centre_m = opening_of(facts, effective(belief.coefficients, ORDINARY)).centre_m
+    centre_m = opening_of(facts, effective(belief.coefficients, ORDINARY, belief.catalogue), belief.catalogue).centre_m
     deviation_m = np.where(back, LOWEST_M, np.maximum(ahead.height_m - centre_m, LOWEST_M))
     by_speed_m = np.where(back, STEEPEST_M, STEEPEST_M * np.tanh(ahead.by_launch[:, 0] / STEEPEST_M))
     return Physics(deviation_m, np.where(back, WIDEST_M, WIDEST_M * np.tanh(ahead.sigma_m / WIDEST_M)), by_speed_m)

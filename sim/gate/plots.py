@@ -4,8 +4,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from truearc.robot.gate.contract import OUTPUTS
-from truearc.sim.gate.metrics import reliability
 from truearc.sim.intervals import wilson
+from truearc.sim.metrics import reliability
 from truearc.sim.report import new_figure
 
 

@@ -1,6 +1,5 @@
 """Recorded shots and a belief -> a gate with the physics in it, and what it was worth on shots it had not seen."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,19 +8,19 @@ from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.dataset import Shots
 from truearc.sim.gate.fit import fit_widest
 from truearc.sim.gate.likelihood import PRIORS, GateData, GateShape, cell_probabilities, spread_m
-from truearc.sim.gate.metrics import Figures, figures_of, log_scores
 from truearc.sim.gate.model import PhysicsGate, Scaling, halves_of
 from truearc.sim.gate.novelty import fit_novelty
 from truearc.sim.gate.outcome_classes import OutcomeClasses, marks_of
 from truearc.sim.gate.physics import Physics, physics_of
 from truearc.sim.infer.belief import Belief
+from truearc.sim.metrics import Figures, figures_of, log_scores
+from truearc.sim.progress import Progress
 
 FOLDS = 5
 FEWEST_TO_FOLD = 15
 TEMPERATURES = np.exp(np.linspace(np.log(0.6), np.log(1.8), 23))
 TEMPERATURE_SPREAD = 0.15             # of its log, a priori: a few shots of luck do not move it far
 BEYOND = 0.1                          # of the recorded range: where z stops on either side
-Progress = Callable[[float, str], None]
 
 
 @dataclass(frozen=True, eq=False)

@@ -131,5 +131,5 @@ def _predict(model: Model, given: Given, u: Any) -> tuple[Any, Any, Any, Any]:
     launch = narrow(model, blind(given), Points(jnp.zeros((0, 3)), jnp.zeros((0, 4))), u)
     plane = plane_of(model, given, launch, u)
     values = values_at(model, u)
-    exit = configured(model.facts, values, given)[1]
+    exit = configured(model.facts, values, given, model.catalogue)[1]
     return plane.mean_m, jnp.log(plane.sd_m), jnp.log(exit.speed_m_s), launch.covariance[:, 0, 0]

@@ -24,7 +24,7 @@ import numpy as np
 from truearc.robot.config.schema import InputError
 from truearc.sim.infer.coefficients import Coefficients, load_coefficients, load_table, save_coefficients
 from truearc.sim.infer.curve import Curve, read_curves, write_curve
-from truearc.sim.physics.catalogue import find_parameter
+from truearc.sim.physics.catalogue import Catalogue, as_catalogue, catalogue, find_parameter
 from truearc.sim.physics.nonparametric import CURVE, NAMELESS
 from truearc.sim.physics.scales import LINEAR, LOG, fits_scale, from_scale, to_scale
 
@@ -40,6 +40,7 @@ class Belief:
     "elevation_deg": sd of the exit elevation}, empty when nobody fitted it. names: "term.parameter" or "scatter.x", one
     a row of `covariance` [p, p], which is on the parameters' own scales (module docstring); what has no name is exact.
     curves: how large effects without a name are, by their terms of truearc.sim.physics.nonparametric in `coefficients`.
+    catalogue: of the terms that the coefficients name.
     """
 
     coefficients: Coefficients
@@ -47,10 +48,11 @@ class Belief:
     names: tuple[str, ...]
     covariance: np.ndarray
     curves: dict[str, Curve] = field(default_factory=dict)
+    catalogue: Catalogue = field(default_factory=catalogue)
 
     def values(self) -> np.ndarray:
         """The named parameters [p] on their scales: the mean that `covariance` goes with."""
-        return np.array([float(to_scale(scale_of(name), self.value(name))) for name in self.names])
+        return np.array([float(to_scale(scale_of(name, self.catalogue), self.value(name))) for name in self.names])
 
     def value(self, name: str) -> float:
         """One parameter by its "term.parameter" or "scatter.x", in its own unit."""
@@ -69,17 +71,18 @@ class Belief:
         return True
 
 
-def point_belief(coefficients: Mapping[str, Mapping[str, float]], scatter: Mapping[str, float] | None = None) -> Belief:
-    """A belief without doubt, such as the grid's pair is."""
+def point_belief(coefficients: Mapping[str, Mapping[str, float]], scatter: Mapping[str, float] | None = None,
+                 among: Catalogue | None = None) -> Belief:
+    """A belief that is certain, such as the grid's pair is."""
     return Belief({name: dict(values) for name, values in coefficients.items()}, dict(scatter or {}), (),
-                  np.zeros((0, 0)))
+                  np.zeros((0, 0)), catalogue=as_catalogue(among))
 
 
-def scale_of(name: str) -> str:
+def scale_of(name: str, among: Catalogue | None = None) -> str:
     """The scale of a parameter by its name; a parameter that is known, not fitted, has the linear one."""
     if name.startswith(SCATTER + "."):
         return LOG
-    prior = find_parameter(name).prior
+    prior = find_parameter(name, among).prior
     return prior.scale if prior is not None else LINEAR
 
 
@@ -90,8 +93,8 @@ def replace_values(belief: Belief, numbers: np.ndarray) -> Belief:
     for name, number in zip(belief.names, numbers, strict=True):
         table, _, key = name.partition(".")
         place = {SCATTER: scatter, CURVE: points, **coefficients}[table]
-        place[key] = float(from_scale(scale_of(name), number))
-    return replace(point_belief(coefficients, scatter), curves=moved_curves(belief.curves, points))
+        place[key] = float(from_scale(scale_of(name, belief.catalogue), number))
+    return replace(point_belief(coefficients, scatter, belief.catalogue), curves=moved_curves(belief.curves, points))
 
 
 def moved_curves(curves: Mapping[str, Curve], points: Mapping[str, float]) -> dict[str, Curve]:
@@ -103,7 +106,7 @@ def moved_curves(curves: Mapping[str, Curve], points: Mapping[str, float]) -> di
 def draw(belief: Belief, n: int, rng: np.random.Generator) -> list[Belief]:
     """`n` point beliefs, normal on the parameters' scales with the belief's covariance; without one, n times itself."""
     if not belief.names:
-        return [replace(point_belief(belief.coefficients, belief.scatter), curves=belief.curves)] * n
+        return [replace(point_belief(belief.coefficients, belief.scatter, belief.catalogue), curves=belief.curves)] * n
     drawn = rng.multivariate_normal(belief.values(), belief.covariance, size=n, method="eigh")
     return [replace_values(belief, numbers) for numbers in drawn]
 
@@ -135,12 +138,14 @@ def save_belief(path: str | Path, belief: Belief, provenance: Mapping[str, Any])
     save_coefficients(path, belief.coefficients, provenance, more)
 
 
-def load_belief(path: str | Path) -> Belief:
+def load_belief(path: str | Path, among: Catalogue | None = None) -> Belief:
     """Read any coefficients.toml; one without [scatter] or [covariance] has an empty one.
+
+    among: the catalogue of the terms that it may name, truearc.sim.physics.catalogue.catalogue() when not given.
 
     InputError names the file and key of what is not known, no number, out of its range, or no covariance.
     """
-    coefficients = load_coefficients(path)
+    coefficients = load_coefficients(path, among)
     table = load_table(path)
     scatter = _scatter(path, table.get("scatter", {}))
     names, covariance = _covariance(path, table.get("covariance", {}))
@@ -152,7 +157,7 @@ def load_belief(path: str | Path) -> Belief:
     for term in taking:
         if term not in curves:
             raise InputError(f"{path}: {term}: has no [curve.{term}] to say how large it is")
-    belief = Belief(coefficients, scatter, names, covariance, curves)
+    belief = Belief(coefficients, scatter, names, covariance, curves, as_catalogue(among))
     for name in names:
         _check(path, name, belief)
     return belief
@@ -189,5 +194,6 @@ def _covariance(path: str | Path, table: Any) -> tuple[tuple[str, ...], np.ndarr
 def _check(path: str | Path, name: str, belief: Belief) -> None:
     if not belief.has(name):
         raise InputError(f"{path}: covariance.names: {name} has no value in the file")
-    if not fits_scale(scale_of(name), belief.value(name)):
-        raise InputError(f"{path}: {name}: {belief.value(name):g} has no place on its scale, which is {scale_of(name)}")
+    scale = scale_of(name, belief.catalogue)
+    if not fits_scale(scale, belief.value(name)):
+        raise InputError(f"{path}: {name}: {belief.value(name):g} has no place on its scale, which is {scale}")

@@ -19,8 +19,7 @@ from typing import Any
 
 from truearc.robot.config.schema import InputError, load_text
 from truearc.robot.config.toml_text import make_toml
-from truearc.sim.physics.catalogue import TERMS
-from truearc.sim.physics.nonparametric import NAMELESS
+from truearc.sim.physics.catalogue import Catalogue, find_terms
 
 SCHEMA = "truearc.coefficients/1"
 APART = ("schema", "scatter", "covariance", "curve", "provenance")
@@ -28,11 +27,13 @@ APART = ("schema", "scatter", "covariance", "curve", "provenance")
 Coefficients = dict[str, dict[str, float]]
 
 
-def load_coefficients(path: str | Path) -> Coefficients:
-    """{term: {parameter: value}}; InputError names an unknown term or parameter, or a value that is no finite
-    number."""
+def load_coefficients(path: str | Path, among: Catalogue | None = None) -> Coefficients:
+    """{term: {parameter: value}}; InputError names an unknown term or parameter, or a value that is no finite number.
+
+    among: the catalogue of the terms, truearc.sim.physics.catalogue.catalogue() when not given.
+    """
     table = load_table(path)
-    return {name: _values(path, name, values) for name, values in table.items() if name not in APART}
+    return {name: _values(path, name, values, among) for name, values in table.items() if name not in APART}
 
 
 def load_provenance(path: str | Path) -> dict[str, Any]:
@@ -62,16 +63,17 @@ def load_table(path: str | Path) -> dict[str, Any]:
     return table
 
 
-def _values(path: str | Path, name: str, values: Any) -> dict[str, float]:
-    known = {term.name: {parameter.name for parameter in term.parameters} for term in (*TERMS, *NAMELESS)}
-    if name not in known:
-        raise InputError(f"{path}: there is no term {name!r}; the catalogue has "
-                       f"{', '.join(sorted(term.name for term in TERMS))}")
+def _values(path: str | Path, name: str, values: Any, among: Catalogue | None) -> dict[str, float]:
+    try:
+        (term,) = find_terms([name], among)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    known = {parameter.name for parameter in term.parameters}
     if not isinstance(values, dict):
         raise InputError(f"{path}: {name} is not a table")
     for key, value in values.items():
-        if key not in known[name]:
-            raise InputError(f"{path}: {name}.{key}: {name} has no such parameter ({', '.join(sorted(known[name]))})")
+        if key not in known:
+            raise InputError(f"{path}: {name}.{key}: {name} has no such parameter ({', '.join(sorted(known))})")
         if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
             raise InputError(f"{path}: {name}.{key}: {value!r} is not a finite number")
     return {key: float(value) for key, value in values.items()}

@@ -4,9 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from truearc.sim.infer.likelihood.outcome_likelihood import OUTCOMES
+from truearc.sim.data.columns import OUTCOMES
 from truearc.sim.infer.likelihood.shot_likelihood import outcome_table
-from truearc.sim.infer.map_fit import MlFit, Progress, refit
+from truearc.sim.infer.map_fit import MlFit, refit
+from truearc.sim.progress import Progress
 
 FOLDS = 5
 STEPS = {"distance_m": 0.1, "hood_deg": 1.0, "motor_ratio": 0.01}      # shots within one step are one configuration

@@ -9,19 +9,12 @@ from truearc.sim.infer.crossval import CrossValidation
 from truearc.sim.infer.forecast import forecast
 from truearc.sim.infer.identifiability import Identified, identify
 from truearc.sim.infer.map_fit import MlFit
-from truearc.sim.infer.parameters import TRACK_NOISE
+from truearc.sim.infer.parameters import Sought
 from truearc.sim.infer.profile import ProfileInterval
 
 EVIDENCE = {"outcome": "outcomes", "side": "sides (high or low)", "miss_height_m": "measured heights",
             "exit_speed_m_s": "measured exit speeds", "exit_deg": "measured exit angles",
             "exit_spin_rev_s": "measured spins", "tracks": "tracks"}
-MEANING = {"drag.cd": "drag coefficient", "magnus.cl": "lift coefficient",
-           "exit_efficiency.loss": "share of the wheels' speed that the ball does not get",
-           "wheel_slip.loss_per_m_s": "further share lost for each m/s of wheel speed",
-           "scatter.speed": "exit speed from shot to shot (sd)",
-           "scatter.elevation_deg": "exit angle from shot to shot (sd)",
-           TRACK_NOISE: "noise of the tracked positions (sd)"}
-PERCENT = ("scatter.speed", "exit_efficiency.loss")
 NEAREST = 15                          # shots whose median stands for "at this distance"
 
 
@@ -33,19 +26,16 @@ def say_evidence(fit: MlFit) -> Iterable[str]:
         yield f"left out: {line}"
 
 
-def say_estimates(intervals: Iterable[ProfileInterval], units: dict[str, str]) -> Iterable[str]:
-    """A line a parameter: value, 90 % interval, unit, and what stopped the interval where it was not the data."""
+def say_estimates(intervals: Iterable[ProfileInterval], sought: Iterable[Sought]) -> Iterable[str]:
+    """A line for each parameter: value, 90 % interval, unit, meaning, and what stopped the interval beside the data."""
     yield "parameter                  value    90 % interval         meaning"
+    fitted = {one.name: one for one in sought}
     for one in intervals:
-        factor, unit = (100.0, "%") if one.name in PERCENT else (1.0, "" if units[one.name] == "1" else units[one.name])
+        what = fitted[one.name]
+        factor, unit = (100.0, "%") if what.percent else (1.0, "" if what.unit == "1" else what.unit)
         numbers = [_number(factor * part) for part in (one.value, one.low90, one.high90)]
         line = f"{one.name:24s} {numbers[0]:>8s}    {numbers[1]} to {numbers[2]} {unit}"
-        yield f"{line:57s}  {MEANING.get(one.name, _plain(one.name))}{_doubt(one)}"
-
-
-def _plain(name: str) -> str:
-    """A parameter by the name of its term."""
-    return name.partition(".")[0].replace("_", " ")
+        yield f"{line:57s}  {what.meaning}{_doubt(one)}"
 
 
 def _number(value: float) -> str:

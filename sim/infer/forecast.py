@@ -58,7 +58,7 @@ def forecast_given(facts: Rig, belief: Belief, given: Given) -> Forecast:
 def _block(facts: Rig, belief: Belief, given: Given) -> tuple[np.ndarray, ...]:
     inner = [index for index, name in enumerate(belief.names) if not name.startswith(SCATTER + ".")]
     numbers = tuple(_number(belief, belief.names[index]) for index in inner)
-    flown = slopes_at(facts, belief.coefficients, numbers, belief.values()[inner], given)
+    flown = slopes_at(facts, belief.coefficients, numbers, belief.values()[inner], given, belief.catalogue)
     height, by_number = (jax.tree.map(np.asarray, part) for part in (flown.height, flown.by_number))
     speed, elevation_deg = (belief.scatter.get(name, 0.0) for name in ("speed", "elevation_deg"))
     launch = (given.rolled * (height.by_launch[:, 0] * speed)**2
@@ -77,7 +77,7 @@ def _number(belief: Belief, name: str) -> Number:
     if table == CURVE:
         term, _, point = key.partition(".")
         key = f"{term}.{owners(belief.curves).index(term) + int(point)}"
-    return table, key, scale_of(name)
+    return table, key, scale_of(name, belief.catalogue)
 
 
 def _take(given: Given, rows: Int[np.ndarray, " lanes"]) -> Given:

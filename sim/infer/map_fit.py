@@ -1,7 +1,6 @@
 """Maximum a posteriori fit of terms, scatter and tracker noise to everything that a dataset has."""
 
 import itertools
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,6 +14,8 @@ from truearc.sim.infer.likelihood.shot_likelihood import Points, relinearise
 from truearc.sim.infer.likelihood.track_likelihood import guess_lead, guess_start
 from truearc.sim.infer.optimum import Optimum, Problem, best_of, minimise
 from truearc.sim.infer.parameters import TRACK_NOISE, Model, make_model
+from truearc.sim.physics.catalogue import Catalogue
+from truearc.sim.progress import Progress
 
 STARTS = 2                            # of the coarse search that are followed up, besides the grid's pair
 COARSE_U = (-1.5, -0.5, 0.5, 1.5)     # prior standard deviations, of up to COARSE parameters of terms
@@ -22,7 +23,6 @@ COARSE = 3
 ROUNDS = 6                            # of moving the point about which tracks are linear
 SETTLED = 1e-3                        # of a move of the parameters in prior standard deviations
 
-Progress = Callable[[float, str], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,20 +59,22 @@ class MlFit:
             elif name != TRACK_NOISE:
                 coefficients.setdefault(table, {})[key] = value
         return Belief(coefficients, scatter, tuple(self.model.names[index] for index in keep),
-                      self.covariance[np.ix_(keep, keep)] * np.outer(sd, sd))
+                      self.covariance[np.ix_(keep, keep)] * np.outer(sd, sd), catalogue=self.model.catalogue)
 
 
 def fit_ml(facts: Rig, dataset: Dataset, terms: tuple[str, ...], progress: Progress = lambda done, note: None,
-           grid: dict[str, dict[str, float]] | None = None) -> MlFit:
+           grid: dict[str, dict[str, float]] | None = None, among: Catalogue | None = None) -> MlFit:
     """Fit the named terms (gravity always among them) and the scatter of the launch to a dataset.
 
     grid: {term: {parameter: value}} that the paper's grid chose, one more start (truearc.sim.paper.grid_start).
+    among: the catalogue of the terms, truearc.sim.physics.catalogue.catalogue() when not given.
 
     Deterministic. A fit that did not settle says so in `converged`. InputError: unknown terms, or nothing to fit to.
     """
     gathered = gather(facts, dataset)
     evidence = gathered.evidence
-    model = make_model(facts, terms, _scatters(evidence), evidence.tracks is not None or evidence.free is not None)
+    tracked = evidence.tracks is not None or evidence.free is not None
+    model = make_model(facts, terms, _scatters(evidence), tracked, among)
     points = _moved(model, evidence, _first_points(evidence), np.zeros(len(model.sought)))
     problem = Problem(model, evidence, points, np.ones(len(gathered.rows)))
     grid = grid or {}

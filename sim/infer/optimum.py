@@ -1,6 +1,5 @@
 """The most probable parameters: SciPy's trust region with exact gradient and Hessian, some of them held if need be."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +9,7 @@ from scipy.optimize import minimize
 from truearc.sim.infer.likelihood.observations import Observations
 from truearc.sim.infer.likelihood.shot_likelihood import Points, derivatives, objective
 from truearc.sim.infer.parameters import Model
+from truearc.sim.progress import Progress
 
 GRADIENT = 1e-4                       # in units of the prior's sd: far below any standard error
 LEFT = 1e-5                           # nats, or standard errors squared over two
@@ -97,7 +97,7 @@ def _settled(gradient: Float[np.ndarray, " free"], hessian: Float[np.ndarray, "f
     return bool(0.5 * gradient @ np.linalg.solve(hessian, gradient) < LEFT)
 
 
-def best_of(problem: Problem, starts: list[Float[np.ndarray, " p"]], progress: Callable[[float, str], None]) -> Optimum:
+def best_of(problem: Problem, starts: list[Float[np.ndarray, " p"]], progress: Progress) -> Optimum:
     """The best optimum reached from any of the starts; a converged one before one that is not."""
     found: list[Optimum] = []
     for number, start in enumerate(starts):

@@ -13,7 +13,7 @@ import numpy as np
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import InputError
 from truearc.sim.infer.likelihood.heights import Number
-from truearc.sim.physics.catalogue import find_terms
+from truearc.sim.physics.catalogue import Catalogue, as_catalogue, find_terms
 from truearc.sim.physics.scales import LOG, from_scale, to_scale
 from truearc.sim.physics.term import Prior
 
@@ -27,15 +27,23 @@ SCATTER_PRIORS: Mapping[str, Prior] = {
 TRACK_NOISE = "tracks.noise_m"
 TRACK_FACTOR_SD = 0.7                 # about rig.toml's own figure: a factor of two either way
 UNITS = {"scatter.speed": "of the exit speed", "scatter.elevation_deg": "deg", TRACK_NOISE: "m"}
+MEANINGS = {"scatter.speed": "exit speed from shot to shot (sd)",
+            "scatter.elevation_deg": "exit angle from shot to shot (sd)",
+            TRACK_NOISE: "noise of the tracked positions (sd)"}
 
 
 @dataclass(frozen=True)
 class Sought:
-    """One fitted parameter: its "term.parameter" (or "scatter.x", "tracks.noise_m"), unit and prior."""
+    """One fitted parameter: its "term.parameter" (or "scatter.x", "tracks.noise_m"), unit, prior and meaning.
+
+    percent: shown in per cent.
+    """
 
     name: str
     unit: str
     prior: Prior
+    meaning: str
+    percent: bool = False
 
     @property
     def centre(self) -> float:
@@ -57,6 +65,7 @@ class Model:
     facts: Rig
     terms: tuple[str, ...]
     sought: tuple[Sought, ...]
+    catalogue: Catalogue
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -79,7 +88,7 @@ class Model:
     def fixed(self) -> dict[str, dict[str, float]]:
         """What is not fitted: parameters that are known."""
         return {term.name: {p.name: p.default for p in term.parameters if p.prior is None}
-                for term in find_terms(self.terms)}
+                for term in find_terms(self.terms, self.catalogue)}
 
     def values(self, u: np.ndarray) -> dict[str, float]:
         """{name: value} at u [p]."""
@@ -87,17 +96,20 @@ class Model:
 
 
 def make_model(facts: Rig, terms: tuple[str, ...], scatters: tuple[str, ...] = tuple(SCATTER_PRIORS),
-               tracks: bool = False) -> Model:
+               tracks: bool = False, among: Catalogue | None = None) -> Model:
     """All parameters of the terms that have a prior, the named scatters, the tracker's noise where there are tracks.
 
-    InputError: a term that the catalogue has not.
+    among: the catalogue of the terms, truearc.sim.physics.catalogue.catalogue() when not given. InputError: a term
+    that it has not.
     """
-    names = tuple(term.name for term in find_terms({"gravity", *terms}))
-    sought = [Sought(f"{term.name}.{p.name}", p.unit, p.prior) for term in find_terms(names) for p in term.parameters
-              if p.prior is not None]
-    sought += [Sought(name, UNITS[name], prior) for name, prior in SCATTER_PRIORS.items() if name in scatters]
+    used = find_terms({"gravity", *terms}, among)
+    sought = [Sought(f"{term.name}.{p.name}", p.unit, p.prior, p.meaning, p.percent)
+              for term in used for p in term.parameters if p.prior is not None]
+    sought += [Sought(name, UNITS[name], prior, MEANINGS[name], name == "scatter.speed")
+               for name, prior in SCATTER_PRIORS.items() if name in scatters]
     if tracks:
         if facts.noise.track_m <= 0.0:
             raise InputError("rig.toml: noise.track_m must be above 0 to fit tracks")
-        sought.append(Sought(TRACK_NOISE, "m", Prior(LOG, facts.noise.track_m, TRACK_FACTOR_SD, "rig.toml's figure")))
-    return Model(facts, names, tuple(sought))
+        prior = Prior(LOG, facts.noise.track_m, TRACK_FACTOR_SD, "rig.toml's figure")
+        sought.append(Sought(TRACK_NOISE, "m", prior, MEANINGS[TRACK_NOISE]))
+    return Model(facts, tuple(term.name for term in used), tuple(sought), as_catalogue(among))

@@ -4,7 +4,7 @@ Forward-mode derivatives, flights of a fixed number of steps, unit normal priors
 theirs), started in the optimum with its covariance as mass matrix.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,6 +17,7 @@ from numpyro.infer import MCMC, NUTS
 
 from truearc.sim.infer.likelihood.shot_likelihood import objective
 from truearc.sim.infer.map_fit import MlFit
+from truearc.sim.progress import Progress
 
 CHAINS = 2
 WARMUP = 150
@@ -46,7 +47,7 @@ class Posterior:
 
 
 def sample(fit: MlFit, count: int, seed: int,
-           progress: Callable[[float, str], None] = lambda done, note: None) -> Posterior:
+           progress: Progress = lambda done, note: None) -> Posterior:
     """At least `count` draws are made in CHAINS chains, and `count` kept; the same seed gives the same draws."""
     problem = fit.problem
     spread = np.linalg.cholesky(fit.covariance)

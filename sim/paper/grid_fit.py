@@ -1,6 +1,5 @@
 """The seed's coefficient search (section III-A and IV-C): every pair of drag and lift coefficient on a square grid."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,10 +11,10 @@ from truearc.sim.paper.grid_cells import THREE as LABEL_THREE
 from truearc.sim.paper.grid_labels import Flyer, Hits, find_hits, fly_pairs, make_flyer
 from truearc.sim.paper.settings import HIGH, LOW, STEP
 from truearc.sim.physics.simulate import THREE, TWO, launch_of, require
+from truearc.sim.progress import Progress
 
 MOST_PARTS = 10000                    # of the range: a hundred times the seed's pairs
 
-Progress = Callable[[float, str], None]
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,6 @@
 """Which launches would score what, at every pair of the grid: few flights, and the rest by interpolation."""
 
 import os
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,6 +15,7 @@ from truearc.sim.physics.catalogue import flight_terms
 from truearc.sim.physics.compiled import facts_values, load_kernel, make_source
 from truearc.sim.physics.flight import LIMIT_S, SHORTEST
 from truearc.sim.physics.launch import Exit
+from truearc.sim.progress import Progress
 
 TERMS = flight_terms(("gravity", "drag", "magnus"))
 VALUES = (("drag", "cd"), ("magnus", "cl"))
@@ -28,7 +28,6 @@ DEEPEST_M = -0.5                      # below the floor, where a flight is given
 # Longest step in s and turn in rad. Long: heights near the target within 4e-4 m; short: within 2e-6 m (measured).
 LONG, SHORT = (0.05, 0.2), (0.01, 0.05)
 
-Progress = Callable[[float, str], None]
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ rows say is 0.90 after 200 000 steps and 1.23 after 2 million: the network learn
 
 import math
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -25,10 +25,10 @@ from truearc.sim.paper.network import SHAPES, Layers, Network, initial_layers, s
 from truearc.sim.paper.settings import DEFAULT_RECIPE, Recipe, check_recipe
 from truearc.sim.paper.sweep_kernel import BATCH, COLUMNS, LANES, PARAMETERS, Decks, Real, advance, mean_losses
 from truearc.sim.paper.training import Rows
+from truearc.sim.progress import Progress
 
 SPANS = 3                             # recorded, simulated and validation rows, in this order
 
-Progress = Callable[[float, str], None]
 
 
 class Job(NamedTuple):

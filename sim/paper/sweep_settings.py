@@ -6,14 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
-from scipy.stats import t as student
 
 from truearc.robot.config.schema import InputError
+from truearc.sim.intervals import student_half
 from truearc.sim.paper.sweep import Job, Trained
 from truearc.sim.paper.training import Rows, called_right, mean_loss, split_heldout
 from truearc.sim.report import new_figure
 
-LEVEL = 0.95
 COLOURS = ("#1f5fa8", "#d99000", "#1b7f3b", "#b3261e", "#6b4fa0", "#9aa3af")
 
 
@@ -124,9 +123,7 @@ def judge(network: SweepNetwork, trained: Trained) -> SweepScore:
 def mean_of(values: Sequence[float]) -> Mean:
     """Mean and half its 95 % interval. Seeds share shots, so the interval covers the draw, not another session."""
     numbers = np.asarray(values, float)
-    half = float(student.ppf(0.5 + LEVEL / 2, len(numbers) - 1) * numbers.std(ddof=1) / math.sqrt(len(numbers))) \
-        if len(numbers) > 1 else math.nan
-    return Mean(float(numbers.mean()), half)
+    return Mean(float(numbers.mean()), student_half(numbers))
 
 
 def of_setting(scores: Sequence[SweepScore], setting: SweepSetting) -> list[SweepScore]:

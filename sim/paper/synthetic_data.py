@@ -5,7 +5,7 @@ The paper speaks of 375,000 configurations; the ranges and steps that it states,
 """
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,17 +14,17 @@ import numpy as np
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import InputError
+from truearc.sim.data.columns import OUTCOMES
 from truearc.sim.data.dataset import Shots
 from truearc.sim.infer.belief import Belief
 from truearc.sim.infer.curve import Curves, before_the_shot
-from truearc.sim.physics.catalogue import effective, flight_terms
+from truearc.sim.physics.catalogue import Catalogue, effective, flight_terms
 from truearc.sim.physics.flight import fly
 from truearc.sim.physics.launch import Exit
-from truearc.sim.physics.simulate import MISS, ORDINARY, THREE, TWO, classify, launch_of, leave, opening_of, sense
+from truearc.sim.physics.simulate import ORDINARY, classify, launch_of, leave, opening_of, sense
+from truearc.sim.progress import Progress
 
-OUTCOMES = (MISS, TWO, THREE)
 PROVENANCE_FILE = "synth.json"
-Progress = Callable[[float, str], None]
 NONE: Curves = {}
 STEP_S = 0.01                         # heights then agree with the simulator's own finer step to 1e-6 m
 
@@ -60,20 +60,22 @@ def grid_shots(index: np.ndarray) -> Shots:
 
 
 def grid_heights(facts: Rig, coefficients: Mapping[str, Mapping[str, float]],
-                 progress: Progress = lambda done, note: None, curves: Curves = NONE) -> np.ndarray:
+                 progress: Progress = lambda done, note: None, curves: Curves = NONE,
+                 among: Catalogue | None = None) -> np.ndarray:
     """Height in m at the plane of every configuration of the grid, flat, nan where it is not reached.
 
-    By the simulator with gravity and these terms, of which some may go with curves. InputError when the rig cannot
-    turn a motor ratio into a launch.
+    By the simulator with gravity and these terms, of which some may go with curves. among: the catalogue of the terms,
+    truearc.sim.physics.catalogue.catalogue() when not given. InputError when the rig cannot turn a
+    motor ratio into a launch.
     """
-    terms = flight_terms({"gravity", *coefficients})
+    terms = flight_terms({"gravity", *coefficients}, among)
     chunk = SHAPE[1] * SHAPE[2]                   # one motor ratio: flights of like length end together
     heights_m = []
     for number in range(SHAPE[0]):
         shots = grid_shots(np.arange(number * chunk, (number + 1) * chunk))
-        values = effective(coefficients, before_the_shot(curves, facts, shots))
-        exit, distance_m = sense(facts, values, launch_of(facts, shots), shots.number("distance_m"))
-        start = Exit(*map(np.asarray, leave(facts, values, exit)))
+        values = effective(coefficients, before_the_shot(curves, facts, shots), among)
+        exit, distance_m = sense(facts, values, launch_of(facts, shots), shots.number("distance_m"), among=among)
+        start = Exit(*map(np.asarray, leave(facts, values, exit, among=among)))
         crossing = fly(facts, terms, values, start, distance_m, step_s=STEP_S)
         heights_m.append(np.asarray(crossing.height_m))
         progress((number + 1) / SHAPE[0], f"{(number + 1) * chunk} flights")
@@ -81,10 +83,11 @@ def grid_heights(facts: Rig, coefficients: Mapping[str, Mapping[str, float]],
 
 
 def label_grid(facts: Rig, coefficients: Mapping[str, Mapping[str, float]],
-               progress: Progress = lambda done, note: None, curves: Curves = NONE) -> np.ndarray:
+               progress: Progress = lambda done, note: None, curves: Curves = NONE,
+               among: Catalogue | None = None) -> np.ndarray:
     """Outcome of every configuration of the grid, flat; InputError as grid_heights, or when the rig has no target."""
-    opening = opening_of(facts, effective(coefficients, ORDINARY))    # a rig without target is told before the work
-    return classify(facts, grid_heights(facts, coefficients, progress, curves), opening)
+    opening = opening_of(facts, effective(coefficients, ORDINARY, among), among)     # a rig without target: no work
+    return classify(facts, grid_heights(facts, coefficients, progress, curves, among), opening)
 
 
 def taken_configurations(shots: Shots) -> np.ndarray:
@@ -126,7 +129,8 @@ def synthesise(facts: Rig, belief: Belief, count: int, recorded: Shots | None, s
                progress: Progress = lambda done, note: None) -> Shots:
     """Simulated shots with an outcome each, none at a configuration that `recorded` has; same arguments, same shots."""
     check_draw(count, seed)                      # before the work, not after it
-    return sample_shots(label_grid(facts, belief.coefficients, progress, belief.curves), count, recorded, seed)
+    outcomes = label_grid(facts, belief.coefficients, progress, belief.curves, belief.catalogue)
+    return sample_shots(outcomes, count, recorded, seed)
 
 
 def sample_shots(outcomes: np.ndarray, count: int, recorded: Shots | None, seed: int) -> Shots:

@@ -23,11 +23,13 @@ from truearc.sim.infer.belief import SCATTERS, Belief, draw
 from truearc.sim.infer.curve import before_the_shot, owners, resized
 from truearc.sim.infer.forecast import forecast
 from truearc.sim.infer.likelihood.launch_inputs import given_of
-from truearc.sim.paper.synthetic_data import STEP_S, Progress, check_draw, grid_heights, grid_shots, sample_shots
-from truearc.sim.physics.catalogue import effective, flight_terms
+from truearc.sim.paper.synthetic_data import STEP_S, check_draw, grid_heights, grid_shots, sample_shots
+from truearc.sim.physics.catalogue import Catalogue, effective, flight_terms
 from truearc.sim.physics.flight import fly
 from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.simulate import MISS, ORDINARY, Values, classify, leave, opening_of, sense, take_values
+from truearc.sim.physics.term import Opening
+from truearc.sim.progress import Progress
 
 NEAR = 4.0                            # one normal number in 16 000 is further out, on either side together
 BLOCK = 4096                          # flights at once
@@ -70,26 +72,32 @@ def label_grid_draws(facts: Rig, belief: Belief, draws: int, seed: int,
                      progress: Progress = lambda done, note: None) -> np.ndarray:
     """Outcome of one uncertain shot at every configuration of the grid, flat."""
     classify(facts, np.zeros(0))                  # a rig without target is told before the work
-    height_m = grid_heights(facts, belief.coefficients, lambda done, note: progress(0.5 * done, note), belief.curves)
+    height_m = grid_heights(facts, belief.coefficients, lambda done, note: progress(0.5 * done, note), belief.curves,
+                            belief.catalogue)
     places = near_places(facts, belief, height_m)
     rng = np.random.default_rng([seed, 2])
     shots = grid_shots(places)
     drawn = assign(draw(belief, draws, rng), len(places), rng)
     drawn_m = fly_draws(facts, shots, drawn, rng, lambda done, note: progress(0.5 + 0.5 * done, note),
-                        before_the_shot(belief.curves, facts, shots))
+                        before_the_shot(belief.curves, facts, shots), belief.catalogue)
     outcomes = np.full(len(height_m), MISS, dtype="<U5")
-    outcomes[places] = classify(facts, drawn_m, opening_of(facts, effective(drawn.coefficients, ORDINARY)))
+    outcomes[places] = classify(facts, drawn_m, _opening(facts, drawn.coefficients, belief.catalogue))
     return outcomes
 
 
 def near_places(facts: Rig, belief: Belief, height_m: np.ndarray) -> np.ndarray:
     """Flat positions of the grid from which a draw may score: heights [grid] by the belief's own coefficients."""
-    opening = opening_of(facts, effective(belief.coefficients, ORDINARY))
+    opening = _opening(facts, belief.coefficients, belief.catalogue)
     reached = np.flatnonzero(np.isfinite(height_m))
     sigma_m = forecast(facts, belief, grid_shots(reached)).sigma_m
     beyond_m = np.abs(height_m[reached] - opening.centre_m) - opening.two_half_m
     near: np.ndarray = reached[~(beyond_m > NEAR * sigma_m)]          # an unknown sigma is flown too
     return near
+
+
+def _opening(facts: Rig, coefficients: Values, among: Catalogue) -> Opening:
+    """The target's, by the arrival terms among the coefficients."""
+    return opening_of(facts, effective(coefficients, ORDINARY, among), among)
 
 
 def assign(beliefs: list[Belief], count: int, rng: np.random.Generator) -> Draws:
@@ -109,7 +117,8 @@ def assign(beliefs: list[Belief], count: int, rng: np.random.Generator) -> Draws
 
 
 def fly_draws(facts: Rig, shots: Shots, draws: Draws, rng: np.random.Generator,
-              progress: Progress = lambda done, note: None, circumstances: Circumstances = ORDINARY) -> np.ndarray:
+              progress: Progress = lambda done, note: None, circumstances: Circumstances = ORDINARY,
+              among: Catalogue | None = None) -> np.ndarray:
     """Heights [n] in m at the plane, nan where not reached, of one shot at each measured configuration."""
     given = given_of(facts, shots)
     count = len(shots)
@@ -117,19 +126,20 @@ def fly_draws(facts: Rig, shots: Shots, draws: Draws, rng: np.random.Generator,
     rolling = Exit(given.rolling.speed_m_s * np.exp(np.sum(given.wheel_log_speed * noise, axis=1)),
                    given.rolling.elevation_rad + given.elevation_sd_rad * rng.standard_normal(count),
                    given.rolling.spin_rev_s + np.sum(given.wheel_spin_rev_s * noise, axis=1))
-    values = effective(draws.coefficients, resized(circumstances, draws.whose, draws.points))
-    rolling, true_m = sense(facts, values, rolling, given.distance_m)
-    left = Exit(*map(np.asarray, leave(facts, values, rolling)))
+    values = effective(draws.coefficients, resized(circumstances, draws.whose, draws.points), among)
+    rolling, true_m = sense(facts, values, rolling, given.distance_m, among=among)
+    left = Exit(*map(np.asarray, leave(facts, values, rolling, among=among)))
     scattered = Exit(left.speed_m_s * np.exp(draws.scatter["speed"] * rng.standard_normal(count)),
                      left.elevation_rad + np.radians(draws.scatter["elevation_deg"]) * rng.standard_normal(count),
                      left.spin_rev_s, left.above_m)
     distance_m = np.asarray(true_m) + given.distance_sd_m * rng.standard_normal(count)
-    return _fly(facts, values, scattered, distance_m, progress)
+    return _fly(facts, values, scattered, distance_m, progress, among)
 
 
-def _fly(facts: Rig, values: Values, exit: Exit, distance_m: np.ndarray, progress: Progress) -> np.ndarray:
+def _fly(facts: Rig, values: Values, exit: Exit, distance_m: np.ndarray, progress: Progress,
+         among: Catalogue | None) -> np.ndarray:
     """Blocks of one size, since each is compiled, of flights that stay aloft about equally long."""
-    terms = flight_terms({"gravity", *values})
+    terms = flight_terms({"gravity", *values}, among)
     named = {term.name: values.get(term.name, {}) for term in terms}
     order = np.argsort(exit.speed_m_s * np.sin(exit.elevation_rad), kind="stable")
     height_m = np.full(len(order), np.nan)

@@ -11,6 +11,7 @@ import numpy as np
 
 from truearc.robot.config.schema import InputError
 from truearc.robot.gate.contract import FEATURES
+from truearc.sim import metrics as figures
 from truearc.sim.data.dataset import Shots
 from truearc.sim.paper.network import Network, logits, probabilities
 
@@ -83,8 +84,9 @@ def accuracy(network: Network, rows: Rows) -> dict[str, float | int | None]:
 
 def called_right(network: Network, rows: Rows) -> dict[str, float]:
     """The shares of `accuracy` alone, of at least one row."""
-    right = (probabilities(network, rows.features) >= 0.5) == (rows.labels >= 0.5)
-    return {"outcome": float(right.all(axis=1).mean()),
+    p, hit = probabilities(network, rows.features), rows.labels >= 0.5
+    right = (p >= 0.5) == hit
+    return {"outcome": figures.accuracy(p, hit),
             "two": float(right[:, 0].mean()), "three": float(right[:, 1].mean())}
 
 

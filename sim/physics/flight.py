@@ -15,7 +15,7 @@ from jax import lax
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.physics.launch import Exit
-from truearc.sim.physics.term import AirTerm, BallState, InFlight, complete
+from truearc.sim.physics.term import AirTerm, BallState, FlightTerm, InFlight, complete
 from truearc.sim.physics.vector import Vec, absent, add, length, plus, scale, times
 
 STEP_S = 0.002                        # longest RK4 step: heights of 30 000 random launches within 6e-9 m of DOP853
@@ -87,7 +87,7 @@ def make_law(facts: Rig, terms: Sequence[InFlight], params: Mapping[str, Mapping
     terms about the air make the ball as the air sees it; then each force in turn may be a share of those before it.
     """
     airs = [(term, complete(term, params.get(term.name))) for term in terms if isinstance(term, AirTerm)]
-    pushes = [(term, complete(term, params.get(term.name))) for term in terms if not isinstance(term, AirTerm)]
+    pushes = [(term, complete(term, params.get(term.name))) for term in terms if isinstance(term, FlightTerm)]
 
     def law(ball: BallState) -> Vec:
         for air, values in airs:

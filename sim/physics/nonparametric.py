@@ -6,16 +6,24 @@ shot. They are no hypotheses: no discovery asks about them. A curve's points are
 """
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, ClassVar, final
+from typing import ClassVar
 
 import jax.numpy as jnp
 
-from truearc.robot.config.rig_spec import Rig
 from truearc.sim.physics.frame import axes
-from truearc.sim.physics.launch import Exit
-from truearc.sim.physics.term import BallState, FlightTerm, LaunchTerm, Parameter, SensingTerm, Term
+from truearc.sim.physics.term import (
+    BallState,
+    Exit,
+    FlightTerm,
+    Forces,
+    LaunchTerm,
+    Number,
+    Parameter,
+    Rig,
+    SensingTerm,
+    Term,
+    Values,
+)
 from truearc.sim.physics.vector import Vec, length
 
 FOUND = "as discovery found it in recordings"
@@ -24,70 +32,68 @@ CURVE = "curve"
 POINT = Parameter("point", "1", -math.inf, math.inf, 0.0, FOUND)
 
 
-@final
-@dataclass(frozen=True)
-class FreeSpeed(LaunchTerm):
+class Nameless(Term):
+    """`usual`: one standard deviation of a curve's point before any data, in the unit of the amplitude."""
+
+    usual: ClassVar[float]
+
+
+class FreeSpeed(Nameless, LaunchTerm):
     """exit speed times exp(share)."""
 
-    name: ClassVar[str] = "free_speed"
-    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("share", "1", -5.0, 5.0, 0.0, FOUND),)
-    symmetry: ClassVar[str] = "any"
-    sentence: ClassVar[str] = "The ball leaves faster or slower, for a reason without a name."
-    follows: ClassVar[str | None] = "free_speed"
+    parameters = (Parameter("share", "1", -5.0, 5.0, 0.0, FOUND),)
+    sentence = "The ball leaves faster or slower, for a reason without a name."
+    follows = "free_speed"
+    usual = 0.2
+    label = "a curve of the launch speed"
 
-    def leave(self, facts: Rig, values: Mapping[str, Any], exit: Exit) -> Exit:
+    def leave(self, facts: Rig, values: Values, exit: Exit) -> Exit:
         return exit._replace(speed_m_s=exit.speed_m_s * jnp.exp(values["share"]))
 
 
-@final
-@dataclass(frozen=True)
-class FreeElevation(LaunchTerm):
+class FreeElevation(Nameless, LaunchTerm):
     """exit elevation plus angle_rad."""
 
-    name: ClassVar[str] = "free_elevation"
-    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("angle_rad", "rad", -1.5, 1.5, 0.0, FOUND),)
-    symmetry: ClassVar[str] = "any"
-    sentence: ClassVar[str] = "The ball leaves steeper or flatter, for a reason without a name."
-    follows: ClassVar[str | None] = "free_elevation"
+    parameters = (Parameter("angle_rad", "rad", -1.5, 1.5, 0.0, FOUND),)
+    sentence = "The ball leaves steeper or flatter, for a reason without a name."
+    follows = "free_elevation"
+    usual = 0.0175
+    label = "a curve of the launch elevation"
 
-    def leave(self, facts: Rig, values: Mapping[str, Any], exit: Exit) -> Exit:
+    def leave(self, facts: Rig, values: Values, exit: Exit) -> Exit:
         return exit._replace(elevation_rad=exit.elevation_rad + values["angle_rad"])
 
 
-@final
-@dataclass(frozen=True)
-class FreeDistance(SensingTerm):
+class FreeDistance(Nameless, SensingTerm):
     """true distance = measured + bias_m."""
 
-    name: ClassVar[str] = "free_distance"
-    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("bias_m", "m", -20.0, 20.0, 0.0, FOUND),)
-    symmetry: ClassVar[str] = "any"
-    sentence: ClassVar[str] = "The target is farther or nearer than measured, for a reason without a name."
-    follows: ClassVar[str | None] = "free_distance"
+    parameters = (Parameter("bias_m", "m", -20.0, 20.0, 0.0, FOUND),)
+    sentence = "The target is farther or nearer than measured, for a reason without a name."
+    follows = "free_distance"
+    usual = 0.12
+    label = "a curve of the distance"
 
-    def sense(self, facts: Rig, values: Mapping[str, Any], exit: Exit, distance_m: Any) -> tuple[Exit, Any]:
+    def sense(self, facts: Rig, values: Values, exit: Exit, distance_m: Number) -> tuple[Exit, Number]:
         return exit, distance_m + values["bias_m"]
 
 
-@final
-@dataclass(frozen=True)
-class FreePush(FlightTerm):
+class FreePush(Nameless, FlightTerm):
     """An acceleration size_m_s2 along, up across and left of the velocity by the shares of those names, between two
     times of the flight; times (speed / 10 m/s)^with_speed."""
 
-    name: ClassVar[str] = "free_push"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    parameters = (
         Parameter("size_m_s2", "m/s2", -100.0, 100.0, 0.0, FOUND),
         *(Parameter(side, "1", -1.0, 1.0, 0.0, "a direction cosine") for side in ("along", "up", "left")),
         Parameter("from_s", "s", 0.0, 60.0, 0.0, "since release"),
         Parameter("to_s", "s", 0.0, 60.0, 60.0, "since release"),
         Parameter("with_speed", "1", 0.0, 1.0, 0.0, "0 or 1"))
-    symmetry: ClassVar[str] = "vertical"
-    sentence: ClassVar[str] = "Something without a name pushes the ball in flight."
-    follows: ClassVar[str | None] = "free_push"
+    symmetry = "vertical"
+    sentence = "Something without a name pushes the ball in flight."
+    follows = "free_push"
+    usual = 1.5
+    label = "a curve of a push"
 
-    def acceleration(self, facts: Rig, values: Mapping[str, Any], ball: BallState,
-                     forces: Mapping[str, Vec]) -> Vec:
+    def acceleration(self, facts: Rig, values: Values, ball: BallState, forces: Forces) -> Vec:
         at_work = (ball.time_s >= values["from_s"]) & (ball.time_s < values["to_s"])
         size = values["size_m_s2"] * at_work * (length(ball.velocity_m_s) / AT_SPEED_M_S)**values["with_speed"]
         sides = zip(axes(ball.velocity_m_s), ("along", "up", "left"), strict=True)
@@ -95,4 +101,9 @@ class FreePush(FlightTerm):
         return Vec(*(sum(components[1:], components[0]) for components in zip(*parts, strict=True)))
 
 
-NAMELESS: tuple[Term, ...] = (FreeDistance(), FreeSpeed(), FreeElevation(), FreePush())
+NAMELESS: tuple[Nameless, ...] = (FreeDistance(), FreeSpeed(), FreeElevation(), FreePush())
+
+
+def find_nameless(name: str) -> Nameless:
+    """The effect without a name that is called so; KeyError where there is none."""
+    return {term.name: term for term in NAMELESS}[name]

@@ -1,6 +1,6 @@
 """The seed's simulator: a recorded configuration -> height at the target plane -> outcome."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -12,6 +12,7 @@ from truearc.robot.config.schema import InputError
 from truearc.sim.data.conditions import Circumstances
 from truearc.sim.data.dataset import Shots
 from truearc.sim.physics.catalogue import (
+    Catalogue,
     arrival_terms,
     effective,
     flight_terms,
@@ -23,6 +24,7 @@ from truearc.sim.physics.flight import Crossing, fly
 from truearc.sim.physics.launch import Exit, exit_no_slip, exit_opposed, is_opposed
 from truearc.sim.physics.term import Opening, complete
 from truearc.sim.physics.vector import Vec
+from truearc.sim.progress import Progress
 
 MISS, TWO, THREE = "miss", "two", "three"
 BLOCK = 4096                          # rows flown at once
@@ -35,60 +37,63 @@ Values = Mapping[str, Mapping[str, Any]]
 
 
 def predict(facts: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: Shots,
-            progress: Callable[[float, str], None] = lambda done, note: None,
-            circumstances: Circumstances = ORDINARY) -> Crossing:
+            progress: Progress = lambda done, note: None,
+            circumstances: Circumstances = ORDINARY, among: Catalogue | None = None) -> Crossing:
     """Fly each recorded configuration to its plane with gravity and the terms that `coefficients` names.
 
     Sensing terms correct what the robot's sensors say and launch terms what the wheels do, never what was measured on
     the ball. Returns numpy arrays, one row a shot. circumstances: of these shots (truearc.sim.data.shot_conditions);
-    terms that follow one are absent from ordinary shots. InputError names shots without a distance or a launch.
+    terms that follow one are absent from ordinary shots. among: the catalogue of the terms,
+    truearc.sim.physics.catalogue.catalogue() when not given, here and below. InputError names shots without a
+    distance or a launch.
     """
-    values = effective(coefficients, circumstances)
+    values = effective(coefficients, circumstances, among)
     whose = by_robot(shots)
-    exit, distance_m = sense(facts, values, launch_of(facts, shots), require(shots, "distance_m"), whose)
-    return _fly_rows(facts, values, leave(facts, values, exit, whose), distance_m, progress)
+    exit, distance_m = sense(facts, values, launch_of(facts, shots), require(shots, "distance_m"), whose, among)
+    return _fly_rows(facts, values, leave(facts, values, exit, whose, among), distance_m, progress, among)
 
 
 def fly_rows(facts: Rig, coefficients: Mapping[str, Mapping[str, float]], exit: Exit, distance_m: np.ndarray,
-             progress: Callable[[float, str], None] = lambda done, note: None) -> Crossing:
+             progress: Progress = lambda done, note: None) -> Crossing:
     """As predict, of ordinary launches by the wheels (before sensing and launch terms) given as numpy arrays [n]."""
     values = effective(coefficients, ORDINARY)
     exit, distance_m = sense(facts, values, exit, distance_m)
-    return _fly_rows(facts, values, leave(facts, values, exit), distance_m, progress)
+    return _fly_rows(facts, values, leave(facts, values, exit), distance_m, progress, None)
 
 
-def sense(facts: Rig, values: Values, exit: Exit, distance_m: Any, where: Any = True) -> tuple[Exit, Any]:
+def sense(facts: Rig, values: Values, exit: Exit, distance_m: Any, where: Any = True,
+          among: Catalogue | None = None) -> tuple[Exit, Any]:
     """(launch by the wheels, distance) in truth, by the sensing terms among `values`; numpy or JAX arrays [n].
 
     exit, distance_m: as the sensors have them. where: which parts of the launch the robot's own sensors told, an Exit
     of booleans (by_robot) or one for all; a distance is always theirs.
     """
     changed = exit, distance_m
-    for term in sensing_terms(values):
+    for term in sensing_terms(values, among):
         changed = term.sense(facts, values[term.name], *changed)
     return _where(where, changed[0], exit), changed[1]
 
 
-def leave(facts: Rig, values: Values, exit: Exit, where: Any = True) -> Exit:
+def leave(facts: Rig, values: Values, exit: Exit, where: Any = True, among: Catalogue | None = None) -> Exit:
     """The launch after the launch terms among `values` (effective); numpy or JAX arrays [n].
 
     exit: the launch by the wheels. Terms act on the parts that `where` names, an Exit of booleans (by_robot) or one for
     all; without such terms `exit` itself returns.
     """
     changed = exit
-    for term in launch_terms(values):
+    for term in launch_terms(values, among):
         changed = term.leave(facts, complete(term, values[term.name]), changed)
     return _where(where, changed, exit)
 
 
-def watch(values: Values, position_m: Vec, velocity_m_s: Vec, time_s: Any) -> Vec:
+def watch(values: Values, position_m: Vec, velocity_m_s: Vec, time_s: Any, among: Catalogue | None = None) -> Vec:
     """Where a tracker says a ball is, in m, that is in truth there time_s after release, by `values` (effective)."""
-    for term in watch_terms(values):
+    for term in watch_terms(values, among):
         position_m = term.watch(values[term.name], position_m, velocity_m_s, time_s)
     return position_m
 
 
-def opening_of(facts: Rig, values: Values) -> Opening:
+def opening_of(facts: Rig, values: Values, among: Catalogue | None = None) -> Opening:
     """What the ball has to pass, by the rig's target and the arrival terms among `values` (effective).
 
     InputError when the rig has no target.
@@ -96,7 +101,7 @@ def opening_of(facts: Rig, values: Values) -> Opening:
     if facts.target is None:
         raise InputError("rig.toml: [target] is needed to tell an outcome")
     opening = Opening(facts.target.centre_height_m, facts.target.three_half_height_m, facts.target.two_half_height_m)
-    for term in arrival_terms(values):
+    for term in arrival_terms(values, among):
         opening = term.arrive(values[term.name], opening)
     return opening
 
@@ -117,12 +122,12 @@ def take_values(values: Values, rows: Any) -> dict[str, dict[str, Any]]:
 
 
 def _fly_rows(facts: Rig, values: Values, exit: Exit, distance_m: np.ndarray,
-              progress: Callable[[float, str], None]) -> Crossing:
+              progress: Progress, among: Catalogue | None) -> Crossing:
     """Heights and times of launches as they leave.
 
     Rows fly in blocks of those that stay aloft about equally long, and in few different sizes, since each is compiled.
     """
-    terms = flight_terms({"gravity", *values})
+    terms = flight_terms({"gravity", *values}, among)
     named = {term.name: values[term.name] for term in terms if term.name in values}
     exit, distance_m = Exit(*map(np.asarray, exit)), np.asarray(distance_m)
     upward_m_s = exit.speed_m_s * np.sin(exit.elevation_rad)

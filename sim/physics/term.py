@@ -1,52 +1,90 @@
-"""What one hypothesis about the physics is: a name, a stage, parameters, and what it contributes.
+"""One hypothesis about the physics: its name, place, numbers, wording, instrument, and what it contributes.
 
 Along the way of a shot: what the sensors say -> SensingTerm -> what is true -> LaunchTerm -> the ball as it leaves ->
 AirTerm, FlightTerm -> its flight -> ArrivalTerm -> the outcome; a WatchTerm is about a tracker that sees the flight.
-Values handed to hooks are effective: parameters as Term.at_shot leaves them, numbers or one a lane.
+Values handed to hooks are effective: parameters as Term.at_shot leaves them, numbers or one per lane.
+
+A term is complete by itself: no other module keeps a table by the names of terms. truearc.sim.physics.term_check checks
+that nothing is missing when a term enters a catalogue.
 """
 
+import math
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.conditions import Circumstances
 from truearc.sim.physics.launch import Exit
-from truearc.sim.physics.vector import Vec
+from truearc.sim.physics.term_fields import (
+    ANGLE,
+    LENGTH,
+    NUMBER,
+    SHARE,
+    SPEED,
+    Instrument,
+    Parameter,
+    Phrase,
+    Prior,
+    either_way,
+)
+from truearc.sim.physics.vector import Vec, add, plus, scale, times
+
+__all__ = [
+    "ANGLE",
+    "DIRECTIONS",
+    "LENGTH",
+    "NUMBER",
+    "SHARE",
+    "SPEED",
+    "STAGES",
+    "SYMMETRIES",
+    "AirShareTerm",
+    "AirTerm",
+    "ArrivalTerm",
+    "BallState",
+    "Circumstances",
+    "DistanceTerm",
+    "Exit",
+    "FlightTerm",
+    "Forces",
+    "HoodTerm",
+    "InFlight",
+    "Instrument",
+    "LaunchTerm",
+    "Number",
+    "Opening",
+    "Parameter",
+    "Phrase",
+    "Prior",
+    "Rig",
+    "SensingTerm",
+    "SpeedTerm",
+    "Term",
+    "Values",
+    "Vec",
+    "WatchTerm",
+    "WindTerm",
+    "complete",
+    "either_way",
+]
 
 STAGES = ("sensing", "launch", "flight", "arrival")
+DIRECTIONS = ("along", "vertical", "lateral")
+SYMMETRIES = ("any", "vertical", "none")
+NOT_OF_AIR = ("gravity",)             # among the forces before those that are shares of the air's
+
+Number = Any                          # a number, or an array with one per lane
+Values = Mapping[str, Any]            # of one term: {parameter: value}
+Forces = Mapping[str, Vec]            # {term: acceleration in m/s2}
 
 
-@dataclass(frozen=True)
-class Prior:
-    """What is believed before any shot: normal on one of truearc.sim.physics.scales, weak, with its reason in words.
+class Order(NamedTuple):
+    """When a term acts among those of its stage: by `place`, ascending; `reason`: why there."""
 
-    `centre` is a value of the parameter itself, `sd` is on the scale (on "log": the log of a factor).
-    """
-
-    scale: str
-    centre: float
-    sd: float
+    place: float
     reason: str
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """One number of a term, looked for from `low` to `high`.
-
-    `unit` is a product of m, kg, s, rad, rev, deg with powers, such as "1", "1/s" or "kg m/s2"; a share is "1".
-    `default` is the value that a coefficients file that does not mention it means.
-    `prior` is what a likelihood fit believes beforehand; None: known, and not fitted.
-    """
-
-    name: str
-    unit: str
-    low: float
-    high: float
-    default: float
-    source: str
-    prior: Prior | None = None
 
 
 class BallState(NamedTuple):
@@ -66,111 +104,219 @@ class Opening(NamedTuple):
     two_half_m: Any
 
 
-@dataclass(frozen=True)
 class Term(ABC):
     """A hypothesis. `parameters[0]` is its amplitude: at zero the term is absent, whatever the others say.
 
-    `symmetry`: "any" = turns with the ball's state about every axis; "vertical" = about z only; "none".
+    Instances carry no state: all that a subclass declares is class data, and two instances of one class are equal.
+
+    Attributes:
+        name: Of the class in snake_case, unless the class gives another.
+        stage: One of STAGES; the base class of the kind gives it.
+        order: When it acts among the terms of its stage: by this number, ascending, and why there.
+        parameters: The amplitude first.
+        direction: Along, up across, or left of the flight: where a positive amplitude moves a typical shot.
+        sentence: How a report says that this is at work.
+        phrase: The same with its size.
+        instrument: What settles it without a shot; None where it is `always` at work.
+        label: Its name in running text; by itself the name with spaces.
+        follows: The field of Circumstances that the amplitude is multiplied by.
+        record: What has to be recorded of shots so that they can show it; "" where every dataset will do.
+        relative: Tested only where an earlier session reported what it changes.
+        always: At work in every simulation, its parameters known.
+        unseen: Why no number of shots counts as showing it; "" where enough of them do.
+        calibration_sd: Of a tracker's calibration that is fitted with every track: one standard deviation of the
+            amplitude's prior there; None: the amplitude is tested like any other.
     """
 
     name: ClassVar[str]
     stage: ClassVar[str]
+    order: ClassVar[tuple[float, str]]
     parameters: ClassVar[tuple[Parameter, ...]]
-    symmetry: ClassVar[str]
-    sentence: ClassVar[str]           # how a report says that this is at work
-    follows: ClassVar[str | None] = None    # the field of Circumstances that the amplitude is multiplied by
-    relative: ClassVar[bool] = False  # asked about only where an earlier session told what it changes
+    direction: ClassVar[str]
+    sentence: ClassVar[str]
+    phrase: ClassVar[Phrase]
+    instrument: ClassVar[Instrument | None]
+    label: ClassVar[str]
+    follows: ClassVar[str | None] = None
+    record: ClassVar[str] = ""
+    relative: ClassVar[bool] = False
+    always: ClassVar[bool] = False
+    unseen: ClassVar[str] = ""
+    calibration_sd: ClassVar[float | None] = None
 
-    def at_shot(self, values: Mapping[str, Any], circumstances: Circumstances) -> dict[str, Any]:
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        if "name" not in cls.__dict__:
+            cls.name = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", cls.__name__).lower()
+        if "label" not in cls.__dict__:
+            cls.label = cls.name.replace("_", " ")
+
+    def __eq__(self, other: object) -> bool:
+        return type(self) is type(other)
+
+    def __hash__(self) -> int:
+        return hash(type(self))
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}()"
+
+    @property
+    def amplitude(self) -> Parameter:
+        """The first parameter, by which the term is found."""
+        return self.parameters[0]
+
+    def at_shot(self, values: Values, circumstances: Circumstances) -> dict[str, Any]:
         """Values under the circumstances of shots: the amplitude times what it follows. Shapes broadcast."""
         if self.follows is None:
             return dict(values)
-        amplitude = self.parameters[0].name
+        amplitude = self.amplitude.name
         return {**values, amplitude: values[amplitude] * getattr(circumstances, self.follows)}
 
 
-@dataclass(frozen=True)
 class SensingTerm(Term):
     """A hypothesis about what the robot's sensors make of a configuration."""
 
-    stage: ClassVar[str] = "sensing"
+    stage = "sensing"
 
     @abstractmethod
-    def sense(self, facts: Rig, values: Mapping[str, Any], exit: Exit, distance_m: Any) -> tuple[Exit, Any]:
+    def sense(self, facts: Rig, values: Values, exit: Exit, distance_m: Any) -> tuple[Exit, Any]:
         """(launch by the wheels, distance in m) as they are in truth; differentiable.
 
         exit, distance_m: as the sensors, and the sensing terms before this one in the catalogue, have them.
         """
 
 
-@dataclass(frozen=True)
 class WatchTerm(Term):
     """A hypothesis about a tracker that watches the flight."""
 
-    stage: ClassVar[str] = "sensing"
+    stage = "sensing"
+    record = "tracks of the ball"
 
     @abstractmethod
-    def watch(self, values: Mapping[str, Any], position_m: Vec, velocity_m_s: Vec, time_s: Any) -> Vec:
+    def watch(self, values: Values, position_m: Vec, velocity_m_s: Vec, time_s: Any) -> Vec:
         """Where the tracker says the ball is at time_s of its own clock since release, in m, launcher frame.
 
         position_m, velocity_m_s: the ball in truth, time_s after release; differentiable.
         """
 
 
-@dataclass(frozen=True)
 class LaunchTerm(Term):
     """A hypothesis about how the wheels send off a ball."""
 
-    stage: ClassVar[str] = "launch"
+    stage = "launch"
 
     @abstractmethod
-    def leave(self, facts: Rig, values: Mapping[str, Any], exit: Exit) -> Exit:
+    def leave(self, facts: Rig, values: Values, exit: Exit) -> Exit:
         """The launch as this term changes it; differentiable in values and launch.
 
         exit: as the wheels' surfaces and the launch terms before this one in the catalogue have it.
         """
 
 
-@dataclass(frozen=True)
-class FlightTerm(Term):
+class InFlight(Term):
+    """A hypothesis about the flight.
+
+    `symmetry`: "any" = turns with the ball's state about every axis; "vertical" = about z only; "none".
+    """
+
+    stage = "flight"
+    symmetry: ClassVar[str]
+
+
+class FlightTerm(InFlight):
     """A hypothesis about forces in the air."""
 
-    stage: ClassVar[str] = "flight"
-
     @abstractmethod
-    def acceleration(self, facts: Rig, values: Mapping[str, Any], ball: BallState,
-                     forces: Mapping[str, Vec]) -> Vec:
+    def acceleration(self, facts: Rig, values: Values, ball: BallState, forces: Forces) -> Vec:
         """Its acceleration in m/s2 (lanes broadcast), launcher frame; differentiable in values and state.
 
         ball: as the air sees it. forces: {term: acceleration} of the terms at work before it in the catalogue.
         """
 
 
-@dataclass(frozen=True)
-class AirTerm(Term):
+class AirTerm(InFlight):
     """A hypothesis about what air the ball meets, or what is left of its spin when it does."""
 
-    stage: ClassVar[str] = "flight"
-
     @abstractmethod
-    def meet(self, facts: Rig, values: Mapping[str, Any], ball: BallState) -> BallState:
+    def meet(self, facts: Rig, values: Values, ball: BallState) -> BallState:
         """The ball as the air sees it: its velocity through the air, the spin that it has left; differentiable."""
 
 
-InFlight = FlightTerm | AirTerm
-
-
-@dataclass(frozen=True)
 class ArrivalTerm(Term):
     """A hypothesis about the target."""
 
-    stage: ClassVar[str] = "arrival"
+    stage = "arrival"
+    record = "outcomes"
 
     @abstractmethod
-    def arrive(self, values: Mapping[str, Any], opening: Opening) -> Opening:
+    def arrive(self, values: Values, opening: Opening) -> Opening:
         """The opening as it is in truth; differentiable."""
 
 
-def complete(term: Term, values: Mapping[str, Any] | None) -> dict[str, Any]:
-    """All parameters of a term, defaults where `values` says nothing."""
+# Kinds of terms that change one thing: a subclass adds its declarations and at most one line of physics.
+
+
+class HoodTerm(SensingTerm):
+    """The true elevation is the measured one plus the amplitude, an angle in degrees."""
+
+    direction = "vertical"
+
+    def sense(self, facts: Rig, values: Values, exit: Exit, distance_m: Any) -> tuple[Exit, Any]:
+        angle_deg = values[self.amplitude.name]
+        return exit._replace(elevation_rad=exit.elevation_rad + math.radians(1.0) * angle_deg), distance_m
+
+
+class DistanceTerm(SensingTerm):
+    """The true distance is another than the measured one."""
+
+    direction = "along"
+
+    @abstractmethod
+    def distance_m(self, measured_m: Number, amount: Number) -> Number:
+        """The true distance in m; amount: the amplitude."""
+
+    def sense(self, facts: Rig, values: Values, exit: Exit, distance_m: Any) -> tuple[Exit, Any]:
+        return exit, self.distance_m(distance_m, values[self.amplitude.name])
+
+
+class SpeedTerm(LaunchTerm):
+    """The exit speed is multiplied by a factor."""
+
+    direction = "along"
+
+    @abstractmethod
+    def speed_factor(self, amount: Number) -> Number:
+        """1 where the amplitude, `amount`, is 0."""
+
+    def leave(self, facts: Rig, values: Values, exit: Exit) -> Exit:
+        return exit._replace(speed_m_s=exit.speed_m_s * self.speed_factor(values[self.amplitude.name]))
+
+
+class WindTerm(AirTerm):
+    """The air moves along `axis` ("x", "y" or "z") at the amplitude, a speed in m/s."""
+
+    axis: ClassVar[str]
+
+    def meet(self, facts: Rig, values: Values, ball: BallState) -> BallState:
+        through = ball.velocity_m_s
+        relative = plus(getattr(through, self.axis), times(-1.0, values[self.amplitude.name]))
+        return ball._replace(velocity_m_s=through._replace(**{self.axis: relative}))
+
+
+class AirShareTerm(FlightTerm):
+    """The forces of the moving air grow by a share of themselves, the amplitude."""
+
+    direction = "along"
+    symmetry = "any"
+
+    def acceleration(self, facts: Rig, values: Values, ball: BallState, forces: Forces) -> Vec:
+        total = Vec(0.0, 0.0, 0.0)
+        for name, force in forces.items():
+            if name not in NOT_OF_AIR:
+                total = add(total, scale(values[self.amplitude.name], force))
+        return total
+
+
+def complete(term: Term, values: Values | None) -> dict[str, Any]:
+    """All parameters of a term, defaults where `values` has none."""
     return {p.name: (values or {}).get(p.name, p.default) for p in term.parameters}

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from truearc.robot.config.schema import InputError
-from truearc.sim.data.importers.cells import need_columns, number_column
+from truearc.sim.data.columns import need_columns, number_column
 from truearc.sim.data.problems import gathered
 from truearc.sim.data.table import Table, load_table
 from truearc.sim.sysid.record import Record

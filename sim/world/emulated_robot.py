@@ -2,7 +2,7 @@
 
 import itertools
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 from msgspec.structs import replace
@@ -33,6 +33,7 @@ from truearc.robot.recording.recording_rig import RecordingRig
 from truearc.robot.recording.session import make_header
 from truearc.robot.rig import HardwareRig
 from truearc.robot.runtime import run
+from truearc.sim.progress import Progress
 from truearc.sim.world.driver import Driver
 from truearc.sim.world.emulated_vision import TwinEyes
 from truearc.sim.world.options import Options
@@ -50,7 +51,6 @@ FLYWHEEL = OdriveSettings(encoder_ms=10, current_ms=10)
 SETTINGS = {"hood": OdriveSettings(encoder_ms=10, current_ms=100),
             "feeder": OdriveSettings(encoder_ms=50, current_ms=100)}
 
-Progress = Callable[[float, str], None]
 
 
 def emulate(config: Config, folder: Path, trials: int, seed: int, options: Options | None = None,

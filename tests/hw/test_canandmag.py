@@ -128,5 +128,3 @@ def test_what_the_driver_sends_reads_there_as_meant(theirs, period_ms: int, devi
     assert sent.is_extended and message.name == "set_setting"
     meant = message.decode(sent.data, decode_choices=False)
     assert (meant["address"], meant["value"], meant["setting_flags_ephemeral"]) == (253, period_ms, 1)
-    cleared = canandmag.make_clear_sticky(Encoder(device))
-    assert theirs.get_message_by_frame_id(cleared.arbitration_id - device).name == "clear_sticky_faults"

@@ -31,9 +31,6 @@ def test_duty_bytes(axis: SparkAxis, duty: float) -> None:
 
 def test_command_bytes() -> None:
     axis = SparkAxis(5, 1)
-    assert spark.make_velocity(axis, 3000.0 * TURN / 60.0)[1:] == (
-        0x02050005, bytes.fromhex("00803B4500000000"), True, False)
-    assert spark.make_velocity(SparkAxis(5, -1), 3000.0 * TURN / 60.0).data == bytes.fromhex("00803BC500000000")
     assert spark.make_statuses(axis, 0b111)[1:3] == (0x02050405, bytes([7, 0, 7, 0]))
     assert spark.make_clear_faults(axis)[1:3] == (0x02051B85, b"")
     assert spark.make_version_query(axis)[1:] == (0x02052605, bytes(8), True, True)

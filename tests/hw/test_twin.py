@@ -23,6 +23,16 @@ MS = 1_000_000
 LEFT, RIGHT, HOOD, ENCODER = OdriveAxis(1, 1), OdriveAxis(2, -1), OdriveAxis(3, 1, 596), Encoder(5)
 
 
+def limits(velocity_rad_s: float, current_a: float) -> Frame:
+    """What another program may have told the left wheel's drive; the robot never does."""
+    values = {"velocity_rev_s": velocity_rad_s / (2.0 * math.pi), "current_a": current_a}
+    return odrive._make(LEFT, "Set_Limits", values)
+
+
+def clear_sticky() -> Frame:
+    return canandmag._make(ENCODER, "CLEAR_STICKY_FAULTS", {})
+
+
 class Bench:
     """A robot's end of the bus, with the devices at the other."""
 
@@ -110,7 +120,7 @@ def test_a_lost_magnet_sticks_until_cleared(bench) -> None:
     bench.run(21)
     status = [frame.data[:2] for frame in bench.log if frame.arbitration_id == 0x070E0185]
     assert status[0] == bytes([0x20, 0x21]) and status[-1] == bytes([0x00, 0x21])
-    bench.send(canandmag.make_clear_sticky(ENCODER))
+    bench.send(clear_sticky())
     bench.run(21)
     assert [frame.data[:2] for frame in bench.log if frame.arbitration_id == 0x070E0185][-1] == bytes(2)
 
@@ -225,14 +235,14 @@ def test_idle_on_request_is_no_error(bench, plant) -> None:
 
 def test_current_limit_bounds_the_torque(bench, plant) -> None:
     bench.arm()
-    bench.send(odrive.make_limits(LEFT, 1000.0, 10.0))      # 10 A x 0.02 Nm/A
+    bench.send(limits(1000.0, 10.0))      # 10 A x 0.02 Nm/A
     bench.run(20, odrive.make_torque(LEFT, 5.0))
     assert plant.velocity_rad_s["flywheel_a"] == pytest.approx(0.2 / 0.001 * 0.1)
 
 
 def test_velocity_limit_is_approached_and_not_passed(bench, plant) -> None:
     bench.arm()
-    bench.send(odrive.make_limits(LEFT, 50.0, 100.0))
+    bench.send(limits(50.0, 100.0))
     bench.run(400, odrive.make_torque(LEFT, 0.5))
     assert plant.velocity_rad_s["flywheel_a"] == pytest.approx(50.0, rel=0.01) and bench.nodes[0].errors == 0
 

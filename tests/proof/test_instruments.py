@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from truearc.sim.discover.plan.recommendations import MEASURE
+from truearc.sim.physics.catalogue import TERMS
 from truearc_proof.scoring.score_finding import PARAMETER
 from truearc_proof.worlds.instruments import TOOLS, read_off
 
 
 @pytest.mark.parametrize("tool", TOOLS)
 def test_a_tool_is_what_discovery_proposes_for_its_terms(tool: str) -> None:
-    assert {term for term, what in MEASURE.items() if what == tool} == set(TOOLS[tool])
+    assert {term.name for term in TERMS if term.instrument and term.instrument.what == tool} == set(TOOLS[tool])
 
 
 @pytest.mark.parametrize("tool", TOOLS)

@@ -36,9 +36,9 @@ def test_a_row_counts_what_was_right_of_what_was_found() -> None:
              line("tail_wind", True, (), "launch"), line("tail_wind", False), line("nothing", False)]
     table = make_tables(lines).splitlines()
     wind = next(row for row in table if row.startswith("| tail_wind"))
-    assert "| 0.75 (0.30-0.95), 4 | 2/3 | 1/3 | 2/3 |" in wind
+    assert "| 3/4 = 0.75 (0.30-0.95) | 2/3 | 1/3 | 2/3 |" in wind
     nothing = next(row for row in table if row.startswith("| nothing"))
-    assert nothing.startswith("| nothing | 0.00 (0.00-0.79), 1 | - | - | -")
+    assert nothing.startswith("| nothing | 0/1 = 0.00 (0.00-0.79) | - | - | -")
 
 
 def test_the_world_as_it_is_is_held_against_its_own_scatter() -> None:

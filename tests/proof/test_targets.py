@@ -44,7 +44,7 @@ def test_a_decoy_s_name_is_false_where_it_is_the_first_of_a_set_and_is_nobody_s_
     assert found["decoy: its name in the set"] == ["3/5 = 0.60 (0.23-0.88)", "-", "-", "no target"]
     assert found["named wrong, of all single names given"][0].startswith("2/2")      # the decoy's, and drag_wear
     (table,) = [one for one in make_tables(decoys("L1")) if one.title.startswith("Worlds in which something is hidden")]
-    assert dict(zip(table.head, table.rows[0], strict=True))["up to alias"].startswith("1/4 ")
+    assert dict(zip(table.header, table.rows[0], strict=True))["up to alias"].startswith("1/4 ")
     assert "first in 1 of 4 worlds" in verdict(decoys("L1"))
 
 

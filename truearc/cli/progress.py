@@ -2,10 +2,11 @@
 
 import sys
 import time
-from collections.abc import Callable
+
+from truearc.sim.progress import Progress
 
 
-def make_progress(what: str, quiet: bool = False) -> Callable[[float, str], None]:
+def make_progress(what: str, quiet: bool = False) -> Progress:
     """A function of (share done 0-1, note) that shows how far `what` is; does nothing when quiet."""
     if quiet:
         return lambda done, note: None

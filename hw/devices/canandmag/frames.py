@@ -53,11 +53,6 @@ def make_position_period(encoder: Encoder, period_ms: int) -> Frame:
     return _make(encoder, "SET_SETTING", {"setting": POSITION_PERIOD_SETTING, "value": period_ms, "ephemeral": 1})
 
 
-def make_clear_sticky(encoder: Encoder) -> Frame:
-    """Forget the sticky faults, so that a later power cycle shows."""
-    return _make(encoder, "CLEAR_STICKY_FAULTS", {})
-
-
 def parse(encoder: Encoder, frame: Frame, previous: AngleReading | None) -> AngleReading | None:
     """`previous` brought up to date by one frame; None until the first angle. Angle in [0, 2 pi), the device's sign.
 

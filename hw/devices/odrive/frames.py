@@ -19,13 +19,10 @@ REVOLUTION_RAD = 2.0 * math.pi
 
 # Axis states
 IDLE = 1
-CALIBRATION = 3
 CLOSED_LOOP = 8
-HOMING = 11
 
 # Controller modes
 TORQUE = 1
-VELOCITY = 2
 POSITION = 3
 PASSTHROUGH = 1
 
@@ -115,11 +112,6 @@ def make_state(axis: OdriveAxis, state: int) -> Frame:
 def make_controller_mode(axis: OdriveAxis, control: int, input_mode: int) -> Frame:
     """Choose what the device controls (TORQUE, ...) and how it treats its input (PASSTHROUGH, ...)."""
     return _make(axis, "Set_Controller_Mode", {"control_mode": control, "input_mode": input_mode})
-
-
-def make_limits(axis: OdriveAxis, velocity_rad_s: float, current_a: float) -> Frame:
-    """Bound speed and motor current, whatever is asked later."""
-    return _make(axis, "Set_Limits", {"velocity_rev_s": velocity_rad_s / REVOLUTION_RAD, "current_a": current_a})
 
 
 def make_clear_errors(axis: OdriveAxis) -> Frame:

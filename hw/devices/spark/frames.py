@@ -42,7 +42,6 @@ RESET_WARNING = 0x40                              # among STATUS_1's warnings
 
 READINGS = ("STATUS_0", "STATUS_1", "STATUS_2")   # what becomes part of a MotorReading
 STATUSES = 0b111                                  # the same as bits of SET_STATUSES_ENABLED
-ANSWERS = ("SET_STATUSES_ENABLED_RESPONSE", "GET_FIRMWARE_VERSION", "PARAMETER_WRITE_RESPONSE")
 
 # Parameters, by number
 P_GAIN, F_GAIN = 13, 16                           # of slot 0; duty per 1/min
@@ -123,12 +122,6 @@ def make_duty(axis: SparkAxis, duty: float) -> Frame:
     """Apply this share of the bus voltage, -1 to 1, as long as heartbeats come. BadFrame if it is not in that range."""
     return _make(axis, "DUTY_CYCLE_SETPOINT", {"duty": axis.direction * duty, "feedforward": 0, "slot": 0,
                                                "feedforward_is_duty": 0})
-
-
-def make_velocity(axis: SparkAxis, velocity_rad_s: float) -> Frame:
-    """Hold this speed by the device's own loop, with the gains of its slot 0."""
-    return _make(axis, "VELOCITY_SETPOINT", {"velocity_rpm": axis.direction * velocity_rad_s / RPM_RAD_S,
-                                             "feedforward": 0, "slot": 0, "feedforward_is_duty": 0})
 
 
 def make_heartbeat(devices: Iterable[int]) -> Frame:

@@ -34,9 +34,11 @@ from truearc.sim.discover.api import discover
 from truearc.sim.discover.finding import make_json
 from truearc.sim.intervals import difference
 from truearc.sim.parallel import fan_out
+from truearc.sim.progress import Progress
+from truearc.sim.tables import Table
 from truearc.sim.world.emulated_robot import emulate
 from truearc.sim.world.options import Options
-from truearc_proof.report.tables import ProofTable, said
+from truearc_proof.report.tables import said
 from truearc_proof.rounds.commitment import canonical, hash_files, load_seal, make_seal, save_seal
 from truearc_proof.rounds.committer import RoundPlan, keep_plan
 from truearc_proof.rounds.file_lock import alone
@@ -52,7 +54,6 @@ LEVEL = "L1"
 AT_ONCE = 4                           # worlds between two entries in the ledger
 SHIPPED = Path(robot.__file__).parent / "launcher.toml"
 NO_GATE, SIDES = "no gate", ("before", "after")
-Progress = Callable[[float, str], None]
 Done = TypeVar("Done")
 
 
@@ -213,7 +214,7 @@ def driven_of(room: Room) -> list[Driven]:
     return [one for _, one in sorted({one.world: one for one in lines}.items())]
 
 
-def driven_table(driven: Sequence[Driven]) -> ProofTable:
+def driven_table(driven: Sequence[Driven]) -> Table:
     """Worlds, then all together with the difference of the two gates (Newcombe's 95 %)."""
     sides = (NO_GATE, *SIDES)
     rows = [[one.world, one.change, one.verdict, ", ".join(one.names),
@@ -223,7 +224,7 @@ def driven_table(driven: Sequence[Driven]) -> ProofTable:
     low, high = difference(total["after"], total["before"])
     rows.append(["together", "", "", f"after - before: {low:+.0%} to {high:+.0%} (95 %)",
                  *(said(*total[side]) for side in sides)])
-    return ProofTable("Driven: three points of shots fired, in sealed worlds of the emulated robot", (
+    return Table("Driven: three points of shots fired, in sealed worlds of the emulated robot", (
         "world", "changed", "verdict", "first name", NO_GATE, "the seed's physics", "what was adopted"), rows)
 
 

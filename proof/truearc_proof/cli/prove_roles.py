@@ -12,12 +12,13 @@ from truearc.cli.start.demo import FEWEST
 from truearc.robot.config.schema import InputError
 from truearc.sim.compile_cache import keep_compiled
 from truearc.sim.discover.model.prepared_data import FEWEST_SHOTS
+from truearc.sim.tables import Table
 from truearc_proof.cli.prove_apart import solve_apart
 from truearc_proof.cli.prove_check import check_packed
 from truearc_proof.cli.prove_drive import LEVEL, driven_of, driven_table, learn_gates, play_driven, room_of
 from truearc_proof.report.figures import plain_figures
 from truearc_proof.report.html_page import make_proof_page, verdict
-from truearc_proof.report.tables import ProofTable, make_tables
+from truearc_proof.report.tables import make_tables
 from truearc_proof.rivals.registry import check_rivals
 from truearc_proof.rounds.archive import pack
 from truearc_proof.rounds.committer import RoundPlan, answer_round, entropy, load_plan, seal_round
@@ -132,7 +133,7 @@ def _tell(room: Room, graded: Sequence[Graded]) -> None:
     print("\n\n".join([verdict([one.first for one in graded]), *tables, *told, files]))
 
 
-def _save_report(room: Room, graded: Sequence[Graded]) -> list[ProofTable]:
+def _save_report(room: Room, graded: Sequence[Graded]) -> list[Table]:
     """Write the page; its tables, that of the driven worlds among them where there are any."""
     marks, again = [one.first for one in graded], [(one.first, one.again) for one in graded if one.again is not None]
     driven = driven_of(room_of(room.root))

@@ -9,6 +9,7 @@ from typing import NamedTuple
 from truearc.robot.config.schema import InputError, config_hash
 from truearc.robot.recording.session import CAN, FRAMES, load_header
 from truearc.sim.parallel import fan_out
+from truearc.sim.progress import Progress
 from truearc.sim.world.emulated_robot import emulate
 from truearc_proof.reproduce.collect import Record, Recording
 
@@ -21,7 +22,7 @@ class _Job(NamedTuple):
 
 
 def make_record(folder: Path, scheduler: str | None, workers: int | None,
-                make_progress: Callable[[str], Callable[[float, str], None]]) -> Record:
+                make_progress: Callable[[str], Progress]) -> Record:
     """A function that sees to it that sessions are recorded in `folder`, and returns their folders in order.
 
     What is there and was recorded alike is used as it is. InputError when it was recorded otherwise, or when a

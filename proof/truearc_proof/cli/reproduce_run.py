@@ -2,7 +2,6 @@
 
 import argparse
 import shutil
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,6 +10,7 @@ from truearc.cli.progress import make_progress
 from truearc.robot.config.schema import InputError, load_config
 from truearc.sim.data.dataset import save_dataset
 from truearc.sim.parallel import fan_out
+from truearc.sim.progress import Progress
 from truearc_proof.cli.reproduce import QUICK_DRAWS
 from truearc_proof.cli.reproduce_record import make_record
 from truearc_proof.reproduce.analysis import analyse
@@ -19,7 +19,7 @@ from truearc_proof.reproduce.networks import train_networks
 from truearc_proof.reproduce.page import OURS_NOT_THEIRS, headline, save_figures, save_page, what_varies
 from truearc_proof.reproduce.repetition import run_repetition, tasks_of
 from truearc_proof.reproduce.settings import Settings, quick
-from truearc_proof.reproduce.tables import in_short, make_tables, make_text
+from truearc_proof.reproduce.tables import in_short, make_tables
 
 SHIPPED = Path(robot.__file__).parent / "launcher.toml"
 MARK = ".truearc-reproduce"           # a folder with this in it was made by us and may be gone on with
@@ -30,7 +30,7 @@ def reproduce(args: argparse.Namespace) -> int:
     settings = _settings(args)
     folder = _own_folder(args.out)
 
-    def progress(what: str) -> Callable[[float, str], None]:
+    def progress(what: str) -> Progress:
         return make_progress(what, args.quiet)
 
     _say(args, OURS_NOT_THEIRS)
@@ -44,7 +44,7 @@ def reproduce(args: argparse.Namespace) -> int:
     tables = make_tables(repetitions, analysis, settings)
     save_figures(folder, pool, repetitions, analysis, tables, settings)
     save_page(folder / "index.html", pool, repetitions, answers, analysis, tables, settings)
-    for line in [*map(make_text, in_short(tables)), "", *what_varies(pool, settings), *headline(analysis)]:
+    for line in [*(table.text() for table in in_short(tables)), "", *what_varies(pool, settings), *headline(analysis)]:
         print(line)
     print(f"\n{OURS_NOT_THEIRS}\nreport: {folder / 'index.html'}; figures: figures.csv, table_1.csv, summary.json")
     return 0

@@ -11,8 +11,8 @@ import numpy as np
 
 from truearc.robot.config.rig_spec import Air, Ball, Believe, LauncherFacts, Noise, Rig
 from truearc.robot.config.schema import InputError
+from truearc.sim.data.columns import need_columns, number_column, text_column
 from truearc.sim.data.dataset import Dataset, Shots, Tracks
-from truearc.sim.data.importers.cells import need_columns, number_column, text_column
 from truearc.sim.data.problems import Problems, gathered
 from truearc.sim.data.table import Table, load_table
 from truearc_proof.importers.ball_sheets import load_sheets
@@ -82,7 +82,7 @@ def _drops(table: Table, problems: Problems) -> list[_Drop]:
             for (name, times), rows in rows_of.items()]
 
 
-def _bodies(table: Table, ball: list[str], problems: Problems) -> np.ndarray:
+def _bodies(table: Table, ball: tuple[str, ...], problems: Problems) -> np.ndarray:
     """[rows, 2]: mass and diameter of each row's ball, above 0 or nan, one of each a ball."""
     body = np.stack([number_column(table, name, problems, needed=False) for name in BODY], axis=1)
     first = {name: row for row, name in reversed(list(enumerate(ball)))}

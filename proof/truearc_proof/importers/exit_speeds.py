@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from truearc.robot.config.rig_spec import Air, Ball, Believe, LauncherFacts, Rig, Wheel
+from truearc.sim.data.columns import need_columns, number_column
 from truearc.sim.data.dataset import Dataset, Shots
-from truearc.sim.data.importers.cells import need_columns, number_column
 from truearc.sim.data.problems import Problems, gathered
 from truearc.sim.data.table import Table, load_table
 from truearc_proof.importers.fuel import load_fuel

@@ -13,8 +13,8 @@ import numpy as np
 
 from truearc.robot.config.rig_spec import Air, Ball, Believe, LauncherFacts, Noise, Rig, Target, Wheel
 from truearc.robot.config.schema import InputError
+from truearc.sim.data.columns import need_columns, number_column, text_column
 from truearc.sim.data.dataset import Dataset, Shots
-from truearc.sim.data.importers.cells import need_columns, number_column, text_column
 from truearc.sim.data.problems import Problems, gathered
 from truearc.sim.data.table import Table, load_table
 from truearc_proof.importers.frc_254 import load_254
@@ -108,7 +108,7 @@ def import_3476(history: str | Path) -> Dataset:
                    left_out=(f"{same} set points that a version left as they were",) if same else ())
 
 
-def _dated(table: Table, problems: Problems) -> tuple[list[str], np.ndarray, np.ndarray]:
+def _dated(table: Table, problems: Problems) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
     """Of each row its version, [rows, 3] distance, wheel and hood, and when it was written."""
     need_columns(table, ("commit", "committed_at", "distance_m", "hood_eject_angle_deg", "flywheel_rpm"))
     commit, when = text_column(table, "commit", problems), text_column(table, "committed_at", problems)

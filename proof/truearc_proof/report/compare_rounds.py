@@ -6,22 +6,22 @@ import numpy as np
 from scipy.stats import fisher_exact
 
 from truearc.sim.intervals import wilson
+from truearc.sim.tables import Table
 from truearc_proof.report.figures import ProofFigure, figures_of
-from truearc_proof.report.tables import ProofTable
 from truearc_proof.report.targets import SHOWN
 from truearc_proof.scoring.score_world import Mark
 
 ROUNDING = 1e-9                       # an interval that begins at 0 may begin a last digit above it
 
 
-def beside(published: Sequence[Mark], again: Sequence[Mark]) -> ProofTable:
+def beside(published: Sequence[Mark], again: Sequence[Mark]) -> Table:
     """A row for each share that both rounds have: whether the second one's lies in the first one's 95 % interval, ends
     included, and how often chance alone would put two rounds of these sizes as far apart (Fisher's exact test): of six
     worlds a share lies outside easily."""
     ours, theirs = figures_of(published), figures_of(again)
     rows = [_row(SHOWN.get(name, name), ours[name], theirs[name]) for name in ours
             if ours[name].counts is not None and theirs[name].counts is not None]
-    return ProofTable("Played again", ("figure", "published", "again", "inside", "by chance"), rows)
+    return Table("Played again", ("figure", "published", "again", "inside", "by chance"), rows)
 
 
 def _row(name: str, ours: ProofFigure, theirs: ProofFigure) -> list[str]:

@@ -5,8 +5,9 @@ from collections.abc import Sequence
 
 from truearc.sim.intervals import wilson
 from truearc.sim.report import make_page, paragraph, picture, table
+from truearc.sim.tables import Table
 from truearc_proof.report.plots import chance_png, ladder_png, matrix_png
-from truearc_proof.report.tables import ProofTable, Question, ladder_of, share
+from truearc_proof.report.tables import Question, ladder_of, share
 from truearc_proof.rounds.ledger import Entry
 from truearc_proof.scoring.decoys import up_to_alias
 from truearc_proof.scoring.score_world import NULLS, Mark
@@ -16,7 +17,7 @@ LAMBDA = ("Lambda is how plain an effect is in such data: the square of its ampl
           "that anybody could have.")
 
 
-def make_proof_page(marks: Sequence[Mark], tables: Sequence[ProofTable], entries: Sequence[Entry]) -> str:
+def make_proof_page(marks: Sequence[Mark], tables: Sequence[Table], entries: Sequence[Entry]) -> str:
     """HTML that needs nothing but itself. entries: the round's ledger. A round that was only driven has no marks."""
     levels = sorted({f"{one.level}, {one.shots} shots" for one in marks})
     sections = [("What was said of what was true", _matrix(marks))] if marks else []
@@ -26,7 +27,7 @@ def make_proof_page(marks: Sequence[Mark], tables: Sequence[ProofTable], entries
     chance = chance_png(marks)
     if chance is not None:
         sections.append(("Where nothing is missing", picture(chance, "p-values of the nulls against chance")))
-    sections += [(one.title, table(one.head, one.rows)) for one in tables]
+    sections += [(one.title, table(one.header, one.rows)) for one in tables]
     sections += [("Every world", _worlds(marks))] if marks else []
     sections += [("The ledger", _ledger(entries))]
     title = f"{len(marks)} concealed worlds, {'; '.join(levels)}" if marks else "driven worlds"

@@ -3,9 +3,9 @@
 from collections.abc import Callable, Iterable, Sequence
 from itertools import pairwise
 from operator import attrgetter
-from typing import NamedTuple
 
 from truearc.sim.intervals import wilson
+from truearc.sim.tables import Table
 from truearc_proof.report.figures import kept_in_test, worse_in_test
 from truearc_proof.report.targets import against_targets
 from truearc_proof.scoring.decoys import up_to_alias
@@ -26,17 +26,7 @@ STAGE: Question = attrgetter("stage")
 RIGHT: tuple[Question, ...] = (attrgetter("first"), up_to_alias, attrgetter("covered"))
 
 
-class ProofTable(NamedTuple):
-    title: str
-    head: tuple[str, ...]
-    rows: list[list[str]]
-
-    def markdown(self) -> str:
-        lines = [self.head, ["---"] * len(self.head), *self.rows]
-        return f"### {self.title}\n\n" + "\n".join(f"| {' | '.join(line)} |" for line in lines)
-
-
-def make_tables(marks: Sequence[Mark], again: Again = (), scale: float | None = None) -> list[ProofTable]:
+def make_tables(marks: Sequence[Mark], again: Again = (), scale: float | None = None) -> list[Table]:
     """False alarms, what was found by how plain it was and by name, what was right, the abstention matrix, against the
     design, and what further shots told; again: (first, then) of the worlds that were shot again; scale: of effects."""
     tables = [_alarms(marks), _ladder(marks), _by_name(marks), _right(marks), _matrix(marks), _targets(marks, scale),
@@ -68,7 +58,7 @@ def ladder_of(marks: Sequence[Mark]) -> list[tuple[float, float, list[Mark]]]:
     return [step for step in steps if step[2]]
 
 
-def _alarms(marks: Sequence[Mark]) -> ProofTable:
+def _alarms(marks: Sequence[Mark]) -> Table:
     nulls = [one for one in marks if one.kind in NULLS]
     groups = {"clean": [one for one in nulls if one.kind == "clean" and one.engine == NUMPY],
               "dirty": [one for one in nulls if one.kind == "dirty" and one.engine == NUMPY],
@@ -77,12 +67,12 @@ def _alarms(marks: Sequence[Mark]) -> ProofTable:
               "somebody else's": [one for one in nulls if one.engine == OWN], "together": nulls}
     rows = [[title, said(*share(mine, lambda one: one.found)), said(*share(mine, lambda one: bool(one.names)))]
             for title, mine in groups.items() if mine]
-    return ProofTable(
+    return Table(
         "Worlds in which nothing is missing (nominal 0.05)", ("", "false alarms", "a name was given"), rows
     )
 
 
-def _ladder(marks: Sequence[Mark]) -> ProofTable:
+def _ladder(marks: Sequence[Mark]) -> Table:
     rows = []
     for low, high, mine in ladder_of(marks):
         allowed = [one.allowed[0] for one in mine if one.allowed]
@@ -90,11 +80,11 @@ def _ladder(marks: Sequence[Mark]) -> ProofTable:
                      said(*share(mine, lambda one: one.found)),
                      f"{sum(allowed) / len(allowed):.2f}" if allowed else "-",
                      *(said(*share(mine, question)) for question in (*RIGHT, STAGE))])
-    return ProofTable("One hidden effect, by how plain it is", (
+    return Table("One hidden effect, by how plain it is", (
         "lambda", "found", "these data allow", "first name right", "up to alias", "in the set", "stage"), rows)
 
 
-def _by_name(marks: Sequence[Mark]) -> ProofTable:
+def _by_name(marks: Sequence[Mark]) -> Table:
     """Those first of which most was missed of what their data allow."""
     single = [one for one in marks if one.engine == NUMPY and one.kind == "one" and one.allowed]
     rows = []
@@ -103,11 +93,11 @@ def _by_name(marks: Sequence[Mark]) -> ProofTable:
         allowed = sum(one.allowed[0] for one in mine if one.allowed)
         rows.append((sum(one.found for one in mine) - allowed, [
             ", ".join(name), f"{sum(one.found for one in mine)}/{len(mine)}", f"{allowed:.1f}"]))
-    return ProofTable("One effect of the catalogue, by name", ("hidden", "found", "these data allow to find"),
+    return Table("One effect of the catalogue, by name", ("hidden", "found", "these data allow to find"),
                  [row for _, row in sorted(rows)])
 
 
-def _right(marks: Sequence[Mark]) -> ProofTable:
+def _right(marks: Sequence[Mark]) -> Table:
     """Each kind of world in which something is hidden, of those found."""
     kinds = {**{words: (NUMPY, kind) for kind, words in KINDS.items()},
              **{f"MuJoCo, {words}": (MUJOCO, kind) for kind, words in CHANGED.items()},
@@ -126,7 +116,7 @@ def _right(marks: Sequence[Mark]) -> ProofTable:
                          f"{(sum(error**2 for error in errors) / len(errors))**0.5:.2f}" if errors else "-",
                          f"{sum(gain for gain, _ in pairs) / best:.2f}" if best > 0.0 else "-",
                          *_in_test(mine)])
-    return ProofTable("Worlds in which something is hidden; from `stage` on, of those found", (
+    return Table("Worlds in which something is hidden; from `stage` on, of those found", (
         "hidden", "found", "stage", "first name right", "up to alias", "in the set", "set size", "interval holds",
         "error / least possible, RMS", "gain kept, by the solver's own folds", "in the sealed test",
         "worse there than before"), rows)
@@ -136,17 +126,17 @@ def _in_test(marks: Sequence[Mark]) -> list[str]:
     return [kept_in_test(marks).words, said(*share(marks, worse_in_test))]
 
 
-def _matrix(marks: Sequence[Mark]) -> ProofTable:
+def _matrix(marks: Sequence[Mark]) -> Table:
     rows = [[title, *map(str, counts)] for title, counts in matrix_of(marks).items()]
-    return ProofTable("What was true against what was said", ("true, said", *VERDICTS), rows)
+    return Table("What was true against what was said", ("true, said", *VERDICTS), rows)
 
 
-def _targets(marks: Sequence[Mark], scale: float | None) -> ProofTable:
-    return ProofTable("Against the design's targets", (
+def _targets(marks: Sequence[Mark], scale: float | None) -> Table:
+    return Table("Against the design's targets", (
         "level, shots", "figure", "here", "these data allow", "wanted", ""), against_targets(marks, scale))
 
 
-def _rivals(marks: Sequence[Mark]) -> ProofTable:
+def _rivals(marks: Sequence[Mark]) -> Table:
     """truearc and the rest, in the same worlds: those that rivals were put to."""
     mine = [(one, {"truearc": _ours(one)} | one.rivals) for one in marks if one.rivals]
     said_of = {name: [(one, answers[name]) for one, answers in mine if name in answers]
@@ -157,7 +147,7 @@ def _rivals(marks: Sequence[Mark]) -> ProofTable:
         hidden = [answer for one, answer in answers if one.kind not in NULLS]
         rows.append([name, said(sum(nulls), len(nulls)), *(said(*yes_of([answer[k] for answer in hidden]))
                                                           for k in range(3))])
-    return ProofTable("Beside others, in the same worlds (with tracks)", (
+    return Table("Beside others, in the same worlds (with tracks)", (
         "", "says something though nothing is missing", "says something where something is hidden",
         "first name right, of all with a name to be found", "up to alias"), rows)
 
@@ -172,11 +162,11 @@ def yes_of(answers: Iterable[bool | None]) -> tuple[int, int]:
     return sum(known), len(known)
 
 
-def _again(pairs: Again) -> ProofTable:
+def _again(pairs: Again) -> Table:
     named = {kind: [pair for pair in pairs if pair[0].first is not None and pair[0].asked == kind]
              for kind in (SHOTS, MEASUREMENT)}
     rows = [[kind, str(len(mine)), *_before_and_after(mine)] for kind, mine in named.items() if mine]
-    return ProofTable("What was asked for, and what it told", (
+    return Table("What was asked for, and what it told", (
         "", "worlds", "set before", "after", "first name right before", "after", "the right name alone before",
         "after"), rows)
 

@@ -15,19 +15,13 @@ from msgspec.structs import replace
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import Config, InputError, Prescribed
 from truearc.robot.config.shot_plan import with_plan
+from truearc.sim.data.columns import OUTCOMES
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.recordings import shots_from_sessions
 from truearc.sim.data.repeatability_labels import label_by_repeatability
 from truearc.sim.paper.grid_fit import fit_grid
-from truearc.sim.paper.synthetic_data import (
-    AXES,
-    OUTCOMES,
-    SHAPE,
-    grid_shots,
-    label_grid,
-    sample_balanced,
-    taken_configurations,
-)
+from truearc.sim.paper.synthetic_data import AXES, SHAPE, grid_shots, label_grid, sample_balanced, taken_configurations
+from truearc.sim.progress import Progress
 from truearc_proof.reproduce.aiming import RATIOS, Aiming, intentions, learn_aiming, propose
 from truearc_proof.reproduce.draws import draw
 from truearc_proof.reproduce.settings import Settings
@@ -61,7 +55,6 @@ class Pool(NamedTuple):
 
 
 Record = Callable[[Sequence[Recording], str], list[Path]]
-Progress = Callable[[float, str], None]
 
 
 def collect(config: Config, settings: Settings, record: Record, progress: Progress) -> Pool:

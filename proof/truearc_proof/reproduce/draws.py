@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from truearc.sim.data.columns import OUTCOMES
 from truearc.sim.data.dataset import Shots
-from truearc.sim.paper.synthetic_data import OUTCOMES
 from truearc_proof.reproduce.settings import Settings
 
 

@@ -3,7 +3,8 @@
 from typing import NamedTuple
 
 import numpy as np
-from scipy import stats
+
+from truearc.sim.intervals import student_half
 
 RESAMPLES = 4000
 
@@ -31,7 +32,7 @@ def interval(values: np.ndarray, seed: int = 0) -> Interval:
         nan = float("nan")
         return Interval(mean, nan, nan, nan, nan, len(kept))
     mean = float(kept.mean())
-    half = float(stats.t.ppf(0.975, len(kept) - 1) * kept.std(ddof=1) / np.sqrt(len(kept)))
+    half = student_half(kept)
     draws = np.random.default_rng([seed, 35]).integers(0, len(kept), (RESAMPLES, len(kept)))
     boot_low, boot_high = np.percentile(kept[draws].mean(axis=1), [2.5, 97.5])
     return Interval(mean, mean - half, mean + half, float(boot_low), float(boot_high), len(kept))

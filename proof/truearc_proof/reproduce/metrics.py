@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from truearc.sim.gate import metrics as figures
+from truearc.sim import metrics as figures
 
 CUT = 0.5
 CLASSES = {"miss": (False, False), "two": (True, False), "three": (True, True)}
@@ -16,7 +16,7 @@ class Metrics(NamedTuple):
     `accuracy`: rows whose outcome (of three) is called right. `class_three`, `class_two`: of the rows of that outcome,
     those called right, which is what the paper's "F1" is. `f1_three`, `f1_two`: F1 proper of that outcome against the
     others. `brier`: mean squared error of the probabilities, over rows and both outputs. `ece`: calibration error
-    expected over truearc.sim.gate.metrics.BINS equal bins of both outputs' probabilities, that is the mean over
+    expected over truearc.sim.metrics.BINS equal bins of both outputs' probabilities, that is the mean over
     predictions of |share of hits - mean probability| of their bin.
     """
 
@@ -35,9 +35,8 @@ def measure(p: np.ndarray, labels: np.ndarray) -> Metrics:
     A row called three but not two has no outcome and is wrong.
     """
     said, was = p >= CUT, labels >= 0.5
-    right = (said == was).all(axis=1)
     three, two = (_of_class(said, was, outcome) for outcome in ("three", "two"))
-    return Metrics(_share(right), three[0], two[0], three[1], two[1],
+    return Metrics(figures.accuracy(p, was), three[0], two[0], three[1], two[1],
                    float(np.mean((p - labels)**2)) if len(p) else float("nan"), calibration_error(p, labels))
 
 
@@ -45,13 +44,11 @@ def _of_class(said: np.ndarray, was: np.ndarray, outcome: str) -> tuple[float, f
     """(share of that outcome called so, F1); F1 is 0 where it is never called rightly, NaN where there is none."""
     called = (said == np.array(CLASSES[outcome])).all(axis=1)
     there = (was == np.array(CLASSES[outcome])).all(axis=1)
-    both = int((called & there).sum())
-    total = int(called.sum() + there.sum())
-    return _share(called[there]), 2.0 * both / total if total else float("nan")
+    return _share(called[there]), figures.f1(called, there)
 
 
 def calibration_error(p: np.ndarray, labels: np.ndarray) -> float:
-    """Expected calibration error of truearc.sim.gate.metrics, both outputs together; NaN of nothing."""
+    """Expected calibration error of truearc.sim.metrics, both outputs together; NaN of nothing."""
     return figures.calibration_error(p.ravel(), labels.ravel()) if len(p) else float("nan")
 
 

@@ -1,6 +1,6 @@
 """The seed's network at every amount and weight of simulated data, in every repetition, trained as one batch."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -9,6 +9,7 @@ from truearc.sim.paper.network import probabilities
 from truearc.sim.paper.settings import Recipe
 from truearc.sim.paper.sweep import Job, train_many
 from truearc.sim.paper.sweep_settings import SweepSetting
+from truearc.sim.progress import Progress
 from truearc_proof.reproduce.repetition import Repetition
 from truearc_proof.reproduce.settings import Settings
 
@@ -28,7 +29,7 @@ def settings_of(settings: Settings) -> list[SweepSetting]:
 
 
 def train_networks(repetitions: Sequence[Repetition], settings: Settings,
-                   progress: Callable[[float, str], None]) -> list[dict[SweepSetting, Answer]]:
+                   progress: Progress) -> list[dict[SweepSetting, Answer]]:
     """One answer for each setting, repetition by repetition; first weights and minibatches follow the repetition."""
     wanted = settings_of(settings)
     jobs = [Job(one.learn, one.simulated.get(setting.size), one.validation, setting.weight,

@@ -1,6 +1,5 @@
 """The one page of a reproduction, and its figures as JSON and CSV."""
 
-import csv
 import json
 import math
 from collections.abc import Sequence
@@ -10,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from truearc.sim.data.columns import OUTCOMES
 from truearc.sim.paper.sweep_settings import SweepSetting
-from truearc.sim.paper.synthetic_data import OUTCOMES
 from truearc.sim.report import make_page, make_png, paragraph, picture, table
+from truearc.sim.tables import Table, save_csv
 from truearc_proof.reproduce.analysis import BY_TEST, BY_VALIDATION, EVERYTHING, PAPERS, Analysis
 from truearc_proof.reproduce.collect import LAUNCHABLE, Pool
 from truearc_proof.reproduce.intervals import Interval
@@ -21,7 +21,7 @@ from truearc_proof.reproduce.networks import Answer
 from truearc_proof.reproduce.pictures import draw_deviations, draw_reliability, draw_sets, draw_sizes, draw_weights
 from truearc_proof.reproduce.repetition import OURS, SIMULATOR, Repetition
 from truearc_proof.reproduce.settings import Settings
-from truearc_proof.reproduce.tables import NAMES, Table
+from truearc_proof.reproduce.tables import NAMES
 
 OURS_NOT_THEIRS = ("The data are ours, recorded by an emulated robot in a MuJoCo world, not the paper's: what agrees "
                    "with the paper does so on another launcher, and what differs may differ for that reason.")
@@ -99,10 +99,10 @@ def save_figures(folder: Path, pool: Pool, repetitions: Sequence[Repetition], an
     rows = [[figure.repetition, figure.model, "" if figure.size is None else figure.size,
              "" if figure.weight is None else figure.weight, figure.where, *map(_cell, figure.metrics)]
             for figure in analysis.figures]
-    _save_csv(folder / "figures.csv", ["repetition", "model", "simulated", "lambda", "rows", *Metrics._fields], rows)
+    save_csv(folder / "figures.csv", ["repetition", "model", "simulated", "lambda", "rows", *Metrics._fields], rows)
     splits = [[one.number, part, *map(_cell, found)] for one in repetitions for part, found in one.scores.items()]
     names = repetitions[0].scores["Training"]._fields
-    _save_csv(folder / "table_1.csv", ["repetition", "split", *names], splits)
+    save_csv(folder / "table_1.csv", ["repetition", "split", *names], splits)
     text = json.dumps(_summary(pool, repetitions, analysis, tables, settings), indent=1, allow_nan=False)
     (folder / "summary.json").write_text(text + "\n", encoding="utf-8")
 
@@ -154,10 +154,3 @@ def _finite(value: float) -> float | None:
 
 def _cell(value: float) -> str:
     return repr(float(value)) if math.isfinite(value) else "" if math.isnan(value) else "inf"
-
-
-def _save_csv(path: Path, header: list[str], rows: list[list[Any]]) -> None:
-    with path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(header)
-        writer.writerows(rows)

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from truearc.sim.gate.metrics import reliability
+from truearc.sim.metrics import reliability
 from truearc.sim.paper.sweep_settings import SweepSetting
 from truearc.sim.plots import COLOURS
 from truearc.sim.report import new_figure

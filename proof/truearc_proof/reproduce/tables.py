@@ -1,12 +1,12 @@
 """The paper's tables with ours beside them, as text cells for the terminal, the page and the CSV alike."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
-from truearc.sim.gate.metrics import BINS
+from truearc.sim.metrics import BINS
 from truearc.sim.paper.sweep_settings import SweepSetting
+from truearc.sim.tables import Table
 from truearc_proof.reproduce import paper
 from truearc_proof.reproduce.analysis import (
     BY_TEST,
@@ -27,15 +27,6 @@ from truearc_proof.reproduce.settings import Settings
 DIFFERENCES = "Our gate against the others, paired"
 NAMES = {"accuracy": "accuracy", "class_three": "3-pt class accuracy", "class_two": "2-pt class accuracy",
          "f1_three": "3-pt F1", "f1_two": "2-pt F1", "brier": "Brier", "ece": "calibration error"}
-
-
-class Table(NamedTuple):
-    """Cells are text; `note` says what a reader must know."""
-
-    title: str
-    header: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    note: str
 
 
 def make_tables(repetitions: Sequence[Repetition], analysis: Analysis, settings: Settings) -> list[Table]:
@@ -147,14 +138,6 @@ def differences_table(analysis: Analysis) -> Table:
                  f"Paired by repetition. \"{BY_TEST}\" is the one setting that does best on the very rows it is "
                  "judged by. Better: both intervals are wholly on the good side of 0. Compared: "
                  + ", ".join(NAMES[name] for name in COMPARED) + ".")
-
-
-def make_text(table: Table) -> str:
-    """A table for the terminal."""
-    widths = [max(len(row[k]) for row in (table.header, *table.rows)) for k in range(len(table.header))]
-    lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
-             for row in (table.header, *table.rows)]
-    return "\n".join(["", table.title, *lines])
 
 
 def _over(analysis: Analysis, model: str, where: str, metric: str) -> str:

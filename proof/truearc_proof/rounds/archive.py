@@ -10,9 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 from truearc.robot.config.schema import InputError
+from truearc.sim.progress import Progress
 from truearc_proof.rounds.commitment import load_seal
 from truearc_proof.rounds.committer import answer, asked_of, entropy
-from truearc_proof.rounds.grader import Graded, Progress, check_draw, check_world, graded_of, left_out, mark_world
+from truearc_proof.rounds.grader import Graded, check_draw, check_world, graded_of, left_out, mark_world
 from truearc_proof.rounds.ledger import digest
 from truearc_proof.rounds.reproduce_claims import solver_of
 from truearc_proof.rounds.reproducibility import TOLERANCE, compare

@@ -10,7 +10,6 @@ import operator
 import os
 import secrets
 import shutil
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -20,6 +19,7 @@ from msgspec import Struct
 
 from truearc.robot.config.schema import InputError
 from truearc.sim.parallel import fan_out
+from truearc.sim.progress import Progress
 from truearc_proof.rounds.commitment import canonical, hash_files, load_seal, make_seal, save_seal
 from truearc_proof.rounds.file_lock import alone
 from truearc_proof.rounds.ledger import append, digest
@@ -29,7 +29,6 @@ from truearc_proof.worlds.generate_data import home_of, make_data, make_more, ma
 from truearc_proof.worlds.instruments import TOOLS
 from truearc_proof.worlds.sampling_plan import FIRST_SEED, MUJOCO, NUMPY, OWN, Drawn, draw_round, drawn_of
 
-Progress = Callable[[float, str], None]
 MOST_CONFIGURATIONS, MOST_SHOTS = 5, 100     # of a follow-up
 Wanted = list[Asked] | str             # configurations, or what to measure (truearc_proof.worlds.instruments)
 AT_ONCE = 8                           # worlds made between two entries in the ledger

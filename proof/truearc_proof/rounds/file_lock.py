@@ -4,13 +4,12 @@ Each part of a round takes it for as long as it writes. So a solver whose parent
 whoever takes the round up again is told to wait, rather than writing beside it.
 """
 
-import os
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from truearc.robot.config.schema import InputError
+from truearc.robot.recording.append_file import claim
 
 FILE = "lock"                         # stays there, empty, when nobody holds it
 
@@ -20,25 +19,10 @@ def alone(root: Path) -> Iterator[None]:
     """As the only writer in there; InputError where another process is one. The directory is made where there is
     none."""
     root.mkdir(parents=True, exist_ok=True)
-    file = os.open(root / FILE, os.O_RDWR | os.O_CREAT, 0o644)       # no child inherits it
-    try:
+    with (root / FILE).open("ab") as file:           # no child inherits it
         try:
-            _lock(file)
+            claim(file)
         except OSError as error:
             raise InputError(f"{root}: this round is being played by another process; go on when that has ended"
                            ) from error
         yield
-    finally:
-        os.close(file)
-
-
-if sys.platform == "win32":
-    import msvcrt
-
-    def _lock(file: int) -> None:
-        msvcrt.locking(file, msvcrt.LK_NBLCK, 1)
-else:
-    import fcntl
-
-    def _lock(file: int) -> None:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

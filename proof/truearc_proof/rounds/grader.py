@@ -1,6 +1,6 @@
 """The grader's part: open the seals of what has been claimed, find out whatever was changed, and mark the rest."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset, load_dataset
 from truearc.sim.infer.belief import from_table
 from truearc.sim.parallel import fan_out
+from truearc.sim.progress import Progress
 from truearc_proof.rounds.claims_schema import load_claims
 from truearc_proof.rounds.commitment import canonical, check_data, hash_files, load_seal
 from truearc_proof.rounds.committer import load_plan
@@ -26,8 +27,6 @@ from truearc_proof.scoring.score_world import MEASUREMENT, SHOTS, Mark, mark
 from truearc_proof.scoring.sealed_holdout import Unseen, off_m, shoot_unseen
 from truearc_proof.worlds.generate_data import HOME, MEASURED
 from truearc_proof.worlds.sampling_plan import NUMPY, OWN, Drawn, drawn_of
-
-Progress = Callable[[float, str], None]
 
 
 class Graded(Struct, frozen=True):

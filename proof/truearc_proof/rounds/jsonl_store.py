@@ -10,7 +10,8 @@ from typing import Any, TypeVar
 
 import msgspec
 
-from truearc.sim.parallel import Progress, fan_out
+from truearc.sim.parallel import fan_out
+from truearc.sim.progress import Progress
 
 Job = TypeVar("Job")
 Line = dict[str, Any]

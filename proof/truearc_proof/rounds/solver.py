@@ -31,6 +31,8 @@ from truearc.sim.discover.model.external_measurements import Measured, Measureme
 from truearc.sim.discover.plan.experiment_design import can_design, make_design
 from truearc.sim.infer.belief import Belief, as_table
 from truearc.sim.parallel import fan_out
+from truearc.sim.physics.catalogue import BUILT_IN
+from truearc.sim.progress import Progress
 from truearc_proof.rivals.claim import believed_of
 from truearc_proof.rivals.registry import find_rival
 from truearc_proof.rounds.commitment import canonical, hash_files
@@ -40,7 +42,6 @@ from truearc_proof.rounds.round_layout import ANSWERED, CLAIMED, CLAIMED_AGAIN, 
 from truearc_proof.worlds.generate_data import HOME, MEASURED
 from truearc_proof.worlds.instruments import TOOLS
 
-Progress = Callable[[float, str], None]
 SCHEMA = "truearc.claims/1"
 FALSE_ALARM = 0.05
 AT_HOME = ("gravity", "drag", "magnus")      # what is believed of MuJoCo's robot before its unmodified session
@@ -140,9 +141,9 @@ def _discover(room: Room, world: str, more: Dataset | None,
     dataset = load_dataset(room.data(world))
     whole = dataset if more is None else join_datasets(dataset, more)
     if dataset.facts.believe.terms:
-        return discover(whole, None, FALSE_ALARM, 0, measured=measured), whole
+        return discover(whole, None, FALSE_ALARM, 0, measured=measured, terms=BUILT_IN), whole
     home, belief = at_home(room.data(HOME))
-    return discover(whole, None, FALSE_ALARM, 0, belief=belief, since=home), whole
+    return discover(whole, None, FALSE_ALARM, 0, belief=belief, since=home, terms=BUILT_IN), whole
 
 
 def asked_for(found: Investigation, dataset: Dataset) -> list[dict[str, Any]]:
@@ -176,7 +177,7 @@ def at_home(directory: Path) -> tuple[Dataset, Belief]:
     if not directory.is_dir():
         raise InputError(f"{directory}: is missing: these worlds are to be compared with it")
     home = load_dataset(directory)
-    return home, make_belief(discover(home, AT_HOME, FALSE_ALARM, 0))[0]
+    return home, make_belief(discover(home, AT_HOME, FALSE_ALARM, 0, terms=BUILT_IN))[0]
 
 
 @cache

@@ -13,6 +13,7 @@ from truearc.sim.discover.model.prepared_data import take_in
 from truearc.sim.discover.select.refit import refit, unseen_score, without
 from truearc.sim.discover.select.term_ranking import efficient
 from truearc.sim.infer.belief import Belief
+from truearc.sim.physics.catalogue import BUILT_IN
 from truearc_proof.scoring.oracle import ceiling_of, strength_of
 from truearc_proof.scoring.score_finding import PARAMETER
 from truearc_proof.truth.generate import shift_m
@@ -42,8 +43,8 @@ def measure(drawn: Drawn, dataset: Dataset, claimed: bool = True, seed: int = 0)
     if drawn.engine != NUMPY or not (single or claimed):
         return Measured()
     terms, intake = dataset.facts.believe.terms, take_in(dataset)
-    fitted = fit_believed(intake, lay_out(intake, terms, groups_of(dataset.shots, intake.rows)))
-    before = believed_in(fitted.evidence, terms)
+    fitted = fit_believed(intake, lay_out(intake, terms, groups_of(dataset.shots, intake.rows), BUILT_IN))
+    before = believed_in(fitted.evidence, terms, BUILT_IN)
     return _of_one(drawn, dataset, fitted, seed)._replace(before=before) if single else Measured(before=before)
 
 
@@ -62,4 +63,4 @@ def _of_one(drawn: Drawn, dataset: Dataset, fitted: BaselineFit, seed: int) -> M
     told, clusters = refit(fitted, (column,), np.array([amplitude])), find_clusters(dataset.shots)
     gain = unseen_score(told.evidence, clusters) - unseen_score(without(fitted.evidence), clusters)
     return Measured(tuple(ceiling[:4]), ceiling.alike, best_sd, float(gain.mean()),
-                    oracle=believed_in(told.evidence, dataset.facts.believe.terms))
+                    oracle=believed_in(told.evidence, dataset.facts.believe.terms, BUILT_IN))

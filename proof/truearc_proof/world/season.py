@@ -6,26 +6,23 @@ with their errors), the camera's distance is the truth seen through a wrong foca
 
 import contextlib
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.dataset import Dataset, Shots, Traces, Tracks
+from truearc.sim.data.recordings import AFTER_S, BEFORE_S, NS, OUTCOMES
+from truearc.sim.progress import Progress
 from truearc.sim.world.options import Options
 from truearc.sim.world.parts.target import BallResult
 from truearc.sim.world.test_bench import Bench, NotReady
 from truearc.sim.world.world import World
 
-NS = 1e-9
-BEFORE_S, AFTER_S = 0.1, 0.7          # telemetry kept around the feeding of each ball, as in recorded sessions
-MARKS = {"miss-low": ("miss", "low"), "miss-high": ("miss", "high"), "two": ("two", ""), "three": ("three", "")}
 SETTLED_TICKS = 40                    # standing before a shot
 READY_S = 10.0                        # then a driver gives a shot up: the battery may not have the speed in it any more
 LEVELS = ("L0", "L1", "L2")
-
-Progress = Callable[[float, str], None]
 
 
 class ShotSetting(NamedTuple):
@@ -74,19 +71,13 @@ class Season(NamedTuple):
     results: tuple[BallResult, ...]
 
 
-def shoot_season(facts: Rig, options: Options, seed: int, settings: Sequence[ShotSetting], level: str,
-                 sensors: Sensors = ORDINARY, progress: Progress = lambda done, note: None) -> Dataset:
+def play_season(facts: Rig, options: Options, seed: int, settings: Sequence[ShotSetting], level: str,
+                sensors: Sensors = ORDINARY, progress: Progress = lambda done, note: None) -> Season:
     """Shoot the settings in this order with one robot on one battery. level: "L0", "L1" (telemetry), "L2" (tracks too).
 
     A shot that the robot does not get ready for is given up, and is not in the dataset. TimeoutError when all are.
-    The same arguments give the same dataset. `session` is "1" throughout; balls are not told apart.
+    The same arguments give the same season. `session` is "1" throughout; balls are not told apart.
     """
-    return play_season(facts, options, seed, settings, level, sensors, progress).dataset
-
-
-def play_season(facts: Rig, options: Options, seed: int, settings: Sequence[ShotSetting], level: str,
-                sensors: Sensors = ORDINARY, progress: Progress = lambda done, note: None) -> Season:
-    """As shoot_season, with what became of every ball beside it."""
     if level not in LEVELS:
         raise ValueError(f"no level {level!r}; there are {', '.join(LEVELS)}")
     bench = Bench(World(seed, options, settings[0].distance_m))
@@ -143,10 +134,10 @@ def _seen_distance_m(distance_m: float, options: Options) -> float:
 
 def _noted(trials: Sequence[Trial], sensors: Sensors, luck: np.random.Generator) -> list[tuple[str, str]]:
     """(outcome, side) of each shot as somebody noted them, some by the wrong button."""
-    names = list(MARKS)
+    names = list(OUTCOMES)
     wrong = luck.random(len(trials)) < sensors.wrong_marks
     aside = luck.integers(1, len(names), len(trials))
-    return [MARKS[names[(names.index(trial.result.outcome) + int(slip) * int(step)) % len(names)]]
+    return [OUTCOMES[names[(names.index(trial.result.outcome) + int(slip) * int(step)) % len(names)]]
             for trial, slip, step in zip(trials, wrong, aside, strict=True)]
 
 

@@ -14,15 +14,15 @@ cluster of its own. Without these a test that leans on priors (one supplier's ba
 may differ by luck) would take the priors' errors for a finding.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from truearc.sim.discover.model.score_table import Array, ScoreTable, shared_columns
+from truearc.sim.progress import Progress
 
-Progress = Callable[[float, str], None]
 FEWEST_CLUSTERS = 8.0                 # a test that rests on fewer is not made: their signs can hardly say 1 %
 LEAST_SHARE = 1e-4                    # of a test's information that must survive the projection
 MOST_LEVERAGE = 0.9

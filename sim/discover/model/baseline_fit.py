@@ -1,7 +1,7 @@
 """The believed simulation fitted to a dataset: coefficients and scatter that all shots share."""
 
 import itertools
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -25,11 +25,11 @@ from truearc.sim.discover.model.linearization import (
 )
 from truearc.sim.discover.model.prepared_data import SCATTERS, Intake
 from truearc.sim.discover.model.score_table import Array, ScoreTable
-from truearc.sim.physics.catalogue import find_parameter, flight_terms
+from truearc.sim.physics.catalogue import Catalogue, find_parameter, flight_terms
 from truearc.sim.physics.nonparametric import CURVE, NAMELESS
 from truearc.sim.physics.scales import LOG
+from truearc.sim.progress import Progress
 
-Progress = Callable[[float, str], None]
 GRID = (-1.0, -0.5, 0.0, 0.5, 1.0)    # of each coefficient's prior, in standard deviations, where the fit may start
 SOME = 96                             # outcomes that the grid looks at
 MOST_GRID = 3                         # coefficients that are gridded; more start from the prior's centre
@@ -179,7 +179,7 @@ def _leads_out(layout: ParameterLayout, spot: LinearizationPoint, step: Float[Ar
     out = np.full(len(layout.columns), False)
     slots = np.flatnonzero((layout.source >= 0) & (layout.source < len(layout.chain.slots)))
     source = layout.source[slots]
-    (low, high), values = _bounds(layout.chain.slots), spot.values[source]
+    (low, high), values = _bounds(layout.chain.slots, layout.chain.catalogue), spot.values[source]
     out[slots] = ((values <= low[source]) & (step[slots] < 0.0)) | ((values >= high[source]) & (step[slots] > 0.0))
     return out
 
@@ -202,27 +202,28 @@ def moved(layout: ParameterLayout, spot: LinearizationPoint, change: Float[Array
     values, log_scatter = spot.values.copy(), spot.log_scatter.copy()
     slots = (layout.source >= 0) & (layout.source < len(layout.chain.slots))
     values[layout.source[slots]] += change[slots]
-    values = np.clip(values, *_bounds(layout.chain.slots))
+    values = np.clip(values, *_bounds(layout.chain.slots, layout.chain.catalogue))
     for number, column in enumerate(layout.scatters):
         if column >= 0:
             log_scatter[number] = np.clip(log_scatter[number] + np.clip(change[column], -1.0, 1.0), -9.0, 1.0)
     return LinearizationPoint(values, log_scatter, spot.deviates, spot.effects + change[layout.source == -2])
 
 
-def out_of_range(values: Mapping[str, float]) -> list[str]:
+def out_of_range(values: Mapping[str, float], among: Catalogue) -> list[str]:
     """Names ("term.parameter") of values that no fit may come to, or that stopped at their limit; scatters have none.
     """
     slots = tuple(tuple(name.split(".", 1)) for name in values if not name.startswith("scatter."))
-    low, high = _bounds(slots)
+    low, high = _bounds(slots, among)
     return [".".join(slot) for slot, least, most in zip(slots, low, high, strict=True)
             if not least < values[".".join(slot)] < most]
 
 
 @cache
-def _bounds(slots: tuple[tuple[str, str], ...]) -> tuple[Float[Array, " slots"], Float[Array, " slots"]]:
+def _bounds(slots: tuple[tuple[str, str], ...],
+            among: Catalogue) -> tuple[Float[Array, " slots"], Float[Array, " slots"]]:
     """Lowest and highest that a fit may come to. A parameter's declared range, in which it is looked for, goes
     on below zero where its scale does: lift may be reversed, an efficiency above one; drag cannot drive."""
-    parameters = [find_parameter(".".join(slot)) for slot in slots]
+    parameters = [find_parameter(".".join(slot), among) for slot in slots]
     low = [one.low if one.prior is not None and one.prior.scale == LOG else min(one.low, -one.high)
            for one in parameters]
     return np.array(low), np.array([one.high for one in parameters])
@@ -262,9 +263,9 @@ def _lean(layout: ParameterLayout, kept: list[int]) -> Chain:
     """The chain with as few terms in the air as these columns need, but one of two: compiled code is shared."""
     chain = layout.chain
     first = len(layout.columns) - len(layout.precision)
-    airborne = {term.name for term in flight_terms(chain.terms)}
-    known = {layout.columns[k].name.partition(".")[0] for k in range(first, len(layout.columns))} | {"gravity"}
-    known |= {term.name for term in NAMELESS}
+    airborne = {term.name for term in flight_terms(chain.terms, chain.catalogue)}
+    known = {layout.columns[k].name.partition(".")[0] for k in range(first, len(layout.columns))}
+    known |= {*chain.catalogue.always, *(term.name for term in NAMELESS)}
     named = {layout.columns[k].name.partition(".")[0] for k in kept}
     if named & airborne - known:
         return chain

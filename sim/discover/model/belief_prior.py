@@ -6,7 +6,7 @@ import numpy as np
 
 from truearc.sim.discover.model.linearization import ParameterLayout
 from truearc.sim.infer.belief import SCATTER, Belief, scale_of
-from truearc.sim.physics.catalogue import find_parameter
+from truearc.sim.physics.catalogue import Catalogue, find_parameter
 from truearc.sim.physics.scales import LEFT, LOG
 
 # Names of scatters here -> in a belief; the others are of sensors, not of the launch.
@@ -28,11 +28,11 @@ def own_value(belief: Belief, name: str) -> float:
     return float(np.log(np.radians(value) if name.endswith("_rad") else value))
 
 
-def own_slope(name: str, value: float) -> float:
+def own_slope(name: str, value: float, among: Catalogue) -> float:
     """d(column) / d(number on its scale), on which beliefs have their covariance; `value` in the column's unit."""
     if name in SCATTERS:
         return 1.0                    # columns of scatters are logarithms already
-    return {LOG: value, LEFT: 1.0 - value}.get(scale_of(name), 1.0)
+    return {LOG: value, LEFT: 1.0 - value}.get(scale_of(name, among), 1.0)
 
 
 def inform(layout: ParameterLayout, belief: Belief, sure: bool = True) -> ParameterLayout:
@@ -53,7 +53,7 @@ def inform(layout: ParameterLayout, belief: Belief, sure: bool = True) -> Parame
         return replace(layout, centre=centre)
     known = [k for k, column in enumerate(columns) if believed_name(column.name) in belief.names]
     number = [belief.names.index(believed_name(columns[k].name)) for k in known]
-    slope = np.array([own_slope(columns[k].name, centre[k]) for k in known])
+    slope = np.array([own_slope(columns[k].name, centre[k], belief.catalogue) for k in known])
     covariance[np.ix_(known, known)] = belief.covariance[np.ix_(number, number)] * np.outer(slope, slope)
     covariance += np.diag((SUREST * usual)**2)
     return replace(layout, columns=(*layout.columns[:first], *columns), centre=centre,
@@ -64,7 +64,7 @@ def may_have_moved(belief: Belief | None, name: str) -> float | None:
     """By how much a parameter that the belief knows usually changes, in its own unit; None where it knows none."""
     if belief is None or name in SCATTERS or name not in belief.names:
         return None
-    prior = find_parameter(name).prior
+    prior = find_parameter(name, belief.catalogue).prior
     if prior is None:
         return None
     return MOVES * prior.sd * {LOG: prior.centre, LEFT: 1.0 - prior.centre}.get(prior.scale, 1.0)

@@ -10,12 +10,8 @@ from truearc.sim.discover.model.linearization import ParameterLayout
 from truearc.sim.discover.model.score_table import Column
 from truearc.sim.infer.belief import Belief
 from truearc.sim.infer.curve import Curve
-from truearc.sim.physics.catalogue import find_terms
-from truearc.sim.physics.nonparametric import CURVE
+from truearc.sim.physics.nonparametric import CURVE, find_nameless
 from truearc.sim.physics.term import complete
-
-# One standard deviation of a curve's point before any data, in the unit of its term's amplitude.
-USUAL = {"free_speed": 0.2, "free_elevation": 0.0175, "free_distance": 0.12, "free_push": 1.5}
 
 
 def bent(layout: ParameterLayout, belief: Belief) -> ParameterLayout:
@@ -28,12 +24,12 @@ def bent(layout: ParameterLayout, belief: Belief) -> ParameterLayout:
 def with_curve(layout: ParameterLayout, name: str, values: Mapping[str, float], curve: Curve) -> ParameterLayout:
     """The layout with the nameless term `name`, its parameters fixed, and the curve's points in front of the shared
     columns; they start where the curve has them."""
-    chain, (term,) = layout.chain, find_terms([name])
+    chain, term = layout.chain, find_nameless(name)
     whole = complete(term, values)
     old, first = len(chain.slots), len(layout.columns) - len(layout.precision)
     slots = (*((name, key) for key in whole), *((CURVE, f"{name}.{key}") for key in curve.keys))
     points = old + len(whole) + np.arange(len(curve.fitted))
-    columns = [Column(f"{CURVE}.{name}.{key}", "shared", term.stage, "along", term.parameters[0].unit, USUAL[name])
+    columns = [Column(f"{CURVE}.{name}.{key}", "shared", term.stage, "along", term.amplitude.unit, term.usual)
                for key in curve.fitted]
     more = len(columns)
     source = _shifted(layout.source, old, len(slots))
@@ -43,7 +39,7 @@ def with_curve(layout: ParameterLayout, name: str, values: Mapping[str, float], 
         columns=(*layout.columns[:first], *columns, *layout.columns[first:]),
         source=np.concatenate([source[:first], points, source[first:]]),
         scatters=tuple(place + more if place >= first else place for place in layout.scatters),
-        precision=block_diag(np.diag(np.full(more, USUAL[name]**-2.0)), layout.precision),
+        precision=block_diag(np.diag(np.full(more, term.usual**-2.0)), layout.precision),
         centre=np.concatenate([[curve.point(key) for key in curve.fitted], layout.centre]),
         usual=np.concatenate([layout.usual, list(whole.values()), curve.points]),
         groups=groups and replace(groups, inputs=_shifted(groups.inputs, old, len(slots))))

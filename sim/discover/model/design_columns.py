@@ -1,5 +1,6 @@
 """The ways to be wrong that are asked about, for one dataset and belief: free ones, terms, and what is fitted."""
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -7,30 +8,27 @@ import numpy as np
 from truearc.robot.config.schema import InputError
 from truearc.sim.discover.model.belief_prior import inform, may_have_moved
 from truearc.sim.discover.model.curve_columns import bent
-from truearc.sim.discover.model.forward_model import DIRECTIONS, Chain
+from truearc.sim.discover.model.forward_model import Chain
 from truearc.sim.discover.model.linearization import Groups, ParameterLayout
 from truearc.sim.discover.model.prepared_data import SCATTERS, Intake
 from truearc.sim.discover.model.score_table import Array, Column
 from truearc.sim.infer.belief import Belief
-from truearc.sim.physics.catalogue import TERMS, find_parameter, find_terms
+from truearc.sim.physics.catalogue import Catalogue, as_catalogue, find_terms
 from truearc.sim.physics.nonparametric import NAMELESS
-from truearc.sim.physics.term import Parameter, Term
+from truearc.sim.physics.term import DIRECTIONS, STAGES, Parameter, Term, WatchTerm
 
 BANDS = 6                             # of the flight's time, with tracks
 LONGEST_STEP_S, MOST_DOUBLINGS = 0.02, 4          # of Runge-Kutta in a track
 WEAKER = 1.5                          # so that what is believed can hardly be argued away by its own prior
-KNOWN = ("gravity",)                  # terms whose parameters are known, not fitted
-# A tracker's calibration is never so sure that it could name physics: fitted always, its prior all but flat.
-TRACKER = {"track_scale": 0.05, "track_tilt": 2.5, "track_clock": 0.05}
 SCATTER_PRIOR = {"scatter.speed": (0.015, 3.0), "scatter.elevation_rad": (0.007, 3.0),
                  "scatter.azimuth_rad": (0.007, 3.0), "scatter.distance": (1.0, 2.0)}      # median, factor
 
-# How much balls (or sessions, robots) differ from one another in exit speed and in drag: a share, one deviation.
-LUCK = {"speed": 0.03, "drag": 0.08}
-# Balls that nobody told apart: a later session's are others, so many; one differs from another in elevation, too, and
-# in the numbers that go with a ball by as large a share as in drag.
+# How much balls (or sessions, robots) differ from one another in exit speed: a share, one deviation. What else goes
+# with a ball declares it (Parameter.by_ball).
+BALL_SPEED = 0.03
+# Balls that are not told apart: a later session's are others, this number of them; one differs from another in
+# elevation, too.
 OTHERS, OTHER_BALLS, OTHER_RAD = "others", 10, 0.01
-OF_A_BALL = ("drag.cd", "magnus.cl", "wheel_slip.loss_per_m_s")
 BALLS_PART = 0.5                      # of the variance of launches from shot to shot: as if that were the balls'
 
 # Deviations of single launches that may go with anything, and what each amounts to where it is at work.
@@ -48,31 +46,29 @@ PUSH_WORDS = {"along": ("the ball is driven along its flight", "the ball is held
               "vertical": ("the ball is lifted across its flight", "the ball is pressed down across its flight"),
               "lateral": ("the ball is pushed to its left", "the ball is pushed to its right")}
 PUSH_USUAL = 1.5                      # m/s2, as of a wrong drag law or a breeze of 1 m/s
-ALONG_TERMS = ("drag", "drag_reynolds", "spin_drag", "air_density", "air_change", "drag_wear", "wind_x",
-               "exit_efficiency", "wheel_slip", "wheel_droop", "ball_wear", "battery_sag", "rapid_fire",
-               "encoder_scale", "ball_spread", "distance_scale", "distance_bias", "vision_latency", "track_scale",
-               "track_clock")
 
 
 def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Array, int] | None = None,
-            catalogue: tuple[Term, ...] = TERMS, belief: Belief | None = None,
+            among: Catalogue | None = None, belief: Belief | None = None,
             later: ParameterLayout | None = None) -> ParameterLayout:
     """Every column that the data could speak of; InputError for a believed term that there is none of.
 
-    belief: of this very rig, from an earlier session; whether a number in it has changed since is asked like any term.
+    among: the catalogue whose terms are tested, and which the believed ones are of;
+    truearc.sim.physics.catalogue.catalogue() when not given. belief: of this very rig, from an earlier session;
+    whether a number in it has changed since is tested like any term.
 
     groups: (what, label [n] of the intake's shots, how many) of things that differ by luck, such as balls. later: of a
     session after the one that the belief was made from, which is laid out here: with the same bands of the flight, as
     free to have other balls, so that both take up alike what the belief leaves over, and as doubtful as without the
     belief, for it must not be heard twice.
     """
-    check_believed(tuple(name for name in believed if belief is None or name not in belief.coefficients))
-    terms = tuple(term.name for term in catalogue)
+    catalogue = as_catalogue(among)
+    check_believed((name for name in believed if belief is None or name not in belief.coefficients), catalogue)
     slots = tuple((term.name, p.name) for term in catalogue for p in term.parameters)
     usual = np.array([float(p.default) for term in catalogue for p in term.parameters])
     tracked = intake.samples is not None
-    chain = Chain(intake.stripped, terms, slots, BANDS if tracked else 0, _substeps(intake), bool(len(intake.marked)),
-                  tracked, bool(np.asarray(intake.lanes.free).any()))
+    chain = Chain(intake.stripped, catalogue.names, slots, BANDS if tracked else 0, _substeps(intake),
+                  bool(len(intake.marked)), tracked, bool(np.asarray(intake.lanes.free).any()), catalogue)
     edges = _edges(intake) if later is None else later.edges_s
     free = [*FREE, *([AZIMUTH] if tracked else [])]
     columns = [column for _, column in free]
@@ -81,11 +77,11 @@ def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Array,
     first_push = len(slots) + chain.deviates
     columns += [column for _, column in pushes]
     source += [first_push + number for number, _ in pushes]
-    known = {*believed, *KNOWN, *(TRACKER if tracked else ())}
+    known = {*believed, *catalogue.always, *(term.name for term in calibrated(catalogue) if tracked)}
     asked = [term for term in catalogue if term.name not in known and (belief is not None or not term.relative)]
     columns += [_term_column(term) for term in asked]
     source += [slots.index((term.name, term.parameters[0].name)) for term in asked]
-    shared = _shared(intake, believed, slots)
+    shared = _shared(intake, believed, slots, catalogue)
     changed = _changed(shared, belief)
     columns += [column for column, _ in changed]
     source += [place for _, place in changed]
@@ -97,14 +93,12 @@ def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Array,
     columns += [Column(name, "shared", "launch", "along", "1", 1.0) for name in names]
     source += [place for _, place, *_ in shared] + [-1] * len(names)
     lucky: Groups | None
-    if groups is None and belief is not None:
-        differ = _as_balls_differ if tracked else _as_shots_differ
-        lucky = _others(len(intake.rows), *differ(belief, slots))
-        groups = OTHERS, lucky.label, lucky.count
+    if groups is not None:
+        what, lucky = groups[0], _groups(groups, believed, slots, catalogue)
     else:
-        lucky = None if groups is None else _groups(groups, believed, slots)
-    if lucky is not None and groups is not None:
-        columns += [Column(f"{groups[0]} {number}", "group", "launch", "along", "1", 1.0, told=groups[0] == OTHERS)
+        what, lucky = OTHERS, None if belief is None else _other_balls(intake, belief, slots, catalogue)
+    if lucky is not None:
+        columns += [Column(f"{what} {number}", "group", "launch", "along", "1", 1.0, told=what == OTHERS)
                     for _ in lucky.inputs for number in range(lucky.count)]
         source += [-2] * (lucky.count * len(lucky.inputs))
         prior += [(0.0, 1.0)] * (lucky.count * len(lucky.inputs))
@@ -115,27 +109,36 @@ def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Array,
     return layout if belief is None else inform(bent(layout, belief), belief, sure=later is None)
 
 
-def _groups(groups: tuple[str, Array, int], believed: tuple[str, ...], slots: tuple[tuple[str, str], ...]) -> Groups:
-    """Speed, and drag where it is believed, each with its own luck."""
+def _groups(groups: tuple[str, Array, int], believed: tuple[str, ...], slots: tuple[tuple[str, str], ...],
+            catalogue: Catalogue) -> Groups:
+    """Speed, and believed numbers that each ball has its own of (Parameter.fit_each_ball)."""
     _, label, count = groups
-    inputs, scale = [len(slots)], [LUCK["speed"]]
-    if "drag" in believed:
-        drag = find_parameter("drag.cd")
-        inputs.append(slots.index(("drag", "cd")))
-        scale.append(LUCK["drag"] * (drag.prior.centre if drag.prior else 1.0))
+    inputs, scale = [len(slots)], [BALL_SPEED]
+    for term in catalogue.find(believed):
+        for one in term.parameters:
+            if one.fit_each_ball:
+                inputs.append(slots.index((term.name, one.name)))
+                scale.append(one.by_ball * (one.prior.centre if one.prior else 1.0))
     return Groups(label, count, np.array(inputs), np.array(scale))
 
 
-def _others(n: int, inputs: list[int], scale: list[float]) -> Groups:
-    """By how much the mean of a session's balls may differ from that of the belief's, one of which does by `scale`."""
-    return Groups(np.zeros(n, dtype=int), 1, np.array(inputs, dtype=int), np.array(scale) / np.sqrt(OTHER_BALLS))
+def _other_balls(intake: Intake, belief: Belief, slots: tuple[tuple[str, str], ...], catalogue: Catalogue) -> Groups:
+    """By how much the mean of a session's balls may differ from that of the belief's: less than one of them does."""
+    inputs, scale = (_as_shots_differ(belief, slots) if intake.samples is None else
+                     _as_balls_differ(belief, slots, catalogue))
+    return Groups(np.zeros(len(intake.rows), dtype=int), 1, np.array(inputs, dtype=int),
+                  np.array(scale) / np.sqrt(OTHER_BALLS))
 
 
-def _as_balls_differ(belief: Belief, slots: tuple[tuple[str, str], ...]) -> tuple[list[int], list[float]]:
+def _as_balls_differ(belief: Belief, slots: tuple[tuple[str, str], ...],
+                     catalogue: Catalogue) -> tuple[list[int], list[float]]:
     """In speed, elevation, and the believed numbers that go with a ball; tracks would see each."""
-    mine = {tuple(name.split(".")): LUCK["drag"] * abs(belief.value(name)) for name in OF_A_BALL if belief.has(name)}
-    return ([len(slots), len(slots) + 1, *(slots.index((term, key)) for term, key in mine)],
-            [LUCK["speed"], OTHER_RAD, *mine.values()])
+    of_a_ball = [(term, one) for stage in reversed(STAGES) for term in catalogue if term.stage == stage
+                 for one in term.parameters if one.by_ball]
+    mine = {(term.name, one.name): one.by_ball * abs(belief.value(f"{term.name}.{one.name}"))
+            for term, one in of_a_ball if belief.has(f"{term.name}.{one.name}")}
+    return ([len(slots), len(slots) + 1, *(slots.index(slot) for slot in mine)],
+            [BALL_SPEED, OTHER_RAD, *mine.values()])
 
 
 def _as_shots_differ(belief: Belief, slots: tuple[tuple[str, str], ...]) -> tuple[list[int], list[float]]:
@@ -145,10 +148,8 @@ def _as_shots_differ(belief: Belief, slots: tuple[tuple[str, str], ...]) -> tupl
 
 
 def _term_column(term: Term) -> Column:
-    amplitude = term.parameters[0]
-    return Column(f"{term.name}.{amplitude.name}", "term", term.stage,
-                  "along" if term.name in ALONG_TERMS else "lateral" if term.name == "wind_y" else "vertical",
-                  amplitude.unit, usual_of(term), follows=term.follows or "")
+    return Column(f"{term.name}.{term.amplitude.name}", "term", term.stage, term.direction, term.amplitude.unit,
+                  usual_of(term), follows=term.follows or "")
 
 
 def usual_of(term: Term) -> float:
@@ -170,29 +171,40 @@ def weak_prior(parameter: Parameter) -> tuple[float, float]:
     return prior.centre, WEAKER * spread * prior.sd
 
 
-def check_believed(believed: tuple[str, ...]) -> None:
+def check_believed(believed: Iterable[str], among: Catalogue | None = None) -> None:
     """InputError for a term that there is none of, and for one that stands for an effect without a name."""
-    for term in find_terms(believed):
+    for term in find_terms(believed, among):
         if term in NAMELESS:
             raise InputError(f"{term.name} stands for an effect without a name; discovery starts from effects "
                            "that have names")
 
 
 def _shared(intake: Intake, believed: tuple[str, ...],
-            slots: tuple[tuple[str, str], ...]) -> list[tuple[Column, int, float, float]]:
+            slots: tuple[tuple[str, str], ...], catalogue: Catalogue) -> list[tuple[Column, int, float, float]]:
     """(column, slot, mean, sd) of the believed terms' parameters and of the tracker's calibration."""
     found = []
-    for term in find_terms(believed):
-        for parameter in term.parameters if term.name not in KNOWN and term not in NAMELESS else ():
+    for term in catalogue.find(believed):
+        for parameter in term.parameters if not term.always and term not in NAMELESS else ():
             centre, sd = weak_prior(parameter)
             column = Column(f"{term.name}.{parameter.name}", "shared", term.stage, "along", parameter.unit, sd)
             found.append((column, slots.index((term.name, parameter.name)), centre, sd))
-    for name, sd in TRACKER.items() if intake.samples is not None else ():
-        if name not in believed:
-            parameter = find_terms([name])[0].parameters[0]
-            column = Column(f"{name}.{parameter.name}", "shared", "sensing", "along", parameter.unit, sd)
-            found.append((column, slots.index((name, parameter.name)), 0.0, sd))
+    for term in calibrated(catalogue) if intake.samples is not None else ():
+        if term.name not in believed:
+            one, sd = term.amplitude, term.calibration_sd or 0.0
+            column = Column(f"{term.name}.{one.name}", "shared", "sensing", "along", one.unit, sd)
+            found.append((column, slots.index((term.name, one.name)), 0.0, sd))
     return found
+
+
+def calibrated(catalogue: Catalogue) -> tuple[Term, ...]:
+    """Terms about a tracker's calibration, which is never so certain that it could name physics: fitted always, its
+    prior nearly flat."""
+    return tuple(term for term in catalogue if term.calibration_sd is not None)
+
+
+def is_tracker(column: Column, among: Catalogue) -> bool:
+    """Whether the column is a number of a tracker's errors, which are its own: no shot depends on them."""
+    return isinstance(among.get(column.name.partition(".")[0]), WatchTerm)
 
 
 def _changed(shared: list[tuple[Column, int, float, float]], belief: Belief | None) -> list[tuple[Column, int]]:

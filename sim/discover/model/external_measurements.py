@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from truearc.robot.config.schema import InputError
-from truearc.sim.physics.catalogue import find_terms
+from truearc.sim.physics.catalogue import Catalogue, find_terms
 
 
 class Measurement(NamedTuple):
@@ -22,9 +22,9 @@ class Measurement(NamedTuple):
 Measured = Mapping[str, Measurement]  # by the column "term.parameter"
 
 
-def column_of(term: str) -> str:
+def column_of(term: str, among: Catalogue | None = None) -> str:
     """The column of a term's amplitude, its first parameter. InputError for a term that there is none of."""
-    (found,) = find_terms([term])
+    (found,) = find_terms([term], among)
     return f"{term}.{found.parameters[0].name}"
 
 
@@ -52,7 +52,7 @@ def prior_of(measured: Measured, column: str, usual: float) -> MeasuredPrior:
     return MeasuredPrior(value * sd**-2.0 / precision, precision)
 
 
-def read_measured(words: Sequence[str], option: str) -> Measured:
+def read_measured(words: Sequence[str], option: str, among: Catalogue | None = None) -> Measured:
     """From TERM=VALUE,SD, one a word; InputError names the option and what is wrong."""
     found = {}
     for word in words:
@@ -64,7 +64,7 @@ def read_measured(words: Sequence[str], option: str) -> Measured:
         if not np.isfinite([value, sd]).all() or sd <= 0.0:
             raise InputError(f"{option} {word}: a finite value and a standard deviation above 0 are needed")
         try:
-            found[column_of(term)] = Measurement(value, sd)
+            found[column_of(term, among)] = Measurement(value, sd)
         except InputError as error:
             raise InputError(f"{option} {word}: {error}") from error
     return found

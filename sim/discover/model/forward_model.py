@@ -18,6 +18,8 @@ from truearc.robot.config.rig_spec import Ball, Rig
 from truearc.sim.data.conditions import Circumstances
 from truearc.sim.infer.curve import resized
 from truearc.sim.physics.catalogue import (
+    BUILT_IN,
+    Catalogue,
     arrival_terms,
     effective,
     find_terms,
@@ -30,14 +32,13 @@ from truearc.sim.physics.flight import Law, make_law
 from truearc.sim.physics.frame import axes
 from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.nonparametric import CURVE
-from truearc.sim.physics.term import BallState, Opening
+from truearc.sim.physics.term import DIRECTIONS, BallState, Opening
 from truearc.sim.physics.vector import Vec, add
 
 # What makes one shot differ from its configuration. The last six are of flights whose launch nobody knows.
 DEVIATES = ("log_speed", "elevation_rad", "azimuth_rad", "spin_share", "distance_m", "lead_s",
             "x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s")
 PLANE_DEVIATES, LAUNCHED_DEVIATES = 5, 9
-DIRECTIONS = ("along", "vertical", "lateral")
 PLANE_STEPS = 16                      # Runge-Kutta over x: heights within 1e-4 m, far below any spread
 AHEAD = (0.5, 0.5, 1.0, 0.0)          # where the next stage of a Runge-Kutta step is taken
 SHARE = (1 / 6, 1 / 3, 1 / 3, 1 / 6)  # of each stage in the step
@@ -92,7 +93,7 @@ class Prediction(NamedTuple):
 @dataclass(frozen=True)
 class Chain:
     """What the functions below are compiled for. `slots`: parameters that may be varied; those of terms that are not
-    among `terms` do nothing. free: some launches are unknown.
+    among `terms` do nothing. free: some launches are unknown. catalogue: of the terms.
 
     bands: number of stretches of the flight in which a free push may act, besides all of it. facts: noise and beliefs
     play no part here; strip them, so that the compiled code is shared.
@@ -106,6 +107,7 @@ class Chain:
     plane: bool = True
     track: bool = True
     free: bool = True
+    catalogue: Catalogue = BUILT_IN
 
     @property
     def deviates(self) -> int:
@@ -173,9 +175,9 @@ def _see(chain: Chain, lane: ShotBatch, at: Any, edges_s: Any) -> Prediction:
     facts = msgspec.structs.replace(chain.facts, ball=Ball(lane.ball_kg, lane.ball_m))
     deviate = jnp.concatenate([at[slots:slots + count], jnp.zeros(len(DEVIATES) - count)])
     pushes = at[slots + count:]
-    law = make_law(facts, flight_terms(chain.terms), values)
+    law = make_law(facts, flight_terms(chain.terms, chain.catalogue), values)
     push = partial(_push, pushes.reshape(len(DIRECTIONS), -1), edges_s)
-    exit, distance_m = _leave(facts, values, lane, deviate)
+    exit, distance_m = _leave(chain, facts, values, lane, deviate)
     ball = _start(facts, lane, exit, deviate)
     measured = jnp.stack([jnp.log(exit.speed_m_s), exit.elevation_rad, exit.spin_rev_s])
     nothing = jnp.zeros((0, 3))
@@ -186,26 +188,26 @@ def _see(chain: Chain, lane: ShotBatch, at: Any, edges_s: Any) -> Prediction:
 
 def _values(chain: Chain, at: Any, circumstances: Circumstances) -> dict[str, dict[str, Any]]:
     """Effective values of all terms at the slots' numbers."""
-    raw = {term.name: {p.name: p.default for p in term.parameters} for term in find_terms(chain.terms)}
+    raw = {term.name: {p.name: p.default for p in term.parameters} for term in find_terms(chain.terms, chain.catalogue)}
     for index, (name, parameter) in enumerate(chain.slots):
         if name in raw:
             raw[name][parameter] = at[index]
     points = {index: key.partition(".")[0] for index, (name, key) in enumerate(chain.slots) if name == CURVE}
     if points:
         circumstances = resized(circumstances, tuple(points.values()), at[jnp.array(tuple(points))])
-    return effective(raw, circumstances)
+    return effective(raw, circumstances, chain.catalogue)
 
 
-def _leave(facts: Rig, values: Mapping[str, Any], lane: ShotBatch, deviate: Any) -> tuple[Exit, Any]:
+def _leave(chain: Chain, facts: Rig, values: Mapping[str, Any], lane: ShotBatch, deviate: Any) -> tuple[Exit, Any]:
     """The launch as it is, and the true distance: sensing terms, launch terms, the shot's own deviation.
 
     What a camera measured of the ball is not the wheels' doing: there only the elevation by the hood is corrected.
     """
     sensed = Exit(*map(jnp.asarray, lane.rolling))
     exit, distance_m = sensed, lane.distance_m
-    for sensing in sensing_terms(values):
+    for sensing in sensing_terms(values, chain.catalogue):
         exit, distance_m = sensing.sense(facts, values[sensing.name], exit, distance_m)
-    for launching in launch_terms(values):
+    for launching in launch_terms(values, chain.catalogue):
         exit = launching.leave(facts, values[launching.name], exit)
     speed = jnp.where(lane.rolled, exit.speed_m_s, sensed.speed_m_s)
     spin = jnp.where(lane.rolled, exit.spin_rev_s, sensed.spin_rev_s)
@@ -264,7 +266,7 @@ def _plane(chain: Chain, values: Mapping[str, Any], law: Law, push: Any, ball: B
     target = chain.facts.target
     opening = Opening(target.centre_height_m, target.three_half_height_m, target.two_half_height_m) if target else (
         Opening(0.0, 0.07, 0.35))
-    for term in arrival_terms(values):
+    for term in arrival_terms(values, chain.catalogue):
         opening = term.arrive(values[term.name], opening)
     return jnp.stack([end[2] - opening.centre_m, end[1], opening.three_half_m + 0.0 * end[1],
                       opening.two_half_m + 0.0 * end[1]]), near
@@ -287,7 +289,7 @@ def _track(chain: Chain, values: Mapping[str, Any], law: Law, push: Any, ball: B
     states = jnp.concatenate([first[None, :6], lax.scan(sample, first, jnp.diff(lane.time_s))[1]])
     place, velocity = states[:, :3], states[:, 3:]
     seen = Vec(*place.T)
-    for term in watch_terms(values):
+    for term in watch_terms(values, chain.catalogue):
         seen = term.watch(values[term.name], seen, Vec(*velocity.T), lead_s + lane.time_s)
     return jnp.stack(seen, axis=1), velocity
 

@@ -10,6 +10,7 @@ from truearc.sim.discover.detect.free_curve import Correction, correct
 from truearc.sim.discover.detect.test_battery import FREE, Test
 from truearc.sim.discover.model.baseline_fit import BaselineFit, climb, only_shared, out_of_range
 from truearc.sim.discover.model.curve_columns import with_curve
+from truearc.sim.discover.model.design_columns import is_tracker
 from truearc.sim.discover.model.linearization import linearise
 from truearc.sim.discover.model.score_table import Array, Column, ScoreTable
 from truearc.sim.discover.select.forward_selection import Search, judge_left
@@ -25,7 +26,7 @@ MOST = 3                              # curves; so many things a robot's nip may
 BEFORE = frozenset(("distance_m", "hood_deg", "motor_ratio", *LAUNCH_STATE))
 HALF = 0.5
 UNABLE = "no simulation of single shots can take what has no name"
-APART = ("scatter.", "track_", "curve.")      # columns that are no coefficients
+APART = ("scatter.", "curve.")     # columns that are no coefficients, beside those of a tracker's errors
 
 
 @dataclass(frozen=True)
@@ -123,8 +124,9 @@ def freed(fitted: BaselineFit, correction: Correction) -> Freed | None:
 
 def _impossible(free: Freed) -> list[str]:
     values = zip(free.evidence.columns, map(float, free.evidence.point), strict=True)
-    return out_of_range({column.name: value for column, value in values
-                         if column.kind == "shared" and not column.name.startswith(APART)})
+    among = free.fitted.layout.chain.catalogue
+    return out_of_range({column.name: value for column, value in values if column.kind == "shared"
+                         and not column.name.startswith(APART) and not is_tracker(column, among)}, among)
 
 
 def _what_is_left(fitted: BaselineFit, search: Search) -> Correction | None:

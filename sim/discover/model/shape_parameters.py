@@ -38,7 +38,7 @@ class ShapeParameter:
 def further_numbers(layout: ParameterLayout, names: tuple[str, ...]) -> list[ShapeParameter]:
     """Those of the named terms that have a prior and are not fitted as columns already."""
     columns = {column.name for column in layout.columns}
-    terms = find_terms({name.partition(".")[0] for name in names})
+    terms = find_terms({name.partition(".")[0] for name in names}, layout.chain.catalogue)
     return [ShapeParameter(layout.chain.slots.index((term.name, one.name)), one) for term in terms
             for one in term.parameters[1:] if one.prior is not None and f"{term.name}.{one.name}" not in columns]
 

@@ -7,7 +7,7 @@ another by what they add to the separation of every two names (Fedorov's exchang
 Box and Hill 1967, in its linear form).
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,10 +16,10 @@ from scipy.special import softmax
 from truearc.sim.discover.model.baseline_fit import BaselineFit
 from truearc.sim.discover.model.linearization import linearise
 from truearc.sim.discover.model.score_table import Array, ScoreTable
-from truearc.sim.discover.plan.recommendations import MEASURE
 from truearc.sim.discover.select.selection_step import Step
 from truearc.sim.discover.select.term_ranking import efficient, nats_for
 from truearc.sim.discover.settings import CONFIGURATIONS, PLANNED_SHOTS
+from truearc.sim.physics.catalogue import Catalogue
 
 DRAWS = 4000
 PACES = (1.0, 0.94, 0.97, 1.03, 1.06)             # of the wheels, times the recorded one
@@ -27,15 +27,6 @@ KEPT = 300                            # of the candidates, the best by themselve
 SURE = 0.95                           # probability from which a name stands alone
 MOST_NAMES = 8
 MOST_RANDOM = 64                      # times the present shots, up to which random ones are counted
-
-# One standard deviation of what a team's tools say of a term's amplitude, in its unit: assumed, not measured.
-ACCURACY = {"hood_offset": 0.2, "hood_backlash": 0.2, "encoder_scale": 0.003, "distance_scale": 0.005,
-            "distance_bias": 0.01, "vision_latency": 0.005, "release_height": 0.01, "target_height": 0.01,
-            "rim_catch": 0.01, "exit_efficiency": 0.02, "wheel_slip": 0.003, "ball_wear": 0.02, "battery_sag": 0.1,
-            "rapid_fire": 0.02, "spin_decay": 0.1, "drag_wear": 0.05, "wind_x": 0.2, "wind_y": 0.2, "wind_z": 0.2,
-            "wheel_droop": 0.02, "ball_compression": 0.05, "ball_spread": 0.01, "drag": 0.05, "drag_reynolds": 0.2,
-            "air_density": 0.3, "magnus": 0.05, "spin_drag": 0.15, "lift_saturation": 0.3,
-            "buoyancy": 0.3, "added_mass": 0.3}      # a kitchen scale sees a third of the air that a ball displaces
 
 Option = tuple[int, float]            # row of the evidence's shots, pace
 
@@ -96,7 +87,8 @@ def make_design(step: Step, shots: int = PLANNED_SHOTS, configurations: int = CO
 
     chosen = choose_blocks(contest, block, within_reach(step.fitted, there), configurations, told)
     more = block * np.sum([told(option) for option in chosen], axis=0)
-    measurements = sorted(_measurements(contest, names, seed), key=lambda one: -one.probability)
+    told_by = _measurements(contest, names, seed, step.fitted.layout.chain.catalogue)
+    measurements = sorted(told_by, key=lambda one: -one.probability)
     return Design(names, contest.probability, tuple(Block(row, block, pace) for row, pace in chosen),
                   float((contest.probability * (contest.probability >= SURE)).sum()),
                   chance_of_name(contest, more, seed), _random_equal(contest, more), tuple(measurements))
@@ -212,25 +204,27 @@ def _random_equal(contest: Contest, more: Array) -> int | None:
     return int(np.ceil(high * shots))
 
 
-def _measurements(contest: Contest, names: tuple[str, ...], seed: int) -> list[PlannedMeasurement]:
+def _measurements(contest: Contest, names: tuple[str, ...], seed: int, among: Catalogue) -> list[PlannedMeasurement]:
     """Each thing that can be measured, and what it would do: it finds the amplitude of its terms, or nothing."""
     terms = [name.partition(".")[0] for name in names]
+    instruments = [among.find([term])[0].instrument for term in terms]
     found = []
-    for what in dict.fromkeys(MEASURE[term] for term in terms if term in ACCURACY and term in MEASURE):
-        mine = [k for k, term in enumerate(terms) if MEASURE.get(term) == what and term in ACCURACY]
-        found.append(
-            PlannedMeasurement(what, tuple(terms[k] for k in mine), _chance_measured(contest, terms, mine, seed))
-        )
+    for what in dict.fromkeys(one.what for one in instruments if one is not None and one.sd is not None):
+        mine = {k: one.sd for k, one in enumerate(instruments)
+                if one is not None and one.what == what and one.sd is not None}
+        chance = _chance_measured(contest, len(terms), mine, seed)
+        found.append(PlannedMeasurement(what, tuple(terms[k] for k in mine), chance))
     return found
 
 
-def _chance_measured(contest: Contest, terms: list[str], mine: list[int], seed: int) -> float:
-    """As chance_of_name, for a measurement of the amplitudes of the terms `mine`."""
+def _chance_measured(contest: Contest, count: int, mine: Mapping[int, float], seed: int) -> float:
+    """As chance_of_name of `count` names, for a measurement of the amplitudes of those that `mine` has the accuracy of.
+    """
     rng = np.random.default_rng(seed)
-    truth = rng.choice(len(terms), DRAWS, p=contest.probability)
+    truth = rng.choice(count, DRAWS, p=contest.probability)
     nats = np.tile(np.log(contest.probability), (DRAWS, 1))
-    for k in mine:
-        sd, amplitude = ACCURACY[terms[k]], contest.amplitude[k]
+    for k, sd in mine.items():
+        amplitude = contest.amplitude[k]
         seen = np.where(truth == k, amplitude, 0.0) + sd * rng.normal(size=DRAWS)
         nats[:, k] += (seen**2 - (seen - amplitude)**2) / (2.0 * sd**2)
     return _stands_alone(nats, truth)

@@ -22,7 +22,6 @@ LEAST_SHARE = 1e-4                    # of its own information, with all coeffic
 BUSY = 1e-12
 TAKES_UP = 0.1                        # of the largest coefficient's part, from which one is named among the takers
 UNTOUCHED, TAKEN = "untouched", "taken up"
-LUCK = "ball_spread"                  # counted as luck: a variance, with no slope to be seen by
 
 
 class TermIdentifiability(Struct, frozen=True):

@@ -16,7 +16,7 @@ from truearc.sim.discover.model.design_columns import weak_prior
 from truearc.sim.discover.model.score_table import Array
 from truearc.sim.discover.settings import LEVELS, SEASON_SHOTS
 from truearc.sim.infer.coefficients import Coefficients
-from truearc.sim.physics.catalogue import effective, find_terms, flight_terms
+from truearc.sim.physics.catalogue import Catalogue, effective, find_terms, flight_terms
 from truearc.sim.physics.flight import path
 from truearc.sim.physics.simulate import ORDINARY, by_robot, launch_of, leave, predict, sense
 
@@ -47,28 +47,29 @@ class Plan:
 
 
 def rehearse(facts: Rig, believed: tuple[str, ...], level: str, shots: int = SEASON_SHOTS, sides: bool = False,
-             seed: int = 0) -> Dataset:
+             seed: int = 0, among: Catalogue | None = None) -> Dataset:
     """A dataset of `shots` aimed beside the centre, high and low, as one aims to learn.
 
-    L1 adds telemetry, circumstances, balls and sessions, L2 tracks. sides: high or low is noted of every miss.
+    L1 adds telemetry, circumstances, balls and sessions, L2 tracks. sides: high or low is noted of every miss. among:
+    the catalogue of the terms.
     InputError for an unknown level or term, too few shots, or a target that is missing or out of reach.
     """
     if level not in LEVELS:
         raise InputError(f"there is no level {level!r}; there are {', '.join(LEVELS)}")
     if shots < FEWEST:
         raise InputError(f"{shots} shots are too few to judge a simulation by; {FEWEST} at least")
-    coefficients = usual_coefficients(believed)
+    coefficients = usual_coefficients(believed, among)
     rng = np.random.default_rng(seed)
     if facts.target is None and level != "L2":
         raise InputError("[target] is needed to tell an outcome; level L2, by tracks, does without")
-    plan = _throw(facts, shots, rng) if facts.target is None else _aim(facts, coefficients, shots, rng)
+    plan = _throw(facts, shots, rng) if facts.target is None else _aim(facts, coefficients, shots, rng, among)
     numbers, texts = settings(facts, plan), {}
     if facts.target is not None:
         numbers["distance_m"] = plan.distance_m
         texts = mark(shots, sides)
     ids = tuple(f"s{number}" for number in range(1, shots + 1))
     flown = Shots(ids, dict(numbers), dict(texts))
-    tracks = _watch(facts, coefficients, flown, plan.distance_m, rng) if level == "L2" else None
+    tracks = _watch(facts, coefficients, flown, plan.distance_m, rng, among) if level == "L2" else None
     if not facts.launcher.wheel and level == "L2":
         numbers = {name: column for name, column in numbers.items() if not name.startswith("exit_")}
     traces = None
@@ -80,10 +81,10 @@ def rehearse(facts: Rig, believed: tuple[str, ...], level: str, shots: int = SEA
     return Dataset("rehearsal", facts, Shots(ids, numbers, texts), tracks, traces)
 
 
-def usual_coefficients(believed: tuple[str, ...]) -> Coefficients:
+def usual_coefficients(believed: tuple[str, ...], among: Catalogue | None = None) -> Coefficients:
     """The middle of each believed parameter's prior; InputError for a term that there is none of."""
     return {term.name: {p.name: weak_prior(p)[0] if p.prior else p.default for p in term.parameters}
-            for term in find_terms(believed)}
+            for term in find_terms(believed, among)}
 
 
 def mark(shots: int, sides: bool) -> dict[str, tuple[str, ...]]:
@@ -121,7 +122,7 @@ def _throw(facts: Rig, shots: int, rng: np.random.Generator) -> Plan:
 
 
 def _aim(facts: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: int,
-         rng: np.random.Generator) -> Plan:
+         rng: np.random.Generator, among: Catalogue | None) -> Plan:
     """Distances and elevations drawn at random, drives so that the ball passes beside the centre."""
     assert facts.target is not None
     rise_m = facts.target.centre_height_m - facts.launcher.release_height_m
@@ -130,7 +131,7 @@ def _aim(facts: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: int
     least_deg = np.maximum(ELEVATION_DEG[0], np.degrees(np.arctan2(rise_m, distance_m)) + STEEPER_DEG)
     hood_deg = rng.uniform(np.minimum(least_deg, ELEVATION_DEG[1]), np.maximum(least_deg, ELEVATION_DEG[1]))
     drives = _drives(facts)
-    heights_m = _heights(facts, coefficients, distance_m, hood_deg, drives)
+    heights_m = _heights(facts, coefficients, distance_m, hood_deg, drives, among)
     _, per_log = _drive_for(heights_m, np.full(len(distance_m), facts.target.centre_height_m), drives)
     sd_m = np.hypot(LUCK * per_log, LUCK_M)
     aside = rng.choice((-1.0, 1.0), len(distance_m)) * rng.uniform(*ASIDE, len(distance_m))
@@ -145,12 +146,12 @@ def _aim(facts: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: int
 
 
 def _heights(facts: Rig, coefficients: Mapping[str, Mapping[str, float]], distance_m: Array, hood_deg: Array,
-             drives: Array) -> Array:
+             drives: Array, among: Catalogue | None) -> Array:
     """[n, drives] heights at the plane; nan where the ball does not get there."""
     n = len(distance_m)
     every = Plan(np.repeat(distance_m, len(drives)), np.repeat(hood_deg, len(drives)), np.tile(drives, n))
     shots = Shots(("",) * len(every.drive), {**settings(facts, every), "distance_m": every.distance_m}, {})
-    return np.asarray(predict(facts, coefficients, shots).height_m).reshape(n, -1)
+    return np.asarray(predict(facts, coefficients, shots, among=among).height_m).reshape(n, -1)
 
 
 def _drive_for(heights_m: Array, wanted_m: Array, drives: Array) -> tuple[Array, Array]:
@@ -194,12 +195,12 @@ def _dips(wheels: Mapping[str, Array], shots: int, rng: np.random.Generator) -> 
 
 
 def _watch(facts: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: Shots, distance_m: Array,
-           rng: np.random.Generator) -> Tracks:
+           rng: np.random.Generator, among: Catalogue | None) -> Tracks:
     """Positions by a camera from just after release to the plane or the floor, with the rig's track noise."""
-    values, whose = effective(coefficients, ORDINARY), by_robot(shots)
-    exit, _ = sense(facts, values, launch_of(facts, shots), distance_m, whose)
-    states = path(facts, flight_terms({"gravity", *coefficients}), values, leave(facts, values, exit, whose),
-                  FRAMES + 1, 1.0 / FRAMES_HZ)
+    values, whose = effective(coefficients, ORDINARY, among), by_robot(shots)
+    exit, _ = sense(facts, values, launch_of(facts, shots), distance_m, whose, among)
+    states = path(facts, flight_terms({"gravity", *coefficients}, among), values,
+                  leave(facts, values, exit, whose, among), FRAMES + 1, 1.0 / FRAMES_HZ)
     x, y, z = (np.broadcast_to(np.asarray(part), (FRAMES + 1, len(shots)))[1:].T for part in states.position_m)
     seen = np.logical_and.accumulate((x <= distance_m[:, None]) & (z > 0.0), axis=1)
     shot, frame = np.nonzero(seen)

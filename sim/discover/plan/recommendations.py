@@ -11,44 +11,6 @@ from truearc.sim.discover.report.effect_wording import IN_FLIGHT
 from truearc.sim.discover.select.refit import Refit
 from truearc.sim.discover.select.selection_step import Step
 
-# What settles each term without shooting, discovery.md's cheap metrology.
-MEASURE = {
-    "hood_offset": "hood angle with an inclinometer",
-    "hood_backlash": "hood angle with an inclinometer, from both sides",
-    "encoder_scale": "wheel diameter with calipers, wheel speed with an optical tachometer",
-    "distance_scale": "distance with a tape at 3 stations",
-    "distance_bias": "distance with a tape at 3 stations",
-    "vision_latency": "the camera's delay, by a lamp in its view that the robot switches",
-    "track_scale": "a ruler in the tracker's view",
-    "track_tilt": "a plumb line in the tracker's view",
-    "track_clock": "a stopwatch in the tracker's view",
-    "track_perspective": "a ruler at two heights in the tracker's view",
-    "release_height": "exit height with a tape",
-    "target_height": "target height with a tape",
-    "rim_catch": "where balls touch the rim, on film",
-    "exit_efficiency": "exit speed with a high-speed camera",
-    "wheel_slip": "exit speed with a high-speed camera",
-    "wheel_droop": "exit speed at little and at much dip with a high-speed camera",
-    "ball_compression": "spin of a marked ball at 120 frames/s",
-    "ball_wear": "the speed of new and worn balls in turn",
-    "drag_wear": "the fall of new and worn balls side by side, on film",
-    "ball_spread": "weight and size of each ball, and note which was shot (ball_id)",
-    "battery_sag": "the same shot on a full and an empty battery",
-    "rapid_fire": "the same shot after 1 s and after 10 s",
-    "drag": "the fall of a ball from a known height, on film",
-    "magnus": "where five shots without spin go",
-    "buoyancy": "ball mass with a scale",
-    "added_mass": "ball mass with a scale",
-    "spin_decay": "spin of a marked ball at 120 frames/s, early and late",
-    "spin_drag": "where five shots without spin go",
-    "lift_saturation": "spin of a marked ball at 120 frames/s",
-    "drag_reynolds": "the fall of a ball from two heights, on film",
-    "wind_x": "the wind with an anemometer",
-    "wind_y": "the wind with an anemometer",
-    "wind_z": "the wind with an anemometer",
-    "air_change": "temperature and pressure, and those of the session before",
-    "air_density": "the fall of a ball on a cold and on a warm day, on film",
-}
 SHOTS = 20
 FEW = 3                               # measurements proposed at most
 
@@ -58,7 +20,9 @@ def next_steps(dataset: Dataset, step: Step, chosen: tuple[str, ...] | None) -> 
     names that compete (or confirm the only one), and what to note of every shot from now on."""
     if chosen is None:
         return (*_about_unknown(step), *_sides(dataset))
-    wanted = dict.fromkeys(MEASURE[name] for name in chosen if name in MEASURE)
+    among = step.fitted.layout.chain.catalogue
+    instruments = [term.instrument for name in chosen for term in among.find([name])]
+    wanted = dict.fromkeys(one.what for one in instruments if one is not None)
     steps: list[dict[str, Any]] = [{"do": "measure", "what": what} for what in list(wanted)[:FEW]]
     if len(chosen) < 2:
         return tuple(steps)

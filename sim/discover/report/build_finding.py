@@ -39,7 +39,7 @@ from truearc.sim.discover.report.formula import find_formula
 from truearc.sim.discover.select.forecast_error import end_errors
 from truearc.sim.discover.select.refit import clustered_error, unseen_change, without
 from truearc.sim.discover.select.selection_step import Step
-from truearc.sim.physics.catalogue import find_terms
+from truearc.sim.physics.catalogue import Catalogue
 from truearc.sim.physics.term import STAGES
 
 SHOWN = 40                            # lines of the tests that the answer lists
@@ -49,19 +49,20 @@ TRIFLE = 0.03                         # of what a name explains on unseen shots
 UNSURE = 0.5
 
 
-def silent(dataset: Dataset, intake: Intake, terms: tuple[str, ...], false_alarm: float) -> Finding:
+def silent(dataset: Dataset, intake: Intake, terms: tuple[str, ...], false_alarm: float,
+           among: Catalogue | None = None) -> Finding:
     """Data that can say nothing."""
     data = DataSummary(len(dataset.shots), intake.level, intake.left_out, terms, {}, {"by": "shot", "count": 0})
     nowhere = Where(None, None, None, None, {}, None, None, (), "the data carry no test")
     return Finding(data, Mismatch(False, None, false_alarm, {}, 0, {}), nowhere, "none",
-                   say_none(terms, None, len(dataset.shots), false_alarm), None, None)
+                   say_none(terms, None, len(dataset.shots), false_alarm, among), None, None)
 
 
 def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: BaselineFit, clusters: Clusters, asked: Asked,
                  judged: Judged, place: Place | None, steps: Sequence[Step], false_alarm: float,
                  seed: int) -> Finding:
     """Put it together; without steps nothing was found."""
-    intake = fitted.intake
+    intake, among = fitted.intake, fitted.layout.chain.catalogue
     data = DataSummary(len(dataset.shots), intake.level, intake.left_out, terms, {"all": fitted.values},
                 {"by": clusters.by, "count": clusters.count})
     mismatch = Mismatch(bool(steps), judged.p_any, false_alarm, _results(fitted.evidence, asked, judged, false_alarm),
@@ -69,8 +70,8 @@ def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: BaselineFit, 
     fit = _fit(fitted, steps, clusters)
     if not steps:
         where = Where(None, None, None, None, {}, None, None, (), "nothing was found")
-        sentence = say_none(terms, judged.p_any, data.shots, false_alarm) + say_smallest(
-            fitted.evidence, judged.threshold(TERMS, false_alarm))
+        sentence = say_none(terms, judged.p_any, data.shots, false_alarm, among) + say_smallest(
+            fitted.evidence, judged.threshold(TERMS, false_alarm), among)
         return Finding(data, mismatch, where, "none", sentence, None, fit)
     told = (replace(steps[0], unknown=True),) if is_stand_in(steps) else steps
     first = told[0]
@@ -78,8 +79,8 @@ def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: BaselineFit, 
     where = _where(dataset, first, asked, judged, false_alarm, _probabilities(first))
     leading, *rest = (_further(step, clusters, seed) for step in (first, *steps[1:]))
     also = rest if len(told) > 1 else []
-    say = say_unknown if first.unknown else say_named
-    sentence = say(terms, judged.p_any, where, leading, rest, fit, place)
+    sentence = (say_unknown(terms, judged.p_any, where, leading, rest, fit, place, among) if first.unknown else
+                say_named(terms, judged.p_any, leading, rest, fit, place, among))
     return Finding(data, mismatch, where, verdict, sentence, leading.unknown, fit, what=leading.what, set=leading.set,
                    next=next_steps(dataset, first, leading.set), also=tuple(also))
 
@@ -175,7 +176,7 @@ def _unknown(step: Step, clusters: Clusters, seed: int) -> Unknown | None:
 def _named(step: Step, name: str, probability: dict[str, float]) -> Named:
     """One name with its amplitude: refitted where it was among the likely, one step from nothing otherwise."""
     term_name, _, parameter = name.partition(".")
-    term = find_terms([term_name])[0]
+    (term,) = step.fitted.layout.chain.catalogue.find([term_name])
     column = step.fitted.evidence.columns[step.fitted.evidence.index(name)]
     found, before = step.naming.refits.get(name), _believed_before(step, name)
     if found is not None:

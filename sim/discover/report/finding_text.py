@@ -12,10 +12,10 @@ from truearc.sim.discover.finding import Finding, FitSummary, Further, Named, Un
 from truearc.sim.discover.model.score_table import ScoreTable
 from truearc.sim.discover.plan.identifiability import EIGHTY, sight_of
 from truearc.sim.discover.report.effect_wording import in_words, plain, say_effect, scale_of, size_of
+from truearc.sim.physics.catalogue import Catalogue
 
 STAGE_WORDS = {"sensing": "in what the sensors say", "launch": "at the launch", "flight": "in flight",
                "arrival": "at the target"}
-DIRECTION_WORDS = {"along": "along the flight", "vertical": "vertically", "lateral": "sideways"}
 NINETY = 1.6448536269514722
 SHOWN = 6
 DOUBTFUL = 0.25                       # probability of something without a name, from which a sentence says so
@@ -26,27 +26,27 @@ LISTED = 4                            # names of a set that a sentence lists
 THEN = ("With that put in", "And with that, too")
 
 
-def say_named(believed: tuple[str, ...], p_value: float, where: Where, leading: Further, also: Sequence[Further],
-              fit: FitSummary, place: Place | None) -> str:
+def say_named(believed: tuple[str, ...], p_value: float, leading: Further, also: Sequence[Further], fit: FitSummary,
+              place: Place | None, among: Catalogue | None = None) -> str:
     """One name, or those that cannot be told apart, with the size and what it gains."""
-    del where
     what = leading.what
     names = leading.set or (what[0].term,)
-    likeliest = _effect(what[0])
+    likeliest = _effect(what[0], among)
     if len(names) == 1:
-        said = f"{_missing(believed)}: {likeliest}."
+        said = f"{_missing(believed, among)}: {likeliest}."
     else:
         members = [one for one in what if one.term in names]
         listed = members[:LISTED if len(names) > LISTED + 1 else LISTED + 1]
-        rest = [f"{plain(one.term)} ({one.probability:.0%})" for one in listed]
+        rest = [f"{plain(one.term, among)} ({one.probability:.0%})" for one in listed]
         rest += [f"one of {len(names) - LISTED} others"] if len(names) > LISTED + 1 else []
         stages = list(dict.fromkeys(STAGE_WORDS[one.stage] for one in what if one.term in names))
-        said = (f"{_missing(believed)}, {_either(stages)}: {_either(rest)}. These data cannot tell which of these it "
-                f"is. If it is the first, {likeliest}.")
+        said = (f"{_missing(believed, among)}, {_either(stages)}: {_either(rest)}. These data cannot tell which of "
+                f"these it is. If it is the first, {likeliest}.")
     nameless = 1.0 - sum(one.probability for one in what)
     if nameless >= DOUBTFUL:
         said += f" A free curve explains it about as well, so it may be something without a name ({nameless:.0%})."
-    return said + _since(place) + "".join(map(besides, also, THEN)) + _gained(fit) + _luck(p_value)
+    more = "".join(besides(further, then, among) for further, then in zip(also, THEN, strict=False))
+    return said + _since(place) + more + _gained(fit) + _luck(p_value)
 
 
 def _since(place: Place | None) -> str:
@@ -57,7 +57,7 @@ def _since(place: Place | None) -> str:
     return f" It shows best as a step where {in_words(name)} is above {cut}." if name in TIMES else ""
 
 
-def besides(further: Further, then: str) -> str:
+def besides(further: Further, then: str, among: Catalogue | None = None) -> str:
     """A further effect, after `then`: what it looks like, for it may well be an error of the one named first."""
     if further.unknown is not None:
         goes = f", and goes with {in_words(further.unknown.covariate)}" if further.unknown.covariate else ""
@@ -65,11 +65,11 @@ def besides(further: Further, then: str) -> str:
     in_set = [one for one in further.what if one.term in (further.set or ())]
     clear = _clear(further)
     if not clear:
-        vague = [plain(one.term) for one in in_set[:LISTED]]
+        vague = [plain(one.term, among) for one in in_set[:LISTED]]
         return f" Something more is left over, too little to be named: perhaps {_either(vague)}."
-    others = [plain(one.term) for one in in_set if one is not clear[0]][:LISTED]
+    others = [plain(one.term, among) for one in in_set if one is not clear[0]][:LISTED]
     instead = f"; or {_either(others)}" if others else ""
-    return f" {then}, what is left looks most as if {_effect(clear[0])}{instead}."
+    return f" {then}, what is left looks most as if {_effect(clear[0], among)}{instead}."
 
 
 def too_little(also: Sequence[Further]) -> list[str]:
@@ -84,9 +84,10 @@ def _clear(further: Further) -> list[Named]:
 
 
 def say_unknown(believed: tuple[str, ...], p_value: float, where: Where, leading: Further, also: Sequence[Further],
-                fit: FitSummary, place: Place | None) -> str:
+                fit: FitSummary, place: Place | None,
+                among: Catalogue | None = None) -> str:
     """Nothing in the catalogue explains it; what it looks like all the same. also: what the nearest name leaves."""
-    said = f"{_missing(believed)} that has no name in the catalogue."
+    said = f"{_missing(believed, among)} that has no name in the catalogue."
     if leading.unknown is None or place is None:
         return said + _luck(p_value)
     stage = ""
@@ -97,7 +98,7 @@ def say_unknown(believed: tuple[str, ...], p_value: float, where: Where, leading
     if also:
         left = next((one.unknown.covariate for one in also if one.unknown is not None), None)
         falls_short = "leaves something of the kind over" + (f" that goes with {in_words(left)}" if left else "")
-    nearest = f" The nearest name is {plain(leading.what[0].term)}, which {falls_short}." if leading.what else ""
+    nearest = f" The nearest name is {plain(leading.what[0].term, among)}, which {falls_short}." if leading.what else ""
     formula = leading.unknown.formula
     law = f" An empirical formula does as well as the curve: {formula}." if formula else ""
     return f"{said}{_looks(leading.unknown, place)}{stage}.{law}{nearest}{_gained(fit)}{_luck(p_value)}"
@@ -122,16 +123,17 @@ def _looks(unknown: Unknown, place: Place) -> str:
     return f"{seen} as {name} grows, by {size} over its range"
 
 
-def say_none(believed: tuple[str, ...], p_value: float | None, shots: int, false_alarm: float) -> str:
+def say_none(believed: tuple[str, ...], p_value: float | None, shots: int, false_alarm: float,
+             among: Catalogue | None = None) -> str:
     """No mismatch, or nothing to see one by."""
     if p_value is None:
         return (f"These {shots} shots cannot say anything about the simulation: too few of them have a track, or an "
                 "outcome or height, with distance and launch, that would tell.")
-    return (f"No mismatch: {shots} shots differ from the simulation ({_list(believed)}) by no more than luck would "
-            f"have it (p = {p_value:.2g}, alarm at {false_alarm:g}).")
+    return (f"No mismatch: {shots} shots differ from the simulation ({_list(believed, among)}) by no more than luck "
+            f"would have it (p = {p_value:.2g}, alarm at {false_alarm:g}).")
 
 
-def say_smallest(evidence: ScoreTable, threshold: float) -> str:
+def say_smallest(evidence: ScoreTable, threshold: float, among: Catalogue | None = None) -> str:
     """The smallest effects that would have been seen four times in five among all that was asked, of the terms that
     these data see best for their usual size. threshold: the |score| that a term needs, in standard deviations."""
     terms = [one for one in sight_of(evidence, "", ()).terms if one.smallest is not None]
@@ -139,11 +141,12 @@ def say_smallest(evidence: ScoreTable, threshold: float) -> str:
         return " Of no term could these data have shown anything."
     among_all = (threshold + ndtri(FOUR_IN_FIVE)) / np.sqrt(EIGHTY)
     best = sorted(terms, key=lambda one: (one.smallest or 0.0) / one.usual)[:SHOWN]
-    parts = [f"{plain(one.term)} of {size_of(one.term, among_all * (one.smallest or 0.0), one.unit)}" for one in best]
+    parts = [f"{plain(one.term, among)} of {size_of(one.term, among_all * (one.smallest or 0.0), one.unit, among)}"
+             for one in best]
     return f" Smallest effects that they would have shown, four times in five: {', '.join(parts)}."
 
 
-def console_lines(finding: Finding) -> list[str]:
+def console_lines(finding: Finding, among: Catalogue | None = None) -> list[str]:
     """The verdict and a few lines below it."""
     data, where = finding.data, finding.where
     made = finding.mismatch.tests_made
@@ -159,7 +162,7 @@ def console_lines(finding: Finding) -> list[str]:
         lines.append(say_inseparable(where))
     if finding.mismatch.found and where.times_s:
         lines.append(f"along the flight: {where.times_s[0]:.2f} to {where.times_s[1]:.2f} s")
-    lines += [f"next: {say_step(step)}" for step in finding.next]
+    lines += [f"next: {say_step(step, among)}" for step in finding.next]
     lines += [f"left out: {line}" for line in data.left_out]
     return lines
 
@@ -170,14 +173,14 @@ def say_inseparable(where: Where) -> str:
     return f"{in_words(where.covariate or '')} goes with {others}: these data cannot tell them apart"
 
 
-def say_step(step: dict[str, object]) -> str:
+def say_step(step: dict[str, object], among: Catalogue | None = None) -> str:
     """What to do next, in words."""
     if step["do"] == "measure":
         return f"measure {step['what']}"
     names = step["separates"]
     assert isinstance(names, list)
     return (f"{step['shots']} shots at {step['distance_m']:.3g} m, hood {step['hood_deg']:.3g}°, motor "
-            f"{step['motor_ratio']:.3g}, to tell {' from '.join(plain(name) for name in names)}")
+            f"{step['motor_ratio']:.3g}, to tell {' from '.join(plain(name, among) for name in names)}")
 
 
 def gained_interval(fit: FitSummary) -> tuple[float, float] | None:
@@ -216,22 +219,22 @@ def _gained(fit: FitSummary) -> str:
     return f" On shots it has not seen the corrected simulation {told} ({score}){but}."
 
 
-def _effect(one: Named) -> str:
+def _effect(one: Named, among: Catalogue | None) -> str:
     interval = next(iter(one.parameters.values()))
-    said = say_effect(one.term, interval, one.sentence)
-    return said if one.believed is None else f"{said}, and not {size_of(one.term, one.believed, interval.unit)}"
+    said = say_effect(one.term, interval, one.sentence, among)
+    return said if one.believed is None else f"{said}, and not {size_of(one.term, one.believed, interval.unit, among)}"
 
 
-def _missing(believed: tuple[str, ...]) -> str:
-    return f"The simulation ({_list(believed)}) leaves something out"
+def _missing(believed: tuple[str, ...], among: Catalogue | None) -> str:
+    return f"The simulation ({_list(believed, among)}) leaves something out"
 
 
 def _luck(p_value: float) -> str:
     return f" Luck alone would look like this with p = {p_value:.2g}."
 
 
-def _list(names: Sequence[str]) -> str:
-    return ", ".join(plain(name) for name in names)
+def _list(names: Sequence[str], among: Catalogue | None) -> str:
+    return ", ".join(plain(name, among) for name in names)
 
 
 def _either(names: Sequence[str]) -> str:

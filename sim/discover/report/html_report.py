@@ -32,6 +32,7 @@ from truearc.sim.discover.report.finding_text import (
 )
 from truearc.sim.discover.report.identifiability_report import sight_section, sight_sentence
 from truearc.sim.discover.report.plots import field_png, flight_png, residual_png
+from truearc.sim.physics.catalogue import Catalogue
 from truearc.sim.report import make_page, paragraph, picture, table
 
 STYLE = """<style>
@@ -62,20 +63,20 @@ LEVELS = {"L0": "outcomes only", "L1": "outcomes with telemetry", "L2": "tracks 
 
 def make_report(name: str, investigation: Investigation) -> str:
     """HTML text of the answer about the dataset called `name`."""
-    finding = investigation.finding
-    sections = [("", STYLE + _summary(finding))]
+    finding, among = investigation.finding, investigation.catalogue
+    sections = [("", STYLE + _summary(finding, among))]
     if investigation.fitted is not None:
         sight = sight_of(investigation.fitted.evidence, finding.data.level, finding.data.believed)
         opened = finding.verdict == "none"
-        shown = (paragraph(sight_sentence(sight)) if opened else "") + sight_section(sight, opened)
+        shown = (paragraph(sight_sentence(sight)) if opened else "") + sight_section(sight, opened, among)
         sections.append((f"What these {finding.data.shots} shots could show", shown))
     sections += make_pictures(investigation)
     if finding.what:
-        sections.append(("What it is", _names(finding)))
+        sections.append(("What it is", _names(finding, among)))
     if finding.fit is not None and finding.fit.gain_per_shot is not None:
         sections.append(("What it is worth, on shots that the fit had not seen", _worth(finding)))
     if finding.next:
-        sections.append(("What to do next", "<ol>" + "".join(f"<li>{html.escape(_capital(say_step(step)))}</li>"
+        sections.append(("What to do next", "<ol>" + "".join(f"<li>{html.escape(_capital(say_step(step, among)))}</li>"
                                                               for step in finding.next) + "</ol>"))
     sections.append(("Fine print", _fine_print(finding)))
     return make_page(f"truearc discover: {name}", finding.sentence, sections)
@@ -93,7 +94,7 @@ def make_pictures(investigation: Investigation) -> list[tuple[str, str]]:
     sections = []
     for step in investigation.steps:
         first = investigation.finding.where.covariate
-        what = "the free curve" if step.unknown else plain(step.naming.leader)
+        what = "the free curve" if step.unknown else plain(step.naming.leader, investigation.catalogue)
         views = _views(step.fitted.evidence, evidence_after(step), fitted.intake, along,
                        find_along(stated_covariate(step, along, first), along), what, stage_of(step), step.base == ())
         if step.base == () and first in IN_FLIGHT:
@@ -143,15 +144,15 @@ def _field(residual: Residual, intake: Intake, what: str) -> str:
                                           "than four shots are empty.")
 
 
-def _summary(finding: Finding) -> str:
+def _summary(finding: Finding, among: Catalogue) -> str:
     data = finding.data
     lines = [f"{data.shots} shots, {LEVELS[data.level]} ({data.level}); believed: "
-             f"{', '.join(map(plain, data.believed))}."]
+             f"{', '.join(plain(name, among) for name in data.believed)}."]
     where = finding.where
     if finding.mismatch.found and where.inseparable:
         lines.append(f"{_capital(say_inseparable(where))}.")
     if finding.next:
-        lines.append(f"Next: {say_step(finding.next[0])}.")
+        lines.append(f"Next: {say_step(finding.next[0], among)}.")
     if data.left_out:
         lines.append(f"Left out: {'; '.join(data.left_out)}.")
     return "<ul>" + "".join(f"<li>{html.escape(line)}</li>" for line in lines) + "</ul>"
@@ -179,19 +180,20 @@ def _until(time_s: float) -> str:
     return f"{time_s:.2f} s" if np.isfinite(time_s) else "the end"
 
 
-def _names(finding: Finding) -> str:
+def _names(finding: Finding, among: Catalogue) -> str:
     """Names with their probabilities as bars; members of the set in another colour."""
     members = set(finding.set or ())
-    rows = [_bar(plain(one.term), one.probability, "set" if one.term in members else "", one.term in members,
-                 _capital(say_effect(one.term, next(iter(one.parameters.values())), one.sentence)) + ".")
+    rows = [_bar(plain(one.term, among), one.probability, "set" if one.term in members else "", one.term in members,
+                 _capital(say_effect(one.term, next(iter(one.parameters.values())), one.sentence, among)) + ".")
             for one in finding.what if one.probability >= 0.005 or one.term in members]
     rest = max(1.0 - sum(one.probability for one in finding.what), 0.0)
     rows.append(_bar("something without a name", rest, "rest", finding.verdict == "unknown", ""))
     said = f'<div class="bars">{"".join(rows)}</div>'
     if len(members) > 1:
-        said = paragraph(f"These data cannot tell {_list([plain(name) for name in finding.set or ()])} apart; together "
+        listed = _list([plain(name, among) for name in finding.set or ()])
+        said = paragraph(f"These data cannot tell {listed} apart; together "
                          "they hold the orange bars.") + said
-    return said + (_also(finding.also) if finding.also else "")
+    return said + (_also(finding.also, among) if finding.also else "")
 
 
 def _bar(name: str, probability: float, kind: str, bold: bool, note: str) -> str:
@@ -200,8 +202,8 @@ def _bar(name: str, probability: float, kind: str, bold: bool, note: str) -> str
             f'style="width:{100.0 * probability:.1f}%"></div><span class="much">{probability:.0%}</span></div>{below}')
 
 
-def _also(also: tuple[Further, ...]) -> str:
-    return "".join(paragraph(besides(further, then).strip()) for further, then in zip(also, THEN, strict=False))
+def _also(also: tuple[Further, ...], among: Catalogue) -> str:
+    return "".join(paragraph(besides(further, then, among).strip()) for further, then in zip(also, THEN, strict=False))
 
 
 def _worth(finding: Finding) -> str:

@@ -4,23 +4,16 @@ import html
 
 import numpy as np
 
-from truearc.sim.discover.plan.identifiability import LUCK, TAKEN, Fittable, Sight, TermIdentifiability
+from truearc.sim.discover.plan.identifiability import TAKEN, Fittable, Sight, TermIdentifiability
 from truearc.sim.discover.report.effect_wording import plain, size_of
 from truearc.sim.discover.report.plots import sight_png
+from truearc.sim.physics.catalogue import Catalogue, as_catalogue
 from truearc.sim.report import make_page, paragraph, picture, table
+from truearc.sim.tables import make_text
 
 SURE = 0.8                            # power that counts as "would be seen"
 NAMED = 6
 KNOWING_WHICH = 1.75                  # times the shots, when it could be any of about twenty effects
-# What has to be recorded for terms that nothing in the data depends on.
-RECORD = {
-    "battery_sag": "battery_v of each shot", "rapid_fire": "t_s or since_last_shot_s of each shot",
-    "vision_latency": "robot_speed_m_s of each shot", "air_density": "temperature_c and pressure_pa",
-    "wheel_droop": "wheel speeds through the shot (traces.csv)", "wind_y": "tracks of the ball",
-    "track_scale": "tracks of the ball", "track_tilt": "tracks of the ball", "track_clock": "tracks of the ball",
-    "track_perspective": "tracks of the ball",
-    "hood_backlash": "hood_deg of shots in their order", "target_height": "outcomes", "rim_catch": "outcomes",
-}
 METHOD = (
     "Expected Fisher information: what is left of each effect's after the fitted coefficients, scatters and the luck "
     "of each ball (or session) have taken what they can. Seen means by a 5 % test with 80 % power, if this one effect "
@@ -29,23 +22,21 @@ METHOD = (
     "alike to 0.95 or more are told as one. Small effects are assumed, so that everything is linear in them.")
 
 
-def sight_lines(sight: Sight) -> list[str]:
+def sight_lines(sight: Sight, among: Catalogue | None = None) -> list[str]:
     """The table on the terminal."""
     lines = [sight_sentence(sight), ""]
     head = ("effect", "stage", "usual size", "left", "shots needed", "like")
-    rows = [head, *(_row(one) for one in sight.terms if one.shots_needed is not None)]
-    width = [max(len(row[k]) for row in rows) for k in range(len(head))]
-    lines += ["  ".join(cell.ljust(width[k]) if k not in (3, 4) else cell.rjust(width[k])
-                        for k, cell in enumerate(row)).rstrip() for row in rows]
+    rows = [_row(one, among) for one in sight.terms if one.shots_needed is not None]
+    lines += make_text(head, rows, right=(3, 4))
     lines += ["", *(f"one and the same to these data: {', '.join(group)}" for group in sight.classes)]
-    lines += [f"never seen: {one.term}: {why_not(one)}" for one in sight.terms if one.shots_needed is None]
+    lines += [f"never seen: {one.term}: {why_not(one, among)}" for one in sight.terms if one.shots_needed is None]
     lines.append("fitted anyway: " + ", ".join(f"{one.name} {_doubt(one, one.after)}" for one in sight.fitted))
     return lines
 
 
-def _row(one: TermIdentifiability) -> tuple[str, ...]:
+def _row(one: TermIdentifiability, among: Catalogue | None) -> tuple[str, ...]:
     like = "" if one.like is None else f"{one.like} {one.correlation:+.2f}"
-    return (one.term, one.stage, size_of(one.term, one.usual, one.unit), f"{one.share_left:.1%}",
+    return (one.term, one.stage, size_of(one.term, one.usual, one.unit, among), f"{one.share_left:.1%}",
             str(one.shots_needed), like)
 
 
@@ -60,54 +51,56 @@ def sight_sentence(sight: Sight) -> str:
     return said + (f"; {never} no number of them could show." if never else ".")
 
 
-def why_not(one: TermIdentifiability) -> str:
+def why_not(one: TermIdentifiability, among: Catalogue | None = None) -> str:
     """Why no number of shots would show it, and what would."""
-    if one.term == LUCK:
-        return "counted as luck: each ball may have a speed of its own"
-    record = f"; record {RECORD[one.term]}" if one.term in RECORD else ""
+    term = as_catalogue(among).get(one.term)
+    if term is not None and term.unseen:
+        return term.unseen
+    record = f"; record {term.record}" if term is not None and term.record else ""
     if one.why == TAKEN:
         return f"what it does, {', '.join(one.taken_by) or 'the fit'} would take up{record}"
     return f"nothing in these data depends on it{record}"
 
 
-def sight_section(sight: Sight, opened: bool = False) -> str:
+def sight_section(sight: Sight, opened: bool = False, among: Catalogue | None = None) -> str:
     """The summary, with picture and tables to unfold; or these opened, for where the summary stands already."""
-    parts = [_alike(sight)] if opened else [paragraph(sight_sentence(sight)), _alike(sight)]
-    png = sight_png(sight)
+    parts = [_alike(sight, among)] if opened else [paragraph(sight_sentence(sight)), _alike(sight, among)]
+    png = sight_png(sight, among)
     inner = "" if png is None else picture(png, "shots needed for each effect", "Full colour: fewer than these shots "
                                            "will do.")
-    inner += _table(sight) + _never(sight) + _fitted(sight) + paragraph(METHOD, dim=True)
+    inner += _table(sight, among) + _never(sight, among) + _fitted(sight) + paragraph(METHOD, dim=True)
     if opened:
         return "".join(parts) + inner
     return "".join(parts) + f"<details><summary>Effect by effect</summary>{inner}</details>"
 
 
-def make_sight_page(name: str, sight: Sight) -> str:
+def make_sight_page(name: str, sight: Sight, among: Catalogue | None = None) -> str:
     """HTML page of what data of the rig `name` could tell."""
-    believed = ", ".join(map(plain, sight.believed))
+    believed = ", ".join(plain(one, among) for one in sight.believed)
     return make_page(f"truearc identifiability: {name}", sight_sentence(sight), [
         ("Before any data", paragraph(f"Believed: {believed}. Every other effect of the catalogue is asked for.")
-         + sight_section(sight, opened=True))])
+         + sight_section(sight, True, among))])
 
 
-def _alike(sight: Sight) -> str:
+def _alike(sight: Sight, among: Catalogue | None) -> str:
     if not sight.classes:
         return ""
-    items = "".join(f"<li>{html.escape(' = '.join(map(plain, group)))}</li>" for group in sight.classes)
+    items = "".join(f"<li>{html.escape(' = '.join(plain(one, among) for one in group))}</li>"
+                    for group in sight.classes)
     return f"<p>To these data these are one and the same; only a measurement tells which:</p><ul>{items}</ul>"
 
 
-def _table(sight: Sight) -> str:
-    rows = [(plain(one.term), one.stage, size_of(one.term, one.usual, one.unit),
-             size_of(one.term, one.smallest or 0.0, one.unit), f"{one.power:.0%}", one.shots_needed,
-             f"{one.share_left:.1%}", "" if one.like is None else f"{plain(one.like)} ({one.correlation:+.2f})")
+def _table(sight: Sight, among: Catalogue | None) -> str:
+    rows = [(plain(one.term, among), one.stage, size_of(one.term, one.usual, one.unit, among),
+             size_of(one.term, one.smallest or 0.0, one.unit, among), f"{one.power:.0%}", one.shots_needed,
+             f"{one.share_left:.1%}", "" if one.like is None else f"{plain(one.like, among)} ({one.correlation:+.2f})")
             for one in sight.terms if one.shots_needed is not None]
     return table(("effect", "stage", "usual size", f"seen from, with {sight.shots} shots", "seen at usual size",
                   "shots needed", "left after the fit", "most alike"), rows)
 
 
-def _never(sight: Sight) -> str:
-    rows = [(plain(one.term), one.stage, why_not(one)) for one in sight.terms if one.shots_needed is None]
+def _never(sight: Sight, among: Catalogue | None) -> str:
+    rows = [(plain(one.term, among), one.stage, why_not(one, among)) for one in sight.terms if one.shots_needed is None]
     return paragraph("No number of these shots would show:") + table(("effect", "stage", "why"), rows) if rows else ""
 
 

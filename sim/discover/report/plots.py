@@ -11,9 +11,10 @@ from truearc.sim.discover.detect.residuals import Along, Bins, Part, Residual, b
 from truearc.sim.discover.model.score_table import Array, ScoreTable
 from truearc.sim.discover.plan.identifiability import Sight
 from truearc.sim.discover.report.effect_wording import plain
+from truearc.sim.physics.catalogue import Catalogue
 from truearc.sim.report import make_png, new_figure
 
-INK, BEFORE, AFTER, FAINT = "#30343b", "#1f5fa8", "#c2571a", "#c9ced6"
+INK, BEFORE, AFTER = "#30343b", "#1f5fa8", "#c2571a"
 STAGE_COLOURS = {"sensing": "#7a56a8", "launch": "#c2571a", "flight": "#1f5fa8", "arrival": "#2f7d4f"}
 DIRECTIONS = ("along", "vertical", "lateral")
 DIRECTION_LABELS = {"along": "along the flight", "vertical": "up across the flight", "lateral": "to the left"}
@@ -164,7 +165,7 @@ def _signed(value: float) -> str:
     return f"{value:+.0f}" if abs(value) >= 10.0 else f"{value:+.2g}"
 
 
-def sight_png(sight: Sight) -> bytes | None:
+def sight_png(sight: Sight, among: Catalogue | None = None) -> bytes | None:
     """Shots needed for each effect at its usual size, on a log scale; None where no number of shots would do."""
     seen = [one for one in sight.terms if one.shots_needed is not None]
     if not seen:
@@ -177,7 +178,7 @@ def sight_png(sight: Sight) -> bytes | None:
                   alpha=1.0 if needed <= sight.shots else 0.45)
         axes.text(needed * 1.15 + 0.8, row, f"{needed:,}".replace(",", " "), va="center", fontsize=9, color=INK,
                   bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6})
-    axes.set_yticks(range(len(seen)), [plain(one.term) for one in reversed(seen)])
+    axes.set_yticks(range(len(seen)), [plain(one.term, among) for one in reversed(seen)])
     axes.set_xscale("log")
     axes.set_xlim(0.8, 4.0 * max(max(one.shots_needed or 1 for one in seen), sight.shots))
     axes.axvline(sight.shots, color=INK, lw=1.2, ls="--", zorder=0)

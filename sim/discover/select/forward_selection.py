@@ -1,7 +1,6 @@
 """Effects one after another: name one, put it in, ask again; at most three. A free curve may outrun the first name only
 because more than one thing is missing: then further names go on probation, and stand if together they beat it."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,8 +19,8 @@ from truearc.sim.discover.select.pair_search import best_pair
 from truearc.sim.discover.select.refit import Refit, clustered_error, refit, unseen_score, without
 from truearc.sim.discover.select.selection_step import CLEARLY, Step, averaged, clearly, make_step, worth
 from truearc.sim.discover.select.term_ranking import Naming, name_terms
+from truearc.sim.progress import Progress
 
-Progress = Callable[[float, str], None]
 MOST = 3
 DRAWS = 999                           # after the first step, whose probability is the one that is promised
 

@@ -1,6 +1,5 @@
 """One effect: its name, and what the name is worth beside a free curve, beside decoys, and averaged with others."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,8 +15,8 @@ from truearc.sim.discover.select.condition_on import promote
 from truearc.sim.discover.select.decoys import share_above
 from truearc.sim.discover.select.refit import Refit, clustered_error, folds_of, unseen_score, without
 from truearc.sim.discover.select.term_ranking import Naming, name_terms
+from truearc.sim.progress import Progress
 
-Progress = Callable[[float, str], None]
 CLEARLY = 2.0                         # standard errors by which a free curve must beat the best name on unseen shots
 FALSE_NAMES = 0.1                     # share of deals of decoys that may do as well as a name
 

@@ -5,7 +5,7 @@ would have to be absurdly large to explain the data loses to one that need not, 
 cannot win at all.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,8 +16,8 @@ from truearc.sim.discover.model.external_measurements import nats_measured
 from truearc.sim.discover.model.score_table import Array, ScoreTable, shared_columns
 from truearc.sim.discover.select.refit import Refit, refit
 from truearc.sim.physics.catalogue import find_parameter
+from truearc.sim.progress import Progress
 
-Progress = Callable[[float, str], None]
 REFITTED = 8                          # of the likeliest terms
 WITHIN = 7.0                          # nats of the likeliest by one step, beyond which none is refitted,
 SHARE = 0.5                           # or this share of its nats: one step is a poor guide to large effects
@@ -169,7 +169,8 @@ def is_possible(found: Refit, *usual: float) -> bool:
 
     By where it would go, so that a fit that came to rest at the end of its range does not pass for one inside it.
     """
-    low, high = np.array([(one.low, one.high) for one in map(find_parameter, found.names)]).T
+    among = found.layout.chain.catalogue
+    low, high = np.array([(one.low, one.high) for one in (find_parameter(name, among) for name in found.names)]).T
     doubt = DOUBT * found.sd
     return bool(((found.wanted >= low - doubt) & (found.wanted <= high + doubt)
                  & (np.abs(found.amplitude) <= MOST_USUAL * np.array(usual) + doubt)).all())

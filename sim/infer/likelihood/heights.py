@@ -10,7 +10,7 @@ import numpy as np
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.infer.likelihood.launch_inputs import Given
-from truearc.sim.physics.catalogue import effective, flight_terms
+from truearc.sim.physics.catalogue import Catalogue, effective, flight_terms
 from truearc.sim.physics.flight import make_law
 from truearc.sim.physics.flight_over_x import reach_plane
 from truearc.sim.physics.launch import Exit
@@ -24,19 +24,11 @@ Values = Mapping[str, Mapping[str, Any]]
 Number = tuple[str, str, str]         # term, parameter, scale
 
 
-class Deviation(NamedTuple):
-    """What makes one shot differ from its configuration; numbers, or arrays [n]."""
-
-    log_speed: Any
-    elevation_rad: Any
-    spin_rev_s: Any
-
-
 class Height(NamedTuple):
     """At the plane, arrays [n], through the floor if need be.
 
-    `near` False: the ball turns back, and the rest means nothing. by_launch [n, 3]: derivatives of the height by a
-    Deviation; by_distance [n]: by the plane's distance.
+    `near` False: the ball turns back, and the rest means nothing. by_launch [n, 3]: derivatives of the height by
+    a shot's own log speed, elevation (rad) and spin (rev/s); by_distance [n]: by the plane's distance.
     """
 
     height_m: Any
@@ -45,15 +37,16 @@ class Height(NamedTuple):
     near: Any
 
 
-def height_at(facts: Rig, values: Values, given: Given, log_speed: Any = 0.0, elevation_rad: Any = 0.0) -> Height:
+def height_at(facts: Rig, values: Values, given: Given, among: Catalogue, log_speed: Any = 0.0,
+              elevation_rad: Any = 0.0) -> Height:
     """Heights of launches that leave with these deviations, with their derivatives.
 
     values: {term: {parameter: value}}; gravity is always at work. A deviation acts on the ball as it leaves, after the
     launch terms. The derivatives by it are central differences of flights side by side, within 1e-5 of their size:
     nesting them into the derivatives by parameters costs a hundred times as much.
     """
-    at, exit, distance_m = configured(facts, values, given)
-    law = make_law(facts, flight_terms({"gravity", *values}), at)
+    at, exit, distance_m = configured(facts, values, given, among)
+    law = make_law(facts, flight_terms({"gravity", *values}, among), at)
     steps = jnp.concatenate([jnp.zeros((1, 3)), jnp.diag(jnp.array(STEPS)), -jnp.diag(jnp.array(STEPS))]).T[:, :, None]
     leaving = Exit(exit.speed_m_s * jnp.exp(log_speed + steps[0]), exit.elevation_rad + elevation_rad + steps[1],
                    exit.spin_rev_s + steps[2], exit.above_m)
@@ -62,18 +55,19 @@ def height_at(facts: Rig, values: Values, given: Given, log_speed: Any = 0.0, el
     return Height(plane.height_m[0], by_launch.T, plane.climb[0], plane.near.all(0))
 
 
-def configured(facts: Rig, values: Values, given: Given) -> tuple[dict[str, dict[str, Any]], Exit, Any]:
+def configured(facts: Rig, values: Values, given: Given,
+               among: Catalogue) -> tuple[dict[str, dict[str, Any]], Exit, Any]:
     """(effective values, launch, distance in m) of shots as they are in truth, by sensing and launch terms."""
-    at = effective(values, given.circumstances)
-    exit, distance_m = sense(facts, at, Exit(*map(jnp.asarray, given.rolling)), given.distance_m, given.whose)
-    return at, leave(facts, at, exit, given.whose), distance_m
+    at = effective(values, given.circumstances, among)
+    exit, distance_m = sense(facts, at, Exit(*map(jnp.asarray, given.rolling)), given.distance_m, given.whose, among)
+    return at, leave(facts, at, exit, given.whose, among), distance_m
 
 
-def speed_gain(facts: Rig, values: Values, given: Given) -> Any:
+def speed_gain(facts: Rig, values: Values, given: Given, among: Catalogue) -> Any:
     """d log(exit speed) / d log(speed by the wheels) [n]: 1 where no launch term depends on the speed."""
     def log_speed(change: Any) -> Any:
         faster = given.rolling._replace(speed_m_s=given.rolling.speed_m_s * jnp.exp(change))
-        return jnp.log(configured(facts, values, given._replace(rolling=faster))[1].speed_m_s)
+        return jnp.log(configured(facts, values, given._replace(rolling=faster), among)[1].speed_m_s)
 
     return jax.jacfwd(log_speed)(0.0)
 
@@ -86,18 +80,19 @@ class Slopes(NamedTuple):
     gain: np.ndarray
 
 
-@partial(jax.jit, static_argnames=("facts", "numbers"))
-def slopes_at(facts: Rig, fixed: Values, numbers: tuple[Number, ...], at: Any, given: Given) -> Slopes:
+@partial(jax.jit, static_argnames=("facts", "numbers", "among"))
+def slopes_at(facts: Rig, fixed: Values, numbers: tuple[Number, ...], at: Any, given: Given,
+              among: Catalogue) -> Slopes:
     """Heights and exact derivatives; `numbers` names what `at` [p] holds, `fixed` has the values of the rest.
 
     A point of the given circumstances' curves is called by its term and its place among all their points.
     """
     def height(at: Any) -> tuple[Any, Height]:
-        flown = height_at(facts, with_numbers(fixed, numbers, at), along_curve(given, numbers, at))
+        flown = height_at(facts, with_numbers(fixed, numbers, at), along_curve(given, numbers, at), among)
         return flown.height_m, flown
 
     by_number, flown = jax.jacfwd(height, has_aux=True)(at)
-    return Slopes(flown, by_number, speed_gain(facts, with_numbers(fixed, numbers, at), given))
+    return Slopes(flown, by_number, speed_gain(facts, with_numbers(fixed, numbers, at), given, among))
 
 
 def with_numbers(fixed: Values, numbers: tuple[Number, ...], at: Any) -> dict[str, dict[str, Any]]:

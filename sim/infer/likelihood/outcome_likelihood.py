@@ -22,7 +22,6 @@ LAPSED_HEIGHT = np.log(LAPSE / 4.0)
 HEIGHT_SD_M = 0.02                    # of a height at the plane that somebody measured
 HALF_LOG_2PI = 0.5 * np.log(2.0 * np.pi)
 FAR_M = 1e3                           # stands for infinity, whose derivatives are no numbers
-OUTCOMES = (MISS, TWO, THREE)
 
 
 class OutcomeMarks(NamedTuple):

@@ -66,7 +66,7 @@ def log_likelihood(model: Model, evidence: Observations, points: Points, u: Floa
     units = launch.log_likelihood
     if evidence.marks is not None:
         marks = evidence.marks
-        if arrival_terms(model.terms):
+        if arrival_terms(model.terms, model.catalogue):
             assert model.facts.target is not None      # there are no marks without one
             marks = fit_edges(marks, model.facts.target, opening_at(model, u))
         units = units + log_marks(marks, *plane_of(model, evidence.given, launch, u))
@@ -88,7 +88,7 @@ def narrow(model: Model, evidence: Observations, points: Points, u: Float[Any, "
     """What measured exits and tracks leave of each launch's deviation."""
     given, seen = evidence.given, evidence.seen
     values = values_at(model, u)
-    exit = configured(model.facts, values, given)[1]
+    exit = configured(model.facts, values, given, model.catalogue)[1]
     speed_var, elevation_var = _scatter(model, given, values, u)
     off = seen.log_speed - jnp.log(exit.speed_m_s), seen.elevation_rad - exit.elevation_rad
     speed = _update(speed_var, off[0], seen.log_speed_sd**2, seen.speed_seen)
@@ -108,11 +108,12 @@ def narrow(model: Model, evidence: Observations, points: Points, u: Float[Any, "
 def plane_of(model: Model, given: Given, launch: Narrowed, u: Float[Any, " p"]) -> PlaneModel:
     """Height above the opening's centre [n] of launches so narrowed, with the noise of spin and distance."""
     values = values_at(model, u)
-    height = height_at(model.facts, values, given, launch.mean[:, 0], launch.mean[:, 1])
+    height = height_at(model.facts, values, given, model.catalogue, launch.mean[:, 0], launch.mean[:, 1])
     by_launch = height.by_launch[:, :2]
     variance = jnp.einsum("ni,nij,nj->n", by_launch, launch.covariance, by_launch) + FLOOR_M**2
     by_spin = height.by_launch[:, 2:] * given.wheel_spin_rev_s
-    by_speed = (by_launch[:, 0] * speed_gain(model.facts, values, given))[:, None] * given.wheel_log_speed
+    gain = speed_gain(model.facts, values, given, model.catalogue)
+    by_speed = (by_launch[:, 0] * gain)[:, None] * given.wheel_log_speed
     variance = variance + (by_spin**2).sum(1) + jnp.where(launch.alone, 2.0 * (by_spin * by_speed).sum(1), 0.0)
     variance = variance + (height.by_distance * given.distance_sd_m)**2
     centre_m = opening_at(model, u).centre_m if model.facts.target else 0.0
@@ -133,8 +134,8 @@ def free_tracks(model: Model, evidence: Observations, points: Points, u: Float[A
 
 
 def opening_at(model: Model, u: Float[Any, " p"]) -> Opening:
-    """What the ball has to pass at u; BadInput when the rig has no target."""
-    return opening_of(model.facts, effective(values_at(model, u), ORDINARY))
+    """What the ball has to pass at u; InputError when the rig has no target."""
+    return opening_of(model.facts, effective(values_at(model, u), ORDINARY, model.catalogue), model.catalogue)
 
 
 def values_at(model: Model, u: Float[Any, " p"]) -> dict[str, dict[str, Any]]:
@@ -148,7 +149,7 @@ def _scatter(model: Model, given: Given, values: dict[str, dict[str, Any]],
              u: Float[Any, " p"]) -> tuple[Float[Any, " n"], Float[Any, " n"]]:
     """Variances of log exit speed and of elevation before anything was measured of the launch."""
     speed, elevation_deg = (_value(model, name, u) for name in ("scatter.speed", "scatter.elevation_deg"))
-    wheels = (speed_gain(model.facts, values, given)[:, None] * given.wheel_log_speed)**2
+    wheels = (speed_gain(model.facts, values, given, model.catalogue)[:, None] * given.wheel_log_speed)**2
     return (given.rolled * speed**2 + wheels.sum(1),
             given.hooded * jnp.radians(elevation_deg)**2 + given.elevation_sd_rad**2)
 
@@ -180,11 +181,12 @@ def _track_update(model: Model, evidence: Observations, points: Points, u: Float
 
 
 def _law(model: Model, u: Float[Any, " p"], circumstances: Circumstances) -> Law:
-    return make_law(model.facts, flight_terms(model.terms), effective(values_at(model, u), circumstances))
+    values = effective(values_at(model, u), circumstances, model.catalogue)
+    return make_law(model.facts, flight_terms(model.terms, model.catalogue), values)
 
 
 def _tracker(model: Model, u: Float[Any, " p"]) -> Look:
-    return partial(watch, effective(values_at(model, u), ORDINARY))
+    return partial(watch, effective(values_at(model, u), ORDINARY, model.catalogue), among=model.catalogue)
 
 
 def _value(model: Model, name: str, u: Float[Any, " p"]) -> Any:
@@ -200,7 +202,7 @@ def relinearise(model: Model, evidence: Observations, points: Points, u: Float[A
     if evidence.tracks is not None:
         bare = evidence._replace(tracks=None)
         values = values_at(model, u)
-        exit = configured(model.facts, values, evidence.given)[1]
+        exit = configured(model.facts, values, evidence.given, model.catalogue)[1]
         launched_at = _track_update(model, evidence, points, u, exit, narrow(model, bare, points, u)).mean
     if evidence.free is not None:
         free_at = free_tracks(model, evidence, points, u).mean
@@ -227,12 +229,6 @@ def derivatives(model: Model, evidence: Observations, points: Points, weight: Fl
 
     hessian, (at, gradient) = jax.jacfwd(slope, has_aux=True)(u)
     return at, gradient, hessian
-
-
-@partial(jax.jit, static_argnames=("model",))
-def unit_scores(model: Model, evidence: Observations, points: Points, u: Float[Any, " p"]) -> Float[Any, " units"]:
-    """Log-likelihood of each unit."""
-    return log_likelihood(model, evidence, points, u)
 
 
 @partial(jax.jit, static_argnames=("model",))

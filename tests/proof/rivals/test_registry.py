@@ -2,9 +2,9 @@
 
 import pytest
 
+from benchmarks.field_table import claim_of
 from truearc.robot.config.schema import InputError
 from truearc_proof.rivals import registry as entrants
-from truearc_proof.rivals.truearc_entry import claim_of
 
 FINDING = {"mismatch": {"found": True, "p_value": 0.001}, "verdict": "set",
            "what": [{"term": "wind_x", "probability": 0.2}, {"term": "spin_decay", "probability": 0.7}],

@@ -12,19 +12,19 @@ from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import load_dataset
 
 BAD_ROWS = {
-    "b,nan,50,0.5,two,,,": "shots.csv:3: distance_m: nan is not finite",
-    "b,3,inf,0.5,two,,,": "shots.csv:3: hood_deg: inf is not finite",
-    "b,3,50,1e999,two,,,": "shots.csv:3: motor_ratio: 1e999 is not finite",
+    "b,nan,50,0.5,two,,,": "shots.csv:3: distance_m: 'nan' is not a finite number",
+    "b,3,inf,0.5,two,,,": "shots.csv:3: hood_deg: 'inf' is not a finite number",
+    "b,3,50,1e999,two,,,": "shots.csv:3: motor_ratio: '1e999' is not a finite number",
     "b,-1,50,0.5,two,,,": "shots.csv:3: distance_m: -1 is out of range",
     "b,3,120,0.5,two,,,": "shots.csv:3: hood_deg: 120 is out of range (0 to 90)",
     "b,3,50,1.5,two,,,": "shots.csv:3: motor_ratio: 1.5 is out of range (0 to 1)",
-    "b,3,50,fast,two,,,": "shots.csv:3: motor_ratio: 'fast' is not a number",
-    "b,3,50,1_0,two,,,": "shots.csv:3: motor_ratio: '1_0' is not a number",
+    "b,3,50,fast,two,,,": "shots.csv:3: motor_ratio: 'fast' is not a finite number",
+    "b,3,50,1_0,two,,,": "shots.csv:3: motor_ratio: '1_0' is not a finite number",
     "b,3,50,0.5,four,,,": "shots.csv:3: outcome: 'four' is none of miss, two, three",
     "b,3,50,0.5,miss,up,,": "shots.csv:3: side: 'up' is none of low, high, left, right",
     "b,3,50,0.5,three,low,,": "shots.csv:3: side: outcome three cannot have the miss side 'low'",
-    "b,3,50,0.5,two,,,warm": "shots.csv:3: temperature_c: 'warm' is not a number",
-    "b,3,50,0.5,two,,,NaN": "shots.csv:3: temperature_c: NaN is not finite",
+    "b,3,50,0.5,two,,,warm": "shots.csv:3: temperature_c: 'warm' is not a finite number",
+    "b,3,50,0.5,two,,,NaN": "shots.csv:3: temperature_c: 'NaN' is not a finite number",
     "a,3,50,0.5,two,,,": "shots.csv:3: shot_id: 'a' stands already in",
     ",3,50,0.5,two,,,": "shots.csv:3: shot_id: is missing",
     "b,3,50,0.5,two": "shots.csv:3: 5 cells where the header has 8",
@@ -62,7 +62,7 @@ def test_all_problems_are_listed_up_to_twenty(tmp_path):
     ("z,0,0,0,0", "tracks.csv:3: shot_id: 'z' is not among the shots"),
     ("a,0,0,0,0", "tracks.csv:3: t_s: 0 does not follow 0 of the same shot"),
     ("a,1,,0,0", "tracks.csv:3: x_m: is missing"),
-    ("a,1,0,0,inf", "tracks.csv:3: z_m: inf is not finite"),
+    ("a,1,0,0,inf", "tracks.csv:3: z_m: 'inf' is not a finite number"),
 ])
 def test_a_bad_track_sample_is_named(tmp_path, tracks, message):
     write(tmp_path, f"{HEADER}\n{GOOD}\n", tracks=f"shot_id,t_s,x_m,y_m,z_m\na,0,0,0,1\n{tracks}\n")
@@ -76,7 +76,7 @@ def test_a_bad_trace_sample_is_named(tmp_path):
     with pytest.raises(InputError) as error:
         load_dataset(tmp_path)
     assert "traces.csv:2: signal: is missing" in str(error.value)
-    assert "traces.csv:3: value: 'full' is not a number" in str(error.value)
+    assert "traces.csv:3: value: 'full' is not a finite number" in str(error.value)
 
 
 @pytest.mark.parametrize(("shots", "message"), [

@@ -79,7 +79,7 @@ def test_a_bad_parquet_row_is_named(tmp_path):
     home = parquet_of(tmp_path / "p", shot_id=["a", "b"], distance_m=[3.0, float("nan")], outcome=["two", "four"])
     with pytest.raises(InputError) as error:
         load_dataset(home)
-    assert "shots.parquet: row 2: distance_m: nan is not finite" in str(error.value)
+    assert "shots.parquet: row 2: distance_m: nan is not a finite number" in str(error.value)
     assert "shots.parquet: row 2: outcome: 'four'" in str(error.value)
 
 

@@ -14,7 +14,6 @@ from truearc.sim.discover.model.baseline_fit import fit_believed
 from truearc.sim.discover.model.design_columns import lay_out
 from truearc.sim.discover.model.prepared_data import take_in
 from truearc.sim.discover.plan.experiment_design import (
-    ACCURACY,
     PACES,
     SURE,
     Contest,
@@ -27,9 +26,9 @@ from truearc.sim.discover.plan.experiment_design import (
     within_reach,
     worth,
 )
-from truearc.sim.discover.plan.recommendations import MEASURE
 from truearc.sim.discover.select.forward_selection import Search, go_forward
 from truearc.sim.discover.select.selection_step import Step
+from truearc.sim.physics.catalogue import TERMS
 from truearc.sim.physics.simulate import predict
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world
@@ -171,4 +170,5 @@ def test_slower_and_faster_wheels_are_foretold_as_the_simulator_has_them() -> No
 
 
 def test_whatever_can_be_measured_of_the_launcher_is_weighed_with_an_accuracy() -> None:
-    assert {name for name in MEASURE if not name.startswith("track_")} - set(ACCURACY) == {"air_change"}
+    unweighed = {term.name for term in TERMS if term.instrument and term.instrument.sd is None}
+    assert unweighed == {"air_change", "track_scale", "track_tilt", "track_clock", "track_perspective"}

@@ -23,7 +23,7 @@ from truearc.sim.discover.finding import (
     Where,
 )
 from truearc.sim.discover.model.score_table import Column
-from truearc.sim.discover.report.effect_wording import PHRASES, plain, say_effect, scale_of, size_of
+from truearc.sim.discover.report.effect_wording import plain, say_effect, scale_of, size_of
 from truearc.sim.discover.report.finding_text import (
     console_lines,
     say_named,
@@ -63,11 +63,13 @@ def told(
 ) -> str:
     """The sentence for these names; the first alone unless more are chosen."""
     leading = Further(what, chosen or (what[0].term,), None)
-    return say_named(believed, p_value, WHERE, leading, also, fit, None)
+    return say_named(believed, p_value, leading, also, fit, None)
+
+
+PHRASES = {term.name: term.phrase for term in TERMS}
 
 
 def test_every_term_has_words_for_either_sign_that_take_one_size() -> None:
-    assert set(PHRASES) == {term.name for term in TERMS}
     for phrase in PHRASES.values():
         assert phrase.more.count("{}") == phrase.less.count("{}") == 1
         assert phrase.factor > 0.0
@@ -197,7 +199,7 @@ def test_a_name_that_shows_as_a_step_in_time_says_since_when() -> None:
     leading = Further((named("ball_wear", 0.1, 0.01),), ("ball_wear",), None)
     for what, shape, told in ((time, "step at 2990", True), (time, "straight", False), (BATTERY, "step at 12", False)):
         place = Place(Test("free", 0, what, shape, np.zeros(4)), column, 0, cast(Correction, None), {}, {}, None)
-        said = say_named(("gravity",), 0.01, WHERE, leading, (), NO_FIT, place)
+        said = say_named(("gravity",), 0.01, leading, (), NO_FIT, place)
         assert ("as a step where the time in the session is above 2990" in said) == told
 
 

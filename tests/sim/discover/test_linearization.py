@@ -12,7 +12,7 @@ import pytest
 from scipy.stats import multivariate_normal, norm
 
 from tests.sim.discover.mixed import BALLS, BELIEVED, FLOWN, LANDED, MEASURED, SHOTS, THROWN, make_mixed
-from truearc.sim.discover.model.design_columns import LUCK, lay_out
+from truearc.sim.discover.model.design_columns import BALL_SPEED, lay_out
 from truearc.sim.discover.model.forward_model import see
 from truearc.sim.discover.model.linearization import (
     LinearizationPoint,
@@ -266,8 +266,9 @@ def test_an_effect_of_a_ball_is_the_same_slope_in_that_balls_shots_alone(bench: 
     """Against indicator columns: launch speed and drag, times one standard deviation of balls, times (ball = b)."""
     evidence, cd = bench.evidence, find_parameter("drag.cd").prior
     assert cd is not None
+    assert find_parameter("drag.cd").fit_each_ball
     base = [evidence.index("launch speed")] * 5 + [evidence.index("drag.cd")] * 5
-    scale = np.repeat([LUCK["speed"], LUCK["drag"] * cd.centre], 5)
+    scale = np.repeat([BALL_SPEED, find_parameter("drag.cd").by_ball * cd.centre], 5)
     groups = [number for number, column in enumerate(evidence.columns) if column.kind == "group"]
     assert len(groups) == 10 and groups[-1] == len(evidence.columns) - 1
     member = np.tile(BALLS[:, None] == np.arange(5), 2) * scale

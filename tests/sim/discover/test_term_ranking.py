@@ -13,6 +13,7 @@ from truearc.sim.discover.api import discover
 from truearc.sim.discover.model.baseline_fit import BaselineFit
 from truearc.sim.discover.select.refit import Refit
 from truearc.sim.discover.select.term_ranking import NEVER, Naming, is_possible, name_terms, nats_for, one_step
+from truearc.sim.physics.catalogue import BUILT_IN
 from truearc_proof.truth.generate import shoot
 
 PLANTED = "spin_drag.share"
@@ -106,7 +107,8 @@ def test_amplitudes_of_the_wrong_sign_are_impossible_only_beyond_doubt() -> None
     def found(value: float, wanted: float | None = None) -> Refit:
         amplitude = np.array([value])
         one = SimpleNamespace(names=("wheel_slip.loss_per_m_s",), amplitude=amplitude, value=amplitude,
-                              wanted=amplitude if wanted is None else np.array([wanted]), sd=np.array([0.002]))
+                              wanted=amplitude if wanted is None else np.array([wanted]), sd=np.array([0.002]),
+                              layout=SimpleNamespace(chain=SimpleNamespace(catalogue=BUILT_IN)))
         return cast(Refit, one)
 
     assert is_possible(found(0.01), 0.015) and is_possible(found(-0.003), 0.015)

@@ -8,13 +8,13 @@ from tests.sim.infer.independent import configurations, fired, heights, outcomes
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.gate.gate_text import tell_heldout, tell_residual
-from truearc.sim.gate.metrics import figures_of
 from truearc.sim.gate.model import PhysicsGate
 from truearc.sim.gate.outcome_classes import marks_of
 from truearc.sim.gate.physics import physics_of
 from truearc.sim.gate.store import MODEL_FILE, load_physics_gate, save_physics_gate
 from truearc.sim.gate.surrogate import compare, inside, make_surrogate
 from truearc.sim.gate.train import Heldout, fit_physics_gate, train_physics_gate
+from truearc.sim.metrics import figures_of
 from truearc.sim.paper.training import domain_of
 
 

@@ -17,10 +17,10 @@ from truearc.sim.infer.likelihood.outcome_likelihood import LAPSE
 from truearc.sim.infer.likelihood.shot_likelihood import (
     Points,
     derivatives,
+    log_likelihood,
     narrow,
     objective,
     outcome_table,
-    unit_scores,
 )
 from truearc.sim.infer.likelihood.small_matrices import log_det_and_inverse
 from truearc.sim.infer.likelihood.track_data import TrackData
@@ -83,7 +83,7 @@ def test_a_measured_exit_speed_is_a_normal_reading_of_the_launch():
     wheels = 0.5 * np.hypot(reference.LOWER_RADIUS_M, reference.UPPER_RADIUS_M) / 2 / reference.exit_of(ratio)[0]
     scatter, noise = TRUTH.speed_sd**2 + wheels**2, (EXIT_SPEED_SD_M_S / seen)**2
     off = np.log(seen / speed)
-    assert float(unit_scores(model, evidence, NO_POINTS, u)[0]) == pytest.approx(
+    assert float(log_likelihood(model, evidence, NO_POINTS, u)[0]) == pytest.approx(
         stats.norm.logpdf(off, 0.0, np.sqrt(scatter + noise)), rel=1e-9)
     launch = narrow(model, evidence, NO_POINTS, u)
     assert float(launch.mean[0, 0]) == pytest.approx(off * scatter / (scatter + noise), rel=1e-9)

@@ -11,7 +11,7 @@ from truearc.sim.data.dataset import Dataset, load_dataset, save_dataset
 from truearc.sim.world.options import Options
 from truearc.sim.world.parts.target import CENTRE_HEIGHT_M
 from truearc_proof.world.practice import ASIDE, plan_season, reach_m, reach_table
-from truearc_proof.world.season import Sensors, ShotSetting, play_season, shoot_season
+from truearc_proof.world.season import Sensors, ShotSetting, play_season
 
 FACTS = load_config(Path(robot.__file__).parent / "launcher.toml").rig
 EXACT = Sensors(0.0, 0.0, 0.0, 0.0)
@@ -20,7 +20,7 @@ SETTINGS = (ShotSetting(5.4, 45.0, 0.55), ShotSetting(5.7, 45.0, 0.55), ShotSett
 
 
 def season(options: Options = CALM, level: str = "L2", sensors: Sensors = EXACT, seed: int = 3) -> Dataset:
-    return shoot_season(FACTS, options, seed, SETTINGS, level, sensors)
+    return play_season(FACTS, options, seed, SETTINGS, level, sensors).dataset
 
 
 def test_it_is_a_dataset_and_the_same_every_time(tmp_path: Path) -> None:
@@ -103,7 +103,7 @@ def test_tracks_begin_at_the_muzzle_and_fall_as_a_ball_does() -> None:
 def test_practice_says_where_balls_fall_through_the_goal() -> None:
     """Shot where the table says, a ball passes near the centre; the plan spreads about that."""
     setting = ShotSetting(reach_m(46.0, 0.57), 46.0, 0.57)
-    tracks = shoot_season(FACTS, CALM, 0, (setting,), "L2", EXACT._replace(track_s=5.0)).tracks
+    tracks = play_season(FACTS, CALM, 0, (setting,), "L2", EXACT._replace(track_s=5.0)).dataset.tracks
     assert tracks is not None and tracks.z_m[-1] == pytest.approx(CENTRE_HEIGHT_M, abs=0.15)
     assert np.isnan(reach_m(10.0, 0.5)) and np.isfinite(reach_table()).mean() > 0.8
     plan = plan_season(4, 60)
@@ -115,8 +115,8 @@ def test_practice_says_where_balls_fall_through_the_goal() -> None:
 def test_a_shot_that_the_battery_has_no_speed_for_is_given_up_and_the_next_is_shot() -> None:
     slow, fast = ShotSetting(3.0, 50.0, 0.5), ShotSetting(3.0, 50.0, 0.8)
     empty = Options(battery_start_v=7.5)
-    shots = shoot_season(FACTS, empty, 1, [slow, fast, slow], "L0").shots
+    shots = play_season(FACTS, empty, 1, [slow, fast, slow], "L0").dataset.shots
     assert len(shots) == 2
     assert shots.number("motor_ratio") == pytest.approx([0.5, 0.5], abs=0.01)
     with pytest.raises(TimeoutError, match="never got ready"):
-        shoot_season(FACTS, empty, 1, [fast], "L0")
+        play_season(FACTS, empty, 1, [fast], "L0")

@@ -4,6 +4,7 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 from truearc.cli.discover.discover import believed_terms, check_place, home_of, write_out
+from truearc.cli.terms_from import add_terms_from, catalogue_of
 from truearc.robot.config.schema import InputError
 from truearc.sim.discover.settings import CONFIGURATIONS, FALSE_ALARM, LEAST_FALSE_ALARM, PLANNED_SHOTS
 
@@ -11,6 +12,7 @@ if TYPE_CHECKING:
     from truearc.sim.data.dataset import Dataset, Shots
     from truearc.sim.discover.plan.experiment_design import Block, Design
     from truearc.sim.discover.select.selection_step import Step
+    from truearc.sim.physics.catalogue import Catalogue
 
 DESCRIPTION = """Say which shots, of those that the robot can take, or which measurement would best tell apart the names
 that discover leaves, and how likely they are to."""
@@ -30,6 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--belief", metavar="FILE", help="coefficients.toml of this very rig from an earlier session, "
                         "as in discover")
     parser.add_argument("--since", metavar="DIR", help="dataset that --belief was adopted from, as in discover")
+    add_terms_from(parser)
     parser.add_argument("--shots", type=int, default=PLANNED_SHOTS, metavar="N",
                         help="shots to plan (default %(default)s)")
     parser.add_argument("--configurations", type=int, default=CONFIGURATIONS, metavar="K",
@@ -54,17 +57,18 @@ def main(args: argparse.Namespace) -> int:
     if args.seed < 0 or not LEAST_FALSE_ALARM <= args.false_alarm < 1.0:
         raise InputError(f"--seed cannot be negative, --false-alarm is between {LEAST_FALSE_ALARM} and 1")
     check_place(args.json)
-    believed, belief = believed_terms(args), None if args.belief is None else load_belief(args.belief)
+    among = catalogue_of(args)
+    believed, belief = believed_terms(args, among), None if args.belief is None else load_belief(args.belief, among)
     keep_compiled()
     dataset = load_dataset(args.dataset)
     found = discover(dataset, believed, args.false_alarm, args.seed, make_progress("design", args.quiet), belief,
-                     home_of(args, dataset))
+                     home_of(args, dataset), terms=among)
     print(found.finding.sentence)
     table: dict[str, Any] = {"schema": SCHEMA, "verdict": found.finding.verdict, "next": []}
     if found.steps and can_design(found.steps[0]):
         step = found.steps[0]
-        table |= as_table(make_design(step, args.shots, args.configurations, args.seed), dataset, step)
-        print("\n".join(lines_of(table)))
+        table |= as_table(make_design(step, args.shots, args.configurations, args.seed), dataset, step, among)
+        print("\n".join(lines_of(table, among)))
     else:
         print("There are no names to tell apart by shots.")
     if args.json:
@@ -72,8 +76,8 @@ def main(args: argparse.Namespace) -> int:
     return 0
 
 
-def as_table(design: "Design", dataset: "Dataset", step: "Step") -> dict[str, Any]:
-    """What --json writes, besides schema and verdict; `next` as in truearc.finding/1."""
+def as_table(design: "Design", dataset: "Dataset", step: "Step", among: "Catalogue | None" = None) -> dict[str, Any]:
+    """The --json output, besides schema and verdict; `next` as in truearc.finding/1. among: the catalogue."""
     from truearc.sim.physics.catalogue import find_terms
     names = [name.partition(".")[0] for name in design.names]
     rows = step.fitted.evidence.rows
@@ -82,18 +86,18 @@ def as_table(design: "Design", dataset: "Dataset", step: "Step") -> dict[str, An
              for block in _together(design.blocks)]
     measure = [{"do": "measure", "what": one.what, "separates": list(one.terms), "probability": one.probability}
                for one in design.measurements]
-    follow = [term.follows for term in find_terms(names)]
+    follow = [term.follows for term in find_terms(names, among)]
     return {"names": dict(zip(names, map(float, design.probability), strict=True)),
             "as_then": [AS_THEN[one] for one in dict.fromkeys(follow) if one in AS_THEN],
             "probability_before": design.before, "probability_after": design.after,
             "random_shots_worth_as_much": design.random, "next": shoot + measure}
 
 
-def lines_of(table: dict[str, Any]) -> list[str]:
-    """The plan as text."""
+def lines_of(table: dict[str, Any], among: "Catalogue | None" = None) -> list[str]:
+    """The plan as text; among: the catalogue of the terms."""
     from truearc.sim.discover.plan.experiment_design import MOST_RANDOM
     from truearc.sim.discover.report.effect_wording import plain
-    names = ", ".join(f"{plain(name)} ({share:.0%})" for name, share in table["names"].items())
+    names = ", ".join(f"{plain(name, among)} ({share:.0%})" for name, share in table["names"].items())
     shoot = [one for one in table["next"] if one["do"] == "shoot"]
     total = sum(one["shots"] for one in shoot)
     lines = [f"To tell apart: {names}."]

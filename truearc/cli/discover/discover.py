@@ -4,12 +4,14 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from truearc.cli.terms_from import add_terms_from, catalogue_of
 from truearc.robot.config.schema import InputError
 from truearc.sim.discover.settings import FALSE_ALARM, LEAST_FALSE_ALARM
 
 if TYPE_CHECKING:
     from truearc.sim.data.dataset import Dataset
     from truearc.sim.discover.api import Investigation
+    from truearc.sim.physics.catalogue import Catalogue
 
 DESCRIPTION = """Report whether a dataset disagrees with the simulation as it stands, where, and what the simulation
 lacks. Before there are data, `truearc identifiability` reports what a season of shots could show."""
@@ -24,6 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         "(discover --adopt, fit): the baseline, with its uncertainties; what has changed?")
     parser.add_argument("--since", metavar="DIR", help="dataset that --belief was adopted from: what the belief leaves "
                         "over there already is no change; tracks see that, and telemetry at times")
+    add_terms_from(parser)
     parser.add_argument("--measured", metavar="TERM=VALUE,SD", action="append", default=[], help="what was measured of "
                         "a term without a shot, with its standard deviation, in the term's unit; may come often")
     parser.add_argument("--json", metavar="FILE", help="write the finding as JSON")
@@ -48,14 +51,15 @@ def main(args: argparse.Namespace) -> int:
                          "take more draws than are made) and 1")
     if args.seed < 0:
         raise InputError(f"--seed: {args.seed} is negative")
-    believed = believed_terms(args)
+    among = catalogue_of(args)
+    believed = believed_terms(args, among)
     for path in (args.json, args.report, args.adopt):
         check_place(path)
     keep_compiled()
-    belief = None if args.belief is None else load_belief(args.belief)
+    belief = None if args.belief is None else load_belief(args.belief, among)
     dataset = load_dataset(args.dataset)
     found = discover(dataset, believed, args.false_alarm, args.seed, make_progress("discover", args.quiet), belief,
-                     home_of(args, dataset), read_measured(args.measured, "--measured"))
+                     home_of(args, dataset), read_measured(args.measured, "--measured", among), among)
     adopted = [adopt(found, args.dataset, args.adopt)] if args.adopt else []
     tell(found, Path(args.dataset).name, args.json, args.report)
     print(*adopted, sep="\n", end="\n" if adopted else "")
@@ -73,23 +77,23 @@ def home_of(args: argparse.Namespace, later: "Dataset") -> "Dataset | None":
     return home
 
 
-def believed_terms(args: argparse.Namespace) -> list[str] | None:
+def believed_terms(args: argparse.Namespace, among: "Catalogue") -> list[str] | None:
     """What --believe names; InputError where it names nothing, or --belief does, or --since stands without that."""
     if args.since is not None and args.belief is None:
         raise InputError("--since goes with --belief, which was adopted from that dataset")
     if args.belief is not None and args.believe is not None:
         raise InputError("--belief and --believe exclude each other: the file names its terms")
-    return parse_terms(args.believe)
+    return parse_terms(args.believe, among)
 
 
-def parse_terms(text: str | None) -> list[str] | None:
+def parse_terms(text: str | None, among: "Catalogue") -> list[str] | None:
     """The terms in the text of --believe; None where it was not given, InputError for a term that does not exist."""
     from truearc.sim.discover.model.design_columns import check_believed
     believed = None if text is None else [name.strip() for name in text.split(",") if name.strip()]
     if believed == []:
         raise InputError("--believe: names no term")
     try:
-        check_believed(tuple(believed or ()))
+        check_believed(believed or (), among)
     except InputError as error:
         raise InputError(f"--believe: {error}") from error
     return believed
@@ -104,7 +108,7 @@ def tell(found: "Investigation", name: str, json_path: str | Path | None, report
         write_out(json_path, make_json(found.finding))
     if report_path:
         write_out(report_path, make_report(name, found).encode())
-    print("\n".join(console_lines(found.finding)))
+    print("\n".join(console_lines(found.finding, found.catalogue)))
 
 
 def adopt(found: "Investigation", dataset: str, path: str) -> str:

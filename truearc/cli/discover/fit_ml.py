@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from truearc.cli.progress import make_progress
+from truearc.cli.terms_from import catalogue_of
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset, hash_dataset, load_dataset
 from truearc.sim.infer.advise import advise
@@ -23,7 +24,6 @@ from truearc.sim.infer.fit_text import (
 from truearc.sim.infer.map_fit import MlFit, fit_ml
 from truearc.sim.infer.profile import ProfileInterval, profile_interval
 from truearc.sim.paper.grid_start import grid_start
-from truearc.sim.physics.catalogue import find_terms
 
 if TYPE_CHECKING:
     from truearc.sim.infer.posterior import Posterior
@@ -32,12 +32,13 @@ if TYPE_CHECKING:
 def run_fit(args: argparse.Namespace) -> int:
     """Fit, report and write; args: those of `truearc fit`."""
     _check(args)
+    among = catalogue_of(args)
     asked = None if args.terms is None else _names("--terms", args.terms)
     dataset = load_dataset(args.dataset)
     terms = dataset.facts.believe.terms if asked is None else asked
-    find_terms(terms)
-    fit = fit_ml(dataset.facts, dataset, terms, make_progress("fit", args.quiet),
-                 grid_start(dataset.facts, dataset))
+    among.find(terms)
+    fit = fit_ml(dataset.facts, dataset, terms, make_progress("fit", args.quiet), grid_start(dataset.facts, dataset),
+                 among)
     _say("", say_evidence(fit))
     if not fit.converged:
         print("truearc fit: the search for the most probable parameters did not settle; nothing is written",
@@ -45,7 +46,7 @@ def run_fit(args: argparse.Namespace) -> int:
         return 1
     _say("what these shots can tell", say_identified(fit))
     intervals = _profiles(fit, args.quiet)
-    _say("estimates", say_estimates(intervals, {one.name: one.unit for one in fit.model.sought}))
+    _say("estimates", say_estimates(intervals, fit.model.sought))
     _say("", say_scatter(fit))
     score = cross_validate(fit, make_progress("cross-validation", args.quiet))
     _say("", say_prediction(score))

@@ -4,13 +4,15 @@ import argparse
 import csv
 import math
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from truearc.cli.options import refuse
 from truearc.cli.progress import make_progress
+from truearc.cli.terms_from import add_terms_from, catalogue_of
 from truearc.robot.config.schema import InputError
+from truearc.sim.progress import Progress
 
 if TYPE_CHECKING:
     from truearc.sim.data.dataset import Dataset
@@ -31,13 +33,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--cd", type=float, help="drag coefficient of the paper's Eq. 3")
     parser.add_argument("--cl", type=float, help="lift coefficient of the paper's Eq. 2")
     parser.add_argument("--coefficients", metavar="FILE", help="coefficients.toml, instead of --cd and --cl")
+    add_terms_from(parser)
     parser.add_argument("-o", "--out", metavar="FILE", help="CSV to write instead of standard output")
 
 
 def main(args: argparse.Namespace) -> int:
     """Return 0 when every row is answered."""
     if args.gate is not None:
-        refuse(args, ("--cd", "--cl", "--coefficients"), "does not apply with --gate, which carries its own")
+        refuse(args, ("--cd", "--cl", "--coefficients", "--terms-from"), "does not apply with --gate")
         from truearc.cli.gate.predict_gate import predict_by_gate
         return predict_by_gate(args)
     from truearc.sim.data.dataset import load_dataset
@@ -55,7 +58,7 @@ def main(args: argparse.Namespace) -> int:
     return 0
 
 
-def _progress(shots: int, quiet: bool) -> Callable[[float, str], None]:
+def _progress(shots: int, quiet: bool) -> Progress:
     """Shown for work that lasts only."""
     return make_progress("predict", quiet or shots < LONG)
 
@@ -67,7 +70,8 @@ def _belief(args: argparse.Namespace) -> "Belief":
     if args.coefficients is not None:
         if pair != (None, None):
             raise InputError("--coefficients and --cd, --cl exclude each other")
-        return load_belief(args.coefficients)
+        return load_belief(args.coefficients, catalogue_of(args))
+    refuse(args, ("--terms-from",), "applies with --coefficients only, whose file names the terms")
     for option, value in zip(("--cd", "--cl"), pair, strict=True):
         if value is None:
             raise InputError(f"{option} is needed (or --coefficients FILE)")
@@ -77,7 +81,7 @@ def _belief(args: argparse.Namespace) -> "Belief":
 
 
 def _rows(dataset: "Dataset", belief: "Belief",
-          progress: Callable[[float, str], None]) -> Iterable[tuple[str, str, str, str]]:
+          progress: Progress) -> Iterable[tuple[str, str, str, str]]:
     from truearc.sim.data.shot_conditions import circumstances_of
     from truearc.sim.discover.detect.covariates import every_column
     from truearc.sim.infer.curve import along
@@ -86,8 +90,9 @@ def _rows(dataset: "Dataset", belief: "Belief",
     if dataset.facts.target is None:
         raise InputError("rig.toml: [target] is needed to tell deviation and outcome")
     circumstances = along(belief.curves, circumstances_of(dataset), every_column(dataset), len(dataset.shots))
-    opening = opening_of(dataset.facts, effective(belief.coefficients, circumstances))
-    height_m = predict(dataset.facts, belief.coefficients, dataset.shots, progress, circumstances).height_m
+    among = belief.catalogue
+    opening = opening_of(dataset.facts, effective(belief.coefficients, circumstances, among), among)
+    height_m = predict(dataset.facts, belief.coefficients, dataset.shots, progress, circumstances, among).height_m
     deviation_m = height_m - opening.centre_m
     outcome = classify(dataset.facts, height_m, opening)
     for row, name in enumerate(dataset.shots.shot_id):

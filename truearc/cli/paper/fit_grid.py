@@ -1,7 +1,6 @@
 """The work of `truearc paper fit`: the grid search, its report and its files."""
 
 import argparse
-import csv
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -18,6 +17,7 @@ from truearc.sim.paper.grid_bootstrap import Bootstrap, bootstrap_grid
 from truearc.sim.paper.grid_fit import GridFit, fit_grid, map_deviation
 from truearc.sim.plots import Zoom, draw_fit_map
 from truearc.sim.report import make_png
+from truearc.sim.tables import save_csv
 
 ZOOM_POINTS = 90                      # a side at most, of the picture's second panel
 
@@ -46,11 +46,8 @@ def _write(args: argparse.Namespace, dataset: Dataset, fit: GridFit, scored: Sco
     if args.out is not None:
         save_coefficients(args.out, fit.coefficients, _provenance(args.step, dataset, fit, scored, again))
     if args.tied is not None:
-        with Path(args.tied).open("w", encoding="utf-8", newline="") as file:
-            rows = csv.writer(file)
-            rows.writerow(TIE_HEADER)
-            rows.writerows([[f"{cd:.6g}", f"{cl:.6g}", _metres(mean_m), _metres(median_m)]
-                            for cd, cl, mean_m, median_m in fit.ties])
+        save_csv(Path(args.tied), TIE_HEADER, [[f"{cd:.6g}", f"{cl:.6g}", _metres(mean_m), _metres(median_m)]
+                                               for cd, cl, mean_m, median_m in fit.ties])
     if args.picture is not None:
         figure = draw_fit_map(fit.axis, fit.share_three.T, (fit.cd, fit.cl), fit.tied.T, _zoom(dataset, fit))
         Path(args.picture).write_bytes(make_png(figure))

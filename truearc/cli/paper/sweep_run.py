@@ -1,7 +1,6 @@
 """The work of `truearc paper sweep`: trains the networks, compares the settings, writes tables and picture."""
 
 import argparse
-import csv
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
@@ -30,7 +29,9 @@ from truearc.sim.paper.sweep_settings import (
 )
 from truearc.sim.paper.training import accuracy
 from truearc.sim.report import make_png
+from truearc.sim.tables import make_text, save_csv
 
+HEADER = ("simulated", "lambda", "cross-entropy: validation", "held out", "right, held out: outcome", "two", "three")
 FIGURES = ("validation_loss", "heldout_loss", "outcome", "two", "three")
 LAMBDAS = "0.01"                      # without --lambdas
 Kind = TypeVar("Kind", int, float)
@@ -77,21 +78,14 @@ def _numbers(option: str, text: str, kind: Callable[[str], Kind]) -> list[Kind]:
 
 
 def _save_tables(home: Path, scores: Sequence[SweepScore], settings: Sequence[SweepSetting]) -> None:
-    _save_csv(home / "networks.csv", SweepScore._fields, scores)
+    save_csv(home / "networks.csv", SweepScore._fields, scores)
     header = ["size", "weight", "seeds", *(f"{name}{end}" for name in FIGURES for end in ("", "_half95"))]
     rows = []
     for setting in settings:
         mine = of_setting(scores, setting)
         means = [mean_of([getattr(score, name) for score in mine]) for name in FIGURES]
         rows.append([*setting, len(mine), *("" if number != number else number for mean in means for number in mean)])
-    _save_csv(home / "settings.csv", header, rows)
-
-
-def _save_csv(path: Path, header: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
-    with path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(header)
-        writer.writerows(rows)
+    save_csv(home / "settings.csv", header, rows)
 
 
 def _save_best(args: argparse.Namespace, directory: Path, recipe: Recipe, real: Any, network: SweepNetwork,
@@ -102,13 +96,13 @@ def _save_best(args: argparse.Namespace, directory: Path, recipe: Recipe, real: 
 
 
 def _tell(scores: Sequence[SweepScore], settings: Sequence[SweepSetting], verdict: Verdict | None) -> None:
-    print(f"{'simulated':>9s} {'lambda':>7s}   cross-entropy: validation     held out    right, held out: outcome"
-          "            two          three")
+    rows = []
     for setting in settings:
         mine = of_setting(scores, setting)
         loss, heldout, *shares = [mean_of([getattr(score, name) for score in mine]) for name in FIGURES]
-        print(f"{setting.size:9d} {setting.weight:7g}   {_pm(loss):>25s} {_pm(heldout):>12s}   "
-              f"{_pm(shares[0], 100):>22s} {_pm(shares[1], 100):>14s} {_pm(shares[2], 100):>14s}")
+        rows.append([f"{setting.size}", f"{setting.weight:g}", _pm(loss), _pm(heldout),
+                     *(_pm(share, 100) for share in shares)])
+    print("\n".join(make_text(HEADER, rows, right=range(len(HEADER)))))
     if verdict:
         print(_sentence(verdict))
 

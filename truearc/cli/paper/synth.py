@@ -5,6 +5,8 @@ import json
 import shutil
 from pathlib import Path
 
+from truearc.cli.terms_from import add_terms_from, catalogue_of
+
 DESCRIPTION = """Simulated shots for the classifier: every configuration of the paper's grid is flown with fitted
 coefficients, and an even sample of the three outcomes is drawn. With --draws each shot has coefficients of its own,
 drawn from the covariance that `truearc fit` writes, and the scatter and sensor noise of a real shot."""
@@ -15,6 +17,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--rig", required=True, help="rig.toml")
     parser.add_argument("--coefficients", required=True, metavar="FILE",
                         help="coefficients.toml, as `truearc fit` and `truearc paper fit` write it")
+    add_terms_from(parser)
     parser.add_argument("-n", type=int, default=900, help="shots in all (900)")
     parser.add_argument("--draws", type=int, metavar="N",
                         help="draw N sets of coefficients from the fit's covariance, and scatter every shot; without "
@@ -29,13 +32,14 @@ def main(args: argparse.Namespace) -> int:
     from importlib.metadata import version
 
     from truearc.cli.progress import make_progress
+    from truearc.sim.data.columns import OUTCOMES
     from truearc.sim.data.dataset import Dataset, check_free, dataset_hash, load_dataset, load_rig, save_dataset
     from truearc.sim.infer.belief import load_belief
-    from truearc.sim.paper.synthetic_data import OUTCOMES, PROVENANCE_FILE, SHAPE, synthesise
+    from truearc.sim.paper.synthetic_data import PROVENANCE_FILE, SHAPE, synthesise
     from truearc.sim.paper.synthetic_draws import check_belief, synthesise_draws
     check_free(args.out)
     facts = load_rig(args.rig)
-    belief = load_belief(args.coefficients)
+    belief = load_belief(args.coefficients, catalogue_of(args))
     recorded = load_dataset(args.exclude).shots if args.exclude else None
     progress = make_progress("synth", args.quiet)
     if args.draws is None:

@@ -14,9 +14,9 @@ from truearc.sim.data.columns import OUTCOMES
 from truearc.sim.data.dataset import load_dataset
 from truearc.sim.discover.api import Investigation
 from truearc.sim.discover.report.html_report import make_pictures
-from truearc.sim.gate.metrics import Figures, figures_of
 from truearc.sim.infer.coefficients import load_coefficients
 from truearc.sim.intervals import difference
+from truearc.sim.metrics import Figures, figures_of
 from truearc.sim.plots import Share, draw_shares, draw_shot, draw_trajectories
 from truearc.sim.report import make_page, make_png, paragraph, picture, table
 

@@ -11,8 +11,8 @@ from truearc.cli.start.demo_files import Demo, Score, read_ratings, score, share
 from truearc.sim.data.columns import OUTCOMES
 from truearc.sim.data.dataset import load_dataset
 from truearc.sim.discover.select.refit import clustered_error
-from truearc.sim.gate.metrics import Figures, figures_of, log_scores
 from truearc.sim.intervals import difference
+from truearc.sim.metrics import Figures, figures_of, log_scores
 from truearc.sim.report import paragraph, table
 
 NS = 1e-9

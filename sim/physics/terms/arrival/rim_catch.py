@@ -1,25 +1,23 @@
 """A rim that lets in balls that touch it, or throws out ones that should have gone in."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, ClassVar, final
-
-from truearc.sim.physics.term import ArrivalTerm, Opening, Parameter, Prior
+from truearc.sim.physics.term import LENGTH, ArrivalTerm, Instrument, Opening, Parameter, Phrase, Prior, Values
 
 
-@final
-@dataclass(frozen=True)
 class RimCatch(ArrivalTerm):
     """Both half heights of the opening grow by reach_m."""
 
-    name: ClassVar[str] = "rim_catch"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("reach_m", "m", -0.05, 0.3, 0.0, "a ball that touches the rim goes in or out by a few centimetres of "
-                  "its path",
-                  Prior("linear", 0.0, 0.03, "none to five centimetres of a rim's or a net's give")),)
-    symmetry: ClassVar[str] = "any"
-    sentence: ClassVar[str] = "The rim lets in balls that touch it, as if the opening were larger."
+    order = 20, "how large the opening is"
+    parameters = (Parameter(
+        "reach_m", "m", -0.05, 0.3, 0.0, "a ball that touches the rim goes in or out by a few centimetres of its path",
+        Prior("linear", 0.0, 0.03, "none to five centimetres of a rim's or a net's give"),
+        meaning="half height of the opening above the stated one"),)
+    direction = "vertical"
+    label = "forgiving rim"
+    sentence = "The rim lets in balls that touch it, as if the opening were larger."
+    phrase = Phrase("the opening takes balls that pass {} beyond its stated edges", "the opening is tighter than "
+                    "stated, by {} at each edge", *LENGTH)
+    instrument = Instrument("where balls touch the rim, on film", 0.01)
 
-    def arrive(self, values: Mapping[str, Any], opening: Opening) -> Opening:
+    def arrive(self, values: Values, opening: Opening) -> Opening:
         reach_m = values["reach_m"]
         return opening._replace(three_half_m=opening.three_half_m + reach_m, two_half_m=opening.two_half_m + reach_m)

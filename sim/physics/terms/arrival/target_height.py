@@ -1,23 +1,20 @@
 """A target that stands higher or lower than stated."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, ClassVar, final
-
-from truearc.sim.physics.term import ArrivalTerm, Opening, Parameter, Prior
+from truearc.sim.physics.term import LENGTH, ArrivalTerm, Instrument, Opening, Parameter, Prior, Values, either_way
 
 
-@final
-@dataclass(frozen=True)
 class TargetHeight(ArrivalTerm):
     """The opening's centre is rise_m over rig.toml's."""
 
-    name: ClassVar[str] = "target_height"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("rise_m", "m", -1.0, 1.0, 0.0, "fields are built to a few centimetres, floors are not level",
-                  Prior("linear", 0.0, 0.04, "a few centimetres by tape and floor")),)
-    symmetry: ClassVar[str] = "none"
-    sentence: ClassVar[str] = "The target stands higher or lower than stated."
+    order = 10, "where the opening is, before how large"
+    parameters = (Parameter(
+        "rise_m", "m", -1.0, 1.0, 0.0, "fields are built to a few centimetres, floors are not level",
+        Prior("linear", 0.0, 0.04, "a few centimetres by tape and floor"),
+        meaning="true height of the opening less the stated one"),)
+    direction = "vertical"
+    sentence = "The target stands higher or lower than stated."
+    phrase = either_way("the target stands {} <way> than stated", "higher", "lower", LENGTH)
+    instrument = Instrument("target height with a tape", 0.01)
 
-    def arrive(self, values: Mapping[str, Any], opening: Opening) -> Opening:
+    def arrive(self, values: Values, opening: Opening) -> Opening:
         return opening._replace(centre_m=opening.centre_m + values["rise_m"])

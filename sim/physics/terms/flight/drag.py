@@ -1,30 +1,29 @@
-"""Quadratic air drag (the seed's Eq. 3)."""
+"""Quadratic air drag (the paper's Eq. 3)."""
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, ClassVar, final
 
-from truearc.robot.config.rig_spec import Rig
-from truearc.sim.physics.term import BallState, FlightTerm, Parameter, Prior
-from truearc.sim.physics.vector import Vec, length, scale
+from truearc.sim.physics.term import BallState, FlightTerm, Forces, Rig, Values, Vec
+from truearc.sim.physics.term_fields import NUMBER, Instrument, Parameter, Phrase, Prior
+from truearc.sim.physics.vector import length, scale
 
 
-@final
-@dataclass(frozen=True)
 class Drag(FlightTerm):
     """F = (cd / 2) A rho v^2 against the velocity, with A = pi r^2."""
 
-    name: ClassVar[str] = "drag"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("cd", "1", 0.0, 5.0, 0.0, "the seed's search range; a smooth sphere has 0.4-0.5",
-                  Prior("log", 0.5, 0.7, "spheres and sports balls have 0.1 (past the drag crisis) to 0.7 (felt); a "
-                                         "factor of two either way leaves room for the seed's 0.91")),)
-    symmetry: ClassVar[str] = "any"
-    sentence: ClassVar[str] = "The air slows the ball in proportion to the square of its speed."
+    order = 110, "a force by itself, before those that are shares of it"
+    parameters = (Parameter(
+        "cd", "1", 0.0, 5.0, 0.0, "the paper's search range; a smooth sphere has 0.4-0.5",
+        Prior("log", 0.5, 0.7, "spheres and sports balls have 0.1 (past the drag crisis) to 0.7 (felt); a factor of "
+              "two either way leaves room for the paper's 0.91"),
+        meaning="drag coefficient", by_ball=0.08, fit_each_ball=True),)
+    direction = "along"
+    symmetry = "any"
+    sentence = "The air slows the ball in proportion to the square of its speed."
+    phrase = Phrase("the air slows the ball, with a drag coefficient of {}", "the air drives the ball, with a drag "
+                    "coefficient of minus {}", *NUMBER)
+    instrument = Instrument("the fall of a ball from a known height, on film", 0.05)
 
-    def acceleration(self, facts: Rig, values: Mapping[str, Any], ball: BallState,
-                     forces: Mapping[str, Vec]) -> Vec:
+    def acceleration(self, facts: Rig, values: Values, ball: BallState, forces: Forces) -> Vec:
         area_m2 = math.pi * facts.ball.radius_m**2
         per_m = values["cd"] * (0.5 * area_m2 * facts.air.density_kg_m3 / facts.ball.mass_kg)
         return scale(-per_m * length(ball.velocity_m_s), ball.velocity_m_s)

@@ -1,30 +1,30 @@
 """A drag coefficient that changes with speed (the Reynolds number of a given ball)."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, ClassVar, final
-
-from truearc.robot.config.rig_spec import Rig
-from truearc.sim.physics.term import BallState, FlightTerm, Parameter, Prior
-from truearc.sim.physics.vector import Vec, length, scale
+from truearc.sim.physics.term import BallState, FlightTerm, Forces, Rig, Values, Vec
+from truearc.sim.physics.term_fields import SHARE, Instrument, Parameter, Prior, either_way
+from truearc.sim.physics.vector import length, scale
 
 
-@final
-@dataclass(frozen=True)
 class DragReynolds(FlightTerm):
     """cd x (1 + slope (v / at_m_s - 1)): cd is the coefficient at at_m_s."""
 
-    name: ClassVar[str] = "drag_reynolds"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    order = 140, "a share of drag"
+    parameters = (
         Parameter("slope", "1", -1.0, 1.0, 0.0, "cd falls from 0.5 to 0.1-0.2 as rough balls pass Re 1e5 to 3e5 "
                   "(volleyballs: Hong 2020), and stays for tennis balls",
-                  Prior("linear", 0.0, 0.3, "a ball of 18 cm at 8 to 15 m/s is just below that fall or at its foot")),
-        Parameter("at_m_s", "m/s", 1.0, 30.0, 10.0, "a usual exit speed; it only says where cd is meant"))
-    symmetry: ClassVar[str] = "any"
-    sentence: ClassVar[str] = "The drag coefficient changes with the ball's speed."
+                  Prior("linear", 0.0, 0.3, "a ball of 18 cm at 8 to 15 m/s is just below that fall or at its foot"),
+                  meaning="relative change of the drag coefficient per relative speed"),
+        Parameter("at_m_s", "m/s", 1.0, 30.0, 10.0, "a usual exit speed; it only says where cd is meant",
+                  meaning="speed at which the drag coefficient is stated"))
+    direction = "along"
+    symmetry = "any"
+    label = "drag by speed"
+    sentence = "The drag coefficient changes with the ball's speed."
+    phrase = either_way("the drag coefficient <way> with speed, by {} from 10 to 20 m/s", "grows", "falls", SHARE,
+                        " per 10 m/s")
+    instrument = Instrument("the fall of a ball from two heights, on film", 0.2)
 
-    def acceleration(self, facts: Rig, values: Mapping[str, Any], ball: BallState,
-                     forces: Mapping[str, Vec]) -> Vec:
+    def acceleration(self, facts: Rig, values: Values, ball: BallState, forces: Forces) -> Vec:
         if "drag" not in forces:
             return Vec(0.0, 0.0, 0.0)
         faster = length(ball.velocity_m_s) / values["at_m_s"] - 1.0

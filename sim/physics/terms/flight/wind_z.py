@@ -1,27 +1,19 @@
 """Air that rises or sinks."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, ClassVar, final
-
-from truearc.robot.config.rig_spec import Rig
-from truearc.sim.physics.term import AirTerm, BallState, Parameter, Prior
-from truearc.sim.physics.vector import plus, times
+from truearc.sim.physics.term import SPEED, Instrument, Parameter, Prior, WindTerm, either_way
 
 
-@final
-@dataclass(frozen=True)
-class WindZ(AirTerm):
+class WindZ(WindTerm):
     """The ball's velocity through the air is its own less speed_m_s upward."""
 
-    name: ClassVar[str] = "wind_z"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("speed_m_s", "m/s", -10.0, 10.0, 0.0, "halls have draughts of 0.1 to 0.3 m/s, fields winds of 1 to 3 "
-                  "m/s",
-                  Prior("linear", 0.0, 0.8, "a hall's draught to a light breeze; more would be felt")),)
-    symmetry: ClassVar[str] = "vertical"
-    sentence: ClassVar[str] = "The air rises or sinks where the balls fly."
-
-    def meet(self, facts: Rig, values: Mapping[str, Any], ball: BallState) -> BallState:
-        through = ball.velocity_m_s
-        return ball._replace(velocity_m_s=through._replace(z=plus(through.z, times(-1.0, values["speed_m_s"]))))
+    order = 40, "what air the ball meets, before its forces"
+    parameters = (Parameter(
+        "speed_m_s", "m/s", -10.0, 10.0, 0.0, "halls have draughts of 0.1 to 0.3 m/s, fields winds of 1 to 3 m/s",
+        Prior("linear", 0.0, 0.8, "a hall's draught to a light breeze; more would be felt"), meaning="wind upward"),)
+    axis = "z"
+    direction = "vertical"
+    symmetry = "vertical"
+    label = "rising or sinking air"
+    sentence = "The air rises or sinks where the balls fly."
+    phrase = either_way("the air <way> at {}", "rises", "sinks", SPEED)
+    instrument = Instrument("the wind with an anemometer", 0.2)

@@ -1,27 +1,23 @@
 """Balls that differ: some leave always a little faster than others."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, ClassVar, final
-
-from truearc.robot.config.rig_spec import Rig
-from truearc.sim.physics.launch import Exit
-from truearc.sim.physics.term import LaunchTerm, Parameter, Prior
+from truearc.sim.physics.term import SHARE, Instrument, Number, Parameter, Phrase, Prior, SpeedTerm
 
 
-@final
-@dataclass(frozen=True)
-class BallSpread(LaunchTerm):
-    """exit speed x (1 + spread x the ball's own departure), a standard normal number that nobody knows."""
+class BallSpread(SpeedTerm):
+    """exit speed x (1 + spread x the ball's own departure), a standard normal number that is not known."""
 
-    name: ClassVar[str] = "ball_spread"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("spread", "1", 0.0, 0.3, 0.0, "masses and stiffnesses of like balls differ by up to a tenth, new "
-                  "ones included",
-                  Prior("linear", 0.0, 0.03, "two to five per cent of exit speed between balls of one kind")),)
-    symmetry: ClassVar[str] = "any"
-    sentence: ClassVar[str] = "The balls differ: each has a speed of its own, faster or slower than the others."
-    follows: ClassVar[str | None] = "ball"
+    order = 60, "a factor of the speed; these commute"
+    parameters = (Parameter(
+        "spread", "1", 0.0, 0.3, 0.0, "masses and stiffnesses of like balls differ by up to a tenth, new ones included",
+        Prior("linear", 0.0, 0.03, "two to five per cent of exit speed between balls of one kind"),
+        meaning="exit speed from ball to ball (sd)"),)
+    follows = "ball"
+    record = "ball_id of each shot"
+    unseen = "counted as luck: each ball may have a speed of its own"
+    sentence = "The balls differ: each has a speed of its own, faster or slower than the others."
+    phrase = Phrase("the balls differ: their speeds scatter by {}", "the balls differ: their speeds scatter by {}",
+                    *SHARE)
+    instrument = Instrument("weight and size of each ball, and note which was shot (ball_id)", 0.01)
 
-    def leave(self, facts: Rig, values: Mapping[str, Any], exit: Exit) -> Exit:
-        return exit._replace(speed_m_s=exit.speed_m_s * (1.0 + values["spread"]))
+    def speed_factor(self, amount: Number) -> Number:
+        return 1.0 + amount

@@ -1,26 +1,21 @@
 """Balls that wear in the course of a session, and so leave slower."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, ClassVar, final
-
-from truearc.robot.config.rig_spec import Rig
-from truearc.sim.physics.launch import Exit
-from truearc.sim.physics.term import LaunchTerm, Parameter, Prior
+from truearc.sim.physics.term import SHARE, Instrument, Number, Parameter, Prior, SpeedTerm, either_way
 
 
-@final
-@dataclass(frozen=True)
-class BallWear(LaunchTerm):
+class BallWear(SpeedTerm):
     """exit speed x (1 - loss x age); age runs from 0 to 1 through the session, or through a ball's own shots."""
 
-    name: ClassVar[str] = "ball_wear"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("loss", "1", -0.5, 0.5, 0.0, "balls of a season are visibly smaller and torn at its end",
-                  Prior("linear", 0.0, 0.03, "none to five per cent of exit speed in a session")),)
-    symmetry: ClassVar[str] = "any"
-    sentence: ClassVar[str] = "The balls leave slower, or faster, the more they have been shot."
-    follows: ClassVar[str | None] = "age"
+    order = 50, "a factor of the speed; these commute"
+    parameters = (Parameter(
+        "loss", "1", -0.5, 0.5, 0.0, "balls of a season are visibly smaller and torn at its end",
+        Prior("linear", 0.0, 0.03, "none to five per cent of exit speed in a session"),
+        meaning="share of the speed lost by the end of a session"),)
+    follows = "age"
+    record = "ball_id or t_s of each shot"
+    sentence = "The balls leave slower, or faster, the more they have been shot."
+    phrase = either_way("the balls leave <way> the more they have been shot: {} by the end", "slower", "faster", SHARE)
+    instrument = Instrument("the speed of new and worn balls in turn", 0.02)
 
-    def leave(self, facts: Rig, values: Mapping[str, Any], exit: Exit) -> Exit:
-        return exit._replace(speed_m_s=exit.speed_m_s * (1.0 - values["loss"]))
+    def speed_factor(self, amount: Number) -> Number:
+        return 1.0 - amount

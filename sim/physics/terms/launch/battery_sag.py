@@ -1,28 +1,23 @@
 """Balls that leave faster or slower with the battery, at the same wheel speed."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, ClassVar, final
-
-from truearc.robot.config.rig_spec import Rig
-from truearc.sim.physics.launch import Exit
-from truearc.sim.physics.term import LaunchTerm, Parameter, Prior
+from truearc.sim.physics.term import Instrument, Number, Parameter, Prior, SpeedTerm, either_way
 
 
-@final
-@dataclass(frozen=True)
-class BatterySag(LaunchTerm):
+class BatterySag(SpeedTerm):
     """exit speed x (1 + sensitivity x (battery voltage / its median - 1))."""
 
-    name: ClassVar[str] = "battery_sag"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("sensitivity", "1", -2.0, 2.0, 0.0, "a motor holds its speed under the ball's load with the voltage "
-                  "that is left over",
-                  Prior("linear", 0.0, 0.3, "a tenth of the voltage costs a few per cent of the speed; all of it, "
-                        "were there no control, a tenth")),)
-    symmetry: ClassVar[str] = "any"
-    sentence: ClassVar[str] = "A weaker battery gives a slower ball at the same wheel speed."
-    follows: ClassVar[str | None] = "battery"
+    order = 70, "a factor of the speed; these commute"
+    parameters = (Parameter(
+        "sensitivity", "1", -2.0, 2.0, 0.0, "a motor holds its speed under the ball's load with the voltage that "
+        "remains",
+        Prior("linear", 0.0, 0.3, "a tenth of the voltage costs a few per cent of the speed; all of it, were there no "
+              "control, a tenth"), meaning="relative exit speed per relative voltage"),)
+    follows = "battery"
+    record = "battery_v of each shot"
+    sentence = "A weaker battery gives a slower ball at the same wheel speed."
+    phrase = either_way("a battery one tenth weaker sends the ball off {} <way>", "slower", "faster", (10.0, " %"),
+                        " per tenth of voltage")
+    instrument = Instrument("the same shot on a full and an empty battery", 0.1)
 
-    def leave(self, facts: Rig, values: Mapping[str, Any], exit: Exit) -> Exit:
-        return exit._replace(speed_m_s=exit.speed_m_s * (1.0 + values["sensitivity"]))
+    def speed_factor(self, amount: Number) -> Number:
+        return 1.0 + amount

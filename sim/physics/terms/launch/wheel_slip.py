@@ -1,30 +1,27 @@
 """Wheels that slip on the ball, the more the faster they turn: there is less time to bring it up to speed."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, ClassVar, final
-
-from truearc.robot.config.rig_spec import Rig
-from truearc.sim.physics.launch import Exit
-from truearc.sim.physics.term import LaunchTerm, Parameter, Prior
+from truearc.sim.physics.term import SHARE, Exit, Instrument, LaunchTerm, Parameter, Phrase, Prior, Rig, Values
 
 
-@final
-@dataclass(frozen=True)
 class WheelSlip(LaunchTerm):
     """exit speed = u / (1 + k u) with u the speed by the wheels: a share k u lost while that is small.
 
     The quotient rather than u (1 - k u): faster wheels never give a slower ball.
     """
 
-    name: ClassVar[str] = "wheel_slip"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("loss_per_m_s", "s/m", 0.0, 0.05, 0.0, "the share of surface speed that team 971's balls left with "
-                                                         "differed by 0.2 over its range of speeds",
-                  Prior("linear", 0.0, 0.015, "0.015 s/m is 15 % lost at 10 m/s, about as much as was seen to depend "
-                                              "on speed; around zero, for the constant part is another term's")),)
-    symmetry: ClassVar[str] = "any"
-    sentence: ClassVar[str] = "The wheels slip on the ball, the more the faster they turn."
+    order = 10, "a matter of the wheels' speed; the losses are of what is left of it"
+    parameters = (Parameter(
+        "loss_per_m_s", "s/m", 0.0, 0.05, 0.0, "the share of surface speed that team 971's balls left with differed by "
+        "0.2 over its range of speeds",
+        Prior("linear", 0.0, 0.015, "0.015 s/m is 15 % lost at 10 m/s, about as much as was seen to depend on speed; "
+              "around zero, for the constant part is another term's"),
+        meaning="further share lost for each m/s of wheel speed", by_ball=0.08),)
+    direction = "along"
+    sentence = "The wheels slip on the ball, the more the faster they turn."
+    phrase = Phrase("the faster the wheels run, the more the ball slips: it loses {} of its speed for each m/s",
+                    "the faster the wheels run, the better they grip: the ball gains {} of its speed for each m/s",
+                    *SHARE, " per m/s of wheel surface")
+    instrument = Instrument("exit speed with a high-speed camera", 0.003)
 
-    def leave(self, facts: Rig, values: Mapping[str, Any], exit: Exit) -> Exit:
+    def leave(self, facts: Rig, values: Values, exit: Exit) -> Exit:
         return exit._replace(speed_m_s=exit.speed_m_s / (1.0 + values["loss_per_m_s"] * exit.speed_m_s))

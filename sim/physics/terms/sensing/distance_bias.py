@@ -1,27 +1,21 @@
 """A camera that takes all distances as too long or too short by the same length."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, ClassVar, final
-
-from truearc.robot.config.rig_spec import Rig
-from truearc.sim.physics.launch import Exit
-from truearc.sim.physics.term import Parameter, Prior, SensingTerm
+from truearc.sim.physics.term import LENGTH, DistanceTerm, Instrument, Number, Parameter, Prior, either_way
 
 
-@final
-@dataclass(frozen=True)
-class DistanceBias(SensingTerm):
+class DistanceBias(DistanceTerm):
     """true distance = measured + bias_m."""
 
-    name: ClassVar[str] = "distance_bias"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("bias_m", "m", -1.0, 1.0, 0.0, "the camera, the exit and the plane of the target are not where the "
-                  "drawing has them",
-                  Prior("linear", 0.0, 0.05, "a mount, a lens and a target are each within a few centimetres of the "
-                        "drawing")),)
-    symmetry: ClassVar[str] = "any"
-    sentence: ClassVar[str] = "The robot takes all distances as too long or too short by the same length."
+    order = 50, "a true length, which the camera's scale has no part in"
+    parameters = (Parameter(
+        "bias_m", "m", -1.0, 1.0, 0.0, "the camera, the exit and the plane of the target are not where the drawing has "
+        "them",
+        Prior("linear", 0.0, 0.05, "a mount, a lens and a target are each within a few centimetres of the drawing"),
+        meaning="true distance less the measured one"),)
+    sentence = "The robot takes all distances as too long or too short by the same length."
+    phrase = either_way("the target is {} <way> than measured, wherever the robot stands", "farther away", "nearer",
+                        LENGTH)
+    instrument = Instrument("distance with a tape at 3 stations", 0.01)
 
-    def sense(self, facts: Rig, values: Mapping[str, Any], exit: Exit, distance_m: Any) -> tuple[Exit, Any]:
-        return exit, distance_m + values["bias_m"]
+    def distance_m(self, measured_m: Number, amount: Number) -> Number:
+        return measured_m + amount

@@ -1,27 +1,20 @@
 """A camera that takes all distances as too long or too short by the same share."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, ClassVar, final
-
-from truearc.robot.config.rig_spec import Rig
-from truearc.sim.physics.launch import Exit
-from truearc.sim.physics.term import Parameter, Prior, SensingTerm
+from truearc.sim.physics.term import SHARE, DistanceTerm, Instrument, Number, Parameter, Prior, either_way
 
 
-@final
-@dataclass(frozen=True)
-class DistanceScale(SensingTerm):
+class DistanceScale(DistanceTerm):
     """true distance = measured x (1 + share)."""
 
-    name: ClassVar[str] = "distance_scale"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("share", "1", -0.3, 0.3, 0.0, "a focal length or a target size that is off by a per cent puts every "
-                  "distance off by it",
-                  Prior("linear", 0.0, 0.02, "calibrations of the focal length repeat to about a per cent, and so do "
-                        "printed targets")),)
-    symmetry: ClassVar[str] = "any"
-    sentence: ClassVar[str] = "The robot takes all distances as too long or too short by the same share."
+    order = 40, "a share of what the camera gives"
+    parameters = (Parameter(
+        "share", "1", -0.3, 0.3, 0.0, "a focal length or a target size that is off by a per cent puts every distance "
+        "off by it",
+        Prior("linear", 0.0, 0.02, "calibrations of the focal length repeat to about a per cent, and so do printed "
+              "targets"), meaning="true distance above the measured one"),)
+    sentence = "The robot takes all distances as too long or too short by the same share."
+    phrase = either_way("the target is {} <way> than measured", "farther away", "nearer", SHARE)
+    instrument = Instrument("distance with a tape at 3 stations", 0.005)
 
-    def sense(self, facts: Rig, values: Mapping[str, Any], exit: Exit, distance_m: Any) -> tuple[Exit, Any]:
-        return exit, distance_m * (1.0 + values["share"])
+    def distance_m(self, measured_m: Number, amount: Number) -> Number:
+        return measured_m * (1.0 + amount)

@@ -1,29 +1,27 @@
 """A tracker whose horizon is not level."""
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, ClassVar, final
 
 import jax.numpy as jnp
 
-from truearc.sim.physics.term import Parameter, Prior, WatchTerm
-from truearc.sim.physics.vector import Vec
+from truearc.sim.physics.term import ANGLE, Instrument, Number, Parameter, Prior, Values, Vec, WatchTerm, either_way
 
 
-@final
-@dataclass(frozen=True)
 class TrackTilt(WatchTerm):
     """Positions are seen turned about the left axis on the floor below the exit; positive: higher, what lies ahead."""
 
-    name: ClassVar[str] = "track_tilt"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("angle_deg", "deg", -15.0, 15.0, 0.0, "a camera on a tripod is levelled by eye or by a bubble",
-                  Prior("linear", 0.0, 1.0, "a bubble is good to half a degree, the eye to one or two")),)
-    symmetry: ClassVar[str] = "none"
-    sentence: ClassVar[str] = "The tracker is tilted: what lies ahead seems higher or lower than it is."
+    order = 80, "turns positions of any scale"
+    parameters = (Parameter(
+        "angle_deg", "deg", -15.0, 15.0, 0.0, "a camera on a tripod is levelled by eye or by a bubble",
+        Prior("linear", 0.0, 1.0, "a bubble is good to half a degree, the eye to one or two"),
+        meaning="angle by which what lies ahead is seen too high"),)
+    direction = "vertical"
+    calibration_sd = 2.5
+    sentence = "The tracker is tilted: what lies ahead seems higher or lower than it is."
+    phrase = either_way("the tracker is tilted: it sees what lies ahead {} too <way>", "high", "low", ANGLE)
+    instrument = Instrument("a plumb line in the tracker's view", None)
 
-    def watch(self, values: Mapping[str, Any], position_m: Vec, velocity_m_s: Vec, time_s: Any) -> Vec:
+    def watch(self, values: Values, position_m: Vec, velocity_m_s: Vec, time_s: Number) -> Vec:
         angle_rad = math.radians(1.0) * values["angle_deg"]
         cosine, sine = jnp.cos(angle_rad), jnp.sin(angle_rad)
         x, z = position_m.x, position_m.z

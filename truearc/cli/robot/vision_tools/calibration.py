@@ -28,6 +28,7 @@ from truearc.robot.vision.board import (
     is_same,
 )
 from truearc.robot.vision.taped import LEAST, TapedFit, fit_taped
+from truearc.sim.tables import make_text
 
 TAPE_SIGMA_M, BIAS_SIGMA_M = 0.01, 0.02       # without --tape-sigma and --bias-sigma
 BOARD = re.compile(r"chessboard:(\d+)x(\d+):([\d.]+)|charuco:(\d+)x(\d+):([\d.]+):([\d.]+):(DICT_\w+)")
@@ -151,15 +152,17 @@ def _why_not(frames: list[CameraFrame], names: list[str], taped: dict[str, float
 
 
 def _print_fit(names: list[str], taped: dict[str, float], fit: TapedFit) -> None:
-    print(f"{'file':40s} {'taped_m':>8s} {'seen_m':>8s} {'residual_m':>10s} {'expected_m':>10s}", file=sys.stderr)
+    rows = []
     rest = iter(zip(fit.residual_m, fit.expected_m, strict=True))
     for name, sighting in zip(names, fit.sightings, strict=True):
         if sighting.distance_m is None:
-            print(f"{Path(name).name:40s} {taped[name]:8.3f} not found: {sighting.reason}", file=sys.stderr)
+            rows.append([Path(name).name, f"{taped[name]:.3f}", "", "", f"not found: {sighting.reason}"])
             continue
         residual_m, expected_m = next(rest)
-        print(f"{Path(name).name:40s} {taped[name]:8.3f} {sighting.distance_m:8.3f} {residual_m:+10.3f} "
-              f"{expected_m:10.3f}", file=sys.stderr)
+        rows.append([Path(name).name, f"{taped[name]:.3f}", f"{sighting.distance_m:.3f}", f"{residual_m:+.3f}",
+                     f"{expected_m:.3f}"])
+    header = ("file", "taped_m", "seen_m", "residual_m", "expected_m")
+    print("\n".join(make_text(header, rows, right=range(1, 4))), file=sys.stderr)
     camera = fit.camera
     print(f"focal lengths x {fit.scale:.4f} +- {camera.focal_sigma:.4f}, bias {camera.bias_m:+.3f} +- "
           f"{camera.bias_sigma_m:.3f} m, correlation {fit.correlation:+.2f}", file=sys.stderr)

@@ -14,6 +14,7 @@ from truearc.hw.readings import CameraFrame
 from truearc.robot.config.schema import CameraFile, InputError
 from truearc.robot.types import Sighting
 from truearc.robot.vision import detect
+from truearc.sim.tables import make_text
 
 MANY_IMAGES = 200                     # two seconds of work
 
@@ -68,8 +69,7 @@ def _row(name: str, sighting: Sighting) -> list[str]:
 
 
 def _print_errors(seen: list[tuple[str, Sighting]], labels: dict[str, float]) -> None:
-    print(f"{'file':40s} {'label_m':>8s} {'estimate_m':>10s} {'error_m':>8s} {'sigma_m':>8s}", file=sys.stderr)
-    errors_m = []
+    errors_m, rows = [], []
     for name, sighting in seen:
         label_m = labels.get(name, labels.get(Path(name).name))
         cells = ["" if label_m is None else f"{label_m:.3f}", "not found", "", ""]
@@ -78,7 +78,9 @@ def _print_errors(seen: list[tuple[str, Sighting]], labels: dict[str, float]) ->
             if label_m is not None:
                 errors_m.append(sighting.distance_m - label_m)
                 cells[2] = f"{errors_m[-1]:+.3f}"
-        print(f"{Path(name).name:40s} {cells[0]:>8s} {cells[1]:>10s} {cells[2]:>8s} {cells[3]:>8s}", file=sys.stderr)
+        rows.append([Path(name).name, *cells])
+    header = ("file", "label_m", "estimate_m", "error_m", "sigma_m")
+    print("\n".join(make_text(header, rows, right=range(1, 5))), file=sys.stderr)
     if errors_m:
         rms_m = float(np.sqrt(np.mean(np.square(errors_m))))
         print(f"{len(errors_m)} labelled: mean error {np.mean(errors_m):+.3f} m, root mean square {rms_m:.3f} m",

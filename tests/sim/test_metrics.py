@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from sklearn.metrics import brier_score_loss, f1_score, log_loss
 
-from truearc.sim.gate.metrics import calibration_error, figures_of, reliability
+from truearc.sim.metrics import calibration_error, figures_of, reliability
 
 RNG = np.random.default_rng(6)
 P_TWO = RNG.uniform(size=300)

@@ -46,7 +46,7 @@ def figures_of(p: np.ndarray, level: np.ndarray) -> Figures:
     hit = np.stack([level >= 1, level >= 2], axis=1)
     said = p >= 0.5
     brier = ((p - hit) ** 2).mean(axis=0)
-    return Figures(len(level), float((said == hit).all(axis=1).mean()), _f1(said[:, 1], hit[:, 1]),
+    return Figures(len(level), accuracy(p, hit), f1(said[:, 1], hit[:, 1]),
                    float(log_scores(p, level).mean()), float(brier[0]), float(brier[1]),
                    *(calibration_error(p[:, k], hit[:, k]) for k in range(2)))
 
@@ -75,6 +75,12 @@ def calibration_error(stated: np.ndarray, came_true: np.ndarray, bins: int = BIN
     return float((table.count * np.abs(table.stated - table.came_true)).sum() / table.count.sum())
 
 
-def _f1(said: np.ndarray, true: np.ndarray) -> float:
+def accuracy(p: np.ndarray, hit: np.ndarray) -> float:
+    """Share of shots with both p [n, 2] on the right side of 0.5; NaN of none."""
+    return float(((p >= 0.5) == hit).all(axis=1).mean()) if len(p) else float("nan")
+
+
+def f1(said: np.ndarray, true: np.ndarray) -> float:
+    """F1 of a class: booleans [n], said and true; NaN where it is neither."""
     both = float((said & true).sum())
     return 2.0 * both / float(said.sum() + true.sum()) if said.any() or true.any() else float("nan")

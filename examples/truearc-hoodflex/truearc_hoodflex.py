@@ -1,0 +1,30 @@
+"""A hood that yields to the ball, the more the faster the wheels turn.
+
+A worked example of a term outside truearc (docs/terms.md). All names of truearc are imported here, in one place.
+"""
+
+import math
+
+from truearc.sim.physics.term import ANGLE, Exit, Instrument, LaunchTerm, Parameter, Prior, Rig, Values, either_way
+
+AT_M_S = 10.0                         # the exit speed at which the angle is stated
+
+
+class HoodFlex(LaunchTerm):
+    """true elevation = measured - angle_deg x (exit speed by the wheels / 10 m/s)^2: a spring under the ball's thrust.
+    """
+
+    order = 5, "bent by the wheels' own speed, before slip and losses take of it"
+    parameters = (Parameter(
+        "angle_deg", "deg", -5.0, 10.0, 0.0, "made up for this example: a sheet of polycarbonate bends by degrees",
+        Prior("linear", 0.0, 1.0, "a degree is felt by hand when the hood is pushed as hard as a ball does"),
+        meaning="angle by which the hood yields at 10 m/s, positive: flatter"),)
+    direction = "vertical"
+    sentence = "The hood yields to the ball, the more the faster the wheels turn."
+    phrase = either_way("the hood yields to the ball: at 10 m/s it leaves {} <way> than the hood reads, and with the "
+                        "square of the speed", "flatter", "steeper", ANGLE)
+    instrument = Instrument("hood angle while a ball passes, on film at 240 frames/s", 0.3)
+
+    def leave(self, facts: Rig, values: Values, exit: Exit) -> Exit:
+        yielded_deg = values["angle_deg"] * (exit.speed_m_s / AT_M_S)**2
+        return exit._replace(elevation_rad=exit.elevation_rad - math.radians(1.0) * yielded_deg)

@@ -1,0 +1,81 @@
+"""What a term declares beside its physics: numbers with priors and sources, instrument, and wording of its size."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+Scale = tuple[float, str]             # factor from the parameter's unit, unit as text with its space
+SHARE: Scale = (100.0, " %")
+ANGLE: Scale = (1.0, "°")
+LENGTH: Scale = (100.0, " cm")
+SPEED: Scale = (1.0, " m/s")
+NUMBER: Scale = (1.0, "")
+
+
+@dataclass(frozen=True)
+class Prior:
+    """What is believed before any shot: normal on one of truearc.sim.physics.scales, weak, with its reason as text.
+
+    `centre` is a value of the parameter itself, `sd` is on the scale (on "log": the log of a factor).
+    """
+
+    scale: str
+    centre: float
+    sd: float
+    reason: str
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number of a term, looked for from `low` to `high`.
+
+    Attributes:
+        unit: A product of m, kg, s, rad, rev, deg with powers, such as "1", "1/s" or "kg m/s2"; a share is "1".
+        default: The value that a coefficients file that does not mention it means.
+        source: Where the range comes from.
+        prior: Belief of a likelihood fit in advance; None: known, and not fitted.
+        meaning: The number in a few words, with the sign that a positive one has.
+        by_ball: Share by which it differs from one ball to another, one standard deviation; 0: it does not.
+        fit_each_ball: Where balls are told apart, each gets a number of its own.
+        percent: Reports of a fit show it in per cent.
+    """
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    default: float
+    source: str
+    prior: Prior | None = None
+    meaning: str = ""
+    by_ball: float = 0.0
+    fit_each_ball: bool = False
+    percent: bool = False
+
+
+class Instrument(NamedTuple):
+    """What to measure, and with what, to settle a term without a shot.
+
+    sd: one standard deviation of what a team's tools give of the amplitude, in its unit: assumed, not measured. None:
+    no such figure is assumed, so no plan counts on the measurement.
+    """
+
+    what: str
+    sd: float | None
+
+
+class Phrase(NamedTuple):
+    """`more`, `less`: what a positive and a negative amplitude mean; {} takes the size.
+
+    The amplitude times `factor` is in `unit`; `per`: what the size is stated for.
+    """
+
+    more: str
+    less: str
+    factor: float
+    unit: str
+    per: str = ""
+
+
+def either_way(text: str, more: str, less: str, scale: Scale, per: str = "") -> Phrase:
+    """A phrase whose two directions differ by a word or two, which take the place of "<way>" in `text`."""
+    return Phrase(text.replace("<way>", more), text.replace("<way>", less), *scale, per)

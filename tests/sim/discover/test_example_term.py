@@ -1,0 +1,164 @@
+"""The example outside the package: installed as a user would, it is found in shots that have its effect."""
+
+import csv
+import io
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import truearc.cli.main as truearc
+from tests.sim.discover.worlds import FACTS
+from truearc import sim
+from truearc.robot.config.rig_spec import Rig
+from truearc.sim.data.dataset import Dataset, Shots, Tracks, load_dataset, save_dataset, save_rig
+from truearc.sim.data.shot_conditions import ORDINARY
+from truearc.sim.discover.api import discover
+from truearc.sim.physics.catalogue import TERMS, Catalogue, effective, flight_terms
+from truearc.sim.physics.flight import path
+from truearc.sim.physics.plugins import terms_of_file
+from truearc.sim.physics.simulate import launch_of, leave, predict
+
+ROOT = Path(sim.__file__).parent.parent
+EXAMPLE = ROOT / "examples" / "truearc-hoodflex"
+FILE = EXAMPLE / "truearc_hoodflex.py"
+SHOTS, FRAMES, FRAME_S = 60, 40, 1.0 / 60.0
+TRUTH = {"gravity": {"scale": 1.0}, "drag": {"cd": 0.5}, "magnus": {"cl": 0.06}, "hood_flex": {"angle_deg": 3.0}}
+
+
+def shoot(facts: Rig, among: Catalogue, seed: int = 3) -> Dataset:
+    """Tracks of shots whose hood yields, with scatter of the launch and noise of the tracker."""
+    rng = np.random.default_rng(seed)
+    numbers = {"motor_ratio": rng.uniform(0.35, 0.75, SHOTS), "hood_deg": rng.uniform(40.0, 60.0, SHOTS)}
+    shots = Shots(tuple(f"s{k}" for k in range(SHOTS)), numbers, {})
+    values = effective(TRUTH, ORDINARY, among)
+    exit = leave(facts, values, launch_of(facts, shots), among=among)
+    exit = exit._replace(speed_m_s=exit.speed_m_s * np.exp(rng.normal(0.0, 0.01, SHOTS)),
+                         elevation_rad=exit.elevation_rad + np.radians(rng.normal(0.0, 0.3, SHOTS)))
+    flown = path(facts, flight_terms(TRUTH, among), values, exit, FRAMES, FRAME_S).position_m
+    x, y, z = (np.broadcast_to(np.asarray(part), (FRAMES, SHOTS)).T for part in flown)
+    shot, frame = np.nonzero(np.logical_and.accumulate(z > 0.0, axis=1))
+    noise = rng.normal(0.0, facts.noise.track_m, (3, len(shot)))
+    places = (part[shot, frame] + off for part, off in zip((x, y, z), noise, strict=True))
+    return Dataset("flexing", facts, shots, Tracks(shot, frame * FRAME_S, *places))
+
+
+@pytest.fixture(scope="module")
+def among() -> Catalogue:
+    return Catalogue((*TERMS, *terms_of_file(FILE, TERMS)))
+
+
+@pytest.fixture(scope="module")
+def dataset(among: Catalogue) -> Dataset:
+    return shoot(FACTS, among)
+
+
+@pytest.fixture(scope="module")
+def directory(dataset: Dataset, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("own") / "flexing"
+    save_dataset(folder, dataset)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where pip has put the example, without a network."""
+    folder = tmp_path_factory.mktemp("installed")
+    source = shutil.copytree(EXAMPLE, folder / "source")
+    pip = [sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
+    subprocess.run([*pip, "--no-deps", "--no-build-isolation", "--no-index", "--target", str(folder / "site"),
+                    str(source)], check=True)
+    return folder / "site"
+
+
+def run(site: Path | None, *words: str) -> str:
+    """What truearc prints; `site`: a folder of installed distributions."""
+    places = [str(ROOT), *([str(site)] if site else []), os.environ.get("PYTHONPATH", "")]
+    done = subprocess.run([sys.executable, "-m", "truearc", *words, "--quiet"], capture_output=True, text=True,
+                          env={**os.environ, "PYTHONPATH": os.pathsep.join(places)})
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_without_the_term_the_effect_has_another_name_or_none(dataset: Dataset) -> None:
+    finding = discover(dataset).finding
+    assert finding.mismatch.found and "hood_flex" not in {one.term for one in finding.what}
+
+
+def test_discover_names_the_term_that_is_given_to_it(dataset: Dataset, among: Catalogue) -> None:
+    found = discover(dataset, terms=among)
+    assert found.finding.verdict == "named" and found.finding.set == ("hood_flex",)
+    size = found.finding.what[0].parameters["angle_deg"]
+    assert size.low90 - size.sd < TRUTH["hood_flex"]["angle_deg"] < size.high90 + size.sd
+    assert "the hood yields to the ball" in found.finding.sentence and "flatter" in found.finding.sentence
+    assert {"do": "measure", "what": "hood angle while a ball passes, on film at 240 frames/s"} in found.finding.next
+
+
+def test_installed_it_is_found_by_the_command_and_adopted(directory: Path, installed: Path) -> None:
+    out, belief = directory.parent / "found.json", directory.parent / "belief.toml"
+    said = run(installed, "discover", str(directory), "--json", str(out), "--adopt", str(belief))
+    assert json.loads(out.read_text())["what"][0]["term"] == "hood_flex"
+    assert "adopted: hood_flex" in said
+    again = run(installed, "discover", str(directory), "--belief", str(belief), "--json", str(out))
+    assert json.loads(out.read_text())["verdict"] == "none", again
+
+
+@pytest.fixture
+def rig(tmp_path: Path) -> Path:
+    save_rig(tmp_path / "rig.toml", FACTS)
+    return tmp_path / "rig.toml"
+
+
+def test_before_any_data_its_file_says_how_many_shots_it_takes(rig: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["identifiability", str(rig), "--shots", "64", "--level", "L2", "--quiet"]
+    assert truearc.main([*words, "--terms-from", str(FILE)]) == 0
+    assert "hood_flex" in capsys.readouterr().out
+    assert truearc.main(words) == 0
+    assert "hood_flex" not in capsys.readouterr().out
+
+
+@pytest.fixture
+def heights(among: Catalogue, tmp_path: Path) -> Path:
+    """Measured heights at the target instead of tracks."""
+    rng = np.random.default_rng(4)
+    numbers = {"motor_ratio": rng.uniform(0.5, 0.8, SHOTS), "hood_deg": rng.uniform(45.0, 60.0, SHOTS),
+               "distance_m": rng.uniform(1.5, 3.0, SHOTS)}
+    shots = Shots(tuple(f"s{k}" for k in range(SHOTS)), numbers, {})
+    assert FACTS.target is not None
+    off_m = predict(FACTS, TRUTH, shots, among=among).height_m - FACTS.target.centre_height_m
+    numbers["miss_height_m"] = off_m + rng.normal(0.0, 0.02, SHOTS)
+    save_dataset(tmp_path / "heights", Dataset("heights", FACTS, shots))
+    return tmp_path / "heights"
+
+
+def test_fit_and_predict_know_the_terms_of_a_file(heights: Path, tmp_path: Path,
+                                                  capsys: pytest.CaptureFixture[str]) -> None:
+    belief, own = tmp_path / "belief.toml", ["--terms-from", str(FILE)]
+    fit = ["fit", str(heights), "--terms", "drag,magnus,hood_flex", "-o", str(belief), "--quiet"]
+    assert truearc.main(fit) == 2
+    assert "no term 'hood_flex'" in capsys.readouterr().err
+    assert truearc.main([*fit, *own]) == 0
+    assert "angle by which the hood yields at 10 m/s" in capsys.readouterr().out
+    forecast = ["predict", str(heights), "--coefficients", str(belief), "--quiet"]
+    assert truearc.main(forecast) == 2
+    assert f"{belief}: there is no term 'hood_flex'" in capsys.readouterr().err
+    assert truearc.main([*forecast, *own]) == 0
+    rows = list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
+    told = np.array([float(row["deviation_m"]) for row in rows])
+    assert np.std(told - load_dataset(heights).shots.number("miss_height_m")) < 0.04
+
+
+@pytest.mark.parametrize(("words", "message"), [
+    (["predict", "DIR", "--gate", "g.onnx", "--terms-from", "FILE"], "--terms-from: does not apply with --gate"),
+    (["predict", "DIR", "--cd", "0.5", "--cl", "0.1", "--terms-from", "FILE"], "--terms-from: applies with"),
+    (["discover", "DIR", "--terms-from", "nowhere.py"], "nowhere.py"),
+    (["discover", "DIR", "--terms-from", "FILE", "--terms-from", "FILE"], "there is a term 'hood_flex' already")])
+def test_an_option_that_does_not_apply_is_refused(words: list[str], message: str, directory: Path,
+                                                  capsys: pytest.CaptureFixture[str]) -> None:
+    assert truearc.main([{"DIR": str(directory), "FILE": str(FILE)}.get(word, word) for word in words]) == 2
+    assert message in capsys.readouterr().err
