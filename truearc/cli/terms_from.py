@@ -3,7 +3,7 @@
 import argparse
 from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:                     # JAX, for nothing that --help needs
     from truearc.sim.physics.catalogue import Catalogue
 
 

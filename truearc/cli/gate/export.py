@@ -7,13 +7,14 @@ EXAMPLE = "truearc export weights/ -o gate.onnx"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the command."""
     parser.add_argument("weights", metavar="DIR",
                         help="weights directory, as `truearc train` and `truearc paper train` write it")
     parser.add_argument("-o", "--out", required=True, metavar="FILE", help="ONNX file to write")
 
 
 def main(args: argparse.Namespace) -> int:
-    """Return 0 when the file is written and the robot's loader accepts it."""
+    """Return 0 once the file is written and read back."""
     from truearc.model_export.graph import export_weights
     from truearc.robot.gate.model import load_gate
     data = export_weights(args.weights, args.out)

@@ -1,6 +1,12 @@
 """truearc train: a gate with the fitted physics in it."""
 
 import argparse
+import sys
+from pathlib import Path
+
+import truearc as ta
+from truearc.cli.progress import make_progress
+from truearc.robot.config.schema import InputError
 
 DESCRIPTION = """Train a gate on recorded shots: the forecast of each shot by fitted coefficients, plus a small learned
 correction and a calibrated spread. All recorded shots are learned from; each fifth of the configurations is left out in
@@ -19,6 +25,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(args: argparse.Namespace) -> int:
-    """Return 0 when the weights are written."""
-    from truearc.cli.gate.train_physics import run_training
-    return run_training(args)
+    """Return 0 once the weights are written."""
+    _check(args)
+    belief, dataset = ta.load_belief(args.coefficients), ta.load_dataset(args.real)
+    trained = ta.train_gate(dataset, belief, seed=args.seed, progress=make_progress("train", args.quiet))
+    for sentence in trained.left_out:
+        print(sentence, file=sys.stderr)
+    trained.save(args.out)
+    print(trained)
+    if args.reliability is not None and trained.folds is not None:
+        from truearc.sim.report import make_png
+        Path(args.reliability).write_bytes(make_png(trained.plot_reliability()))
+        print(f"{args.reliability}: stated against true shares")
+    print(f"{args.out}: the gate; next: truearc export {args.out} -o gate.onnx")
+    return 0
+
+
+def _check(args: argparse.Namespace) -> None:
+    if args.seed < 0:
+        raise InputError(f"--seed is {args.seed}; it cannot be negative")
+    if args.reliability is not None and not Path(args.reliability).parent.is_dir():
+        raise InputError(f"{args.reliability}: there is no directory to write it to")

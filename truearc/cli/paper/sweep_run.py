@@ -6,10 +6,11 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from truearc.cli.options import refuse
-from truearc.cli.paper.train_network import load_rows, make_record
+from truearc.cli.paper.train_network import load_rows, made_of
 from truearc.cli.progress import make_progress
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import check_free
+from truearc.sim.gate.network_training import make_record
 from truearc.sim.paper.network import save_weights
 from truearc.sim.paper.settings import Recipe, check_recipe
 from truearc.sim.paper.sweep import Trained, train_many
@@ -92,7 +93,7 @@ def _save_best(args: argparse.Namespace, directory: Path, recipe: Recipe, real: 
                trained: Trained) -> None:
     sets = {"train": network.job.real, "validation": network.job.validation, "heldout": network.heldout}
     score = {name: accuracy(trained.network, rows) for name, rows in sets.items() if rows is not None}
-    save_weights(directory, trained.network, make_record(args, recipe, network.job, real, score, trained))
+    save_weights(directory, trained.network, make_record(made_of(args), recipe, network.job, real, score, trained))
 
 
 def _tell(scores: Sequence[SweepScore], settings: Sequence[SweepSetting], verdict: Verdict | None) -> None:

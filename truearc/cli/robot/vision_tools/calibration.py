@@ -13,6 +13,7 @@ from msgspec.structs import replace
 from truearc.cli.progress import make_progress
 from truearc.cli.robot.vision_tools.camera_file import load_camera, load_labels
 from truearc.cli.robot.vision_tools.images import load_image
+from truearc.cli.robot.vision_tools.measure import why_not
 from truearc.hw.readings import CameraFrame
 from truearc.robot.config.schema import CameraConfig, CameraFile, InputError
 from truearc.robot.config.toml_text import make_toml
@@ -156,7 +157,7 @@ def _print_fit(names: list[str], taped: dict[str, float], fit: TapedFit) -> None
     rest = iter(zip(fit.residual_m, fit.expected_m, strict=True))
     for name, sighting in zip(names, fit.sightings, strict=True):
         if sighting.distance_m is None:
-            rows.append([Path(name).name, f"{taped[name]:.3f}", "", "", f"not found: {sighting.reason}"])
+            rows.append([Path(name).name, f"{taped[name]:.3f}", "", "", f"not found: {why_not(sighting)}"])
             continue
         residual_m, expected_m = next(rest)
         rows.append([Path(name).name, f"{taped[name]:.3f}", f"{sighting.distance_m:.3f}", f"{residual_m:+.3f}",

@@ -12,6 +12,7 @@ from truearc.cli.robot.vision_tools.camera_file import load_camera, load_labels
 from truearc.cli.robot.vision_tools.images import load_image
 from truearc.hw.readings import CameraFrame
 from truearc.robot.config.schema import CameraFile, InputError
+from truearc.robot.reasons import text
 from truearc.robot.types import Sighting
 from truearc.robot.vision import detect
 from truearc.sim.tables import make_text
@@ -41,7 +42,7 @@ def measure_images(args: argparse.Namespace) -> int:
         sighting = detect(frame, camera.camera, camera.tape, camera.vision)
         table.writerow(_row(name, sighting))
         if not sighting.found:
-            print(f"{name}: not found: {sighting.reason}", file=sys.stderr)
+            print(f"{name}: not found: {why_not(sighting)}", file=sys.stderr)
         seen.append((name, sighting))
     progress(1.0, "")
     sys.stdout.flush()
@@ -59,6 +60,11 @@ def _print_sizes(sizes: set[tuple[int, int]], file: CameraFile) -> None:
         print(f"truearc vision: {', '.join(others)}: treated as modes that show the full height of a sensor calibrated "
               f"at {calibrated[0]} x {calibrated[1]}; of cropped or turned pictures the distance is wrong",
               file=sys.stderr)
+
+
+def why_not(sighting: Sighting) -> str:
+    """The reason why the target was not found; empty where it was."""
+    return "" if sighting.reason is None else text(sighting.reason)
 
 
 def _row(name: str, sighting: Sighting) -> list[str]:

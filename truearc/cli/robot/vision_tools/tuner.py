@@ -12,6 +12,7 @@ from msgspec.structs import replace
 
 from truearc.cli.robot.vision_tools.camera_file import load_camera
 from truearc.cli.robot.vision_tools.images import load_image
+from truearc.cli.robot.vision_tools.measure import why_not
 from truearc.cli.robot.vision_tools.tune_server import TuneServer
 from truearc.hw.protocols import Camera, LinkLost
 from truearc.hw.readings import CameraFrame
@@ -183,5 +184,5 @@ class Tuner:
 def _words(image: Image, file: CameraFile) -> dict[str, Any]:
     seen = detect(CameraFrame(0, image), file.camera, file.tape, file.vision)
     if seen.distance_m is None or seen.sigma_m is None:
-        return {"found": False, "said": seen.reason}
+        return {"found": False, "said": why_not(seen)}
     return {"found": True, "said": f"{seen.distance_m:.3f} m ± {seen.sigma_m:.3f}"}

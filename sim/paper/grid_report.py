@@ -1,0 +1,135 @@
+"""The grid fit as text, as a picture, and as the provenance of its coefficients."""
+
+import math
+from collections.abc import Iterator
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from truearc.sim.data.dataset import Dataset, hash_dataset
+from truearc.sim.infer.score import Score
+from truearc.sim.paper.grid_bootstrap import Bootstrap
+from truearc.sim.paper.grid_fit import GridFit, map_deviation
+from truearc.sim.paper.settings import HIGH, LOW
+from truearc.sim.plots import Zoom, draw_fit_map
+
+TIE_HEADER = ("cd", "cl", "mean_deviation_m", "median_deviation_m")
+LISTED, SHOWN = 30, 10                # as many ties are listed in full; of more, so many are shown
+FEW_THREES = 10
+ZOOM_POINTS = 90                      # a side at most, of the picture's second panel
+POOR_THREE, POOR_TWO = 0.6, 0.8       # the seed reports 0.92 and 0.98 on the shots it was fitted to
+
+
+def explain(dataset: Dataset, fit: GridFit, scored: Score, again: Bootstrap | None) -> list[str]:
+    """What was found, how sure it is and what to make of it, line by line."""
+    return [*_found(dataset, fit), *_ties(fit), *_chosen(fit, scored), *_bootstrap(again), *_warnings(fit)]
+
+
+def _found(dataset: Dataset, fit: GridFit) -> Iterator[str]:
+    scoring = fit.shots_three + fit.shots_two
+    aside = len(dataset.shots) - scoring
+    yield f"fitted to {fit.shots_three} three and {fit.shots_two} two"
+    if aside:
+        yield (f"{aside} other shots of {len(dataset.shots)} have no say in the seed's measures (miss, or no outcome)")
+    three, two = fit.share_three.max(), float(fit.share_two[fit.tied][0])
+    yield (f"pairs tried: {fit.axis.size} x {fit.axis.size} of drag (cd) and lift (cl). The best of them fly "
+           f"{round(three * fit.shots_three)} of the {fit.shots_three} three-pointers into the three and "
+           f"{round(two * scoring)} of all {scoring} scoring shots into the two")
+
+
+def _ties(fit: GridFit) -> Iterator[str]:
+    count = len(fit.ties)
+    if count == 1:
+        yield "one pair does so"
+        return
+    (cd_low, cl_low), (cd_high, cl_high) = fit.ties[:, :2].min(axis=0), fit.ties[:, :2].max(axis=0)
+    yield (f"{count} pairs do so equally well (tied): cd {cd_low:.3f} to {cd_high:.3f}, cl {cl_low:.3f} to "
+           f"{cl_high:.3f}. The outcomes alone cannot tell them apart; ranked by how close to the centre they fly the "
+           "three-pointers:")
+    yield "     cd     cl  mean off by  median off by"
+    for cd, cl, mean_m, median_m in fit.ties[:count if count <= LISTED else SHOWN]:
+        yield f"  {cd:5.3f}  {cl:5.3f}  {_metres(mean_m):>11}  {_metres(median_m):>13}"
+    if count > LISTED:
+        yield f"  and {count - SHOWN} more (--tied FILE.csv writes all)"
+
+
+def _chosen(fit: GridFit, scored: Score) -> Iterator[str]:
+    yield f"chosen: cd {fit.cd:.3f}, cl {fit.cl:.3f}, the least mean deviation among the tied"
+    if math.isfinite(fit.mean_m):
+        yield (f"  with it the three-pointers pass {fit.mean_m:.3f} m off the centre in the mean, {fit.median_m:.3f} m "
+               "in the median")
+    else:
+        yield ("  with it, as with every tied pair, some of the three-pointers do not reach the target at all, so that "
+               "there is no mean deviation; " + (f"the median is {fit.median_m:.3f} m" if math.isfinite(fit.median_m)
+                                                  else "nor a median: it is half of them or more"))
+    if math.isfinite(fit.median_m) and fit.median_pair != (fit.cd, fit.cl):
+        yield f"  the least median deviation is elsewhere: cd {fit.median_pair[0]:.3f}, cl {fit.median_pair[1]:.3f}"
+    yield (f"accuracy: three-point {scored.three:.2%}, two-point {scored.two:.2%}, all outcomes, misses included, "
+           f"{scored.all:.2%} ({scored.shots} shots)")
+
+
+def _bootstrap(again: Bootstrap | None) -> Iterator[str]:
+    if again is None:
+        return
+    if not again.cd.size:
+        yield "bootstrap: no resample held a three-pointer"
+        return
+    yield (f"bootstrap: with the shots drawn again {len(again.cd)} times (seed {again.seed}), 90 % of the choices lie "
+           "in " + " and ".join(f"{name} {low:.3f} to {high:.3f}"
+                          for name, (low, high) in (("cd", again.interval90("cd")), ("cl", again.interval90("cl")))))
+    if again.without_three:
+        yield f"  draws left out because they held no three-pointer: {again.without_three}"
+
+
+def _warnings(fit: GridFit) -> Iterator[str]:
+    for name, value in (("cd", fit.cd), ("cl", fit.cl)):
+        if np.isclose(value, LOW) or np.isclose(value, HIGH):
+            yield (f"careful: {name} = {value:g} is the edge of the search: the shots ask for still "
+                   f"{'less' if np.isclose(value, LOW) else 'more'} than that, or do not depend on it. Check the "
+                   "launch (speed, angle, release height in rig.toml)")
+    if fit.share_three.max() < POOR_THREE or fit.share_two[fit.tied][0] < POOR_TWO:
+        yield ("careful: no drag and lift explain these shots well. Something else is off: facts in rig.toml, labels, "
+               "or physics that the simulator lacks; `truearc discover` says which")
+    if fit.shots_three < FEW_THREES:
+        yield (f"careful: only {fit.shots_three} three-pointer{'s' if fit.shots_three > 1 else ''}; every further one "
+               "may move the choice (--bootstrap 200 says how far)")
+
+
+def _metres(value: float) -> str:
+    return f"{value:.4f} m" if math.isfinite(value) else "not reached"
+
+
+def draw_map(dataset: Dataset, fit: GridFit) -> Figure:
+    """Draw three-point accuracy over the coefficients with the tied pairs, and mean deviation around those."""
+    return draw_fit_map(fit.axis, fit.share_three.T, (fit.cd, fit.cl), fit.tied.T, _zoom(dataset, fit))
+
+
+def _zoom(dataset: Dataset, fit: GridFit) -> Zoom:
+    """Mean deviation around the tied pairs."""
+    cd, cl = (_around(np.flatnonzero(fit.tied.any(axis=other)), fit.axis) for other in (1, 0))
+    every_cd, every_cl = np.meshgrid(cd, cl)
+    return Zoom(cd, cl, map_deviation(dataset.facts, dataset.shots, every_cd, every_cl))
+
+
+def _around(at: np.ndarray, axis: np.ndarray) -> np.ndarray:
+    """The part of the axis about its points `at`, with a margin, and not too many points of it."""
+    margin = max(8, (at[-1] - at[0]) // 2)
+    part = axis[max(0, at[0] - margin):at[-1] + margin + 1]
+    return part[::-(-len(part) // ZOOM_POINTS)]
+
+
+def provenance_of(step: float, dataset: Dataset, fit: GridFit, scored: Score,
+                  again: Bootstrap | None) -> dict[str, Any]:
+    """Return how the chosen pair came about, in plain values for the coefficients file."""
+    said = {"method": "grid", "step": step, "dataset": dataset.name, "dataset_sha256": hash_dataset(dataset),
+            "truearc": version("truearc"), "tied_pairs": len(fit.ties), "shots_three": fit.shots_three,
+            "shots_two": fit.shots_two, "accuracy_three": scored.three, "accuracy_two": scored.two}
+    said |= {name: value for name, value in (("mean_deviation_m", fit.mean_m), ("median_deviation_m", fit.median_m))
+             if np.isfinite(value)}
+    if again is not None and again.cd.size:
+        (cd_low, cd_high), (cl_low, cl_high) = again.interval90("cd"), again.interval90("cl")
+        said |= {"bootstrap_resamples": len(again.cd), "bootstrap_seed": again.seed, "cd_low90": cd_low,
+                 "cd_high90": cd_high, "cl_low90": cl_low, "cl_high90": cl_high}
+    return said
