@@ -55,7 +55,7 @@ LEVEL = "L1"
 UNSEEN = 400                          # shots of the other session
 APART = 1000                          # seeds of one number of world from the next's
 
-SIMULATED, VALIDATION = 900, 0.25     # as truearc synth and truearc train have them
+SIMULATED, VALIDATION = 900, 0.25     # as truearc paper synth and paper train have them
 LAMBDAS = {"network": 0.01, "network, even": 1.0}
 
 Line = dict[str, Any]

@@ -21,7 +21,7 @@ from vision_scenes import LOOKS, TURNING, WRITTEN, Shot, baseline, clutter, shoo
 
 from truearc import robot
 from truearc.cli.progress import make_progress
-from truearc.cli.robot.images import decode_image
+from truearc.cli.robot.vision_tools.images import decode_image
 from truearc.hw.readings import CameraFrame
 from truearc.robot.config.schema import CameraFile, Config, InputError, load_config, load_toml
 from truearc.robot.reasons import text
