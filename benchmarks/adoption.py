@@ -27,11 +27,11 @@ from benchmarks.adoption_table import make_table
 from benchmarks.filling import fill_and_tell, parser_of
 from benchmarks.unseen import off_m
 from truearc import robot
-from truearc.cli.discover.discover import keep_compiled
 from truearc.cli.progress import make_progress
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import Config, load_config
 from truearc.robot.gate.contract import NOVELTY_LIMIT
+from truearc.sim.compile_cache import keep_compiled
 from truearc.sim.data.dataset import Shots
 from truearc.sim.discover.adopt import make_belief
 from truearc.sim.discover.api import discover
@@ -55,7 +55,7 @@ LEVEL = "L1"
 UNSEEN = 400                          # shots of the other session
 APART = 1000                          # seeds of one number of world from the next's
 
-SIMULATED, VALIDATION = 900, 0.25     # as truearc synth and truearc train have them
+SIMULATED, VALIDATION = 900, 0.25     # as truearc paper synth and paper train have them
 LAMBDAS = {"network": 0.01, "network, even": 1.0}
 
 Line = dict[str, Any]

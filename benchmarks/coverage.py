@@ -1,4 +1,4 @@
-"""How often 90 % intervals of `truearc fit --method ml` contain the truth, on shots that other code simulated.
+"""How often 90 % intervals of `truearc fit` contain the truth, on shots that other code simulated.
 
     python benchmarks/coverage.py [--replicates 200] [--shots 150] [--side] [--seed 0]
 

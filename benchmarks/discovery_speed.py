@@ -10,7 +10,7 @@ import argparse
 import time
 from collections.abc import Callable
 
-from truearc.cli.discover.discover import keep_compiled
+from truearc.sim.compile_cache import keep_compiled
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.api import detect, discover, make_search
 from truearc.sim.discover.detect.clusters import groups_of

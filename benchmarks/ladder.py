@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.suite import Job, true_parameter, world_of
-from truearc.cli.discover.discover import keep_compiled
+from truearc.sim.compile_cache import keep_compiled
 from truearc.sim.discover.detect.clusters import groups_of
 from truearc.sim.discover.model.baseline_fit import fit_believed
 from truearc.sim.discover.model.design_columns import lay_out

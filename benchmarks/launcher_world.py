@@ -27,10 +27,10 @@ from benchmarks.filling import fill_and_tell, parser_of
 from benchmarks.launcher_table import AS_IS, make_tables
 from benchmarks.unseen import heights_m, off_m
 from truearc import robot
-from truearc.cli.discover.discover import keep_compiled
 from truearc.cli.progress import make_progress
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import load_config
+from truearc.sim.compile_cache import keep_compiled
 from truearc.sim.discover.adopt import make_belief
 from truearc.sim.discover.api import Investigation, discover
 from truearc.sim.discover.finding import make_json

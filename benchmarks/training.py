@@ -22,7 +22,8 @@ import optax
 from numba import njit
 
 from truearc.sim.paper.network import Layers, initial_layers, logits, standardisation
-from truearc.sim.paper.sweep import Job, Recipe, make_decks, pack, train_many
+from truearc.sim.paper.settings import Recipe
+from truearc.sim.paper.sweep import Job, make_decks, pack, train_many
 from truearc.sim.paper.sweep_kernel import BATCH, Decks, deal
 from truearc.sim.paper.training import Rows, cross_entropy
 

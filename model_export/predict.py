@@ -1,8 +1,5 @@
 """What a gate makes of the shots of a dataset."""
 
-import csv
-import io
-
 import numpy as np
 
 from truearc.robot.config.schema import InputError
@@ -25,16 +22,18 @@ def features_of(shots: Shots, name: str) -> np.ndarray:
     return np.stack([shots.number(feature.name) for feature in FEATURES], axis=1)
 
 
-def make_ratings(gate: Gate, shots: Shots, name: str) -> str:
-    """CSV text `shot_id,p_two,p_three,in_domain,novelty`, a row a shot; a number that there is none of is empty."""
-    ratings = gate.rate_many(features_of(shots, name))
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(HEADER)
-    for shot_id, p, inside, novelty in zip(shots.shot_id, *(column.tolist() for column in ratings), strict=True):
-        writer.writerow([shot_id, *map(_cell, p), "true" if inside else "false", _cell(novelty)])
-    return out.getvalue()
+def rate_shots(gate: Gate, shots: Shots,
+               name: str) -> list[tuple[str, float | None, float | None, bool, float | None]]:
+    """Return (shot_id, p_two, p_three, in_domain, novelty) per shot; None where the gate gives no number.
+
+    Raises:
+        InputError: names `name`, the column and the shots that lack a feature.
+    """
+    p, inside, novelty = gate.rate_many(features_of(shots, name))
+    return [(shot_id, _number(two), _number(three), bool(within), _number(far))
+            for shot_id, (two, three), within, far in zip(shots.shot_id, p.tolist(), inside, novelty.tolist(),
+                                                          strict=True)]
 
 
-def _cell(value: float) -> str:
-    return "" if np.isnan(value) else repr(value)
+def _number(value: float) -> float | None:
+    return None if np.isnan(value) else value

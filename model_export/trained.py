@@ -8,16 +8,11 @@ from typing import Any
 import numpy as np
 
 from truearc.model_export.parts import Part, network_part, physics_part
+from truearc.model_export.tolerances import NETWORK_TOLERANCE, PHYSICS_TOLERANCE
 from truearc.sim.gate.novelty import Novelty, parse_novelty
 from truearc.sim.gate.store import KIND, MODEL_FILE, gate_hash, load_physics_gate
 from truearc.sim.gate.surrogate import make_surrogate
 from truearc.sim.paper.network import RECORD_FILE, load_weights, probabilities, weights_hash
-
-# Sums of eight float32 products behind two sigmoids; a network trained a hundred times longer than the default, with
-# weights of 50, differs by 6e-6. More than this is another network, not another rounding.
-NETWORK_TOLERANCE = 1e-5
-# The graph of a physics gate carries its flights as a polynomial, and export refuses one that is worse than this.
-PHYSICS_TOLERANCE = 5e-3
 
 
 @dataclass(frozen=True)

@@ -1,13 +1,18 @@
 """An exported gate against the trainer that made it, and against itself."""
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+from truearc.model_export.predict import features_of
 from truearc.model_export.trained import Trained, load_trained
-from truearc.robot.gate.contract import NOVELTY_LIMIT
-from truearc.robot.gate.model import Gate
+from truearc.robot.gate.contract import FEATURES, NOVELTY_LIMIT
+from truearc.robot.gate.model import Gate, load_gate
+from truearc.sim.data.dataset import Dataset
+from truearc.sim.printed import Printed
 
 # Of one and the same graph on other numbers of rows: float32 sums of several hundred products in another order. Found:
 # 1.5e-5 on a gate from 59 shots; far below what a graph may differ from its trainer (model_export/trained.py).
@@ -87,3 +92,61 @@ def find_faults(gate: Gate, features: np.ndarray) -> list[str]:
     if (differ & ~on_the_edge).any():
         faults.append("rows rated alone and rated together disagree on the domain")
     return faults
+
+
+@dataclass(frozen=True)
+class Verification(Printed):
+    """What a check of a gate found: `report`, line by line, and whether it `passed`."""
+
+    report: tuple[str, ...]
+    passed: bool
+
+    def lines(self) -> list[str]:
+        """Return the report."""
+        return list(self.report)
+
+
+def verify_gate(path: str | Path, weights: str | Path | None = None,
+                data: Mapping[str, Dataset] | None = None) -> Verification:
+    """Check an exported gate: its contract, that it repeats itself, and that it agrees with its trainer.
+
+    Args:
+        path: The ONNX file.
+        weights: The directory it was exported from; None: it is not compared with its trainer.
+        data: {name: dataset} whose shots are rated, too, besides a grid over the domain.
+
+    Raises:
+        InputError: the file is not a gate, or a directory or dataset is unusable.
+    """
+    gate = load_gate(str(path))
+    trained = None if weights is None else load_trained(weights)
+    domain = ", ".join(f"{feature.name} {low:.3f} to {high:.3f}"
+                       for feature, (low, high) in zip(FEATURES, gate.domain, strict=True))
+    lines = [f"{path}: sha256 {gate.sha256}", "contract: agrees", f"domain: {domain}"]
+    sets = [("grid over the domain", domain_grid(gate))]
+    sets += [(name, features_of(one.shots, name)) for name, one in (data or {}).items()]
+    checked = [_check(gate, trained, name, features) for name, features in sets]
+    lines += [line for one in checked for line in one.report]
+    if trained is None:
+        lines.append("not compared with the trainer (no --weights)")
+    passed = all(one.passed for one in checked)
+    if weights is not None and not is_exported_from(gate, weights):
+        lines.append(f"{weights}: FAILED: not the weights that this gate was exported from")
+        passed = False
+    return Verification(tuple(lines), passed)
+
+
+def _check(gate: Gate, trained: Trained | None, name: str, features: np.ndarray) -> Verification:
+    faults, lines = find_faults(gate, features) if len(features) else [], []
+    if trained is not None:
+        result = compare(gate, trained, features)
+        aside = f" ({len(features) - result.rows} outside the domain left out)" if result.rows < len(features) else ""
+        lines.append(f"{name}: {result.rows} rows{aside}, max |dp| {result.worst:.2e}, {result.flips} class flips at "
+                     f"0.5, max |d novelty| {result.novelty:.1e}")
+        if not result.passed:
+            faults.append(f"onnxruntime and trainer differ by more than {trained.tolerance:g} in p "
+                          f"or {NOVELTY_TOLERANCE:g} in novelty")
+    lines += [f"{name}: FAILED: {fault}" for fault in faults]
+    if trained is None and not faults:
+        lines.append(f"{name}: {len(features)} rows, repeatable, alone as together")
+    return Verification(tuple(lines), not faults)

@@ -1,1 +1,79 @@
-"""truearc: a ball launcher that knows whether its shot will score, and says which physics its simulation left out."""
+"""Aim a ball launcher, forecast its shots, and find the physics that its simulation lacks.
+
+    import truearc as ta
+    week = ta.load_dataset("data/week")
+    found = ta.discover(week, seed=0)
+    print(found)
+
+Every name is imported when it is first used: `import truearc` itself loads no NumPy and no JAX.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from truearc.api.discovery import Finding, discover
+    from truearc.api.fitting import Fit, fit
+    from truearc.api.gate import GateTraining, train_gate
+    from truearc.api.planning import Identifiability, ShotDesign, design_shots, identifiability
+    from truearc.api.prediction import predict
+    from truearc.api.recording import Recording
+    from truearc.api.table import Table
+    from truearc.robot.config.rig_spec import Rig
+    from truearc.robot.config.schema import InputError
+    from truearc.sim.data.dataset import Dataset, dataset, load_dataset, load_rig, save_dataset
+    from truearc.sim.infer.belief import Belief, load_belief
+    from truearc.sim.physics.catalogue import catalogue
+    from truearc.sim.physics.term import (
+        AirTerm,
+        ArrivalTerm,
+        FlightTerm,
+        LaunchTerm,
+        Parameter,
+        Prior,
+        SensingTerm,
+        WatchTerm,
+    )
+
+    __version__: str
+
+__all__ = [
+    "AirTerm", "ArrivalTerm", "Belief", "Dataset", "Finding", "Fit", "FlightTerm", "GateTraining",
+    "Identifiability", "InputError", "LaunchTerm", "Parameter", "Prior", "Recording", "Rig", "SensingTerm",
+    "ShotDesign", "Table", "WatchTerm", "catalogue", "dataset", "design_shots", "discover", "fit",
+    "identifiability", "load_belief", "load_dataset", "load_rig", "predict", "save_dataset", "train_gate",
+]
+
+# module -> the names that are imported from it when they are first used
+_NAMES = {
+    "truearc.api.discovery": "Finding discover",
+    "truearc.api.fitting": "Fit fit",
+    "truearc.api.gate": "GateTraining train_gate",
+    "truearc.api.planning": "Identifiability ShotDesign design_shots identifiability",
+    "truearc.api.prediction": "predict",
+    "truearc.api.recording": "Recording",
+    "truearc.api.table": "Table",
+    "truearc.sim.physics.catalogue": "catalogue",
+    "truearc.robot.config.rig_spec": "Rig",
+    "truearc.robot.config.schema": "InputError",
+    "truearc.sim.data.dataset": "Dataset dataset load_dataset load_rig save_dataset",
+    "truearc.sim.infer.belief": "Belief load_belief",
+    "truearc.sim.physics.term": "AirTerm ArrivalTerm FlightTerm LaunchTerm Parameter Prior SensingTerm WatchTerm",
+}
+_MODULES = {name: module for module, names in _NAMES.items() for name in names.split()}
+
+
+def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        from importlib.metadata import version
+        value: Any = version("truearc")
+    elif name in _MODULES:
+        value = getattr(import_module(_MODULES[name]), name)
+    else:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__, "__version__"})

@@ -2,11 +2,13 @@
 
 import hashlib
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import msgspec
 import numpy as np
 
+from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.columns import WORDS, is_numeric, need_columns, number_column, text_column, text_of
 from truearc.sim.data.model import Dataset, Shots, Traces, Tracks
@@ -30,11 +32,22 @@ def load_dataset(directory: str | Path) -> Dataset:
     if shots_path is None:
         raise InputError(f"{home}: has neither shots.csv nor shots.parquet")
     with gathered() as problems:
-        shots = _shots(load_table(shots_path, problems), problems)
-        row_of = {name: row for row, name in enumerate(shots.shot_id)}
-        tracks = _tracks(find_table(home, "tracks"), row_of, problems)
-        traces = _traces(find_table(home, "traces"), row_of, problems)
-    return Dataset(home.resolve().name, facts, shots, tracks, traces, _left_out(home / LEFT_OUT))
+        tables = [None if path is None else load_table(path, problems)
+                  for path in (find_table(home, "tracks"), find_table(home, "traces"))]
+        dataset = assemble(home.resolve().name, facts, problems, load_table(shots_path, problems), *tables)
+    return replace(dataset, left_out=_left_out(home / LEFT_OUT))
+
+
+def assemble(name: str, facts: Rig, problems: Problems, shots: Table, tracks: Table | None = None,
+             traces: Table | None = None) -> Dataset:
+    """Check the cells of tables and return them as a dataset; everything wrong is added to `problems`.
+
+    Raises:
+        InputError: a column that a table must have is missing.
+    """
+    checked = _shots(shots, problems)
+    row_of = {name: row for row, name in enumerate(checked.shot_id)}
+    return Dataset(name, facts, checked, _tracks(tracks, row_of, problems), _traces(traces, row_of, problems))
 
 
 def dataset_hash(directory: str | Path) -> str:
@@ -97,10 +110,9 @@ def _check_sides(table: Table, texts: dict[str, tuple[str, ...]], problems: Prob
             problems.add(table.place(row), "side", f"outcome three cannot have the miss side {side!r}")
 
 
-def _tracks(path: Path | None, row_of: dict[str, int], problems: Problems) -> Tracks | None:
-    if path is None:
+def _tracks(table: Table | None, row_of: dict[str, int], problems: Problems) -> Tracks | None:
+    if table is None:
         return None
-    table = load_table(path, problems)
     need_columns(table, ("shot_id", "t_s", "x_m", "y_m", "z_m"))
     shot = _shot_rows(table, row_of, problems)
     t_s, x_m, y_m, z_m = (number_column(table, name, problems) for name in ("t_s", "x_m", "y_m", "z_m"))
@@ -108,10 +120,9 @@ def _tracks(path: Path | None, row_of: dict[str, int], problems: Problems) -> Tr
     return Tracks(shot, t_s, x_m, y_m, z_m)
 
 
-def _traces(path: Path | None, row_of: dict[str, int], problems: Problems) -> Traces | None:
-    if path is None:
+def _traces(table: Table | None, row_of: dict[str, int], problems: Problems) -> Traces | None:
+    if table is None:
         return None
-    table = load_table(path, problems)
     need_columns(table, ("shot_id", "t_s", "signal", "value"))
     signal = text_column(table, "signal", problems)
     return Traces(_shot_rows(table, row_of, problems), number_column(table, "t_s", problems), signal,

@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from truearc.robot.config.rig_spec import Rig
+from truearc.sim.printed import Printed
 
 Floats = npt.NDArray[np.float64]
 
@@ -64,7 +65,7 @@ class Traces:
 
 
 @dataclass(frozen=True)
-class Dataset:
+class Dataset(Printed):
     """All that a directory of shots says; `left_out`: what its maker left out and why, one line each."""
 
     name: str
@@ -73,3 +74,19 @@ class Dataset:
     tracks: Tracks | None = None
     traces: Traces | None = None
     left_out: tuple[str, ...] = ()
+
+    @property
+    def rig(self) -> Rig:
+        """The rig that the shots were made with."""
+        return self.facts
+
+    def lines(self) -> list[str]:
+        """Return how many shots, outcomes and samples there are, which columns, and what was left out."""
+        outcomes = self.shots.text("outcome")
+        counts = {kind or "unmarked": outcomes.count(kind) for kind in dict.fromkeys(outcomes)}
+        lines = [f"{self.name}: {len(self.shots)} shots "
+                 f"({', '.join(f'{count} {kind}' for kind, count in counts.items())})",
+                 f"columns: {', '.join(['shot_id', *self.shots.numbers, *self.shots.texts])}"]
+        lines += [f"{name}: {len(table.t_s)} samples" for name, table in (("tracks", self.tracks),
+                                                                          ("traces", self.traces)) if table]
+        return lines + [f"left out: {line}" for line in self.left_out]

@@ -24,6 +24,15 @@ def load_rig(path: str | Path) -> Rig:
     facts = load_toml(path, Rig)
     for key in unknown_keys(tomllib.loads(Path(path).read_text(encoding="utf-8"))):
         print(f"warning: {path}: key {key} is not known and has no effect", file=sys.stderr)
+    return check_rig(facts, path)
+
+
+def check_rig(facts: Rig, path: str | Path) -> Rig:
+    """Return the rig if its numbers can be true.
+
+    Raises:
+        InputError: names `path` and the key of a number that is not finite, out of range, or contradicts another.
+    """
     for key, value in _leaves(msgspec.to_builtins(facts), ""):
         _check(path, key, value)
     names = [wheel.name for wheel in facts.launcher.wheel]

@@ -17,15 +17,19 @@ Cell = str | float | None             # CSV gives text; Parquet numbers, text or
 
 @dataclass(frozen=True)
 class Table:
-    """`columns`: name -> one cell a row, None = missing; `lines`: line (CSV) or row (Parquet) of each, from 1."""
+    """`columns`: name -> one cell a row, None = missing; `lines`: line (CSV) or row (else) of each, from 1.
+
+    `in_memory`: not read from a file; `path` is then the name of the argument.
+    """
 
     path: Path
     columns: dict[str, list[Cell]]
     lines: list[int]
+    in_memory: bool = False
 
     def place(self, row: int) -> str:
         """File and line as messages name them; row -1 is the header."""
-        if self.path.suffix == ".parquet":
+        if self.in_memory or self.path.suffix == ".parquet":
             return f"{self.path}: row {self.lines[row]}" if row >= 0 else f"{self.path}"
         return f"{self.path}:{self.lines[row] if row >= 0 else 1}"
 
@@ -109,11 +113,11 @@ def _load_parquet(path: Path) -> Table:
     names = table.column_names
     if len(set(names)) < len(names):
         raise InputError(f"{path}: a column stands twice")
-    columns = {name: [_cell(value) for value in table.column(name).to_pylist()] for name in names}
+    columns = {name: [as_cell(value) for value in table.column(name).to_pylist()] for name in names}
     return Table(path, columns, list(range(1, table.num_rows + 1)))
 
 
-def _cell(value: object) -> Cell:
+def as_cell(value: object) -> Cell:
     """Integers in text columns (an id, say) keep their digits: only real numbers become float."""
     if value is None or value == "":
         return None

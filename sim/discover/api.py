@@ -20,13 +20,13 @@ from truearc.sim.discover.model.prepared_data import take_in
 from truearc.sim.discover.report.build_finding import make_finding, silent
 from truearc.sim.discover.select.forward_selection import Search, go_forward
 from truearc.sim.discover.select.selection_step import Step
+from truearc.sim.discover.settings import FALSE_ALARM
 from truearc.sim.infer.belief import Belief
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue, catalogue
 from truearc.sim.physics.term import Term
 from truearc.sim.progress import Progress
 
 DRAWS = 1999
-FALSE_ALARM = 0.05
 
 
 @dataclass(frozen=True)

@@ -22,18 +22,25 @@ from typing import Any
 import numpy as np
 
 from truearc.robot.config.schema import InputError
-from truearc.sim.infer.coefficients import Coefficients, load_coefficients, load_table, save_coefficients
+from truearc.sim.infer.coefficients import (
+    Coefficients,
+    load_coefficients,
+    load_provenance,
+    load_table,
+    save_coefficients,
+)
 from truearc.sim.infer.curve import Curve, read_curves, write_curve
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue, catalogue, find_parameter
 from truearc.sim.physics.nonparametric import CURVE, NAMELESS
 from truearc.sim.physics.scales import LINEAR, LOG, fits_scale, from_scale, to_scale
+from truearc.sim.printed import Printed
 
 SCATTERS = ("speed", "elevation_deg")
 SCATTER = "scatter"
 
 
 @dataclass(frozen=True, eq=False)
-class Belief:
+class Belief(Printed):
     """Coefficients with scatter and doubt.
 
     coefficients: {term: {parameter: value}}. scatter: {"speed": sd of the log of the exit speed from shot to shot,
@@ -41,6 +48,7 @@ class Belief:
     a row of `covariance` [p, p], which is on the parameters' own scales (module docstring); what has no name is exact.
     curves: how large effects without a name are, by their terms of truearc.sim.physics.nonparametric in `coefficients`.
     catalogue: of the terms that the coefficients name.
+    provenance: how the belief came about, in plain values that a file keeps; nothing is computed from it.
     """
 
     coefficients: Coefficients
@@ -49,6 +57,7 @@ class Belief:
     covariance: np.ndarray
     curves: dict[str, Curve] = field(default_factory=dict)
     catalogue: Catalogue = field(default_factory=catalogue)
+    provenance: dict[str, Any] = field(default_factory=dict)
 
     def values(self) -> np.ndarray:
         """The named parameters [p] on their scales: the mean that `covariance` goes with."""
@@ -69,6 +78,24 @@ class Belief:
         except KeyError:
             return False
         return True
+
+    def save(self, path: str | Path) -> None:
+        """Write a coefficients.toml that `load_belief` reads back exactly; OSError where it cannot be written."""
+        save_belief(path, self, self.provenance)
+
+    def lines(self) -> list[str]:
+        """Return a line per number: its value, unit, and standard deviation, a factor where its scale is the log."""
+        doubt = dict(zip(self.names, np.sqrt(np.diag(self.covariance)), strict=True))
+        names = [f"{term}.{key}" for term, values in self.coefficients.items() for key in values]
+        return [self._line(name, doubt.get(name)) for name in (*names, *(f"{SCATTER}.{key}" for key in self.scatter))]
+
+    def _line(self, name: str, sd: float | None) -> str:
+        scale = scale_of(name, self.catalogue)
+        known = "" if sd is None else f" × or / {np.exp(sd):.3g}" if scale == LOG else (
+            f" ± {sd:.2g}" if scale == LINEAR else f" ± {sd:.2g} on its {scale} scale")
+        scattered = "deg" if name.endswith("_deg") else "1"
+        unit = scattered if name.startswith(SCATTER + ".") else find_parameter(name, self.catalogue).unit
+        return f"{name:28s} {self.value(name):.4g}{known}{'' if unit == '1' else f' {unit}'}"
 
 
 def point_belief(coefficients: Mapping[str, Mapping[str, float]], scatter: Mapping[str, float] | None = None,
@@ -157,7 +184,7 @@ def load_belief(path: str | Path, among: Catalogue | None = None) -> Belief:
     for term in taking:
         if term not in curves:
             raise InputError(f"{path}: {term}: has no [curve.{term}] to say how large it is")
-    belief = Belief(coefficients, scatter, names, covariance, curves, as_catalogue(among))
+    belief = Belief(coefficients, scatter, names, covariance, curves, as_catalogue(among), load_provenance(path))
     for name in names:
         _check(path, name, belief)
     return belief

@@ -66,7 +66,7 @@ def fit_ml(facts: Rig, dataset: Dataset, terms: tuple[str, ...], progress: Progr
            grid: dict[str, dict[str, float]] | None = None, among: Catalogue | None = None) -> MlFit:
     """Fit the named terms (gravity always among them) and the scatter of the launch to a dataset.
 
-    grid: {term: {parameter: value}} that the paper's grid chose, one more start (truearc.sim.paper.grid_start).
+    grid: {term: {parameter: value}} that the paper's grid chose, one more start (truearc.sim.paper.grid_fit).
     among: the catalogue of the terms, truearc.sim.physics.catalogue.catalogue() when not given.
 
     Deterministic. A fit that did not settle says so in `converged`. InputError: unknown terms, or nothing to fit to.

@@ -1,4 +1,4 @@
-"""truearc identify on the emulated robot: what is fitted is what the world was made of."""
+"""truearc sysid on the emulated robot: what is fitted is what the world was made of."""
 
 import tomllib
 from pathlib import Path
@@ -11,6 +11,7 @@ from truearc import robot
 from truearc.cli.main import main
 from truearc.cli.robot.sysid_emulated import drive_twin
 from truearc.robot.config.schema import Config, load_config
+from truearc.robot.reasons import IDENTIFY_DONE
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.replay.recompute import replay
 from truearc.robot.recording.session import load_trials
@@ -36,7 +37,7 @@ def repeated(flywheel, hood):
 @pytest.fixture(scope="module")
 def session(tmp_path_factory):
     folder = tmp_path_factory.mktemp("identify") / "first"
-    assert drive_twin(repeated(1, 2), folder, World(3), lambda text: None) == "done"
+    assert drive_twin(repeated(1, 2), folder, World(3), lambda text: None) == IDENTIFY_DONE()
     return folder
 
 
@@ -85,7 +86,7 @@ def test_only_what_was_programmed_was_sent(session):
 
 def test_another_worlds_inertia_is_found_without_being_told(tmp_path):
     world = World(1, Options(flywheel_inertia_scale=1.6, battery_start_v=12.0))
-    assert drive_twin(repeated(1, 0), tmp_path / "s", world, lambda text: None) == "done"
+    assert drive_twin(repeated(1, 0), tmp_path / "s", world, lambda text: None) == IDENTIFY_DONE()
     driven = load_driven(tmp_path / "s")
     fit = fit_law(driven.records["flywheel"], windage=True)
     assert fit.value("ka") * MOTORS == pytest.approx(1.6 * belt.INERTIA_KG_M2, rel=0.01)
@@ -114,11 +115,11 @@ def merged(fragment: str) -> Config:
 def test_the_door_writes_gains_that_the_robot_shoots_with(session, tmp_path, capsys):
     gains, page = tmp_path / "gains.toml", tmp_path / "page.html"
     before = SHIPPED.read_bytes()
-    assert main(["identify", str(session), "-o", str(gains), "--report", str(page), "--quiet"]) == 0
+    assert main(["sysid", str(session), "-o", str(gains), "--report", str(page), "--quiet"]) == 0
     out = capsys.readouterr().out
     assert out == gains.read_text(encoding="utf-8") and "R^2" in out
     assert page.read_text(encoding="utf-8").count("data:image/png") == 2
-    assert main(["identify", str(session), "-o", str(gains), "--quiet"]) == 2
+    assert main(["sysid", str(session), "-o", str(gains), "--quiet"]) == 2
     assert "exists already" in capsys.readouterr().err and SHIPPED.read_bytes() == before
     config = merged(out)
     assert config.flywheel.pid.kp != CONFIG.flywheel.pid.kp and config.hood.pid.kp != CONFIG.hood.pid.kp

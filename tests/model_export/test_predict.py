@@ -6,7 +6,8 @@ import io
 import numpy as np
 import pytest
 
-from truearc.model_export.predict import features_of, make_ratings
+from truearc.api.table import Table
+from truearc.model_export.predict import HEADER, features_of, rate_shots
 from truearc.robot.config.schema import InputError
 from truearc.robot.gate.model import Gate
 from truearc.sim.data.dataset import Shots
@@ -23,6 +24,10 @@ class Halves:
 
 
 GATE = Gate(Halves(), ((1.0, 6.0), (0.0, 1.0), (0.0, 90.0)), "", {})
+
+
+def make_ratings(gate: Gate, shots: Shots, name: str) -> str:
+    return Table(HEADER, tuple(rate_shots(gate, shots, name))).to_csv()
 
 
 def make_shots(**columns: list[float]) -> Shots:

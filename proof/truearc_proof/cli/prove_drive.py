@@ -21,16 +21,18 @@ import msgspec
 import numpy as np
 from msgspec import Struct
 
+import truearc as ta
 from truearc import robot
-from truearc.cli.discover.discover import adopt, keep_compiled
-from truearc.cli.main import main as front_door
 from truearc.cli.start.demo import walked_in
 from truearc.cli.start.demo_files import Score
+from truearc.model_export.graph import export_weights
+from truearc.model_export.verify import verify_gate
 from truearc.robot.config.schema import InputError, load_config
-from truearc.sim.data.dataset import load_dataset, save_dataset
+from truearc.sim.compile_cache import keep_compiled
+from truearc.sim.data.dataset import save_dataset
 from truearc.sim.data.recordings import outcomes_of, shots_from_sessions
-from truearc.sim.discover.api import discover
 from truearc.sim.discover.finding import make_json
+from truearc.sim.discover.report.finding_text import say_adopted
 from truearc.sim.intervals import difference
 from truearc.sim.parallel import fan_out
 from truearc.sim.progress import Progress
@@ -134,35 +136,39 @@ def learn_gates(root: Path, workers: int | None = None) -> None:
 
 
 def _learn(root: Path, name: str) -> str:
-    """Both gates from the recordings, as anyone could with truearc's verbs; the claims' hash."""
+    """Both gates from the recordings, as anyone could with the Python API; the claims' hash."""
     room = Room(root)
     forbid(room.keeper)
     keep_compiled()
     data, folder = room.data(name), room.root / "gates" / name
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
-    found = discover(load_dataset(data), None, FALSE_ALARM, 0)
-    with (folder / "verbs.txt").open("w", encoding="utf-8") as said_here, contextlib.redirect_stdout(said_here):
-        for side, steps in zip(SIDES, ((), found.steps), strict=True):
-            adopt(replace(found, steps=steps), str(data), str(folder / f"{side}.toml"))
-        for side in SIDES:
-            weights, gate = folder / f"{side}_weights", _gate(room, name, side)
-            _verb("train", "--model", "physics", "--real", data, "--coefficients", folder / f"{side}.toml", "-o",
-                  weights, "--quiet")
-            _verb("export", weights, "-o", gate)
-            _verb("verify", gate, "--weights", weights, "--data", data)
+    shots = ta.load_dataset(data)
+    found = ta.discover(shots, false_alarm=FALSE_ALARM, seed=0)
+    steps = found.investigation.steps
+    with (folder / "steps.txt").open("w", encoding="utf-8") as said_here, contextlib.redirect_stdout(said_here):
+        for side, taken in zip(SIDES, ((), steps), strict=True):
+            belief = ta.Finding(found.name, replace(found.investigation, steps=taken)).adopt()
+            belief.save(folder / f"{side}.toml")
+            print(say_adopted(found.record, belief.provenance))
+            _train(shots, belief, folder / f"{side}_weights", _gate(room, name, side))
     claims = {"schema": SCHEMA, "world": name, "solver": solver_id(), "data": hash_files(data),
-              "finding": msgspec.json.decode(make_json(found.finding)), "gates": _gate_hashes(room, name)}
+              "finding": msgspec.json.decode(make_json(found.record)), "gates": _gate_hashes(room, name)}
     text = canonical(claims) + b"\n"
     room.claims(name).parent.mkdir(exist_ok=True)
     room.claims(name).write_bytes(text)
     return digest(text)
 
 
-def _verb(*words: object) -> None:
-    """One verb, as anyone could type it."""
-    if front_door([str(word) for word in words]) != 0:
-        raise InputError(f"truearc {' '.join(map(str, words))}: failed")
+def _train(shots: ta.Dataset, belief: ta.Belief, weights: Path, gate: Path) -> None:
+    """Train, export, and check the file against its trainer; InputError where a check fails."""
+    training = ta.train_gate(shots, belief)
+    training.save(weights)
+    export_weights(weights, gate)
+    found = verify_gate(gate, weights, {shots.name: shots})
+    print(training, found, sep="\n")
+    if not found.passed:
+        raise InputError(f"{gate}: not what was trained")
 
 
 def _open(room: Room, names: Sequence[str]) -> None:

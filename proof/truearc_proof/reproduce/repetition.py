@@ -10,8 +10,7 @@ from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.gate.train import fit_physics_gate
 from truearc.sim.infer.map_fit import fit_ml
 from truearc.sim.infer.score import Score, score
-from truearc.sim.paper.grid_fit import fit_grid
-from truearc.sim.paper.grid_start import grid_start
+from truearc.sim.paper.grid_fit import fit_grid, grid_start
 from truearc.sim.paper.synthetic_data import grid_shots, label_grid, sample_balanced, taken_configurations
 from truearc.sim.paper.training import LABELS, Rows, training_rows
 from truearc.sim.physics.simulate import classify, predict

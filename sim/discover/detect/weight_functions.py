@@ -7,6 +7,7 @@ shots of another session, which is looked at the same way.
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -42,7 +43,11 @@ class WeightFunction:
     weigh: Callable[[Look], Array]
 
 
-SAME = WeightFunction(None, "same", lambda look: np.ones(look.n))
+def _ones(look: Look) -> Array:
+    return np.ones(look.n)
+
+
+SAME = WeightFunction(None, "same", _ones)
 
 
 def number_shapes(covariate: Covariate, look: Look) -> list[WeightFunction]:
@@ -55,14 +60,14 @@ def number_shapes(covariate: Covariate, look: Look) -> list[WeightFunction]:
     middle, width = values[known].mean(), values[known].std()
     scaled = (values - middle) / width
     skew = np.mean(scaled[known]**3)
-    laws: list[tuple[str, Law]] = [("straight", lambda x: (x - middle) / width)]
+    laws: list[tuple[str, Law]] = [("straight", partial(_straight, middle, width))]
     if len(np.unique(values[known])) >= 3:
-        laws.append(("bent", lambda x: ((x - middle) / width)**2 - 1.0 - (x - middle) / width * skew))
-    laws += [(f"{STEP}{cut:.4g}", _step(cut, np.mean(values[known] > cut))) for cut in _cuts(values[known])]
+        laws.append(("bent", partial(_bent, middle, width, skew)))
+    laws += [(f"{STEP}{cut:.4g}", partial(_step, cut, np.mean(values[known] > cut))) for cut in _cuts(values[known])]
     if {"exit_spin_rev_s", "exit_speed_m_s"} & set(covariate.names):
         largest = np.abs(values[known]).max()
-        laws.append(("proportional", lambda x: x / largest))
-    return [WeightFunction(covariate, name, _of_number(covariate, law)) for name, law in laws]
+        laws.append(("proportional", partial(_proportional, largest)))
+    return [WeightFunction(covariate, name, partial(_of_number, covariate, law)) for name, law in laws]
 
 
 def group_shapes(factor: Factor, look: Look) -> list[WeightFunction]:
@@ -72,7 +77,7 @@ def group_shapes(factor: Factor, look: Look) -> list[WeightFunction]:
     for code, level in enumerate(factor.levels):
         inside = codes == code
         if FEWEST <= inside.sum() <= (codes >= 0).sum() - FEWEST:
-            found.append(WeightFunction(factor, level, _of_group(factor, code, inside[codes >= 0].mean())))
+            found.append(WeightFunction(factor, level, partial(_of_group, factor, code, inside[codes >= 0].mean())))
     return found
 
 
@@ -81,11 +86,11 @@ def pair_shapes(covariates: Sequence[Covariate], look: Look, seed: int) -> list[
     Fourier features of a Gaussian kernel), so that whatever two of them do together leaves a trace."""
     placed = [(one, _place_in(look.at(one))) for one in covariates if varies(look.at(one))]
     pairs = [_Plane(*first, *second) for first, second in itertools.combinations(placed, 2)]
-    shapes = [pair.shape("product", look, lambda place: place[0] * place[1]) for pair in pairs]
+    shapes = [pair.shape("product", look, _product) for pair in pairs]
     rng = np.random.default_rng(seed)
     for pair in [pairs[k] for k in rng.integers(0, len(pairs), WAVES)] if pairs else ():
         turn, phase = rng.normal(size=2) / WAVE_LENGTH, rng.uniform(0.0, 2.0 * np.pi)
-        shapes.append(pair.shape("wave", look, _wave(turn, phase)))
+        shapes.append(pair.shape("wave", look, partial(_wave, turn, phase)))
     return shapes
 
 
@@ -111,37 +116,58 @@ class _Plane:
         """By a law of the place, centred over the shots of the session that is asked."""
         place = self.place(look)
         middle = law(place).mean()
-        return WeightFunction(
-            CovariatePair(self.first, self.second, place), name, lambda other: law(self.place(other)) - middle
-        )
+        return WeightFunction(CovariatePair(self.first, self.second, place), name,
+                              partial(_of_pair, self, law, middle))
 
 
-def _of_number(covariate: Covariate, law: Law) -> Callable[[Look], Array]:
-    def weigh(look: Look) -> Array:
-        values = look.at(covariate)
-        return np.where(np.isfinite(values), law(values), 0.0)
-    return weigh
+def _of_pair(plane: _Plane, law: Law, middle: float, look: Look) -> Array:
+    return law(plane.place(look)) - middle
 
 
-def _of_group(factor: Factor, code: int, share: float) -> Callable[[Look], Array]:
-    def weigh(look: Look) -> Array:
-        codes = look.at(factor)
-        return np.where(codes >= 0, (codes == code) - share, 0.0)
-    return weigh
+def _of_number(covariate: Covariate, law: Law, look: Look) -> Array:
+    values = look.at(covariate)
+    return np.where(np.isfinite(values), law(values), 0.0)
 
 
-def _step(cut: float, share: float) -> Law:
-    return lambda x: (x > cut) - share
+def _of_group(factor: Factor, code: int, share: float, look: Look) -> Array:
+    codes = look.at(factor)
+    return np.where(codes >= 0, (codes == code) - share, 0.0)
 
 
-def _wave(turn: Array, phase: float) -> Law:
-    return lambda place: np.sqrt(2.0) * np.cos(turn @ place + phase)
+def _straight(middle: float, width: float, x: Array) -> Array:
+    return (x - middle) / width
+
+
+def _bent(middle: float, width: float, skew: float, x: Array) -> Array:
+    return ((x - middle) / width)**2 - 1.0 - (x - middle) / width * skew
+
+
+def _proportional(largest: float, x: Array) -> Array:
+    return x / largest
+
+
+def _step(cut: float, share: float, x: Array) -> Array:
+    return (x > cut) - share
+
+
+def _product(place: Array) -> Array:
+    product: Array = place[0] * place[1]
+    return product
+
+
+def _wave(turn: Array, phase: float, place: Array) -> Array:
+    wave: Array = np.sqrt(2.0) * np.cos(turn @ place + phase)
+    return wave
 
 
 def _place_in(values: Array) -> Law:
     """In standard deviations from the mean, no farther than FARTHEST; unknown = 0."""
     middle, width = np.nanmean(values), np.nanstd(values)
-    return lambda x: np.nan_to_num(np.clip((x - middle) / width, -FARTHEST, FARTHEST))
+    return partial(_clipped, middle, width)
+
+
+def _clipped(middle: float, width: float, x: Array) -> Array:
+    return np.nan_to_num(np.clip((x - middle) / width, -FARTHEST, FARTHEST))
 
 
 def _cuts(values: Array) -> list[float]:

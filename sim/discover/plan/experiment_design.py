@@ -18,10 +18,9 @@ from truearc.sim.discover.model.linearization import linearise
 from truearc.sim.discover.model.score_table import Array, ScoreTable
 from truearc.sim.discover.select.selection_step import Step
 from truearc.sim.discover.select.term_ranking import efficient, nats_for
+from truearc.sim.discover.settings import CONFIGURATIONS, PLANNED_SHOTS
 from truearc.sim.physics.catalogue import Catalogue
 
-CONFIGURATIONS = 5
-SHOTS = 100
 DRAWS = 4000
 PACES = (1.0, 0.94, 0.97, 1.03, 1.06)             # of the wheels, times the recorded one
 KEPT = 300                            # of the candidates, the best by themselves, that further blocks are chosen from
@@ -74,7 +73,7 @@ class Contest:
     offset: Array                     # nats
 
 
-def make_design(step: Step, shots: int = SHOTS, configurations: int = CONFIGURATIONS, seed: int = 0) -> Design:
+def make_design(step: Step, shots: int = PLANNED_SHOTS, configurations: int = CONFIGURATIONS, seed: int = 0) -> Design:
     """Blocks of equal numbers of shots, most telling first. ValueError where fewer than two names compete."""
     if not can_design(step):
         raise ValueError("fewer than two names compete")

@@ -14,13 +14,13 @@ from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset, Shots, Traces, Tracks
 from truearc.sim.discover.model.design_columns import weak_prior
 from truearc.sim.discover.model.score_table import Array
+from truearc.sim.discover.settings import LEVELS, SEASON_SHOTS
 from truearc.sim.infer.coefficients import Coefficients
 from truearc.sim.physics.catalogue import Catalogue, effective, find_terms, flight_terms
 from truearc.sim.physics.flight import path
 from truearc.sim.physics.simulate import ORDINARY, by_robot, launch_of, leave, predict, sense
 
-LEVELS = ("L0", "L1", "L2")
-FEWEST, SHOTS = 10, 300
+FEWEST = 10
 TRIED = 2                             # configurations drawn for every one wanted
 DRIVES = 28                           # motor speeds tried for each
 SLOWEST, FASTEST = 0.15, 0.97         # motor ratio
@@ -46,7 +46,7 @@ class Plan:
     drive: Array
 
 
-def rehearse(facts: Rig, believed: tuple[str, ...], level: str, shots: int = SHOTS, sides: bool = False,
+def rehearse(facts: Rig, believed: tuple[str, ...], level: str, shots: int = SEASON_SHOTS, sides: bool = False,
              seed: int = 0, among: Catalogue | None = None) -> Dataset:
     """A dataset of `shots` aimed beside the centre, high and low, as one aims to learn.
 

@@ -1,6 +1,7 @@
 """The verdict in sentences that a driver coach can act on."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from scipy.special import ndtri
@@ -75,6 +76,16 @@ def besides(further: Further, then: str, among: Catalogue | None = None) -> str:
 def too_little(also: Sequence[Further]) -> list[str]:
     """Terms that lead further effects none of whose names is surely of one sign: they foretell, and are no finding."""
     return [further.what[0].term for further in also if further.unknown is None and not _clear(further)]
+
+
+def say_adopted(finding: Finding, provenance: Mapping[str, Any]) -> str:
+    """Return which effects a belief that was adopted from the finding has, and why not all."""
+    vague = too_little(finding.also)
+    named = [f"{name} (as fitted, though too little to be named)" if name in vague else name
+             for name in provenance["adopted"]]
+    but = f" (not all: {provenance['refused']})" if "refused" in provenance else ""
+    what = f"the average of {', '.join(named)}" if provenance["averaged"] else ", ".join(named)
+    return f"adopted: {what or 'nothing named, the fitted coefficients alone'}{but}"
 
 
 def _clear(further: Further) -> list[Named]:

@@ -3,6 +3,7 @@
 import html
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from truearc.sim.discover.api import Investigation
 from truearc.sim.discover.detect.residuals import (
@@ -31,9 +32,10 @@ from truearc.sim.discover.report.finding_text import (
     say_step,
 )
 from truearc.sim.discover.report.identifiability_report import sight_section, sight_sentence
-from truearc.sim.discover.report.plots import field_png, flight_png, residual_png
+from truearc.sim.discover.report.plots import field_png, flight_png, residual_figure
+from truearc.sim.discover.select.selection_step import Step
 from truearc.sim.physics.catalogue import Catalogue
-from truearc.sim.report import make_page, paragraph, picture, table
+from truearc.sim.report import make_page, make_png, paragraph, picture, table
 
 STYLE = """<style>
 .bars { display: grid; grid-template-columns: max-content 1fr; gap: .35rem .9rem; align-items: center; }
@@ -94,7 +96,7 @@ def make_pictures(investigation: Investigation) -> list[tuple[str, str]]:
     sections = []
     for step in investigation.steps:
         first = investigation.finding.where.covariate
-        what = "the free curve" if step.unknown else plain(step.naming.leader, investigation.catalogue)
+        what = _said(step, investigation.catalogue)
         views = _views(step.fitted.evidence, evidence_after(step), fitted.intake, along,
                        find_along(stated_covariate(step, along, first), along), what, stage_of(step), step.base == ())
         if step.base == () and first in IN_FLIGHT:
@@ -107,6 +109,30 @@ def make_pictures(investigation: Investigation) -> list[tuple[str, str]]:
     return sections
 
 
+def plot_residuals(investigation: Investigation) -> Figure | None:
+    """Draw what the shots did less what the simulation says, with and without the first effect found.
+
+    None: nothing that was recorded varies, or the data carry no test.
+    """
+    fitted, asked = investigation.fitted, investigation.asked
+    if fitted is None or asked is None:
+        return None
+    along, tracked = covariates_in(asked), fitted.intake.samples is not None
+    if not investigation.steps:
+        chosen = choose(residuals_of(fitted.evidence, None, tracked), along, fitted.evidence.rows, None)
+        return None if chosen is None else residual_figure(*chosen, fitted.evidence.rows, "")
+    step = investigation.steps[0]
+    before = step.fitted.evidence
+    stated = find_along(stated_covariate(step, along, investigation.finding.where.covariate), along)
+    chosen = choose(residuals_of(before, evidence_after(step), tracked), along if stated is None else (stated,),
+                    before.rows, stage_of(step))
+    return None if chosen is None else residual_figure(*chosen, before.rows, _said(step, investigation.catalogue))
+
+
+def _said(step: Step, among: Catalogue) -> str:
+    return "the free curve" if step.unknown else plain(step.naming.leader, among)
+
+
 def _views(before: ScoreTable, after: ScoreTable | None, intake: Intake, along: tuple[Along, ...], stated: Along | None,
            what: str, stage: str | None = None, field: bool = True) -> list[str]:
     """Pictures against the guilty covariate, along the flight, over the field; "" for those that there are none of."""
@@ -116,7 +142,8 @@ def _views(before: ScoreTable, after: ScoreTable | None, intake: Intake, along: 
         return ["", ""]
     residual, against = chosen
     after_words = "" if after is None else " Where that is right, the pattern is gone on the right."
-    shown = [picture(residual_png(residual, against, before.rows, what), f"{residual.name} against {against.name}",
+    png_against = make_png(residual_figure(residual, against, before.rows, what))
+    shown = [picture(png_against, f"{residual.name} against {against.name}",
                     f"What the real shots did less what the simulation says, in bins of {against.name}; bars are one "
                     f"standard error.{after_words}")]
     in_flight = residual.column is not None and before.columns[residual.column].stage == "flight"

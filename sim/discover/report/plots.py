@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from truearc.sim.discover.detect.localization import joint_bands
@@ -25,7 +26,7 @@ LEAST_INFORMATION = 1e-3              # of the fullest band's; less is not drawn
 Series = Sequence[tuple[str, ScoreTable, str]]
 
 
-def residual_png(residual: Residual, along: Along, rows: Array, what: str) -> bytes:
+def residual_figure(residual: Residual, along: Along, rows: Array, what: str) -> Figure:
     """Residual by bins of `along`, as simulated on the left, with `what` put in on the right (when something was)."""
     bins = bins_of(along, rows)
     parts = [("as simulated", residual.before, BEFORE)]
@@ -40,7 +41,7 @@ def residual_png(residual: Residual, along: Along, rows: Array, what: str) -> by
     panels[0].set_ylabel(f"{residual.name}: real − simulated\n[{residual.unit}]")
     if residual.after is not None:
         _explained(panels[0], bins, residual, what)
-    return make_png(figure)
+    return figure
 
 
 def _points(axes: Axes, bins: Bins, part: Part, factor: float, colour: str) -> None:

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 
 from truearc.cli.main import main
+from truearc.robot.reasons import texts
 from truearc.robot.recording.export.tabular import FLOAT, INT, TEXTS, FlatTicks, unit_of
 from truearc.robot.recording.export.wpilog import WpilogWriter, make_payload
 from truearc.robot.recording.reader import TickReader
@@ -23,7 +24,7 @@ from truearc.robot.recording.session import load_trials
 
 
 def convert(session, to, out):
-    assert main(["convert", str(session), "--to", to, "-o", str(out), "--quiet"]) == 0
+    assert main(["session", "convert", str(session), "--to", to, "-o", str(out), "--quiet"]) == 0
     return out
 
 
@@ -132,7 +133,7 @@ def test_csv_has_a_row_a_tick_and_a_row_a_trial(plain, tmp_path):
         assert row["estimate.distance_m"] == ("" if tick.estimate.distance_m is None
                                               else repr(tick.estimate.distance_m))
         assert row["verdict.fire"] == ("true" if tick.verdict.fire else "false")
-        assert row["verdict.reasons"] == "; ".join(tick.verdict.reasons)
+        assert row["verdict.reasons"] == "; ".join(texts(tick.verdict.reasons))
         assert row["outcomes"] == "; ".join(f"trial {mark.trial} {mark.outcome}" for mark in tick.outcomes)
     trials = list(csv.DictReader((tmp_path / "week.trials.csv").open(encoding="utf-8")))
     assert [(trial["trial"], trial["outcome"], float(trial["hood_deg"])) for trial in trials] == [
@@ -163,17 +164,18 @@ def test_mcap_has_ticks_and_trials_with_their_schemas(plain, tmp_path):
 
 def test_a_recording_is_never_written_over_and_nothing_is_left_of_a_failure(plain, tmp_path, capsys):
     before = (plain / "telemetry.mcap").read_bytes()
-    assert main(["convert", str(plain), "--to", "mcap", "-o", str(plain / "telemetry.mcap")]) == 2
+    assert main(["session", "convert", str(plain), "--to", "mcap", "-o", str(plain / "telemetry.mcap")]) == 2
     assert "never written over" in capsys.readouterr().err
     assert (plain / "telemetry.mcap").read_bytes() == before
-    assert main(["convert", str(tmp_path / "nowhere"), "--to", "csv", "-o", str(tmp_path / "x.csv")]) == 2
-    assert main(["convert", str(plain), "--to", "csv", "-o", str(tmp_path / "no" / "x.csv")]) == 2
+    assert main(["session", "convert", str(tmp_path / "nowhere"), "--to", "csv", "-o", str(tmp_path / "x.csv")]) == 2
+    assert main(["session", "convert", str(plain), "--to", "csv", "-o", str(tmp_path / "no" / "x.csv")]) == 2
     assert list(tmp_path.iterdir()) == []
 
 
 def test_without_pyarrow_parquet_says_what_to_install(plain, tmp_path):
-    code = ("import sys; sys.modules['pyarrow'] = None\nfrom truearc import main\n"
-            f"sys.exit(main(['convert', {str(plain)!r}, '--to', 'parquet', '-o', {str(tmp_path / 'x.parquet')!r}]))")
+    code = ("import sys; sys.modules['pyarrow'] = None\nfrom truearc.cli.main import main\n"
+            f"sys.exit(main(['session', 'convert', {str(plain)!r}, '--to', 'parquet', '-o', "
+            f"{str(tmp_path / 'x.parquet')!r}]))")
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 2 and "truearc[sim]" in done.stderr and "Traceback" not in done.stderr
 
@@ -183,9 +185,9 @@ def test_a_recording_cut_short_is_converted_as_far_as_it_goes_and_says_so(plain,
     data = (session / "telemetry.mcap").read_bytes()
     (session / "telemetry.mcap").write_bytes(data[:100_000])
     convert(session, "csv", tmp_path / "s.csv")
-    assert "truearc recover" in capsys.readouterr().err
+    assert "truearc session recover" in capsys.readouterr().err
     (session / "telemetry.mcap").write_bytes(b"")
-    assert main(["convert", str(session), "--to", "csv", "-o", str(tmp_path / "t.csv")]) == 2
+    assert main(["session", "convert", str(session), "--to", "csv", "-o", str(tmp_path / "t.csv")]) == 2
     assert "no ticks" in capsys.readouterr().err and not (tmp_path / "t.csv").exists()
 
 

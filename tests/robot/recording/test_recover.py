@@ -19,6 +19,7 @@ from truearc.robot.recording.images import load_pictures
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.recover import recover
 from truearc.robot.recording.replay.recompute import Difference, replay, replay_frames
+from truearc.robot.recording.rows import Rows2
 from truearc.robot.recording.salvage import salvage
 from truearc.robot.recording.session import load_trials
 
@@ -104,7 +105,7 @@ def test_ticks_behind_the_damage_are_kept_and_a_replay_says_where_they_are_missi
 
 def test_a_whole_session_is_left_alone(session, plain, capsys):
     before = {path: path.stat().st_mtime_ns for path in session.rglob("*")}
-    assert main(["recover", str(session)]) == 0
+    assert main(["session", "recover", str(session)]) == 0
     assert "was whole, 981 ticks, 2 trials" in capsys.readouterr().out
     assert {path: path.stat().st_mtime_ns for path in session.rglob("*")} == before
 
@@ -112,7 +113,7 @@ def test_a_whole_session_is_left_alone(session, plain, capsys):
 def test_what_cannot_be_made_again_is_told(session, capsys):
     (session / "can0.log").unlink()
     shutil.rmtree(session / "frames")
-    assert main(["recover", str(session)]) == 0
+    assert main(["session", "recover", str(session)]) == 0
     said = capsys.readouterr().err
     assert "can0.log is not there" in said and "frames/frames.jsonl is not there" in said
 
@@ -122,7 +123,7 @@ def test_what_is_replaced_is_kept_aside_each_time(session, capsys):
     for keep in (150_000, 100_000):
         tear(session / TELEMETRY, keep)
         originals.append((session / TELEMETRY).read_bytes())
-        assert main(["recover", str(session)]) == 0
+        assert main(["session", "recover", str(session)]) == 0
     assert "whole now" in capsys.readouterr().out
     assert [(session / "damaged" / name).read_bytes() for name in (TELEMETRY, "telemetry-2.mcap")] == originals
 
@@ -174,16 +175,16 @@ def test_a_session_that_is_being_recorded_is_left_alone(session, capsys):
     pytest.importorskip("fcntl")
     (session / TELEMETRY).unlink()
     file = Appender(session / TELEMETRY)
-    assert main(["recover", str(session)]) == 2
+    assert main(["session", "recover", str(session)]) == 2
     assert "is being recorded" in capsys.readouterr().err
     file.close()
 
 
 def test_what_is_no_session_is_bad_input(session, tmp_path, capsys):
-    assert main(["recover", str(tmp_path / "nowhere")]) == 2
+    assert main(["session", "recover", str(tmp_path / "nowhere")]) == 2
     (session / "session.json").write_text("{}")
     before = sorted(path for path in session.rglob("*"))
-    assert main(["recover", str(session)]) == 2
+    assert main(["session", "recover", str(session)]) == 2
     assert "not a recording" in capsys.readouterr().err and sorted(path for path in session.rglob("*")) == before
 
 
@@ -194,7 +195,7 @@ def test_salvage_makes_nothing_of_noise(data):
 
 def test_a_tick_of_another_format_is_named(session):
     (session / TELEMETRY).unlink()
-    file = TickFile(session / TELEMETRY)
+    file = TickFile(session / TELEMETRY, Rows2())
     file.write(0, msgspec.json.encode({"inputs": 3}))
     file.finish()
     file.file.close()

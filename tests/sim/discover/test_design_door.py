@@ -13,9 +13,9 @@ import truearc.cli.main as truearc
 from tests.sim.discover.straight import FACTS as STRAIGHT
 from tests.sim.discover.straight import each_by_itself, fit_straight
 from tests.sim.discover.worlds import FACTS
-from truearc.cli.discover.design import as_table, lines_of
 from truearc.sim.data.dataset import Dataset, Shots, save_dataset
 from truearc.sim.discover.plan.experiment_design import Block, Design, make_design
+from truearc.sim.discover.report.design_report import design_lines, design_table
 from truearc.sim.discover.select.forward_selection import Search, go_forward
 from truearc.sim.discover.select.selection_step import Step
 
@@ -26,12 +26,12 @@ def test_a_plan_names_configurations_that_were_shot() -> None:
     step = replace(step, unknown=False)
     distance_m = np.linspace(2.0, 6.0, 30)
     shots = Shots(tuple(f"s{k}" for k in range(30)), {"distance_m": distance_m, "hood_deg": np.full(30, 45.0)}, {})
-    table = as_table(make_design(step, 40, 4), Dataset("d", STRAIGHT, shots), step)
+    table = design_table(make_design(step, 40, 4), Dataset("d", STRAIGHT, shots), step)
     shoot = [one for one in table["next"] if one["do"] == "shoot"]
     assert sum(one["shots"] for one in shoot) == 40
     assert all(one["distance_m"] == pytest.approx(distance_m[int(one["like"][1:])], abs=1e-4) for one in shoot)
     assert json.loads(json.dumps(table)) == table
-    lines = lines_of(table)
+    lines = design_lines(table)
     assert lines[0].startswith("To tell apart: ") and "hood_deg 45" in lines[1]
     assert any(line.startswith("After these 40 shots") for line in lines)
 
@@ -41,11 +41,11 @@ def test_wheels_that_shall_run_otherwise_and_what_must_be_alike_are_said() -> No
     design = Design(("drag_wear.share", "wheel_slip.loss_per_m_s"), np.array([0.5, 0.5]),
                     (Block(1, 20, 1.06), Block(1, 20), Block(1, 20, 1.06)), 0.0, 0.5, None, ())
     step = SimpleNamespace(fitted=SimpleNamespace(evidence=SimpleNamespace(rows=np.arange(2))))
-    table = as_table(design, Dataset("d", STRAIGHT, shots), cast(Step, step))
+    table = design_table(design, Dataset("d", STRAIGHT, shots), cast(Step, step))
     faster, plain = (one for one in table["next"] if one["do"] == "shoot")
     assert (faster["shots"], faster["motor_ratio"], faster["pace"]) == (40, pytest.approx(0.53), 1.06)
     assert (plain["shots"], plain["motor_ratio"]) == (20, 0.5) and "pace" not in plain
-    lines = "\n".join(lines_of(table))
+    lines = "\n".join(design_lines(table))
     assert "as shot b, wheels 6% faster" in lines and "a ball that has been shot as often" in lines
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from truearc.cli.discover.discover import adopt
+import truearc as ta
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.shot_conditions import circumstances_of
@@ -15,6 +15,7 @@ from truearc.sim.discover.adopt import _coefficients, make_belief
 from truearc.sim.discover.api import Investigation, discover
 from truearc.sim.discover.model.external_measurements import Measurement
 from truearc.sim.discover.model.score_table import ScoreTable
+from truearc.sim.discover.report.finding_text import say_adopted
 from truearc.sim.discover.select.model_averaging import LEAST, mixed, shares
 from truearc.sim.infer.belief import load_belief, point_belief
 from truearc.sim.infer.coefficients import Coefficients
@@ -62,7 +63,9 @@ def test_it_forecasts_the_average_and_no_single_name_does(raised: tuple[Dataset,
     assert set(belief.coefficients) == {*believed, *(name.partition(".")[0] for name in share)} - {"gravity"}
     assert np.linalg.eigvalsh(belief.covariance).min() > 0.0
     assert {name for name in share if name not in belief.names} == set()
-    assert adopt(found, "raised", str(tmp_path / "a.toml")).startswith("adopted: the average of ")
+    adopted = ta.Finding("raised", found).adopt()
+    assert say_adopted(found.finding, adopted.provenance).startswith("adopted: the average of ")
+    adopted.save(tmp_path / "a.toml")
     assert load_belief(tmp_path / "a.toml").coefficients == belief.coefficients
 
 

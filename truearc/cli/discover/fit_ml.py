@@ -1,68 +1,33 @@
-"""truearc fit --method ml: maximum likelihood with everything that a dataset has."""
+"""The work of `truearc fit`: maximum a posteriori of everything that a dataset has."""
 
 import argparse
 import sys
-from importlib.metadata import version
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import truearc as ta
+from truearc.cli.files import names_in
 from truearc.cli.progress import make_progress
-from truearc.cli.terms_from import add_terms_from, catalogue_of
+from truearc.cli.terms_from import catalogue_of
 from truearc.robot.config.schema import InputError
-from truearc.sim.data.dataset import Dataset, hash_dataset, load_dataset
-from truearc.sim.infer.advise import advise
-from truearc.sim.infer.belief import save_belief
-from truearc.sim.infer.crossval import CrossValidation, cross_validate
-from truearc.sim.infer.fit_text import (
-    say_advice,
-    say_estimates,
-    say_evidence,
-    say_identified,
-    say_prediction,
-    say_scatter,
-)
-from truearc.sim.infer.map_fit import MlFit, fit_ml
-from truearc.sim.infer.profile import ProfileInterval, profile_interval
-from truearc.sim.paper.grid_start import grid_start
-
-if TYPE_CHECKING:
-    from truearc.sim.infer.posterior import Posterior
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    ml = parser.add_argument_group("--method ml")
-    ml.add_argument("--terms", metavar="NAMES", help="terms to fit, comma-separated; else [believe] of rig.toml")
-    add_terms_from(ml)
-    ml.add_argument("--posterior", type=int, metavar="N", help="draw N samples of the posterior too, and save them "
-                                                               "beside --out as .npz")
-    ml.add_argument("--seed", type=int, default=0, help="of the posterior's sampler (%(default)s)")
-
-
-def main(args: argparse.Namespace) -> int:
+def run_fit(args: argparse.Namespace) -> int:
+    """Return 1 where the fit did not settle or the posterior's chains did not mix."""
     _check(args)
-    among = catalogue_of(args)
-    asked = None if args.terms is None else _names("--terms", args.terms)
-    dataset = load_dataset(args.dataset)
-    terms = dataset.facts.believe.terms if asked is None else asked
-    among.find(terms)
-    fit = fit_ml(dataset.facts, dataset, terms, make_progress("fit", args.quiet), grid_start(dataset.facts, dataset),
-                 among)
-    _say("", say_evidence(fit))
+    names, dataset = names_in("--terms", args.terms), ta.load_dataset(args.dataset)
+    terms = catalogue_of(args).find(dataset.rig.believe.terms if names is None else names)
+    fit = ta.fit(dataset, terms, progress=make_progress("fit", args.quiet))
+    print(fit)
     if not fit.converged:
         print("truearc fit: the search for the most probable parameters did not settle; nothing is written",
               file=sys.stderr)
         return 1
-    _say("what these shots can tell", say_identified(fit))
-    intervals = _profiles(fit, args.quiet)
-    _say("estimates", say_estimates(intervals, fit.model.sought))
-    _say("", say_scatter(fit))
-    score = cross_validate(fit, make_progress("cross-validation", args.quiet))
-    _say("", say_prediction(score))
-    _say("what would tell more", say_advice(advise(fit)))
-    posterior = _posterior(fit, args)
+    more, mixed = ({}, True) if args.posterior is None else _sample(fit, args)
     if args.out is not None:
-        save_belief(args.out, fit.belief, _provenance(dataset, fit, intervals, score, posterior))
-    return 0 if posterior is None or posterior.converged else 1
+        replace(fit.belief, provenance=fit.belief.provenance | more).save(args.out)
+    return 0 if mixed else 1
 
 
 def _check(args: argparse.Namespace) -> None:
@@ -70,58 +35,17 @@ def _check(args: argparse.Namespace) -> None:
         raise InputError(f"{args.out}: there is no directory to write it to")
     if args.posterior is not None and args.posterior < 1:
         raise InputError(f"--posterior is {args.posterior}; at least 1 sample is needed")
-    if args.seed < 0:
+    if args.seed is not None and args.seed < 0:
         raise InputError(f"--seed is {args.seed}; it cannot be negative")
 
 
-def _names(option: str, text: str) -> tuple[str, ...]:
-    """The names in a comma-separated list; InputError when there is none."""
-    names = tuple(name.strip() for name in text.split(",") if name.strip())
-    if not names:
-        raise InputError(f"{option}: names no term")
-    return names
-
-
-def _say(title: str, lines: Any) -> None:
-    lines = list(lines)
-    if title and lines:
-        print(f"\n{title}:")
-    for line in lines:
-        print(line)
-
-
-def _profiles(fit: MlFit, quiet: bool) -> list[ProfileInterval]:
-    show = make_progress("intervals", quiet)
-    intervals = []
-    for number, name in enumerate(fit.model.names, 1):
-        intervals.append(profile_interval(fit, name))
-        show(number / len(fit.model.names), name)
-    return intervals
-
-
-def _posterior(fit: MlFit, args: argparse.Namespace) -> "Posterior | None":
-    if args.posterior is None:
-        return None
-    # NumPyro takes a second to import, for one option only
-    from truearc.sim.infer.posterior import sample, save_draws, say_posterior
-    drawn = sample(fit, args.posterior, args.seed, make_progress("posterior", args.quiet))
-    _say("posterior", say_posterior(drawn))
+def _sample(fit: "ta.Fit", args: argparse.Namespace) -> tuple[dict[str, Any], bool]:
+    """(what the coefficients file says of the posterior, whether its chains have mixed); draws saved beside --out."""
+    from truearc.sim.infer.posterior import save_draws, say_posterior
+    drawn = fit.sample(args.posterior, args.seed or 0, make_progress("posterior", args.quiet))
+    print("\nposterior:", *say_posterior(drawn), sep="\n")
     if args.out is not None:
         path = Path(args.out).with_suffix(".posterior.npz")
         save_draws(path, drawn)
         print(f"{path}: {args.posterior} draws")
-    return drawn
-
-
-def _provenance(dataset: Dataset, fit: MlFit, intervals: list[ProfileInterval], score: CrossValidation | None,
-                posterior: "Posterior | None") -> dict[str, Any]:
-    said: dict[str, Any] = {
-        "method": "ml", "dataset": dataset.name, "dataset_sha256": hash_dataset(dataset), "truearc": version("truearc"),
-        "shots": len(fit.gathered.rows), "terms": list(fit.model.terms), "log_posterior": -fit.optimum.value,
-        "evidence": dict(fit.gathered.used), "left_out": list(fit.gathered.left_out),
-        "interval90": {one.name: [one.low90, one.high90] for one in intervals}}
-    if score is not None:
-        said["heldout"] = {"shots": score.shots, "log_score": score.log_score, "accuracy": score.accuracy}
-    if posterior is not None:
-        said["posterior"] = {"seed": posterior.seed, "draws": posterior.count}
-    return said
+    return {"posterior": {"seed": drawn.seed, "draws": drawn.count}}, drawn.converged

@@ -2,18 +2,16 @@
 
 import argparse
 
+import truearc as ta
 from truearc.robot.config.schema import InputError
-from truearc.sim.data.dataset import save_dataset
-from truearc.sim.data.importers.registry import load_importers
-from truearc.sim.data.importers.selection import only
-from truearc.sim.data.importers.stated_uncertainty import doubts_of
 
 DESCRIPTION = "Turn recordings that others made into a dataset directory (docs/importing.md)."
 EXAMPLE = "truearc import mpi mn5008_backspin.hdf5 mn5008_no_spin.hdf5 -o mpi"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of the verb."""
+    """Arguments of the command."""
+    from truearc.sim.data.importers.registry import load_importers
     importers = load_importers()
     known = "; ".join(f"{importer.name}: {', or '.join(importer.ways)}" for importer in importers)
     parser.add_argument("source", choices=[importer.name for importer in importers],
@@ -26,13 +24,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Read, say what came of it, write."""
+    from truearc.sim.data.importers.registry import load_importers
+    from truearc.sim.data.importers.selection import only
+    from truearc.sim.data.importers.stated_uncertainty import doubts_of
     importer = next(importer for importer in load_importers() if importer.name == args.source)
     if not importer.takes(args.files):
         raise InputError(f"{args.source} takes {', or '.join(importer.ways)}; not {' '.join(args.files)}")
     dataset = importer.load(*args.files)
     if args.only is not None:
         dataset = only(dataset, args.only)
-    save_dataset(args.out, dataset)
+    ta.save_dataset(args.out, dataset)
     samples = 0 if dataset.tracks is None else len(dataset.tracks.t_s)
     print(f"{args.out}: {len(dataset.shots)} shots, {samples} track samples")
     for line in dataset.left_out:

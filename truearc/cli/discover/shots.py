@@ -4,16 +4,15 @@ import argparse
 import sys
 from pathlib import Path
 
+import truearc as ta
 from truearc.cli.progress import make_progress
-from truearc.sim.data.dataset import check_free, save_dataset
-from truearc.sim.data.recordings import shots_from_sessions
-from truearc.sim.data.repeatability_labels import label_by_repeatability
 
 DESCRIPTION = "Turn recorded sessions into a dataset of shots (rig.toml, shots.csv, traces.csv)."
 EXAMPLE = "truearc shots sessions/monday sessions/tuesday -o data/week"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the command."""
     parser.add_argument("sessions", type=Path, nargs="+", metavar="SESSION", help="recorded session folder")
     parser.add_argument("-o", "--out", type=Path, required=True, metavar="DIR", help="dataset folder to write")
     parser.add_argument("--repeatability", action="store_true",
@@ -21,13 +20,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(args: argparse.Namespace) -> int:
+    """Return 0 once the dataset is written."""
+    from truearc.sim.data.dataset import check_free
+    from truearc.sim.data.recordings import shots_from_sessions
+    from truearc.sim.data.repeatability_labels import label_by_repeatability
     check_free(args.out)
     progress = make_progress("shots", args.quiet)
     dataset = shots_from_sessions(args.sessions, args.out.name)
     progress(0.8, "read")
     if args.repeatability:
         dataset = label_by_repeatability(dataset)
-    save_dataset(args.out, dataset)
+    ta.save_dataset(args.out, dataset)
     progress(1.0, f"{len(dataset.shots)} rows")
     outcomes = dataset.shots.text("outcome")
     counts = ", ".join(f"{outcomes.count(kind)} {kind}" for kind in ("three", "two", "miss"))

@@ -1,20 +1,22 @@
-"""truearc export."""
+"""truearc export: weights to an ONNX file."""
 
 import argparse
-
-from truearc.model_export.graph import export_weights
-from truearc.robot.gate.model import load_gate
 
 DESCRIPTION = "Write trained weights as an ONNX file that carries its contract, domain and provenance."
 EXAMPLE = "truearc export weights/ -o gate.onnx"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("weights", metavar="DIR", help="weights directory, as `truearc train` writes it")
+    """Arguments of the command."""
+    parser.add_argument("weights", metavar="DIR",
+                        help="weights directory, as `truearc train` and `truearc paper train` write it")
     parser.add_argument("-o", "--out", required=True, metavar="FILE", help="ONNX file to write")
 
 
 def main(args: argparse.Namespace) -> int:
+    """Return 0 once the file is written and read back."""
+    from truearc.model_export.graph import export_weights
+    from truearc.robot.gate.model import load_gate
     data = export_weights(args.weights, args.out)
     gate = load_gate(args.out)                    # what the robot would refuse is refused here
     print(f"{args.out}: {len(data)} bytes, sha256 {gate.sha256}")

@@ -1,49 +1,34 @@
-"""truearc fit --method grid: the seed's search."""
+"""The work of `truearc paper fit`: the grid search, its report and its files."""
 
 import argparse
-from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from truearc.cli.paper.fit_grid_text import TIE_HEADER, explain
 from truearc.cli.progress import make_progress
 from truearc.robot.config.schema import InputError
-from truearc.sim.data.dataset import Dataset, hash_dataset, load_dataset
+from truearc.sim.data.dataset import Dataset, load_dataset
 from truearc.sim.infer.coefficients import save_coefficients
 from truearc.sim.infer.score import Score, score
 from truearc.sim.paper.grid_bootstrap import Bootstrap, bootstrap_grid
-from truearc.sim.paper.grid_fit import STEP, GridFit, fit_grid, map_deviation
-from truearc.sim.plots import Zoom, draw_fit_map
+from truearc.sim.paper.grid_fit import GridFit, fit_grid, map_deviation
+from truearc.sim.paper.grid_report import TIE_HEADER, draw_map, explain, provenance_of
 from truearc.sim.report import make_png
 from truearc.sim.tables import save_csv
 
-ZOOM_POINTS = 90                      # a side at most, of the picture's second panel
 
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    grid = parser.add_argument_group("--method grid")
-    grid.add_argument("--step", type=float, default=STEP, help="of the grid; divides 5 (%(default)s)")
-    grid.add_argument("--map", metavar="FILE", help="npz to write the whole map to: axis, share_three, share_two, "
-                                                    "mean_deviation_m (nan where no three is reproduced), tied; "
-                                                    "rows cd, columns cl")
-    grid.add_argument("--picture", metavar="FILE", help="png to draw the map to")
-    grid.add_argument("--tied", metavar="FILE", help="csv to write all tied pairs to, the chosen one first")
-    grid.add_argument("--bootstrap", type=int, default=0, metavar="N",
-                      help="resample the shots N times (from --seed) and say how far the choice moves")
-
-
-def main(args: argparse.Namespace) -> int:
+def run_grid_fit(args: argparse.Namespace) -> int:
+    """Fit, report and write what was asked for; args: those of `truearc paper fit`."""
+    resamples, seed = args.bootstrap or 0, args.seed or 0
     for path in (args.out, args.map, args.picture, args.tied):
         if path is not None and not Path(path).parent.is_dir():
             raise InputError(f"{path}: there is no directory to write it to")
-    if args.bootstrap < 0 or args.seed < 0:
+    if resamples < 0 or seed < 0:
         raise InputError("--bootstrap and --seed cannot be negative")
     dataset = load_dataset(args.dataset)
     fit = fit_grid(dataset.facts, dataset.shots, args.step, make_progress("fit", args.quiet))
     scored = score(dataset.facts, fit.coefficients, dataset.shots)
-    again = bootstrap_grid(dataset.facts, dataset.shots, fit, args.bootstrap, args.seed) if args.bootstrap else None
+    again = bootstrap_grid(dataset.facts, dataset.shots, fit, resamples, seed) if resamples else None
     print("\n".join(explain(dataset, fit, scored, again)))
     try:
         _write(args, dataset, fit, scored, again)
@@ -54,13 +39,12 @@ def main(args: argparse.Namespace) -> int:
 
 def _write(args: argparse.Namespace, dataset: Dataset, fit: GridFit, scored: Score, again: Bootstrap | None) -> None:
     if args.out is not None:
-        save_coefficients(args.out, fit.coefficients, _provenance(args.step, dataset, fit, scored, again))
+        save_coefficients(args.out, fit.coefficients, provenance_of(args.step, dataset, fit, scored, again))
     if args.tied is not None:
         save_csv(Path(args.tied), TIE_HEADER, [[f"{cd:.6g}", f"{cl:.6g}", _metres(mean_m), _metres(median_m)]
                                                for cd, cl, mean_m, median_m in fit.ties])
     if args.picture is not None:
-        figure = draw_fit_map(fit.axis, fit.share_three.T, (fit.cd, fit.cl), fit.tied.T, _zoom(dataset, fit))
-        Path(args.picture).write_bytes(make_png(figure))
+        Path(args.picture).write_bytes(make_png(draw_map(dataset, fit)))
     if args.map is not None:
         with Path(args.map).open("wb") as file:
             np.savez_compressed(file, axis=fit.axis, share_three=fit.share_three, share_two=fit.share_two,
@@ -75,32 +59,5 @@ def _deviations(dataset: Dataset, fit: GridFit) -> np.ndarray:
     return mean_m
 
 
-def _zoom(dataset: Dataset, fit: GridFit) -> Zoom:
-    """Mean deviation around the tied pairs."""
-    cd, cl = (_around(np.flatnonzero(fit.tied.any(axis=other)), fit.axis) for other in (1, 0))
-    every_cd, every_cl = np.meshgrid(cd, cl)
-    return Zoom(cd, cl, map_deviation(dataset.facts, dataset.shots, every_cd, every_cl))
-
-
-def _around(at: np.ndarray, axis: np.ndarray) -> np.ndarray:
-    """The part of the axis about its points `at`, with a margin, and not too many points of it."""
-    margin = max(8, (at[-1] - at[0]) // 2)
-    part = axis[max(0, at[0] - margin):at[-1] + margin + 1]
-    return part[::-(-len(part) // ZOOM_POINTS)]
-
-
 def _metres(value: float) -> str:
     return f"{value:.6f}" if np.isfinite(value) else ""
-
-
-def _provenance(step: float, dataset: Dataset, fit: GridFit, scored: Score, again: Bootstrap | None) -> dict[str, Any]:
-    said = {"method": "grid", "step": step, "dataset": dataset.name, "dataset_sha256": hash_dataset(dataset),
-            "truearc": version("truearc"), "tied_pairs": len(fit.ties), "shots_three": fit.shots_three,
-            "shots_two": fit.shots_two, "accuracy_three": scored.three, "accuracy_two": scored.two}
-    said |= {name: value for name, value in (("mean_deviation_m", fit.mean_m), ("median_deviation_m", fit.median_m))
-             if np.isfinite(value)}
-    if again is not None and again.cd.size:
-        (cd_low, cd_high), (cl_low, cl_high) = again.interval90("cd"), again.interval90("cl")
-        said |= {"bootstrap_resamples": len(again.cd), "bootstrap_seed": again.seed, "cd_low90": cd_low,
-                 "cd_high90": cd_high, "cl_low90": cl_low, "cl_high90": cl_high}
-    return said

@@ -3,26 +3,21 @@
 import argparse
 import json
 import shutil
-import sys
 import time
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from msgspec.structs import replace
-
+import truearc as ta
 from truearc import robot
-from truearc.cli.discover.discover import adopt, tell
-from truearc.cli.main import main as front_door
+from truearc.cli.files import write_out
 from truearc.cli.progress import make_progress
 from truearc.cli.start.demo_files import Demo
-from truearc.cli.start.demo_report import headline, save_report
-from truearc.robot.config.schema import Config, InputError, load_config
-from truearc.robot.recording.reader import TickReader
-from truearc.sim.data.dataset import load_dataset
-from truearc.sim.discover.api import Investigation, discover
-from truearc.sim.parallel import fan_out
-from truearc.sim.world.emulated_robot import emulate
-from truearc.sim.world.parts.target import BallResult
+from truearc.robot.config.schema import InputError
+
+if TYPE_CHECKING:
+    from truearc.robot.config.schema import Config
+    from truearc.sim.world.parts.target import BallResult
 
 DESCRIPTION = """The whole loop on the emulated robot: record, fit, simulate, train, export, verify, say where
 simulation and recordings disagree, put what was found into the simulation, drive with the gate of before, with that of
@@ -30,15 +25,16 @@ after and without one, and write one report."""
 EXAMPLE = "truearc demo --out report"
 SHIPPED = Path(robot.__file__).parent / "launcher.toml"
 FEWEST = 30
-TERMS = "gravity,drag,magnus,exit_efficiency"     # what our gate's physics consists of
-MARK = ".truearc-demo"                # a folder with this in it was made by us and may be made anew
+SIMULATED = 900                       # shots that the paper's network learns from, too
+TERMS = ("gravity", "drag", "magnus", "exit_efficiency")      # what our gate's physics consists of
+MARK = ".truearc-demo"                # a folder with this in it was made by us and may be made again
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, default=Path("report"), help="folder for the report and all it rests on")
     parser.add_argument("--trials", type=int, default=120, help="trials recorded to learn from")
     parser.add_argument("--test-trials", type=int, default=120, help="trials of the gated and of the ungated session")
-    parser.add_argument("--seed", type=int, default=2026)
+    parser.add_argument("--seed", type=int, default=2026, help="seed of everything drawn (default %(default)s)")
 
 
 def main(args: argparse.Namespace) -> int:
@@ -46,6 +42,7 @@ def main(args: argparse.Namespace) -> int:
         raise InputError(f"--seed {args.seed}: cannot be negative")
     if min(args.trials, args.test_trials) < FEWEST:
         raise InputError(f"--trials and --test-trials: at least {FEWEST}, or there is nothing to learn from")
+    from truearc.cli.start.demo_report import headline, save_report
     began = time.monotonic()
     demo = Demo(_fresh_folder(args.out), args.seed)
     _collect(demo, args.trials, args.quiet)
@@ -53,7 +50,7 @@ def main(args: argparse.Namespace) -> int:
     found = _explain(demo, args.quiet)
     _adopt(demo, args.quiet)
     _compare(demo, args.test_trials, args.quiet)
-    report = save_report(demo, found)
+    report = save_report(demo, found.investigation)
     print("\n".join(["", *headline(demo), f"report: {report}   ({time.monotonic() - began:.0f} s)"]))
     return 0
 
@@ -70,92 +67,118 @@ def _fresh_folder(folder: Path) -> Path:
 
 
 def _collect(demo: Demo, trials: int, quiet: bool) -> None:
+    from truearc.robot.config.schema import load_config
+    from truearc.sim.world.emulated_robot import emulate
     _say(f"1 record: {trials} trials of the emulated robot; the driver marks each outcome")
     emulate(load_config(SHIPPED), demo.collect, trials, demo.seed, progress=make_progress("record", quiet))
-    _run("shots", demo.collect, "-o", demo.shots, "--quiet")
+    _save_shots(demo.collect, demo.shots)
+
+
+def _save_shots(session: Path, out: Path) -> "ta.Dataset":
+    """The session's shots, written as a dataset."""
+    from truearc.sim.data.recordings import shots_from_sessions
+    dataset = shots_from_sessions([session], out.name)
+    ta.save_dataset(out, dataset)
+    print(dataset.lines()[0])
+    return ta.load_dataset(out)
 
 
 def _learn(demo: Demo, quiet: bool) -> None:
-    verbs: list[tuple[str, list[object]]] = [
-        ("2 fit: the paper's grid of 1001 x 1001 coefficient pairs",
-         ["fit", demo.shots, "--method", "grid", "-o", demo.coefficients, "--picture", demo.fit_map]),
-        ("3 simulate: an even sample of the paper's grid of configurations",
-         ["synth", "--rig", demo.shots / "rig.toml", "--coefficients", demo.coefficients, "-n", 900, "--exclude",
-          demo.shots, "--seed", demo.seed, "-o", demo.simulated]),
-        ("4 train: the paper's network and loss",
-         ["train", "--real", demo.shots, "--sim", demo.simulated, "--seed", demo.seed, "-o", demo.network_weights]),
-        ("", ["export", demo.network_weights, "-o", demo.network]),
-        ("5 our gate: maximum likelihood, then the physics inside the gate",
-         ["fit", demo.shots, "--method", "ml", "--terms", TERMS, "-o", demo.belief]),
-        ("", ["train", "--model", "physics", "--real", demo.shots, "--coefficients", demo.belief, "--seed", demo.seed,
-              "-o", demo.weights]),
-        ("", ["export", demo.weights, "-o", demo.gate]),
-        ("", ["verify", demo.gate, "--weights", demo.weights, "--data", demo.shots]),
-    ]
-    for title, words in verbs:
-        if title:
-            _say(title)
-        _run(*words, *(["--quiet"] if quiet else []))
+    from truearc.sim.gate.network_training import train_network
+    from truearc.sim.paper.synthetic_files import say_synthetic, write_synthetic
+    from truearc.sim.report import make_png
+    shots = ta.load_dataset(demo.shots)
+    _say("2 fit: the paper's grid of 1001 x 1001 coefficient pairs")
+    grid = ta.fit(shots, method="grid", progress=make_progress("fit", quiet))
+    grid.belief.save(demo.coefficients)
+    demo.fit_map.write_bytes(make_png(grid.plot()))
+    print(grid)
+    _say("3 simulate: an even sample of the paper's grid of configurations")
+    made = write_synthetic(demo.simulated, shots.rig, demo.coefficients, SIMULATED, exclude=shots, seed=demo.seed,
+                           progress=make_progress("synth", quiet))
+    print(say_synthetic(demo.simulated, made))
+    _say("4 train: the paper's network and loss")
+    network = train_network(shots, ta.load_dataset(demo.simulated), coefficients=grid.belief.coefficients,
+                            seed=demo.seed, progress=make_progress("train", quiet))
+    network.save(demo.network_weights)
+    print(network)
+    _export(demo.network_weights, demo.network)
+    _say("5 our gate: maximum a posteriori, then the physics inside the gate")
+    fit = ta.fit(shots, TERMS, progress=make_progress("fit", quiet))
+    fit.belief.save(demo.belief)
+    print(fit)
+    _train_gate(demo, shots, demo.belief, demo.weights, demo.gate, quiet)
+
+
+def _train_gate(demo: Demo, shots: "ta.Dataset", belief: Path, weights: Path, gate: Path, quiet: bool) -> None:
+    """Train, export, and check the file against its trainer; InputError where a check fails."""
+    from truearc.model_export.verify import verify_gate
+    training = ta.train_gate(shots, ta.load_belief(belief), seed=demo.seed, progress=make_progress("train", quiet))
+    training.save(weights)
+    print(training)
+    _export(weights, gate)
+    found = verify_gate(gate, weights, {str(demo.shots): shots})
+    print(found)
+    if not found.passed:
+        raise InputError(f"{gate}: not what was trained")
+
+
+def _export(weights: Path, gate: Path) -> None:
+    from truearc.model_export.graph import export_weights
+    print(f"{gate}: {len(export_weights(weights, gate))} bytes")
 
 
 def _compare(demo: Demo, trials: int, quiet: bool) -> None:
     """Three sessions of another seed, alike but for the gate, side by side on two cores."""
+    from truearc.robot.config.schema import load_config
+    from truearc.sim.parallel import fan_out
     _say(f"8 drive: the same {trials} trials without a gate, with the first one, and with that of what was found")
     config = walked_in(load_config(SHIPPED), demo.collect)
     sessions = [(demo.ungated, None, quiet), (demo.gated, demo.gate, True), (demo.after, demo.gate_after, True)]
     results = fan_out(partial(_drive, config, trials, demo.seed + 1), sessions, workers=2)
-    for (session, *_), shots in zip(sessions, (demo.ungated_shots, demo.gated_shots, demo.after_shots), strict=True):
-        _run("shots", session, "-o", shots, "--quiet")
+    ungated, *_ = (_save_shots(session, shots) for (session, *_), shots in zip(
+        sessions, (demo.ungated_shots, demo.gated_shots, demo.after_shots), strict=True))
     demo.truth.write_text(json.dumps([[one.fed_t_ns, one.z_m] for one in results[0]]), encoding="utf-8")
     for gate, ratings in ((demo.gate, demo.ratings), (demo.gate_after, demo.ratings_after),
                           (demo.network, demo.network_ratings)):
-        _run("predict-gate", gate, demo.ungated_shots, "-o", ratings)
+        write_out(ratings, ta.predict(ungated, gate=gate).to_csv())
     for coefficients, heights in ((demo.coefficients, demo.heights_grid), (demo.belief, demo.heights),
                                   (demo.adopted, demo.heights_after)):
-        _run("predict", demo.ungated_shots, "--coefficients", coefficients, "-o", heights)
+        write_out(heights, ta.predict(ungated, ta.load_belief(coefficients)).to_csv())
 
 
-def _drive(config: Config, trials: int, seed: int, job: tuple[Path, Path | None, bool]) -> list[BallResult]:
+def _drive(config: "Config", trials: int, seed: int, job: tuple[Path, Path | None, bool]) -> "list[BallResult]":
+    from truearc.sim.world.emulated_robot import emulate
     session, gate, quiet = job
     return emulate(config, session, trials, seed, gate_path=gate, progress=make_progress("drive", quiet))
 
 
-def walked_in(config: Config, session: Path) -> Config:
+def walked_in(config: "Config", session: Path) -> "Config":
     """The configuration with the aim as the driver's marks left it at the end of a session."""
+    from msgspec.structs import replace
     walk = (0.0, 0.0, 0.0)
-    for tick, _ in TickReader(session):
+    for tick in ta.Recording(session):
         walk = tick.memory.walk
     return replace(config, collect=replace(config.collect, walk_start=walk))
 
 
-def _explain(demo: Demo, quiet: bool) -> Investigation:
+def _explain(demo: Demo, quiet: bool) -> "ta.Finding":
+    from truearc.sim.discover.report.finding_text import say_adopted
     _say("6 discover: where do simulation and recordings disagree?")
-    print(f"$ truearc discover {demo.shots} --json {demo.finding} --report {demo.finding_page} --adopt {demo.adopted} "
-          f"--seed {demo.seed}")
-    found = discover(load_dataset(demo.shots), seed=demo.seed, progress=make_progress("discover", quiet))
-    print(adopt(found, str(demo.shots), str(demo.adopted)))
-    tell(found, demo.shots.name, demo.finding, demo.finding_page)
+    found = ta.discover(ta.load_dataset(demo.shots), seed=demo.seed, progress=make_progress("discover", quiet))
+    belief = found.adopt()
+    belief.save(demo.adopted)
+    write_out(demo.finding, found.to_json())
+    found.to_html(demo.finding_page)
+    print(found)
+    print(say_adopted(found.record, belief.provenance))
     return found
 
 
 def _adopt(demo: Demo, quiet: bool) -> None:
     _say("7 put it in: the same gate, trained on the same shots, with what was found in its physics")
-    hush = ["--quiet"] if quiet else []
-    _run("train", "--model", "physics", "--real", demo.shots, "--coefficients", demo.adopted, "--seed", demo.seed, "-o",
-         demo.weights_after, *hush)
-    _run("export", demo.weights_after, "-o", demo.gate_after, *hush)
-    _run("verify", demo.gate_after, "--weights", demo.weights_after, "--data", demo.shots, *hush)
+    _train_gate(demo, ta.load_dataset(demo.shots), demo.adopted, demo.weights_after, demo.gate_after, quiet)
 
 
 def _say(text: str) -> None:
     print(f"\n== {text}", flush=True)
-
-
-def _run(*words: object) -> None:
-    """One verb, as anyone could type it."""
-    line = [str(word) for word in words]
-    print("$ truearc " + " ".join(line), flush=True)
-    code = front_door(line)
-    if code != 0:
-        print(f"truearc demo: that step ended with exit code {code}", file=sys.stderr)
-        raise SystemExit(code)

@@ -3,7 +3,7 @@
 import csv
 from pathlib import Path
 
-from truearc.sim.data.dataset import Dataset
+import truearc as ta
 
 Score = tuple[int, int]               # how many scored, of how many
 
@@ -32,7 +32,7 @@ class Demo:
         self.finding, self.finding_page = folder / "finding.json", folder / "discover.html"
 
 
-def score(dataset: Dataset, kinds: tuple[str, ...]) -> Score:
+def score(dataset: "ta.Dataset", kinds: tuple[str, ...]) -> Score:
     outcomes = dataset.shots.text("outcome")
     return sum(outcome in kinds for outcome in outcomes), len(outcomes)
 

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+import truearc as ta
 from truearc.cli.start.demo_files import Demo, read_ratings, score, share
 from truearc.cli.start.demo_worth import put_in, worth_of_it
-from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import load_session_config, load_trials
 from truearc.sim.data.columns import OUTCOMES
 from truearc.sim.data.dataset import load_dataset
@@ -94,7 +94,7 @@ def _one_shot(demo: Demo) -> str:
     config = load_session_config(demo.collect)
     shots = [trial.shot for trial in load_trials(demo.collect) if trial.shot is not None]
     fed = shots[len(shots) // 2].t_ns
-    ticks = [tick for tick, _ in TickReader(demo.collect) if -BEFORE_S <= (tick.inputs.t_ns - fed) * NS <= AFTER_S]
+    ticks = [tick for tick in ta.Recording(demo.collect) if -BEFORE_S <= (tick.inputs.t_ns - fed) * NS <= AFTER_S]
     return picture(make_png(draw_shot(ticks, config, fed)), "wheel speed, hood angle and battery around one shot",
                    "The red line is the moment the ball is fed. Nobody typed the dip in: it is the contact in MuJoCo.")
 

@@ -1,18 +1,24 @@
-"""The grid fit in words that a user with a spreadsheet understands."""
+"""The grid fit as text, as a picture, and as the provenance of its coefficients."""
 
 import math
 from collections.abc import Iterator
+from importlib.metadata import version
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
-from truearc.sim.data.dataset import Dataset
+from truearc.sim.data.dataset import Dataset, hash_dataset
 from truearc.sim.infer.score import Score
 from truearc.sim.paper.grid_bootstrap import Bootstrap
-from truearc.sim.paper.grid_fit import HIGH, LOW, GridFit
+from truearc.sim.paper.grid_fit import GridFit, map_deviation
+from truearc.sim.paper.settings import HIGH, LOW
+from truearc.sim.plots import Zoom, draw_fit_map
 
 TIE_HEADER = ("cd", "cl", "mean_deviation_m", "median_deviation_m")
 LISTED, SHOWN = 30, 10                # as many ties are listed in full; of more, so many are shown
 FEW_THREES = 10
+ZOOM_POINTS = 90                      # a side at most, of the picture's second panel
 POOR_THREE, POOR_TWO = 0.6, 0.8       # the seed reports 0.92 and 0.98 on the shots it was fitted to
 
 
@@ -93,3 +99,37 @@ def _warnings(fit: GridFit) -> Iterator[str]:
 
 def _metres(value: float) -> str:
     return f"{value:.4f} m" if math.isfinite(value) else "not reached"
+
+
+def draw_map(dataset: Dataset, fit: GridFit) -> Figure:
+    """Draw three-point accuracy over the coefficients with the tied pairs, and mean deviation around those."""
+    return draw_fit_map(fit.axis, fit.share_three.T, (fit.cd, fit.cl), fit.tied.T, _zoom(dataset, fit))
+
+
+def _zoom(dataset: Dataset, fit: GridFit) -> Zoom:
+    """Mean deviation around the tied pairs."""
+    cd, cl = (_around(np.flatnonzero(fit.tied.any(axis=other)), fit.axis) for other in (1, 0))
+    every_cd, every_cl = np.meshgrid(cd, cl)
+    return Zoom(cd, cl, map_deviation(dataset.facts, dataset.shots, every_cd, every_cl))
+
+
+def _around(at: np.ndarray, axis: np.ndarray) -> np.ndarray:
+    """The part of the axis about its points `at`, with a margin, and not too many points of it."""
+    margin = max(8, (at[-1] - at[0]) // 2)
+    part = axis[max(0, at[0] - margin):at[-1] + margin + 1]
+    return part[::-(-len(part) // ZOOM_POINTS)]
+
+
+def provenance_of(step: float, dataset: Dataset, fit: GridFit, scored: Score,
+                  again: Bootstrap | None) -> dict[str, Any]:
+    """Return how the chosen pair came about, in plain values for the coefficients file."""
+    said = {"method": "grid", "step": step, "dataset": dataset.name, "dataset_sha256": hash_dataset(dataset),
+            "truearc": version("truearc"), "tied_pairs": len(fit.ties), "shots_three": fit.shots_three,
+            "shots_two": fit.shots_two, "accuracy_three": scored.three, "accuracy_two": scored.two}
+    said |= {name: value for name, value in (("mean_deviation_m", fit.mean_m), ("median_deviation_m", fit.median_m))
+             if np.isfinite(value)}
+    if again is not None and again.cd.size:
+        (cd_low, cd_high), (cl_low, cl_high) = again.interval90("cd"), again.interval90("cl")
+        said |= {"bootstrap_resamples": len(again.cd), "bootstrap_seed": again.seed, "cd_low90": cd_low,
+                 "cd_high90": cd_high, "cl_low90": cl_low, "cl_high90": cl_high}
+    return said

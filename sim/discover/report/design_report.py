@@ -1,0 +1,75 @@
+"""A plan of further shots as text and as plain values (truearc.design/1)."""
+
+from typing import Any
+
+from truearc.sim.data.dataset import Dataset, Shots
+from truearc.sim.discover.plan.experiment_design import MOST_RANDOM, Block, Design
+from truearc.sim.discover.report.effect_wording import plain
+from truearc.sim.discover.select.selection_step import Step
+from truearc.sim.physics.catalogue import Catalogue, find_terms
+
+SCHEMA = "truearc.design/1"
+# How a shot must be like the one it is named after, where a name that competes follows a circumstance.
+AS_THEN = {"age": "a ball that has been shot as often", "ball": "the same ball", "droop": "wheels that dip as far",
+           "closing_speed_m_s": "the robot driving as fast", "battery": "the battery as full", "density": "air as warm",
+           "hood_change": "the hood coming from the same side"}
+SETTINGS = ("distance_m", "hood_deg", "motor_ratio", "exit_speed_m_s", "exit_deg")
+
+
+def design_table(design: Design, dataset: Dataset, step: Step, among: Catalogue | None = None) -> dict[str, Any]:
+    """Return the plan as plain values, without schema and verdict; `next` as in truearc.finding/1."""
+    names = [name.partition(".")[0] for name in design.names]
+    rows = step.fitted.evidence.rows
+    shoot = [{"do": "shoot", **_settings(dataset.shots, int(rows[block.row]), block.pace), "shots": block.shots,
+              "separates": names}
+             for block in _together(design.blocks)]
+    measure = [{"do": "measure", "what": one.what, "separates": list(one.terms), "probability": one.probability}
+               for one in design.measurements]
+    follow = [term.follows for term in find_terms(names, among)]
+    return {"names": dict(zip(names, map(float, design.probability), strict=True)),
+            "as_then": [AS_THEN[one] for one in dict.fromkeys(follow) if one in AS_THEN],
+            "probability_before": design.before, "probability_after": design.after,
+            "random_shots_worth_as_much": design.random, "next": shoot + measure}
+
+
+def design_lines(table: dict[str, Any], among: Catalogue | None = None) -> list[str]:
+    """Return the plan as text, line by line."""
+    names = ", ".join(f"{plain(name, among)} ({share:.0%})" for name, share in table["names"].items())
+    shoot = [one for one in table["next"] if one["do"] == "shoot"]
+    total = sum(one["shots"] for one in shoot)
+    lines = [f"To tell apart: {names}."]
+    for one in shoot:
+        where = ", ".join(f"{name} {value:.4g}" for name, value in one.items() if name in SETTINGS)
+        pace = one.get("pace", 1.0)
+        wheels = "" if pace == 1.0 else f", wheels {abs(pace - 1.0):.0%} {'faster' if pace > 1.0 else 'slower'}"
+        lines.append(f"  {one['shots']:4d} shots at {where} (as shot {one['like']}{wheels})")
+    if table["as_then"]:
+        lines.append(f"As then also with {', '.join(table['as_then'])}: a name that is left follows that.")
+    random = table["random_shots_worth_as_much"]
+    worth = f"more than {MOST_RANDOM} times as many as there are" if random is None else f"{random}"
+    lines.append(f"After these {total} shots the right one stands alone (95 % sure) with a probability of "
+                 f"{table['probability_after']:.0%}, now {table['probability_before']:.0%}; of shots like the present "
+                 f"ones it would take {worth} to part them as well.")
+    lines += [f"Or measure {one['what']}: {one['probability']:.0%}." for one in table["next"] if one["do"] == "measure"]
+    return lines
+
+
+def _together(blocks: tuple[Block, ...]) -> list[Block]:
+    """Blocks of one configuration as one."""
+    shots: dict[tuple[int, float], int] = {}
+    for block in blocks:
+        place = block.row, block.pace
+        shots[place] = shots.get(place, 0) + block.shots
+    return [Block(row, count, pace) for (row, pace), count in shots.items()]
+
+
+def _settings(shots: Shots, row: int, pace: float) -> dict[str, Any]:
+    driven = {"motor_ratio", "exit_speed_m_s", *_wheels(shots)}
+    known = {name: float(shots.number(name)[row]) * (pace if name in driven else 1.0)
+             for name in (*SETTINGS, *_wheels(shots))}
+    like = {"like": shots.shot_id[row], **({} if pace == 1.0 else {"pace": pace})}
+    return {**like, **{name: round(value, 4) for name, value in known.items() if value == value}}
+
+
+def _wheels(shots: Shots) -> list[str]:
+    return [name for name in shots.numbers if name.startswith("wheel_") and name.endswith("_rad_s")]

@@ -1,0 +1,156 @@
+"""The paper's classifier: trained on recorded and simulated shots, judged on recorded ones, written as weights."""
+
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from truearc.robot.config.schema import InputError
+from truearc.sim.data.dataset import Dataset, hash_dataset
+from truearc.sim.gate.novelty import fit_novelty, novelty_record
+from truearc.sim.paper.network import save_weights
+from truearc.sim.paper.settings import Recipe, check_recipe
+from truearc.sim.paper.sweep import Job, Trained, batches_per_epoch, check_job, train_many
+from truearc.sim.paper.training import Rows, accuracy, domain_of, split_heldout, training_rows
+from truearc.sim.printed import Printed
+from truearc.sim.progress import Progress
+
+CURVE_POINTS = 50
+FEW = 15                              # held-out shots, fewer than which are remarked on
+
+
+@dataclass(frozen=True)
+class Shares:
+    """`holdout`: share of recorded shots to report on; `validation`: of the others, to say when to stop. `weight`: of
+    the simulated loss. `epochs`: times through the simulated shots at most, instead of the recipe's steps; None: no."""
+
+    holdout: float = 0.2
+    validation: float = 0.25
+    weight: float = 0.01
+    epochs: int | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class NetworkTraining(Printed):
+    """A trained network; `score`: of shots trained on, watched and held out. `notes`: of shots that were left out."""
+
+    trained: Trained
+    recipe: Recipe
+    score: dict[str, Any]
+    record: dict[str, Any]
+    notes: tuple[str, ...]
+    simulated: bool
+
+    def save(self, directory: str | Path) -> None:
+        """Write the weights directory; InputError where that fails."""
+        save_weights(directory, self.trained.network, self.record)
+
+    def lines(self) -> list[str]:
+        """Return the shares that are called right, when training stopped, and warnings."""
+        return self.report("network")
+
+    def report(self, directory: str | Path) -> list[str]:
+        """As `lines`, of weights that were written to a directory."""
+        told = [_sentence("learnt from", self.score["train"])]
+        if self.score["validation"]["shots"]:
+            told.append(_sentence("watched for when to stop", self.score["validation"]))
+        why = "no better after that" if self.trained.curve[-1].step < self.recipe.steps else "the last allowed"
+        return [*told, _sentence("held out", self.score["heldout"]),
+                f"{directory}: weights of step {self.trained.step} of {self.trained.curve[-1].step} ({why}); what "
+                "counts is the line 'held out'", *(f"careful: {line}" for line in _careful(self.score, self.simulated))]
+
+
+def train_network(real: Dataset, simulated: Dataset | None = None, *, coefficients: Any = None,
+                  recipe: Recipe | None = None, shares: Shares | None = None, seed: int = 0,
+                  progress: Progress = lambda done, note: None) -> NetworkTraining:
+    """Train the paper's network (3-8-2, sigmoids) with its loss.
+
+    Args:
+        real: Recorded shots with outcome, distance_m [m], hood_deg [deg] and motor_ratio [1].
+        simulated: Simulated shots; None: recorded ones only.
+        coefficients: Behind the simulated shots, for the record.
+        recipe: Step size, most steps and patience; None: the defaults.
+        shares: Held-out shares and the weight of simulated shots; None: the defaults.
+        seed: Of splits, first weights and batches.
+        progress: Called with the share done, 0 to 1, and a note.
+
+    Raises:
+        InputError: a share or step that cannot be, or no usable shots.
+    """
+    recipe, shares = recipe or Recipe(), shares or Shares()
+    check_recipe(recipe)
+    rows, notes = rows_of(real, real.name)
+    extra, more = (None, []) if simulated is None else rows_of(simulated, simulated.name)
+    kept, heldout = split_heldout(rows, shares.holdout, seed)
+    learnt, validation = split_heldout(kept, shares.validation, seed, "--validation")
+    job = Job(learnt, extra, validation, shares.weight, seed)
+    check_job(job)
+    if shares.epochs is not None:
+        batches = batches_per_epoch(len(learnt.features), 0 if extra is None else len(extra.features))
+        recipe = Recipe(recipe.learning_rate, shares.epochs * batches, recipe.patience)
+    trained = train_many([job], recipe, progress)[0]
+    score = {name: accuracy(trained.network, part)
+             for name, part in (("train", learnt), ("validation", validation), ("heldout", heldout))}
+    made = {"holdout": shares.holdout, "validation": shares.validation, "real_sha256": hash_dataset(real),
+            "sim_sha256": None if simulated is None else hash_dataset(simulated), "coefficients": coefficients}
+    return NetworkTraining(trained, recipe, score, make_record(made, recipe, job, rows, score, trained),
+                           (*notes, *more), simulated is not None)
+
+
+def rows_of(dataset: Dataset, name: str) -> tuple[Rows, list[str]]:
+    """Return the rows to train on, and a sentence for each kind of shot left out and for outcomes that are all alike.
+
+    Raises:
+        InputError: no row is left.
+    """
+    shots = dataset.shots
+    rows, left_out = training_rows(shots, shots.source)
+    if not len(rows.features):
+        raise InputError("there is nothing to train on; " + "; ".join(left_out or [f"{shots.source}: no shots"]))
+    if len(np.unique(rows.labels, axis=0)) < 2:
+        left_out = [*left_out, f"{name}: careful: every shot has the same outcome; nothing can be told apart from that"]
+    return rows, left_out
+
+
+def make_record(made: dict[str, Any], recipe: Recipe, job: Job, real: Rows, score: dict[str, Any],
+                trained: Trained) -> dict[str, Any]:
+    """Return what training.json says of a network.
+
+    Args:
+        made: holdout, validation, real_sha256, sim_sha256 and coefficients of the data.
+    """
+    return {
+        "version": version("truearc"), "seed": job.seed, "lambda": job.simulated_weight,
+        "steps": trained.step, "epochs": trained.epoch, "most_steps": recipe.steps, "patience": recipe.patience,
+        "learning_rate": recipe.learning_rate, "holdout": made["holdout"], "validation": made["validation"],
+        "real_sha256": made["real_sha256"], "sim_sha256": made["sim_sha256"],
+        "sim_shots": len(job.simulated.features) if job.simulated else 0, "coefficients": made["coefficients"],
+        "accuracy": score, "domain": domain_of(real.features), "novelty": novelty_record(fit_novelty(real.features)),
+        "curve": [[value if value == value else None for value in point] for point in _thinned(trained.curve)],
+    }
+
+
+def _thinned(curve: tuple[Any, ...]) -> list[Any]:
+    """At most CURVE_POINTS of a curve, evenly, the last one last."""
+    marks = {round(len(curve) * (k + 1) / CURVE_POINTS) for k in range(CURVE_POINTS)} - {0}
+    return [curve[mark - 1] for mark in sorted(marks)]
+
+
+def _careful(score: dict[str, Any], simulated: bool) -> list[str]:
+    """What keeps the figures from meaning much."""
+    lines = []
+    if score["heldout"]["shots"] < FEW:
+        lines.append(f"{score['heldout']['shots']} held-out shots say next to nothing about how good this is")
+    if simulated:
+        lines.append("if the coefficients behind the simulated shots were fitted to the held-out ones too, the figures "
+                     "flatter; shots of another session do not")
+    return lines
+
+
+def _sentence(name: str, figures: dict[str, Any]) -> str:
+    if not figures["shots"]:
+        return f"{name}: no shots"
+    return (f"{name}: {figures['shots']} shots, outcome right {figures['outcome']:.1%}, "
+            f"two {figures['two']:.1%}, three {figures['three']:.1%}")

@@ -1,0 +1,15 @@
+"""One small session that everything here is about: the launcher slows down over the day, which nobody has modelled."""
+
+from pathlib import Path
+
+import pytest
+
+import truearc as ta
+from tests.sim.discover.worlds import World, make_outcomes
+
+
+@pytest.fixture(scope="session")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("api") / "week"
+    ta.save_dataset(path, make_outcomes(World(measured=True, speed_drift=-0.06), 80, 3))
+    return path

@@ -1,0 +1,95 @@
+"""What `import truearc` and `--help` load, and the names that the package offers."""
+
+import ast
+import inspect
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import truearc as ta
+
+HEAVY = {"numpy", "jax", "scipy", "mujoco", "cv2", "cantools", "pandas", "polars", "matplotlib", "pyarrow", "onnx",
+         "onnxruntime", "numba", "msgspec"}
+UNWANTED = {"jax", "scipy", "mujoco", "cv2", "cantools"}
+
+
+def loaded_by(code: str) -> set[str]:
+    """Top-level modules in a fresh process after it has run `code`."""
+    script = f"{code}\nimport json, sys\nprint(json.dumps(sorted({{n.partition('.')[0] for n in sys.modules}})))"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    return set(json.loads(done.stdout.splitlines()[-1]))
+
+
+def test_import_loads_nothing_heavy() -> None:
+    assert not loaded_by("import truearc; dir(truearc)") & HEAVY
+
+
+def test_a_light_name_loads_nothing_heavy() -> None:
+    assert not loaded_by("import truearc; truearc.InputError, truearc.__version__") & UNWANTED
+
+
+def test_recording_loads_no_companion() -> None:
+    assert not loaded_by("import truearc; truearc.Recording") & {"jax", "scipy", "mujoco"}
+
+
+@pytest.mark.parametrize("module", [
+    "discover.discover", "discover.design", "discover.identifiability", "discover.predict", "discover.shots",
+    "discover.fit_ml", "gate.export", "gate.verify", "gate.predict_gate", "gate.train_physics", "start.demo"])
+def test_a_command_loads_nothing_heavy_before_it_runs(module: str) -> None:
+    code = (f"import argparse, truearc.cli.{module} as door\nparser = argparse.ArgumentParser()\n"
+            "door.add_arguments(parser); parser.format_help(); assert callable(door.main)")
+    assert not loaded_by(code) & UNWANTED
+
+
+def test_every_name_is_there_and_documented() -> None:
+    assert set(ta.__all__) <= set(dir(ta)) and "__version__" in dir(ta)
+    for name in ta.__all__:
+        value = getattr(ta, name)
+        assert getattr(ta, name) is value
+        said = inspect.getdoc(value) or ""
+        assert said[:1].isupper() and not said.startswith(f"{name}("), name     # not a dataclass's own signature
+
+
+@pytest.mark.parametrize("name", [name for name in ta.__all__ if inspect.isfunction(getattr(ta, name))])
+def test_every_function_says_what_it_takes_and_what_it_raises(name: str) -> None:
+    function = getattr(ta, name)
+    said = inspect.getdoc(function) or ""
+    parameters = [one for one in inspect.signature(function).parameters if one not in ("directory", "path")]
+    if len(parameters) > 1 and name != "save_dataset":
+        for parameter in parameters:
+            assert f"{parameter}:" in said, (name, parameter)
+    if parameters:
+        assert "Error" in said, name
+
+
+def test_public_methods_are_documented() -> None:
+    for name in ta.__all__:
+        kind = getattr(ta, name)
+        if inspect.isclass(kind):
+            for key, member in vars(kind).items():
+                if not key.startswith("_") and (inspect.isfunction(member) or isinstance(member, property)):
+                    assert inspect.getdoc(member), f"{name}.{key}"
+
+
+def test_an_unknown_name_is_an_attribute_error() -> None:
+    with pytest.raises(AttributeError, match="has no attribute 'magic'"):
+        _ = ta.magic
+
+
+@pytest.mark.parametrize("folder", ["truearc", "sim", "model_export", "robot", "proof"])
+def test_the_product_calls_no_command_of_its_own(folder: str) -> None:
+    """Nothing but `python -m truearc` hands a list of words to the command line."""
+    for path in (Path(__file__).parents[2] / folder).rglob("*.py"):
+        said = path.read_text(encoding="utf-8")
+        assert "cli.main import" not in said or path.name == "__main__.py", path
+
+
+def test_every_lazy_name_is_one_that_type_checkers_see() -> None:
+    tree = ast.parse(Path(ta.__file__).read_text(encoding="utf-8"))
+    (typing_only,) = (node for node in tree.body if isinstance(node, ast.If))
+    seen = {alias.name: node.module for node in typing_only.body if isinstance(node, ast.ImportFrom)
+            for alias in node.names}
+    assert seen == ta._MODULES and sorted(ta.__all__) == sorted(seen)

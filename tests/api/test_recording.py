@@ -1,0 +1,52 @@
+"""Recordings through the API: ticks as often as wanted, trials, configuration, and what is not a recording."""
+
+import itertools
+import tarfile
+from pathlib import Path
+
+import pytest
+
+import truearc as ta
+
+KEPT = Path(__file__).parents[1] / "robot" / "recording" / "golden.tar.xz"
+TICKS = 1116
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("kept")
+    with tarfile.open(KEPT) as tar:
+        tar.extractall(folder, filter="data")
+    return folder
+
+
+def test_ticks_come_in_order_as_often_as_wanted(session: Path) -> None:
+    recording = ta.Recording(session)
+    for _ in range(2):
+        ticks = list(recording)
+        assert len(ticks) == TICKS and recording.cut_short is None
+        assert all(one.inputs.t_ns < other.inputs.t_ns for one, other in itertools.pairwise(ticks))
+        assert all(tick.verdict.fire != bool(tick.verdict.reasons) for tick in ticks)
+
+
+def test_a_recording_prints_and_has_its_trials_and_rig(session: Path) -> None:
+    recording = ta.Recording(str(session))
+    (trial,) = recording.trials
+    assert trial.shot is not None and recording.config.rig.ball.mass_kg > 0.0
+    assert str(recording).startswith(f"{session}: 1 trials (1 {trial.outcome.outcome})")
+    assert recording._repr_html_().startswith("<pre>")
+
+
+def test_a_recording_that_ends_early_says_where(session: Path, tmp_path: Path) -> None:
+    for name in ("session.json", "config.json"):
+        (tmp_path / name).write_bytes((session / name).read_bytes())
+    whole = (session / "telemetry.mcap").read_bytes()
+    (tmp_path / "telemetry.mcap").write_bytes(whole[:len(whole) // 2])
+    recording = ta.Recording(tmp_path)
+    assert 0 < len(list(recording)) < TICKS
+    assert recording.cut_short is not None and "telemetry.mcap" in recording.cut_short
+
+
+def test_what_is_no_recording_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ta.InputError, match=r"session\.json"):
+        ta.Recording(tmp_path)

@@ -1,0 +1,202 @@
+"""Find where recordings and simulation disagree, and which physics explains it."""
+
+import html
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from truearc.api.table import Table
+from truearc.api.terms import names_of
+from truearc.robot.config.schema import InputError
+from truearc.sim.data.dataset import Dataset
+from truearc.sim.discover import api as engine
+from truearc.sim.discover.adopt import make_belief
+from truearc.sim.discover.finding import Finding as FindingRecord
+from truearc.sim.discover.finding import Interval, Named, make_json
+from truearc.sim.discover.model.design_columns import check_believed
+from truearc.sim.discover.model.external_measurements import Measurement, column_of
+from truearc.sim.discover.report.finding_text import console_lines
+from truearc.sim.discover.report.html_report import make_report, plot_residuals
+from truearc.sim.discover.settings import FALSE_ALARM, check_chances
+from truearc.sim.infer.belief import Belief
+from truearc.sim.physics.catalogue import Catalogue, as_catalogue
+from truearc.sim.physics.term import Term
+from truearc.sim.printed import Printed
+from truearc.sim.progress import Progress
+
+COLUMNS = ("term", "probability", "value", "low90", "high90", "unit", "stage")
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One candidate term for what the simulation lacks.
+
+    `probability`: that this term is it. `value`, `sd`, `interval90`: its amplitude, in `unit`. `stage`: sensing,
+    launch, flight or arrival. `believed`: what the amplitude was thought to be, where a belief was tested; else None.
+    """
+
+    term: str
+    probability: float
+    value: float
+    sd: float
+    interval90: tuple[float, float]
+    unit: str
+    stage: str
+    sentence: str
+    parameters: dict[str, Interval]
+    believed: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Finding(Printed):
+    """What discovery answers about a dataset.
+
+    `name`: of the dataset. `investigation`: everything that the report is drawn from. It can be pickled.
+    """
+
+    name: str
+    investigation: engine.Investigation
+
+    @property
+    def record(self) -> FindingRecord:
+        """Every figure of the answer, as the JSON schema truearc.finding/1 has it."""
+        return self.investigation.finding
+
+    @property
+    def verdict(self) -> str:
+        """named (one term), set (several that cannot be told apart), unknown (no term explains it) or none."""
+        return self.record.verdict
+
+    @property
+    def sentence(self) -> str:
+        """The verdict for a reader: what is missing, how large, and what it is worth on hold-out shots."""
+        return self.record.sentence
+
+    @property
+    def p_value(self) -> float | None:
+        """Of the largest of all tests, adjusted for their number; None where the data carry no test."""
+        return self.record.mismatch.p_value
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """Candidate terms, most probable first; empty where nothing was found."""
+        return tuple(map(_effect, self.record.what))
+
+    @property
+    def best(self) -> Effect | None:
+        """The most probable term; None for the verdicts unknown and none."""
+        return self.effects[0] if self.verdict in ("named", "set") else None
+
+    @property
+    def alternatives(self) -> tuple[Effect, ...]:
+        """The other terms that these data cannot tell from the best one, most probable first."""
+        return tuple(one for one in self.effects[1:] if one.term in (self.record.set or ()))
+
+    def table(self) -> Table:
+        """Return a row per candidate term: probability, amplitude with its 90 % interval in `unit`, stage."""
+        return Table(COLUMNS, tuple((one.term, one.probability, one.value, *one.interval90, one.unit, one.stage)
+                                    for one in self.effects))
+
+    def to_json(self) -> str:
+        """Return the answer as JSON (schema truearc.finding/1), as `truearc discover --json` writes it."""
+        return make_json(self.record).decode()
+
+    def to_html(self, path: str | Path) -> None:
+        """Write the whole report as one HTML file; OSError where it cannot be written."""
+        Path(path).write_bytes(make_report(self.name, self.investigation).encode())
+
+    def plot_residuals(self) -> Figure:
+        """Draw real shots less simulation, against what the first effect goes with, before and after putting it in.
+
+        Raises:
+            InputError: the data carry no test, or nothing that was recorded varies.
+        """
+        figure = plot_residuals(self.investigation)
+        if figure is None:
+            raise InputError(f"{self.name}: there are no residuals to plot")
+        return figure
+
+    def adopt(self) -> Belief:
+        """Return what is believed with the finding put in: fitted coefficients, named effects, their covariance.
+
+        Several terms that cannot be told apart are averaged. What forecasts hold-out shots worse is not adopted;
+        `provenance` of the belief says what was and why.
+
+        Raises:
+            InputError: the data carry no test, so nothing was fitted.
+        """
+        try:
+            belief, provenance = make_belief(self.investigation)
+        except ValueError as error:
+            raise InputError(f"{self.name}: {error}") from error
+        return replace(belief, provenance={"dataset": self.name, **provenance})
+
+    def lines(self) -> list[str]:
+        """Return the report: the verdict in a sentence, and a few lines below it."""
+        return console_lines(self.record, self.investigation.catalogue)
+
+    def _repr_html_(self) -> str:
+        head, *rest = map(html.escape, self.lines())
+        return (f"<p><b>{self.verdict}</b>: {head}</p>{self.table()._repr_html_() if self.effects else ''}"
+                f"<pre>{chr(10).join(rest)}</pre>")
+
+
+def discover(dataset: Dataset, *, belief: Belief | None = None, believe: Iterable[str | Term] | None = None,
+             terms: Iterable[Term] | None = None, since: Dataset | None = None,
+             measured: Mapping[str, tuple[float, float]] | None = None, seed: int = 0,
+             false_alarm: float = FALSE_ALARM, progress: Progress = lambda done, note: None) -> Finding:
+    """Test whether a dataset disagrees with the simulation, say where, and rank the terms that explain it.
+
+    Args:
+        dataset: Shots with outcomes, heights or tracks.
+        belief: Coefficients of this very rig from an earlier session: its terms, with their uncertainty, are the
+            baseline model, and whether one has changed is tested, too.
+        believe: Instead of a belief, the terms of the baseline model; None: [believe] of the rig. Gravity is always
+            there. Their coefficients are fitted.
+        terms: Candidate terms, such as [*catalogue(), HoodFlex()]; None: those of the belief, or of the catalogue.
+        since: The dataset that `belief` was adopted from: misfit present there, too, is not evidence of change.
+        measured: {term: (value, standard deviation)} of amplitudes measured without a shot, in the term's unit.
+        seed: Of everything drawn at random; the same data and seed give the same finding.
+        false_alarm: Probability of a finding where nothing is missing, 0.002 to 1.
+        progress: Called with the share done, 0 to 1, and a note.
+
+    Code is compiled in each process; set JAX_COMPILATION_CACHE_DIR to keep it on disk.
+
+    Raises:
+        InputError: an unknown term, contradicting arguments, too few shots, or outcomes without a target.
+    """
+    check_chances(false_alarm, seed)
+    among = belief.catalogue if terms is None and belief is not None else as_catalogue(terms)
+    if belief is not None and believe is not None:
+        raise InputError("belief and believe exclude each other: the belief has its own terms")
+    if since is not None:
+        check_since(since, belief, dataset)
+    names = names_of(believe, "believe", among)
+    check_believed(names or (), among)
+    found = engine.discover(dataset, names, false_alarm, seed, progress, belief, since,
+                            _measured(measured or {}, among), among)
+    return Finding(dataset.name, found)
+
+
+def check_since(since: Dataset, belief: Belief | None, later: Dataset) -> None:
+    """InputError unless `since` goes with a belief and was recorded with the same ball and launcher as `later`."""
+    if belief is None:
+        raise InputError("since goes with belief, which was adopted from that dataset")
+    if (since.facts.ball, since.facts.launcher) != (later.facts.ball, later.facts.launcher):
+        raise InputError(f"since: {since.name}: was recorded with another rig ([ball] or [launcher] differs)")
+
+
+def _measured(measured: Mapping[str, tuple[float, float]], among: Catalogue) -> dict[str, Measurement]:
+    for term, (value, sd) in measured.items():
+        if not np.isfinite([value, sd]).all() or sd <= 0.0:
+            raise InputError(f"measured: {term}: a finite value and a standard deviation above 0 are needed")
+    return {column_of(term, among): Measurement(float(value), float(sd)) for term, (value, sd) in measured.items()}
+
+
+def _effect(one: Named) -> Effect:
+    size = next(iter(one.parameters.values()))
+    return Effect(one.term, one.probability, size.value, size.sd, (size.low90, size.high90), size.unit, one.stage,
+                  one.sentence, one.parameters, one.believed)

@@ -1,0 +1,207 @@
+"""Fit the parameters of terms to a dataset."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Any, Literal, overload
+
+from matplotlib.figure import Figure
+
+from truearc.api.table import Table
+from truearc.api.terms import joined, names_of
+from truearc.robot.config.schema import InputError
+from truearc.sim.data.dataset import Dataset, hash_dataset
+from truearc.sim.infer.advise import Proposal, advise
+from truearc.sim.infer.belief import Belief, point_belief
+from truearc.sim.infer.crossval import CrossValidation, cross_validate
+from truearc.sim.infer.fit_text import (
+    say_advice,
+    say_estimates,
+    say_evidence,
+    say_identified,
+    say_prediction,
+    say_scatter,
+)
+from truearc.sim.infer.map_fit import MlFit, fit_ml
+from truearc.sim.infer.profile import ProfileInterval, profile_interval
+from truearc.sim.infer.score import Score, score
+from truearc.sim.paper.grid_bootstrap import Bootstrap, bootstrap_grid
+from truearc.sim.paper.grid_fit import GridFit, fit_grid, grid_start
+from truearc.sim.paper.grid_report import draw_map, explain, provenance_of
+from truearc.sim.paper.settings import STEP
+from truearc.sim.physics.term import Term
+from truearc.sim.printed import Printed
+from truearc.sim.progress import Progress
+
+if TYPE_CHECKING:                     # NumPyro takes a second to import
+    from truearc.sim.infer.posterior import Posterior
+
+COLUMNS = ("parameter", "value", "low90", "high90", "unit", "closed")
+
+
+@dataclass(frozen=True, eq=False)
+class Fit(Printed):
+    """Maximum a posteriori estimates of terms, launch scatter and tracker noise.
+
+    `intervals`: 90 % profile intervals, one per parameter, in its own unit; empty where the search did not converge.
+    `holdout`: how well outcomes are predicted that the fit had not seen; None with fewer than two groups of outcomes.
+    `proposals`: shots that would tell more, best first. `solution`: the optimum with its curvature.
+    """
+
+    dataset: Dataset
+    solution: MlFit
+    intervals: tuple[ProfileInterval, ...]
+    holdout: CrossValidation | None
+    proposals: tuple[Proposal, ...]
+
+    @property
+    def converged(self) -> bool:
+        """Whether the search for the most probable parameters settled; if not, do not use the fit."""
+        return self.solution.converged
+
+    @cached_property
+    def belief(self) -> Belief:
+        """The estimates with their covariance and where they came from; InputError for a fit that did not converge."""
+        if not self.converged:
+            raise InputError(f"{self.dataset.name}: the search for the most probable parameters did not settle")
+        return replace(self.solution.belief, provenance=self._provenance())
+
+    def table(self) -> Table:
+        """Return a row per parameter: value and ends of its 90 % interval, in `unit`; closed: the data bound it."""
+        units = {one.name: one.unit for one in self.solution.model.sought}
+        return Table(COLUMNS, tuple((one.name, one.value, one.low90, one.high90, units[one.name], one.closed)
+                                    for one in self.intervals))
+
+    def sample(self, draws: int, seed: int = 0, progress: Progress = lambda done, note: None) -> "Posterior":
+        """Draw `draws` samples of the posterior by Hamiltonian Monte Carlo; the same seed gives the same samples.
+
+        Raises:
+            InputError: `draws` is below 1 or `seed` is negative.
+        """
+        from truearc.sim.infer.posterior import sample
+        if draws < 1 or seed < 0:
+            raise InputError(f"draws is {draws}, at least 1 is needed; seed is {seed}, it cannot be negative")
+        return sample(self.solution, draws, seed, progress)
+
+    def lines(self) -> list[str]:
+        """Return the report: data used, what cannot be told apart, estimates, scatter, hold-out score, next shots."""
+        fit = self.solution
+        lines = list(say_evidence(fit))
+        if not self.converged:
+            return lines
+        for title, part in (("what these shots can tell", say_identified(fit)),
+                            ("estimates", say_estimates(self.intervals, fit.model.sought)), ("", say_scatter(fit)),
+                            ("", say_prediction(self.holdout)), ("what would tell more", say_advice(self.proposals))):
+            told = list(part)
+            lines += [*(["", f"{title}:"] if title and told else []), *told]
+        return lines
+
+    def _provenance(self) -> dict[str, Any]:
+        fit = self.solution
+        said: dict[str, Any] = {
+            "method": "ml", "dataset": self.dataset.name, "dataset_sha256": hash_dataset(self.dataset),
+            "truearc": version("truearc"), "shots": len(fit.gathered.rows), "terms": list(fit.model.terms),
+            "log_posterior": -fit.optimum.value, "evidence": dict(fit.gathered.used),
+            "left_out": list(fit.gathered.left_out),
+            "interval90": {one.name: [one.low90, one.high90] for one in self.intervals}}
+        held = self.holdout
+        if held is not None:
+            said["heldout"] = {"shots": held.shots, "log_score": held.log_score, "accuracy": held.accuracy}
+        return said
+
+
+@dataclass(frozen=True, eq=False)
+class GridSearch(Printed):
+    """The paper's search: the pair of drag and lift coefficient under which most outcomes are reproduced.
+
+    `step`: of the grid. `solution`: the whole map, the tied pairs and the chosen one. `accuracy`: of the chosen pair.
+    `bootstrap`: how far the choice moves when the shots are drawn again; None where that was not wanted.
+    """
+
+    dataset: Dataset
+    step: float
+    solution: GridFit
+    accuracy: Score
+    bootstrap: Bootstrap | None
+
+    @property
+    def belief(self) -> Belief:
+        """The chosen pair, without a covariance: the grid gives none."""
+        said = provenance_of(self.step, self.dataset, self.solution, self.accuracy, self.bootstrap)
+        return replace(point_belief(self.solution.coefficients), provenance=said)
+
+    def plot(self) -> Figure:
+        """Draw three-point accuracy over drag and lift, with the tied pairs and the chosen one."""
+        return draw_map(self.dataset, self.solution)
+
+    def table(self) -> Table:
+        """Return a row per tied pair, the chosen one first; deviations [m] from the centre, None: not reached."""
+        return Table(("cd", "cl", "mean_deviation_m", "median_deviation_m"),
+                     tuple(tuple(float(value) if value == value else None for value in row)
+                           for row in self.solution.ties))
+
+    def lines(self) -> list[str]:
+        """Return the report: shots used, tied pairs, the chosen pair and its accuracy, warnings."""
+        return explain(self.dataset, self.solution, self.accuracy, self.bootstrap)
+
+
+@overload
+def fit(dataset: Dataset, terms: Iterable[str | Term] | None = None, *, method: Literal["map"] = "map",
+        progress: Progress = ...) -> Fit: ...
+@overload
+def fit(dataset: Dataset, *, method: Literal["grid"], step: float = STEP, bootstrap: int = 0, seed: int = 0,
+        progress: Progress = ...) -> GridSearch: ...
+def fit(dataset: Dataset, terms: Iterable[str | Term] | None = None, *, method: str = "map",
+        step: float | None = None, bootstrap: int = 0, seed: int = 0,
+        progress: Progress = lambda done, note: None) -> Fit | GridSearch:
+    """Fit parameters of the physics to everything that a dataset records.
+
+    Args:
+        dataset: Shots with outcomes, heights, exit measurements or tracks.
+        terms: Terms to fit, by name or as values (the user's own, too); None: [believe] of the rig. Gravity is always
+            there.
+        method: "map": maximum a posteriori of all records, with 90 % intervals. "grid": the paper's search over drag
+            and lift by outcomes alone; terms do not apply.
+        step: Grid only: distance of neighbouring coefficients; divides 5.
+        bootstrap: Grid only: how many times the shots are drawn again.
+        seed: Grid only: of the bootstrap.
+        progress: Called with the share done, 0 to 1, and a note.
+
+    Returns:
+        Fit, or GridSearch for "grid": both have `.belief`, `.table()` and print as a report.
+
+    Raises:
+        InputError: an unknown term or method, an argument of the other method, or nothing to fit to.
+    """
+    if method == "map":
+        if step is not None or bootstrap or seed:
+            raise InputError("step, bootstrap, seed: method 'map' makes no use of them; method 'grid' does")
+        return _fit_map(dataset, dataset.facts.believe.terms if terms is None else terms, progress)
+    if method != "grid":
+        raise InputError(f"method: there is no {method!r}; there are 'map' and 'grid'")
+    if terms is not None:
+        raise InputError("terms: method 'grid' makes no use of them; method 'map' does")
+    if bootstrap < 0 or seed < 0:
+        raise InputError("bootstrap and seed cannot be negative")
+    step = STEP if step is None else step
+    found = fit_grid(dataset.facts, dataset.shots, step, progress)
+    again = bootstrap_grid(dataset.facts, dataset.shots, found, bootstrap, seed) if bootstrap else None
+    return GridSearch(dataset, step, found, score(dataset.facts, found.coefficients, dataset.shots), again)
+
+
+def _fit_map(dataset: Dataset, terms: Iterable[str | Term], progress: Progress) -> Fit:
+    terms = terms if isinstance(terms, str) else tuple(terms)
+    among = joined(terms)
+    solution = fit_ml(dataset.facts, dataset, names_of(terms, "terms", among) or (),
+                      lambda done, note: progress(0.4 * done, note), grid_start(dataset.facts, dataset), among)
+    if not solution.converged:
+        return Fit(dataset, solution, (), None, ())
+    intervals = []
+    for number, name in enumerate(solution.model.names, 1):
+        intervals.append(profile_interval(solution, name))
+        progress(0.4 + 0.4 * number / len(solution.model.names), name)
+    held = cross_validate(solution, lambda done, note: progress(0.8 + 0.15 * done, note))
+    proposals = advise(solution)
+    progress(1.0, "done")
+    return Fit(dataset, solution, tuple(intervals), held, proposals)

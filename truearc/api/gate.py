@@ -1,0 +1,118 @@
+"""Train a gate: the classifier that decides, from the robot's readings, whether a shot is likely to score."""
+
+import tempfile
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from truearc.model_export.graph import export_weights
+from truearc.robot.config.schema import InputError
+from truearc.robot.gate.model import load_gate
+from truearc.sim.data.dataset import Dataset, hash_dataset
+from truearc.sim.gate.gate_text import tell_heldout, tell_residual
+from truearc.sim.gate.model import PhysicsGate
+from truearc.sim.gate.outcome_classes import OutcomeClasses, marks_of
+from truearc.sim.gate.physics import physics_of
+from truearc.sim.gate.plots import draw_reliability
+from truearc.sim.gate.store import save_physics_gate
+from truearc.sim.gate.train import Heldout, train_physics_gate
+from truearc.sim.infer.belief import Belief
+from truearc.sim.metrics import Figures
+from truearc.sim.paper.training import domain_of
+from truearc.sim.printed import Printed
+from truearc.sim.progress import Progress
+
+
+@dataclass(frozen=True, eq=False)
+class GateTraining(Printed):
+    """A trained gate and what it was worth on configurations that it had not seen.
+
+    `gate`: probabilities of features. `folds`: hold-out shots with their probabilities; None with too few
+    configurations. `left_out`: shots that could not be learned from, and why.
+    """
+
+    gate: PhysicsGate
+    folds: Heldout | None
+    left_out: tuple[str, ...]
+    marks: OutcomeClasses
+    record: dict[str, Any]
+
+    @property
+    def holdout(self) -> Figures | None:
+        """Brier score, accuracy, log score and calibration error on hold-out shots; None: fewer than 15
+        configurations."""
+        return None if self.folds is None else self.folds.calibrated
+
+    def save(self, directory: str | Path) -> None:
+        """Write the weights as a directory that `truearc export` and `truearc verify` take.
+
+        Raises:
+            InputError: the directory cannot be written.
+        """
+        save_physics_gate(directory, self.gate, self.record)
+
+    def export(self, path: str | Path) -> str:
+        """Write the gate as an ONNX file for the robot and return its SHA-256.
+
+        The file is read back as the robot reads it.
+
+        Raises:
+            InputError: the file cannot be written, or the graph differs too much from the gate.
+        """
+        with tempfile.TemporaryDirectory(prefix="truearc-gate-") as folder:
+            self.save(folder)
+            export_weights(folder, path)
+        return load_gate(str(path)).sha256
+
+    def plot_reliability(self) -> Figure:
+        """Draw stated against true shares of hold-out shots; InputError where there are none."""
+        if self.folds is None:
+            raise InputError("too few configurations to hold any out: 15 at least")
+        return draw_reliability(self.folds.p, self.folds.level)
+
+    def lines(self) -> list[str]:
+        """Return the report: what the correction to the physics learned, and hold-out figures with warnings."""
+        gate, marks = self.gate, self.marks
+        lines = [f"learned from {len(marks.level)} shots",
+                 *tell_residual(gate, marks.features, physics_of(gate.facts, gate.belief, marks.features))]
+        if len(set(marks.level[marks.level >= 0])) < 2:
+            lines.append("careful: every shot has the same outcome; what is not the physics here is the prior")
+        if self.folds is None:
+            return [*lines, "careful: too few configurations to say what this is worth on others: fifteen at least"]
+        return lines + tell_heldout(self.folds, gate.temperature)
+
+
+def train_gate(dataset: Dataset, belief: Belief, *, seed: int = 0,
+               progress: Progress = lambda done, note: None) -> GateTraining:
+    """Train a gate: the belief's forecast of each shot, a small learned correction, and a calibrated spread.
+
+    All shots are learned from. Hold-out figures leave out each fifth of the configurations in turn.
+
+    Args:
+        dataset: Recorded shots with outcome, distance_m [m], hood_deg [deg] and motor_ratio [1].
+        belief: Coefficients of a fit or of a finding; one with scatter and covariance forecasts the spread, too.
+        seed: Of the folds.
+        progress: Called with the share done, 0 to 1, and a note.
+
+    Raises:
+        InputError: a negative seed, or nothing can be learned from the shots.
+    """
+    if seed < 0:
+        raise InputError(f"seed is {seed}; it cannot be negative")
+    name = dataset.shots.source
+    marks, _, left_out = marks_of(dataset.shots, name)
+    gate, folds = train_physics_gate(dataset.facts, belief, dataset.shots, seed, name, progress)
+    return GateTraining(gate, folds, tuple(left_out), marks, _record(dataset, belief, seed, marks, gate, folds))
+
+
+def _record(dataset: Dataset, belief: Belief, seed: int, marks: OutcomeClasses, gate: PhysicsGate,
+            folds: Heldout | None) -> dict[str, Any]:
+    figures = None if folds is None else {
+        name: {key: value if value == value else None for key, value in one._asdict().items()}
+        for name, one in (("physics", folds.physics), ("gate", folds.calibrated))}
+    return {"version": version("truearc"), "seed": seed, "shots": len(marks.level),
+            "real_sha256": hash_dataset(dataset), "coefficients": belief.coefficients, "scatter": belief.scatter,
+            "temperature": gate.temperature, "heldout": figures, "domain": domain_of(marks.features)}

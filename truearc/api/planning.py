@@ -1,0 +1,158 @@
+"""Plan shots: what data of a kind could show, and which shots would tell remaining candidate terms apart."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from truearc.api.discovery import Finding
+from truearc.api.table import Table
+from truearc.api.terms import names_of
+from truearc.robot.config.rig_spec import Rig
+from truearc.robot.config.schema import InputError
+from truearc.sim.data.dataset import Dataset
+from truearc.sim.discover.plan.expected_information import foresee, foresee_dataset
+from truearc.sim.discover.plan.experiment_design import can_design, make_design
+from truearc.sim.discover.plan.identifiability import Sight, make_sight
+from truearc.sim.discover.report.design_report import SCHEMA, design_lines, design_table
+from truearc.sim.discover.report.identifiability_report import make_sight_page, sight_lines
+from truearc.sim.discover.settings import CONFIGURATIONS, LEVEL, PLANNED_SHOTS, SEASON_SHOTS
+from truearc.sim.physics.catalogue import Catalogue, as_catalogue
+from truearc.sim.physics.term import Term
+from truearc.sim.printed import Printed
+from truearc.sim.progress import Progress
+
+TERM_COLUMNS = ("term", "stage", "unit", "usual", "smallest", "power", "shots_needed", "share_left", "like",
+                "correlation", "why_not")
+SHOT_COLUMNS = ("shots", "like", "distance_m", "hood_deg", "motor_ratio", "exit_speed_m_s", "exit_deg", "pace")
+
+
+@dataclass(frozen=True)
+class Identifiability(Printed):
+    """What shots of a kind could show of each term. `name`: of rig or dataset; `sight`: every figure."""
+
+    name: str
+    sight: Sight
+    catalogue: Catalogue
+
+    def table(self) -> Table:
+        """Return a row per term, most easily seen first.
+
+        usual, smallest: its usual amplitude and the smallest seen with these shots, in `unit`. power: probability of
+        seeing it at its usual size. shots_needed: for that with power 0.8; None: no number of shots, `why_not` says
+        why. share_left: of its information after the fitted numbers. like, correlation: the most similar other term.
+        """
+        return Table(TERM_COLUMNS, tuple(
+            (one.term, one.stage, one.unit, one.usual, one.smallest, one.power, one.shots_needed, one.share_left,
+             one.like, one.correlation, one.why) for one in self.sight.terms))
+
+    def to_json(self) -> str:
+        """Return the answer as JSON (schema truearc.identifiability/1)."""
+        return make_sight(self.sight).decode()
+
+    def to_html(self, path: str | Path) -> None:
+        """Write the report as one HTML file; OSError where it cannot be written."""
+        Path(path).write_bytes(make_sight_page(self.name, self.sight, self.catalogue).encode())
+
+    def lines(self) -> list[str]:
+        """Return the report: how many terms would be seen, and a line per term."""
+        return sight_lines(self.sight, self.catalogue)
+
+
+def identifiability(rig_or_dataset: Rig | Dataset, *, level: str | None = None, shots: int | None = None,
+                    believe: Iterable[str | Term] | None = None, terms: Iterable[Term] | None = None,
+                    sides: bool = False, seed: int = 0, name: str | None = None,
+                    progress: Progress = lambda done, note: None) -> Identifiability:
+    """Work out which terms shots could show, before any result is known.
+
+    Args:
+        rig_or_dataset: A rig: a season of shots is planned for it. A dataset: its own shots, with or without results.
+        level: Rig only: what is recorded: "L0" outcomes (the default), "L1" telemetry too, "L2" tracks too.
+        shots: Rig only: shots of the season, 300 when None.
+        believe: Terms whose coefficients are fitted anyway; None: [believe] of the rig.
+        terms: Candidate terms; None: the catalogue.
+        sides: High or low is noted of every miss.
+        seed: Of the planned season.
+        name: Of it in the report; None: the dataset's name, or "rig".
+        progress: Called with the share done, 0 to 1, and a note.
+
+    Raises:
+        InputError: an unknown level or term, too few shots, a target that is missing or out of reach, or level or shots
+            given with a dataset.
+    """
+    rig = rig_or_dataset.facts if isinstance(rig_or_dataset, Dataset) else rig_or_dataset
+    among = as_catalogue(terms)
+    believed = names_of(believe, "believe", among) or rig.believe.terms
+    if isinstance(rig_or_dataset, Dataset):
+        if level is not None or shots is not None:
+            raise InputError("level, shots: a dataset's own shots are looked at")
+        sight = foresee_dataset(rig_or_dataset, believed, sides, seed, progress, among)
+        return Identifiability(name or rig_or_dataset.name, sight, among)
+    sight = foresee(rig, believed, LEVEL if level is None else level, SEASON_SHOTS if shots is None else shots, sides,
+                    seed, progress, among)
+    return Identifiability(name or "rig", sight, among)
+
+
+@dataclass(frozen=True)
+class ShotDesign(Printed):
+    """Shots that would best tell the remaining candidate terms apart.
+
+    `sentence`, `verdict`: of the finding. `plan`: plain values as in schema truearc.design/1; empty where there are no
+    two terms to tell apart.
+    """
+
+    sentence: str
+    verdict: str
+    plan: dict[str, Any]
+    catalogue: Catalogue
+
+    @property
+    def probability_before(self) -> float | None:
+        """That the right term stands alone (95 %) with the present shots; None without terms to tell apart."""
+        return self.plan.get("probability_before")
+
+    @property
+    def probability_after(self) -> float | None:
+        """The same, once the planned shots have been made."""
+        return self.plan.get("probability_after")
+
+    def table(self) -> Table:
+        """Return a row per configuration: shots to make, and settings as in shots.csv; `like`: the shot_id that it
+        repeats, `pace`: its wheels' speed over that shot's, None: the same."""
+        shoot = [one for one in self.plan.get("next", ()) if one["do"] == "shoot"]
+        return Table(SHOT_COLUMNS, tuple(tuple(one.get(name) for name in SHOT_COLUMNS) for one in shoot))
+
+    def to_json(self) -> str:
+        """Return the plan as JSON (schema truearc.design/1)."""
+        table = {"schema": SCHEMA, "verdict": self.verdict, "next": [], **self.plan}
+        return (msgspec.json.format(msgspec.json.encode(table), indent=1) + b"\n").decode()
+
+    def lines(self) -> list[str]:
+        """Return the report: the finding's sentence, then the shots, or that there is nothing to tell apart."""
+        told = design_lines(self.plan, self.catalogue) if self.plan else ["There are no names to tell apart by shots."]
+        return [self.sentence, *told]
+
+
+def design_shots(dataset: Dataset, found: Finding, *, shots: int = PLANNED_SHOTS,
+                 configurations: int = CONFIGURATIONS, seed: int = 0) -> ShotDesign:
+    """Choose the shots, of those that the robot can take, that best tell a finding's candidate terms apart.
+
+    Args:
+        dataset: The shots of the finding.
+        found: Result of `discover` with that dataset.
+        shots: How many to plan.
+        configurations: That they are shared out to.
+        seed: Of the simulated outcomes.
+
+    Raises:
+        InputError: fewer shots than configurations.
+    """
+    if not 1 <= configurations <= shots:
+        raise InputError(f"shots {shots}, configurations {configurations}: at least one shot each")
+    steps, record, among = found.investigation.steps, found.record, found.investigation.catalogue
+    plan: dict[str, Any] = {}
+    if steps and can_design(steps[0]):
+        plan = design_table(make_design(steps[0], shots, configurations, seed), dataset, steps[0], among)
+    return ShotDesign(record.sentence, record.verdict, plan, among)

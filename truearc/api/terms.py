@@ -1,0 +1,38 @@
+"""Terms by name or as values: what the API's `terms=` and `believe=` take."""
+
+from collections.abc import Iterable
+
+from truearc.robot.config.schema import InputError
+from truearc.sim.physics.catalogue import Catalogue, catalogue
+from truearc.sim.physics.term import Term
+
+
+def names_of(terms: Iterable[str | Term] | None, argument: str, among: Catalogue) -> tuple[str, ...] | None:
+    """Return the terms' names in the given order; None for None.
+
+    Raises:
+        InputError: `terms` is one string or empty, or names a term that `among` does not have.
+    """
+    if terms is None:
+        return None
+    if isinstance(terms, str):
+        raise InputError(f"{argument}: {terms!r} is one string; a list of names is needed")
+    names = tuple(term if isinstance(term, str) else term.name for term in terms)
+    if not names:
+        raise InputError(f"{argument}: names no term")
+    try:
+        among.find(names)
+    except InputError as error:
+        raise InputError(f"{argument}: {error}") from error
+    return names
+
+
+def joined(terms: Iterable[str | Term]) -> Catalogue:
+    """Return the catalogue with those of the terms that are values and not in it.
+
+    Raises:
+        InputError: a term is incomplete, or its name is taken by another.
+    """
+    known = catalogue()
+    own = tuple(term for term in terms if isinstance(term, Term) and term not in known.terms)
+    return Catalogue((*known.terms, *own)) if own else known
