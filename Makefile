@@ -21,14 +21,15 @@ demo: setup
 test: setup
 	$(BIN)/python -m pytest
 
+# under two minutes on two cores
 test-fast: setup
-	$(BIN)/python -m pytest -m "not slow"
+	$(BIN)/python -m pytest -m "not slow and not medium and not socketcan and not browser and not data"
 
 golden: setup
 	$(BIN)/python tests/golden/make.py $(GOLDEN)
 
 faults: setup
-	$(BIN)/python benchmarks/fault_matrix.py $(FAULTS)
+	$(BIN)/python -m benchmarks.fault_matrix $(FAULTS)
 
 mutants: setup
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[sim,test,mutants]'

@@ -4,7 +4,7 @@
     python benchmarks/discovery.py --table FILE
 
 Every world is a line of FILE; a world that is there already is not run again, so a run that was cut short goes on
-where it stopped. --table reads packed files too: the reported run's is benchmarks/results/discovery.jsonl.xz. Worlds
+where it stopped. --table reads packed files too; benchmarks/results/MANIFEST.md lists the published ones. Worlds
 come from truearc_proof.truth, which shares no code with what is tested. L2's effects are a quarter of their typical
 size, as in the design's targets, unless --scale says otherwise.
 """
@@ -21,6 +21,7 @@ from typing import Any
 
 import msgspec
 
+from benchmarks.archives import stored_file
 from benchmarks.suite import KINDS, Job, mark_job, plan_jobs, true_parameter, world_of
 from truearc.cli.progress import make_progress
 from truearc.robot.config.schema import InputError
@@ -160,7 +161,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--again", action="store_true", help="run worlds again in which the solver broke")
     where = parser.add_mutually_exclusive_group(required=True)
     where.add_argument("--out", metavar="FILE", help="file of worlds to add to")
-    where.add_argument("--table", metavar="FILE", help="only print the tables of a file of worlds")
+    where.add_argument("--table", type=stored_file, metavar="FILE", help="only print the tables of a file of worlds")
     return parser.parse_args()
 
 

@@ -18,6 +18,7 @@ from pathlib import Path
 
 import msgspec
 
+from benchmarks.archives import stored_file
 from benchmarks.matrix.judge import Result, judge
 from benchmarks.matrix.play import play
 from benchmarks.matrix.row import Row
@@ -91,7 +92,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--only", default="", metavar="PATTERN", help="faults whose names match")
     parser.add_argument("--out", type=Path, metavar="FILE", help="a line a cell; goes on where it ended")
     parser.add_argument("--folder", type=Path, metavar="DIR", help="keep what went wrong here")
-    parser.add_argument("--table", type=Path, metavar="FILE", help="print what is there, play nothing")
+    parser.add_argument("--table", type=stored_file, metavar="FILE", help="print what is there, play nothing")
     parser.add_argument("--write", type=Path, metavar="PAGE", help="put the table between this page's markers, too")
     return parser.parse_args()
 

@@ -19,6 +19,7 @@ from typing import Any
 
 import msgspec
 
+from benchmarks.archives import stored_file
 from benchmarks.field_table import KINDS, LEVEL, claim_of, flight_names, make_table
 from benchmarks.suite import Job, plan_jobs, true_parameter, world_of
 from truearc.cli.progress import make_progress
@@ -151,7 +152,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--everywhere", action="store_true", help="count worlds that cannot be resolved, too")
     where = parser.add_mutually_exclusive_group(required=True)
     where.add_argument("--out", metavar="FILE", help="file of worlds to add to")
-    where.add_argument("--table", metavar="FILE", help="only print the table of a file of worlds")
+    where.add_argument("--table", type=stored_file, metavar="FILE", help="only print the table of a file of worlds")
     return parser.parse_args()
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from benchmarks.archives import stored_file
 from truearc.robot.config.schema import InputError
 from truearc_proof.rounds.jsonl_store import lines_of
 
@@ -18,7 +19,7 @@ def parser_of(text: str | None) -> argparse.ArgumentParser:
     parser.add_argument("--processes", type=int, help="at a time (one a core)")
     place = parser.add_mutually_exclusive_group(required=True)
     place.add_argument("--out", metavar="FILE", help="where worlds are kept, a line each; none is run twice")
-    place.add_argument("--table", metavar="FILE", help="print what is there, run nothing")
+    place.add_argument("--table", type=stored_file, metavar="FILE", help="print what is there, run nothing")
     return parser
 
 

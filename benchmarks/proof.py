@@ -4,6 +4,7 @@
     python benchmarks/proof.py benchmarks/results/round*.tar.xz [--write docs/proof.md]
     python benchmarks/proof.py benchmarks/results/round4-L0*.tar.xz --beside OWN.tar.xz      # drawn from other entropy
 
+benchmarks/results/MANIFEST.md says how to fetch the published rounds.
 Rounds of one level and as many shots, gathered over several sittings, are marked as one.
 Nothing is checked here but the ledger's chain: `truearc prove check --packed FILE --out DIR` makes worlds again.
 """
@@ -17,6 +18,7 @@ from typing import NamedTuple
 
 import msgspec
 
+from benchmarks.archives import stored_file
 from truearc_proof.report.compare_rounds import beside
 from truearc_proof.report.html_page import verdict
 from truearc_proof.report.tables import make_tables
@@ -31,9 +33,9 @@ BEGIN, END = "<!-- rounds: begin -->\n", "<!-- rounds: end -->\n"
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("packed", type=Path, nargs="+")
+    parser.add_argument("packed", type=stored_file, nargs="+")
     parser.add_argument("--write", type=Path, metavar="PAGE", help="put it between that page's marks")
-    parser.add_argument("--beside", type=Path, metavar="PACKED", help="another round at that level: is it the same?")
+    parser.add_argument("--beside", type=stored_file, metavar="PACKED", help="another round at that level")
     args = parser.parse_args()
     if args.beside is not None:
         print(tell_beside(args.packed, args.beside))

@@ -24,6 +24,7 @@ from truearc.cli.progress import make_progress
 from truearc.cli.robot.images import decode_image
 from truearc.hw.readings import CameraFrame
 from truearc.robot.config.schema import CameraFile, Config, InputError, load_config, load_toml
+from truearc.robot.reasons import text
 from truearc.robot.vision import detect
 from truearc.robot.vision.taped import fit_taped
 
@@ -90,7 +91,7 @@ def photographs() -> None:
         seen = detect(frames[row["file"]], file.camera, file.tape, file.vision)
         label_m = float(row["label_distance_m"] or "nan")
         print(f"  {row['file']:32s} {label_m:7.3f} " + (f"{seen.distance_m:7.3f} {seen.distance_m - label_m:+7.3f} "
-                                                        f"{seen.sigma_m:6.3f}" if seen.found else seen.reason))
+                                                        f"{seen.sigma_m:6.3f}" if seen.found else text(seen.reason)))
     half = [row for row in rows if row["label_distance_m"] and row["height_px"] == "480"]
     taped_m = [float(row["label_distance_m"]) for row in half]
     ratios, shares = [], []
@@ -148,7 +149,7 @@ def wary(config: Config, frames: int) -> None:
         there += shot.corners_px is not None
         seen = detect(shot.frame, shot.camera, config.tape, config.vision)
         if not seen.found:
-            reasons[" ".join(word for word in seen.reason.split() if not word[0].isdigit())] += 1
+            reasons[seen.reason.code] += 1
         elif is_target(shot, seen.corners_px):
             right += 1
             ratios.append((seen.distance_m - shot.distance_m) / seen.sigma_m)
@@ -202,8 +203,8 @@ def fuzz(config: Config, files: int) -> None:
             said["refused: " + "".join(c for c in str(error) if not c.isdigit())] += 1
     os.dup2(stderr, 2)
     print(f"{files} mutated image files, no crash:")
-    for text, count in said.most_common():
-        print(f"  {count:6d}  {text}")
+    for word, count in said.most_common():
+        print(f"  {count:6d}  {word}")
 
 
 def coded(config: Config, files: int) -> None:

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import cantools
 from cantools.database.can.message import Message
 
+from truearc.hw.fault_codes import FRAME_LENGTH, FRAME_SIGNALS, FRAME_VALUE
 from truearc.hw.protocols import BadFrame
 
 DBC = Path(__file__).parent / "dbc"
@@ -81,8 +82,8 @@ class Codec:
         """Data bytes that say `values`, one for each signal; BadFrame for a missing, foreign or impossible one."""
         entry = self._messages[message]
         if values.keys() != entry.names:
-            wrong = sorted(values.keys() ^ entry.names)
-            raise BadFrame(f"{self.name} {message}: missing or unknown signals {', '.join(wrong)}")
+            wrong = tuple(sorted(values.keys() ^ entry.names))
+            raise BadFrame(FRAME_SIGNALS(message=f"{self.name} {message}", signals=wrong))
         self._check(message, entry, values)
         if entry.layout is None:
             return bytes(entry.message.encode(dict(values), strict=False))
@@ -94,7 +95,7 @@ class Codec:
         """Signal values that `data` says; BadFrame if it is short, long, not finite or out of range."""
         entry = self._messages[message]
         if len(data) != entry.length:
-            raise BadFrame(f"{self.name} {message}: {len(data)} bytes instead of {entry.length}")
+            raise BadFrame(FRAME_LENGTH(message=f"{self.name} {message}", bytes=len(data), wanted_bytes=entry.length))
         values: dict[str, Any]
         if entry.layout is None:
             values = entry.message.decode_simple(data, decode_choices=False)
@@ -106,8 +107,8 @@ class Codec:
     def _check(self, message: str, entry: _Entry, values: Values) -> None:
         for name, low, high in entry.limits:
             if not low <= values[name] <= high:                 # a NaN fails this too
-                raise BadFrame(f"{self.name} {message} ({entry.length} bytes): "
-                               f"{name} {values[name]:g} outside {low:g} to {high:g}")
+                raise BadFrame(FRAME_VALUE(message=f"{self.name} {message}", bytes=entry.length, signal=name,
+                                           value=float(values[name]), low=low, high=high))
 
 
 @functools.cache

@@ -7,7 +7,9 @@ count turns on without a wrap, as 32-bit floats; speeds may lag a little, and be
 from collections import deque
 from typing import NamedTuple
 
+from truearc.hw.fault_codes import ENCODER_MISMATCH, ENCODER_STUCK
 from truearc.hw.readings import MotorReading
+from truearc.hw.reason import Reason
 
 MS = 1_000_000
 STILL_NS = 50 * MS                    # a position that does not change for so long, at a speed, is stuck
@@ -50,14 +52,14 @@ class Agreement:
         if reading.t_ns >= self._from_ns:
             self._follow(reading)
 
-    def fault(self, device: str, reading: MotorReading) -> str:
-        """In words; "" for an encoder that goes with its motor."""
+    def fault(self, controller: str, reading: MotorReading) -> Reason | None:
+        """None for an encoder that goes with its motor; `controller` names what reports it."""
         if self._still_ns and reading.t_ns - self._still_ns >= STILL_NS:
-            return f"{device} says {reading.velocity_rad_s:.0f} rad/s, but its position stands still: encoder stuck?"
+            return ENCODER_STUCK(controller=controller, speed_rad_s=reading.velocity_rad_s)
         if self._differ is None:
-            return ""
-        told, turned = self._differ
-        return f"{device} says {told:.0f} rad/s, but its position turns at {turned:.0f}: encoder or firmware?"
+            return None
+        reported, turned = self._differ
+        return ENCODER_MISMATCH(controller=controller, speed_rad_s=reported, turned_rad_s=turned)
 
     def _follow(self, reading: MotorReading) -> None:
         told, t_ns, velocity = self._told, reading.t_ns, reading.velocity_rad_s

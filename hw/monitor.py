@@ -3,7 +3,9 @@
 from collections import Counter, deque
 from collections.abc import Iterable, Mapping
 
+from truearc.hw.fault_codes import DUPLICATE_ID, FOREIGN_HOST
 from truearc.hw.protocols import Bus, Clock, Frame
+from truearc.hw.reason import Reason
 
 Kind = tuple[int, bool, bool]         # arbitration id, is extended, is remote
 NS_PER_S = 1_000_000_000
@@ -48,12 +50,11 @@ class MonitoredBus:
     def write(self, frame: Frame) -> bool:
         return self._bus.write(frame)
 
-    def faults(self) -> list[str]:
+    def faults(self) -> list[Reason]:
         t_ns = self._clock.now_ns()
         return [*self._bus.faults(),
-                *(f"another host sends {name}, which is ours to send" for name, heard_ns in self._foreign.items()
-                  if t_ns - heard_ns < WINDOW_NS),
-                *(words for pulse in self._pulses.values() if (words := pulse.fault(t_ns)))]
+                *(FOREIGN_HOST(frame=name) for name, heard_ns in self._foreign.items() if t_ns - heard_ns < WINDOW_NS),
+                *(fault for pulse in self._pulses.values() if (fault := pulse.fault(t_ns)) is not None)]
 
     def close(self) -> None:
         self._bus.close()
@@ -77,11 +78,10 @@ class _Pulse:
         self._heard_ns.append(frame.t_ns)
         self._name = frame.name
 
-    def fault(self, t_ns: int) -> str:
-        """What is wrong, in words; "" when nothing is."""
+    def fault(self, t_ns: int) -> Reason | None:
+        """None while there is one device at most."""
         while self._heard_ns and t_ns - self._heard_ns[0] >= WINDOW_NS:
             self._heard_ns.popleft()
         if len(self._heard_ns) <= self._most:
-            return ""
-        return (f"two devices with one id? {self._name} came more than {self._most} times in {WINDOW_NS * 1e-9:g} s, "
-                f"{self._usual} are usual")
+            return None
+        return DUPLICATE_ID(frame=self._name, most=self._most, window_s=WINDOW_NS * 1e-9, usual=self._usual)

@@ -4,6 +4,7 @@ from typing import NamedTuple, Protocol
 
 from truearc.hw.protocols import Frame
 from truearc.hw.readings import MotorReading
+from truearc.hw.reason import Reason
 
 
 class Order(NamedTuple):
@@ -28,8 +29,8 @@ class Motor(Protocol):
     def take(self, frame: Frame) -> None:
         """Bring `reading` up to date by one frame that is not remote; BadFrame leaves it as it was."""
 
-    def faults(self, t_ns: int) -> tuple[str, ...]:
-        """What `reading` cannot say and stands in the way of driving, in words that name the device."""
+    def faults(self, t_ns: int) -> tuple[Reason, ...]:
+        """Faults that `reading` does not hold and that stand in the way of driving; they name the device."""
 
     def order(self, torque_nm: float | None, t_ns: int) -> Order:
         """Once a tick: drive with this torque; None: leave the motor released."""

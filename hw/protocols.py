@@ -2,15 +2,31 @@
 
 from typing import NamedTuple, Protocol
 
+from truearc.hw.fault_codes import BY_NAME
 from truearc.hw.readings import CameraFrame
+from truearc.hw.reason import Reason, render
 
 
 class LinkLost(Exception):
-    """The wire itself is gone (adapter unplugged, port closed); the message names it."""
+    """The wire itself is gone (adapter unplugged, port closed); `reason` names it."""
+
+    def __init__(self, reason: Reason) -> None:
+        super().__init__(reason)
+        self.reason = reason
+
+    def __str__(self) -> str:
+        return render(self.reason, BY_NAME)
 
 
 class BadFrame(ValueError):
-    """A frame that its device cannot have meant: wrong length, non-finite, or out of range; the message names it."""
+    """A frame that its device cannot have meant: wrong length, non-finite, or out of range; `reason` names it."""
+
+    def __init__(self, reason: Reason) -> None:
+        super().__init__(reason)
+        self.reason = reason
+
+    def __str__(self) -> str:
+        return render(self.reason, BY_NAME)
 
 
 class Frame(NamedTuple):
@@ -40,8 +56,8 @@ class Bus(Protocol):
     def write(self, frame: Frame) -> bool:
         """Queue one frame; False when the transmit queue refused it (counted, never retried here)."""
 
-    def faults(self) -> list[str]:
-        """What has been wrong with the wire since the last call, in words; empty when nothing was."""
+    def faults(self) -> list[Reason]:
+        """What has been wrong with the wire since the last call; empty when nothing was."""
 
     def close(self) -> None: ...
 

@@ -8,7 +8,9 @@ from collections.abc import Iterable
 
 from msgspec import Struct
 
+from truearc.hw.fault_codes import FRAME_NOT_ALLOWED, FRAME_RATE_EXCEEDED
 from truearc.hw.protocols import Bus, Clock, Frame
+from truearc.hw.reason import Reason
 
 WINDOW_NS = 100_000_000               # rates are counted over this long
 
@@ -35,19 +37,18 @@ class AllowList:
         self._kinds = {(kind.arbitration_id, kind.is_extended, kind.is_remote, kind.length): (kind.most, deque[int]())
                        for kind in allowed}
 
-    def refuse(self, frame: Frame, t_ns: int) -> str:
-        """Why `frame` may not be sent at `t_ns`, in words; "" when it may, and then it counts as sent."""
+    def refuse(self, frame: Frame, t_ns: int) -> Reason | None:
+        """Why `frame` may not be sent at `t_ns`; None when it may, and then it counts as sent."""
         kind = self._kinds.get((frame.arbitration_id, frame.is_extended, frame.is_remote, len(frame.data)))
         if kind is None:
-            question = "a question about " if frame.is_remote else ""
-            return f"{question}frame {frame.name} with {len(frame.data)} bytes is not among those that may be sent"
+            return FRAME_NOT_ALLOWED(frame=frame.name, bytes=len(frame.data), remote=frame.is_remote)
         most, sent_ns = kind
         while sent_ns and t_ns - sent_ns[0] >= WINDOW_NS:
             sent_ns.popleft()
         if len(sent_ns) >= most:
-            return f"frame {frame.name} may be sent {most} times in {WINDOW_NS * 1e-9:g} s and no more"
+            return FRAME_RATE_EXCEEDED(frame=frame.name, most=most, window_s=WINDOW_NS * 1e-9)
         sent_ns.append(t_ns)
-        return ""
+        return None
 
 
 class AllowedBus:
@@ -56,7 +57,7 @@ class AllowedBus:
     def __init__(self, bus: Bus, allowed: Iterable[Allowed], clock: Clock, tally: Counter[str]) -> None:
         self._bus, self._clock, self._tally = bus, clock, tally
         self._list = AllowList(allowed)
-        self._refused: list[str] = []
+        self._refused: list[Reason] = []
 
     def read(self) -> list[Frame]:
         return self._bus.read()
@@ -64,16 +65,16 @@ class AllowedBus:
     def write(self, frame: Frame) -> bool:
         """As the bus itself; False, and a fault, for a frame that may not be sent."""
         why = self._list.refuse(frame, self._clock.now_ns())
-        if why:
+        if why is not None:
             self._tally["frames not allowed"] += 1
             if why not in self._refused:
                 self._refused.append(why)
             return False
         return self._bus.write(frame)
 
-    def faults(self) -> list[str]:
+    def faults(self) -> list[Reason]:
         refused, self._refused = self._refused, []
-        return [*self._bus.faults(), *(f"not sent: {why}" for why in refused)]
+        return [*self._bus.faults(), *refused]
 
     def close(self) -> None:
         self._bus.close()

@@ -20,6 +20,7 @@ WALK_SPAN_M, WALK_SPAN_DEG = 2.0, 8.0          # ... and their scale: about the 
 EXPLAINED = 0.25                      # a trim of this share of the spread explains a mark on its own side
 PLACE_M = 0.3                         # a shot of the plan is fired from no further than this from its place
 Walk = tuple[float, float, float]
+PLAN = "plan"
 IDLE = Aim(motor_ratio=0.0, hood_deg=0.0, source="idle")
 
 
@@ -62,7 +63,7 @@ def aim(estimate: Estimate, memory: Memory, config: Config) -> Aim:
         return IDLE
     correction = walked(add(config.collect.walk_start, memory.walk), estimate.distance_m, hood_deg)
     ratio = speed * (1.0 + trim) * math.exp(correction) / (config.collect.efficiency * surface_m_s(config))
-    return Aim(motor_ratio=min(max(ratio, 0.0), 1.0), hood_deg=hood_deg, source="plan")
+    return Aim(motor_ratio=min(max(ratio, 0.0), 1.0), hood_deg=hood_deg, source=PLAN)
 
 
 def place_m(distance_m: float | None, memory: Memory, config: Config) -> float | None:
@@ -80,7 +81,12 @@ def from_here(held: Aim, place_m: float | UnsetType | None, distance_m: float | 
     """An aim that is held, for a robot that may have moved since: away from its place it is no aim to fire with."""
     if place_m is None or place_m is UNSET or distance_m is None or abs(distance_m - place_m) <= PLACE_M:
         return held
-    return Aim(held.motor_ratio, held.hood_deg, f"stand at {place_m:.2f} m")
+    return Aim(held.motor_ratio, held.hood_deg, held.source, place_m)
+
+
+def is_planned(aim: Aim) -> bool:
+    """Whether it may be fired with from where the robot stands."""
+    return aim.source == PLAN and aim.stand_m is UNSET
 
 
 def _prescribed(distance_m: float, trial: int, collect: Collect) -> Aim:
@@ -88,7 +94,7 @@ def _prescribed(distance_m: float, trial: int, collect: Collect) -> Aim:
     row = _row(trial, collect)
     if row is None:
         return IDLE
-    return from_here(Aim(row.motor_ratio, row.hood_deg, "plan"), row.distance_m, distance_m)
+    return from_here(Aim(row.motor_ratio, row.hood_deg, PLAN), row.distance_m, distance_m)
 
 
 def _row(trial: int, collect: Collect) -> Prescribed | None:

@@ -11,6 +11,8 @@ from truearc.hw.devices.canandmag import frames as canandmag
 from truearc.hw.motor import Order
 from truearc.hw.protocols import BadFrame, Bus, Clock, Frame, LinkLost, Stream
 from truearc.hw.readings import AngleReading, ButtonEvent, CameraFrame
+from truearc.hw.reason import Reason
+from truearc.robot import reasons as because
 from truearc.robot.config.schema import Config
 from truearc.robot.motors import make_motors, name_axes
 from truearc.robot.types import Command, Inputs, Sent, Sighting, Tick
@@ -18,7 +20,6 @@ from truearc.robot.vision_source import Eyes
 
 NS_PER_S = 1_000_000_000
 BOX_SILENT_NS = 1_500_000_000         # three missed heartbeats of the button box
-CAN_LOST = "CAN lost: "               # how that fault begins
 STALL_NS = 500_000_000                # for so long after ticks have stood still what comes in may have waited meanwhile
 
 
@@ -40,7 +41,7 @@ class HardwareRig:
         self._pending = b""
         self._heard_box_ns = 0
         self._presses = PressCount()
-        self._missed = ""
+        self._missed: Reason | None = None
         self._garbled = False         # a press may have been in what was not understood: its next number will tell
         self._cycle = 0
         self._due_ns = clock.now_ns()
@@ -51,9 +52,9 @@ class HardwareRig:
         self._unsent = 0              # frames of the last tick that the bus did not take
         self._withheld = False        # the ball that is being fed was asked for too long ago
         self._started = False
-        self._faults: list[str] = []
+        self._faults: list[Reason] = []
         self._frames = 0
-        self._unseen = ""            # why the newest image showed no target
+        self._unseen: Reason | None = None        # why the newest image showed no target
 
     def read(self) -> Inputs | None:
         """Wait for the next tick, then gather what came in since the last one."""
@@ -72,7 +73,7 @@ class HardwareRig:
         self._read_ns = t_ns = self._clock.now_ns()       # nothing stamped on its way in is younger than the tick
         buttons = self._read_box(t_ns)
         for name, motor in zip(self._names, self._motors, strict=True):
-            self._faults += [f"{name}: {fault}" for fault in motor.faults(t_ns)]
+            self._faults += [fault.about(motor=name) for fault in motor.faults(t_ns)]
         self._cycle += 1
         *flywheels, hood, feeder = (motor.reading for motor in self._motors)
         return Inputs(t_ns, self._cycle, tuple(flywheels), hood, feeder, self._angle, sighting, tuple(buttons),
@@ -99,14 +100,14 @@ class HardwareRig:
             for frame in motor.release():
                 self._send(frame)
 
-    def _stall(self) -> list[str]:
+    def _stall(self) -> list[Reason]:
         """Ticks that stood still leave frames in queues, which are stamped when they are taken out: too young."""
         now_ns = self._clock.now_ns()
         if self.late_ns > self._patience_ns:
             self._stood_ns, self._stalled_ns = self.late_ns, now_ns + STALL_NS
         if now_ns >= self._stalled_ns:
             return []
-        return [f"ticks stood still for {self._stood_ns / NS_PER_S:.2f} s"]
+        return [because.TICKS_STALLED(stall_s=self._stood_ns / NS_PER_S)]
 
     def _withhold(self, command: Command, t_ns: int) -> Command:
         """A tick that took too long knew its readings too long ago: its ball is not fed, now or in the next tick."""
@@ -129,11 +130,11 @@ class HardwareRig:
         try:
             frames = self._bus.read()
         except LinkLost as error:
-            self._faults.append(f"{CAN_LOST}{error}")
+            self._faults.append(because.CAN_LOST(cause=error.reason))
             return
         self._frames = len(frames)
         if self._unsent:
-            self._faults.append(f"{self._unsent} frames could not be sent")
+            self._faults.append(because.FRAMES_NOT_SENT(frames=self._unsent))
         handlers = self._handlers
         for frame in frames:
             handler = handlers.get((frame.arbitration_id, frame.is_extended))
@@ -142,32 +143,32 @@ class HardwareRig:
             try:
                 handler(frame)
             except BadFrame as error:
-                self._faults.append(f"bad frame: {error}")
+                self._faults.append(because.BAD_FRAME(cause=error.reason))
 
     def _read_box(self, t_ns: int) -> list[ButtonEvent]:
-        self._missed = ""
+        self._missed = None
         try:
             events, self._pending, faults = parse_lines(self._pending, self._box.read(), t_ns)
         except LinkLost as error:
             self._pending, self._garbled = b"", True      # half a line was on its way when the plug was pulled
-            self._faults.append(f"button box lost: {error}")
+            self._faults.append(because.BOX_LOST(cause=error.reason))
             return []
         if events:
             self._heard_box_ns = t_ns
         presses, miscounted, self._missed = self._presses.take(events)
         self._garbled = bool(faults) or (self._garbled and not events)
-        faults += ["a press may have got lost"] if self._garbled and not faults else []
-        self._faults += [f"button box: {fault}" for fault in (*faults, *miscounted)]
+        faults += [because.BOX_PRESS_UNCERTAIN()] if self._garbled and not faults else []
+        self._faults += [*faults, *miscounted]
         if t_ns - self._heard_box_ns > BOX_SILENT_NS:
-            self._faults.append("button box silent: outcomes cannot be marked")
+            self._faults.append(because.BOX_SILENT())
         return presses
 
     def _read_eyes(self) -> Sighting | None:
         try:
             sighting = self._eyes.read()
         except LinkLost as error:
-            self._unseen = ""         # what an image showed before is no longer why
-            self._faults.append(f"camera lost: {error}")
+            self._unseen = None       # what an image showed before is no longer why
+            self._faults.append(because.CAMERA_LOST(cause=error.reason))
             return None
         if sighting is not None:
             self._unseen = sighting.reason

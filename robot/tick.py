@@ -3,7 +3,7 @@
 from msgspec.structs import replace
 
 from truearc.robot.aim import aim as aim_at
-from truearc.robot.aim import config_id, from_here, place_m
+from truearc.robot.aim import config_id, from_here, is_planned, place_m
 from truearc.robot.button_logic import operate
 from truearc.robot.config.schema import Config
 from truearc.robot.control import control
@@ -38,7 +38,7 @@ def _hold_aim(belief: Estimate, memory: Memory, config: Config) -> tuple[Aim, Me
         return from_here(memory.aim, memory.aim_place_m, belief.distance_m), memory
     aim = aim_at(belief, memory, config)
     fresh = belief.sighting_s is not None and 0.0 <= belief.sighting_s <= config.gate.sighting_age_s
-    if memory.request_t_ns and aim.source == "plan" and fresh:
+    if memory.request_t_ns and is_planned(aim) and fresh:
         memory = replace(memory, aim=aim, aim_place_m=place_m(belief.distance_m, memory, config))
     return aim, memory
 

@@ -10,6 +10,7 @@ Absent numbers are None, never NaN: JSON has no NaN, and a None cannot pass a co
 from msgspec import UNSET, Struct, UnsetType, field
 
 from truearc.hw.readings import AngleReading, ButtonEvent, MotorReading
+from truearc.hw.reason import Reason
 
 
 class Sighting(Struct, frozen=True):
@@ -17,7 +18,7 @@ class Sighting(Struct, frozen=True):
 
     t_ns: int                                     # middle of the exposure
     found: bool
-    reason: str                                   # why not, in words; "" when found
+    reason: Reason | None = None                  # why not; None when found
     distance_m: float | None = None
     sigma_m: float | None = None                  # one standard deviation
     bearing_deg: float | None = None              # target to the right of the optical axis is positive
@@ -39,10 +40,10 @@ class Inputs(Struct, frozen=True, omit_defaults=True):
     hood_angle: AngleReading | None
     sighting: Sighting | None                     # what vision made of an image that came since the last tick
     buttons: tuple[ButtonEvent, ...]              # since the last tick
-    faults: tuple[str, ...]                       # wires lost, frames refused, in words
+    faults: tuple[Reason, ...]                    # wires lost, frames refused
     frames: int = 0                               # CAN frames received since the last tick: its lines of can0.log
-    unseen: str = ""                              # why the newest image shows no target, in words; "" where it does
-    missed: str = ""                              # what the button box did that presses may be lost by, in words
+    unseen: Reason | None = None                  # why the newest image shows no target; None where it does
+    missed: Reason | None = None                  # what the button box did that presses may be lost by
 
 
 class Estimate(Struct, frozen=True):
@@ -65,14 +66,15 @@ class Aim(Struct, frozen=True):
 
     motor_ratio: float
     hood_deg: float
-    source: str                                   # "plan", "idle", or where to stand for what is prescribed
+    source: str                                   # "plan", "idle", "identify"
+    stand_m: float | UnsetType = UNSET            # it is for this distance, and the robot is elsewhere
 
 
 class Verdict(Struct, frozen=True):
     """FIRE or HOLD, and why."""
 
     fire: bool
-    reasons: tuple[str, ...]                      # empty exactly when fire is true
+    reasons: tuple[Reason, ...]                   # empty exactly when fire is true
     p_two: float | None = None
     p_three: float | None = None
 
@@ -133,7 +135,7 @@ class Outcome(Struct, frozen=True):
     trial: int
     t_ns: int
     outcome: str                                  # "miss-low" | "miss-high" | "two" | "three" | "rejected" | "held"
-    reasons: tuple[str, ...] = ()                 # for "held": what stood in the way
+    reasons: tuple[Reason, ...] = ()              # for "held": what stood in the way
 
 
 class Progress(Struct, frozen=True):
@@ -141,7 +143,7 @@ class Progress(Struct, frozen=True):
 
     phase: int = 0                                # index into truearc.robot.sysid.program.phases
     since_t_ns: int = 0                           # 0 = the operator has not armed yet
-    over: str = ""                                # "done", or why it was stopped; nothing is driven any more
+    over: Reason | None = None                    # done, or why it was stopped; nothing is driven any more
 
 
 class Memory(Struct, frozen=True):
@@ -164,7 +166,7 @@ class Memory(Struct, frozen=True):
     awaiting: bool = False                        # the last shot has no outcome yet
     walk: tuple[float, float, float] = (0.0, 0.0, 0.0)    # log speed correction learnt from the driver's marks
     last_sighting: Sighting | None = None         # newest with a target in it
-    disarmed: str | UnsetType = UNSET             # what the button box did that disarmed it; absent where it did not
+    disarmed: Reason | UnsetType = UNSET          # what the button box did that disarmed it; absent where it did not
     identify: Progress | UnsetType = UNSET        # only while identifying, so that other recordings know nothing of it
 
 

@@ -5,7 +5,11 @@ from typing import Protocol
 
 from truearc.hw.protocols import Camera, LinkLost
 from truearc.hw.readings import CameraFrame
+from truearc.hw.reason import Reason
+from truearc.robot.reasons import VISION_FAILED
 from truearc.robot.types import Sighting
+
+LONGEST_DETAIL = 1000                 # characters, of whatever an error has to say
 
 
 class Eyes(Protocol):
@@ -49,6 +53,6 @@ class InlineEyes:
         return self._picture
 
 
-def vision_failed(error: Exception) -> str:
-    """In words, of an image that vision could make nothing of, not even that there is no target."""
-    return f"vision failed on an image ({type(error).__name__}: {error})"
+def vision_failed(error: Exception) -> Reason:
+    """Of an image on which vision failed: it does not even know that there is no target."""
+    return VISION_FAILED(detail=f"{type(error).__name__}: {error}"[:LONGEST_DETAIL])

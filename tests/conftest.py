@@ -15,6 +15,7 @@ import pytest
 from hypothesis import settings
 
 DATA = Path(os.environ.get("TRUEARC_DATA", Path(__file__).parents[2] / "shared" / "data"))
+MEDIUM = (Path(__file__).with_name("medium.txt").read_text(encoding="utf-8")).split("\n")[1:]
 MOST_WORKERS = 4                      # each holds JAX and what it has compiled: a gigabyte
 
 # Arrays of tests are small, threads that wait for work of theirs take it from other processes. A fresh run compiles
@@ -84,6 +85,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.skip(reason="needs the shared recordings (TRUEARC_DATA)"))
         if "socketcan" in item.keywords and not Path("/sys/class/net/vcan0").exists():
             item.add_marker(pytest.mark.skip(reason="needs SocketCAN interface vcan0"))
+        if item.nodeid.partition("::")[0] in MEDIUM or item.nodeid in MEDIUM:
+            item.add_marker("medium")
     # workers take files in this order: the long ones first, so that none of them runs alone at the end
     slow = {item.path for item in items if "slow" in item.keywords}
     items.sort(key=lambda item: item.path not in slow)

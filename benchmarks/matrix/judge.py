@@ -17,8 +17,10 @@ from benchmarks.matrix.models import AnswersAgain
 from benchmarks.matrix.play import AIM, ends_robot, make_config
 from benchmarks.matrix.robot_side import RobotSide
 from benchmarks.matrix.row import DISARMS, ITSELF, KEEPS, REARM, REFUSED, Row
+from benchmarks.matrix.signs import find
 from benchmarks.matrix.span import Span
 from truearc.robot.config.schema import Config, InputError
+from truearc.robot.reasons import text, texts
 from truearc.robot.recording.candump import parse_candump
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.replay.recompute import Comparer, Difference, RecordedRows
@@ -43,7 +45,7 @@ class Result(Struct):
     outcome: str = ""                 # "HOLD", "fires on", "not started", "motors idle"
     hold_s: float | None = None       # from the fault to the first HOLD with the row's reason
     bound_s: float = 0.0
-    reason: str = ""                  # that reason, as recorded
+    reason: str = ""                  # the text of that reason
     after: str = ""
     recovery_s: float | None = None   # from the fault's end, or from arming anew, to the next FIRE
     fires: int = 0                    # verdicts, in all
@@ -58,7 +60,7 @@ def judge(row: Row, bus: str, stepped: bool, folder: Path, said: str) -> Result:
     result = Result(row.name, row.family, bus, bound_s=row.within_s + (0.0 if stepped else GRACE_S), after=row.after)
     if row.after == REFUSED:
         result.outcome, result.reason = "not started", said.partition("truearc run: ")[2] or said
-        if not said.startswith("exit 2") or not re.search(row.reason, said):
+        if not said.startswith("exit 2") or not re.search(row.refusal, said):
             result.wrong.append(said)
         return result
     span = Span(folder / "span")
@@ -71,7 +73,7 @@ def judge(row: Row, bus: str, stepped: bool, folder: Path, said: str) -> Result:
         return result
     result.ticks, result.fires = len(ticks), sum(tick.verdict.fire for tick in ticks)
     if not span.begin_ns:
-        result.wrong.append(f"was never ready to fire: {ticks[-1].verdict.reasons if ticks else ''}")
+        result.wrong.append(f"was never ready to fire: {texts(ticks[-1].verdict.reasons) if ticks else ''}")
         return result
     _judge_fault(row, result, ticks, span, seen)
     result.reason = result.reason.replace(f"{folder}/", "")
@@ -111,10 +113,10 @@ def _judge_fault(row: Row, result: Result, ticks: list[Tick], span: Span, seen: 
 def _find_reason(row: Row, result: Result, ticks: list[Tick], begin_ns: int) -> None:
     for tick in ticks:
         if row.reason and tick.inputs.t_ns >= begin_ns and not tick.verdict.fire:
-            for reason in tick.verdict.reasons:
-                if re.search(row.reason, reason):
-                    result.hold_s, result.reason = (tick.inputs.t_ns - begin_ns) * NS, reason
-                    return
+            reason = find(row.reason, tick.verdict.reasons)
+            if reason is not None:
+                result.hold_s, result.reason = (tick.inputs.t_ns - begin_ns) * NS, text(reason)
+                return
 
 
 def _judge_recovery(result: Result, ticks: list[Tick], span: Span) -> None:
@@ -131,7 +133,7 @@ def _judge_recovery(result: Result, ticks: list[Tick], span: Span) -> None:
     again = next((t_ns for t_ns in fires_ns if t_ns > since_ns), None)
     result.recovery_s = None if again is None else (again - since_ns) * NS
     if again is None:
-        last = ticks[-1].verdict.reasons
+        last = texts(ticks[-1].verdict.reasons)
         result.wrong.append(f"never fired again: {', '.join(last)}")
 
 

@@ -11,6 +11,7 @@ from truearc.hw.emulated.imaging.distractors import floor_reflection, second_goa
 from truearc.hw.emulated.imaging.image_degradation import Image
 from truearc.hw.emulated.imaging.lens import project
 from truearc.hw.emulated.static_plant import NOTHING, Stage, place
+from truearc.hw.fault_codes import CAMERA_ERROR
 from truearc.hw.protocols import Clock, LinkLost
 from truearc.hw.readings import CameraFrame
 from truearc.hw.real.camera import CameraThread
@@ -87,7 +88,7 @@ class SteppedCamera:
     def read(self) -> CameraFrame | None:
         now_ns, trouble = self._clock.now_ns(), self._scenery.trouble
         if trouble == "unplugged":
-            raise LinkLost("camera: pulled out")
+            raise LinkLost(CAMERA_ERROR(camera="of the run", detail="pulled out"))
         if now_ns < self._due_ns or trouble == "hangs":
             return None
         self._due_ns = now_ns + (NS_PER_S if trouble == "1 a second" else self._period_ns)
@@ -132,5 +133,5 @@ class Capture:
 def open_camera(scenery: Scenery, fps: float, clock: Clock) -> CameraThread:
     """LinkLost while it is unplugged."""
     if scenery.trouble == "unplugged":
-        raise LinkLost("camera: pulled out")
+        raise LinkLost(CAMERA_ERROR(camera="of the run", detail="pulled out"))
     return CameraThread(Capture(scenery, fps, clock), clock, "of the run")

@@ -6,6 +6,8 @@ import struct
 from msgspec import Struct
 
 from benchmarks.matrix.breaking import Both, Breaking, Device
+from benchmarks.matrix.signs import Signs, says
+from truearc.hw.fault_codes import ENCODER_MISMATCH
 
 ITSELF = "by itself"                  # fires again when the fault is over
 REARM = "arm again"                   # fires again when the driver has armed anew, and not before
@@ -20,19 +22,20 @@ DEVICES = {"flywheel_a": "flywheel motor 1", "flywheel_b": "flywheel motor 2", "
            "feeder": "feeder motor", "hood_encoder": "hood encoder"}
 AXES = tuple(DEVICES)[:4]
 NAN, HUGE = struct.pack("<f", math.nan), struct.pack("<f", 1e20)
-TURNS_AT = "flywheel motor 1: .* but its position turns at"
+TURNS_AT = says(ENCODER_MISMATCH, motor="flywheel motor 1")
 WANTED_RAD_S = 0.3 * 594.0            # what the robot is asked to fire with
 
 
 class Row(Struct, frozen=True):
-    """One fault. `reason`: what a verdict says, a pattern; of a fault that does not hold, what is seen of it, if
-    anything ("" asks for nothing). `within_s`: of its begin. `real`: needs real time on the virtual bus, too. `first`:
+    """One fault. `reason`: what a verdict says, one of these; of a fault that does not hold, what is seen of it, if
+    anything (none asks for nothing). `refusal`: of one with which it does not start, a pattern of what it says.
+    `within_s`: of its begin. `real`: needs real time on the virtual bus, too. `first`:
     it stands from before the robot starts. `launcher`: of benchmarks.matrix.launchers."""
 
     name: str
     family: str
     breaking: Breaking
-    reason: str
+    reason: Signs
     within_s: float
     after: str = ITSELF
     lasts_s: float = 0.6
@@ -40,6 +43,7 @@ class Row(Struct, frozen=True):
     buses: tuple[str, ...] = ("virtual", "slcan", "socketcan")
     first: bool = False
     launcher: str = "odrive"
+    refusal: str = ""
 
 
 def tell_wanted(message: str, at: int, unit_rad_s: float) -> Both:

@@ -21,71 +21,90 @@ from benchmarks.matrix.row import (
     Row,
     tell_wanted,
 )
+from benchmarks.matrix.signs import Signs, of, says
 from benchmarks.matrix.spark_rows import SPARK_ROWS
+from truearc.hw import fault_codes as hw
+from truearc.hw.reason import Code
+from truearc.robot import reasons as bot
+
+SILENT = says(bot.DEVICE_STALE)
+BAD_SPEED = says(bot.BAD_FRAME, cause=says(hw.FRAME_VALUE, signal="velocity_rev_s"))
+WATCHDOG, SPINOUT = (says(bot.MOTOR_ERROR, errors=(word,)) for word in ("watchdog expired", "spinout"))
+FROZEN = says(bot.CAMERA_LOST, cause=says(hw.CAMERA_FROZEN))
+NO_VISION = says(bot.CAMERA_LOST, cause=says(hw.PROCESS_KILLED, hw.PROCESS_STARTING, process="vision"))
+PRESSES_LOST = says(bot.DISARMED_BY_BOX, cause=says(hw.BOX_PRESSES_LOST))
+
+
+def _seen(cause: Code) -> Signs:
+    return says(bot.TARGET_STALE, cause=says(cause))
+
+
+def _not_recording(*causes: Code) -> Signs:
+    return says(bot.NOT_RECORDING, cause=says(*causes))
 
 
 def _frames() -> list[Row]:
     estimates = {name: "Get_Encoder_Estimates" for name in AXES} | {"hood_encoder": "POSITION_OUTPUT"}
-    rows = [Row(f"{words}: no frames", "lost", Device(name, "silent"), f"{words} silent for", STALE_S)
+    rows = [Row(f"{words}: no frames", "lost", Device(name, "silent"), of(words, SILENT), STALE_S)
             for name, words in DEVICES.items()]
     rows += [Row(f"{words}: no readings, heartbeat goes on", "lost", Device(name, "silent", estimates[name]),
-                 f"{words} silent for", STALE_S) for name, words in DEVICES.items() if name != "hood_encoder"]
+                 of(words, SILENT), STALE_S) for name, words in DEVICES.items() if name != "hood_encoder"]
     rows.append(Row("hood encoder: no STATUS, angles go on", "lost", Device("hood_encoder", "silent", "STATUS"),
-                    "hood encoder.*says nothing of its|hood encoder.*has said nothing", BEAT_S))
+                    of("hood encoder", says(bot.DEVICE_FAULTS_STALE, bot.DEVICE_FAULTS_NEVER_RECEIVED)), BEAT_S))
     rows += [Row(f"{DEVICES[name]}: no heartbeat, readings go on", "lost", Device(name, "silent", "Heartbeat"),
-                 f"{DEVICES[name]} sends no heartbeat", BEAT_S) for name in AXES]
+                 says(bot.DEVICE_HEARTBEAT_STALE, device=DEVICES[name]), BEAT_S) for name in AXES]
     rows += [Row(f"{words}: frames cut short", "short", Device(name, "truncated", length=3),
-                 f"bad frame.*|{words} silent for", STALE_S) for name, words in DEVICES.items()]
+                 (*says(bot.BAD_FRAME), *of(words, SILENT)), STALE_S) for name, words in DEVICES.items()]
     rows.append(Row("hood encoder: frames too long", "too long", Device("hood_encoder", "lengthened",
                                                                         "POSITION_OUTPUT", length=8),
-                    "bad frame: canandmag", STALE_S))
+                    says(bot.BAD_FRAME, cause=says(hw.FRAME_LENGTH, message="canandmag POSITION_OUTPUT")), STALE_S))
     rows += [Row(f"{DEVICES[name]}: speed is not a number", "not finite",
-                 Device(name, "overwritten", estimates[name], at=4, data=NAN), "bad frame: odrive.*velocity", STALE_S)
+                 Device(name, "overwritten", estimates[name], at=4, data=NAN), BAD_SPEED, STALE_S)
              for name in AXES]
     rows += [Row(f"{DEVICES[name]}: speed of 1e20", "implausible",
-                 Device(name, "overwritten", estimates[name], at=4, data=HUGE), "bad frame: odrive.*velocity", STALE_S)
+                 Device(name, "overwritten", estimates[name], at=4, data=HUGE), BAD_SPEED, STALE_S)
              for name in AXES]
     rows += [Row("flywheel motor 1: reads 60 rad/s too much", "implausible",
                  Device("flywheel_a", "overwritten", estimates["flywheel_a"], at=4, data=struct.pack("<f", 40.0)),
-                 "flywheel motors differ by", STALE_S),
+                 says(bot.FLYWHEELS_DIFFER), STALE_S),
              Row("hood encoder: reads another angle", "implausible",
                  Device("hood_encoder", "overwritten", "POSITION_OUTPUT", at=4, data=b"\0\x40"),
-                 "hood encoder says", STALE_S)]
+                 says(bot.HOOD_ENCODERS_DISAGREE), STALE_S)]
     rows += [Row(f"{words}: frames held back, then all at once", "late", Device(name, "held"),
-                 f"{words} silent for", STALE_S) for name, words in DEVICES.items()]
+                 of(words, SILENT), STALE_S) for name, words in DEVICES.items()]
     rows += [Row(f"{DEVICES[name]}: every frame twice", "duplicated", Device(name, "doubled"),
-                 "two devices with one id", 1.2, lasts_s=2.0) for name in ("flywheel_a", "hood_encoder")]
+                 says(hw.DUPLICATE_ID), 1.2, lasts_s=2.0) for name in ("flywheel_a", "hood_encoder")]
     rows += [Row("flywheel motor 1: encoder stuck", "stuck",
-                 Device("flywheel_a", "stuck", estimates["flywheel_a"]), "position stands still", STALE_S),
+                 Device("flywheel_a", "stuck", estimates["flywheel_a"]), says(hw.ENCODER_STUCK), STALE_S),
              Row("flywheel motor 2: encoder stuck", "stuck",
-                 Device("flywheel_b", "stuck", estimates["flywheel_b"]), "position stands still", STALE_S),
+                 Device("flywheel_b", "stuck", estimates["flywheel_b"]), says(hw.ENCODER_STUCK), STALE_S),
              Row("both flywheel motors: say the speed that is wanted, and turn at another", "contradiction",
                  tell_wanted("Get_Encoder_Estimates", 4, math.tau), TURNS_AT, 1.0, lasts_s=2.0, first=True),
-             Row("hood encoder stuck, hood does not move", "stuck", Device("hood_encoder", "stuck"), "", 0.0, KEEPS),
+             Row("hood encoder stuck, hood does not move", "stuck", Device("hood_encoder", "stuck"), (), 0.0, KEEPS),
              Row("flywheel motor 1: frames under another id", "wrong id", Device("flywheel_a", "moved", by=0x120),
-                 "flywheel motor 1 silent for", STALE_S),
+                 of("flywheel motor 1", SILENT), STALE_S),
              Row("hood encoder: frames under another id", "wrong id", Device("hood_encoder", "moved", by=7),
-                 "hood encoder silent for", STALE_S)]
+                 of("hood encoder", SILENT), STALE_S)]
     return rows
 
 
 def _devices() -> list[Row]:
     rows = [Row(f"{words}: cable out, and in again", "unplugged", Device(name, "unplugged"),
-                f"{words} silent for", STALE_S, ITSELF if name == "hood_encoder" else REARM)
+                of(words, SILENT), STALE_S, ITSELF if name == "hood_encoder" else REARM)
             for name, words in DEVICES.items()]
     rows += [Row(f"{DEVICES[name]}: loses its power", "power", Device(name, "unpowered"),
-                 f"{DEVICES[name]} silent for", STALE_S, REARM if name == "hood" else ITSELF)
+                 of(DEVICES[name], SILENT), STALE_S, REARM if name == "hood" else ITSELF)
              for name in (*AXES, "hood_encoder")]
     rows += [Row(f"{DEVICES[name]}: reset, its reporting rates forgotten", "settings lost",
-                 Inside(name, "settings lost"), f"{DEVICES[name]} silent for", STALE_S,
+                 Inside(name, "settings lost"), of(DEVICES[name], SILENT), STALE_S,
                  REARM if name == "hood" else ITSELF) for name in ("flywheel_a", "hood")]
     rows += [Row(f"{DEVICES[name]}: hears nothing, its watchdog bites", "watchdog", Device(name, "deaf"),
-                 f"{DEVICES[name]}.*watchdog expired", BEAT_S, REARM) for name in ("flywheel_a", "hood", "feeder")]
+                 of(DEVICES[name], WATCHDOG), BEAT_S, REARM) for name in ("flywheel_a", "hood", "feeder")]
     rows += [Row(f"{DEVICES[name]}: axis error (spinout)", "axis error", Inside(name, "error"),
-                 f"{DEVICES[name]}.*spinout", 0.2, REARM) for name in ("flywheel_b", "hood")]
+                 of(DEVICES[name], SPINOUT), 0.2, REARM) for name in ("flywheel_b", "hood")]
     rows += [Row("flywheel motor 1: leaves closed loop without an error", "axis error", Inside("flywheel_a", "idle"),
-                 "flywheel motor 1 is not|flywheel motor 1.*closed|wheels at", 0.2, lasts_s=0.1),
-             Row("hood encoder: magnet lost", "axis error", Inside("hood_encoder", "magnet"), "cannot see its magnet",
+                 (*of("flywheel motor 1", says(bot.MOTOR_NOT_DRIVEN)), *says(bot.WHEELS_OFF_SPEED)), 0.2, lasts_s=0.1),
+             Row("hood encoder: magnet lost", "axis error", Inside("hood_encoder", "magnet"), says(bot.MAGNET_LOST),
                  STALE_S)]
     return rows
 
@@ -93,109 +112,109 @@ def _devices() -> list[Row]:
 def _wires() -> list[Row]:
     return [
         Row("another host commands a torque", "another host", Wire("another host commands"),
-            "another host sends 0x02e", STALE_S),
+            says(hw.FOREIGN_HOST, frame="0x02e"), STALE_S),
         Row("another host stops a motor", "another host", Wire("another host stops"),
-            "another host sends 0x022", STALE_S, REARM),
+            says(hw.FOREIGN_HOST, frame="0x022"), STALE_S, REARM),
         Row("a second device with the id of flywheel motor 1", "wrong id", Wire("two with one id"),
-            "flywheel motors differ|two devices with one id|not in closed loop|is idle", 0.3),
-        Row("frames that nobody knows", "strangers", Wire("strangers"), "", 0.0, KEEPS),
-        Row("remote frames of strangers", "strangers", Wire("questions"), "", 0.0, KEEPS),
-        Row("garbled lines (slcan), garbled frames", "garbled", Wire("garbled"), "", 0.0, KEEPS),
-        Row("controller bus-off", "bus-off", Wire("bus off"), "CAN lost|nothing heard|silent for", STALE_S, REARM,
+            says(bot.FLYWHEELS_DIFFER, hw.DUPLICATE_ID), 0.3),
+        Row("frames that nobody knows", "strangers", Wire("strangers"), (), 0.0, KEEPS),
+        Row("remote frames of strangers", "strangers", Wire("questions"), (), 0.0, KEEPS),
+        Row("garbled lines (slcan), garbled frames", "garbled", Wire("garbled"), (), 0.0, KEEPS),
+        Row("controller bus-off", "bus-off", Wire("bus off"),
+            says(bot.CAN_LOST, hw.CAN_REOPENED, bot.DEVICE_STALE), STALE_S, REARM, real=True),
+        Row("nothing on the bus for 2.5 s", "bus-off", Wire("silent"), SILENT, STALE_S, REARM, lasts_s=2.5,
             real=True),
-        Row("nothing on the bus for 2.5 s", "bus-off", Wire("silent"), "silent for", STALE_S, REARM, lasts_s=2.5,
-            real=True),
-        Row("adapter pulled out, and in again", "adapter", Wire("adapter out"), "CAN lost", STALE_S, REARM,
+        Row("adapter pulled out, and in again", "adapter", Wire("adapter out"), says(bot.CAN_LOST), STALE_S, REARM,
             lasts_s=1.5, real=True),
-        Row("the transmit queue is full", "queue full", Wire("queue full"), "could not be sent", STALE_S, REARM),
+        Row("the transmit queue is full", "queue full", Wire("queue full"), says(bot.FRAMES_NOT_SENT), STALE_S, REARM),
         Row("the receive queue overruns (64 frames), the tick stalls", "queue full", Wire("overrun"),
-            "frames lost, the tick came too late", 0.8, REARM, lasts_s=0.6, real=True)]
+            says(hw.CAN_OVERRUN), 0.8, REARM, lasts_s=0.6, real=True)]
 
 
 def _camera() -> list[Row]:
-    seen = "target last seen"
+    seen = says(bot.TARGET_STALE)
     return [Row(f"camera: {words}", "camera", Camera(what), reason, within_s, after, lasts_s, real)
             for words, what, reason, within_s, after, lasts_s, real in (
                 ("the same image again and again", "frozen", seen, SEEN_S, ITSELF, 1.0, True),
-                ("the same image for 7 s", "frozen", "camera lost.*same image again", 2.4, ITSELF, 7.0, True),
+                ("the same image for 7 s", "frozen", FROZEN, 2.4, ITSELF, 7.0, True),
                 ("no images", "hangs", seen, SEEN_S, ITSELF, 1.0, False),
-                ("no images for 3 s", "hangs", "camera lost", 2.4, ITSELF, 3.0, True),
-                ("pulled out, and in again", "unplugged", "camera lost", SEEN_S, ITSELF, 1.5, True),
-                ("black", "black", seen + r" \d.* ago \(the picture is dark", SEEN_S, ITSELF, 1.0, False),
-                ("saturated", "saturated", seen + r" \d.* ago \(the picture is bright", SEEN_S, ITSELF, 1.0, False),
+                ("no images for 3 s", "hangs", says(bot.CAMERA_LOST), 2.4, ITSELF, 3.0, True),
+                ("pulled out, and in again", "unplugged", says(bot.CAMERA_LOST), SEEN_S, ITSELF, 1.5, True),
+                ("black", "black", _seen(bot.IMAGE_DARK), SEEN_S, ITSELF, 1.0, False),
+                ("saturated", "saturated", _seen(bot.IMAGE_BRIGHT), SEEN_S, ITSELF, 1.0, False),
                 ("images half a second old", "slow", seen, SEEN_S, ITSELF, 1.0, False),
                 ("one image a second", "1 a second", seen, SEEN_S, KEEPS, 3.0, False),
-                ("two targets", "two targets", seen + r" \d.* ago \(2 things", SEEN_S, ITSELF, 1.0, False),
-                ("reflection on the floor", "reflections", "", 0.0, KEEPS, 1.0, False),
-                ("another place", "elsewhere", "stand at", 0.3, ITSELF, 1.0, False),
-                ("stamps out of order", "old stamps", "", 0.0, KEEPS, 1.0, False),
-                ("stamps to come (driver's clock)", "stamps to come", "", 0.0, KEEPS, 1.0, True))] + [
-        Row("camera: another place, reached while fire is asked for", "camera", Camera("drives off"), "stand at", 1.5,
-            ITSELF, 5.0, first=True)]
+                ("two targets", "two targets", _seen(bot.SEVERAL_TARGETS), SEEN_S, ITSELF, 1.0, False),
+                ("reflection on the floor", "reflections", (), 0.0, KEEPS, 1.0, False),
+                ("another place", "elsewhere", says(bot.NOT_AT_PLACE), 0.3, ITSELF, 1.0, False),
+                ("stamps out of order", "old stamps", (), 0.0, KEEPS, 1.0, False),
+                ("stamps to come (driver's clock)", "stamps to come", (), 0.0, KEEPS, 1.0, True))] + [
+        Row("camera: another place, reached while fire is asked for", "camera", Camera("drives off"),
+            says(bot.NOT_AT_PLACE), 1.5, ITSELF, 5.0, first=True)]
 
 
 def _box() -> list[Row]:
     return [
-        Row("button box: pulled out, and in again", "box", Box("unplugged"), "button box lost", STALE_S, DISARMS,
+        Row("button box: pulled out, and in again", "box", Box("unplugged"), says(bot.BOX_LOST), STALE_S, DISARMS,
             real=True),
-        Row("button box: silent for 3 s", "box", Box("silent"), "button box silent", 2.1, DISARMS, lasts_s=3.0),
-        Row("button box: loses its power", "box", Box("no power"), "button box silent", 2.1, DISARMS, lasts_s=2.5),
-        Row("button box: garbage between its lines", "box", Box("garbage"), "lines refused", STALE_S, KEEPS),
-        Row("button box: half lines", "box", Box("half lines"), "lines refused|silent", 2.1, DISARMS, lasts_s=2.5),
-        Row("button box: presses lost", "box", Box("loses presses"), "not armed: the button box lost presses", STALE_S,
-            DISARMS),
-        Row("button box: every button bounces", "box", Box("bounces"), "", 0.0, KEEPS),
-        Row("button box: every line twice", "box", Box("all twice"), "presses told twice", STALE_S, KEEPS),
-        Row("fire button stuck", "box", Box("stuck fire"), "", 0.0, KEEPS),
-        Row("arm button stuck", "box", Box("stuck arm"), "not armed|only just arrived", STALE_S),
-        Row("reject button stuck", "box", Box("stuck reject"), "", 0.0, KEEPS)]
+        Row("button box: silent for 3 s", "box", Box("silent"), says(bot.BOX_SILENT), 2.1, DISARMS, lasts_s=3.0),
+        Row("button box: loses its power", "box", Box("no power"), says(bot.BOX_SILENT), 2.1, DISARMS, lasts_s=2.5),
+        Row("button box: garbage between its lines", "box", Box("garbage"), says(hw.BOX_LINES_REFUSED), STALE_S, KEEPS),
+        Row("button box: half lines", "box", Box("half lines"), says(hw.BOX_LINES_REFUSED, bot.BOX_SILENT), 2.1,
+            DISARMS, lasts_s=2.5),
+        Row("button box: presses lost", "box", Box("loses presses"), PRESSES_LOST, STALE_S, DISARMS),
+        Row("button box: every button bounces", "box", Box("bounces"), (), 0.0, KEEPS),
+        Row("button box: every line twice", "box", Box("all twice"), says(hw.BOX_PRESSES_REPEATED), STALE_S, KEEPS),
+        Row("fire button stuck", "box", Box("stuck fire"), (), 0.0, KEEPS),
+        Row("arm button stuck", "box", Box("stuck arm"), says(bot.NOT_ARMED, bot.NOT_SETTLED), STALE_S),
+        Row("reject button stuck", "box", Box("stuck reject"), (), 0.0, KEEPS)]
 
 
 def _near() -> list[Row]:
     return [
-        Row("ticks stand still for 0.6 s", "time", Time("late ticks"), "ticks stood still", 0.8, REARM),
-        Row("wall clock set forward by an hour", "time", Time("clock +1 h"), "", 0.0, KEEPS),
-        Row("wall clock set back by an hour", "time", Time("clock -1 h"), "", 0.0, KEEPS),
-        Row("disk full", "disk", Disk("full"), "not recording: (No space left|File too large)", 0.4, real=True,
+        Row("ticks stand still for 0.6 s", "time", Time("late ticks"), says(bot.TICKS_STALLED), 0.8, REARM),
+        Row("wall clock set forward by an hour", "time", Time("clock +1 h"), (), 0.0, KEEPS),
+        Row("wall clock set back by an hour", "time", Time("clock -1 h"), (), 0.0, KEEPS),
+        Row("disk full", "disk", Disk("full"), _not_recording(bot.DISK_FULL, bot.DISK_ERROR), 0.4, real=True,
             lasts_s=1.0),
-        Row("disk turns read-only", "disk", Disk("turns read-only"), "not recording: Read-only", 0.4, real=True,
+        Row("disk turns read-only", "disk", Disk("turns read-only"), _not_recording(bot.DISK_ERROR), 0.4, real=True,
             lasts_s=1.0),
-        Row("disk hangs for 4 s", "disk", Disk("hangs"), "not recording: the disk does not answer", 3.0, real=True,
+        Row("disk hangs for 4 s", "disk", Disk("hangs"), _not_recording(bot.DISK_UNRESPONSIVE), 3.0, real=True,
             lasts_s=4.0),
-        Row("folder of the images gone", "disk", Disk("loses a folder"), "not recording: .*No such file", 0.5, KEEPS,
+        Row("folder of the images gone", "disk", Disk("loses a folder"), _not_recording(bot.DISK_ERROR), 0.5, KEEPS,
             real=True, lasts_s=1.5),
         Row("no adapter or button box at the start", "adapter", Start("no devices"),
-            "cannot start: (serial port|CAN slcan)", 0.0, REFUSED),
-        Row("sessions folder cannot be made", "disk", Start("no folder"), "File exists|Not a directory", 0.0,
-            REFUSED),
+            (), 0.0, REFUSED, refusal="cannot start: (serial port|CAN slcan)"),
+        Row("sessions folder cannot be made", "disk", Start("no folder"), (), 0.0, REFUSED,
+            refusal="File exists|Not a directory"),
         *(Row(f"model: {words}", "model", Model(what), reason, 0.05, after)
           for words, what, reason, after in (
-              ("raises", "raises", "model failed: RuntimeError", ITSELF),
-              ("gives no number", "says nothing", "model: outside|model gives no number", ITSELF),
-              ("gives NaN", "not a number", "model gives no number", ITSELF),
-              ("says it is outside its domain", "outside", "model: outside what it was trained on", ITSELF),
-              ("says this is novel", "novel", r"novelty 3\.00", ITSELF),
-              ("doubts", "doubts", "model: three points 10% likely", ITSELF))),
-        Row("model: takes 0.3 s a tick", "model", Model("slow"), "ticks stood still", 0.8, REARM, lasts_s=1.5),
-        *(Row(f"model file: {what}", "model", Start(what), reason, 0.0, REFUSED) for what, reason in (
+              ("raises", "raises", says(bot.MODEL_FAILED, error="RuntimeError"), ITSELF),
+              ("gives no number", "says nothing", says(bot.MODEL_OUTSIDE_DOMAIN, bot.MODEL_NOT_FINITE), ITSELF),
+              ("gives NaN", "not a number", says(bot.MODEL_NOT_FINITE), ITSELF),
+              ("says it is outside its domain", "outside", says(bot.MODEL_OUTSIDE_DOMAIN), ITSELF),
+              ("says this is novel", "novel", says(bot.MODEL_OUTSIDE_DOMAIN, novelty=3.0), ITSELF),
+              ("doubts", "doubts", says(bot.MODEL_BELOW_THRESHOLD), ITSELF))),
+        Row("model: takes 0.3 s a tick", "model", Model("slow"), says(bot.TICKS_STALLED), 0.8, REARM, lasts_s=1.5),
+        *(Row(f"model file: {what}", "model", Start(what), (), 0.0, REFUSED, refusal=refusal) for what, refusal in (
             ("corrupted", "damaged or altered|not a usable ONNX"), ("truncated", "not a usable ONNX"),
             ("foreign", "contract|damaged"), ("no number", "gives no probability"),
             ("no model", "No such file"), ("policy model, no file", "gate.policy is 'model', so --gate is needed"))),
-        Row("devices' process stopped for 0.6 s (SIGSTOP)", "process", Process("devices", "stop"), "silent for",
+        Row("devices' process stopped for 0.6 s (SIGSTOP)", "process", Process("devices", "stop"), SILENT,
             STALE_S),                 # their watchdogs stand still with it
-        Row("devices' process killed, started again", "process", Process("devices", "kill"), "silent for|CAN lost",
-            STALE_S, DISARMS, lasts_s=1.0),
-        Row("control process stopped for 0.6 s (SIGSTOP)", "process", Process("control", "stop"), "ticks stood still",
-            0.8, REARM),
-        Row("control process killed, started again", "process", Process("control", "kill"), "motors idle", 0.25, REARM,
+        Row("devices' process killed, started again", "process", Process("devices", "kill"),
+            says(bot.DEVICE_STALE, bot.CAN_LOST), STALE_S, DISARMS, lasts_s=1.0),
+        Row("control process stopped for 0.6 s (SIGSTOP)", "process", Process("control", "stop"),
+            says(bot.TICKS_STALLED), 0.8, REARM),
+        Row("control process killed, started again", "process", Process("control", "kill"), (), 0.25, REARM,
             lasts_s=2.0, buses=("slcan", "socketcan")),
         Row("vision process stopped for 1 s (SIGSTOP)", "process", Process("vision", "stop"),
-            "target last seen|camera lost", SEEN_S, lasts_s=1.0, real=True),
+            says(bot.TARGET_STALE, bot.CAMERA_LOST), SEEN_S, lasts_s=1.0, real=True),
         Row("vision process killed, which starts again", "process", Process("vision", "kill"),
-            "camera lost: the vision process", 0.3, lasts_s=0.3, real=True),
+            NO_VISION, 0.3, lasts_s=0.3, real=True),
         Row("recorder process stopped for 3 s (SIGSTOP)", "process", Process("recorder", "stop"),
-            "not recording: the recorder does not answer", 2.0, lasts_s=3.0, real=True),
-        Row("recorder process killed, all started again", "process", Process("recorder", "kill"), "motors idle", 1.0,
+            _not_recording(bot.RECORDER_UNRESPONSIVE), 2.0, lasts_s=3.0, real=True),
+        Row("recorder process killed, all started again", "process", Process("recorder", "kill"), (), 1.0,
             REARM, lasts_s=2.0, buses=("slcan", "socketcan"))]
 
 

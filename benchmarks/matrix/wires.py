@@ -9,6 +9,7 @@ import can
 
 from benchmarks.matrix.breaking import Breaking, Time
 from benchmarks.matrix.span import Span
+from truearc.hw.fault_codes import CAN_ADAPTER_ERROR
 from truearc.hw.protocols import Clock, LinkLost
 from truearc.hw.real.can_bus import CanBus
 
@@ -31,7 +32,7 @@ class FlakyBus:
     @staticmethod
     def check(what: str, span: Span) -> None:
         if what == "adapter out" and span.stands():
-            raise LinkLost("CAN: no such device")
+            raise LinkLost(CAN_ADAPTER_ERROR(bus="CAN", detail="no such device"))
 
     def recv(self, wait_s: float) -> can.Message | None:
         self._look()

@@ -11,6 +11,7 @@ import re
 
 from truearc.hw.emulated.serial_link import Cable
 from truearc.hw.protocols import Frame
+from truearc.hw.reason import Reason
 
 CR, BEL = b"\r", b"\a"
 VERSION, SERIAL = b"V1013\r", b"NT254\r"
@@ -51,7 +52,7 @@ class SlcanAdapter:
         """Pass a device's frame on; False when the host does not fetch what it is sent."""
         return not self.is_open or self._cable.write(make_line(frame))
 
-    def faults(self) -> list[str]:
+    def faults(self) -> list[Reason]:
         return []
 
     def close(self) -> None:

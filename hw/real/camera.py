@@ -6,8 +6,19 @@ from typing import Any
 import cv2
 import numpy as np
 
+from truearc.hw.fault_codes import (
+    CAMERA_ERROR,
+    CAMERA_EXPOSURE_AUTOMATIC,
+    CAMERA_EXPOSURE_WRONG,
+    CAMERA_FROZEN,
+    CAMERA_NOT_OPENED,
+    CAMERA_SILENT,
+    CAMERA_STOPPED,
+    CAMERA_WRONG_SIZE,
+)
 from truearc.hw.protocols import Clock, LinkLost
 from truearc.hw.readings import CameraFrame
+from truearc.hw.reason import Reason
 
 NS_PER_MS = 1_000_000
 SILENT_NS = 2_000_000_000                         # without an image for this long the camera is lost
@@ -37,7 +48,7 @@ class CameraThread:
         self._last: np.ndarray[Any, np.dtype[np.uint8]] | None = None
         self._frozen = False
         self._heard_ns = clock.now_ns()
-        self._lost = ""
+        self._lost: Reason | None = None
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._keep_newest, name=f"camera {name}", daemon=True)
         self._thread.start()
@@ -50,8 +61,7 @@ class CameraThread:
         if newest is not None:
             return newest
         if lost or self._clock.now_ns() - heard_ns > SILENT_NS:
-            why = "gives the same image again and again" if self._frozen else "gives no images"
-            raise LinkLost(f"camera {self.name}: {lost or why}")
+            raise LinkLost(lost or (CAMERA_FROZEN if self._frozen else CAMERA_SILENT)(camera=self.name))
         return None
 
     def close(self) -> None:
@@ -71,9 +81,9 @@ class CameraThread:
                 failures = 0
                 self._keep(np.asarray(image, dtype=np.uint8))
             if failures:
-                self._lost = "stopped giving images"
+                self._lost = CAMERA_STOPPED(camera=self.name)
         except cv2.error as error:
-            self._lost = str(error)
+            self._lost = CAMERA_ERROR(camera=self.name, detail=str(error))
         finally:
             self._capture.release()
 
@@ -91,8 +101,8 @@ class CameraThread:
             self._heard_ns = now_ns
 
 
-def lock_exposure(capture: Any, exposure_s: float) -> str:
-    """Set a fixed exposure and read it back, over a few images; "" or in words what the camera has instead."""
+def lock_exposure(capture: Any, exposure_s: float, camera: str) -> Reason | None:
+    """Set a fixed exposure and read it back, over a few images; None, or what the camera has instead."""
     wanted = exposure_s / EXPOSURE_UNIT_S
     mode = exposure = 0.0
     for _ in range(SETTLE_FRAMES):
@@ -100,11 +110,11 @@ def lock_exposure(capture: Any, exposure_s: float) -> str:
         capture.set(cv2.CAP_PROP_EXPOSURE, wanted)
         mode, exposure = capture.get(cv2.CAP_PROP_AUTO_EXPOSURE), capture.get(cv2.CAP_PROP_EXPOSURE)
         if mode == MANUAL and abs(exposure - wanted) <= max(EXPOSURE_SHARE * wanted, 1.0):
-            return ""
+            return None
         capture.read()
     if mode != MANUAL:
-        return "keeps its exposure automatic"
-    return f"exposes for {exposure * EXPOSURE_UNIT_S * 1e3:.1f} ms where {exposure_s * 1e3:.1f} ms were asked for"
+        return CAMERA_EXPOSURE_AUTOMATIC(camera=camera)
+    return CAMERA_EXPOSURE_WRONG(camera=camera, exposure_s=exposure * EXPOSURE_UNIT_S, wanted_s=exposure_s)
 
 
 def open_camera(device: str, width_px: int, height_px: int, fps: float, clock: Clock,
@@ -124,13 +134,14 @@ def open_camera(device: str, width_px: int, height_px: int, fps: float, clock: C
     capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
     if not capture.isOpened():
         capture.release()
-        raise LinkLost(f"camera {device}: cannot be opened")
+        raise LinkLost(CAMERA_NOT_OPENED(camera=device))
     size = int(capture.get(cv2.CAP_PROP_FRAME_WIDTH)), int(capture.get(cv2.CAP_PROP_FRAME_HEIGHT))
     if size != (width_px, height_px):
         capture.release()
-        raise LinkLost(f"camera {device}: gives {size[0]} x {size[1]} pixels, not {width_px} x {height_px}")
-    refused = lock_exposure(capture, exposure_s) if exposure_s > 0.0 and not is_stream else ""
-    if refused:
+        raise LinkLost(CAMERA_WRONG_SIZE(camera=device, width_px=size[0], height_px=size[1], wanted_width_px=width_px,
+                                         wanted_height_px=height_px))
+    refused = lock_exposure(capture, exposure_s, device) if exposure_s > 0.0 and not is_stream else None
+    if refused is not None:
         capture.release()
-        raise LinkLost(f"camera {device}: {refused}")
+        raise LinkLost(refused)
     return CameraThread(capture, clock, device, exposure_s, stamped=not is_stream)

@@ -8,8 +8,10 @@ from typing import Any
 import can
 import serial
 
+from truearc.hw.fault_codes import CAN_ADAPTER_ERROR, CAN_BUS_OFF
 from truearc.hw.protocols import Clock, Frame, LinkLost
 from truearc.hw.real.can_errors import BUS_OFF, error_words
+from truearc.hw.reason import Reason
 
 QUEUE_FULL = (errno.ENOBUFS, errno.EAGAIN)
 # python-can gives no code for these two (socketcan, virtual)
@@ -76,12 +78,12 @@ class CanBus:
             self._bus.send(message, timeout=self._write_timeout_s)
         except (can.CanError, OSError, ValueError) as error:
             if not _is_full(error):
-                raise LinkLost(f"{self.name}: {error}") from error
+                raise LinkLost(CAN_ADAPTER_ERROR(bus=self.name, detail=str(error))) from error
             self.tally["frames that found the queue full"] += 1
             return False
         return True
 
-    def faults(self) -> list[str]:
+    def faults(self) -> list[Reason]:
         return []
 
     def close(self) -> None:
@@ -91,16 +93,16 @@ class CanBus:
     def _take(self, wait_s: float) -> can.Message | None:
         try:
             message = self._bus.recv(wait_s)
-        except (can.CanError, OSError, ValueError, IndexError) as error:
+        except (can.CanError, OSError, ValueError, IndexError) as error:  # ValueError: socket closed meanwhile
             if self._serial_lines and self._is_garbled(error):
                 self.tally["garbled lines"] += 1
                 return None
-            raise LinkLost(f"{self.name}: {error}") from error          # ValueError: a socket closed under the reader
+            raise LinkLost(CAN_ADAPTER_ERROR(bus=self.name, detail=str(error))) from error
         if message is not None and message.is_error_frame:
             words = error_words(message.arbitration_id, bytes(message.data))
             self.tally.update(f"error frames: {word}" for word in words)
             if BUS_OFF in words:
-                raise LinkLost(f"{self.name}: {BUS_OFF}")
+                raise LinkLost(CAN_BUS_OFF(bus=self.name))
         elif message is not None and not _is_possible(message):
             self.tally["garbled lines"] += 1      # the library takes hexadecimal of any sign and a length of any size
             return None
@@ -135,7 +137,7 @@ def open_can(interface: str, channel: str, bitrate: int, clock: Clock, wait_s: f
     try:
         bus = can.Bus(interface=interface, channel=channel, ignore_config=True, **options)
     except (can.CanError, NotImplementedError, OSError, ValueError, TypeError) as error:
-        raise LinkLost(f"{name}: {error}") from error
+        raise LinkLost(CAN_ADAPTER_ERROR(bus=name, detail=str(error))) from error
     return CanBus(bus, clock, name, write_timeout_s, serial_lines=interface == "slcan", tally=tally)
 
 

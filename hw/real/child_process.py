@@ -10,13 +10,16 @@ from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from typing import Any
 
+from truearc.hw.fault_codes import PROCESS_ENDED, PROCESS_KILLED, PROCESS_STARTING
 from truearc.hw.protocols import LinkLost
+from truearc.hw.reason import Reason
 
 CONTEXT = multiprocessing.get_context("spawn")    # forking a process that has threads may hang the child
 FIRST_S, LONGEST_S = 0.2, 5.0                     # pauses before it is started again
 LOOK_S = 0.1                                      # how often a thread that waits for the first word looks up
 ENDING_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")  # go to the whole group; who ends is the parent's to say
 PR_SET_PDEATHSIG = 1
+WORKS = "works"
 
 Work = Callable[..., None]            # work(line, is_first, *args), importable by its name
 
@@ -27,8 +30,8 @@ class Line:
     def __init__(self, connection: "Connection[Any, Any]") -> None:
         self._connection = connection
 
-    def say(self, why_not: str) -> None:
-        """Once: that it works, "", or why it cannot."""
+    def say(self, why_not: Reason | None) -> None:
+        """Once: that it works, None, or why it cannot."""
         try:
             self._connection.send(why_not)
         except OSError:               # the parent has gone: the next look at the line says so
@@ -45,7 +48,7 @@ class Line:
 class Child:
     """A process that does `work` until `close`, or until this process is no more.
 
-    `trouble` says in words what is wrong with it: it has not started yet, cannot, or has ended; "" while it works.
+    `trouble` is what is wrong with it: it has not started yet, cannot, or has ended; None while it works.
     `mended`: started again when it has ended, after pauses that grow while it does no good. `mortal`: killed by the
     system when this process has died, where the system can; for one that has nothing to finish.
 
@@ -56,7 +59,7 @@ class Child:
 
     def __init__(self, name: str, work: Work, args: tuple[Any, ...], *, mended: bool, mortal: bool) -> None:
         self.name = name
-        self.trouble = f"the {name} process has not started yet"
+        self.trouble: Reason | None = PROCESS_STARTING(process=name)
         self.pid: int | None = None
         self.starts = 0
         self._work, self._args, self._mended, self._mortal = work, args, mended, mortal
@@ -70,7 +73,7 @@ class Child:
     def wait(self) -> None:
         """Until it works, the first time; LinkLost, saying why, when it cannot."""
         self._answered.wait()
-        if self.trouble:
+        if self.trouble is not None:
             raise LinkLost(self.trouble)
 
     def is_gone(self) -> bool:
@@ -111,21 +114,21 @@ class Child:
             self._line, self._process, self.pid = ours, process, process.pid
         said = self._listen(ours)
         process.join()
-        if not said:                  # what it said of why it cannot says more
-            self.trouble = f"the {self.name} process ended ({_how(process.exitcode or 0)})"
+        if not isinstance(said, Reason):          # why it cannot says more
+            self.trouble = _ended(self.name, process.exitcode or 0)
         with self._lock:
             ours.close()
-        return said == ""
+        return said == WORKS
 
-    def _listen(self, line: "Connection[Any, Any]") -> str | None:
-        """Its first word, which is its trouble; None when it has ended, or is to, without any."""
+    def _listen(self, line: "Connection[Any, Any]") -> Reason | str | None:
+        """Its first word: WORKS, or its trouble; None when it has ended, or is to, without any."""
         try:
             while not self._over.is_set():
                 if line.poll(LOOK_S):
-                    said: str = line.recv()
+                    said: Reason | None = line.recv()
                     self.trouble = said
                     self._answered.set()
-                    return said
+                    return said or WORKS
         except (OSError, EOFError):
             pass
         return None
@@ -145,8 +148,8 @@ def make_pauses_s() -> Iterator[float]:
         pause_s = min(2.0 * pause_s, LONGEST_S)
 
 
-def _how(code: int) -> str:
-    return f"signal {-code}" if code < 0 else f"exit code {code}"
+def _ended(name: str, code: int) -> Reason:
+    return PROCESS_KILLED(process=name, signal=-code) if code < 0 else PROCESS_ENDED(process=name, exit_code=code)
 
 
 def _live(work: Work, line: Line, is_first: bool, mortal: bool, args: tuple[Any, ...]) -> None:

@@ -3,6 +3,7 @@
 import socket
 from collections import deque
 
+from truearc.hw.fault_codes import PIPE_CLOSED
 from truearc.hw.protocols import LinkLost
 
 LENGTH_BYTES = 4
@@ -60,9 +61,9 @@ class Inbox:
         except TimeoutError:
             return []
         except OSError as error:
-            raise LinkLost(str(error)) from error
+            raise LinkLost(PIPE_CLOSED(detail=str(error))) from error
         if not data:
-            raise LinkLost("the sender has gone")
+            raise LinkLost(PIPE_CLOSED(detail="the sender has ended"))
         self._pending += data
         return self._whole()
 

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from truearc.hw.protocols import Camera, LinkLost, Stream
 from truearc.hw.readings import CameraFrame
+from truearc.hw.reason import Reason
 
 PAUSE_S = 0.5                                     # between tries; an open camera takes about as long
 LONGEST_S = 4.0                                   # before one that can be opened, but says nothing, is opened again
@@ -32,7 +33,7 @@ class Mended(Generic[Wire]):
     def __init__(self, wire: Wire, open_again: Callable[[], Wire], pause_s: float = PAUSE_S) -> None:
         self._wire: Wire | None = wire
         self._open_again, self._first_s, self._pause_s = open_again, pause_s, pause_s
-        self._why = ""
+        self._why: Reason | None = None
         self._stop = threading.Event()
         self._mender: threading.Thread | None = None
 
@@ -40,11 +41,12 @@ class Mended(Generic[Wire]):
         """What `question` makes of the wire; LinkLost, every time, from when it is lost until it is open again."""
         wire = self._wire
         if wire is None:
+            assert self._why is not None
             raise LinkLost(self._why)
         try:
             answer = question(wire)
         except LinkLost as error:
-            self._why, self._wire = str(error), None
+            self._why, self._wire = error.reason, None
             self._mender = threading.Thread(target=self._mend, args=(wire,), name="reopen", daemon=True)
             self._mender.start()
             raise
@@ -67,7 +69,7 @@ class Mended(Generic[Wire]):
                 self._wire = self._open_again()
                 return
             except LinkLost as error:
-                self._why, pause_s = str(error), self._first_s
+                self._why, pause_s = error.reason, self._first_s
 
 
 class MendedStream:

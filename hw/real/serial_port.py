@@ -4,6 +4,7 @@ import contextlib
 
 import serial
 
+from truearc.hw.fault_codes import SERIAL_ERROR
 from truearc.hw.protocols import LinkLost
 
 CHUNK = 4096                                      # bytes; more than a box says in a second
@@ -24,14 +25,14 @@ class SerialStream:
                 parts.append(part)
         except (serial.SerialException, OSError) as error:
             # What came before the plug was pulled stays unread: half a line is no use, and the next call fails too.
-            raise LinkLost(f"serial port {self.name}: {error}") from error
+            raise LinkLost(SERIAL_ERROR(port=self.name, detail=str(error))) from error
         return b"".join(parts)
 
     def write(self, data: bytes) -> None:
         try:
             self._port.write(data)
         except (serial.SerialException, OSError) as error:
-            raise LinkLost(f"serial port {self.name}: {error}") from error
+            raise LinkLost(SERIAL_ERROR(port=self.name, detail=str(error))) from error
 
     def close(self) -> None:
         with contextlib.suppress(serial.SerialException, OSError):      # an unplugged port may refuse even this
@@ -46,5 +47,5 @@ def open_serial(port: str, baud: int) -> SerialStream:
             stream.exclusive = True
         stream.open()
     except (serial.SerialException, OSError, ValueError) as error:
-        raise LinkLost(f"serial port {port}: {error}") from error
+        raise LinkLost(SERIAL_ERROR(port=port, detail=str(error))) from error
     return SerialStream(stream, port)

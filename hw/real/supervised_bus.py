@@ -8,8 +8,10 @@ import threading
 from collections import Counter, deque
 from collections.abc import Callable, Iterator
 
+from truearc.hw.fault_codes import CAN_ADAPTER_ERROR, CAN_CLOSED, CAN_OVERRUN, CAN_REOPENED, CAN_SILENT
 from truearc.hw.protocols import Clock, Frame, LinkLost
 from truearc.hw.real.can_bus import CanBus
+from truearc.hw.reason import Reason
 
 WAIT_S = 0.02                         # how often a thread that hears nothing looks up
 SILENT_NS = 1_000_000_000             # a bus on which nothing is heard for so long is lost: not all adapters tell
@@ -39,8 +41,8 @@ class SupervisedBus:
         self.name = self._bus.name
         self._lock = threading.Lock()             # of writing to the bus and of taking it away; the thread alone reads
         self._frames: deque[Frame] = deque()
-        self._lost = ""                           # why, until something is heard again
-        self._broken = ""                         # why a write found the bus lost
+        self._lost: Reason | None = None          # why, until something is heard again
+        self._broken: Reason | None = None        # why a write found the bus lost
         self._told = 0                            # frames lost to overrun of which there has been a fault
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._supervise, name=self.name, daemon=True)
@@ -49,32 +51,32 @@ class SupervisedBus:
     def read(self) -> list[Frame]:
         """All frames received since the last call, oldest first; LinkLost, saying why, while there is no bus."""
         if self._bus is None:
-            raise LinkLost(self._lost)
+            raise self._loss()
         return [self._frames.popleft() for _ in range(len(self._frames))]
 
     def write(self, frame: Frame) -> bool:
         with self._lock:
             if self._bus is None:
-                raise LinkLost(self._lost)
+                raise self._loss()
             try:
                 return self._bus.write(frame)
             except LinkLost as error:
-                self._broken = str(error)
+                self._broken = error.reason
                 raise
 
-    def faults(self) -> list[str]:
+    def faults(self) -> list[Reason]:
         before, self._told = self._told, self._tally[OVERRUN]
         late = self._told - before
-        faults = [f"{self.name}: {late} frames lost, the tick came too late for them"] if late else []
+        faults = [CAN_OVERRUN(bus=self.name, frames=late)] if late else []
         lost = self._lost
-        if lost and self._bus is not None:
-            faults.append(f"{self.name}: opened again, nothing heard yet ({lost})")
+        if lost is not None and self._bus is not None:
+            faults.append(CAN_REOPENED(bus=self.name, cause=lost))
         return faults
 
     def close(self) -> None:
         self._stop.set()
         self._thread.join(timeout=1.0)
-        self._take_away("closed")
+        self._take_away(CAN_CLOSED(bus=self.name))
 
     def _supervise(self) -> None:
         pauses_s = self._pauses()
@@ -83,7 +85,7 @@ class SupervisedBus:
                 if not self._stop.wait(next(pauses_s)):
                     self._open_again()
             elif why := self._listen(self._bus):
-                if not self._lost:                # it had been heard: this is a new trouble
+                if self._lost is None:            # it had been heard: this is a new trouble
                     pauses_s = self._pauses()
                 self._tally["times lost"] += 1
                 self._take_away(why)
@@ -92,12 +94,12 @@ class SupervisedBus:
         try:
             bus = self._open_bus()
         except Exception as error:    # as in _listen
-            self._lost = self._in_words(error)
+            self._lost = self._reason_of(error)
             return
-        self._broken = ""
+        self._broken = None
         self._bus = bus
 
-    def _listen(self, bus: CanBus) -> str:
+    def _listen(self, bus: CanBus) -> Reason | None:
         """Take frames in until the bus is lost; returns why."""
         heard_ns = self._clock.now_ns()
         try:
@@ -107,22 +109,27 @@ class SupervisedBus:
                     heard_ns = frame.t_ns
                     self._keep(frame)
                 elif self._clock.now_ns() - heard_ns >= SILENT_NS:
-                    return f"{self.name}: nothing heard for {SILENT_NS * 1e-9:g} s"
+                    return CAN_SILENT(bus=self.name, silence_s=SILENT_NS * 1e-9)
         except Exception as error:    # whatever a driver may raise: a reader that dies in silence is what must not be
-            return self._in_words(error)
+            return self._reason_of(error)
         return self._broken
 
-    def _in_words(self, error: Exception) -> str:
-        return str(error) if isinstance(error, LinkLost) else f"{self.name}: {type(error).__name__}: {error}"
+    def _reason_of(self, error: Exception) -> Reason:
+        if isinstance(error, LinkLost):
+            return error.reason
+        return CAN_ADAPTER_ERROR(bus=self.name, detail=f"{type(error).__name__}: {error}")
+
+    def _loss(self) -> LinkLost:
+        return LinkLost(self._lost or CAN_CLOSED(bus=self.name))      # meanwhile it may have been opened again
 
     def _keep(self, frame: Frame) -> None:
-        self._lost = ""
+        self._lost = None
         if len(self._frames) >= self._room:       # the newest is lost, as in a controller: only the tick takes out
             self._tally[OVERRUN] += 1
         else:
             self._frames.append(frame)
 
-    def _take_away(self, why: str) -> None:
+    def _take_away(self, why: Reason) -> None:
         with self._lock:
             self._lost = why
             bus, self._bus = self._bus, None

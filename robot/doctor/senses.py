@@ -8,6 +8,7 @@ from truearc.hw.protocols import Camera, Clock, LinkLost, Stream
 from truearc.hw.readings import CameraFrame
 from truearc.robot.config.schema import CameraConfig
 from truearc.robot.doctor.finding import Finding, failure, ok, warning
+from truearc.robot.reasons import text
 
 NS_PER_S = 1_000_000_000
 LOOK_NS = 20_000_000
@@ -18,7 +19,7 @@ EXPOSURE_DO = "set it: `v4l2-ctl -d {} -c auto_exposure=1 -c exposure_time_absol
 
 def check_box(box: Stream, clock: Clock) -> Finding:
     """Whether the button box says that it is there."""
-    check, pending, wrong = "button box", b"", ""
+    check, pending, wrong = "button box", b"", None
     began_ns = clock.now_ns()
     while clock.now_ns() - began_ns < BOX_S * NS_PER_S:
         clock.sleep_until_ns(clock.now_ns() + LOOK_NS)
@@ -29,8 +30,9 @@ def check_box(box: Stream, clock: Clock) -> Finding:
         if events:
             return ok(check, "it says that it is there")
         wrong = faults[0] if faults else wrong
-    if wrong:
-        return failure(check, f"what it says cannot be read ({wrong})", "compare its program with docs/button-box.md")
+    if wrong is not None:
+        return failure(check, f"its lines cannot be read ({text(wrong)})",
+                       "compare its program with docs/button-box.md")
     return failure(check, f"silent for {BOX_S:g} s", "look at its power and at [buttons] port and baud")
 
 

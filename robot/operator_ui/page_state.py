@@ -3,6 +3,7 @@
 from msgspec import Struct, field
 from msgspec.structs import replace
 
+from truearc.hw.reason import Reason
 from truearc.robot.types import Outcome, Shot, Sighting, Tick
 
 RECENT = 6                            # trials that are listed
@@ -14,7 +15,7 @@ class PageTrial(Struct, frozen=True):
     trial: int
     shot: Shot | None = None
     outcome: str = ""
-    reasons: tuple[str, ...] = ()
+    reasons: tuple[Reason, ...] = ()
 
 
 class Glance(Struct, frozen=True):

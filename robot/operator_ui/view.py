@@ -6,14 +6,13 @@ from truearc.hw.readings import MotorReading
 from truearc.robot.config.schema import Config
 from truearc.robot.gate.verdict import HEARTBEAT_S
 from truearc.robot.motors import name_axes
-from truearc.robot.operator_ui.driver_messages import FAULT, FIRE_BUTTON, YOU, Told, tell
+from truearc.robot.operator_ui.driver_messages import FAULT, YOU, Told, tell
 from truearc.robot.operator_ui.page_state import Glance, PageTrial
-from truearc.robot.recording.recording_rig import NOT_RECORDING
+from truearc.robot.reasons import BOX_GONE, FIRE_NOT_REQUESTED, NOT_RECORDING, text
 from truearc.robot.types import Sighting, Tick
 
 NS = 1e-9
 FIRED_S = 0.5                         # a verdict of FIRE lasts one tick; the tile stays for as long as one can read it
-BOX_GONE = ("button box lost", "button box silent")
 ABSENT = "–"
 
 
@@ -71,7 +70,7 @@ def _is_fire(glance: Glance, tick: Tick, told: tuple[Told, ...]) -> bool:
 def _tone(tick: Tick, fire: bool, told: tuple[Told, ...]) -> str:
     if fire:
         return "fire"
-    if tick.verdict.reasons == (FIRE_BUTTON,):
+    if [reason.code for reason in tick.verdict.reasons] == [FIRE_NOT_REQUESTED.name]:
         return "ready"
     return FAULT if any(one.kind == FAULT for one in told) else YOU
 
@@ -97,7 +96,7 @@ def _target(sighting: Sighting | None, tick: Tick, config: Config) -> tuple[str,
         bearing_deg = None if newest is None else newest.bearing_deg
         return "in sight" if bearing_deg is None else f"in sight, {_side(bearing_deg)}", True
     since = "never seen" if seen_s is None else f"not seen for {_age(seen_s)}"
-    return since + (f": {sighting.reason}" if sighting is not None and sighting.reason else ""), False
+    return since + (f": {text(sighting.reason)}" if sighting is not None and sighting.reason is not None else ""), False
 
 
 def _side(bearing_deg: float) -> str:
@@ -106,7 +105,7 @@ def _side(bearing_deg: float) -> str:
 
 def _robot(tick: Tick, recording: str) -> Block:
     memory, battery_v = tick.memory, tick.estimate.battery_v
-    trouble = next((fault for fault in tick.inputs.faults if fault.startswith(NOT_RECORDING)), "")
+    trouble = next((text(fault) for fault in tick.inputs.faults if fault.code == NOT_RECORDING.name), "")
     return Block("Robot", (
         Line("armed", "yes" if memory.armed else "no", memory.armed),
         Line("homed", "yes" if memory.homed else "no", memory.homed),
@@ -137,7 +136,7 @@ def _links(sighting: Sighting | None, tick: Tick, config: Config) -> Block:
     lines = [_motor(name, motor, inputs.t_ns, config.gate.reading_age_s)
              for (name, _), motor in zip(name_axes(config), motors, strict=True)]
     angle_ns = inputs.hood_angle.t_ns if inputs.hood_angle is not None else 0
-    gone = any(fault.startswith(BOX_GONE) for fault in inputs.faults)
+    gone = any(fault.code in BOX_GONE for fault in inputs.faults)
     return Block("Links: age of reading / heartbeat", (
         *lines, _reading("hood encoder", angle_ns, inputs.t_ns, config.gate.reading_age_s),
         _reading("camera", sighting.t_ns if sighting is not None else 0, inputs.t_ns, config.gate.sighting_age_s),

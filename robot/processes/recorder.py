@@ -11,6 +11,7 @@ from msgspec import Struct
 
 from truearc.hw.protocols import Clock, LinkLost
 from truearc.hw.readings import CameraFrame
+from truearc.hw.reason import Reason
 from truearc.hw.shared_latest import Room, Slots
 from truearc.robot.config.schema import in_words
 from truearc.robot.recording.file_writers import LaneKeeper
@@ -63,7 +64,7 @@ class Status(Struct, frozen=True):
     is_open: bool = False
     trials_kept: int = 0              # how many of those that were handed over the system has
     dropped: int = 0
-    trouble: str = ""
+    trouble: Reason | None = None
     is_done: bool = False             # the files are whole, as far as they could be written
     failed: str = ""                  # why not all was kept; the end
 
@@ -144,7 +145,7 @@ class Desk:
     def _status(self) -> Status:
         if self._keeper is None:
             return self._told
-        return Status(True, self._keeper.trials_kept, self._keeper.dropped, self._keeper.trouble()[:LONGEST_WORDS])
+        return Status(True, self._keeper.trials_kept, self._keeper.dropped, self._keeper.trouble())
 
     def _tell(self, status: Status) -> None:
         if status != self._told:

@@ -11,6 +11,7 @@ import numpy as np
 
 from truearc.hw.protocols import Clock
 from truearc.hw.readings import CameraFrame
+from truearc.hw.reason import Reason
 from truearc.hw.shared_latest import Slots
 from truearc.robot.config.schema import InputError, in_words
 from truearc.robot.processes.recorder import (
@@ -24,6 +25,7 @@ from truearc.robot.processes.recorder import (
     Sync,
     TrialRow,
 )
+from truearc.robot.reasons import RECORDER_UNRESPONSIVE, text
 from truearc.robot.recording.file_writers import MARK_S
 from truearc.robot.recording.files import Row, append_trials
 
@@ -46,9 +48,9 @@ class Sender(Protocol):
 
 
 class Process(Protocol):
-    """The recorder's process; `trouble` says why it does not work, or ''."""
+    """The recorder's process; `trouble` is why it does not work, None while it does."""
 
-    trouble: str
+    trouble: Reason | None
 
     def is_gone(self) -> bool: ...
 
@@ -73,7 +75,7 @@ class FarKeeper:
         self._send(Open(str(folder)))
         self._wait(OPEN_S, lambda: self._status().is_open or bool(self._newest.failed))
         if not self._newest.is_open:
-            raise InputError(self._newest.failed or self._process.trouble or "the recorder does not answer")
+            raise InputError(self._newest.failed or text(self._process.trouble or RECORDER_UNRESPONSIVE()))
 
     @property
     def dropped(self) -> int:
@@ -102,11 +104,11 @@ class FarKeeper:
         self._sender.push()
         self._unkept()
 
-    def trouble(self) -> str:
-        if self._process.trouble:
+    def trouble(self) -> Reason | None:
+        if self._process.trouble is not None:
             return self._process.trouble
         if self._silent_s() > SILENT_S:
-            return "the recorder does not answer"
+            return RECORDER_UNRESPONSIVE()
         return self._status().trouble
 
     def is_gone(self) -> bool:
@@ -115,7 +117,7 @@ class FarKeeper:
     def close(self) -> None:
         self._send(End())
         self._wait(LONGEST_S, lambda: self._status().is_done or self._silent_s() > CLOSE_S)
-        words = self._newest.failed if self._newest.is_done else self.trouble() or "the recorder does not answer"
+        words = self._newest.failed if self._newest.is_done else text(self.trouble() or RECORDER_UNRESPONSIVE())
         self._process.close(CLOSE_S if self._newest.is_done else 0.0)     # from here on the files are nobody's
         try:
             if rows := self._unkept():

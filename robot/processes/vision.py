@@ -7,14 +7,15 @@ from msgspec import Struct
 
 from truearc.hw.protocols import Camera, Clock, LinkLost
 from truearc.hw.readings import CameraFrame
+from truearc.hw.reason import Reason
 from truearc.hw.shared_latest import Room, Slots
+from truearc.robot.reasons import VISION_UNRESPONSIVE
 from truearc.robot.types import Sighting
-from truearc.robot.vision_source import vision_failed
+from truearc.robot.vision_source import LONGEST_DETAIL, vision_failed
 
 LOOK_S = 0.002                        # between looks at whether there is a new image
 SILENT_NS = 1_500_000_000             # a process that has not stirred for so long does not answer
 TEXT_BYTES, IMAGES = 4096, 4          # with four, the newest image stays whole for two more at least
-LONGEST_WORDS = 1000                  # characters, of whatever an error has to say
 
 See = Callable[[CameraFrame], Sighting]
 
@@ -23,7 +24,7 @@ class News(Struct, frozen=True):
     """What vision has to say: what it made of an image, or why there is none."""
 
     sighting: Sighting | None
-    lost: str = ""
+    lost: Reason | None = None
 
 
 def make_room(width_px: int, height_px: int) -> Room:
@@ -33,7 +34,7 @@ def make_room(width_px: int, height_px: int) -> Room:
 
 def watch(camera: Camera, see: See, slots: Slots, clock: Clock, is_over: Callable[[float], bool]) -> None:
     """Tell of every image that comes, until `is_over`, which is asked how long to wait for that."""
-    told = ""
+    told: Reason | None = None
     while not is_over(LOOK_S):
         slots.beat(clock.now_ns())
         try:
@@ -41,43 +42,45 @@ def watch(camera: Camera, see: See, slots: Slots, clock: Clock, is_over: Callabl
             if frame is None:
                 continue
             slots.put(msgspec.json.encode(News(see(frame))), frame.image)
-            told = ""
+            told = None
         except LinkLost as error:
-            told = tell(slots, str(error), told)
+            told = tell(slots, error.reason, told)
         except Exception as error:    # whatever vision or its libraries may raise: never silent, and the next may do
             told = tell(slots, vision_failed(error), told)
 
 
-def tell(slots: Slots, why: str, told: str) -> str:
+def tell(slots: Slots, why: Reason, told: Reason | None) -> Reason:
     """Say why there is no image, unless that has been `told` last; returns what has."""
     if why != told:
-        slots.put(msgspec.json.encode(News(None, why[:LONGEST_WORDS])))
+        slots.put(msgspec.json.encode(News(None, _shortened(why))))
     return why
 
 
 class FarEyes:
     """truearc.robot.vision_source.Eyes on what another process sees.
 
-    `how_it_is`: what is wrong with that process, in words; "" while it works.
+    `how_it_is`: what is wrong with that process; None while it works.
     """
 
-    def __init__(self, slots: Slots, how_it_is: Callable[[], str], clock: Clock) -> None:
+    def __init__(self, slots: Slots, how_it_is: Callable[[], Reason | None], clock: Clock) -> None:
         self._slots, self._how_it_is, self._clock = slots, how_it_is, clock
         self._decoder = msgspec.json.Decoder(News)
-        self._lost, self._seen_ns = "", 0
+        self._lost: Reason | None = None
+        self._seen_ns = 0
 
     def read(self) -> Sighting | None:
-        if trouble := self._trouble():
+        if (trouble := self._trouble()) is not None:
             raise LinkLost(trouble)
         text = self._slots.read()
         if text is None:
-            if self._lost:
+            if self._lost is not None:
                 raise LinkLost(self._lost)
             return None
         news = self._decoder.decode(text)
         self._lost = news.lost
-        if news.sighting is None:
+        if self._lost is not None:
             raise LinkLost(self._lost)
+        assert news.sighting is not None
         self._seen_ns = news.sighting.t_ns
         return news.sighting
 
@@ -86,6 +89,14 @@ class FarEyes:
         image = self._slots.image()
         return None if image is None else CameraFrame(self._seen_ns, image)
 
-    def _trouble(self) -> str:
+    def _trouble(self) -> Reason | None:
         silent_ns = self._clock.now_ns() - self._slots.beaten_ns()
-        return self._how_it_is() or ("the vision process does not answer" if silent_ns > SILENT_NS else "")
+        return self._how_it_is() or (VISION_UNRESPONSIVE() if silent_ns > SILENT_NS else None)
+
+
+def _shortened(why: Reason) -> Reason:
+    """A detail of any length would not fit into a slot."""
+    detail = why.params.get("detail")
+    if not isinstance(detail, str):
+        return why
+    return Reason(why.code, {**why.params, "detail": detail[:LONGEST_DETAIL]})

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from truearc.hw.readings import CameraFrame, MotorReading
 from truearc.robot.config.schema import Config
 from truearc.robot.gate.verdict import HEARTBEAT_S
+from truearc.robot.reasons import text
 from truearc.robot.runtime import RobotIo
 from truearc.robot.types import Command, Inputs, Sent
 
@@ -56,7 +57,7 @@ class WatchedRig:
 
 
 def first_missing(inputs: Inputs, seen_ns: int | None, config: Config) -> str:
-    """What a full set of fresh readings still lacks, in words; "" when it is full.
+    """What a full set of fresh readings still lacks, as text; "" when it is full.
 
     `seen_ns`: when the newest image was taken, None before the first.
     """
@@ -68,7 +69,7 @@ def first_missing(inputs: Inputs, seen_ns: int | None, config: Config) -> str:
     if inputs.hood_angle is None or not _is_young(inputs.t_ns, inputs.hood_angle.t_ns, age_s):
         return "hood encoder"
     if inputs.faults:                             # a silent button box is one of them
-        return inputs.faults[0]
+        return text(inputs.faults[0])
     if seen_ns is None or not _is_young(inputs.t_ns, seen_ns, config.gate.sighting_age_s):
         return "camera"
     return ""

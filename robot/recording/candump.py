@@ -4,6 +4,7 @@ import re
 from collections.abc import Callable
 
 from truearc.hw.protocols import Bus, Frame
+from truearc.hw.reason import Reason
 
 _LINE = re.compile(r"\((\d+)\.(\d{6})\) \S+ ([0-9A-F]{3}|[0-9A-F]{8})#(R[1-8]?|(?:[0-9A-F]{2}){0,64}) ([RT])\n")
 
@@ -46,7 +47,7 @@ class TappedBus:
             self._tap(frame, True)
         return taken
 
-    def faults(self) -> list[str]:
+    def faults(self) -> list[Reason]:
         return self._bus.faults()
 
     def close(self) -> None:

@@ -7,6 +7,7 @@ import msgspec
 
 from truearc.hw.protocols import Frame
 from truearc.hw.readings import CameraFrame
+from truearc.hw.reason import Reason
 from truearc.robot.config.schema import Config
 from truearc.robot.processes.tick_timing import Second
 from truearc.robot.recording.file_writers import Keeper, LaneKeeper
@@ -24,8 +25,8 @@ class SessionWriter:
 
     A process that is killed loses no tick older than a fifth of a second, and no trial: `record` returns when the
     system has its row, unless the disk stalls for longer than MARK_S. `lossless`: whatever the disk does, the caller
-    waits and nothing is dropped; for the twin, whose time can wait. `trouble` says in words why ticks or trials are not
-    reaching the disk; after `close`, `failed` does. `open_keeper`: who keeps it in that folder, if no threads of this
+    waits and nothing is dropped; for the twin, whose time can wait. `trouble` is why ticks or trials are not reaching
+    the disk; after `close`, `failed` is. `open_keeper`: who keeps it in that folder, if no threads of this
     process.
     """
 
@@ -50,8 +51,8 @@ class SessionWriter:
     def failed(self) -> Exception | None:
         return self._keeper.failed
 
-    def trouble(self) -> str:
-        """Why what is recorded is not reaching the disk, or ''."""
+    def trouble(self) -> Reason | None:
+        """Why what is recorded is not reaching the disk; None while it is."""
         return self._keeper.trouble()
 
     def is_over(self) -> bool:

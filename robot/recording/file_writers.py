@@ -1,16 +1,20 @@
 """Who keeps what a tick has to record: three threads, which own the files."""
 
+import errno
 import threading
 from functools import partial
 from pathlib import Path
 from typing import Protocol
 
 from truearc.hw.readings import CameraFrame
+from truearc.hw.reason import Reason
 from truearc.robot.config.schema import in_words
+from truearc.robot.reasons import DISK_ERROR, DISK_FULL, DISK_UNRESPONSIVE
 from truearc.robot.recording.files import Row, SessionFiles
 from truearc.robot.recording.write_queue import LONGEST, Lane
 
 MARK_S = 0.01                         # a tick waits no longer for its trial to be written; usually under 1 ms
+LONGEST_DETAIL = 1000                 # characters, of whatever an error has to say
 SLOW_JOBS = 20                        # two seconds of batches wait: the disk does not answer
 
 
@@ -38,8 +42,8 @@ class Keeper(Protocol):
     def push(self) -> None:
         """Once a tick: go on with whatever could not go on before."""
 
-    def trouble(self) -> str:
-        """Why what is recorded is not reaching the disk, or ''."""
+    def trouble(self) -> Reason | None:
+        """Why what is recorded is not reaching the disk; None while it is."""
 
     def is_gone(self) -> bool:
         """Whether nothing more will ever be kept."""
@@ -94,11 +98,11 @@ class LaneKeeper:
 
     def push(self) -> None: ...
 
-    def trouble(self) -> str:
+    def trouble(self) -> Reason | None:
         for lane in self._lanes:
             if (error := lane.trouble) is not None:
-                return in_words(error)
-        return "the disk does not answer" if max(lane.waiting() for lane in self._lanes) > SLOW_JOBS else ""
+                return disk_trouble(error)
+        return DISK_UNRESPONSIVE() if max(lane.waiting() for lane in self._lanes) > SLOW_JOBS else None
 
     def is_gone(self) -> bool:
         return False
@@ -113,3 +117,10 @@ class LaneKeeper:
         except OSError as error:
             troubles.append(error)
         self.failed = troubles[0] if troubles else None
+
+
+def disk_trouble(error: Exception) -> Reason:
+    """What an error of writing says of the disk."""
+    if isinstance(error, OSError) and error.errno == errno.ENOSPC:
+        return DISK_FULL()
+    return DISK_ERROR(detail=in_words(error)[:LONGEST_DETAIL])

@@ -13,6 +13,7 @@ from truearc.hw.readings import CameraFrame
 from truearc.robot.config.schema import Config, InputError, in_words
 from truearc.robot.recording.append_file import Appender
 from truearc.robot.recording.candump import candump_line
+from truearc.robot.recording.rows import RowFormat, Rows2
 from truearc.robot.recording.session import (
     CAN,
     CONFIG,
@@ -34,12 +35,11 @@ Row = tuple[int, bytes, list[tuple[Frame, bool]]]     # t_ns, the encoded Tick, 
 class TickFile:
     """telemetry.mcap: one message a tick; every `flush` ends a chunk, so that what is before it can be read."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, rows: RowFormat) -> None:
         self.file = Appender(path)
         self._mcap = Writer(self.file, compression=CompressionType.ZSTD)
         self._mcap.start(profile="", library="truearc")
-        schema = msgspec.json.encode(msgspec.json.schema(Tick))
-        schema_id = self._mcap.register_schema("truearc.Tick", "jsonschema", schema)
+        schema_id = self._mcap.register_schema("truearc.Tick", "jsonschema", rows.schema(Tick))
         self._channel = self._mcap.register_channel("/tick", "json", schema_id)
         self._ticks = 0
 
@@ -64,7 +64,7 @@ class SessionFiles:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._telemetry = TickFile(folder / TELEMETRY)
+        self._telemetry = TickFile(folder / TELEMETRY, Rows2())
         self._can, self._trials = Appender(folder / CAN), Appender(folder / TRIALS)
         self._index = Appender(folder / FRAMES / INDEX)
         self.trials_kept = self._trials_written = 0

@@ -11,7 +11,7 @@ from mcap.records import Message
 from mcap.stream_reader import StreamReader
 
 from truearc.robot.config.schema import InputError, in_words
-from truearc.robot.recording.session import TELEMETRY
+from truearc.robot.recording.session import TELEMETRY, load_row_format
 from truearc.robot.types import Tick
 
 LARGEST = 1 << 28                     # bytes of a record; a damaged length must not ask for all memory
@@ -23,16 +23,17 @@ class TickReader:
     `share` is how much of the file has been read, 0 to 1.
 
     A file that ends early (power loss, kill) gives every tick of its complete chunks. InputError when there is no
-    telemetry at all or a whole row cannot be read.
+    telemetry at all or a whole row cannot be read. `rows`: how this session's ticks are written.
     """
 
     def __init__(self, session: Path) -> None:
         self.path = session / TELEMETRY
+        self.rows = load_row_format(session)
         self.cut_short: str | None = None
         self.share = 0.0
 
     def __iter__(self) -> Iterator[tuple[Tick, bytes]]:
-        decode = msgspec.json.Decoder(Tick).decode
+        decode = self.rows.decode_tick
         for number, data in enumerate(self._rows(), 1):
             try:
                 tick = decode(data)

@@ -5,15 +5,15 @@ from typing import Protocol
 from msgspec.structs import replace
 
 from truearc.hw.readings import CameraFrame
+from truearc.hw.reason import Reason
+from truearc.robot.reasons import NOT_RECORDING
 from truearc.robot.runtime import RobotIo
 from truearc.robot.types import Command, Inputs, Sent
 
-NOT_RECORDING = "not recording: "     # how that fault begins
-
 
 class Troubled(Protocol):
-    def trouble(self) -> str:
-        """Why what is recorded is not reaching the disk, or ''."""
+    def trouble(self) -> Reason | None:
+        """Why what is recorded is not reaching the disk; None while it is."""
 
 
 class RecordingRig:
@@ -25,9 +25,9 @@ class RecordingRig:
     def read(self) -> Inputs | None:
         inputs = self._rig.read()
         trouble = self._recorder.trouble()
-        if inputs is None or not trouble:
+        if inputs is None or trouble is None:
             return inputs
-        return replace(inputs, faults=(*inputs.faults, NOT_RECORDING + trouble))
+        return replace(inputs, faults=(*inputs.faults, NOT_RECORDING(cause=trouble)))
 
     def write(self, command: Command) -> Sent:
         return self._rig.write(command)

@@ -15,6 +15,7 @@ from truearc.robot.recording.encoder import BATCH_NS
 from truearc.robot.recording.files import TickFile
 from truearc.robot.recording.images import load_image
 from truearc.robot.recording.reader import TickReader
+from truearc.robot.recording.rows import RowFormat, Trial
 from truearc.robot.recording.salvage import salvage
 from truearc.robot.recording.session import (
     CAN,
@@ -24,7 +25,7 @@ from truearc.robot.recording.session import (
     TELEMETRY,
     TRIALS,
     Picture,
-    Trial,
+    load_row_format,
     load_session_config,
     make_trials,
 )
@@ -92,19 +93,18 @@ def _recover_ticks(session: Path, repairs: list[str]) -> _Told:
         if not reader.cut_short:
             return told
     told = _Told()
-    _replace(path, session, lambda new: _write_ticks(new, path, told))
+    _replace(path, session, lambda new: _write_ticks(new, path, told, reader.rows))
     missing = told.last_cycle - told.ticks
     repairs.append(f"{TELEMETRY}: {told.ticks} ticks kept"
                    + (f", {missing} before the last of them were damaged or never written" if missing else ""))
     return told
 
 
-def _write_ticks(new: Path, damaged: Path, told: _Told) -> None:
-    decode = msgspec.json.Decoder(Tick).decode
-    file, flushed_ns = TickFile(new), 0
+def _write_ticks(new: Path, damaged: Path, told: _Told, rows: RowFormat) -> None:
+    file, flushed_ns = TickFile(new, rows), 0
     try:
         for row in salvage(damaged.read_bytes() if damaged.exists() else b""):
-            tick = decode(row)
+            tick = rows.decode_tick(row)
             told.hear(tick)
             file.write(tick.inputs.t_ns, row)
             if tick.inputs.t_ns - flushed_ns >= BATCH_NS:
@@ -119,19 +119,19 @@ def _write_ticks(new: Path, damaged: Path, told: _Told) -> None:
 
 
 def _recover_trials(session: Path, told: _Told, repairs: list[str]) -> int:
-    path = session / TRIALS
+    path, rows = session / TRIALS, load_row_format(session)
     lines = path.read_bytes().split(b"\n") if path.exists() else []
     trials: list[Trial] = []
     torn = 0
     for line in filter(None, lines):
         try:
-            trials.append(msgspec.json.decode(line, type=Trial))
+            trials.append(rows.decode_trial(line))
         except msgspec.MsgspecError:
             torn += 1
     known = [trial for trial in told.trials if trial not in trials]
     if torn or known or (lines and lines[-1]):
         trials = sorted(trials + known, key=lambda trial: trial.outcome.t_ns)
-        text = b"".join(msgspec.json.encode(trial) + b"\n" for trial in trials)
+        text = b"".join(rows.encode_trial(trial) + b"\n" for trial in trials)
         _replace(path, session, lambda new: _save(new, text))
         repairs.append(f"{TRIALS}: {len(trials)} rows kept, {torn} torn, {len(known)} put back from the ticks")
     return len({trial.outcome.trial for trial in trials})

@@ -10,6 +10,7 @@
     damaged/         what `truearc recover` has replaced, if it had to
 """
 
+from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
 
@@ -18,9 +19,11 @@ from msgspec import Struct
 
 from truearc.robot.config.schema import Config, InputError, config_hash, in_words
 from truearc.robot.gate.model import Gate, load_gate
-from truearc.robot.types import Outcome, Shot, Tick
+from truearc.robot.recording.rows import RowFormat, Rows2, Trial
+from truearc.robot.recording.schema1 import Rows1
+from truearc.robot.types import Tick
 
-FORMAT = "truearc.session/1"
+FORMAT, FORMAT_1 = "truearc.session/2", "truearc.session/1"
 HEADER, CONFIG, MODEL, TELEMETRY, CAN, TRIALS, FRAMES, LATENESS = (
     "session.json", "config.json", "model.onnx", "telemetry.mcap", "can0.log", "trials.jsonl", "frames",
     "lateness.jsonl")
@@ -38,18 +41,14 @@ class Header(Struct, frozen=True):
     started: str | None               # wall clock, ISO 8601; None on the twin, whose clock starts at zero
 
 
-class Trial(Struct, frozen=True):
-    """One line of trials.jsonl; a later line for the same trial replaces it."""
-
-    outcome: Outcome
-    shot: Shot | None
-
-
 class Picture(Struct, frozen=True):
     """One line of frames/frames.jsonl."""
 
     t_ns: int                         # middle of the exposure
     file: str
+
+
+FORMATS: dict[str, Callable[[], RowFormat]] = {FORMAT_1: Rows1, FORMAT: Rows2}
 
 
 def make_trials(tick: Tick) -> list[Trial]:
@@ -72,9 +71,14 @@ def load_header(session: Path) -> Header:
         header = msgspec.json.decode(path.read_bytes(), type=Header)
     except (OSError, msgspec.MsgspecError) as error:
         raise InputError(f"{path}: not a recording ({in_words(error)})") from error
-    if header.format != FORMAT:
-        raise InputError(f"{path}: format {header.format}, this version reads {FORMAT}")
+    if header.format not in FORMATS:
+        raise InputError(f"{path}: format {header.format}, this version reads {' and '.join(FORMATS)}")
     return header
+
+
+def load_row_format(session: Path) -> RowFormat:
+    """How the session's ticks and trials are written; InputError as load_header."""
+    return FORMATS[load_header(session).format]()
 
 
 def load_session_config(session: Path) -> Config:
@@ -107,7 +111,7 @@ def load_trials(session: Path) -> list[Trial]:
 
     A last line cut short by a power loss is dropped; any other broken line is InputError with its number.
     """
-    path = session / TRIALS
+    path, rows = session / TRIALS, load_row_format(session)
     try:
         lines = path.read_bytes().split(b"\n") if path.exists() else []
     except OSError as error:
@@ -117,7 +121,7 @@ def load_trials(session: Path) -> list[Trial]:
         if not line:
             continue
         try:
-            trial = msgspec.json.decode(line, type=Trial)
+            trial = rows.decode_trial(line)
         except msgspec.MsgspecError as error:
             if number == len(lines):
                 break

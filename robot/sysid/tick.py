@@ -9,6 +9,8 @@ from collections.abc import Callable
 from msgspec import UnsetType
 from msgspec.structs import replace
 
+from truearc.hw.reason import Reason
+from truearc.robot import reasons as because
 from truearc.robot.config.schema import Config
 from truearc.robot.control import RELEASED
 from truearc.robot.estimate import estimate, remember
@@ -19,7 +21,6 @@ from truearc.robot.types import Aim, Command, Estimate, Inputs, Memory, Progress
 
 NS = 1e-9
 POLICY = "identify"                   # what the session's header says
-DONE = "done"
 BACKWARDS = 0.05                      # times top_rad_s: it turns against its torque
 LIMIT_SHARE = 0.5                     # of the hood's margin: nearer to an end of its travel everything is let go
 
@@ -34,7 +35,7 @@ def make_step(config: Config) -> Callable[[Inputs, Memory, Config, Gate | None],
         memory = remember(inputs, memory, config)
         belief = estimate(inputs, memory, config)
         progress = _advance(inputs, belief, memory, progress, program, config)
-        memory = replace(memory, armed=memory.armed and not progress.over, identify=progress)
+        memory = replace(memory, armed=memory.armed and progress.over is None, identify=progress)
         command = _command(inputs, progress, program) if memory.armed else RELEASED
         return Tick(inputs, belief, Aim(0.0, belief.hood_deg or 0.0, POLICY),
                     Verdict(False, (say(progress, program),)), command, memory)
@@ -42,28 +43,29 @@ def make_step(config: Config) -> Callable[[Inputs, Memory, Config, Gate | None],
     return step
 
 
-def say(progress: Progress, program: tuple[Phase, ...]) -> str:
+def say(progress: Progress, program: tuple[Phase, ...]) -> Reason:
     """Where the program stands, for the operator and the record."""
-    if progress.over:
-        return f"identify: {progress.over}"
+    if progress.over is not None:
+        return progress.over
     if not progress.since_t_ns:
-        return "identify: waiting for the arm button"
+        return because.IDENTIFY_WAITING()
     phase = program[progress.phase]
     if phase.kind == READY:
-        return "identify: waiting for the axes"
-    way = "" if phase.kind == COAST else " up" if phase.sign > 0 else " down"
-    return f"identify: {phase.joint} {phase.kind}{way} ({progress.phase} of {len(program) - 1})"
+        return because.IDENTIFY_STARTING()
+    return because.IDENTIFY_RUNNING(joint=phase.joint, phase=phase.kind, sign=phase.sign, number=progress.phase,
+                                    last=len(program) - 1)
 
 
 def _operate(inputs: Inputs, memory: Memory, progress: Progress) -> tuple[Memory, Progress]:
-    if inputs.missed:                 # any button lets go, so that a press that got lost does, too
-        begun = bool(progress.since_t_ns) and not progress.over
-        return memory, replace(progress, over=f"released, as the button box {inputs.missed}") if begun else progress
+    if inputs.missed is not None:     # any button lets go, so that a press that got lost does, too
+        begun = bool(progress.since_t_ns) and progress.over is None
+        over = because.IDENTIFY_RELEASED_BY_BOX(cause=inputs.missed)
+        return memory, replace(progress, over=over) if begun else progress
     for event in inputs.buttons:
-        if progress.over:
+        if progress.over is not None:
             break
         if progress.since_t_ns:
-            progress = replace(progress, over=f"released by the operator ({event.button})")
+            progress = replace(progress, over=because.IDENTIFY_RELEASED(button=event.button))
         elif event.button == "arm":
             memory, progress = replace(memory, armed=True), replace(progress, since_t_ns=inputs.t_ns)
     return memory, progress
@@ -71,7 +73,7 @@ def _operate(inputs: Inputs, memory: Memory, progress: Progress) -> tuple[Memory
 
 def _advance(inputs: Inputs, belief: Estimate, memory: Memory, progress: Progress, program: tuple[Phase, ...],
              config: Config) -> Progress:
-    if progress.over or not progress.since_t_ns:
+    if progress.over is not None or not progress.since_t_ns:
         return progress
     phase, since_s = program[progress.phase], (inputs.t_ns - progress.since_t_ns) * NS
     doubts = [*inputs.faults, *doubted_readings(inputs, config)]
@@ -85,11 +87,11 @@ def _advance(inputs: Inputs, belief: Estimate, memory: Memory, progress: Progres
     if late:
         doubts += _overdue(phase, speed)
     if doubts:
-        return replace(progress, over="; ".join(doubts))
+        return replace(progress, over=because.IDENTIFY_STOPPED(causes=tuple(doubts)))
     if not late and not _is_over(belief, memory, phase, speed, config):
         return progress
     if progress.phase + 1 == len(program):
-        return replace(progress, over=DONE)
+        return replace(progress, over=because.IDENTIFY_DONE())
     return Progress(progress.phase + 1, inputs.t_ns)
 
 
@@ -103,30 +105,31 @@ def _speed(inputs: Inputs, belief: Estimate, joint: str) -> float:
     return belief.motor_rad_s if joint == FLYWHEEL else inputs.hood_motor.velocity_rad_s
 
 
-def _trespasses(inputs: Inputs, belief: Estimate, phase: Phase, config: Config) -> list[str]:
+def _trespasses(inputs: Inputs, belief: Estimate, phase: Phase, config: Config) -> list[Reason]:
     """What must not happen in any phase."""
     speed = _speed(inputs, belief, phase.joint)
     reasons = []
     if phase.kind != HOME and not abs(speed) <= OVERSPEED * phase.top_rad_s:
-        reasons.append(f"{phase.joint} at {speed:.0f} rad/s, above {OVERSPEED:g} x {phase.top_rad_s:.0f}")
+        reasons.append(because.JOINT_OVERSPEED(joint=phase.joint, speed_rad_s=speed, factor=OVERSPEED,
+                                         top_rad_s=phase.top_rad_s))
     if phase.torque_nm and not speed * phase.sign >= -BACKWARDS * phase.top_rad_s:
-        reasons.append(f"{phase.joint} turns against its torque: is its direction right?")
+        reasons.append(because.JOINT_BACKWARDS(joint=phase.joint))
     if not belief.motor_spread_rad_s <= config.flywheel.spread_rad_s:
-        reasons.append(f"flywheel motors differ by {belief.motor_spread_rad_s:.0f} rad/s: belt?")
+        reasons.append(because.FLYWHEELS_DIFFER(spread_rad_s=belief.motor_spread_rad_s))
     return reasons + (_hood(belief, phase, speed, config) if phase.joint == HOOD else [])
 
 
-def _hood(belief: Estimate, phase: Phase, speed: float, config: Config) -> list[str]:
+def _hood(belief: Estimate, phase: Phase, speed: float, config: Config) -> list[Reason]:
     if phase.kind == HOME:
         return []
     if belief.hood_deg is None or belief.hood_screw_deg is None:
-        return ["hood angle unknown"]
+        return [because.HOOD_UNKNOWN()]
     if not abs(belief.hood_deg - belief.hood_screw_deg) <= config.hood.crosscheck_deg:
-        return [f"hood encoder says {belief.hood_deg:.1f} deg, its screw {belief.hood_screw_deg:.1f}"]
+        return [because.HOOD_ENCODERS_DISAGREE(encoder_deg=belief.hood_deg, screw_deg=belief.hood_screw_deg)]
     low_deg, high_deg = _window(config, LIMIT_SHARE)
     slow = STILL * phase.top_rad_s
     if (belief.hood_deg > high_deg and speed > slow) or (belief.hood_deg < low_deg and speed < -slow):
-        return [f"hood at {belief.hood_deg:.1f} deg and still moving outwards"]
+        return [because.HOOD_AT_LIMIT(angle_deg=belief.hood_deg)]
     return []
 
 
@@ -153,12 +156,12 @@ def _at_end(belief: Estimate, phase: Phase, config: Config) -> bool:
     return belief.hood_deg >= high_deg if phase.sign > 0 else belief.hood_deg <= low_deg
 
 
-def _overdue(phase: Phase, speed: float) -> list[str]:
+def _overdue(phase: Phase, speed: float) -> list[Reason]:
     """Driving may last as long as it may; not so what ought to have come to an end."""
     if phase.kind == HOME:
-        return [f"the hood's limit switch was not reached in {phase.longest_s:g} s"]
+        return [because.SWITCH_NOT_REACHED(limit_s=phase.longest_s)]
     if phase.kind == COAST and abs(speed) > STILL * phase.top_rad_s:
-        return [f"{phase.joint} still turns after {phase.longest_s:g} s of coasting"]
+        return [because.JOINT_STILL_TURNING(joint=phase.joint, limit_s=phase.longest_s)]
     if phase.torque_nm and abs(speed) <= STILL * phase.top_rad_s:
-        return [f"{phase.joint} does not turn at {phase.torque_nm:g} Nm"]
+        return [because.JOINT_NOT_TURNING(joint=phase.joint, torque_nm=phase.torque_nm)]
     return []

@@ -10,6 +10,8 @@ import math
 import numpy as np
 
 from truearc.hw.readings import CameraFrame
+from truearc.hw.reason import Reason
+from truearc.robot import reasons as because
 from truearc.robot.config.schema import CameraConfig, Tape, Vision
 from truearc.robot.types import Sighting
 from truearc.robot.vision.edges import Marks
@@ -33,23 +35,23 @@ def detect(frame: CameraFrame, camera: CameraConfig, tape: Tape, vision: Vision)
     tape's edges in this image, `corner_sigma_px`, the doubts about the camera's mounting and its calibration's.
     `bearing_deg` is positive when the target is right of the axis.
     Images of another size than the calibration's are explained in `optics`. Never raises on an image's content: a
-    doubtful one has found=False and a reason in words.
+    doubtful one has found=False and a reason.
     """
     height_px, width_px = frame.image.shape[:2]
     if min(height_px, width_px) < 8:
-        return _lost(frame, f"the image is only {width_px} x {height_px} pixels")
+        return _lost(frame, because.IMAGE_TOO_SMALL(width_px=width_px, height_px=height_px))
     overexposed = check_exposure(frame.image)
-    if overexposed:
+    if overexposed is not None:
         return _lost(frame, overexposed)
     optics = make_optics(camera, width_px, height_px)
     found, doubts = look(frame.image, optics, camera, tape, vision)
     if not found:
-        return _lost(frame, max(doubts).reason if doubts else _missing(frame.image, vision))
+        return _lost(frame, max(doubts, key=_largest).reason if doubts else _missing(frame.image, vision))
     if len(found) > 1:
-        return _lost(frame, f"{len(found)} things in view look like the target")
+        return _lost(frame, because.SEVERAL_TARGETS(count=len(found)))
     marks, pose = found[0]
     corners = marks.to_image(make_shape(tape).corners_m[:, :2], tape, optics)
-    return Sighting(t_ns=frame.t_ns, found=True, reason="", distance_m=pose.distance_m - camera.bias_m,
+    return Sighting(t_ns=frame.t_ns, found=True, distance_m=pose.distance_m - camera.bias_m,
                     sigma_m=math.hypot(pose.sigma_m, camera.bias_sigma_m), bearing_deg=math.degrees(pose.bearing_rad),
                     corners_px=tuple((float(x), float(y)) for x, y in corners))
 
@@ -77,11 +79,11 @@ def explain(region: Region, optics: Optics, camera: CameraConfig, tape: Tape,
     spread_px2 = marks.spread_px2 + optics.smooth_spread(marks.ideal_px, vision.corner_sigma_px)
     pose = solve_pose(marks.ideal_px, spread_px2, optics.smeared(marks.smear_px2), camera, tape)
     if pose is None:
-        return Doubt(region.area_px, "no camera pose explains the four corners")
-    if pose.doubt:
+        return Doubt(region.area_px, because.NO_POSE())
+    if pose.doubt is not None:
         return Doubt(region.area_px, pose.doubt)
     if pose.reprojection_px > vision.max_reprojection_px:
-        return Doubt(region.area_px, f"the corners miss the tape's shape by {pose.reprojection_px:.1f} px")
+        return Doubt(region.area_px, because.TAPE_OFF_SHAPE(error_px=pose.reprojection_px))
     return marks, pose
 
 
@@ -90,12 +92,16 @@ def _apart(one: Pose, other: Pose) -> bool:
     return float(np.abs(one.tvec_m - other.tvec_m).max()) > SAME_M
 
 
-def _missing(image: Image, vision: Vision) -> str:
+def _largest(doubt: Doubt) -> tuple[float, str]:
+    return doubt.area_px, doubt.reason.code
+
+
+def _missing(image: Image, vision: Vision) -> Reason:
     """Why nothing at all is of the tape's colour."""
     if is_dark(image, vision.value_low):
-        return "the picture is dark all over: no tape in view, no light on it, or the lens covered"
-    return "nothing of the tape's colour is large enough"
+        return because.IMAGE_DARK()
+    return because.NO_TAPE_COLOUR()
 
 
-def _lost(frame: CameraFrame, reason: str) -> Sighting:
+def _lost(frame: CameraFrame, reason: Reason) -> Sighting:
     return Sighting(t_ns=frame.t_ns, found=False, reason=reason)

@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from truearc.robot.config.schema import CameraFile
+from truearc.robot.reasons import text
 from truearc.robot.vision import explain
 from truearc.robot.vision.optics import make_optics
 from truearc.robot.vision.outline import Doubt
@@ -38,7 +39,7 @@ def draw_regions(image: Image, file: CameraFile) -> tuple[Image, list[str]]:
         x, y, _, _ = cv2.boundingRect(contour)
         cv2.putText(drawn, str(number), (max(x - 14, 2), y + 12), cv2.FONT_HERSHEY_SIMPLEX, 0.5, colour, 1, cv2.LINE_AA)
         if isinstance(answer, Doubt):
-            said.append(f"{answer.reason} ({answer.area_px:.0f} px)")
+            said.append(f"{text(answer.reason)} ({answer.area_px:.0f} px)")
             continue
         marks, pose = answer
         _draw_cross(drawn, marks.to_image(make_shape(file.tape).corners_m[:, :2], file.tape, optics), FOUND_BGR, 5)

@@ -18,6 +18,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from truearc.hw.reason import Reason
+from truearc.robot import reasons as because
 from truearc.robot.config.schema import Tape
 from truearc.robot.vision.optics import Array, Optics
 from truearc.robot.vision.shape import SAMPLES, Shape, make_shape
@@ -75,35 +77,35 @@ class _Lines(NamedTuple):
     slope_var: Array                  # (3,) of the angle
 
 
-def measure_marks(region: Region, rough_px: Array, optics: Optics, tape: Tape) -> Marks | str:
-    """The marks near four rough outer corners (4, 2) in the image; or in words why they cannot be measured."""
+def measure_marks(region: Region, rough_px: Array, optics: Optics, tape: Tape) -> Marks | Reason:
+    """The marks near four rough outer corners (4, 2) in the image; or why they cannot be measured."""
     shape = make_shape(tape)
     turn = cv2.getPerspectiveTransform(shape.corners_m[:, :2].astype(np.float32), rough_px.astype(np.float32))
     origin = np.array([region.x0_px, region.y0_px], dtype=np.float64)
     found = _straights(region.value, turn, origin, shape)
-    if isinstance(found, str):
+    if isinstance(found, Reason):
         return found
     lines = _fit_lines(optics.undistort(found.middle_px).reshape(found.middle_px.shape), found.good)
     if lines is None:
-        return "the edges of what may be the tape are hidden, or not straight"
+        return because.TAPE_EDGES_HIDDEN()
     rough = optics.undistort(_map(turn, shape.marks_m[:, :2]))
     tips = _tips(region.value, turn, optics.distort(_onto(lines, rough[2:])), origin, shape)
     if tips is None:
-        return "the upper ends of what may be the tape are hidden, or not cut level"
+        return because.TAPE_ENDS_HIDDEN()
     tips = optics.undistort(tips)
     marks = _marks(lines, tips)
     if marks is None or not (np.abs(marks.ideal_px - rough) < OUT_PX + 2.0).all():
-        return "the edges of what may be the tape do not meet at its corners"
+        return because.TAPE_EDGES_APART()
     true_px = expected_widths(shape, lambda points_m: marks.to_image(points_m, tape, optics))
     widening = compare_widths(found.wide_px, found.rise_px, found.good, true_px, found.clipped)
-    if isinstance(widening, str):
+    if isinstance(widening, Reason):
         return widening
     sideways = shape.across_m[1, 0, 0] ** 2 / float((shape.across_m[1, 0] ** 2).sum())    # of what meets a side
     return _pull_in(marks, lines, widening)._replace(smear_px2=widening.smear_px2 / sideways)
 
 
-def _straights(value: npt.NDArray[np.uint8], turn: Array, origin: Array, shape: Shape) -> Straights | str:
-    """The tape's middle, width and sharpness along its straights; or in words why they cannot be measured."""
+def _straights(value: npt.NDArray[np.uint8], turn: Array, origin: Array, shape: Shape) -> Straights | Reason:
+    """The tape's middle, width and sharpness along its straights; or why they cannot be measured."""
     centre = _map(turn, shape.samples_m)
     across = _map(turn, shape.samples_m + shape.across_m) - centre
     half_px = np.sqrt((across * across).sum(axis=2))
@@ -113,7 +115,7 @@ def _straights(value: npt.NDArray[np.uint8], turn: Array, origin: Array, shape: 
     level = _sample(value, centre - origin, out, offsets)
     outer, inner, good = _half_heights(level, offsets, half_px.reshape(-1))
     if good.any() and float((outer - inner)[good].mean()) > WIDE * 2 * float(half_px.mean()) + WIDE_PX:
-        return "the tape is smeared or glaring: it looks far wider than it is"
+        return because.TAPE_SMEARED()
     shift = (0.5 * (outer + inner)).reshape(half_px.shape)
     top, steepest = level.max(axis=1), (level[:, 1:] - level[:, :-1]).max(axis=1)
     rise_px = (top - level.min(axis=1)) / np.maximum(steepest, 1e-6) * (offsets[0] - offsets[1])

@@ -9,6 +9,8 @@ from typing import Any, NamedTuple
 import cv2
 import numpy as np
 
+from truearc.hw.reason import Reason
+from truearc.robot import reasons as because
 from truearc.robot.config.schema import Tape
 from truearc.robot.vision.edges import Marks, measure_marks
 from truearc.robot.vision.optics import Array, Optics
@@ -27,7 +29,7 @@ class Doubt(NamedTuple):
     """Why a region is not the tape."""
 
     area_px: float
-    reason: str
+    reason: Reason
 
 
 def find_outline(region: Region, optics: Optics, tape: Tape) -> Marks | Doubt:
@@ -35,19 +37,19 @@ def find_outline(region: Region, optics: Optics, tape: Tape) -> Marks | Doubt:
     x, y, w, h = cv2.boundingRect(region.contour)
     x, y = x + region.x0_px, y + region.y0_px
     if x == 0 or y == 0 or x + w >= optics.width_px or y + h >= optics.height_px:
-        return Doubt(region.area_px, "what may be the tape is cut off by the image's edge")
+        return Doubt(region.area_px, because.TAPE_CUT_OFF())
     rough = _rough_corners(region)
-    if isinstance(rough, str):
+    if isinstance(rough, Reason):
         return Doubt(region.area_px, rough)
     marks = measure_marks(region, rough + np.array([region.x0_px, region.y0_px]), optics, tape)
-    if isinstance(marks, str):
+    if isinstance(marks, Reason):
         return Doubt(region.area_px, marks)
     reason = _check_tape(marks, region, optics, tape)
-    return Doubt(region.area_px, reason) if reason else marks
+    return marks if reason is None else Doubt(region.area_px, reason)
 
 
-def _check_tape(marks: Marks, region: Region, optics: Optics, tape: Tape) -> str:
-    """"" when the region has tape where these marks say there is some, and none in the opening; else what is wrong."""
+def _check_tape(marks: Marks, region: Region, optics: Optics, tape: Tape) -> Reason | None:
+    """None when the region has tape where the marks say so, and none in the opening; else what is wrong."""
     seen = marks.to_image(make_shape(tape).probes_m[:, :2], tape, optics)
     height, width = region.mask.shape
     at = (seen + np.array([0.5 - region.x0_px, 0.5 - region.y0_px])).astype(np.intp)
@@ -55,29 +57,29 @@ def _check_tape(marks: Marks, region: Region, optics: Optics, tape: Tape) -> str
     lit = region.mask[at[:, 1], at[:, 0]] > 0
     on_tape, inside = float(lit[:3 * PROBES].mean()), float(lit[3 * PROBES:].mean())
     if on_tape < LEAST_LIT:
-        return f"only {on_tape:.0%} of the tape's outline is lit"
+        return because.TAPE_OUTLINE_UNLIT(lit=on_tape)
     if inside > MOST_LIT_HOLLOW:
-        return "the opening that the tape encloses is lit"
-    return ""
+        return because.TAPE_OPENING_LIT()
+    return None
 
 
-def _rough_corners(region: Region) -> Array | str:
+def _rough_corners(region: Region) -> Array | Reason:
     """Corners (4, 2) in the patch, in the Outline's order; or what is wrong with the shape."""
     hull = cv2.convexHull(region.contour)
     hull_area_px = max(float(cv2.contourArea(hull)), 1.0)
     if not FILL_LOW <= region.area_px / hull_area_px <= FILL_HIGH:
-        return "a region of the tape's colour is filled, not an open outline"
+        return because.REGION_FILLED()
     corners = _four_corners(hull)
     if corners is None:
-        return "a region of the tape's colour does not have four corners"
+        return because.REGION_CORNERS()
     side = corners[NEXT] - corners
     length_px = np.sqrt((side * side).sum(axis=1))
     if length_px.min() < LEAST_SIDE_PX:
-        return "a region of the tape's colour is too small to tell its corners"
+        return because.REGION_SMALL()
     lit = _lit_shares(region, corners, side, length_px)
     top = int(lit.argmin())
     if lit[top] > 0.5 or np.sort(lit)[1] < 0.6:
-        return "a region of the tape's colour does not have tape on three sides and none on the fourth"
+        return because.REGION_SIDES()
     return corners[np.arange(top - 2, top + 2) % 4]
 
 

@@ -13,6 +13,8 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
+from truearc.hw.reason import Reason
+from truearc.robot import reasons as because
 from truearc.robot.config.schema import CameraConfig, Tape
 from truearc.robot.vision.optics import Array, Optics
 from truearc.robot.vision.shape import make_shape
@@ -35,7 +37,7 @@ class Pose(NamedTuple):
     off_px: Array                     # (8,) of the marks
     reprojection_px: float            # root mean square over the marks, of what no doubt about the camera explains
     cost: float                       # sum of squared normalised residuals, beliefs included
-    doubt: str                        # "" or what the pose says against itself
+    doubt: Reason | None              # what the pose says against itself
 
 
 def solve_pose(ideal_px: Array, spread_px2: Array, optics: Optics, camera: CameraConfig, tape: Tape) -> Pose | None:
@@ -85,12 +87,12 @@ def _refine(rvec: Array, tvec: Array, ideal_px: Array, whiten: Array, optics: Op
     variance_m2 = float(gradient @ spread @ gradient)
     if not 0.0 < variance_m2 < math.inf:
         return None
-    cost, doubt, strain = float(residual @ residual), "", np.abs(residual[8:])
+    cost, strain = float(residual @ residual), np.abs(residual[8:])
+    doubt = None
     if strain.max() > DOUBT_SIGMAS:
-        name = ("height", "pitch", "roll")[int(strain.argmax())]
-        doubt = f"seen so, the camera's {name} would be far from what the configuration says"
+        doubt = because.POSE_OFF_MOUNTING(quantity=("height", "pitch", "roll")[int(strain.argmax())])
     elif cost > MOST_COST:
-        doubt = f"edges, mounting and calibration contradict each other by {math.sqrt(cost):.0f} sigmas"
+        doubt = because.POSE_CONTRADICTION(sigmas=math.sqrt(cost))
     return Pose(state[3:], distance_m, math.sqrt(variance_m2), _bearing(rotation, state[3:]), off_px.ravel(), math.inf,
                 cost, doubt)
 

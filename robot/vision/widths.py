@@ -15,6 +15,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from truearc.hw.reason import Reason
+from truearc.robot import reasons as because
 from truearc.robot.vision.optics import Array
 from truearc.robot.vision.shape import SAMPLES, Shape
 
@@ -66,9 +68,9 @@ def expected_widths(shape: Shape, to_image: Callable[[Array], Array]) -> Array:
     return width
 
 
-def compare_widths(seen_px: Array, rise_px: Array, good: Any, true_px: Array, clipped: bool) -> Widening | str:
+def compare_widths(seen_px: Array, rise_px: Array, good: Any, true_px: Array, clipped: bool) -> Widening | Reason:
     """Widths at half height and rises of the edges as measured, which of them are good, and widths as marks and tape
-    make them, (3, SAMPLES) each, give the widening; or in words why this cannot be the tape, whole."""
+    make them, (3, SAMPLES) each, give the widening; or why this cannot be the tape, whole."""
     count, off = good.sum(axis=1), seen_px - true_px
     width, blur, excess = (np.where(good, part, 0.0).sum(axis=1) / count for part in (true_px, rise_px / GENTLE, off))
     scatter = np.where(good, off - excess[:, None], 0.0)
@@ -78,12 +80,12 @@ def compare_widths(seen_px: Array, rise_px: Array, good: Any, true_px: Array, cl
     excess = excess - narrow
     least = FINEST_PX + SIGMAS * noise + NARROW_SIGMA * narrow
     if (excess < -TAPE_SHARE * width - least).any():
-        return "the tape is narrower than it is said to be, or partly hidden"
+        return because.TAPE_NARROW()
     if (excess > TAPE_SHARE * width + (MOST_CLIPPED if clipped else MOST_TONE) * blur + least).any():
-        return "the tape is wider than it is said to be, or something touches it"
+        return because.TAPE_WIDE()
     apart = np.abs(excess - excess[NEIGHBOURS])
     if (apart > SCALE_SHARE * width + np.maximum(least, least[NEIGHBOURS])).any():
-        return "the tape's straights are not equally wide: part of it is hidden, or something touches it"
+        return because.TAPE_UNEVEN()
     sigma_px = 0.5 * math.hypot(WIDTH_SIGMA * width[0], NARROW_SIGMA * narrow[0], noise[0])
     share = USUAL_PX**2 / (USUAL_PX**2 + sigma_px**2)
     shift_px = share * max(0.5 * float(excess[0]), 0.0)

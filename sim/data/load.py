@@ -20,7 +20,7 @@ LEFT_OUT = "left_out.txt"
 
 
 def load_dataset(directory: str | Path) -> Dataset:
-    """Read rig.toml, shots, tracks and traces of a directory (formats.md section 1).
+    """Read the dataset in a directory: rig.toml, shots, and tracks and traces where there are any.
 
     InputError lists every bad row with file, line (CSV) or row (Parquet) and column.
     """

@@ -6,8 +6,10 @@ from pathlib import Path
 import numpy as np
 
 from truearc.robot.config.schema import Config, InputError
+from truearc.robot.reasons import texts
 from truearc.robot.recording.reader import TickReader
-from truearc.robot.recording.session import Trial, load_session_config, load_trials
+from truearc.robot.recording.rows import Trial
+from truearc.robot.recording.session import load_session_config, load_trials
 from truearc.robot.types import Tick
 from truearc.sim.data.dataset import Dataset, Shots, Traces
 
@@ -63,7 +65,7 @@ def _split(session: Path) -> tuple[list[Trial], list[str]]:
         if outcome.outcome in OUTCOMES and trial.shot is not None:
             kept.append(trial)
         else:
-            why = "; ".join(outcome.reasons) or "by the driver"
+            why = "; ".join(texts(outcome.reasons)) or "by the driver"
             dropped.append(f"{session.name} trial {outcome.trial}: {outcome.outcome} ({why})")
     return kept, dropped
 

@@ -1,4 +1,4 @@
-"""What discovery answers: truearc.finding/1, as formats.md has it. Fields that do not apply are None (null)."""
+"""Result of a discovery: the fields of `truearc.finding/1`. Fields that do not apply are None (null in JSON)."""
 
 from typing import Any
 

@@ -8,10 +8,11 @@ import numpy as np
 
 from truearc.hw.readings import MotorReading
 from truearc.robot.config.schema import Config, InputError
+from truearc.robot.reasons import IDENTIFY_DONE, text
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import load_header, load_session_config
 from truearc.robot.sysid.program import FLYWHEEL, HOME, HOOD, READY, phases
-from truearc.robot.sysid.tick import DONE, POLICY
+from truearc.robot.sysid.tick import POLICY
 from truearc.robot.types import Progress, Tick
 from truearc.sim.sysid.record import Floats, Record
 
@@ -48,14 +49,22 @@ def load_driven(session: Path) -> Driven:
         if not steps:
             continue
         ended = _progress(ticks[-1])
-        if ended.phase <= steps[-1] and ended.over != DONE:
+        if ended.phase <= steps[-1] and not _is_done(ended):
             whole = False
-            warnings.append(f"{joint}: its program did not come to the end ({ended.over or 'the recording ends'})")
+            warnings.append(f"{joint}: its program did not come to the end ({_why(ended)})")
             continue
         mine = [tick for tick in ticks if steps[0] <= _progress(tick).phase <= steps[-1]]
         records[joint] = _record(f"{session}: {joint}", joint, mine)
         warnings += _short_of_current(joint, mine)
     return Driven(config, records, whole, tuple(warnings))
+
+
+def _is_done(progress: Progress) -> bool:
+    return progress.over is not None and progress.over.code == IDENTIFY_DONE.name
+
+
+def _why(progress: Progress) -> str:
+    return "the recording ends" if progress.over is None else text(progress.over)
 
 
 def _progress(tick: Tick) -> Progress:

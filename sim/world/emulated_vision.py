@@ -18,6 +18,7 @@ from truearc.hw.emulated.imaging.camera import EmulatedCamera, TapeSize
 from truearc.hw.emulated.imaging.lens import Lens
 from truearc.hw.emulated.plant import Plant
 from truearc.hw.emulated.static_plant import NOTHING, Stage
+from truearc.hw.fault_codes import PROCESS_ENDED
 from truearc.hw.protocols import LinkLost
 from truearc.hw.readings import CameraFrame
 from truearc.robot.config.schema import CameraConfig, Config, Tape
@@ -88,7 +89,7 @@ class TwinEyes:
         try:
             return pickle.load(self._process.stdout)
         except EOFError as error:
-            raise LinkLost("the vision process has died") from error
+            raise LinkLost(PROCESS_ENDED(process="vision")) from error
 
 
 def look(ours: IO[bytes], theirs: IO[bytes]) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from truearc.hw.fault_codes import CAMERA_NOT_OPENED, PROCESS_ENDED, PROCESS_KILLED
 from truearc.hw.protocols import LinkLost
 from truearc.hw.real import child_process as module
 from truearc.hw.real.child_process import Child, make_pauses_s
@@ -17,8 +18,11 @@ ROOT = Path(__file__).parents[2]
 posix = pytest.mark.skipif(os.name != "posix", reason="signals")
 
 
+NO_CAMERA, NOT_AGAIN = CAMERA_NOT_OPENED(camera="0"), CAMERA_NOT_OPENED(camera="1")
+
+
 def wait_over(line, is_first):
-    line.say("")
+    line.say(None)
     while not line.is_over(1.0):
         pass
 
@@ -32,12 +36,12 @@ def fall(line, is_first):
 
 
 def stand_then_hang(line, is_first):
-    line.say("")
+    line.say(None)
     time.sleep(1000.0)
 
 
 def once(line, is_first):
-    line.say("" if is_first else "not again")
+    line.say(None if is_first else NOT_AGAIN)
 
 
 def until(true, limit_s=20.0):
@@ -51,15 +55,16 @@ def test_it_works_until_it_is_closed():
     child = Child("test", wait_over, (), mended=False, mortal=True)
     assert child.trouble
     child.wait()
-    assert child.trouble == "" and child.pid and not child.is_gone()
+    assert child.trouble is None and child.pid and not child.is_gone()
     child.close(10.0)
-    assert child.trouble == "the test process ended (exit code 0)"
+    assert child.trouble == PROCESS_ENDED(process="test", exit_code=0)
 
 
 def test_why_it_cannot_start_is_told():
-    child = Child("test", refuse, ("no camera",), mended=False, mortal=False)
-    with pytest.raises(LinkLost, match=r"^no camera$"):
+    child = Child("test", refuse, (NO_CAMERA,), mended=False, mortal=False)
+    with pytest.raises(LinkLost, match=r"^camera 0: cannot be opened$") as lost:
         child.wait()
+    assert lost.value.reason == NO_CAMERA
     child.close(10.0)
 
 
@@ -78,7 +83,7 @@ def test_one_that_is_killed_is_told_at_once_and_started_again():
     first = child.pid
     os.kill(first, signal.SIGKILL)
     until(lambda: child.trouble, 1.0)
-    assert child.trouble == "the test process ended (signal 9)"
+    assert child.trouble == PROCESS_KILLED(process="test", signal=9)
     until(lambda: not child.trouble)
     assert child.pid != first and child.starts == 2 and not child.is_gone()
     child.close(10.0)
@@ -86,7 +91,7 @@ def test_one_that_is_killed_is_told_at_once_and_started_again():
 
 def test_one_that_cannot_start_again_is_asked_ever_more_seldom():
     child = Child("test", once, (), mended=True, mortal=True)
-    until(lambda: child.trouble == "not again")
+    until(lambda: child.trouble == NOT_AGAIN)
     child.close(10.0)
     pauses = make_pauses_s()
     assert [next(pauses) for _ in range(6)] == pytest.approx([0.2, 0.4, 0.8, 1.6, 3.2, 5.0])
@@ -99,7 +104,7 @@ def test_what_ends_the_group_does_not_end_it(name):
     child.wait()
     os.kill(child.pid, getattr(signal, name))
     time.sleep(0.2)
-    assert child.trouble == ""
+    assert child.trouble is None
     child.close(10.0)
 
 
@@ -108,7 +113,7 @@ def test_one_that_hangs_is_killed_when_it_is_to_end():
     child = Child("test", stand_then_hang, (), mended=True, mortal=False)
     child.wait()
     child.close(0.2)
-    assert child.trouble == "the test process ended (signal 9)"
+    assert child.trouble == PROCESS_KILLED(process="test", signal=9)
 
 
 PARENT = """

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from truearc.hw.codec import DBC, load_codec
+from truearc.hw.fault_codes import FRAME_LENGTH
 from truearc.hw.protocols import BadFrame
 
 ODRIVE, CANANDMAG, SPARK = load_codec("odrive"), load_codec("canandmag"), load_codec("spark")
@@ -54,7 +55,8 @@ def test_any_bytes_are_parsed_or_refused(codec, name, data) -> None:
     except BadFrame as error:
         assert name in str(error) and codec.name in str(error)
         if len(data) != codec.length(name):
-            assert f"{len(data)} bytes instead of {codec.length(name)}" in str(error)
+            assert error.reason == FRAME_LENGTH(message=f"{codec.name} {name}", bytes=len(data),
+                                                wanted_bytes=codec.length(name))
         return
     assert len(data) == codec.length(name)
     assert all(math.isfinite(value) for value in values.values())

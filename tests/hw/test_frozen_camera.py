@@ -49,7 +49,7 @@ def test_an_image_that_comes_again_is_none_and_a_camera_that_gives_no_other_is_l
         capture.next()
         assert camera.read() is None
     clock.t_ns += SILENT_NS
-    with pytest.raises(LinkLost, match="camera still: gives the same image again and again"):
+    with pytest.raises(LinkLost, match="camera still: repeats the same frame"):
         camera.read()
     capture.images = [30]
     capture.next()

@@ -4,8 +4,10 @@ from collections import Counter
 
 import pytest
 
+from truearc.hw.fault_codes import DUPLICATE_ID, FOREIGN_HOST
 from truearc.hw.monitor import KINDS, MonitoredBus
 from truearc.hw.protocols import Frame
+from truearc.hw.reason import Reason
 
 MS, S = 1_000_000, 1_000_000_000
 PULSE, KNOWN, OURS = Frame(0, 0x21, bytes(8)), Frame(0, 0x29, bytes(8)), Frame(0, 0x2E, bytes(8))
@@ -26,7 +28,7 @@ class Wire:
         self.sent.append(frame)
         return True
 
-    def faults(self) -> list[str]:
+    def faults(self) -> list[Reason]:
         return []
 
     def close(self) -> None: ...
@@ -38,7 +40,7 @@ class Bench:
         self.bus = MonitoredBus(self.wire, [(0x21, False, False), (0x29, False, False)], [(0x2E, False, False)],
                                 {(0x21, False, False): 100 * MS}, clock, self.tally)
 
-    def hear(self, *frames: Frame) -> list[str]:
+    def hear(self, *frames: Frame) -> list[Reason]:
         """Faults once these have come in now."""
         self.wire.frames = [frame._replace(t_ns=self.clock.t_ns) for frame in frames]
         assert self.bus.read() == [frame._replace(t_ns=self.clock.t_ns) for frame in frames]
@@ -68,10 +70,10 @@ def test_noise_does_not_fill_the_memory(bench) -> None:
 
 
 def test_a_frame_that_only_we_send_is_another_host(bench) -> None:
-    words = "another host sends 0x02e, which is ours to send"
-    assert bench.hear(OURS) == [words] and bench.tally == {"frames of another host": 1}
+    fault = FOREIGN_HOST(frame="0x02e")
+    assert bench.hear(OURS) == [fault] and bench.tally == {"frames of another host": 1}
     bench.clock.t_ns = S - 1
-    assert bench.hear() == [words]
+    assert bench.hear() == [fault]
     bench.clock.t_ns = S
     assert bench.hear() == []
 
@@ -79,7 +81,7 @@ def test_a_frame_that_only_we_send_is_another_host(bench) -> None:
 @pytest.mark.parametrize("jitter_ms", [0, 49])
 @pytest.mark.parametrize("shift_ms", [1, 30, 50])
 def test_two_devices_with_one_id_and_one_alone(bench, jitter_ms: int, shift_ms: int) -> None:
-    def pulses(second: bool) -> list[list[str]]:
+    def pulses(second: bool) -> list[list[Reason]]:
         begin_ms = bench.clock.t_ns // MS
         moments = [begin_ms + 100 * k + jitter_ms * (k % 2) for k in range(30)]
         moments += [moment + shift_ms for moment in moments] if second else []
@@ -90,7 +92,7 @@ def test_two_devices_with_one_id_and_one_alone(bench, jitter_ms: int, shift_ms: 
         return heard
 
     assert not any(pulses(second=False))
-    assert "two devices with one id? 0x021" in pulses(second=True)[-1][0]
+    assert pulses(second=True)[-1] == [DUPLICATE_ID(frame="0x021", most=16, window_s=1.0, usual=10)]
     bench.clock.t_ns += S
     assert not any(pulses(second=False))
 

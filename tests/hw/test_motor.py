@@ -3,12 +3,14 @@
 import struct
 from functools import partial
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from truearc.hw.devices.advisory.motor import AdvisoryMotor
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.spark import frames as spark
+from truearc.hw.fault_codes import ENCODER_STUCK
 from truearc.hw.protocols import Frame
 
 THEIRS = spark.SparkAxis(7, 1, has_endstop=True)
@@ -33,7 +35,9 @@ def test_a_speed_without_a_change_of_position_is_a_stuck_encoder() -> None:
     for number in range(1, 7):
         assert motor.faults(0) == ()
         motor.take(Frame(number * 10_000_000, 0x0205B887, struct.pack("<ff", 1200.0, 5.0), True))
-    assert motor.faults(0) == ("its controller says 126 rad/s, but its position stands still: encoder stuck?",)
+    (fault,) = motor.faults(0)
+    assert fault.code == ENCODER_STUCK.name and fault.params["controller"] == "its controller"
+    assert fault.params["speed_rad_s"] == pytest.approx(125.7, abs=0.1)
     motor.take(Frame(90_000_000, 0x0205B887, struct.pack("<ff", 1200.0, 5.2), True))
     assert motor.faults(0) == ()
 

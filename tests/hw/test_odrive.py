@@ -82,8 +82,10 @@ def test_errors_come_from_the_error_frame_too() -> None:
                                   struct.pack("<ff", 0.0, math.inf), struct.pack("<ff", 0.0, 9000.0)])
 def test_malformed_encoder_frames_are_refused_by_name(data: bytes) -> None:
     axis = OdriveAxis(2, 1)
-    with pytest.raises(BadFrame, match=r"node 2, id 0x049: odrive Get_Encoder_Estimates.*\d+ bytes"):
+    with pytest.raises(BadFrame, match=r"node 2, id 0x049: odrive Get_Encoder_Estimates: .*, expected") as refused:
         odrive.parse(axis, frame(axis, 0x09, data), MotorReading())
+    assert refused.value.reason.code == ("frame_length" if len(data) != 8 else "frame_value")
+    assert refused.value.reason.params["bytes"] == len(data)
 
 
 def test_foreign_frames_are_refused_and_questions_ignored() -> None:

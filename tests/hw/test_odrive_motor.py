@@ -7,6 +7,7 @@ import pytest
 from truearc.hw.devices.odrive.frames import OdriveAxis
 from truearc.hw.devices.odrive.motor import OdriveMotor
 from truearc.hw.encoder_plausibility import MOVING_RAD_S
+from truearc.hw.fault_codes import ENCODER_STUCK
 from truearc.hw.protocols import Frame
 
 MS = 1_000_000
@@ -31,7 +32,7 @@ def test_an_encoder_that_claims_to_turn_and_stands_still_is_named(motor: OdriveM
     assert motor.faults(85 * MS) == ()                    # 40 ms: it may have been a frame that came twice
     feed(motor, 90 * MS, 0.8, FAST_REV_S)
     (fault,) = motor.faults(95 * MS)
-    assert fault == "odrive node 1 says 126 rad/s, but its position stands still: encoder stuck?"
+    assert fault == ENCODER_STUCK(controller="odrive node 1", speed_rad_s=motor.reading.velocity_rad_s)
     feed(motor, 100 * MS, 2.0, FAST_REV_S)
     assert motor.faults(100 * MS) == ()
 

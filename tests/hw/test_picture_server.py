@@ -56,7 +56,7 @@ def test_a_picture_of_another_size_is_refused() -> None:
     server = PictureServer()
     show = Show(server)
     show.start()
-    with pytest.raises(LinkLost, match="gives 64 x 48 pixels, not 640 x 480"):
+    with pytest.raises(LinkLost, match="gives 64 x 48 pixels, expected 640 x 480"):
         open_camera(server.url, 640, 480, 50.0, MonotonicClock())
     show.over.set()
     show.join()

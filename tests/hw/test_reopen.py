@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from truearc.hw.devices.button_box.frames import make_heartbeat, make_press, parse_lines
+from truearc.hw.fault_codes import CAMERA_NOT_OPENED, CAMERA_STOPPED
 from truearc.hw.protocols import LinkLost
 from truearc.hw.readings import CameraFrame
 from truearc.hw.real.reconnect import LONGEST_S, MendedCamera, MendedStream
@@ -64,7 +65,7 @@ class Lens:
 
     def read(self):
         if not self.images:
-            raise LinkLost("camera 0: stopped giving images")
+            raise LinkLost(CAMERA_STOPPED(camera="0"))
         return self.images.pop()
 
     def close(self):
@@ -82,7 +83,7 @@ def test_a_camera_that_comes_back_is_looked_through_again_and_the_old_one_is_let
     def open_lens():
         lens = lenses.pop(0)
         if lens is None:
-            raise LinkLost("camera 0: cannot be opened")
+            raise LinkLost(CAMERA_NOT_OPENED(camera="0"))
         made.append(lens)
         return lens
 
@@ -115,7 +116,7 @@ def hurried(*lenses):
     def open_lens():
         lens = left.pop(0)
         if lens is None:
-            raise LinkLost("camera 0: cannot be opened")
+            raise LinkLost(CAMERA_NOT_OPENED(camera="0"))
         return lens
 
     camera = MendedCamera(open_lens)
@@ -153,7 +154,7 @@ def test_closing_while_it_is_lost_ends_the_search():
 
     def open_lens():
         if not openings:
-            raise LinkLost("gone")
+            raise LinkLost(CAMERA_NOT_OPENED(camera="0"))
         return openings.pop()
 
     camera = MendedCamera(open_lens, pause_s=0.001)

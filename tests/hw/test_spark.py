@@ -75,7 +75,7 @@ def test_a_lock_is_an_error_until_it_is_gone_and_faults_are_kept_apart() -> None
     reading = spark.parse(axis, frame(0x0205B840, axis, bytes([0x10, 0, 0, 0x08, 0, 0x40, 0, 0])), reading)
     reading = spark.parse(axis, frame(0x0205B800, axis, bytes([0, 0, 0, 0, 0, 0, 0x20, 0])), reading)
     assert [word.split(" (")[0].split(":")[0] for word in spark.error_words(reading.axis_error)] == [
-        "CAN", "too hot", "has reset", "locked to a competition controller's heartbeat"]
+        "CAN", "too hot", "reset", "locked to a competition controller until its power is cycled"]
     reading = spark.parse(axis, frame(0x0205B840, axis, bytes(8)), reading)
     assert reading.axis_error == spark.LOCKED
     assert spark.parse(axis, frame(0x0205B800, axis, bytes(8)), reading).axis_error == 0
@@ -115,8 +115,10 @@ def test_answers() -> None:
                                   struct.pack("<ff", 0.0, math.inf), struct.pack("<ff", 4e5, 0.0)])
 def test_malformed_readings_are_refused_by_name(data: bytes) -> None:
     axis = SparkAxis(5, 1)
-    with pytest.raises(BadFrame, match=r"spark 5, id 0x0205b885: spark STATUS_2.*\d+ bytes"):
+    with pytest.raises(BadFrame, match=r"spark 5, id 0x0205b885: spark STATUS_2: .*, expected") as refused:
         spark.parse(axis, frame(0x0205B880, axis, data), MotorReading())
+    assert refused.value.reason.code == ("frame_length" if len(data) != 8 else "frame_value")
+    assert refused.value.reason.params["bytes"] == len(data)
 
 
 def test_foreign_frames_are_refused_and_questions_ignored() -> None:

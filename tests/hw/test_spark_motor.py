@@ -12,8 +12,18 @@ from truearc.hw.devices.spark.frames import SparkAxis
 from truearc.hw.devices.spark.motor import SparkHeartbeat, SparkMotor
 from truearc.hw.emulated.emulated_robot import Twin
 from truearc.hw.emulated.faults import OVERWRITTEN, SILENT, UNPOWERED, Fault, FaultyNode
+from truearc.hw.fault_codes import (
+    ENCODER_STUCK,
+    SPARK_FAULTS_STALE,
+    SPARK_FIRMWARE_UNKNOWN,
+    SPARK_FIRMWARE_UNSUPPORTED,
+    SPARK_NOT_DRIVING,
+    SPARK_SETTINGS_UNCONFIRMED,
+    SPARK_STATUS_OFF,
+)
 from truearc.hw.protocols import BadFrame, Frame
 from truearc.hw.real.can_bus import open_can
+from truearc.hw.reason import Reason
 
 MS = 1_000_000
 TICK_MS = 5
@@ -63,7 +73,7 @@ class Bench:
                 except BadFrame as error:
                     self.bad.append(str(error))
 
-    def faults(self) -> tuple[str, ...]:
+    def faults(self) -> tuple[Reason, ...]:
         return self.motor.faults(self.clock.t_ns)
 
     def frames(self, base: int) -> list[Frame]:
@@ -98,7 +108,7 @@ def armed(bench, torque_nm: float = 0.0) -> None:
 
 def test_it_sets_a_device_up_before_anybody_arms_and_sends_no_duty(make) -> None:
     bench = make()
-    assert bench.faults() == ("spark 3 has not said which firmware it runs",)
+    assert bench.faults() == (SPARK_FIRMWARE_UNKNOWN(spark=3),)
     bench.run(60)
     assert bench.faults() == () and bench.motor.reading.axis_state == spark.IDLE
     assert [frame.is_remote for frame in bench.frames(0x2600)] == [True]
@@ -199,7 +209,7 @@ def test_foreign_firmware_is_refused_by_its_number(make, plant, firmware, text: 
     bench = make(settings=SparkSettings(firmware=firmware))
     bench.run(60)
     bench.run(200, 0.1)
-    assert f"spark 3 runs firmware {text}; only 25 to 26" in bench.faults()[0]
+    assert bench.faults() == (SPARK_FIRMWARE_UNSUPPORTED(spark=3, version=text, oldest=25, newest=26),)
     assert bench.enabled() == [] and bench.frames(0x080) == [] and plant.velocity_rad_s["hood"] == 0.0
     assert bench.orders[0].torque_nm == 0.0 and bench.motor.reading.axis_state == spark.UNKNOWN
     assert 12 <= len(bench.frames(0x2600)) <= 14           # in 1.3 s: it may be exchanged for a newer one
@@ -210,7 +220,7 @@ def test_a_lock_is_refused_and_named(make, plant) -> None:
     armed(bench, 0.0)
     bench.near.write(Frame(0, 0x01011840, bytes(8), True))
     bench.run(40, 0.1)
-    assert "locked to a competition controller's heartbeat" in spark.error_words(bench.motor.reading.axis_error)[0]
+    assert "locked to a competition controller" in spark.error_words(bench.motor.reading.axis_error)[0]
     assert bench.motor.reading.axis_state != spark.DRIVEN and bench.enabled()[-1] == 0
     assert bench.orders[0].torque_nm == 0.0
     bench.run(60)
@@ -228,7 +238,7 @@ def test_a_reset_is_noticed_set_up_again_and_stands_until_the_operator_arms_anew
     bench.run(140, 0.01)                                   # to 1.8 s: power is back
     assert bench.node.parameters[71] == 16.0 and len(bench.frames(0x3800)) > before
     assert len(bench.frames(0x400)) >= 2 and bench.faults() == ()
-    assert spark.error_words(bench.motor.reading.axis_error) == ("has reset (was the supply interrupted?)",)
+    assert spark.error_words(bench.motor.reading.axis_error) == ("reset (was the supply interrupted?)",)
     assert bench.enabled()[-1] == 0 and plant.velocity_rad_s["hood"] == speed
     bench.run(5)
     bench.run(80, 0.01)
@@ -251,13 +261,13 @@ def test_lost_status_frames_are_noticed_and_asked_for_again(make) -> None:
 def test_answers_that_never_come_are_named(make) -> None:
     bench = make(faults=(Fault(SILENT, 0, FOREVER, frame_id=0x02050443),))
     bench.run(100)
-    assert bench.faults() == ("spark 3 has not turned its status frames on",)
+    assert bench.faults() == (SPARK_STATUS_OFF(spark=3),)
 
 
 def test_a_status_frame_that_stays_off_is_not_taken_for_on(make) -> None:
     bench = make(faults=(Fault(OVERWRITTEN, 0, FOREVER, frame_id=0x02050443, at=3, data=b"\x03"),))
     bench.run(100, 0.1)
-    assert bench.faults() == ("spark 3 has not turned its status frames on",) and bench.enabled() == []
+    assert bench.faults() == (SPARK_STATUS_OFF(spark=3),) and bench.enabled() == []
 
 
 def test_what_a_reset_may_have_lost_is_set_again_before_it_drives(make) -> None:
@@ -274,7 +284,8 @@ def test_what_a_reset_may_have_lost_is_set_again_before_it_drives(make) -> None:
 def test_refused_parameters_are_named(make) -> None:
     bench = make(faults=(Fault(OVERWRITTEN, 0, FOREVER, frame_id=0x02053843, at=6, data=b"\x01"),))
     bench.run(100, 0.1)
-    assert bench.faults() == ("spark 3 has not taken parameters 70, 71, 136, 137, 160, 53",)
+    assert bench.faults() == (
+        SPARK_SETTINGS_UNCONFIRMED(spark=3, parameters=(70, 71, 136, 137, 160, 53)),)
     assert bench.frames(0x080) == []
 
 
@@ -282,7 +293,7 @@ def test_silence_about_faults_is_a_fault(make) -> None:
     bench = make(faults=(Fault(SILENT, 0, FOREVER, frame_id=0x0205B843),))
     bench.run(60)
     bench.run(100, 0.1)
-    assert bench.faults() == ("spark 3 says nothing of its faults",) and bench.enabled() == []
+    assert bench.faults() == (SPARK_FAULTS_STALE(spark=3),) and bench.enabled() == []
 
 
 def test_faults_of_the_device_keep_it_from_driving(make, plant) -> None:
@@ -299,8 +310,7 @@ def test_a_device_that_applies_nothing_is_deaf(make) -> None:
     for _ in range(60):
         bench.run(1, 0.1)
         bench.near.write(Frame(0, HEARTBEAT, bytes(8), True))
-    assert bench.faults() == (
-        "spark 3 applies nothing of the duty that it is sent: a limit switch, or another's heartbeat?",)
+    assert bench.faults() == (SPARK_NOT_DRIVING(spark=3),)
     assert bench.motor.reading.axis_state == spark.IDLE
     bench.run(30, 0.1)
     assert bench.faults() == () and bench.motor.reading.axis_state == spark.DRIVEN
@@ -370,4 +380,5 @@ def test_a_speed_without_a_change_of_position_is_a_stuck_encoder(make) -> None:
     for number in range(8):
         t_ns = bench.clock.t_ns + number * 10 * MS
         bench.motor.take(Frame(t_ns, BASE + 0xB880 + 3, struct.pack("<ff", 1200.0, 5.0), True))
-    assert bench.motor.faults(t_ns) == ("spark 3 says 126 rad/s, but its position stands still: encoder stuck?",)
+    speed_rad_s = bench.motor.reading.velocity_rad_s
+    assert bench.motor.faults(t_ns) == (ENCODER_STUCK(controller="spark 3", speed_rad_s=speed_rad_s),)

@@ -9,6 +9,7 @@ import pytest
 
 from truearc.hw.emulated.pty_cable import PtyCable
 from truearc.hw.emulated.slcan_adapter import SlcanAdapter
+from truearc.hw.fault_codes import CAN_ADAPTER_ERROR, CAN_BUS_OFF, CAN_OVERRUN, CAN_REOPENED, CAN_SILENT
 from truearc.hw.protocols import Frame, LinkLost
 from truearc.hw.real.can_bus import open_can
 from truearc.hw.real.clock import MonotonicClock
@@ -16,6 +17,10 @@ from truearc.hw.real.supervised_bus import FIRST_S, LONGEST_S, ROOM, SILENT_NS, 
 
 HELLO = Frame(7, 0x21, bytes(8))
 PATIENCE_S = 20.0
+
+
+def lost(detail: str) -> LinkLost:
+    return LinkLost(CAN_ADAPTER_ERROR(bus="CAN test 0", detail=detail))
 
 
 class Adapter:
@@ -39,7 +44,7 @@ class Adapter:
 
     def write(self, frame: Frame) -> bool:
         if self.dead:
-            raise LinkLost("CAN test 0: cannot write")
+            raise lost("cannot write")
         self.sent.append(frame)
         return True
 
@@ -59,7 +64,7 @@ class Bench:
 
     def open(self) -> Adapter:
         self.opened += 1
-        what = self.drawer.pop(0) if self.drawer else LinkLost("CAN test 0: no such device")
+        what = self.drawer.pop(0) if self.drawer else lost("no such device")
         if isinstance(what, Exception):
             raise what
         return what
@@ -118,8 +123,8 @@ def test_a_bus_that_cannot_be_opened_at_first_is_an_error_at_once(clock) -> None
 
 
 @pytest.mark.parametrize(("trouble", "words"), [
-    (LinkLost("CAN test 0: unplugged"), "CAN test 0: unplugged"),
-    (LinkLost("CAN test 0: bus off"), "CAN test 0: bus off"),
+    (lost("unplugged"), "CAN test 0: unplugged"),
+    (LinkLost(CAN_BUS_OFF(bus="CAN test 0")), "CAN test 0: bus off"),
     (RuntimeError("a driver's own"), "CAN test 0: RuntimeError: a driver's own")])
 def test_lost_and_back_again_without_a_restart(benches, trouble: Exception, words: str) -> None:
     first, second = Adapter(), Adapter()
@@ -133,7 +138,7 @@ def test_lost_and_back_again_without_a_restart(benches, trouble: Exception, word
         bench.bus.write(HELLO)
     bench.drawer.append(second)
     eventually(lambda: not why_lost(bench.bus))
-    assert ["opened again, nothing heard yet" in fault for fault in bench.bus.faults()] == [True]
+    assert [fault.code for fault in bench.bus.faults()] == [CAN_REOPENED.name]
     assert bench.bus.write(HELLO) and second.sent == [HELLO]       # whoever must be asked can be asked
     second.coming.put(HELLO)
     assert gather(bench.bus, 1) == [HELLO]
@@ -159,7 +164,7 @@ def test_silence_is_a_loss(benches, clock) -> None:
     eventually(lambda: first.closed)
     eventually(lambda: bench.opened == 2 and not why_lost(bench.bus))
     (fault,) = bench.bus.faults()
-    assert "nothing heard for 1 s" in fault
+    assert fault == CAN_REOPENED(bus="CAN test 0", cause=CAN_SILENT(bus="CAN test 0", silence_s=1.0))
 
 
 def test_pauses_grow_to_a_limit() -> None:
@@ -177,13 +182,13 @@ def test_pauses_grow_until_something_is_heard(benches) -> None:
             taken[-1].append(pause_s)
             yield 0.0
 
-    refusals = [LinkLost("CAN test 0: not yet")] * 3
+    refusals = [lost("not yet")] * 3
     first, mute, second, third = Adapter(), Adapter(), Adapter(), Adapter()
     bench = benches(first, *refusals, mute, *refusals, second, third, pauses=record)
     for adapter in (first, second):
         adapter.coming.put(HELLO)
-        adapter.coming.put(LinkLost("CAN test 0: unplugged"))
-    mute.coming.put(LinkLost("CAN test 0: unplugged"))             # opened, and lost again before a word was heard
+        adapter.coming.put(lost("unplugged"))
+    mute.coming.put(lost("unplugged"))             # opened, and lost again before a word was heard
     third.coming.put(HELLO)
     gather(bench.bus, 1)
     eventually(lambda: bench.opened == 10)
@@ -197,7 +202,7 @@ def test_what_the_tick_comes_too_late_for_is_counted_and_is_a_fault(benches) -> 
     for t_ns in range(15):
         adapter.coming.put(HELLO._replace(t_ns=t_ns))
     eventually(lambda: bench.tally["frames lost to overrun"] == 5)
-    assert bench.bus.faults() == ["CAN test 0: 5 frames lost, the tick came too late for them"]
+    assert bench.bus.faults() == [CAN_OVERRUN(bus="CAN test 0", frames=5)]
     assert [frame.t_ns for frame in bench.bus.read()] == list(range(10)) and bench.bus.faults() == []
     assert ROOM >= 2000                                    # a second and more of a busy bus
 
@@ -206,7 +211,7 @@ def test_closing_ends_the_thread_and_lets_go(benches) -> None:
     adapter = Adapter()
     bench = benches(adapter)
     bench.bus.close()
-    assert adapter.closed and why_lost(bench.bus) == "closed"
+    assert adapter.closed and why_lost(bench.bus) == "CAN test 0: closed"
     assert not any(thread.name == "CAN test 0" for thread in threading.enumerate())
 
 

@@ -7,11 +7,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
+from truearc.hw.fault_codes import CAN_OVERRUN, FRAME_NOT_ALLOWED, FRAME_RATE_EXCEEDED
 from truearc.hw.protocols import Frame
+from truearc.hw.reason import Reason
 from truearc.hw.tx_allowlist import WINDOW_NS, Allowed, AllowedBus, AllowList, allow
 
 TORQUE, QUESTION, SETTING = Frame(0, 0x2E, bytes(8)), Frame(0, 0x20, b"", is_remote=True), Frame(0, 0x2E, b"", True)
 LIST = (allow(TORQUE, 3), allow(QUESTION, 1), allow(SETTING, 2))
+
+
+WIRE = CAN_OVERRUN(bus="wire", frames=1)
 
 
 class Wire:
@@ -28,8 +33,8 @@ class Wire:
         self.sent.append(frame)
         return not self.full
 
-    def faults(self) -> list[str]:
-        return ["wire"]
+    def faults(self) -> list[Reason]:
+        return [WIRE]
 
     def close(self) -> None:
         self.closed = True
@@ -58,11 +63,11 @@ def test_no_window_ever_holds_more_than_it_may(asked: list[tuple[Frame, int]]) -
         t_ns += pause_ns
         within = sum(other == frame and t_ns - sent_ns < WINDOW_NS for other, sent_ns in sent)
         why = rules.refuse(frame, t_ns)
-        assert (why == "") == (within < most[frame])
-        if not why:
+        assert (why is None) == (within < most[frame])
+        if why is None:
             sent.append((frame, t_ns))
         else:
-            assert f"{most[frame]} times in 0.1 s" in why and frame.name in why
+            assert why == FRAME_RATE_EXCEEDED(frame=frame.name, most=most[frame], window_s=0.1)
 
 
 frames = st.builds(Frame, st.just(0), st.one_of(st.integers(0, 0x7FF), st.integers(0, 0x1FFFFFFF)),
@@ -75,22 +80,22 @@ def test_what_is_not_listed_to_the_bit_is_refused(frame: Frame) -> None:
     listed = any((frame.arbitration_id, frame.is_extended, frame.is_remote, len(frame.data))
                  == (kind.arbitration_id, kind.is_extended, kind.is_remote, kind.length) for kind in LIST)
     why = AllowList(LIST).refuse(frame, 0)
-    assert (why == "") == listed and (listed or frame.name in why)
+    wanted = FRAME_NOT_ALLOWED(frame=frame.name, bytes=len(frame.data), remote=frame.is_remote)
+    assert why == (None if listed else wanted)
 
 
-@pytest.mark.parametrize(("frame", "words"), [
-    (Frame(0, 0x2F, bytes(8)), "frame 0x02f with 8 bytes is not among those that may be sent"),
-    (Frame(0, 0x2E, b"", is_remote=True),
-     "a question about frame 0x02e with 0 bytes is not among those that may be sent"),
+@pytest.mark.parametrize(("frame", "params"), [
+    (Frame(0, 0x2F, bytes(8)), {"frame": "0x02f", "bytes": 8, "remote": False}),
+    (Frame(0, 0x2E, b"", is_remote=True), {"frame": "0x02e", "bytes": 0, "remote": True}),
 ])
-def test_a_refusal_says_what_was_refused(frame: Frame, words: str) -> None:
-    assert AllowList(LIST).refuse(frame, 0) == words
+def test_a_refusal_says_what_was_refused(frame: Frame, params) -> None:
+    assert AllowList(LIST).refuse(frame, 0) == Reason("frame_not_allowed", params)
 
 
 def test_a_frame_too_many_is_told_how_many_there_may_be() -> None:
     rules = AllowList(LIST)
-    assert rules.refuse(QUESTION, 0) == "" and rules.refuse(QUESTION, 0) == (
-        "frame 0x020 may be sent 1 times in 0.1 s and no more")
+    assert rules.refuse(QUESTION, 0) is None
+    assert rules.refuse(QUESTION, 0) == Reason("frame_rate_exceeded", {"frame": "0x020", "most": 1, "window_s": 0.1})
 
 
 def test_an_empty_list_allows_nothing() -> None:
@@ -98,7 +103,7 @@ def test_an_empty_list_allows_nothing() -> None:
 
 
 def test_what_a_frame_says_is_not_asked() -> None:
-    assert AllowList(LIST).refuse(TORQUE._replace(data=b"\xff" * 8), 0) == ""
+    assert AllowList(LIST).refuse(TORQUE._replace(data=b"\xff" * 8), 0) is None
 
 
 def test_a_refused_frame_is_never_sent_is_counted_and_is_said_once(bench) -> None:
@@ -106,9 +111,9 @@ def test_a_refused_frame_is_never_sent_is_counted_and_is_said_once(bench) -> Non
     wrong = TORQUE._replace(arbitration_id=0x7FF)
     assert [bus.write(frame) for frame in (wrong, wrong, TORQUE._replace(data=bytes(4)))] == [False] * 3
     assert wire.sent == [] and tally == {"frames not allowed": 3}
-    assert bus.faults() == ["wire", "not sent: frame 0x7ff with 8 bytes is not among those that may be sent",
-                            "not sent: frame 0x02e with 4 bytes is not among those that may be sent"]
-    assert bus.faults() == ["wire"]
+    assert bus.faults() == [WIRE, FRAME_NOT_ALLOWED(frame="0x7ff", bytes=8, remote=False),
+                            FRAME_NOT_ALLOWED(frame="0x02e", bytes=4, remote=False)]
+    assert bus.faults() == [WIRE]
 
 
 def test_too_often_is_refused_until_the_window_has_passed(bench) -> None:
@@ -123,7 +128,7 @@ def test_too_often_is_refused_until_the_window_has_passed(bench) -> None:
 def test_a_full_queue_is_the_wires_own_refusal(bench) -> None:
     wire, _, tally, bus = bench
     wire.full = True
-    assert not bus.write(TORQUE) and not tally and bus.faults() == ["wire"] and bus.read() == [TORQUE]
+    assert not bus.write(TORQUE) and not tally and bus.faults() == [WIRE] and bus.read() == [TORQUE]
     assert wire.sent == [TORQUE]
     bus.close()
     assert wire.closed

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
+from truearc.hw.fault_codes import CAMERA_EXPOSURE_AUTOMATIC, CAMERA_EXPOSURE_WRONG
 from truearc.hw.protocols import LinkLost
 from truearc.hw.real.camera import CameraThread, lock_exposure, open_camera
 
@@ -131,10 +132,13 @@ class Obeys:
 @pytest.mark.parametrize("after", [0, 5])
 def test_exposure_is_set_and_read_back(after):
     capture = Obeys(after)
-    assert lock_exposure(capture, 0.0032) == ""
+    assert lock_exposure(capture, 0.0032, "0") is None
     assert capture.now == {cv2.CAP_PROP_AUTO_EXPOSURE: 1.0, cv2.CAP_PROP_EXPOSURE: 32.0} and capture.images == after
 
 
 def test_an_exposure_that_is_not_kept_is_told():
-    assert "automatic" in lock_exposure(Obeys(0, (cv2.CAP_PROP_AUTO_EXPOSURE,)), 0.003)
-    assert "15.6 ms where 3.0 ms" in lock_exposure(Obeys(0, (cv2.CAP_PROP_EXPOSURE,)), 0.003)
+    automatic = lock_exposure(Obeys(0, (cv2.CAP_PROP_AUTO_EXPOSURE,)), 0.003, "0")
+    assert automatic == CAMERA_EXPOSURE_AUTOMATIC(camera="0")
+    other = lock_exposure(Obeys(0, (cv2.CAP_PROP_EXPOSURE,)), 0.003, "0")
+    assert other.code == CAMERA_EXPOSURE_WRONG.name
+    assert (other.params["exposure_s"], other.params["wanted_s"]) == pytest.approx((0.0156, 0.003), abs=1e-4)

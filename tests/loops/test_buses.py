@@ -12,21 +12,25 @@ import msgspec
 import pytest
 from msgspec.structs import replace
 
+from benchmarks.matrix.signs import find, says
 from benchmarks.real_robot import PATIENT, SHIPPED, WATCHDOG_MS, begin, save_config
 from tests.hw.spinning_plant import SpinningPlant
 from truearc.cli.main import main
 from truearc.hw.emulated.emulated_robot import Twin
 from truearc.hw.emulated.pty_cable import PtyCable
 from truearc.hw.emulated.slcan_adapter import SlcanAdapter
+from truearc.hw.fault_codes import CAN_REOPENED
 from truearc.hw.protocols import Frame
 from truearc.hw.real.can_bus import open_can
 from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.real.supervised_bus import WAIT_S, SupervisedBus
+from truearc.hw.reason import Reason
 from truearc.robot.config.can_policy import guard
 from truearc.robot.config.port_options import split_bus, with_ports
 from truearc.robot.config.schema import InputError, load_config
+from truearc.robot.reasons import CAN_LOST, DEVICE_NEVER_RECEIVED, DEVICE_STALE, IMAGE_DARK, text
 from truearc.robot.recording.reader import TickReader
-from truearc.robot.recording.session import Trial
+from truearc.robot.recording.rows import Trial
 from truearc.robot.rig import HardwareRig
 from truearc.robot.tick import step
 from truearc.robot.types import Memory, Sighting
@@ -36,6 +40,7 @@ from truearc.sim.world.emulated_robot import make_nodes
 
 LIMIT_S = 240.0
 
+NO_CAN = says(CAN_LOST, CAN_REOPENED, DEVICE_NEVER_RECEIVED, DEVICE_STALE)
 posix = pytest.mark.skipif(os.name != "posix", reason="ends the robot with a signal")
 BUSES = ["virtual", pytest.param("slcan:auto", marks=[posix, pytest.mark.slow]),
          pytest.param("slcan:socket", marks=[posix, pytest.mark.slow]),
@@ -170,23 +175,23 @@ def test_an_adapter_pulled_out_is_a_hold_that_says_so_and_back_in_needs_no_resta
     devices = Devices(plug)
     bus = SupervisedBus(lambda: open_can("slcan", str(plug), 1_000_000, clock, WAIT_S, tally), clock, tally)
     rig = HardwareRig(CONFIG, guard(bus, CONFIG, clock, tally), Silent(),
-                      InlineEyes(Silent(), lambda frame: Sighting(0, False, "dark")), clock, lambda: False)
+                      InlineEyes(Silent(), lambda frame: Sighting(0, False, IMAGE_DARK())), clock, lambda: False)
 
-    def reasons_once(true) -> list[str]:
-        """The verdict's reasons at the first tick whose reasons, in one line, are as asked."""
+    def reasons_once(true) -> list[Reason]:
+        """The verdict's reasons at the first tick whose reasons are as asked."""
         for _ in range(20_000):
             tick = step(rig.read(), Memory(), CONFIG, None)
             rig.write(tick.command)
             assert not tick.verdict.fire
-            if true(" | ".join(tick.verdict.reasons)):
+            if true(tick.verdict.reasons):
                 return list(tick.verdict.reasons)
         raise AssertionError("it never came")
 
     for _ in range(2):
-        reasons_once(lambda words: not re.search("CAN|never answered|silent for", words))
+        reasons_once(lambda held: not find(NO_CAN, held))
         devices.pull_out()
-        assert any(str(plug) in reason for reason in reasons_once(lambda words: "CAN lost" in words))
-        reasons_once(lambda words: "motor 1 silent for" in words)
+        assert any(str(plug) in text(reason) for reason in reasons_once(lambda held: find(says(CAN_LOST), held)))
+        reasons_once(lambda held: find(says(DEVICE_STALE, device="flywheel motor 1"), held))
         devices = Devices(plug)
     assert tally["times lost"] >= 2            # a machine that stands still for a second adds its own
     rig.release()

@@ -3,8 +3,12 @@
 import pytest
 from msgspec.structs import replace
 
+from benchmarks.matrix.signs import find, says
 from tests.robot.sparks import ALL_SPARK, SPARK_HOOD, SPARK_WHEELS, only_advice
+from truearc.hw import fault_codes as hw
 from truearc.hw.emulated.faults import OVERWRITTEN, SILENT, UNPOWERED, Fault
+from truearc.hw.reason import Reason
+from truearc.robot import reasons as bot
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.replay.recompute import replay, replay_frames
 from truearc.robot.recording.session import CAN, load_trials
@@ -29,25 +33,28 @@ def test_a_session_is_shot_and_replays_to_the_bit(tmp_path, config) -> None:
     assert len(shot.sent.duties) == 4 and shot.sent.flywheel_torque_nm > 0.0
 
 
-def last_hold(folder) -> tuple[str, ...]:
+def last_hold(folder) -> tuple[Reason, ...]:
     return load_trials(folder)[-1].outcome.reasons
 
 
-@pytest.mark.parametrize(("config", "device", "fault", "words"), [
+@pytest.mark.parametrize(("config", "device", "fault", "signs"), [
     (SPARK_HOOD, "hood", Fault(OVERWRITTEN, 0, FOREVER, frame_id=0x02052603, at=0, data=b"\x18"),
-     "hood motor: spark 3 runs firmware 24.1.0"),
+     says(hw.SPARK_FIRMWARE_UNSUPPORTED, motor="hood motor", version="24.1.0")),
     (SPARK_HOOD, "hood", Fault(OVERWRITTEN, SECOND, FOREVER, frame_id=0x0205B803, at=6, data=b"\x20"),
-     "hood motor: locked to a competition controller's heartbeat"),
-    (SPARK_WHEELS, "flywheel_b", Fault(UNPOWERED, 2 * SECOND, 3 * SECOND), "flywheel motor 2: has reset"),
-    (SPARK_WHEELS, "flywheel_a", Fault(SILENT, 2 * SECOND, FOREVER, frame_id=0x0205B88B), "flywheel motor 1 silent"),
+     says(bot.MOTOR_ERROR, motor="hood motor",
+          errors=("locked to a competition controller until its power is cycled",))),
+    (SPARK_WHEELS, "flywheel_b", Fault(UNPOWERED, 2 * SECOND, 3 * SECOND),
+     says(bot.MOTOR_ERROR, motor="flywheel motor 2", errors=("reset (was the supply interrupted?)",))),
+    (SPARK_WHEELS, "flywheel_a", Fault(SILENT, 2 * SECOND, FOREVER, frame_id=0x0205B88B),
+     says(bot.DEVICE_STALE, device="flywheel motor 1")),
     (SPARK_WHEELS, "flywheel_a", Fault(SILENT, 2 * SECOND, FOREVER, frame_id=0x0205B84B),
-     "flywheel motor 1 has said nothing of its errors for"),
+     says(bot.DEVICE_FAULTS_STALE, device="flywheel motor 1")),
 ])
-def test_a_spark_that_is_not_what_it_should_be_is_a_hold_that_says_why(tmp_path, config, device, fault, words) -> None:
+def test_a_spark_that_is_not_what_it_should_be_is_a_hold_that_says_why(tmp_path, config, device, fault, signs) -> None:
     config = replace(config, gate=replace(config.gate, request_s=2.0))
     results = emulate(config, tmp_path / "s", trials=2, seed=5, faults={device: (fault,)})
     assert [result for result in results if result.fed_t_ns > fault.begin_ns + SECOND // 2] == []
-    assert any(words in reason for reason in last_hold(tmp_path / "s")), last_hold(tmp_path / "s")
+    assert find(signs, last_hold(tmp_path / "s")), last_hold(tmp_path / "s")
     assert replay(tmp_path / "s")[1] is None
 
 

@@ -11,6 +11,7 @@ from truearc import robot
 from truearc.cli.main import main
 from truearc.cli.robot.sysid_emulated import drive_twin
 from truearc.robot.config.schema import Config, load_config
+from truearc.robot.reasons import IDENTIFY_DONE
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.replay.recompute import replay
 from truearc.robot.recording.session import load_trials
@@ -36,7 +37,7 @@ def repeated(flywheel, hood):
 @pytest.fixture(scope="module")
 def session(tmp_path_factory):
     folder = tmp_path_factory.mktemp("identify") / "first"
-    assert drive_twin(repeated(1, 2), folder, World(3), lambda text: None) == "done"
+    assert drive_twin(repeated(1, 2), folder, World(3), lambda text: None) == IDENTIFY_DONE()
     return folder
 
 
@@ -85,7 +86,7 @@ def test_only_what_was_programmed_was_sent(session):
 
 def test_another_worlds_inertia_is_found_without_being_told(tmp_path):
     world = World(1, Options(flywheel_inertia_scale=1.6, battery_start_v=12.0))
-    assert drive_twin(repeated(1, 0), tmp_path / "s", world, lambda text: None) == "done"
+    assert drive_twin(repeated(1, 0), tmp_path / "s", world, lambda text: None) == IDENTIFY_DONE()
     driven = load_driven(tmp_path / "s")
     fit = fit_law(driven.records["flywheel"], windage=True)
     assert fit.value("ka") * MOTORS == pytest.approx(1.6 * belt.INERTIA_KG_M2, rel=0.01)

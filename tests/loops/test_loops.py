@@ -9,9 +9,12 @@ import msgspec
 import pytest
 from msgspec.structs import replace
 
+from benchmarks.matrix.signs import find, says
 from truearc import robot
 from truearc.cli.main import main
+from truearc.hw import fault_codes as hw
 from truearc.hw.emulated.faults import OVERWRITTEN, SILENT, TRUNCATED, Fault
+from truearc.robot import reasons as bot
 from truearc.robot.config.schema import InputError, Prescribed, config_hash, load_config
 from truearc.robot.config.shot_plan import with_plan
 from truearc.robot.processes.watchdog_rig import WatchedRig
@@ -123,23 +126,25 @@ def held_reasons(folder):
     return [reason for trial in load_trials(folder) for reason in trial.outcome.reasons]
 
 
-@pytest.mark.parametrize(("device", "fault", "words"), [
-    ("flywheel_b", Fault(SILENT, 2 * SECOND, FOREVER), "flywheel motor 2 silent"),
-    ("hood", Fault(SILENT, 2 * SECOND, FOREVER), "hood motor silent"),
-    ("hood_encoder", Fault(SILENT, 2 * SECOND, FOREVER), "hood encoder silent"),
-    ("hood_encoder", Fault(SILENT, 2 * SECOND, FOREVER, frame_id=0x070E0185), "encoder has said nothing of its faults"),
-    ("camera", Fault(SILENT, 2 * SECOND, FOREVER), "target last seen"),
-    ("camera", Fault(SILENT, 0, FOREVER), "target never seen"),
-    ("feeder", Fault(SILENT, 0, FOREVER), "feeder motor has never answered"),
-    ("flywheel_a", Fault(TRUNCATED, 2 * SECOND, FOREVER, length=4), "bad frame"),
-    ("flywheel_a", Fault(OVERWRITTEN, 2 * SECOND, FOREVER, frame_id=0x29, at=4, data=b"\x00\x00\xc0\x7f"), "bad frame"),
+@pytest.mark.parametrize(("device", "fault", "signs"), [
+    ("flywheel_b", Fault(SILENT, 2 * SECOND, FOREVER), says(bot.DEVICE_STALE, device="flywheel motor 2")),
+    ("hood", Fault(SILENT, 2 * SECOND, FOREVER), says(bot.DEVICE_STALE, device="hood motor")),
+    ("hood_encoder", Fault(SILENT, 2 * SECOND, FOREVER), says(bot.DEVICE_STALE, device="hood encoder")),
+    ("hood_encoder", Fault(SILENT, 2 * SECOND, FOREVER, frame_id=0x070E0185),
+     says(bot.DEVICE_FAULTS_STALE, device="hood encoder")),
+    ("camera", Fault(SILENT, 2 * SECOND, FOREVER), says(bot.TARGET_STALE)),
+    ("camera", Fault(SILENT, 0, FOREVER), says(bot.TARGET_NEVER_SEEN)),
+    ("feeder", Fault(SILENT, 0, FOREVER), says(bot.DEVICE_NEVER_RECEIVED, device="feeder motor")),
+    ("flywheel_a", Fault(TRUNCATED, 2 * SECOND, FOREVER, length=4), says(bot.BAD_FRAME, cause=says(hw.FRAME_LENGTH))),
+    ("flywheel_a", Fault(OVERWRITTEN, 2 * SECOND, FOREVER, frame_id=0x29, at=4, data=b"\x00\x00\xc0\x7f"),
+     says(bot.BAD_FRAME, cause=says(hw.FRAME_VALUE, value="nan"))),
 ])
-def test_a_device_that_fails_is_a_hold_that_names_it(tmp_path, device, fault, words):
+def test_a_device_that_fails_is_a_hold_that_names_it(tmp_path, device, fault, signs):
     config = replace(CONFIGURATION, gate=replace(CONFIGURATION.gate, request_s=2.0))
     results = emulate(config, tmp_path / "s", trials=2, seed=5, faults={device: (fault,)})
     begun = [result for result in results if result.fed_t_ns > fault.begin_ns + SECOND // 2]
     assert begun == []
-    assert any(words in reason for reason in held_reasons(tmp_path / "s")), held_reasons(tmp_path / "s")
+    assert find(signs, held_reasons(tmp_path / "s")), held_reasons(tmp_path / "s")
     assert replay(tmp_path / "s")[1] is None
 
 
@@ -156,9 +161,9 @@ def test_a_disk_that_fills_up_is_a_hold_and_the_session_can_be_recovered(tmp_pat
     assert main(["recover", str(tmp_path / "s")]) == 0
     assert replay(tmp_path / "s")[1] is None
     for tick, _ in TickReader(tmp_path / "s"):
-        assert not (tick.verdict.fire and any("not recording" in fault for fault in tick.inputs.faults))
+        assert not (tick.verdict.fire and find(says(bot.NOT_RECORDING), tick.inputs.faults))
     held = [reason for trial in load_trials(tmp_path / "s") for reason in trial.outcome.reasons]
-    assert "not recording: File too large" in held
+    assert bot.NOT_RECORDING(cause=bot.DISK_ERROR(detail="File too large")) in held
 
 
 def test_a_device_that_comes_back_is_fired_with_again(tmp_path):

@@ -9,6 +9,9 @@ from pathlib import Path
 import pytest
 
 from benchmarks.real_robot import PATIENT, RealRobot, save_config
+from truearc.hw.fault_codes import PROCESS_KILLED
+from truearc.hw.reason import Reason
+from truearc.robot import reasons as bot
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.recover import recover
 
@@ -66,21 +69,21 @@ def is_running(pid: int) -> bool:
         return False
 
 
-def goes_on(tick, mended_ns: int, words: str) -> bool:
+def goes_on(tick, mended_ns: int, fault: Reason) -> bool:
     """Whether it is from after the mending, and that fault is over; what was held back is written a moment later."""
-    return tick.inputs.t_ns > mended_ns and not any(words in fault for fault in tick.inputs.faults)
+    return tick.inputs.t_ns > mended_ns and fault not in tick.inputs.faults
 
 
-def faults_after(ticks, began_ns: int, words: str) -> list[int]:
-    return [tick.inputs.t_ns - began_ns for tick in ticks if any(words in fault for fault in tick.inputs.faults)]
+def faults_after(ticks, began_ns: int, fault: Reason) -> list[int]:
+    return [tick.inputs.t_ns - began_ns for tick in ticks if fault in tick.inputs.faults]
 
 
 # a killed vision process is back, with its number changed: it comes last
-@pytest.mark.parametrize(("name", "number", "for_s", "words", "within_s"), [
-    ("vision", signal.SIGSTOP, 4.0, "camera lost: the vision process does not answer", 2.0),
-    ("recorder", signal.SIGSTOP, 4.0, "not recording: the recorder does not answer", 2.0),
-    ("vision", signal.SIGKILL, 8.0, "camera lost: the vision process ended (signal 9)", 0.5)])
-def test_what_is_broken_for_a_while_is_a_hold_with_its_reason_and_then_goes_on(lasting, name, number, for_s, words,
+@pytest.mark.parametrize(("name", "number", "for_s", "fault", "within_s"), [
+    ("vision", signal.SIGSTOP, 4.0, bot.CAMERA_LOST(cause=bot.VISION_UNRESPONSIVE()), 2.0),
+    ("recorder", signal.SIGSTOP, 4.0, bot.NOT_RECORDING(cause=bot.RECORDER_UNRESPONSIVE()), 2.0),
+    ("vision", signal.SIGKILL, 8.0, bot.CAMERA_LOST(cause=PROCESS_KILLED(process="vision", signal=9)), 0.5)])
+def test_what_is_broken_for_a_while_is_a_hold_with_its_reason_and_then_goes_on(lasting, name, number, for_s, fault,
                                                                                within_s):
     began_ns = time.monotonic_ns()
     os.kill(lasting.pids[name], number)
@@ -88,11 +91,11 @@ def test_what_is_broken_for_a_while_is_a_hold_with_its_reason_and_then_goes_on(l
     if number == signal.SIGSTOP:
         os.kill(lasting.pids[name], signal.SIGCONT)
     mended_ns = time.monotonic_ns()
-    until(lambda: goes_on(list(all_ticks(lasting))[-1], mended_ns, words))
+    until(lambda: goes_on(list(all_ticks(lasting))[-1], mended_ns, fault))
     ticks = list(all_ticks(lasting))
-    told = faults_after(ticks, began_ns, words)
+    told = faults_after(ticks, began_ns, fault)
     assert 0 <= told[0] * 1e-9 < within_s
-    assert not any(tick.verdict.fire for tick in ticks if any(words in fault for fault in tick.inputs.faults))
+    assert not any(tick.verdict.fire for tick in ticks if fault in tick.inputs.faults)
     assert ticks[-1].inputs.t_ns - began_ns > told[-1]
 
 

@@ -1,4 +1,4 @@
-"""predict-gate's rows, to the letter of formats.md."""
+"""Rows of the gate's predictions, character by character."""
 
 import csv
 import io

@@ -28,7 +28,7 @@ def good_memory() -> Memory:
     """Armed, homed, asked to fire, steady for long enough, aimed where the good inputs are."""
     memory = Memory(armed=True, homed=True, trial=3, request_t_ns=NOW_NS - seconds(0.5),
                     steady_t_ns=NOW_NS - seconds(0.5),
-                    last_sighting=Sighting(NOW_NS - seconds(0.05), True, "", DISTANCE_M + CONFIG.camera.behind_exit_m,
+                    last_sighting=Sighting(NOW_NS - seconds(0.05), True, None, DISTANCE_M + CONFIG.camera.behind_exit_m,
                                            0.03, 0.0))
     held = aim(estimate(good_inputs(200.0, HOOD_DEG), memory, CONFIG), memory, CONFIG)
     return replace(memory, aim=held)

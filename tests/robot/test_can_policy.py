@@ -5,14 +5,17 @@ from collections import Counter
 import pytest
 from msgspec.structs import replace
 
+from tests.robot.alike import codes
 from tests.robot.good_tick import CONFIG
 from tests.robot.sparks import SPARK_HOOD, SPARK_WHEELS, only_advice
 from tests.robot.test_rig import Blind, Stream, Time, Wire
 from truearc.hw.devices.odrive import frames as odrive
+from truearc.hw.fault_codes import DUPLICATE_ID, FOREIGN_HOST, FRAME_RATE_EXCEEDED
 from truearc.hw.protocols import Frame
 from truearc.hw.tx_allowlist import Allowed
 from truearc.robot.config.can_policy import guard, make_rules
 from truearc.robot.config.schema import Config
+from truearc.robot.reasons import IMAGE_DARK
 from truearc.robot.rig import HardwareRig
 from truearc.robot.types import Command, Sighting
 from truearc.robot.vision_source import InlineEyes
@@ -67,7 +70,7 @@ def test_another_tick_rate_gives_another_limit() -> None:
 
 def test_what_a_rig_sends_is_allowed_whatever_it_is_asked(bench) -> None:
     wire, clock, tally, bus = bench
-    eyes = InlineEyes(Blind(), lambda frame: Sighting(frame.t_ns, False, "dark"))
+    eyes = InlineEyes(Blind(), lambda frame: Sighting(frame.t_ns, False, IMAGE_DARK()))
     rig = HardwareRig(CONFIG, bus, Stream(), eyes, clock, lambda: False)
     for tick in range(1000):
         rig.read()
@@ -83,7 +86,7 @@ def test_a_loop_gone_wild_is_cut_off(bench) -> None:
         bus.write(torque)
         clock.t_ns += 100_000
     assert len(wire.sent) <= 2 * CONFIG.tick_hz / 10 and tally["frames not allowed"] == 1000 - len(wire.sent)
-    assert any("not sent: frame 0x02e" in fault for fault in bus.faults())
+    assert any(fault.code == FRAME_RATE_EXCEEDED.name and fault.params["frame"] == "0x02e" for fault in bus.faults())
 
 
 @pytest.mark.parametrize("frame", [
@@ -101,15 +104,15 @@ def test_another_host_that_commands_our_axes_is_told(bench, command: int) -> Non
     wire, _, _, bus = bench
     wire.frames = [Frame(1_000_000_000, 2 << 5 | command, bytes(8))]
     bus.read()
-    assert bus.faults() == [f"another host sends 0x{2 << 5 | command:03x}, which is ours to send"]
+    assert bus.faults() == [FOREIGN_HOST(frame=f"0x{2 << 5 | command:03x}")]
 
 
 def test_another_host_is_a_fault_of_the_very_tick_that_hears_it(bench) -> None:
     wire, clock, _, bus = bench
-    rig = HardwareRig(CONFIG, bus, Stream(), InlineEyes(Blind(), lambda frame: Sighting(0, False, "")), clock,
+    rig = HardwareRig(CONFIG, bus, Stream(), InlineEyes(Blind(), lambda frame: Sighting(0, False, IMAGE_DARK())), clock,
                       lambda: False)
     wire.frames = [Frame(clock.t_ns, 0x2E, bytes(8))]
-    assert any("another host" in fault for fault in rig.read().faults)
+    assert FOREIGN_HOST.name in codes(rig.read().faults)
 
 
 def test_nothing_that_devices_send_is_ours_and_their_pulses_are_theirs() -> None:
@@ -175,7 +178,7 @@ def test_what_devices_and_other_hosts_say_is_known_and_what_only_we_may_say_is_n
     wire.frames = [Frame(clock.t_ns, 0x7FE, bytes(8)), Frame(clock.t_ns, 1 << 5, b"", is_remote=True)]
     bus.read()
     assert tally == {"unknown frames 0x7fe": 1, "frames of another host": 1}
-    assert bus.faults() == ["another host sends 0x020, which is ours to send"]
+    assert bus.faults() == [FOREIGN_HOST(frame="0x020")]
 
 
 def test_two_axes_that_answer_to_one_id_are_told() -> None:
@@ -183,7 +186,8 @@ def test_two_axes_that_answer_to_one_id_are_told() -> None:
     bus = guard(wire, CONFIG, clock, tally)
     wire.frames = [Frame(clock.t_ns - at, 1 << 5 | 0x01, bytes(8)) for at in range(990_000_000, 0, -50_000_000)]
     bus.read()
-    assert "two devices with one id? 0x021" in bus.faults()[0]
+    fault = bus.faults()[0]
+    assert fault.code == DUPLICATE_ID.name and fault.params["frame"] == "0x021"
 
 
 def test_an_axis_of_another_controller_may_be_sent_nothing_and_is_commanded_by_it() -> None:

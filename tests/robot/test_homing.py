@@ -2,8 +2,10 @@
 
 from msgspec.structs import replace
 
+from tests.robot.alike import codes
 from tests.robot.good_tick import CONFIG, good_inputs, good_memory
 from truearc.robot.estimate import remember
+from truearc.robot.reasons import HOOD_ENCODERS_DISAGREE, HOOD_NOT_HOMED
 from truearc.robot.tick import step
 
 
@@ -16,7 +18,7 @@ def lost_count():
 def test_while_armed_it_is_a_hold_and_the_zero_is_kept():
     tick = step(lost_count(), good_memory(), CONFIG, None)
     assert not tick.verdict.fire and tick.memory.homed
-    assert any("its screw" in reason for reason in tick.verdict.reasons)
+    assert HOOD_ENCODERS_DISAGREE.name in codes(tick.verdict.reasons)
 
 
 def test_disarmed_the_zero_goes_and_arming_homes_again():
@@ -24,7 +26,7 @@ def test_disarmed_the_zero_goes_and_arming_homes_again():
     memory = remember(lost_count(), disarmed, CONFIG)
     assert not memory.homed
     tick = step(lost_count(), replace(memory, armed=True), CONFIG, None)
-    assert "hood not homed" in tick.verdict.reasons
+    assert HOOD_NOT_HOMED() in tick.verdict.reasons
     assert tick.command.hood_torque_nm == CONFIG.hood.homing_torque_nm
 
 

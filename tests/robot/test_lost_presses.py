@@ -6,21 +6,31 @@ from msgspec import UNSET
 from msgspec.structs import replace
 
 from tests.robot.good_tick import CONFIG, DISTANCE_M, NOW_NS, good_inputs, good_memory
-from tests.robot.test_rig import bench  # noqa: F401 (a fixture)
+from tests.robot.test_rig import UNPLUGGED, bench  # noqa: F401 (a fixture)
 from truearc.hw.devices.button_box import frames as buttons
+from truearc.hw.fault_codes import BOX_LINES_REFUSED, BOX_PRESSES_LOST, BOX_RESTARTED
 from truearc.hw.readings import ButtonEvent
+from truearc.robot.reasons import (
+    BOX_LOST,
+    BOX_PRESS_UNCERTAIN,
+    DISARMED_BY_BOX,
+    FIRE_NOT_REQUESTED,
+    IDENTIFY_RELEASED_BY_BOX,
+    NOT_ARMED,
+)
 from truearc.robot.sysid.tick import make_step
 from truearc.robot.tick import step
 from truearc.robot.types import Memory, Progress
 
-WHATS = pytest.mark.parametrize("what", ["lost presses", "has restarted"])
+LOST = BOX_PRESSES_LOST(presses=2)
+WHATS = pytest.mark.parametrize("what", [LOST, BOX_RESTARTED()])
 
 
 def pressed(*names):
     return tuple(ButtonEvent(NOW_NS, seq, name) for seq, name in enumerate(names))
 
 
-def tick(memory, missed="", *names):
+def tick(memory, missed=None, *names):
     return step(replace(good_inputs(buttons=pressed(*names)), missed=missed), memory, CONFIG, None)
 
 
@@ -30,7 +40,7 @@ def test_neither_the_request_nor_the_arming_outlives_it(what):
     at_once = tick(good_memory(), what)
     later = tick(at_once.memory)
     for one in (at_once, later):
-        assert one.verdict.reasons[:2] == (f"not armed: the button box {what}", "waiting for the fire button")
+        assert one.verdict.reasons[:2] == (DISARMED_BY_BOX(cause=what), FIRE_NOT_REQUESTED())
         assert not one.command.enable and not one.memory.armed and not one.memory.request_t_ns
 
 
@@ -46,14 +56,14 @@ def test_what_is_pressed_in_the_same_tick_does_not_arm(what, button):
 def test_a_mark_that_was_heard_counts():
     shot = replace(tick(good_memory()).shot, distance_m=DISTANCE_M)
     memory = replace(good_memory(), awaiting=True, last_shot=shot, request_t_ns=0)
-    assert [outcome.outcome for outcome in tick(memory, "lost presses", "three").outcomes] == ["three"]
+    assert [outcome.outcome for outcome in tick(memory, LOST, "three").outcomes] == ["three"]
 
 
 def test_arming_ends_it_and_fire_has_to_be_pressed_again():
-    armed = tick(tick(good_memory(), "has restarted").memory, "", "arm")
+    armed = tick(tick(good_memory(), BOX_RESTARTED()).memory, None, "arm")
     assert armed.memory.armed and armed.memory.disarmed is UNSET
-    assert "waiting for the fire button" in armed.verdict.reasons
-    asked = tick(replace(armed.memory, steady_t_ns=good_memory().steady_t_ns), "", "fire")
+    assert FIRE_NOT_REQUESTED() in armed.verdict.reasons
+    asked = tick(replace(armed.memory, steady_t_ns=good_memory().steady_t_ns), None, "fire")
     assert asked.verdict.fire
 
 
@@ -61,12 +71,12 @@ def test_recordings_from_before_say_what_they_said():
     assert b"missed" not in msgspec.json.encode(good_inputs())
     assert b"disarmed" not in msgspec.json.encode(tick(good_memory()).memory)
     disarmed = step(good_inputs(), replace(good_memory(), armed=False), CONFIG, None)
-    assert disarmed.verdict.reasons[0] == "not armed"
+    assert disarmed.verdict.reasons[0] == NOT_ARMED()
 
 
 @WHATS
 def test_identifying_is_ended_by_it_for_any_press_would_end_it(what):
-    for since_ns, over in ((NOW_NS - 1, f"released, as the button box {what}"), (0, "")):
+    for since_ns, over in ((NOW_NS - 1, IDENTIFY_RELEASED_BY_BOX(cause=what)), (0, None)):
         memory = Memory(armed=bool(since_ns), identify=Progress(0, since_ns))
         out = make_step(CONFIG)(replace(good_inputs(buttons=pressed("arm")), missed=what), memory, CONFIG, None)
         assert out.memory.identify.over == over and not out.command.enable
@@ -82,7 +92,7 @@ def test_what_the_numbers_say_was_missed_is_told_to_the_tick(bench):  # noqa: F8
                  buttons.make_press(8, "fire"), buttons.make_heartbeat(0), b""):
         box.data = line
         told.append(rig.read().missed)
-    assert told == ["", "", "lost presses", "", "", "has restarted", ""]
+    assert told == [None, None, BOX_PRESSES_LOST(presses=1), None, None, BOX_RESTARTED(), None]
 
 
 @pytest.mark.parametrize("then", [buttons.make_heartbeat(6), buttons.make_press(7, "fire")])
@@ -91,8 +101,9 @@ def test_a_press_that_was_not_understood_holds_until_the_next_number_has_told(be
     box.data = buttons.make_press(6, "fire")
     assert rig.read().faults == ()
     box.data = buttons.make_press(7, "arm").replace(b"m", b"n")
-    assert "1 lines refused" in rig.read().faults[0]
-    assert [rig.read().faults for _ in range(3)] == [("button box: a press may have got lost",)] * 3
+    (refused,) = rig.read().faults
+    assert refused.code == BOX_LINES_REFUSED.name and refused.params["lines"] == 1
+    assert [rig.read().faults for _ in range(3)] == [(BOX_PRESS_UNCERTAIN(),)] * 3
     box.data = then
     assert rig.read().faults == ()
 
@@ -102,9 +113,9 @@ def test_so_does_a_box_that_was_pulled_out(bench):  # noqa: F811
     box.data = buttons.make_press(6, "fire")
     rig.read()
     box.lost = True
-    assert rig.read().faults == ("button box lost: unplugged",)
+    assert rig.read().faults == (BOX_LOST(cause=UNPLUGGED),)
     box.lost = False
-    assert rig.read().faults == ("button box: a press may have got lost",)
+    assert rig.read().faults == (BOX_PRESS_UNCERTAIN(),)
     box.data = buttons.make_heartbeat(7)                   # that of "arm", while it was out
     inputs = rig.read()
-    assert inputs.faults == ("button box: 1 presses lost",) and inputs.missed == "lost presses"
+    assert inputs.faults == (inputs.missed,) == (BOX_PRESSES_LOST(presses=1),)

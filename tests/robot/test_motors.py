@@ -16,10 +16,12 @@ from tests.robot.sparks import ALL_SPARK, SPARK_HOOD, SPARK_WHEELS, only_advice
 from tests.robot.test_rig import ASKED, Blind, Stream, Time, Wire
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.protocols import Frame
+from truearc.hw.reason import Reason
 from truearc.robot.config.schema import AdvisoryAxis, Axis, Config, InputError, OdriveAxis, SparkAxis
 from truearc.robot.estimate import estimate
 from truearc.robot.gate.verdict import judge
 from truearc.robot.motors import make_motors, name_axes
+from truearc.robot.reasons import IMAGE_DARK, MOTOR_ERROR, MOTOR_NOT_DRIVEN, text
 from truearc.robot.recording.candump import candump_line
 from truearc.robot.rig import HardwareRig
 from truearc.robot.types import Command, Sent, Sighting
@@ -34,7 +36,7 @@ class Bench:
 
     def __init__(self, config: Config) -> None:
         self.bus, self.clock = Wire(), Time()
-        eyes = InlineEyes(Blind(), lambda frame: Sighting(frame.t_ns, False, "dark"))
+        eyes = InlineEyes(Blind(), lambda frame: Sighting(frame.t_ns, False, IMAGE_DARK()))
         self.rig = HardwareRig(config, self.bus, Stream(), eyes, self.clock, lambda: False)
 
     def hear(self, base: int, device: int, data: bytes) -> None:
@@ -85,7 +87,7 @@ def test_ticks_with_and_without_duties_are_read_as_they_were_written() -> None:
         assert msgspec.json.decode(msgspec.json.encode(sent), type=Sent) == sent
 
 
-def verdict_of(config: Config, inputs) -> tuple[str, ...]:
+def verdict_of(config: Config, inputs) -> tuple[Reason, ...]:
     memory = good_memory()
     return judge(inputs, estimate(inputs, memory, config), memory.aim, memory, config, None).reasons
 
@@ -95,7 +97,7 @@ def with_hood(bench: Bench):
     inputs, good = bench.inputs, good_inputs()
     hood = replace(inputs.hood_motor, t_ns=good.t_ns, heartbeat_t_ns=good.t_ns, errors_t_ns=good.t_ns,
                    velocity_rad_s=0.0, position_rad=good.hood_motor.position_rad)
-    faults = tuple(fault for fault in inputs.faults if "button box" not in fault)
+    faults = tuple(fault for fault in inputs.faults if not fault.code.startswith("box_"))
     return replace(good, hood_motor=hood, faults=faults)
 
 
@@ -108,11 +110,11 @@ def test_a_spark_that_is_driven_may_fire() -> None:
     assert verdict_of(SPARK_HOOD, inputs) == ()
     for state in (spark.UNKNOWN, spark.IDLE):
         released = replace(inputs, hood_motor=replace(inputs.hood_motor, axis_state=state))
-        assert verdict_of(SPARK_HOOD, released)[0] == f"hood motor is not under control (state {state})"
+        assert verdict_of(SPARK_HOOD, released)[0] == MOTOR_NOT_DRIVEN(motor="hood motor", state=state)
 
 
 @pytest.mark.parametrize(("spoilt", "reason"), [
-    ({"major": 24}, "hood motor: spark 3 runs firmware 24.0.0; only 25 to 26 are understood here"),
+    ({"major": 24}, "hood motor: spark 3 runs firmware 24.0.0, expected 25 to 26: update it"),
     ({"status_0": struct.pack("<HH4B", 0, 1638, 0, 25, 0x20, 0)}, "hood motor: locked to a competition controller"),
 ])
 def test_what_it_refuses_is_a_hold_that_says_so_and_nothing_is_driven(spoilt, reason: str) -> None:
@@ -120,7 +122,7 @@ def test_what_it_refuses_is_a_hold_that_says_so_and_nothing_is_driven(spoilt, re
     for _ in range(50):
         sent = bench.tick(ASKED, 3, **spoilt)
         assert not [frame for frame in bench.bus.sent if frame.arbitration_id in (0x02050083, 0x02052C80)]
-    assert any(line.startswith(reason) for line in verdict_of(SPARK_HOOD, with_hood(bench)))
+    assert any(text(one).startswith(reason) for one in verdict_of(SPARK_HOOD, with_hood(bench)))
     assert sent.hood_torque_nm == 0.0 and isinstance(sent.duties, msgspec.UnsetType)
 
 
@@ -143,9 +145,9 @@ def test_advice_fires_on_what_another_controller_does() -> None:
     inputs = replace(inputs, flywheels=tuple(motors[:2]), hood_motor=motors[2], feeder=motors[3])
     assert verdict_of(config, inputs) == ()
     hot = replace(inputs, feeder=replace(inputs.feeder, axis_error=0x10))
-    assert verdict_of(config, hot) == ("feeder motor: too hot",)
+    assert verdict_of(config, hot) == (MOTOR_ERROR(motor="feeder motor", errors=("too hot",)),)
     idle = replace(inputs, feeder=replace(inputs.feeder, axis_state=1, axis_error=0))
-    assert verdict_of(only_advice("odrive"), idle)[-1] == "feeder motor is not under control (state 1)"
+    assert verdict_of(only_advice("odrive"), idle)[-1] == MOTOR_NOT_DRIVEN(motor="feeder motor", state=1)
 
 
 def test_two_axes_on_one_device_are_named() -> None:

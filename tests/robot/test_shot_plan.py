@@ -14,6 +14,7 @@ from truearc.robot.config.schema import Config, InputError, Prescribed, config_h
 from truearc.robot.config.shot_plan import load_plan, with_plan
 from truearc.robot.estimate import estimate
 from truearc.robot.gate.verdict import judge
+from truearc.robot.reasons import NOT_AT_PLACE
 from truearc.robot.types import Shot
 
 SHIPPED = Path(__file__).parents[2] / "robot" / "launcher.toml"
@@ -103,7 +104,7 @@ def test_from_another_place_it_holds_and_says_where_to_stand():
     memory = replace(good_memory(), aim=elsewhere)
     inputs = good_inputs(elsewhere.motor_ratio * CONFIG.rig.launcher.free_speed_rad_s, elsewhere.hood_deg)
     verdict = judge(inputs, estimate(inputs, memory, PLANNED), elsewhere, memory, PLANNED, None)
-    assert verdict.reasons == ("stand at 7.00 m",)
+    assert verdict.reasons == (NOT_AT_PLACE(place_m=7.0),)
 
 
 def test_marks_of_prescribed_shots_walk_nothing():

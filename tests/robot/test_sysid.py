@@ -8,14 +8,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
+from tests.robot.alike import codes
 from tests.robot.good_tick import CONFIG, HOOD_DEG, NOW_NS, good_inputs, good_memory, seconds
 from truearc.hw.devices.odrive.frames import IDLE
+from truearc.hw.fault_codes import CAN_BUS_OFF
 from truearc.hw.readings import ButtonEvent
+from truearc.robot import reasons as because
 from truearc.robot.config.schema import InputError
 from truearc.robot.control import RELEASED
 from truearc.robot.sysid.program import COAST, FLYWHEEL, HOME, HOOD, RAMP, READY, STEP, phases
-from truearc.robot.sysid.tick import DONE, make_step
+from truearc.robot.sysid.tick import make_step
 from truearc.robot.types import Memory, Progress
+
+GONE = because.CAN_LOST(cause=CAN_BUS_OFF(bus="CAN"))
 
 STEP_ONCE = make_step(CONFIG)
 PROGRAM = phases(CONFIG)
@@ -117,9 +122,13 @@ def test_it_waits_for_the_axes_and_gives_up_on_them():
     waits = tick(idle, running(0, since_s=1.0))
     assert waits.memory.identify.phase == 0 and waits.command.enable and waits.command.flywheel_torque_nm == 0.0
     gives_up = tick(idle, running(0, since_s=6.0))
-    assert "not under control" in gives_up.memory.identify.over and gives_up.command == RELEASED
+    assert because.MOTOR_NOT_DRIVEN.name in causes_of(gives_up) and gives_up.command == RELEASED
     goes_on = tick(good_inputs(0.0, HOOD_DEG), running(0, since_s=1.0))
     assert goes_on.memory.identify == Progress(1, NOW_NS)
+
+
+def causes_of(out):
+    return codes(out.memory.identify.over.params["causes"])
 
 
 def wheels(inputs, **keys):
@@ -139,29 +148,31 @@ def stale(inputs, joint):
     return replace(inputs, **{joint: replace(getattr(inputs, joint), t_ns=old)})
 
 
-@pytest.mark.parametrize(("phase", "spoil", "words"), [
-    (first(FLYWHEEL, STEP), lambda i: stale(i, "flywheel"), "flywheel motor 2 silent for 0.20 s"),
-    (first(FLYWHEEL, STEP), lambda i: stale(i, "hood_motor"), "hood motor silent"),
-    (first(HOOD, STEP), lambda i: stale(i, "encoder"), "hood encoder silent"),
-    (first(HOOD, COAST), lambda i: stale(i, "flywheel"), "flywheel motor 2 silent"),
-    (first(HOOD, STEP), lambda i: replace(i, hood_angle=None), "has never answered"),
-    (first(FLYWHEEL, STEP), lambda i: replace(i, faults=("CAN lost: gone",)), "CAN lost"),
-    (first(FLYWHEEL, RAMP), lambda i: wheels(i, axis_error=1), "flywheel motor 1: "),
-    (first(FLYWHEEL, STEP), lambda i: wheels(i, velocity_rad_s=520.0), "flywheel at 520 rad/s"),
-    (first(FLYWHEEL, STEP), lambda i: wheels(i, velocity_rad_s=math.nan), "flywheel at nan"),
-    (first(FLYWHEEL, STEP), lambda i: wheels(i, velocity_rad_s=-30.0), "turns against its torque"),
-    (first(FLYWHEEL, STEP), lambda i: one_wheel(i, velocity_rad_s=70.0), "belt"),
-    (first(HOOD, STEP), lambda i: replace(i, hood_motor=replace(i.hood_motor, velocity_rad_s=150.0)), "hood at 150"),
-    (first(HOOD, STEP), lambda i: replace(i, hood_motor=replace(i.hood_motor, position_rad=0.0)), "its screw"),
+@pytest.mark.parametrize(("phase", "spoil", "code"), [
+    (first(FLYWHEEL, STEP), lambda i: stale(i, "flywheel"), because.DEVICE_STALE),
+    (first(FLYWHEEL, STEP), lambda i: stale(i, "hood_motor"), because.DEVICE_STALE),
+    (first(HOOD, STEP), lambda i: stale(i, "encoder"), because.DEVICE_STALE),
+    (first(HOOD, COAST), lambda i: stale(i, "flywheel"), because.DEVICE_STALE),
+    (first(HOOD, STEP), lambda i: replace(i, hood_angle=None), because.DEVICE_NEVER_RECEIVED),
+    (first(FLYWHEEL, STEP), lambda i: replace(i, faults=(GONE,)), because.CAN_LOST),
+    (first(FLYWHEEL, RAMP), lambda i: wheels(i, axis_error=1), because.MOTOR_ERROR),
+    (first(FLYWHEEL, STEP), lambda i: wheels(i, velocity_rad_s=520.0), because.JOINT_OVERSPEED),
+    (first(FLYWHEEL, STEP), lambda i: wheels(i, velocity_rad_s=math.nan), because.JOINT_OVERSPEED),
+    (first(FLYWHEEL, STEP), lambda i: wheels(i, velocity_rad_s=-30.0), because.JOINT_BACKWARDS),
+    (first(FLYWHEEL, STEP), lambda i: one_wheel(i, velocity_rad_s=70.0), because.FLYWHEELS_DIFFER),
+    (first(HOOD, STEP), lambda i: replace(i, hood_motor=replace(i.hood_motor, velocity_rad_s=150.0)),
+     because.JOINT_OVERSPEED),
+    (first(HOOD, STEP), lambda i: replace(i, hood_motor=replace(i.hood_motor, position_rad=0.0)),
+     because.HOOD_ENCODERS_DISAGREE),
 ])
-def test_every_doubt_lets_go_of_everything_for_good(phase, spoil, words):
+def test_every_doubt_lets_go_of_everything_for_good(phase, spoil, code):
     joint = PROGRAM[phase].joint
     good = inputs_at(joint, 60.0)
-    assert not tick(good, running(phase)).memory.identify.over
+    assert tick(good, running(phase)).memory.identify.over is None
     out = tick(spoil(good), running(phase))
-    assert words in out.memory.identify.over
+    assert code.name in causes_of(out)
     assert out.command == RELEASED and not out.memory.armed
-    assert words in out.verdict.reasons[0] and not out.verdict.fire
+    assert out.verdict.reasons == (out.memory.identify.over,) and not out.verdict.fire
     again = tick(replace(good, buttons=pressed("arm")), out.memory)
     assert again.command == RELEASED and again.memory.identify == out.memory.identify
 
@@ -169,16 +180,16 @@ def test_every_doubt_lets_go_of_everything_for_good(phase, spoil, words):
 @pytest.mark.parametrize("button", ["arm", "fire", "reject", "three"])
 def test_any_button_is_a_release(button):
     out = tick(inputs_at(FLYWHEEL, 60.0, buttons=pressed(button)), running(first(FLYWHEEL, STEP)))
-    assert out.command == RELEASED and button in out.memory.identify.over
+    assert out.command == RELEASED and out.memory.identify.over == because.IDENTIFY_RELEASED(button=button)
 
 
 @pytest.mark.parametrize(("hood_deg", "rad_s", "ends"), [
     (70.0, 50.0, True), (70.0, -50.0, False), (70.0, 0.0, False), (18.0, -50.0, True), (18.0, 50.0, False)])
 def test_the_hood_is_let_go_where_it_would_run_into_its_end(hood_deg, rad_s, ends):
     out = tick(inputs_at(HOOD, rad_s, hood_deg), running(first(HOOD, STEP) + 1))
-    assert bool(out.memory.identify.over) == ends
+    assert (out.memory.identify.over is not None) == ends
     if ends:
-        assert "still moving outwards" in out.memory.identify.over and out.command == RELEASED
+        assert causes_of(out) == [because.HOOD_AT_LIMIT.name] and out.command == RELEASED
 
 
 def test_a_phase_ends_at_its_speed_or_at_the_hoods_margin_and_coasting_at_rest():
@@ -193,18 +204,18 @@ def test_a_phase_ends_at_its_speed_or_at_the_hoods_margin_and_coasting_at_rest()
     assert tick(inputs_at(HOOD, 60.0, 50.0), running(up)).memory.identify.phase == up
 
 
-@pytest.mark.parametrize(("phase", "rad_s", "words"), [
-    (first(FLYWHEEL, STEP), 1.0, "does not turn at 0.3 Nm"),
-    (first(FLYWHEEL, STEP) + 1, 60.0, "still turns after 60 s"),
+@pytest.mark.parametrize(("phase", "rad_s", "reason"), [
+    (first(FLYWHEEL, STEP), 1.0, because.JOINT_NOT_TURNING(joint=FLYWHEEL, torque_nm=0.3)),
+    (first(FLYWHEEL, STEP) + 1, 60.0, because.JOINT_STILL_TURNING(joint=FLYWHEEL, limit_s=60.0)),
 ])
-def test_what_ought_to_have_moved_or_stopped_is_an_end(phase, rad_s, words):
+def test_what_ought_to_have_moved_or_stopped_is_an_end(phase, rad_s, reason):
     out = tick(inputs_at(FLYWHEEL, rad_s), running(phase, since_s=61.0))
-    assert words in out.memory.identify.over and out.command == RELEASED
+    assert out.memory.identify.over == because.IDENTIFY_STOPPED(causes=(reason,)) and out.command == RELEASED
 
 
 def test_the_last_phase_ends_in_done():
     out = tick(inputs_at(HOOD, 0.0), running(len(PROGRAM) - 1))
-    assert out.memory.identify.over == DONE and out.command == RELEASED
+    assert out.memory.identify.over == because.IDENTIFY_DONE() and out.command == RELEASED
 
 
 def test_only_one_joint_is_ever_driven_and_the_feeder_never():

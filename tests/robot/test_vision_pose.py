@@ -46,7 +46,7 @@ def test_errors_are_as_large_as_sigma_says():
                                rng.normal(0, CAMERA.pitch_sigma_deg))
         seen, _ = cv2.projectPoints(model_m, rvec, tvec, OPTICS.matrix, None)
         pose = solve_pose(seen.reshape(-1, 2) + rng.normal(0, 0.4, (4, 2)), 0.4**2 * np.eye(8), OPTICS, CAMERA, TAPE)
-        assert pose is not None and pose.doubt == ""
+        assert pose is not None and pose.doubt is None
         ratios.append((pose.distance_m - distance_m) / pose.sigma_m)
         costs.append(pose.cost)
     assert np.std(ratios) == pytest.approx(1.0, abs=0.1) and abs(np.mean(ratios)) < 0.15
@@ -119,7 +119,7 @@ def test_marks_that_no_mounting_explains_are_doubted():
     marks = seen.reshape(-1, 2)
     moved = marks + np.array([[0, 0], [0, 0], [0, 0], [4.0, -7.0]])
     clean, covered = (solve_pose(points, 0.25**2 * np.eye(8), OPTICS, CAMERA, TAPE) for points in (marks, moved))
-    assert clean is not None and clean.doubt == "" and (covered is None or covered.doubt)
+    assert clean is not None and clean.doubt is None and (covered is None or covered.doubt)
 
 
 def test_undistort_inverts_distort():

@@ -16,12 +16,14 @@ from truearc import robot
 from truearc.cli.main import main
 from truearc.cli.robot.run_processes import ThreeProcesses
 from truearc.hw.emulated.imaging.picture_server import PictureServer
+from truearc.hw.fault_codes import CAMERA_SILENT, PROCESS_KILLED
 from truearc.hw.protocols import LinkLost
 from truearc.hw.readings import CameraFrame
 from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.shared_latest import Slots
 from truearc.robot.config.schema import load_config
 from truearc.robot.processes.vision import FarEyes, make_room, watch
+from truearc.robot.reasons import IMAGE_DARK, VISION_FAILED, VISION_UNRESPONSIVE
 from truearc.robot.types import Sighting
 from truearc.robot.vision_source import InlineEyes
 
@@ -54,7 +56,7 @@ class Views:
 def see(frame):
     if frame.image[0, 0, 0] == 13:
         raise ZeroDivisionError("thirteen")
-    return Sighting(frame.t_ns, False, "dark", sigma_m=1 / 3)
+    return Sighting(frame.t_ns, False, IMAGE_DARK(), sigma_m=1 / 3)
 
 
 def frame(value):
@@ -64,7 +66,7 @@ def frame(value):
 def told(*views):
     """What eyes say, one view after the other, and the picture then."""
     slots, clock = Slots(bytearray(ROOM.bytes), ROOM), Time()
-    eyes = FarEyes(slots, lambda: "", clock)
+    eyes = FarEyes(slots, lambda: None, clock)
     said = []
     for view in views:
         looks = iter([False, True])
@@ -72,7 +74,7 @@ def told(*views):
         try:
             said.append(eyes.read())
         except LinkLost as error:
-            said.append(str(error))
+            said.append(error.reason)
     return said, eyes.picture()
 
 
@@ -83,33 +85,35 @@ def test_a_sighting_comes_over_to_the_bit_with_the_image_behind_it():
 
 
 def test_a_lost_camera_stays_lost_until_the_next_image():
-    gone = LinkLost("camera 0: unplugged")
+    gone = LinkLost(CAMERA_SILENT(camera="0"))
     said, _ = told(frame(7), gone, gone, None, frame(8))
-    assert said == [see(frame(7)), *["camera 0: unplugged"] * 3, see(frame(8))]
+    assert said == [see(frame(7)), *[gone.reason] * 3, see(frame(8))]
 
 
 def test_vision_that_fails_says_so_and_the_next_image_is_seen():
     said, _ = told(frame(13), None, frame(8))
-    assert said == [*["vision failed on an image (ZeroDivisionError: thirteen)"] * 2, see(frame(8))]
+    failed = VISION_FAILED(detail="ZeroDivisionError: thirteen")
+    assert said == [failed, failed, see(frame(8))]
     eyes = InlineEyes(Views(frame(13), frame(8)), see)
-    with pytest.raises(LinkLost, match=r"vision failed on an image \(ZeroDivisionError: thirteen\)"):
+    with pytest.raises(LinkLost) as lost:
         eyes.read()
+    assert lost.value.reason == failed
     assert eyes.read() == see(frame(8))
 
 
 def test_an_image_of_another_size_is_said():
     said, picture = told(CameraFrame(1, np.zeros((7, 8, 3), np.uint8)))
-    assert "vision failed" in said[0] and "there is room for" in said[0] and picture is None
+    assert said[0].code == VISION_FAILED.name and "there is room for" in said[0].params["detail"] and picture is None
 
 
 def test_a_process_that_does_not_stir_does_not_answer():
     slots, clock = Slots(bytearray(ROOM.bytes), ROOM), Time()
-    eyes = FarEyes(slots, lambda: "", clock)
+    eyes = FarEyes(slots, lambda: None, clock)
     slots.beat(clock.t_ns)
     clock.t_ns += 1_400_000_000
     assert eyes.read() is None
     clock.t_ns += 200_000_000
-    with pytest.raises(LinkLost, match="the vision process does not answer"):
+    with pytest.raises(LinkLost, match="vision_unresponsive"):
         eyes.read()
 
 
@@ -140,7 +144,7 @@ class Scene:
             try:
                 answer = self.eyes.read()
             except LinkLost as error:
-                answer = str(error)
+                answer = error.reason
             if answer is not None and true(answer):
                 return answer
             time.sleep(0.002)
@@ -163,7 +167,7 @@ def test_killed_vision_is_told_at_once_and_comes_back(scene):
     picture = scene.eyes.picture()
     assert picture is None or picture.image.shape == (48, 64, 3)
     os.kill(scene.child.pid, signal.SIGKILL)
-    scene.until(lambda answer: answer == "the vision process ended (signal 9)", 1.0)
+    scene.until(lambda answer: answer == PROCESS_KILLED(process="vision", signal=9), 1.0)
     before = time.monotonic_ns()
     sighting = scene.until(is_seen)
     scene.until(lambda answer: is_seen(answer) and answer.t_ns > max(before, sighting.t_ns))
@@ -174,7 +178,7 @@ def test_killed_vision_is_told_at_once_and_comes_back(scene):
 def test_stopped_vision_is_old_then_silent_and_goes_on_where_it_can(scene):
     scene.until(is_seen)
     os.kill(scene.child.pid, signal.SIGSTOP)
-    scene.until(lambda answer: answer == "the vision process does not answer", 3.0)
+    scene.until(lambda answer: answer == VISION_UNRESPONSIVE(), 3.0)
     os.kill(scene.child.pid, signal.SIGCONT)
     now = time.monotonic_ns()
     scene.until(lambda answer: is_seen(answer) and answer.t_ns > now)      # and not what it had seen before
@@ -184,7 +188,7 @@ def test_stopped_vision_is_old_then_silent_and_goes_on_where_it_can(scene):
 def test_a_camera_that_stops_is_lost_in_the_cameras_words(scene):
     scene.until(is_seen)
     scene.over.set()
-    assert "camera http://" in scene.until(lambda answer: not is_seen(answer))
+    assert "http://" in scene.until(lambda answer: not is_seen(answer)).params["camera"]
 
 
 @pytest.mark.parametrize("layout", ["one", "three"])

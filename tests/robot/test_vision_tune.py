@@ -20,6 +20,7 @@ from truearc.cli.robot.tune_server import TuneServer
 from truearc.cli.robot.vision_tune import Live, Recorded, Tuner, find_pictures
 from truearc.hw.emulated.imaging.camera import EmulatedCamera
 from truearc.hw.emulated.static_plant import Stage, place
+from truearc.hw.fault_codes import CAMERA_SILENT
 from truearc.hw.protocols import LinkLost
 from truearc.hw.readings import CameraFrame
 from truearc.robot.config.schema import CameraFile, InputError, load_config, load_toml
@@ -174,7 +175,7 @@ class Fake:
 
     def read(self):
         if not self.frames:
-            raise LinkLost("camera fake: gives no images")
+            raise LinkLost(CAMERA_SILENT(camera="fake"))
         return self.frames.pop(0)
 
     def close(self) -> None:

@@ -5,10 +5,11 @@ from msgspec.structs import replace
 
 from tests.robot.good_tick import CONFIG, NOW_NS, good_inputs
 from truearc.robot.processes.watchdog_rig import WatchedRig, first_missing
+from truearc.robot.reasons import BOX_SILENT, IMAGE_DARK
 from truearc.robot.types import Command, Sent, Sighting
 
 IDLE = Command(False, 0.0, 0.0, 0.0)
-SEEN = Sighting(NOW_NS - 50_000_000, False, "dark")
+SEEN = Sighting(NOW_NS - 50_000_000, False, IMAGE_DARK())
 
 
 class Given:
@@ -67,7 +68,7 @@ def test_not_ready_before_everything_has_been_heard():
     ({"flywheels": "old"}, "flywheel motor 2"),
     ({"feeder": "mute"}, "feeder motor"),
     ({"hood_angle": None}, "hood encoder"),
-    ({"faults": ("button box silent: outcomes cannot be marked",)}, "button box silent: outcomes cannot be marked"),
+    ({"faults": (BOX_SILENT(),)}, "button box: no heartbeat, outcomes cannot be marked"),
 ])
 def test_what_is_missing_is_named(changes, missing):
     inputs = good_inputs()

@@ -6,6 +6,7 @@ from truearc.hw.encoder_plausibility import Agreement
 from truearc.hw.motor import Order
 from truearc.hw.protocols import Frame
 from truearc.hw.readings import MotorReading
+from truearc.hw.reason import Reason
 
 Parse = Callable[[Frame, MotorReading], MotorReading]
 
@@ -29,9 +30,9 @@ class AdvisoryMotor:
         before, self.reading = self.reading, self._parse(frame, self.reading)
         self._agreement.take(before, self.reading)
 
-    def faults(self, t_ns: int) -> tuple[str, ...]:
-        stuck = self._agreement.fault("its controller", self.reading)
-        return (stuck,) if stuck else ()
+    def faults(self, t_ns: int) -> tuple[Reason, ...]:
+        fault = self._agreement.fault("its controller", self.reading)
+        return () if fault is None else (fault,)
 
     def order(self, torque_nm: float | None, t_ns: int) -> Order:
         return Order()

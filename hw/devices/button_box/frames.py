@@ -13,7 +13,9 @@ import re
 
 from msgspec import Struct
 
+from truearc.hw.fault_codes import BOX_LINES_REFUSED
 from truearc.hw.readings import ButtonEvent
+from truearc.hw.reason import Reason
 
 BUTTONS = ("arm", "fire", "miss-low", "miss-high", "two", "three", "reject")
 HEARTBEAT_NS = 500_000_000
@@ -48,8 +50,8 @@ def lost_presses(previous_seq: int, seq: int) -> int:
     return (seq - previous_seq - 1) % SEQ_COUNT
 
 
-def parse_lines(pending: bytes, data: bytes, t_ns: int) -> tuple[list[ButtonEvent | BoxHeartbeat], bytes, list[str]]:
-    """Events in `pending + data`, the rest to hand in next time, and at most one fault in words.
+def parse_lines(pending: bytes, data: bytes, t_ns: int) -> tuple[list[ButtonEvent | BoxHeartbeat], bytes, list[Reason]]:
+    """Events in `pending + data`, the rest to hand in next time, and at most one fault.
 
     `pending` is the rest of the previous call (empty at first); `t_ns` stamps every event. Garbage gives faults, never
     an exception and never an event, and the rest is never longer than a line.
@@ -67,8 +69,9 @@ def parse_lines(pending: bytes, data: bytes, t_ns: int) -> tuple[list[ButtonEven
     if len(rest) > LONGEST:
         refused.append(rest)
         rest = rest[-LONGEST:]
-    faults = [f"{len(refused)} lines refused, first {refused[0][:LONGEST]!r}"] if refused else []
-    return events, rest, faults
+    if not refused:
+        return events, rest, []
+    return events, rest, [BOX_LINES_REFUSED(lines=len(refused), first=refused[0][:LONGEST].decode("latin-1"))]
 
 
 def _parse(body: bytes, t_ns: int) -> ButtonEvent | BoxHeartbeat | None:

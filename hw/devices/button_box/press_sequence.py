@@ -1,18 +1,20 @@
-"""Every press once: what the numbers on a button box's lines say of presses lost and told twice. No IO, no clock."""
+"""Every press once: presses lost and sent twice, by the numbers on a button box's lines. No IO, no clock."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
 
 from truearc.hw.devices.button_box.frames import HEARTBEAT_NS, SEQ_COUNT, BoxHeartbeat, lost_presses
+from truearc.hw.fault_codes import BOX_PRESSES_LOST, BOX_PRESSES_REPEATED, BOX_RESTARTED
 from truearc.hw.readings import ButtonEvent
+from truearc.hw.reason import Reason
 
 
 class Counted(NamedTuple):
-    """What came of some lines. `missed`: what the box did that lost presses may be due to, in words; "" for nothing."""
+    """What came of some lines. `missed`: the newest fault by which presses may be lost; None: there is none."""
 
     presses: list[ButtonEvent]
-    faults: list[str]
-    missed: str
+    faults: list[Reason]
+    missed: Reason | None
 
 
 class PressCount:
@@ -27,10 +29,10 @@ class PressCount:
         self._press: ButtonEvent | None = None
 
     def take(self, events: Sequence[ButtonEvent | BoxHeartbeat]) -> Counted:
-        """The presses among what the box has said, and what is wrong with their numbers, in words."""
+        """The presses among what the box has said, and what is wrong with their numbers."""
         presses: list[ButtonEvent] = []
-        faults: list[str] = []
-        twice, missed = 0, ""
+        faults: list[Reason] = []
+        twice = 0
         for event in events:
             if isinstance(event, ButtonEvent):
                 if self._is_known(event):
@@ -43,10 +45,9 @@ class PressCount:
             self._seq = event.seq
             if lost:
                 # Half the count ahead is behind: a box that was without power counts from the start again.
-                restarted = lost >= SEQ_COUNT // 2
-                faults.append("restarted" if restarted else f"{lost} presses lost")
-                missed = "has restarted" if restarted else "lost presses"
-        return Counted(presses, faults + ([f"{twice} presses told twice"] if twice else []), missed)
+                faults.append(BOX_RESTARTED() if lost >= SEQ_COUNT // 2 else BOX_PRESSES_LOST(presses=lost))
+        missed = faults[-1] if faults else None
+        return Counted(presses, faults + ([BOX_PRESSES_REPEATED(presses=twice)] if twice else []), missed)
 
     def _is_known(self, event: ButtonEvent) -> bool:
         last = self._press

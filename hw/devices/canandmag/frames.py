@@ -9,6 +9,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from truearc.hw.codec import Values, load_codec
+from truearc.hw.fault_codes import FRAME_UNEXPECTED, PERIOD_RANGE
 from truearc.hw.protocols import BadFrame, Frame
 from truearc.hw.readings import AngleReading
 
@@ -49,7 +50,7 @@ def ids_sent_by(encoder: Encoder, node: str) -> tuple[int, ...]:
 def make_position_period(encoder: Encoder, period_ms: int) -> Frame:
     """Ask for an angle every `period_ms` (1-65535) until the next power-down."""
     if not 1 <= period_ms <= 65535:
-        raise BadFrame(f"canandmag device {encoder.device}: a period of {period_ms} ms is not in 1 to 65535")
+        raise BadFrame(PERIOD_RANGE(device=f"canandmag device {encoder.device}", period_ms=period_ms))
     return _make(encoder, "SET_SETTING", {"setting": POSITION_PERIOD_SETTING, "value": period_ms, "ephemeral": 1})
 
 
@@ -68,8 +69,9 @@ def parse(encoder: Encoder, frame: Frame, previous: AngleReading | None) -> Angl
         if base_id == codec.base_id("STATUS"):
             return _with_faults(int(codec.parse("STATUS", frame.data)["faults"]), frame.t_ns, previous)
     except BadFrame as error:
-        raise BadFrame(f"canandmag device {encoder.device}, id 0x{frame.arbitration_id:08x}: {error}") from error
-    raise BadFrame(f"canandmag device {encoder.device}: frame 0x{frame.arbitration_id:08x} is not one of its readings")
+        raise BadFrame(error.reason.about(device=f"canandmag device {encoder.device}", frame=frame.name)) from error
+    raise BadFrame(FRAME_UNEXPECTED(device=f"canandmag device {encoder.device}", frame=frame.name,
+                                    wanted="one of its readings"))
 
 
 def _with_angle(values: Values, t_ns: int, previous: AngleReading | None) -> AngleReading:

@@ -12,8 +12,10 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from truearc.hw.codec import Values, load_codec
+from truearc.hw.fault_codes import ENDSTOP_VALUE, FRAME_UNEXPECTED
 from truearc.hw.protocols import BadFrame, Frame
 from truearc.hw.readings import MotorReading
+from truearc.hw.reason import Reason
 
 REVOLUTION_RAD = 2.0 * math.pi
 
@@ -149,7 +151,7 @@ def parse(axis: OdriveAxis, frame: Frame, previous: MotorReading) -> MotorReadin
         return previous
     message = READINGS.get(frame.arbitration_id - (axis.node << 5))
     if message is None:
-        raise BadFrame(f"odrive node {axis.node}: frame 0x{frame.arbitration_id:03x} is not one of its readings")
+        raise BadFrame(_unexpected(axis, frame, "one of its readings"))
     values = _parse(axis, message, frame)
     sign, t_ns = axis.direction, frame.t_ns
     if message == "Get_Encoder_Estimates":
@@ -170,7 +172,7 @@ def parse(axis: OdriveAxis, frame: Frame, previous: MotorReading) -> MotorReadin
 def parse_version(axis: OdriveAxis, frame: Frame) -> OdriveVersion:
     """Hardware (line, version, variant) and firmware (major, minor, revision); BadFrame for anything else."""
     if frame.arbitration_id != version_id(axis) or frame.is_remote:
-        raise BadFrame(f"odrive node {axis.node}: frame 0x{frame.arbitration_id:03x} is not its version")
+        raise BadFrame(_unexpected(axis, frame, "its version"))
     values = {name: int(value) for name, value in _parse(axis, "Get_Version", frame).items()}
     return OdriveVersion((values["hardware_line"], values["hardware_version"], values["hardware_variant"]),
                    (values["firmware_major"], values["firmware_minor"], values["firmware_revision"]))
@@ -179,7 +181,7 @@ def parse_version(axis: OdriveAxis, frame: Frame) -> OdriveVersion:
 def parse_parameter(axis: OdriveAxis, frame: Frame) -> tuple[int, bytes]:
     """The parameter's number and its four bytes (shorter ones come first); BadFrame for anything else."""
     if frame.arbitration_id != parameter_id(axis) or frame.is_remote:
-        raise BadFrame(f"odrive node {axis.node}: frame 0x{frame.arbitration_id:03x} is not a parameter of it")
+        raise BadFrame(_unexpected(axis, frame, "a parameter of it"))
     values = _parse(axis, "TxSdo", frame)
     return int(values["endpoint"]), int(values["value"]).to_bytes(4, "little")
 
@@ -188,7 +190,7 @@ def _with_endstop(axis: OdriveAxis, values: Values, t_ns: int, previous: MotorRe
     if not axis.endstop_endpoint or values["endpoint"] != axis.endstop_endpoint:
         return previous
     if values["value"] not in (0, 1):
-        raise BadFrame(f"odrive node {axis.node} TxSdo: a limit switch is 0 or 1, not {values['value']:g}")
+        raise BadFrame(ENDSTOP_VALUE(device=f"odrive node {axis.node}", value=values["value"]))
     return replace(previous, endstop_t_ns=t_ns, endstop=values["value"] == 1)
 
 
@@ -204,4 +206,8 @@ def _parse(axis: OdriveAxis, message: str, frame: Frame) -> dict[str, float]:
     try:
         return load_codec("odrive").parse(message, data)
     except BadFrame as error:
-        raise BadFrame(f"odrive node {axis.node}, id 0x{frame.arbitration_id:03x}: {error}") from error
+        raise BadFrame(error.reason.about(device=f"odrive node {axis.node}", frame=frame.name)) from error
+
+
+def _unexpected(axis: OdriveAxis, frame: Frame, wanted: str) -> Reason:
+    return FRAME_UNEXPECTED(device=f"odrive node {axis.node}", frame=frame.name, wanted=wanted)

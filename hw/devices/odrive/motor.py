@@ -5,6 +5,7 @@ from truearc.hw.encoder_plausibility import Agreement
 from truearc.hw.motor import Order
 from truearc.hw.protocols import Frame
 from truearc.hw.readings import MotorReading
+from truearc.hw.reason import Reason
 
 RETRY_NS = 100_000_000                # how often an axis that will not come up is asked again
 ENDSTOP_NS = 50_000_000               # how often the limit switch is read
@@ -29,9 +30,9 @@ class OdriveMotor:
         before, self.reading = self.reading, odrive.parse(self._axis, frame, self.reading)
         self._agreement.take(before, self.reading)
 
-    def faults(self, t_ns: int) -> tuple[str, ...]:
+    def faults(self, t_ns: int) -> tuple[Reason, ...]:
         fault = self._agreement.fault(f"odrive node {self._axis.node}", self.reading)
-        return (fault,) if fault else ()
+        return () if fault is None else (fault,)
 
     def order(self, torque_nm: float | None, t_ns: int) -> Order:
         wanted = torque_nm is not None

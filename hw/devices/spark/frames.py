@@ -14,8 +14,10 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from truearc.hw.codec import Values, load_codec
+from truearc.hw.fault_codes import FRAME_UNEXPECTED, PARAMETER_VALUE
 from truearc.hw.protocols import BadFrame, Frame
 from truearc.hw.readings import MotorReading
+from truearc.hw.reason import Reason
 
 RPM_RAD_S = 2.0 * math.pi / 60.0
 REVOLUTION_RAD = 2.0 * math.pi
@@ -35,8 +37,8 @@ FAULTS = 0xFF
 ERROR_WORDS = (
     (0x01, "unnamed fault"), (0x02, "motor type"), (0x04, "sensor"), (0x08, "CAN"), (0x10, "too hot"),
     (0x20, "gate driver"), (0x40, "controller's memory"), (0x80, "firmware"),
-    (HAS_RESET, "has reset (was the supply interrupted?)"),
-    (LOCKED, "locked to a competition controller's heartbeat: it obeys nobody else until its power is cycled"),
+    (HAS_RESET, "reset (was the supply interrupted?)"),
+    (LOCKED, "locked to a competition controller until its power is cycled"),
 )
 RESET_WARNING = 0x40                              # among STATUS_1's warnings
 
@@ -165,7 +167,7 @@ def setting_value(parameter: int, bits: int) -> float:
         return float(bits)
     value = float(struct.unpack("<f", bits.to_bytes(4, "little"))[0])
     if not math.isfinite(value):
-        raise BadFrame(f"spark parameter {parameter}: {value:g}")
+        raise BadFrame(PARAMETER_VALUE(parameter=parameter, value=value))
     return value
 
 
@@ -179,7 +181,7 @@ def parse(axis: SparkAxis, frame: Frame, previous: MotorReading) -> MotorReading
         return previous
     message = next((name for name in READINGS if frame_id(axis, name) == frame.arbitration_id), None)
     if message is None:
-        raise BadFrame(f"spark {axis.device}: frame 0x{frame.arbitration_id:08x} is not one of its readings")
+        raise BadFrame(_unexpected(axis, frame, "one of its readings"))
     values, sign, t_ns = _parse(axis, message, frame), axis.direction, frame.t_ns
     if message == "STATUS_2":
         return replace(previous, t_ns=t_ns, position_rad=sign * REVOLUTION_RAD * values["position_rev"],
@@ -237,8 +239,12 @@ def _make(axis: SparkAxis, message: str, values: Values) -> Frame:
 
 def _parse(axis: SparkAxis, message: str, frame: Frame) -> dict[str, float]:
     if frame.arbitration_id != frame_id(axis, message) or frame.is_remote:
-        raise BadFrame(f"spark {axis.device}: frame 0x{frame.arbitration_id:08x} is not its {message}")
+        raise BadFrame(_unexpected(axis, frame, f"its {message}"))
     try:
         return load_codec("spark").parse(message, frame.data)
     except BadFrame as error:
-        raise BadFrame(f"spark {axis.device}, id 0x{frame.arbitration_id:08x}: {error}") from error
+        raise BadFrame(error.reason.about(device=f"spark {axis.device}", frame=frame.name)) from error
+
+
+def _unexpected(axis: SparkAxis, frame: Frame, wanted: str) -> Reason:
+    return FRAME_UNEXPECTED(device=f"spark {axis.device}", frame=frame.name, wanted=wanted)

@@ -5,9 +5,19 @@ from msgspec.structs import replace
 from truearc.hw.dc_motor import DcMotor, duty_for, torque_of
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.encoder_plausibility import Agreement
+from truearc.hw.fault_codes import (
+    FRAME_UNEXPECTED,
+    SPARK_FAULTS_STALE,
+    SPARK_FIRMWARE_UNKNOWN,
+    SPARK_FIRMWARE_UNSUPPORTED,
+    SPARK_NOT_DRIVING,
+    SPARK_SETTINGS_UNCONFIRMED,
+    SPARK_STATUS_OFF,
+)
 from truearc.hw.motor import Order
 from truearc.hw.protocols import BadFrame, Frame
 from truearc.hw.readings import MotorReading
+from truearc.hw.reason import Reason
 
 MS = 1_000_000
 RETRY_NS = 100 * MS                   # how often a question without an answer is asked again
@@ -78,14 +88,14 @@ class SparkMotor:
     def take(self, frame: Frame) -> None:
         taker = self._takers.get(frame.arbitration_id)
         if taker is None:
-            raise BadFrame(f"spark {self._axis.device}: frame 0x{frame.arbitration_id:08x} is not one of its own")
+            raise BadFrame(FRAME_UNEXPECTED(device=f"spark {self._axis.device}", frame=frame.name,
+                                            wanted="one of its own"))
         taker(frame)
 
-    def faults(self, t_ns: int) -> tuple[str, ...]:
-        if fault := self._setup_fault() or self._driving_fault(t_ns):
-            return (f"spark {self._axis.device} {fault}",)
-        stuck = self._agreement.fault(f"spark {self._axis.device}", self.reading)
-        return (stuck,) if stuck else ()
+    def faults(self, t_ns: int) -> tuple[Reason, ...]:
+        fault = (self._setup_fault() or self._driving_fault(t_ns)
+                 or self._agreement.fault(f"spark {self._axis.device}", self.reading))
+        return () if fault is None else (fault,)
 
     def order(self, torque_nm: float | None, t_ns: int) -> Order:
         if self._statuses_on and t_ns - max(self.reading.t_ns, self._statuses_ns) > STALE_NS:
@@ -158,17 +168,18 @@ class SparkMotor:
             return [spark.make_statuses(self._axis, spark.STATUSES)]
         return [spark.make_setting(self._axis, parameter, value) for parameter, value in self._unset.items()]
 
-    def _setup_fault(self) -> str:
+    def _setup_fault(self) -> Reason | None:
+        device = self._axis.device
         if self._version is None:
-            return "has not said which firmware it runs"
+            return SPARK_FIRMWARE_UNKNOWN(spark=device)
         if not self._speaks_our_frames():
-            return (f"runs firmware {'.'.join(map(str, self._version))}; only {spark.OLDEST_FIRMWARE} to "
-                    f"{spark.NEWEST_FIRMWARE} are understood here: update it with its maker's tool")
+            return SPARK_FIRMWARE_UNSUPPORTED(spark=device, version=".".join(map(str, self._version)),
+                                              oldest=spark.OLDEST_FIRMWARE, newest=spark.NEWEST_FIRMWARE)
         if not self._statuses_on:
-            return "has not turned its status frames on"
+            return SPARK_STATUS_OFF(spark=device)
         if self._unset:
-            return f"has not taken parameters {', '.join(map(str, self._unset))}"
-        return ""
+            return SPARK_SETTINGS_UNCONFIRMED(spark=device, parameters=tuple(self._unset))
+        return None
 
     # --- driving
 
@@ -208,11 +219,10 @@ class SparkMotor:
         elif t_ns - self._heeded_ns > DEAF_NS:
             self._deaf = True
 
-    def _driving_fault(self, t_ns: int) -> str:
+    def _driving_fault(self, t_ns: int) -> Reason | None:
         if not _is_young(self.reading.errors_t_ns or 0, t_ns, FAULTS_STALE_NS):
-            return "says nothing of its faults"
-        return "applies nothing of the duty that it is sent: a limit switch, or another's heartbeat?" if (
-            self._deaf) else ""
+            return SPARK_FAULTS_STALE(spark=self._axis.device)
+        return SPARK_NOT_DRIVING(spark=self._axis.device) if self._deaf else None
 
     def _note_state(self, state: int) -> None:
         if self.reading.axis_state != state:

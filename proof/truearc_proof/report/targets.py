@@ -1,4 +1,4 @@
-"""The design's targets (discovery.md, section 8) for a round of proof, each beside what was reached."""
+"""Targets that were set before the first round of proof, each beside the figure that was reached."""
 
 import math
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""What somebody says of a sealed world, as far as whoever marks it must be able to read it (docs/formats.md)."""
+"""Claims about sealed worlds: the fields of `truearc.finding/1` that a grader reads (docs/challenge.md)."""
 
 from pathlib import Path
 from typing import Any

@@ -1,4 +1,4 @@
-"""A finding against the truth: what was right, world by world. Reads findings as formats.md section 2 has them."""
+"""Score of one finding (`truearc.finding/1`) against the truth of its world."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any

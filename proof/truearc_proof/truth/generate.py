@@ -1,4 +1,4 @@
-"""A concealed world -> the dataset that a solver gets, in memory or in formats.md's files."""
+"""Dataset of a concealed world, as a solver gets it: in memory, or as a folder with rig.toml and shots.csv."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -30,7 +30,7 @@ def shoot(world: World) -> Dataset:
 
 
 def write(world: World, directory: str | Path) -> Dataset:
-    """Shoot, and save it as formats.md has it; BadInput when the directory is not new or empty."""
+    """Shoot, and save the dataset as a folder; InputError when the directory is not new or empty."""
     dataset = replace(shoot(world), name=Path(directory).resolve().name)
     save_dataset(directory, dataset)
     return dataset

@@ -1,6 +1,6 @@
 """Which worlds a round of proof is made of: drawn from one number, in shares and sizes that the solver does not know.
 
-Shares follow the design (discovery.md section 7), sizes a ladder in lambda: how plain the effect is in such data
+Shares follow the design, sizes a ladder in lambda: how plain the effect is in such data
 (proof/truearc_proof/truth/ladder.toml), not how large somebody thinks it usually is. Nothing here is
 truearc.sim.physics.
 """

@@ -9,10 +9,12 @@ from typing import IO
 import msgspec
 from mcap.writer import CompressionType, Writer
 
+from truearc.robot.reasons import texts
 from truearc.robot.recording.export.tabular import BOOL, FLOAT, FLOATS, INT, TEXT, TEXTS, Column, FlatTicks, Value
 from truearc.robot.recording.export.wpilog import WpilogWriter, make_payload
 from truearc.robot.recording.reader import TickReader
-from truearc.robot.recording.session import Trial, load_session_config, load_trials
+from truearc.robot.recording.rows import Trial
+from truearc.robot.recording.session import load_session_config, load_trials
 from truearc.robot.types import Tick
 
 TRIAL_COLUMNS = (
@@ -50,7 +52,7 @@ class ExportRows:
 def trial_row(trial: Trial) -> list[Value]:
     """One marked trial under TRIAL_COLUMNS."""
     outcome, shot = trial.outcome, trial.shot
-    row: list[Value] = [outcome.trial, outcome.t_ns, outcome.outcome, outcome.reasons]
+    row: list[Value] = [outcome.trial, outcome.t_ns, outcome.outcome, texts(outcome.reasons)]
     if shot is None:
         return row + [None] * (len(TRIAL_COLUMNS) - len(row))
     return [*row, shot.t_ns, shot.config_id, shot.distance_m, shot.distance_sigma_m, shot.hood_deg, shot.motor_ratio,
@@ -94,7 +96,7 @@ def write_mcap(rows: ExportRows, file: IO[bytes]) -> None:
     writer.start(profile="", library="truearc")
     channels = {}
     for topic, kind in (("/tick", Tick), ("/trial", Trial)):
-        schema = msgspec.json.encode(msgspec.json.schema(kind))
+        schema = rows.reader.rows.schema(kind)
         schema_id = writer.register_schema(f"truearc.{kind.__name__}", "jsonschema", schema)
         channels[topic] = writer.register_channel(topic, "json", schema_id)
     for tick, data in rows.ticks():
@@ -102,7 +104,7 @@ def write_mcap(rows: ExportRows, file: IO[bytes]) -> None:
         writer.add_message(channels["/tick"], t_ns, data, t_ns, rows.count - 1)
     for number, trial in enumerate(rows.trials):
         t_ns = trial.outcome.t_ns
-        writer.add_message(channels["/trial"], t_ns, msgspec.json.encode(trial), t_ns, number)
+        writer.add_message(channels["/trial"], t_ns, rows.reader.rows.encode_trial(trial), t_ns, number)
     writer.finish()
 
 

@@ -7,6 +7,8 @@ from typing import Any, NamedTuple
 import msgspec
 
 from truearc.hw.readings import ButtonEvent
+from truearc.hw.reason import Reason
+from truearc.robot.reasons import text
 from truearc.robot.types import Outcome, Tick
 
 FLOAT, INT, BOOL, TEXT, TEXTS, FLOATS = "float", "int", "bool", "text", "texts", "floats"
@@ -21,6 +23,7 @@ KINDS = {msgspec.inspect.FloatType: FLOAT, msgspec.inspect.IntType: INT, msgspec
 # What one of several, as many as there happen to be, is called
 WORDS: dict[type, Callable[[Any], str]] = {
     ButtonEvent: lambda event: event.button,
+    Reason: text,
     Outcome: lambda outcome: f"trial {outcome.trial} {outcome.outcome}",
 }
 
@@ -42,6 +45,8 @@ class FlatTicks:
         if isinstance(info, msgspec.inspect.UnionType):
             inner = next(kind for kind in info.types if not isinstance(kind, msgspec.inspect.NoneType))
             return self._maybe(inner, name)
+        if isinstance(info, msgspec.inspect.StructType) and info.cls is Reason:
+            return (Column(name, TEXT, ""),), lambda value: [text(value)]
         if isinstance(info, msgspec.inspect.StructType):
             parts = [(field.name, self._field(field, f"{name}.{field.name}" if name else field.name))
                      for field in info.fields]

@@ -13,12 +13,14 @@ from msgspec.structs import replace
 
 from truearc.hw.protocols import Frame, LinkLost
 from truearc.hw.readings import CameraFrame
+from truearc.hw.reason import Reason
 from truearc.robot.config.schema import Config, InputError, in_words
-from truearc.robot.motors import name_axes
+from truearc.robot.reasons import BAD_FRAME, CAN_LOST
 from truearc.robot.recording.candump import parse_candump
 from truearc.robot.recording.images import load_image, load_pictures
+from truearc.robot.recording.rows import RowFormat
 from truearc.robot.recording.session import CAN, FRAMES, INDEX
-from truearc.robot.rig import CAN_LOST, HardwareRig, ReplayRig
+from truearc.robot.rig import HardwareRig, ReplayRig
 from truearc.robot.types import Command, Inputs, Sent, Sighting
 from truearc.robot.vision import detect
 
@@ -40,16 +42,17 @@ class LoggedBus:
     def __init__(self, path: Path, done: Recomputed) -> None:
         self._path, self._done = path, done
         self._frames = self._read()
-        self._count, self._lost = 0, ""
+        self._count = 0
+        self._lost: Reason | None = None
 
     def turn(self, inputs: Inputs) -> None:
         """Go to the tick that had `inputs`."""
         self._count = inputs.frames
-        self._lost = next((fault[len(CAN_LOST):] for fault in inputs.faults if fault.startswith(CAN_LOST)), "")
+        self._lost = next((fault for fault in inputs.faults if fault.code == CAN_LOST.name), None)
 
     def read(self) -> list[Frame]:
-        if self._lost:
-            raise LinkLost(self._lost)
+        if self._lost is not None:
+            raise LinkLost(self._lost)            # that it was lost is taken as it was recorded
         frames = list(itertools.islice(self._frames, self._count))
         self._done.frames += len(frames)
         if len(frames) < self._count:
@@ -59,7 +62,7 @@ class LoggedBus:
     def write(self, frame: Frame) -> bool:
         return True
 
-    def faults(self) -> list[str]:
+    def faults(self) -> list[Reason]:
         return []
 
     def close(self) -> None: ...
@@ -81,14 +84,13 @@ class LoggedBus:
 class FramesRig:
     """A ReplayRig whose inputs are made anew by HardwareRig, out of the recorded frames and images."""
 
-    def __init__(self, ticks: ReplayRig, config: Config, session: Path) -> None:
+    def __init__(self, ticks: ReplayRig, config: Config, session: Path, rows: RowFormat) -> None:
         self.done = Recomputed(missing=int(not (session / FRAMES / INDEX).exists()))
-        self._ticks, self._config, self._session = ticks, config, session
+        self._ticks, self._config, self._session, self._rows = ticks, config, session, rows
         self._bus = LoggedBus(session / CAN, self.done)
         self._clock = _RecordedClock()
         self._rig = HardwareRig(config, self._bus, _NoBox(), _NoEyes(), self._clock, lambda: False)
         self._pictures = {picture.t_ns: picture for picture in load_pictures(session)}
-        self._ours = ("bad frame: ", *(f"{name}: " for name, _ in name_axes(config)))    # faults that frames tell
 
     def read(self) -> Inputs | None:
         recorded = self._ticks.read()
@@ -122,10 +124,17 @@ class FramesRig:
         return sighting if image is None else detect(image, self._config.camera, self._config.tape,
                                                      self._config.vision)
 
-    def _faults(self, recorded: tuple[str, ...], parsed: tuple[str, ...]) -> tuple[str, ...]:
+    def _faults(self, recorded: tuple[Reason, ...], parsed: tuple[Reason, ...]) -> tuple[Reason, ...]:
         """What the frames are at fault for now; what else was at fault then."""
-        again, was = (tuple(fault for fault in faults if fault.startswith(self._ours)) for faults in (parsed, recorded))
-        return recorded if again == was else again + tuple(fault for fault in recorded if fault not in was)
+        again, was = (tuple(filter(_is_of_frames, faults)) for faults in (parsed, recorded))
+        if self._rows.recorded(again) == was:
+            return recorded
+        return again + tuple(fault for fault in recorded if fault not in was)
+
+
+def _is_of_frames(fault: Reason) -> bool:
+    """Whether it is frames that show it."""
+    return fault.code == BAD_FRAME.name or "motor" in fault.params
 
 
 class _RecordedClock:

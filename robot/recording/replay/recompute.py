@@ -41,12 +41,11 @@ class Comparer:
 
     def __init__(self, rows: "RecordedRows") -> None:
         self._rows = rows
-        self._encoder = msgspec.json.Encoder()
 
     def record(self, tick: Tick, sent: Sent) -> None:
         if LATER not in self._rows.current:
             tick = replace(tick, memory=replace(tick.memory, aim_place_m=UNSET))
-        again = self._encoder.encode(replace(tick, sent=sent))
+        again = self._rows.format.encode_tick(replace(tick, sent=sent))
         if again != self._rows.current:
             raise Difference(_first_difference(self._rows.current, again))
 
@@ -61,6 +60,7 @@ class RecordedRows:
 
     def __init__(self, reader: TickReader) -> None:
         self._reader = reader
+        self.format = reader.rows
         self.current = b""
 
     def __iter__(self) -> Iterator[Tick]:
@@ -90,7 +90,7 @@ def replay_frames(session: Path) -> tuple[Replayed, Recomputed]:
     config, gate = load_session_config(session), load_session_gate(session)
     reader = TickReader(session)
     rows = RecordedRows(reader)
-    rig = FramesRig(ReplayRig(rows), config, session)
+    rig = FramesRig(ReplayRig(rows), config, session, rows.format)
     try:
         ticks = run(rig, config, gate, Comparer(rows), _think(session, config))
     except Difference as difference:

@@ -8,6 +8,7 @@ import msgspec
 from msgspec import Struct
 
 from truearc.hw.readings import CameraFrame
+from truearc.hw.reason import Reason
 from truearc.robot.config.schema import Config, InputError
 from truearc.robot.gate.model import Gate
 from truearc.robot.recording.export.tabular import FlatTicks, Value
@@ -39,7 +40,7 @@ class Flip(Struct):
 
     t_s: float
     fired: bool                       # then; now it is the other way round
-    reasons: tuple[str, ...]          # of whichever is a HOLD
+    reasons: tuple[Reason, ...]       # of whichever is a HOLD
 
 
 class Changes(Struct):
@@ -91,6 +92,7 @@ class _Current:
 
     def __init__(self, reader: TickReader) -> None:
         self._rows = RecordedRows(reader)
+        self.rows = reader.rows
         self.tick: Tick | None = None
 
     def __iter__(self) -> Iterator[Tick]:
@@ -116,7 +118,7 @@ class _Collector:
         changes.ticks += 1
         changes.fired += was.verdict.fire
         changes.fires += tick.verdict.fire
-        now = msgspec.structs.replace(tick, sent=sent)
+        now = self._ticks.rows.decode_tick(self._ticks.rows.encode_tick(msgspec.structs.replace(tick, sent=sent)))
         if now != was:
             outputs = self._compare(was, now, t_s)
             changes.differing += outputs

@@ -1,1 +1,1 @@
-"""Other people's recordings -> datasets (formats.md section 1), one importer a file."""
+"""Importers: other people's recordings -> datasets (folders with rig.toml and shots.csv), one per file."""

@@ -18,6 +18,7 @@ from tests.robot.test_rig import Stream, Time
 from truearc import robot
 from truearc.cli.main import main
 from truearc.hw.devices.button_box.frames import make_heartbeat
+from truearc.hw.fault_codes import CAMERA_ERROR
 from truearc.hw.machine import CanLink, Exposure, parse_link
 from truearc.hw.protocols import LinkLost
 from truearc.hw.readings import CameraFrame
@@ -158,7 +159,8 @@ def grey(value, share=1.0):
 
 @pytest.mark.parametrize(("images", "level", "words"), [
     ([None, None, grey(40)], OK, "640 x 480"), ([], FAILURE, "no image"), ([grey(255)], WARNING, "full brightness"),
-    ([grey(255, 0.1)], OK, "640"), ([grey(0)], WARNING, "black"), ([LinkLost("camera 0: gone")], FAILURE, "gone"),
+    ([grey(255, 0.1)], OK, "640"), ([grey(0)], WARNING, "black"),
+    ([LinkLost(CAMERA_ERROR(camera="0", detail="gone"))], FAILURE, "gone"),
 ])
 def test_images(images, level, words):
     finding = check_camera(Showing(*images), Time())

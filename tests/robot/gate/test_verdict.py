@@ -1,4 +1,4 @@
-"""Every doubt means HOLD, and says so in these words. That none fires: test_no_doubt_fires."""
+"""Every doubt means HOLD, with these reasons. That none fires: test_no_doubt_fires."""
 
 import math
 
@@ -7,12 +7,18 @@ import pytest
 from msgspec import UNSET
 from msgspec.structs import replace
 
+from tests.robot.alike import assert_alike, codes
 from tests.robot.good_tick import CONFIG, DISTANCE_M, HOOD_DEG, NOW_NS, good_inputs, good_memory, seconds
+from truearc.hw.fault_codes import BOX_PRESSES_LOST, CAN_BUS_OFF
+from truearc.robot import reasons as because
 from truearc.robot.estimate import estimate
 from truearc.robot.gate.model import Rating
 from truearc.robot.gate.verdict import judge, only_the_model_doubts
 from truearc.robot.types import Aim, Inputs, Sighting, Verdict
 
+LOST, GONE = BOX_PRESSES_LOST(presses=3), because.CAN_LOST(cause=CAN_BUS_OFF(bus="CAN"))
+IMPLAUSIBLE, BEHIND_M = because.TARGET_IMPLAUSIBLE, CONFIG.camera.behind_exit_m
+SPEED, HOOD = good_memory().aim.motor_ratio * CONFIG.rig.launcher.free_speed_rad_s, good_memory().aim.hood_deg
 MODEL = replace(CONFIG, gate=replace(CONFIG.gate, policy="model"))
 
 
@@ -42,37 +48,37 @@ def test_when_everything_holds_it_fires():
 
 
 @pytest.mark.parametrize(("change", "reasons"), [
-    ({"armed": False}, ["not armed"]),
-    ({"armed": False, "disarmed": "lost presses"}, ["not armed: the button box lost presses"]),
-    ({"homed": False}, ["hood not homed", "hood angle unknown"]),
-    ({"awaiting": True, "feed_t_ns": NOW_NS, "request_t_ns": 0}, ["mark the last shot first"]),
-    ({"feed_t_ns": NOW_NS, "request_t_ns": 0}, ["the last ball is still clearing"]),
-    ({"request_t_ns": 0}, ["waiting for the fire button"]),
-    ({"armed": False, "awaiting": True}, ["not armed", "mark the last shot first"]),
-    ({"steady_t_ns": 0}, ["wheels and hood only just arrived"]),
-    ({"steady_t_ns": NOW_NS - seconds(0.09)}, ["wheels and hood only just arrived"]),
-    ({"steady_t_ns": NOW_NS + seconds(0.09)}, ["wheels and hood only just arrived"]),
-    ({"last_sighting": None}, ["target never seen"]),
+    ({"armed": False}, [because.NOT_ARMED()]),
+    ({"armed": False, "disarmed": LOST}, [because.DISARMED_BY_BOX(cause=LOST)]),
+    ({"homed": False}, [because.HOOD_NOT_HOMED(), because.HOOD_UNKNOWN()]),
+    ({"awaiting": True, "feed_t_ns": NOW_NS, "request_t_ns": 0}, [because.SHOT_NOT_MARKED()]),
+    ({"feed_t_ns": NOW_NS, "request_t_ns": 0}, [because.BALL_CLEARING()]),
+    ({"request_t_ns": 0}, [because.FIRE_NOT_REQUESTED()]),
+    ({"armed": False, "awaiting": True}, [because.NOT_ARMED(), because.SHOT_NOT_MARKED()]),
+    ({"steady_t_ns": 0}, [because.NOT_SETTLED()]),
+    ({"steady_t_ns": NOW_NS - seconds(0.09)}, [because.NOT_SETTLED()]),
+    ({"steady_t_ns": NOW_NS + seconds(0.09)}, [because.NOT_SETTLED()]),
+    ({"last_sighting": None}, [because.TARGET_NEVER_SEEN()]),
 ])
 def test_each_interlock_of_the_memory_holds(change, reasons):
-    assert verdict(memory=replace(good_memory(), **change)).reasons == tuple(reasons)
+    assert_alike(verdict(memory=replace(good_memory(), **change)).reasons, reasons)
 
 
 @pytest.mark.parametrize(("change", "reasons"), [
-    ({"motor_ratio": 0.0}, ["no aim"]), ({"motor_ratio": -1.0}, ["no aim"]),
-    ({"motor_ratio": 0.5}, ["wheels at 359 rad/s, wanted 297"]),
-    ({"motor_ratio": math.nan}, ["wheels at 359 rad/s, wanted nan"]),
-    ({"hood_deg": 60.0}, ["hood at 48.5 deg, wanted 60.0"]),
-    ({"source": "stand at 4.00 m"}, ["stand at 4.00 m"]),
+    ({"motor_ratio": 0.0}, [because.NO_AIM()]), ({"motor_ratio": -1.0}, [because.NO_AIM()]),
+    ({"motor_ratio": 0.5}, [because.WHEELS_OFF_SPEED(speed_rad_s=SPEED, wanted_rad_s=297.0)]),
+    ({"motor_ratio": math.nan}, [because.WHEELS_OFF_SPEED(speed_rad_s=SPEED, wanted_rad_s=math.nan)]),
+    ({"hood_deg": 60.0}, [because.HOOD_OFF_ANGLE(angle_deg=HOOD, wanted_deg=60.0)]),
+    ({"stand_m": 4.0}, [because.NOT_AT_PLACE(place_m=4.0)]), ({"source": "idle"}, [because.NO_AIM()]),
 ])
 def test_an_aim_that_is_not_met_holds(change, reasons):
     memory = good_memory()
-    assert verdict(memory=replace(memory, aim=replace(memory.aim, **change))).reasons == tuple(reasons)
+    assert_alike(verdict(memory=replace(memory, aim=replace(memory.aim, **change))).reasons, reasons)
 
 
 def test_a_launcher_whose_free_speed_nobody_knows_has_no_aim():
     rig = replace(CONFIG.rig, launcher=replace(CONFIG.rig.launcher, free_speed_rad_s=None))
-    assert verdict(good_inputs(0.0, HOOD_DEG), config=replace(CONFIG, rig=rig)).reasons == ("no aim",)
+    assert verdict(good_inputs(0.0, HOOD_DEG), config=replace(CONFIG, rig=rig)).reasons == (because.NO_AIM(),)
 
 
 def test_an_aim_however_slow_is_one():
@@ -92,7 +98,7 @@ def test_a_sighting_is_young_enough_to_the_last_nanosecond():
 def test_what_the_launcher_is_not_steady_at_is_not_said_to_be_new():
     """That wheels and hood only just arrived is said of those that have."""
     memory = replace(good_memory(), steady_t_ns=0, aim=replace(good_memory().aim, hood_deg=60.0))
-    assert verdict(memory=memory).reasons == ("hood at 48.5 deg, wanted 60.0",)
+    assert_alike(verdict(memory=memory).reasons, [because.HOOD_OFF_ANGLE(angle_deg=HOOD, wanted_deg=60.0)])
 
 
 def spoil_motor(**change):
@@ -109,43 +115,46 @@ WHEEL, ENCODER = "flywheel motor 2", "hood encoder"
 
 
 @pytest.mark.parametrize(("inputs", "reasons"), [
-    (spoil_motor(t_ns=0), [f"{WHEEL} has never answered"]),
-    (spoil_motor(heartbeat_t_ns=0), [f"{WHEEL} has never answered"]),
-    (spoil_motor(t_ns=NOW_NS - seconds(0.2)), [f"{WHEEL} silent for 0.20 s"]),
-    (spoil_motor(t_ns=NOW_NS + seconds(1)), [f"{WHEEL} silent for -1.00 s"]),
-    (spoil_motor(heartbeat_t_ns=NOW_NS - seconds(0.26)), [f"{WHEEL} sends no heartbeat since 0.26 s"]),
-    (spoil_motor(errors_t_ns=0), [f"{WHEEL} has said nothing of its errors yet"]),
-    (spoil_motor(errors_t_ns=NOW_NS - seconds(1.01)), [f"{WHEEL} has said nothing of its errors for 1.01 s"]),
-    (spoil_motor(errors_t_ns=NOW_NS + seconds(1.01)), [f"{WHEEL} has said nothing of its errors for -1.01 s"]),
-    (spoil_motor(bus_v=math.inf), [f"{WHEEL} reads what is no number"]),
-    (spoil_motor(axis_error=0x01000200), [f"{WHEEL}: bus under voltage, watchdog expired"]),
-    (spoil_motor(axis_state=1), [f"{WHEEL} is not under control (state 1)"]),
-    (spoil_motor(velocity_rad_s=0.0), ["wheels at 180 rad/s, wanted 359",
-                                       "flywheel motors differ by 359 rad/s: belt?"]),
-    (spoil_motor(velocity_rad_s=math.nan), [f"{WHEEL} reads what is no number", "wheels at nan rad/s, wanted 359"]),
-    (replace(good_inputs(), faults=("CAN lost: adapter gone",)), ["CAN lost: adapter gone"]),
-    (replace(good_inputs(), hood_angle=None), [f"{ENCODER} has never answered", "hood angle unknown"]),
-    (spoil_angle(t_ns=1), [f"{ENCODER} silent for 10.00 s"]),
-    (spoil_angle(t_ns=NOW_NS + seconds(0.01)), [f"{ENCODER} silent for -0.01 s"]),
-    (spoil_angle(faults_t_ns=0), [f"{ENCODER} has said nothing of its faults yet"]),
-    (spoil_angle(faults_t_ns=NOW_NS - seconds(0.3)), [f"{ENCODER} has said nothing of its faults for 0.30 s"]),
-    (spoil_angle(magnet_ok=False), [f"{ENCODER} cannot see its magnet"]),
+    (spoil_motor(t_ns=0), [because.DEVICE_NEVER_RECEIVED(device=WHEEL)]),
+    (spoil_motor(heartbeat_t_ns=0), [because.DEVICE_NEVER_RECEIVED(device=WHEEL)]),
+    (spoil_motor(t_ns=NOW_NS - seconds(0.2)), [because.DEVICE_STALE(device=WHEEL, age_s=0.2)]),
+    (spoil_motor(t_ns=NOW_NS + seconds(1)), [because.DEVICE_STALE(device=WHEEL, age_s=-1.0)]),
+    (spoil_motor(heartbeat_t_ns=NOW_NS - seconds(0.26)), [because.DEVICE_HEARTBEAT_STALE(device=WHEEL, age_s=0.26)]),
+    (spoil_motor(errors_t_ns=0), [because.DEVICE_FAULTS_NEVER_RECEIVED(device=WHEEL)]),
+    (spoil_motor(errors_t_ns=NOW_NS - seconds(1.01)), [because.DEVICE_FAULTS_STALE(device=WHEEL, age_s=1.01)]),
+    (spoil_motor(errors_t_ns=NOW_NS + seconds(1.01)), [because.DEVICE_FAULTS_STALE(device=WHEEL, age_s=-1.01)]),
+    (spoil_motor(bus_v=math.inf), [because.MOTOR_NOT_FINITE(motor=WHEEL)]),
+    (spoil_motor(axis_error=0x01000200), [
+        because.MOTOR_ERROR(motor=WHEEL, errors=("bus under voltage", "watchdog expired"))]),
+    (spoil_motor(axis_state=1), [because.MOTOR_NOT_DRIVEN(motor=WHEEL, state=1)]),
+    (spoil_motor(velocity_rad_s=0.0), [
+        because.WHEELS_OFF_SPEED(speed_rad_s=SPEED / 2.0, wanted_rad_s=SPEED),
+        because.FLYWHEELS_DIFFER(spread_rad_s=SPEED)]),
+    (spoil_motor(velocity_rad_s=math.nan), [
+        because.MOTOR_NOT_FINITE(motor=WHEEL), because.WHEELS_OFF_SPEED(speed_rad_s=math.nan, wanted_rad_s=SPEED)]),
+    (replace(good_inputs(), faults=(GONE,)), [GONE]),
+    (replace(good_inputs(), hood_angle=None), [because.DEVICE_NEVER_RECEIVED(device=ENCODER), because.HOOD_UNKNOWN()]),
+    (spoil_angle(t_ns=1), [because.DEVICE_STALE(device=ENCODER, age_s=10.0)]),
+    (spoil_angle(t_ns=NOW_NS + seconds(0.01)), [because.DEVICE_STALE(device=ENCODER, age_s=-0.01)]),
+    (spoil_angle(faults_t_ns=0), [because.DEVICE_FAULTS_NEVER_RECEIVED(device=ENCODER)]),
+    (spoil_angle(faults_t_ns=NOW_NS - seconds(0.3)), [because.DEVICE_FAULTS_STALE(device=ENCODER, age_s=0.3)]),
+    (spoil_angle(magnet_ok=False), [because.MAGNET_LOST()]),
     (replace(good_inputs(), hood_motor=replace(good_inputs().hood_motor, position_rad=0.0)),
-     ["hood encoder says 48.5 deg, its screw 15.0"]),
+     [because.HOOD_ENCODERS_DISAGREE(encoder_deg=HOOD, screw_deg=15.0)]),
 ])
 def test_each_reading_that_fails_holds_and_says_so(inputs, reasons):
-    assert verdict(inputs).reasons == tuple(reasons)
+    assert_alike(verdict(inputs).reasons, reasons)
 
 
-OUTSIDE = "model: outside what it was trained on"
+OUTSIDE = because.MODEL_OUTSIDE_DOMAIN()
 
 
 @pytest.mark.parametrize(("rating", "reason", "said"), [
-    ((0.9, 0.2, True), "model: three points 20% likely, 30% needed", (0.9, 0.2)),
+    ((0.9, 0.2, True), because.MODEL_BELOW_THRESHOLD(p_three=0.2, threshold=0.3), (0.9, 0.2)),
     ((0.9, 0.8, False), OUTSIDE, (0.9, 0.8)), ((0.9, 0.8, False, 1.0), OUTSIDE, (0.9, 0.8)),
-    ((0.9, 0.8, False, 1.7), f"{OUTSIDE} (novelty 1.70)", (0.9, 0.8)),
-    ((0.9, None, True), "model gives no number", (0.9, None)),
-    ((0.9, math.nan, True), "model gives no number", (0.9, None)),
+    ((0.9, 0.8, False, 1.7), because.MODEL_OUTSIDE_DOMAIN(novelty=1.7), (0.9, 0.8)),
+    ((0.9, None, True), because.MODEL_NOT_FINITE(), (0.9, None)),
+    ((0.9, math.nan, True), because.MODEL_NOT_FINITE(), (0.9, None)),
 ])
 def test_the_model_can_hold(rating, reason, said):
     assert verdict(config=MODEL, gate=Says(*rating)) == Verdict(False, (reason,), *said)
@@ -171,20 +180,23 @@ def test_a_model_is_told_what_was_measured():
 def test_with_nothing_to_rate_the_model_is_not_asked():
     """Collecting, that is no reason of its own."""
     unseen = replace(good_memory(), last_sighting=None)
-    assert verdict(memory=unseen, gate=Breaks()).reasons == ("target never seen",)
-    assert verdict(memory=unseen, config=MODEL, gate=Breaks()).reasons == ("target never seen", "nothing to rate")
+    assert verdict(memory=unseen, gate=Breaks()).reasons == (because.TARGET_NEVER_SEEN(),)
+    assert verdict(memory=unseen, config=MODEL, gate=Breaks()).reasons == (
+        because.TARGET_NEVER_SEEN(), because.MODEL_NO_INPUT())
     blind = verdict(replace(good_inputs(), hood_angle=None), config=MODEL, gate=Breaks())
-    assert blind.reasons == ("hood encoder has never answered", "hood angle unknown", "nothing to rate")
+    assert blind.reasons == (
+        because.DEVICE_NEVER_RECEIVED(device=ENCODER), because.HOOD_UNKNOWN(), because.MODEL_NO_INPUT())
 
 
 @pytest.mark.parametrize("config", [CONFIG, MODEL])
 def test_a_model_that_raises_holds(config):
-    assert verdict(config=config, gate=Breaks()) == Verdict(False, ("model failed: RuntimeError",), None, None)
+    failed = because.MODEL_FAILED(error="RuntimeError")
+    assert verdict(config=config, gate=Breaks()) == Verdict(False, (failed,), None, None)
 
 
 @pytest.mark.parametrize(("reasons", "alone"), [
-    ((), False), (("model: outside",), True), (("model: outside", "model: more"), True),
-    (("model: outside", "not armed"), False), (("not armed",), False), (("no gate model loaded",), False)])
+    ((), False), ((OUTSIDE,), True), ((OUTSIDE, because.MODEL_BELOW_THRESHOLD(p_three=0.2, threshold=0.3)), True),
+    ((OUTSIDE, because.NOT_ARMED()), False), ((because.NOT_ARMED(),), False), ((because.MODEL_MISSING(),), False)])
 def test_whether_only_the_model_doubts(reasons, alone):
     assert only_the_model_doubts(Verdict(not reasons, reasons)) is alone
 
@@ -204,33 +216,35 @@ def test_what_is_just_within_its_limit_may_fire(inputs, memory):
 
 
 @pytest.mark.parametrize(("change", "reason"), [
-    ({"distance_m": math.nan}, "target seen nan m away, give or take 0.0"),
-    ({"distance_m": math.inf}, "target seen inf m away, give or take 0.0"),
-    ({"distance_m": -1.0}, "target seen -1.2 m away, give or take 0.0"),
-    ({"distance_m": 21.0}, "target seen 20.8 m away, give or take 0.0"),
-    ({"sigma_m": math.inf}, "target seen 5.0 m away, give or take inf"),
-    ({"sigma_m": -1.0}, "target seen 5.0 m away, give or take -1.0"),
-    ({"distance_m": None}, "target never seen"), ({"sigma_m": None}, "target never seen"),
-    ({"t_ns": NOW_NS - seconds(0.4)}, "target last seen 0.4 s ago"),
-    ({"t_ns": NOW_NS + seconds(0.4)}, "target last seen -0.4 s ago"),
+    ({"distance_m": math.nan}, IMPLAUSIBLE(distance_m=math.nan, sigma_m=0.03)),
+    ({"distance_m": math.inf}, IMPLAUSIBLE(distance_m=math.inf, sigma_m=0.03)),
+    ({"distance_m": -1.0}, IMPLAUSIBLE(distance_m=-1.0 - BEHIND_M, sigma_m=0.03)),
+    ({"distance_m": 21.0}, IMPLAUSIBLE(distance_m=21.0 - BEHIND_M, sigma_m=0.03)),
+    ({"sigma_m": math.inf}, IMPLAUSIBLE(distance_m=5.0, sigma_m=math.inf)),
+    ({"sigma_m": -1.0}, IMPLAUSIBLE(distance_m=5.0, sigma_m=-1.0)),
+    ({"distance_m": None}, because.TARGET_NEVER_SEEN()), ({"sigma_m": None}, because.TARGET_NEVER_SEEN()),
+    ({"t_ns": NOW_NS - seconds(0.4)}, because.TARGET_STALE(age_s=0.4)),
+    ({"t_ns": NOW_NS + seconds(0.4)}, because.TARGET_STALE(age_s=-0.4)),
 ])
 def test_a_target_that_is_nowhere_holds(change, reason):
     """The aim stands from before, so that only the sighting itself can tell."""
     memory = good_memory()
     spoilt = verdict(memory=replace(memory, last_sighting=replace(memory.last_sighting, **change)))
-    assert spoilt.reasons == (reason,)
+    assert_alike(spoilt.reasons, [reason])
 
 
-UNSEEN = "2 things in view look like the target"
+UNSEEN = because.SEVERAL_TARGETS(count=2)
 
 
 @pytest.mark.parametrize(("sighting", "reason"), [
-    (None, f"target never seen ({UNSEEN})"),
-    (replace(good_memory().last_sighting, t_ns=NOW_NS - seconds(0.4)), f"target last seen 0.4 s ago ({UNSEEN})"),
+    (None, because.TARGET_NEVER_SEEN(cause=UNSEEN)),
+    (replace(good_memory().last_sighting, t_ns=NOW_NS - seconds(0.4)), 
+     because.TARGET_STALE(age_s=0.4, cause=UNSEEN)),
 ])
 def test_a_target_out_of_sight_holds_with_what_the_newest_image_showed(sighting, reason):
     memory = replace(good_memory(), last_sighting=sighting)
-    assert reason in verdict(replace(good_inputs(), unseen=UNSEEN), memory).reasons
+    held = verdict(replace(good_inputs(), unseen=UNSEEN), memory).reasons
+    assert_alike([one for one in held if one.code == reason.code], [reason])
 
 
 def test_an_image_without_a_target_alone_is_no_reason_while_the_last_sighting_is_young():
@@ -242,7 +256,7 @@ def test_recordings_from_before_say_no_more_than_they_said():
     row = msgspec.json.encode(refused)
     assert b"unseen" not in row
     old = replace(good_memory(), last_sighting=replace(good_memory().last_sighting, t_ns=NOW_NS - seconds(0.4)))
-    assert verdict(msgspec.json.decode(row, type=Inputs), old).reasons == ("target last seen 0.4 s ago",)
+    assert_alike(verdict(msgspec.json.decode(row, type=Inputs), old).reasons, [because.TARGET_STALE(age_s=0.4)])
 
 
 def test_what_a_recording_does_not_say_is_not_asked():
@@ -255,7 +269,7 @@ def test_what_a_recording_does_not_say_is_not_asked():
 
 
 def test_a_missing_model_holds():
-    assert verdict(config=MODEL).reasons == ("no gate model loaded",)
+    assert verdict(config=MODEL).reasons == (because.MODEL_MISSING(),)
 
 
 def test_what_is_exactly_at_a_limit_of_the_launcher_may_fire():
@@ -265,11 +279,12 @@ def test_what_is_exactly_at_a_limit_of_the_launcher_may_fire():
     believed = replace(estimate(good_inputs(), memory, config), motor_rad_s=300.0, motor_spread_rad_s=5.0,
                        hood_deg=50.25, hood_screw_deg=48.75)
     assert judge(good_inputs(), believed, memory.aim, memory, config, None).reasons == ()
-    for past, words in (({"motor_rad_s": 300.001}, "wheels at 300"), ({"motor_spread_rad_s": 5.001}, "belt?"),
-                        ({"hood_deg": 50.2501, "hood_screw_deg": 49.0}, "hood at"),
-                        ({"hood_screw_deg": 48.749}, "screw")):
+    for past, code in (({"motor_rad_s": 300.001}, because.WHEELS_OFF_SPEED),
+                       ({"motor_spread_rad_s": 5.001}, because.FLYWHEELS_DIFFER),
+                        ({"hood_deg": 50.2501, "hood_screw_deg": 49.0}, because.HOOD_OFF_ANGLE),
+                        ({"hood_screw_deg": 48.749}, because.HOOD_ENCODERS_DISAGREE)):
         held = judge(good_inputs(), replace(believed, **past), memory.aim, memory, config, None)
-        assert len(held.reasons) == 1 and words in held.reasons[0]
+        assert codes(held.reasons) == [code.name]
 
 
 def test_inputs_of_another_robot_are_no_verdict():

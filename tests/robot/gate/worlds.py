@@ -14,7 +14,9 @@ from msgspec.structs import replace
 
 from tests.robot.good_tick import CONFIG, NOW_NS, good_memory
 from tests.robot.sparks import ALL_SPARK, only_advice
+from truearc.hw import fault_codes as hw
 from truearc.hw.readings import AngleReading, ButtonEvent, MotorReading
+from truearc.robot import reasons as because
 from truearc.robot.config.schema import Config
 from truearc.robot.gate.model import Gate
 from truearc.robot.geometry import screw_length_m
@@ -89,9 +91,10 @@ FACTS: dict[str, Fact] = {
     "encoder: magnet": Fact(True, among(False)),
     "encoder: hood": Fact(HELD.hood_deg, numbers(HELD.hood_deg, 4.0)),
     "screw: hood": Fact(HELD.hood_deg, lambda n: HELD.hood_deg + (n - 2048) / 512 + 7e-5),
-    "wires": Fact((), among(("CAN lost: bus off",), ("button box: a press may have got lost",),
-                              ("feeder motor: says 178 rad/s, but its position turns at 9: encoder or firmware?",))),
-    "presses": Fact("", among("lost presses", "has restarted")),
+    "wires": Fact((), among((because.CAN_LOST(cause=hw.CAN_BUS_OFF(bus="CAN")),), (because.BOX_PRESS_UNCERTAIN(),),
+                            (hw.ENCODER_MISMATCH(motor="feeder motor", controller="odrive node 4", speed_rad_s=178.0,
+                                                 turned_rad_s=9.0),))),
+    "presses": Fact(None, among(hw.BOX_PRESSES_LOST(presses=2), hw.BOX_RESTARTED())),
     "armed": Fact(True, among(False)),
     "homed": Fact(True, among(False)),
     "unmarked shot": Fact(False, among(True)),
@@ -100,7 +103,7 @@ FACTS: dict[str, Fact] = {
     "steady": Fact(500 * MS, ages(100 * MS)),
     "aim: ratio": Fact(HELD.motor_ratio, numbers(HELD.motor_ratio, 0.02)),
     "aim: hood": Fact(HELD.hood_deg, numbers(HELD.hood_deg, 1.0)),
-    "aim: says": Fact("plan", among("idle", "stand at 4.00 m")),
+    "aim: says": Fact("plan", among("idle", 4.0)),       # a number: stand there
     # how far away it is for, None: from anywhere
     "aim: place": Fact(None, lambda n: math.nan if n % 64 == 1 else 5.0 + (n - 2048) / 2048 * 0.6 + 7e-5),
     "target: seen": Fact(True, among(False)),
@@ -269,14 +272,20 @@ def _encoder_rad(hood_deg: float) -> float:
 
 
 def _memory(facts: Facts) -> Memory:
-    sighting = Sighting(_stamp(facts["target: age"]), True, "", None if facts["target: distance"] is None else
+    sighting = Sighting(_stamp(facts["target: age"]), True, None, None if facts["target: distance"] is None else
                         facts["target: distance"] + CONFIG.camera.behind_exit_m, facts["target: sigma"], 0.0)
     return Memory(
         armed=facts["armed"], homed=facts["homed"], trial=3, request_t_ns=NOW_NS - 500 * MS if facts["asked"] else 0,
-        aim=Aim(facts["aim: ratio"], facts["aim: hood"], facts["aim: says"]), aim_place_m=facts["aim: place"],
+        aim=_aim(facts), aim_place_m=facts["aim: place"],
         steady_t_ns=_stamp(facts["steady"]),
         feed_t_ns=_stamp(facts["ball on its way"]), awaiting=facts["unmarked shot"],
         last_sighting=sighting if facts["target: seen"] else None)
+
+
+def _aim(facts: Facts) -> Aim:
+    says = facts["aim: says"]
+    away = () if isinstance(says, str) else (says,)
+    return Aim(facts["aim: ratio"], facts["aim: hood"], "plan" if away else says, *away)
 
 
 def _config(facts: Facts) -> Config:

@@ -9,16 +9,19 @@ from msgspec.structs import replace
 
 from tests.robot.good_tick import CONFIG, NOW_NS, good_inputs, good_memory, seconds
 from tests.robot.operator_ui.browser import BROWSER, Browser
+from truearc.hw.fault_codes import CAN_ADAPTER_ERROR
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.operator_ui.server import OperatorPage
+from truearc.robot.reasons import CAN_LOST, IMAGE_DARK
 from truearc.robot.tick import step
 from truearc.robot.types import Sighting
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.skipif(BROWSER is None, reason="needs chromium")]
 
 GOOD = step(good_inputs(), good_memory(), CONFIG, None)
-LOST = step(replace(good_inputs(), faults=("CAN lost: CAN slcan /dev/ttyACM0: gone",),
-                    sighting=Sighting(NOW_NS, False, "too dark")),
+GONE = CAN_LOST(cause=CAN_ADAPTER_ERROR(bus="CAN slcan /dev/ttyACM0", detail="gone"))
+LOST = step(replace(good_inputs(), faults=(GONE,),
+                    sighting=Sighting(NOW_NS, False, IMAGE_DARK())),
             replace(good_memory(), last_sighting=replace(GOOD.memory.last_sighting, t_ns=NOW_NS - seconds(2.1))),
             CONFIG, None)
 WORD = "document.getElementById('word').innerText"

@@ -11,11 +11,25 @@ from msgspec.structs import replace
 
 from tests.robot.good_tick import CONFIG, NOW_NS, good_inputs, good_memory, seconds
 from tests.robot.operator_ui.test_driver_messages import aims, angles, memories, motors, numbers
+from truearc.hw.fault_codes import CAMERA_SILENT, CAN_BUS_OFF
 from truearc.robot.operator_ui.page_state import RECENT, Glance, look
 from truearc.robot.operator_ui.view import FIRED_S, PageView, describe
+from truearc.robot.reasons import (
+    BOX_SILENT,
+    CAMERA_LOST,
+    CAN_LOST,
+    DISK_FULL,
+    IMAGE_BRIGHT,
+    IMAGE_DARK,
+    NOT_RECORDING,
+    TARGET_NEVER_SEEN,
+    text,
+)
 from truearc.robot.tick import step
 from truearc.robot.types import Memory, Outcome, Sighting, Tick
 
+UNPLUGGED = CAMERA_LOST(cause=CAMERA_SILENT(camera="0"))
+GONE = CAN_LOST(cause=CAN_BUS_OFF(bus="CAN"))
 GOOD = step(good_inputs(), good_memory(), CONFIG, None)
 READY = step(good_inputs(), replace(good_memory(), request_t_ns=0), CONFIG, None)
 
@@ -38,7 +52,7 @@ def test_fire_and_hold_are_the_verdict_s():
     assert (ready.state, ready.tone, [one.do for one in ready.told]) == ("HOLD", "ready", ["press FIRE"])
     idle = seen(step(good_inputs(), Memory(), CONFIG, None))
     assert (idle.state, idle.tone, idle.told[0].do) == ("HOLD", "you", "press ARM")
-    lost = seen(step(replace(good_inputs(), faults=("camera lost: unplugged",)), good_memory(), CONFIG, None))
+    lost = seen(step(replace(good_inputs(), faults=(UNPLUGGED,)), good_memory(), CONFIG, None))
     assert (lost.state, lost.tone, lost.told[0].means) == ("HOLD", "fault", "No pictures from the camera")
 
 
@@ -60,7 +74,7 @@ def test_fire_stays_on_the_tile_for_as_long_as_one_can_read_it_and_no_fault_come
     soon, later = next_tick(FIRED_S - 0.1), next_tick(FIRED_S + 0.1)
     assert not soon.verdict.fire and (seen(GOOD, soon).state, seen(GOOD, later).state) == ("FIRE", "HOLD")
     assert seen(GOOD, soon).told[0].means == "The last shot is not marked"
-    assert seen(GOOD, next_tick(0.1, faults=("CAN lost: gone",))).state == "HOLD"
+    assert seen(GOOD, next_tick(0.1, faults=(GONE,))).state == "HOLD"
     disarmed = replace(soon, memory=replace(soon.memory, armed=False))
     assert seen(GOOD, disarmed).state == "HOLD"
 
@@ -81,25 +95,25 @@ def test_numbers_have_their_units_and_what_stands_in_the_way_is_marked():
 def test_each_link_has_its_age():
     old = replace(good_inputs(), hood_motor=replace(good_inputs().hood_motor, t_ns=NOW_NS - seconds(2.5)),
                   feeder=replace(good_inputs().feeder, heartbeat_t_ns=0), hood_angle=None,
-                  sighting=Sighting(NOW_NS - seconds(0.02), False, "too bright"), faults=("button box silent: x",))
+                  sighting=Sighting(NOW_NS - seconds(0.02), False, IMAGE_BRIGHT()), faults=(BOX_SILENT(),))
     view = seen(step(old, replace(good_memory(), last_sighting=None), CONFIG, None))
     links = {one.name: (one.value, one.ok) for block in view.blocks[-1:] for one in block.lines}
     assert links == {"flywheel motor 1": ("4 ms / 4 ms", True), "flywheel motor 2": ("4 ms / 4 ms", True),
                      "hood motor": ("2.5 s / 4 ms", False), "feeder motor": ("4 ms / never", False),
                      "hood encoder": ("never", False), "camera": ("20 ms", True), "button box": ("gone", False)}
-    assert line(view, "Aim", "target").value == "never seen: too bright"
+    assert line(view, "Aim", "target").value == "never seen: " + text(IMAGE_BRIGHT())
 
 
 def test_the_newest_sighting_is_kept_from_tick_to_tick():
-    blind = step(replace(good_inputs(), sighting=Sighting(NOW_NS, False, "too dark")),
+    blind = step(replace(good_inputs(), sighting=Sighting(NOW_NS, False, IMAGE_DARK())),
                  replace(good_memory(), last_sighting=None), CONFIG, None)
     after = step(good_inputs(), replace(good_memory(), last_sighting=None), CONFIG, None)
-    assert line(seen(blind, after), "Aim", "target").value == "never seen: too dark"
+    assert line(seen(blind, after), "Aim", "target").value == "never seen: " + text(IMAGE_DARK())
 
 
 @pytest.mark.parametrize(("recording", "faults", "value", "ok"), [
     ("monday", (), "monday", True), ("", (), "nothing is recorded", False),
-    ("monday", ("not recording: No space left on device",), "not recording: No space left on device", False),
+    ("monday", (NOT_RECORDING(cause=DISK_FULL()),), "not recording: no space left on the disk", False),
 ])
 def test_whether_it_is_recorded(recording, faults, value, ok):
     view = seen(step(replace(good_inputs(), faults=faults), good_memory(), CONFIG, None), recording=recording)
@@ -115,7 +129,7 @@ def marked(trial, outcome, *reasons) -> Tick:
 
 
 def test_shots_and_marks_of_the_session_newest_first():
-    view = seen(fired(0), marked(0, "three"), fired(1), marked(1, "two"), marked(2, "held", "target never seen"),
+    view = seen(fired(0), marked(0, "three"), fired(1), marked(1, "two"), marked(2, "held", TARGET_NEVER_SEEN()),
                 fired(3))
     lines = [(one.name, one.value) for block in view.blocks if block.title == "Shots" for one in block.lines]
     assert lines == [("this session", "3 fired: 1 held, 1 three, 1 two"), ("3 from 5.00 m", "not marked yet"),

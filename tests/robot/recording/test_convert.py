@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 
 from truearc.cli.main import main
+from truearc.robot.reasons import texts
 from truearc.robot.recording.export.tabular import FLOAT, INT, TEXTS, FlatTicks, unit_of
 from truearc.robot.recording.export.wpilog import WpilogWriter, make_payload
 from truearc.robot.recording.reader import TickReader
@@ -132,7 +133,7 @@ def test_csv_has_a_row_a_tick_and_a_row_a_trial(plain, tmp_path):
         assert row["estimate.distance_m"] == ("" if tick.estimate.distance_m is None
                                               else repr(tick.estimate.distance_m))
         assert row["verdict.fire"] == ("true" if tick.verdict.fire else "false")
-        assert row["verdict.reasons"] == "; ".join(tick.verdict.reasons)
+        assert row["verdict.reasons"] == "; ".join(texts(tick.verdict.reasons))
         assert row["outcomes"] == "; ".join(f"trial {mark.trial} {mark.outcome}" for mark in tick.outcomes)
     trials = list(csv.DictReader((tmp_path / "week.trials.csv").open(encoding="utf-8")))
     assert [(trial["trial"], trial["outcome"], float(trial["hood_deg"])) for trial in trials] == [
@@ -172,7 +173,7 @@ def test_a_recording_is_never_written_over_and_nothing_is_left_of_a_failure(plai
 
 
 def test_without_pyarrow_parquet_says_what_to_install(plain, tmp_path):
-    code = ("import sys; sys.modules['pyarrow'] = None\nfrom truearc import main\n"
+    code = ("import sys; sys.modules['pyarrow'] = None\nfrom truearc.cli.main import main\n"
             f"sys.exit(main(['convert', {str(plain)!r}, '--to', 'parquet', '-o', {str(tmp_path / 'x.parquet')!r}]))")
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 2 and "truearc[sim]" in done.stderr and "Traceback" not in done.stderr

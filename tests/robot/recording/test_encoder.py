@@ -12,6 +12,7 @@ from benchmarks.kill import kill_once
 from tests.robot.good_tick import CONFIG, good_inputs, good_memory
 from truearc.hw.readings import CameraFrame
 from truearc.robot.config.schema import InputError
+from truearc.robot.reasons import DISK_ERROR, DISK_FULL, DISK_UNRESPONSIVE, NOT_RECORDING
 from truearc.robot.recording import files
 from truearc.robot.recording.append_file import Appender
 from truearc.robot.recording.encoder import SessionWriter
@@ -22,6 +23,8 @@ from truearc.robot.recording.session import load_trials, make_header
 from truearc.robot.rig import ReplayRig
 from truearc.robot.tick import step
 from truearc.robot.types import Memory, Outcome
+
+TOO_LARGE = NOT_RECORDING(cause=DISK_ERROR(detail="File too large"))
 
 resource = pytest.importorskip("resource")        # POSIX
 MS = 1_000_000
@@ -85,17 +88,17 @@ def test_a_full_disk_is_a_hold_and_space_made_in_time_loses_nothing(tmp_path):
     all_ticks = list(ticks(1000, marks=(100, 500, 900)))
     try:
         play(recorder, all_ticks[:200])
-        assert recorder.trouble() == ""
+        assert recorder.trouble() is None
         resource.setrlimit(resource.RLIMIT_FSIZE, (2500, hard))
         play(recorder, all_ticks[200:600])
         rig = RecordingRig(ReplayRig([all_ticks[0]]), recorder)
         inputs = rig.read()
-        assert inputs.faults == ("not recording: File too large",)
-        assert "not recording: File too large" in step(inputs, good_memory(), CONFIG, None).verdict.reasons
+        assert inputs.faults == (TOO_LARGE,)
+        assert TOO_LARGE in step(inputs, good_memory(), CONFIG, None).verdict.reasons
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     play(recorder, all_ticks[600:])
-    assert recorder.trouble() == ""
+    assert recorder.trouble() is None
     recorder.close()
     assert recorder.failed is None
     assert kept_cycles(tmp_path / "s") == list(range(1, 1001))
@@ -111,7 +114,7 @@ def test_a_disk_that_turned_read_only_is_told_and_leaves_what_was_there(tmp_path
 
     monkeypatch.setattr(Appender, "flush", refuse)
     play(recorder, ticks(200, marks=(20,)))
-    assert recorder.trouble() == "Read-only file system"
+    assert recorder.trouble() == DISK_ERROR(detail="Read-only file system")
     recorder.close()
     assert isinstance(recorder.failed, OSError) and recorder.failed.errno == errno.EROFS
     assert kept_cycles(tmp_path / "s") == list(range(1, len(kept_cycles(tmp_path / "s")) + 1))
@@ -125,9 +128,9 @@ def test_a_disk_that_hangs_never_stops_the_tick_and_is_told(tmp_path, monkeypatc
     monkeypatch.setattr(Appender, "sync", lambda self: (hung.wait(), sync(self))[1])
     recorder = open_writer(tmp_path / "s", lossless=False)
     play(recorder, ticks(300))
-    assert recorder.trouble() == ""
+    assert recorder.trouble() is None
     play(recorder, list(ticks(1000))[300:])                # returns: nothing waits for the disk
-    assert recorder.trouble() == "the disk does not answer"
+    assert recorder.trouble() == DISK_UNRESPONSIVE()
     hung.set()
     recorder.close()
     assert recorder.failed is None and kept_cycles(tmp_path / "s") == list(range(1, 1001))
@@ -170,5 +173,5 @@ def test_a_recorder_killed_at_a_random_moment_loses_no_mark_and_little_else(plai
 
 def test_a_tick_that_would_fire_holds_while_the_recording_is_in_trouble():
     assert step(good_inputs(), good_memory(), CONFIG, None).verdict.fire
-    troubled = replace(good_inputs(), faults=("not recording: No space left on device",))
+    troubled = replace(good_inputs(), faults=(NOT_RECORDING(cause=DISK_FULL()),))
     assert not step(troubled, good_memory(), CONFIG, None).verdict.fire

@@ -7,12 +7,14 @@ import cv2
 import numpy as np
 import pytest
 
+from tests.robot.alike import codes
 from tests.robot.recording.conftest import CONFIG
-from tests.robot.test_rig import Blind, Stream, Time, Wire
+from tests.robot.test_rig import UNPLUGGED, Blind, Stream, Time, Wire
 from truearc import robot
 from truearc.cli.main import main
 from truearc.hw.protocols import Frame
 from truearc.robot.config.schema import InputError, load_config
+from truearc.robot.reasons import BAD_FRAME, CAN_LOST, IMAGE_DARK
 from truearc.robot.recording.candump import TappedBus
 from truearc.robot.recording.encoder import SessionWriter
 from truearc.robot.recording.files import TickFile
@@ -20,6 +22,7 @@ from truearc.robot.recording.images import load_pictures
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.replay.recompute import Difference, replay, replay_frames
 from truearc.robot.recording.replay.replay_diff import config_changes, find_changes
+from truearc.robot.recording.rows import Rows2
 from truearc.robot.recording.session import make_header
 from truearc.robot.rig import HardwareRig
 from truearc.robot.runtime import run
@@ -50,15 +53,15 @@ def test_golden_sessions_replay_to_the_bit_from_inputs_and_from_frames(name, req
 
 def test_the_frames_that_the_robot_refused_are_refused_again(faulty):
     """Faults are recomputed, not copied: the golden session has them."""
-    faults = {fault for tick, _ in TickReader(faulty) for fault in tick.inputs.faults}
-    assert any("bad frame" in fault for fault in faults)
+    faults = [fault for tick, _ in TickReader(faulty) for fault in tick.inputs.faults]
+    assert BAD_FRAME.name in codes(faults)
 
 
 def test_frames_with_stamps_of_their_own_and_a_lost_bus_are_parsed_again(tmp_path):
     """As a real bus gives them: stamped when they came, between ticks, some in none's time, and once not at all."""
     bus, box, clock = Wire(), Stream(), Time()
     recorder = SessionWriter(tmp_path / "s", make_header(CONFIG, None, None), CONFIG, None, lossless=True)
-    eyes = InlineEyes(Blind(), lambda frame: Sighting(frame.t_ns, False, "dark"))
+    eyes = InlineEyes(Blind(), lambda frame: Sighting(frame.t_ns, False, IMAGE_DARK()))
     rig = HardwareRig(CONFIG, TappedBus(bus, recorder.tap), box, eyes, clock, lambda: clock.t_ns > 2_000_000_000)
 
     class Feeding:
@@ -75,8 +78,8 @@ def test_frames_with_stamps_of_their_own_and_a_lost_bus_are_parsed_again(tmp_pat
 
     run(Feeding(), CONFIG, None, recorder)
     recorder.close()
-    faults = {fault for tick, _ in TickReader(tmp_path / "s") for fault in tick.inputs.faults}
-    assert "CAN lost: unplugged" in faults
+    faults = [fault for tick, _ in TickReader(tmp_path / "s") for fault in tick.inputs.faults]
+    assert CAN_LOST(cause=UNPLUGGED) in faults
     replayed, again = replay_frames(tmp_path / "s")
     assert replayed == replay(tmp_path / "s") and replayed.ticks == 201 and again.frames > 200
 
@@ -200,7 +203,7 @@ def test_questions_that_make_no_sense_are_bad_input(plain, other, tmp_path, caps
 def test_ticks_that_were_never_recorded_are_named(session):
     rows = [(tick, data) for tick, data in TickReader(session) if not 400 <= tick.inputs.cycle < 425]
     (session / "telemetry.mcap").unlink()
-    file = TickFile(session / "telemetry.mcap")
+    file = TickFile(session / "telemetry.mcap", Rows2())
     for tick, data in rows:
         file.write(tick.inputs.t_ns, data)
     file.finish()

@@ -21,11 +21,13 @@ from tests.robot.test_run_door import CONFIG as SHIPPED
 from tests.robot.test_run_door import Box
 from truearc.cli.main import main
 from truearc.cli.robot.run_processes import RecorderProcess
+from truearc.hw.fault_codes import PROCESS_ENDED, PROCESS_KILLED
 from truearc.hw.protocols import Frame
 from truearc.hw.readings import CameraFrame
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.config.schema import InputError
 from truearc.robot.processes import recorder_client as far_keeper
+from truearc.robot.reasons import DISK_ERROR, RECORDER_UNRESPONSIVE
 from truearc.robot.recording.encoder import MARKING_NS, SessionWriter
 from truearc.robot.recording.files import append_trials
 from truearc.robot.recording.images import load_image, load_pictures
@@ -94,9 +96,9 @@ def test_a_killed_recorder_is_told_at_once_and_loses_no_marked_trial(process, re
     some = list(ticks(400, marks=(50, 150, 250)))
     play(recorder, some[:200])
     until(lambda: len(load_trials(tmp_path / "s")) == 2)
-    assert recorder.trouble() == "" and not recorder.is_over()
+    assert recorder.trouble() is None and not recorder.is_over()
     os.kill(process.child.pid, signal.SIGKILL)
-    until(lambda: recorder.trouble() == "the recorder process ended (signal 9)", 1.0)
+    until(lambda: recorder.trouble() == PROCESS_KILLED(process="recorder", signal=9), 1.0)
     play(recorder, some[200:])                             # and nothing waits for it
     until(recorder.is_over)
     recorder.close()
@@ -126,14 +128,14 @@ def test_a_stopped_recorder_does_not_answer_and_goes_on_with_nothing_lost(proces
     some = list(ticks(3000, marks=(50, 1000)))
     play(recorder, some[:200])
     os.kill(process.child.pid, signal.SIGSTOP)
-    until(lambda: recorder.trouble() == "the recorder does not answer", 3.0)
+    until(lambda: recorder.trouble() == RECORDER_UNRESPONSIVE(), 3.0)
     play(recorder, some[200:])                             # far more than a pipe holds; nothing waits but for the mark
     assert not recorder.is_over()
     os.kill(process.child.pid, signal.SIGCONT)
 
     def is_well():
         recorder._keeper.push()
-        return recorder.trouble() == ""
+        return recorder.trouble() is None
 
     until(is_well)
     recorder.close()
@@ -150,7 +152,7 @@ def test_a_recorder_that_never_goes_on_is_killed_and_its_trials_are_put_down(pro
     monkeypatch.setattr(far_keeper, "MARK_S", 0.01)
     play(recorder, some[100:])
     recorder.close()
-    assert "the recorder does not answer" in str(recorder.failed)
+    assert "the recorder does not respond" in str(recorder.failed)
     assert [trial.outcome.trial for trial in load_trials(tmp_path / "s")] == [0, 1]
 
 
@@ -177,10 +179,10 @@ def test_a_full_disk_over_there_is_a_hold_here_and_space_made_in_time_loses_noth
     until(lambda: len(load_trials(tmp_path / "s")) == 1)
     resource.prlimit(pid, limit, (2500, hard))
     play(recorder, some[200:600])
-    until(lambda: recorder.trouble() == "File too large")
+    until(lambda: recorder.trouble() == DISK_ERROR(detail="File too large"))
     resource.prlimit(pid, limit, (soft, hard))
     play(recorder, some[600:])
-    until(lambda: recorder.trouble() == "")
+    until(lambda: recorder.trouble() is None)
     recorder.close()
     assert recorder.failed is None
     assert kept_cycles(tmp_path / "s") == list(range(1, 1001)) and len(load_trials(tmp_path / "s")) == 2
@@ -194,7 +196,7 @@ def test_files_that_cannot_be_opened_there_are_bad_input_here(process, tmp_path)
 @posix
 def test_what_is_no_message_ends_the_recorder_and_is_told(process, recorder):
     process._outbox.put(b"\xc1")
-    until(lambda: recorder.trouble() == "the recorder process ended (exit code 1)")
+    until(lambda: recorder.trouble() == PROCESS_ENDED(process="recorder", exit_code=1))
     recorder.close()
     assert recorder.failed is not None
 

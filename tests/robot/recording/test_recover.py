@@ -19,6 +19,7 @@ from truearc.robot.recording.images import load_pictures
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.recover import recover
 from truearc.robot.recording.replay.recompute import Difference, replay, replay_frames
+from truearc.robot.recording.rows import Rows2
 from truearc.robot.recording.salvage import salvage
 from truearc.robot.recording.session import load_trials
 
@@ -194,7 +195,7 @@ def test_salvage_makes_nothing_of_noise(data):
 
 def test_a_tick_of_another_format_is_named(session):
     (session / TELEMETRY).unlink()
-    file = TickFile(session / TELEMETRY)
+    file = TickFile(session / TELEMETRY, Rows2())
     file.write(0, msgspec.json.encode({"inputs": 3}))
     file.finish()
     file.file.close()

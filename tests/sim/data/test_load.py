@@ -1,4 +1,4 @@
-"""Datasets as formats.md shows them, from CSV and Parquet."""
+"""Datasets loaded from CSV and Parquet."""
 
 from pathlib import Path
 

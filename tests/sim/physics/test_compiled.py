@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 import pytest
 
-import truearc.sim.infer
+import truearc.sim.paper
 from tests.sim.physics.rigs import GUPPY
 from truearc.sim.physics.catalogue import flight_terms
 from truearc.sim.physics.compiled import UntraceableLaw, facts_values, load_kernel, make_source
@@ -19,7 +19,7 @@ from truearc.sim.physics.flight import make_law
 from truearc.sim.physics.term import BallState, FlightTerm, Parameter
 from truearc.sim.physics.vector import Vec, length, scale
 
-TEMPLATE = Path(truearc.sim.infer.__file__).parent / "grid_kernel.py"
+TEMPLATE = Path(truearc.sim.paper.__file__).parent / "grid_kernel.py"
 TERMS = flight_terms(("gravity", "drag", "magnus"))
 VALUES = (("drag", "cd"), ("magnus", "cl"))
 

@@ -38,7 +38,7 @@ from truearc.sim.physics.term_check import check_term
 NAMES = tuple(term.name for term in TERMS)
 IN_THE_AIR = [term for term in TERMS if isinstance(term, FlightTerm | AirTerm)]
 KNOWN = {"gravity": {"scale"}, "drag_reynolds": {"at_m_s"}}        # parameters that nobody fits
-# formats.md section 2, and what was added to it
+# the terms of the file formats' first version, and those added since
 STAGES = {
     "sensing": "hood_offset hood_backlash encoder_scale distance_scale distance_bias vision_latency track_scale "
                "track_tilt track_clock track_perspective",

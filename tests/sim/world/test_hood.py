@@ -36,7 +36,7 @@ def test_the_screw_is_as_long_as_the_triangle_drawn_in_the_plane(elevation: floa
 
 
 def test_the_linkage_is_the_one_that_the_robot_is_told_of() -> None:
-    told = load_config(Path(config.__file__).with_name("launcher.toml")).hood
+    told = load_config(Path(config.__file__).parents[1] / "launcher.toml").hood
     assert (told.pivot_to_motor_m, told.pivot_to_nut_m, told.included_deg, told.screw_lead_m) == (0.30, 0.25, 30.0,
                                                                                                   LEAD_M)
     assert (told.low_deg, told.high_deg, told.screw_gear) == (15.0, 75.0, 1.0)

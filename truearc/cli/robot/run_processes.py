@@ -16,6 +16,7 @@ from truearc.hw.real.child_process import Child, Line, make_shared
 from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.real.ipc import Inbox, Outbox
 from truearc.hw.real.reconnect import PAUSE_S, MendedCamera
+from truearc.hw.reason import Reason
 from truearc.hw.shared_latest import Room, Slots
 from truearc.robot.config.schema import Config, InputError
 from truearc.robot.operator_ui.serve_option import open_page, with_page
@@ -143,7 +144,7 @@ def look(line: Line, is_first: bool, config: Config, memory: object, room: Room)
     """The vision process. The first one's camera must be there; a later one waits for it."""
     cv2.setNumThreads(1)
     clock, slots = MonotonicClock(), Slots(memory, room)
-    told = ""
+    told: Reason | None = None
     while True:
         slots.beat(clock.now_ns())
         try:
@@ -151,12 +152,12 @@ def look(line: Line, is_first: bool, config: Config, memory: object, room: Room)
             break
         except LinkLost as error:
             if is_first:
-                return line.say(str(error))
-            told = tell(slots, str(error), told)
-            line.say("")
+                return line.say(error.reason)
+            told = tell(slots, error.reason, told)
+            line.say(None)
         if line.is_over(PAUSE_S):
             return None
-    line.say("")
+    line.say(None)
     watch(camera, make_see(config), slots, clock, line.is_over)
     camera.close()
     return None
@@ -168,7 +169,7 @@ def write(line: Line, is_first: bool, end: socket.socket, memory: object, wanted
     inbox, clock = Inbox(end), MonotonicClock()
     page = None if wanted is None else wanted.open(clock)
     desk = Desk(Slots(memory, NEWS), clock, make_show(page))
-    line.say("")
+    line.say(None)
     desk.serve(inbox)
     inbox.close()
     if page is not None:

@@ -13,7 +13,9 @@ from truearc.hw.protocols import LinkLost
 from truearc.hw.readings import CameraFrame
 from truearc.hw.real.clock import MonotonicClock, wall_clock
 from truearc.hw.real.serial_port import open_serial
+from truearc.hw.reason import Reason
 from truearc.robot.config.schema import Config, InputError
+from truearc.robot.reasons import text
 from truearc.robot.recording.candump import TappedBus
 from truearc.robot.recording.encoder import SessionWriter
 from truearc.robot.recording.session import make_header
@@ -31,19 +33,19 @@ class Watch:
     """A Recorder that passes all on, says where the program stands when that changes, and knows when it is over."""
 
     def __init__(self, recorder: SessionWriter, config: Config, tell: Say) -> None:
-        self.over = ""
+        self.over: Reason | None = None
         self._recorder, self._program, self._tell = recorder, phases(config), tell
-        self._told = ""
+        self._told: Reason | None = None
 
     def record(self, tick: Tick, sent: Sent) -> None:
         self._recorder.record(tick, sent)
         progress = tick.memory.identify
         assert isinstance(progress, Progress)
         self.over = progress.over
-        text = say(progress, self._program)
-        if text != self._told:
-            self._told = text
-            self._tell(text)
+        reason = say(progress, self._program)
+        if reason != self._told:
+            self._told = reason
+            self._tell(text(reason))
 
     def keep_picture(self, picture: CameraFrame) -> None: ...
 
@@ -69,7 +71,7 @@ def drive_robot(config: Config, folder: Path | None, tell: Say) -> Path:
         wires.callback(recorder.close)
         watch = Watch(recorder, config, tell)
         rig = HardwareRig(config, TappedBus(bus, recorder.tap), box, NoEyes(), clock,
-                          lambda: ending.asked or bool(watch.over))
+                          lambda: ending.asked or watch.over is not None)
         wires.callback(rig.release)               # first of all to be done on the way out, whatever happened
         run(rig, config, None, watch, step)
     if recorder.failed is not None:

@@ -12,6 +12,7 @@ from truearc.hw.emulated.emulated_robot import Twin
 from truearc.hw.emulated.faults import Fault
 from truearc.hw.real.can_bus import open_can
 from truearc.hw.real.serial_port import open_serial
+from truearc.hw.reason import Reason
 from truearc.robot.config.can_policy import guard
 from truearc.robot.config.schema import Config
 from truearc.robot.recording.candump import TappedBus
@@ -28,7 +29,7 @@ LONGEST_NS = 900_000_000_000
 
 
 def drive_twin(config: Config, folder: Path, world: World, tell: Say, presses: Sequence[Press] = ARM,
-               faults: Mapping[str, tuple[Fault, ...]] | None = None) -> str:
+               faults: Mapping[str, tuple[Fault, ...]] | None = None) -> Reason | None:
     """Drive `world` until the program is over; returns how it ended. `faults`: see
     truearc.sim.world.emulated_robot.emulate."""
     step, box, left = make_step(config), open_button_box(), list(presses)
@@ -52,7 +53,7 @@ def drive_twin(config: Config, folder: Path, world: World, tell: Say, presses: S
         watch = Watch(recorder, config, tell)
         bus = guard(near, config, clock, Counter())
         rig = HardwareRig(config, TappedBus(bus, recorder.tap), stream, NoEyes(), clock,
-                          lambda: bool(watch.over) or clock.now_ns() > LONGEST_NS)
+                          lambda: watch.over is not None or clock.now_ns() > LONGEST_NS)
         run(rig, config, None, watch, step)
     if recorder.failed is not None:
         raise recorder.failed

@@ -13,6 +13,7 @@ from truearc.cli.progress import make_progress
 from truearc.cli.robot.images import load_image
 from truearc.hw.readings import CameraFrame
 from truearc.robot.config.schema import CameraFile, Config, InputError, in_words, load_text, load_toml
+from truearc.robot.reasons import text
 from truearc.robot.types import Sighting
 from truearc.robot.vision import detect
 from truearc.sim.tables import make_text
@@ -58,7 +59,7 @@ def main(args: argparse.Namespace) -> int:
         sighting = detect(frame, camera.camera, camera.tape, camera.vision)
         table.writerow(_row(name, sighting))
         if not sighting.found:
-            print(f"{name}: not found: {sighting.reason}", file=sys.stderr)
+            print(f"{name}: not found: {_why(sighting)}", file=sys.stderr)
         seen.append((name, sighting))
     progress(1.0, "")
     sys.stdout.flush()
@@ -80,9 +81,9 @@ def _print_sizes(sizes: set[tuple[int, int]], file: CameraFile) -> None:
 
 def load_camera(name: str | None) -> CameraFile:
     """The camera, tape and vision sections of a file, of a packaged camera, or of the packaged launcher.toml."""
-    path = Path(str(files("robot") / "launcher.toml")) if name is None else Path(name)
+    path = Path(str(files("truearc.robot") / "launcher.toml")) if name is None else Path(name)
     if name in _packaged():
-        path = Path(str(files("robot") / "cameras" / f"{name}.toml"))
+        path = Path(str(files("truearc.robot") / "cameras" / f"{name}.toml"))
     if re.search(r"^\s*\[gate\]", load_text(path), re.MULTILINE) is None:
         return load_toml(path, CameraFile)
     config = load_toml(path, Config)
@@ -90,7 +91,7 @@ def load_camera(name: str | None) -> CameraFile:
 
 
 def _packaged() -> list[str]:
-    cameras = files("robot") / "cameras"
+    cameras = files("truearc.robot") / "cameras"
     return sorted(entry.name.removesuffix(".toml") for entry in cameras.iterdir() if entry.name.endswith(".toml"))
 
 
@@ -99,6 +100,10 @@ def _row(name: str, sighting: Sighting) -> list[str]:
         return [name, "false", "", "", ""]
     corners = ", ".join(f"{x:.2f} {y:.2f}" for x, y in sighting.corners_px)
     return [name, "true", f"{sighting.distance_m:.4f}", f"{sighting.sigma_m:.4f}", corners]
+
+
+def _why(sighting: Sighting) -> str:
+    return "" if sighting.reason is None else text(sighting.reason)
 
 
 def load_labels(path: str, columns: tuple[str, ...] = ("label_distance_m",)) -> dict[str, float]:

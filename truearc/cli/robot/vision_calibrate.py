@@ -16,6 +16,8 @@ from truearc.cli.robot.vision import load_camera, load_labels
 from truearc.hw.readings import CameraFrame
 from truearc.robot.config.schema import CameraConfig, CameraFile, InputError
 from truearc.robot.config.toml_text import make_toml
+from truearc.robot.reasons import text
+from truearc.robot.types import Sighting
 from truearc.robot.vision import detect
 from truearc.robot.vision.board import (
     LEAST_SLANT_DEG,
@@ -171,12 +173,16 @@ def _why_not(frames: list[CameraFrame], names: list[str], taped: dict[str, float
             f"taped, {seen_m:.2f} m seen. Are they in metres?")
 
 
+def _why(sighting: Sighting) -> str:
+    return "" if sighting.reason is None else text(sighting.reason)
+
+
 def _print_fit(names: list[str], taped: dict[str, float], fit: TapedFit) -> None:
     rows = []
     rest = iter(zip(fit.residual_m, fit.expected_m, strict=True))
     for name, sighting in zip(names, fit.sightings, strict=True):
         if sighting.distance_m is None:
-            rows.append([Path(name).name, f"{taped[name]:.3f}", "", "", f"not found: {sighting.reason}"])
+            rows.append([Path(name).name, f"{taped[name]:.3f}", "", "", f"not found: {_why(sighting)}"])
             continue
         residual_m, expected_m = next(rest)
         rows.append([Path(name).name, f"{taped[name]:.3f}", f"{sighting.distance_m:.3f}", f"{residual_m:+.3f}",

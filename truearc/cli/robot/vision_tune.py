@@ -19,6 +19,7 @@ from truearc.hw.real.camera import open_camera
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.config.schema import CameraFile, InputError, Vision
 from truearc.robot.config.toml_text import make_toml
+from truearc.robot.reasons import text
 from truearc.robot.vision import detect
 from truearc.robot.vision.drawing import draw_mask, draw_regions
 from truearc.robot.vision.threshold import Image
@@ -197,5 +198,5 @@ class Tuner:
 def _words(image: Image, file: CameraFile) -> dict[str, Any]:
     seen = detect(CameraFrame(0, image), file.camera, file.tape, file.vision)
     if seen.distance_m is None or seen.sigma_m is None:
-        return {"found": False, "said": seen.reason}
+        return {"found": False, "said": "" if seen.reason is None else text(seen.reason)}
     return {"found": True, "said": f"{seen.distance_m:.3f} m ± {seen.sigma_m:.3f}"}

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from truearc.robot.reasons import texts
 from truearc.robot.recording.export.tabular import Value
 from truearc.robot.recording.replay.replay_diff import Change, Changes, Flip
 
@@ -58,7 +59,7 @@ def _verdicts(changes: Changes) -> list[str]:
 
 
 def _flip(flip: Flip) -> str:
-    reasons = "; ".join(flip.reasons)
+    reasons = "; ".join(texts(flip.reasons))
     if flip.fired:
         return f"  at {flip.t_s:.2f} s it fired, and now holds: {reasons}"
     return f"  at {flip.t_s:.2f} s it held ({reasons}), and now fires"

@@ -1,0 +1,115 @@
+"""Reasons for a HOLD, a fault or a refusal: a code with parameters. Text is made from them at the edges only.
+
+A Code declares what one kind of reason carries and how a log words it; calling it makes a Reason. Codes of the wires
+and devices are in `truearc.hw.fault_codes`, the robot's in `truearc.robot.reasons`.
+"""
+
+import sys
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from msgspec import Struct
+from msgspec.structs import force_setattr, replace
+
+OPTIONAL = "?"                        # at the end of a parameter's unit: it may be absent
+LARGEST = sys.float_info.max          # what is beyond is not finite
+WITHOUT_NUMBERS = {"text", "count", "flag", "motor", "device", "texts", "counts", "reason", "reasons"}
+NESTED = "~"                          # in a template's format: stands for the parameter's text, where there is one
+
+
+class Reason(Struct, frozen=True, omit_defaults=True):
+    """One reason as it is recorded.
+
+    params: by name; numbers at full precision, their unit last in the name; one that is not finite is its text ("nan"),
+        for JSON has none. `cause`, `causes`: what is behind it, reasons themselves.
+    """
+
+    code: str
+    params: "dict[str, bool | int | float | str | Reason | tuple[int | float | str | Reason, ...]]" = {}
+
+    def about(self, **params: Any) -> "Reason":
+        """The same with these parameters in front."""
+        return replace(self, params={**params, **self.params})
+
+
+class Code(Struct, frozen=True):
+    """One kind of reason.
+
+    text: log text; fields are the parameters. `{cause: (~)}` is " (...)" with the text of `cause`, "" without it.
+    params: name -> unit, or "text", "count", "flag", "motor", "device", "texts", "counts", "reason", "reasons".
+    """
+
+    name: str
+    text: str
+    params: dict[str, str] = {}
+    has_numbers: bool = False         # worked out
+    bare: Reason | None = None        # worked out: without parameters it is always the same
+
+    def __post_init__(self) -> None:
+        kinds = {unit.rstrip(OPTIONAL) for unit in self.params.values()}
+        force_setattr(self, "has_numbers", bool(kinds - WITHOUT_NUMBERS))
+        force_setattr(self, "bare", Reason(self.name))
+
+    def __call__(self, /, **params: Any) -> Reason:
+        if not params and self.bare is not None:
+            return self.bare
+        if self.has_numbers:
+            for name, value in params.items():
+                if value.__class__ is float and not -LARGEST <= value <= LARGEST:
+                    params[name] = str(value)
+        return Reason(self.name, params)
+
+
+def index(codes: Iterable[Code]) -> dict[str, Code]:
+    """Codes by name; ValueError for one declared twice."""
+    found: dict[str, Code] = {}
+    for code in codes:
+        if found.setdefault(code.name, code) is not code:
+            raise ValueError(f"{code.name} is declared twice")
+    return found
+
+
+def render(reason: Reason, codes: Mapping[str, Code]) -> str:
+    """The log text; of a code that is not among `codes`, its name and parameters."""
+    code = codes.get(reason.code)
+    if code is None:
+        shown = ", ".join(f"{name} {_text(value, codes)}" for name, value in reason.params.items())
+        return f"{reason.code} ({shown})" if shown else reason.code
+    return fill(code.text, reason.params, codes)
+
+
+def fill(template: str, params: Mapping[str, Any], codes: Mapping[str, Code]) -> str:
+    """`template` with a reason's parameters put in, each in the format that its field states."""
+    return template.format_map(_Fields(params, codes))
+
+
+class _Fields(dict[str, "_Shown"]):
+    def __init__(self, params: Mapping[str, Any], codes: Mapping[str, Code]) -> None:
+        super().__init__({name: _Shown(value, codes) for name, value in params.items()})
+
+    def __missing__(self, name: str) -> "_Shown":
+        return _Shown(None, {})
+
+
+class _Shown:
+    """A parameter's value under a template's format."""
+
+    def __init__(self, value: Any, codes: Mapping[str, Code]) -> None:
+        self._value, self._codes = value, codes
+
+    def __format__(self, form: str) -> str:
+        if self._value is None:
+            return ""
+        if isinstance(self._value, int | float) and NESTED not in form:
+            return format(self._value, form)
+        text = _text(self._value, self._codes)
+        return form.replace(NESTED, text) if NESTED in form else text
+
+
+def _text(value: Any, codes: Mapping[str, Code]) -> str:
+    if isinstance(value, Reason):
+        return render(value, codes)
+    if isinstance(value, tuple | list):
+        between = "; " if any(isinstance(one, Reason) for one in value) else ", "
+        return between.join(_text(one, codes) for one in value)
+    return f"{value:g}" if isinstance(value, float) else str(value)

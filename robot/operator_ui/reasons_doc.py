@@ -1,0 +1,62 @@
+"""`docs/reasons.md`, made from the codes: `python -m truearc.robot.operator_ui.reasons_doc > docs/reasons.md`."""
+
+from string import Formatter
+
+from truearc.hw import fault_codes
+from truearc.hw.reason import NESTED, OPTIONAL, Code
+from truearc.robot import reasons
+from truearc.robot.operator_ui.driver_messages import MESSAGES, Message
+
+HEAD = """# Reasons
+
+Why the robot holds, and what is wrong with it, is a code with parameters. Recordings keep it as such, for example
+`{"code": "device_stale", "params": {"device": "hood motor", "age_s": 0.312}}`. Replay compares it and other code tests
+it; text is made from it where people read. Made by `python -m truearc.robot.operator_ui.reasons_doc`.
+"""
+MESSAGE_HEAD = """
+## What the operator's page says
+Most important first. `fault`: something is not as it should be; `you`: it is the driver's turn; `wait`: it comes by
+itself. The second column names a cause, or a motor's single error, for which the page has a message of its own.
+
+| code | in case of | kind | the page says | what to do |
+|---|---|---|---|---|"""
+CODE_HEAD = """
+## Codes
+A parameter that ends in `?` may be absent. `cause` and `causes` are reasons themselves. A code without a
+message above is a cause of one that has a message, or an error that stops a command before it starts.
+
+| code | log text | parameters |
+|---|---|---|"""
+
+
+def make_page() -> str:
+    """The whole page."""
+    codes = (*reasons.CODES, *fault_codes.CODES)
+    return "\n".join([HEAD.rstrip(), MESSAGE_HEAD, *map(_message_row, MESSAGES), CODE_HEAD, *map(_code_row, codes), ""])
+
+
+def _message_row(message: Message) -> str:
+    means = _shown(message.means)
+    case = f"`{message.case}`" if message.case else ""
+    return (f"| `{message.code.name}` | {case} | {message.kind} | {means[:1].upper()}{means[1:]} | "
+            f"{_shown(message.do)} |")
+
+
+def _code_row(code: Code) -> str:
+    params = ", ".join(f"`{name}{OPTIONAL if unit.endswith(OPTIONAL) else ''}` [{unit.rstrip(OPTIONAL)}]"
+                       for name, unit in code.params.items())
+    return f"| `{code.name}` | {_shown(code.text)} | {params} |"
+
+
+def _shown(template: str) -> str:
+    """A template for people: each field as its name in angle brackets, and what stands around it."""
+    return "".join(literal + ("" if name is None else _field(name, spec or ""))
+                   for literal, name, spec, _ in Formatter().parse(template))
+
+
+def _field(name: str, spec: str) -> str:
+    return spec.replace(NESTED, f"‹{name}›") if NESTED in spec else f"‹{name}›"
+
+
+if __name__ == "__main__":
+    print(make_page(), end="")

@@ -1,0 +1,95 @@
+"""Reasons are complete: every code has its text, parameters and message, is made somewhere, and is in the docs."""
+
+import ast
+import string
+from pathlib import Path
+
+import pytest
+
+from tests.robot.samples import check, sample
+from truearc.hw import fault_codes
+from truearc.hw.reason import OPTIONAL, Code
+from truearc.robot import reasons
+from truearc.robot.operator_ui.driver_messages import MESSAGES
+from truearc.robot.operator_ui.reasons_doc import make_page
+
+ROOT = Path(__file__).parents[2]
+CODES = (*fault_codes.CODES, *reasons.CODES)
+DECLARING = (ROOT / "hw" / "fault_codes.py", ROOT / "robot" / "reasons.py")
+TELLING = (ROOT / "robot" / "page" / "words.py", ROOT / "robot" / "recording" / "schema1.py",
+           ROOT / "robot" / "recording" / "schema1_forms.py")
+KINDS = {"text", "count", "flag", "motor", "device", "texts", "counts", "reason", "reasons"}
+UNITS = {"s", "m", "deg", "rad/s", "Nm", "px", "ms", "ratio", "share", "probability", "of the signal",
+         "of the parameter"}
+SUFFIXES = {"s": "_s", "m": "_m", "deg": "_deg", "rad/s": "_rad_s", "Nm": "_nm", "px": "_px", "ms": "_ms"}
+
+
+def calls():
+    """(code constant, keyword names, place) of every call of a code in the product."""
+    for path in (path for room in ("hw", "robot", "doors") for path in (ROOT / room).rglob("*.py")):
+        if path in DECLARING or path in TELLING:
+            continue
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            name = node.attr if isinstance(node, ast.Attribute) else node.id if isinstance(node, ast.Name) else ""
+            if name.lower() in NAMES and name.isupper():
+                yield name, None, path
+            if isinstance(node, ast.Call):
+                function = node.func
+                called = function.attr if isinstance(function, ast.Attribute) else getattr(function, "id", "")
+                if called.lower() in NAMES and called.isupper():
+                    yield called, {word.arg for word in node.keywords}, f"{path.name}:{node.lineno}"
+
+
+NAMES = {code.name for code in CODES}
+CALLS = list(calls())
+
+
+@pytest.mark.parametrize("module", [fault_codes, reasons])
+def test_a_constant_has_the_name_of_its_code(module):
+    named = {name: code for name, code in vars(module).items() if isinstance(code, Code)}
+    assert len(named) == len(module.CODES) and all(name.lower() == code.name for name, code in named.items())
+
+
+@pytest.mark.parametrize("code", CODES, ids=lambda code: code.name)
+def test_a_code_declares_its_parameters_and_words_them(code):
+    fields = {name for _, name, _, _ in string.Formatter().parse(code.text) if name is not None}
+    assert fields <= code.params.keys()
+    for name, unit in code.params.items():
+        unit = unit.rstrip(OPTIONAL)
+        assert unit in KINDS | UNITS, (name, unit)
+        assert name.endswith(SUFFIXES.get(unit, "")), f"{name} is in {unit}"
+    reason = sample(code)
+    check(reason)
+    assert reasons.text(reason) and "{" not in reasons.text(reason)
+
+
+@pytest.mark.parametrize("code", CODES, ids=lambda code: code.name)
+def test_a_code_is_made_somewhere(code):
+    if code is reasons.LEGACY_TEXT:
+        pytest.skip("made by the reader of old recordings alone")
+    assert any(name == code.name.upper() for name, _, _ in CALLS)
+
+
+def test_every_reason_is_made_with_the_parameters_that_its_code_declares():
+    for name, keywords, place in CALLS:
+        if keywords is None or None in keywords:  # named, or made with **
+            continue
+        code = next(code for code in CODES if code.name == name.lower())
+        needed = {param for param, unit in code.params.items() if not unit.endswith(OPTIONAL)}
+        later = {"device", "frame"} if name in ("FRAME_LENGTH", "FRAME_VALUE", "FRAME_SIGNALS") else set()
+        assert needed - later <= keywords <= code.params.keys(), f"{place}: {name}"
+
+
+def test_every_code_has_a_message_or_is_the_cause_of_one_that_has():
+    own = {message.code.name for message in MESSAGES}
+    alone = [code.name for code in CODES if code.name not in own]
+    causes = {code.name for code in CODES if "cause" not in code.params and code.name not in own}
+    assert set(alone) == causes, "a reason with a cause of its own needs a message"
+    for name, keywords, place in CALLS:           # what is in no cause is in the tick, and needs a message
+        if keywords is not None and Path(str(place).split(":")[0]).name in ("verdict.py", "rig.py", "watch.py"):
+            assert name.lower() in own, f"{place}: {name} has no message"
+
+
+def test_the_docs_are_made_from_the_codes():
+    page = (ROOT / "docs" / "reasons.md").read_text(encoding="utf-8")
+    assert page == make_page(), "python -m truearc.robot.operator_ui.reasons_doc > docs/reasons.md"

@@ -1,0 +1,159 @@
+"""Phrases that the project's text avoids: where they are, and which files are still to be rewritten.
+
+    python tools/prose.py [PATH...]      list every hit (of these files)
+    python tools/prose.py --todo         print tests/house/phrases_todo.txt as the files are now
+
+Text is docstrings (D), comments (C) and messages (M, string literals with a space) of Python files, and Markdown
+outside code (T). A line with `prose: allow` is an exception; in a string of several lines, any of its lines.
+"""
+
+import ast
+import io
+import re
+import sys
+import tokenize
+import tomllib
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).resolve().parents[1]
+PHRASES = ROOT / "tests" / "house" / "phrases.toml"
+TODO = ROOT / "tests" / "house" / "phrases_todo.txt"
+CODE = ("hw", "robot", "sim", "model_export", "truearc", "proof", "benchmarks", "tools", "examples")
+PAGES = ("docs", "benchmarks", "examples", ".github")
+ALLOW = "prose: allow"
+
+
+class Phrase(NamedTuple):
+    """One pattern, what to write instead, and the kinds of text (of "DCMT") that it applies to."""
+
+    pattern: re.Pattern[str]
+    use: str
+    scope: str
+
+
+class Piece(NamedTuple):
+    """A piece of text: its kind (D, C, M or T), its first line in the file, and the text with single blanks."""
+
+    kind: str
+    line: int
+    text: str
+
+
+class Hit(NamedTuple):
+    """A phrase that was found, with the line at which its piece of text begins."""
+
+    line: int
+    found: str
+    use: str
+
+
+def load_phrases(path: Path = PHRASES) -> list[Phrase]:
+    """Return the phrases of a TOML file."""
+    entries = tomllib.loads(path.read_text(encoding="utf-8"))["phrase"]
+    return [Phrase(re.compile(entry["pattern"]), entry["use"], entry["scope"]) for entry in entries]
+
+
+def load_todo(path: Path = TODO) -> dict[str, int]:
+    """Return {file: number of hits} of the files that are still to be rewritten."""
+    lines = [line.split(maxsplit=1) for line in path.read_text(encoding="utf-8").splitlines() if line[:1] != "#"]
+    return {name: int(count) for count, name in lines}
+
+
+def find_files(root: Path = ROOT) -> list[Path]:
+    """Return the Python files and Markdown pages that the phrases apply to."""
+    code = [path for folder in CODE for path in (root / folder).rglob("*.py")]
+    pages = [*root.glob("*.md"), *(path for folder in PAGES for path in (root / folder).rglob("*.md"))]
+    return sorted(path for path in {*code, *pages} if not {"build", "__pycache__"} & {*path.parts})
+
+
+def find_hits(path: Path, phrases: list[Phrase]) -> list[Hit]:
+    """Return every hit in a file, in the order of its text."""
+    source = path.read_text(encoding="utf-8")
+    pieces = split_python(source) if path.suffix == ".py" else split_markdown(source)
+    return [Hit(piece.line, found.group(), phrase.use) for piece in pieces for phrase in phrases
+            if piece.kind in phrase.scope for found in phrase.pattern.finditer(piece.text)]
+
+
+def split_markdown(source: str) -> Iterator[Piece]:
+    """Yield paragraphs and table rows, without fenced and inline code."""
+    source = re.sub(r"^( *)```.*?^ *```", lambda code: "\n" * code.group().count("\n"), source,
+                    flags=re.DOTALL | re.MULTILINE)
+    line = 1
+    for part in re.split(r"(\n(?=\n|\||[-*] |#))", source):
+        if part.strip() and ALLOW not in part:
+            yield Piece("T", line + len(part) - len(part.lstrip("\n")), " ".join(re.sub(r"`[^`]*`", "`", part).split()))
+        line += part.count("\n")
+
+
+def split_python(source: str) -> Iterator[Piece]:
+    """Yield docstrings, messages and comments; comments on lines that follow each other are one piece."""
+    tree, lines = ast.parse(source), source.splitlines()
+    docstrings = {id(node.body[0].value) for node in ast.walk(tree) if _has_docstring(node)}
+    inside = {id(part) for node in ast.walk(tree) if isinstance(node, ast.JoinedStr) for part in ast.walk(node)
+              if part is not node}
+    for node in ast.walk(tree):
+        text = _text_of(node) if id(node) not in inside else None
+        if text and " " in text.strip() and not _is_allowed(lines, node.lineno, node.end_lineno):
+            yield Piece("D" if id(node) in docstrings else "M", node.lineno, " ".join(text.split()))
+    yield from _comments(source, lines)
+
+
+def _has_docstring(node: ast.AST) -> bool:
+    documented = isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef)
+    return documented and ast.get_docstring(node) is not None
+
+
+def _text_of(node: ast.AST) -> str | None:
+    """The text of a string literal; of an f-string, with {} in the place of each value."""
+    if isinstance(node, ast.JoinedStr):
+        return "".join(str(part.value) if isinstance(part, ast.Constant) else "{}" for part in node.values)
+    return node.value if isinstance(node, ast.Constant) and isinstance(node.value, str) else None
+
+
+def _is_allowed(lines: list[str], first: int, last: int | None) -> bool:
+    return any(ALLOW in line for line in lines[first - 1:last or first])
+
+
+def _comments(source: str, lines: list[str]) -> Iterator[Piece]:
+    first, last, texts = 0, -1, []
+    for token in tokenize.generate_tokens(io.StringIO(source).readline):
+        if token.type != tokenize.COMMENT or ALLOW in token.string:
+            continue
+        line, alone = token.start[0], lines[token.start[0] - 1].lstrip().startswith("#")
+        if not (alone and line == last + 1):
+            if texts:
+                yield Piece("C", first, " ".join(texts))
+            first, texts = line, []
+        last = line if alone else -1
+        texts.append(token.string.lstrip("# ").strip())
+    if texts:
+        yield Piece("C", first, " ".join(texts))
+
+
+def make_todo(counts: dict[str, int]) -> str:
+    """Return the text of the to-do list: number of hits and file."""
+    head = "# files whose text is still to be rewritten, and how many phrases each has; counts only fall\n"
+    return head + "".join(f"{count} {name}\n" for name, count in sorted(counts.items()) if count)
+
+
+def main(words: list[str]) -> int:
+    """List hits, or print the to-do list."""
+    phrases = load_phrases()
+    paths = [Path(word).resolve() for word in words if word != "--todo"] or find_files()
+    if "--todo" in words:
+        print(make_todo({path.relative_to(ROOT).as_posix(): len(find_hits(path, phrases)) for path in paths}), end="")
+        return 0
+    tally: Counter[str] = Counter()
+    for path in paths:
+        for hit in find_hits(path, phrases):
+            tally[hit.use] += 1
+            print(f"{path.relative_to(ROOT)}:{hit.line}: {hit.found!r}; write: {hit.use}")
+    print(f"{sum(tally.values())} hits", file=sys.stderr)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
