@@ -13,7 +13,7 @@ from truearc.robot.config.schema import InputError, load_config
 from truearc.robot.deploy.install import Parts, make_parts
 from truearc.robot.deploy.source import copy_source
 from truearc.robot.deploy.texts import INSTALL, make_files
-from truearc.robot.doctor.parameters import load_endpoints
+from truearc.robot.doctor.devices import load_endpoints
 from truearc.robot.gate.model import load_gate
 
 DESCRIPTION = ("Carry truearc, its configuration and its model to the robot's computer by ssh, install them there with "
