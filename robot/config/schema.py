@@ -196,7 +196,7 @@ class Collect(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=Tru
 
 
 class Excite(Struct, frozen=True, forbid_unknown_fields=True):
-    """How `truearc identify` drives one joint: torque at the motor shaft, speed at the motor."""
+    """How `truearc sysid` drives one joint: torque at the motor shaft, speed at the motor."""
 
     repeats: Annotated[int, msgspec.Meta(ge=0, le=20)]       # 0 leaves the joint alone
     ramp_nm_s: Positive               # quasistatic: the torque grows this fast, up to that of the step

@@ -7,7 +7,7 @@
     trials.jsonl     one fsynced line an outcome
     frames/          the image behind each shot, and frames.jsonl
     lateness.jsonl   one line a second: how late ticks came (truearc.robot.processes.tick_timing); on a real robot only
-    damaged/         what `truearc recover` has replaced, if it had to
+    damaged/         what `truearc session recover` has replaced, if it had to
 """
 
 from collections.abc import Callable

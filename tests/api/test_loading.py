@@ -32,7 +32,7 @@ def test_a_light_name_loads_nothing_heavy() -> None:
 
 
 def test_recording_loads_no_companion() -> None:
-    assert not loaded_by("import truearc; truearc.Recording") & {"jax", "scipy", "mujoco", "cantools"}
+    assert not loaded_by("import truearc; truearc.Recording") & {"jax", "scipy", "mujoco"}
 
 
 @pytest.mark.parametrize("module", [

@@ -1,4 +1,4 @@
-"""truearc identify on the emulated robot: what is fitted is what the world was made of."""
+"""truearc sysid on the emulated robot: what is fitted is what the world was made of."""
 
 import tomllib
 from pathlib import Path
@@ -115,11 +115,11 @@ def merged(fragment: str) -> Config:
 def test_the_door_writes_gains_that_the_robot_shoots_with(session, tmp_path, capsys):
     gains, page = tmp_path / "gains.toml", tmp_path / "page.html"
     before = SHIPPED.read_bytes()
-    assert main(["identify", str(session), "-o", str(gains), "--report", str(page), "--quiet"]) == 0
+    assert main(["sysid", str(session), "-o", str(gains), "--report", str(page), "--quiet"]) == 0
     out = capsys.readouterr().out
     assert out == gains.read_text(encoding="utf-8") and "R^2" in out
     assert page.read_text(encoding="utf-8").count("data:image/png") == 2
-    assert main(["identify", str(session), "-o", str(gains), "--quiet"]) == 2
+    assert main(["sysid", str(session), "-o", str(gains), "--quiet"]) == 2
     assert "exists already" in capsys.readouterr().err and SHIPPED.read_bytes() == before
     config = merged(out)
     assert config.flywheel.pid.kp != CONFIG.flywheel.pid.kp and config.hood.pid.kp != CONFIG.hood.pid.kp

@@ -10,6 +10,7 @@ import pytest
 
 from tests.sim.physics.own import Flex
 from tests.sim.physics.rigs import GUPPY
+from tools.term_table import BEGIN, END, put_tables
 from truearc import sim
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Shots
@@ -26,7 +27,6 @@ from truearc.sim.physics.nonparametric import NAMELESS
 from truearc.sim.physics.simulate import predict
 from truearc.sim.physics.term import STAGES, InFlight, Parameter, Term
 from truearc.sim.physics.term_fields import Instrument, Phrase, Prior
-from truearc.sim.physics.term_table import BEGIN, END, put_tables
 
 ROOT = Path(sim.__file__).parent.parent
 BIG = Catalogue((*TERMS, Flex()))
@@ -97,7 +97,7 @@ def test_every_declared_field_is_used_beside_the_declarations() -> None:
 
 def test_the_page_of_terms_is_current() -> None:
     page = (ROOT / "docs" / "terms.md").read_text(encoding="utf-8")
-    assert put_tables(page) == page, "bring it up to date: python -m truearc.sim.physics.term_table docs/terms.md"
+    assert put_tables(page) == page, "bring it up to date: python -m tools.term_table docs/terms.md"
     assert all(f"| `{name}` |" in page for name in BUILT_IN.names)
 
 
