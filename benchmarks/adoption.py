@@ -1,7 +1,7 @@
 """Does the gate improve when the simulation learns what it lacked?
 
-    python benchmarks/adoption.py --worlds 2 --shots 300 --seed 71 --out FILE
-    python benchmarks/adoption.py --table FILE
+    python -m benchmarks.adoption --worlds 2 --shots 300 --seed 71 --out FILE
+    python -m benchmarks.adoption --table FILE
 
 Worlds are MuJoCo's with one thing changed each (truearc_proof.worlds.perturbations), or nothing. From a recorded
 session of each, by telemetry and outcomes (L1), gates are trained in pairs that are alike in all but their physics:
@@ -55,7 +55,7 @@ LEVEL = "L1"
 UNSEEN = 400                          # shots of the other session
 APART = 1000                          # seeds of one number of world from the next's
 
-SIMULATED, VALIDATION = 900, 0.25     # as truearc synth and truearc train have them
+SIMULATED, VALIDATION = 900, 0.25     # as truearc paper synth and paper train have them
 LAMBDAS = {"network": 0.01, "network, even": 1.0}
 
 Line = dict[str, Any]

@@ -1,6 +1,6 @@
 """How fast, how accurate and how wary vision is, beside a straightforward OpenCV pipeline.
 
-    python benchmarks/vision.py [--frames 200] [--clutter 10000] [--files 10000] [--plot docs/vision.png]
+    python -m benchmarks.vision [--frames 200] [--clutter 10000] [--files 10000] [--plot docs/vision.png]
 
 Rendered images come from hw/emulated, which shares no code with robot/vision. With the shared recordings at hand
 (TRUEARC_DATA, else ../shared/data) the real photographs are measured too.
@@ -21,7 +21,7 @@ from vision_scenes import LOOKS, TURNING, WRITTEN, Shot, baseline, clutter, shoo
 
 from truearc import robot
 from truearc.cli.progress import make_progress
-from truearc.cli.robot.images import decode_image
+from truearc.cli.robot.vision_tools.images import decode_image
 from truearc.hw.readings import CameraFrame
 from truearc.robot.config.schema import CameraFile, Config, InputError, load_config, load_toml
 from truearc.robot.reasons import text

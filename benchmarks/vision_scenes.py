@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from benchmarks.distractors import KINDS, floor_reflection, in_the_way, second_goal
 from truearc.hw.emulated.imaging.camera import EmulatedCamera, outline_m
+from truearc.hw.emulated.imaging.distractors import KINDS, floor_reflection, in_the_way, second_goal
 from truearc.hw.emulated.imaging.image_degradation import USUAL, Look
 from truearc.hw.emulated.imaging.lens import project
 from truearc.hw.emulated.static_plant import NOTHING, Stage, place

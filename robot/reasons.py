@@ -81,7 +81,7 @@ MODEL_BELOW_THRESHOLD = Code("model_below_threshold", "model: three points {p_th
                              "{threshold:.0%} needed",
                              {"p_three": "probability", "threshold": "probability"})
 
-# `truearc identify`: where it stands and why it ended
+# `truearc sysid`: where it stands and why it ended
 IDENTIFY_WAITING = Code("identify_waiting", "identify: waiting for the arm button")
 IDENTIFY_STARTING = Code("identify_starting", "identify: waiting for the axes")
 IDENTIFY_RUNNING = Code("identify_running", "identify: {joint} {phase} ({number} of {last}, direction {sign:+d})",

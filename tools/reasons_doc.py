@@ -1,4 +1,4 @@
-"""`docs/reasons.md`, made from the codes: `python tools/reasons_doc.py > docs/reasons.md`."""
+"""`docs/reasons.md`, made from the codes: `python -m tools.reasons_doc > docs/reasons.md`."""
 
 from string import Formatter
 
@@ -11,7 +11,7 @@ HEAD = """# Reasons
 
 Why the robot holds, and what is wrong with it, is a code with parameters. Recordings keep it as such, for example
 `{"code": "device_stale", "params": {"device": "hood motor", "age_s": 0.312}}`. Replay compares it and other code tests
-it; text is made from it where people read. Made by `python tools/reasons_doc.py`.
+it; text is made from it where people read. Made by `python -m tools.reasons_doc`.
 """
 MESSAGE_HEAD = """
 ## What the operator's page says

@@ -1,6 +1,6 @@
 """The terms as Markdown tables, made of what they declare.
 
-    python tools/term_table.py docs/terms.md
+    python -m tools.term_table docs/terms.md
 
 writes the tables of the built-in terms into the page, between its two marks.
 """

@@ -6,7 +6,6 @@ from typing import Any
 
 import msgspec
 
-from benchmarks.device_faults import Fault, FaultyNode, breaker
 from benchmarks.matrix.ages import frame_id
 from benchmarks.matrix.box import BrokenBox
 from benchmarks.matrix.breaking import Both, Box, Device, Inside, Wire
@@ -22,11 +21,12 @@ from truearc.hw.devices.odrive.emulator import OdriveNode
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.emulator import SparkNode
 from truearc.hw.emulated.emulated_robot import Twin
+from truearc.hw.emulated.faults import Fault, FaultyNode
 from truearc.hw.emulated.nodes import NEVER_NS
 from truearc.robot.config.schema import Config
 from truearc.robot.motors import name_axes
 from truearc.robot.recording.candump import TappedBus
-from truearc.sim.world.emulated_robot import FLYWHEEL, make_nodes
+from truearc.sim.world.emulated_robot import WATCHDOG_MS, make_nodes
 
 MS = 1_000_000
 NS_PER_S = 1_000_000_000
@@ -53,7 +53,7 @@ class FarSide:
     """Call `advance` as time goes on until `over`; `now_ns` tells the run's clock."""
 
     def __init__(self, config: Config, row: Row, arms: int, wire: FarWire, box: BrokenBox, span: Span,
-                 now_ns: Callable[[], int], watchdog_ms: int = FLYWHEEL.watchdog_ms) -> None:
+                 now_ns: Callable[[], int], watchdog_ms: int = WATCHDOG_MS) -> None:
         """`arms`: how often the driver presses that button once the fault is over. With a span that has begun these
         devices take the place of others, whose driver had armed."""
         self.seen = Seen()
@@ -62,7 +62,7 @@ class FarSide:
         self._breaking, self._lasts_ns, self._is_first = row.breaking, round(row.lasts_s * 1e9), row.first
         self._wire, self._box, self._span, self._now_ns = wire, box, span, now_ns
         self._plant = AdvisedPlant(config, span.advice) if row.launcher == "advisory" else SmallPlant(config)
-        nodes = make_nodes(config, self._plant, watchdog_ms, breaker({name: () for name in NAMES}))
+        nodes = make_nodes(config, self._plant, {name: () for name in NAMES}, watchdog_ms)
         self._nodes: dict[str, Any] = dict(zip(NAMES, nodes, strict=True))
         self._twin = Twin(self._plant, TappedBus(wire, self._listen), nodes, (box.step, self._drive))
         self._began_ns = self._due_ns = 0

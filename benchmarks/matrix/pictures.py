@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from benchmarks.distractors import floor_reflection, second_goal
 from truearc.hw.emulated.imaging.camera import EmulatedCamera, outline_m
+from truearc.hw.emulated.imaging.distractors import floor_reflection, second_goal
 from truearc.hw.emulated.imaging.image_degradation import Image
 from truearc.hw.emulated.imaging.lens import project
 from truearc.hw.emulated.static_plant import NOTHING, Stage, place

@@ -34,7 +34,7 @@ def dataset(shots: Columns, *, rig: Rig | str | Path | Mapping[str, Any], tracks
             traces: Columns | None = None, name: str = "dataset") -> Dataset:
     """Make a dataset from tables in memory.
 
-    Columns, units and checks are those of the files (formats.md section 1). A missing cell is None, NaN or NA.
+    Columns, units and checks are those of the dataset files. A missing cell is None, NaN or NA.
 
     Args:
         shots: One row per shot: a pandas or polars DataFrame, a structured NumPy array, or {column: n values}. The

@@ -11,7 +11,8 @@ from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset, hash_dataset
 from truearc.sim.gate.novelty import fit_novelty, novelty_record
 from truearc.sim.paper.network import save_weights
-from truearc.sim.paper.sweep import Job, Recipe, Trained, batches_per_epoch, check_job, check_recipe, train_many
+from truearc.sim.paper.settings import Recipe, check_recipe
+from truearc.sim.paper.sweep import Job, Trained, batches_per_epoch, check_job, train_many
 from truearc.sim.paper.training import Rows, accuracy, domain_of, split_heldout, training_rows
 from truearc.sim.printed import Printed
 from truearc.sim.progress import Progress

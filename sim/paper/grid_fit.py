@@ -9,10 +9,10 @@ from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.paper.grid_cells import THREE as LABEL_THREE
 from truearc.sim.paper.grid_labels import Flyer, Hits, find_hits, fly_pairs, make_flyer
+from truearc.sim.paper.settings import HIGH, LOW, STEP
 from truearc.sim.physics.simulate import THREE, TWO, launch_of, require
 from truearc.sim.progress import Progress
 
-LOW, HIGH, STEP = 0.0, 5.0, 0.005     # the seed's grid, bounds included
 START_STEP = 0.05                     # of the coarse search that gives another fit a start
 MOST_PARTS = 10000                    # of the range: a hundred times the seed's pairs
 

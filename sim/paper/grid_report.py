@@ -11,7 +11,8 @@ from matplotlib.figure import Figure
 from truearc.sim.data.dataset import Dataset, hash_dataset
 from truearc.sim.infer.score import Score
 from truearc.sim.paper.grid_bootstrap import Bootstrap
-from truearc.sim.paper.grid_fit import HIGH, LOW, GridFit, map_deviation
+from truearc.sim.paper.grid_fit import GridFit, map_deviation
+from truearc.sim.paper.settings import HIGH, LOW
 from truearc.sim.plots import Zoom, draw_fit_map
 
 TIE_HEADER = ("cd", "cl", "mean_deviation_m", "median_deviation_m")

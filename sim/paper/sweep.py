@@ -22,13 +22,11 @@ import numpy as np
 
 from truearc.robot.config.schema import InputError
 from truearc.sim.paper.network import SHAPES, Layers, Network, initial_layers, standardisation
+from truearc.sim.paper.settings import DEFAULT_RECIPE, Recipe, check_recipe
 from truearc.sim.paper.sweep_kernel import BATCH, COLUMNS, LANES, PARAMETERS, Decks, Real, advance, mean_losses
 from truearc.sim.paper.training import Rows
 from truearc.sim.progress import Progress
 
-STEPS = 1_000_000
-PATIENCE = 200_000
-CHECK = 5000                          # steps between two looks at the losses
 SPANS = 3                             # recorded, simulated and validation rows, in this order
 
 
@@ -41,16 +39,6 @@ class Job(NamedTuple):
     validation: Rows | None = None
     simulated_weight: float = 0.01    # the seed's lambda
     seed: int = 0                     # of first weights and minibatches
-
-
-@dataclass(frozen=True)
-class Recipe:
-    """How to train; the rate is the seed's, which gives no length."""
-
-    learning_rate: float = 1e-4
-    steps: int = STEPS                # at most
-    patience: int = PATIENCE          # steps without gain on the validation rows; without any, all steps are made
-    check: int = CHECK
 
 
 class CurvePoint(NamedTuple):
@@ -72,15 +60,6 @@ class Trained:
     curve: tuple[CurvePoint, ...]
 
 
-def check_recipe(recipe: Recipe) -> None:
-    """InputError names the option that no training can be done with."""
-    for name in ("steps", "patience", "check"):
-        if getattr(recipe, name) < 1:
-            raise InputError(f"--{name} is {getattr(recipe, name)}; at least 1 is needed")
-    if not 0.0 < recipe.learning_rate < math.inf:
-        raise InputError(f"--learning-rate is {recipe.learning_rate}; it must be more than 0")
-
-
 def check_job(job: Job) -> None:
     """InputError names what is wrong with one network's rows, lambda or seed."""
     if job.seed < 0:
@@ -96,7 +75,7 @@ def batches_per_epoch(real: int, simulated: int) -> int:
     return -(-(simulated or real) // BATCH)
 
 
-def train_many(jobs: Sequence[Job], recipe: Recipe = Recipe(), progress: Progress = lambda done, note: None,
+def train_many(jobs: Sequence[Job], recipe: Recipe = DEFAULT_RECIPE, progress: Progress = lambda done, note: None,
                threads: int | None = None) -> list[Trained]:
     """Train every job's network, all in one batch; a network's numbers depend on its own job and recipe alone.
 

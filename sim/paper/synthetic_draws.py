@@ -51,7 +51,7 @@ def check_belief(belief: Belief, name: str) -> None:
                                         ("[covariance]", bool(belief.names))) if not there]
     if lacking:
         raise InputError(f"{name}: has no {' and no '.join(lacking)}, which --draws draws from; "
-                       "`truearc fit --method ml` writes them, the grid does not")
+                       "`truearc fit` writes them, the grid does not")
 
 
 def synthesise_draws(facts: Rig, belief: Belief, draws: int, count: int, recorded: Shots | None, seed: int,

@@ -1,4 +1,4 @@
-"""A recorded session of `truearc identify` -> what was asked of each joint and the speeds that came of it."""
+"""A recorded session of `truearc sysid` -> what was asked of each joint and the speeds that came of it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -32,9 +32,9 @@ class Driven:
 
 
 def load_driven(session: Path) -> Driven:
-    """Read a session; InputError when it was not made by `truearc identify`."""
+    """Read a session; InputError when it was not made by `truearc sysid`."""
     if load_header(session).policy != POLICY:
-        raise InputError(f"{session}: not a recording of `truearc identify`")
+        raise InputError(f"{session}: not a recording of `truearc sysid`")
     config = load_session_config(session)
     reader = TickReader(session)
     ticks = [tick for tick, _ in reader]

@@ -2,28 +2,28 @@
 
 import itertools
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 
 from msgspec.structs import replace
 
+from truearc.hw.devices.axis import Axis
 from truearc.hw.devices.button_box.emulator import open_button_box
 from truearc.hw.devices.canandmag.emulator import CanandmagNode
 from truearc.hw.devices.canandmag.frames import Encoder
-from truearc.hw.devices.odrive import frames as odrive
-from truearc.hw.devices.odrive.emulator import OdriveNode, OdriveSettings
-from truearc.hw.devices.spark import frames as spark
-from truearc.hw.devices.spark.emulator import SparkNode, SparkSettings
+from truearc.hw.devices.family import AttachedMotor
+from truearc.hw.devices.registry import family_of
 from truearc.hw.emulated.clock import StepClock
 from truearc.hw.emulated.emulated_robot import Twin
+from truearc.hw.emulated.faults import Fault, FaultyNode
 from truearc.hw.emulated.nodes import Node
 from truearc.hw.real.can_bus import open_can
 from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.real.serial_port import open_serial
 from truearc.robot.config.can_policy import guard
-from truearc.robot.config.schema import AdvisoryAxis, Axis, Config, OdriveAxis, SparkAxis
+from truearc.robot.config.schema import Config
 from truearc.robot.gate.model import Gate, load_gate
-from truearc.robot.motors import name_axes, odrive_axis, spark_axis
+from truearc.robot.motors import name_axes
 from truearc.robot.operator_ui.serve_option import with_page
 from truearc.robot.operator_ui.server import OperatorPage
 from truearc.robot.recording.candump import TappedBus
@@ -42,30 +42,19 @@ from truearc.sim.world.parts.motor import FLYWHEEL as FLYWHEEL_MOTOR
 from truearc.sim.world.parts.target import BallResult
 from truearc.sim.world.world import World
 
-BreakNode = Callable[[str, Node], Node]          # of a device's name and its emulator; the emulator that is used
-Blind = Sequence[tuple[int, int]]     # spans of time, begin and end in ns, in which the camera gives nothing
-
 LONGEST_TRIAL_S = 40.0                # a session that takes longer than this a trial is stuck, and ends
+WATCHDOG_MS = 100                     # of the motor drivers, where it can be set
 CHANNELS = itertools.count()          # every twin in this process has a wire of its own
-
-# How the axes report; set once on a real one with its maker's tool. Currents matter on the flywheels only.
-FLYWHEEL = OdriveSettings(encoder_ms=10, current_ms=10)
-SETTINGS = {"hood": OdriveSettings(encoder_ms=10, current_ms=100),
-            "feeder": OdriveSettings(encoder_ms=50, current_ms=100)}
-
-
-def intact(name: str, node: Node) -> Node:
-    """The emulator as it is."""
-    return node
 
 
 def emulate(config: Config, folder: Path, trials: int, seed: int, options: Options | None = None,
             gate_path: Path | None = None, progress: Progress = lambda done, note: None,
-            page: OperatorPage | None = None, break_node: BreakNode = intact, blind: Blind = ()) -> list[BallResult]:
+            faults: Mapping[str, tuple[Fault, ...]] | None = None,
+            page: OperatorPage | None = None) -> list[BallResult]:
     """Record `trials` trials of the emulated robot into `folder`; returns what the world knows of each ball.
 
-    With a gate the policy becomes "model". `break_node` may put something else in the place of a device
-    ("flywheel_a", ..., "hood_encoder"). With a page that shows it, time passes no faster than it does.
+    With a gate the policy becomes "model". `faults`: device ("flywheel_a", ..., "hood_encoder", "camera") -> what
+    goes wrong. With a page that shows it, time passes no faster than it does.
     The truth returned is for tests and reports about the twin; neither runtime nor fit may see it.
     """
     gate = None if gate_path is None else load_gate(gate_path)
@@ -75,7 +64,7 @@ def emulate(config: Config, folder: Path, trials: int, seed: int, options: Optio
                              gate_path.read_bytes() if gate_path else None, lossless=True)
     try:
         world = World(seed, options)
-        run_twin(config, world, trials, seed, gate, recorder, progress, page, break_node, blind)
+        run_twin(config, world, trials, seed, gate, recorder, progress, faults or {}, page)
     finally:
         recorder.close()
     if recorder.failed is not None:
@@ -84,10 +73,10 @@ def emulate(config: Config, folder: Path, trials: int, seed: int, options: Optio
 
 
 def run_twin(config: Config, world: World, trials: int, seed: int, gate: Gate | None, recorder: SessionWriter,
-             progress: Progress, page: OperatorPage | None, break_node: BreakNode, blind: Blind) -> None:
+             progress: Progress, faults: Mapping[str, tuple[Fault, ...]], page: OperatorPage | None) -> None:
     """Wire robot and world together and run until the driver is done."""
     box = open_button_box()
-    eyes = TwinEyes(world, config, seed, blind)
+    eyes = TwinEyes(world, config, seed, faults.get("camera", ()))
     patience_s = config.gate.request_s + 0.5
     places = [row.distance_m for row in config.collect.prescribed]
     driver = Driver(world, box.press, trials, seed, patience_s=patience_s, repeats=config.collect.repeats,
@@ -96,7 +85,7 @@ def run_twin(config: Config, world: World, trials: int, seed: int, gate: Gate | 
     clock = StepClock(lambda t_ns: twin.advance(t_ns))
     channel = f"truearc-{next(CHANNELS)}"
     near, far = (open_can("virtual", channel, config.can.bitrate, clock) for _ in range(2))
-    twin = Twin(world, far, make_nodes(config, world, break_node=break_node), (box.step, driver.step, eyes.step))
+    twin = Twin(world, far, make_nodes(config, world, faults), (box.step, driver.step, eyes.step))
     stream = open_serial(box.port, config.buttons.baud)
     limit_ns = int(LONGEST_TRIAL_S * trials * 1e9)
 
@@ -117,30 +106,20 @@ def run_twin(config: Config, world: World, trials: int, seed: int, gate: Gate | 
     progress(1.0, f"{len(world.results)} balls in {clock.now_ns() * 1e-9:.0f} s of robot time")
 
 
-def make_nodes(config: Config, world: World, watchdog_ms: int = FLYWHEEL.watchdog_ms,
-               break_node: BreakNode = intact) -> tuple[Node, ...]:
+def make_nodes(config: Config, world: World, faults: Mapping[str, tuple[Fault, ...]],
+               watchdog_ms: int = WATCHDOG_MS) -> tuple[Node, ...]:
     """The far end of every device that the configuration names."""
     names = [f"flywheel_{letter}" for letter, _ in zip("ab", config.axes.flywheels, strict=True)] + ["hood", "feeder"]
     nodes = {name: make_axis_node(axis, name, world, watchdog_ms)
              for name, (_, axis) in zip(names, name_axes(config), strict=True)}
     encoder = config.hood_encoder
     nodes["hood_encoder"] = CanandmagNode(Encoder(encoder.device), world, encoder.zero_deg, encoder.direction)
-    return tuple(break_node(name, node) for name, node in nodes.items())
+    return tuple(FaultyNode(node, faults[name]) if name in faults else node for name, node in nodes.items())
 
 
 def make_axis_node(axis: Axis, name: str, world: World, watchdog_ms: int) -> Node:
     """The device at the far end of one axis, with the world's motor `name` on it; nobody commands an advisory one."""
-    settings = replace(SETTINGS.get(name, FLYWHEEL), watchdog_ms=watchdog_ms)
     motor = {"hood": HOOD, "feeder": FEEDER}.get(name, FLYWHEEL_MOTOR)
-    sparks = SparkSettings(motor.kt_nm_a, motor.resistance_ohm)
-    switch = world.hood_at_limit if name == "hood" else None
-    match axis:
-        case OdriveAxis():
-            return OdriveNode(odrive_axis(axis), name, world, settings, switch if axis.endstop_endpoint else None)
-        case SparkAxis():
-            return SparkNode(spark_axis(axis), name, world, sparks, switch if axis.has_endstop else None)
-        case AdvisoryAxis(listens_to="odrive"):
-            return OdriveNode(odrive.OdriveAxis(axis.device, axis.direction), name, world, settings)
-        case AdvisoryAxis():
-            theirs = spark.SparkAxis(axis.device, axis.direction, axis.has_endstop)
-            return SparkNode(theirs, name, world, sparks, switch if axis.has_endstop else None)
+    attached = AttachedMotor(name, world, motor.kt_nm_a, motor.resistance_ohm, watchdog_ms,
+                             world.hood_at_limit if name == "hood" else None)
+    return family_of(axis).make_node(axis, attached)

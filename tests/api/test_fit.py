@@ -18,7 +18,7 @@ def week():
 def test_fit_equals_what_the_command_prints_and_writes(week, tmp_path, capsys) -> None:
     ta.save_dataset(tmp_path / "d", week)
     out = tmp_path / "coefficients.toml"
-    assert main(["fit", str(tmp_path / "d"), "--method", "ml", "--terms", ",".join(TERMS), "-o", str(out),
+    assert main(["fit", str(tmp_path / "d"), "--terms", ",".join(TERMS), "-o", str(out),
                  "--quiet"]) == 0
     fit = ta.fit(ta.load_dataset(tmp_path / "d"), TERMS)
     assert capsys.readouterr().out == f"{fit}\n" and fit._repr_html_().startswith("<pre>fitted to 60")
@@ -37,7 +37,7 @@ def test_fit_equals_what_the_command_prints_and_writes(week, tmp_path, capsys) -
 def test_grid_equals_what_the_command_prints_and_writes(week, tmp_path, capsys) -> None:
     ta.save_dataset(tmp_path / "d", week)
     out = tmp_path / "coefficients.toml"
-    assert main(["fit", str(tmp_path / "d"), "--method", "grid", "--step", "0.1", "-o", str(out), "--quiet"]) == 0
+    assert main(["paper", "fit", str(tmp_path / "d"), "--step", "0.1", "-o", str(out), "--quiet"]) == 0
     grid = ta.fit(ta.load_dataset(tmp_path / "d"), method="grid", step=0.1)
     assert capsys.readouterr().out == f"{grid}\n"
     grid.belief.save(tmp_path / "own.toml")

@@ -64,8 +64,8 @@ def test_every_kind_of_table_gives_what_the_files_give(kind, loaded) -> None:
 @pytest.mark.parametrize("kind", [plain, pandas, polars])
 @pytest.mark.parametrize(("change", "message"), [
     ({"distance_m": [3.0, -1.0, 4.0]}, "shots: row 2: distance_m: -1 is out of range (0 to 100)"),
-    ({"distance_m": [3.0, float("inf"), 4.0]}, "shots: row 2: distance_m: inf is not finite"),
-    ({"distance_m": ["3", "far", "4"]}, "shots: row 2: distance_m: 'far' is not a number"),
+    ({"distance_m": [3.0, float("inf"), 4.0]}, "shots: row 2: distance_m: inf is not a finite number"),
+    ({"distance_m": ["3", "far", "4"]}, "shots: row 2: distance_m: 'far' is not a finite number"),
     ({"outcome": ["three", "four", ""]}, "shots: row 2: outcome: 'four' is none of miss, two, three"),
     ({"shot_id": ["a", "b", "a"]}, "shots: row 3: shot_id: 'a' stands already in shots: row 1"),
     ({"shot_id": ["a", None, "c"]}, "shots: row 2: shot_id: is missing"),

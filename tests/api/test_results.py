@@ -87,7 +87,7 @@ def test_shot_plan_equals_what_the_command_prints(folder, week, found, tmp_path,
 def test_identifiability_equals_what_the_command_prints(folder, week, tmp_path, capsys) -> None:
     out = tmp_path / "sight.json"
     rig = folder / "rig.toml"
-    assert main(["discover", "--identifiability", str(rig), "--shots", "40", "--level", "L1", "--json", str(out),
+    assert main(["identifiability", str(rig), "--shots", "40", "--level", "L1", "--json", str(out),
                  "--quiet"]) == 0
     season = ta.identifiability(week.rig, level="L1", shots=40, name="rig.toml")
     assert capsys.readouterr().out == f"{season}\n" and out.read_text() == season.to_json()
@@ -101,7 +101,7 @@ def test_identifiability_equals_what_the_command_prints(folder, week, tmp_path, 
 def test_gate_is_exported_as_the_commands_export_it(folder, week, found, gate, tmp_path, capsys) -> None:
     belief = tmp_path / "belief.toml"
     found.adopt().save(belief)
-    assert main(["train", "--model", "physics", "--real", str(folder), "--coefficients", str(belief), "-o",
+    assert main(["train", "--real", str(folder), "--coefficients", str(belief), "-o",
                  str(tmp_path / "weights"), "--quiet"]) == 0
     assert capsys.readouterr().out.startswith(f"{gate}\n")
     assert main(["export", str(tmp_path / "weights"), "-o", str(tmp_path / "command.onnx")]) == 0
@@ -109,7 +109,7 @@ def test_gate_is_exported_as_the_commands_export_it(folder, week, found, gate, t
     assert sha256 in capsys.readouterr().out
     assert (tmp_path / "gate.onnx").read_bytes() == (tmp_path / "command.onnx").read_bytes()
     assert 0.0 <= gate.holdout.brier < 0.5 and isinstance(gate.plot_reliability(), Figure)
-    assert main(["predict-gate", str(tmp_path / "gate.onnx"), str(folder)]) == 0
+    assert main(["predict", "--gate", str(tmp_path / "gate.onnx"), str(folder)]) == 0
     rated = ta.predict(week, gate=tmp_path / "gate.onnx")
     assert capsys.readouterr().out == rated.to_csv() and len(rated) == len(week.shots)
 
@@ -142,7 +142,7 @@ def test_tables_go_out_tidy(found) -> None:
     ({"believe": "gravity"}, "believe: 'gravity' is one string"), ({"believe": []}, "believe: names no term"),
     ({"believe": ["gravity", "free_push"]}, "without a name"), ({"seed": -1}, "seed: -1 is negative"),
     ({"false_alarm": 1.5}, "false_alarm: 1.5 is not between"), ({"measured": {"wind_x": (1.0, 0.0)}}, "wind_x"),
-    ({"measured": {"magic": (1.0, 0.1)}}, "'magic'"), ({"terms": []}, "gravity")])
+    ({"measured": {"magic": (1.0, 0.1)}}, "'magic'"), ({"terms": []}, "there is no term")])
 def test_what_discovery_cannot_do_is_said(week, arguments, message) -> None:
     with pytest.raises(ta.InputError, match=message):
         ta.discover(week, **arguments)

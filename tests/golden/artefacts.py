@@ -101,12 +101,12 @@ def predict(scratch: Path, out: Path) -> None:
 
 
 def train_network(scratch: Path, out: Path) -> None:
-    run(scratch, "train", "--quiet", "--real", DATA / "l0-null", "--sim", REFERENCE / "synth" / "synth",
+    run(scratch, "train network", "--quiet", "--real", DATA / "l0-null", "--sim", REFERENCE / "synth" / "synth",
         "--epochs", "100", "--learning-rate", "0.003", "--seed", "2", "-o", out / "weights")
 
 
 def train_physics(scratch: Path, out: Path) -> None:
-    run(scratch, "train", "--model", "physics", "--quiet", "--real", DATA / "l0-null", "--coefficients",
+    run(scratch, "train", "--quiet", "--real", DATA / "l0-null", "--coefficients",
         REFERENCE / "belief" / "belief.toml", "-o", out / "weights")
 
 

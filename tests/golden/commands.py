@@ -8,19 +8,20 @@ from pathlib import Path
 
 # Every spelling that `make golden` uses. When a command is renamed, change it here and nowhere else.
 COMMANDS = {
-    "replay": ("replay",),
+    "replay": ("session", "replay"),
     "emulate": ("emulate",),
     "shots": ("shots",),
     "predict": ("predict",),
-    "predict gate": ("predict-gate",),
-    "fit ml": ("fit", "--method", "ml"),
-    "fit grid": ("fit", "--method", "grid"),
-    "synth": ("synth",),
+    "predict gate": ("predict", "--gate"),
+    "fit ml": ("fit",),
+    "fit grid": ("paper", "fit"),
+    "synth": ("paper", "synth"),
     "train": ("train",),
+    "train network": ("paper", "train"),
     "export": ("export",),
     "verify": ("verify",),
     "discover": ("discover",),
-    "identifiability": ("discover", "--identifiability"),
+    "identifiability": ("identifiability",),
     "design": ("design",),
 }
 

@@ -16,7 +16,7 @@ from truearc.robot.operator_ui.driver_messages import MESSAGES
 ROOT = Path(__file__).parents[2]
 CODES = (*fault_codes.CODES, *reasons.CODES)
 DECLARING = (ROOT / "hw" / "fault_codes.py", ROOT / "robot" / "reasons.py")
-TELLING = (ROOT / "robot" / "page" / "words.py", ROOT / "robot" / "recording" / "schema1.py",
+TELLING = (ROOT / "robot" / "operator_ui" / "driver_messages.py", ROOT / "robot" / "recording" / "schema1.py",
            ROOT / "robot" / "recording" / "schema1_forms.py")
 KINDS = {"text", "count", "flag", "motor", "device", "texts", "counts", "reason", "reasons"}
 UNITS = {"s", "m", "deg", "rad/s", "Nm", "px", "ms", "ratio", "share", "probability", "of the signal",
@@ -26,7 +26,7 @@ SUFFIXES = {"s": "_s", "m": "_m", "deg": "_deg", "rad/s": "_rad_s", "Nm": "_nm",
 
 def calls():
     """(code constant, keyword names, place) of every call of a code in the product."""
-    for path in (path for room in ("hw", "robot", "doors") for path in (ROOT / room).rglob("*.py")):
+    for path in (path for room in ("hw", "robot", "truearc") for path in (ROOT / room).rglob("*.py")):
         if path in DECLARING or path in TELLING:
             continue
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
@@ -92,4 +92,4 @@ def test_every_code_has_a_message_or_is_the_cause_of_one_that_has():
 
 def test_the_docs_are_made_from_the_codes():
     page = (ROOT / "docs" / "reasons.md").read_text(encoding="utf-8")
-    assert page == make_page(), "python tools/reasons_doc.py > docs/reasons.md"
+    assert page == make_page(), "python -m tools.reasons_doc > docs/reasons.md"

@@ -5,7 +5,14 @@ import struct
 
 import pytest
 
-from benchmarks.device_faults import (
+from tests.hw.spinning_plant import SpinningPlant
+from truearc.hw.devices.canandmag.emulator import CanandmagNode
+from truearc.hw.devices.canandmag.frames import Encoder, make_position_period
+from truearc.hw.devices.odrive import frames as odrive
+from truearc.hw.devices.odrive.emulator import OdriveNode
+from truearc.hw.devices.odrive.frames import CLOSED_LOOP, IDLE, PASSTHROUGH, TORQUE, OdriveAxis
+from truearc.hw.emulated.emulated_robot import Twin
+from truearc.hw.emulated.faults import (
     DEAF,
     DOUBLED,
     HELD,
@@ -20,13 +27,6 @@ from benchmarks.device_faults import (
     Fault,
     FaultyNode,
 )
-from tests.hw.spinning_plant import SpinningPlant
-from truearc.hw.devices.canandmag.emulator import CanandmagNode
-from truearc.hw.devices.canandmag.frames import Encoder, make_position_period
-from truearc.hw.devices.odrive import frames as odrive
-from truearc.hw.devices.odrive.emulator import OdriveNode
-from truearc.hw.devices.odrive.frames import CLOSED_LOOP, IDLE, PASSTHROUGH, TORQUE, OdriveAxis
-from truearc.hw.emulated.emulated_robot import Twin
 from truearc.hw.protocols import BadFrame
 from truearc.hw.readings import MotorReading
 from truearc.hw.real.can_bus import open_can

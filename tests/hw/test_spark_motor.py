@@ -5,13 +5,13 @@ import struct
 
 import pytest
 
-from benchmarks.device_faults import OVERWRITTEN, SILENT, UNPOWERED, Fault, FaultyNode
 from truearc.hw.dc_motor import DcMotor
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.emulator import SparkNode, SparkSettings
 from truearc.hw.devices.spark.frames import SparkAxis
 from truearc.hw.devices.spark.motor import SparkHeartbeat, SparkMotor
 from truearc.hw.emulated.emulated_robot import Twin
+from truearc.hw.emulated.faults import OVERWRITTEN, SILENT, UNPOWERED, Fault, FaultyNode
 from truearc.hw.fault_codes import (
     ENCODER_STUCK,
     SPARK_FAULTS_STALE,

@@ -3,10 +3,10 @@
 import pytest
 from msgspec.structs import replace
 
-from benchmarks.device_faults import OVERWRITTEN, SILENT, UNPOWERED, Fault, broken
 from benchmarks.matrix.signs import find, says
 from tests.robot.sparks import ALL_SPARK, SPARK_HOOD, SPARK_WHEELS, only_advice
 from truearc.hw import fault_codes as hw
+from truearc.hw.emulated.faults import OVERWRITTEN, SILENT, UNPOWERED, Fault
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as bot
 from truearc.robot.recording.reader import TickReader
@@ -52,7 +52,7 @@ def last_hold(folder) -> tuple[Reason, ...]:
 ])
 def test_a_spark_that_is_not_what_it_should_be_is_a_hold_that_says_why(tmp_path, config, device, fault, signs) -> None:
     config = replace(config, gate=replace(config.gate, request_s=2.0))
-    results = emulate(config, tmp_path / "s", trials=2, seed=5, **broken({device: (fault,)}))
+    results = emulate(config, tmp_path / "s", trials=2, seed=5, faults={device: (fault,)})
     assert [result for result in results if result.fed_t_ns > fault.begin_ns + SECOND // 2] == []
     assert find(signs, last_hold(tmp_path / "s")), last_hold(tmp_path / "s")
     assert replay(tmp_path / "s")[1] is None

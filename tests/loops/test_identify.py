@@ -1,4 +1,4 @@
-"""truearc identify on the emulated robot: doubts and buttons end in HOLD, and bad input says what is wrong."""
+"""truearc sysid on the emulated robot: doubts and buttons end in HOLD, and bad input says what is wrong."""
 
 import signal
 import threading
@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
-from benchmarks.device_faults import SILENT, Fault, breaker
 from tests.robot.alike import codes
 from truearc import robot
 from truearc.cli.main import main
 from truearc.cli.robot.sysid_emulated import ARM, drive_twin
 from truearc.hw.devices.button_box.emulator import open_button_box
+from truearc.hw.emulated.faults import SILENT, Fault
 from truearc.robot.config.schema import load_config
 from truearc.robot.reasons import DEVICE_STALE, IDENTIFY_RELEASED
 from truearc.robot.recording.reader import TickReader
@@ -37,7 +37,7 @@ def only(joint):
                                                ("feeder", "hood")])
 def test_a_reading_that_goes_stale_ends_it_in_hold(tmp_path, device, joint):
     fault = Fault(SILENT, 3 * SECOND, FOREVER)
-    over = drive_twin(only(joint), tmp_path / "s", World(2), lambda text: None, break_node=breaker({device: (fault,)}))
+    over = drive_twin(only(joint), tmp_path / "s", World(2), lambda text: None, faults={device: (fault,)})
     assert DEVICE_STALE.name in codes(over.params["causes"])
     last = [tick for tick, _ in TickReader(tmp_path / "s")][-1]
     assert not last.sent.enable and last.sent.flywheel_torque_nm == last.sent.hood_torque_nm == 0.0
@@ -51,7 +51,7 @@ def test_a_reading_that_goes_stale_ends_it_in_hold(tmp_path, device, joint):
 def test_the_operators_button_ends_it(tmp_path, capsys):
     over = drive_twin(only("flywheel"), tmp_path / "s", World(2), lambda text: None, (*ARM, (4 * SECOND, "fire")))
     assert over == IDENTIFY_RELEASED(button="fire")
-    assert main(["identify", str(tmp_path / "s"), "--quiet"]) == 1
+    assert main(["sysid", str(tmp_path / "s"), "--quiet"]) == 1
     assert "released by the operator" in capsys.readouterr().err
 
 
@@ -68,17 +68,19 @@ def test_nobody_arms_nothing_moves(tmp_path):
 
 def test_a_session_of_shooting_is_refused(tmp_path, capsys):
     emulate(CONFIG, tmp_path / "s", trials=0, seed=0)
-    assert main(["identify", str(tmp_path / "s")]) == 2
-    assert "not a recording of `truearc identify`" in capsys.readouterr().err
+    assert main(["sysid", str(tmp_path / "s")]) == 2
+    assert "not a recording of `truearc sysid`" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("arguments", "words"), [
     ([], "give --config"), (["--emulate"], "needs --out"), (["--config", "nowhere.toml"], "nowhere.toml"),
     (["--csv", "nowhere.csv"], "nowhere.csv"), (["--emulate", "--out", "x", "--seed", "-1"], "cannot be negative"),
     (["--csv", "a.csv", "-o", "no/such/gains.toml"], "no directory"),
+    (["--csv", "a.csv", "--only", "hood"], "--only: "), (["s", "--seed", "1"], "--seed: "),
+    (["--config", "c.toml", "--world", "w.toml"], "--world: "),
 ])
 def test_bad_input_is_exit_2_with_a_name(arguments, words, capsys):
-    assert main(["identify", *arguments]) == 2
+    assert main(["sysid", *arguments]) == 2
     assert words in capsys.readouterr().err
 
 
@@ -86,7 +88,7 @@ def test_a_robot_without_the_section_is_told(tmp_path, capsys):
     text = SHIPPED.read_text(encoding="utf-8")
     begin, end = text.index("[identify.flywheel]"), text.index("[rig.ball]")
     (tmp_path / "old.toml").write_text(text[:begin] + text[end:], encoding="utf-8")
-    assert main(["identify", "--config", str(tmp_path / "old.toml")]) == 2
+    assert main(["sysid", "--config", str(tmp_path / "old.toml")]) == 2
     assert "[identify] is missing" in capsys.readouterr().err
 
 
@@ -117,7 +119,7 @@ def test_the_real_door_with_silent_devices_ends_in_hold_and_leaves_a_session(tmp
     operator = threading.Thread(target=operate)
     operator.start()
     try:
-        code = main(["identify", "--config", str(tmp_path / "launcher.toml"), "--out", str(tmp_path / "s")])
+        code = main(["sysid", "--config", str(tmp_path / "launcher.toml"), "--out", str(tmp_path / "s")])
     finally:
         over.set()
         operator.join()
@@ -133,5 +135,5 @@ def test_the_real_door_with_silent_devices_ends_in_hold_and_leaves_a_session(tmp
 def test_wires_that_cannot_be_opened_are_named(tmp_path, handlers, capsys):
     text = SHIPPED.read_text(encoding="utf-8").replace('interface = "socketcan"', 'interface = "virtual"')
     (tmp_path / "launcher.toml").write_text(text.replace("/dev/buttonbox", "/dev/no-such-box"), encoding="utf-8")
-    assert main(["identify", "--config", str(tmp_path / "launcher.toml"), "--out", str(tmp_path / "s")]) == 2
+    assert main(["sysid", "--config", str(tmp_path / "launcher.toml"), "--out", str(tmp_path / "s")]) == 2
     assert "cannot start: " in capsys.readouterr().err and not (tmp_path / "s").exists()

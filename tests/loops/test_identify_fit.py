@@ -1,4 +1,4 @@
-"""truearc identify on the emulated robot: what is fitted is what the world was made of."""
+"""truearc sysid on the emulated robot: what is fitted is what the world was made of."""
 
 import tomllib
 from pathlib import Path
@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from truearc import robot
 from truearc.cli.main import main
 from truearc.cli.robot.sysid_emulated import drive_twin
-from truearc.robot.config.schema import Config, load_config
+from truearc.robot.config.schema import Config, load_config, read_axis
 from truearc.robot.reasons import IDENTIFY_DONE
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.replay.recompute import replay
@@ -109,17 +109,17 @@ def merged(fragment: str) -> Config:
                 into[key] = value
     whole = tomllib.loads(SHIPPED.read_text(encoding="utf-8"))
     put(whole, tomllib.loads(fragment))
-    return msgspec.convert(whole, Config)
+    return msgspec.convert(whole, Config, dec_hook=read_axis)
 
 
 def test_the_door_writes_gains_that_the_robot_shoots_with(session, tmp_path, capsys):
     gains, page = tmp_path / "gains.toml", tmp_path / "page.html"
     before = SHIPPED.read_bytes()
-    assert main(["identify", str(session), "-o", str(gains), "--report", str(page), "--quiet"]) == 0
+    assert main(["sysid", str(session), "-o", str(gains), "--report", str(page), "--quiet"]) == 0
     out = capsys.readouterr().out
     assert out == gains.read_text(encoding="utf-8") and "R^2" in out
     assert page.read_text(encoding="utf-8").count("data:image/png") == 2
-    assert main(["identify", str(session), "-o", str(gains), "--quiet"]) == 2
+    assert main(["sysid", str(session), "-o", str(gains), "--quiet"]) == 2
     assert "exists already" in capsys.readouterr().err and SHIPPED.read_bytes() == before
     config = merged(out)
     assert config.flywheel.pid.kp != CONFIG.flywheel.pid.kp and config.hood.pid.kp != CONFIG.hood.pid.kp

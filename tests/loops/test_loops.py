@@ -9,11 +9,11 @@ import msgspec
 import pytest
 from msgspec.structs import replace
 
-from benchmarks.device_faults import OVERWRITTEN, SILENT, TRUNCATED, Fault, broken
 from benchmarks.matrix.signs import find, says
 from truearc import robot
 from truearc.cli.main import main
 from truearc.hw import fault_codes as hw
+from truearc.hw.emulated.faults import OVERWRITTEN, SILENT, TRUNCATED, Fault
 from truearc.robot import reasons as bot
 from truearc.robot.config.schema import InputError, Prescribed, config_hash, load_config
 from truearc.robot.config.shot_plan import with_plan
@@ -56,7 +56,7 @@ def test_the_robot_knew_where_it_was(session):
 def test_a_replay_is_bit_equal(session):
     ticks, cut_short = replay(session[0])
     assert ticks > 1000 and cut_short is None
-    assert main(["replay", str(session[0]), "--check"]) == 0
+    assert main(["session", "replay", str(session[0]), "--check"]) == 0
 
 
 def test_the_same_seed_gives_the_same_files_and_another_seed_does_not(session, tmp_path):
@@ -78,7 +78,7 @@ def test_a_replay_with_another_gain_names_the_first_field_that_differs(session, 
     header.write_text(header.read_text().replace(config_hash(CONFIGURATION), config_hash(changed)))
     with pytest.raises(Difference, match=r"cycle \d+: tick\.(command|memory)\..* was .*, is now"):
         replay(folder)
-    assert main(["replay", str(folder), "--check"]) == 1
+    assert main(["session", "replay", str(folder), "--check"]) == 1
     assert "is now" in capsys.readouterr().err
 
 
@@ -91,7 +91,7 @@ def test_a_truncated_recording_gives_its_whole_chunks_and_says_so(session, tmp_p
     file.write_bytes(file.read_bytes()[:int(file.stat().st_size * share)])
     ticks, cut_short = replay(folder)
     assert 0.7 * share * whole < ticks < whole and "cut short" in cut_short
-    assert main(["replay", str(folder), "--check"]) == 1
+    assert main(["session", "replay", str(folder), "--check"]) == 1
     dataset = shots_from_sessions([folder], "cut")
     assert any("cut short" in line for line in dataset.left_out)
 
@@ -103,7 +103,7 @@ def test_a_damaged_byte_is_no_traceback(session, tmp_path, place, capsys):
     data = bytearray((folder / "telemetry.mcap").read_bytes())
     data[int(len(data) * place)] ^= 0xFF
     (folder / "telemetry.mcap").write_bytes(data)
-    assert main(["replay", str(folder), "--check"]) == 1
+    assert main(["session", "replay", str(folder), "--check"]) == 1
     assert "cut short or damaged" in capsys.readouterr().err
 
 
@@ -111,9 +111,9 @@ def test_a_recording_with_nothing_in_it_is_an_error(session, tmp_path, capsys):
     folder = tmp_path / "empty"
     shutil.copytree(session[0], folder)
     (folder / "telemetry.mcap").write_bytes(b"")
-    assert main(["replay", str(folder), "--check"]) == 2
+    assert main(["session", "replay", str(folder), "--check"]) == 2
     assert "no ticks" in capsys.readouterr().err
-    assert main(["replay", str(tmp_path / "nowhere")]) == 2
+    assert main(["session", "replay", str(tmp_path / "nowhere")]) == 2
     assert "nowhere" in capsys.readouterr().err
 
 
@@ -141,7 +141,7 @@ def held_reasons(folder):
 ])
 def test_a_device_that_fails_is_a_hold_that_names_it(tmp_path, device, fault, signs):
     config = replace(CONFIGURATION, gate=replace(CONFIGURATION.gate, request_s=2.0))
-    results = emulate(config, tmp_path / "s", trials=2, seed=5, **broken({device: (fault,)}))
+    results = emulate(config, tmp_path / "s", trials=2, seed=5, faults={device: (fault,)})
     begun = [result for result in results if result.fed_t_ns > fault.begin_ns + SECOND // 2]
     assert begun == []
     assert find(signs, held_reasons(tmp_path / "s")), held_reasons(tmp_path / "s")
@@ -157,8 +157,8 @@ def test_a_disk_that_fills_up_is_a_hold_and_the_session_can_be_recovered(tmp_pat
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     assert code == 2 and "File too large" in capsys.readouterr().err
-    assert main(["replay", str(tmp_path / "s"), "--check"]) == 1
-    assert main(["recover", str(tmp_path / "s")]) == 0
+    assert main(["session", "replay", str(tmp_path / "s"), "--check"]) == 1
+    assert main(["session", "recover", str(tmp_path / "s")]) == 0
     assert replay(tmp_path / "s")[1] is None
     for tick, _ in TickReader(tmp_path / "s"):
         assert not (tick.verdict.fire and find(says(bot.NOT_RECORDING), tick.inputs.faults))
@@ -168,7 +168,7 @@ def test_a_disk_that_fills_up_is_a_hold_and_the_session_can_be_recovered(tmp_pat
 
 def test_a_device_that_comes_back_is_fired_with_again(tmp_path):
     fault = Fault(SILENT, 1 * SECOND, 6 * SECOND)
-    results = emulate(CONFIGURATION, tmp_path / "s", trials=3, seed=5, **broken({"flywheel_a": (fault,)}))
+    results = emulate(CONFIGURATION, tmp_path / "s", trials=3, seed=5, faults={"flywheel_a": (fault,)})
     assert results and all(result.fed_t_ns > 6 * SECOND for result in results)
 
 

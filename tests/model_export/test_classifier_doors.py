@@ -36,12 +36,12 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
     home = tmp_path_factory.mktemp("classifier")
     save_dataset(home / "real", make_recorded(60))
     (home / "coefficients.toml").write_text(COEFFICIENTS)
-    assert truearc.main(["synth", "--quiet", "--rig", f"{home}/real/rig.toml", "--coefficients",
+    assert truearc.main(["paper", "synth", "--quiet", "--rig", f"{home}/real/rig.toml", "--coefficients",
                          f"{home}/coefficients.toml", "-n", "90", "--exclude", f"{home}/real", "-o",
                          f"{home}/sim"]) == 0
     for name in ("weights", "again"):
-        assert truearc.main(["train", "--quiet", "--real", f"{home}/real", "--sim", f"{home}/sim", "--epochs", "300",
-                             "--learning-rate", "0.003", "-o", f"{home}/{name}"]) == 0
+        assert truearc.main(["paper", "train", "--quiet", "--real", f"{home}/real", "--sim", f"{home}/sim", "--epochs",
+                             "300", "--learning-rate", "0.003", "-o", f"{home}/{name}"]) == 0
         assert truearc.main(["export", f"{home}/{name}", "-o", f"{home}/{name}.onnx"]) == 0
     return home
 
@@ -82,7 +82,8 @@ def test_verify_passes_and_prints_the_difference(home: Path, capsys: pytest.Capt
 
 
 def test_verify_fails_on_other_weights(home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert truearc.main(["train", "--quiet", "--real", f"{home}/real", "--epochs", "20", "-o", f"{tmp_path}/w"]) == 0
+    assert truearc.main(["paper", "train", "--quiet", "--real", f"{home}/real", "--epochs", "20", "-o",
+                         f"{tmp_path}/w"]) == 0
     assert truearc.main(["verify", f"{home}/weights.onnx", "--weights", f"{tmp_path}/w"]) == 1
     said = capsys.readouterr().out
     assert "FAILED: onnxruntime and trainer differ" in said
@@ -90,8 +91,8 @@ def test_verify_fails_on_other_weights(home: Path, tmp_path: Path, capsys: pytes
 
 
 def test_predict_gate_writes_a_row_a_shot(home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert truearc.main(["predict-gate", f"{home}/weights.onnx", f"{home}/real", "-o", f"{tmp_path}/out.csv"]) == 0
-    assert truearc.main(["predict-gate", f"{home}/weights.onnx", f"{home}/real"]) == 0
+    assert truearc.main(["predict", "--gate", f"{home}/weights.onnx", f"{home}/real", "-o", f"{tmp_path}/out.csv"]) == 0
+    assert truearc.main(["predict", "--gate", f"{home}/weights.onnx", f"{home}/real"]) == 0
     text = (tmp_path / "out.csv").read_text()
     assert text == capsys.readouterr().out
     shots = load_dataset(home / "real").shots
@@ -118,26 +119,27 @@ def test_bad_input_is_named(home: Path, tmp_path: Path, capsys: pytest.CaptureFi
     bad = tmp_path / "bad.onnx"
     bad.write_bytes((home / "weights.onnx").read_bytes()[:-100])
     assert str(bad) in refusal(capsys, "verify", str(bad))
-    assert str(bad) in refusal(capsys, "predict-gate", str(bad), f"{home}/real")
-    assert "nothing" in refusal(capsys, "train", "--real", f"{home}/nothing", "-o", f"{tmp_path}/w")
-    assert "--holdout" in refusal(capsys, "train", "--real", f"{home}/real", "--holdout", "1.5", "-o", f"{tmp_path}/w")
-    assert "--coefficients: --model network makes no use of it; --model physics does" in refusal(
-        capsys, "train", "--real", f"{home}/real", "--coefficients", "c.toml", "-o", f"{tmp_path}/w")
-    assert "--sim: --model physics makes no use of it; --model network does" in refusal(
-        capsys, "train", "--model", "physics", "--real", f"{home}/real", "--sim", "s", "-o", f"{tmp_path}/w")
+    assert str(bad) in refusal(capsys, "predict", "--gate", str(bad), f"{home}/real")
+    assert "nothing" in refusal(capsys, "paper", "train", "--real", f"{home}/nothing", "-o", f"{tmp_path}/w")
+    assert "--holdout" in refusal(
+        capsys, "paper", "train", "--real", f"{home}/real", "--holdout", "1.5", "-o", f"{tmp_path}/w")
+    assert "--lambda: applies with --sim only" in refusal(
+        capsys, "paper", "train", "--real", f"{home}/real", "--lambda", "0.1", "-o", f"{tmp_path}/w")
+    assert "--patience: --validation 0" in refusal(capsys, "paper", "train", "--real", f"{home}/real", "--validation",
+                                                   "0", "--patience", "9", "-o", f"{tmp_path}/w")
     assert "weights.npz" in refusal(capsys, "export", f"{tmp_path}/none", "-o", f"{tmp_path}/x.onnx")
     unjudged = make_recorded(9)
     save_dataset(tmp_path / "unjudged", Dataset("x", FACTS, Shots(unjudged.shots.shot_id, unjudged.shots.numbers, {})))
-    said = refusal(capsys, "train", "--real", f"{tmp_path}/unjudged", "-o", f"{tmp_path}/w")
+    said = refusal(capsys, "paper", "train", "--real", f"{tmp_path}/unjudged", "-o", f"{tmp_path}/w")
     assert f"nothing to train on; {tmp_path}/unjudged/shots.csv: 9 of 9 shots left out: no outcome" in said
     numbers = {name: column for name, column in unjudged.shots.numbers.items() if name != "motor_ratio"}
     save_dataset(tmp_path / "gap", Dataset("x", FACTS, Shots(unjudged.shots.shot_id, numbers, {})))
-    assert "motor_ratio" in refusal(capsys, "predict-gate", f"{home}/weights.onnx", f"{tmp_path}/gap", "-o",
+    assert "motor_ratio" in refusal(capsys, "predict", "--gate", f"{home}/weights.onnx", f"{tmp_path}/gap", "-o",
                                     f"{tmp_path}/out.csv")
     assert not (tmp_path / "out.csv").exists()
     judged = Shots(unjudged.shots.shot_id, numbers, {"outcome": ("two",) * 9})
     save_dataset(tmp_path / "flat", Dataset("x", FACTS, judged))
-    said = refusal(capsys, "train", "--real", f"{tmp_path}/flat", "-o", f"{tmp_path}/w")
+    said = refusal(capsys, "paper", "train", "--real", f"{tmp_path}/flat", "-o", f"{tmp_path}/w")
     assert f"{tmp_path}/flat/shots.csv: 9 of 9 shots left out: no motor_ratio" in said
-    assert "-n is 1" in refusal(capsys, "synth", "--quiet", "--rig", f"{home}/real/rig.toml", "--coefficients",
+    assert "-n is 1" in refusal(capsys, "paper", "synth", "--quiet", "--rig", f"{home}/real/rig.toml", "--coefficients",
                                 f"{home}/coefficients.toml", "-n", "1", "-o", f"{tmp_path}/s")

@@ -19,7 +19,7 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
     save_dataset(home / "real", make_shots(1, 80))
     save_belief(home / "coefficients.toml", BELIEF, {"method": "by hand"})
     for name in ("weights", "again"):
-        assert truearc.main(["train", "--quiet", "--model", "physics", "--real", f"{home}/real", "--coefficients",
+        assert truearc.main(["train", "--quiet", "--real", f"{home}/real", "--coefficients",
                              f"{home}/coefficients.toml", "--reliability", f"{home}/{name}.png", "-o",
                              f"{home}/{name}"]) == 0
         assert truearc.main(["export", f"{home}/{name}", "-o", f"{home}/{name}.onnx"]) == 0
@@ -40,7 +40,7 @@ def test_verify_passes_and_says_what_it_compared(home: Path, capsys: pytest.Capt
 
 def test_verify_fails_on_another_gate(home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     save_dataset(tmp_path / "other", make_shots(5, 14))
-    assert truearc.main(["train", "--quiet", "--model", "physics", "--real", f"{tmp_path}/other", "--coefficients",
+    assert truearc.main(["train", "--quiet", "--real", f"{tmp_path}/other", "--coefficients",
                          f"{home}/coefficients.toml", "-o", f"{tmp_path}/w"]) == 0
     capsys.readouterr()
     assert truearc.main(["verify", f"{home}/weights.onnx", "--weights", f"{tmp_path}/w"]) == 1
@@ -50,7 +50,7 @@ def test_verify_fails_on_another_gate(home: Path, tmp_path: Path, capsys: pytest
 
 def test_the_robot_takes_it_and_rates_as_the_rows_say(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
     capsys.readouterr()
-    assert truearc.main(["predict-gate", f"{home}/weights.onnx", f"{home}/real"]) == 0
+    assert truearc.main(["predict", "--gate", f"{home}/weights.onnx", f"{home}/real"]) == 0
     rows = list(csv.DictReader(capsys.readouterr().out.splitlines()))
     shots, gate = load_dataset(home / "real").shots, load_gate(home / "weights.onnx")
     assert gate.provenance["kind"] == "physics" and gate.provenance["surrogate"]["p_error"] < 0.005
@@ -65,8 +65,11 @@ def test_the_robot_takes_it_and_rates_as_the_rows_say(home: Path, capsys: pytest
 
 
 def test_what_is_missing_is_named(home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    train = ["train", "--quiet", "--model", "physics", "--real", f"{home}/real", "-o", f"{tmp_path}/w"]
-    for words, named in (([], "--coefficients"), (["--coefficients", "nowhere.toml"], "nowhere.toml"),
+    train = ["train", "--quiet", "--real", f"{home}/real", "-o", f"{tmp_path}/w"]
+    with pytest.raises(SystemExit, match="2"):
+        truearc.main(train)
+    assert "--coefficients" in capsys.readouterr().err
+    for words, named in ((["--coefficients", "nowhere.toml"], "nowhere.toml"),
                          (["--coefficients", f"{home}/coefficients.toml", "--seed", "-1"], "--seed")):
         assert truearc.main([*train, *words]) == 2
         assert named in capsys.readouterr().err

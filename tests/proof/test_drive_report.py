@@ -7,7 +7,7 @@ import pytest
 
 from truearc.cli.main import main
 from truearc.robot.config.schema import InputError
-from truearc_proof.cli import prove
+from truearc_proof.cli import prove_roles
 from truearc_proof.cli.prove_drive import Driven, driven_of, room_of
 from truearc_proof.rounds.ledger import append
 from truearc_proof.rounds.round_layout import Room
@@ -25,7 +25,7 @@ def make_driven(root: Path) -> Room:
 
 
 def test_a_round_that_was_only_driven_has_a_report(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(prove, "play_driven", lambda root, *rest: driven_of(make_driven(root)))
+    monkeypatch.setattr(prove_roles, "play_driven", lambda root, *rest: driven_of(make_driven(root)))
     assert main(["prove", "drive", "--shots", "120", "--seed", "1", "--quiet", "--out", str(tmp_path / "round")]) == 0
     page = (tmp_path / "round" / "report.html").read_text(encoding="utf-8")
     assert "r0001" in page and "tail_wind" in page and "7 of 10" in page

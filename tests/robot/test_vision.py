@@ -12,9 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from benchmarks.distractors import KINDS, second_goal
 from truearc import robot
 from truearc.hw.emulated.imaging.camera import EmulatedCamera, TapeSize, outline_m
+from truearc.hw.emulated.imaging.distractors import KINDS, second_goal
 from truearc.hw.emulated.imaging.image_degradation import USUAL, Look
 from truearc.hw.emulated.imaging.lens import Lens, project
 from truearc.hw.emulated.static_plant import NOTHING, Stage, place

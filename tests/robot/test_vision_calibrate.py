@@ -219,7 +219,7 @@ def test_a_board_that_does_not_move_is_no_calibration(capsys, tmp_path):
 
 
 @pytest.mark.parametrize(("arguments", "named"), [
-    ((), "one of --board and --distances"),
+    ((), "--board or --distances: one of the two is needed"),
     (("--board", "chessboard"), "chessboard:9x6:0.025"),
     (("--board", "charuco:8x11:0.015:0.011:DICT_NONE"), "charuco"),
     (("--board", "chessboard:9x6:0.025"), "found in 0 of 0 images"),

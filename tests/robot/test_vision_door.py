@@ -98,7 +98,7 @@ def test_alpha_is_ignored(capsys, tmp_path, picture, good):
 def test_other_sizes_are_said_once(capsys, tmp_path, picture, good):
     cv2.imwrite(str(tmp_path / "crop.png"), picture[:400])
     code, rows, out = run(capsys, good, str(tmp_path / "crop.png"), str(tmp_path / "crop.png"))
-    assert code == 0 and len(rows) == 3 and out.err.count("640 x 400: taken for modes that show the full height") == 1
+    assert code == 0 and len(rows) == 3 and out.err.count("640 x 400: treated as modes that show the full height") == 1
     assert "full height" not in run(capsys, good)[2].err
 
 

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from truearc.cli.robot import images
-from truearc.cli.robot.images import MAX_PIXELS, decode_image, image_size, load_image
+from truearc.cli.robot.vision_tools import images
+from truearc.cli.robot.vision_tools.images import MAX_PIXELS, decode_image, image_size, load_image
 from truearc.robot.config.schema import InputError
 
 GREY_ALPHA = 4, (b"\0" + bytes(range(160))) * 60

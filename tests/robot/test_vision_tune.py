@@ -16,8 +16,8 @@ from msgspec.structs import replace
 
 import truearc.cli.main as truearc
 from truearc import robot
-from truearc.cli.robot.tune_server import TuneServer
-from truearc.cli.robot.vision_tune import Live, Recorded, Tuner, find_pictures
+from truearc.cli.robot.vision_tools.tune_server import TuneServer
+from truearc.cli.robot.vision_tools.tuner import Live, Recorded, Tuner, find_pictures
 from truearc.hw.emulated.imaging.camera import EmulatedCamera
 from truearc.hw.emulated.static_plant import Stage, place
 from truearc.hw.fault_codes import CAMERA_SILENT

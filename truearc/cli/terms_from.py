@@ -7,7 +7,7 @@ if TYPE_CHECKING:                     # JAX, for nothing that --help needs
     from truearc.sim.physics.catalogue import Catalogue
 
 
-def add_terms_from(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
+def add_terms_from(parser: argparse.ArgumentParser) -> None:
     """Add the option to a command that names terms."""
     parser.add_argument("--terms-from", metavar="FILE.py", action="append",
                         help="Python file that defines further terms (docs/terms.md); may be given more than once")

@@ -1,31 +1,15 @@
 """truearc reproduce: the paper's tables and figures on recordings of the emulated robot."""
 
 import argparse
-import shutil
-from dataclasses import replace
 from pathlib import Path
 
-from truearc import robot
-from truearc.cli.progress import make_progress
-from truearc.robot.config.schema import InputError, load_config
-from truearc.sim.data.dataset import save_dataset
-from truearc.sim.progress import Progress
-from truearc_proof.cli.reproduce_record import make_record
-from truearc_proof.parallel import fan_out
-from truearc_proof.reproduce.analysis import analyse
-from truearc_proof.reproduce.collect import Pool, collect
-from truearc_proof.reproduce.networks import train_networks
-from truearc_proof.reproduce.page import OURS_NOT_THEIRS, headline, save_figures, save_page, what_varies
-from truearc_proof.reproduce.repetition import run_repetition, tasks_of
-from truearc_proof.reproduce.settings import Settings, quick
-from truearc_proof.reproduce.tables import in_short, make_tables
+from truearc_proof.reproduce.settings import Settings
 
+GROUP = "proof"
 SUMMARY = "the paper's tables and figures beside ours"
 DESCRIPTION = """The paper's Table I, Table II and Figures 8 to 10 on recordings of the emulated robot, beside the
 paper's own numbers, with intervals, baselines and our gate. Recordings are kept and a broken-off run goes on."""
 EXAMPLE = "truearc reproduce -o reproduction --quick"
-SHIPPED = Path(robot.__file__).parent / "launcher.toml"
-MARK = ".truearc-reproduce"           # a folder with this in it was made by us and may be gone on with
 QUICK_DRAWS = 3
 
 
@@ -46,53 +30,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(args: argparse.Namespace) -> int:
-    settings = _settings(args)
-    folder = _own_folder(args.out)
-
-    def progress(what: str) -> Progress:
-        return make_progress(what, args.quiet)
-
-    _say(args, OURS_NOT_THEIRS)
-    record = make_record(args.recordings or folder / "recordings", args.scheduler, args.workers, progress)
-    pool = collect(load_config(SHIPPED), settings, record, progress("fit what to launch"))
-    _save_pool(folder / "data", pool)
-    repetitions = fan_out(run_repetition, tasks_of(pool, settings), args.scheduler, progress("fit and predict"),
-                          args.workers)
-    answers = train_networks(repetitions, settings, progress("train networks"))
-    analysis = analyse(repetitions, answers, settings)
-    tables = make_tables(repetitions, analysis, settings)
-    save_figures(folder, pool, repetitions, analysis, tables, settings)
-    save_page(folder / "index.html", pool, repetitions, answers, analysis, tables, settings)
-    for line in [*(table.text() for table in in_short(tables)), "", *what_varies(pool, settings), *headline(analysis)]:
-        print(line)
-    print(f"\n{OURS_NOT_THEIRS}\nreport: {folder / 'index.html'}; figures: figures.csv, table_1.csv, summary.json")
-    return 0
-
-
-def _settings(args: argparse.Namespace) -> Settings:
-    if args.workers is not None and args.workers < 1:
-        raise InputError(f"--workers {args.workers}: at least 1")
-    draws = args.seeds if args.seeds is not None else QUICK_DRAWS if args.quick else Settings().draws
-    return quick(args.seed, draws) if args.quick else replace(Settings(), base_seed=args.seed, draws=draws)
-
-
-def _own_folder(folder: Path) -> Path:
-    if folder.is_file():
-        raise InputError(f"{folder}: is a file")
-    if folder.exists() and any(folder.iterdir()) and not (folder / MARK).exists():
-        raise InputError(f"{folder}: is not empty and was not made by truearc reproduce; name another with -o")
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / MARK).touch()
-    return folder
-
-
-def _save_pool(folder: Path, pool: Pool) -> None:
-    """The labelled configurations as datasets; made anew, since they follow from the recordings."""
-    shutil.rmtree(folder, ignore_errors=True)
-    save_dataset(folder / "real", pool.real)
-    save_dataset(folder / "launched", pool.launched)
-
-
-def _say(args: argparse.Namespace, text: str) -> None:
-    if not args.quiet:
-        print(text, flush=True)
+    """Return 0 when the report is written."""
+    from truearc_proof.cli.reproduce_run import reproduce
+    return reproduce(args)

@@ -6,7 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from truearc.sim.paper.network import probabilities
-from truearc.sim.paper.sweep import Job, Recipe, train_many
+from truearc.sim.paper.settings import Recipe
+from truearc.sim.paper.sweep import Job, train_many
 from truearc.sim.paper.sweep_settings import SweepSetting
 from truearc.sim.progress import Progress
 from truearc_proof.reproduce.repetition import Repetition

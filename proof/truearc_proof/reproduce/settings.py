@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from truearc.robot.config.schema import InputError
-from truearc.sim.paper.sweep import PATIENCE, STEPS
+from truearc.sim.paper.settings import PATIENCE, STEPS
 
 LEAST = 6                             # fewer configurations of an outcome than this cannot be split
 

@@ -3,10 +3,12 @@
 from collections.abc import Callable, Sequence
 from importlib import import_module
 from importlib.util import find_spec
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 from truearc.robot.config.schema import InputError
-from truearc_proof.rivals.claim import Rival
+
+if TYPE_CHECKING:
+    from truearc_proof.rivals.claim import Rival
 
 OURS = "truearc"
 MODULES = {"pysindy-ensemble": "pysindy_ensemble", "pysindy-weak": "pysindy_weak", "gp": "gp", "boosted": "boosted",
@@ -15,14 +17,14 @@ NEEDS = {"pysindy-ensemble": "pysindy", "pysindy-weak": "pysindy", "gp": "sklear
 RIVALS = tuple(MODULES)
 
 
-def find_rival(name: str, find: Callable[[str], object] = find_spec) -> Rival:
+def find_rival(name: str, find: Callable[[str], object] = find_spec) -> "Rival":
     """The rival of that name; InputError when there is none, or when the package it needs is not installed."""
     if name not in MODULES:
         raise InputError(f"there is no rival {name!r}; there are {', '.join(RIVALS)}")
     package = NEEDS.get(name)
     if package and find(package) is None:
-        raise InputError(f"{name} needs {package}: pip install 'truearc[sim,field]'")
-    return cast(Rival, import_module(f"truearc_proof.rivals.{MODULES[name]}").answer)
+        raise InputError(f"{name} needs {package}: pip install truearc-proof")
+    return cast("Rival", import_module(f"truearc_proof.rivals.{MODULES[name]}").answer)
 
 
 def check_rivals(names: Sequence[str], find: Callable[[str], object] = find_spec) -> tuple[str, ...]:

@@ -5,9 +5,12 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from truearc.robot.config.schema import InputError
-from truearc.sim.data.dataset import Dataset
+
+if TYPE_CHECKING:
+    from truearc.sim.data.dataset import Dataset
 
 GROUP = "truearc.importers"
 KINDS = {".csv": (".csv", ".parquet")} # of a name in `ways`: what a file may end in, where it is not just that
@@ -17,7 +20,7 @@ KINDS = {".csv": (".csv", ".parquet")} # of a name in `ways`: what a file may en
 class Importer:
     name: str
     ways: tuple[str, ...]             # files in order; `...`: the one before it, any number of times; `/`: a folder
-    load: Callable[..., Dataset]
+    load: "Callable[..., Dataset]"
 
     def takes(self, files: Sequence[str]) -> bool:
         """Whether these are the files of one of its ways, by number and kind."""

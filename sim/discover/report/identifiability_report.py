@@ -77,7 +77,7 @@ def sight_section(sight: Sight, opened: bool = False, among: Catalogue | None = 
 def make_sight_page(name: str, sight: Sight, among: Catalogue | None = None) -> str:
     """HTML page of what data of the rig `name` could tell."""
     believed = ", ".join(plain(one, among) for one in sight.believed)
-    return make_page(f"truearc discover --identifiability: {name}", sight_sentence(sight), [
+    return make_page(f"truearc identifiability: {name}", sight_sentence(sight), [
         ("Before any data", paragraph(f"Believed: {believed}. Every other effect of the catalogue is asked for.")
          + sight_section(sight, True, among))])
 

@@ -11,7 +11,7 @@ from tests.proof.reproduce.pools import SMALL, make_pool
 from truearc.cli.main import main
 from truearc.sim.paper.grid_fit import fit_grid
 from truearc.sim.paper.training import LABELS
-from truearc_proof.cli import reproduce as door
+from truearc_proof.cli import reproduce_run as door
 from truearc_proof.parallel import fan_out
 from truearc_proof.reproduce import analysis as analysing
 from truearc_proof.reproduce.analysis import BY_TEST, EVERYTHING, WHERE, Analysis, analyse, best_by_test, network_name

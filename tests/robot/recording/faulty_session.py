@@ -12,13 +12,13 @@ import sys
 from collections import Counter
 from pathlib import Path
 
-from benchmarks.device_faults import DEAF, DOUBLED, OVERWRITTEN, SILENT, STUCK, TRUNCATED, Fault, blind_spans, breaker
 from truearc import robot
 from truearc.hw.devices.button_box.emulator import open_button_box
 from truearc.hw.devices.button_box.frames import make_heartbeat
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.emulated.clock import StepClock
 from truearc.hw.emulated.emulated_robot import Twin
+from truearc.hw.emulated.faults import DEAF, DOUBLED, OVERWRITTEN, SILENT, STUCK, TRUNCATED, Fault
 from truearc.hw.fault_codes import CAMERA_FROZEN, CAN_SILENT, SERIAL_ERROR
 from truearc.hw.protocols import LinkLost
 from truearc.hw.real.can_bus import open_can
@@ -94,12 +94,12 @@ def record(folder: Path) -> None:
     config = load_config(Path(robot.__file__).parent / "launcher.toml")
     world, box, faults = World(SEED), open_button_box(), make_faults(config)
     recorder = SessionWriter(folder, make_header(config, None, None), config, None, lossless=True)
-    eyes = TwinEyes(world, config, SEED, blind_spans(faults))
+    eyes = TwinEyes(world, config, SEED, faults["camera"])
     driver = Driver(world, box.press, 1, SEED)
     clock = StepClock(lambda t_ns: twin.advance(t_ns))
     channel = f"truearc-{next(CHANNELS)}"
     near, far = (open_can("virtual", channel, config.can.bitrate, clock) for _ in range(2))
-    twin = Twin(world, far, make_nodes(config, world, break_node=breaker(faults)), (box.step, driver.step, eyes.step))
+    twin = Twin(world, far, make_nodes(config, world, faults), (box.step, driver.step, eyes.step))
     stream = open_serial(box.port, config.buttons.baud)
     bus = Wire(guard(near, config, clock, Counter()), clock, CAN_GONE, LOST_CAN)
     rig = HardwareRig(config, TappedBus(bus, recorder.tap), Box(stream, clock, BOX_GONE, LOST_BOX),

@@ -24,7 +24,7 @@ from truearc.robot.recording.session import load_trials
 
 
 def convert(session, to, out):
-    assert main(["convert", str(session), "--to", to, "-o", str(out), "--quiet"]) == 0
+    assert main(["session", "convert", str(session), "--to", to, "-o", str(out), "--quiet"]) == 0
     return out
 
 
@@ -164,17 +164,18 @@ def test_mcap_has_ticks_and_trials_with_their_schemas(plain, tmp_path):
 
 def test_a_recording_is_never_written_over_and_nothing_is_left_of_a_failure(plain, tmp_path, capsys):
     before = (plain / "telemetry.mcap").read_bytes()
-    assert main(["convert", str(plain), "--to", "mcap", "-o", str(plain / "telemetry.mcap")]) == 2
+    assert main(["session", "convert", str(plain), "--to", "mcap", "-o", str(plain / "telemetry.mcap")]) == 2
     assert "never written over" in capsys.readouterr().err
     assert (plain / "telemetry.mcap").read_bytes() == before
-    assert main(["convert", str(tmp_path / "nowhere"), "--to", "csv", "-o", str(tmp_path / "x.csv")]) == 2
-    assert main(["convert", str(plain), "--to", "csv", "-o", str(tmp_path / "no" / "x.csv")]) == 2
+    assert main(["session", "convert", str(tmp_path / "nowhere"), "--to", "csv", "-o", str(tmp_path / "x.csv")]) == 2
+    assert main(["session", "convert", str(plain), "--to", "csv", "-o", str(tmp_path / "no" / "x.csv")]) == 2
     assert list(tmp_path.iterdir()) == []
 
 
 def test_without_pyarrow_parquet_says_what_to_install(plain, tmp_path):
     code = ("import sys; sys.modules['pyarrow'] = None\nfrom truearc.cli.main import main\n"
-            f"sys.exit(main(['convert', {str(plain)!r}, '--to', 'parquet', '-o', {str(tmp_path / 'x.parquet')!r}]))")
+            f"sys.exit(main(['session', 'convert', {str(plain)!r}, '--to', 'parquet', '-o', "
+            f"{str(tmp_path / 'x.parquet')!r}]))")
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 2 and "truearc[sim]" in done.stderr and "Traceback" not in done.stderr
 
@@ -184,9 +185,9 @@ def test_a_recording_cut_short_is_converted_as_far_as_it_goes_and_says_so(plain,
     data = (session / "telemetry.mcap").read_bytes()
     (session / "telemetry.mcap").write_bytes(data[:100_000])
     convert(session, "csv", tmp_path / "s.csv")
-    assert "truearc recover" in capsys.readouterr().err
+    assert "truearc session recover" in capsys.readouterr().err
     (session / "telemetry.mcap").write_bytes(b"")
-    assert main(["convert", str(session), "--to", "csv", "-o", str(tmp_path / "t.csv")]) == 2
+    assert main(["session", "convert", str(session), "--to", "csv", "-o", str(tmp_path / "t.csv")]) == 2
     assert "no ticks" in capsys.readouterr().err and not (tmp_path / "t.csv").exists()
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from tests.robot.good_tick import CONFIG, good_memory
 from tests.robot.recording.test_encoder import MS, kept_cycles, open_writer, play, ticks
-from truearc.cli.robot.run import make_room
+from truearc.cli.robot.run_robot import make_room
 from truearc.robot.config.schema import InputError
 from truearc.robot.reasons import DISK_FULL, NOT_RECORDING
 from truearc.robot.recording.recording_rig import RecordingRig

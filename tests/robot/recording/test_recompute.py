@@ -48,7 +48,7 @@ def test_golden_sessions_replay_to_the_bit_from_inputs_and_from_frames(name, req
     assert replayed == replay(folder) and replayed.ticks > 500 and not replayed.cut_short
     assert again.frames > 3 * replayed.ticks and again.missing == 0
     assert again.seen == len(load_pictures(folder)) and again.taken > 5
-    assert main(["replay", str(folder), "--from", "frames", "--check"]) == 0
+    assert main(["session", "replay", str(folder), "--from", "frames", "--check"]) == 0
 
 
 def test_the_frames_that_the_robot_refused_are_refused_again(faulty):
@@ -93,7 +93,7 @@ def test_one_bit_of_one_frame_is_a_difference_that_names_the_input(session, caps
     assert replay(session).ticks == 981                    # the recorded inputs are as they were
     with pytest.raises(Difference, match=r"tick\.inputs\.flywheels\[0\]\.velocity_rad_s was .*, is now"):
         replay_frames(session)
-    assert main(["replay", str(session), "--from", "frames"]) == 1
+    assert main(["session", "replay", str(session), "--from", "frames"]) == 1
     assert "velocity_rad_s" in capsys.readouterr().err
 
 
@@ -107,8 +107,8 @@ def test_another_image_is_another_sighting(session):
 
 def test_an_image_that_is_not_there_fails_the_check_and_is_told(session, capsys):
     (session / "frames" / load_pictures(session)[0].file).unlink()
-    assert main(["replay", str(session), "--from", "frames"]) == 0
-    assert main(["replay", str(session), "--from", "frames", "--check"]) == 1
+    assert main(["session", "replay", str(session), "--from", "frames"]) == 0
+    assert main(["session", "replay", str(session), "--from", "frames", "--check"]) == 1
     assert "1 images that the session names, or the index of all, are not there" in capsys.readouterr().out
 
 
@@ -117,8 +117,8 @@ def test_a_log_of_frames_that_ends_early_is_replayed_so_far_and_fails_the_check(
     (session / "can0.log").write_bytes(data[:len(data) // 2 + 7])
     replayed, _ = replay_frames(session)
     assert 300 < replayed.ticks < 700 and "ends before the ticks" in replayed.cut_short
-    assert main(["replay", str(session), "--from", "frames", "--check"]) == 1
-    assert main(["replay", str(session), "--check"]) == 0
+    assert main(["session", "replay", str(session), "--from", "frames", "--check"]) == 1
+    assert main(["session", "replay", str(session), "--check"]) == 0
 
 
 def test_a_line_that_is_no_frame_is_named(session):
@@ -129,9 +129,9 @@ def test_a_line_that_is_no_frame_is_named(session):
 
 def test_nothing_to_parse_is_an_error(session, capsys):
     (session / "can0.log").write_text("")
-    assert main(["replay", str(session), "--from", "frames"]) == 2
+    assert main(["session", "replay", str(session), "--from", "frames"]) == 2
     (session / "can0.log").unlink()
-    assert main(["replay", str(session), "--from", "frames"]) == 2
+    assert main(["session", "replay", str(session), "--from", "frames"]) == 2
     assert "can0.log" in capsys.readouterr().err
 
 
@@ -139,7 +139,7 @@ def test_a_missing_or_foreign_model_is_an_error(gated, tmp_path, capsys):
     session = shutil.copytree(gated, tmp_path / "s")
     (session / "model.onnx").unlink()
     for depth in ("inputs", "frames"):
-        assert main(["replay", str(session), "--from", depth, "--check"]) == 2
+        assert main(["session", "replay", str(session), "--from", depth, "--check"]) == 2
         assert "model that is not here" in capsys.readouterr().err
 
 
@@ -163,18 +163,18 @@ def test_a_changed_gain_is_a_report_of_what_when_first_and_by_how_much(plain, ot
     change = changes.outputs["command.flywheel_torque_nm"]
     assert 0.005 < change.largest < 0.01 + 1e-9            # ks itself, unless the limit cuts it
     assert change.now > change.was and change.unit == "Nm"
-    assert main(["replay", str(plain), "--config", str(path)]) == 0
+    assert main(["session", "replay", str(plain), "--config", str(path)]) == 0
     said = capsys.readouterr().out
     assert "with flywheel.ks_nm: 0.02 -> 0.03" in said and "command.flywheel_torque_nm" in said
     assert "No verdict changes: 2 shots then and now." in said
-    assert main(["replay", str(plain), "--config", str(path), "--check"]) == 1
+    assert main(["session", "replay", str(plain), "--config", str(path), "--check"]) == 1
 
 
 def test_verdicts_that_flip_are_told_with_the_reason(plain, other, capsys):
     path = other("sighting_age_s = ", "sighting_age_s = 0.0001 #")
     changes = find_changes(plain, load_config(path), None)
     assert (changes.fired, changes.fires) == (2, 0) and [flip.fired for flip in changes.flips] == [True, True]
-    assert main(["replay", str(plain), "--config", str(path)]) == 0
+    assert main(["session", "replay", str(plain), "--config", str(path)]) == 0
     said = capsys.readouterr().out
     assert "2 verdicts change: 2 shots then, 0 now." in said
     assert "it fired, and now holds: target last seen" in said
@@ -182,21 +182,23 @@ def test_verdicts_that_flip_are_told_with_the_reason(plain, other, capsys):
 
 
 def test_the_same_configuration_changes_nothing(plain, gated, other, capsys):
-    assert main(["replay", str(plain), "--config", str(other("ks_nm = 0.02", "ks_nm = 0.02")), "--check"]) == 0
+    assert main(["session", "replay", str(plain), "--check", "--config",
+                 str(other("ks_nm = 0.02", "ks_nm = 0.02"))]) == 0
     assert "no output changes" in capsys.readouterr().out
-    assert main(["replay", str(gated), "--gate", str(gated / "model.onnx"), "--check"]) == 0
+    assert main(["session", "replay", str(gated), "--gate", str(gated / "model.onnx"), "--check"]) == 0
 
 
 def test_another_model_is_asked(plain, gated, capsys):
-    assert main(["replay", str(plain), "--gate", str(gated / "model.onnx")]) == 0
+    assert main(["session", "replay", str(plain), "--gate", str(gated / "model.onnx")]) == 0
     said = capsys.readouterr().out
     assert "verdict.p_three" in said and "nothing -> 0." in said
 
 
 def test_questions_that_make_no_sense_are_bad_input(plain, other, tmp_path, capsys):
-    assert main(["replay", str(plain), "--config", str(tmp_path / "nowhere.toml")]) == 2
-    assert main(["replay", str(plain), "--config", str(other("ks_nm", "ks_nm")), "--from", "frames"]) == 2
-    assert main(["replay", str(plain), "--config", str(other('policy = "collect"', 'policy = "model"'))]) == 2
+    assert main(["session", "replay", str(plain), "--config", str(tmp_path / "nowhere.toml")]) == 2
+    assert main(["session", "replay", str(plain), "--config", str(other("ks_nm", "ks_nm")), "--from", "frames"]) == 2
+    assert main(["session", "replay", str(plain), "--config",
+                 str(other('policy = "collect"', 'policy = "model"'))]) == 2
     assert "--gate is needed" in capsys.readouterr().err
 
 

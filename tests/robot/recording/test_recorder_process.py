@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-import truearc.cli.robot.run
 import truearc.cli.robot.run_processes
+import truearc.cli.robot.run_robot
 from benchmarks.kill import kill_once
 from tests.robot.good_tick import CONFIG
 from tests.robot.recording.test_encoder import kept_cycles, play, ticks
@@ -230,7 +230,7 @@ def test_a_run_ends_by_itself_released_with_code_2_when_its_recorder_is_killed(t
 
     monkeypatch.setattr(bus, "read", kill_in_time)
     monkeypatch.setattr(truearc.cli.robot.run_processes, "RecorderProcess", begin)
-    monkeypatch.setattr(truearc.cli.robot.run, "_open_wires", lambda *_: (bus, Box(), NoEyes(), MonotonicClock()))
+    monkeypatch.setattr(truearc.cli.robot.run_robot, "_open_wires", lambda *_: (bus, Box(), NoEyes(), MonotonicClock()))
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     assert main(["run", "--config", SHIPPED, "--out", str(tmp_path), "--priority", "0"]) == 2
     for number, handler in before.items():

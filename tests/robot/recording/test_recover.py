@@ -91,6 +91,16 @@ def test_damage_in_the_middle_costs_the_chunks_that_it_touches(plain, tmp_path_f
     assert not TickReader(session).cut_short
 
 
+def test_frame_that_claims_an_absurd_size_costs_its_chunk_alone(session, plain, chunks):
+    """zstd allocates what a frame's header states: 2^60 bytes here."""
+    data = bytearray((session / TELEMETRY).read_bytes())
+    frame = data.index(b"\x28\xb5\x2f\xfd", chunks[3][0])
+    data[frame + 4] |= 0xC0                       # the header's content size has eight bytes now
+    (session / TELEMETRY).write_bytes(data)
+    assert TickReader(session) and len(rows(session)) <= len(rows(plain))
+    assert recover(session).ticks == len(rows(plain)) - chunks[3][2]
+
+
 def test_ticks_behind_the_damage_are_kept_and_a_replay_says_where_they_are_missing(session, plain, chunks):
     data = bytearray((session / TELEMETRY).read_bytes())
     data[(chunks[10][0] + chunks[10][1]) // 2] ^= 0xFF
@@ -105,7 +115,7 @@ def test_ticks_behind_the_damage_are_kept_and_a_replay_says_where_they_are_missi
 
 def test_a_whole_session_is_left_alone(session, plain, capsys):
     before = {path: path.stat().st_mtime_ns for path in session.rglob("*")}
-    assert main(["recover", str(session)]) == 0
+    assert main(["session", "recover", str(session)]) == 0
     assert "was whole, 981 ticks, 2 trials" in capsys.readouterr().out
     assert {path: path.stat().st_mtime_ns for path in session.rglob("*")} == before
 
@@ -113,7 +123,7 @@ def test_a_whole_session_is_left_alone(session, plain, capsys):
 def test_what_cannot_be_made_again_is_told(session, capsys):
     (session / "can0.log").unlink()
     shutil.rmtree(session / "frames")
-    assert main(["recover", str(session)]) == 0
+    assert main(["session", "recover", str(session)]) == 0
     said = capsys.readouterr().err
     assert "can0.log is not there" in said and "frames/frames.jsonl is not there" in said
 
@@ -123,7 +133,7 @@ def test_what_is_replaced_is_kept_aside_each_time(session, capsys):
     for keep in (150_000, 100_000):
         tear(session / TELEMETRY, keep)
         originals.append((session / TELEMETRY).read_bytes())
-        assert main(["recover", str(session)]) == 0
+        assert main(["session", "recover", str(session)]) == 0
     assert "whole now" in capsys.readouterr().out
     assert [(session / "damaged" / name).read_bytes() for name in (TELEMETRY, "telemetry-2.mcap")] == originals
 
@@ -175,16 +185,16 @@ def test_a_session_that_is_being_recorded_is_left_alone(session, capsys):
     pytest.importorskip("fcntl")
     (session / TELEMETRY).unlink()
     file = Appender(session / TELEMETRY)
-    assert main(["recover", str(session)]) == 2
+    assert main(["session", "recover", str(session)]) == 2
     assert "is being recorded" in capsys.readouterr().err
     file.close()
 
 
 def test_what_is_no_session_is_bad_input(session, tmp_path, capsys):
-    assert main(["recover", str(tmp_path / "nowhere")]) == 2
+    assert main(["session", "recover", str(tmp_path / "nowhere")]) == 2
     (session / "session.json").write_text("{}")
     before = sorted(path for path in session.rglob("*"))
-    assert main(["recover", str(session)]) == 2
+    assert main(["session", "recover", str(session)]) == 2
     assert "not a recording" in capsys.readouterr().err and sorted(path for path in session.rglob("*")) == before
 
 

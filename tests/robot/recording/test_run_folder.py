@@ -6,7 +6,7 @@ from collections import namedtuple
 import pytest
 
 from tests.robot.good_tick import CONFIG
-from truearc.cli.robot.run import make_room
+from truearc.cli.robot.run_robot import make_room
 from truearc.robot.config.schema import InputError
 from truearc.robot.recording.encoder import SessionWriter
 from truearc.robot.recording.session import make_header

@@ -24,7 +24,7 @@ def rig(tmp_path: Path) -> Path:
 
 def test_before_any_data_a_rig_is_enough(rig: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out, page = tmp_path / "out.json", tmp_path / "out.html"
-    assert truearc.main(["discover", "--identifiability", str(rig), "--shots", "64", "--json", str(out), "--report",
+    assert truearc.main(["identifiability", str(rig), "--shots", "64", "--json", str(out), "--report",
                          str(page), "--quiet"]) == 0
     shown = capsys.readouterr().out
     assert shown.startswith("64 shots of this kind (L0)") and "never seen: battery_sag" in shown
@@ -38,25 +38,43 @@ def test_a_directory_of_settings_is_enough_too(tmp_path: Path, capsys: pytest.Ca
     planned = rehearse(FACTS, BELIEVED, "L0", 64)
     bare = Dataset("plan", FACTS, type(planned.shots)(planned.shots.shot_id, planned.shots.numbers, {}))
     save_dataset(tmp_path / "plan", bare)
-    assert truearc.main(["discover", "--identifiability", str(tmp_path / "plan"), "--sides", "--quiet"]) == 0
+    assert truearc.main(["identifiability", str(tmp_path / "plan"), "--sides", "--quiet"]) == 0
     assert capsys.readouterr().out.startswith("64 shots of this kind (L0)")
 
 
 @pytest.mark.parametrize(("words", "message"), [
-    ([], "give either"), (["d", "--identifiability", "RIG"], "give either"), (["d", "--shots", "9"], "--shots"),
-    (["d", "--sides"], "--sides"), (["--identifiability", "RIG", "--shots", "3"], "too few"),
-    (["--identifiability", "RIG", "--believe", "magic"], "'magic'"),
-    (["--identifiability", "nowhere.toml"], "nowhere.toml"),
-    (["--identifiability", "DIR", "--shots", "30"], "directory"), (["d", "--false-alarm", "2"], "--false-alarm"),
+    (["d", "--false-alarm", "2"], "--false-alarm"),
     (["d", "--seed", "-1"], "--seed"), (["d", "--false-alarm", "0.0004"], "--false-alarm"),
     (["d", "--json", "nowhere/x.json"], "nowhere/x.json: there is no such directory"),
     (["d", "--believe", "gravity,magic"], "--believe"), (["d", "--since", "home"], "--since goes with --belief"),
-    (["--identifiability", "RIG", "--believe", "gravity,free_push"], "without a name")])
-def test_what_cannot_be_done_is_said(words: list[str], message: str, rig: Path, tmp_path: Path,
-                                     capsys: pytest.CaptureFixture[str]) -> None:
-    typed = [{"RIG": str(rig), "DIR": str(tmp_path)}.get(word, word) for word in words]
-    assert truearc.main(["discover", *typed]) == 2
+])
+def test_discover_names_the_option_at_fault(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert truearc.main(["discover", *words]) == 2
     assert message in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("words", "message"), [
+    (["RIG", "--shots", "3"], "too few"), (["RIG", "--believe", "magic"], "'magic'"),
+    (["nowhere.toml"], "nowhere.toml"), (["DIR", "--shots", "30"], "--shots: "),
+    (["DIR", "--level", "L1"], "--level: "),
+    (["RIG", "--seed", "-1"], "--seed"), (["RIG", "--believe", "gravity,free_push"], "without a name"),
+])
+def test_identifiability_names_the_option_at_fault(words: list[str], message: str, rig: Path, tmp_path: Path,
+                                                   capsys: pytest.CaptureFixture[str]) -> None:
+    typed = [{"RIG": str(rig), "DIR": str(tmp_path)}.get(word, word) for word in words]
+    assert truearc.main(["identifiability", *typed]) == 2
+    assert message in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("command", "option"), [
+    ("identifiability", "--measured"), ("identifiability", "--false-alarm"), ("identifiability", "--belief"),
+    ("discover", "--shots"), ("discover", "--sides"), ("discover", "--level"),
+])
+def test_discover_and_identifiability_refuse_each_others_options(command: str, option: str,
+                                                                capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        truearc.main([command, "d", option, "1"])
+    assert f"unrecognized arguments: {option}" in capsys.readouterr().err
 
 
 def test_compiled_code_is_kept_where_the_user_keeps_things(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

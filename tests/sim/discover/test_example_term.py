@@ -116,7 +116,7 @@ def rig(tmp_path: Path) -> Path:
 
 
 def test_before_any_data_its_file_says_how_many_shots_it_takes(rig: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["discover", "--identifiability", str(rig), "--shots", "64", "--level", "L2", "--quiet"]
+    words = ["identifiability", str(rig), "--shots", "64", "--level", "L2", "--quiet"]
     assert truearc.main([*words, "--terms-from", str(FILE)]) == 0
     assert "hood_flex" in capsys.readouterr().out
     assert truearc.main(words) == 0
@@ -140,7 +140,7 @@ def heights(among: Catalogue, tmp_path: Path) -> Path:
 def test_fit_and_predict_know_the_terms_of_a_file(heights: Path, tmp_path: Path,
                                                   capsys: pytest.CaptureFixture[str]) -> None:
     belief, own = tmp_path / "belief.toml", ["--terms-from", str(FILE)]
-    fit = ["fit", str(heights), "--method", "ml", "--terms", "drag,magnus,hood_flex", "-o", str(belief), "--quiet"]
+    fit = ["fit", str(heights), "--terms", "drag,magnus,hood_flex", "-o", str(belief), "--quiet"]
     assert truearc.main(fit) == 2
     assert "no term 'hood_flex'" in capsys.readouterr().err
     assert truearc.main([*fit, *own]) == 0
@@ -155,8 +155,8 @@ def test_fit_and_predict_know_the_terms_of_a_file(heights: Path, tmp_path: Path,
 
 
 @pytest.mark.parametrize(("words", "message"), [
-    (["fit", "DIR", "--terms-from", "FILE"], "--terms-from: --method grid makes no use of it"),
-    (["predict", "DIR", "--cd", "0.5", "--cl", "0.1", "--terms-from", "FILE"], "--terms-from goes with --coefficients"),
+    (["predict", "DIR", "--gate", "g.onnx", "--terms-from", "FILE"], "--terms-from: does not apply with --gate"),
+    (["predict", "DIR", "--cd", "0.5", "--cl", "0.1", "--terms-from", "FILE"], "--terms-from: applies with"),
     (["discover", "DIR", "--terms-from", "nowhere.py"], "nowhere.py"),
     (["discover", "DIR", "--terms-from", "FILE", "--terms-from", "FILE"], "there is a term 'hood_flex' already")])
 def test_an_option_that_does_not_apply_is_refused(words: list[str], message: str, directory: Path,

@@ -1,4 +1,4 @@
-"""`truearc predict` and `truearc fit` as a user meets them."""
+"""`truearc predict` and `truearc paper fit` as a user meets them."""
 
 import csv
 import io
@@ -41,7 +41,7 @@ def test_predict_prints_the_columns_of_formats_md(home, capsys):
 
 def test_fit_writes_what_predict_reads(home, tmp_path, capsys):
     out, grid = tmp_path / "coefficients.toml", tmp_path / "map.npz"
-    assert main(["fit", str(home), "--step", "0.5", "-o", str(out), "--map", str(grid), "--quiet"]) == 0
+    assert main(["paper", "fit", str(home), "--step", "0.5", "-o", str(out), "--map", str(grid), "--quiet"]) == 0
     printed = capsys.readouterr()
     assert "11 x 11" in printed.out
     assert printed.err == ""
@@ -72,15 +72,15 @@ def test_predict_refuses_by_name(home, capsys, arguments, message):
 def test_a_bad_row_stops_both(home, capsys):
     with (home / "shots.csv").open("a") as file:
         file.write("a,3,50,0.5,two\n")
-    for verb in (["predict", "--cd", "1", "--cl", "1"], ["fit"]):
-        assert main([verb[0], str(home), *verb[1:]]) == 2
+    for verb in (["predict", "--cd", "1", "--cl", "1"], ["paper", "fit"]):
+        assert main([*verb, str(home)]) == 2
         assert "shots.csv:6: shot_id: 'a' stands already in" in capsys.readouterr().err
 
 
 def test_fit_refuses_by_name(home, capsys):
-    assert main(["fit", str(home), "--step", "0.3"]) == 2
+    assert main(["paper", "fit", str(home), "--step", "0.3"]) == 2
     assert "--step: 0.3" in capsys.readouterr().err
-    assert main(["fit", str(home), "--step", "2.5", "--quiet", "-o", "/nowhere/c.toml"]) == 2
+    assert main(["paper", "fit", str(home), "--step", "2.5", "--quiet", "-o", "/nowhere/c.toml"]) == 2
     assert "/nowhere/c.toml" in capsys.readouterr().err
 
 
@@ -93,28 +93,35 @@ def test_fit_refuses_by_name(home, capsys):
 def test_a_column_that_is_not_there_is_named_with_its_file(home, capsys, column, message):
     path = home / "shots.csv"
     path.write_text(path.read_text().replace(column, "unheard_of"))
-    assert main(["fit", str(home), "--quiet"]) == 2
-    assert f"truearc fit: {path}: {message}" in capsys.readouterr().err
+    assert main(["paper", "fit", str(home), "--quiet"]) == 2
+    assert f"truearc paper fit: {path}: {message}" in capsys.readouterr().err
 
 
 def test_a_cell_that_is_empty_is_named_with_file_shot_and_column(home, capsys):
     path = home / "shots.csv"
     path.write_text(path.read_text() + "late,,50.0,0.5,two\n")
     assert path.read_text().startswith("shot_id,distance_m,hood_deg,motor_ratio,outcome\n")
-    assert main(["fit", str(home), "--quiet"]) == 2
+    assert main(["paper", "fit", str(home), "--quiet"]) == 2
     assert f"{path}: shots late: distance_m is needed and missing" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("option", "value"), [("--terms", ""), ("--terms", "drag"), ("--posterior", "5")])
-def test_the_grid_refuses_options_that_it_would_not_heed(home, capsys, option, value):
-    assert main(["fit", str(home), option, value, "--quiet"]) == 2
-    assert f"truearc fit: {option}: --method grid makes no use of it; --method ml does" in capsys.readouterr().err
+def test_paper_fit_refuses_options_of_fit(home, capsys, option, value):
+    with pytest.raises(SystemExit, match="2"):
+        main(["paper", "fit", str(home), option, value, "--quiet"])
+    assert f"unrecognized arguments: {option}" in capsys.readouterr().err
+
+
+def test_paper_fit_refuses_a_seed_without_bootstrap(home, capsys):
+    assert main(["paper", "fit", str(home), "--seed", "1", "--quiet"]) == 2
+    assert "truearc paper fit: --seed: applies with --bootstrap only" in capsys.readouterr().err
 
 
 def test_fit_says_what_it_found_and_where_to_be_careful(home, tmp_path, capsys):
     """Four shots: the tied pairs are listed, and one or two three-pointers are called few."""
     tied, picture = tmp_path / "tied.csv", tmp_path / "map.png"
-    assert main(["fit", str(home), "--step", "0.1", "--tied", str(tied), "--picture", str(picture), "--quiet"]) == 0
+    assert main(["paper", "fit", str(home), "--step", "0.1", "--tied", str(tied), "--picture", str(picture),
+                 "--quiet"]) == 0
     said = capsys.readouterr().out
     rows = list(csv.DictReader(tied.open()))
     assert f"{len(rows)} pairs do so equally well (tied)" in said
@@ -130,7 +137,7 @@ def test_fit_says_what_it_found_and_where_to_be_careful(home, tmp_path, capsys):
 
 
 def test_fit_lists_ten_of_many_ties(home, capsys):
-    assert main(["fit", str(home), "--step", "0.005", "--quiet"]) == 0
+    assert main(["paper", "fit", str(home), "--step", "0.005", "--quiet"]) == 0
     said = capsys.readouterr().out.splitlines()
     header = next(row for row, line in enumerate(said) if line.startswith("     cd"))
     more = next(row for row, line in enumerate(said) if "and" in line and "more (--tied" in line)
@@ -139,7 +146,8 @@ def test_fit_lists_ten_of_many_ties(home, capsys):
 
 def test_fit_puts_the_bootstrap_into_the_provenance(home, tmp_path, capsys):
     out = tmp_path / "c.toml"
-    assert main(["fit", str(home), "--step", "0.1", "--bootstrap", "20", "--seed", "3", "-o", str(out), "--quiet"]) == 0
+    assert main(["paper", "fit", str(home), "--step", "0.1", "--bootstrap", "20", "--seed", "3", "-o", str(out),
+                 "--quiet"]) == 0
     said, told = capsys.readouterr().out, load_provenance(out)
     assert f"drawn again {told['bootstrap_resamples']} times (seed 3)" in said
     assert f"cd {told['cd_low90']:.3f} to {told['cd_high90']:.3f}" in said
@@ -152,9 +160,9 @@ def test_fit_in_words_when_no_pair_reaches_all(tmp_path, capsys):
     columns = dict(zip(("distance_m", "motor_ratio", "hood_deg"), np.array(rows).T, strict=True))
     save_dataset(tmp_path / "odd", Dataset("odd", GUPPY, Shots(("a", "b"), columns, {"outcome": ("three",) * 2})))
     out = tmp_path / "c.toml"
-    assert main(["fit", str(tmp_path / "odd"), "--step", "0.05", "--quiet", "-o", str(out)]) == 0
+    assert main(["paper", "fit", str(tmp_path / "odd"), "--step", "0.05", "--quiet", "-o", str(out)]) == 0
     said = capsys.readouterr().out
     assert "do not reach the target at all" in said and "inf" not in said
     assert "careful: no drag and lift explain these shots well" in said
     assert "mean_deviation_m" not in load_provenance(out)
-    assert main(["fit", str(tmp_path / "odd"), "--bootstrap", "-1"]) == 2
+    assert main(["paper", "fit", str(tmp_path / "odd"), "--bootstrap", "-1"]) == 2

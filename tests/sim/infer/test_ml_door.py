@@ -1,4 +1,4 @@
-"""truearc fit --method ml, as a user with a spreadsheet meets it."""
+"""truearc fit, as a user with a spreadsheet meets it."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ def directory(tmp_path_factory):
 
 def test_a_fit_is_told_in_words_and_written_as_a_belief(directory, tmp_path, capsys):
     out = tmp_path / "coefficients.toml"
-    arguments = ["fit", str(directory), "--method", "ml", "--terms", TERMS, "-o", str(out), "--quiet"]
+    arguments = ["fit", str(directory), "--terms", TERMS, "-o", str(out), "--quiet"]
     assert main(arguments) == 0
     said, errors = capsys.readouterr()
     assert errors == ""
@@ -44,19 +44,19 @@ def test_a_fit_is_told_in_words_and_written_as_a_belief(directory, tmp_path, cap
     (["--terms", "drag,magnetism"], "no term 'magnetism'"),
     (["--terms", ""], "--terms: names no term"),
     (["--terms", " , "], "--terms: names no term"),
-    (["--picture", "map.png"], "--picture: --method ml makes no use of it; --method grid does"),
+    (["--seed", "1"], "--seed: applies with --posterior only"),
     (["--posterior", "0"], "--posterior is 0"),
     (["--posterior", "5", "--seed", "-1"], "--seed is -1"),
     (["-o", "nowhere/at/all.toml"], "nowhere/at/all.toml"),
 ])
 def test_a_users_mistake_is_named(directory, capsys, arguments, message):
-    assert main(["fit", str(directory), "--method", "ml", "--quiet", *arguments]) == 2
+    assert main(["fit", str(directory), "--quiet", *arguments]) == 2
     assert message in capsys.readouterr().err
 
 
 def test_a_fit_that_does_not_settle_writes_nothing(directory, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(truearc.sim.infer.optimum, "MOST_ITERATIONS", 1)
     out = tmp_path / "coefficients.toml"
-    assert main(["fit", str(directory), "--method", "ml", "--terms", TERMS, "-o", str(out), "--quiet"]) == 1
+    assert main(["fit", str(directory), "--terms", TERMS, "-o", str(out), "--quiet"]) == 1
     assert "did not settle" in capsys.readouterr().err
     assert not out.exists()

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from tests.sim.training_rows import REAL, SIMULATED, sigmoid, some_rows
 from truearc.robot.config.schema import InputError
 from truearc.sim.paper.network import Layers, initial_layers, logits
-from truearc.sim.paper.sweep import Job, Recipe, Trained, batches_per_epoch, make_decks, pack, train_many, unpack
+from truearc.sim.paper.settings import Recipe
+from truearc.sim.paper.sweep import Job, Trained, batches_per_epoch, make_decks, pack, train_many, unpack
 from truearc.sim.paper.sweep_kernel import LANES, deal
 from truearc.sim.paper.sweep_kernel import sigmoid as fast_sigmoid
 from truearc.sim.paper.training import Rows, accuracy, cross_entropy, mean_loss

@@ -110,8 +110,8 @@ def save_rows(directory: Path, rows: Rows) -> None:
 def test_the_door_writes_tables_picture_and_weights(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     save_rows(tmp_path / "real", REAL)
     save_rows(tmp_path / "sim", SIMULATED)
-    words = ["sweep", "--quiet", "--real", f"{tmp_path}/real", "--sim", f"{tmp_path}/sim", "--sizes", "0,30,90",
-             "--seeds", "4", "--steps", "6000", "--patience", "5000", "--learning-rate", "0.003"]
+    words = ["paper", "sweep", "--quiet", "--real", f"{tmp_path}/real", "--sim", f"{tmp_path}/sim",
+             "--sizes", "0,30,90", "--seeds", "4", "--steps", "6000", "--patience", "5000", "--learning-rate", "0.003"]
     assert truearc.main([*words, "-o", f"{tmp_path}/out"]) == 0
     said = capsys.readouterr().out
     assert "best on the validation shots" in said
@@ -140,5 +140,5 @@ def test_bad_options_are_named(words: list[str], named: str, tmp_path: Path, mon
                                capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.chdir(tmp_path)
     save_rows(tmp_path / "real", REAL)
-    assert truearc.main(["sweep", "--quiet", "--real", "real", "-o", "out", *words]) == 2
+    assert truearc.main(["paper", "sweep", "--quiet", "--real", "real", "-o", "out", *words]) == 2
     assert named in capsys.readouterr().err and not (tmp_path / "out").exists()

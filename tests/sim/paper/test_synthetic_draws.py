@@ -131,7 +131,7 @@ def test_the_door_says_what_a_file_without_doubt_lacks(belief: Belief, tmp_path:
     save_rig(tmp_path / "rig.toml", make_facts(Noise()))
     save_coefficients(tmp_path / "grid.toml", belief.coefficients, {})
     save_belief(tmp_path / "ml.toml", belief, {})
-    words = ["synth", "--quiet", "--rig", f"{tmp_path}/rig.toml", "-n", "30", "--draws", "20"]
+    words = ["paper", "synth", "--quiet", "--rig", f"{tmp_path}/rig.toml", "-n", "30", "--draws", "20"]
     assert truearc.main([*words, "--coefficients", f"{tmp_path}/grid.toml", "-o", f"{tmp_path}/a"]) == 2
     assert "grid.toml: has no [scatter] and no [covariance]" in capsys.readouterr().err
     assert not (tmp_path / "a").exists()

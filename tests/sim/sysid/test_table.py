@@ -47,13 +47,13 @@ def test_a_bad_table_is_named_by_file_line_and_column(tmp_path, text, words, cap
     path = write(tmp_path / "a.csv", text)
     with pytest.raises(InputError, match=words):
         fit_law(load_steps(path), windage=False)
-    assert main(["identify", "--csv", str(path), "--quiet"]) == 2
+    assert main(["sysid", "--csv", str(path), "--quiet"]) == 2
     assert "Traceback" not in capsys.readouterr().err
 
 
 def test_the_door_answers_in_toml_that_says_what_it_is_worth(tmp_path, capsys):
     path = stairs_csv(tmp_path / "a.csv")
-    assert main(["identify", "--csv", str(path), "--quiet", "--report", str(tmp_path / "a.html")]) == 0
+    assert main(["sysid", "--csv", str(path), "--quiet", "--report", str(tmp_path / "a.html")]) == 0
     out = capsys.readouterr().out
     said = tomllib.loads(out)["feedforward"]
     for key, name in (("ks_v", "ks"), ("kv_v_s", "kv"), ("ka_v_s2", "ka")):

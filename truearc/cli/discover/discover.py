@@ -4,40 +4,34 @@ import argparse
 from dataclasses import replace
 
 import truearc as ta
-from truearc.cli.discover import identifiability
 from truearc.cli.files import check_place, names_in, write_out
 from truearc.cli.progress import make_progress
 from truearc.cli.terms_from import add_terms_from, catalogue_of
 from truearc.robot.config.schema import InputError
 from truearc.sim.discover.settings import FALSE_ALARM, check_chances
 
-DESCRIPTION = """Say whether a dataset disagrees with the simulation as it stands, where, and what the simulation lacks.
-With --identifiability: say, before any data, which effects a season with a rig could show, and which it could not tell
-apart."""
+DESCRIPTION = """Report whether a dataset disagrees with the simulation as it stands, where, and what the simulation
+lacks. Before there are data, `truearc identifiability` reports what a season of shots could show."""
 EXAMPLE = "truearc discover shots/ --believe gravity,drag --json finding.json --report finding.html"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
-    parser.add_argument("dataset", metavar="DIR", nargs="?", help="dataset directory")
+    parser.add_argument("dataset", metavar="DIR", help="dataset directory")
     add_baseline(parser)
     parser.add_argument("--measured", metavar="TERM=VALUE,SD", action="append", default=[], help="what was measured of "
                         "a term without a shot, with its standard deviation, in the term's unit; may come often")
     parser.add_argument("--json", metavar="FILE", help="write the finding as JSON")
     parser.add_argument("--report", metavar="FILE", help="write an HTML report")
     parser.add_argument("--adopt", metavar="FILE", help="write what was fitted and named as coefficients, for predict, "
-                        "synth and train")
-    before = parser.add_argument_group("before any data")
-    before.add_argument("--identifiability", dest="rig", metavar="RIG", help="rig.toml: a season of shots is planned "
-                        "for it; or a dataset directory: its own shots, with or without results")
-    identifiability.add_season(before)
+                        "paper synth and train")
 
 
 def add_baseline(parser: argparse.ArgumentParser) -> None:
     """Options that say what is tested, and how: of discover and design."""
     parser.add_argument("--believe", metavar="TERMS", help="terms of the simulation, comma-separated; else rig.toml's")
     parser.add_argument("--belief", metavar="FILE", help="coefficients.toml of this very rig from an earlier session "
-                        "(discover --adopt, fit --method ml): what is believed, with its doubts; what has changed?")
+                        "(discover --adopt, fit): the baseline, with its uncertainties; what has changed?")
     parser.add_argument("--since", metavar="DIR", help="dataset that --belief was adopted from: what the belief leaves "
                         "over there already is no change; tracks see that, and telemetry at times")
     add_terms_from(parser)
@@ -49,9 +43,6 @@ def add_baseline(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     """Return 0, whether or not something was found."""
     check_baseline(args)
-    _check_modes(args)
-    if args.rig is not None:
-        return identifiability.main(args)
     for path in (args.json, args.report, args.adopt):
         check_place(path)
     _, found = investigate(args, "discover")
@@ -106,13 +97,3 @@ def _adopt(found: "ta.Finding", dataset: str, path: str) -> str:
         raise InputError(f"--adopt: {error}") from error
     replace(belief, provenance={**belief.provenance, "dataset": dataset}).save(path)
     return f"{say_adopted(found.record, belief.provenance)} -> {path}"
-
-
-def _check_modes(args: argparse.Namespace) -> None:
-    """Either data or a forecast of data; options that would not be used are refused."""
-    if (args.dataset is None) == (args.rig is None):
-        raise InputError("give either a dataset directory, or --identifiability with a rig.toml or a directory")
-    if args.rig is None and (args.shots is not None or args.level is not None or args.sides):
-        raise InputError("--shots, --level and --sides are for --identifiability")
-    if args.rig is not None and (args.belief is not None or args.adopt is not None or args.measured):
-        raise InputError("--belief, --adopt and --measured are for data, not for --identifiability")

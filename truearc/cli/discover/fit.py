@@ -1,34 +1,30 @@
-"""truearc fit: coefficients from a dataset; one file a method."""
+"""truearc fit: coefficients and shot-to-shot scatter, by maximum a posteriori."""
 
 import argparse
-from collections.abc import Callable, Mapping
 
-from truearc.cli.discover import fit_ml
-from truearc.cli.paper import fit_grid
-from truearc.robot.config.schema import InputError
+from truearc.cli.options import refuse
+from truearc.cli.terms_from import add_terms_from
 
-DESCRIPTION = ("Find the drag and lift coefficient under which the simulator agrees best with recorded outcomes. "
-               "grid: the seed's search, every pair from 0 to 5, by three-point accuracy, then two-point accuracy, "
-               "then deviation. ml: maximum likelihood of everything recorded, with the scatter from shot to shot, "
-               "90 % intervals, and what the shots cannot tell apart.")
-EXAMPLE = "truearc fit shots/ --method grid -o coefficients.toml"
-METHODS: Mapping[str, Callable[[argparse.Namespace], int]] = {"grid": fit_grid.main, "ml": fit_ml.main}
-# What one method would not heed of the other's.
-FOREIGN = {"grid": ("map", "picture", "tied"), "ml": ("terms", "posterior", "terms_from")}
+DESCRIPTION = ("Fit the coefficients of the simulation's terms and the shot-to-shot scatter by maximum a posteriori, "
+               "from everything that a dataset has; report 90 % intervals and which parameters the shots cannot tell "
+               "apart. The paper's grid search is `truearc paper fit`.")
+EXAMPLE = "truearc fit shots/ --terms gravity,drag,magnus,exit_efficiency -o coefficients.toml"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("dataset", metavar="DIR", help="dataset of shots")
-    parser.add_argument("--method", choices=tuple(METHODS), default="grid", help="%(default)s")
     parser.add_argument("-o", "--out", metavar="FILE", help="coefficients.toml to write")
-    fit_grid.add_arguments(parser)
-    fit_ml.add_arguments(parser)
+    parser.add_argument("--terms", metavar="NAMES", help="terms to fit, comma-separated (default: [believe] of "
+                        "rig.toml)")
+    add_terms_from(parser)
+    parser.add_argument("--posterior", type=int, metavar="N", help="draw N samples of the posterior too, and save them "
+                                                                   "beside --out as .npz")
+    parser.add_argument("--seed", type=int, help="seed of --posterior (default 0)")
 
 
 def main(args: argparse.Namespace) -> int:
-    for method, options in FOREIGN.items():
-        for option in options if method != args.method else ():
-            if getattr(args, option) is not None:
-                typed = option.replace("_", "-")
-                raise InputError(f"--{typed}: --method {args.method} makes no use of it; --method {method} does")
-    return METHODS[args.method](args)
+    """Return 0 when the fit converged, else 1."""
+    if args.posterior is None:
+        refuse(args, ("--seed",), "applies with --posterior only")
+    from truearc.cli.discover.fit_ml import run_fit
+    return run_fit(args)

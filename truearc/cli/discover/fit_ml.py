@@ -1,4 +1,4 @@
-"""truearc fit --method ml: maximum a posteriori of everything that a dataset has."""
+"""The work of `truearc fit`: maximum a posteriori of everything that a dataset has."""
 
 import argparse
 import sys
@@ -9,21 +9,11 @@ from typing import Any
 import truearc as ta
 from truearc.cli.files import names_in
 from truearc.cli.progress import make_progress
-from truearc.cli.terms_from import add_terms_from, catalogue_of
+from truearc.cli.terms_from import catalogue_of
 from truearc.robot.config.schema import InputError
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of this method."""
-    ml = parser.add_argument_group("--method ml")
-    ml.add_argument("--terms", metavar="NAMES", help="terms to fit, comma-separated; else [believe] of rig.toml")
-    add_terms_from(ml)
-    ml.add_argument("--posterior", type=int, metavar="N", help="draw N samples of the posterior too, and save them "
-                                                               "beside --out as .npz")
-    ml.add_argument("--seed", type=int, default=0, help="of the posterior's sampler (%(default)s)")
-
-
-def main(args: argparse.Namespace) -> int:
+def run_fit(args: argparse.Namespace) -> int:
     """Return 1 where the fit did not settle or the posterior's chains did not mix."""
     _check(args)
     names, dataset = names_in("--terms", args.terms), ta.load_dataset(args.dataset)
@@ -45,14 +35,14 @@ def _check(args: argparse.Namespace) -> None:
         raise InputError(f"{args.out}: there is no directory to write it to")
     if args.posterior is not None and args.posterior < 1:
         raise InputError(f"--posterior is {args.posterior}; at least 1 sample is needed")
-    if args.seed < 0:
+    if args.seed is not None and args.seed < 0:
         raise InputError(f"--seed is {args.seed}; it cannot be negative")
 
 
 def _sample(fit: "ta.Fit", args: argparse.Namespace) -> tuple[dict[str, Any], bool]:
     """(what the coefficients file says of the posterior, whether its chains have mixed); draws saved beside --out."""
     from truearc.sim.infer.posterior import save_draws, say_posterior
-    drawn = fit.sample(args.posterior, args.seed, make_progress("posterior", args.quiet))
+    drawn = fit.sample(args.posterior, args.seed or 0, make_progress("posterior", args.quiet))
     print("\nposterior:", *say_posterior(drawn), sep="\n")
     if args.out is not None:
         path = Path(args.out).with_suffix(".posterior.npz")

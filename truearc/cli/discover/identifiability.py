@@ -5,6 +5,7 @@ from pathlib import Path
 
 import truearc as ta
 from truearc.cli.files import check_place, names_in, write_out
+from truearc.cli.options import refuse
 from truearc.cli.progress import make_progress
 from truearc.cli.terms_from import add_terms_from, catalogue_of
 from truearc.robot.config.schema import InputError
@@ -24,11 +25,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", metavar="FILE", help="write the answer as JSON")
     parser.add_argument("--report", metavar="FILE", help="write an HTML report")
     parser.add_argument("--seed", type=int, default=0, help="of everything drawn at random (default %(default)s)")
-    add_season(parser)
-
-
-def add_season(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
-    """Options of the planned season."""
     parser.add_argument("--shots", type=int, metavar="N", help=f"shots of a planned season (default {SEASON_SHOTS})")
     parser.add_argument("--level", choices=LEVELS, help=f"what is recorded of them: outcomes, telemetry too, tracks "
                         f"too (default {LEVEL})")
@@ -37,14 +33,14 @@ def add_season(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -> Non
 
 def main(args: argparse.Namespace) -> int:
     """Return 0, whatever could be seen."""
+    path = Path(args.rig)
+    if path.is_dir():
+        refuse(args, ("--shots", "--level"), f"{path} is a dataset directory, whose own shots are used")
     believe = names_in("--believe", args.believe)
     for place in (args.json, args.report):
         check_place(place)
     from truearc.sim.compile_cache import keep_compiled
     keep_compiled()
-    path = Path(args.rig)
-    if path.is_dir() and (args.shots is not None or args.level is not None):
-        raise InputError(f"--shots, --level: {path} is a directory, whose own shots are looked at")
     source = ta.load_dataset(path) if path.is_dir() else ta.load_rig(path)
     try:
         answer = ta.identifiability(source, level=args.level, shots=args.shots, believe=believe,

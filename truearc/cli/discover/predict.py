@@ -1,4 +1,4 @@
-"""truearc predict: the paper's simulator, row by row."""
+"""truearc predict: heights and outcomes by the simulation, or probabilities by a gate, row by row."""
 
 import argparse
 import math
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import truearc as ta
 from truearc.cli.files import write_out
+from truearc.cli.options import refuse
 from truearc.cli.progress import make_progress
 from truearc.cli.terms_from import add_terms_from, catalogue_of
 from truearc.robot.config.schema import InputError
@@ -17,7 +18,8 @@ if TYPE_CHECKING:
 
 DESCRIPTION = ("Fly each shot of a dataset with the paper's simulator and print shot_id,height_m,deviation_m,outcome: "
                "height at the first crossing of x = distance, and that minus the target's centre; both empty where the "
-               "ball meets the floor or turns back first.")
+               "ball meets the floor or turns back first. With --gate: what a gate gives each shot instead, as "
+               "shot_id,p_two,p_three,in_domain,novelty (novelty over 1: further than that from all recorded shots).")
 EXAMPLE = "truearc predict shots/ --cd 0.91 --cl 0.06 -o predicted.csv"
 LONG = 50_000                         # shots that take over two seconds
 
@@ -25,6 +27,7 @@ LONG = 50_000                         # shots that take over two seconds
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     parser.add_argument("dataset", metavar="DIR", help="dataset of shots (rig.toml and shots.csv or .parquet)")
+    parser.add_argument("--gate", metavar="FILE", help="ONNX file, as `truearc export` writes it")
     parser.add_argument("--cd", type=float, help="drag coefficient of the paper's Eq. 3")
     parser.add_argument("--cl", type=float, help="lift coefficient of the paper's Eq. 2")
     parser.add_argument("--coefficients", metavar="FILE", help="coefficients.toml, instead of --cd and --cl")
@@ -34,17 +37,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Return 0 once every row is written."""
-    belief = _belief(args)
-    dataset = ta.load_dataset(args.dataset)
-    told = ta.predict(dataset, belief, progress=_progress(len(dataset.shots), args.quiet))
-    rows = tuple((name, _fixed(height_m), _fixed(deviation_m), outcome)
-                 for name, height_m, deviation_m, outcome in told.rows)
-    text = ta.Table(told.columns, rows).to_csv()
+    text = _by_simulation(args) if args.gate is None else _by_gate(args)
     if args.out is None:
         sys.stdout.write(text)
     else:
         write_out(args.out, text)
     return 0
+
+
+def _by_gate(args: argparse.Namespace) -> str:
+    refuse(args, ("--cd", "--cl", "--coefficients", "--terms-from"), "does not apply with --gate")
+    return ta.predict(ta.load_dataset(args.dataset), gate=args.gate).to_csv()
+
+
+def _by_simulation(args: argparse.Namespace) -> str:
+    belief = _belief(args)
+    dataset = ta.load_dataset(args.dataset)
+    told = ta.predict(dataset, belief, progress=_progress(len(dataset.shots), args.quiet))
+    rows = tuple((name, _fixed(height_m), _fixed(deviation_m), outcome)
+                 for name, height_m, deviation_m, outcome in told.rows)
+    return ta.Table(told.columns, rows).to_csv()
 
 
 def _progress(shots: int, quiet: bool) -> Callable[[float, str], None]:
@@ -58,8 +70,7 @@ def _belief(args: argparse.Namespace) -> "Belief":
         if (args.cd, args.cl) != (None, None):
             raise InputError("--coefficients and --cd, --cl exclude each other")
         return ta.load_belief(args.coefficients, catalogue_of(args))
-    if args.terms_from:
-        raise InputError("--terms-from goes with --coefficients, whose file names the terms")
+    refuse(args, ("--terms-from",), "applies with --coefficients only, whose file names the terms")
     for option, value in (("--cd", args.cd), ("--cl", args.cl)):
         if value is None:
             raise InputError(f"{option} is needed (or --coefficients FILE)")

@@ -8,7 +8,8 @@ EXAMPLE = "truearc export weights/ -o gate.onnx"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
-    parser.add_argument("weights", metavar="DIR", help="weights directory, as `truearc train` writes it")
+    parser.add_argument("weights", metavar="DIR",
+                        help="weights directory, as `truearc train` and `truearc paper train` write it")
     parser.add_argument("-o", "--out", required=True, metavar="FILE", help="ONNX file to write")
 
 

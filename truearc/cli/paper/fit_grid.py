@@ -1,4 +1,4 @@
-"""truearc fit --method grid: the seed's search."""
+"""The work of `truearc paper fit`: the grid search, its report and its files."""
 
 import argparse
 from pathlib import Path
@@ -11,34 +11,24 @@ from truearc.sim.data.dataset import Dataset, load_dataset
 from truearc.sim.infer.coefficients import save_coefficients
 from truearc.sim.infer.score import Score, score
 from truearc.sim.paper.grid_bootstrap import Bootstrap, bootstrap_grid
-from truearc.sim.paper.grid_fit import STEP, GridFit, fit_grid, map_deviation
+from truearc.sim.paper.grid_fit import GridFit, fit_grid, map_deviation
 from truearc.sim.paper.grid_report import TIE_HEADER, draw_map, explain, provenance_of
 from truearc.sim.report import make_png
 from truearc.sim.tables import save_csv
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    grid = parser.add_argument_group("--method grid")
-    grid.add_argument("--step", type=float, default=STEP, help="of the grid; divides 5 (%(default)s)")
-    grid.add_argument("--map", metavar="FILE", help="npz to write the whole map to: axis, share_three, share_two, "
-                                                    "mean_deviation_m (nan where no three is reproduced), tied; "
-                                                    "rows cd, columns cl")
-    grid.add_argument("--picture", metavar="FILE", help="png to draw the map to")
-    grid.add_argument("--tied", metavar="FILE", help="csv to write all tied pairs to, the chosen one first")
-    grid.add_argument("--bootstrap", type=int, default=0, metavar="N",
-                      help="resample the shots N times (from --seed) and say how far the choice moves")
-
-
-def main(args: argparse.Namespace) -> int:
+def run_grid_fit(args: argparse.Namespace) -> int:
+    """Fit, report and write what was asked for; args: those of `truearc paper fit`."""
+    resamples, seed = args.bootstrap or 0, args.seed or 0
     for path in (args.out, args.map, args.picture, args.tied):
         if path is not None and not Path(path).parent.is_dir():
             raise InputError(f"{path}: there is no directory to write it to")
-    if args.bootstrap < 0 or args.seed < 0:
+    if resamples < 0 or seed < 0:
         raise InputError("--bootstrap and --seed cannot be negative")
     dataset = load_dataset(args.dataset)
     fit = fit_grid(dataset.facts, dataset.shots, args.step, make_progress("fit", args.quiet))
     scored = score(dataset.facts, fit.coefficients, dataset.shots)
-    again = bootstrap_grid(dataset.facts, dataset.shots, fit, args.bootstrap, args.seed) if args.bootstrap else None
+    again = bootstrap_grid(dataset.facts, dataset.shots, fit, resamples, seed) if resamples else None
     print("\n".join(explain(dataset, fit, scored, again)))
     try:
         _write(args, dataset, fit, scored, again)

@@ -1,32 +1,34 @@
-"""truearc synth."""
+"""truearc paper synth: balanced simulated shots."""
 
 import argparse
 
 from truearc.cli.progress import make_progress
 from truearc.cli.terms_from import add_terms_from, catalogue_of
-from truearc.sim.data.dataset import check_free, load_dataset, load_rig
-from truearc.sim.paper.synthetic_files import say_synthetic, write_synthetic
 
-DESCRIPTION = """Simulated shots for the classifier: every configuration of the seed's grid is flown with fitted
+DESCRIPTION = """Simulated shots for the classifier: every configuration of the paper's grid is flown with fitted
 coefficients, and an even sample of the three outcomes is drawn. With --draws each shot has coefficients of its own,
-drawn from what a fit by likelihood knows of them, and the scatter and sensor noise of a real shot."""
-EXAMPLE = "truearc synth --rig rig.toml --coefficients coefficients.toml -n 900 --exclude shots/ -o simulated/"
+drawn from the covariance that `truearc fit` writes, and the scatter and sensor noise of a real shot."""
+EXAMPLE = "truearc paper synth --rig rig.toml --coefficients coefficients.toml -n 900 --exclude shots/ -o simulated/"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--rig", required=True, help="rig.toml")
-    parser.add_argument("--coefficients", required=True, help="coefficients.toml, as `truearc fit` writes it")
+    parser.add_argument("--coefficients", required=True, metavar="FILE",
+                        help="coefficients.toml, as `truearc fit` and `truearc paper fit` write it")
     add_terms_from(parser)
     parser.add_argument("-n", type=int, default=900, help="shots in all (900)")
     parser.add_argument("--draws", type=int, metavar="N",
                         help="draw N sets of coefficients from the fit's covariance, and scatter every shot; without "
-                             "it one exact set, as the seed does")
+                             "it one exact set, as in the paper")
     parser.add_argument("--exclude", metavar="DIR", help="dataset of recorded shots whose configurations are not drawn")
     parser.add_argument("--seed", type=int, default=0, help="of the draw (0)")
     parser.add_argument("-o", "--out", required=True, metavar="DIR", help="dataset directory to write")
 
 
 def main(args: argparse.Namespace) -> int:
+    """Return 0 when the dataset is written."""
+    from truearc.sim.data.dataset import check_free, load_dataset, load_rig
+    from truearc.sim.paper.synthetic_files import say_synthetic, write_synthetic
     check_free(args.out)
     facts = load_rig(args.rig)
     recorded = load_dataset(args.exclude) if args.exclude else None

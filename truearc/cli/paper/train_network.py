@@ -1,4 +1,4 @@
-"""truearc train --model network: the seed's classifier."""
+"""The work of `truearc paper train`: the paper's network, trained, kept and reported on."""
 
 import argparse
 import sys
@@ -8,37 +8,23 @@ from truearc.cli.progress import make_progress
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import dataset_hash, load_dataset
 from truearc.sim.gate.network_training import Shares, rows_of, train_network
-from truearc.sim.paper.sweep import Recipe, check_recipe
+from truearc.sim.paper.settings import PATIENCE, Recipe, check_recipe
 from truearc.sim.paper.synthetic_data import load_provenance
 from truearc.sim.paper.training import Rows
 
-NAME = "network"
-DEFAULT = Recipe()
+LAMBDA = 0.01                         # the paper's weight of the simulated loss
 
 
-def add_arguments(parser: argparse._ArgumentGroup) -> None:
-    parser.add_argument("--sim", metavar="DIR", help="dataset of simulated shots; without it, recorded ones only")
-    parser.add_argument("--lambda", dest="simulated_weight", type=float, default=0.01, metavar="L",
-                        help="weight of the simulated loss (0.01)")
-    parser.add_argument("--learning-rate", type=float, default=DEFAULT.learning_rate,
-                        help=f"Adam's step ({DEFAULT.learning_rate:g})")
-    parser.add_argument("--validation", type=float, default=0.25, metavar="SHARE",
-                        help="share of the shots trained on that only says when to stop (0.25); 0 trains to the end")
-    parser.add_argument("--patience", type=int, default=DEFAULT.patience, metavar="STEPS",
-                        help=f"stop when so many steps have brought nothing better ({DEFAULT.patience})")
-    length = parser.add_mutually_exclusive_group()
-    length.add_argument("--steps", type=int, default=DEFAULT.steps, help=f"minibatches at most ({DEFAULT.steps})")
-    length.add_argument("--epochs", type=int, help="times through the simulated shots at most, instead of --steps")
-
-
-def main(args: argparse.Namespace) -> int:
-    recipe = Recipe(args.learning_rate, args.steps, args.patience)
+def run_training(args: argparse.Namespace) -> int:
+    """Train, write the weights and report; args: those of `truearc paper train`."""
+    recipe = Recipe(args.learning_rate, args.steps, PATIENCE if args.patience is None else args.patience)
     check_recipe(recipe)
     if args.epochs is not None and args.epochs < 1:
         raise InputError(f"--epochs is {args.epochs}; at least 1 is needed")
     if args.seed < 0:
         raise InputError(f"--seed is {args.seed}; it cannot be negative")
-    shares = Shares(args.holdout, args.validation, args.simulated_weight, args.epochs)
+    weight = LAMBDA if args.simulated_weight is None else args.simulated_weight
+    shares = Shares(args.holdout, args.validation, weight, args.epochs)
     simulated = load_dataset(args.sim) if args.sim else None
     network = train_network(load_dataset(args.real), simulated, coefficients=coefficients_of(args.sim), recipe=recipe,
                             shares=shares, seed=args.seed, progress=make_progress("train", args.quiet))

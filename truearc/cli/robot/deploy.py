@@ -13,8 +13,6 @@ from truearc.robot.config.schema import InputError, load_config
 from truearc.robot.deploy.install import Parts, make_parts
 from truearc.robot.deploy.source import copy_source
 from truearc.robot.deploy.texts import INSTALL, make_files
-from truearc.robot.doctor.parameters import load_endpoints
-from truearc.robot.gate.model import load_gate
 
 DESCRIPTION = ("Carry truearc, its configuration and its model to the robot's computer by ssh, install them there with "
                "a service that starts with it, and run the doctor. Exit 1 when a step fails or the doctor finds a "
@@ -47,8 +45,10 @@ def main(args: argparse.Namespace) -> int:
         raise InputError(f"{args.host!r}: not user@host")
     config = load_config(args.config)
     if args.gate:
+        from truearc.robot.gate.model import load_gate
         load_gate(args.gate)                      # a model that the robot would refuse is refused here
     if args.endpoints:
+        from truearc.robot.doctor.devices import load_endpoints
         load_endpoints(args.endpoints)
     parts = make_parts(config, Parts(args.gate is not None, args.endpoints is not None, args.core, args.priority,
                                      args.can_serial, args.box_usb, args.exposure_ms))

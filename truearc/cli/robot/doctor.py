@@ -1,33 +1,7 @@
 """truearc doctor: is the robot fit to run?"""
 
 import argparse
-import os
-import shutil
-from collections.abc import Iterator
-from contextlib import ExitStack
 from pathlib import Path
-
-import cv2
-import msgspec
-
-from truearc.hw.machine import CanLink
-from truearc.hw.protocols import Bus, Clock, LinkLost
-from truearc.hw.real.camera import open_camera
-from truearc.hw.real.can_bus import open_can
-from truearc.hw.real.clock import MonotonicClock
-from truearc.hw.real.machine import is_clock_synchronised, read_exposure, read_link
-from truearc.hw.real.realtime import rehearse
-from truearc.hw.real.serial_port import open_serial
-from truearc.robot.config.schema import Config, InputError, load_config
-from truearc.robot.doctor.bus import check_adapter, check_bitrate, check_heartbeat_lock
-from truearc.robot.doctor.devices import check_devices, questions
-from truearc.robot.doctor.finding import FAILURE, WARNING, Finding, count, failure, line
-from truearc.robot.doctor.listening import listen
-from truearc.robot.doctor.machine import check_clock, check_disk, check_real_time
-from truearc.robot.doctor.model import check_model
-from truearc.robot.doctor.parameters import Endpoints, load_endpoints
-from truearc.robot.doctor.senses import check_box, check_camera, check_exposure
-from truearc.robot.motors import name_axes
 
 DESCRIPTION = ("Look at everything a run needs and say in one line each how it is and what to do about it. Changes "
                "nothing but an exposure that the configuration fixes, and moves nothing; stop a running robot first, "
@@ -47,74 +21,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(args: argparse.Namespace) -> int:
-    if not 0.5 <= args.seconds <= 600.0:
-        raise InputError(f"--seconds {args.seconds:g}: 0.5 to 600")
-    if not 1 <= args.priority <= 99:
-        raise InputError(f"--priority {args.priority}: 1 to 99")
-    config = load_config(args.config)
-    endpoints = load_endpoints(args.endpoints) if args.endpoints else None
-    findings = [*_look_at_wires(config, endpoints, args.seconds), *check_real_time(rehearse(args.priority)),
-                check_clock(is_clock_synchronised()), check_model(config.gate, args.gate), _look_at_disk(args.out)]
-    failures, warnings = count(findings, FAILURE), count(findings, WARNING)
-    if args.json:
-        print(msgspec.json.encode({"failures": failures, "warnings": warnings, "findings": findings}).decode())
-    else:
-        print(*map(line, findings), sep="\n")
-        print(f"{len(findings)} checks: {failures} failed, {warnings} with a warning")
-    return 1 if failures else 0
-
-
-def _look_at_wires(config: Config, endpoints: Endpoints | None, seconds: float) -> Iterator[Finding]:
-    cv2.setNumThreads(1)
-    clock = MonotonicClock()
-    yield from _look_at_can(config, clock, endpoints, seconds)
-    with ExitStack() as wires:
-        try:
-            box = open_serial(config.buttons.port, config.buttons.baud)
-            wires.callback(box.close)
-            yield check_box(box, clock)
-        except LinkLost as error:
-            yield failure("button box", str(error), "plug it in; stop a running robot; see [buttons] port")
-        yield check_exposure(config.camera, read_exposure(config.camera.device))
-        try:
-            camera = open_camera(config.camera.device, config.camera.width_px, config.camera.height_px,
-                                 config.camera.fps, clock, config.camera.exposure_s)
-            wires.callback(camera.close)
-            yield check_camera(camera, clock)
-        except LinkLost as error:
-            yield failure("camera", str(error), "plug it in; stop a running robot; see [camera] in the configuration")
-
-
-def _look_at_can(config: Config, clock: Clock, endpoints: Endpoints | None, seconds: float) -> Iterator[Finding]:
-    link = read_link(config.can.channel) if config.can.interface == "socketcan" else None
-    adapter = check_adapter(config.can, link)
-    try:
-        bus = open_can(config.can.interface, config.can.channel, config.can.bitrate, clock)
-    except LinkLost as error:
-        yield adapter if adapter.level == FAILURE else failure(adapter.check, str(error), "plug it in; see [can]")
-        return
-    yield adapter
-    try:
-        yield from look_at_bus(config, bus, clock, link, endpoints, seconds)
-    except LinkLost as error:
-        yield failure("devices", f"not asked: {error}", "mend the adapter first")
-    finally:
-        bus.close()
-
-
-def look_at_bus(config: Config, bus: Bus, clock: Clock, link: CanLink | None, endpoints: Endpoints | None,
-                seconds: float) -> Iterator[Finding]:
-    """Everything that can be heard on the CAN bus in one stretch of listening; raises LinkLost."""
-    heard = listen(bus, clock, questions(config, endpoints), seconds)
-    yield check_bitrate(config.can, link, heard)
-    yield check_heartbeat_lock((axis for _, axis in name_axes(config)), heard)
-    yield from check_devices(config, endpoints, heard)
-
-
-def _look_at_disk(folder: Path) -> Finding:
-    there = next(place for place in (folder, *folder.absolute().parents) if place.exists())
-    try:
-        free_bytes = shutil.disk_usage(there).free
-    except OSError:
-        return check_disk(folder, None, False)
-    return check_disk(folder, free_bytes, there.is_dir() and os.access(there, os.W_OK))
+    """Return 0 when no check failed, else 1."""
+    from truearc.cli.robot.doctor_checks import check_robot
+    return check_robot(args)

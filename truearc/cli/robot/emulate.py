@@ -2,20 +2,21 @@
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from truearc import robot
-from truearc.cli.progress import make_progress
-from truearc.hw.real.clock import MonotonicClock
+from truearc.cli.options import refuse
 from truearc.robot.config.schema import Config, InputError, load_config
 from truearc.robot.config.shot_plan import load_plan, with_plan
-from truearc.robot.operator_ui.serve_option import OFF, add_page_argument, open_page, parse_page
-from truearc.sim.world.device_server import serve
-from truearc.sim.world.emulated_robot import emulate
-from truearc.sim.world.options import load_options
-from truearc.sim.world.parts.target import BallResult
+from truearc.robot.operator_ui.page_option import OFF, add_page_argument, parse_page
+
+if TYPE_CHECKING:
+    from truearc.sim.world.parts.target import BallResult
 
 DESCRIPTION = "Record trials of the emulated robot: the real runtime, real frames and images, a MuJoCo world."
 EXAMPLE = "truearc emulate --trials 50 --out sessions/first --world windy.toml --seed 7"
+VIRTUAL = "virtual"
+WATCHDOG_MS = 100                     # without --watchdog-ms
 SHIPPED = Path(robot.__file__).parent / "launcher.toml"
 
 
@@ -26,25 +27,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--repeats", type=int, metavar="N", help="shots at each configuration (default: [collect])")
     parser.add_argument("--out", type=Path, metavar="SESSION", help="folder to make; needed unless --bus is another "
                         "than virtual")
-    parser.add_argument("--bus", default="virtual", metavar="INTERFACE:CHANNEL", help="slcan:auto (a serial adapter on "
+    parser.add_argument("--bus", default=VIRTUAL, metavar="INTERFACE:CHANNEL", help="slcan:auto (a serial adapter on "
                         "a pseudo-terminal), slcan:socket or socketcan:vcan0: play the devices alone, in real time, "
                         "for `truearc run` in another process, which records (default: virtual, all in this process)")
-    parser.add_argument("--watchdog-ms", type=int, default=100, metavar="MS", help="with --bus: for how long a motor "
-                        "driver goes on without hearing from the robot; more on a machine that stalls (default: 100)")
+    parser.add_argument("--watchdog-ms", type=int, metavar="MS", help="with --bus: watchdog timeout of the motor "
+                        "drivers; more on a machine that stalls (default: 100)")
     parser.add_argument("--config", type=Path, default=SHIPPED, help="launcher.toml (default: the shipped one)")
     parser.add_argument("--world", type=Path, help="world.toml; the robot never sees it (default: an honest world)")
     parser.add_argument("--gate", type=Path, help="model that must agree before the robot fires")
-    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--seed", type=int, default=0, help="seed of the world (default %(default)s)")
     add_page_argument(parser, OFF, ", for which time passes no faster than it does")
 
 
 def main(args: argparse.Namespace) -> int:
+    """Return 0 when every trial is over."""
     if args.seed < 0:
         raise InputError(f"--seed {args.seed}: cannot be negative")
     config = load_config(args.config)
     config = with_plan(config, load_plan(args.plan, config) if args.plan else (), args.repeats)
     trials = _trials(args.trials, config)
-    results = _serve(args, config, trials) if args.bus != "virtual" else _emulate(args, config, trials)
+    results = _serve(args, config, trials) if args.bus != VIRTUAL else _emulate(args, config, trials)
     counts = {kind: sum(result.outcome == kind for result in results)
               for kind in ("three", "two", "miss-high", "miss-low")}
     marks = ", ".join(f"{n} {kind}" for kind, n in counts.items())
@@ -52,11 +54,17 @@ def main(args: argparse.Namespace) -> int:
     return 0
 
 
-def _emulate(args: argparse.Namespace, config: Config, trials: int) -> list[BallResult]:
+def _emulate(args: argparse.Namespace, config: Config, trials: int) -> "list[BallResult]":
+    refuse(args, ("--watchdog-ms",), "applies with --bus only")
     if args.out is None:
         raise InputError("--out is needed: the folder to record into")
     if config.gate.policy == "model" and args.gate is None:
         raise InputError(f"{args.config}: gate.policy is 'model', so --gate is needed")
+    from truearc.cli.progress import make_progress
+    from truearc.hw.real.clock import MonotonicClock
+    from truearc.robot.operator_ui.serve_option import open_page
+    from truearc.sim.world.emulated_robot import emulate
+    from truearc.sim.world.options import load_options
     page = open_page(args.page, config, args.out.name, MonotonicClock())
     try:
         return emulate(config, args.out, trials, args.seed, load_options(args.world), args.gate,
@@ -66,18 +74,20 @@ def _emulate(args: argparse.Namespace, config: Config, trials: int) -> list[Ball
             page.close()
 
 
-def _serve(args: argparse.Namespace, config: Config, trials: int) -> list[BallResult]:
+def _serve(args: argparse.Namespace, config: Config, trials: int) -> "list[BallResult]":
     for option, value in (("--out", args.out), ("--gate", args.gate), ("--page", parse_page(args.page))):
         if value is not None:
             raise InputError(f"{option} is for `truearc run` with --bus {args.bus}: that process is the robot")
-
-    if args.watchdog_ms < 1:
-        raise InputError(f"--watchdog-ms {args.watchdog_ms}: at least 1")
+    watchdog_ms = WATCHDOG_MS if args.watchdog_ms is None else args.watchdog_ms
+    if watchdog_ms < 1:
+        raise InputError(f"--watchdog-ms {watchdog_ms}: at least 1")
+    from truearc.sim.world.device_server import serve
+    from truearc.sim.world.options import load_options
 
     def say(command: str) -> None:
         print(f"the devices wait on {args.bus}; start the robot in another terminal:\n  {command}", flush=True)
 
-    return serve(config, args.config, args.bus, args.watchdog_ms, trials, args.seed,
+    return serve(config, args.config, args.bus, watchdog_ms, trials, args.seed,
                  load_options(args.world), say)
 
 

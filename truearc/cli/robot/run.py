@@ -1,43 +1,14 @@
 """truearc run: the robot."""
 
 import argparse
-import gc
-import itertools
-import os
-import shutil
-import signal
-import sys
-from collections import Counter
-from contextlib import ExitStack
 from pathlib import Path
-from types import FrameType
 
-from truearc.cli.robot.real_bus import open_bus
-from truearc.cli.robot.run_processes import LAYOUTS, PageWanted, ProcessLayout
-from truearc.hw.protocols import Bus, Clock, LinkLost, Stream
-from truearc.hw.real.clock import MonotonicClock, wall_clock
-from truearc.hw.real.realtime import ask_core, ask_fifo, ask_fifo_beside, ask_locked_memory
-from truearc.hw.real.reconnect import MendedStream
-from truearc.hw.real.serial_port import open_serial
-from truearc.hw.real.service import ServiceManager
-from truearc.robot.config.port_options import add_port_arguments, with_ports
-from truearc.robot.config.schema import Config, InputError, load_config
-from truearc.robot.config.shot_plan import load_plan, with_plan
-from truearc.robot.gate.model import load_gate
-from truearc.robot.operator_ui.serve_option import PORT, add_page_argument, parse_page
-from truearc.robot.processes.tick_timing import Lateness, TimedRig
-from truearc.robot.processes.watchdog_rig import WatchedRig
-from truearc.robot.recording.candump import TappedBus
-from truearc.robot.recording.encoder import SessionWriter
-from truearc.robot.recording.recording_rig import RecordingRig
-from truearc.robot.recording.session import make_header
-from truearc.robot.rig import NS_PER_S, HardwareRig
-from truearc.robot.runtime import run
-from truearc.robot.vision_source import Eyes
+from truearc.robot.config.port_options import add_port_arguments
+from truearc.robot.operator_ui.page_option import PORT, add_page_argument
 
 DESCRIPTION = "Run the launcher on its real wires and record it; ends on Ctrl-C or SIGTERM with the motors idle."
 EXAMPLE = "truearc run --config launcher.toml --gate gate.onnx --out sessions"
-ROOM_BYTES = 100 << 20                # a quarter of an hour of recording, which a session should find to begin with
+LAYOUTS = ("three", "one")            # keys of run_processes.LAYOUTS
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -52,113 +23,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--core", type=int, metavar="N", help="keep the control loop on this core (default: any)")
     parser.add_argument("--priority", type=int, default=50, metavar="P", help="of the control loop under SCHED_FIFO, "
                         "1 to 99, where the system allows it (default: 50); 0 does not ask")
-    parser.add_argument("--layout", choices=tuple(LAYOUTS), default="three", help="how many processes: three (control, "
+    parser.add_argument("--layout", choices=LAYOUTS, default="three", help="how many processes: three (control, "
                         "vision, recorder; the default), or all in one, to compare")
 
 
-class Ending:
-    """Set by a signal; the loop looks at it before each tick."""
-
-    def __init__(self) -> None:
-        self.asked = False
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, self._ask)
-
-    def _ask(self, number: int, frame: FrameType | None) -> None:
-        self.asked = True
-
-
 def main(args: argparse.Namespace) -> int:
-    _check_real_time(args)
-    parse_page(args.page)
-    config = with_ports(load_config(args.config), args.can, args.buttons, args.camera)
-    config = with_plan(config, load_plan(args.plan, config) if args.plan else (), args.repeats)
-    gate = None if args.gate is None else load_gate(args.gate)
-    if config.gate.policy == "model" and gate is None:
-        raise InputError(f"{args.config}: gate.policy is 'model', so --gate is needed")
-    if config.gate.policy != "model" and gate is not None:
-        _say(f"{args.config} has gate.policy {config.gate.policy!r}: the model is asked, not obeyed")
-    started = wall_clock()
-    folder = make_room(args.out, started)
-    ending = Ending()
-    with ExitStack() as wires:
-        tally: Counter[str] = Counter()
-        layout = LAYOUTS[args.layout](config, wires, PageWanted(args.page, config, folder.name))
-        bus, box, eyes, clock = _open_wires(config, layout, wires, tally)
-        recorder = SessionWriter(folder, make_header(config, gate, started), config,
-                                 args.gate.read_bytes() if args.gate else None, lossless=False,
-                                 open_keeper=layout.open_keeper)
-        wires.callback(recorder.close)
-        _say(f"control is process {os.getpid()}", *layout.lines())
-        manager = ServiceManager(os.environ.get("NOTIFY_SOCKET"))
-        wires.callback(manager.close)
-        lateness = Lateness(recorder.keep_lateness, NS_PER_S // config.tick_hz)
-        wires.callback(lateness.close)
-        rig = HardwareRig(config, TappedBus(bus, recorder.tap), box, eyes, clock,
-                          lambda: ending.asked or recorder.is_over())
-        wires.callback(rig.release)               # first of all to be done on the way out, whatever happened
-        _ask_for_real_time(args)
-        kept = RecordingRig(TimedRig(rig, lateness), recorder)
-        ticks = run(WatchedRig(kept, config, manager.say), config, gate, layout.show(recorder))
-    print(f"{folder}: {ticks} ticks" + (f", {recorder.dropped} batches lost" if recorder.dropped else ""))
-    print(*lateness.lines(), sep="\n")
-    for what, count in sorted(tally.items()):
-        print(f"  CAN: {what}: {count}")
-    if recorder.failed is not None:
-        raise InputError(f"{folder}: the recording stopped: {recorder.failed}")
-    return 0
-
-
-def make_room(out: Path, started: str) -> Path:
-    """A folder in `out` that is not there yet, named by the time of day; InputError when the disk is all but full.
-
-    A clock that was set back, or starts at the same time after every power-up, only costs a number behind the name.
-    """
-    out.mkdir(parents=True, exist_ok=True)
-    free = shutil.disk_usage(out).free
-    if free < ROOM_BYTES:
-        raise InputError(f"{out}: only {free >> 20} MB free; a recording needs {ROOM_BYTES >> 20} MB to begin with")
-    name = started.replace(":", "")
-    names = itertools.chain([name], (f"{name}-{number}" for number in itertools.count(2)))
-    return next(out / name for name in names if not (out / name).exists())
-
-
-def _open_wires(config: Config, layout: ProcessLayout, wires: ExitStack,
-                tally: Counter[str]) -> tuple[Bus, Stream, Eyes, Clock]:
-    """Every wire of the configuration, to be closed by `wires`; InputError names the one that cannot be opened.
-
-    `tally` counts what happens on the CAN bus beside what should.
-    """
-    clock = MonotonicClock()
-    try:
-        bus = open_bus(config, clock, wires, tally)
-        box = MendedStream(lambda: open_serial(config.buttons.port, config.buttons.baud))
-        wires.callback(box.close)
-        eyes = layout.open_eyes(clock)
-    except LinkLost as error:
-        raise InputError(f"cannot start: {error}") from error
-    return bus, box, eyes, clock
-
-
-def _check_real_time(args: argparse.Namespace) -> None:
-    if not 0 <= args.priority <= 99:
-        raise InputError(f"--priority {args.priority}: 1 to 99, or 0 not to ask")
-    if args.core is not None and args.core < 0:
-        raise InputError(f"--core {args.core}: cores count from 0")
-
-
-def _ask_for_real_time(args: argparse.Namespace) -> None:
-    """Ask for all that keeps ticks on time, just before the first: what has started by now stays as it was."""
-    answers = [] if args.priority == 0 else [ask_fifo(args.priority), ask_locked_memory()]
-    if args.priority and args.layout != "one":    # there, files and vision have threads, which real time is not for
-        answers.append(ask_fifo_beside(args.priority))
-    answers += [] if args.core is None else [ask_core(args.core)]
-    for asked, refused in answers:
-        _say(f"{asked}: " + (f"REFUSED ({refused}); ticks may come late, see docs/deploy.md" if refused else "granted"))
-    gc.collect()
-    gc.freeze()                                   # what is there by now will stay: the collector need not look again
-
-
-def _say(*lines: str) -> None:
-    for line in lines:
-        print(f"truearc run: {line}", file=sys.stderr)
+    """Return 0 when a signal ended the run, its recording complete."""
+    from truearc.cli.robot.run_robot import run_robot
+    return run_robot(args)

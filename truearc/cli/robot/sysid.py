@@ -1,26 +1,25 @@
-"""truearc identify: what moves the flywheels and the hood, and the gains that follow."""
+"""truearc sysid: friction, inertia and delay of flywheels and hood, and the gains that follow."""
 
 import argparse
 import sys
 from collections.abc import Mapping, Sequence
-from importlib.metadata import version
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
 
 from truearc import robot
+from truearc.cli.options import refuse
 from truearc.cli.progress import make_progress
-from truearc.cli.robot.sysid_drive import drive_robot
 from truearc.robot.config.schema import Config, InputError, load_config
 from truearc.robot.sysid.program import FLYWHEEL, HOOD
-from truearc.sim.sysid.fit import fit_motion
-from truearc.sim.sysid.record import Record
-from truearc.sim.sysid.session import load_driven
-from truearc.sim.sysid.sysid_text import make_fragment
+
+if TYPE_CHECKING:
+    from truearc.sim.sysid.record import Record
 
 DESCRIPTION = ("Drive flywheels and hood by the program of [identify] and fit friction, inertia and delay; or fit a "
-               "session or a CSV file of before. Writes gains to paste, never the configuration.")
-EXAMPLE = "truearc identify --config launcher.toml -o gains.toml --report identify.html"
+               "recorded session or a CSV file. Writes gains to paste, never the configuration.")
+EXAMPLE = "truearc sysid --config launcher.toml -o gains.toml --report sysid.html"
 
 SHIPPED = Path(robot.__file__).parent / "launcher.toml"
 
@@ -36,21 +35,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, metavar="SESSION", help="session folder to make (default: "
                         "sessions/<time>; needed with --emulate)")
     parser.add_argument("--world", type=Path, help="world.toml of the emulated robot")
-    parser.add_argument("--seed", type=int, default=0, help="of the emulated robot")
+    parser.add_argument("--seed", type=int, help="seed of the emulated robot (default 0)")
     parser.add_argument("-o", dest="gains", type=Path, metavar="FILE", help="write the gains here, too")
     parser.add_argument("--report", type=Path, metavar="PAGE", help="HTML page with residuals (needs the sim extra)")
 
 
 def main(args: argparse.Namespace) -> int:
+    """Return 0 when the fit is done, 1 when there is nothing to fit or the program was not finished."""
     _check(args)
     if args.csv is not None:
         # pyarrow, which the robot's base install leaves out
         from truearc.sim.sysid.table import load_steps
         return _answer(args, str(args.csv), {"feedforward": load_steps(args.csv)}, None, [])
+    from truearc.sim.sysid.session import load_driven
     session = args.session or _drive(args)
     driven = load_driven(session)
     for warning in driven.warnings:
-        print(f"truearc identify: {warning}", file=sys.stderr)
+        print(f"truearc sysid: {warning}", file=sys.stderr)
     code = _answer(args, str(session), driven.records, driven.config, driven.warnings)
     return code if driven.whole else 1
 
@@ -59,9 +60,14 @@ def _check(args: argparse.Namespace) -> None:
     driving = args.session is None and args.csv is None
     if driving and not args.emulate and args.config is None:
         raise InputError("give --config to drive a robot, --emulate, a session, or --csv FILE")
+    if not driving:
+        refuse(args, ("--config", "--only", "--out", "--world", "--seed"), "applies where a robot is driven, not to a "
+               "session or table recorded before")
+    if not args.emulate:
+        refuse(args, ("--world", "--seed"), "applies with --emulate only")
     if args.emulate and args.out is None:
         raise InputError("--emulate needs --out, the session to make")
-    if args.seed < 0:
+    if args.seed is not None and args.seed < 0:
         raise InputError(f"--seed {args.seed}: cannot be negative")
     for path in (args.gains, args.report):
         if path is not None and not path.parent.is_dir():
@@ -79,12 +85,13 @@ def _drive(args: argparse.Namespace) -> Path:
             print(text, file=sys.stderr, flush=True)
 
     if not args.emulate:
+        from truearc.cli.robot.sysid_drive import drive_robot
         return drive_robot(config, args.out, tell)
     # MuJoCo, which the robot's base install leaves out
     from truearc.cli.robot.sysid_emulated import drive_twin
     from truearc.sim.world.options import load_options
     from truearc.sim.world.world import World
-    drive_twin(config, args.out, World(args.seed, load_options(args.world)), tell)
+    drive_twin(config, args.out, World(args.seed or 0, load_options(args.world)), tell)
     return Path(args.out)
 
 
@@ -97,17 +104,21 @@ def _narrowed(config: Config, only: str | None) -> Config:
     return replace(config, identify=replace(config.identify, **{other: still}))
 
 
-def _answer(args: argparse.Namespace, source: str, records: Mapping[str, Record], config: Config | None,
+def _answer(args: argparse.Namespace, source: str, records: "Mapping[str, Record]", config: Config | None,
             notes: Sequence[str]) -> int:
     """Fit, and say what came of it; 1 when there is nothing to fit."""
     if not records:
         return 1
-    show, fits = make_progress("identify", args.quiet), {}
+    from importlib.metadata import version
+
+    from truearc.sim.sysid.fit import fit_motion
+    from truearc.sim.sysid.sysid_text import make_fragment
+    show, fits = make_progress("sysid", args.quiet), {}
     for number, (joint, record) in enumerate(records.items()):
         show(number / len(records), joint)
         fits[joint] = fit_motion(record)
     show(1.0, "")
-    title = f"truearc identify {version('truearc')}: {source}"
+    title = f"truearc sysid {version('truearc')}: {source}"
     fragment = make_fragment(title, fits, config, notes)
     print(fragment, end="")
     if args.gains is not None:

@@ -8,7 +8,7 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from truearc.cli.robot.real_bus import open_bus
-from truearc.cli.robot.run import Ending
+from truearc.cli.robot.run_robot import Ending
 from truearc.hw.protocols import LinkLost
 from truearc.hw.readings import CameraFrame
 from truearc.hw.real.clock import MonotonicClock, wall_clock

@@ -1,97 +1,22 @@
-"""truearc convert: a session as one file that other programs open."""
+"""truearc session convert: a session as one file that other programs open."""
 
 import argparse
-import sys
-from collections.abc import Callable
 from pathlib import Path
-
-from truearc.cli.progress import make_progress
-from truearc.robot.config.schema import InputError
-from truearc.robot.recording.export.convert import (
-    TRIAL_COLUMNS,
-    ExportRows,
-    trial_row,
-    write_csv,
-    write_mcap,
-    write_wpilog,
-)
 
 DESCRIPTION = ("Write a recorded session as one file that other programs open: WPILOG for AdvantageScope, MCAP for "
                "Foxglove and PlotJuggler, CSV or Parquet with a row a tick (and one more file, FILE.trials, with a row "
                "a marked trial).")
-EXAMPLE = "truearc convert sessions/monday --to wpilog -o monday.wpilog"
+EXAMPLE = "truearc session convert sessions/monday --to wpilog -o monday.wpilog"
+FORMATS = ("csv", "mcap", "parquet", "wpilog")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("session", type=Path, help="recorded session folder")
-    parser.add_argument("--to", required=True, choices=sorted(FORMATS), help="format")
+    parser.add_argument("--to", required=True, choices=FORMATS, help="format")
     parser.add_argument("-o", "--out", type=Path, required=True, metavar="FILE", help="file to write")
 
 
 def main(args: argparse.Namespace) -> int:
-    if args.session.resolve() in args.out.resolve().parents:
-        raise InputError(f"{args.out}: lies in the session that it is made from; a recording is never written over")
-    progress = make_progress("convert", args.quiet)
-    rows = ExportRows(args.session, progress)
-    try:
-        made = FORMATS[args.to](rows, args.out)
-        if rows.count == 0:
-            raise InputError(f"{rows.reader.path}: no ticks to convert"
-                           + (f" ({rows.reader.cut_short})" if rows.reader.cut_short else ""))
-        for path in made:
-            _part(path).replace(path)
-    finally:
-        for path in (args.out, trials_path(args.out)):
-            _part(path).unlink(missing_ok=True)
-    progress(1.0, f"{rows.count} ticks")
-    print(f"{', '.join(map(str, made))}: {rows.count} ticks, {len(rows.trials)} trials")
-    if rows.reader.cut_short:
-        print(f"{rows.reader.cut_short}; what follows is missing: truearc recover", file=sys.stderr)
-    return 0
-
-
-def _to_csv(rows: ExportRows, out: Path) -> tuple[Path, ...]:
-    trials = trials_path(out)
-    with _part(out).open("w", encoding="utf-8", newline="") as file:
-        write_csv(rows.columns, iter(rows), file)
-    with _part(trials).open("w", encoding="utf-8", newline="") as file:
-        write_csv(TRIAL_COLUMNS, map(trial_row, rows.trials), file)
-    return out, trials
-
-
-def _to_parquet(rows: ExportRows, out: Path) -> tuple[Path, ...]:
-    try:
-        from truearc.cli.session.convert_parquet import write_parquet
-    except ModuleNotFoundError as error:
-        raise InputError(f"--to parquet: needs {error.name}, which the robot's base install leaves out: "
-                       "pip install 'truearc[sim]'") from error
-    trials = trials_path(out)
-    write_parquet(rows.columns, iter(rows), _part(out))
-    write_parquet(TRIAL_COLUMNS, map(trial_row, rows.trials), _part(trials))
-    return out, trials
-
-
-def _to_wpilog(rows: ExportRows, out: Path) -> tuple[Path, ...]:
-    with _part(out).open("wb") as file:
-        write_wpilog(rows, file)
-    return (out,)
-
-
-def _to_mcap(rows: ExportRows, out: Path) -> tuple[Path, ...]:
-    with _part(out).open("wb") as file:
-        write_mcap(rows, file)
-    return (out,)
-
-
-def trials_path(out: Path) -> Path:
-    """Where the trials go: week.csv -> week.trials.csv."""
-    return out.with_suffix(".trials" + out.suffix)
-
-
-def _part(path: Path) -> Path:
-    """What a file is called until it is whole."""
-    return path.with_name(path.name + ".part")
-
-
-FORMATS: dict[str, Callable[[ExportRows, Path], tuple[Path, ...]]] = {
-    "csv": _to_csv, "mcap": _to_mcap, "parquet": _to_parquet, "wpilog": _to_wpilog}
+    """Return 0 when the file is written."""
+    from truearc.cli.session.convert_formats import convert
+    return convert(args)

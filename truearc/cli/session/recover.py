@@ -1,15 +1,12 @@
-"""truearc recover: make a recording that was cut short whole."""
+"""truearc session recover: repair a truncated recording."""
 
 import argparse
 import sys
 from pathlib import Path
 
-from truearc.robot.recording.recover import recover
-from truearc.robot.recording.session import CAN, FRAMES, INDEX
-
 DESCRIPTION = ("Make a recording that was cut short (power loss, kill, full disk) whole. Nothing that is whole is "
                "lost, and the damaged files are kept in SESSION/damaged.")
-EXAMPLE = "truearc recover sessions/monday"
+EXAMPLE = "truearc session recover sessions/monday"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -17,6 +14,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(args: argparse.Namespace) -> int:
+    """Return 0 when the recording is whole."""
+    from truearc.robot.recording.recover import recover
+    from truearc.robot.recording.session import CAN, FRAMES, INDEX
     recovered = recover(args.session)
     absent = [name for name in (CAN, f"{FRAMES}/{INDEX}") if not (args.session / name).exists()]
     counts = f"{recovered.ticks} ticks, {recovered.trials} trials"

@@ -29,14 +29,14 @@ SHIPPED = Path(robot.__file__).parent / "launcher.toml"
 FEWEST = 30
 SIMULATED = 900                       # shots that the paper's network learns from, too
 TERMS = ("gravity", "drag", "magnus", "exit_efficiency")      # what our gate's physics consists of
-MARK = ".truearc-demo"                # a folder with this in it was made by us and may be made anew
+MARK = ".truearc-demo"                # a folder with this in it was made by us and may be made again
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, default=Path("report"), help="folder for the report and all it rests on")
     parser.add_argument("--trials", type=int, default=120, help="trials recorded to learn from")
     parser.add_argument("--test-trials", type=int, default=120, help="trials of the gated and of the ungated session")
-    parser.add_argument("--seed", type=int, default=2026)
+    parser.add_argument("--seed", type=int, default=2026, help="seed of everything drawn (default %(default)s)")
 
 
 def main(args: argparse.Namespace) -> int:

@@ -1,8 +1,5 @@
 """What goes wrong with a device on the bus, between two times: given as data, without chance."""
 
-from collections.abc import Callable, Mapping
-from typing import Any
-
 from msgspec import Struct
 
 from truearc.hw.emulated.nodes import Node
@@ -22,9 +19,6 @@ MOVED = "moved"                                   # its frames have an id that i
 KINDS = (SILENT, UNPLUGGED, UNPOWERED, DEAF, TRUNCATED, LENGTHENED, OVERWRITTEN, STUCK, DOUBLED, HELD, MOVED)
 
 
-Faults = Mapping[str, tuple["Fault", ...]]         # by device; "camera" among them
-
-
 class Fault(Struct, frozen=True):
     """One thing wrong from `begin_ns` until `end_ns` (not included); with `frame_id`, only with those frames."""
 
@@ -40,21 +34,6 @@ class Fault(Struct, frozen=True):
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
             raise ValueError(f"no fault {self.kind!r}; there are {', '.join(KINDS)}")
-
-
-def breaker(faults: Faults) -> Callable[[str, Node], Node]:
-    """`break_node` of truearc.sim.world.emulated_robot: devices that `faults` names have theirs."""
-    return lambda name, node: FaultyNode(node, faults[name]) if name in faults else node
-
-
-def blind_spans(faults: Faults) -> list[tuple[int, int]]:
-    """When the camera gives nothing, whatever the kind of its fault."""
-    return [(fault.begin_ns, fault.end_ns) for fault in faults.get("camera", ())]
-
-
-def broken(faults: Faults) -> dict[str, Any]:
-    """Keywords of `emulate` for these faults."""
-    return {"break_node": breaker(faults), "blind": blind_spans(faults)}
 
 
 class FaultyNode:

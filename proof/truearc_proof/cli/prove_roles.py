@@ -1,0 +1,166 @@
+"""The work of `truearc prove`, role by role."""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+import msgspec
+from msgspec import structs
+
+from truearc.cli.progress import make_progress
+from truearc.cli.start.demo import FEWEST
+from truearc.robot.config.schema import InputError
+from truearc.sim.compile_cache import keep_compiled
+from truearc.sim.discover.model.prepared_data import FEWEST_SHOTS
+from truearc_proof.cli.prove_apart import solve_apart
+from truearc_proof.cli.prove_check import check_packed
+from truearc_proof.cli.prove_drive import LEVEL, driven_of, driven_table, learn_gates, play_driven, room_of
+from truearc_proof.report.figures import plain_figures
+from truearc_proof.report.html_page import make_proof_page, verdict
+from truearc_proof.report.tables import make_tables
+from truearc_proof.rivals.registry import check_rivals
+from truearc_proof.rounds.archive import pack
+from truearc_proof.rounds.committer import RoundPlan, answer_round, entropy, load_plan, seal_round
+from truearc_proof.rounds.grader import Graded, grade_round, graded_of, unclaimed
+from truearc_proof.rounds.ledger import last_digest, read_ledger
+from truearc_proof.rounds.round_layout import SEALED, Room
+from truearc_proof.rounds.solver import solve_round
+from truearc_proof.table import Table
+from truearc_proof.worlds.external_world import seal_own
+from truearc_proof.worlds.sampling_plan import MUJOCO, OWN
+
+
+def play_role(args: argparse.Namespace) -> int:
+    """Play one role or all; args: those of `truearc prove`, defaults filled in."""
+    room = Room(Path(args.out))
+    _check(args)
+    keep_compiled()
+    if args.role in ("drive", "gates"):
+        return _drive(args, room)
+    if args.role == "pack":
+        return _pack(args, room)
+    if args.role == "check":
+        check_packed(args, room)
+        _tell(room, graded_of(room))
+        return 0
+    return _seal_own(args, room) if args.world or args.data else _play(args, room)
+
+
+def _play(args: argparse.Namespace, room: Room) -> int:
+    """One role, or all of them."""
+    if args.role in (None, "seal"):
+        seal_round(room, _plan(args, room), make_progress("seal", args.quiet), args.processes, args.scheduler)
+    if args.role == "solve":
+        solve_round(room, make_progress("solve", args.quiet), args.processes, args.scheduler,
+                    _rivals(args))
+    elif args.role is None:
+        solve_apart(args, args.out)
+    if args.role == "answer" or (args.role is None and args.follow_up):
+        answer_round(room, make_progress("answer", args.quiet), args.processes, args.scheduler)
+    if args.role is None and args.follow_up:
+        solve_apart(args, args.out)
+    if args.role in (None, "grade"):
+        _tell(room, grade_round(room, make_progress("grade", args.quiet), args.processes, args.scheduler, args.so_far))
+    print(f"{room.ledger}: {_head(room)}")
+    return 0
+
+
+def _head(room: Room) -> str:
+    """What to tell the others, so that nothing in the ledger can be changed unseen from here on."""
+    return f"{len(read_ledger(room.ledger))} lines, SHA-256 of the last: {last_digest(room.ledger)}"
+
+
+def _drive(args: argparse.Namespace, room: Room) -> int:
+    """The chain from recordings of the emulated robot to what its gates score; `gates` is the solver's part of it."""
+    if args.role == "gates":
+        learn_gates(room.root, args.processes)
+    else:
+        plan = structs.replace(_plan(args, room_of(room.root)), level=LEVEL, engines=(MUJOCO,))
+        driven = play_driven(room.root, plan, args.trials or args.shots, make_progress("drive", args.quiet),
+                             args.processes)
+        print(driven_table(driven).markdown())
+        _save_report(room, graded_of(room))
+        print(f"report: {room.report}")
+    return 0
+
+
+def _pack(args: argparse.Namespace, room: Room) -> int:
+    if not args.packed:
+        raise InputError("pack: --packed FILE is needed")
+    pack(room, Path(args.packed))
+    print(f"{args.packed}: {len(room.steps())} worlds, {Path(args.packed).stat().st_size >> 10} KiB")
+    return 0
+
+
+def _check(args: argparse.Namespace) -> None:
+    """InputError for numbers that no round can have, rivals that there are none of or that have nothing to be put to, a
+    cluster where none is used, and a round that is not there."""
+    fewest = FEWEST if args.role == "drive" else FEWEST_SHOTS
+    for name, least in (("seed", 0), ("worlds", 1), ("shots", fewest), ("trials", 1), ("processes", 1), ("solve", 0)):
+        value = getattr(args, name)
+        if value is not None and value < least:
+            raise InputError(f"--{name} {value}: {least} or more")
+    check_rivals(_rivals(args))
+    if args.rivals and args.role in (None, "seal") and args.level != "L2":
+        raise InputError(f"--rivals: others are put to tracks alone, which --level {args.level} does not have; L2 does")
+    if args.scheduler is not None and args.role in ("drive", "gates", "pack", "check"):
+        raise InputError(f"--scheduler: {args.role} runs on this machine alone")
+    if args.solve and (args.role != "check" or args.solve > args.worlds):
+        raise InputError(f"--solve {args.solve}: with check, and no more than --worlds {args.worlds}, which are made "
+                       "again")
+    begun = room_of(Path(args.out)) if args.role == "gates" else Room(Path(args.out))
+    unpacked = args.role == "check" and args.packed
+    if args.role in ("solve", "answer", "grade", "gates", "pack", "check") and not (unpacked or begun.ledger.exists()):
+        raise InputError(f"{begun.ledger}: is missing: no round was begun there")
+
+
+def _rivals(args: argparse.Namespace) -> tuple[str, ...]:
+    return tuple(args.rivals.split(",")) if args.rivals else ()
+
+
+def _tell(room: Room, graded: Sequence[Graded]) -> None:
+    """The tables, and the page."""
+    waiting = len(unclaimed(room.steps()))
+    if waiting:
+        print(f"{waiting} worlds are sealed and not claimed: they are in no table.")
+    if not graded:
+        print("Nothing has been marked yet.")
+        return
+    tables = [one.markdown() for one in _save_report(room, graded)]
+    told = [f"{one.world} was sealed as {room.steps()[one.world][SEALED]}: is that the number you were told?"
+            for one in graded if one.first.engine == OWN]
+    files = f"report: {room.report}; figures: {room.figures}; every mark: {room.grades}"
+    print("\n\n".join([verdict([one.first for one in graded]), *tables, *told, files]))
+
+
+def _save_report(room: Room, graded: Sequence[Graded]) -> list[Table]:
+    """Write the page; its tables, that of the driven worlds among them where there are any."""
+    marks, again = [one.first for one in graded], [(one.first, one.again) for one in graded if one.again is not None]
+    driven = driven_of(room_of(room.root))
+    tables = [*make_tables(marks, again), *([driven_table(driven)] if driven else [])]
+    entries = read_ledger(room.ledger) or read_ledger(room_of(room.root).ledger)
+    room.report.write_text(make_proof_page(marks, tables, entries), encoding="utf-8")
+    if marks:
+        room.figures.write_bytes(msgspec.json.format(msgspec.json.encode(plain_figures(marks)), indent=1) + b"\n")
+    return tables
+
+
+def _seal_own(args: argparse.Namespace, room: Room) -> int:
+    if args.role != "seal" or not (args.world and args.data):
+        raise InputError("--world and --data go together, with the role seal")
+    print(f"sealed: {seal_own(room, Path(args.world), Path(args.data))}")
+    return 0
+
+
+def _plan(args: argparse.Namespace, room: Room) -> RoundPlan:
+    """What the round is drawn from: as it was begun, or as the arguments say."""
+    begun = load_plan(room) if room.plan.exists() else None
+    goes_on = begun is not None and args.seed in (None, begun.seed)
+    seed, drawn = (begun.seed, begun.entropy) if begun and goes_on else (_seed(args), args.seed is None)
+    return RoundPlan(seed, args.worlds, args.level, args.shots, tuple(args.engines.split(",")), drawn)
+
+
+def _seed(args: argparse.Namespace) -> int:
+    if args.seed is None and not args.seed_from_entropy:
+        raise InputError("--seed N, or --seed-from-entropy")
+    return entropy() if args.seed is None else int(args.seed)

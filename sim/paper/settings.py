@@ -1,0 +1,37 @@
+"""Defaults of the paper's method, for the command line too: loads no numerical library."""
+
+import math
+from dataclasses import dataclass
+
+from truearc.robot.config.schema import InputError
+
+LOW, HIGH, STEP = 0.0, 5.0, 0.005     # the paper's grid of both coefficients, bounds included
+STEPS = 1_000_000
+PATIENCE = 200_000
+CHECK = 5000                          # steps between two looks at the losses
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How to train. The rate is the paper's, which gives no length."""
+
+    learning_rate: float = 1e-4
+    steps: int = STEPS                # at most
+    patience: int = PATIENCE          # steps without gain on the validation rows; without any, all steps are made
+    check: int = CHECK
+
+
+DEFAULT_RECIPE = Recipe()
+
+
+def check_recipe(recipe: Recipe) -> None:
+    """Check the options of a training.
+
+    Raises:
+        InputError: A count is below 1, or the rate is not above 0; the message names the option.
+    """
+    for name in ("steps", "patience", "check"):
+        if getattr(recipe, name) < 1:
+            raise InputError(f"--{name} is {getattr(recipe, name)}; at least 1 is needed")
+    if not 0.0 < recipe.learning_rate < math.inf:
+        raise InputError(f"--learning-rate is {recipe.learning_rate}; it must be more than 0")

@@ -1,0 +1,118 @@
+"""Commands as a user meets them: help, typos, bad input and missing packages."""
+
+import subprocess
+import sys
+
+import pytest
+
+from truearc.cli.main import main
+from truearc.cli.registry import GROUPS, Command, list_commands
+
+COMMANDS = list_commands()
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.name)
+def test_help_has_an_example(command: Command, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stop:
+        main([*command.name.split(), "--help"])
+    assert stop.value.code == 0
+    said = capsys.readouterr().out
+    assert f"usage: truearc {command.name}" in said
+    assert f"truearc {command.name} " in said.partition("example:")[2]
+
+
+def test_help_lists_every_command_under_its_group(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--help"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    heading = ""
+    listed = {}
+    for line in lines[1:]:
+        if line.startswith("  "):
+            listed[line[2:20].strip()] = heading
+        else:
+            heading = line.partition(":")[0]
+    assert listed == {command.name: command.group for command in COMMANDS}
+    assert {"prove", "reproduce"} <= {name for name, group in listed.items() if group == "proof"}
+
+
+@pytest.mark.parametrize("prefix", ["paper", "session"])
+def test_a_prefix_lists_its_commands(prefix: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([prefix, "--help"]) == 0
+    said = capsys.readouterr().out
+    for command in COMMANDS:
+        assert (f"  {command.name} " in said) == command.name.startswith(f"{prefix} ")
+    assert main([prefix]) == 2
+
+
+def test_every_group_has_a_command() -> None:
+    assert {name for name, _ in GROUPS} == {command.group for command in COMMANDS} - {"proof"}
+
+
+@pytest.mark.parametrize(("typed", "meant"), [
+    ("disover", "truearc discover"), ("emulat", "truearc emulate"), ("paper fitt", "truearc paper fit"),
+    ("session reply", "truearc session replay"), ("conver", "truearc session convert"), ("provee", "truearc prove"),
+])
+def test_a_typo_gets_the_nearest_command(typed: str, meant: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([*typed.split(), "x"]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith(f"truearc: {typed}: not a command; did you mean: {meant}")
+
+
+@pytest.mark.parametrize("words", [[], ["xyzzy"]])
+def test_unknown_words_list_the_commands(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(words) == 2
+    assert "  discover " in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("words", [
+    ["session", "replay", "nowhere"], ["session", "recover", "nowhere"],
+    ["session", "convert", "nowhere", "--to", "csv", "-o", "x.csv"],
+    ["shots", "nowhere", "-o", "d"], ["predict", "nowhere", "--cd", "1", "--cl", "0"],
+    ["predict", "--gate", "nowhere.onnx", "nowhere"], ["fit", "nowhere"], ["discover", "nowhere"],
+    ["design", "nowhere"], ["identifiability", "nowhere.toml"], ["export", "nowhere", "-o", "g.onnx"],
+    ["train", "--real", "nowhere", "--coefficients", "nowhere.toml", "-o", "w"], ["verify", "nowhere.onnx"],
+    ["paper", "fit", "nowhere"], ["paper", "train", "--real", "nowhere", "-o", "w"],
+    ["paper", "sweep", "--real", "nowhere", "-o", "w"],
+    ["paper", "synth", "--rig", "nowhere.toml", "--coefficients", "nowhere.toml", "-o", "d"], ["vision", "nowhere.jpg"],
+    ["vision", "calibrate", "--distances", "nowhere.csv"], ["vision", "tune", "nowhere"],
+    ["import", "mpi", "nowhere.csv", "nowhere.csv", "-o", "d"], ["run", "--config", "nowhere.toml"],
+    ["doctor", "--config", "nowhere.toml"], ["deploy", "pi@robot", "--config", "nowhere.toml"], ["sysid", "nowhere"],
+    ["emulate", "--trials", "1", "--out", "s", "--config", "nowhere.toml"],
+    ["emulate", "--trials", "1", "--out", "s", "--world", "nowhere.toml"],
+    ["emulate", "--trials", "1", "--out", "s", "--gate", "nowhere.onnx"],
+], ids=" ".join)
+def test_a_missing_file_is_named_with_exit_code_2(words, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main([*words, "--quiet"]) == 2
+    said = capsys.readouterr().err
+    command = next(one.name for one in COMMANDS if " ".join(words).startswith(f"{one.name} ")
+                   and len(one.name.split()) == (2 if words[0] in ("paper", "session") or words[1] in
+                                                 ("calibrate", "tune") else 1))
+    assert "nowhere" in said and f"truearc {command}: " in said
+
+
+@pytest.mark.parametrize("words", [
+    ["emulate", "--trials", "1", "--out", "s", "--seed", "-1"], ["demo", "--seed", "-1"], ["demo", "--trials", "3"],
+    ["emulate", "--trials", "0", "--out", "s"],
+    ["emulate", "--trials", "1", "--out", "a_file/s"], ["demo", "--out", "a_file"],
+])
+def test_impossible_values_are_refused_and_leave_nothing_behind(words, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a_file").touch()
+    assert main([*words, "--quiet"]) == 2
+    assert capsys.readouterr().err.startswith(f"truearc {words[0]}: ")
+    assert [path.name for path in tmp_path.iterdir()] == ["a_file"]
+
+
+@pytest.mark.parametrize(("package", "install", "words"), [
+    ("jax", "truearc[sim]", ["fit", "x"]), ("sklearn", "truearc-proof", ["reproduce", "-o", "x", "--quick"]),
+])
+def test_a_missing_package_says_what_to_install(package, install, words, tmp_path):
+    code = f"import sys; sys.modules[{package!r}] = None\nfrom truearc.cli.main import main\nsys.exit(main({words!r}))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path)
+    assert done.returncode == 2 and f"pip install '{install}'" in done.stderr and "Traceback" not in done.stderr
+
+
+def test_help_is_printed_by_python_m_truearc():
+    done = subprocess.run([sys.executable, "-m", "truearc", "--help"], capture_output=True, text=True)
+    assert done.returncode == 0 and "emulate" in done.stdout

@@ -1,0 +1,121 @@
+"""Every option of every command is used by the command's code or refused by name; none is ignored."""
+
+import argparse
+import ast
+import inspect
+from collections.abc import Iterator
+from importlib import import_module
+
+import pytest
+
+from truearc.cli.main import main
+from truearc.cli.parsers import make_parser
+from truearc.cli.registry import Command, list_commands
+
+ALWAYS = {"help", "quiet"}            # --quiet is accepted by every command, whether or not it shows progress
+PACKAGES = ("truearc.cli", "truearc_proof.cli")
+
+
+@pytest.mark.parametrize("command", list_commands(), ids=lambda command: command.name)
+def test_every_option_is_read_by_the_command(command: Command) -> None:
+    options = {action.dest for action in make_parser(command)._actions} - ALWAYS
+    assert options
+    assert options - read_by(command.module) == set()
+
+
+def test_the_check_finds_an_option_that_nothing_reads() -> None:
+    """The reader itself: an attribute read in a function that main does not reach does not count."""
+    source = ("def main(args):\n    return helper(args)\ndef helper(args):\n    return args.used\n"
+              "def idle(args):\n    return args.ignored\n")
+    assert reads_of(ast.parse(source), "main") == ({"used"}, set())
+
+
+def read_by(module: str) -> set[str]:
+    """Attributes of `args` read in main and in every function of a command module that main reaches."""
+    found: set[str] = set()
+    waiting, seen = [(module, "main")], set()
+    while waiting:
+        here = waiting.pop()
+        if here in seen:
+            continue
+        seen.add(here)
+        attributes, called = reads_of(ast.parse(inspect.getsource(import_module(here[0]))), here[1])
+        found |= attributes
+        waiting += called
+    return found
+
+
+def reads_of(tree: ast.Module, start: str) -> tuple[set[str], set[tuple[str, str]]]:
+    """(attributes of `args` read, functions of other command modules named) from function `start` of a module on."""
+    functions = {node.name: node for node in tree.body if isinstance(node, ast.FunctionDef | ast.ClassDef)}
+    imports = {alias.asname or alias.name: (node.module, alias.name) for node in ast.walk(tree)
+               if isinstance(node, ast.ImportFrom) and (node.module or "").startswith(PACKAGES) for alias in node.names}
+    attributes: set[str] = set()
+    called: set[tuple[str, str]] = set()
+    waiting, seen = [start], set()
+    while waiting:
+        name = waiting.pop()
+        if name in seen or name not in functions:
+            continue
+        seen.add(name)
+        for node in ast.walk(functions[name]):
+            attributes |= set(read_here(node))
+            if isinstance(node, ast.Name):
+                waiting.append(node.id)
+                called |= {imports[node.id]} if node.id in imports else set()
+    return attributes, {(str(module), function) for module, function in called}
+
+
+def read_here(node: ast.AST) -> Iterator[str]:
+    """The attribute, where this node reads one of `args`."""
+    if (isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "args"
+            and isinstance(node.ctx, ast.Load)):
+        yield node.attr
+
+
+@pytest.mark.parametrize(("words", "option"), [
+    ("predict d --gate g.onnx --cd 1", "--cd"), ("predict d --gate g.onnx --coefficients c", "--coefficients"),
+    ("fit d --seed 1", "--seed"), ("paper fit d --seed 1", "--seed"),
+    ("paper train --real r --lambda 0.1 -o w", "--lambda"),
+    ("paper train --real r --validation 0 --patience 9 -o w", "--patience"),
+    ("paper sweep --real r --sizes 0 --lambdas 0.1 -o w", "--lambdas"),
+    ("paper sweep --real r --sizes 0 --sim s -o w", "--sim"),
+    ("vision calibrate a.jpg --board chessboard:9x6:0.025 --tape-sigma 0.1", "--tape-sigma"),
+    ("vision calibrate a.jpg --board chessboard:9x6:0.025 --bias-sigma 0.1", "--bias-sigma"),
+    ("sysid s --config c.toml", "--config"), ("sysid --csv a.csv --only hood", "--only"),
+    ("sysid --config c.toml --world w.toml", "--world"), ("sysid --config c.toml --seed 1", "--seed"),
+    ("emulate --trials 1 --out s --watchdog-ms 50", "--watchdog-ms"),
+    ("emulate --trials 1 --bus slcan:auto --out s", "--out"),
+    ("emulate --trials 1 --bus slcan:auto --gate g", "--gate"),
+    ("emulate --trials 1 --bus slcan:auto --page 0", "--page"),
+    ("session replay s --from frames --config c.toml", "--config"),
+    ("session replay s --from frames --gate g", "--gate"),
+    ("discover d --since e", "--since"), ("discover d --belief b --believe drag", "--belief"),
+    ("prove grade --worlds 3", "--worlds"), ("prove solve --packed p", "--packed"), ("prove --trials 40", "--trials"),
+    ("prove pack --packed p --so-far", "--so-far"), ("prove drive --scheduler tcp://a:1", "--scheduler"),
+], ids=str)
+def test_an_option_of_another_mode_is_refused_by_name(words, option, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(words.split()) == 2
+    assert f": {option}" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(("words", "option"), [
+    ("identifiability r.toml --measured drag=1,1", "--measured"), ("identifiability r.toml --false-alarm 0.1",
+                                                                   "--false-alarm"),
+    ("identifiability r.toml --adopt c.toml", "--adopt"), ("discover d --level L1", "--level"),
+    ("train --real r --coefficients c -o w --sizes 3", "--sizes"), ("paper fit d --terms drag", "--terms"),
+    ("session recover s --check", "--check"), ("doctor --config c --core 1", "--core"),
+], ids=str)
+def test_an_option_of_another_command_is_refused_by_name(words: str, option: str,
+                                                         capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        main(words.split())
+    assert f"unrecognized arguments: {option}" in capsys.readouterr().err
+
+
+def test_every_option_has_a_help_text() -> None:
+    for command in list_commands():
+        for action in make_parser(command)._actions:
+            assert action.help and action.help is not argparse.SUPPRESS, f"{command.name}: {action.dest}"

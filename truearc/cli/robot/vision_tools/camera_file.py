@@ -1,0 +1,55 @@
+"""Camera files, packaged cameras and tables of measured distances; loads no image library."""
+
+import csv
+import re
+from importlib.resources import files
+from pathlib import Path
+
+from truearc.robot.config.schema import CameraFile, Config, InputError, in_words, load_text, load_toml
+
+
+def load_camera(name: str | None) -> CameraFile:
+    """The camera, tape and vision sections of a file, of a packaged camera, or of the packaged launcher.toml."""
+    path = Path(str(files("truearc.robot") / "launcher.toml")) if name is None else Path(name)
+    if name in packaged_cameras():
+        path = Path(str(files("truearc.robot") / "cameras" / f"{name}.toml"))
+    if re.search(r"^\s*\[gate\]", load_text(path), re.MULTILINE) is None:
+        return load_toml(path, CameraFile)
+    config = load_toml(path, Config)
+    return CameraFile(config.camera, config.tape, config.vision)
+
+
+def packaged_cameras() -> list[str]:
+    """Return the names of the cameras that come with the package."""
+    cameras = files("truearc.robot") / "cameras"
+    return sorted(entry.name.removesuffix(".toml") for entry in cameras.iterdir() if entry.name.endswith(".toml"))
+
+
+def load_labels(path: str, columns: tuple[str, ...] = ("label_distance_m",)) -> dict[str, float]:
+    """File name -> distance, from the first of these columns that is there; rows without a distance are left out."""
+    labels: dict[str, float] = {}
+    try:
+        with open(path, encoding="utf-8-sig", newline="") as stream:
+            rows = csv.DictReader(stream)
+            names = rows.fieldnames or ()
+            column = next((name for name in columns if name in names), None)
+            if column is None or "file" not in names:
+                raise InputError(f"{path}:1: missing column {columns[0] if 'file' in names else 'file'!r}")
+            for row in rows:
+                if None in row:           # a comma too many, such as a decimal one
+                    raise InputError(f"{path}:{rows.line_num}: more cells than columns: is a decimal point a comma?")
+                if row[column]:
+                    labels[row["file"]] = _number(row[column], f"{path}:{rows.line_num}: {column}")
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"{path}: {in_words(error)}") from error
+    return labels
+
+
+def _number(text: str, where: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = float("nan")
+    if not 0.0 < value < 1e4:
+        raise InputError(f"{where}: {text!r} is not a distance in metres")
+    return value

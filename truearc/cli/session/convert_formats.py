@@ -1,0 +1,87 @@
+"""The work of `truearc session convert`: one function a format."""
+
+import argparse
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from truearc.cli.progress import make_progress
+from truearc.robot.config.schema import InputError
+from truearc.robot.recording.export.convert import (
+    TRIAL_COLUMNS,
+    ExportRows,
+    trial_row,
+    write_csv,
+    write_mcap,
+    write_wpilog,
+)
+
+
+def convert(args: argparse.Namespace) -> int:
+    """Write the session in the format asked for; args: those of `truearc session convert`."""
+    if args.session.resolve() in args.out.resolve().parents:
+        raise InputError(f"{args.out}: lies in the session that it is made from; a recording is never written over")
+    progress = make_progress("convert", args.quiet)
+    rows = ExportRows(args.session, progress)
+    try:
+        made = FORMATS[args.to](rows, args.out)
+        if rows.count == 0:
+            raise InputError(f"{rows.reader.path}: no ticks to convert"
+                           + (f" ({rows.reader.cut_short})" if rows.reader.cut_short else ""))
+        for path in made:
+            _part(path).replace(path)
+    finally:
+        for path in (args.out, trials_path(args.out)):
+            _part(path).unlink(missing_ok=True)
+    progress(1.0, f"{rows.count} ticks")
+    print(f"{', '.join(map(str, made))}: {rows.count} ticks, {len(rows.trials)} trials")
+    if rows.reader.cut_short:
+        print(f"{rows.reader.cut_short}; what follows is missing: truearc session recover", file=sys.stderr)
+    return 0
+
+
+def _to_csv(rows: ExportRows, out: Path) -> tuple[Path, ...]:
+    trials = trials_path(out)
+    with _part(out).open("w", encoding="utf-8", newline="") as file:
+        write_csv(rows.columns, iter(rows), file)
+    with _part(trials).open("w", encoding="utf-8", newline="") as file:
+        write_csv(TRIAL_COLUMNS, map(trial_row, rows.trials), file)
+    return out, trials
+
+
+def _to_parquet(rows: ExportRows, out: Path) -> tuple[Path, ...]:
+    try:
+        from truearc.cli.session.convert_parquet import write_parquet
+    except ModuleNotFoundError as error:
+        raise InputError(f"--to parquet: needs {error.name}, which the robot's base install leaves out: "
+                         "pip install 'truearc[sim]'") from error
+    trials = trials_path(out)
+    write_parquet(rows.columns, iter(rows), _part(out))
+    write_parquet(TRIAL_COLUMNS, map(trial_row, rows.trials), _part(trials))
+    return out, trials
+
+
+def _to_wpilog(rows: ExportRows, out: Path) -> tuple[Path, ...]:
+    with _part(out).open("wb") as file:
+        write_wpilog(rows, file)
+    return (out,)
+
+
+def _to_mcap(rows: ExportRows, out: Path) -> tuple[Path, ...]:
+    with _part(out).open("wb") as file:
+        write_mcap(rows, file)
+    return (out,)
+
+
+def trials_path(out: Path) -> Path:
+    """Where the trials go: week.csv -> week.trials.csv."""
+    return out.with_suffix(".trials" + out.suffix)
+
+
+def _part(path: Path) -> Path:
+    """What a file is called until it is whole."""
+    return path.with_name(path.name + ".part")
+
+
+FORMATS: dict[str, Callable[[ExportRows, Path], tuple[Path, ...]]] = {
+    "csv": _to_csv, "mcap": _to_mcap, "parquet": _to_parquet, "wpilog": _to_wpilog}

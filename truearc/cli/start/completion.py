@@ -1,0 +1,47 @@
+"""truearc completion: completion of commands and options for a shell."""
+
+import argparse
+
+from truearc.cli.parsers import fill_parser, load_module
+from truearc.cli.registry import GROUPS, Command, list_commands
+
+DESCRIPTION = """Print a completion script for a shell, made from the parsers of the installed commands. bash: put the
+line of the example into ~/.bashrc; zsh: write the script to a file `_truearc` in a folder of $fpath; tcsh: source the
+script in ~/.tcshrc."""
+EXAMPLE = 'eval "$(truearc completion bash)"'
+SHELLS = ("bash", "zsh", "tcsh")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("shell", choices=SHELLS, help="shell to complete in")
+
+
+def main(args: argparse.Namespace) -> int:
+    """Return 0 when the script is printed."""
+    import shtab
+    print(shtab.complete(make_root_parser(list_commands()), args.shell))
+    return 0
+
+
+def make_root_parser(commands: tuple[Command, ...]) -> argparse.ArgumentParser:
+    """Return one parser that has every command as a subcommand, to be read by shtab; it parses no command line."""
+    root = argparse.ArgumentParser(prog="truearc")
+    root.add_argument("--version", action="store_true", help="print the version")
+    first = root.add_subparsers()
+    for command in (one for one in commands if " " not in one.name):
+        parser = first.add_parser(command.name, help=command.summary)
+        _add_second_words(parser, command.name, commands)
+        fill_parser(parser, load_module(command))
+    for prefix in (group for group, _ in GROUPS if any(one.name.startswith(f"{group} ") for one in commands)):
+        _add_second_words(first.add_parser(prefix, help=dict(GROUPS)[prefix]), prefix, commands)
+    return root
+
+
+def _add_second_words(parser: argparse.ArgumentParser, word: str, commands: tuple[Command, ...]) -> None:
+    """The commands of two words that begin with this one."""
+    members = {one.name.removeprefix(f"{word} "): one for one in commands if one.name.startswith(f"{word} ")}
+    if not members:
+        return
+    second = parser.add_subparsers()
+    for last, command in members.items():
+        fill_parser(second.add_parser(last, help=command.summary), load_module(command))
