@@ -7,7 +7,6 @@ from collections.abc import Callable
 import numpy as np
 
 from truearc.hw.emulated.imaging.camera import EmulatedCamera, outline_m
-from truearc.hw.emulated.imaging.distractors import floor_reflection, second_goal
 from truearc.hw.emulated.imaging.image_degradation import Image
 from truearc.hw.emulated.imaging.lens import project
 from truearc.hw.emulated.static_plant import NOTHING, Stage, place
@@ -17,6 +16,7 @@ from truearc.hw.readings import CameraFrame
 from truearc.hw.real.camera import CameraThread
 from truearc.robot.config.schema import Config
 from truearc.sim.world.emulated_vision import make_lens, make_tape
+from truearc_proof.world.distractors import floor_reflection, second_goal
 
 LENS_M = 4.2                          # from lens to target: 4.0 m from the ball's exit
 NEAR_M = 2.5

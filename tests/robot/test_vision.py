@@ -14,7 +14,6 @@ from msgspec.structs import replace
 
 from truearc import robot
 from truearc.hw.emulated.imaging.camera import EmulatedCamera, TapeSize, outline_m
-from truearc.hw.emulated.imaging.distractors import KINDS, second_goal
 from truearc.hw.emulated.imaging.image_degradation import USUAL, Look
 from truearc.hw.emulated.imaging.lens import Lens, project
 from truearc.hw.emulated.static_plant import NOTHING, Stage, place
@@ -23,6 +22,7 @@ from truearc.robot import reasons as because
 from truearc.robot.config.schema import CameraConfig, CameraFile, load_config, load_toml
 from truearc.robot.vision import detect
 from truearc.robot.vision.threshold import mask_colour
+from truearc_proof.world.distractors import KINDS, second_goal
 
 HOME = Path(robot.__file__).parent
 CONFIG = load_config(HOME / "launcher.toml")
