@@ -99,7 +99,7 @@ class FarCamera:
         self._server = PictureServer()
         self.url = self._server.url
         self._look, self._view = look, look()
-        self._camera = EmulatedCamera(self, make_lens(camera), make_tape(tape), camera.fps, 0.0, seed)
+        self._camera = EmulatedCamera(self, make_lens(camera), make_tape(tape), seed)
         self._period_ns, self._due_ns = round(1e9 / camera.fps), 0
         self._due, self._over = threading.Event(), False
         self._thread = threading.Thread(target=self._draw, name="camera", daemon=True)

@@ -97,7 +97,7 @@ def look(ours: IO[bytes], theirs: IO[bytes]) -> None:
     cv2.setNumThreads(1)
     stage = Stage(NOTHING)
     config, seed = pickle.load(ours)
-    camera = EmulatedCamera(stage, make_lens(config.camera), make_tape(config.tape), config.camera.fps, 0.0, seed)
+    camera = EmulatedCamera(stage, make_lens(config.camera), make_tape(config.tape), seed)
     pictures: deque[CameraFrame] = deque(maxlen=KEPT)
     while True:
         try:
