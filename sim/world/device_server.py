@@ -58,7 +58,7 @@ def serve(config: Config, config_path: Path, bus_name: str, watchdog_ms: int, tr
             if heard.is_set():
                 driver.step(t_ns)
 
-        twin = Twin(world, TappedBus(bus, listen), make_nodes(config, world, {}, watchdog_ms),
+        twin = Twin(world, TappedBus(bus, listen), tuple(make_nodes(config, world, watchdog_ms).values()),
                     (box.step, drive, camera.step))
         say(shlex.join(["truearc", "run", "--config", str(config_path), "--can", channel, "--buttons", box.port,
                         "--camera", camera.url]))

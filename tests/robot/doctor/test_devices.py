@@ -15,7 +15,6 @@ from truearc.hw.devices.canandmag.frames import Encoder
 from truearc.hw.devices.odrive.emulator import OdriveNode
 from truearc.hw.emulated.clock import StepClock
 from truearc.hw.emulated.emulated_robot import Twin
-from truearc.hw.emulated.faults import SILENT, TRUNCATED, UNPLUGGED, Fault, FaultyNode
 from truearc.hw.frc import CONTROLLER_HEARTBEAT, locked_spark
 from truearc.hw.protocols import Frame, LinkLost
 from truearc.hw.real.can_bus import open_can
@@ -25,6 +24,7 @@ from truearc.robot.doctor.listening import listen
 from truearc.robot.doctor.parameters import load_endpoints
 from truearc.robot.motors import odrive_axis
 from truearc.sim.world.emulated_robot import FLYWHEEL, SETTINGS
+from truearc_proof.world.faults import SILENT, TRUNCATED, UNPLUGGED, Fault, FaultyNode
 
 CHANNELS = itertools.count()
 ALWAYS = 1 << 60

@@ -8,7 +8,6 @@ from truearc.hw.devices.odrive.emulator import OdriveNode
 from truearc.hw.devices.odrive.frames import OdriveAxis
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.emulator import SparkNode, SparkSettings
-from truearc.hw.emulated.faults import SILENT, TRUNCATED, UNPLUGGED, Fault, FaultyNode
 from truearc.hw.emulated.nodes import Node
 from truearc.hw.frc import CONTROLLER_HEARTBEAT, locked_spark
 from truearc.hw.protocols import Frame
@@ -18,6 +17,7 @@ from truearc.robot.doctor.devices import check_devices, questions
 from truearc.robot.doctor.finding import FAILURE, OK, WARNING, Finding
 from truearc.robot.doctor.listening import Heard
 from truearc.robot.motors import name_axes, spark_axis
+from truearc_proof.world.faults import SILENT, TRUNCATED, UNPLUGGED, Fault, FaultyNode
 
 MS, ALWAYS = 1_000_000, 1 << 60
 PLANT = SpinningPlant()
