@@ -8,12 +8,13 @@ import numpy as np
 
 from truearc.hw.emulated.imaging.camera import outline_m
 from truearc.hw.emulated.imaging.lens import project
-from truearc.hw.emulated.static_plant import NOTHING, Stage, place
+from truearc.hw.emulated.static_plant import NOTHING, Stage
 from truearc.hw.readings import CameraFrame
 from truearc.robot.config.schema import CameraConfig, Config
 from truearc.sim.world.emulated_vision import make_lens, make_tape
 from truearc_proof.world.camera_damage import USUAL, Look, StagedCamera
 from truearc_proof.world.distractors import KINDS, floor_reflection, in_the_way, second_goal
+from truearc_proof.world.placing import place
 
 LOOKS = {
     "usual": USUAL,

@@ -8,7 +8,7 @@ import numpy as np
 
 from truearc.hw.emulated.imaging.camera import Image, outline_m
 from truearc.hw.emulated.imaging.lens import project
-from truearc.hw.emulated.static_plant import NOTHING, Stage, place
+from truearc.hw.emulated.static_plant import NOTHING, Stage
 from truearc.hw.fault_codes import CAMERA_ERROR
 from truearc.hw.protocols import Clock, LinkLost
 from truearc.hw.readings import CameraFrame
@@ -17,6 +17,7 @@ from truearc.robot.config.schema import Config
 from truearc.sim.world.emulated_vision import make_lens, make_tape
 from truearc_proof.world.camera_damage import StagedCamera
 from truearc_proof.world.distractors import floor_reflection, second_goal
+from truearc_proof.world.placing import place
 
 LENS_M = 4.2                          # from lens to target: 4.0 m from the ball's exit
 NEAR_M = 2.5

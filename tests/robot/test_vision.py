@@ -15,7 +15,7 @@ from msgspec.structs import replace
 from truearc import robot
 from truearc.hw.emulated.imaging.camera import TapeSize, outline_m
 from truearc.hw.emulated.imaging.lens import Lens, project
-from truearc.hw.emulated.static_plant import NOTHING, Stage, place
+from truearc.hw.emulated.static_plant import NOTHING, Stage
 from truearc.hw.readings import CameraFrame
 from truearc.robot import reasons as because
 from truearc.robot.config.schema import CameraConfig, CameraFile, load_config, load_toml
@@ -23,6 +23,7 @@ from truearc.robot.vision import detect
 from truearc.robot.vision.threshold import mask_colour
 from truearc_proof.world.camera_damage import USUAL, Look, StagedCamera
 from truearc_proof.world.distractors import KINDS, second_goal
+from truearc_proof.world.placing import place
 
 HOME = Path(robot.__file__).parent
 CONFIG = load_config(HOME / "launcher.toml")

@@ -14,7 +14,7 @@ from msgspec.structs import replace
 import truearc.cli.main as truearc
 from truearc import robot
 from truearc.hw.emulated.imaging.lens import Lens, distort
-from truearc.hw.emulated.static_plant import Stage, place
+from truearc.hw.emulated.static_plant import Stage
 from truearc.hw.readings import CameraFrame
 from truearc.robot.config.schema import CameraFile, load_config, load_toml
 from truearc.robot.config.toml_text import make_toml
@@ -22,6 +22,7 @@ from truearc.robot.vision import detect
 from truearc.robot.vision.board import Board, calibrate, find_board
 from truearc.robot.vision.taped import fit_taped
 from truearc_proof.world.camera_damage import StagedCamera
+from truearc_proof.world.placing import place
 
 HOME = Path(robot.__file__).parent
 CONFIG = load_config(HOME / "launcher.toml")

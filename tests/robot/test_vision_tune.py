@@ -18,13 +18,14 @@ import truearc.cli.main as truearc
 from truearc import robot
 from truearc.cli.robot.vision_tools.tune_server import TuneServer
 from truearc.cli.robot.vision_tools.tuner import Live, Recorded, Tuner, find_pictures
-from truearc.hw.emulated.static_plant import Stage, place
+from truearc.hw.emulated.static_plant import Stage
 from truearc.hw.fault_codes import CAMERA_SILENT
 from truearc.hw.protocols import LinkLost
 from truearc.hw.readings import CameraFrame
 from truearc.robot.config.schema import CameraFile, InputError, load_config, load_toml
 from truearc.sim.world.emulated_vision import make_lens, make_tape
 from truearc_proof.world.camera_damage import StagedCamera
+from truearc_proof.world.placing import place
 
 CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")
 FILE = CameraFile(CONFIG.camera, CONFIG.tape, CONFIG.vision)

@@ -9,12 +9,13 @@ from msgspec.structs import replace
 
 from truearc import robot
 from truearc.hw.emulated.imaging.lens import project
-from truearc.hw.emulated.static_plant import NOTHING, Stage, place
+from truearc.hw.emulated.static_plant import NOTHING, Stage
 from truearc.robot.config.schema import load_config
 from truearc.robot.vision import detect
 from truearc.robot.vision.optics import make_optics
 from truearc.sim.world.emulated_vision import make_lens, make_tape
 from truearc_proof.world.camera_damage import Look, StagedCamera
+from truearc_proof.world.placing import place
 from truearc_proof.world.shutter import project_turning
 
 CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")

@@ -8,10 +8,11 @@ from msgspec.structs import replace
 
 from truearc import robot
 from truearc.hw.emulated.imaging.lens import Lens, project
-from truearc.hw.emulated.static_plant import Stage, place
+from truearc.hw.emulated.static_plant import Stage
 from truearc.robot.config.schema import load_config
 from truearc.robot.vision import detect
 from truearc_proof.world.camera_damage import USUAL, Look, Patch, StagedCamera
+from truearc_proof.world.placing import place
 
 CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")
 CAMERA, TAPE, VISION = CONFIG.camera, CONFIG.tape, CONFIG.vision

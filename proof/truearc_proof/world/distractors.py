@@ -11,8 +11,8 @@ import numpy as np
 
 from truearc.hw.emulated.imaging.camera import TAPE_BGR
 from truearc.hw.emulated.imaging.lens import Array, Lens, distort, project
-from truearc.hw.emulated.static_plant import place
 from truearc_proof.world.camera_damage import Patch
+from truearc_proof.world.placing import place
 
 Kind = Callable[[Lens, Array | None, np.random.Generator], tuple[Patch, ...]]
 
