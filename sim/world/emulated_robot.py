@@ -34,7 +34,7 @@ from truearc.robot.recording.session import make_header
 from truearc.robot.rig import HardwareRig
 from truearc.robot.runtime import run
 from truearc.sim.progress import Progress
-from truearc.sim.world.driver import Driver
+from truearc.sim.world.driver import make_driver
 from truearc.sim.world.emulated_vision import TwinEyes
 from truearc.sim.world.options import Options
 from truearc.sim.world.pacing import Pace
@@ -113,10 +113,7 @@ def run_twin(config: Config, world: World, trials: int, seed: int, gate: Gate | 
     box = open_button_box()
     nodes_of, eyes_of = parts
     eyes = eyes_of(world, config, seed)
-    patience_s = config.gate.request_s + 0.5
-    places = [row.distance_m for row in config.collect.prescribed]
-    driver = Driver(world, box.press, trials, seed, patience_s=patience_s, repeats=config.collect.repeats,
-                    places=places)
+    driver = make_driver(config, world, box.press, trials, seed)
     pace = None if page is None else Pace(MonotonicClock())
     clock = StepClock(lambda t_ns: twin.advance(t_ns))
     channel = f"truearc-{next(CHANNELS)}"
