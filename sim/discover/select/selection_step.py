@@ -26,8 +26,8 @@ class Step:
     """One effect. `before`, `after`, `average`, `free` [n]: log scores of unseen shots without it, with the leading
     name, with all names as far as they are likely, with the free curve. What else was named is in `fitted`.
 
-    rival: nats by which the curve beats the name on unseen shots (None without a curve). decoys: share of deals in
-    which one does as well as the name. unknown: the curve beats it clearly, decoys do too often, or nothing has a name.
+    rival: nats by which the curve beats the name on unseen shots (None without a curve). unknown: the curve beats it
+    clearly, decoys do as well too often, or nothing has a name.
     """
 
     naming: Naming
@@ -37,7 +37,6 @@ class Step:
     average: Array
     free: Array | None
     rival: float | None
-    decoys: float
     unknown: bool
     base: tuple[str, ...]             # names put in before
     fitted: BaselineFit                    # without this effect
@@ -62,7 +61,7 @@ def make_step(fitted: BaselineFit, clusters: Clusters, place: Place | None, base
     nameless = naming.nats[naming.leader] <= 0.0 or decoys > FALSE_NAMES
     outrun = not nameless and bool(rivals) and all(clearly(gain, fitted) for gain in rivals)
     rival = min((worth(gain, fitted) for gain in rivals), default=None)
-    return Step(naming, place, before, after, average, free, rival, decoys, nameless or outrun, base, fitted, outrun)
+    return Step(naming, place, before, after, average, free, rival, nameless or outrun, base, fitted, outrun)
 
 
 def averaged(naming: Naming, before: Array, scores: dict[str, Array], label: Array) -> Array:
