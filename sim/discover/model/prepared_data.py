@@ -132,8 +132,8 @@ def _lanes(part: _Part, circumstances: Circumstances, samples: Samples | None,
     rolling = Exit(*(np.asarray(each, dtype=float) for each in given.rolling))._replace(above_m=np.zeros(n))
     mass_kg = _or_else(shots.number("mass_kg"), part.facts.ball.mass_kg)
     radius_m = _or_else(shots.number("radius_m"), part.facts.ball.radius_m)
-    lanes = ShotBatch(rolling, side, given.rolled & part.launched, given.hooded & part.launched, free, mass_kg, radius_m,
-                      given.distance_m, circumstances, start_m, start_m_s, spin, lead_s, time_s)
+    lanes = ShotBatch(rolling, side, given.rolled & part.launched, given.hooded & part.launched, free, mass_kg,
+                      radius_m, given.distance_m, circumstances, start_m, start_m_s, spin, lead_s, time_s)
     noise = np.zeros((n, len(DEVIATES)))
     noise[:, 0] = np.where(free, 0.0, (given.wheel_log_speed**2).sum(1))
     noise[:, 1] = np.where(free, 0.0, given.elevation_sd_rad**2)

@@ -108,7 +108,7 @@ def _refit_at(fitted: BaselineFit, names: tuple[str, ...], start: Float[Array, "
 
 def unseen_score(evidence: ScoreTable, clusters: Clusters) -> Float[Array, " n"]:
     """Log score of each shot by fits of all columns to the other folds; folds keep clusters whole."""
-    return evidence.log_score + evidence.gain(unseen_change(evidence, clusters))
+    return np.asarray(evidence.log_score + evidence.gain(unseen_change(evidence, clusters)))
 
 
 def unseen_change(evidence: ScoreTable, clusters: Clusters) -> Float[Array, "n P"]:
