@@ -2,7 +2,8 @@
 
 import csv
 
-from truearc.sim.tables import Table, make_markdown, make_text, save_csv
+from truearc.sim.tables import make_text, save_csv
+from truearc_proof.report.markdown import Table, make_markdown
 
 TABLE = Table("T", ("a", "bbbb"), (("xxxx", "1"), ("y", "22")))
 

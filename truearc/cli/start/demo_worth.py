@@ -1,6 +1,5 @@
 """What putting a finding into the simulation was worth: the same robot and gate before and after, on unseen shots."""
 
-import csv
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -8,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from truearc.cli.start.demo_files import Demo, Score, read_ratings, score, share
+from truearc.cli.start.demo_files import Demo, Score, read_rows, score, share
 from truearc.sim.data.columns import OUTCOMES
 from truearc.sim.data.dataset import load_dataset
 from truearc.sim.discover.select.refit import clustered_error
@@ -79,7 +78,7 @@ def rated(demo: Demo, files: Sequence[Path], inside: int) -> tuple[list[np.ndarr
     """(p [n, 2] of each file's gate, level [n]: 0, 1, 2) of the ungated shots inside the first `inside` gates' domains.
     """
     shots = load_dataset(demo.ungated_shots).shots
-    ratings = [read_ratings(path) for path in files]
+    ratings = [read_rows(path) for path in files]
     kept = [row for row in range(len(shots))
             if all(one[row]["in_domain"] == "true" and one[row]["p_two"] for one in ratings[:inside])]
     p = [np.array([[float(one[row][name]) for name in ("p_two", "p_three")] for row in kept]).reshape(-1, 2)
@@ -102,5 +101,4 @@ def _heights_off_m(demo: Demo) -> tuple[tuple[float, float, float], int]:
 
 
 def _heights(path: Path) -> list[float]:
-    with path.open(encoding="utf-8", newline="") as file:
-        return [float(row["height_m"] or "nan") for row in csv.DictReader(file)]
+    return [float(row["height_m"] or "nan") for row in read_rows(path)]
