@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from truearc.sim.intervals import student_half
-from truearc_proof.report.markdown import Table
+from truearc.sim.tables import Table
 
 HEADER = ("gate", "figure", "before", "after", "after - before, 95 %", "worlds better, worse")
 SIDES = ("before", "after")

@@ -29,7 +29,7 @@ from truearc.sim.data.dataset import Dataset, Shots, join_datasets
 from truearc.sim.discover.api import discover
 from truearc.sim.discover.plan.experiment_design import can_design, make_design
 from truearc.sim.intervals import student_half
-from truearc_proof.report.markdown import make_markdown
+from truearc.sim.tables import make_markdown
 from truearc_proof.rounds.jsonl_store import fill
 from truearc_proof.truth.followup import Asked, follow
 from truearc_proof.truth.generate import shoot

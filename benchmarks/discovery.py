@@ -29,7 +29,7 @@ from truearc.sim.compile_cache import keep_compiled
 from truearc.sim.discover.api import Investigation, discover
 from truearc.sim.discover.finding import make_json
 from truearc.sim.parallel import fan_out
-from truearc_proof.report.markdown import Table
+from truearc.sim.tables import Table
 from truearc_proof.report.tables import make_tables, said, share
 from truearc_proof.rounds.jsonl_store import append_line, lines_of, mend
 from truearc_proof.scoring.oracle import ceiling_of, oracle_gain, strength_of

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from benchmarks.launcher_table import counted
-from truearc_proof.report.markdown import make_markdown
+from truearc.sim.tables import make_markdown
 from truearc_proof.report.tables import said
 
 AIR = "flight"

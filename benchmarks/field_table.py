@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 
 from benchmarks.suite import Job, drawn_of, measured_of, names_of
-from truearc_proof.report.markdown import make_markdown
+from truearc.sim.tables import make_markdown
 from truearc_proof.report.tables import said, yes_of
 from truearc_proof.rivals.claim import Claim
 from truearc_proof.rivals.registry import OURS

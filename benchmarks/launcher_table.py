@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from truearc_proof.report.markdown import Table
+from truearc.sim.tables import Table
 from truearc_proof.report.tables import said
 from truearc_proof.worlds.perturbations import CHANGES, Change
 

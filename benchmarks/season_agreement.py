@@ -21,10 +21,10 @@ from truearc.cli.progress import make_progress
 from truearc.robot.config.schema import load_config
 from truearc.sim.data.dataset import Shots
 from truearc.sim.data.recordings import shots_from_sessions
+from truearc.sim.tables import make_markdown
 from truearc.sim.world.emulated_robot import emulate
 from truearc.sim.world.options import Options
 from truearc.sim.world.parts.target import BallResult
-from truearc_proof.report.markdown import make_markdown
 from truearc_proof.world.season import ShotSetting, play_season
 
 NS = 1e-9

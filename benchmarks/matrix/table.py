@@ -7,7 +7,7 @@ from benchmarks.matrix.judge import Result
 from benchmarks.matrix.row import KEEPS, REFUSED
 from benchmarks.matrix.rows import ROWS
 from truearc.robot.config.schema import InputError
-from truearc_proof.report.markdown import make_markdown
+from truearc.sim.tables import make_markdown
 
 BEGIN, END = "<!-- fault matrix: begin -->", "<!-- fault matrix: end -->"
 BUSES = ("virtual", "slcan", "socketcan")

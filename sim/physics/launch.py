@@ -5,7 +5,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from truearc.robot.config.rig_spec import Rig
+from truearc.robot.config.rig_spec import Rig, Wheel
+from truearc.robot.config.schema import InputError
 
 
 class Exit(NamedTuple):
@@ -19,6 +20,18 @@ class Exit(NamedTuple):
     def take(self, rows: Any) -> "Exit":
         """Those lanes; a number that all lanes share stays as it is."""
         return Exit(*(part if np.ndim(part) == 0 else part[rows] for part in self))
+
+
+def exit_seed(facts: Rig, motor_ratio: Any, hood_deg: Any) -> Exit:
+    """Launch of the two-wheel rig at motor speed / free speed and elevation.
+
+    The seed's Eq. 11 and 12, the latter with the paper's own factor (twice the spin of a ball that does not slip).
+    Raises InputError when the rig has no free speed or not one wheel above and one below.
+    """
+    upper, lower = opposed_wheels(facts)
+    motor_rad_s = motor_ratio * free_speed_rad_s(facts)
+    return exit_opposed(facts, motor_rad_s * (upper.gear * upper.radius_m), motor_rad_s * (lower.gear * lower.radius_m),
+                        hood_deg)
 
 
 def exit_opposed(facts: Rig, upper_m_s: Any, lower_m_s: Any, hood_deg: Any) -> Exit:
@@ -44,6 +57,21 @@ def exit_no_slip(facts: Rig, wheel_surface_m_s: Any) -> tuple[Any, Any]:
     return solved[:, 0], spin_rad_s
 
 
+def opposed_wheels(facts: Rig) -> tuple[Wheel, Wheel]:
+    """(upper, lower) of a rig with exactly one wheel on top and one at the bottom; InputError otherwise."""
+    clocks = [round(wheel.clock_deg % 360.0, 6) for wheel in facts.launcher.wheel]
+    if sorted(clocks) != [0.0, 180.0]:
+        raise InputError("rig.toml: launcher.wheel: the seed's Eq. 11 and 12 need two wheels, clock_deg 0 and 180")
+    return facts.launcher.wheel[clocks.index(0.0)], facts.launcher.wheel[clocks.index(180.0)]
+
+
 def is_opposed(facts: Rig) -> bool:
     """Whether the seed's Eq. 11 and 12 apply to this rig."""
     return sorted(round(wheel.clock_deg % 360.0, 6) for wheel in facts.launcher.wheel) == [0.0, 180.0]
+
+
+def free_speed_rad_s(facts: Rig) -> float:
+    """The motors' free speed; InputError when rig.toml does not state it."""
+    if facts.launcher.free_speed_rad_s is None:
+        raise InputError("rig.toml: launcher.free_speed_rad_s is needed to turn motor_ratio into a launch")
+    return facts.launcher.free_speed_rad_s

@@ -2,8 +2,7 @@
 
 import csv
 
-from truearc.sim.tables import make_text, save_csv
-from truearc_proof.report.markdown import Table, make_markdown
+from truearc.sim.tables import Table, make_markdown, make_text, save_csv
 
 TABLE = Table("T", ("a", "bbbb"), (("xxxx", "1"), ("y", "22")))
 

@@ -36,9 +36,9 @@ from truearc.sim.discover.report.finding_text import say_adopted
 from truearc.sim.intervals import difference
 from truearc.sim.parallel import fan_out
 from truearc.sim.progress import Progress
+from truearc.sim.tables import Table
 from truearc.sim.world.emulated_robot import emulate
 from truearc.sim.world.options import Options
-from truearc_proof.report.markdown import Table
 from truearc_proof.report.tables import said
 from truearc_proof.rounds.commitment import canonical, hash_files, load_seal, make_seal, save_seal
 from truearc_proof.rounds.committer import RoundPlan, keep_plan

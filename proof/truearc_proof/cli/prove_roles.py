@@ -12,12 +12,12 @@ from truearc.cli.start.demo import FEWEST
 from truearc.robot.config.schema import InputError
 from truearc.sim.compile_cache import keep_compiled
 from truearc.sim.discover.model.prepared_data import FEWEST_SHOTS
+from truearc.sim.tables import Table
 from truearc_proof.cli.prove_apart import solve_apart
 from truearc_proof.cli.prove_check import check_packed
 from truearc_proof.cli.prove_drive import LEVEL, driven_of, driven_table, learn_gates, play_driven, room_of
 from truearc_proof.report.figures import plain_figures
 from truearc_proof.report.html_page import make_proof_page, verdict
-from truearc_proof.report.markdown import Table
 from truearc_proof.report.tables import make_tables
 from truearc_proof.rivals.registry import check_rivals
 from truearc_proof.rounds.archive import pack

@@ -6,8 +6,8 @@ import numpy as np
 from scipy.stats import fisher_exact
 
 from truearc.sim.intervals import wilson
+from truearc.sim.tables import Table
 from truearc_proof.report.figures import ProofFigure, figures_of
-from truearc_proof.report.markdown import Table
 from truearc_proof.report.targets import SHOWN
 from truearc_proof.scoring.score_world import Mark
 

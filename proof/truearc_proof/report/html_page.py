@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from truearc.sim.intervals import wilson
 from truearc.sim.report import make_page, paragraph, picture, table
-from truearc_proof.report.markdown import Table
+from truearc.sim.tables import Table
 from truearc_proof.report.plots import chance_png, ladder_png, matrix_png
 from truearc_proof.report.tables import Question, ladder_of, share
 from truearc_proof.rounds.ledger import Entry

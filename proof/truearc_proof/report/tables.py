@@ -5,8 +5,8 @@ from itertools import pairwise
 from operator import attrgetter
 
 from truearc.sim.intervals import wilson
+from truearc.sim.tables import Table
 from truearc_proof.report.figures import kept_in_test, worse_in_test
-from truearc_proof.report.markdown import Table
 from truearc_proof.report.targets import against_targets
 from truearc_proof.scoring.decoys import up_to_alias
 from truearc_proof.scoring.score_world import MEASUREMENT, NULLS, SHOTS, Mark

@@ -18,7 +18,7 @@ from truearc.robot.aim import FEASIBLE_DEG, vacuum_speed_m_s
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import Collect, Prescribed
 from truearc.sim.data.dataset import Shots
-from truearc_proof.reproduce.paper_launch import exit_seed
+from truearc.sim.physics.launch import exit_seed
 
 DISTANCES_M = (2.6, 8.0)
 RATIOS = (0.15, 0.95)                 # what the wheels do

@@ -6,7 +6,7 @@ import numpy as np
 
 from truearc.sim.metrics import BINS
 from truearc.sim.paper.sweep_settings import SweepSetting
-from truearc_proof.report.markdown import Table
+from truearc.sim.tables import Table
 from truearc_proof.reproduce import paper
 from truearc_proof.reproduce.analysis import (
     BY_TEST,

@@ -6,8 +6,7 @@ import pytest
 from tests.sim.physics import reference
 from tests.sim.physics.rigs import GUPPY, with_wheels
 from truearc.robot.config.schema import InputError
-from truearc.sim.physics.launch import exit_no_slip
-from truearc_proof.reproduce.paper_launch import exit_seed
+from truearc.sim.physics.launch import exit_no_slip, exit_seed
 
 
 def test_seed_exit_is_equations_11_and_12():
