@@ -11,9 +11,8 @@ from truearc.sim.discover.detect.localization import Place
 from truearc.sim.discover.detect.reference_session import ReferenceSession
 from truearc.sim.discover.model.baseline_fit import BaselineFit
 from truearc.sim.discover.model.score_table import Array
-from truearc.sim.discover.select.condition_on import promote
 from truearc.sim.discover.select.decoys import share_above
-from truearc.sim.discover.select.refit import Refit, clustered_error, folds_of, unseen_score, without
+from truearc.sim.discover.select.refit import Refit, clustered_error, folds_of, promote, unseen_score, without
 from truearc.sim.discover.select.term_ranking import Naming, name_terms
 from truearc.sim.progress import Progress
 
