@@ -1,7 +1,7 @@
 """Does the gate improve when the simulation learns what it lacked?
 
-    python benchmarks/adoption.py --worlds 2 --shots 300 --seed 71 --out FILE
-    python benchmarks/adoption.py --table FILE
+    python -m benchmarks.adoption --worlds 2 --shots 300 --seed 71 --out FILE
+    python -m benchmarks.adoption --table FILE
 
 Worlds are MuJoCo's with one thing changed each (truearc_proof.worlds.perturbations), or nothing. From a recorded
 session of each, by telemetry and outcomes (L1), gates are trained in pairs that are alike in all but their physics:

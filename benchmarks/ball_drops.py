@@ -1,6 +1,6 @@
 """How well falls that the fit has not seen are foretold, after de Silva et al. 2020, on their ball drops.
 
-    python benchmarks/ball_drops.py ball_drops.csv [--vague] [--ask]
+    python -m benchmarks.ball_drops ball_drops.csv [--vague] [--ask]
 
 The file is the one that `truearc import ball-drops` reads (docs/importing.md). What a ball's drag is, and what all
 balls share, is learned on one drop of each of ten balls (the authors left the bowling ball out; so is it here). Of the

@@ -1,5 +1,5 @@
 """A loop that does nothing but sleep, at the highest real-time priority, and notes when it was late all the same: what
-no program on this machine is spared. `python benchmarks/bare_loop.py FILE CORE`, until SIGTERM; Linux.
+no program on this machine is spared. `python -m benchmarks.bare_loop FILE CORE`, until SIGTERM; Linux.
 
 FILE has pairs of 64-bit integers: when it should have woken, and when it did, in monotonic nanoseconds.
 """

@@ -1,6 +1,6 @@
 """How often 90 % intervals of `truearc fit` contain the truth, on shots that other code simulated.
 
-    python benchmarks/coverage.py [--replicates 200] [--shots 150] [--side] [--seed 0]
+    python -m benchmarks.coverage [--replicates 200] [--shots 150] [--side] [--seed 0]
 
 Every replicate draws its own truth (scatters from their priors, coefficients from wide ranges), configurations and
 shots (tests.sim.fit.independent: DOP853, no code of truearc.sim.physics), fits, and asks of every parameter whether

@@ -1,7 +1,7 @@
 """Do 100 designed shots part names that look alike as well as 300 shots taken at random?
 
-    python benchmarks/designed.py --level L0,L1 --worlds 10 --seed 81 --out FILE
-    python benchmarks/designed.py --table FILE
+    python -m benchmarks.designed --level L0,L1 --worlds 10 --seed 81 --out FILE
+    python -m benchmarks.designed --table FILE
 
 Worlds of truearc_proof.truth hide one effect that others are easily taken for, at --scale times its usual size. Where
 discovery finds something in 300 shots and leaves several names, the hidden one among them, the world is shot again:

@@ -1,7 +1,7 @@
 """How often discovery cries wolf, and how often it finds, places and names what a concealed world hides.
 
-    python benchmarks/discovery.py --what nulls,effects --level L0,L1,L2 --shots 300 --worlds 20 --seed 11 --out FILE
-    python benchmarks/discovery.py --table FILE
+    python -m benchmarks.discovery --what nulls,effects --level L0,L1,L2 --shots 300 --worlds 20 --seed 11 --out FILE
+    python -m benchmarks.discovery --table FILE
 
 Every world is a line of FILE; a world that is there already is not run again, so a run that was cut short goes on
 where it stopped. --table reads packed files too; benchmarks/results/MANIFEST.md lists the published ones. Worlds

@@ -1,6 +1,6 @@
 """What discovery costs, against the number of shots and the size of the catalogue.
 
-    python benchmarks/discovery_speed.py [--shots 100,300,1000] [--level L1] [--seed 5]
+    python -m benchmarks.discovery_speed [--shots 100,300,1000] [--level L1] [--seed 5]
 
 Each figure is the second run of its size, when all code is compiled. Detection: data in memory to a p-value. Report:
 data in memory to the HTML page, of a world with an effect that is found and named (wheel droop).

@@ -1,7 +1,7 @@
 """What the robot does when things break: every fault on every bus, played and judged.
 
-    python benchmarks/fault_matrix.py [--bus virtual,slcan,socketcan] [--only PATTERN] [--out FILE] [--folder DIR]
-    python benchmarks/fault_matrix.py --table FILE [--write docs/reliability.md]
+    python -m benchmarks.fault_matrix [--bus virtual,slcan,socketcan] [--only PATTERN] [--out FILE] [--folder DIR]
+    python -m benchmarks.fault_matrix --table FILE [--write docs/reliability.md]
 
 Each row of benchmarks/matrix/rows.py is played on each bus that there is (socketcan: where vcan0 is), on the robot's
 own code with emulated devices: it fires, then something breaks, then it is mended. A line of FILE a cell; one that is

@@ -1,8 +1,8 @@
 """Is a fault of the tracker taken for physics of the ball?
 
-    python benchmarks/faults.py --worlds 10 --seed 61 --out FILE
-    python benchmarks/faults.py --tracks DIR --believe gravity,drag,magnus [--since] --out FILE
-    python benchmarks/faults.py --table FILE
+    python -m benchmarks.faults --worlds 10 --seed 61 --out FILE
+    python -m benchmarks.faults --tracks DIR --believe gravity,drag,magnus [--since] --out FILE
+    python -m benchmarks.faults --table FILE
 
 The tracks of worlds in which nothing is hidden (truearc_proof.truth, L2, 300 shots), or those of a dataset that
 somebody recorded, are spoilt as a bad tracker would have spoilt them (tracker_faults.py), and discovery is asked

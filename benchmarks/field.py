@@ -1,7 +1,7 @@
 """truearc's discovery beside the field: the same concealed worlds, tracks and all, put to rivals in one run.
 
-    python benchmarks/field.py --worlds 20 --seed 11 --out FILE
-    python benchmarks/field.py --table FILE
+    python -m benchmarks.field --worlds 20 --seed 11 --out FILE
+    python -m benchmarks.field --table FILE
 
 Worlds are L2 with what belongs to the flight hidden, at its typical size and a quarter of it, and nulls. A world is a
 line of FILE; one that is there with all rivals asked for is not run again. Rivals are in proof/truearc_proof/rivals;

@@ -1,6 +1,6 @@
 """How long one decision of the gate takes, beside plain NumPy and scikit-learn.
 
-    python benchmarks/gate.py [--calls 5000] [--rounds 12] [--shots 120]
+    python -m benchmarks.gate [--calls 5000] [--rounds 12] [--shots 120]
 
 Makes simulated shots of its own, trains both kinds of model on them, exports both, and times `Gate.rate`: from three
 floats to a rating, building the features and checking the domain included; one thread, no spinning. The NumPy line is

@@ -1,6 +1,6 @@
 """How fast the grid fit is, against plainer ways to fly 1001 x 1001 pairs, and whether it says the same as they do.
 
-    python benchmarks/grid_fit.py [--quick] [--runs 7]
+    python -m benchmarks.grid_fit [--quick] [--runs 7]
 
 Two sets of 80 launches, a third of them three-pointers: `random` (distance 1-16 m, ratio 0-1, 15-75 degrees; most can
 score with hardly any pair) and `scoring` (those that score with cd 0.9, cl 0.06, as recorded shots do). The plain ways

@@ -1,6 +1,6 @@
 """What a recording loses to `kill -9` at random moments.
 
-    python benchmarks/kill.py [--kills 200] [--seed 0] [--pace twin|robot] [--layout three|one] [--folder DIR]
+    python -m benchmarks.kill [--kills 200] [--seed 0] [--pace twin|robot] [--layout three|one] [--folder DIR]
 
 A child process records real ticks, CAN frames and images over and over, marks a trial every quarter of a second, and
 says on a pipe what it has handed to the recorder; it is killed, and what it said is compared with what is on disk.

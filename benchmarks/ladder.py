@@ -1,7 +1,7 @@
 """How plain each hidden effect is at its usual size, by level: the lambda of 300 shots in
 proof/truearc_proof/truth/ladder.toml.
 
-    python benchmarks/ladder.py --worlds 5 > proof/truearc_proof/truth/ladder.toml
+    python -m benchmarks.ladder --worlds 5 > proof/truearc_proof/truth/ladder.toml
 
 Lambda is the chi-squared by which the data speak of the effect once the fitted numbers have taken what they can, from
 the information in worlds that hide nothing. Concealed worlds have their sizes by it

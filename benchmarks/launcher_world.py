@@ -1,7 +1,7 @@
 """What discovery makes of the MuJoCo world, which slips, droops and squeezes as the seed's simulation does not know.
 
-    python benchmarks/launcher_world.py --what as-is,changed --level L1,L2 --worlds 10 --seed 1001 --out FILE
-    python benchmarks/launcher_world.py --table FILE
+    python -m benchmarks.launcher_world --what as-is,changed --level L1,L2 --worlds 10 --seed 1001 --out FILE
+    python -m benchmarks.launcher_world --table FILE
 
 as-is: an unmodified world, from the seed's belief (gravity, drag, magnus): is the mismatch found, where, by what names,
 and how well does the adopted simulation foretell another session's heights at the plane, beside the world's own scatter

@@ -1,9 +1,9 @@
 """How fast the emulated robot and its replay run, against real time; and what one tick costs.
 
-    python benchmarks/loop.py [--trials 50]
-    python benchmarks/loop.py --lateness [--seconds 20] [--rates 100,200,500] [--loads idle,busy]
+    python -m benchmarks.loop [--trials 50]
+    python -m benchmarks.loop --lateness [--seconds 20] [--rates 100,200,500] [--loads idle,busy]
                               [--layouts one,three] [--priority 50] [--core N]
-    python benchmarks/loop.py --frames [--seconds 2] [--buses virtual,slcan,socketcan]
+    python -m benchmarks.loop --frames [--seconds 2] [--buses virtual,slcan,socketcan]
 
 `--lateness`: how late the ticks of `truearc run` come, idle and with all cores busy, in one process and in three.
 `--frames`: how many CAN frames a second each bus brings to the tick without losing one.

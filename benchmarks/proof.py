@@ -1,8 +1,8 @@
 """The tables of packed rounds of proof, as docs/proof.md has them.
 
     truearc prove pack --out ROUND --packed benchmarks/results/round4-L0a.tar.xz
-    python benchmarks/proof.py benchmarks/results/round*.tar.xz [--write docs/proof.md]
-    python benchmarks/proof.py benchmarks/results/round4-L0*.tar.xz --beside OWN.tar.xz      # drawn from other entropy
+    python -m benchmarks.proof benchmarks/results/round*.tar.xz [--write docs/proof.md]
+    python -m benchmarks.proof benchmarks/results/round4-L0*.tar.xz --beside OWN.tar.xz      # drawn from other entropy
 
 benchmarks/results/MANIFEST.md says how to fetch the published rounds.
 Rounds of one level and as many shots, gathered over several sittings, are marked as one.

@@ -1,6 +1,6 @@
 """What other teams' tables say before any simulation: shares of the wheels' speed, and pairs of tables side by side.
 
-    python benchmarks/real_tables.py speeds new old first last [--picture FILE]
+    python -m benchmarks.real_tables speeds new old first last [--picture FILE]
 
 The directories are those that docs/real-data.md imports: 971's exit speeds; 254's set points for new and for old balls;
 the first and the last version of 3476's. Of a pair: how much steeper the hood of the second table stands than that of

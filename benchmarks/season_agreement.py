@@ -1,6 +1,6 @@
 """Does a season straight from the world agree with the emulated robot's recordings of the same world?
 
-    python benchmarks/season_agreement.py --trials 240 --seed 11
+    python -m benchmarks.season_agreement --trials 240 --seed 11
 
 The emulated robot (buses, images, control, operator) records a session; the same settings, as the world had them at
 each shot, are then shot by truearc_proof.world.season, with the same launcher and rack of balls and other luck. What

@@ -1,6 +1,6 @@
 """Whether the robot can run for hours: memory, open files, threads, lateness, and whether its recording keeps step.
 
-    python benchmarks/soak.py [--minutes 60] [--folder DIR]
+    python -m benchmarks.soak [--minutes 60] [--folder DIR]
 
 `truearc run` in three processes, its devices in a fourth (slcan on a pseudo-terminal), all in real time. What each
 process holds is read from /proc (Linux). FAIL when a process goes on growing or gathers open files or threads, when

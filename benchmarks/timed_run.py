@@ -1,4 +1,4 @@
-"""`truearc run`, noting how late each tick came and what it cost: `python benchmarks/timed_run.py FILE OPTIONS...`
+"""`truearc run`, noting how late each tick came and what it cost: `python -m benchmarks.timed_run FILE OPTIONS...`
 
 FILE has 64-bit integers: of each tick when it came and how late, then the process's CPU time, all in nanoseconds.
 A file of its own, for the processes that a run starts import it again.

@@ -1,6 +1,6 @@
 """The sweep of the paper's Table II (7 sizes x 20 seeds), all networks in one batch against one after another in JAX.
 
-    pip install 'truearc[bench]'; python benchmarks/training.py [--steps 20000] [--repeats 3]
+    pip install 'truearc[bench]'; python -m benchmarks.training [--steps 20000] [--repeats 3]
 
 The plain loop is one lax.scan of Adam steps a network, on a graph compiled once and warmed up (rows are padded to one
 shape, so that every size runs the same graph); it is timed on one seed of each size and scaled to 20. Both get the

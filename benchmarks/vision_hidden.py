@@ -1,6 +1,6 @@
 """What vision lets through of tape that is partly hidden along its own edges, or not as wide as it is said to be.
 
-    python benchmarks/vision_hidden.py [--frames 20] [--loose]
+    python -m benchmarks.vision_hidden [--frames 20] [--loose]
 
 A row a case: how many of the frames had a distance, the mean error, and the spread and the worst of error / sigma. The
 mounting is off by as much as the configuration says; --loose says 10 degrees and 0.3 m of it.

@@ -53,5 +53,5 @@ class TickReader:
                     if isinstance(record, Message):
                         self.share = file.tell() / size
                         yield record.data
-            except (McapError, EOFError, ValueError, struct.error, zstandard.ZstdError) as error:
+            except (McapError, EOFError, ValueError, struct.error, zstandard.ZstdError, MemoryError) as error:
                 self.cut_short = f"{self.path}: cut short or damaged ({type(error).__name__}: {error})"

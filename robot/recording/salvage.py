@@ -8,6 +8,7 @@ import zstandard
 
 CHUNK, MESSAGE = 0x06, 0x05
 LARGEST = 1 << 26                     # bytes of an unpacked chunk; a damaged length must not ask for all memory
+UNKNOWN = -1                          # content size of a frame that does not state it
 # A chunk: opcode, length of the rest; start, end, unpacked size, CRC of what is unpacked, "zstd", packed size, data
 HEAD = struct.Struct("<BQQQQI8sQ")
 NAME_AT = 37                          # where in it the name of the compression stands ...
@@ -33,8 +34,11 @@ def _unpack(data: bytes, start: int) -> tuple[bytes | None, int]:
     begin = start + HEAD.size
     if opcode != CHUNK or size > LARGEST or packed > len(data) - begin:
         return None, 0
+    frame = data[begin:begin + packed]
     try:
-        content = zstandard.decompress(data[begin:begin + packed], max_output_size=size)
+        if zstandard.frame_content_size(frame) not in (size, UNKNOWN):     # a damaged one may ask for all memory
+            return None, 0
+        content = zstandard.decompress(frame, max_output_size=size)
     except zstandard.ZstdError:
         return None, 0
     return (content, begin + packed) if zlib.crc32(content) == crc else (None, 0)

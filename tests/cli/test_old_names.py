@@ -1,4 +1,4 @@
-"""Earlier spellings: those of formats.md go on working and print the new one; the others are refused with it."""
+"""Earlier spellings: those that other programs use still work and print the new one; the others are refused."""
 
 import pytest
 

@@ -91,6 +91,16 @@ def test_damage_in_the_middle_costs_the_chunks_that_it_touches(plain, tmp_path_f
     assert not TickReader(session).cut_short
 
 
+def test_frame_that_claims_an_absurd_size_costs_its_chunk_alone(session, plain, chunks):
+    """zstd allocates what a frame's header states: 2^60 bytes here."""
+    data = bytearray((session / TELEMETRY).read_bytes())
+    frame = data.index(b"\x28\xb5\x2f\xfd", chunks[3][0])
+    data[frame + 4] |= 0xC0                       # the header's content size has eight bytes now
+    (session / TELEMETRY).write_bytes(data)
+    assert TickReader(session) and len(rows(session)) <= len(rows(plain))
+    assert recover(session).ticks == len(rows(plain)) - chunks[3][2]
+
+
 def test_ticks_behind_the_damage_are_kept_and_a_replay_says_where_they_are_missing(session, plain, chunks):
     data = bytearray((session / TELEMETRY).read_bytes())
     data[(chunks[10][0] + chunks[10][1]) // 2] ^= 0xFF
