@@ -8,13 +8,13 @@ import functools
 import struct
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
-
-import cantools
-from cantools.database.can.message import Message
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from truearc.hw.fault_codes import FRAME_LENGTH, FRAME_SIGNALS, FRAME_VALUE
 from truearc.hw.protocols import BadFrame
+
+if TYPE_CHECKING:
+    from cantools.database.can.message import Message
 
 DBC = Path(__file__).parent / "dbc"
 
@@ -27,7 +27,7 @@ FORMATS = {(32, True, False): "f", (64, True, False): "d",
 
 
 class _Entry(NamedTuple):
-    message: Message
+    message: "Message"
     length: int                                   # bytes
     names: frozenset[str]
     limits: tuple[tuple[str, float, float], ...]  # signal, lowest, highest; in the unit of the DBC
@@ -113,13 +113,19 @@ class Codec:
 
 @functools.cache
 def load_codec(name: str) -> Codec:
-    """Read `hw/dbc/<name>.dbc`; ValueError if a signal there states no range."""
-    path = DBC / f"{name}.dbc"
+    """Read `hw/dbc/<name>.dbc`, once; ValueError as read_codec."""
+    return read_codec(DBC / f"{name}.dbc")
+
+
+@functools.cache
+def read_codec(path: Path) -> Codec:
+    """Read a DBC file, once; ValueError if a signal there states no range."""
+    import cantools  # slow to import, and most commands make no frame
     database = cantools.database.load_file(path, database_format="dbc", strict=True)
-    return Codec(name, {message.name: _entry(path, message) for message in database.messages})
+    return Codec(path.stem, {message.name: _entry(path, message) for message in database.messages})
 
 
-def _entry(path: Path, message: Message) -> _Entry:
+def _entry(path: Path, message: "Message") -> _Entry:
     limits = []
     for signal in message.signals:
         if signal.minimum is None or signal.maximum is None:
@@ -128,7 +134,7 @@ def _entry(path: Path, message: Message) -> _Entry:
     return _Entry(message, message.length, frozenset(name for name, _, _ in limits), tuple(limits), _layout(message))
 
 
-def _layout(message: Message) -> _Layout | None:
+def _layout(message: "Message") -> _Layout | None:
     text, at_bit = "<", 0
     signals = sorted(message.signals, key=lambda signal: signal.start)
     for signal in signals:

@@ -1,8 +1,10 @@
 """Which frames firing needs, and how old the newest of each may be: restated here, apart from the verdict's code."""
 
 from truearc.hw.codec import load_codec
+from truearc.hw.devices.axis import Axis
 from truearc.hw.devices.canandmag import frames as canandmag
-from truearc.robot.config.schema import Axis, Config, OdriveAxis
+from truearc.hw.devices.odrive.family import OdriveConfig
+from truearc.robot.config.schema import Config
 
 AGE_S, BEAT_S, FAULTS_S = 0.1, 0.25, 1.0
 ODRIVE = {"Get_Encoder_Estimates": AGE_S, "Heartbeat": BEAT_S}
@@ -20,10 +22,10 @@ def needed_frames(config: Config) -> dict[tuple[int, int], float]:
 
 def frame_id(axis: Axis, message: str) -> int:
     """Of one of the messages of an axis's device."""
-    if isinstance(axis, OdriveAxis):
+    if isinstance(axis, OdriveConfig):
         return axis.node << 5 | load_codec("odrive").base_id(message)
     return load_codec("spark").base_id(message) + axis.device
 
 
 def is_odrive(axis: Axis) -> bool:
-    return isinstance(axis, OdriveAxis)
+    return isinstance(axis, OdriveConfig)

@@ -26,7 +26,7 @@ from truearc.hw.emulated.nodes import NEVER_NS
 from truearc.robot.config.schema import Config
 from truearc.robot.motors import name_axes
 from truearc.robot.recording.candump import TappedBus
-from truearc.sim.world.emulated_robot import FLYWHEEL, make_nodes
+from truearc.sim.world.emulated_robot import WATCHDOG_MS, make_nodes
 
 MS = 1_000_000
 NS_PER_S = 1_000_000_000
@@ -53,7 +53,7 @@ class FarSide:
     """Call `advance` as time goes on until `over`; `now_ns` tells the run's clock."""
 
     def __init__(self, config: Config, row: Row, arms: int, wire: FarWire, box: BrokenBox, span: Span,
-                 now_ns: Callable[[], int], watchdog_ms: int = FLYWHEEL.watchdog_ms) -> None:
+                 now_ns: Callable[[], int], watchdog_ms: int = WATCHDOG_MS) -> None:
         """`arms`: how often the driver presses that button once the fault is over. With a span that has begun these
         devices take the place of others, whose driver had armed."""
         self.seen = Seen()

@@ -2,9 +2,12 @@
 
 from msgspec.structs import replace
 
-from truearc.robot.config.schema import AdvisoryAxis, Axes, Config, SparkAxis
+from truearc.hw.devices.advisory.family import AdvisoryConfig
+from truearc.hw.devices.spark.family import SparkConfig
+from truearc.robot.config.schema import Axes, Config
 
-WHEEL = SparkAxis(device=11, direction=1, has_endstop=False, stall_torque_nm=2.6, free_speed_rad_s=594.0, rated_v=12.0)
+WHEEL = SparkConfig(device=11, direction=1, has_endstop=False, stall_torque_nm=2.6, free_speed_rad_s=594.0,
+                    rated_v=12.0)
 SPARKS = Axes((WHEEL, replace(WHEEL, device=12, direction=-1)), replace(WHEEL, device=3, has_endstop=True),
               replace(WHEEL, device=14, stall_torque_nm=0.7, free_speed_rad_s=1000.0))
 
@@ -23,6 +26,6 @@ def with_launcher(config: Config, launcher: str) -> Config:
     return config
 
 
-def _heard(axis: object) -> AdvisoryAxis:
-    assert isinstance(axis, SparkAxis)
-    return AdvisoryAxis("spark", axis.device, axis.direction, axis.has_endstop)
+def _heard(axis: object) -> AdvisoryConfig:
+    assert isinstance(axis, SparkConfig)
+    return AdvisoryConfig("spark", axis.device, axis.direction, axis.has_endstop)

@@ -9,8 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from truearc.hw.devices.spark.family import SparkConfig
 from truearc.hw.emulated.plant import MotorTruth, View
-from truearc.robot.config.schema import Config, SparkAxis
+from truearc.robot.config.schema import Config
 from truearc.robot.geometry import elevation_from_screw_deg
 
 TORQUE_NM_A = 0.02
@@ -38,7 +39,7 @@ class SmallPlant:
     def __init__(self, config: Config) -> None:
         self.balls: list[Ball] = []
         self._config = config
-        self._screw_nm_s = STIFF_NM_S if isinstance(config.axes.hood, SparkAxis) else SCREW_NM_S
+        self._screw_nm_s = STIFF_NM_S if isinstance(config.axes.hood, SparkConfig) else SCREW_NM_S
         self._t_ns = 0
         self._belt_rad = self._belt_rad_s = 0.0
         self._screw_rad = START_DEG / 0.2

@@ -4,15 +4,15 @@ import hashlib
 import re
 import tomllib
 from pathlib import Path
-from typing import Annotated, Literal, TypeVar, get_args
+from typing import Annotated, Any, Literal, TypeVar
 
 import msgspec
 from msgspec import Struct
 
+from truearc.hw.devices.axis import Axis, CanNode, Direction, Positive
 from truearc.robot.config.rig_spec import Rig
 
 Kind = TypeVar("Kind")
-Positive = Annotated[float, msgspec.Meta(gt=0.0, lt=1e9)]
 Finite = Annotated[float, msgspec.Meta(gt=-1e9, lt=1e9)]
 Doubt = Annotated[float, msgspec.Meta(ge=0.0, lt=1e9)]
 Place = Annotated[float, msgspec.Meta(gt=-1e6, lt=1e6)]   # any number, but neither infinite nor none
@@ -23,8 +23,9 @@ Hue = Annotated[int, msgspec.Meta(ge=0, le=179)]          # OpenCV's, two degree
 Slope = Annotated[float, msgspec.Meta(gt=-90.0, lt=90.0)]
 Level = Annotated[int, msgspec.Meta(ge=0, le=255)]
 Count = Annotated[int, msgspec.Meta(gt=0, lt=1_000_000)]
-CanNode = Annotated[int, msgspec.Meta(ge=0, le=62)]     # 63 means everybody to ODrives, and to the FRC's devices
-Direction = Literal[-1, 1]            # sign that makes positive launch a ball or raise the hood
+
+
+_INNER_PLACE = re.compile(r" - at `\$([^`]*)` - at `\$([^`]*)`$")      # of an axis's key, and of the axis
 
 
 class InputError(Exception):
@@ -42,36 +43,10 @@ class Buttons(Struct, frozen=True, forbid_unknown_fields=True):
     baud: Annotated[int, msgspec.Meta(ge=300, le=4_000_000)]
 
 
-class OdriveAxis(Struct, frozen=True, forbid_unknown_fields=True, tag_field="driver", tag="odrive"):
-    """An ODrive, given torques."""
+class _AnyAxis(Struct, Axis):
+    """What every axis has; nothing is ever one of these."""
 
-    node: CanNode
-    direction: Direction
-    endstop_endpoint: int             # SDO endpoint that reads the limit switch; 0 = none
-
-
-class SparkAxis(Struct, frozen=True, forbid_unknown_fields=True, tag_field="driver", tag="spark"):
-    """A REV SPARK MAX or Flex, given duties, which follow from what the motor's data sheet says; see
-    truearc.hw.dc_motor."""
-
-    device: CanNode
-    direction: Direction
-    has_endstop: bool                 # a limit switch on its data port ends the negative direction
-    stall_torque_nm: Positive         # at the shaft that the encoder counts, at the rated voltage
-    free_speed_rad_s: Positive
-    rated_v: Positive
-
-
-class AdvisoryAxis(Struct, frozen=True, forbid_unknown_fields=True, tag_field="driver", tag="advisory"):
-    """Somebody else's motor: its frames are heard, and nothing is ever sent to it."""
-
-    listens_to: Literal["odrive", "spark"]    # whose frames they are
-    device: CanNode
-    direction: Direction
-    has_endstop: bool                 # its frames tell of a limit switch at the negative end; only a SPARK's do
-
-
-Axis = OdriveAxis | SparkAxis | AdvisoryAxis
+    driver: str
 
 
 class Axes(Struct, frozen=True, forbid_unknown_fields=True):
@@ -300,11 +275,24 @@ def in_words(error: Exception) -> str:
 def parse_toml(text: str, kind: type[Kind], name: str) -> Kind:
     """As load_toml, of text that came from somewhere called `name`."""
     try:
-        return msgspec.convert(tomllib.loads(text), kind)
+        return msgspec.convert(tomllib.loads(text), kind, dec_hook=read_axis)
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"{name}: {error}") from error
     except msgspec.ValidationError as error:
-        raise InputError(f"{name}{_line_of(text, str(error))}: {_reworded(str(error))}") from error
+        message = _INNER_PLACE.sub(r" - at `$\2\1`", str(error))
+        raise InputError(f"{name}{_line_of(text, message)}: {_reworded(message)}") from error
+
+
+def read_axis(kind: type, table: Any) -> Axis:
+    """msgspec's dec_hook for an axis: its driver's family states the keys; ValueError says what is wrong."""
+    from truearc.hw.devices.registry import find_family  # drivers need cantools, which most commands do without
+    driver = table.get("driver") if isinstance(table, dict) else None
+    try:
+        return msgspec.convert(table, find_family(driver).axis if isinstance(driver, str) else _AnyAxis)
+    except LookupError:
+        raise ValueError(f"Invalid value {driver!r} - at `$.driver`") from None
+    except msgspec.ValidationError as error:
+        raise ValueError(str(error)) from error
 
 
 def config_hash(config: Config) -> str:
@@ -314,7 +302,8 @@ def config_hash(config: Config) -> str:
 
 def _reworded(message: str) -> str:
     if message.startswith("Invalid value") and message.endswith(".driver`"):
-        message += f" (there are {', '.join(str(kind.__struct_config__.tag) for kind in get_args(Axis))})"
+        from truearc.hw.devices.registry import drivers
+        message += f" (there are {', '.join(drivers())})"
     return (message.replace("Object contains unknown field", "unknown key")
             .replace("Object missing required field", "missing key").replace("`$.", "`").replace(" - at `$`", ""))
 

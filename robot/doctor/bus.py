@@ -2,11 +2,13 @@
 
 from collections.abc import Iterable
 
+from truearc.hw.devices.axis import Axis
+from truearc.hw.devices.listening import Heard
+from truearc.hw.devices.registry import family_of
+from truearc.hw.finding import Finding, failure, ok, warning
 from truearc.hw.frc import is_controller_heartbeat, locked_spark
 from truearc.hw.machine import CanLink
-from truearc.robot.config.schema import AdvisoryAxis, Axis, Can
-from truearc.robot.doctor.finding import Finding, failure, ok, warning
-from truearc.robot.doctor.listening import Heard
+from truearc.robot.config.schema import Can
 
 SHORT_QUEUE = 64                      # frames; the kernel's own ten are full within one tick of four axes
 BRING_UP = "bring it up with the files of `truearc deploy`, or `ip link set {} up type can bitrate {} restart-ms 100`"
@@ -53,7 +55,7 @@ def check_heartbeat_lock(axes: Iterable[Axis], heard: Heard) -> Finding:
     """Whether a competition's robot controller has the say here, now or before: over motors that are not ours to drive
     it may."""
     check = "heartbeat lock"
-    if all(isinstance(axis, AdvisoryAxis) for axis in axes):
+    if not any(family_of(axis).is_commanded for axis in axes):
         return ok(check, "every motor is another controller's, and nothing is sent to them")
     locked = sorted({number for frame in heard.frames if (number := locked_spark(frame)) is not None})
     if locked:

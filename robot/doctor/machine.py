@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from truearc.robot.doctor.finding import Finding, failure, ok, warning
+from truearc.hw.finding import Finding, failure, ok, warning
 
 RECORDING_BYTES_S = 100_000           # ticks and CAN frames: 90 kB/s on the emulated robot, and half a MB a shot
 FULL_BYTES = 200_000_000              # half an hour

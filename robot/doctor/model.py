@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
+from truearc.hw.finding import Finding, failure, ok
 from truearc.robot.config.schema import GateConfig, InputError
-from truearc.robot.doctor.finding import Finding, failure, ok
 from truearc.robot.gate.contract import FEATURES
 from truearc.robot.gate.model import load_gate
 

@@ -3,11 +3,11 @@
 import numpy as np
 
 from truearc.hw.devices.button_box.frames import parse_lines
+from truearc.hw.finding import Finding, failure, ok, warning
 from truearc.hw.machine import Exposure
 from truearc.hw.protocols import Camera, Clock, LinkLost, Stream
 from truearc.hw.readings import CameraFrame
 from truearc.robot.config.schema import CameraConfig
-from truearc.robot.doctor.finding import Finding, failure, ok, warning
 from truearc.robot.reasons import text
 
 NS_PER_S = 1_000_000_000

@@ -7,11 +7,12 @@ import math
 
 from msgspec import UNSET, UnsetType
 
+from truearc.hw.devices.axis import Axis
 from truearc.hw.readings import AngleReading, MotorReading
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
 from truearc.robot.aim import PLAN
-from truearc.robot.config.schema import Axis, Config, GateConfig
+from truearc.robot.config.schema import Config, GateConfig
 from truearc.robot.gate.contract import FEATURES, NOVELTY_LIMIT
 from truearc.robot.gate.model import Gate, Rating
 from truearc.robot.motors import error_words, is_driven, name_axes

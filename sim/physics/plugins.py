@@ -12,11 +12,12 @@ import inspect
 import sys
 import traceback
 from collections.abc import Iterable, Sequence
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import entry_points
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from truearc.hw.plugins import PluginError, distribution_of, load_plugin, place_of
 from truearc.robot.config.schema import InputError, load_text
 from truearc.sim.physics.term import Term
 from truearc.sim.physics.term_check import check_term
@@ -32,12 +33,12 @@ def terms_of_distributions(known: Sequence[Term]) -> tuple[Term, ...]:
         InputError: names the distribution and entry point that cannot be loaded, are incomplete, or have a taken name.
     """
     found: list[Term] = []
-    for point in sorted(entry_points(group=GROUP), key=lambda point: (_distribution(point), point.name)):
-        where = f"{_distribution(point)}: entry point {GROUP}: {point.name} = {point.value}"
+    for point in sorted(entry_points(group=GROUP), key=lambda point: (distribution_of(point), point.name)):
+        where = place_of(point)
         try:
-            loaded = point.load()
-        except Exception as error:
-            raise InputError(f"{where}: {type(error).__name__}: {error}; fix or uninstall it") from error
+            loaded = load_plugin(point)
+        except PluginError as error:
+            raise InputError(str(error)) from error
         found += _checked(_as_terms(loaded, where), [*known, *found], where)
     return tuple(found)
 
@@ -65,10 +66,6 @@ def check_unique(terms: Iterable[Term]) -> None:
         if term.name in seen:
             raise InputError(f"{type(term).__name__}: there is a term {term.name!r} already; give it another name")
         seen.add(term.name)
-
-
-def _distribution(point: EntryPoint) -> str:
-    return f"{point.dist.name} {point.dist.version}" if point.dist else "an unknown distribution"
 
 
 def _as_terms(loaded: Any, where: str) -> tuple[Term, ...]:

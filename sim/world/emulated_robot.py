@@ -7,13 +7,12 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
+from truearc.hw.devices.axis import Axis
 from truearc.hw.devices.button_box.emulator import open_button_box
 from truearc.hw.devices.canandmag.emulator import CanandmagNode
 from truearc.hw.devices.canandmag.frames import Encoder
-from truearc.hw.devices.odrive import frames as odrive
-from truearc.hw.devices.odrive.emulator import OdriveNode, OdriveSettings
-from truearc.hw.devices.spark import frames as spark
-from truearc.hw.devices.spark.emulator import SparkNode, SparkSettings
+from truearc.hw.devices.family import AttachedMotor
+from truearc.hw.devices.registry import family_of
 from truearc.hw.emulated.clock import StepClock
 from truearc.hw.emulated.emulated_robot import Twin
 from truearc.hw.emulated.faults import Fault, FaultyNode
@@ -22,9 +21,9 @@ from truearc.hw.real.can_bus import open_can
 from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.real.serial_port import open_serial
 from truearc.robot.config.can_policy import guard
-from truearc.robot.config.schema import AdvisoryAxis, Axis, Config, OdriveAxis, SparkAxis
+from truearc.robot.config.schema import Config
 from truearc.robot.gate.model import Gate, load_gate
-from truearc.robot.motors import name_axes, odrive_axis, spark_axis
+from truearc.robot.motors import name_axes
 from truearc.robot.operator_ui.serve_option import with_page
 from truearc.robot.operator_ui.server import OperatorPage
 from truearc.robot.recording.candump import TappedBus
@@ -44,13 +43,8 @@ from truearc.sim.world.parts.target import BallResult
 from truearc.sim.world.world import World
 
 LONGEST_TRIAL_S = 40.0                # a session that takes longer than this a trial is stuck, and ends
+WATCHDOG_MS = 100                     # of the motor drivers, where it can be set
 CHANNELS = itertools.count()          # every twin in this process has a wire of its own
-
-# How the axes report; set once on a real one with its maker's tool. Currents matter on the flywheels only.
-FLYWHEEL = OdriveSettings(encoder_ms=10, current_ms=10)
-SETTINGS = {"hood": OdriveSettings(encoder_ms=10, current_ms=100),
-            "feeder": OdriveSettings(encoder_ms=50, current_ms=100)}
-
 
 
 def emulate(config: Config, folder: Path, trials: int, seed: int, options: Options | None = None,
@@ -113,7 +107,7 @@ def run_twin(config: Config, world: World, trials: int, seed: int, gate: Gate | 
 
 
 def make_nodes(config: Config, world: World, faults: Mapping[str, tuple[Fault, ...]],
-               watchdog_ms: int = FLYWHEEL.watchdog_ms) -> tuple[Node, ...]:
+               watchdog_ms: int = WATCHDOG_MS) -> tuple[Node, ...]:
     """The far end of every device that the configuration names."""
     names = [f"flywheel_{letter}" for letter, _ in zip("ab", config.axes.flywheels, strict=True)] + ["hood", "feeder"]
     nodes = {name: make_axis_node(axis, name, world, watchdog_ms)
@@ -125,17 +119,7 @@ def make_nodes(config: Config, world: World, faults: Mapping[str, tuple[Fault, .
 
 def make_axis_node(axis: Axis, name: str, world: World, watchdog_ms: int) -> Node:
     """The device at the far end of one axis, with the world's motor `name` on it; nobody commands an advisory one."""
-    settings = replace(SETTINGS.get(name, FLYWHEEL), watchdog_ms=watchdog_ms)
     motor = {"hood": HOOD, "feeder": FEEDER}.get(name, FLYWHEEL_MOTOR)
-    sparks = SparkSettings(motor.kt_nm_a, motor.resistance_ohm)
-    switch = world.hood_at_limit if name == "hood" else None
-    match axis:
-        case OdriveAxis():
-            return OdriveNode(odrive_axis(axis), name, world, settings, switch if axis.endstop_endpoint else None)
-        case SparkAxis():
-            return SparkNode(spark_axis(axis), name, world, sparks, switch if axis.has_endstop else None)
-        case AdvisoryAxis(listens_to="odrive"):
-            return OdriveNode(odrive.OdriveAxis(axis.device, axis.direction), name, world, settings)
-        case AdvisoryAxis():
-            theirs = spark.SparkAxis(axis.device, axis.direction, axis.has_endstop)
-            return SparkNode(theirs, name, world, sparks, switch if axis.has_endstop else None)
+    attached = AttachedMotor(name, world, motor.kt_nm_a, motor.resistance_ohm, watchdog_ms,
+                             world.hood_at_limit if name == "hood" else None)
+    return family_of(axis).make_node(axis, attached)

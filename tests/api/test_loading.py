@@ -37,7 +37,7 @@ def test_recording_loads_no_companion() -> None:
 
 @pytest.mark.parametrize("module", [
     "discover.discover", "discover.design", "discover.identifiability", "discover.predict", "discover.shots",
-    "discover.fit_ml", "gate.export", "gate.verify", "gate.predict_gate", "gate.train_physics", "start.demo"])
+    "discover.fit", "gate.export", "gate.verify", "gate.train", "start.demo"])
 def test_a_command_loads_nothing_heavy_before_it_runs(module: str) -> None:
     code = (f"import argparse, truearc.cli.{module} as door\nparser = argparse.ArgumentParser()\n"
             "door.add_arguments(parser); parser.format_help(); assert callable(door.main)")

@@ -142,7 +142,7 @@ def test_tables_go_out_tidy(found) -> None:
     ({"believe": "gravity"}, "believe: 'gravity' is one string"), ({"believe": []}, "believe: names no term"),
     ({"believe": ["gravity", "free_push"]}, "without a name"), ({"seed": -1}, "seed: -1 is negative"),
     ({"false_alarm": 1.5}, "false_alarm: 1.5 is not between"), ({"measured": {"wind_x": (1.0, 0.0)}}, "wind_x"),
-    ({"measured": {"magic": (1.0, 0.1)}}, "'magic'"), ({"terms": []}, "gravity")])
+    ({"measured": {"magic": (1.0, 0.1)}}, "'magic'"), ({"terms": []}, "there is no term")])
 def test_what_discovery_cannot_do_is_said(week, arguments, message) -> None:
     with pytest.raises(ta.InputError, match=message):
         ta.discover(week, **arguments)

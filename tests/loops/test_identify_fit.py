@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from truearc import robot
 from truearc.cli.main import main
 from truearc.cli.robot.sysid_emulated import drive_twin
-from truearc.robot.config.schema import Config, load_config
+from truearc.robot.config.schema import Config, load_config, read_axis
 from truearc.robot.reasons import IDENTIFY_DONE
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.replay.recompute import replay
@@ -109,7 +109,7 @@ def merged(fragment: str) -> Config:
                 into[key] = value
     whole = tomllib.loads(SHIPPED.read_text(encoding="utf-8"))
     put(whole, tomllib.loads(fragment))
-    return msgspec.convert(whole, Config)
+    return msgspec.convert(whole, Config, dec_hook=read_axis)
 
 
 def test_the_door_writes_gains_that_the_robot_shoots_with(session, tmp_path, capsys):

@@ -14,10 +14,14 @@ from msgspec.structs import replace
 from tests.robot.good_tick import CONFIG, good_inputs, good_memory
 from tests.robot.sparks import ALL_SPARK, SPARK_HOOD, SPARK_WHEELS, only_advice
 from tests.robot.test_rig import ASKED, Blind, Stream, Time, Wire
+from truearc.hw.devices.advisory.family import AdvisoryConfig
+from truearc.hw.devices.axis import Axis
+from truearc.hw.devices.odrive.family import OdriveConfig
 from truearc.hw.devices.spark import frames as spark
+from truearc.hw.devices.spark.family import SparkConfig
 from truearc.hw.protocols import Frame
 from truearc.hw.reason import Reason
-from truearc.robot.config.schema import AdvisoryAxis, Axis, Config, InputError, OdriveAxis, SparkAxis
+from truearc.robot.config.schema import Config, InputError, read_axis
 from truearc.robot.estimate import estimate
 from truearc.robot.gate.verdict import judge
 from truearc.robot.motors import make_motors, name_axes
@@ -168,8 +172,8 @@ def test_axes_are_named_in_the_inputs_order() -> None:
 def test_the_lines_in_the_manual_are_taken() -> None:
     manual = (Path(__file__).parents[2] / "docs" / "motors.md").read_text(encoding="utf-8")
     axes = tomllib.loads(re.search(r"```toml\n(.*?)```", manual, re.DOTALL)[1])["axes"]
-    taken = [msgspec.convert(lines, Axis) for lines in (axes["feeder"], axes["hood"], axes["flywheels"][0])]
-    assert [type(axis) for axis in taken] == [OdriveAxis, SparkAxis, AdvisoryAxis]
+    taken = [read_axis(Axis, lines) for lines in (axes["feeder"], axes["hood"], axes["flywheels"][0])]
+    assert [type(axis) for axis in taken] == [OdriveConfig, SparkConfig, AdvisoryConfig]
 
 
 def test_a_question_is_logged_with_the_length_of_its_answer() -> None:

@@ -1,6 +1,7 @@
 """An ODrive axis at the far end of the wire: byte-exact frames, documented rates, and its own ideas of safety."""
 
 from collections.abc import Callable
+from types import MappingProxyType
 
 from msgspec import Struct
 
@@ -31,6 +32,12 @@ class OdriveSettings(Struct, frozen=True):
     velocity_gain_nm_s: float = 0.02              # how torque is taken back towards the velocity limit, per rad/s
     firmware: tuple[int, int, int] = (0, 6, 10)
     parameters: tuple[tuple[int, int], ...] = ()  # (endpoint, its four bytes as a number) of what else can be read
+
+
+# How the axes report; set once on a real one with its maker's tool. Currents matter on the flywheels only.
+FLYWHEEL = OdriveSettings(encoder_ms=10, current_ms=10)
+SETTINGS = MappingProxyType({"hood": OdriveSettings(encoder_ms=10, current_ms=100),
+                             "feeder": OdriveSettings(encoder_ms=50, current_ms=100)})
 
 
 class OdriveNode:

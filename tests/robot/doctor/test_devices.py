@@ -12,19 +12,17 @@ from tests.robot.good_tick import CONFIG
 from truearc.cli.robot.doctor_checks import look_at_bus
 from truearc.hw.devices.canandmag.emulator import CanandmagNode
 from truearc.hw.devices.canandmag.frames import Encoder
-from truearc.hw.devices.odrive.emulator import OdriveNode
+from truearc.hw.devices.listening import listen
+from truearc.hw.devices.odrive.emulator import FLYWHEEL, SETTINGS, OdriveNode
 from truearc.hw.emulated.clock import StepClock
 from truearc.hw.emulated.emulated_robot import Twin
 from truearc.hw.emulated.faults import SILENT, TRUNCATED, UNPLUGGED, Fault, FaultyNode
+from truearc.hw.finding import FAILURE, OK, WARNING
 from truearc.hw.frc import CONTROLLER_HEARTBEAT, locked_spark
 from truearc.hw.protocols import Frame, LinkLost
 from truearc.hw.real.can_bus import open_can
 from truearc.robot.config.schema import InputError
-from truearc.robot.doctor.finding import FAILURE, OK, WARNING
-from truearc.robot.doctor.listening import listen
-from truearc.robot.doctor.parameters import load_endpoints
-from truearc.robot.motors import odrive_axis
-from truearc.sim.world.emulated_robot import FLYWHEEL, SETTINGS
+from truearc.robot.doctor.devices import load_endpoints
 
 CHANNELS = itertools.count()
 ALWAYS = 1 << 60
@@ -59,7 +57,7 @@ class Bench:
         self.nodes = {}
         for name, axis in zip(NAMES, axes, strict=True):
             well = replace(SETTINGS.get(name, FLYWHEEL), parameters=inside())
-            self.nodes[name] = OdriveNode(odrive_axis(axis), name, plant, (settings or {}).get(name, well),
+            self.nodes[name] = OdriveNode(axis, name, plant, (settings or {}).get(name, well),
                                           plant.hood_at_limit if axis.endstop_endpoint else None)
         self.nodes["hood_encoder"] = CanandmagNode(Encoder(CONFIG.hood_encoder.device), plant, 40.0, 1)
         nodes = [FaultyNode(node, (faults or {})[name]) if name in (faults or {}) else node
@@ -177,7 +175,7 @@ def test_a_standing_error_is_told_in_words():
 
 
 def test_two_devices_with_one_number():
-    twin = OdriveNode(odrive_axis(CONFIG.axes.feeder), "feeder", SpinningPlant(), SETTINGS["feeder"])
+    twin = OdriveNode(CONFIG.axes.feeder, "feeder", SpinningPlant(), SETTINGS["feeder"])
     finding = Bench(more=(twin,)).findings()["feeder motor, firmware"]
     assert finding.level == FAILURE and "2 devices answer as node 4" in finding.says
 

@@ -18,14 +18,14 @@ from tests.robot.test_rig import Stream, Time
 from truearc import robot
 from truearc.cli.main import main
 from truearc.hw.devices.button_box.frames import make_heartbeat
+from truearc.hw.devices.listening import Heard
 from truearc.hw.fault_codes import CAMERA_ERROR
+from truearc.hw.finding import FAILURE, OK, WARNING, failure, line, ok
 from truearc.hw.machine import CanLink, Exposure, parse_link
 from truearc.hw.protocols import LinkLost
 from truearc.hw.readings import CameraFrame
 from truearc.hw.real.machine import read_exposure
 from truearc.robot.doctor.bus import check_adapter, check_bitrate
-from truearc.robot.doctor.finding import FAILURE, OK, WARNING, failure, line, ok
-from truearc.robot.doctor.listening import Heard
 from truearc.robot.doctor.machine import check_clock, check_disk, check_real_time
 from truearc.robot.doctor.model import check_model
 from truearc.robot.doctor.senses import check_box, check_camera, check_exposure

@@ -4,20 +4,20 @@ import pytest
 
 from tests.hw.spinning_plant import SpinningPlant
 from tests.robot.sparks import ALL_SPARK, SPARK_HOOD, only_advice
+from truearc.hw.devices.listening import Heard
 from truearc.hw.devices.odrive.emulator import OdriveNode
 from truearc.hw.devices.odrive.frames import OdriveAxis
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.emulator import SparkNode, SparkSettings
+from truearc.hw.devices.spark.family import SparkConfig
 from truearc.hw.emulated.faults import SILENT, TRUNCATED, UNPLUGGED, Fault, FaultyNode
 from truearc.hw.emulated.nodes import Node
+from truearc.hw.finding import FAILURE, OK, WARNING, Finding
 from truearc.hw.frc import CONTROLLER_HEARTBEAT, locked_spark
 from truearc.hw.protocols import Frame
-from truearc.robot.config.schema import SparkAxis
 from truearc.robot.doctor.bus import check_heartbeat_lock
 from truearc.robot.doctor.devices import check_devices, questions
-from truearc.robot.doctor.finding import FAILURE, OK, WARNING, Finding
-from truearc.robot.doctor.listening import Heard
-from truearc.robot.motors import name_axes, spark_axis
+from truearc.robot.motors import name_axes
 
 MS, ALWAYS = 1_000_000, 1 << 60
 PLANT = SpinningPlant()
@@ -38,9 +38,9 @@ def sparks(config, faults=(), settings: SparkSettings | None = None) -> list[Nod
     """The configuration's SPARKs; the hood's has the faults and settings."""
     nodes: list[Node] = []
     for name, axis in name_axes(config):
-        if isinstance(axis, SparkAxis):
+        if isinstance(axis, SparkConfig):
             mine = settings if name == "hood motor" else None
-            node = SparkNode(spark_axis(axis), MOTORS[name], PLANT, mine,
+            node = SparkNode(axis, MOTORS[name], PLANT, mine,
                              PLANT.hood_at_limit if axis.has_endstop else None)
             nodes.append(FaultyNode(node, faults) if name == "hood motor" else node)
     return nodes
@@ -68,7 +68,7 @@ def test_what_is_wrong_with_a_spark_is_said(fault, settings, check, level, words
 
 def test_a_standing_fault_is_told_in_words():
     (node,) = sparks(SPARK_HOOD, settings=SparkSettings(faults=0x10))
-    node.receive(spark.make_statuses(spark_axis(SPARK_HOOD.axes.hood), spark.STATUSES), 0)      # as a run leaves it
+    node.receive(spark.make_statuses(SPARK_HOOD.axes.hood, spark.STATUSES), 0)      # as a run leaves it
     finding = hear([node], SPARK_HOOD)["hood motor, status"]
     assert finding.level == WARNING and "too hot" in finding.says
 

@@ -48,7 +48,7 @@ def main(args: argparse.Namespace) -> int:
         from truearc.robot.gate.model import load_gate
         load_gate(args.gate)                      # a model that the robot would refuse is refused here
     if args.endpoints:
-        from truearc.robot.doctor.parameters import load_endpoints
+        from truearc.robot.doctor.devices import load_endpoints
         load_endpoints(args.endpoints)
     parts = make_parts(config, Parts(args.gate is not None, args.endpoints is not None, args.core, args.priority,
                                      args.can_serial, args.box_usb, args.exposure_ms))

@@ -10,6 +10,9 @@ from pathlib import Path
 import cv2
 import msgspec
 
+from truearc.hw.devices.family import Endpoints
+from truearc.hw.devices.listening import listen
+from truearc.hw.finding import FAILURE, WARNING, Finding, count, failure, line
 from truearc.hw.machine import CanLink
 from truearc.hw.protocols import Bus, Clock, LinkLost
 from truearc.hw.real.camera import open_camera
@@ -20,12 +23,9 @@ from truearc.hw.real.realtime import rehearse
 from truearc.hw.real.serial_port import open_serial
 from truearc.robot.config.schema import Config, InputError, load_config
 from truearc.robot.doctor.bus import check_adapter, check_bitrate, check_heartbeat_lock
-from truearc.robot.doctor.devices import check_devices, questions
-from truearc.robot.doctor.finding import FAILURE, WARNING, Finding, count, failure, line
-from truearc.robot.doctor.listening import listen
+from truearc.robot.doctor.devices import check_devices, load_endpoints, questions
 from truearc.robot.doctor.machine import check_clock, check_disk, check_real_time
 from truearc.robot.doctor.model import check_model
-from truearc.robot.doctor.parameters import Endpoints, load_endpoints
 from truearc.robot.doctor.senses import check_box, check_camera, check_exposure
 from truearc.robot.motors import name_axes
 

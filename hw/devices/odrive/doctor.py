@@ -1,14 +1,16 @@
 """One ODrive axis: does it answer, with the right firmware, often enough, and without standing errors?"""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 
+from truearc.hw.devices.family import AxisCheck, Endpoints
+from truearc.hw.devices.listening import Heard
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.frames import OdriveAxis
+from truearc.hw.devices.odrive.parameters import check_filter, check_table, check_watchdog, parameter_queries
+from truearc.hw.finding import Finding, failure, ok, warning
 from truearc.hw.protocols import BadFrame, Frame
 from truearc.hw.readings import MotorReading
-from truearc.robot.doctor.finding import Finding, failure, ok, warning
-from truearc.robot.doctor.listening import Heard
 
 FIRMWARE = (0, 6)                     # whose frames hw/dbc/odrive.dbc describes; 0.5 has other ones under the same ids
 KNOWN_REVISION = 10                   # whose parameter numbers robot/launcher.toml names
@@ -23,9 +25,21 @@ NEEDED = ("Heartbeat", "Get_Encoder_Estimates")
 Rates = Mapping[str, tuple[int, int]]
 
 
-def rates_of(name: str) -> Rates:
-    """What the axis of this name must report."""
-    return {"hood motor": HOOD, "feeder motor": FEEDER}.get(name, FLYWHEEL)
+def questions(axis: OdriveAxis, endpoints: Endpoints | None) -> list[Frame]:
+    """Its version, and its parameters when their numbers are known."""
+    return [odrive.make_version_query(axis), *parameter_queries(axis, endpoints)]
+
+
+def examine(axis: OdriveAxis, check: AxisCheck, heard: Heard) -> Iterator[Finding]:
+    """Everything that is looked at, in the order in which it is told."""
+    name, endpoints = check.name, check.endpoints
+    yield check_firmware(name, axis, heard)
+    yield check_rates(name, axis, {"hood motor": HOOD, "feeder motor": FEEDER}.get(name, FLYWHEEL), heard)
+    yield check_errors(name, axis, heard)
+    if (finding := check_table(name, axis, endpoints, heard)) is not None:
+        yield finding
+    yield check_watchdog(name, axis, endpoints, heard)
+    yield check_filter(name, axis, endpoints, check.tick_hz, heard)
 
 
 def check_firmware(name: str, axis: OdriveAxis, heard: Heard) -> Finding:

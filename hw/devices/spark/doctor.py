@@ -2,20 +2,26 @@
 
 from collections.abc import Iterator
 
+from truearc.hw.devices.family import AxisCheck, Endpoints
+from truearc.hw.devices.listening import Heard
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.frames import SparkAxis
-from truearc.hw.protocols import BadFrame
+from truearc.hw.finding import Finding, failure, ok, warning
+from truearc.hw.protocols import BadFrame, Frame
 from truearc.hw.readings import MotorReading
-from truearc.robot.doctor.finding import Finding, failure, ok, warning
-from truearc.robot.doctor.listening import Heard
 
 LOOK = "look at its power and plug, and at its CAN id in REV's hardware client"
 
 
-def check_spark(name: str, axis: SparkAxis, heard: Heard) -> Iterator[Finding]:
-    """STATUS_1 and STATUS_2 are turned on, and its parameters set, by the run itself: nothing is asked of them here."""
-    yield check_firmware(name, axis, heard)
-    yield check_status(name, axis, heard)
+def questions(axis: SparkAxis, endpoints: Endpoints | None) -> list[Frame]:
+    """Its version. STATUS_1 and STATUS_2 are turned on, and its parameters set, by the run itself."""
+    return [spark.make_version_query(axis)]
+
+
+def examine(axis: SparkAxis, check: AxisCheck, heard: Heard) -> Iterator[Finding]:
+    """Everything that is looked at, in the order in which it is told."""
+    yield check_firmware(check.name, axis, heard)
+    yield check_status(check.name, axis, heard)
 
 
 def check_firmware(name: str, axis: SparkAxis, heard: Heard) -> Finding:

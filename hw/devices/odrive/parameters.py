@@ -7,16 +7,13 @@ flat_endpoints.json, {"fw_version": "0.6.10", "endpoints": {name: {"id": number,
 import json
 import math
 import struct
-from pathlib import Path
 
-from msgspec import Struct
-
+from truearc.hw.devices.family import Endpoints
+from truearc.hw.devices.listening import Heard
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.frames import OdriveAxis
+from truearc.hw.finding import Finding, failure, ok, warning
 from truearc.hw.protocols import BadFrame, Frame
-from truearc.robot.config.schema import InputError, load_text
-from truearc.robot.doctor.finding import Finding, failure, ok, warning
-from truearc.robot.doctor.listening import Heard
 
 WATCHDOG_ON, WATCHDOG_S = "axis0.config.enable_watchdog", "axis0.config.watchdog_timeout"
 BANDWIDTH = "axis0.config.encoder_bandwidth"
@@ -27,28 +24,21 @@ NOT_ASKED = "not asked: no table of parameters was given"
 GIVE = "give its firmware's flat_endpoints.json to --endpoints"
 
 
-class Endpoints(Struct, frozen=True):
-    """Numbers of the parameters of one firmware."""
-
-    firmware: str
-    ids: dict[str, int]
-
-
-def load_endpoints(path: Path) -> Endpoints:
-    """Read flat_endpoints.json; InputError names the file and what is missing."""
+def parse_endpoints(text: str) -> Endpoints:
+    """The contents of flat_endpoints.json; ValueError says what is missing."""
     try:
-        table = json.loads(load_text(path))
+        table = json.loads(text)
         ids = {str(name): int(entry["id"]) for name, entry in table["endpoints"].items() if "id" in entry}
         firmware = str(table["fw_version"])
     except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise InputError(f"{path}: not a table of endpoints (flat_endpoints.json): {error!r}") from error
+        raise ValueError(f"not a table of endpoints (flat_endpoints.json): {error!r}") from error
     for name in ASKED:
         if name not in ids:
-            raise InputError(f"{path}: has no endpoint {name!r}")
+            raise ValueError(f"has no endpoint {name!r}")
     return Endpoints(firmware, ids)
 
 
-def questions(axis: OdriveAxis, endpoints: Endpoints | None) -> list[Frame]:
+def parameter_queries(axis: OdriveAxis, endpoints: Endpoints | None) -> list[Frame]:
     """What to ask of an axis: reads only."""
     return [] if endpoints is None else [odrive.make_parameter_query(axis, endpoints.ids[name]) for name in ASKED]
 

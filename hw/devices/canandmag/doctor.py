@@ -2,19 +2,20 @@
 
 from truearc.hw.devices.canandmag import frames as canandmag
 from truearc.hw.devices.canandmag.frames import Encoder
+from truearc.hw.devices.listening import Heard
+from truearc.hw.finding import Finding, failure, ok, warning
 from truearc.hw.protocols import BadFrame
 from truearc.hw.readings import AngleReading
-from truearc.robot.config.schema import Config
-from truearc.robot.doctor.finding import Finding, failure, ok, warning
-from truearc.robot.doctor.listening import Heard
 
 CHECK = "hood encoder"
 ENOUGH = 3                            # angles within the age that may still fire
 
 
-def check_encoder(config: Config, heard: Heard) -> Finding:
-    """Whether the angle comes, often enough, from a healthy device. Its position is not filtered in the device."""
-    encoder = Encoder(config.hood_encoder.device)
+def check_encoder(encoder: Encoder, period_ms: int, longest_age_s: float, heard: Heard) -> Finding:
+    """Whether the angle comes, often enough, from a healthy device. Its position is not filtered in the device.
+
+    period_ms: between angles, as configured. longest_age_s: of an angle that may still fire.
+    """
     ids = canandmag.frame_ids(encoder)
     reading: AngleReading | None = None
     for frame in heard.frames:
@@ -30,10 +31,9 @@ def check_encoder(config: Config, heard: Heard) -> Finding:
     if not reading.magnet_ok:
         return failure(CHECK, "cannot see its magnet", "look at the magnet on the hood's pivot and its distance")
     angles_s = len(heard.of(ids[0], extended=True)) / heard.seconds
-    if angles_s < ENOUGH / config.gate.reading_age_s:
-        return failure(CHECK, f"{angles_s:.0f} angles/s; firing needs "
-                       f"{ENOUGH / config.gate.reading_age_s:.0f}",
-                       f"set its position period to {config.hood_encoder.period_ms} ms")
+    if angles_s < ENOUGH / longest_age_s:
+        return failure(CHECK, f"{angles_s:.0f} angles/s; firing needs {ENOUGH / longest_age_s:.0f}",
+                       f"set its position period to {period_ms} ms")
     if reading.faults:
         return warning(CHECK, ", ".join(canandmag.fault_words(reading.faults)), "look into it before a match")
     return ok(CHECK, f"{angles_s:.0f} angles/s, magnet in sight; positions are not filtered")

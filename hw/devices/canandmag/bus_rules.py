@@ -1,0 +1,13 @@
+"""What a Canandmag may be sent, and what it and hosts send."""
+
+from truearc.hw.devices.bus_rules import NS_PER_MS, Rules, allow_seldom, kinds_of
+from truearc.hw.devices.canandmag import frames as canandmag
+
+
+def make_rules(encoder: canandmag.Encoder, period_ms: int) -> Rules:
+    """`period_ms`: between angles, as asked of the device; 0: nothing is sent to it, and its cadence is another's."""
+    by_host, by_device = (kinds_of(canandmag.ids_sent_by(encoder, node), True) for node in ("Host", "Encoder"))
+    if not period_ms:
+        return Rules((), by_host, by_device, {})
+    return Rules(allow_seldom([canandmag.make_position_period(encoder, period_ms)]), by_host, by_device,
+                 {(canandmag.frame_ids(encoder)[0], True, False): period_ms * NS_PER_MS})

@@ -1,0 +1,58 @@
+"""Every family of motor controllers: those of this package, and those of installed distributions.
+
+A distribution names its MotorFamily by its driver. It is loaded when a configuration first names that driver, before
+the first tick:
+
+    [project.entry-points."truearc.motors"]
+    samplemotor = "truearc_samplemotor:SAMPLEMOTOR"
+"""
+
+import functools
+from importlib.metadata import entry_points
+from types import MappingProxyType
+from typing import Any
+
+from truearc.hw.devices.advisory.family import ADVISORY
+from truearc.hw.devices.axis import Axis, driver_of
+from truearc.hw.devices.family import MotorFamily
+from truearc.hw.devices.odrive.family import ODRIVE
+from truearc.hw.devices.spark.family import SPARK
+from truearc.hw.plugins import PluginError, load_plugin, place_of
+
+GROUP = "truearc.motors"
+FAMILIES: tuple[MotorFamily[Any], ...] = (ODRIVE, SPARK, ADVISORY)
+BY_DRIVER = MappingProxyType({family.driver: family for family in FAMILIES})
+
+
+def family_of(axis: Axis) -> MotorFamily[Any]:
+    """The family whose table this is; raises as find_family."""
+    return find_family(driver_of(axis))
+
+
+def find_family(driver: str) -> MotorFamily[Any]:
+    """The family of this name.
+
+    Raises:
+        LookupError: there is none.
+        PluginError: its distribution is broken, or is not the only one of that name.
+    """
+    return BY_DRIVER[driver] if driver in BY_DRIVER else _load(driver)
+
+
+def drivers() -> tuple[str, ...]:
+    """Names of all families, without loading those of distributions."""
+    return tuple(dict.fromkeys((*BY_DRIVER, *sorted(point.name for point in entry_points(group=GROUP)))))
+
+
+@functools.cache
+def _load(driver: str) -> MotorFamily[Any]:
+    point, *others = tuple(entry_points(group=GROUP, name=driver)) or (None,)
+    if point is None:
+        raise LookupError(driver)
+    if others:
+        raise PluginError(f"{place_of(point)}: {place_of(others[0])} has the same name; uninstall one of them")
+    family = load_plugin(point)
+    if not (isinstance(family, MotorFamily) and issubclass(family.axis, Axis)
+            and family.driver == driver_of(family.example) == driver):
+        raise PluginError(f"{place_of(point)}: is not a MotorFamily whose driver and tag are {driver!r}")
+    return family

@@ -1,0 +1,51 @@
+"""REV SPARK MAX and Flex as a MotorFamily."""
+
+from collections.abc import Sequence
+
+from truearc.hw.codec import DBC
+from truearc.hw.dc_motor import DcMotor
+from truearc.hw.devices.axis import Axis, CanNode, Direction, Positive
+from truearc.hw.devices.family import AttachedMotor, MotorFamily
+from truearc.hw.devices.spark import frames as spark
+from truearc.hw.devices.spark.bus_rules import make_rules
+from truearc.hw.devices.spark.doctor import examine, questions
+from truearc.hw.devices.spark.emulator import SparkNode, SparkSettings
+from truearc.hw.devices.spark.motor import SparkHeartbeat, SparkMotor
+from truearc.hw.readings import MotorReading
+
+
+class SparkConfig(spark.SparkAxis, Axis, frozen=True, forbid_unknown_fields=True, tag_field="driver", tag="spark"):
+    """A REV SPARK MAX or Flex, given duties, which follow from what the motor's data sheet says; see
+    truearc.hw.dc_motor."""
+
+    device: CanNode
+    direction: Direction
+    has_endstop: bool                 # a limit switch on its data port ends the negative direction
+    stall_torque_nm: Positive         # at the shaft that the encoder counts, at the rated voltage
+    free_speed_rad_s: Positive
+    rated_v: Positive
+
+
+def make_motors(axes: Sequence[SparkConfig]) -> tuple[SparkMotor, ...]:
+    heartbeat = SparkHeartbeat()
+    return tuple(SparkMotor(axis, DcMotor(axis.stall_torque_nm, axis.free_speed_rad_s, axis.rated_v), heartbeat)
+                 for axis in axes)
+
+
+def error_words(axis: spark.SparkAxis, motor: MotorReading) -> tuple[str, ...]:
+    return spark.error_words(motor.axis_error)
+
+
+def is_driven(axis: spark.SparkAxis, motor: MotorReading) -> bool:
+    return motor.axis_state == spark.DRIVEN
+
+
+def make_node(axis: spark.SparkAxis, motor: AttachedMotor) -> SparkNode:
+    return SparkNode(axis, motor.name, motor.plant, SparkSettings(motor.kt_nm_a, motor.resistance_ohm),
+                     motor.endstop if axis.has_endstop else None)
+
+
+SPARK = MotorFamily(
+    driver="spark", axis=SparkConfig, example=SparkConfig(3, 1, True, 2.6, 594.0, 12.0), dbc=DBC / "spark.dbc",
+    is_commanded=True, make_motors=make_motors, make_rules=make_rules, error_words=error_words, is_driven=is_driven,
+    questions=questions, examine=examine, make_node=make_node)

@@ -1,0 +1,146 @@
+"""The example of a motor driver outside the package: installed as a user would, the robot's tick drives it."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.hw.family_checks import CHECKS, check_frames, codec_of
+from tests.robot.test_rig import ASKED, Blind, Stream, Time, Wire
+from truearc import robot
+from truearc.hw.devices import registry
+from truearc.hw.fault_codes import FRAME_NOT_ALLOWED
+from truearc.hw.protocols import Frame
+from truearc.robot.config.can_policy import guard
+from truearc.robot.config.schema import Config, InputError, config_hash, load_config
+from truearc.robot.reasons import IMAGE_DARK
+from truearc.robot.recording.replay.recompute import replay
+from truearc.robot.recording.session import CAN, load_session_config
+from truearc.robot.rig import HardwareRig
+from truearc.robot.types import Sighting
+from truearc.robot.vision_source import InlineEyes
+from truearc.sim.world.emulated_robot import emulate
+
+EXAMPLE = Path(robot.__file__).parent.parent / "examples" / "truearc-samplemotor"
+SHIPPED = Path(robot.__file__).parent / "launcher.toml"
+FEEDER = re.search(r"    \[axes\.feeder\]\n(?:    .*\n)+", (EXAMPLE / "README.md").read_text(encoding="utf-8"))[0]
+DUTY, CLEAR, MOTION, HEALTH = (base + 9 for base in (0x680, 0x6C0, 0x700, 0x740))
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where pip has put the example, without a network."""
+    folder = tmp_path_factory.mktemp("installed")
+    source = shutil.copytree(EXAMPLE, folder / "source")
+    pip = [sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
+    subprocess.run([*pip, "--no-deps", "--no-build-isolation", "--no-index", "--target", str(folder / "site"),
+                    str(source)], check=True)
+    return folder / "site"
+
+
+@pytest.fixture
+def installed(site: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """The example, importable for one test."""
+    with monkeypatch.context() as patch:
+        patch.syspath_prepend(site)
+        patch.setenv("PYTHONPATH", str(site), prepend=os.pathsep)       # for the emulated camera's process
+        yield site
+    registry._load.cache_clear()
+    for name in [name for name in sys.modules if name.partition(".")[0] == "truearc_samplemotor"]:
+        del sys.modules[name]
+
+
+@pytest.fixture
+def toml(tmp_path: Path) -> Path:
+    """The shipped launcher.toml with the feeder of the example's README."""
+    table = "".join(line.removeprefix("    ") for line in FEEDER.splitlines(keepends=True))
+    path = tmp_path / "launcher.toml"
+    path.write_text(re.sub(r"\[axes\.feeder\]\n[^\[]*", table + "\n", SHIPPED.read_text(encoding="utf-8")))
+    return path
+
+
+@pytest.fixture
+def config(installed: Path, toml: Path) -> Config:
+    return load_config(toml)
+
+
+@pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.__name__)
+def test_it_passes_what_built_in_families_pass(check, installed: Path) -> None:
+    check(registry.find_family("samplemotor"))
+
+
+def test_its_frames_come_back_as_they_went_out(installed: Path) -> None:
+    check_frames(codec_of(registry.find_family("samplemotor")))
+
+
+def test_the_robot_shoots_with_it_and_replays_the_recording(config: Config, tmp_path: Path) -> None:
+    balls = emulate(config, tmp_path / "session", trials=1, seed=3)
+    assert len(balls) == 1
+    log = (tmp_path / "session" / CAN).read_text()
+    assert len(re.findall(rf" {DUTY:03X}#[0-9A-F]{{8}} T", log)) > 100
+    assert len(re.findall(rf" {MOTION:03X}#[0-9A-F]{{16}} R", log)) > 100
+    assert config_hash(load_session_config(tmp_path / "session")) == config_hash(config)
+    assert replay(tmp_path / "session").ticks > 200
+
+
+@pytest.mark.parametrize(("frame", "allowed"), [
+    (Frame(0, DUTY, bytes(4)), True), (Frame(0, CLEAR, b""), True), (Frame(0, HEALTH, bytes(7), is_remote=True), True),
+    (Frame(0, DUTY, bytes(8)), False), (Frame(0, DUTY + 1, bytes(4)), False), (Frame(0, HEALTH, bytes(7)), False),
+    (Frame(0, DUTY, bytes(4), is_extended=True), False), (Frame(0, MOTION, bytes(8)), False),
+    (Frame(0, 4 << 5 | 0x0E, bytes(8)), False)])        # of the ODrive that the feeder was
+def test_only_what_it_declares_is_sent(frame: Frame, allowed: bool, config: Config) -> None:
+    wire = Wire()
+    bus = guard(wire, config, Time(), Counter())
+    assert bus.write(frame) is allowed and wire.sent == [frame] * allowed
+    assert [fault.code for fault in bus.faults()] == [FRAME_NOT_ALLOWED.name] * (not allowed)
+
+
+def test_ticks_look_for_no_plugins(config: Config, monkeypatch: pytest.MonkeyPatch) -> None:
+    eyes = InlineEyes(Blind(), lambda frame: Sighting(frame.t_ns, False, IMAGE_DARK()))
+    wire, clock = Wire(), Time()
+    rig = HardwareRig(config, guard(wire, config, clock, Counter()), Stream(), eyes, clock, lambda: False)
+    monkeypatch.setattr(registry, "entry_points", lambda **group: pytest.fail("plugins were looked for"))
+    for _ in range(20):
+        rig.read()
+        rig.write(ASKED)
+    assert any(frame.arbitration_id == CLEAR for frame in wire.sent)
+
+
+def test_without_it_the_drivers_that_there_are_are_listed(toml: Path) -> None:
+    with pytest.raises(InputError, match=r"launcher\.toml:\d+: Invalid value 'samplemotor' - at `axes\.feeder\.driver` "
+                                         r"\(there are odrive, spark, advisory\)"):
+        load_config(toml)
+
+
+@pytest.mark.parametrize(("old", "new", "message"), [
+    ("rated_v = 12.0", "", r"launcher\.toml:\d+: missing key `rated_v` - at `axes\.feeder`"),
+    ("node = 9", "node = 63", r"launcher\.toml:\d+: Expected `int` <= 62 - at `axes\.feeder\.node`"),
+    ('"samplemotor"', '"samplemoter"', r"\(there are odrive, spark, advisory, samplemotor\)")])
+def test_a_mistake_in_its_table_is_named(old: str, new: str, message: str, installed: Path, toml: Path) -> None:
+    toml.write_text(toml.read_text().replace(old, new))
+    with pytest.raises(InputError, match=message):
+        load_config(toml)
+
+
+@pytest.mark.parametrize(("points", "message"), [
+    (("samplemotor = nowhere:MOTOR",), "broken0 1.0: .*samplemotor = nowhere:MOTOR: ModuleNotFoundError: .*fix or"),
+    (("samplemotor = math:pi",), "broken0 1.0: .*math:pi: is not a MotorFamily"),
+    (("samplemotor = truearc.hw.devices.spark.family:SPARK",),
+     "broken0 1.0: .*is not a MotorFamily whose driver and tag are 'samplemotor'"),
+    (("samplemotor = math:pi", "samplemotor = math:tau"), "broken. 1.0: .* broken. 1.0: .* has the same name")])
+def test_a_broken_distribution_is_named(points: tuple[str, ...], message: str, toml: Path, tmp_path: Path,
+                                        monkeypatch: pytest.MonkeyPatch) -> None:
+    for number, point in enumerate(points):
+        info = tmp_path / "site" / f"broken{number}-1.0.dist-info"
+        info.mkdir(parents=True)
+        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: broken{number}\nVersion: 1.0\n")
+        (info / "entry_points.txt").write_text(f"[{registry.GROUP}]\n{point}\n")
+    monkeypatch.syspath_prepend(tmp_path / "site")
+    with pytest.raises(InputError, match=r"launcher\.toml:\d+: " + message):
+        load_config(toml)
