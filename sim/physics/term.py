@@ -266,7 +266,7 @@ class WindTerm(AirTerm):
     """The air moves along `axis` ("x", "y" or "z") at the amplitude, a speed in m/s."""
 
     axis: ClassVar[str]
-    instrument = Instrument("the wind with an anemometer", 0.2)
+    instrument = Instrument("anemometer", "the wind with an anemometer", 0.2)
 
     def meet(self, facts: Rig, values: Values, ball: BallState) -> BallState:
         through = ball.velocity_m_s

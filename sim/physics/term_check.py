@@ -68,6 +68,8 @@ def _recording(term: Term) -> Iterator[str]:
     instrument: Any = getattr(term, "instrument", 0)
     if not isinstance(instrument, Instrument) and not (instrument is None and term.always):
         yield "instrument: expected an Instrument (only a term that is always at work may have none)"
+    elif instrument is not None and not NAME.fullmatch(instrument.id):
+        yield f"instrument: got the id {instrument.id!r}; expected snake_case"
     elif instrument is not None and not (instrument.what and (instrument.sd is None or instrument.sd > 0.0)):
         yield f"instrument: {instrument!r} has no text, or an accuracy that is not above 0"
     if term.follows is not None and term.follows not in Circumstances._fields:

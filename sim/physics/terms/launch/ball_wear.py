@@ -15,4 +15,4 @@ class BallWear(SpeedTerm):
     record = "ball_id or t_s of each shot"
     sentence = "The balls leave slower, or faster, the more they have been shot."
     phrase = either_way("the balls leave <way> the more they have been shot: {} by the end", "slower", "faster", SHARE)
-    instrument = Instrument("the speed of new and worn balls in turn", 0.02)
+    instrument = Instrument("speed_worn_balls", "the speed of new and worn balls in turn", 0.02)

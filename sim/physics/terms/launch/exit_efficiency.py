@@ -14,4 +14,4 @@ class ExitEfficiency(SpeedTerm):
         meaning="share of the wheels' speed that the ball does not get", percent=True),)
     sentence = "The ball leaves slower than the wheels' surfaces run, by the same share at every speed."
     phrase = either_way("the ball leaves {} <way> than the wheels' surfaces run", "slower", "faster", SHARE)
-    instrument = Instrument("exit speed with a high-speed camera", 0.02)
+    instrument = Instrument("exit_speed_film", "exit speed with a high-speed camera", 0.02)

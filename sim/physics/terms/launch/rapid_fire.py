@@ -23,7 +23,7 @@ class RapidFire(SpeedTerm):
     record = "t_s or since_last_shot_s of each shot"
     sentence = "A shot soon after another leaves slower: the wheels have not recovered."
     phrase = either_way("a shot right after another leaves {} <way>", "slower", "faster", SHARE)
-    instrument = Instrument("the same shot after 1 s and after 10 s", 0.02)
+    instrument = Instrument("shots_short_long_pause", "the same shot after 1 s and after 10 s", 0.02)
 
     def at_shot(self, values: Values, circumstances: Circumstances) -> dict[str, Any]:
         left = jnp.exp(-circumstances.since_last_shot_s / values["time_constant_s"])

@@ -18,4 +18,5 @@ class WheelDroop(SpeedTerm):
     phrase = Phrase("the wheels slow down under the ball: at their usual dip it leaves {} slower, at a larger one "
                     "slower still", "the more the wheels dip, the faster the ball leaves: {} at their usual dip",
                     *SHARE)
-    instrument = Instrument("exit speed at little and at much dip with a high-speed camera", 0.02)
+    instrument = Instrument("exit_speed_film_dip",
+                            "exit speed at little and at much dip with a high-speed camera", 0.02)
