@@ -68,9 +68,8 @@ def check_baseline(args: argparse.Namespace) -> None:
     names_in("--believe", args.believe)
 
 
-def investigate(args: argparse.Namespace, what: str,
-                measured: Sequence[str] = ()) -> "tuple[ta.Dataset, ta.Finding]":
-    """The dataset and what discovery finds in it, by the options of `add_baseline` and the words of --measured."""
+def investigate(args: argparse.Namespace, what: str, measured: Sequence[str] = ()) -> "tuple[ta.Dataset, ta.Finding]":
+    """The dataset and the finding in it, by the options of `add_baseline`; measured: as in --measured."""
     from truearc.sim.compile_cache import keep_compiled
     from truearc.sim.discover.model.design_columns import check_believed
     from truearc.sim.discover.model.external_measurements import read_measured
