@@ -23,7 +23,7 @@ class HoodFlex(LaunchTerm):
     sentence = "The hood yields to the ball, the more the faster the wheels turn."
     phrase = either_way("the hood yields to the ball: at 10 m/s it leaves {} <way> than the hood reads, and with the "
                         "square of the speed", "flatter", "steeper", ANGLE)
-    instrument = Instrument("hood angle while a ball passes, on film at 240 frames/s", 0.3)
+    instrument = Instrument("hood_film", "hood angle while a ball passes, on film at 240 frames/s", 0.3)
 
     def leave(self, facts: Rig, values: Values, exit: Exit) -> Exit:
         yielded_deg = values["angle_deg"] * (exit.speed_m_s / AT_M_S)**2

@@ -9,7 +9,7 @@ import numpy as np
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.model import Floats
 from truearc.sim.data.problems import Problems
-from truearc.sim.data.table import Cell, Table
+from truearc.sim.data.table import Cell, RawTable
 
 OUTCOMES = ("miss", "two", "three")
 SIDES = ("low", "high", "left", "right")
@@ -61,14 +61,14 @@ def _has_unit(name: str) -> bool:
     return any(name.endswith("_" + unit) for unit in UNITS)
 
 
-def need_columns(table: Table, names: Sequence[str]) -> None:
+def need_columns(table: RawTable, names: Sequence[str]) -> None:
     """InputError when a column is missing, naming the file and the column."""
     for name in names:
         if name not in table.columns:
             raise InputError(f"{table.place(-1)}: column {name} is missing")
 
 
-def number_column(table: Table, name: str, problems: Problems, needed: bool = True) -> Floats:
+def number_column(table: RawTable, name: str, problems: Problems, needed: bool = True) -> Floats:
     """A column of finite numbers [n], NaN for an empty cell; a problem is any other cell, a number out of range, and an
     empty cell where one is needed."""
     low, high = RANGES.get(name, NO_RANGE)
@@ -87,7 +87,7 @@ def number_column(table: Table, name: str, problems: Problems, needed: bool = Tr
     return values
 
 
-def text_column(table: Table, name: str, problems: Problems, needed: bool = True) -> tuple[str, ...]:
+def text_column(table: RawTable, name: str, problems: Problems, needed: bool = True) -> tuple[str, ...]:
     """A column of texts, "" for an empty cell; a problem is a word that the column does not take, and an empty cell
     where one is needed."""
     words = WORDS.get(name)

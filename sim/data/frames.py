@@ -13,7 +13,7 @@ from truearc.sim.data.load import assemble
 from truearc.sim.data.model import Dataset
 from truearc.sim.data.problems import gathered
 from truearc.sim.data.rig import check_rig, load_rig
-from truearc.sim.data.table import Cell, Table, as_cell
+from truearc.sim.data.table import Cell, RawTable, as_cell
 
 
 class Frame(Protocol):
@@ -67,14 +67,14 @@ def _rig(rig: Rig | str | Path | Mapping[str, Any]) -> Rig:
         raise InputError(f"rig: {error}") from error
 
 
-def _table(frame: Columns, which: str) -> Table:
+def _table(frame: Columns, which: str) -> RawTable:
     """The cells of one table; InputError where its columns differ in length or name."""
     columns = {name: [_cell(value) for value in values] for name, values in _columns(frame, which)}
     lengths = {len(cells) for cells in columns.values()}
     if len(lengths) > 1:
         raise InputError(f"{which}: columns differ in length: "
                          + ", ".join(f"{name} {len(cells)}" for name, cells in columns.items()))
-    return Table(Path(which), columns, list(range(1, max(lengths, default=0) + 1)), in_memory=True)
+    return RawTable(Path(which), columns, list(range(1, max(lengths, default=0) + 1)), in_memory=True)
 
 
 def _columns(frame: Columns, which: str) -> Iterable[tuple[str, Iterable[Any]]]:

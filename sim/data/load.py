@@ -14,7 +14,7 @@ from truearc.sim.data.columns import WORDS, is_numeric, need_columns, number_col
 from truearc.sim.data.model import Dataset, Shots, Traces, Tracks
 from truearc.sim.data.problems import Problems, gathered
 from truearc.sim.data.rig import RIG, load_rig
-from truearc.sim.data.table import Table, find_table, load_table
+from truearc.sim.data.table import RawTable, find_table, load_table
 
 LEFT_OUT = "left_out.txt"
 
@@ -38,8 +38,8 @@ def load_dataset(directory: str | Path) -> Dataset:
     return replace(dataset, left_out=_left_out(home / LEFT_OUT))
 
 
-def assemble(name: str, facts: Rig, problems: Problems, shots: Table, tracks: Table | None = None,
-             traces: Table | None = None) -> Dataset:
+def assemble(name: str, facts: Rig, problems: Problems, shots: RawTable, tracks: RawTable | None = None,
+             traces: RawTable | None = None) -> Dataset:
     """Check the cells of tables and return them as a dataset; everything wrong is added to `problems`.
 
     Raises:
@@ -75,7 +75,7 @@ def _feed(digest: "hashlib._Hash", table: str, columns: dict[str, Sequence[str] 
         digest.update(msgspec.json.encode([table, name, cells]))
 
 
-def _shots(table: Table, problems: Problems) -> Shots:
+def _shots(table: RawTable, problems: Problems) -> Shots:
     need_columns(table, ("shot_id",))
     shot_id = _ids(table, problems)
     numbers, texts = {}, {}
@@ -90,7 +90,7 @@ def _shots(table: Table, problems: Problems) -> Shots:
     return Shots(shot_id, numbers, texts, str(table.path))
 
 
-def _ids(table: Table, problems: Problems) -> tuple[str, ...]:
+def _ids(table: RawTable, problems: Problems) -> tuple[str, ...]:
     first: dict[str, int] = {}
     ids = tuple(text_of(cell) for cell in table.columns["shot_id"])
     for row, name in enumerate(ids):
@@ -103,14 +103,14 @@ def _ids(table: Table, problems: Problems) -> tuple[str, ...]:
     return ids
 
 
-def _check_sides(table: Table, texts: dict[str, tuple[str, ...]], problems: Problems) -> None:
+def _check_sides(table: RawTable, texts: dict[str, tuple[str, ...]], problems: Problems) -> None:
     """A ball through the inner target passed on no side of it."""
     for row, (outcome, side) in enumerate(zip(texts.get("outcome", ()), texts.get("side", ()), strict=False)):
         if outcome == "three" and side in WORDS["side"]:
             problems.add(table.place(row), "side", f"outcome three cannot have the miss side {side!r}")
 
 
-def _tracks(table: Table | None, row_of: dict[str, int], problems: Problems) -> Tracks | None:
+def _tracks(table: RawTable | None, row_of: dict[str, int], problems: Problems) -> Tracks | None:
     if table is None:
         return None
     need_columns(table, ("shot_id", "t_s", "x_m", "y_m", "z_m"))
@@ -120,7 +120,7 @@ def _tracks(table: Table | None, row_of: dict[str, int], problems: Problems) -> 
     return Tracks(shot, t_s, x_m, y_m, z_m)
 
 
-def _traces(table: Table | None, row_of: dict[str, int], problems: Problems) -> Traces | None:
+def _traces(table: RawTable | None, row_of: dict[str, int], problems: Problems) -> Traces | None:
     if table is None:
         return None
     need_columns(table, ("shot_id", "t_s", "signal", "value"))
@@ -129,7 +129,7 @@ def _traces(table: Table | None, row_of: dict[str, int], problems: Problems) -> 
                   number_column(table, "value", problems))
 
 
-def _shot_rows(table: Table, row_of: dict[str, int], problems: Problems) -> np.ndarray:
+def _shot_rows(table: RawTable, row_of: dict[str, int], problems: Problems) -> np.ndarray:
     rows = np.full(len(table.lines), -1, dtype=np.int64)
     for row, cell in enumerate(table.columns["shot_id"]):
         name = text_of(cell)
@@ -140,7 +140,7 @@ def _shot_rows(table: Table, row_of: dict[str, int], problems: Problems) -> np.n
     return rows
 
 
-def _check_order(table: Table, shot: np.ndarray, t_s: np.ndarray, problems: Problems) -> None:
+def _check_order(table: RawTable, shot: np.ndarray, t_s: np.ndarray, problems: Problems) -> None:
     """Samples of one shot come in the order of time."""
     last: dict[int, float] = {}
     for row, (index, time_s) in enumerate(zip(shot.tolist(), t_s.tolist(), strict=True)):

@@ -16,7 +16,7 @@ Cell = str | float | None             # CSV gives text; Parquet numbers, text or
 
 
 @dataclass(frozen=True)
-class Table:
+class RawTable:
     """`columns`: name -> one cell a row, None = missing; `lines`: line (CSV) or row (else) of each, from 1.
 
     `in_memory`: not read from a file; `path` is then the name of the argument.
@@ -42,12 +42,12 @@ def find_table(directory: Path, stem: str) -> Path | None:
     return found[0] if found else None
 
 
-def load_table(path: Path, problems: Problems) -> Table:
+def load_table(path: Path, problems: Problems) -> RawTable:
     """Read a table; rows of a wrong length become problems, an unreadable file is InputError."""
     return _load_parquet(path) if path.suffix == ".parquet" else parse_csv(text_of(path), path, problems)
 
 
-def parse_csv(text: str, path: Path, problems: Problems) -> Table:
+def parse_csv(text: str, path: Path, problems: Problems) -> RawTable:
     """Cells of CSV text with a header; empty cells are None, blank lines are skipped."""
     rows = _rows(text, path)
     _, header = next(rows, (1, []))
@@ -66,7 +66,7 @@ def parse_csv(text: str, path: Path, problems: Problems) -> Table:
         lines.append(line)
         for name, cell in zip(header, cells, strict=True):
             columns[name].append(cell or None)
-    return Table(path, columns, lines)
+    return RawTable(path, columns, lines)
 
 
 def _check_separator(header: list[str], path: Path) -> None:
@@ -105,7 +105,7 @@ def text_of(path: Path) -> str:
         raise InputError(f"{path}:{line}: not UTF-8 text") from error
 
 
-def _load_parquet(path: Path) -> Table:
+def _load_parquet(path: Path) -> RawTable:
     try:
         table = pq.read_table(path)
     except (OSError, pa.ArrowException) as error:
@@ -114,7 +114,7 @@ def _load_parquet(path: Path) -> Table:
     if len(set(names)) < len(names):
         raise InputError(f"{path}: a column stands twice")
     columns = {name: [as_cell(value) for value in table.column(name).to_pylist()] for name in names}
-    return Table(path, columns, list(range(1, table.num_rows + 1)))
+    return RawTable(path, columns, list(range(1, table.num_rows + 1)))
 
 
 def as_cell(value: object) -> Cell:

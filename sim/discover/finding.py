@@ -1,9 +1,12 @@
 """Result of a discovery: the fields of `truearc.finding/1`. Fields that do not apply are None (null in JSON)."""
 
+from pathlib import Path
 from typing import Any
 
 import msgspec
 from msgspec import Struct
+
+from truearc.robot.config.schema import InputError
 
 SCHEMA = "truearc.finding/1"
 
@@ -120,6 +123,23 @@ class Finding(Struct, frozen=True):
     set: tuple[str, ...] | None = None
     next: tuple[dict[str, Any], ...] = ()
     also: tuple[Further, ...] = ()
+
+
+def load_finding(path: str | Path) -> Finding:
+    """Read a finding that `make_json` wrote, by this version or an earlier one.
+
+    Raises:
+        InputError: `path` cannot be read, or is no truearc.finding/1; with the key.
+    """
+    try:
+        finding = msgspec.json.decode(Path(path).read_bytes(), type=Finding)
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror or error}") from error
+    except (msgspec.MsgspecError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: {error}") from error
+    if finding.schema != SCHEMA:
+        raise InputError(f"{path}: schema: got {finding.schema!r}; expected {SCHEMA!r}")
+    return finding
 
 
 def make_json(finding: Finding) -> bytes:

@@ -7,24 +7,9 @@ from typing import Any
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.conditions import Circumstances
 from truearc.sim.physics.scales import SCALES, fits_scale
-from truearc.sim.physics.term import (
-    DIRECTIONS,
-    STAGES,
-    SYMMETRIES,
-    AirTerm,
-    ArrivalTerm,
-    FlightTerm,
-    InFlight,
-    Instrument,
-    LaunchTerm,
-    Parameter,
-    Phrase,
-    SensingTerm,
-    Term,
-    WatchTerm,
-)
+from truearc.sim.physics.term import DIRECTIONS, KINDS, STAGES, SYMMETRIES, InFlight, Term, WatchTerm
+from truearc.sim.physics.term_fields import Instrument, Parameter, Phrase
 
-KINDS = (SensingTerm, WatchTerm, LaunchTerm, AirTerm, FlightTerm, ArrivalTerm)
 NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
 UNIT = re.compile(r"(1|((kg|rad|rev|deg|m|s)\d*)+)(/((kg|rad|rev|deg|m|s)\d*)+)?")
 
@@ -83,6 +68,8 @@ def _recording(term: Term) -> Iterator[str]:
     instrument: Any = getattr(term, "instrument", 0)
     if not isinstance(instrument, Instrument) and not (instrument is None and term.always):
         yield "instrument: expected an Instrument (only a term that is always at work may have none)"
+    elif instrument is not None and not NAME.fullmatch(instrument.id):
+        yield f"instrument: got the id {instrument.id!r}; expected snake_case"
     elif instrument is not None and not (instrument.what and (instrument.sd is None or instrument.sd > 0.0)):
         yield f"instrument: {instrument!r} has no text, or an accuracy that is not above 0"
     if term.follows is not None and term.follows not in Circumstances._fields:

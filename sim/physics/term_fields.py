@@ -55,10 +55,13 @@ class Parameter:
 class Instrument(NamedTuple):
     """What to measure, and with what, to settle a term without a shot.
 
+    id: Snake case, the same for every term that one measurement settles; findings, plans and claims name it by this.
+    what: The same as text for people.
     sd: one standard deviation of what a team's tools give of the amplitude, in its unit: assumed, not measured. None:
     no such figure is assumed, so no plan counts on the measurement.
     """
 
+    id: str
     what: str
     sd: float | None
 

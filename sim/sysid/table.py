@@ -7,7 +7,7 @@ import numpy as np
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.columns import need_columns, number_column
 from truearc.sim.data.problems import gathered
-from truearc.sim.data.table import Table, load_table
+from truearc.sim.data.table import RawTable, load_table
 from truearc.sim.sysid.record import Record
 
 EFFORTS = ("nm", "v")
@@ -32,7 +32,7 @@ def load_steps(path: Path) -> Record:
     return Record(str(path), effort.lower().rpartition("_")[2], t_s, efforts, t_s, speeds)
 
 
-def _only(table: Table, units: tuple[str, ...], what: str) -> str:
+def _only(table: RawTable, units: tuple[str, ...], what: str) -> str:
     """The one column in one of these units."""
     found = [name for name in table.columns if name.lower().endswith(tuple(f"_{unit}" for unit in units))]
     if len(found) != 1:

@@ -64,6 +64,7 @@ def finding() -> Finding:
 def test_comparison_accepts_other_sentences(tmp_path: Path, finding: Finding) -> None:
     finding["sentence"] = finding["what"][0]["sentence"] = "Other words."
     finding["next"][0]["what"] = {"code": "measure"}
+    finding["next"][0]["instrument"] = "distance_tape"
     assert changed(tmp_path, finding) == ()
 
 

@@ -10,7 +10,7 @@ from truearc_proof.worlds.instruments import TOOLS, read_off
 
 @pytest.mark.parametrize("tool", TOOLS)
 def test_a_tool_is_what_discovery_proposes_for_its_terms(tool: str) -> None:
-    assert {term.name for term in TERMS if term.instrument and term.instrument.what == tool} == set(TOOLS[tool])
+    assert {term.name for term in TERMS if term.instrument and term.instrument.id == tool} == set(TOOLS[tool])
 
 
 @pytest.mark.parametrize("tool", TOOLS)

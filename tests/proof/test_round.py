@@ -120,7 +120,7 @@ def test_more_shots_are_given_and_a_second_claim_is_marked_beside_the_first(room
 
 
 def test_one_measurement_is_given_and_told_of_in_a_second_claim(room: Room) -> None:
-    ask(room, "w0002", [{"measure": "target height with a tape"}])
+    ask(room, "w0002", [{"measure": "target_height_tape"}])
     answer_round(room, quiet, 1)
     read = msgspec.json.decode((room.more("w0002") / "measured.json").read_bytes())
     assert abs(read["terms"]["target_height"]["value"]) < 1.0 and read["terms"]["target_height"]["sd"] == 0.01
@@ -133,8 +133,8 @@ def test_one_measurement_is_given_and_told_of_in_a_second_claim(room: Room) -> N
 
 
 @pytest.mark.parametrize("asked", [[{"distance_m": 4.0, "hood_deg": 48.0, "motor_ratio": 0.5, "shots": 101}],
-                                   [{"measure": "the truth"}], [{"measure": "target height with a tape"}] * 2,
-                                   [{"measure": "target height with a tape", "shots": 3}],
+                                   [{"measure": "the truth"}], [{"measure": "target_height_tape"}] * 2,
+                                   [{"measure": "target_height_tape", "shots": 3}],
                                    [{"distance_m": 4.0, "hood_deg": 48.0, "motor_ratio": 0.5, "shots": 1}] * 6,
                                    [{"distance_m": 4.0, "hood_deg": 48.0, "motor_ratio": 0.5, "shots": 0}],
                                    [{"where": "everywhere"}]])

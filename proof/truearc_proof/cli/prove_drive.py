@@ -40,6 +40,7 @@ from truearc.sim.tables import Table
 from truearc.sim.world.emulated_robot import emulate
 from truearc.sim.world.options import Options
 from truearc_proof.report.tables import said
+from truearc_proof.rounds.claims_schema import SCHEMA
 from truearc_proof.rounds.commitment import canonical, hash_files, load_seal, make_seal, save_seal
 from truearc_proof.rounds.committer import RoundPlan, keep_plan
 from truearc_proof.rounds.file_lock import alone
@@ -48,7 +49,7 @@ from truearc_proof.rounds.jsonl_store import mend
 from truearc_proof.rounds.ledger import append, digest
 from truearc_proof.rounds.round_layout import CLAIMED, OPENED, SEALED, Room
 from truearc_proof.rounds.score_store import load_marks, save_mark, worlds_of, wrong_marks
-from truearc_proof.rounds.solver import FALSE_ALARM, SCHEMA, forbid, solver_id
+from truearc_proof.rounds.solver import FALSE_ALARM, forbid, solver_id
 from truearc_proof.worlds.sampling_plan import FIRST_SEED, MUJOCO, Drawn, change_one, drawn_of
 
 LEVEL = "L1"

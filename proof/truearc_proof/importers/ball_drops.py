@@ -14,7 +14,7 @@ from truearc.robot.config.schema import InputError
 from truearc.sim.data.columns import need_columns, number_column, text_column
 from truearc.sim.data.dataset import Dataset, Shots, Tracks
 from truearc.sim.data.problems import Problems, gathered
-from truearc.sim.data.table import Table, load_table
+from truearc.sim.data.table import RawTable, load_table
 from truearc_proof.importers.ball_sheets import load_sheets
 
 COLUMNS = ("ball", "drop", "t_s", "height_m", "mass_kg", "diameter_m")
@@ -61,12 +61,12 @@ def import_ball_drops(*files: str | Path) -> Dataset:
     return Dataset("ball-drops", _facts(kept), _shots(kept), _tracks(kept), None, left_out)
 
 
-def _tables(drops: Path, balls: Path | None = None, *, problems: Problems) -> list[Table]:
+def _tables(drops: Path, balls: Path | None = None, *, problems: Problems) -> list[RawTable]:
     """A workbook's sheets, where there is a list of balls beside it; else a table of all drops."""
     return [load_table(drops, problems)] if balls is None else load_sheets(drops, balls, problems)
 
 
-def _drops(table: Table, problems: Problems) -> list[_Drop]:
+def _drops(table: RawTable, problems: Problems) -> list[_Drop]:
     """The drops in the order of their first rows."""
     need_columns(table, COLUMNS)
     ball, number = text_column(table, "ball", problems), text_column(table, "drop", problems)
@@ -82,7 +82,7 @@ def _drops(table: Table, problems: Problems) -> list[_Drop]:
             for (name, times), rows in rows_of.items()]
 
 
-def _bodies(table: Table, ball: tuple[str, ...], problems: Problems) -> np.ndarray:
+def _bodies(table: RawTable, ball: tuple[str, ...], problems: Problems) -> np.ndarray:
     """[rows, 2]: mass and diameter of each row's ball, above 0 or nan, one of each a ball."""
     body = np.stack([number_column(table, name, problems, needed=False) for name in BODY], axis=1)
     first = {name: row for row, name in reversed(list(enumerate(ball)))}

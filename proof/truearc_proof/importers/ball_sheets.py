@@ -8,7 +8,7 @@ from typing import Any
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.columns import parse_number
 from truearc.sim.data.problems import Problems
-from truearc.sim.data.table import Cell, Table, text_of
+from truearc.sim.data.table import Cell, RawTable, text_of
 from truearc_proof.importers.originals import needed, part
 
 COLUMNS = {"drop": "Drop #", "t_s": "Time (s)", "height_m": "Height (m)"}     # ours -> theirs
@@ -20,7 +20,7 @@ LISTED_AS = {"Yellow Whiffle Ball": "yellowWiffle", "Orange Whiffle Ball": "oran
 Body = tuple[Cell, Cell]              # mass_kg, diameter_m
 
 
-def load_sheets(workbook: Path, balls: Path, problems: Problems) -> list[Table]:
+def load_sheets(workbook: Path, balls: Path, problems: Problems) -> list[RawTable]:
     """A table a ball; lines are the sheet's rows, from 1. InputError names the file, sheet or line that is no such."""
     xlrd = needed("xlrd", workbook)
     bodies = _bodies(balls, problems)
@@ -38,7 +38,7 @@ def _opened(xlrd: Any, workbook: Path) -> Any:
         raise InputError(f"{workbook}: not a readable Excel workbook of the old kind ({error})") from error
 
 
-def _sheet(xlrd: Any, here: Path, sheet: Any, bodies: dict[str, Body], balls: Path) -> Table:
+def _sheet(xlrd: Any, here: Path, sheet: Any, bodies: dict[str, Body], balls: Path) -> RawTable:
     ball = LISTED_AS.get(sheet.name, sheet.name.lower().replace(" ", "").replace("whiffle", "wiffle"))
     if ball not in bodies:
         raise InputError(f"{here}: its ball, {ball}, is not in {balls}")
@@ -54,7 +54,7 @@ def _sheet(xlrd: Any, here: Path, sheet: Any, bodies: dict[str, Body], balls: Pa
     mass_kg, diameter_m = bodies[ball]
     columns |= {"ball": [ball] * len(kept), "mass_kg": [mass_kg] * len(kept), "diameter_m": [diameter_m] * len(kept)}
     columns["drop"] = [f"{cell:g}" if isinstance(cell, float) else cell for cell in columns["drop"]]
-    return Table(here, columns, [row + 1 for row in kept])
+    return RawTable(here, columns, [row + 1 for row in kept])
 
 
 def _cell(xlrd: Any, cell: Any) -> Cell:

@@ -12,7 +12,7 @@ from truearc.robot.config.rig_spec import Air, Ball, Believe, LauncherFacts, Rig
 from truearc.sim.data.columns import need_columns, number_column
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.problems import Problems, gathered
-from truearc.sim.data.table import Table, load_table
+from truearc.sim.data.table import RawTable, load_table
 from truearc_proof.importers.fuel import load_fuel
 from truearc_proof.importers.originals import matching
 from truearc_proof.importers.set_points import BALL, RELEASE_M, WHEEL_M
@@ -62,11 +62,11 @@ def import_fuel(speeds: str | Path) -> Dataset:
                    left_out=left_out)
 
 
-def _ids(table: Table) -> tuple[str, ...]:
+def _ids(table: RawTable) -> tuple[str, ...]:
     return tuple(f"{row + 1:02d}" for row in range(len(table.lines)))
 
 
-def _positive(table: Table, name: str, problems: Problems) -> np.ndarray:
+def _positive(table: RawTable, name: str, problems: Problems) -> np.ndarray:
     values = number_column(table, name, problems)
     for row, value in enumerate(values):
         if math.isfinite(value) and value <= 0.0:

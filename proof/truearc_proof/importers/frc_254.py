@@ -5,7 +5,7 @@ from pathlib import Path
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.columns import parse_number
 from truearc.sim.data.problems import Problems
-from truearc.sim.data.table import Cell, Table, load_table
+from truearc.sim.data.table import Cell, RawTable, load_table
 from truearc_proof.importers.originals import INCH_M, matching, scaled
 
 NUMBER = r"new InterpolatingDouble\((?P<{}>[^()]*)\)"
@@ -16,7 +16,7 @@ STRAIGHT_DEG = 1e-4
 Point = tuple[float | None, float | None]
 
 
-def load_254(path: Path, problems: Problems) -> Table:
+def load_254(path: Path, problems: Problems) -> RawTable:
     """`Constants.java` or a table in CSV; rows of the Java file that repeat another are taken once."""
     if path.suffix != ".java":
         return load_table(path, problems)
@@ -33,7 +33,7 @@ def load_254(path: Path, problems: Problems) -> Table:
         "distance_m": scaled(inches, INCH_M), "wheel_rpm": [rpm[0]] * len(kept), "hood_raw": hood,
         "note": ["EXTRAPOLATED" if is_extrapolated((x, y), [(a, b) for other, a, b in points if other == name])
                  else None for name, x, y in points]}
-    return Table(path, columns, [found.lines[k] for k in kept])
+    return RawTable(path, columns, [found.lines[k] for k in kept])
 
 
 def is_extrapolated(point: Point, table: list[Point]) -> bool:

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from truearc.sim.data.problems import Problems
-from truearc.sim.data.table import Cell, Table, load_table
+from truearc.sim.data.table import Cell, RawTable, load_table
 from truearc_proof.importers.originals import INCH_M, matching, scaled
 
 # a distance in inches, and a vector of the hood's elevation and the wheel's speed
@@ -11,7 +11,7 @@ TUNING = (r"SHOOTER_TUNING\.put\(\s*new InterpolatingDouble\((?P<inches>[^()]*)\
           r"new Vector2\(\s*Math\.toRadians\((?P<hood>[^()]*)\),\s*(?P<rpm>[^()]*)\)")
 
 
-def load_2910(path: Path, problems: Problems) -> Table:
+def load_2910(path: Path, problems: Problems) -> RawTable:
     """`TargetWithShooterCommand.java` or a table in CSV."""
     if path.suffix != ".java":
         return load_table(path, problems)
@@ -21,4 +21,4 @@ def load_2910(path: Path, problems: Problems) -> Table:
         "team": ["2910"] * count, "table": ["shooter_tuning"] * count,
         "distance_m": scaled(found.columns["inches"], INCH_M), "wheel_rpm": found.columns["rpm"],
         "hood_raw": found.columns["hood"], "note": [None] * count}
-    return Table(path, columns, found.lines)
+    return RawTable(path, columns, found.lines)

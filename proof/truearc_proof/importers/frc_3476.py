@@ -5,14 +5,14 @@ from pathlib import Path
 
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.problems import Problems
-from truearc.sim.data.table import Table, load_table, text_of
+from truearc.sim.data.table import RawTable, load_table, text_of
 from truearc_proof.importers.originals import INCH_M, json_rows, part, scaled
 
 FILE = "src/main/deploy/shooter/shooterconfig.json"
 NO_DATE = "2021-01-01T00:00:00+00:00" # of a file without one: all its set points are of one moment
 
 
-def load_3476(path: Path, problems: Problems) -> list[Table]:
+def load_3476(path: Path, problems: Problems) -> list[RawTable]:
     """Dated versions: in one CSV, or one after the other out of a clone's history; a JSON file has no date."""
     if path.is_dir():
         return _history(path)
@@ -21,16 +21,16 @@ def load_3476(path: Path, problems: Problems) -> list[Table]:
     return [load_table(path, problems)]
 
 
-def _version(text: str, path: Path, commit: str, when: str) -> Table:
+def _version(text: str, path: Path, commit: str, when: str) -> RawTable:
     found = json_rows(text, path, "shooterConfigs", ("distance", "hoodEjectAngle", "flywheelSpeed"))
     count = len(found.lines)
-    return Table(path, {"commit": [commit] * count, "committed_at": [when] * count,
+    return RawTable(path, {"commit": [commit] * count, "committed_at": [when] * count,
                         "distance_m": scaled(found.columns["distance"], INCH_M),
                         "hood_eject_angle_deg": found.columns["hoodEjectAngle"],
                         "flywheel_rpm": found.columns["flywheelSpeed"]}, found.lines)
 
 
-def _history(clone: Path) -> list[Table]:
+def _history(clone: Path) -> list[RawTable]:
     """Newest first, as git tells them; a commit that took the file away is no version."""
     if _git(clone, "rev-parse", "--is-shallow-repository").strip() == "true":
         raise InputError(f"{clone}: is a shallow clone, without the older versions: git -C {clone} fetch --unshallow")

@@ -7,7 +7,7 @@ from pathlib import Path
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.columns import parse_number
 from truearc.sim.data.problems import Problems
-from truearc.sim.data.table import Cell, Table, load_table
+from truearc.sim.data.table import Cell, RawTable, load_table
 from truearc_proof.importers.originals import PYTHON_COMMENT, matching, scaled
 
 ARRAY = r"(?m)^{}[ \t]*=[ \t]*np\.array\(\[(?P<cells>[^\[\]]*)\]\)"
@@ -15,7 +15,7 @@ NUMBER = r"(?m)^{}[ \t]*=(?P<cell>[^\n]*)$"
 SAME = {"hood_elevation_deg": "angle_min", "ball_mass_kg": "m", "ball_radius_m": "R"}     # column -> its name there
 
 
-def load_fuel(path: Path, problems: Problems) -> tuple[Table, tuple[str, ...]]:
+def load_fuel(path: Path, problems: Problems) -> tuple[RawTable, tuple[str, ...]]:
     """`shooter.py` or a table in CSV; and what was left out.
 
     Spin is in rad/s, as their equations use it. Where motor speeds begin anew, nothing says at which elevation.
@@ -33,10 +33,10 @@ def load_fuel(path: Path, problems: Problems) -> tuple[Table, tuple[str, ...]]:
     line = _once(path, ARRAY.format("test_rpm")).lines[0]
     more = len(rpm) - first
     left_out = f"{path}:{line}: {more} more, where motor speeds begin anew: at another elevation, which is not said"
-    return Table(path, columns, [line] * first), (left_out,) if more else ()
+    return RawTable(path, columns, [line] * first), (left_out,) if more else ()
 
 
-def _once(path: Path, pattern: str) -> Table:
+def _once(path: Path, pattern: str) -> RawTable:
     found = matching(path, pattern, PYTHON_COMMENT)
     if len(found.lines) > 1:
         raise InputError(f"{path}:{found.lines[1]}: stands in line {found.lines[0]} already; which of them holds?")

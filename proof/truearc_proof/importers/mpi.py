@@ -13,7 +13,7 @@ from truearc.robot.config.rig_spec import Air, Ball, Believe, LauncherFacts, Noi
 from truearc.sim.data.columns import need_columns, number_column, text_column
 from truearc.sim.data.dataset import Dataset, Shots, Tracks
 from truearc.sim.data.problems import Problems, gathered
-from truearc.sim.data.table import Table, load_table
+from truearc.sim.data.table import RawTable, load_table
 from truearc_proof.importers.mpi_recordings import load_recording
 
 LAUNCH_COLUMNS = ("set", "launch", "phi_cmd", "theta_cmd", "motor_top_left_rpm", "motor_top_right_rpm",
@@ -60,7 +60,7 @@ def import_mpi(*files: str | Path) -> Dataset:
     return Dataset("mpi", _facts(cut), shots, _tracks(cut), None, left_out)
 
 
-def _tables(files: list[Path], problems: Problems) -> list[tuple[Table, Table]]:
+def _tables(files: list[Path], problems: Problems) -> list[tuple[RawTable, RawTable]]:
     """Launches and their tracks: of all in two CSV files, of each by itself in recordings."""
     if files[0].suffix.lower() == ".hdf5":
         return [pair for path in files for pair in load_recording(path, problems)]
@@ -68,7 +68,7 @@ def _tables(files: list[Path], problems: Problems) -> list[tuple[Table, Table]]:
     return [(load_table(launches, problems), load_table(tracks, problems))]
 
 
-def _launches(table: Table, tracks: Table, problems: Problems) -> _Launches:
+def _launches(table: RawTable, tracks: RawTable, problems: Problems) -> _Launches:
     need_columns(table, LAUNCH_COLUMNS)
     shot_id = _ids(table, problems)
     numbers = _launch_numbers(table, problems)
@@ -78,14 +78,14 @@ def _launches(table: Table, tracks: Table, problems: Problems) -> _Launches:
     return _Launches(shot_id, session, numbers, [samples[name] for name in shot_id])
 
 
-def _launch_numbers(table: Table, problems: Problems) -> dict[str, np.ndarray]:
+def _launch_numbers(table: RawTable, problems: Problems) -> dict[str, np.ndarray]:
     numbers = {name: number_column(table, name, problems) for name in ("phi_cmd", "theta_cmd", "n_samples")}
     for wheel, _ in WHEELS:
         numbers[f"wheel_{wheel}_rad_s"] = number_column(table, f"motor_{wheel}_rpm", problems) * RPM
     return numbers
 
 
-def _ids(table: Table, problems: Problems) -> list[str]:
+def _ids(table: RawTable, problems: Problems) -> list[str]:
     """set-launch of each row; each may stand once."""
     ids: list[str] = []
     names = zip(text_column(table, "set", problems), text_column(table, "launch", problems), strict=True)
@@ -96,7 +96,7 @@ def _ids(table: Table, problems: Problems) -> list[str]:
     return ids
 
 
-def _flights(table: Table, shot_id: list[str], problems: Problems) -> dict[str, np.ndarray]:
+def _flights(table: RawTable, shot_id: list[str], problems: Problems) -> dict[str, np.ndarray]:
     """The samples of each launch, as they stand; times must grow within one."""
     need_columns(table, TRACK_COLUMNS)
     columns = np.stack([number_column(table, name, problems) for name in ("t_s", "x_m", "y_m", "z_m")], axis=1)
@@ -112,7 +112,7 @@ def _flights(table: Table, shot_id: list[str], problems: Problems) -> dict[str, 
     return {name: columns[rows] for name, rows in rows_of.items()}
 
 
-def _check_counts(table: Table, shot_id: list[str], n_samples: np.ndarray, samples: dict[str, np.ndarray],
+def _check_counts(table: RawTable, shot_id: list[str], n_samples: np.ndarray, samples: dict[str, np.ndarray],
                   problems: Problems) -> None:
     """The launches say how many samples each flight has: a lost part of the tracks shows."""
     for row, name in enumerate(shot_id):

@@ -12,7 +12,7 @@ import numpy as np
 
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.problems import Problems
-from truearc.sim.data.table import Cell, Table
+from truearc.sim.data.table import Cell, RawTable
 from truearc_proof.importers.originals import needed, part
 
 PARAMETERS = ("phi_cmd", "theta_cmd", "motor_top_left_rpm", "motor_top_right_rpm", "motor_bottom_rpm")
@@ -23,7 +23,7 @@ NS = 1e-9
 LONGEST_STEP_S = 1e3                  # between two samples: the recorder's clock counts nanoseconds, its files seconds
 
 
-def load_recording(path: Path, problems: Problems) -> list[tuple[Table, Table]]:
+def load_recording(path: Path, problems: Problems) -> list[tuple[RawTable, RawTable]]:
     """Launch and track of each group, by number; a bad number's line is its place in the launch's array, from 1.
 
     InputError where the file cannot be read or a group has not what it needs.
@@ -43,7 +43,7 @@ def load_recording(path: Path, problems: Problems) -> list[tuple[Table, Table]]:
         raise InputError(f"{path}: not a readable HDF5 file ({error})") from error
 
 
-def _launch(path: Path, name: str, group: Any, problems: Problems) -> tuple[Table, Table]:
+def _launch(path: Path, name: str, group: Any, problems: Problems) -> tuple[RawTable, RawTable]:
     here = part(path, f"group {name}")
     names = WITH_ROBOT if "ball_positions" in group else BALL
     parameters, stamps, positions = (_array(group, dataset, here) for dataset in names)
@@ -60,8 +60,8 @@ def _launch(path: Path, name: str, group: Any, problems: Problems) -> tuple[Tabl
     samples = np.column_stack([_seconds(stamps), positions.reshape(-1, 3)])[seen]
     track: dict[str, list[Cell]] = {column: [cell] * len(seen) for column, cell in key.items()}
     track |= dict(zip(("t_s", "x_m", "y_m", "z_m"), samples.T.tolist(), strict=True))
-    return (Table(here, {column: [cell] for column, cell in launch.items()}, [1]),
-            Table(here, track, (seen + 1).tolist()))
+    return (RawTable(here, {column: [cell] for column, cell in launch.items()}, [1]),
+            RawTable(here, track, (seen + 1).tolist()))
 
 
 def _seen(group: Any, count: int, here: Path) -> np.ndarray:

@@ -10,14 +10,14 @@ from types import ModuleType
 
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.columns import parse_number
-from truearc.sim.data.table import Cell, Table, text_of
+from truearc.sim.data.table import Cell, RawTable, text_of
 
 INCH_M = 0.0254
 C_COMMENT = r"/\*.*?\*/|//[^\n]*"       # C++ and Java
 PYTHON_COMMENT = r"#[^\n]*"
 
 
-def matching(path: Path, pattern: str, comment: str = C_COMMENT) -> Table:
+def matching(path: Path, pattern: str, comment: str = C_COMMENT) -> RawTable:
     """A row for each match of the pattern outside comments; its named groups are the columns.
 
     Let the groups take whatever stands where a number should, so that what is none is named and not passed over.
@@ -30,10 +30,10 @@ def matching(path: Path, pattern: str, comment: str = C_COMMENT) -> Table:
                          f"is)")
     columns: dict[str, list[Cell]] = {name: [match[name].strip() or None for match in matches]
                                       for name in re.compile(pattern).groupindex}
-    return Table(path, columns, [code.count("\n", 0, match.start()) + 1 for match in matches])
+    return RawTable(path, columns, [code.count("\n", 0, match.start()) + 1 for match in matches])
 
 
-def json_rows(text: str, path: Path, key: str, names: Sequence[str]) -> Table:
+def json_rows(text: str, path: Path, key: str, names: Sequence[str]) -> RawTable:
     """The list of objects under `key`, one a row, each with all `names`; a row's line is that of its first name.
 
     InputError when it is not there.
@@ -46,7 +46,7 @@ def json_rows(text: str, path: Path, key: str, names: Sequence[str]) -> Table:
     lines = [text.count("\n", 0, match.start()) + 1 for match in re.finditer(f'"{re.escape(names[0])}"', text)]
     columns: dict[str, list[Cell]] = {name: [cell if isinstance(cell, float) else str(cell) for cell in column]
                                       for name, column in cells.items()}
-    return Table(path, columns, lines[:len(rows)])
+    return RawTable(path, columns, lines[:len(rows)])
 
 
 def scaled(cells: Sequence[Cell], factor: float) -> list[Cell]:
@@ -72,4 +72,4 @@ def needed(package: str, path: Path) -> ModuleType:
     try:
         return importlib.import_module(package)
     except ModuleNotFoundError as error:
-        raise InputError(f"{path}: reading it needs {package}: pip install 'truearc[originals]'") from error
+        raise InputError(f"{path}: reading it needs {package}: pip install ./proof") from error

@@ -16,7 +16,7 @@ from truearc.robot.config.schema import InputError
 from truearc.sim.data.columns import need_columns, number_column, text_column
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.problems import Problems, gathered
-from truearc.sim.data.table import Table, load_table
+from truearc.sim.data.table import RawTable, load_table
 from truearc_proof.importers.frc_254 import load_254
 from truearc_proof.importers.frc_2910 import load_2910
 from truearc_proof.importers.frc_3476 import load_3476
@@ -38,7 +38,7 @@ class Robot:
     team: str
     taken: dict[str, str]
     elevation_deg: Callable[[float], float]
-    load: Callable[[Path, Problems], Table] = load_table
+    load: Callable[[Path, Problems], RawTable] = load_table
 
 
 # larger numbers are flatter shots (its hood's home, 45, is the steepest); counted from the vertical
@@ -108,7 +108,7 @@ def import_3476(history: str | Path) -> Dataset:
                    left_out=(f"{same} set points that a version left as they were",) if same else ())
 
 
-def _dated(table: Table, problems: Problems) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
+def _dated(table: RawTable, problems: Problems) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
     """Of each row its version, [rows, 3] distance, wheel and hood, and when it was written."""
     need_columns(table, ("commit", "committed_at", "distance_m", "hood_eject_angle_deg", "flywheel_rpm"))
     commit, when = text_column(table, "commit", problems), text_column(table, "committed_at", problems)
@@ -117,14 +117,14 @@ def _dated(table: Table, problems: Problems) -> tuple[tuple[str, ...], np.ndarra
     return commit, numbers, np.array([_time_s(table, row, when[row], problems) for row in every])
 
 
-def _numbers(table: Table, rows: list[int], names: tuple[str, ...], problems: Problems) -> np.ndarray:
+def _numbers(table: RawTable, rows: list[int], names: tuple[str, ...], problems: Problems) -> np.ndarray:
     """[rows, names]; only those rows have to have numbers."""
-    chosen = Table(table.path, {name: [table.columns[name][row] for row in rows] for name in names},
+    chosen = RawTable(table.path, {name: [table.columns[name][row] for row in rows] for name in names},
                    [table.lines[row] for row in rows])
     return np.stack([number_column(chosen, name, problems) for name in names], axis=1)
 
 
-def _time_s(table: Table, row: int, text: str, problems: Problems) -> float:
+def _time_s(table: RawTable, row: int, text: str, problems: Problems) -> float:
     try:
         return datetime.fromisoformat(text).timestamp()
     except ValueError:

@@ -12,7 +12,7 @@ import secrets
 import shutil
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 from msgspec import Struct
@@ -20,6 +20,7 @@ from msgspec import Struct
 from truearc.robot.config.schema import InputError
 from truearc.sim.parallel import fan_out
 from truearc.sim.progress import Progress
+from truearc_proof.rounds.claims_schema import load_claims
 from truearc_proof.rounds.commitment import canonical, hash_files, load_seal, make_seal, save_seal
 from truearc_proof.rounds.file_lock import alone
 from truearc_proof.rounds.ledger import append, digest
@@ -30,8 +31,17 @@ from truearc_proof.worlds.instruments import TOOLS
 from truearc_proof.worlds.sampling_plan import FIRST_SEED, MUJOCO, NUMPY, OWN, Drawn, draw_round, drawn_of
 
 MOST_CONFIGURATIONS, MOST_SHOTS = 5, 100     # of a follow-up
-Wanted = list[Asked] | str             # configurations, or what to measure (truearc_proof.worlds.instruments)
 AT_ONCE = 8                           # worlds made between two entries in the ledger
+
+
+class Reading(NamedTuple):
+    """One measurement: the instrument's id (truearc_proof.worlds.instruments), and as the claims name it."""
+
+    tool: str
+    written: str
+
+
+Wanted = list[Asked] | Reading
 
 
 class RoundPlan(Struct, frozen=True, forbid_unknown_fields=True):
@@ -111,7 +121,7 @@ def _answer_claimed(room: Room, progress: Progress, workers: int | None, schedul
         progress(first / len(todo), "more shots are given")
         for name in batch:
             if ASKED not in steps[name]:
-                append(room.ledger, ASKED, name, digest(canonical(as_claimed(asked[name]))))
+                append(room.ledger, ASKED, name, digest(canonical(load_claims(room.claims(name)).written)))
         fan_out(partial(_answer, half), [(drawn[name], asked[name]) for name in batch], scheduler, workers=workers)
         for name in batch:
             if ANSWERED not in steps[name]:
@@ -122,23 +132,18 @@ def _answer_claimed(room: Room, progress: Progress, workers: int | None, schedul
 
 def can_answer(drawn: Drawn, asked: Wanted) -> bool:
     """Somebody else's world only they can shoot again, or measure; of MuJoCo's robot nothing is measured."""
-    return drawn.engine == NUMPY or (drawn.engine == MUJOCO and not isinstance(asked, str))
-
-
-def as_claimed(asked: Wanted) -> list[dict[str, Any]]:
-    """As claims have it."""
-    return [{"measure": asked}] if isinstance(asked, str) else [one._asdict() for one in asked]
+    return drawn.engine == NUMPY or (drawn.engine == MUJOCO and not isinstance(asked, Reading))
 
 
 def asked_of(room: Room, world: str) -> Wanted:
     """What a world's claims ask for; InputError for more than the rules allow: configurations, or one measurement."""
     path = room.claims(world)
     try:
-        given = msgspec.json.decode(path.read_bytes())["asked"]
-        if given and "measure" in given[0]:
-            return _tool(given)
-        asked = [_asked(one) for one in given]
-    except (OSError, msgspec.MsgspecError, KeyError, TypeError, ValueError) as error:
+        claims = load_claims(path)
+        if claims.asked and "measure" in claims.asked[0]:
+            return Reading(_tool(claims.asked), claims.written[0]["measure"])
+        asked = [_asked(one) for one in claims.asked]
+    except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"{path}: asked: {error}") from error
     if len(asked) > MOST_CONFIGURATIONS or sum(one.shots for one in asked) > MOST_SHOTS or any(
             one.shots < 1 for one in asked):
@@ -169,8 +174,8 @@ def _answer(half: Path, job: tuple[Drawn, Wanted]) -> None:
 
 def answer(drawn: Drawn, asked: Wanted, directory: Path) -> None:
     """Write what was asked for; the same world and wish write the same bytes."""
-    if isinstance(asked, str):
-        make_reading(drawn, asked, directory)
+    if isinstance(asked, Reading):
+        make_reading(drawn, *asked, directory)
     else:
         make_more(drawn, asked, directory)
 

@@ -120,7 +120,7 @@ def check_world(room: Room, world: str, done: Mapping[str, str]) -> list[str]:
     given = {f"more/{name}": value for name, value in hash_files(room.more(world)).items()} if ANSWERED in done else {}
     if CLAIMED in done:
         wrong += _check_claims(room.claims(world), done[CLAIMED], seal.data)
-    if ASKED in done and not wrong and digest(canonical(load_claims(room.claims(world)).asked)) != done[ASKED]:
+    if ASKED in done and not wrong and digest(canonical(load_claims(room.claims(world)).written)) != done[ASKED]:
         wrong.append(f"{room.claims(world)}: asked for something else")
     if ANSWERED in done and digest(canonical(hash_files(room.more(world)))) != done[ANSWERED]:
         wrong.append(f"{room.more(world)}: is not what was given")

@@ -35,6 +35,7 @@ from truearc.sim.physics.catalogue import BUILT_IN
 from truearc.sim.progress import Progress
 from truearc_proof.rivals.claim import believed_of
 from truearc_proof.rivals.registry import find_rival
+from truearc_proof.rounds.claims_schema import SCHEMA
 from truearc_proof.rounds.commitment import canonical, hash_files
 from truearc_proof.rounds.file_lock import alone
 from truearc_proof.rounds.ledger import append, digest
@@ -42,7 +43,6 @@ from truearc_proof.rounds.round_layout import ANSWERED, CLAIMED, CLAIMED_AGAIN, 
 from truearc_proof.worlds.generate_data import HOME, MEASURED
 from truearc_proof.worlds.instruments import TOOLS
 
-SCHEMA = "truearc.claims/1"
 FALSE_ALARM = 0.05
 AT_HOME = ("gravity", "drag", "magnus")      # what is believed of MuJoCo's robot before its unmodified session
 MORE_SHOTS, MORE_CONFIGURATIONS = 100, 5     # at most, in a follow-up
@@ -152,9 +152,9 @@ def asked_for(found: Investigation, dataset: Dataset) -> list[dict[str, Any]]:
     if not found.steps or not can_design(found.steps[0]):
         return []
     design = make_design(found.steps[0], MORE_SHOTS, MORE_CONFIGURATIONS)
-    tool = next((one for one in design.measurements if one.what in TOOLS), None)
+    tool = next((one for one in design.measurements if one.instrument.id in TOOLS), None)
     if tool is not None and tool.probability > design.after and dataset.facts.believe.terms:
-        return [{"measure": tool.what}]
+        return [{"measure": tool.instrument.id}]
     rows = found.steps[0].fitted.evidence.rows
     asked = [(int(rows[block.row]), block.pace) for block in design.blocks]
     distance, hood, ratio = (dataset.shots.number(name) for name in ("distance_m", "hood_deg", "motor_ratio"))

@@ -61,10 +61,11 @@ def play_robot(drawn: Drawn, seed: int, settings: Sequence[ShotSetting]) -> Seas
     return play_season(facts, options, seed, settings, drawn.level, dirty_sensors(drawn.dirt, facts.noise))
 
 
-def make_reading(drawn: Drawn, tool: str, directory: Path) -> None:
-    """Write what is read off a tool (truearc_proof.worlds.instruments) held to this world's robot."""
+def make_reading(drawn: Drawn, tool: str, written: str, directory: Path) -> None:
+    """Write the readings of an instrument (an id of truearc_proof.worlds.instruments) on this world's robot; `written`:
+    the instrument as the claims name it."""
     directory.mkdir(parents=True)
-    read = {"measure": tool, "terms": read_off(tool, drawn.effects, drawn.seed)}
+    read = {"measure": written, "terms": read_off(tool, drawn.effects, drawn.seed)}
     (directory / MEASURED).write_bytes(canonical(read) + b"\n")
 
 

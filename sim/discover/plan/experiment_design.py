@@ -20,6 +20,7 @@ from truearc.sim.discover.select.selection_step import Step
 from truearc.sim.discover.select.term_ranking import efficient, nats_for
 from truearc.sim.discover.settings import CONFIGURATIONS, PLANNED_SHOTS
 from truearc.sim.physics.catalogue import Catalogue
+from truearc.sim.physics.term_fields import Instrument
 
 DRAWS = 4000
 PACES = (1.0, 0.94, 0.97, 1.03, 1.06)             # of the wheels, times the recorded one
@@ -42,7 +43,7 @@ class Block:
 
 @dataclass(frozen=True)
 class PlannedMeasurement:
-    what: str
+    instrument: Instrument
     terms: tuple[str, ...]
     probability: float                # that one name stands alone afterwards
 
@@ -209,11 +210,12 @@ def _measurements(contest: Contest, names: tuple[str, ...], seed: int, among: Ca
     terms = [name.partition(".")[0] for name in names]
     instruments = [among.find([term])[0].instrument for term in terms]
     found = []
-    for what in dict.fromkeys(one.what for one in instruments if one is not None and one.sd is not None):
+    proposed = {one.id: one for one in instruments if one is not None and one.sd is not None}
+    for name, instrument in proposed.items():
         mine = {k: one.sd for k, one in enumerate(instruments)
-                if one is not None and one.what == what and one.sd is not None}
+                if one is not None and one.id == name and one.sd is not None}
         chance = _chance_measured(contest, len(terms), mine, seed)
-        found.append(PlannedMeasurement(what, tuple(terms[k] for k in mine), chance))
+        found.append(PlannedMeasurement(instrument, tuple(terms[k] for k in mine), chance))
     return found
 
 

@@ -22,8 +22,9 @@ def next_steps(dataset: Dataset, step: Step, chosen: tuple[str, ...] | None) -> 
         return (*_about_unknown(step), *_sides(dataset))
     among = step.fitted.layout.chain.catalogue
     instruments = [term.instrument for name in chosen for term in among.find([name])]
-    wanted = dict.fromkeys(one.what for one in instruments if one is not None)
-    steps: list[dict[str, Any]] = [{"do": "measure", "what": what} for what in list(wanted)[:FEW]]
+    wanted = {one.id: one.what for one in instruments if one is not None}
+    steps: list[dict[str, Any]] = [{"do": "measure", "instrument": name, "what": what}
+                                   for name, what in list(wanted.items())[:FEW]]
     if len(chosen) < 2:
         return tuple(steps)
     shot = parting_shot(dataset, step, (step.naming.chosen[0], step.naming.chosen[1]))
@@ -35,15 +36,16 @@ def _about_unknown(step: Step) -> tuple[dict[str, Any], ...]:
     place = step.place
     name = None if place is None else name_of(place.test, place.column)
     if name is None or name in IN_FLIGHT:
-        return ({"do": "measure", "what": "the flight with a camera from the side (tracks.csv)"},)
-    return ({"do": "measure", "what": f"what else changes with {name}, which it goes with"},)
+        return ({"do": "measure", "record": "tracks", "what": "the flight with a camera from the side (tracks.csv)"},)
+    return ({"do": "measure", "covariate": name, "what": f"what else changes with {name}, which it goes with"},)
 
 
 def _sides(dataset: Dataset) -> tuple[dict[str, Any], ...]:
     """A miss without a side tells half of what it could."""
     outcome, side = dataset.shots.text("outcome"), dataset.shots.text("side")
     blind = sum(said in ("miss", "two") and not where for said, where in zip(outcome, side, strict=True))
-    return ({"do": "measure", "what": "on which side of the centre, low or high, each shot passes (column side)"},) \
+    return ({"do": "measure", "record": "side",
+             "what": "on which side of the centre, low or high, each shot passes (column side)"},) \
         if blind > 0.5 * sum(map(bool, outcome)) else ()
 
 

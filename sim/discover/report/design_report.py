@@ -23,7 +23,8 @@ def design_table(design: Design, dataset: Dataset, step: Step, among: Catalogue 
     shoot = [{"do": "shoot", **_settings(dataset.shots, int(rows[block.row]), block.pace), "shots": block.shots,
               "separates": names}
              for block in _together(design.blocks)]
-    measure = [{"do": "measure", "what": one.what, "separates": list(one.terms), "probability": one.probability}
+    measure = [{"do": "measure", "instrument": one.instrument.id, "what": one.instrument.what,
+                "separates": list(one.terms), "probability": one.probability}
                for one in design.measurements]
     follow = [term.follows for term in find_terms(names, among)]
     return {"names": dict(zip(names, map(float, design.probability), strict=True)),

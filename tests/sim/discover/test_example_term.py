@@ -96,7 +96,8 @@ def test_discover_names_the_term_that_is_given_to_it(dataset: Dataset, among: Ca
     size = found.finding.what[0].parameters["angle_deg"]
     assert size.low90 - size.sd < TRUTH["hood_flex"]["angle_deg"] < size.high90 + size.sd
     assert "the hood yields to the ball" in found.finding.sentence and "flatter" in found.finding.sentence
-    assert {"do": "measure", "what": "hood angle while a ball passes, on film at 240 frames/s"} in found.finding.next
+    assert {"do": "measure", "instrument": "hood_film",
+            "what": "hood angle while a ball passes, on film at 240 frames/s"} in found.finding.next
 
 
 def test_installed_it_is_found_by_the_command_and_adopted(directory: Path, installed: Path) -> None:

@@ -131,7 +131,7 @@ def test_a_measurement_of_the_true_term_settles_it_when_it_is_sharp() -> None:
     step = step_of(planted={"release_height.above_m": 0.45})
     plan = make_design(step, 60, 3)
     tape = next((one for one in plan.measurements if "release_height" in one.terms), None)
-    assert tape is not None and tape.what == "exit height with a tape"
+    assert tape is not None and tape.instrument.id == "exit_height_tape"
     # an amplitude of 0.45 m against a tape good to 1 cm: sure whenever this is the truth
     share = plan.probability[[name.startswith("release_height") for name in plan.names]].sum()
     assert share - 0.03 < tape.probability

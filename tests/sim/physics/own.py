@@ -15,7 +15,7 @@ class Flex(LaunchTerm):
     label = "yielding hood"
     sentence = "The hood yields to the ball."
     phrase = either_way("the hood yields {} <way>", "down", "up", ANGLE)
-    instrument = Instrument("hood angle on film", 0.3)
+    instrument = Instrument("hood_film", "hood angle on film", 0.3)
 
     def leave(self, facts: Rig, values: Values, exit: Exit) -> Exit:
         return exit._replace(elevation_rad=exit.elevation_rad - math.radians(1.0) * values["angle_deg"])

@@ -49,7 +49,7 @@ def test_flight_term_without_symmetry_is_refused() -> None:
     ({"name": "Hood flex"}, "name: 'Hood flex'"), ({"direction": "up"}, "direction: 'up' is none of along"),
     ({"order": (5, "")}, "order: "), ({"sentence": "It bends"}, "full stop"), ({"__doc__": None}, "no docstring"),
     ({"phrase": Phrase("bends", "unbends", 1.0, "")}, "phrase: "), ({"label": ""}, "label: is empty"),
-    ({"instrument": None}, "instrument: "), ({"instrument": Instrument("a ruler", 0.0)}, "not above 0"),
+    ({"instrument": None}, "instrument: "), ({"instrument": Instrument("ruler", "a ruler", 0.0)}, "not above 0"),
     ({"follows": "moonlight", "record": "the moon"}, "follows: 'moonlight'"), ({"follows": "age"}, "record: is empty"),
     ({"calibration_sd": 0.1}, "calibration_sd: "), ({"parameters": ()}, "parameters: expected a tuple"),
     ({"parameters": (*number(), *number())}, "two have one name"),

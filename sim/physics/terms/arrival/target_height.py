@@ -14,7 +14,7 @@ class TargetHeight(ArrivalTerm):
     direction = "vertical"
     sentence = "The target stands higher or lower than stated."
     phrase = either_way("the target stands {} <way> than stated", "higher", "lower", LENGTH)
-    instrument = Instrument("target height with a tape", 0.01)
+    instrument = Instrument("target_height_tape", "target height with a tape", 0.01)
 
     def arrive(self, values: Values, opening: Opening) -> Opening:
         return opening._replace(centre_m=opening.centre_m + values["rise_m"])

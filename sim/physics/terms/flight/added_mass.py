@@ -21,7 +21,7 @@ class AddedMass(FlightTerm):
     sentence = "The ball carries air along and is harder to speed up or slow down than its mass says."
     phrase = Phrase("the ball has to move some air along, {} of what theory gives it", "the ball moves as if it were "
                     "lighter, by {} of the air that theory has it move along", *SHARE)
-    instrument = Instrument("ball mass with a scale", 0.3)
+    instrument = Instrument("ball_scale", "ball mass with a scale", 0.3)
 
     def acceleration(self, facts: Rig, values: Values, ball: BallState, forces: Forces) -> Vec:
         volume_m3 = 4.0 / 3.0 * math.pi * facts.ball.radius_m**3

@@ -16,4 +16,4 @@ class AirChange(AirShareTerm):
     relative = True
     sentence = "The air is denser or thinner than when the simulation was fitted."
     phrase = either_way("the air is {} <way> than when the simulation was fitted", "denser", "thinner", SHARE)
-    instrument = Instrument("temperature and pressure, and those of the session before", None)
+    instrument = Instrument("thermometer_barometer", "temperature and pressure, and those of the session before", None)

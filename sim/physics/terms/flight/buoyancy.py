@@ -19,7 +19,7 @@ class Buoyancy(FlightTerm):
     sentence = "The air that the ball displaces carries part of its weight."
     phrase = Phrase("the air carries part of the ball's weight, {} of that of the air it displaces",
                     "the ball is heavier than stated, by {} of the weight of the air it displaces", *SHARE)
-    instrument = Instrument("ball mass with a scale", 0.3)
+    instrument = Instrument("ball_scale", "ball mass with a scale", 0.3)
 
     def acceleration(self, facts: Rig, values: Values, ball: BallState, forces: Forces) -> Vec:
         volume_m3 = 4.0 / 3.0 * math.pi * facts.ball.radius_m**3

@@ -21,7 +21,7 @@ class Drag(FlightTerm):
     sentence = "The air slows the ball in proportion to the square of its speed."
     phrase = Phrase("the air slows the ball, with a drag coefficient of {}", "the air drives the ball, with a drag "
                     "coefficient of minus {}", *NUMBER)
-    instrument = Instrument("the fall of a ball from a known height, on film", 0.05)
+    instrument = Instrument("fall_film", "the fall of a ball from a known height, on film", 0.05)
 
     def acceleration(self, facts: Rig, values: Values, ball: BallState, forces: Forces) -> Vec:
         area_m2 = math.pi * facts.ball.radius_m**2

@@ -22,7 +22,7 @@ class DragReynolds(FlightTerm):
     sentence = "The drag coefficient changes with the ball's speed."
     phrase = either_way("the drag coefficient <way> with speed, by {} from 10 to 20 m/s", "grows", "falls", SHARE,
                         " per 10 m/s")
-    instrument = Instrument("the fall of a ball from two heights, on film", 0.2)
+    instrument = Instrument("fall_film_two_heights", "the fall of a ball from two heights, on film", 0.2)
 
     def acceleration(self, facts: Rig, values: Values, ball: BallState, forces: Forces) -> Vec:
         if "drag" not in forces:

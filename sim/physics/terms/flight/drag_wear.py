@@ -22,7 +22,7 @@ class DragWear(FlightTerm):
     sentence = "The drag of the balls changes the more they have been shot."
     phrase = either_way("the drag of the balls <way> the more they have been shot, by {} at the end", "grows", "falls",
                         SHARE)
-    instrument = Instrument("the fall of new and worn balls side by side, on film", 0.05)
+    instrument = Instrument("fall_film_worn_balls", "the fall of new and worn balls side by side, on film", 0.05)
 
     def acceleration(self, facts: Rig, values: Values, ball: BallState, forces: Forces) -> Vec:
         return scale(values["share"], forces["drag"]) if "drag" in forces else Vec(0.0, 0.0, 0.0)

@@ -24,7 +24,7 @@ class LiftSaturation(FlightTerm):
     sentence = "The lift no longer grows in proportion to the spin when the ball spins fast."
     phrase = Phrase("lift levels off as the ball spins faster, at a rate of {}", "lift grows more than in proportion "
                     "to spin, at a rate of {}", *NUMBER)
-    instrument = Instrument("spin of a marked ball at 120 frames/s", 0.3)
+    instrument = Instrument("spin_film", "spin of a marked ball at 120 frames/s", 0.3)
 
     def acceleration(self, facts: Rig, values: Values, ball: BallState, forces: Forces) -> Vec:
         if "magnus" not in forces:

@@ -22,7 +22,7 @@ class Magnus(FlightTerm):
     sentence = "The ball's spin bends its path, in proportion to spin and speed."
     phrase = Phrase("backspin lifts the ball, with a lift coefficient of {}", "backspin presses the ball down, with a "
                     "lift coefficient of minus {}", *NUMBER)
-    instrument = Instrument("where five shots without spin go", 0.05)
+    instrument = Instrument("shots_without_spin", "where five shots without spin go", 0.05)
 
     def acceleration(self, facts: Rig, values: Values, ball: BallState, forces: Forces) -> Vec:
         per_rev = 4.0 / 3.0 * 4.0 * math.pi**2 * facts.ball.radius_m**3 * facts.air.density_kg_m3 / facts.ball.mass_kg

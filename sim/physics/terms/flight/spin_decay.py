@@ -19,7 +19,7 @@ class SpinDecay(AirTerm):
     symmetry = "any"
     sentence = "The ball loses spin in flight."
     phrase = either_way("the ball <way> spin in flight, at {} a second", "loses", "gains", SHARE, " a second")
-    instrument = Instrument("spin of a marked ball at 120 frames/s, early and late", 0.1)
+    instrument = Instrument("spin_film_early_late", "spin of a marked ball at 120 frames/s, early and late", 0.1)
 
     def meet(self, facts: Rig, values: Values, ball: BallState) -> BallState:
         left = jnp.exp(-values["rate_per_s"] * ball.time_s)

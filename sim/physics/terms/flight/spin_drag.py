@@ -23,7 +23,7 @@ class SpinDrag(FlightTerm):
     phrase = Phrase("a spinning ball has more drag: its coefficient is {} larger where the ball's rim turns as fast as "
                     "it flies", "a spinning ball has less drag: its coefficient is {} smaller where the ball's rim "
                     "turns as fast as it flies", *NUMBER)
-    instrument = Instrument("where five shots without spin go", 0.15)
+    instrument = Instrument("shots_without_spin", "where five shots without spin go", 0.15)
 
     def acceleration(self, facts: Rig, values: Values, ball: BallState, forces: Forces) -> Vec:
         rim_m_s = 2.0 * math.pi * facts.ball.radius_m

@@ -16,7 +16,7 @@ class BallCompression(LaunchTerm):
     sentence = "The squeezed ball rolls on a smaller radius than its own, so that it leaves with more spin."
     phrase = Phrase("the squeezed ball spins {} faster than its size says", "the ball spins {} slower than its size "
                     "says", *SHARE)
-    instrument = Instrument("spin of a marked ball at 120 frames/s", 0.05)
+    instrument = Instrument("spin_film", "spin of a marked ball at 120 frames/s", 0.05)
 
     def leave(self, facts: Rig, values: Values, exit: Exit) -> Exit:
         return exit._replace(spin_rev_s=exit.spin_rev_s / (1.0 - values["share"]))

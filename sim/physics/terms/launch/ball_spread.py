@@ -17,7 +17,7 @@ class BallSpread(SpeedTerm):
     sentence = "The balls differ: each has a speed of its own, faster or slower than the others."
     phrase = Phrase("the balls differ: their speeds scatter by {}", "the balls differ: their speeds scatter by {}",
                     *SHARE)
-    instrument = Instrument("weight and size of each ball, and note which was shot (ball_id)", 0.01)
+    instrument = Instrument("ball_scale_each", "weight and size of each ball, and note which was shot (ball_id)", 0.01)
 
     def speed_factor(self, amount: Number) -> Number:
         return 1.0 + amount

@@ -17,7 +17,7 @@ class BatterySag(SpeedTerm):
     sentence = "A weaker battery gives a slower ball at the same wheel speed."
     phrase = either_way("a battery one tenth weaker sends the ball off {} <way>", "slower", "faster", (10.0, " %"),
                         " per tenth of voltage")
-    instrument = Instrument("the same shot on a full and an empty battery", 0.1)
+    instrument = Instrument("shots_full_empty_battery", "the same shot on a full and an empty battery", 0.1)
 
     def speed_factor(self, amount: Number) -> Number:
         return 1.0 + amount

@@ -5,16 +5,7 @@ from typing import Any
 import jax.numpy as jnp
 
 from truearc.sim.data.conditions import Circumstances
-from truearc.sim.physics.term import (
-    SHARE,
-    Instrument,
-    Number,
-    Parameter,
-    Prior,
-    SpeedTerm,
-    Values,
-    either_way,
-)
+from truearc.sim.physics.term import SHARE, Instrument, Parameter, Prior, SpeedTerm, Values, either_way
 
 
 class RapidFire(SpeedTerm):
@@ -32,11 +23,8 @@ class RapidFire(SpeedTerm):
     record = "t_s or since_last_shot_s of each shot"
     sentence = "A shot soon after another leaves slower: the wheels have not recovered."
     phrase = either_way("a shot right after another leaves {} <way>", "slower", "faster", SHARE)
-    instrument = Instrument("the same shot after 1 s and after 10 s", 0.02)
+    instrument = Instrument("shots_short_long_pause", "the same shot after 1 s and after 10 s", 0.02)
 
     def at_shot(self, values: Values, circumstances: Circumstances) -> dict[str, Any]:
         left = jnp.exp(-circumstances.since_last_shot_s / values["time_constant_s"])
         return {**values, "loss": values["loss"] * left}
-
-    def speed_factor(self, amount: Number) -> Number:
-        return 1.0 - amount

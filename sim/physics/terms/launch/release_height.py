@@ -15,7 +15,7 @@ class ReleaseHeight(LaunchTerm):
     direction = "vertical"
     sentence = "The ball leaves higher or lower than the stated release height."
     phrase = either_way("the ball leaves from {} <way> than stated", "higher", "lower", LENGTH)
-    instrument = Instrument("exit height with a tape", 0.01)
+    instrument = Instrument("exit_height_tape", "exit height with a tape", 0.01)
 
     def leave(self, facts: Rig, values: Values, exit: Exit) -> Exit:
         return exit._replace(above_m=exit.above_m + values["above_m"])

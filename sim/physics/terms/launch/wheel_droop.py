@@ -1,6 +1,6 @@
 """Wheels that slow down while the ball passes, so that it leaves slower than they ran before."""
 
-from truearc.sim.physics.term import SHARE, Instrument, Number, Parameter, Phrase, Prior, SpeedTerm
+from truearc.sim.physics.term import SHARE, Instrument, Parameter, Phrase, Prior, SpeedTerm
 
 
 class WheelDroop(SpeedTerm):
@@ -18,7 +18,5 @@ class WheelDroop(SpeedTerm):
     phrase = Phrase("the wheels slow down under the ball: at their usual dip it leaves {} slower, at a larger one "
                     "slower still", "the more the wheels dip, the faster the ball leaves: {} at their usual dip",
                     *SHARE)
-    instrument = Instrument("exit speed at little and at much dip with a high-speed camera", 0.02)
-
-    def speed_factor(self, amount: Number) -> Number:
-        return 1.0 - amount
+    instrument = Instrument("exit_speed_film_dip",
+                            "exit speed at little and at much dip with a high-speed camera", 0.02)

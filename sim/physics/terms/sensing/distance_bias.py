@@ -15,7 +15,7 @@ class DistanceBias(DistanceTerm):
     sentence = "The robot takes all distances as too long or too short by the same length."
     phrase = either_way("the target is {} <way> than measured, wherever the robot stands", "farther away", "nearer",
                         LENGTH)
-    instrument = Instrument("distance with a tape at 3 stations", 0.01)
+    instrument = Instrument("distance_tape", "distance with a tape at 3 stations", 0.01)
 
     def distance_m(self, measured_m: Number, amount: Number) -> Number:
         return measured_m + amount

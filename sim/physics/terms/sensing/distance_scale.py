@@ -14,7 +14,7 @@ class DistanceScale(DistanceTerm):
               "targets"), meaning="true distance above the measured one"),)
     sentence = "The robot takes all distances as too long or too short by the same share."
     phrase = either_way("the target is {} <way> than measured", "farther away", "nearer", SHARE)
-    instrument = Instrument("distance with a tape at 3 stations", 0.005)
+    instrument = Instrument("distance_tape", "distance with a tape at 3 stations", 0.005)
 
     def distance_m(self, measured_m: Number, amount: Number) -> Number:
         return measured_m * (1.0 + amount)

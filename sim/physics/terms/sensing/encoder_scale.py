@@ -1,17 +1,7 @@
 """Wheels that run faster or slower than they read, or are larger or smaller than stated."""
 
-from truearc.sim.physics.term import (
-    SHARE,
-    Exit,
-    Instrument,
-    Number,
-    Parameter,
-    Prior,
-    Rig,
-    SensingTerm,
-    Values,
-    either_way,
-)
+from truearc.sim.physics.term import Exit, Number, Rig, SensingTerm, Values
+from truearc.sim.physics.term_fields import SHARE, Instrument, Parameter, Prior, either_way
 
 
 class EncoderScale(SensingTerm):
@@ -27,7 +17,8 @@ class EncoderScale(SensingTerm):
     sentence = ("The wheels run at other surface speeds than their encoders and stated diameters say, by the same "
                 "share.")
     phrase = either_way("the wheels' surfaces run {} <way> than measured", "faster", "slower", SHARE)
-    instrument = Instrument("wheel diameter with calipers, wheel speed with an optical tachometer", 0.003)
+    instrument = Instrument("calipers_tachometer",
+                            "wheel diameter with calipers, wheel speed with an optical tachometer", 0.003)
 
     def sense(self, facts: Rig, values: Values, exit: Exit, distance_m: Number) -> tuple[Exit, Number]:
         factor = 1.0 + values["share"]

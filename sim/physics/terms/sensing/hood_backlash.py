@@ -18,4 +18,4 @@ class HoodBacklash(HoodTerm):
     phrase = Phrase("the hood has play: it stands {} steeper than it reads after moving up, as much flatter after "
                     "moving down", "the hood has play: it stands {} flatter than it reads after moving up, as much "
                     "steeper after moving down", *ANGLE)
-    instrument = Instrument("hood angle with an inclinometer, from both sides", 0.2)
+    instrument = Instrument("inclinometer_both_ways", "hood angle with an inclinometer, from both sides", 0.2)

@@ -13,4 +13,4 @@ class HoodOffset(HoodTerm):
               "to one or two"), meaning="true elevation less the hood's reading"),)
     sentence = "The hood stands at another angle than it reads, by the same angle at every setting."
     phrase = either_way("the hood stands {} <way> than it reads", "steeper", "flatter", ANGLE)
-    instrument = Instrument("hood angle with an inclinometer", 0.2)
+    instrument = Instrument("inclinometer", "hood angle with an inclinometer", 0.2)

@@ -17,7 +17,7 @@ class TrackClock(WatchTerm):
     calibration_sd = 0.05
     sentence = "The tracker's clock runs fast or slow: its frames come at another rate than stated."
     phrase = either_way("the tracker's clock runs {} <way>", "slow", "fast", SHARE)
-    instrument = Instrument("a stopwatch in the tracker's view", None)
+    instrument = Instrument("stopwatch", "a stopwatch in the tracker's view", None)
 
     def watch(self, values: Values, position_m: Vec, velocity_m_s: Vec, time_s: Number) -> Vec:
         late_s = values["share"] * time_s

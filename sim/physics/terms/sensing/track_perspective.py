@@ -17,7 +17,7 @@ class TrackPerspective(WatchTerm):
     sentence = "The tracker's metre changes with height: it looks up or down at the flight."
     phrase = either_way("the higher the ball, the <way> the tracker sees lengths, by {} a metre", "larger", "smaller",
                         SHARE, " per m of height")
-    instrument = Instrument("a ruler at two heights in the tracker's view", None)
+    instrument = Instrument("ruler_two_heights", "a ruler at two heights in the tracker's view", None)
 
     def watch(self, values: Values, position_m: Vec, velocity_m_s: Vec, time_s: Number) -> Vec:
         longer = times(values["per_m"], position_m.z)

@@ -17,7 +17,7 @@ class TrackScale(WatchTerm):
     calibration_sd = 0.05
     sentence = "The tracker takes all lengths as too long or too short by the same share."
     phrase = either_way("the tracker sees lengths {} too <way>", "long", "short", SHARE)
-    instrument = Instrument("a ruler in the tracker's view", None)
+    instrument = Instrument("ruler", "a ruler in the tracker's view", None)
 
     def watch(self, values: Values, position_m: Vec, velocity_m_s: Vec, time_s: Number) -> Vec:
         return Vec(*(part + times(values["share"], part) for part in position_m))

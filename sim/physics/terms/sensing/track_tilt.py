@@ -19,7 +19,7 @@ class TrackTilt(WatchTerm):
     calibration_sd = 2.5
     sentence = "The tracker is tilted: what lies ahead seems higher or lower than it is."
     phrase = either_way("the tracker is tilted: it sees what lies ahead {} too <way>", "high", "low", ANGLE)
-    instrument = Instrument("a plumb line in the tracker's view", None)
+    instrument = Instrument("plumb_line", "a plumb line in the tracker's view", None)
 
     def watch(self, values: Values, position_m: Vec, velocity_m_s: Vec, time_s: Number) -> Vec:
         angle_rad = math.radians(1.0) * values["angle_deg"]

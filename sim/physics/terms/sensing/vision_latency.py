@@ -17,7 +17,7 @@ class VisionLatency(DistanceTerm):
                 "taken.")
     phrase = Phrase("the distance is {} out of date when the ball leaves", "the distance runs {} ahead of the robot",
                     1000.0, " ms")
-    instrument = Instrument("the camera's delay, by a lamp in its view that the robot switches", 0.005)
+    instrument = Instrument("delay_lamp", "the camera's delay, by a lamp in its view that the robot switches", 0.005)
 
     def distance_m(self, measured_m: Number, amount: Number) -> Number:
         return measured_m - amount
