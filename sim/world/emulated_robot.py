@@ -60,7 +60,7 @@ def make_nodes(config: Config, world: Plant, watchdog_ms: int = WATCHDOG_MS) -> 
 
 
 def make_axis_node(axis: Axis, name: str, world: Plant, watchdog_ms: int) -> Node:
-    """The device at the far end of one axis, with the world's motor `name` on it; nobody commands an advisory one."""
+    """The device of one axis, with the world's motor `name` on it; an advisory one receives no commands."""
     motor = {"hood": HOOD, "feeder": FEEDER}.get(name, FLYWHEEL_MOTOR)
     attached = AttachedMotor(name, world, motor.kt_nm_a, motor.resistance_ohm, watchdog_ms,
                              world.hood_at_limit if name == "hood" else None)

@@ -110,7 +110,7 @@ def _think(session: Path, config: Config) -> Think:
 
 
 def matched(ticks: int, reader: TickReader) -> Replayed:
-    """What a replay of this number of ticks has shown; InputError when there were none."""
+    """Return what a replay of this number of ticks has shown; InputError when there were none."""
     if ticks == 0:
         raise InputError(f"{reader.path}: no ticks to replay" + (f" ({reader.cut_short})" if reader.cut_short else ""))
     return Replayed(ticks, reader.cut_short)
