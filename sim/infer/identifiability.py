@@ -1,4 +1,4 @@
-"""What a dataset can tell apart, before anyone refines the model: parameters kept together, and those of the prior.
+"""Parameters that a dataset keeps together, and those that only the prior knows, before anyone refines the model.
 
 By the covariance of the fit in units of the priors' standard deviations.
 """
@@ -34,7 +34,7 @@ class Identified:
 
 
 def identify(fit: MlFit) -> Identified:
-    """What the fit's covariance means for parameters and pairs of them."""
+    """Return pairs that the fit keeps together, and how far each parameter is known beyond its prior."""
     names = fit.model.names
     share = {name: float(np.sqrt(fit.covariance[index, index])) for index, name in enumerate(names)}
     return Identified(_pairs(fit), share, tuple(name for name in names if share[name] > SILENT))
