@@ -14,13 +14,13 @@ import numpy as np
 from msgspec.structs import replace
 
 from truearc import robot
-from truearc.hw.emulated.imaging.camera import EmulatedCamera
-from truearc.hw.emulated.imaging.image_degradation import USUAL, Look, Patch
 from truearc.hw.emulated.imaging.lens import project
-from truearc.hw.emulated.static_plant import Stage, place
+from truearc.hw.emulated.static_plant import Stage
 from truearc.robot.config.schema import Config, load_config
 from truearc.robot.vision import detect
 from truearc.sim.world.emulated_vision import make_lens, make_tape
+from truearc_proof.world.camera_damage import USUAL, Look, Patch, StagedCamera
+from truearc_proof.world.placing import place
 
 DISTANCES_M = (2.5, 5.0, 8.0, 12.0)
 BLURRED = Look(blur_px=1.5)
@@ -89,7 +89,7 @@ def see(config: Config, distance_m: float, seed: int, hidden: np.ndarray | None,
                  camera.pitch_deg + 2.0 * float(np.clip(rng.normal(), -2, 2)), facing_deg=rng.uniform(-30, 30),
                  bearing_deg=rng.uniform(-5, 5), roll_deg=rng.normal())
     tape = make_tape(replace(config.tape, tape_width_m=times * config.tape.tape_width_m))
-    eye = EmulatedCamera(Stage(view), make_lens(camera), tape, 20.0, 0.0, seed, look=look)
+    eye = StagedCamera(Stage(view), make_lens(camera), tape, 20.0, 0.0, seed, look=look)
     if hidden is not None:
         eye.clutter((Patch(project(hidden, view.camera_from_target, make_lens(camera))[0], (0, 0, 0)),))
     return detect(eye.expose(0), camera, config.tape, config.vision)

@@ -6,14 +6,15 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from truearc.hw.emulated.imaging.camera import EmulatedCamera, outline_m
-from truearc.hw.emulated.imaging.distractors import KINDS, floor_reflection, in_the_way, second_goal
-from truearc.hw.emulated.imaging.image_degradation import USUAL, Look
+from truearc.hw.emulated.imaging.camera import outline_m
 from truearc.hw.emulated.imaging.lens import project
-from truearc.hw.emulated.static_plant import NOTHING, Stage, place
+from truearc.hw.emulated.static_plant import NOTHING, Stage
 from truearc.hw.readings import CameraFrame
 from truearc.robot.config.schema import CameraConfig, Config
 from truearc.sim.world.emulated_vision import make_lens, make_tape
+from truearc_proof.world.camera_damage import USUAL, Look, StagedCamera
+from truearc_proof.world.distractors import KINDS, floor_reflection, in_the_way, second_goal
+from truearc_proof.world.placing import place
 
 LOOKS = {
     "usual": USUAL,
@@ -63,7 +64,7 @@ def shoot(config: Config, rng: np.random.Generator, distance_m: float, look: Loo
         look = _turned(look, believed, np.clip(rng.normal(size=2), -2, 2))
     lens = make_lens(believed)
     corners, _ = project(outline_m(make_tape(tape)), view.camera_from_target, lens)
-    camera = EmulatedCamera(Stage(NOTHING if absent else view), lens, make_tape(tape), 20.0, 0.0,
+    camera = StagedCamera(Stage(NOTHING if absent else view), lens, make_tape(tape), 20.0, 0.0,
                             int(rng.integers(1 << 31)), look=look)
     patches = {kind: kind(lens, corners, rng) for kind in kinds}
     camera.clutter(tuple(patch for some in patches.values() for patch in some))

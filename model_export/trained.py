@@ -10,7 +10,7 @@ import numpy as np
 from truearc.model_export.parts import Part, network_part, physics_part
 from truearc.model_export.tolerances import NETWORK_TOLERANCE, PHYSICS_TOLERANCE
 from truearc.sim.gate.novelty import Novelty, parse_novelty
-from truearc.sim.gate.store import KIND, MODEL_FILE, gate_hash, load_physics_gate
+from truearc.sim.gate.store import KIND, MODEL_FILE, load_physics_gate
 from truearc.sim.gate.surrogate import make_surrogate
 from truearc.sim.paper.network import RECORD_FILE, load_weights, probabilities, weights_hash
 
@@ -50,5 +50,5 @@ def _physics(directory: str | Path) -> Trained:
         return physics_part(surrogate, gate.shape, gate.aside), {"surrogate": {
             "degree": surrogate.degree, "mean_error_m": errors.mean_m, "p_error": errors.p}}
 
-    return Trained(KIND, record, gate_hash(directory), gate.probabilities, make_part, gate.novelty, PHYSICS_TOLERANCE,
-                   True)
+    return Trained(KIND, record, weights_hash(directory, MODEL_FILE), gate.probabilities, make_part, gate.novelty,
+                   PHYSICS_TOLERANCE, True)

@@ -1,9 +1,8 @@
-"""The motor axes of the configuration: their names, drivers, and what their readings mean."""
+"""The motor axes of the configuration: their names and drivers."""
 
 from truearc.hw.devices.axis import Axis
 from truearc.hw.devices.registry import family_of
 from truearc.hw.motor import Motor
-from truearc.hw.readings import MotorReading
 from truearc.robot.config.schema import Config, InputError
 
 
@@ -27,13 +26,3 @@ def make_motors(config: Config) -> tuple[Motor, ...]:
             if owner.setdefault(key, name) != name:
                 raise InputError(f"axes: {owner[key]} and {name} are the same device (CAN frame 0x{key[0]:x})")
     return motors
-
-
-def error_words(axis: Axis, motor: MotorReading) -> tuple[str, ...]:
-    """What its device says is wrong with it, in words; empty when it is healthy."""
-    return family_of(axis).error_words(axis, motor)
-
-
-def is_driven(axis: Axis, motor: MotorReading) -> bool:
-    """Whether its device does as it is asked, by us or, of an advisory axis, by whom it belongs to."""
-    return family_of(axis).is_driven(axis, motor)

@@ -4,7 +4,7 @@ from msgspec import Struct
 
 
 class Device(Struct, frozen=True):
-    """Something is wrong with a device's frames or power (truearc.hw.emulated.faults)."""
+    """Something is wrong with a device's frames or power (truearc_proof.world.faults)."""
 
     name: str                         # "flywheel_a", "flywheel_b", "hood", "feeder", "hood_encoder"
     kind: str

@@ -21,12 +21,12 @@ from truearc.hw.devices.odrive.emulator import OdriveNode
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.emulator import SparkNode
 from truearc.hw.emulated.emulated_robot import Twin
-from truearc.hw.emulated.faults import Fault, FaultyNode
 from truearc.hw.emulated.nodes import NEVER_NS
 from truearc.robot.config.schema import Config
 from truearc.robot.motors import name_axes
 from truearc.robot.recording.candump import TappedBus
 from truearc.sim.world.emulated_robot import WATCHDOG_MS, make_nodes
+from truearc_proof.world.faults import Fault, FaultyNode
 
 MS = 1_000_000
 NS_PER_S = 1_000_000_000
@@ -62,9 +62,10 @@ class FarSide:
         self._breaking, self._lasts_ns, self._is_first = row.breaking, round(row.lasts_s * 1e9), row.first
         self._wire, self._box, self._span, self._now_ns = wire, box, span, now_ns
         self._plant = AdvisedPlant(config, span.advice) if row.launcher == "advisory" else SmallPlant(config)
-        nodes = make_nodes(config, self._plant, {name: () for name in NAMES}, watchdog_ms)
-        self._nodes: dict[str, Any] = dict(zip(NAMES, nodes, strict=True))
-        self._twin = Twin(self._plant, TappedBus(wire, self._listen), nodes, (box.step, self._drive))
+        self._nodes: dict[str, Any] = {name: FaultyNode(node, ()) for name, node
+                                       in make_nodes(config, self._plant, watchdog_ms).items()}
+        self._twin = Twin(self._plant, TappedBus(wire, self._listen), tuple(self._nodes.values()),
+                          (box.step, self._drive))
         self._began_ns = self._due_ns = 0
         self._then_ns = self._balls_then = 0
         self._armed_ns, self._to_arm = -AGAIN_NS if not span.begin_ns else 0, 0

@@ -6,17 +6,18 @@ from collections.abc import Callable
 
 import numpy as np
 
-from truearc.hw.emulated.imaging.camera import EmulatedCamera, outline_m
-from truearc.hw.emulated.imaging.distractors import floor_reflection, second_goal
-from truearc.hw.emulated.imaging.image_degradation import Image
+from truearc.hw.emulated.imaging.camera import Image, outline_m
 from truearc.hw.emulated.imaging.lens import project
-from truearc.hw.emulated.static_plant import NOTHING, Stage, place
+from truearc.hw.emulated.static_plant import NOTHING, Stage
 from truearc.hw.fault_codes import CAMERA_ERROR
 from truearc.hw.protocols import Clock, LinkLost
 from truearc.hw.readings import CameraFrame
 from truearc.hw.real.camera import CameraThread
 from truearc.robot.config.schema import Config
 from truearc.sim.world.emulated_vision import make_lens, make_tape
+from truearc_proof.world.camera_damage import StagedCamera
+from truearc_proof.world.distractors import floor_reflection, second_goal
+from truearc_proof.world.placing import place
 
 LENS_M = 4.2                          # from lens to target: 4.0 m from the ball's exit
 NEAR_M = 2.5
@@ -36,7 +37,7 @@ def draw(scene: str, config: Config) -> tuple[Image, ...]:
     lens, tape = make_lens(config.camera), make_tape(config.tape)
     rise_m = config.tape.centre_height_m - config.camera.height_m
     view = place(NEAR_M if scene == "elsewhere" else LENS_M, rise_m, config.camera.pitch_deg)
-    camera = EmulatedCamera(Stage(NOTHING if scene == "black" else view), lens, tape, config.camera.fps, 0.0, 1)
+    camera = StagedCamera(Stage(NOTHING if scene == "black" else view), lens, tape, config.camera.fps, 0.0, 1)
     camera.black(scene == "black")
     corners, _ = project(outline_m(tape), view.camera_from_target, lens)
     if scene == "two targets":

@@ -1,4 +1,4 @@
-"""What one device may be sent, and what it and hosts send: the family's part of the allow-list and the bus monitor."""
+"""Frames that one device may be sent, and those that it and hosts send: for the allow-list and the bus monitor."""
 
 from collections.abc import Iterable
 

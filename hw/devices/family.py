@@ -1,4 +1,4 @@
-"""What a family of motor controllers declares about itself: one MotorFamily value holds all of it."""
+"""Everything that a family of motor controllers declares about itself: one MotorFamily value."""
 
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
@@ -27,7 +27,7 @@ class Endpoints(Struct, frozen=True):
 
 
 class AxisCheck(NamedTuple):
-    """What the doctor knows about an axis beside its table."""
+    """An axis as the doctor knows it, beside its table."""
 
     name: str                         # "flywheel motor 1", "hood motor", "feeder motor"
     tick_hz: int

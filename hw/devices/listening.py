@@ -1,10 +1,11 @@
-"""What devices say while nobody tells them to do anything."""
+"""Frames that devices send while none of them is commanded."""
 
-from collections.abc import Iterable
-from typing import NamedTuple
+from collections.abc import Callable, Iterable
+from typing import NamedTuple, TypeVar
 
-from truearc.hw.protocols import Bus, Clock, Frame
+from truearc.hw.protocols import BadFrame, Bus, Clock, Frame
 
+Reading = TypeVar("Reading")
 NS_PER_S = 1_000_000_000
 LOOK_NS = 5_000_000                   # between looks at the bus
 
@@ -19,6 +20,18 @@ class Heard(NamedTuple):
         """Devices' frames with one id, oldest first."""
         return [frame for frame in self.frames
                 if frame.arbitration_id == frame_id and frame.is_extended == extended and not frame.is_remote]
+
+    def read(self, keys: Iterable[tuple[int, bool]], parse: Callable[[Frame, Reading], Reading],
+             reading: Reading) -> tuple[Reading, list[BadFrame]]:
+        """`reading` brought up to date by the frames of these ids, and what was wrong with others of them."""
+        wanted, refused = set(keys), []
+        for frame in self.frames:
+            if (frame.arbitration_id, frame.is_extended) in wanted and not frame.is_remote:
+                try:
+                    reading = parse(frame, reading)
+                except BadFrame as error:
+                    refused.append(error)
+        return reading, refused
 
 
 def listen(bus: Bus, clock: Clock, questions: Iterable[Frame], seconds: float) -> Heard:

@@ -8,6 +8,7 @@ import math
 from msgspec import UNSET, UnsetType
 
 from truearc.hw.devices.axis import Axis
+from truearc.hw.devices.registry import family_of
 from truearc.hw.readings import AngleReading, MotorReading
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
@@ -15,7 +16,7 @@ from truearc.robot.aim import PLAN
 from truearc.robot.config.schema import Config, GateConfig
 from truearc.robot.gate.contract import FEATURES, NOVELTY_LIMIT
 from truearc.robot.gate.model import Gate, Rating
-from truearc.robot.motors import error_words, is_driven, name_axes
+from truearc.robot.motors import name_axes
 from truearc.robot.types import Aim, Estimate, Inputs, Memory, Verdict
 
 NS = 1e-9
@@ -84,9 +85,10 @@ def _motor(name: str, axis: Axis, motor: MotorReading, t_ns: int, gate: GateConf
         return [missing]
     if not all(map(math.isfinite, (motor.position_rad, motor.velocity_rad_s, motor.current_a, motor.bus_v))):
         return [because.MOTOR_NOT_FINITE(motor=name)]
-    if words := error_words(axis, motor):
+    family = family_of(axis)
+    if words := family.error_words(axis, motor):
         return [because.MOTOR_ERROR(motor=name, errors=words)]
-    if not is_driven(axis, motor):
+    if not family.is_driven(axis, motor):
         return [because.MOTOR_NOT_DRIVEN(motor=name, state=motor.axis_state)]
     return []
 

@@ -2,26 +2,21 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any, TypeVar
 
 import numpy as np
 
-from truearc.sim.data.model import Dataset, Floats, Shots, Traces, Tracks
+from truearc.sim.data.model import Dataset, Shots, Traces, Tracks
+
+Samples = TypeVar("Samples", Tracks, Traces)
 
 
 def take_shots(dataset: Dataset, rows: Sequence[int]) -> Dataset:
     """The shots at these rows, in that order, with their tracks and traces."""
     place = np.full(len(dataset.shots), -1)
     place[list(rows)] = np.arange(len(rows))
-    tracks, traces = dataset.tracks, dataset.traces
-    if tracks is not None:
-        here = place[tracks.shot] >= 0
-        tracks = Tracks(place[tracks.shot[here]], *(part[here] for part in (tracks.t_s, tracks.x_m, tracks.y_m,
-                                                                            tracks.z_m)))
-    if traces is not None:
-        lines = np.flatnonzero(place[traces.shot] >= 0)
-        traces = Traces(place[traces.shot[lines]], traces.t_s[lines], tuple(traces.signal[k] for k in lines),
-                        traces.value[lines])
-    return replace(dataset, shots=dataset.shots.take(list(rows)), tracks=tracks, traces=traces)
+    return replace(dataset, shots=dataset.shots.take(list(rows)), tracks=_take(dataset.tracks, place),
+                   traces=_take(dataset.traces, place))
 
 
 def join_datasets(first: Dataset, second: Dataset) -> Dataset:
@@ -33,8 +28,7 @@ def join_datasets(first: Dataset, second: Dataset) -> Dataset:
         raise ValueError("the two datasets have a shot_id in common")
     n = len(first.shots)
     return replace(first, shots=_join_shots(first.shots, second.shots),
-                   tracks=_join_tracks(first.tracks, second.tracks, n),
-                   traces=_join_traces(first.traces, second.traces, n))
+                   tracks=_join(first.tracks, second.tracks, n), traces=_join(first.traces, second.traces, n))
 
 
 def _join_shots(first: Shots, second: Shots) -> Shots:
@@ -44,17 +38,21 @@ def _join_shots(first: Shots, second: Shots) -> Shots:
     return Shots(first.shot_id + second.shot_id, numbers, texts, first.source)
 
 
-def _join_tracks(first: Tracks | None, second: Tracks | None, n: int) -> Tracks | None:
+def _take(table: Samples | None, place: np.ndarray) -> Samples | None:
+    """The samples of the shots that have a place, which is their new row."""
+    if table is None:
+        return None
+    kept = np.flatnonzero(place[table.shot] >= 0)
+    columns: dict[str, Any] = {name: tuple(column[k] for k in kept) if isinstance(column, tuple) else column[kept]
+                               for name, column in vars(table).items()}
+    return replace(table, **{**columns, "shot": place[columns["shot"]]})
+
+
+def _join(first: Samples | None, second: Samples | None, n: int) -> Samples | None:
+    """The samples of both; n: shots before those of the second."""
     if first is None or second is None:
         return first if second is None else replace(second, shot=second.shot + n)
-
-    def both(name: str) -> Floats:
-        return np.concatenate([getattr(first, name), getattr(second, name)])
-    return Tracks(np.concatenate([first.shot, second.shot + n]), both("t_s"), both("x_m"), both("y_m"), both("z_m"))
-
-
-def _join_traces(first: Traces | None, second: Traces | None, n: int) -> Traces | None:
-    if first is None or second is None:
-        return first if second is None else replace(second, shot=second.shot + n)
-    return Traces(np.concatenate([first.shot, second.shot + n]), np.concatenate([first.t_s, second.t_s]),
-                  first.signal + second.signal, np.concatenate([first.value, second.value]))
+    later = vars(replace(second, shot=second.shot + n))
+    columns: dict[str, Any] = {name: column + later[name] if isinstance(column, tuple) else
+                               np.concatenate([column, later[name]]) for name, column in vars(first).items()}
+    return replace(first, **columns)

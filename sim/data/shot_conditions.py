@@ -41,12 +41,6 @@ def take_circumstances(circumstances: Circumstances, rows: np.ndarray) -> Circum
     return Circumstances(*(part if np.ndim(part) == 0 else part[rows] for part in circumstances))
 
 
-def known(dataset: Dataset) -> frozenset[str]:
-    """Fields of Circumstances that the data really have: said of at least two shots, and not of all alike."""
-    return frozenset(name for name, one in gather_circumstances(dataset).items()
-                     if one.said.sum() > 1 and np.ptp(one.value[one.said]) > 0.0)
-
-
 def gather_circumstances(dataset: Dataset) -> dict[str, Known]:
     """{field of Circumstances: its values, and of which shots the data say it}."""
     shots = dataset.shots

@@ -15,7 +15,7 @@ from truearc.sim.discover.model.shape_parameters import further_values
 from truearc.sim.discover.report.finding_text import gained_interval
 from truearc.sim.discover.select.batch_effect import luck_of_others, usual_gain
 from truearc.sim.discover.select.model_averaging import Mixed, mixed
-from truearc.sim.discover.select.refit import Refit
+from truearc.sim.discover.select.refit import Refit, without
 from truearc.sim.discover.select.selection_step import Step
 from truearc.sim.infer.belief import SCATTER, Belief, moved_curves, point_belief, scale_of
 from truearc.sim.infer.coefficients import Coefficients
@@ -107,7 +107,7 @@ def _take(investigation: Investigation, steps: tuple[Step, ...]) -> _Taken:
     free, why = _free(investigation, steps)
     several = mixed(named[-1]) if named and not free else None
     evidence = (free[-1].evidence if free else several.evidence if several else named[-1].refit.evidence if named
-                else _shared(investigation.fitted.evidence))
+                else without(investigation.fitted.evidence))
     return _Taken(named, free, several, evidence, why)
 
 
@@ -115,7 +115,7 @@ def _surely_worse(investigation: Investigation, evidence: ScoreTable, gain: Gain
     """Why nothing that was found is believed. Where a later session's balls may be others, their luck is left out."""
     if not investigation.steps or investigation.fitted is None or investigation.clusters is None:
         return ""
-    before = _shared(investigation.fitted.evidence)
+    before = without(investigation.fitted.evidence)
     if len(luck_of_others(before)):
         _, high = gain(before, evidence, investigation.clusters)
         return "other balls than this session's would be foretold surely worse" if high < 0.0 else ""
@@ -145,10 +145,6 @@ def _nameless(evidence: ScoreTable, free: tuple[Freed, ...],
     points = {column.name.removeprefix(CURVE + "."): float(value) for column, value in zip(
         evidence.columns, evidence.point, strict=True) if column.name.startswith(CURVE + ".")}
     return {**before, **{one.term: dict(one.values) for one in free}}, moved_curves(curves, points)
-
-
-def _shared(evidence: ScoreTable) -> ScoreTable:
-    return evidence.pick(np.arange(evidence.first_shared, len(evidence.columns)))
 
 
 def _belongs(column: Column, among: Catalogue) -> bool:

@@ -7,7 +7,7 @@ from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.detect.clusters import Clusters, find_clusters, groups_of
 from truearc.sim.discover.detect.covariates import every_column, gather_covariates, gather_factors
-from truearc.sim.discover.detect.localization import Place, locate
+from truearc.sim.discover.detect.localization import locate
 from truearc.sim.discover.detect.reference_session import ReferenceSession
 from truearc.sim.discover.detect.score_test import Judged, judge
 from truearc.sim.discover.detect.test_battery import ALLOWANCE, Asked
@@ -39,8 +39,6 @@ class Investigation:
     fitted: BaselineFit | None = None
     clusters: Clusters | None = None
     asked: Asked | None = None
-    judged: Judged | None = None
-    place: Place | None = None
     steps: tuple[Step, ...] = ()
     belief: Belief | None = None
     search: Search | None = None
@@ -85,7 +83,7 @@ def discover(dataset: Dataset, believed: Sequence[str] | None = None, false_alar
     progress(1.0, "done")
     finding = make_finding(dataset, names, fitted, clusters, asked, judged, place, steps, false_alarm,
                            seed)
-    return Investigation(finding, fitted, clusters, asked, judged, place, steps, belief, search, among)
+    return Investigation(finding, fitted, clusters, asked, steps, belief, search, among)
 
 
 def _names(dataset: Dataset, believed: Sequence[str] | None, among: Catalogue) -> tuple[str, ...]:
@@ -106,9 +104,8 @@ def _check_measured(measured: Measured, terms: Sequence[str]) -> None:
                          f"coefficients")
 
 
-def make_search(
-    dataset: Dataset, false_alarm: float = FALSE_ALARM, seed: int = 0, home: ReferenceSession | None = None
-) -> Search:
+def make_search(dataset: Dataset, false_alarm: float = FALSE_ALARM, seed: int = 0,
+                home: ReferenceSession | None = None) -> Search:
     """What a dataset is asked with."""
     return Search(find_clusters(dataset.shots), gather_covariates(dataset), gather_factors(dataset.shots), false_alarm,
                   seed, home)

@@ -12,6 +12,7 @@ import numpy as np
 
 from truearc.robot.config.schema import InputError
 from truearc.robot.gate.contract import FEATURES
+from truearc.sim.paper.network import exact_in_float32, standardisation
 
 NEIGHBOUR = 3                         # one stray shot is no domain; many would shave off the cloud's edge
 LARGEST_QUANTILE = 0.99
@@ -50,10 +51,8 @@ def fit_novelty(features: np.ndarray) -> Novelty:
     Repeats of one configuration count once; with few different configurations the farthest neighbour is nearer.
     """
     features = np.asarray(features, np.float64)
-    deviation = features.std(axis=0)
-    mean = _exact(features.mean(axis=0))
-    scale = _exact(np.divide(1.0, deviation, out=np.ones_like(deviation), where=deviation > 1e-9))
-    z = _exact((features - mean) * scale)
+    mean, scale = standardisation(features)
+    z = exact_in_float32((features - mean) * scale)
     landmarks = z[spread_out(z, SAME, MOST_KEPT)]
     neighbour = min(NEIGHBOUR, max(len(landmarks) - 1, 1))
     apart = np.sort(np.linalg.norm(landmarks[:, None, :] - landmarks, axis=2), axis=1)
@@ -103,8 +102,3 @@ def parse_novelty(record: Any, name: str) -> Novelty:
     if not sound or not all(np.isfinite(part).all() for part in (novelty.mean, novelty.scale, novelty.landmarks)):
         raise InputError(f"{name}: key 'novelty' does not describe recorded configurations")
     return novelty
-
-
-def _exact(values: np.ndarray) -> np.ndarray:
-    """As float32 carries them, so that the exported graph measures from the very same points."""
-    return values.astype(np.float32).astype(np.float64)

@@ -1,7 +1,5 @@
 """A fitted gate in a weights directory: physics.json, which its probabilities follow from, beside training.json."""
 
-import hashlib
-import json
 from pathlib import Path
 from typing import Any
 
@@ -9,13 +7,13 @@ import msgspec
 import numpy as np
 
 from truearc.robot.config.rig_spec import Rig
-from truearc.robot.config.schema import InputError, in_words
+from truearc.robot.config.schema import InputError
 from truearc.sim.gate.fit import GateFit
 from truearc.sim.gate.likelihood import SIZE, Widths
 from truearc.sim.gate.model import PhysicsGate, Scaling
 from truearc.sim.gate.novelty import novelty_record, parse_novelty
 from truearc.sim.infer.belief import as_table, from_table
-from truearc.sim.paper.network import RECORD_FILE, load_record
+from truearc.sim.paper.network import RECORD_FILE, as_json, load_json, load_record, save_with_record
 
 MODEL_FILE = "physics.json"
 MODEL_SCHEMA = "truearc.physics-gate/1"
@@ -27,26 +25,16 @@ def save_physics_gate(directory: str | Path, gate: PhysicsGate, record: dict[str
 
     InputError when the directory cannot be written.
     """
-    directory = Path(directory)
-    record = {**record, "kind": KIND, "novelty": novelty_record(gate.novelty)}
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-        (directory / MODEL_FILE).write_text(_text(MODEL_SCHEMA, _plain(gate)), encoding="utf-8")
-        (directory / RECORD_FILE).write_text(_text("truearc.training/1", record), encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"{error.filename}: {error.strerror}") from error
+    text = as_json(MODEL_SCHEMA, _plain(gate))
+    save_with_record(directory, {**record, "kind": KIND, "novelty": novelty_record(gate.novelty)},
+                     lambda folder: (folder / MODEL_FILE).write_text(text, encoding="utf-8"))
 
 
 def load_physics_gate(directory: str | Path) -> tuple[PhysicsGate, dict[str, Any]]:
     """Read what save_physics_gate wrote; InputError names the file and what is wrong with it."""
     path = Path(directory) / MODEL_FILE
     record = load_record(Path(directory) / RECORD_FILE)
-    try:
-        table = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path}: {in_words(error)}") from error
-    if not isinstance(table, dict) or table.get("schema") != MODEL_SCHEMA:
-        raise InputError(f"{path}: key 'schema' is not {MODEL_SCHEMA!r}")
+    table = load_json(path, MODEL_SCHEMA)
     novelty = parse_novelty(record.get("novelty"), str(Path(directory) / RECORD_FILE))
     try:
         gate = PhysicsGate(msgspec.convert(table["facts"], Rig), from_table(table["belief"], str(path)),
@@ -56,17 +44,6 @@ def load_physics_gate(directory: str | Path) -> tuple[PhysicsGate, dict[str, Any
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise InputError(f"{path}: not a gate ({error!r})") from error
     return gate, record
-
-
-def gate_hash(directory: str | Path) -> str:
-    """SHA-256 over the bytes of physics.json and training.json; InputError when either cannot be read."""
-    digest = hashlib.sha256()
-    for name in (MODEL_FILE, RECORD_FILE):
-        try:
-            digest.update((Path(directory) / name).read_bytes())
-        except OSError as error:
-            raise InputError(f"{Path(directory) / name}: {error.strerror or error}") from error
-    return digest.hexdigest()
 
 
 def _plain(gate: PhysicsGate) -> dict[str, Any]:
@@ -90,7 +67,3 @@ def _array(values: Any, shape: tuple[int, ...]) -> np.ndarray:
     if array.shape != shape or not np.isfinite(array).all():
         raise ValueError(f"an array of shape {array.shape} where {shape} finite numbers belong")
     return array
-
-
-def _text(schema: str, table: dict[str, Any]) -> str:
-    return json.dumps({"schema": schema, **table}, indent=1, allow_nan=False) + "\n"

@@ -17,6 +17,7 @@ import numpy as np
 from truearc.robot.config.schema import InputError
 from truearc.robot.gate.contract import FEATURES, NOVELTY_LIMIT
 from truearc.sim.gate.model import PhysicsGate
+from truearc.sim.paper.network import exact_in_float32
 
 DEGREES = (9, 12, 15)                 # tried in this order until one is good enough
 OVERSAMPLED = 1.2                     # grid points along each feature for each degree
@@ -108,7 +109,7 @@ def fit_surrogate(gate: PhysicsGate, box: np.ndarray, degree: int) -> Surrogate:
     weight = np.maximum(np.exp(-((mean_m / NEAR_M) ** 2)), LEAST_WEIGHT)
     weight *= np.where(gate.novelty(features) <= KNOWN, 1.0, UNKNOWN_WEIGHT)
     solved = np.stack([_solve(columns, weight, mean_m), _solve(columns, weight / sigma_m**4, sigma_m**2)])
-    return Surrogate(_exact(middle), _exact(1.0 / half), orders, solved,
+    return Surrogate(exact_in_float32(middle), exact_in_float32(1.0 / half), orders, solved,
                      float(np.float32(0.5 * np.min(sigma_m) ** 2)))
 
 
@@ -151,8 +152,3 @@ def as_cosines(surrogate: Surrogate) -> tuple[np.ndarray, np.ndarray]:
     amplitudes = np.zeros((2, len(frequencies)))
     np.add.at(amplitudes.T, which.ravel(), 0.25 * np.repeat(surrogate.coefficients.T, len(signs), axis=0))
     return frequencies, amplitudes
-
-
-def _exact(values: np.ndarray) -> np.ndarray:
-    """As float32 carries them."""
-    return values.astype(np.float32).astype(np.float64)

@@ -18,6 +18,20 @@ EVIDENCE = {"outcome": "outcomes", "side": "sides (high or low)", "miss_height_m
 NEAREST = 15                          # shots whose median stands for "at this distance"
 
 
+def fit_lines(fit: MlFit, intervals: Iterable[ProfileInterval], holdout: CrossValidation | None,
+              proposals: Iterable[Proposal]) -> list[str]:
+    """The report, line by line; of a fit that did not converge only what was used."""
+    lines = list(say_evidence(fit))
+    if not fit.converged:
+        return lines
+    for title, part in (("what these shots can tell", say_identified(fit)),
+                        ("estimates", say_estimates(intervals, fit.model.sought)), ("", say_scatter(fit)),
+                        ("", say_prediction(holdout)), ("what would tell more", say_advice(proposals))):
+        told = list(part)
+        lines += [*(["", f"{title}:"] if title and told else []), *told]
+    return lines
+
+
 def say_evidence(fit: MlFit) -> Iterable[str]:
     """What was used, and what was not."""
     used = ", ".join(f"{count} {EVIDENCE[kind]}" for kind, count in fit.gathered.used.items())

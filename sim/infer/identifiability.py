@@ -1,7 +1,6 @@
-"""What a dataset can tell apart, before anyone refines the model: its information with the priors set apart.
+"""Parameters that a dataset keeps together, and those that only the prior knows, before anyone refines the model.
 
-Curvature of the likelihood alone, in units of the priors' standard deviations: along an eigenvector with eigenvalue l,
-the data know that combination to 1 / sqrt(l) of what the prior knew. Below 1 the prior says more than the data.
+By the covariance of the fit in units of the priors' standard deviations.
 """
 
 from dataclasses import dataclass
@@ -26,32 +25,19 @@ class AliasedPair:
 
 
 @dataclass(frozen=True)
-class Direction:
-    """A combination of parameters: eigenvalue of the data's information, and its loadings in prior units."""
-
-    eigenvalue: float
-    loadings: dict[str, float]
-
-
-@dataclass(frozen=True)
 class Identified:
     """`share`: of its prior's sd to which each parameter is known. `from_prior`: those that the data hardly touch."""
 
-    directions: tuple[Direction, ...]             # weakest first
     pairs: tuple[AliasedPair, ...]
     share: dict[str, float]
     from_prior: tuple[str, ...]
 
 
 def identify(fit: MlFit) -> Identified:
-    """Eigen-analysis of the fit's information, and what it means for parameters and pairs of them."""
+    """Return pairs that the fit keeps together, and how far each parameter is known beyond its prior."""
     names = fit.model.names
-    data = fit.optimum.hessian - np.eye(len(names))
-    values, vectors = np.linalg.eigh(data)
-    directions = tuple(Direction(float(max(value, 0.0)), _loadings(names, vector))
-                       for value, vector in zip(values, vectors.T, strict=True))
     share = {name: float(np.sqrt(fit.covariance[index, index])) for index, name in enumerate(names)}
-    return Identified(directions, _pairs(fit), share, tuple(name for name in names if share[name] > SILENT))
+    return Identified(_pairs(fit), share, tuple(name for name in names if share[name] > SILENT))
 
 
 def weakest(fit: MlFit) -> np.ndarray:
@@ -61,11 +47,6 @@ def weakest(fit: MlFit) -> np.ndarray:
     vector = np.zeros(len(fit.model.names))
     vector[:inner] = vectors[:, -1]
     return vector
-
-
-def _loadings(names: tuple[str, ...], vector: np.ndarray) -> dict[str, float]:
-    turned = vector * np.sign(vector[np.argmax(np.abs(vector))])
-    return {name: float(part) for name, part in zip(names, turned, strict=True)}
 
 
 def _pairs(fit: MlFit) -> tuple[AliasedPair, ...]:

@@ -27,14 +27,13 @@ SETTLED = 1e-3                        # of a move of the parameters in prior sta
 
 @dataclass(frozen=True, eq=False)
 class MlFit:
-    """The fit: `covariance` of u (units of the priors) is the inverse Hessian; `grid` what the grid chose."""
+    """The fit: `covariance` of u (units of the priors) is the inverse Hessian."""
 
     model: Model
     gathered: Gathered
     problem: Problem
     optimum: Optimum
     covariance: Float[np.ndarray, "p p"]
-    grid: dict[str, dict[str, float]]
 
     @property
     def converged(self) -> bool:
@@ -77,12 +76,11 @@ def fit_ml(facts: Rig, dataset: Dataset, terms: tuple[str, ...], progress: Progr
     model = make_model(facts, terms, _scatters(evidence), tracked, among)
     points = _moved(model, evidence, _first_points(evidence), np.zeros(len(model.sought)))
     problem = Problem(model, evidence, points, np.ones(len(gathered.rows)))
-    grid = grid or {}
     progress(0.05, "coarse search")
-    optimum = best_of(problem, _starts(problem, grid), lambda done, note: progress(0.1 + 0.6 * done, note))
+    optimum = best_of(problem, _starts(problem, grid or {}), lambda done, note: progress(0.1 + 0.6 * done, note))
     problem, optimum = settle(problem, optimum)
     progress(1.0, "fitted")
-    return MlFit(model, gathered, problem, optimum, _covariance(optimum.hessian), grid)
+    return MlFit(model, gathered, problem, optimum, _covariance(optimum.hessian))
 
 
 def settle(problem: Problem, optimum: Optimum) -> tuple[Problem, Optimum]:

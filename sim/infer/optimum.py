@@ -40,11 +40,10 @@ class Problem:
 
 @dataclass(frozen=True, eq=False)
 class Optimum:
-    """u, minus log posterior, its gradient and Hessian (of all parameters, held ones too)."""
+    """u, minus log posterior, and its Hessian (of all parameters, held ones too)."""
 
     u: Float[np.ndarray, " p"]
     value: float
-    gradient: Float[np.ndarray, " p"]
     hessian: Float[np.ndarray, "p p"]
     converged: bool
 
@@ -86,7 +85,7 @@ def minimise(problem: Problem, start: Float[np.ndarray, " p"], held: tuple[int, 
                                   "max_trust_radius": 3.0})
         whole = place(found.x)
     value, gradient, hessian = at(whole[free])
-    return Optimum(whole, value, gradient, hessian, _settled(gradient[free], hessian[np.ix_(free, free)]))
+    return Optimum(whole, value, hessian, _settled(gradient[free], hessian[np.ix_(free, free)]))
 
 
 def _settled(gradient: Float[np.ndarray, " free"], hessian: Float[np.ndarray, "free free"]) -> bool:

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -70,10 +71,11 @@ def standardisation(features: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """`mean` [3] and `scale` [3] = 1 / standard deviation of these rows; a feature that never varies gets scale 1."""
     deviation = features.std(axis=0)
     scale = np.divide(1.0, deviation, out=np.ones_like(deviation), where=deviation > 1e-9)
-    return _exact_in_float32(features.mean(axis=0)), _exact_in_float32(scale)
+    return exact_in_float32(features.mean(axis=0)), exact_in_float32(scale)
 
 
-def _exact_in_float32(values: np.ndarray) -> np.ndarray:
+def exact_in_float32(values: np.ndarray) -> np.ndarray:
+    """These values as float32 carries them, so that an exported graph computes with the very same ones."""
     return values.astype(np.float32).astype(np.float64)
 
 
@@ -82,14 +84,28 @@ def save_weights(directory: str | Path, network: Network, record: dict[str, Any]
 
     InputError when the directory cannot be written.
     """
-    text = json.dumps({"schema": SCHEMA, **record}, indent=1, allow_nan=False) + "\n"
+    save_with_record(directory, record, lambda folder: np.savez(
+        folder / WEIGHTS_FILE, mean=network.mean, scale=network.scale, **network.layers._asdict()))
+
+
+def save_with_record(directory: str | Path, record: dict[str, Any], save_model: Callable[[Path], object]) -> None:
+    """Make a weights directory, have `save_model` write the model into it, and write training.json.
+
+    InputError when the directory cannot be written.
+    """
+    text = as_json(SCHEMA, record)
     directory = Path(directory)
     try:
         directory.mkdir(parents=True, exist_ok=True)
-        np.savez(directory / WEIGHTS_FILE, mean=network.mean, scale=network.scale, **network.layers._asdict())
+        save_model(directory)
         (directory / RECORD_FILE).write_text(text, encoding="utf-8")
     except OSError as error:
         raise InputError(f"{error.filename}: {error.strerror}") from error
+
+
+def as_json(schema: str, table: dict[str, Any]) -> str:
+    """Text of a JSON object that names its schema; ValueError where a number is not finite."""
+    return json.dumps({"schema": schema, **table}, indent=1, allow_nan=False) + "\n"
 
 
 def load_weights(directory: str | Path) -> tuple[Network, dict[str, Any]]:
@@ -99,10 +115,10 @@ def load_weights(directory: str | Path) -> tuple[Network, dict[str, Any]]:
     return network, load_record(Path(directory) / RECORD_FILE)
 
 
-def weights_hash(directory: str | Path) -> str:
-    """SHA-256 over the bytes of weights.npz and training.json; InputError when either cannot be read."""
+def weights_hash(directory: str | Path, model_file: str = WEIGHTS_FILE) -> str:
+    """SHA-256 over the bytes of the model's file and training.json; InputError when either cannot be read."""
     digest = hashlib.sha256()
-    for name in (WEIGHTS_FILE, RECORD_FILE):
+    for name in (model_file, RECORD_FILE):
         digest.update(_read(Path(directory) / name))
     return digest.hexdigest()
 
@@ -127,16 +143,22 @@ def _load_arrays(path: Path) -> dict[str, np.ndarray]:
 
 def load_record(path: Path) -> dict[str, Any]:
     """The training.json of a weights directory of any kind; InputError names the file and what is wrong with it."""
-    try:
-        record = json.loads(_read(path))
-    except ValueError as error:
-        raise InputError(f"{path}: not JSON ({error})") from error
-    if not isinstance(record, dict) or record.get("schema") != SCHEMA:
-        raise InputError(f"{path}: key 'schema' is not {SCHEMA!r}")
+    record = load_json(path, SCHEMA)
     domain = record.get("domain")
     if not isinstance(domain, dict) or set(domain) != {feature.name for feature in FEATURES}:
         raise InputError(f"{path}: key 'domain' does not name the contract's features")
     return record
+
+
+def load_json(path: Path, schema: str) -> dict[str, Any]:
+    """A JSON object of this schema; InputError names the file and what is wrong with it."""
+    try:
+        table = json.loads(_read(path))
+    except ValueError as error:
+        raise InputError(f"{path}: not JSON ({error})") from error
+    if not isinstance(table, dict) or table.get("schema") != schema:
+        raise InputError(f"{path}: key 'schema' is not {schema!r}")
+    return table
 
 
 def _read(path: Path) -> bytes:

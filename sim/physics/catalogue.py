@@ -8,60 +8,18 @@ truearc.sim.physics.plugins).
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
+from importlib import import_module
+from pkgutil import walk_packages
 from typing import Any
 
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.conditions import Circumstances
+from truearc.sim.physics import terms as built_in
 from truearc.sim.physics.nonparametric import CURVE, NAMELESS, POINT
-from truearc.sim.physics.plugins import check_unique, terms_of_distributions
-from truearc.sim.physics.term import (
-    STAGES,
-    ArrivalTerm,
-    InFlight,
-    LaunchTerm,
-    Parameter,
-    SensingTerm,
-    Term,
-    WatchTerm,
-    complete,
-)
+from truearc.sim.physics.plugins import check_unique, terms_in, terms_of_distributions
+from truearc.sim.physics.term import STAGES, ArrivalTerm, InFlight, LaunchTerm, SensingTerm, Term, WatchTerm, complete
 from truearc.sim.physics.term_check import check_term
-from truearc.sim.physics.terms.arrival.rim_catch import RimCatch
-from truearc.sim.physics.terms.arrival.target_height import TargetHeight
-from truearc.sim.physics.terms.flight.added_mass import AddedMass
-from truearc.sim.physics.terms.flight.air_change import AirChange
-from truearc.sim.physics.terms.flight.air_density import AirDensity
-from truearc.sim.physics.terms.flight.buoyancy import Buoyancy
-from truearc.sim.physics.terms.flight.drag import Drag
-from truearc.sim.physics.terms.flight.drag_reynolds import DragReynolds
-from truearc.sim.physics.terms.flight.drag_wear import DragWear
-from truearc.sim.physics.terms.flight.gravity import Gravity
-from truearc.sim.physics.terms.flight.lift_saturation import LiftSaturation
-from truearc.sim.physics.terms.flight.magnus import Magnus
-from truearc.sim.physics.terms.flight.spin_decay import SpinDecay
-from truearc.sim.physics.terms.flight.spin_drag import SpinDrag
-from truearc.sim.physics.terms.flight.wind_x import WindX
-from truearc.sim.physics.terms.flight.wind_y import WindY
-from truearc.sim.physics.terms.flight.wind_z import WindZ
-from truearc.sim.physics.terms.launch.ball_compression import BallCompression
-from truearc.sim.physics.terms.launch.ball_spread import BallSpread
-from truearc.sim.physics.terms.launch.ball_wear import BallWear
-from truearc.sim.physics.terms.launch.battery_sag import BatterySag
-from truearc.sim.physics.terms.launch.exit_efficiency import ExitEfficiency
-from truearc.sim.physics.terms.launch.rapid_fire import RapidFire
-from truearc.sim.physics.terms.launch.release_height import ReleaseHeight
-from truearc.sim.physics.terms.launch.wheel_droop import WheelDroop
-from truearc.sim.physics.terms.launch.wheel_slip import WheelSlip
-from truearc.sim.physics.terms.sensing.distance_bias import DistanceBias
-from truearc.sim.physics.terms.sensing.distance_scale import DistanceScale
-from truearc.sim.physics.terms.sensing.encoder_scale import EncoderScale
-from truearc.sim.physics.terms.sensing.hood_backlash import HoodBacklash
-from truearc.sim.physics.terms.sensing.hood_offset import HoodOffset
-from truearc.sim.physics.terms.sensing.track_clock import TrackClock
-from truearc.sim.physics.terms.sensing.track_perspective import TrackPerspective
-from truearc.sim.physics.terms.sensing.track_scale import TrackScale
-from truearc.sim.physics.terms.sensing.track_tilt import TrackTilt
-from truearc.sim.physics.terms.sensing.vision_latency import VisionLatency
+from truearc.sim.physics.term_fields import Parameter
 
 
 @dataclass(frozen=True)
@@ -110,16 +68,9 @@ class Catalogue:
         return tuple(term for term in (*self.terms, *NAMELESS) if term.name in wanted)
 
 
-BUILT_IN = Catalogue((
-    HoodOffset(), HoodBacklash(), EncoderScale(), DistanceScale(), DistanceBias(), VisionLatency(), TrackScale(),
-    TrackTilt(), TrackClock(), TrackPerspective(),
-    WheelSlip(), ExitEfficiency(), WheelDroop(), BallCompression(), BallWear(), BallSpread(), BatterySag(),
-    RapidFire(), ReleaseHeight(),
-    SpinDecay(), WindX(), WindY(), WindZ(),
-    Gravity(), Drag(), Magnus(), SpinDrag(), DragReynolds(), LiftSaturation(), DragWear(), AirDensity(), AirChange(),
-    Buoyancy(), AddedMass(),
-    TargetHeight(), RimCatch(),
-))
+# One of each class in the modules of truearc.sim.physics.terms: a new file there is a new term.
+BUILT_IN = Catalogue(tuple(kind() for module in walk_packages(built_in.__path__, f"{built_in.__name__}.")
+                           for kind in terms_in(import_module(module.name))))
 TERMS = BUILT_IN.terms
 
 

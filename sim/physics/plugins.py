@@ -52,11 +52,15 @@ def terms_of_file(path: str | Path, known: Iterable[Term]) -> tuple[Term, ...]:
         InputError: names the file, and the line where it fails; a term that is incomplete, or whose name is taken.
     """
     module = _module_of(str(path), load_text(path))
-    own = [value for value in vars(module).values() if isinstance(value, Term) or _is_own_class(value, module)]
-    found = _checked(_as_terms(own, str(path)), list(known), str(path))
+    found = _checked(_as_terms(terms_in(module), str(path)), list(known), str(path))
     if not found:
         raise InputError(f"{path}: defines no term (a subclass of LaunchTerm, FlightTerm, ... or an instance of one)")
     return found
+
+
+def terms_in(module: ModuleType) -> list[Any]:
+    """Terms at the module's top level, and classes of terms that it defines itself."""
+    return [value for value in vars(module).values() if isinstance(value, Term) or _is_own_class(value, module)]
 
 
 def check_unique(terms: Iterable[Term]) -> None:

@@ -190,6 +190,13 @@ def by_wheels(shots: Shots) -> np.ndarray:
     return np.isnan(shots.number("exit_speed_m_s"))
 
 
+def has_wheels(facts: Rig, shots: Shots) -> np.ndarray:
+    """Which shots' every wheel has a speed, measured or by motor_ratio; none of a rig without wheels."""
+    by_ratio = np.isfinite(shots.number("motor_ratio")) & (facts.launcher.free_speed_rad_s is not None)
+    known = [np.isfinite(shots.number(f"wheel_{wheel.name}_rad_s")) | by_ratio for wheel in facts.launcher.wheel]
+    return np.all(known, axis=0) if known else np.zeros(len(shots), bool)
+
+
 def by_robot(shots: Shots) -> Exit:
     """Which parts of launch_of the robot's own sensors told, since they were not measured on the ball: booleans [n].
 

@@ -32,10 +32,11 @@ from truearc.sim.physics.term_fields import (
 from truearc.sim.physics.vector import Vec, add, plus, scale, times
 
 __all__ = [
-    "ANGLE", "DIRECTIONS", "LENGTH", "NUMBER", "SHARE", "SPEED", "STAGES", "AirShareTerm", "AirTerm",
-    "ArrivalTerm", "BallState", "Circumstances", "DistanceTerm", "Exit", "FlightTerm", "Forces", "HoodTerm",
-    "InFlight", "Instrument", "LaunchTerm", "Number", "Opening", "Parameter", "Phrase", "Prior", "Rig",
+    "ANGLE", "DIRECTIONS", "KINDS", "LENGTH", "NUMBER", "SHARE", "SPEED", "STAGES", "AirShareTerm",
+    "AirTerm", "ArrivalTerm", "BallState", "Circumstances", "DistanceTerm", "Exit", "FlightTerm", "Forces",
+    "HoodTerm", "InFlight", "Instrument", "LaunchTerm", "Number", "Opening", "Parameter", "Phrase", "Prior", "Rig",
     "SensingTerm", "SpeedTerm", "Term", "Values", "Vec", "WatchTerm", "WindTerm", "complete", "either_way",
+    "wind_speed",
 ]
 
 STAGES = ("sensing", "launch", "flight", "arrival")
@@ -216,6 +217,8 @@ class ArrivalTerm(Term):
         """The opening as it is in truth; differentiable."""
 
 
+KINDS = (SensingTerm, WatchTerm, LaunchTerm, AirTerm, FlightTerm, ArrivalTerm)
+
 # Kinds of terms that change one thing: a subclass adds its declarations and at most one line of physics.
 
 
@@ -243,13 +246,12 @@ class DistanceTerm(SensingTerm):
 
 
 class SpeedTerm(LaunchTerm):
-    """The exit speed is multiplied by a factor."""
+    """The exit speed is multiplied by a factor, 1 where the amplitude, `amount`, is 0: by itself a share is lost."""
 
     direction = "along"
 
-    @abstractmethod
     def speed_factor(self, amount: Number) -> Number:
-        """1 where the amplitude, `amount`, is 0."""
+        return 1.0 - amount
 
     def leave(self, facts: Rig, values: Values, exit: Exit) -> Exit:
         return exit._replace(speed_m_s=exit.speed_m_s * self.speed_factor(values[self.amplitude.name]))
@@ -259,6 +261,7 @@ class WindTerm(AirTerm):
     """The air moves along `axis` ("x", "y" or "z") at the amplitude, a speed in m/s."""
 
     axis: ClassVar[str]
+    instrument = Instrument("anemometer", "the wind with an anemometer", 0.2)
 
     def meet(self, facts: Rig, values: Values, ball: BallState) -> BallState:
         through = ball.velocity_m_s
@@ -277,6 +280,13 @@ class AirShareTerm(FlightTerm):
             if name not in NOT_OF_AIR:
                 total = add(total, scale(values[self.amplitude.name], force))
         return total
+
+
+def wind_speed(meaning: str) -> tuple[Parameter]:
+    """The parameter of a wind along one axis."""
+    return (Parameter(
+        "speed_m_s", "m/s", -10.0, 10.0, 0.0, "halls have draughts of 0.1 to 0.3 m/s, fields winds of 1 to 3 m/s",
+        Prior("linear", 0.0, 0.8, "a hall's draught to a light breeze; more would be felt"), meaning=meaning),)
 
 
 def complete(term: Term, values: Values | None) -> dict[str, Any]:

@@ -7,22 +7,9 @@ from typing import Any
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.conditions import Circumstances
 from truearc.sim.physics.scales import SCALES, fits_scale
-from truearc.sim.physics.term import (
-    DIRECTIONS,
-    STAGES,
-    AirTerm,
-    ArrivalTerm,
-    FlightTerm,
-    Instrument,
-    LaunchTerm,
-    Parameter,
-    Phrase,
-    SensingTerm,
-    Term,
-    WatchTerm,
-)
+from truearc.sim.physics.term import DIRECTIONS, KINDS, STAGES, Term, WatchTerm
+from truearc.sim.physics.term_fields import Instrument, Parameter, Phrase
 
-KINDS = (SensingTerm, WatchTerm, LaunchTerm, AirTerm, FlightTerm, ArrivalTerm)
 NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
 UNIT = re.compile(r"(1|((kg|rad|rev|deg|m|s)\d*)+)(/((kg|rad|rev|deg|m|s)\d*)+)?")
 

@@ -19,7 +19,7 @@ from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.config.port_options import split_bus
 from truearc.robot.config.schema import CameraConfig, Config, InputError, Tape
 from truearc.robot.recording.candump import TappedBus
-from truearc.sim.world.driver import Driver
+from truearc.sim.world.driver import make_driver
 from truearc.sim.world.emulated_robot import make_nodes
 from truearc.sim.world.emulated_vision import make_lens, make_tape
 from truearc.sim.world.options import Options
@@ -51,14 +51,13 @@ def serve(config: Config, config_path: Path, bus_name: str, watchdog_ms: int, tr
         wires.callback(box.unplug)
         camera = FarCamera(config.camera, config.tape, seed, world.view)
         wires.callback(camera.close)
-        driver = Driver(world, box.press, trials, seed, patience_s=config.gate.request_s + 0.5,
-                        repeats=config.collect.repeats, places=[row.distance_m for row in config.collect.prescribed])
+        driver = make_driver(config, world, box.press, trials, seed)
 
         def drive(t_ns: int) -> None:
             if heard.is_set():
                 driver.step(t_ns)
 
-        twin = Twin(world, TappedBus(bus, listen), make_nodes(config, world, {}, watchdog_ms),
+        twin = Twin(world, TappedBus(bus, listen), tuple(make_nodes(config, world, watchdog_ms).values()),
                     (box.step, drive, camera.step))
         say(shlex.join(["truearc", "run", "--config", str(config_path), "--can", channel, "--buttons", box.port,
                         "--camera", camera.url]))
@@ -99,7 +98,7 @@ class FarCamera:
         self._server = PictureServer()
         self.url = self._server.url
         self._look, self._view = look, look()
-        self._camera = EmulatedCamera(self, make_lens(camera), make_tape(tape), camera.fps, 0.0, seed)
+        self._camera = EmulatedCamera(self, make_lens(camera), make_tape(tape), seed)
         self._period_ns, self._due_ns = round(1e9 / camera.fps), 0
         self._due, self._over = threading.Event(), False
         self._thread = threading.Thread(target=self._draw, name="camera", daemon=True)

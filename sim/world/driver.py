@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from truearc.robot.config.schema import Config
 from truearc.sim.world.world import World
 
 GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
@@ -112,3 +113,9 @@ class Driver:
     def _reject(self, t_ns: int) -> None:
         self._press("reject")
         self._wait(t_ns, BETWEEN_S, self._begin)
+
+
+def make_driver(config: Config, world: World, press: Callable[[str], None], trials: int, seed: int) -> Driver:
+    """A driver who shoots what the configuration prescribes, if it does, and waits as long as the robot tries."""
+    return Driver(world, press, trials, seed, patience_s=config.gate.request_s + 0.5, repeats=config.collect.repeats,
+                  places=[row.distance_m for row in config.collect.prescribed])

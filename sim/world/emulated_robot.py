@@ -2,7 +2,7 @@
 
 import itertools
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable
 from pathlib import Path
 
 from msgspec.structs import replace
@@ -15,8 +15,8 @@ from truearc.hw.devices.family import AttachedMotor
 from truearc.hw.devices.registry import family_of
 from truearc.hw.emulated.clock import StepClock
 from truearc.hw.emulated.emulated_robot import Twin
-from truearc.hw.emulated.faults import Fault, FaultyNode
 from truearc.hw.emulated.nodes import Node
+from truearc.hw.emulated.plant import Plant
 from truearc.hw.real.can_bus import open_can
 from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.real.serial_port import open_serial
@@ -33,7 +33,7 @@ from truearc.robot.recording.session import make_header
 from truearc.robot.rig import HardwareRig
 from truearc.robot.runtime import run
 from truearc.sim.progress import Progress
-from truearc.sim.world.driver import Driver
+from truearc.sim.world.driver import make_driver
 from truearc.sim.world.emulated_vision import TwinEyes
 from truearc.sim.world.options import Options
 from truearc.sim.world.pacing import Pace
@@ -45,16 +45,36 @@ from truearc.sim.world.world import World
 LONGEST_TRIAL_S = 40.0                # a session that takes longer than this a trial is stuck, and ends
 WATCHDOG_MS = 100                     # of the motor drivers, where it can be set
 CHANNELS = itertools.count()          # every twin in this process has a wire of its own
+MakeNodes = Callable[[Config, World], dict[str, Node]]
+MakeEyes = Callable[[World, Config, int], TwinEyes]
+
+
+def make_nodes(config: Config, world: Plant, watchdog_ms: int = WATCHDOG_MS) -> dict[str, Node]:
+    """Every emulated device that the configuration names, by its name ("flywheel_a", ..., "hood_encoder")."""
+    names = [f"flywheel_{letter}" for letter, _ in zip("ab", config.axes.flywheels, strict=True)] + ["hood", "feeder"]
+    nodes: dict[str, Node] = {name: make_axis_node(axis, name, world, watchdog_ms)
+                              for name, (_, axis) in zip(names, name_axes(config), strict=True)}
+    encoder = config.hood_encoder
+    nodes["hood_encoder"] = CanandmagNode(Encoder(encoder.device), world, encoder.zero_deg, encoder.direction)
+    return nodes
+
+
+def make_axis_node(axis: Axis, name: str, world: Plant, watchdog_ms: int) -> Node:
+    """The device of one axis, with the world's motor `name` on it; an advisory one receives no commands."""
+    motor = {"hood": HOOD, "feeder": FEEDER}.get(name, FLYWHEEL_MOTOR)
+    attached = AttachedMotor(name, world, motor.kt_nm_a, motor.resistance_ohm, watchdog_ms,
+                             world.hood_at_limit if name == "hood" else None)
+    return family_of(axis).make_node(axis, attached)
 
 
 def emulate(config: Config, folder: Path, trials: int, seed: int, options: Options | None = None,
             gate_path: Path | None = None, progress: Progress = lambda done, note: None,
-            faults: Mapping[str, tuple[Fault, ...]] | None = None,
-            page: OperatorPage | None = None) -> list[BallResult]:
+            page: OperatorPage | None = None, nodes_of: MakeNodes = make_nodes,
+            eyes_of: MakeEyes = TwinEyes) -> list[BallResult]:
     """Record `trials` trials of the emulated robot into `folder`; returns what the world knows of each ball.
 
-    With a gate the policy becomes "model". `faults`: device ("flywheel_a", ..., "hood_encoder", "camera") -> what
-    goes wrong. With a page that shows it, time passes no faster than it does.
+    With a gate the policy becomes "model". With a page that shows it, time passes no faster than it does. `nodes_of`
+    and `eyes_of` make the devices and the camera.
     The truth returned is for tests and reports about the twin; neither runtime nor fit may see it.
     """
     gate = None if gate_path is None else load_gate(gate_path)
@@ -64,7 +84,7 @@ def emulate(config: Config, folder: Path, trials: int, seed: int, options: Optio
                              gate_path.read_bytes() if gate_path else None, lossless=True)
     try:
         world = World(seed, options)
-        run_twin(config, world, trials, seed, gate, recorder, progress, faults or {}, page)
+        run_twin(config, world, trials, seed, gate, recorder, progress, (nodes_of, eyes_of), page)
     finally:
         recorder.close()
     if recorder.failed is not None:
@@ -73,19 +93,17 @@ def emulate(config: Config, folder: Path, trials: int, seed: int, options: Optio
 
 
 def run_twin(config: Config, world: World, trials: int, seed: int, gate: Gate | None, recorder: SessionWriter,
-             progress: Progress, faults: Mapping[str, tuple[Fault, ...]], page: OperatorPage | None) -> None:
+             progress: Progress, parts: tuple[MakeNodes, MakeEyes], page: OperatorPage | None) -> None:
     """Wire robot and world together and run until the driver is done."""
     box = open_button_box()
-    eyes = TwinEyes(world, config, seed, faults.get("camera", ()))
-    patience_s = config.gate.request_s + 0.5
-    places = [row.distance_m for row in config.collect.prescribed]
-    driver = Driver(world, box.press, trials, seed, patience_s=patience_s, repeats=config.collect.repeats,
-                    places=places)
+    nodes_of, eyes_of = parts
+    eyes = eyes_of(world, config, seed)
+    driver = make_driver(config, world, box.press, trials, seed)
     pace = None if page is None else Pace(MonotonicClock())
     clock = StepClock(lambda t_ns: twin.advance(t_ns))
     channel = f"truearc-{next(CHANNELS)}"
     near, far = (open_can("virtual", channel, config.can.bitrate, clock) for _ in range(2))
-    twin = Twin(world, far, make_nodes(config, world, faults), (box.step, driver.step, eyes.step))
+    twin = Twin(world, far, tuple(nodes_of(config, world).values()), (box.step, driver.step, eyes.step))
     stream = open_serial(box.port, config.buttons.baud)
     limit_ns = int(LONGEST_TRIAL_S * trials * 1e9)
 
@@ -104,22 +122,3 @@ def run_twin(config: Config, world: World, trials: int, seed: int, gate: Gate | 
             wire.close()
         box.unplug()
     progress(1.0, f"{len(world.results)} balls in {clock.now_ns() * 1e-9:.0f} s of robot time")
-
-
-def make_nodes(config: Config, world: World, faults: Mapping[str, tuple[Fault, ...]],
-               watchdog_ms: int = WATCHDOG_MS) -> tuple[Node, ...]:
-    """The far end of every device that the configuration names."""
-    names = [f"flywheel_{letter}" for letter, _ in zip("ab", config.axes.flywheels, strict=True)] + ["hood", "feeder"]
-    nodes = {name: make_axis_node(axis, name, world, watchdog_ms)
-             for name, (_, axis) in zip(names, name_axes(config), strict=True)}
-    encoder = config.hood_encoder
-    nodes["hood_encoder"] = CanandmagNode(Encoder(encoder.device), world, encoder.zero_deg, encoder.direction)
-    return tuple(FaultyNode(node, faults[name]) if name in faults else node for name, node in nodes.items())
-
-
-def make_axis_node(axis: Axis, name: str, world: World, watchdog_ms: int) -> Node:
-    """The device at the far end of one axis, with the world's motor `name` on it; nobody commands an advisory one."""
-    motor = {"hood": HOOD, "feeder": FEEDER}.get(name, FLYWHEEL_MOTOR)
-    attached = AttachedMotor(name, world, motor.kt_nm_a, motor.resistance_ohm, watchdog_ms,
-                             world.hood_at_limit if name == "hood" else None)
-    return family_of(axis).make_node(axis, attached)

@@ -13,7 +13,6 @@ from typing import IO, Any
 
 import cv2
 
-from truearc.hw.emulated.faults import Fault
 from truearc.hw.emulated.imaging.camera import EmulatedCamera, TapeSize
 from truearc.hw.emulated.imaging.lens import Lens
 from truearc.hw.emulated.plant import Plant
@@ -33,13 +32,12 @@ KEPT = 4                              # pictures the process remembers
 class TwinEyes:
     """truearc.robot.vision_source.Eyes on an emulated world; whoever owns the clock calls `step`."""
 
-    def __init__(self, plant: Plant, config: Config, seed: int, faults: tuple[Fault, ...] = ()) -> None:
-        """While one of `faults` stands the camera gives nothing, whatever the fault's kind."""
+    def __init__(self, plant: Plant, config: Config, seed: int) -> None:
         # A new interpreter: forking one in which JAX runs threads may hang; spawning would run its main module again.
         self._process = subprocess.Popen([sys.executable, "-m", __name__], stdin=subprocess.PIPE,
                                          stdout=subprocess.PIPE)
         self._say((config, seed))
-        self._plant, self._faults = plant, faults
+        self._plant = plant
         self._period_ns = round(1e9 / config.camera.fps)
         self._due_ns = self._now_ns = 0
         self._asked: deque[int] = deque()         # exposures whose sightings have not been read
@@ -52,9 +50,12 @@ class TwinEyes:
         if t_ns < self._due_ns:
             return
         self._due_ns += ((t_ns - self._due_ns) // self._period_ns + 1) * self._period_ns
-        if not any(fault.begin_ns <= t_ns < fault.end_ns for fault in self._faults):
-            self._say((t_ns, self._plant.view()))
-            self._asked.append(t_ns)
+        self.expose(t_ns)
+
+    def expose(self, t_ns: int) -> None:
+        """Take an image now."""
+        self._say((t_ns, self._plant.view()))
+        self._asked.append(t_ns)
 
     def read(self) -> Sighting | None:
         newest = None
@@ -97,7 +98,7 @@ def look(ours: IO[bytes], theirs: IO[bytes]) -> None:
     cv2.setNumThreads(1)
     stage = Stage(NOTHING)
     config, seed = pickle.load(ours)
-    camera = EmulatedCamera(stage, make_lens(config.camera), make_tape(config.tape), config.camera.fps, 0.0, seed)
+    camera = EmulatedCamera(stage, make_lens(config.camera), make_tape(config.tape), seed)
     pictures: deque[CameraFrame] = deque(maxlen=KEPT)
     while True:
         try:

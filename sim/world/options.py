@@ -14,17 +14,16 @@ from truearc.robot.config.schema import load_toml
 Positive = Annotated[float, Meta(gt=0.0, le=100.0)]
 Share = Annotated[float, Meta(ge=0.0, le=0.05)]
 NotNegative = Annotated[float, Meta(ge=0.0, le=100.0)]
-Speed = Annotated[float, Meta(ge=-20.0, le=20.0)]
-SmallAngle = Annotated[float, Meta(ge=-20.0, le=20.0)]
+Within20 = Annotated[float, Meta(ge=-20.0, le=20.0)]
 
 
 class Options(Struct, frozen=True, forbid_unknown_fields=True):
     """All that a world may be told; `Options()` is the rig as its drawings say, with ordinary scatter."""
 
     # air
-    wind_x_m_s: Speed = 0.0                   # along the field towards the target (a tail wind is positive)
-    wind_y_m_s: Speed = 0.0                   # to the left, seen towards the target
-    wind_z_m_s: Speed = 0.0                   # up
+    wind_x_m_s: Within20 = 0.0                   # along the field towards the target (a tail wind is positive)
+    wind_y_m_s: Within20 = 0.0                   # to the left, seen towards the target
+    wind_z_m_s: Within20 = 0.0                   # up
     wind_above_m: NotNegative = 0.0           # below this height, and between the wheels, the air stands still
     air_density_kg_m3: Annotated[float, Meta(ge=0.0, le=10.0)] = 1.2      # at 20 C
     temperature_c: Annotated[float, Meta(ge=-40.0, le=60.0)] = 20.0       # thins the air and softens the foam
@@ -48,12 +47,12 @@ class Options(Struct, frozen=True, forbid_unknown_fields=True):
     flywheel_inertia_scale: Annotated[float, Meta(ge=0.2, le=5.0)] = 1.0
     release_height_error_m: Annotated[float, Meta(ge=-0.5, le=0.5)] = 0.0
     release_arc: bool = False                 # the exit point rides on the hood's arc instead of staying put
-    hood_flex_deg: SmallAngle = 0.0           # steeper by this per 100 rad/s beyond 250, unseen by the encoder
+    hood_flex_deg: Within20 = 0.0           # steeper by this per 100 rad/s beyond 250, unseen by the encoder
     encoder_scale: Annotated[float, Meta(ge=0.5, le=2.0)] = 1.0           # flywheel encoders read this times the truth
     driver_current_a: Positive = 40.0         # limit of each motor driver
 
     # hood
-    hood_offset_deg: SmallAngle = 0.0         # the encoder's magnet sits askew: reading = truth + this
+    hood_offset_deg: Within20 = 0.0         # the encoder's magnet sits askew: reading = truth + this
     hood_backlash_deg: Annotated[float, Meta(ge=0.0, le=5.0)] = 0.1       # play of the nut, seen at the hood
 
     # battery
@@ -63,7 +62,7 @@ class Options(Struct, frozen=True, forbid_unknown_fields=True):
 
     # camera
     camera_focal_scale: Annotated[float, Meta(ge=0.5, le=2.0)] = 1.0
-    camera_pitch_error_deg: SmallAngle = 0.0
+    camera_pitch_error_deg: Within20 = 0.0
     camera_height_m: Positive = 0.60
     camera_pitch_deg: Annotated[float, Meta(ge=-45.0, le=80.0)] = 24.0
     camera_behind_exit_m: Annotated[float, Meta(ge=-2.0, le=2.0)] = 0.20

@@ -58,14 +58,6 @@ def in_field(ball: Released, pose: Pose, robot_m_s: float) -> Released:
     return Released(turn @ ball.position_m + np.array([pose.x_m, pose.y_m, 0.0]), velocity_m_s, turn @ ball.spin_rad_s)
 
 
-def from_muzzle(place_m: np.ndarray, pose: Pose) -> np.ndarray:
-    """From the field's axes to the launcher's."""
-    cos, sin = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
-    turn = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
-    local_m: np.ndarray = turn @ (place_m - np.array([pose.x_m, pose.y_m, 0.0]))
-    return local_m
-
-
 def result_of(launch: Launch, arrival: Arrival) -> BallResult:
     """The record of a ball that has arrived."""
     velocity = launch.velocity_m_s

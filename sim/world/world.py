@@ -17,7 +17,7 @@ from truearc.sim.world.parts.hood import Hood, flexed
 from truearc.sim.world.parts.motor import FEEDER, FLYWHEEL, HOOD, Drawn, Motor, drive_motor
 from truearc.sim.world.parts.target import BallResult
 from truearc.sim.world.parts.wheel_contact import Nip, Released
-from truearc.sim.world.shot import Launch, from_exit_point, from_muzzle, in_field, result_of
+from truearc.sim.world.shot import Launch, from_exit_point, in_field, result_of
 
 LONGEST_STEP_S = 0.005
 START_DISTANCE_M = 4.0
@@ -29,7 +29,8 @@ _STILL = Drawn(0.0, 0.0, 0.0)
 class World:
     """A Plant. Same seed, options and torque history: the same bits.
 
-    `results` lists every ball that has arrived, oldest first; only the driver, tests and benches may look at it.
+    `results` lists every ball that has arrived, `flying` those in the air, oldest first; `stand` is where the robot
+    stands. Only the driver, tests and benches may look at them.
     """
 
     motors = tuple(_MOTORS)
@@ -44,12 +45,12 @@ class World:
         self._hood = Hood(start_deg, options)
         self._feeder = Feeder()
         self._rack = Rack(seed, options)
-        self._stand = Stand(seed, distance_m, options.pose_scale)
+        self.stand = Stand(seed, distance_m, options.pose_scale)
         self._shots = 0
         self._nip: Nip | None = None
         self._fed_t_ns = 0
         self._wheel_before_rad_s = 0.0
-        self._flying: list[Launch] = []
+        self.flying: list[Launch] = []
         self._drawn = dict.fromkeys(_MOTORS, _STILL)
         self._view: tuple[Pose, View] | None = None
         self.results: list[BallResult] = []
@@ -88,7 +89,7 @@ class World:
 
     def view(self) -> View:
         """The tape as the camera sees it from where the robot stands now."""
-        pose = self._stand.pose()
+        pose = self.stand.pose()
         if self._view is None or self._view[0] != pose:
             self._view = (pose, look(pose, self._options))
         return self._view[1]
@@ -98,20 +99,20 @@ class World:
     @property
     def distance_m(self) -> float:
         """Horizontal, exit point to target plane; the truth."""
-        return self._stand.distance_m
+        return self.stand.distance_m
 
     @property
     def moving(self) -> bool:
-        return self._stand.moving
+        return self.stand.moving
 
     @property
     def ball_on_its_way(self) -> bool:
         """A ball is between the wheels or in the air."""
-        return self._nip is not None or bool(self._flying)
+        return self._nip is not None or bool(self.flying)
 
     def drive_to(self, distance_m: float) -> None:
         """Drive until the exit point is this far from the target plane, and stop."""
-        self._stand.drive_to(distance_m)
+        self.stand.drive_to(distance_m)
 
     # --- truth, for tests and benches
 
@@ -124,14 +125,6 @@ class World:
         """Lower wheel and motors."""
         return self._belt.speed_rad_s
 
-    def ball_from_muzzle(self) -> tuple[float, float, float, float] | None:
-        """(s since it left, x, y, z in the launcher's axes) of the ball that left last, None if none is in the air."""
-        if not self._flying:
-            return None
-        flight = self._flying[-1].flight
-        x_m, y_m, z_m = map(float, from_muzzle(flight.position_m, self._stand.pose()))
-        return flight.time_s, x_m, y_m, z_m
-
     # --- one step
 
     def _step(self, dt_s: float, asked_nm: Mapping[str, float]) -> None:
@@ -140,10 +133,10 @@ class World:
             self._drawn[name] = drawn = self._drive(name, motor, asked_nm.get(name, 0.0))
             power_w += drawn.power_w
         self._supply.draw(power_w, dt_s)
-        self._stand.step(dt_s)
+        self.stand.step(dt_s)
         self._hood.step(self._drawn["hood"].torque_nm, dt_s)
         fed_s = self._feeder.step(self._drawn["feeder"].torque_nm, dt_s)
-        for launch in self._flying:
+        for launch in self.flying:
             launch.flight.step(dt_s)
         self._turn_wheels(fed_s, dt_s)
         self._collect()
@@ -191,7 +184,7 @@ class World:
             self._feeder.take_back(nip.x_m)
             return
         launch = self._launch(nip, nip.released, self._t_ns + round(after_s * 1e9))
-        self._flying.append(launch)
+        self.flying.append(launch)
         self._rack.use(self._shots)
         self._shots += 1
         self._supply.count_shot()
@@ -200,19 +193,19 @@ class World:
 
     def _launch(self, nip: Nip, released: Released, exit_t_ns: int) -> Launch:
         launcher = from_exit_point(released, nip.elevation_rad, self._options)
-        field = in_field(launcher, self._stand.pose(), self._stand.speed_m_s)
-        return Launch(self._shots, nip.ball, Flight(nip.ball, self._options, field), self._stand.distance_m,
+        field = in_field(launcher, self.stand.pose(), self.stand.speed_m_s)
+        return Launch(self._shots, nip.ball, Flight(nip.ball, self._options, field), self.stand.distance_m,
                       math.degrees(nip.elevation_rad), self._wheel_before_rad_s, nip.wheel_rad_s,
                       launcher.velocity_m_s, launcher.spin_rad_s, self._fed_t_ns, exit_t_ns)
 
     def _collect(self) -> None:
-        if not self._flying:
+        if not self.flying:
             return
         still = []
-        for launch in self._flying:
+        for launch in self.flying:
             arrival = launch.flight.arrival
             if arrival is None:
                 still.append(launch)
             else:
                 self.results.append(result_of(launch, arrival))
-        self._flying = still
+        self.flying = still

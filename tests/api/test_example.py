@@ -1,18 +1,43 @@
-"""The ten lines of Python that the documentation begins with, on a small session."""
+"""The Python example of README.md, on the spreadsheet that it names; and the same calls on a session with an effect."""
 
+import re
+import shutil
 from pathlib import Path
 
 import pytest
 
 import truearc as ta
 
+ROOT = Path(__file__).parents[2]
+SPREADSHEET = "examples/spreadsheet"
+
+
+def readme_example() -> str:
+    return re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL)[0]
+
+
+def test_readme_example_has_ten_lines() -> None:
+    assert len([line for line in readme_example().splitlines() if line]) == 10
+
 
 @pytest.mark.slow
-def test_the_ten_lines_run(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_readme_example_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+                             capsys: pytest.CaptureFixture[str]) -> None:
+    shutil.copytree(ROOT / SPREADSHEET, tmp_path / SPREADSHEET)
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {}
+    exec(compile(readme_example(), "README.md", "exec"), names)
+    found = names["found"]
+    assert isinstance(found, ta.Finding) and found.verdict == "set"
+    assert "wheel_slip" in {effect.term for effect in found.effects}       # the world in which the shots were made
+    assert "estimates" in capsys.readouterr().out
+    assert (tmp_path / "finding.html").stat().st_size > 1000 and (tmp_path / "gate.onnx").stat().st_size > 1000
+
+
+@pytest.mark.slow
+def test_results_of_discovery_lead_to_design_and_gate(folder: Path, tmp_path: Path) -> None:
     week = ta.load_dataset(folder)
-    fit = ta.fit(week, terms=["gravity", "drag", "magnus"])
-    print(fit)
-    found = ta.discover(week, belief=fit.belief, seed=0)
+    found = ta.discover(week, seed=0)
     assert found.verdict in ("named", "set", "unknown")
     if found.best is not None:
         assert found.best.term and found.best.interval90[0] < found.best.interval90[1]
@@ -25,5 +50,4 @@ def test_the_ten_lines_run(folder: Path, tmp_path: Path, capsys: pytest.CaptureF
     gate = ta.train_gate(week, found.adopt(), seed=0)
     assert gate.holdout is not None and 0.0 < gate.holdout.brier < 0.5
     gate.export(tmp_path / "gate.onnx")
-    assert "estimates" in capsys.readouterr().out
     assert {one.name for one in ta.catalogue()} >= {"gravity", "drag", "magnus"}

@@ -105,7 +105,7 @@ def test_impossible_values_are_refused_and_leave_nothing_behind(words, tmp_path,
 
 
 @pytest.mark.parametrize(("package", "install", "words"), [
-    ("jax", "truearc[sim]", ["fit", "x"]), ("sklearn", "truearc-proof", ["reproduce", "-o", "x", "--quick"]),
+    ("jax", "truearc[sim]", ["discover", "x"]), ("sklearn", "truearc-proof", ["reproduce", "-o", "x", "--quick"]),
 ])
 def test_a_missing_package_says_what_to_install(package, install, words, tmp_path):
     code = f"import sys; sys.modules[{package!r}] = None\nfrom truearc.cli.main import main\nsys.exit(main({words!r}))"

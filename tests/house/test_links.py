@@ -1,10 +1,15 @@
-"""Links of the project's pages lead to files and headings, and every page that a file names exists."""
+"""Links, paths and commands of the project's pages: each leads to a file, a heading or a command that exists."""
 
 import re
 import subprocess
+import tomllib
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+
+from truearc.cli.old_names import RENAMED, forward
+from truearc.cli.registry import COMMANDS, ENTRY_POINTS
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted([*ROOT.glob("*.md"), *(page for folder in ("docs", "benchmarks", "examples", ".github")
@@ -13,6 +18,11 @@ NAMED_IN = (".py", ".toml", ".md", ".html", ".yml", ".yaml", ".cff", ".txt", ".i
 NAME = re.compile(r"(?<![\w./<{*-])(?:\.\.?/)*[\w-][\w./-]*\.md\b")
 ELSEWHERE = ("parameters/SparkParameters-v0.1.2.md",)           # a page of REV's, quoted as the source of facts
 MADE_BY_TESTS = ("bare.md", "page.md", "notes.md", "a.md", "docs/gone.md")      # files that tests write themselves
+
+TOPS = ("hw", "robot", "sim", "model_export", "truearc", "proof", "benchmarks", "tests", "tools", "docs", "examples")
+CODE_PATH = re.compile(rf"(?<![\w./<{{*-])(?:{'|'.join(TOPS)})/[\w./*<>{{}}-]*")
+HISTORY = ("CHANGELOG.md", "docs/proof.md")           # they name files and commands as they were
+COMMAND = re.compile(r"(?<!import )(?<![\w./-])(?:\.venv/bin/)?truearc ([a-z][^`|;&#\n]*)")
 
 
 def anchors(page: Path) -> set[str]:
@@ -61,3 +71,51 @@ def test_named_pages_exist() -> None:
 def test_a_lost_page_is_found() -> None:
     text = "see docs/gone.md, ARCHITECTURE.md and https://host/other.md"
     assert names_without_a_page(ROOT / "sim" / "x.py", text) == ["docs/gone.md"]
+
+
+def code_of(page: Path) -> str:
+    """Fenced blocks and code spans of a page, a line each."""
+    text = page.read_text(encoding="utf-8")
+    blocks = re.findall(r"^ *```[^\n]*\n(.*?)^ *```", text, re.DOTALL | re.MULTILINE)
+    spans = re.findall(r"`([^`\n]+)`", re.sub(r"^ *```.*?^ *```", "", text, flags=re.DOTALL | re.MULTILINE))
+    return "\n".join([*blocks, *spans])
+
+
+def lost_paths(code: str) -> list[str]:
+    """Python files, TOML files and folders that code names from the root and that do not exist."""
+    names = [name.rstrip(".-") for name in CODE_PATH.findall(code) if not set("*<>{}") & set(name)]
+    return [name for name in names if Path(name).suffix in ("", ".py", ".toml") and not (ROOT / name).exists()]
+
+
+def commands() -> set[str]:
+    """Names of truearc's commands and of proof's."""
+    project = tomllib.loads((ROOT / "proof" / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    return {command.name for command in COMMANDS} | set(project["entry-points"][ENTRY_POINTS])
+
+
+def wrong_commands(code: str, known: set[str]) -> list[str]:
+    """Commands that code calls and that do not exist, or that have another spelling today."""
+    called = [line.split() for line in COMMAND.findall(code)]
+    return [" ".join(words) for words in called
+            if not {words[0], " ".join(words[:2])} & known or words[0] in RENAMED or forward(words) != words]
+
+
+def current_pages() -> Iterator[Path]:
+    yield from (page for page in PAGES if page.relative_to(ROOT).as_posix() not in HISTORY)
+
+
+def test_paths_in_pages_exist() -> None:
+    lost = {page.relative_to(ROOT).as_posix(): lost_paths(code_of(page)) for page in current_pages()}
+    assert {name: names for name, names in lost.items() if names} == {}
+
+
+def test_commands_in_pages_exist() -> None:
+    known = commands()
+    wrong = {page.relative_to(ROOT).as_posix(): wrong_commands(code_of(page), known) for page in current_pages()}
+    assert {name: names for name, names in wrong.items() if names} == {}
+
+
+def test_lost_paths_and_commands_are_found() -> None:
+    assert lost_paths("sim/gone.py, robot/tick.py, sim/gone/ and hw/<family>/motor.py") == ["sim/gone.py", "sim/gone/"]
+    code = "truearc discover a\ntruearc gone a\ntruearc identify\ntruearc paper gone\ntruearc fit a --method grid"
+    assert wrong_commands(code, commands()) == ["gone a", "identify", "paper gone", "fit a --method grid"]

@@ -6,10 +6,10 @@ import cv2
 import numpy as np
 import pytest
 
-from truearc.hw.emulated.imaging.camera import EmulatedCamera, TapeSize, outline_m
-from truearc.hw.emulated.imaging.image_degradation import TAPE_BGR, Look
+from truearc.hw.emulated.imaging.camera import TAPE_BGR, TapeSize, outline_m
 from truearc.hw.emulated.imaging.lens import Lens, distort
 from truearc.hw.emulated.plant import View
+from truearc_proof.world.camera_damage import Look, StagedCamera
 
 TAPE = TapeSize(0.99695, 0.49885, 0.4318, 0.0508)
 PINHOLE = Lens(640, 480, 699.4, 690.0, 325.0, 236.0)
@@ -45,7 +45,7 @@ def project_by_opencv(points_m, view: View, lens: Lens):
 
 
 def picture(view: View, lens: Lens = PINHOLE, seed: int = 1, shake_px: float = 0.0):
-    camera = EmulatedCamera(Still(view), lens, TAPE, 20.0, 0.0, seed, look=Look(shake_px=shake_px))
+    camera = StagedCamera(Still(view), lens, TAPE, 20.0, 0.0, seed, look=Look(shake_px=shake_px))
     camera.step(0)
     frame = camera.read()
     assert frame is not None
@@ -91,7 +91,7 @@ def test_picture_is_the_projected_tape(lens, rvec, tvec_m, focal_scale):
     canvas = np.zeros(((y1 - y0) * fine, (x1 - x0) * fine), np.uint8)
     cv2.fillPoly(canvas, [np.rint((seen - (x0, y0) + 0.5) * fine - 0.5).astype(np.int32)], 255)
     wanted = cv2.resize(canvas, (x1 - x0, y1 - y0), interpolation=cv2.INTER_AREA).astype(float) / 255
-    camera = EmulatedCamera(Still(view), lens, TAPE, 20.0, 0.0, 1, look=Look(shake_px=0.0))
+    camera = StagedCamera(Still(view), lens, TAPE, 20.0, 0.0, 1, look=Look(shake_px=0.0))
     pictures = []
     for k in range(7):
         camera.step(k * FRAME_NS)
@@ -143,7 +143,7 @@ def test_a_target_out_of_sight_is_not_drawn(tvec_m):
 
 
 def test_rate_latency_and_newest_only():
-    camera = EmulatedCamera(Still(make_view((0, 0, 0), (0, 0, 4.0))), PINHOLE, TAPE, 20.0, 0.03, 1)
+    camera = StagedCamera(Still(make_view((0, 0, 0), (0, 0, 4.0))), PINHOLE, TAPE, 20.0, 0.03, 1)
     stamps, ages = [], []
     for t_ns in range(10**9, 2 * 10**9, 5_000_000):
         camera.step(t_ns)
@@ -159,7 +159,7 @@ def test_rate_latency_and_newest_only():
 
 
 def test_late_steps_do_not_make_up_for_missed_frames():
-    camera = EmulatedCamera(Still(make_view((0, 0, 0), (0, 0, 4.0))), PINHOLE, TAPE, 20.0, 0.0, 1)
+    camera = StagedCamera(Still(make_view((0, 0, 0), (0, 0, 4.0))), PINHOLE, TAPE, 20.0, 0.0, 1)
     got = 0
     for t_ns in (0, 1_000_000_000, 1_010_000_000, 1_050_000_000):
         camera.step(t_ns)
@@ -168,7 +168,7 @@ def test_late_steps_do_not_make_up_for_missed_frames():
 
 
 def test_freeze_and_black():
-    camera = EmulatedCamera(Still(make_view((0, 0, 0), (0, 0, 4.0))), PINHOLE, TAPE, 20.0, 0.0, 1)
+    camera = StagedCamera(Still(make_view((0, 0, 0), (0, 0, 4.0))), PINHOLE, TAPE, 20.0, 0.0, 1)
     camera.freeze()
     camera.step(0)
     assert camera.read() is None

@@ -12,7 +12,10 @@ from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.emulator import OdriveNode
 from truearc.hw.devices.odrive.frames import CLOSED_LOOP, IDLE, PASSTHROUGH, TORQUE, OdriveAxis
 from truearc.hw.emulated.emulated_robot import Twin
-from truearc.hw.emulated.faults import (
+from truearc.hw.protocols import BadFrame
+from truearc.hw.readings import MotorReading
+from truearc.hw.real.can_bus import open_can
+from truearc_proof.world.faults import (
     DEAF,
     DOUBLED,
     HELD,
@@ -27,9 +30,6 @@ from truearc.hw.emulated.faults import (
     Fault,
     FaultyNode,
 )
-from truearc.hw.protocols import BadFrame
-from truearc.hw.readings import MotorReading
-from truearc.hw.real.can_bus import open_can
 
 MS = 1_000_000
 AXIS = OdriveAxis(1, 1)

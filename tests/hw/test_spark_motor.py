@@ -11,7 +11,6 @@ from truearc.hw.devices.spark.emulator import SparkNode, SparkSettings
 from truearc.hw.devices.spark.frames import SparkAxis
 from truearc.hw.devices.spark.motor import SparkHeartbeat, SparkMotor
 from truearc.hw.emulated.emulated_robot import Twin
-from truearc.hw.emulated.faults import OVERWRITTEN, SILENT, UNPOWERED, Fault, FaultyNode
 from truearc.hw.fault_codes import (
     ENCODER_STUCK,
     SPARK_FAULTS_STALE,
@@ -24,6 +23,7 @@ from truearc.hw.fault_codes import (
 from truearc.hw.protocols import BadFrame, Frame
 from truearc.hw.real.can_bus import open_can
 from truearc.hw.reason import Reason
+from truearc_proof.world.faults import OVERWRITTEN, SILENT, UNPOWERED, Fault, FaultyNode
 
 MS = 1_000_000
 TICK_MS = 5

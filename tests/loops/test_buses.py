@@ -151,7 +151,7 @@ class Devices(threading.Thread):
         self.plug = plug
         plug.symlink_to(self.adapter.port)
         plant = SpinningPlant()
-        self.twin = Twin(plant, self.adapter, make_nodes(CONFIG, plant, {}))
+        self.twin = Twin(plant, self.adapter, tuple(make_nodes(CONFIG, plant).values()))
         self.over = threading.Event()
         self.start()
 

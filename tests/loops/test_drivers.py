@@ -6,13 +6,13 @@ from msgspec.structs import replace
 from benchmarks.matrix.signs import find, says
 from tests.robot.sparks import ALL_SPARK, SPARK_HOOD, SPARK_WHEELS, only_advice
 from truearc.hw import fault_codes as hw
-from truearc.hw.emulated.faults import OVERWRITTEN, SILENT, UNPOWERED, Fault
 from truearc.hw.reason import Reason
 from truearc.robot import reasons as bot
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.replay.recompute import replay, replay_frames
 from truearc.robot.recording.session import CAN, load_trials
 from truearc.sim.world.emulated_robot import emulate
+from truearc_proof.world.faults import OVERWRITTEN, SILENT, UNPOWERED, Fault, parts_with
 
 SECOND = 1_000_000_000
 FOREVER = 1 << 62
@@ -52,7 +52,7 @@ def last_hold(folder) -> tuple[Reason, ...]:
 ])
 def test_a_spark_that_is_not_what_it_should_be_is_a_hold_that_says_why(tmp_path, config, device, fault, signs) -> None:
     config = replace(config, gate=replace(config.gate, request_s=2.0))
-    results = emulate(config, tmp_path / "s", trials=2, seed=5, faults={device: (fault,)})
+    results = emulate(config, tmp_path / "s", trials=2, seed=5, **parts_with({device: (fault,)}))
     assert [result for result in results if result.fed_t_ns > fault.begin_ns + SECOND // 2] == []
     assert find(signs, last_hold(tmp_path / "s")), last_hold(tmp_path / "s")
     assert replay(tmp_path / "s")[1] is None

@@ -13,7 +13,6 @@ from truearc import robot
 from truearc.cli.main import main
 from truearc.cli.robot.sysid_emulated import ARM, drive_twin
 from truearc.hw.devices.button_box.emulator import open_button_box
-from truearc.hw.emulated.faults import SILENT, Fault
 from truearc.robot.config.schema import load_config
 from truearc.robot.reasons import DEVICE_STALE, IDENTIFY_RELEASED
 from truearc.robot.recording.reader import TickReader
@@ -21,6 +20,7 @@ from truearc.robot.recording.replay.recompute import replay
 from truearc.sim.sysid.session import load_driven
 from truearc.sim.world.emulated_robot import emulate
 from truearc.sim.world.world import World
+from truearc_proof.world.faults import SILENT, Fault, nodes_with
 
 SHIPPED = Path(robot.__file__).parent / "launcher.toml"
 CONFIG = load_config(SHIPPED)
@@ -37,7 +37,7 @@ def only(joint):
                                                ("feeder", "hood")])
 def test_a_reading_that_goes_stale_ends_it_in_hold(tmp_path, device, joint):
     fault = Fault(SILENT, 3 * SECOND, FOREVER)
-    over = drive_twin(only(joint), tmp_path / "s", World(2), lambda text: None, faults={device: (fault,)})
+    over = drive_twin(only(joint), tmp_path / "s", World(2), lambda text: None, nodes_of=nodes_with({device: (fault,)}))
     assert DEVICE_STALE.name in codes(over.params["causes"])
     last = [tick for tick, _ in TickReader(tmp_path / "s")][-1]
     assert not last.sent.enable and last.sent.flywheel_torque_nm == last.sent.hood_torque_nm == 0.0

@@ -13,7 +13,6 @@ from benchmarks.matrix.signs import find, says
 from truearc import robot
 from truearc.cli.main import main
 from truearc.hw import fault_codes as hw
-from truearc.hw.emulated.faults import OVERWRITTEN, SILENT, TRUNCATED, Fault
 from truearc.robot import reasons as bot
 from truearc.robot.config.schema import InputError, Prescribed, config_hash, load_config
 from truearc.robot.config.shot_plan import with_plan
@@ -25,6 +24,7 @@ from truearc.robot.rig import ReplayRig
 from truearc.robot.types import Command
 from truearc.sim.data.recordings import shots_from_sessions
 from truearc.sim.world.emulated_robot import emulate
+from truearc_proof.world.faults import OVERWRITTEN, SILENT, TRUNCATED, Fault, parts_with
 
 CONFIGURATION = load_config(Path(robot.__file__).parent / "launcher.toml")
 SECOND = 1_000_000_000
@@ -141,7 +141,7 @@ def held_reasons(folder):
 ])
 def test_a_device_that_fails_is_a_hold_that_names_it(tmp_path, device, fault, signs):
     config = replace(CONFIGURATION, gate=replace(CONFIGURATION.gate, request_s=2.0))
-    results = emulate(config, tmp_path / "s", trials=2, seed=5, faults={device: (fault,)})
+    results = emulate(config, tmp_path / "s", trials=2, seed=5, **parts_with({device: (fault,)}))
     begun = [result for result in results if result.fed_t_ns > fault.begin_ns + SECOND // 2]
     assert begun == []
     assert find(signs, held_reasons(tmp_path / "s")), held_reasons(tmp_path / "s")
@@ -168,7 +168,7 @@ def test_a_disk_that_fills_up_is_a_hold_and_the_session_can_be_recovered(tmp_pat
 
 def test_a_device_that_comes_back_is_fired_with_again(tmp_path):
     fault = Fault(SILENT, 1 * SECOND, 6 * SECOND)
-    results = emulate(CONFIGURATION, tmp_path / "s", trials=3, seed=5, faults={"flywheel_a": (fault,)})
+    results = emulate(CONFIGURATION, tmp_path / "s", trials=3, seed=5, **parts_with({"flywheel_a": (fault,)}))
     assert results and all(result.fed_t_ns > 6 * SECOND for result in results)
 
 

@@ -13,16 +13,17 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from truearc import robot
-from truearc.hw.emulated.imaging.camera import EmulatedCamera, TapeSize, outline_m
-from truearc.hw.emulated.imaging.distractors import KINDS, second_goal
-from truearc.hw.emulated.imaging.image_degradation import USUAL, Look
+from truearc.hw.emulated.imaging.camera import TapeSize, outline_m
 from truearc.hw.emulated.imaging.lens import Lens, project
-from truearc.hw.emulated.static_plant import NOTHING, Stage, place
+from truearc.hw.emulated.static_plant import NOTHING, Stage
 from truearc.hw.readings import CameraFrame
 from truearc.robot import reasons as because
 from truearc.robot.config.schema import CameraConfig, CameraFile, load_config, load_toml
 from truearc.robot.vision import detect
 from truearc.robot.vision.threshold import mask_colour
+from truearc_proof.world.camera_damage import USUAL, Look, StagedCamera
+from truearc_proof.world.distractors import KINDS, second_goal
+from truearc_proof.world.placing import place
 
 HOME = Path(robot.__file__).parent
 CONFIG = load_config(HOME / "launcher.toml")
@@ -39,7 +40,7 @@ class Scene:
         lens = Lens(camera.width_px, camera.height_px, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px,
                     camera.distortion)
         size = TapeSize(TAPE.top_width_m, TAPE.bottom_width_m, TAPE.height_m, TAPE.tape_width_m)
-        self.eye = EmulatedCamera(self.stage, lens, size, 20.0, 0.0, seed, look=look)
+        self.eye = StagedCamera(self.stage, lens, size, 20.0, 0.0, seed, look=look)
         self.t_ns = 0
 
     def place(self, distance_m: float, facing_deg: float = 0.0, bearing_deg: float = 0.0, focal_scale: float = 1.0,

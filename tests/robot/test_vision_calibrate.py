@@ -13,15 +13,16 @@ from msgspec.structs import replace
 
 import truearc.cli.main as truearc
 from truearc import robot
-from truearc.hw.emulated.imaging.camera import EmulatedCamera
 from truearc.hw.emulated.imaging.lens import Lens, distort
-from truearc.hw.emulated.static_plant import Stage, place
+from truearc.hw.emulated.static_plant import Stage
 from truearc.hw.readings import CameraFrame
 from truearc.robot.config.schema import CameraFile, load_config, load_toml
 from truearc.robot.config.toml_text import make_toml
 from truearc.robot.vision import detect
 from truearc.robot.vision.board import Board, calibrate, find_board
 from truearc.robot.vision.taped import fit_taped
+from truearc_proof.world.camera_damage import StagedCamera
+from truearc_proof.world.placing import place
 
 HOME = Path(robot.__file__).parent
 CONFIG = load_config(HOME / "launcher.toml")
@@ -36,7 +37,7 @@ def picture(distance_m: float, seed: int) -> CameraFrame:
     camera = CONFIG.camera
     lens = Lens(camera.width_px, camera.height_px, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px)
     view = place(distance_m, TAPE.centre_height_m - camera.height_m, camera.pitch_deg, bearing_deg=4.0)
-    return EmulatedCamera(Stage(view), lens, TAPE, 20.0, 0.0, seed).expose(0)
+    return StagedCamera(Stage(view), lens, TAPE, 20.0, 0.0, seed).expose(0)
 
 
 def fit(distances_m, taped_m, **how):

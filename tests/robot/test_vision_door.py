@@ -10,10 +10,12 @@ import pytest
 
 import truearc.cli.main as truearc
 from truearc import robot
-from truearc.hw.emulated.imaging.camera import EmulatedCamera, TapeSize
+from truearc.hw.emulated.imaging.camera import TapeSize
 from truearc.hw.emulated.imaging.lens import Lens
-from truearc.hw.emulated.static_plant import Stage, place
+from truearc.hw.emulated.static_plant import Stage
 from truearc.robot.config.schema import load_config
+from truearc_proof.world.camera_damage import StagedCamera
+from truearc_proof.world.placing import place
 
 CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")
 
@@ -24,7 +26,7 @@ def picture() -> np.ndarray:
     lens = Lens(camera.width_px, camera.height_px, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px)
     size = TapeSize(tape.top_width_m, tape.bottom_width_m, tape.height_m, tape.tape_width_m)
     view = place(4.0, tape.centre_height_m - camera.height_m, camera.pitch_deg)
-    eye = EmulatedCamera(Stage(view), lens, size, 20.0, 0.0, 1)
+    eye = StagedCamera(Stage(view), lens, size, 20.0, 0.0, 1)
     eye.step(0)
     frame = eye.read()
     assert frame is not None

@@ -18,13 +18,14 @@ import truearc.cli.main as truearc
 from truearc import robot
 from truearc.cli.robot.vision_tools.tune_server import TuneServer
 from truearc.cli.robot.vision_tools.tuner import Live, Recorded, Tuner, find_pictures
-from truearc.hw.emulated.imaging.camera import EmulatedCamera
-from truearc.hw.emulated.static_plant import Stage, place
+from truearc.hw.emulated.static_plant import Stage
 from truearc.hw.fault_codes import CAMERA_SILENT
 from truearc.hw.protocols import LinkLost
 from truearc.hw.readings import CameraFrame
 from truearc.robot.config.schema import CameraFile, InputError, load_config, load_toml
 from truearc.sim.world.emulated_vision import make_lens, make_tape
+from truearc_proof.world.camera_damage import StagedCamera
+from truearc_proof.world.placing import place
 
 CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")
 FILE = CameraFile(CONFIG.camera, CONFIG.tape, CONFIG.vision)
@@ -36,7 +37,7 @@ BLIND = {**SETTINGS, "hue_low": 0, "hue_high": 5}
 @pytest.fixture(scope="module")
 def image():
     view = place(4.0, CONFIG.tape.centre_height_m - CONFIG.camera.height_m, CONFIG.camera.pitch_deg)
-    return EmulatedCamera(Stage(view), make_lens(CONFIG.camera), make_tape(CONFIG.tape), 20.0, 0.0, 1).expose(0).image
+    return StagedCamera(Stage(view), make_lens(CONFIG.camera), make_tape(CONFIG.tape), 20.0, 0.0, 1).expose(0).image
 
 
 @pytest.fixture

@@ -8,15 +8,15 @@ import pytest
 from msgspec.structs import replace
 
 from truearc import robot
-from truearc.hw.emulated.imaging.camera import EmulatedCamera
-from truearc.hw.emulated.imaging.image_degradation import Look
 from truearc.hw.emulated.imaging.lens import project
-from truearc.hw.emulated.imaging.shutter import project_turning
-from truearc.hw.emulated.static_plant import NOTHING, Stage, place
+from truearc.hw.emulated.static_plant import NOTHING, Stage
 from truearc.robot.config.schema import load_config
 from truearc.robot.vision import detect
 from truearc.robot.vision.optics import make_optics
 from truearc.sim.world.emulated_vision import make_lens, make_tape
+from truearc_proof.world.camera_damage import Look, StagedCamera
+from truearc_proof.world.placing import place
+from truearc_proof.world.shutter import project_turning
 
 CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")
 LENS = make_lens(CONFIG.camera)
@@ -34,7 +34,7 @@ def trial(rng: np.random.Generator, turn_deg_s: tuple[float, float], seed: int, 
     smear_px = CONFIG.camera.fx_px * exposure_s * np.radians(turn_deg_s)
     look = Look(turn_deg_s=turn_deg_s, readout_s=READOUT_S, smear_px=(-float(smear_px[0]), float(smear_px[1])))
     view = view_at(distance_m, camera.pitch_deg, facing_deg=rng.uniform(-30, 30), bearing_deg=rng.uniform(-7, 7))
-    eye = EmulatedCamera(Stage(view), make_lens(camera), make_tape(CONFIG.tape), 20.0, 0.0, seed, look=look)
+    eye = StagedCamera(Stage(view), make_lens(camera), make_tape(CONFIG.tape), 20.0, 0.0, seed, look=look)
     return distance_m, detect(eye.expose(0), camera, CONFIG.tape, CONFIG.vision)
 
 
@@ -57,7 +57,7 @@ def test_rows_are_seen_from_where_the_camera_then_points():
 
 
 def test_what_is_not_before_a_camera_that_turns_is_not_drawn():
-    eye = EmulatedCamera(Stage(NOTHING), LENS, make_tape(CONFIG.tape), 20.0, 0.0, 1,
+    eye = StagedCamera(Stage(NOTHING), LENS, make_tape(CONFIG.tape), 20.0, 0.0, 1,
                          look=Look(turn_deg_s=(30.0, 6.0), readout_s=READOUT_S))
     assert not detect(eye.expose(0), CONFIG.camera, CONFIG.tape, CONFIG.vision).found
 

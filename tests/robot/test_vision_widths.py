@@ -7,12 +7,12 @@ import pytest
 from msgspec.structs import replace
 
 from truearc import robot
-from truearc.hw.emulated.imaging.camera import EmulatedCamera
-from truearc.hw.emulated.imaging.image_degradation import USUAL, Look, Patch
 from truearc.hw.emulated.imaging.lens import Lens, project
-from truearc.hw.emulated.static_plant import Stage, place
+from truearc.hw.emulated.static_plant import Stage
 from truearc.robot.config.schema import load_config
 from truearc.robot.vision import detect
+from truearc_proof.world.camera_damage import USUAL, Look, Patch, StagedCamera
+from truearc_proof.world.placing import place
 
 CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")
 CAMERA, TAPE, VISION = CONFIG.camera, CONFIG.tape, CONFIG.vision
@@ -24,7 +24,7 @@ def see(distance_m, seed=0, look=USUAL, tape=TAPE, hidden=(), **where):
     """What is made of `tape` at that distance, with these patches of the target's plane hidden."""
     camera = replace(CAMERA, pitch_deg=24.0 if distance_m < 6 else 14.0)
     view = place(distance_m, RISE_M, camera.pitch_deg, **where)
-    eye = EmulatedCamera(Stage(view), LENS, tape, 20.0, 0.0, seed, look=look)
+    eye = StagedCamera(Stage(view), LENS, tape, 20.0, 0.0, seed, look=look)
     patches = [np.column_stack([points_m, np.zeros(len(points_m))]) for points_m in hidden]
     eye.clutter(tuple(Patch(project(points_m, view.camera_from_target, LENS)[0], (0, 0, 0)) for points_m in patches))
     return detect(eye.expose(0), camera, TAPE, VISION)

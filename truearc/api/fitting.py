@@ -15,14 +15,7 @@ from truearc.sim.data.dataset import Dataset, hash_dataset
 from truearc.sim.infer.advise import Proposal, advise
 from truearc.sim.infer.belief import Belief, point_belief
 from truearc.sim.infer.crossval import CrossValidation, cross_validate
-from truearc.sim.infer.fit_text import (
-    say_advice,
-    say_estimates,
-    say_evidence,
-    say_identified,
-    say_prediction,
-    say_scatter,
-)
+from truearc.sim.infer.fit_text import fit_lines
 from truearc.sim.infer.map_fit import MlFit, fit_ml
 from truearc.sim.infer.profile import ProfileInterval, profile_interval
 from truearc.sim.infer.score import Score, score
@@ -86,16 +79,7 @@ class Fit(Printed):
 
     def lines(self) -> list[str]:
         """Return the report: data used, what cannot be told apart, estimates, scatter, hold-out score, next shots."""
-        fit = self.solution
-        lines = list(say_evidence(fit))
-        if not self.converged:
-            return lines
-        for title, part in (("what these shots can tell", say_identified(fit)),
-                            ("estimates", say_estimates(self.intervals, fit.model.sought)), ("", say_scatter(fit)),
-                            ("", say_prediction(self.holdout)), ("what would tell more", say_advice(self.proposals))):
-            told = list(part)
-            lines += [*(["", f"{title}:"] if title and told else []), *told]
-        return lines
+        return fit_lines(self.solution, self.intervals, self.holdout, self.proposals)
 
     def _provenance(self) -> dict[str, Any]:
         fit = self.solution

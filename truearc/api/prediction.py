@@ -1,7 +1,8 @@
 """Forecast recorded or planned shots."""
 
 from pathlib import Path
-from typing import Any
+
+import numpy as np
 
 from truearc.api.table import Table
 from truearc.model_export.predict import HEADER as RATING_COLUMNS
@@ -9,8 +10,13 @@ from truearc.model_export.predict import rate_shots
 from truearc.robot.config.schema import InputError
 from truearc.robot.gate.model import load_gate
 from truearc.sim.data.dataset import Dataset
-from truearc.sim.discover.predictions import predict_shots
+from truearc.sim.data.shot_conditions import circumstances_of
+from truearc.sim.discover.detect.covariates import every_column
 from truearc.sim.infer.belief import Belief
+from truearc.sim.infer.curve import along
+from truearc.sim.physics.catalogue import effective
+from truearc.sim.physics.simulate import classify, opening_of
+from truearc.sim.physics.simulate import predict as fly_shots
 from truearc.sim.progress import Progress
 
 COLUMNS = ("shot_id", "height_m", "deviation_m", "outcome")
@@ -33,16 +39,25 @@ def predict(dataset: Dataset, belief: Belief | None = None, *, gate: str | Path 
         from all recorded shots); None where the gate gives no number.
 
     Raises:
-        InputError: neither or both of belief and gate, a file that is not a gate, or a column that is missing.
+        InputError: neither or both of belief and gate, a file that is not a gate, a column that is missing, or a rig
+            without a target.
     """
     if (belief is None) == (gate is None):
         raise InputError("predict: give either a belief or gate=FILE")
-    if belief is not None:
-        told = predict_shots(dataset, belief, progress)
-        return _table(COLUMNS, told.shot_id, told.height_m.tolist(), told.deviation_m.tolist(), told.outcome)
-    return Table(RATING_COLUMNS, tuple(rate_shots(load_gate(str(gate)), dataset.shots, dataset.name)))
+    if belief is None:
+        return Table(RATING_COLUMNS, tuple(rate_shots(load_gate(str(gate)), dataset.shots, dataset.name)))
+    rows = zip(dataset.shots.shot_id, *_flown(dataset, belief, progress), strict=True)
+    return Table(COLUMNS, tuple(tuple(None if cell != cell else cell for cell in row) for row in rows))
 
 
-def _table(names: tuple[str, ...], *columns: Any) -> Table:
-    return Table(names, tuple(tuple(None if cell != cell else cell for cell in row)
-                              for row in zip(*columns, strict=True)))
+def _flown(dataset: Dataset, belief: Belief, progress: Progress) -> tuple[list[float], list[float], list[str]]:
+    """Height, deviation and outcome of each shot, under the conditions that the dataset records; NaN: not reached."""
+    if dataset.facts.target is None:
+        raise InputError("rig.toml: [target] is needed to tell deviation and outcome")
+    circumstances = along(belief.curves, circumstances_of(dataset), every_column(dataset), len(dataset.shots))
+    among = belief.catalogue
+    opening = opening_of(dataset.facts, effective(belief.coefficients, circumstances, among), among)
+    flown = fly_shots(dataset.facts, belief.coefficients, dataset.shots, progress, circumstances, among)
+    height_m = np.asarray(flown.height_m)
+    return (height_m.tolist(), np.asarray(height_m - opening.centre_m).tolist(),
+            classify(dataset.facts, height_m, opening).tolist())

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from truearc.sim.printed import Printed
+from truearc.sim.tables import make_text
 
 
 @dataclass(frozen=True)
@@ -46,10 +47,7 @@ class Table(Printed):
 
     def lines(self) -> list[str]:
         """Return the table as aligned text, its header first."""
-        cells = [self.columns, *(tuple(map(_text, row)) for row in self.rows)]
-        widths = [max(len(row[k]) for row in cells) for k in range(len(self.columns))]
-        return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
-                for row in cells]
+        return make_text(self.columns, [tuple(map(_text, row)) for row in self.rows])
 
     def _repr_html_(self) -> str:
         head = "".join(f"<th>{html.escape(name)}</th>" for name in self.columns)

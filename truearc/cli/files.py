@@ -5,7 +5,7 @@ from pathlib import Path
 from truearc.robot.config.schema import InputError
 
 
-def check_place(path: str | None) -> None:
+def check_place(path: str | Path | None) -> None:
     """InputError where a file could not be written, before it is worked out what to write."""
     if path is not None and not Path(path).resolve().parent.is_dir():
         raise InputError(f"{path}: there is no such directory to write to")

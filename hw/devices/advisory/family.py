@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from functools import partial
-from typing import Literal
+from typing import Any, Literal
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -12,12 +12,10 @@ from truearc.hw.devices.axis import Axis, CanNode, Direction
 from truearc.hw.devices.bus_rules import Rules
 from truearc.hw.devices.family import AttachedMotor, AxisCheck, Endpoints, MotorFamily
 from truearc.hw.devices.listening import Heard
-from truearc.hw.devices.odrive import bus_rules as odrive_rules
-from truearc.hw.devices.odrive import family as odrive_family
 from truearc.hw.devices.odrive import frames as odrive
-from truearc.hw.devices.spark import bus_rules as spark_rules
-from truearc.hw.devices.spark import family as spark_family
+from truearc.hw.devices.odrive.family import ODRIVE
 from truearc.hw.devices.spark import frames as spark
+from truearc.hw.devices.spark.family import SPARK
 from truearc.hw.emulated.nodes import Node
 from truearc.hw.finding import Finding, failure, ok
 from truearc.hw.protocols import Frame
@@ -38,9 +36,8 @@ def make_motors(axes: Sequence[AdvisoryConfig]) -> tuple[AdvisoryMotor, ...]:
 
 
 def make_rules(axis: AdvisoryConfig, each_tick: int) -> Rules:
-    theirs = (odrive_rules.make_rules(_odrive(axis), each_tick) if axis.listens_to == "odrive"
-              else spark_rules.make_rules(_spark(axis), each_tick))
-    return replace(theirs, allowed=())
+    family, theirs = _theirs(axis)
+    return replace(family.make_rules(theirs, each_tick), allowed=())
 
 
 def error_words(axis: AdvisoryConfig, motor: MotorReading) -> tuple[str, ...]:
@@ -68,23 +65,21 @@ def examine(axis: AdvisoryConfig, check: AxisCheck, heard: Heard) -> Iterator[Fi
 
 
 def make_node(axis: AdvisoryConfig, motor: AttachedMotor) -> Node:
+    family, theirs = _theirs(axis)
+    return family.make_node(theirs, motor)
+
+
+def _theirs(axis: AdvisoryConfig) -> tuple[MotorFamily[Any], Any]:
+    """The family of the device, and the device as one of that family."""
     if axis.listens_to == "odrive":
-        return odrive_family.make_node(_odrive(axis), motor)
-    return spark_family.make_node(_spark(axis), motor)
-
-
-def _odrive(axis: AdvisoryConfig) -> odrive.OdriveAxis:
-    return odrive.OdriveAxis(axis.device, axis.direction)
-
-
-def _spark(axis: AdvisoryConfig) -> spark.SparkAxis:
-    return spark.SparkAxis(axis.device, axis.direction, axis.has_endstop)
+        return ODRIVE, odrive.OdriveAxis(axis.device, axis.direction)
+    return SPARK, spark.SparkAxis(axis.device, axis.direction, axis.has_endstop)
 
 
 def _make_motor(axis: AdvisoryConfig) -> AdvisoryMotor:
-    if axis.listens_to == "odrive":
-        return AdvisoryMotor(odrive.frame_ids(_odrive(axis)), False, partial(odrive.parse, _odrive(axis)))
-    return AdvisoryMotor(spark.frame_ids(_spark(axis)), True, partial(spark.parse, _spark(axis)))
+    family, theirs = _theirs(axis)
+    frames = odrive if family is ODRIVE else spark
+    return AdvisoryMotor(frames.frame_ids(theirs), family is SPARK, partial(frames.parse, theirs))
 
 
 ADVISORY = MotorFamily(

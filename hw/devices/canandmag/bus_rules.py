@@ -1,11 +1,11 @@
-"""What a Canandmag may be sent, and what it and hosts send."""
+"""Frames that a Canandmag may be sent, and those that it and hosts send."""
 
 from truearc.hw.devices.bus_rules import NS_PER_MS, Rules, allow_seldom, kinds_of
 from truearc.hw.devices.canandmag import frames as canandmag
 
 
 def make_rules(encoder: canandmag.Encoder, period_ms: int) -> Rules:
-    """`period_ms`: between angles, as asked of the device; 0: nothing is sent to it, and its cadence is another's."""
+    """`period_ms`: between angles, as the device is set at start; 0: nothing is sent, its cadence is another's."""
     by_host, by_device = (kinds_of(canandmag.ids_sent_by(encoder, node), True) for node in ("Host", "Encoder"))
     if not period_ms:
         return Rules((), by_host, by_device, {})

@@ -1,10 +1,11 @@
 """The absolute encoder on the hood's pivot."""
 
+from functools import partial
+
 from truearc.hw.devices.canandmag import frames as canandmag
 from truearc.hw.devices.canandmag.frames import Encoder
 from truearc.hw.devices.listening import Heard
 from truearc.hw.finding import Finding, failure, ok, warning
-from truearc.hw.protocols import BadFrame
 from truearc.hw.readings import AngleReading
 
 CHECK = "hood encoder"
@@ -17,14 +18,10 @@ def check_encoder(encoder: Encoder, period_ms: int, longest_age_s: float, heard:
     period_ms: between angles, as configured. longest_age_s: of an angle that may still fire.
     """
     ids = canandmag.frame_ids(encoder)
-    reading: AngleReading | None = None
-    for frame in heard.frames:
-        if not frame.is_extended or frame.arbitration_id not in ids:
-            continue
-        try:
-            reading = canandmag.parse(encoder, frame, reading)
-        except BadFrame as error:
-            return failure(CHECK, f"sends what cannot be ({error})", "look at the wiring, and for another such device")
+    start: AngleReading | None = None
+    reading, refused = heard.read([(frame_id, True) for frame_id in ids], partial(canandmag.parse, encoder), start)
+    if refused:
+        return failure(CHECK, f"sends what cannot be ({refused[0]})", "look at the wiring, and for another such device")
     if reading is None:
         return failure(CHECK, f"device {encoder.device} is silent",
                        "look at its power and plug, and at its device number")

@@ -1,6 +1,7 @@
 """One ODrive axis: does it answer, with the right firmware, often enough, and without standing errors?"""
 
 from collections.abc import Iterator, Mapping
+from functools import partial
 from types import MappingProxyType
 
 from truearc.hw.devices.family import AxisCheck, Endpoints
@@ -31,7 +32,7 @@ def questions(axis: OdriveAxis, endpoints: Endpoints | None) -> list[Frame]:
 
 
 def examine(axis: OdriveAxis, check: AxisCheck, heard: Heard) -> Iterator[Finding]:
-    """Everything that is looked at, in the order in which it is told."""
+    """All findings about the axis."""
     name, endpoints = check.name, check.endpoints
     yield check_firmware(name, axis, heard)
     yield check_rates(name, axis, {"hood motor": HOOD, "feeder motor": FEEDER}.get(name, FLYWHEEL), heard)
@@ -84,12 +85,10 @@ def check_rates(name: str, axis: OdriveAxis, rates: Rates, heard: Heard) -> Find
 def check_errors(name: str, axis: OdriveAxis, heard: Heard) -> Finding:
     """Standing errors, and frames that cannot be meant."""
     check = f"{name}, errors"
-    reading, refused = MotorReading(), ""
-    for frame in heard.frames:
-        if frame.arbitration_id in odrive.frame_ids(axis) and not frame.is_extended:
-            reading, refused = _read(axis, frame, reading, refused)
+    keys = [(frame_id, False) for frame_id in odrive.frame_ids(axis)]
+    reading, refused = heard.read(keys, partial(odrive.parse, axis), MotorReading())
     if refused:
-        return failure(check, f"sends what cannot be ({refused})",
+        return failure(check, f"sends what cannot be ({refused[-1]})",
                        "look at the wiring and at whether another device has its node id")
     if reading.axis_error:
         return warning(check, ", ".join(odrive.error_words(reading.axis_error)),
@@ -97,10 +96,3 @@ def check_errors(name: str, axis: OdriveAxis, heard: Heard) -> Finding:
     if reading.heartbeat_t_ns == 0:
         return failure(check, "no heartbeat says how it is", "set the axis's heartbeat to 100 ms")
     return ok(check, "none")
-
-
-def _read(axis: OdriveAxis, frame: Frame, reading: MotorReading, refused: str) -> tuple[MotorReading, str]:
-    try:
-        return odrive.parse(axis, frame, reading), refused
-    except BadFrame as error:
-        return reading, str(error)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from msgspec.structs import replace
 
 from truearc.hw.codec import DBC
-from truearc.hw.devices.axis import Axis, CanNode, Direction
+from truearc.hw.devices.axis import Axis
 from truearc.hw.devices.family import AttachedMotor, MotorFamily
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.bus_rules import make_rules
@@ -18,8 +18,6 @@ from truearc.hw.readings import MotorReading
 class OdriveConfig(odrive.OdriveAxis, Axis, frozen=True, forbid_unknown_fields=True, tag_field="driver", tag="odrive"):
     """An ODrive, given torques."""
 
-    node: CanNode
-    direction: Direction
     endstop_endpoint: int             # SDO endpoint that reads the limit switch; 0 = none
 
 

@@ -12,6 +12,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from truearc.hw.codec import Values, load_codec
+from truearc.hw.devices.axis import CanNode, Direction
 from truearc.hw.fault_codes import ENDSTOP_VALUE, FRAME_UNEXPECTED
 from truearc.hw.protocols import BadFrame, Frame
 from truearc.hw.readings import MotorReading
@@ -56,8 +57,8 @@ READINGS = MappingProxyType({
 class OdriveAxis(Struct, frozen=True):
     """One motor on the bus."""
 
-    node: int                                     # 0-62
-    direction: int                                # +1 or -1: device's sign that launches a ball or raises the hood
+    node: CanNode
+    direction: Direction                          # device's sign that launches a ball or raises the hood
     endstop_endpoint: int = 0                     # SDO endpoint that reads the limit switch; 0 = none
 
 

@@ -1,4 +1,4 @@
-"""What a SPARK may be sent, and what it and hosts send."""
+"""Frames that a SPARK may be sent, and those that it and hosts send."""
 
 from truearc.hw.devices.bus_rules import NS_PER_MS, Rules, allow_seldom, kinds_of
 from truearc.hw.devices.spark import frames as spark

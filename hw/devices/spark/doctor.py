@@ -1,6 +1,7 @@
 """One SPARK axis, as far as it tells without being set up: its firmware, whether it speaks, what is wrong with it."""
 
 from collections.abc import Iterator
+from functools import partial
 
 from truearc.hw.devices.family import AxisCheck, Endpoints
 from truearc.hw.devices.listening import Heard
@@ -19,7 +20,7 @@ def questions(axis: SparkAxis, endpoints: Endpoints | None) -> list[Frame]:
 
 
 def examine(axis: SparkAxis, check: AxisCheck, heard: Heard) -> Iterator[Finding]:
-    """Everything that is looked at, in the order in which it is told."""
+    """All findings about the axis."""
     yield check_firmware(check.name, axis, heard)
     yield check_status(check.name, axis, heard)
 
@@ -45,16 +46,13 @@ def check_firmware(name: str, axis: SparkAxis, heard: Heard) -> Finding:
 
 def check_status(name: str, axis: SparkAxis, heard: Heard) -> Finding:
     """What its status frames say of it; that it obeys another controller is a check of its own."""
-    check, reading = f"{name}, status", MotorReading()
-    ids = spark.frame_ids(axis)
-    try:
-        for frame in heard.frames:
-            if frame.is_extended and not frame.is_remote and frame.arbitration_id in ids:
-                reading = spark.parse(axis, frame, reading)
-    except BadFrame as error:
-        return failure(check, f"sends what cannot be ({error})",
+    check = f"{name}, status"
+    keys = [(frame_id, True) for frame_id in spark.frame_ids(axis)]
+    reading, refused = heard.read(keys, partial(spark.parse, axis), MotorReading())
+    if refused:
+        return failure(check, f"sends what cannot be ({refused[0]})",
                        "look at the wiring and at whether another device has its CAN id")
-    if not any(heard.of(frame_id, extended=True) for frame_id in ids):
+    if not any(heard.of(*key) for key in keys):
         return failure(check, f"device {axis.device} is silent", LOOK)
     if words := spark.error_words(reading.axis_error & spark.FAULTS):
         return warning(check, ", ".join(words), "arming clears what does not stand; what comes back has a cause")

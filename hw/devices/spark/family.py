@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from truearc.hw.codec import DBC
 from truearc.hw.dc_motor import DcMotor
-from truearc.hw.devices.axis import Axis, CanNode, Direction, Positive
+from truearc.hw.devices.axis import Axis, Positive
 from truearc.hw.devices.family import AttachedMotor, MotorFamily
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.bus_rules import make_rules
@@ -18,8 +18,6 @@ class SparkConfig(spark.SparkAxis, Axis, frozen=True, forbid_unknown_fields=True
     """A REV SPARK MAX or Flex, given duties, which follow from what the motor's data sheet says; see
     truearc.hw.dc_motor."""
 
-    device: CanNode
-    direction: Direction
     has_endstop: bool                 # a limit switch on its data port ends the negative direction
     stall_torque_nm: Positive         # at the shaft that the encoder counts, at the rated voltage
     free_speed_rad_s: Positive

@@ -14,6 +14,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from truearc.hw.codec import Values, load_codec
+from truearc.hw.devices.axis import CanNode, Direction
 from truearc.hw.fault_codes import FRAME_UNEXPECTED, PARAMETER_VALUE
 from truearc.hw.protocols import BadFrame, Frame
 from truearc.hw.readings import MotorReading
@@ -63,8 +64,8 @@ QUICK_SPEED = MappingProxyType({AVERAGE_DEPTH: 1.0, SAMPLE_DELTA: 16.0, HALL_PER
 class SparkAxis(Struct, frozen=True):
     """One motor on the bus."""
 
-    device: int                                   # 0-62
-    direction: int                                # +1 or -1: device's sign that launches a ball or raises the hood
+    device: CanNode
+    direction: Direction                          # device's sign that launches a ball or raises the hood
     has_endstop: bool = False                     # a limit switch ends its motion in the robot's negative direction
 
 

@@ -1,1 +1,1 @@
-"""The emulated camera: lens, shutter, image degradation and picture server."""
+"""The emulated camera: lens, picture and picture server."""

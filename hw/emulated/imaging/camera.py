@@ -5,31 +5,24 @@ the tape in the box around it: the share of each pixel that lies between its pro
 a halo, in the colours that photographs of the real one show. All randomness comes from the seed.
 """
 
-from collections import deque
+import math
 from dataclasses import dataclass
 from functools import reduce
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
-from truearc.hw.emulated.imaging.image_degradation import (
-    DARK_BGR,
-    HALO_BLUR_PX,
-    HALO_MARGIN_PX,
-    TAPE_BGR,
-    USUAL,
-    Image,
-    Look,
-    Patch,
-    paint,
-    spread,
-)
-from truearc.hw.emulated.imaging.lens import Array, Lens, Plane, distort, ideal_pixels
-from truearc.hw.emulated.imaging.shutter import project_turning
-from truearc.hw.emulated.imaging.tone_curve import tone
+from truearc.hw.emulated.imaging.lens import Array, Lens, Plane, distort, ideal_pixels, project
 from truearc.hw.emulated.plant import Scene, View
 from truearc.hw.readings import CameraFrame
 
+Image = npt.NDArray[np.uint8]
+
+TAPE_BGR = (113.0, 213.0, 6.0)        # of the tape under a green ring light, well exposed
+DARK_BGR = (4.0, 6.0, 1.5)            # mean of an unlit pixel
+HALO_BLUR_PX = 6.0
+HALO_MARGIN_PX = 16                   # kept around what shines, for its halo and blur
 UNEVEN = 0.1                          # the ring light is this much dimmer at one end of the tape
 EXPOSURE_JITTER = 0.04                # from frame to frame, one standard deviation
 SHAKES = 2.0                          # flywheels shake the lens; a rolling shutter bends the picture in waves
@@ -48,74 +41,38 @@ class TapeSize:
     tape_width_m: float
 
 
-class EmulatedCamera:
-    """truearc.hw.protocols.Camera on an emulated world; whoever owns the clock calls `step`."""
+@dataclass(frozen=True)
+class Look:
+    """Blur, bloom, noise and exposure of a picture."""
 
-    def __init__(self, scene: Scene, lens: Lens, tape: TapeSize, fps: float, latency_s: float, seed: int, *,
-                 look: Look = USUAL) -> None:
-        """`latency_s` runs from the middle of the exposure until the frame can be read."""
-        self._scene, self._lens, self._look = scene, lens, look
+    noise: float = 2.2                # standard deviation of a channel, of 255
+    blur_px: float = 0.6              # of the lens, one standard deviation
+    halo_share: float = 0.1           # bloom: light that strays HALO_BLUR_PX far
+    shake_px: float = 0.3
+    gain: float = 1.0                 # exposure: light times this, before the sensor clips
+
+
+class EmulatedCamera:
+    """Pictures of an emulated world, one whenever it is asked for one."""
+
+    def __init__(self, scene: Scene, lens: Lens, tape: TapeSize, seed: int, look: Look | None = None) -> None:
+        self._scene, self._lens, self._look = scene, lens, look or Look()
         self._outline_m = outline_m(tape)
         self._columns, self._rows = ideal_pixels(lens)
-        self._period_ns, self._latency_ns = round(1e9 / fps), round(latency_s * 1e9)
         self._random = np.random.default_rng(seed)
         self._background = _draw_background(lens, self._random)
-        self._noise = _make_noise(lens, look.noise, self._random)
-        self._due_ns: int | None = None
-        self._now_ns = 0
-        self._waiting: deque[CameraFrame] = deque()
-        self._frozen, self._black, self._hidden_share = False, False, 0.0
-        self._patches: tuple[Patch, ...] = ()
-
-    def freeze(self, on: bool = True) -> None:
-        """The camera gives no more images, as one whose driver hangs."""
-        self._frozen = on
-
-    def black(self, on: bool = True) -> None:
-        """Images keep coming and show nothing but noise, as with a lens cap on."""
-        self._black = on
-
-    def occlude(self, share: float) -> None:
-        """Something dark hides this share (0-1) of the tape's box, from its left."""
-        self._hidden_share = share
-
-    def clutter(self, patches: tuple[Patch, ...]) -> None:
-        """From now on these stand before the scene, instead of any earlier ones."""
-        self._patches = patches
-
-    def step(self, t_ns: int) -> None:
-        """Bring the camera to `t_ns`; takes one image when one is due (late steps do not make up for missed ones)."""
-        self._now_ns = t_ns
-        if self._due_ns is None:
-            self._due_ns = t_ns
-        if t_ns < self._due_ns:
-            return
-        self._due_ns += ((t_ns - self._due_ns) // self._period_ns + 1) * self._period_ns
-        if not self._frozen:
-            self._waiting.append(self.expose(t_ns))
+        self._noise = _make_noise(lens, self._look.noise, self._random)
 
     def expose(self, t_ns: int) -> CameraFrame:
-        """The image of this moment, whether one is due or not."""
-        return CameraFrame(t_ns, tone(self._expose(), self._look))
-
-    def read(self) -> CameraFrame | None:
-        """The newest image that has arrived and was not yet read, or None."""
-        newest = None
-        while self._waiting and self._waiting[0].t_ns + self._latency_ns <= self._now_ns:
-            newest = self._waiting.popleft()
-        return newest
-
-    def close(self) -> None:
-        self._waiting.clear()
-
-    def _expose(self) -> Image:
+        """Return the image of this moment."""
         height, width = self._lens.height_px, self._lens.width_px
         dice = self._random.integers(0, 1 << 30, 10)
         exposure = 1.0 + EXPOSURE_JITTER * float(self._random.standard_normal())
         top, left = int(dice[0] % TILE_SPARE_PX[0]), int(dice[1] % TILE_SPARE_PX[1])
-        noise = self._noise[top:top + height, left:left + width]
-        if self._black:
-            return noise.copy()
+        return CameraFrame(t_ns, self._draw(self._noise[top:top + height, left:left + width], dice, exposure))
+
+    def _draw(self, noise: Image, dice: npt.NDArray[np.int64], exposure: float) -> Image:
+        """The picture over the sensor's `noise`, the light times `exposure`; `dice` place the glints."""
         image: Image = cv2.add(self._background, noise)
         view = self._scene.view()
         edges = self._edges(view)
@@ -125,24 +82,25 @@ class EmulatedCamera:
             lit = self._lit(edges, box) * np.float32(view.brightness * self._look.gain * exposure)
             cv2.add(_colour(lit), noise[y0:y1, x0:x1], dst=image[y0:y1, x0:x1])    # the goal's wall hides the lights
         for k in (2, 6):                                                           # small green glints
-            at = int(dice[k] % width), int(dice[k + 1] % height)
+            at = int(dice[k] % self._lens.width_px), int(dice[k + 1] % self._lens.height_px)
             shade = 0.3 + 0.7 * float(dice[k + 2] % 1000) / 1000
             cv2.circle(image, at, 1 + int(dice[k + 3] % 2), tuple(shade * part for part in TAPE_BGR), -1)
-        for patch in self._patches:
-            paint(image, noise, patch, self._look)
         return image
 
     def _edges(self, view: View) -> Array | None:
         """The outline (8, 2) in ideal pixels, or None when it is not wholly before the camera."""
         lens = self._lens
-        pixels, ahead_m = project_turning(self._outline_m, view.camera_from_target, lens, view.focal_scale,
-                                          self._look.turn_deg_s, self._look.readout_s)
+        pixels, ahead_m = self._project(view)
         if ahead_m.min() < NEAREST_M:
             return None
         phase, *push_px = self._random.standard_normal(3)
         bend = np.sin(2 * np.pi * (SHAKES * pixels[:, 1:] / lens.height_px + phase))
         pixels += self._look.shake_px * bend * np.array(push_px)
         return pixels
+
+    def _project(self, view: View) -> tuple[Array, Array]:
+        """The outline in ideal pixels (8, 2), and how far ahead it is (8,) in m."""
+        return project(self._outline_m, view.camera_from_target, self._lens, view.focal_scale)
 
     def _box(self, edges: Array) -> tuple[int, int, int, int] | None:
         """(x0, y0, x1, y1) around the tape and its halo, inside the image; None when there is nothing to draw."""
@@ -156,16 +114,24 @@ class EmulatedCamera:
     def _lit(self, edges: Array, box: tuple[int, int, int, int]) -> Plane:
         """Light on the pixels of the box, 1 = a pixel full of well lit tape."""
         x0, y0, x1, y1 = box
-        columns = self._columns[:, x0:x1] if len(self._columns) == 1 else self._columns[y0:y1, x0:x1]
-        rows = self._rows[y0:y1] if self._rows.shape[1] == 1 else self._rows[y0:y1, x0:x1]
-        tape = _covered(edges, columns, rows)
-        tape *= np.linspace(1.0, 1.0 - UNEVEN, x1 - x0, dtype=np.float32)
-        if self._hidden_share > 0.0:
-            tape[:, :round(HALO_MARGIN_PX + self._hidden_share * (x1 - x0 - 2 * HALO_MARGIN_PX))] = 0.0
+        tape = self._tape(edges, box)
         small = cv2.resize(tape, (-(-(x1 - x0) // SHRINK), -(-(y1 - y0) // SHRINK)), interpolation=cv2.INTER_AREA)
         halo = cv2.resize(cv2.GaussianBlur(small, (0, 0), HALO_BLUR_PX / SHRINK), (x1 - x0, y1 - y0))
-        lit: Plane = cv2.addWeighted(spread(tape, self._look), 1.0, halo, self._look.halo_share, 0.0)
+        lit: Plane = cv2.addWeighted(self._spread(tape), 1.0, halo, self._look.halo_share, 0.0)
         return lit
+
+    def _tape(self, edges: Array, box: tuple[int, int, int, int]) -> Plane:
+        """Light on the pixels of the box before the lens spreads it."""
+        x0, y0, x1, y1 = box
+        columns = self._columns[:, x0:x1] if len(self._columns) == 1 else self._columns[y0:y1, x0:x1]
+        rows = self._rows[y0:y1] if self._rows.shape[1] == 1 else self._rows[y0:y1, x0:x1]
+        return _covered(edges, columns, rows) * np.linspace(1.0, 1.0 - UNEVEN, x1 - x0, dtype=np.float32)
+
+    def _spread(self, plane: Plane) -> Plane:
+        """Light as the lens spreads it."""
+        side = 2 * math.ceil(3 * self._look.blur_px) + 1
+        blurred: Plane = cv2.GaussianBlur(plane, (side, side), self._look.blur_px)
+        return blurred
 
 
 def outline_m(tape: TapeSize) -> Array:

@@ -72,4 +72,4 @@ def needed(package: str, path: Path) -> ModuleType:
     try:
         return importlib.import_module(package)
     except ModuleNotFoundError as error:
-        raise InputError(f"{path}: reading it needs {package}: pip install 'truearc[originals]'") from error
+        raise InputError(f"{path}: reading it needs {package}: pip install ./proof") from error

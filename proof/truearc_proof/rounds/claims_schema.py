@@ -57,7 +57,7 @@ class Believed(Struct):
 class Claims(Struct):
     """Claims about one world; further keys are ignored.
 
-    data: {file: SHA-256}. solver: hash of its sources. written: requests for further shots, or for one measurement, as
+    data: {file: SHA-256}. written: requests for further shots, or for one measurement, as
     the file has them, by which the ledger knows them. rivals: {name: its claim}. believed: the two beliefs of the
     sealed test.
     """
@@ -65,7 +65,6 @@ class Claims(Struct):
     data: dict[str, str]
     finding: dict[str, Any]
     schema: Literal["truearc.claims/1", "truearc.claims/2"] = "truearc.claims/2"
-    solver: str | None = None
     written: list[Any] = field(name="asked", default_factory=list)
     rivals: dict[str, Any] = {}
     believed: Believed | None = None

@@ -6,8 +6,8 @@ import numpy as np
 
 from truearc.sim.world.options import Options
 from truearc.sim.world.parts.target import CENTRE_HEIGHT_M
-from truearc.sim.world.test_bench import Bench
 from truearc.sim.world.world import World
+from truearc_proof.world.bench import Bench
 from truearc_proof.world.season import ShotSetting
 
 HOODS_DEG = np.arange(32.0, 65.0, 4.0)

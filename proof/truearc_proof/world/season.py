@@ -17,8 +17,8 @@ from truearc.sim.data.recordings import AFTER_S, BEFORE_S, NS, OUTCOMES
 from truearc.sim.progress import Progress
 from truearc.sim.world.options import Options
 from truearc.sim.world.parts.target import BallResult
-from truearc.sim.world.test_bench import Bench, NotReady
 from truearc.sim.world.world import World
+from truearc_proof.world.bench import Bench, NotReady
 
 SETTLED_TICKS = 40                    # standing before a shot
 READY_S = 10.0                        # then a driver gives a shot up: the battery may not have the speed in it any more

@@ -23,6 +23,7 @@ from truearc.robot.recording.session import CAN, FRAMES, INDEX
 from truearc.robot.rig import HardwareRig, ReplayRig
 from truearc.robot.types import Command, Inputs, Sent, Sighting
 from truearc.robot.vision import detect
+from truearc.robot.vision_source import NoEyes
 
 
 class Recomputed(Struct):
@@ -89,7 +90,7 @@ class FramesRig:
         self._ticks, self._config, self._session, self._rows = ticks, config, session, rows
         self._bus = LoggedBus(session / CAN, self.done)
         self._clock = _RecordedClock()
-        self._rig = HardwareRig(config, self._bus, _NoBox(), _NoEyes(), self._clock, lambda: False)
+        self._rig = HardwareRig(config, self._bus, _NoBox(), NoEyes(), self._clock, lambda: False)
         self._pictures = {picture.t_ns: picture for picture in load_pictures(session)}
 
     def read(self) -> Inputs | None:
@@ -154,11 +155,3 @@ class _NoBox:
     def write(self, data: bytes) -> None: ...
 
     def close(self) -> None: ...
-
-
-class _NoEyes:
-    def read(self) -> Sighting | None:
-        return None
-
-    def picture(self) -> CameraFrame | None:
-        return None

@@ -82,7 +82,7 @@ def replay(session: Path) -> Replayed:
     reader = TickReader(session)
     rows = RecordedRows(reader)
     ticks = run(ReplayRig(rows), config, gate, Comparer(rows), _think(session, config))
-    return _matched(ticks, reader)
+    return matched(ticks, reader)
 
 
 def replay_frames(session: Path) -> tuple[Replayed, Recomputed]:
@@ -100,7 +100,7 @@ def replay_frames(session: Path) -> tuple[Replayed, Recomputed]:
         raise
     if rig.done.frames == 0:
         raise InputError(f"{session}: no frames to parse again")
-    replayed = _matched(ticks, reader)
+    replayed = matched(ticks, reader)
     return Replayed(ticks, replayed.cut_short or rig.done.ended or None), rig.done
 
 
@@ -109,7 +109,8 @@ def _think(session: Path, config: Config) -> Think:
     return make_step(config) if load_header(session).policy == POLICY else step
 
 
-def _matched(ticks: int, reader: TickReader) -> Replayed:
+def matched(ticks: int, reader: TickReader) -> Replayed:
+    """Return what a replay of this number of ticks has shown; InputError when there were none."""
     if ticks == 0:
         raise InputError(f"{reader.path}: no ticks to replay" + (f" ({reader.cut_short})" if reader.cut_short else ""))
     return Replayed(ticks, reader.cut_short)

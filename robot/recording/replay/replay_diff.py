@@ -9,11 +9,12 @@ from msgspec import Struct
 
 from truearc.hw.readings import CameraFrame
 from truearc.hw.reason import Reason
-from truearc.robot.config.schema import Config, InputError
+from truearc.robot.config.schema import Config
 from truearc.robot.gate.model import Gate
 from truearc.robot.recording.export.tabular import FlatTicks, Value
 from truearc.robot.recording.reader import TickReader
-from truearc.robot.recording.replay.recompute import RecordedRows
+from truearc.robot.recording.replay.recompute import RecordedRows, matched
+from truearc.robot.recording.rows import RowFormat
 from truearc.robot.rig import ReplayRig
 from truearc.robot.runtime import run
 from truearc.robot.types import Sent, Tick
@@ -62,12 +63,10 @@ def find_changes(session: Path, config: Config, gate: Gate | None) -> Changes:
     The inputs stay as recorded: what the robot would have sensed after acting otherwise, no replay can know.
     """
     reader = TickReader(session)
-    ticks = _Current(reader)
-    collector = _Collector(ticks, len(config.axes.flywheels))
-    run(ReplayRig(ticks), config, gate, collector)
-    if collector.changes.ticks == 0:
-        raise InputError(f"{reader.path}: no ticks to replay" + (f" ({reader.cut_short})" if reader.cut_short else ""))
-    collector.changes.cut_short = reader.cut_short
+    rig = ReplayRig(RecordedRows(reader))
+    collector = _Collector(rig, reader.rows, len(config.axes.flywheels))
+    ticks = run(rig, config, gate, collector)
+    collector.changes.cut_short = matched(ticks, reader).cut_short
     return collector.changes
 
 
@@ -87,38 +86,24 @@ def _leaves(was: Any, now: Any, name: str) -> Iterator[str]:
         yield f"{name}: {was} -> {now}"
 
 
-class _Current:
-    """Ticks as RecordedRows gives them, keeping the current one."""
-
-    def __init__(self, reader: TickReader) -> None:
-        self._rows = RecordedRows(reader)
-        self.rows = reader.rows
-        self.tick: Tick | None = None
-
-    def __iter__(self) -> Iterator[Tick]:
-        for tick in self._rows:
-            self.tick = tick
-            yield tick
-
-
 class _Collector:
     """A Recorder that compares, and goes on."""
 
-    def __init__(self, ticks: _Current, flywheels: int) -> None:
+    def __init__(self, rig: ReplayRig, rows: RowFormat, flywheels: int) -> None:
         self.changes = Changes()
-        self._ticks = ticks
+        self._rig, self._rows = rig, rows
         self._flat = FlatTicks(flywheels)
         self._first_ns: int | None = None
 
     def record(self, tick: Tick, sent: Sent) -> None:
-        was, changes = self._ticks.tick, self.changes
+        was, changes = self._rig.recorded, self.changes
         assert was is not None
         self._first_ns = was.inputs.t_ns if self._first_ns is None else self._first_ns
         t_s = (was.inputs.t_ns - self._first_ns) * NS
         changes.ticks += 1
         changes.fired += was.verdict.fire
         changes.fires += tick.verdict.fire
-        now = self._ticks.rows.decode_tick(self._ticks.rows.encode_tick(msgspec.structs.replace(tick, sent=sent)))
+        now = self._rows.decode_tick(self._rows.encode_tick(msgspec.structs.replace(tick, sent=sent)))
         if now != was:
             outputs = self._compare(was, now, t_s)
             changes.differing += outputs

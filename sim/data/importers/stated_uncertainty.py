@@ -6,14 +6,10 @@ from truearc.sim.data.dataset import Dataset
 
 
 def doubts_of(dataset: Dataset) -> tuple[str, ...]:
-    """One line for each thing in doubt."""
-    return _too_flat(dataset)
+    """One line for each thing in doubt: balls that left below the straight line to the opening's lower rim.
 
-
-def _too_flat(dataset: Dataset) -> tuple[str, ...]:
-    """A ball falls below the straight line that it leaves along, so one that went in left at the lower rim or above.
-
-    Asked of shots that are said to have passed the opening's plane at a known height.
+    A ball falls below the line that it leaves along, so one that went in left at the lower rim or above. Tested
+    of shots that are said to have passed the opening's plane at a known height.
     """
     target, shots = dataset.facts.target, dataset.shots
     if target is None:

@@ -11,7 +11,7 @@ from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, smo
 from truearc.sim.discover.detect.test_battery import Test
 from truearc.sim.discover.detect.weight_functions import STEP
 from truearc.sim.discover.model.score_table import Array, ScoreTable, shared_columns
-from truearc.sim.discover.select.refit import folds_of
+from truearc.sim.discover.select.refit import folds_of, go_uphill
 
 Basis = Float[Array, "n q"]           # shapes of an amplitude over the shots
 Train = Bool[Array, " n"]             # the shots that are fitted to
@@ -31,12 +31,10 @@ class Correction:
     test: Test
     evidence: ScoreTable
     amplitude: Float[Array, " n"]     # of the column, fitted to all shots
-    shared: Float[Array, " p"]        # changes of the shared columns that go with it
     before: Float[Array, "n P"]       # held out, shared columns alone refitted
     after: Float[Array, "n P"]
     log_before: Float[Array, " n"]    # held-out log score
     log_after: Float[Array, " n"]
-    steps: tuple[float, ...] = ()     # ridge chosen in each fold
 
     @property
     def gain(self) -> Float[Array, " n"]:
@@ -51,19 +49,15 @@ def correct(evidence: ScoreTable, test: Test, clusters: Clusters) -> Correction:
     fold = folds_of(clusters.label[evidence.rows])
     shape = evidence.score.shape
     before, after = np.zeros(shape), np.zeros(shape)
-    ridges = []
     for held in range(fold.max() + 1):
         train, out = fold != held, fold == held
         before[out] = _fitted(evidence, basis[:, :0], train, 0.0)[out]
         ridge = _choose_ridge(evidence, test, basis, train)
         after[out] = _fitted(evidence, basis, train, ridge)[out]
-        ridges.append(ridge)
     whole = np.ones(len(fold), dtype=bool)
     found = _fit(evidence, 0, basis, whole, _choose_ridge(evidence, test, basis, whole))
-    q = basis.shape[1]
-    return Correction(test, evidence, basis @ found[:q], found[q:], before, after,
-                      evidence.log_score + evidence.gain(before), evidence.log_score + evidence.gain(after),
-                      tuple(ridges))
+    return Correction(test, evidence, basis @ found[:basis.shape[1]], before, after,
+                      evidence.log_score + evidence.gain(before), evidence.log_score + evidence.gain(after))
 
 
 def unseen(evidence: ScoreTable, basis: Basis, clusters: Clusters) -> tuple[Float[Array, " n"], Float[Array, " q"]]:
@@ -105,22 +99,16 @@ def _fit(evidence: ScoreTable, channel: int, basis: Basis, train: Train, ridge: 
     q, p = basis.shape[1], evidence.score[:, shared].shape[1]
     penalty = block_diag(np.diag(_penalty(evidence, channel, basis, train, ridge)), evidence.precision)
     slope = np.concatenate([np.zeros(q), evidence.pull])
-    found, best = np.zeros(q + p), 0.0
-    for _ in range(STEPS):
+
+    def step_from(found: Array) -> Array:
         score, info = _normal(evidence, channel, basis, train, _spread(evidence, channel, basis, found))
-        step = np.linalg.solve(info + penalty + 1e-12 * np.eye(q + p), score + slope - penalty @ found)
-        for halving in range(HALVINGS):
-            tried = found + step * 0.5**halving
-            gained = evidence.gain(_spread(evidence, channel, basis, tried))[train].sum()
-            value = gained + slope @ tried - 0.5 * tried @ penalty @ tried
-            if value >= best:
-                break
-        else:
-            break
-        small, found, best = value - best < 1e-6, tried, value
-        if small:
-            break
-    return found
+        return np.linalg.solve(info + penalty + 1e-12 * np.eye(q + p), score + slope - penalty @ found)
+
+    def value_at(tried: Array) -> float:
+        gained = evidence.gain(_spread(evidence, channel, basis, tried))[train].sum()
+        return float(gained + slope @ tried - 0.5 * tried @ penalty @ tried)
+
+    return go_uphill(np.zeros(q + p), step_from, value_at, STEPS, HALVINGS, 1e-6)
 
 
 def _spread(evidence: ScoreTable, channel: int, basis: Basis, found: Float[Array, " k"]) -> Float[Array, "n P"]:

@@ -18,8 +18,7 @@ from truearc.sim.discover.detect.score_test import Scores, efficient_scores
 from truearc.sim.discover.detect.weight_functions import Look, WeightFunction, weights_of
 from truearc.sim.discover.model.baseline_fit import BaselineFit
 from truearc.sim.discover.model.score_table import Array, ScoreTable
-from truearc.sim.discover.select.condition_on import promote
-from truearc.sim.discover.select.refit import refit
+from truearc.sim.discover.select.refit import promote, refit
 
 MOST = 4.0                            # times as much as home that a session may say: else home's luck drowns it
 

@@ -15,7 +15,7 @@ from truearc.sim.discover.detect.test_battery import Asked
 from truearc.sim.discover.model import outcome_likelihood as outcomes
 from truearc.sim.discover.model.score_table import Array, PlaneScores, ScoreTable
 from truearc.sim.discover.report.effect_wording import scale_of
-from truearc.sim.discover.select.condition_on import promote
+from truearc.sim.discover.select.refit import promote
 from truearc.sim.discover.select.selection_step import Step
 
 HEIGHT = "height at the target"

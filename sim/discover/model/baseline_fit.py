@@ -121,9 +121,8 @@ def climb(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint,
     return kept[0], kept[1]
 
 
-def _climb_linear(
-    intake: Intake, layout: ParameterLayout, spot: LinearizationPoint, flown: Linearization
-) -> tuple[LinearizationPoint, Float[Array, "n D"]]:
+def _climb_linear(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint,
+                  flown: Linearization) -> tuple[LinearizationPoint, Float[Array, "n D"]]:
     """(the top without flying anew, most likely deviates there)."""
     evidence, deviates = linearise(intake, layout, spot, flown)
     best = objective(evidence, layout)
@@ -149,9 +148,8 @@ def _halfway(a: LinearizationPoint, b: LinearizationPoint) -> LinearizationPoint
                                              (a.deviates, b.deviates), (a.effects, b.effects))))
 
 
-def newton_step(
-    evidence: ScoreTable, free: Bool[Array, " P"] | slice = slice(None)
-) -> tuple[Float[Array, " P"], float]:
+def newton_step(evidence: ScoreTable,
+                free: Bool[Array, " P"] | slice = slice(None)) -> tuple[Float[Array, " P"], float]:
     """(Fisher scoring step for layouts of shared columns only, nats that it promises); columns that are not `free`
     stay."""
     info, slope = evidence.information + evidence.precision, evidence.score.sum(0) + evidence.pull
@@ -160,9 +158,8 @@ def newton_step(
     return step, 0.5 * float(step[free] @ slope)
 
 
-def _step_within(
-    layout: ParameterLayout, spot: LinearizationPoint, evidence: ScoreTable
-) -> tuple[Float[Array, " P"], float]:
+def _step_within(layout: ParameterLayout, spot: LinearizationPoint,
+                 evidence: ScoreTable) -> tuple[Float[Array, " P"], float]:
     """The same; what is at a limit and would go beyond it stays, so that the others go where it is best for it there.
     """
     free = np.full(len(layout.columns), True)

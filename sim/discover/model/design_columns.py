@@ -70,42 +70,33 @@ def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Array,
     chain = Chain(intake.stripped, catalogue.names, slots, BANDS if tracked else 0, _substeps(intake),
                   bool(len(intake.marked)), tracked, bool(np.asarray(intake.lanes.free).any()), catalogue)
     edges = _edges(intake) if later is None else later.edges_s
-    free = [*FREE, *([AZIMUTH] if tracked else [])]
-    columns = [column for _, column in free]
-    source = [len(slots) + number for number, _ in free]
-    pushes = _pushes(chain, edges)
     first_push = len(slots) + chain.deviates
-    columns += [column for _, column in pushes]
-    source += [first_push + number for number, _ in pushes]
+    found = [(column, len(slots) + number) for number, column in (*FREE, *([AZIMUTH] if tracked else []))]
+    found += [(column, first_push + number) for number, column in _pushes(chain, edges)]
     known = {*believed, *catalogue.always, *(term.name for term in calibrated(catalogue) if tracked)}
     asked = [term for term in catalogue if term.name not in known and (belief is not None or not term.relative)]
-    columns += [_term_column(term) for term in asked]
-    source += [slots.index((term.name, term.parameters[0].name)) for term in asked]
+    found += [(_term_column(term), slots.index((term.name, term.parameters[0].name))) for term in asked]
     shared = _shared(intake, believed, slots, catalogue)
-    changed = _changed(shared, belief)
-    columns += [column for column, _ in changed]
-    source += [place for _, place in changed]
-    scatters = tuple(_scatter_place(intake, name, len(columns) + len(shared), k) for k, name in enumerate(SCATTERS))
+    found += _changed(shared, belief)
+    scatters = tuple(_scatter_place(intake, name, len(found) + len(shared), k) for k, name in enumerate(SCATTERS))
     names = [name for name, place in zip(SCATTERS, scatters, strict=True) if place >= 0]
     prior = [(mean, sd) for _, _, mean, sd in shared]
     prior += [(np.log(SCATTER_PRIOR[name][0]), np.log(SCATTER_PRIOR[name][1])) for name in names]
-    columns += [column for column, *_ in shared]
-    columns += [Column(name, "shared", "launch", "along", "1", 1.0) for name in names]
-    source += [place for _, place, *_ in shared] + [-1] * len(names)
+    found += [(column, place) for column, place, *_ in shared]
+    found += [(Column(name, "shared", "launch", "along", "1", 1.0), -1) for name in names]
     lucky: Groups | None
     if groups is not None:
         what, lucky = groups[0], _groups(groups, believed, slots, catalogue)
     else:
         what, lucky = OTHERS, None if belief is None else _other_balls(intake, belief, slots, catalogue)
     if lucky is not None:
-        columns += [Column(f"{what} {number}", "group", "launch", "along", "1", 1.0, told=what == OTHERS)
-                    for _ in lucky.inputs for number in range(lucky.count)]
-        source += [-2] * (lucky.count * len(lucky.inputs))
+        found += [(Column(f"{what} {number}", "group", "launch", "along", "1", 1.0, told=what == OTHERS), -2)
+                  for _ in lucky.inputs for number in range(lucky.count)]
         prior += [(0.0, 1.0)] * (lucky.count * len(lucky.inputs))
     centre, sd = np.array(prior, dtype=float).reshape(-1, 2).T
-    layout = ParameterLayout(
-        chain, tuple(columns), np.array(source, dtype=int), scatters, np.diag(sd**-2.0), centre, edges, usual, lucky
-    )
+    columns, source = zip(*found, strict=True)
+    layout = ParameterLayout(chain, columns, np.array(source, dtype=int), scatters, np.diag(sd**-2.0), centre, edges,
+                             usual, lucky)
     return layout if belief is None else inform(bent(layout, belief), belief, sure=later is None)
 
 

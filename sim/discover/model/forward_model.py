@@ -137,9 +137,8 @@ def see(chain: Chain, lanes: ShotBatch, point: Any, deviates: Any, edges_s: Any)
 
 
 @partial(jax.jit, static_argnames=("chain",))
-def see_slopes(
-    chain: Chain, lanes: ShotBatch, point: Any, deviates: Any, edges_s: Any, basis: Any
-) -> tuple[Prediction, Prediction]:
+def see_slopes(chain: Chain, lanes: ShotBatch, point: Any, deviates: Any, edges_s: Any,
+               basis: Any) -> tuple[Prediction, Prediction]:
     """(what is seen, its derivatives along the columns of `basis` [size, k], last axis): slots, deviates, pushes."""
     pushes = jnp.zeros(chain.pushes)
 

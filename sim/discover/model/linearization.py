@@ -222,9 +222,8 @@ def _take(lanes: ShotBatch, rows: Any) -> ShotBatch:
     return taken
 
 
-def _fly(
-    layout: ParameterLayout, lanes: ShotBatch, spot: LinearizationPoint, basis: Float[Array, "size k"]
-) -> tuple[Prediction, Prediction]:
+def _fly(layout: ParameterLayout, lanes: ShotBatch, spot: LinearizationPoint,
+         basis: Float[Array, "size k"]) -> tuple[Prediction, Prediction]:
     """see_slopes of all lanes, as numpy arrays; BLOCK lanes and WIDTH slopes at a time, so that one compilation serves
     all."""
     padded, n = pad_lanes(lanes, PAD if len(lanes.distance_m) <= BLOCK else BLOCK)
@@ -287,15 +286,9 @@ def _luck(layout: ParameterLayout, spot: LinearizationPoint) -> Float[Array, "n 
     return effects
 
 
-def _scatter_terms(
-    intake: Intake,
-    layout: ParameterLayout,
-    spot: LinearizationPoint,
-    sd: Float[Array, "n D"],
-    left: _Left,
-    own: Float[Array, "n D"],
-    count: int,
-) -> tuple[Float[Array, "n C"], Float[Array, "n C C"]]:
+def _scatter_terms(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint, sd: Float[Array, "n D"],
+                   left: _Left, own: Float[Array, "n D"],
+                   count: int) -> tuple[Float[Array, "n C"], Float[Array, "n C C"]]:
     """Score and information of the log scatters from tracks and exits (the plane adds its own). own [n, D]: deviates of
     each shot, beside what its group does: that is no scatter."""
     n = len(sd)
@@ -349,9 +342,8 @@ def _opening(intake: Intake, seen: Prediction, rows: Int[Array, " m"]) -> outcom
     return outcomes.reopened(intake.seen, wider_m) if wider_m != 0.0 else intake.seen
 
 
-def nowhere(
-    intake: Intake, layout: ParameterLayout, values: Float[Array, " slots"], log_scatter: Float[Array, " S"]
-) -> LinearizationPoint:
+def nowhere(intake: Intake, layout: ParameterLayout, values: Float[Array, " slots"],
+            log_scatter: Float[Array, " S"]) -> LinearizationPoint:
     """A spot without deviations."""
     return LinearizationPoint(
         values, log_scatter, np.zeros((len(intake.rows), layout.chain.deviates)), np.zeros(layout.grouped)

@@ -48,9 +48,8 @@ def multiply_out(intake: Intake, seen: Prediction, slopes: Prediction, deviates:
     return Normal(product[:, 1:, 1:], product[:, 1:, 0], product[:, 0, 0], log_noise)
 
 
-def _exit_part(
-    intake: Intake, seen: Prediction, slopes: Prediction
-) -> tuple[Float[Array, "n 3 inputs"], Float[Array, " n"]]:
+def _exit_part(intake: Intake, seen: Prediction,
+               slopes: Prediction) -> tuple[Float[Array, "n 3 inputs"], Float[Array, " n"]]:
     """(white [n, 3, 1 + k] of the measured exits, log density); unmeasured ones are 0."""
     known = np.isfinite(intake.exits)
     off = np.where(known, intake.exits - seen.exit, 0.0) / intake.exit_sd

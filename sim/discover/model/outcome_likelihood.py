@@ -82,9 +82,8 @@ def _intervals(outcome: str, side: str, two: float, three: float) -> list[tuple[
     return [(-two, two), none] if side in ("left", "right") else [low[outcome], high[outcome]]
 
 
-def log_likelihood(
-    seen: OutcomeObservations, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"]
-) -> Float[Array, " n"]:
+def log_likelihood(seen: OutcomeObservations, mean_m: Float[Array, " n"],
+                   spread_m: Float[Array, " n"]) -> Float[Array, " n"]:
     """Log-likelihood [n] of what was seen, heights normal(mean_m, spread_m), from the centre."""
     chance = (1.0 - LAPSE) * _chance(seen.low, seen.high, mean_m, spread_m).sum(1) + LAPSE / 3.0
     off = np.where(seen.measured, (seen.height_m - mean_m) / spread_m, 0.0)
@@ -104,9 +103,8 @@ def slopes(seen: OutcomeObservations, mean_m: Float[Array, " n"],
             np.where(seen.measured, 0.0, by_width.sum(1) * scale))
 
 
-def information(
-    seen: OutcomeObservations, mean_m: Float[Array, " n"], spread_m: Float[Array, " n"]
-) -> Float[Array, "n 3 3"]:
+def information(seen: OutcomeObservations, mean_m: Float[Array, " n"],
+                spread_m: Float[Array, " n"]) -> Float[Array, "n 3 3"]:
     """Expected information [n, 3, 3] on what `slopes` differentiates by, over all outcomes that could be told apart."""
     low, high = _all_classes(seen)
     n = len(mean_m)

@@ -10,7 +10,7 @@ from truearc.robot.config.rig_spec import Believe, Noise, Rig
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.conditions import Circumstances
 from truearc.sim.data.dataset import Dataset, Shots
-from truearc.sim.data.shot_conditions import circumstances_of, known
+from truearc.sim.data.shot_conditions import circumstances_of
 from truearc.sim.discover.detect.covariates import every_column
 from truearc.sim.discover.model.forward_model import DEVIATES, ShotBatch
 from truearc.sim.discover.model.outcome_likelihood import OutcomeObservations, see_outcomes
@@ -19,6 +19,7 @@ from truearc.sim.discover.model.track_data import Samples, Scatter, gather_sampl
 from truearc.sim.infer.curve import Curves, along
 from truearc.sim.infer.likelihood.launch_inputs import EXIT_DEG_SD, EXIT_SPEED_SD_M_S, EXIT_SPIN_SD_REV_S, given_of
 from truearc.sim.physics.launch import Exit, exit_no_slip, is_opposed
+from truearc.sim.physics.simulate import has_wheels
 
 NONE: Curves = {}
 FEWEST_SHOTS = 10
@@ -57,7 +58,6 @@ class Intake:
     tracked: Int[Array, " k"]
     samples: Samples | None
     scatter: Scatter | None
-    known: frozenset[str]
     level: str
     left_out: tuple[str, ...]
 
@@ -71,7 +71,7 @@ def take_in(dataset: Dataset, curves: Curves = NONE) -> Intake:
     if len(shots) < FEWEST_SHOTS:
         raise InputError(f"{shots.source}: {len(shots)} shots are too few to judge a simulation by; "
                        f"{FEWEST_SHOTS} at least")
-    wheels, hood = _has_wheels(facts, shots), np.isfinite(shots.number("hood_deg"))
+    wheels, hood = has_wheels(facts, shots), np.isfinite(shots.number("hood_deg"))
     launched = ((wheels | np.isfinite(shots.number("exit_speed_m_s")))
                 & (hood | np.isfinite(shots.number("exit_deg"))))
     marked, seen = see_outcomes(shots, facts.target)
@@ -98,7 +98,7 @@ def take_in(dataset: Dataset, curves: Curves = NONE) -> Intake:
     stripped = replace_facts(facts)
     return Intake(facts, stripped, rows, lanes, noise_var, scattered, exits, exit_sd, place[marked[usable]],
                   seen.take(usable), np.zeros(0, int) if samples is None else place[samples.rows], samples, scatter,
-                  known(dataset), _level(dataset, samples), tuple(left_out))
+                  _level(dataset, samples), tuple(left_out))
 
 
 def replace_facts(facts: Rig) -> Rig:
@@ -132,22 +132,8 @@ def _lanes(part: _Part, circumstances: Circumstances, samples: Samples | None,
     rolling = Exit(*(np.asarray(each, dtype=float) for each in given.rolling))._replace(above_m=np.zeros(n))
     mass_kg = _or_else(shots.number("mass_kg"), part.facts.ball.mass_kg)
     radius_m = _or_else(shots.number("radius_m"), part.facts.ball.radius_m)
-    lanes = ShotBatch(
-        rolling,
-        side,
-        given.rolled & part.launched,
-        given.hooded & part.launched,
-        free,
-        mass_kg,
-        radius_m,
-        given.distance_m,
-        circumstances,
-        start_m,
-        start_m_s,
-        spin,
-        lead_s,
-        time_s,
-    )
+    lanes = ShotBatch(rolling, side, given.rolled & part.launched, given.hooded & part.launched, free, mass_kg,
+                      radius_m, given.distance_m, circumstances, start_m, start_m_s, spin, lead_s, time_s)
     noise = np.zeros((n, len(DEVIATES)))
     noise[:, 0] = np.where(free, 0.0, (given.wheel_log_speed**2).sum(1))
     noise[:, 1] = np.where(free, 0.0, given.elevation_sd_rad**2)
@@ -240,12 +226,6 @@ def _samples(dataset: Dataset) -> tuple[Samples | None, tuple[str, ...]]:
         return None, ()
     samples, notes, _ = gather_samples(dataset.tracks, len(dataset.shots))
     return (samples if len(samples.rows) else None), notes
-
-
-def _has_wheels(facts: Rig, shots: Shots) -> Array:
-    by_ratio = np.isfinite(shots.number("motor_ratio")) & (facts.launcher.free_speed_rad_s is not None)
-    turned = [np.isfinite(shots.number(f"wheel_{wheel.name}_rad_s")) | by_ratio for wheel in facts.launcher.wheel]
-    return np.all(turned, axis=0) if turned else np.zeros(len(shots), bool)
 
 
 def _pick(circumstances: Circumstances, rows: Array) -> Circumstances:

@@ -173,12 +173,8 @@ def make_evidence(rows: Int[Array, " n"], columns: tuple[Column, ...], point: Fl
     return ScoreTable(rows, columns, deal, point, linear, bend, plane, precision, pull, log_score, score, info)
 
 
-def _with_plane(
-    plane: PlaneScores,
-    there: tuple[OutcomeObservations, Float[Array, " m"], Float[Array, " m"]],
-    score: Float[Array, "n C"],
-    bend: Float[Array, "n C C"],
-) -> Float[Array, "n C C"]:
+def _with_plane(plane: PlaneScores, there: tuple[OutcomeObservations, Float[Array, " m"], Float[Array, " m"]],
+                score: Float[Array, "n C"], bend: Float[Array, "n C C"]) -> Float[Array, "n C C"]:
     """What the plane says `there` added to the score, in place, and to the information, which comes back."""
     more, inner = plane_terms(plane, *there)
     info = bend.copy()

@@ -110,20 +110,11 @@ def _seen(column: Column, own: float, left: float, visible: bool, shots: int, ta
     signal = np.sqrt(information) * column.usual
     power = float(ndtr(signal - CRITICAL) + ndtr(-signal - CRITICAL)) if visible else 0.0
     why = None if visible else UNTOUCHED if own <= BUSY else TAKEN
-    return TermIdentifiability(
-        _term(column),
-        column.stage,
-        column.unit,
-        column.usual,
-        information,
-        left / own if own > BUSY else 0.0,
-        max(int(np.ceil(shots * EIGHTY / signal**2)), 1) if visible else None,
-        float(np.sqrt(EIGHTY / information)) if visible else None,
-        power,
-        why,
-        takers if why == TAKEN else (),
-        *like,
-    )
+    needed = max(int(np.ceil(shots * EIGHTY / signal**2)), 1) if visible else None
+    smallest = float(np.sqrt(EIGHTY / information)) if visible else None
+    return TermIdentifiability(_term(column), column.stage, column.unit, column.usual, information,
+                               left / own if own > BUSY else 0.0, needed, smallest, power, why,
+                               takers if why == TAKEN else (), *like)
 
 
 def _takers(evidence: ScoreTable, parts: Array) -> tuple[str, ...]:

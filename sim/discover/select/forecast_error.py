@@ -10,9 +10,8 @@ from truearc.sim.discover.model.track_data import whiten
 FORECAST = 0.4                        # of a track's samples tell its start; its end is foretold
 
 
-def end_errors(
-    intake: Intake, layout: ParameterLayout, spot: LinearizationPoint, evidence: ScoreTable, change: Array
-) -> float | None:
+def end_errors(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint, evidence: ScoreTable,
+               change: Array) -> float | None:
     """RMS error in m of forecast heights, columns changed by `change` [n, P]; None where no height was measured.
 
     With tracks: at each one's last sample, the shot's own deviation taken from its first FORECAST of samples. Without:

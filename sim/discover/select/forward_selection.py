@@ -13,10 +13,8 @@ from truearc.sim.discover.detect.score_test import Judged, judge
 from truearc.sim.discover.detect.test_battery import ALLOWANCE, Asked, ask_everything
 from truearc.sim.discover.model.baseline_fit import BaselineFit, part_of
 from truearc.sim.discover.model.score_table import Array
-from truearc.sim.discover.select.condition_on import promote
-from truearc.sim.discover.select.decoys import share_above
 from truearc.sim.discover.select.pair_search import best_pair
-from truearc.sim.discover.select.refit import Refit, clustered_error, refit, unseen_score, without
+from truearc.sim.discover.select.refit import Refit, clustered_error, promote, refit, unseen_score, without
 from truearc.sim.discover.select.selection_step import CLEARLY, Step, averaged, clearly, make_step, worth
 from truearc.sim.discover.select.term_ranking import Naming, name_terms
 from truearc.sim.progress import Progress
@@ -234,9 +232,8 @@ def _retold(step: Step, naming: Naming, base: BaselineFit, search: Search) -> St
     place = step.place
     if place is not None:
         place = replace(place, test=replace(place.test, column=base.evidence.index(place.column.name)))
-    decoys = share_above(base.evidence, clusters, naming.nats[naming.leader], search.seed)
     return replace(step, naming=naming, place=place, before=before, after=scores[naming.leader], average=average,
-                   decoys=decoys, fitted=base)
+                   fitted=base)
 
 
 def judge_left(asked: Asked, seed: int) -> Judged:

@@ -75,9 +75,8 @@ def _point(evidence: ScoreTable, layout: ParameterLayout) -> Array:
     return np.array([known.get(column.name, 0.0) for column in layout.columns])
 
 
-def _come_near(
-    step: Step, layout: ParameterLayout, spot: LinearizationPoint, start: Array, wanted: PlaneScores
-) -> ScoreTable:
+def _come_near(step: Step, layout: ParameterLayout, spot: LinearizationPoint, start: Array,
+               wanted: PlaneScores) -> ScoreTable:
     """Gauss and Newton's steps of all numbers but scatters and the luck of balls, as long as they take something away.
     """
     free = np.flatnonzero(layout.source >= 0)

@@ -3,8 +3,7 @@
 import numpy as np
 
 from truearc.sim.discover.model.baseline_fit import BaselineFit
-from truearc.sim.discover.select.condition_on import promote
-from truearc.sim.discover.select.refit import Refit, refit
+from truearc.sim.discover.select.refit import Refit, promote, refit
 from truearc.sim.discover.select.term_ranking import Naming, is_possible, one_step, tame
 
 FIRSTS = 4                            # of the likeliest names, each put in to see which other one goes with it

@@ -1,5 +1,6 @@
 """One named change at a time, truly refitted, and what it is worth on shots that the fit has not seen."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +16,7 @@ from truearc.sim.discover.model.baseline_fit import (
     only_shared,
     usual_spot,
 )
-from truearc.sim.discover.model.linearization import LinearizationPoint, ParameterLayout
+from truearc.sim.discover.model.linearization import LinearizationPoint, ParameterLayout, linearise
 from truearc.sim.discover.model.score_table import Array, ScoreTable
 from truearc.sim.discover.model.shape_parameters import ShapeParameter, find_peak, further_numbers
 
@@ -46,9 +47,8 @@ class Refit:
     log_evidence: float
 
 
-def refit(
-    fitted: BaselineFit, names: tuple[str, ...], start: Float[Array, " k"], near: LinearizationPoint | None = None
-) -> Refit:
+def refit(fitted: BaselineFit, names: tuple[str, ...], start: Float[Array, " k"],
+          near: LinearizationPoint | None = None) -> Refit:
     """Fit the named columns with the shared ones, from amplitudes `start` [k] at the fitted spot, or at `near`.
 
     Numbers that a term has besides its amplitude are at their likeliest, and what else they may be is in sd and in
@@ -76,9 +76,8 @@ def _looked_for(number: ShapeParameter, fitted: BaselineFit, found: Refit) -> Re
     return replace(best, sd=np.hypot(best.sd, peak.sd * moves), log_evidence=peak.nats)
 
 
-def _refit_at(
-    fitted: BaselineFit, names: tuple[str, ...], start: Float[Array, " k"], near: LinearizationPoint | None
-) -> Refit:
+def _refit_at(fitted: BaselineFit, names: tuple[str, ...], start: Float[Array, " k"],
+              near: LinearizationPoint | None) -> Refit:
     layout = only_shared(fitted.layout, names)
     order = [column.name for column in layout.columns[:len(names)]]
     change = np.zeros(len(layout.columns))
@@ -94,7 +93,7 @@ def _refit_at(
     scattered = covariance @ (evidence.score.T @ evidence.score) @ covariance
     sd = np.sqrt(np.maximum(np.diag(covariance), np.diag(scattered)))
     k = len(names)
-    null = fitted.evidence.pick(np.arange(fitted.evidence.first_shared, len(fitted.evidence.columns)))
+    null = without(fitted.evidence)
     null_info = null.information + null.precision
     gained = objective(evidence, layout) - objective(null, only_shared(fitted.layout))
     priors = np.linalg.slogdet(layout.precision)[1] - np.linalg.slogdet(fitted.layout.precision)[1]
@@ -109,13 +108,7 @@ def _refit_at(
 
 def unseen_score(evidence: ScoreTable, clusters: Clusters) -> Float[Array, " n"]:
     """Log score of each shot by fits of all columns to the other folds; folds keep clusters whole."""
-    fold = folds_of(clusters.label[evidence.rows])
-    score = np.zeros(len(fold))
-    for held in range(fold.max() + 1):
-        change = fit_linear(evidence, fold != held)
-        out = fold == held
-        score[out] = (evidence.log_score + evidence.gain(np.tile(change, (len(fold), 1))))[out]
-    return score
+    return np.asarray(evidence.log_score + evidence.gain(unseen_change(evidence, clusters)))
 
 
 def unseen_change(evidence: ScoreTable, clusters: Clusters) -> Float[Array, "n P"]:
@@ -135,21 +128,34 @@ def folds_of(label: Int[Array, " n"]) -> Int[Array, " n"]:
 
 def fit_linear(evidence: ScoreTable, train: Bool[Array, " n"]) -> Float[Array, " P"]:
     """Most probable change of all columns, which must all be shared, given the shots in `train`."""
-    found, best = np.zeros(len(evidence.columns)), 0.0
     n, deal = len(evidence.rows), evidence.deal.some(train)
-    for _ in range(STEPS):
+
+    def step_from(found: Array) -> Array:
         score, info = evidence.slopes_at(np.tile(found, (n, 1)))
         slope = deal.spread(score[train]).sum(0) + evidence.pull - evidence.precision @ found
-        step = np.linalg.solve(deal.total(info[train]) + evidence.precision, slope)
-        for halving in range(HALVINGS):
+        return np.linalg.solve(deal.total(info[train]) + evidence.precision, slope)
+
+    def value_at(tried: Array) -> float:
+        gained = evidence.gain(np.tile(tried, (n, 1)))[train].sum()
+        return float(gained + evidence.pull @ tried - 0.5 * tried @ evidence.precision @ tried)
+
+    return go_uphill(np.zeros(len(evidence.columns)), step_from, value_at, STEPS, HALVINGS, 1e-5)
+
+
+def go_uphill(found: Array, step_from: Callable[[Array], Array], value_at: Callable[[Array], float], steps: int,
+              halvings: int, enough: float) -> Array:
+    """Steps from `found`, whose value is 0, each halved until it gains; ends with one that gains less than `enough`."""
+    best = 0.0
+    for _ in range(steps):
+        step = step_from(found)
+        for halving in range(halvings):
             tried = found + step * 0.5**halving
-            value = (evidence.gain(np.tile(tried, (n, 1)))[train].sum() + evidence.pull @ tried
-                     - 0.5 * tried @ evidence.precision @ tried)
+            value = value_at(tried)
             if value >= best:
                 break
         else:
             break
-        small, found, best = value - best < 1e-5, tried, value
+        small, found, best = value - best < enough, tried, value
         if small:
             break
     return found
@@ -168,3 +174,19 @@ def without(evidence: ScoreTable) -> ScoreTable:
     return evidence.pick(np.arange(evidence.first_shared, len(evidence.columns)))
 
 
+def promote(fitted: BaselineFit, found: Refit) -> BaselineFit:
+    """The fit with the named columns among the shared ones, at the refit's optimum."""
+    layout = promoted(fitted.layout, found.names)
+    spot = found.spot
+    return BaselineFit(fitted.intake, layout, spot, linearise(fitted.intake, layout, spot)[0])
+
+
+def promoted(layout: ParameterLayout, names: tuple[str, ...]) -> ParameterLayout:
+    """The layout with these columns moved from the asked to the shared ones."""
+    first = len(layout.columns) - len(layout.precision)
+    kept = [k for k in range(first) if layout.columns[k].name not in names]
+    inner = only_shared(layout, names)
+    shift = len(kept)
+    return replace(inner, chain=layout.chain, columns=(*(layout.columns[k] for k in kept), *inner.columns),
+                   source=np.concatenate([layout.source[kept], inner.source]),
+                   scatters=tuple(place + shift if place >= 0 else -1 for place in inner.scatters))

@@ -11,9 +11,8 @@ from truearc.sim.discover.detect.localization import Place
 from truearc.sim.discover.detect.reference_session import ReferenceSession
 from truearc.sim.discover.model.baseline_fit import BaselineFit
 from truearc.sim.discover.model.score_table import Array
-from truearc.sim.discover.select.condition_on import promote
 from truearc.sim.discover.select.decoys import share_above
-from truearc.sim.discover.select.refit import Refit, clustered_error, folds_of, unseen_score, without
+from truearc.sim.discover.select.refit import Refit, clustered_error, folds_of, promote, unseen_score, without
 from truearc.sim.discover.select.term_ranking import Naming, name_terms
 from truearc.sim.progress import Progress
 
@@ -26,8 +25,8 @@ class Step:
     """One effect. `before`, `after`, `average`, `free` [n]: log scores of unseen shots without it, with the leading
     name, with all names as far as they are likely, with the free curve. What else was named is in `fitted`.
 
-    rival: nats by which the curve beats the name on unseen shots (None without a curve). decoys: share of deals in
-    which one does as well as the name. unknown: the curve beats it clearly, decoys do too often, or nothing has a name.
+    rival: nats by which the curve beats the name on unseen shots (None without a curve). unknown: the curve beats it
+    clearly, decoys do as well too often, or nothing has a name.
     """
 
     naming: Naming
@@ -37,7 +36,6 @@ class Step:
     average: Array
     free: Array | None
     rival: float | None
-    decoys: float
     unknown: bool
     base: tuple[str, ...]             # names put in before
     fitted: BaselineFit                    # without this effect
@@ -62,7 +60,7 @@ def make_step(fitted: BaselineFit, clusters: Clusters, place: Place | None, base
     nameless = naming.nats[naming.leader] <= 0.0 or decoys > FALSE_NAMES
     outrun = not nameless and bool(rivals) and all(clearly(gain, fitted) for gain in rivals)
     rival = min((worth(gain, fitted) for gain in rivals), default=None)
-    return Step(naming, place, before, after, average, free, rival, decoys, nameless or outrun, base, fitted, outrun)
+    return Step(naming, place, before, after, average, free, rival, nameless or outrun, base, fitted, outrun)
 
 
 def averaged(naming: Naming, before: Array, scores: dict[str, Array], label: Array) -> Array:

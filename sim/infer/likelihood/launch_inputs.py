@@ -66,14 +66,12 @@ def _doubt(facts: Rig, exit: Exit, speed_seen: np.ndarray, spin_seen: np.ndarray
     for those on one belt (speeds by motor_ratio) this overstates the doubt about the spin a little.
     """
     radius_m = np.array([wheel.radius_m for wheel in facts.launcher.wheel])
-    one_speed, one_spin = roll(facts, np.diag(radius_m) * facts.noise.wheel_rad_s) if radius_m.size else _nothing()
+    one_speed, one_spin = np.zeros((2, 0))
+    if radius_m.size:
+        one_speed, one_spin = roll(facts, np.diag(radius_m) * facts.noise.wheel_rad_s)
     per_m_s = 1.0 / np.maximum(exit.speed_m_s, SLOWEST_M_S)
     zero = np.zeros_like(per_m_s)
     speed = np.outer(~speed_seen * per_m_s, one_speed)
     spin = np.outer(~spin_seen, one_spin)
     return (np.column_stack([speed, speed_seen * per_m_s * EXIT_SPEED_SD_M_S, zero]),
             np.column_stack([spin, zero, spin_seen * EXIT_SPIN_SD_REV_S]))
-
-
-def _nothing() -> tuple[np.ndarray, np.ndarray]:
-    return np.zeros(0), np.zeros(0)

@@ -13,7 +13,7 @@ from truearc.sim.data.shot_conditions import circumstances_of, take_circumstance
 from truearc.sim.infer.likelihood.launch_inputs import EXIT_DEG_SD, EXIT_SPEED_SD_M_S, Given, given_of
 from truearc.sim.infer.likelihood.outcome_likelihood import OutcomeMarks, make_marks
 from truearc.sim.infer.likelihood.track_data import TrackData, gather_tracks
-from truearc.sim.physics.simulate import ORDINARY, spin_of
+from truearc.sim.physics.simulate import ORDINARY, has_wheels, spin_of
 
 KINDS = ("outcome", "side", "miss_height_m", "exit_speed_m_s", "exit_deg", "exit_spin_rev_s", "tracks")
 
@@ -69,7 +69,7 @@ def gather(facts: Rig, dataset: Dataset) -> Gathered:
         tracked[np.unique(dataset.tracks.shot)] = True
     at_plane = launched & marked & placed & (facts.target is not None)
     measured = np.isfinite(shots.number("exit_speed_m_s")) | np.isfinite(shots.number("exit_deg"))
-    use = launched & (at_plane | tracked | (measured & _has_wheels(facts, shots)))
+    use = launched & (at_plane | tracked | (measured & has_wheels(facts, shots)))
     rows = np.flatnonzero(use)
     tracks = gather_tracks(dataset.tracks, rows)
     free = gather_tracks(dataset.tracks, np.flatnonzero(tracked & ~launched))
@@ -96,7 +96,7 @@ def blind(given: Given) -> Observations:
 
 def _launches(facts: Rig, shots: Shots, at_plane: np.ndarray) -> tuple[Given, ShotObservations, OutcomeMarks | None]:
     """Where wheels and hood speak, measured speed and elevation are evidence about them, not a launch of their own."""
-    wheels, hood = _has_wheels(facts, shots), np.isfinite(shots.number("hood_deg"))
+    wheels, hood = has_wheels(facts, shots), np.isfinite(shots.number("hood_deg"))
     speed, elevation = shots.number("exit_speed_m_s"), shots.number("exit_deg")
     numbers = dict(shots.numbers)
     numbers["exit_speed_m_s"] = np.where(wheels, np.nan, speed)
@@ -118,14 +118,8 @@ def _marks(facts: Rig, shots: Shots, at_plane: np.ndarray) -> OutcomeMarks | Non
     return make_marks(facts.target, outcome, side, np.where(at_plane, shots.number("miss_height_m"), np.nan))
 
 
-def _has_wheels(facts: Rig, shots: Shots) -> np.ndarray:
-    by_ratio = np.isfinite(shots.number("motor_ratio")) & (facts.launcher.free_speed_rad_s is not None)
-    known = [np.isfinite(shots.number(f"wheel_{wheel.name}_rad_s")) | by_ratio for wheel in facts.launcher.wheel]
-    return np.all(known, axis=0) if known else np.zeros(len(shots), bool)
-
-
 def _has_speed(facts: Rig, shots: Shots) -> np.ndarray:
-    return _has_wheels(facts, shots) | np.isfinite(shots.number("exit_speed_m_s"))
+    return has_wheels(facts, shots) | np.isfinite(shots.number("exit_speed_m_s"))
 
 
 def _has_launch(facts: Rig, shots: Shots) -> np.ndarray:

@@ -40,9 +40,8 @@ class OutcomeMarks(NamedTuple):
     height_m: Any
 
 
-def make_marks(
-    target: Target, outcome: tuple[str, ...], side: tuple[str, ...], miss_height_m: np.ndarray
-) -> OutcomeMarks:
+def make_marks(target: Target, outcome: tuple[str, ...], side: tuple[str, ...],
+               miss_height_m: np.ndarray) -> OutcomeMarks:
     """Marks [n] of the columns of shots. A measured height counts alone.
 
     The side low or high halves what an outcome leaves open, or stands for itself where there is none; a ball seen left

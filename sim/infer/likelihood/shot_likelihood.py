@@ -75,7 +75,8 @@ def log_likelihood(model: Model, evidence: Observations, points: Points, u: Floa
     return jnp.concatenate([units, free_tracks(model, evidence, points, u).log_likelihood])
 
 
-def probabilities(model: Model, evidence: Observations, points: Points, u: Float[Any, " p"]) -> Float[Any, "n 3"]:
+@partial(jax.jit, static_argnames=("model",))
+def outcome_table(model: Model, evidence: Observations, points: Points, u: Float[Any, " p"]) -> Float[Any, "n 3"]:
     """P(miss, two, three) of the shots with a launch, by configuration alone: nothing measured of the launch."""
     evidence = evidence._replace(
         tracks=None, seen=evidence.seen._replace(speed_seen=jnp.zeros_like(evidence.seen.speed_seen),
@@ -229,9 +230,3 @@ def derivatives(model: Model, evidence: Observations, points: Points, weight: Fl
 
     hessian, (at, gradient) = jax.jacfwd(slope, has_aux=True)(u)
     return at, gradient, hessian
-
-
-@partial(jax.jit, static_argnames=("model",))
-def outcome_table(model: Model, evidence: Observations, points: Points, u: Float[Any, " p"]) -> Float[Any, "n 3"]:
-    """As probabilities, compiled."""
-    return probabilities(model, evidence, points, u)

@@ -16,13 +16,13 @@ from truearc.hw.devices.listening import listen
 from truearc.hw.devices.odrive.emulator import FLYWHEEL, SETTINGS, OdriveNode
 from truearc.hw.emulated.clock import StepClock
 from truearc.hw.emulated.emulated_robot import Twin
-from truearc.hw.emulated.faults import SILENT, TRUNCATED, UNPLUGGED, Fault, FaultyNode
 from truearc.hw.finding import FAILURE, OK, WARNING
 from truearc.hw.frc import CONTROLLER_HEARTBEAT, locked_spark
 from truearc.hw.protocols import Frame, LinkLost
 from truearc.hw.real.can_bus import open_can
 from truearc.robot.config.schema import InputError
 from truearc.robot.doctor.devices import load_endpoints
+from truearc_proof.world.faults import SILENT, TRUNCATED, UNPLUGGED, Fault, FaultyNode
 
 CHANNELS = itertools.count()
 ALWAYS = 1 << 60

@@ -10,7 +10,6 @@ from truearc.hw.devices.odrive.frames import OdriveAxis
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.emulator import SparkNode, SparkSettings
 from truearc.hw.devices.spark.family import SparkConfig
-from truearc.hw.emulated.faults import SILENT, TRUNCATED, UNPLUGGED, Fault, FaultyNode
 from truearc.hw.emulated.nodes import Node
 from truearc.hw.finding import FAILURE, OK, WARNING, Finding
 from truearc.hw.frc import CONTROLLER_HEARTBEAT, locked_spark
@@ -18,6 +17,7 @@ from truearc.hw.protocols import Frame
 from truearc.robot.doctor.bus import check_heartbeat_lock
 from truearc.robot.doctor.devices import check_devices, questions
 from truearc.robot.motors import name_axes
+from truearc_proof.world.faults import SILENT, TRUNCATED, UNPLUGGED, Fault, FaultyNode
 
 MS, ALWAYS = 1_000_000, 1 << 60
 PLANT = SpinningPlant()

@@ -7,9 +7,9 @@ from msgspec.structs import replace
 
 from tests.robot.gate.test_model import build
 from truearc import robot
-from truearc.hw.emulated.faults import SILENT, TRUNCATED, Fault
 from truearc.robot.config.schema import load_config
 from truearc.sim.world.emulated_robot import emulate
+from truearc_proof.world.faults import SILENT, TRUNCATED, Fault, parts_with
 
 CONFIG = load_config(Path(robot.__file__).parent / "launcher.toml")
 SECOND = 1_000_000_000
@@ -28,8 +28,8 @@ def faulty(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Torn frames for a while, then a camera that is gone."""
     folder = tmp_path_factory.mktemp("recorded") / "faulty"
     config = replace(CONFIG, gate=replace(CONFIG.gate, request_s=2.0))
-    emulate(config, folder, trials=1, seed=5, faults={
-        "flywheel_a": (Fault(TRUNCATED, SECOND, 2 * SECOND, length=4),), "camera": (Fault(SILENT, SECOND, 1 << 62),)})
+    emulate(config, folder, trials=1, seed=5, **parts_with({
+        "flywheel_a": (Fault(TRUNCATED, SECOND, 2 * SECOND, length=4),), "camera": (Fault(SILENT, SECOND, 1 << 62),)}))
     return folder
 
 

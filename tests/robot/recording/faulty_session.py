@@ -18,7 +18,6 @@ from truearc.hw.devices.button_box.frames import make_heartbeat
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.emulated.clock import StepClock
 from truearc.hw.emulated.emulated_robot import Twin
-from truearc.hw.emulated.faults import DEAF, DOUBLED, OVERWRITTEN, SILENT, STUCK, TRUNCATED, Fault
 from truearc.hw.fault_codes import CAMERA_FROZEN, CAN_SILENT, SERIAL_ERROR
 from truearc.hw.protocols import LinkLost
 from truearc.hw.real.can_bus import open_can
@@ -32,9 +31,19 @@ from truearc.robot.recording.session import make_header
 from truearc.robot.rig import HardwareRig
 from truearc.robot.runtime import run
 from truearc.sim.world.driver import Driver
-from truearc.sim.world.emulated_robot import CHANNELS, make_nodes
-from truearc.sim.world.emulated_vision import TwinEyes
+from truearc.sim.world.emulated_robot import CHANNELS
 from truearc.sim.world.world import World
+from truearc_proof.world.faults import (
+    DEAF,
+    DOUBLED,
+    OVERWRITTEN,
+    SILENT,
+    STUCK,
+    TRUNCATED,
+    Fault,
+    eyes_with,
+    nodes_with,
+)
 
 SEED, MS = 13, 1_000_000
 END_MS = 5400
@@ -94,12 +103,12 @@ def record(folder: Path) -> None:
     config = load_config(Path(robot.__file__).parent / "launcher.toml")
     world, box, faults = World(SEED), open_button_box(), make_faults(config)
     recorder = SessionWriter(folder, make_header(config, None, None), config, None, lossless=True)
-    eyes = TwinEyes(world, config, SEED, faults["camera"])
+    eyes = eyes_with(faults["camera"])(world, config, SEED)
     driver = Driver(world, box.press, 1, SEED)
     clock = StepClock(lambda t_ns: twin.advance(t_ns))
     channel = f"truearc-{next(CHANNELS)}"
     near, far = (open_can("virtual", channel, config.can.bitrate, clock) for _ in range(2))
-    twin = Twin(world, far, make_nodes(config, world, faults), (box.step, driver.step, eyes.step))
+    twin = Twin(world, far, tuple(nodes_with(faults)(config, world).values()), (box.step, driver.step, eyes.step))
     stream = open_serial(box.port, config.buttons.baud)
     bus = Wire(guard(near, config, clock, Counter()), clock, CAN_GONE, LOST_CAN)
     rig = HardwareRig(config, TappedBus(bus, recorder.tap), Box(stream, clock, BOX_GONE, LOST_BOX),

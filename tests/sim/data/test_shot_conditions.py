@@ -6,7 +6,7 @@ import pytest
 from tests.sim.physics.rigs import GUPPY
 from truearc.sim.data.conditions import Circumstances
 from truearc.sim.data.dataset import Dataset, Shots, Traces
-from truearc.sim.data.shot_conditions import circumstances_of, known, take_circumstances
+from truearc.sim.data.shot_conditions import circumstances_of, gather_circumstances, take_circumstances
 
 NAN = np.nan
 
@@ -16,6 +16,12 @@ def _dataset(texts=None, traces=None, **numbers) -> Dataset:
     count = max([len(column) for column in columns.values()] + [len(text) for text in (texts or {}).values()])
     shots = Shots(tuple(f"s{row}" for row in range(count)), columns, texts or {})
     return Dataset("made", GUPPY, shots, traces=traces)
+
+
+def known(dataset: Dataset) -> set[str]:
+    """Fields that the data really have: said of at least two shots, and not of all alike."""
+    return {name for name, one in gather_circumstances(dataset).items()
+            if one.said.sum() > 1 and np.ptp(one.value[one.said]) > 0.0}
 
 
 def test_data_that_say_nothing_are_ordinary():

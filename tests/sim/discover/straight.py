@@ -69,7 +69,7 @@ def take_straight(y: np.ndarray) -> Intake:
     marked, seen = see_outcomes(Shots(tuple(map(str, range(n))), {}, {}), FACTS.target)
     return Intake(FACTS, FACTS, np.arange(n), lanes, np.zeros((n, len(DEVIATES))), np.zeros((n, len(SCATTERS))),
                   np.stack([y, unknown, unknown], axis=1), np.ones((n, 3)), marked, seen, np.zeros(0, int), None, None,
-                  frozenset(), "L1", ())
+                  "L1", ())
 
 
 def lay_straight(usual: np.ndarray) -> ParameterLayout:

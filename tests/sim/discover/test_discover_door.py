@@ -13,6 +13,7 @@ from truearc.sim.data.dataset import Dataset, save_dataset, save_rig
 from truearc.sim.discover.plan.planned_season import rehearse
 
 BELIEVED = ("gravity", "drag", "magnus")
+SPREADSHEET = Path(__file__).parents[3] / "examples" / "spreadsheet"
 
 
 @pytest.fixture
@@ -40,6 +41,14 @@ def test_a_directory_of_settings_is_enough_too(tmp_path: Path, capsys: pytest.Ca
     save_dataset(tmp_path / "plan", bare)
     assert truearc.main(["identifiability", str(tmp_path / "plan"), "--sides", "--quiet"]) == 0
     assert capsys.readouterr().out.startswith("64 shots of this kind (L0)")
+
+
+def test_example_spreadsheet_leads_to_wheel_slip(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "finding.json"
+    assert truearc.main(["discover", str(SPREADSHEET), "--json", str(out), "--quiet"]) == 0
+    finding = json.loads(out.read_text())
+    assert finding["verdict"] == "set" and "wheel_slip" in finding["set"]
+    assert "48 shots, level L0" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(("words", "message"), [

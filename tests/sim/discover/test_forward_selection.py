@@ -7,9 +7,8 @@ import pytest
 
 from tests.sim.discover.straight import ASKED, SHARED, each_by_itself, fit_straight
 from truearc.sim.discover.model.baseline_fit import BaselineFit
-from truearc.sim.discover.select.condition_on import promote
 from truearc.sim.discover.select.forward_selection import MOST, Search, go_forward, without_outrun
-from truearc.sim.discover.select.refit import refit
+from truearc.sim.discover.select.refit import promote, refit
 from truearc.sim.discover.select.selection_step import Step
 from truearc.sim.discover.select.term_ranking import name_terms
 

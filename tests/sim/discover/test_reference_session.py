@@ -11,9 +11,8 @@ from truearc.sim.discover.detect.test_battery import Asked, ask_everything
 from truearc.sim.discover.model.baseline_fit import BaselineFit
 from truearc.sim.discover.model.design_columns import lay_out
 from truearc.sim.discover.model.prepared_data import take_in
-from truearc.sim.discover.select.condition_on import promote
 from truearc.sim.discover.select.forward_selection import Search, judge_left
-from truearc.sim.discover.select.refit import refit
+from truearc.sim.discover.select.refit import promote, refit
 from truearc.sim.infer.belief import Belief
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world

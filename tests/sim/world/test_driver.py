@@ -4,8 +4,8 @@ import pytest
 
 from truearc.sim.world.driver import Driver
 from truearc.sim.world.options import Options
-from truearc.sim.world.test_bench import TICK_NS, Bench
 from truearc.sim.world.world import World
+from truearc_proof.world.bench import TICK_NS, Bench
 
 
 class _Robot:

@@ -7,8 +7,8 @@ import pytest
 
 from tests.sim.world.calm import CALM, calm, fire
 from truearc.sim.world.options import Options
-from truearc.sim.world.test_bench import TICK_NS
 from truearc.sim.world.world import World
+from truearc_proof.world.bench import TICK_NS
 
 
 def _height(options: Options, **kwargs: float) -> float:

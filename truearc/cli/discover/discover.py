@@ -1,6 +1,7 @@
 """truearc discover: where recordings and simulation disagree, and what explains it."""
 
 import argparse
+from collections.abc import Sequence
 from dataclasses import replace
 
 import truearc as ta
@@ -45,7 +46,7 @@ def main(args: argparse.Namespace) -> int:
     check_baseline(args)
     for path in (args.json, args.report, args.adopt):
         check_place(path)
-    _, found = investigate(args, "discover")
+    _, found = investigate(args, "discover", args.measured)
     adopted = _adopt(found, args.dataset, args.adopt) if args.adopt else None
     if args.json:
         write_out(args.json, found.to_json())
@@ -67,8 +68,8 @@ def check_baseline(args: argparse.Namespace) -> None:
     names_in("--believe", args.believe)
 
 
-def investigate(args: argparse.Namespace, what: str) -> "tuple[ta.Dataset, ta.Finding]":
-    """The dataset and what discovery finds in it, by the options of `add_baseline` and --measured."""
+def investigate(args: argparse.Namespace, what: str, measured: Sequence[str] = ()) -> "tuple[ta.Dataset, ta.Finding]":
+    """The dataset and the finding in it, by the options of `add_baseline`; measured: as in --measured."""
     from truearc.sim.compile_cache import keep_compiled
     from truearc.sim.discover.model.design_columns import check_believed
     from truearc.sim.discover.model.external_measurements import read_measured
@@ -77,14 +78,14 @@ def investigate(args: argparse.Namespace, what: str) -> "tuple[ta.Dataset, ta.Fi
         check_believed(believe or (), among)
     except InputError as error:
         raise InputError(f"--believe: {error}") from error
-    measured = read_measured(getattr(args, "measured", []), "--measured", among)
+    sizes = read_measured(measured, "--measured", among)
     keep_compiled()
     belief = None if args.belief is None else ta.load_belief(args.belief, among)
     dataset = ta.load_dataset(args.dataset)
     since = None if args.since is None else ta.load_dataset(args.since)
     return dataset, ta.discover(
         dataset, belief=belief, believe=believe, terms=among, since=since, seed=args.seed, false_alarm=args.false_alarm,
-        measured={name.partition(".")[0]: size for name, size in measured.items()},
+        measured={name.partition(".")[0]: size for name, size in sizes.items()},
         progress=make_progress(what, args.quiet))
 
 

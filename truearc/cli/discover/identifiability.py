@@ -34,6 +34,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     """Return 0, whatever could be seen."""
     path = Path(args.rig)
+    if args.seed < 0:
+        raise InputError(f"--seed: {args.seed} is negative")
     if path.is_dir():
         refuse(args, ("--shots", "--level"), f"{path} is a dataset directory, whose own shots are used")
     believe = names_in("--believe", args.believe)

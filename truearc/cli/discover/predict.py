@@ -3,7 +3,6 @@
 import argparse
 import math
 import sys
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import truearc as ta
@@ -21,7 +20,7 @@ DESCRIPTION = ("Fly each shot of a dataset with the paper's simulator and print 
                "ball meets the floor or turns back first. With --gate: what a gate gives each shot instead, as "
                "shot_id,p_two,p_three,in_domain,novelty (novelty over 1: further than that from all recorded shots).")
 EXAMPLE = "truearc predict shots/ --cd 0.91 --cl 0.06 -o predicted.csv"
-LONG = 50_000                         # shots that take over two seconds
+LONG = 50_000                         # shots that take over two seconds: progress is shown
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -53,15 +52,11 @@ def _by_gate(args: argparse.Namespace) -> str:
 def _by_simulation(args: argparse.Namespace) -> str:
     belief = _belief(args)
     dataset = ta.load_dataset(args.dataset)
-    told = ta.predict(dataset, belief, progress=_progress(len(dataset.shots), args.quiet))
+    told = ta.predict(dataset, belief,
+                      progress=make_progress("predict", args.quiet or len(dataset.shots) < LONG))
     rows = tuple((name, _fixed(height_m), _fixed(deviation_m), outcome)
                  for name, height_m, deviation_m, outcome in told.rows)
     return ta.Table(told.columns, rows).to_csv()
-
-
-def _progress(shots: int, quiet: bool) -> Callable[[float, str], None]:
-    """Shown for work that lasts only."""
-    return make_progress("predict", quiet or shots < LONG)
 
 
 def _belief(args: argparse.Namespace) -> "Belief":

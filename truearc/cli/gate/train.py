@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 import truearc as ta
+from truearc.cli.files import check_place
 from truearc.cli.progress import make_progress
 from truearc.robot.config.schema import InputError
 
@@ -44,5 +45,4 @@ def main(args: argparse.Namespace) -> int:
 def _check(args: argparse.Namespace) -> None:
     if args.seed < 0:
         raise InputError(f"--seed is {args.seed}; it cannot be negative")
-    if args.reliability is not None and not Path(args.reliability).parent.is_dir():
-        raise InputError(f"{args.reliability}: there is no directory to write it to")
+    check_place(args.reliability)

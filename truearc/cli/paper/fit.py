@@ -1,9 +1,18 @@
 """truearc paper fit: drag and lift coefficients by the paper's grid search."""
 
 import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
 
+import truearc as ta
+from truearc.cli.files import check_place
 from truearc.cli.options import refuse
+from truearc.cli.progress import make_progress
+from truearc.robot.config.schema import InputError
 from truearc.sim.paper.settings import STEP
+
+if TYPE_CHECKING:
+    from truearc.api.fitting import GridSearch
 
 DESCRIPTION = """Find the drag and lift coefficient under which the simulator agrees best with recorded outcomes, by the
 paper's search: every pair from 0 to 5, ranked by three-point accuracy, then two-point accuracy, then deviation."""
@@ -27,5 +36,46 @@ def main(args: argparse.Namespace) -> int:
     """Return 0 when a pair was chosen."""
     if args.bootstrap is None:
         refuse(args, ("--seed",), "applies with --bootstrap only")
-    from truearc.cli.paper.fit_grid import run_grid_fit
-    return run_grid_fit(args)
+    for path in (args.out, args.map, args.picture, args.tied):
+        check_place(path)
+    resamples, seed = args.bootstrap or 0, args.seed or 0
+    if resamples < 0 or seed < 0:
+        raise InputError("--bootstrap and --seed cannot be negative")
+    found = ta.fit(ta.load_dataset(args.dataset), method="grid", step=args.step, bootstrap=resamples, seed=seed,
+                   progress=make_progress("fit", args.quiet))
+    print(found)
+    _write(args, found)
+    return 0
+
+
+def _write(args: argparse.Namespace, found: "GridSearch") -> None:
+    from truearc.sim.report import make_png
+    from truearc.sim.tables import save_csv
+    if args.out is not None:
+        found.belief.save(args.out)
+    if args.tied is not None:
+        table = found.table()
+        save_csv(Path(args.tied), table.columns, [[f"{cd:.6g}", f"{cl:.6g}", _metres(mean_m), _metres(median_m)]
+                                                  for cd, cl, mean_m, median_m in table.rows])
+    if args.picture is not None:
+        Path(args.picture).write_bytes(make_png(found.plot()))
+    if args.map is not None:
+        _save_map(args.map, found)
+
+
+def _save_map(path: str, found: "GridSearch") -> None:
+    """Mean deviation [cd, cl] wherever a three is reproduced, nan elsewhere."""
+    import numpy as np
+
+    from truearc.sim.paper.grid_fit import map_deviation
+    data, fit = found.dataset, found.solution
+    mean_m = np.full(fit.share_three.shape, np.nan)
+    at = np.nonzero((fit.share_three > 0.0) | fit.tied)
+    mean_m[at] = map_deviation(data.facts, data.shots, fit.axis[at[0]], fit.axis[at[1]])
+    with Path(path).open("wb") as file:
+        np.savez_compressed(file, axis=fit.axis, share_three=fit.share_three, share_two=fit.share_two,
+                            mean_deviation_m=mean_m, tied=fit.tied)
+
+
+def _metres(value: float | None) -> str:
+    return "" if value is None else f"{value:.6f}"

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from msgspec.structs import replace
 
 from truearc import robot
+from truearc.cli.files import check_place
 from truearc.cli.options import refuse
 from truearc.cli.progress import make_progress
 from truearc.robot.config.schema import Config, InputError, load_config
@@ -70,8 +71,7 @@ def _check(args: argparse.Namespace) -> None:
     if args.seed is not None and args.seed < 0:
         raise InputError(f"--seed {args.seed}: cannot be negative")
     for path in (args.gains, args.report):
-        if path is not None and not path.parent.is_dir():
-            raise InputError(f"{path}: there is no directory to write it to")
+        check_place(path)
     if args.gains is not None and args.gains.exists():
         raise InputError(f"{args.gains}: exists already; gains are never written over anything")
 

@@ -1,7 +1,7 @@
 """Drives the emulated robot by the program of [identify]: real frames, a button box, a world that nobody looks into."""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -9,7 +9,6 @@ from truearc.cli.robot.sysid_drive import Say, Watch, open_recorder
 from truearc.hw.devices.button_box.emulator import open_button_box
 from truearc.hw.emulated.clock import StepClock
 from truearc.hw.emulated.emulated_robot import Twin
-from truearc.hw.emulated.faults import Fault
 from truearc.hw.real.can_bus import open_can
 from truearc.hw.real.serial_port import open_serial
 from truearc.hw.reason import Reason
@@ -20,7 +19,7 @@ from truearc.robot.rig import HardwareRig
 from truearc.robot.runtime import run
 from truearc.robot.sysid.tick import make_step
 from truearc.robot.vision_source import NoEyes
-from truearc.sim.world.emulated_robot import CHANNELS, make_nodes
+from truearc.sim.world.emulated_robot import CHANNELS, MakeNodes, make_nodes
 from truearc.sim.world.world import World
 
 Press = tuple[int, str]               # when (ns) and which button
@@ -29,9 +28,8 @@ LONGEST_NS = 900_000_000_000
 
 
 def drive_twin(config: Config, folder: Path, world: World, tell: Say, presses: Sequence[Press] = ARM,
-               faults: Mapping[str, tuple[Fault, ...]] | None = None) -> Reason | None:
-    """Drive `world` until the program is over; returns how it ended. `faults`: see
-    truearc.sim.world.emulated_robot.emulate."""
+               nodes_of: MakeNodes = make_nodes) -> Reason | None:
+    """Drive `world` until the program is over; returns how it ended. `nodes_of` makes the devices."""
     step, box, left = make_step(config), open_button_box(), list(presses)
 
     def operate(t_ns: int) -> None:
@@ -47,7 +45,7 @@ def drive_twin(config: Config, folder: Path, world: World, tell: Say, presses: S
         near, far = (open_can("virtual", channel, config.can.bitrate, clock) for _ in range(2))
         wires.callback(near.close)
         wires.callback(far.close)
-        twin = Twin(world, far, make_nodes(config, world, faults or {}), (box.step, operate))
+        twin = Twin(world, far, tuple(nodes_of(config, world).values()), (box.step, operate))
         stream = open_serial(box.port, config.buttons.baud)
         wires.callback(stream.close)
         watch = Watch(recorder, config, tell)

@@ -3,7 +3,9 @@
 import argparse
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
+from typing import BinaryIO
 
 from truearc.cli.progress import make_progress
 from truearc.robot.config.schema import InputError
@@ -61,15 +63,9 @@ def _to_parquet(rows: ExportRows, out: Path) -> tuple[Path, ...]:
     return out, trials
 
 
-def _to_wpilog(rows: ExportRows, out: Path) -> tuple[Path, ...]:
+def _to_one_file(write: Callable[[ExportRows, BinaryIO], None], rows: ExportRows, out: Path) -> tuple[Path, ...]:
     with _part(out).open("wb") as file:
-        write_wpilog(rows, file)
-    return (out,)
-
-
-def _to_mcap(rows: ExportRows, out: Path) -> tuple[Path, ...]:
-    with _part(out).open("wb") as file:
-        write_mcap(rows, file)
+        write(rows, file)
     return (out,)
 
 
@@ -84,4 +80,5 @@ def _part(path: Path) -> Path:
 
 
 FORMATS: dict[str, Callable[[ExportRows, Path], tuple[Path, ...]]] = {
-    "csv": _to_csv, "mcap": _to_mcap, "parquet": _to_parquet, "wpilog": _to_wpilog}
+    "csv": _to_csv, "mcap": partial(_to_one_file, write_mcap), "parquet": _to_parquet,
+    "wpilog": partial(_to_one_file, write_wpilog)}

@@ -41,6 +41,6 @@ def share(scored: Score) -> str:
     return f"{scored[0] / max(scored[1], 1):.0%} ({scored[0]} of {scored[1]})"
 
 
-def read_ratings(path: Path) -> list[dict[str, str]]:
+def read_rows(path: Path) -> list[dict[str, str]]:
     with path.open(encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))

@@ -2,13 +2,12 @@
 
 import json
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
 import truearc as ta
-from truearc.cli.start.demo_files import Demo, read_ratings, score, share
-from truearc.cli.start.demo_worth import put_in, worth_of_it
+from truearc.cli.start.demo_files import Demo, score, share
+from truearc.cli.start.demo_worth import put_in, rated, worth_of_it
 from truearc.robot.recording.session import load_session_config, load_trials
 from truearc.sim.data.columns import OUTCOMES
 from truearc.sim.data.dataset import load_dataset
@@ -109,39 +108,27 @@ def _fit(demo: Demo) -> str:
     return picture(demo.fit_map.read_bytes(), "3-point accuracy over the coefficients, and the pairs that tie")
 
 
-class Rated(NamedTuple):
-    """Shots of the ungated session inside our gate's domain: p [n, 2] of both gates and level [n] (0, 1, 2)."""
-
-    ours: np.ndarray
-    network: np.ndarray
-    level: np.ndarray
-
-
-def _rated(demo: Demo) -> Rated:
-    shots = load_dataset(demo.ungated_shots).shots
-    ours, network = read_ratings(demo.ratings), read_ratings(demo.network_ratings)
-    kept = [row for row, rating in enumerate(ours) if rating["in_domain"] == "true" and rating["p_two"]]
-    p = [np.array([[float(ratings[row][name]) for name in ("p_two", "p_three")] for row in kept]).reshape(-1, 2)
-         for ratings in (ours, network)]
-    return Rated(p[0], p[1], np.array([OUTCOMES.index(shots.text("outcome")[row]) for row in kept], int))
+def _rated(demo: Demo) -> tuple[list[np.ndarray], np.ndarray]:
+    """Of our gate and the paper's network, inside our gate's domain."""
+    return rated(demo, (demo.ratings, demo.network_ratings), inside=1)
 
 
 def _judged(demo: Demo) -> tuple[Figures, Figures]:
-    rated = _rated(demo)
-    return figures_of(rated.ours, rated.level), figures_of(rated.network, rated.level)
+    (ours, network), level = _rated(demo)
+    return figures_of(ours, level), figures_of(network, level)
 
 
 def _confusion(demo: Demo) -> str:
-    rated = _rated(demo)
-    said = (rated.ours >= 0.5).sum(axis=1)
-    rows = [[f"it was {was}", *(int(((rated.level == k) & (said == j)).sum()) for j in range(3))]
+    (ours, _), level = _rated(demo)
+    said = (ours >= 0.5).sum(axis=1)
+    rows = [[f"it was {was}", *(int(((level == k) & (said == j)).sum()) for j in range(3))]
             for k, was in enumerate(OUTCOMES)]
     figures = [[name, f"{one.accuracy:.0%}", f"{one.f1_three:.2f}", f"{one.brier:.3f}", f"{one.ece:.3f}",
                 f"{one.log_score:.2f}"] for name, one in zip(("our gate", "the paper's network"), _judged(demo),
                                                              strict=True)]
     return (table(["", *(f"our gate said {said}" for said in OUTCOMES)], rows)
             + table(["", "outcome right", "F1 of three", "Brier", "calibration error", "log score"], figures)
-            + paragraph(f"The {len(rated.level)} shots of the ungated session that lie in our gate's domain; both "
+            + paragraph(f"The {len(level)} shots of the ungated session that lie in our gate's domain; both "
                         "gates were trained on the practice session alone. Of Brier and calibration error less is "
                         "better, of the others more.", dim=True))
 

@@ -1,13 +1,13 @@
 """What putting a finding into the simulation was worth: the same robot and gate before and after, on unseen shots."""
 
-import csv
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from truearc.cli.start.demo_files import Demo, Score, read_ratings, score, share
+from truearc.cli.start.demo_files import Demo, Score, read_rows, score, share
 from truearc.sim.data.columns import OUTCOMES
 from truearc.sim.data.dataset import load_dataset
 from truearc.sim.discover.select.refit import clustered_error
@@ -35,7 +35,7 @@ class Worth(NamedTuple):
 
 def worth_of(demo: Demo) -> Worth:
     """By the session without a gate, which neither has learnt from, and the two sessions that the gates drove."""
-    p, level = _rated(demo)
+    p, level = rated(demo, (demo.ratings, demo.ratings_after), inside=2)
     gain = log_scores(p[1], level) - log_scores(p[0], level)
     off_m, balls = _heights_off_m(demo)
     before, after = (score(load_dataset(shots), ("three",)) for shots in (demo.gated_shots, demo.after_shots))
@@ -74,14 +74,15 @@ def worth_of_it(demo: Demo) -> str:
         "session inside both gates' domains. The last: two sessions alike but for the gate.", dim=True)
 
 
-def _rated(demo: Demo) -> tuple[list[np.ndarray], np.ndarray]:
-    """(p [n, 2] of the gate before and of that after, level [n]) of shots inside both domains."""
+def rated(demo: Demo, files: Sequence[Path], inside: int) -> tuple[list[np.ndarray], np.ndarray]:
+    """(p [n, 2] of each file's gate, level [n]: 0, 1, 2) of the ungated shots inside the first `inside` gates' domains.
+    """
     shots = load_dataset(demo.ungated_shots).shots
-    both = [read_ratings(path) for path in (demo.ratings, demo.ratings_after)]
+    ratings = [read_rows(path) for path in files]
     kept = [row for row in range(len(shots))
-            if all(one[row]["in_domain"] == "true" and one[row]["p_two"] for one in both)]
+            if all(one[row]["in_domain"] == "true" and one[row]["p_two"] for one in ratings[:inside])]
     p = [np.array([[float(one[row][name]) for name in ("p_two", "p_three")] for row in kept]).reshape(-1, 2)
-         for one in both]
+         for one in ratings]
     return p, np.array([OUTCOMES.index(shots.text("outcome")[row]) for row in kept], int)
 
 
@@ -100,5 +101,4 @@ def _heights_off_m(demo: Demo) -> tuple[tuple[float, float, float], int]:
 
 
 def _heights(path: Path) -> list[float]:
-    with path.open(encoding="utf-8", newline="") as file:
-        return [float(row["height_m"] or "nan") for row in csv.DictReader(file)]
+    return [float(row["height_m"] or "nan") for row in read_rows(path)]

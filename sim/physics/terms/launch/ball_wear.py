@@ -1,6 +1,6 @@
 """Balls that wear in the course of a session, and so leave slower."""
 
-from truearc.sim.physics.term import SHARE, Instrument, Number, Parameter, Prior, SpeedTerm, either_way
+from truearc.sim.physics.term import SHARE, Instrument, Parameter, Prior, SpeedTerm, either_way
 
 
 class BallWear(SpeedTerm):
@@ -16,6 +16,3 @@ class BallWear(SpeedTerm):
     sentence = "The balls leave slower, or faster, the more they have been shot."
     phrase = either_way("the balls leave <way> the more they have been shot: {} by the end", "slower", "faster", SHARE)
     instrument = Instrument("speed_worn_balls", "the speed of new and worn balls in turn", 0.02)
-
-    def speed_factor(self, amount: Number) -> Number:
-        return 1.0 - amount

@@ -1,6 +1,6 @@
 """A ball that leaves slower than the wheels' surfaces run: energy lost in squeezing it and in spinning it up."""
 
-from truearc.sim.physics.term import SHARE, Instrument, Number, Parameter, Prior, SpeedTerm, either_way
+from truearc.sim.physics.term import SHARE, Instrument, Parameter, Prior, SpeedTerm, either_way
 
 
 class ExitEfficiency(SpeedTerm):
@@ -15,6 +15,3 @@ class ExitEfficiency(SpeedTerm):
     sentence = "The ball leaves slower than the wheels' surfaces run, by the same share at every speed."
     phrase = either_way("the ball leaves {} <way> than the wheels' surfaces run", "slower", "faster", SHARE)
     instrument = Instrument("exit_speed_film", "exit speed with a high-speed camera", 0.02)
-
-    def speed_factor(self, amount: Number) -> Number:
-        return 1.0 - amount

@@ -5,16 +5,7 @@ from typing import Any
 import jax.numpy as jnp
 
 from truearc.sim.data.conditions import Circumstances
-from truearc.sim.physics.term import (
-    SHARE,
-    Instrument,
-    Number,
-    Parameter,
-    Prior,
-    SpeedTerm,
-    Values,
-    either_way,
-)
+from truearc.sim.physics.term import SHARE, Instrument, Parameter, Prior, SpeedTerm, Values, either_way
 
 
 class RapidFire(SpeedTerm):
@@ -37,6 +28,3 @@ class RapidFire(SpeedTerm):
     def at_shot(self, values: Values, circumstances: Circumstances) -> dict[str, Any]:
         left = jnp.exp(-circumstances.since_last_shot_s / values["time_constant_s"])
         return {**values, "loss": values["loss"] * left}
-
-    def speed_factor(self, amount: Number) -> Number:
-        return 1.0 - amount

@@ -1,6 +1,6 @@
 """Wheels that slow down while the ball passes, so that it leaves slower than they ran before."""
 
-from truearc.sim.physics.term import SHARE, Instrument, Number, Parameter, Phrase, Prior, SpeedTerm
+from truearc.sim.physics.term import SHARE, Instrument, Parameter, Phrase, Prior, SpeedTerm
 
 
 class WheelDroop(SpeedTerm):
@@ -20,6 +20,3 @@ class WheelDroop(SpeedTerm):
                     *SHARE)
     instrument = Instrument("exit_speed_film_dip",
                             "exit speed at little and at much dip with a high-speed camera", 0.02)
-
-    def speed_factor(self, amount: Number) -> Number:
-        return 1.0 - amount

@@ -1,17 +1,7 @@
 """Wheels that run faster or slower than they read, or are larger or smaller than stated."""
 
-from truearc.sim.physics.term import (
-    SHARE,
-    Exit,
-    Instrument,
-    Number,
-    Parameter,
-    Prior,
-    Rig,
-    SensingTerm,
-    Values,
-    either_way,
-)
+from truearc.sim.physics.term import Exit, Number, Rig, SensingTerm, Values
+from truearc.sim.physics.term_fields import SHARE, Instrument, Parameter, Prior, either_way
 
 
 class EncoderScale(SensingTerm):

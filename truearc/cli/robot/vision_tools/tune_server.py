@@ -3,33 +3,22 @@
 import json
 from collections.abc import Callable
 from importlib.resources import files
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 from urllib.parse import parse_qs, urlsplit
 
 from truearc.robot.config.schema import InputError
 from truearc.robot.operator_ui.serving import LocalHandler, LocalServer
 
+if TYPE_CHECKING:
+    from truearc.cli.robot.vision_tools.tuner import Tuner
+
 MOST_BYTES = 10_000                   # of what a page may send
-
-
-class Answerer(Protocol):
-    """What the page may ask; each may raise InputError."""
-
-    def state(self) -> dict[str, Any]: ...
-
-    def picture(self, index: int, view: str, settings: dict[str, Any], frame: int) -> bytes: ...
-
-    def look(self, index: int, settings: dict[str, Any]) -> dict[str, Any]: ...
-
-    def replay(self, settings: dict[str, Any], begin: int) -> list[dict[str, Any]]: ...
-
-    def save(self, settings: dict[str, Any]) -> dict[str, Any]: ...
 
 
 class TuneServer(LocalServer):
     """Serves one tuner; OSError when the port is taken."""
 
-    def __init__(self, tuner: Answerer, host: str, port: int) -> None:
+    def __init__(self, tuner: "Tuner", host: str, port: int) -> None:
         super().__init__(host, port, _Page)
         self.tuner = tuner
 
@@ -43,9 +32,8 @@ class _Page(LocalHandler):
         if not self.is_ours():
             self.give(403, "text/plain", b"this page is for this machine")
         elif where.path == "/":
-            self.give(
-                200, "text/html; charset=utf-8", (files("truearc.cli.robot") / "pages" / "tune.html").read_bytes()
-            )
+            page = files("truearc.cli.robot") / "pages" / "tune.html"
+            self.give(200, "text/html; charset=utf-8", page.read_bytes())
         elif where.path == "/state":
             self._answer(tuner.state)
         elif where.path == "/picture":

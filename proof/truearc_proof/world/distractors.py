@@ -1,7 +1,7 @@
 """What is not the target: lights, glare, reflections, things in the way, and targets of other years.
 
 Each kind is a function of the lens, the true target's outline in the image (or None) and random numbers, and gives
-patches for EmulatedCamera.clutter. Other targets are flat shapes in metres, seen by the same lens from anywhere.
+patches for StagedCamera.clutter. Other targets are flat shapes in metres, seen by the same lens from anywhere.
 """
 
 from collections.abc import Callable
@@ -9,9 +9,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from truearc.hw.emulated.imaging.image_degradation import TAPE_BGR, Patch
+from truearc.hw.emulated.imaging.camera import TAPE_BGR
 from truearc.hw.emulated.imaging.lens import Array, Lens, distort, project
-from truearc.hw.emulated.static_plant import place
+from truearc_proof.world.camera_damage import Patch
+from truearc_proof.world.placing import place
 
 Kind = Callable[[Lens, Array | None, np.random.Generator], tuple[Patch, ...]]
 

@@ -3,9 +3,13 @@
 It looks at the truth instead of at sensors, so that surveys and tests measure the world and nothing else.
 """
 
+import math
 from collections import deque
 from typing import NamedTuple
 
+import numpy as np
+
+from truearc.sim.world.parts.chassis import Pose
 from truearc.sim.world.parts.hood import COULOMB_NM
 from truearc.sim.world.parts.target import BallResult
 from truearc.sim.world.world import World
@@ -74,7 +78,7 @@ class Bench:
         world.advance(self.t_ns, {"flywheel_a": wheel_nm, "flywheel_b": wheel_nm, "hood": hood_nm,
                                   "feeder": feeder_nm})
         self.samples.append(Sample(self.t_ns * 1e-9, world.wheel_rad_s, world.hood_deg, world.bus_v(),
-                                   world.ball_from_muzzle()))
+                                   ball_from_muzzle(world)))
 
     def _wheels(self, wanted_rad_s: float) -> tuple[float, float]:
         self._speeds.append(self.world.wheel_rad_s)
@@ -91,3 +95,20 @@ class Bench:
             return -0.002 * speed_deg_s, abs(error)
         friction_nm = COULOMB_NM if error > 0.0 else -COULOMB_NM
         return min(max(0.05 * error - 0.004 * speed_deg_s, -0.3), 0.3) + friction_nm, abs(error)
+
+
+def ball_from_muzzle(world: World) -> tuple[float, float, float, float] | None:
+    """(s since it left, x, y, z in the launcher's axes) of the ball that left last, None if none is in the air."""
+    if not world.flying:
+        return None
+    flight = world.flying[-1].flight
+    x_m, y_m, z_m = map(float, _from_muzzle(flight.position_m, world.stand.pose()))
+    return flight.time_s, x_m, y_m, z_m
+
+
+def _from_muzzle(place_m: np.ndarray, pose: Pose) -> np.ndarray:
+    """From the field's axes to the launcher's."""
+    cos, sin = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
+    turn = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    local_m: np.ndarray = turn @ (place_m - np.array([pose.x_m, pose.y_m, 0.0]))
+    return local_m
