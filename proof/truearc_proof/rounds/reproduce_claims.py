@@ -9,7 +9,6 @@ from typing import Any
 
 import msgspec
 
-from truearc_proof.rounds.claims_schema import Claims, load_claims
 from truearc_proof.rounds.ledger import append
 from truearc_proof.rounds.round_layout import SEALED, Room
 from truearc_proof.scoring.score_finding import said_set, said_stage
@@ -28,19 +27,19 @@ def give_away(room: Room, names: Sequence[str], away: Path) -> Room:
 
 
 def solver_of(room: Room, name: str) -> str:
-    """The hash that a world's claims carry, whatever else is wrong with them."""
+    """The hash that a world's claims carry."""
     return str(msgspec.json.decode(room.claims(name).read_bytes()).get("solver"))
 
 
 def compare_claims(room: Room, other: Room, name: str) -> tuple[str, ...]:
     """What was claimed otherwise than it is now, in words; numbers may be off by NEARLY."""
-    was, now = (_told(load_claims(one.claims(name))) for one in (room, other))
+    was, now = (_told(msgspec.json.decode(one.claims(name).read_bytes())) for one in (room, other))
     return tuple(f"{room.claims(name)}: {line}" for line in _unlike("", was, now))
 
 
-def _told(claims: Claims) -> dict[str, Any]:
+def _told(claims: Mapping[str, Any]) -> dict[str, Any]:
     """What marks are made of. Names by name: two as likely as each other come in either order."""
-    finding = claims.finding
+    finding = claims["finding"]
     where, unknown = finding.get("where") or {}, finding.get("unknown") or {}
     what = {one["term"]: [one.get("probability"), one.get("parameters")] for one in finding.get("what") or ()}
     also = [sorted(one.get("set") or ()) for one in finding.get("also") or ()]
@@ -49,7 +48,7 @@ def _told(claims: Claims) -> dict[str, Any]:
             "stage": said_stage(where), "goes with": [where.get("covariate"), where.get("direction"),
                                                       sorted(where.get("inseparable") or ()),
                                                       unknown.get("covariate"), unknown.get("direction")],
-            "fit": finding.get("fit"), "believed": msgspec.to_builtins(claims.believed)}
+            "fit": finding.get("fit"), "believed": claims.get("believed")}
 
 
 def _unlike(key: str, was: Any, now: Any) -> Iterator[str]:
