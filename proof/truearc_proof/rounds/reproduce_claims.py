@@ -28,8 +28,8 @@ def give_away(room: Room, names: Sequence[str], away: Path) -> Room:
 
 
 def solver_of(room: Room, name: str) -> str:
-    """The hash that a world's claims carry."""
-    return str(load_claims(room.claims(name)).solver)
+    """Return the hash that a world's claims carry; whatever else is in them is not checked here."""
+    return str(msgspec.json.decode(room.claims(name).read_bytes()).get("solver"))
 
 
 def compare_claims(room: Room, other: Room, name: str) -> tuple[str, ...]:
