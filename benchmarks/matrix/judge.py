@@ -19,7 +19,7 @@ from benchmarks.matrix.robot_side import RobotSide
 from benchmarks.matrix.row import DISARMS, ITSELF, KEEPS, REARM, REFUSED, Row
 from benchmarks.matrix.signs import find
 from benchmarks.matrix.span import Span
-from truearc.robot.config.schema import Config, InputError
+from truearc.robot.config.schema import Config, InputError, read_axis
 from truearc.robot.reasons import text, texts
 from truearc.robot.recording.candump import parse_candump
 from truearc.robot.recording.reader import TickReader
@@ -192,7 +192,7 @@ def _judge_recording(row: Row, result: Result, folder: Path, ticks: list[Tick]) 
         if side.failed and not ends_robot(row.breaking):
             result.wrong.append(f"the recording failed: {side.failed}")
     rows = RecordedRows(TickReader(session))
-    config = msgspec.json.decode((session / "config.json").read_bytes(), type=Config)
+    config = msgspec.json.decode((session / "config.json").read_bytes(), type=Config, dec_hook=read_axis)
     try:
         run(ReplayRig(rows), config, None if answers is None else AnswersAgain(answers), Comparer(rows))
     except Difference as difference:

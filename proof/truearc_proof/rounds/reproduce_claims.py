@@ -27,7 +27,7 @@ def give_away(room: Room, names: Sequence[str], away: Path) -> Room:
 
 
 def solver_of(room: Room, name: str) -> str:
-    """The hash that a world's claims carry."""
+    """Return the hash that a world's claims carry; whatever else is in them is not checked here."""
     return str(msgspec.json.decode(room.claims(name).read_bytes()).get("solver"))
 
 
