@@ -65,7 +65,7 @@ def test_a_round_whose_player_was_killed_is_left_to_its_solver_and_then_goes_on(
 def test_who_takes_up_a_round_that_is_being_solved_is_refused(tmp_path: Path) -> None:
     (tmp_path / "ledger.jsonl").touch()
     with alone(tmp_path):
-        for role in ("seal", "solve", "answer", "grade"):
-            words = [sys.executable, "-m", "truearc", "prove", role, "--seed", "1", "--out", str(tmp_path)]
+        for role in (["seal", "--seed", "1"], ["solve"], ["answer"], ["grade"]):
+            words = [sys.executable, "-m", "truearc", "prove", *role, "--out", str(tmp_path)]
             done = subprocess.run(words, capture_output=True, text=True, check=False)
             assert done.returncode == 2 and "played by another process" in done.stderr, done.stderr
