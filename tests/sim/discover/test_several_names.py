@@ -19,6 +19,7 @@ from truearc.sim.discover.report.finding_text import say_adopted
 from truearc.sim.discover.select.model_averaging import LEAST, mixed, shares
 from truearc.sim.infer.belief import load_belief, point_belief
 from truearc.sim.infer.coefficients import Coefficients
+from truearc.sim.physics.catalogue import BUILT_IN
 from truearc.sim.physics.simulate import opening_of, predict
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world
@@ -43,7 +44,7 @@ def above_m(dataset: Dataset, coefficients: Coefficients) -> np.ndarray:
 def coefficients_of(evidence: ScoreTable, believed: tuple[str, ...]) -> Coefficients:
     columns = [k for k in range(evidence.first_shared, len(evidence.columns))
                if not evidence.columns[k].name.startswith("scatter.")]
-    return point_belief(_coefficients(evidence, columns, believed)).coefficients
+    return point_belief(_coefficients(evidence, columns, believed, BUILT_IN)).coefficients
 
 
 def test_it_forecasts_the_average_and_no_single_name_does(raised: tuple[Dataset, Investigation],
