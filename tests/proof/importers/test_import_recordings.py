@@ -149,7 +149,7 @@ def test_a_file_that_is_cut_short_or_stands_twice_is_refused(tmp_path: Path) -> 
 def test_without_the_package_it_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = record(tmp_path / "spin.hdf5", [("4", *flight())])
     monkeypatch.setitem(__import__("sys").modules, "h5py", None)
-    with pytest.raises(InputError, match=r"needs h5py: pip install 'truearc\[originals\]'"):
+    with pytest.raises(InputError, match=r"needs h5py: pip install ./proof"):
         import_mpi(path)
 
 
