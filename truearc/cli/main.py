@@ -13,7 +13,7 @@ from truearc.robot.config.schema import InputError
 # a core busy, for that. Set before NumPy is imported.
 ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 PREFIXES = tuple(dict.fromkeys(name.partition(" ")[0] for name in NAMES if name.partition(" ")[0] not in NAMES))
-EXTRAS = {"distributed": "truearc[cluster]"}      # package -> what to install; any other is in truearc[sim]
+EXTRAS = {"distributed": "truearc-proof[cluster]"}      # package -> what to install; any other is in truearc[sim]
 
 
 def main(argv: list[str] | None = None) -> int:
