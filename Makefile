@@ -33,8 +33,11 @@ faults: setup
 
 mutants: setup
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[sim,test,mutants]'
-	$(BIN)/mutmut run
-	$(BIN)/mutmut results
+	rm -rf build/mutants
+	mkdir -p build/mutants
+	cp -r pyproject.toml tests truearc build/mutants
+	cp -r hw robot sim model_export build/mutants/truearc
+	cd build/mutants && $(abspath $(BIN))/mutmut run && $(abspath $(BIN))/mutmut results
 
 clean:
-	rm -rf build mutants $(VENV) report sessions .truearc_cache
+	rm -rf build $(VENV) report sessions .truearc_cache

@@ -60,12 +60,23 @@ def same_share_of_the_machine() -> Iterator[None]:
     assert (os.sched_getscheduler(0), os.sched_getaffinity(0)) == before
 
 
+def check_mutated_copy() -> None:
+    """Refuse to test mutants with a package from elsewhere, such as an editable install: all of them would survive."""
+    import truearc.hw
+
+    here, there = Path(__file__).resolve().parents[1], Path(truearc.hw.__file__).resolve()
+    if here not in there.parents:
+        raise pytest.UsageError(f"mutants: truearc.hw comes from {there.parent}; expected a copy below {here}")
+
+
 def pytest_configure(config: pytest.Config) -> None:
     """What XLA has compiled in one process, every process of this run may take; Numba's each keeps to itself."""
     if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
         folder = tempfile.mkdtemp(prefix="truearc-tests-")
         os.environ |= {"JAX_COMPILATION_CACHE_DIR": folder, "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.2"}
         config.add_cleanup(lambda: shutil.rmtree(folder, ignore_errors=True))
+    if "MUTANT_UNDER_TEST" in os.environ:
+        check_mutated_copy()
     worker = os.environ.get("PYTEST_XDIST_WORKER")
     if worker:
         # Numba names what it keeps by counting: two processes may give one name to code for different arguments
