@@ -1,4 +1,4 @@
-"""What the rest of the house may ask of a wire, whether real or emulated."""
+"""Interfaces of wires, cameras and clocks, real or emulated."""
 
 from typing import NamedTuple, Protocol
 
@@ -7,26 +7,23 @@ from truearc.hw.readings import CameraFrame
 from truearc.hw.reason import Reason, render
 
 
-class LinkLost(Exception):
+class _WithReason(Exception):
+    """An error whose `reason` says what is wrong."""
+
+    def __init__(self, reason: Reason) -> None:
+        super().__init__(reason)
+        self.reason = reason
+
+    def __str__(self) -> str:
+        return render(self.reason, BY_NAME)
+
+
+class LinkLost(_WithReason):
     """The wire itself is gone (adapter unplugged, port closed); `reason` names it."""
 
-    def __init__(self, reason: Reason) -> None:
-        super().__init__(reason)
-        self.reason = reason
 
-    def __str__(self) -> str:
-        return render(self.reason, BY_NAME)
-
-
-class BadFrame(ValueError):
+class BadFrame(_WithReason, ValueError):
     """A frame that its device cannot have meant: wrong length, non-finite, or out of range; `reason` names it."""
-
-    def __init__(self, reason: Reason) -> None:
-        super().__init__(reason)
-        self.reason = reason
-
-    def __str__(self) -> str:
-        return render(self.reason, BY_NAME)
 
 
 class Frame(NamedTuple):

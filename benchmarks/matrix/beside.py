@@ -23,7 +23,7 @@ class Beside:
         room = make_room(config.camera.width_px, config.camera.height_px)
         memory = make_shared(room.bytes)
         self._folder, self._sightings = folder, Slots(memory, room)
-        self._vision = Child("vision", look, (config, memory, room), mended=True, mortal=True)
+        self._vision = Child("vision", look, (config, memory, room), restarts=True, mortal=True)
         wires.callback(self._vision.close, CLOSE_S)
         self._recorder = RecorderProcess(wires)
 

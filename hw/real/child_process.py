@@ -5,13 +5,14 @@ import multiprocessing
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from typing import Any
 
 from truearc.hw.fault_codes import PROCESS_ENDED, PROCESS_KILLED, PROCESS_STARTING
 from truearc.hw.protocols import LinkLost
+from truearc.hw.real.pauses import make_pauses_s
 from truearc.hw.reason import Reason
 
 CONTEXT = multiprocessing.get_context("spawn")    # forking a process that has threads may hang the child
@@ -49,7 +50,7 @@ class Child:
     """A process that does `work` until `close`, or until this process is no more.
 
     `trouble` is what is wrong with it: it has not started yet, cannot, or has ended; None while it works.
-    `mended`: started again when it has ended, after pauses that grow while it does no good. `mortal`: killed by the
+    `restarts`: started again when it has ended, after pauses that grow while it does no good. `mortal`: killed by the
     system when this process has died, where the system can; for one that has nothing to finish.
 
     A thread of its own starts the process and waits for its end: it is there before real time is asked for, so that a
@@ -57,12 +58,12 @@ class Child:
     parent's.
     """
 
-    def __init__(self, name: str, work: Work, args: tuple[Any, ...], *, mended: bool, mortal: bool) -> None:
+    def __init__(self, name: str, work: Work, args: tuple[Any, ...], *, restarts: bool, mortal: bool) -> None:
         self.name = name
         self.trouble: Reason | None = PROCESS_STARTING(process=name)
         self.pid: int | None = None
         self.starts = 0
-        self._work, self._args, self._mended, self._mortal = work, args, mended, mortal
+        self._work, self._args, self._restarts, self._mortal = work, args, restarts, mortal
         self._answered, self._over = threading.Event(), threading.Event()
         self._lock = threading.Lock()
         self._line: Connection[Any, Any] | None = None
@@ -78,7 +79,7 @@ class Child:
 
     def is_gone(self) -> bool:
         """Whether it has ended for good."""
-        return not self._mended and self._answered.is_set() and not self._thread.is_alive()
+        return not self._restarts and self._answered.is_set() and not self._thread.is_alive()
 
     def close(self, patience_s: float) -> None:
         """Have it end, and kill it if it takes longer than that."""
@@ -92,14 +93,14 @@ class Child:
             self._thread.join()
 
     def _keep(self) -> None:
-        pauses_s = make_pauses_s()
+        pauses_s = make_pauses_s(FIRST_S, LONGEST_S)
         while not self._over.is_set():
             worked = self._live_once()
             self._answered.set()
-            if not self._mended:
+            if not self._restarts:
                 return
             if worked:
-                pauses_s = make_pauses_s()
+                pauses_s = make_pauses_s(FIRST_S, LONGEST_S)
             self._over.wait(next(pauses_s))
 
     def _live_once(self) -> bool:
@@ -135,17 +136,9 @@ class Child:
 
 
 def make_shared(size: int) -> Any:
-    """So many bytes, all zero, that a child may have too; they are gone when nobody has them any more, however that
-    came."""
+    """Return `size` zero bytes that a child may share; the system frees them once no process holds them, however its
+    holders ended."""
     return CONTEXT.RawArray(ctypes.c_ubyte, size)
-
-
-def make_pauses_s() -> Iterator[float]:
-    """How long to wait before each start: twice as long each time, up to LONGEST_S."""
-    pause_s = FIRST_S
-    while True:
-        yield pause_s
-        pause_s = min(2.0 * pause_s, LONGEST_S)
 
 
 def _ended(name: str, code: int) -> Reason:

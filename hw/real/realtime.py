@@ -1,4 +1,4 @@
-"""What a process that must be on time asks of Linux. A refusal is an answer, never an error."""
+"""Requests of a process with real-time deadlines to Linux. A refusal is an answer, never an error."""
 
 import contextlib
 import ctypes
@@ -13,7 +13,7 @@ ELSEWHERE = "this is not Linux"
 
 
 class Answer(NamedTuple):
-    """One thing asked of the system; `refused` says why not, and is empty when it was granted."""
+    """A request to the system; `refused` says why not, and is empty when it was granted."""
 
     asked: str
     refused: str
@@ -21,37 +21,25 @@ class Answer(NamedTuple):
 
 def ask_fifo(priority: int) -> Answer:
     """SCHED_FIFO for the calling thread; threads and processes that it starts are ordinary ones again."""
-    asked = f"real-time scheduling (SCHED_FIFO {priority})"
-    if sys.platform != "linux":
-        return Answer(asked, ELSEWHERE)
-    return _ask(asked, lambda: os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK,
-                                                     os.sched_param(priority)))
+    return _ask(f"real-time scheduling (SCHED_FIFO {priority})", lambda: _set_fifo(0, priority))
 
 
 def ask_fifo_beside(priority: int) -> Answer:
     """SCHED_FIFO, too, for all threads of this process that run by now, below the calling one: a thread that has the
     interpreter while it waits for a core holds up all others, whatever their own priority."""
-    asked = f"the same for its other threads (SCHED_FIFO {priority - 1})"
-    if sys.platform != "linux":
-        return Answer(asked, ELSEWHERE)
-
     def ask() -> None:
         for name in os.listdir("/proc/self/task"):
             if int(name) == threading.get_native_id():
                 continue
             with contextlib.suppress(ProcessLookupError):     # it has ended meanwhile
-                os.sched_setscheduler(int(name), os.SCHED_FIFO | os.SCHED_RESET_ON_FORK,
-                                      os.sched_param(max(priority - 1, 1)))
+                _set_fifo(int(name), max(priority - 1, 1))
 
-    return _ask(asked, ask)
+    return _ask(f"the same for its other threads (SCHED_FIFO {priority - 1})", ask)
 
 
 def ask_core(core: int) -> Answer:
     """One core for the calling thread alone; threads that run already stay where they may."""
-    asked = f"core {core}"
-    if sys.platform != "linux":
-        return Answer(asked, ELSEWHERE)
-    return _ask(asked, lambda: os.sched_setaffinity(0, {core}))
+    return _ask(f"core {core}", lambda: os.sched_setaffinity(0, {core}))
 
 
 def ask_locked_memory() -> Answer:
@@ -59,15 +47,15 @@ def ask_locked_memory() -> Answer:
 
     Asked only where there is no limit to it: under one, later allocations would fail in the middle of a run.
     """
-    asked = "locked memory"
-    if sys.platform != "linux":
-        return Answer(asked, ELSEWHERE)
-    import resource  # POSIX only
+    def ask() -> None:
+        import resource  # POSIX only
 
-    soft, _ = resource.getrlimit(resource.RLIMIT_MEMLOCK)
-    if soft != resource.RLIM_INFINITY and os.geteuid() != 0:
-        return Answer(asked, f"only {soft // 1024} KiB are allowed")
-    return _ask(asked, lambda: _call("mlockall", CURRENT | FUTURE | ON_FAULT))
+        soft, _ = resource.getrlimit(resource.RLIMIT_MEMLOCK)
+        if soft != resource.RLIM_INFINITY and os.geteuid() != 0:
+            raise OSError(f"only {soft // 1024} KiB are allowed")
+        _call("mlockall", CURRENT | FUTURE | ON_FAULT)
+
+    return _ask("locked memory", ask)
 
 
 def rehearse(priority: int) -> tuple[Answer, ...]:
@@ -86,7 +74,13 @@ def rehearse(priority: int) -> tuple[Answer, ...]:
     return tuple(answers)
 
 
+def _set_fifo(thread: int, priority: int) -> None:
+    os.sched_setscheduler(thread, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(priority))
+
+
 def _ask(asked: str, call: Callable[[], None]) -> Answer:
+    if sys.platform != "linux":
+        return Answer(asked, ELSEWHERE)
     try:
         call()
     except (OSError, ValueError) as error:        # ValueError: no such core at all

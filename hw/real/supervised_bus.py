@@ -1,19 +1,21 @@
 """A CAN bus that outlives its adapter: read by a thread of its own, and opened again whenever it is lost.
 
-python-can's Notifier would not do: an exception in it ends its thread without a word.
+python-can's Notifier would not do: an exception in it ends its thread silently.
 """
 
 import contextlib
 import threading
 from collections import Counter, deque
 from collections.abc import Callable, Iterator
+from functools import partial
 
 from truearc.hw.fault_codes import CAN_ADAPTER_ERROR, CAN_CLOSED, CAN_OVERRUN, CAN_REOPENED, CAN_SILENT
 from truearc.hw.protocols import Clock, Frame, LinkLost
 from truearc.hw.real.can_bus import CanBus
+from truearc.hw.real.pauses import make_pauses_s
 from truearc.hw.reason import Reason
 
-WAIT_S = 0.02                         # how often a thread that hears nothing looks up
+WAIT_S = 0.02                         # how often a thread that receives no frames looks up
 SILENT_NS = 1_000_000_000             # a bus on which nothing is heard for so long is lost: not all adapters tell
 ROOM = 4096                           # frames that may wait for the tick: two seconds of a busy bus
 OVERRUN = "frames lost to overrun"
@@ -36,7 +38,7 @@ class SupervisedBus:
         `room`: frames that may wait for the tick. `pauses`: of s between attempts to open it again, make_pauses_s.
         """
         self._open_bus, self._clock, self._tally = open_bus, clock, tally
-        self._room, self._pauses = room, pauses or make_pauses_s
+        self._room, self._pauses = room, pauses or partial(make_pauses_s, FIRST_S, LONGEST_S)
         self._bus: CanBus | None = open_bus()
         self.name = self._bus.name
         self._lock = threading.Lock()             # of writing to the bus and of taking it away; the thread alone reads
@@ -136,11 +138,3 @@ class SupervisedBus:
         if bus is not None:
             with contextlib.suppress(Exception):  # it is gone, whatever its driver says of that
                 bus.close()
-
-
-def make_pauses_s() -> Iterator[float]:
-    """How long to wait before each attempt: twice as long each time, up to LONGEST_S."""
-    pause_s = FIRST_S
-    while True:
-        yield pause_s
-        pause_s = min(2.0 * pause_s, LONGEST_S)

@@ -12,7 +12,8 @@ import pytest
 from truearc.hw.fault_codes import CAMERA_NOT_OPENED, PROCESS_ENDED, PROCESS_KILLED
 from truearc.hw.protocols import LinkLost
 from truearc.hw.real import child_process as module
-from truearc.hw.real.child_process import Child, make_pauses_s
+from truearc.hw.real.child_process import Child
+from truearc.hw.real.pauses import make_pauses_s
 
 ROOT = Path(__file__).parents[2]
 posix = pytest.mark.skipif(os.name != "posix", reason="signals")
@@ -52,7 +53,7 @@ def until(true, limit_s=20.0):
 
 
 def test_it_works_until_it_is_closed():
-    child = Child("test", wait_over, (), mended=False, mortal=True)
+    child = Child("test", wait_over, (), restarts=False, mortal=True)
     assert child.trouble
     child.wait()
     assert child.trouble is None and child.pid and not child.is_gone()
@@ -61,7 +62,7 @@ def test_it_works_until_it_is_closed():
 
 
 def test_why_it_cannot_start_is_told():
-    child = Child("test", refuse, (NO_CAMERA,), mended=False, mortal=False)
+    child = Child("test", refuse, (NO_CAMERA,), restarts=False, mortal=False)
     with pytest.raises(LinkLost, match=r"^camera 0: cannot be opened$") as lost:
         child.wait()
     assert lost.value.reason == NO_CAMERA
@@ -69,7 +70,7 @@ def test_why_it_cannot_start_is_told():
 
 
 def test_one_that_falls_before_its_first_word_is_told():
-    child = Child("test", fall, (), mended=False, mortal=False)
+    child = Child("test", fall, (), restarts=False, mortal=False)
     with pytest.raises(LinkLost, match=r"the test process ended \(exit code 3\)"):
         child.wait()
     until(child.is_gone)
@@ -78,7 +79,7 @@ def test_one_that_falls_before_its_first_word_is_told():
 
 @posix
 def test_one_that_is_killed_is_told_at_once_and_started_again():
-    child = Child("test", wait_over, (), mended=True, mortal=True)
+    child = Child("test", wait_over, (), restarts=True, mortal=True)
     child.wait()
     first = child.pid
     os.kill(first, signal.SIGKILL)
@@ -90,17 +91,17 @@ def test_one_that_is_killed_is_told_at_once_and_started_again():
 
 
 def test_one_that_cannot_start_again_is_asked_ever_more_seldom():
-    child = Child("test", once, (), mended=True, mortal=True)
+    child = Child("test", once, (), restarts=True, mortal=True)
     until(lambda: child.trouble == NOT_AGAIN)
     child.close(10.0)
-    pauses = make_pauses_s()
+    pauses = make_pauses_s(module.FIRST_S, module.LONGEST_S)
     assert [next(pauses) for _ in range(6)] == pytest.approx([0.2, 0.4, 0.8, 1.6, 3.2, 5.0])
 
 
 @posix
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
 def test_what_ends_the_group_does_not_end_it(name):
-    child = Child("test", wait_over, (), mended=False, mortal=True)
+    child = Child("test", wait_over, (), restarts=False, mortal=True)
     child.wait()
     os.kill(child.pid, getattr(signal, name))
     time.sleep(0.2)
@@ -110,7 +111,7 @@ def test_what_ends_the_group_does_not_end_it(name):
 
 @posix
 def test_one_that_hangs_is_killed_when_it_is_to_end():
-    child = Child("test", stand_then_hang, (), mended=True, mortal=False)
+    child = Child("test", stand_then_hang, (), restarts=True, mortal=False)
     child.wait()
     child.close(0.2)
     assert child.trouble == PROCESS_KILLED(process="test", signal=9)
@@ -121,7 +122,7 @@ import os, signal, sys
 from truearc.hw.real.child_process import Child
 from tests.hw.test_child import {work}
 if __name__ == "__main__":
-    child = Child("test", {work}, (), mended=True, mortal={mortal})
+    child = Child("test", {work}, (), restarts=True, mortal={mortal})
     child.wait()
     print(child.pid, flush=True)
     os.kill(os.getpid(), signal.SIGKILL)

@@ -13,7 +13,8 @@ from truearc.hw.fault_codes import CAN_ADAPTER_ERROR, CAN_BUS_OFF, CAN_OVERRUN, 
 from truearc.hw.protocols import Frame, LinkLost
 from truearc.hw.real.can_bus import open_can
 from truearc.hw.real.clock import MonotonicClock
-from truearc.hw.real.supervised_bus import FIRST_S, LONGEST_S, ROOM, SILENT_NS, WAIT_S, SupervisedBus, make_pauses_s
+from truearc.hw.real.pauses import make_pauses_s
+from truearc.hw.real.supervised_bus import FIRST_S, LONGEST_S, ROOM, SILENT_NS, WAIT_S, SupervisedBus
 
 HELLO = Frame(7, 0x21, bytes(8))
 PATIENCE_S = 20.0
@@ -168,7 +169,7 @@ def test_silence_is_a_loss(benches, clock) -> None:
 
 
 def test_pauses_grow_to_a_limit() -> None:
-    pauses_s = list(itertools.islice(make_pauses_s(), 12))
+    pauses_s = list(itertools.islice(make_pauses_s(FIRST_S, LONGEST_S), 12))
     assert pauses_s[0] == FIRST_S and pauses_s[-1] == LONGEST_S
     assert all(later == min(2 * sooner, LONGEST_S) for sooner, later in itertools.pairwise(pauses_s))
 
@@ -178,7 +179,7 @@ def test_pauses_grow_until_something_is_heard(benches) -> None:
 
     def record():
         taken.append([])
-        for pause_s in make_pauses_s():
+        for pause_s in make_pauses_s(FIRST_S, LONGEST_S):
             taken[-1].append(pause_s)
             yield 0.0
 
@@ -192,7 +193,7 @@ def test_pauses_grow_until_something_is_heard(benches) -> None:
     third.coming.put(HELLO)
     gather(bench.bus, 1)
     eventually(lambda: bench.opened == 10)
-    growing = list(itertools.islice(make_pauses_s(), 8))
+    growing = list(itertools.islice(make_pauses_s(FIRST_S, LONGEST_S), 8))
     assert [pauses_s for pauses_s in taken if pauses_s] == [growing, [FIRST_S]]
 
 

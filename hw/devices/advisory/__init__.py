@@ -1,1 +1,1 @@
-"""Motors that somebody else's controller drives: truearc reads and advises."""
+"""Motors that another controller drives: truearc reads and advises."""

@@ -63,17 +63,22 @@ class OdriveAxis(Struct, frozen=True):
 
 
 class OdriveVersion(NamedTuple):
-    """What a device says it is."""
+    """Hardware and firmware that a device reports."""
 
     hardware: tuple[int, int, int]
     firmware: tuple[int, int, int]
 
 
 def error_words(axis_error: int) -> tuple[str, ...]:
-    """The errors in a bit field, in words; a bit without a name is given as its number."""
+    """Return the names of the errors in a bit field; an unknown bit is given as its number."""
     words = [word for bit, word in ERROR_WORDS if axis_error & bit]
     unnamed = axis_error & ~sum(bit for bit, _ in ERROR_WORDS)
     return (*words, f"error 0x{unnamed:08x}") if unnamed else tuple(words)
+
+
+def name_of(axis: OdriveAxis) -> str:
+    """The device as messages name it."""
+    return f"odrive node {axis.node}"
 
 
 def frame_ids(axis: OdriveAxis) -> tuple[int, ...]:
@@ -191,7 +196,7 @@ def _with_endstop(axis: OdriveAxis, values: Values, t_ns: int, previous: MotorRe
     if not axis.endstop_endpoint or values["endpoint"] != axis.endstop_endpoint:
         return previous
     if values["value"] not in (0, 1):
-        raise BadFrame(ENDSTOP_VALUE(device=f"odrive node {axis.node}", value=values["value"]))
+        raise BadFrame(ENDSTOP_VALUE(device=name_of(axis), value=values["value"]))
     return replace(previous, endstop_t_ns=t_ns, endstop=values["value"] == 1)
 
 
@@ -207,8 +212,8 @@ def _parse(axis: OdriveAxis, message: str, frame: Frame) -> dict[str, float]:
     try:
         return load_codec("odrive").parse(message, data)
     except BadFrame as error:
-        raise BadFrame(error.reason.about(device=f"odrive node {axis.node}", frame=frame.name)) from error
+        raise BadFrame(error.reason.about(device=name_of(axis), frame=frame.name)) from error
 
 
 def _unexpected(axis: OdriveAxis, frame: Frame, wanted: str) -> Reason:
-    return FRAME_UNEXPECTED(device=f"odrive node {axis.node}", frame=frame.name, wanted=wanted)
+    return FRAME_UNEXPECTED(device=name_of(axis), frame=frame.name, wanted=wanted)

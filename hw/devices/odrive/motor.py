@@ -1,38 +1,26 @@
 """An ODrive axis as a Motor: kept in closed loop while it is wanted, its watchdog fed."""
 
+from functools import partial
+
+from truearc.hw.devices.heard_motor import HeardMotor
 from truearc.hw.devices.odrive import frames as odrive
-from truearc.hw.encoder_plausibility import Agreement
 from truearc.hw.motor import Order
 from truearc.hw.protocols import Frame
-from truearc.hw.readings import MotorReading
-from truearc.hw.reason import Reason
 
 RETRY_NS = 100_000_000                # how often an axis that will not come up is asked again
 ENDSTOP_NS = 50_000_000               # how often the limit switch is read
 FEED_NS = 25_000_000                  # an unchanged torque is repeated this often: the watchdog wants to hear it
 
 
-class OdriveMotor:
-    """A Motor that is given torques. Its errors stand until it is wanted anew: arming is the operator's re-arm."""
+class OdriveMotor(HeardMotor):
+    """A Motor that is given torques. Its errors stand until it is wanted again: arming is the operator's re-arm."""
 
     def __init__(self, axis: odrive.OdriveAxis) -> None:
-        self.reading = MotorReading()
+        super().__init__(odrive.name_of(axis), odrive.frame_ids(axis), False, partial(odrive.parse, axis))
         self._axis = axis
         self._wanted = False
         self._asked_ns = self._endstop_ns = self._fed_ns = 0
         self._asked_nm = 0.0
-        self._agreement = Agreement()
-
-    def ids(self) -> tuple[tuple[int, bool], ...]:
-        return tuple((frame_id, False) for frame_id in odrive.frame_ids(self._axis))
-
-    def take(self, frame: Frame) -> None:
-        before, self.reading = self.reading, odrive.parse(self._axis, frame, self.reading)
-        self._agreement.take(before, self.reading)
-
-    def faults(self, t_ns: int) -> tuple[Reason, ...]:
-        fault = self._agreement.fault(f"odrive node {self._axis.node}", self.reading)
-        return () if fault is None else (fault,)
 
     def order(self, torque_nm: float | None, t_ns: int) -> Order:
         wanted = torque_nm is not None

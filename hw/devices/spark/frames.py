@@ -22,7 +22,7 @@ from truearc.hw.reason import Reason
 
 RPM_RAD_S = 2.0 * math.pi / 60.0
 REVOLUTION_RAD = 2.0 * math.pi
-OLDEST_FIRMWARE, NEWEST_FIRMWARE = 25, 26         # before 25 the frames had other ids; after 26 nobody has looked
+OLDEST_FIRMWARE, NEWEST_FIRMWARE = 25, 26         # before 25 the frames had other ids; after 26 untested
 HEARTBEAT = "SECONDARY_HEARTBEAT"                    # one frame about all devices
 HEARTBEAT_LOST_MS = 100                           # without a secondary heartbeat for this long the output is 0
 
@@ -93,8 +93,13 @@ class Setting(NamedTuple):
 
 
 def error_words(axis_error: int) -> tuple[str, ...]:
-    """The errors in `axis_error`, in words."""
+    """Return the names of the errors in `axis_error`."""
     return tuple(word for bit, word in ERROR_WORDS if axis_error & bit)
+
+
+def name_of(axis: SparkAxis) -> str:
+    """The device as messages name it."""
+    return f"spark {axis.device}"
 
 
 def settings(axis: SparkAxis) -> dict[int, float]:
@@ -244,8 +249,8 @@ def _parse(axis: SparkAxis, message: str, frame: Frame) -> dict[str, float]:
     try:
         return load_codec("spark").parse(message, frame.data)
     except BadFrame as error:
-        raise BadFrame(error.reason.about(device=f"spark {axis.device}", frame=frame.name)) from error
+        raise BadFrame(error.reason.about(device=name_of(axis), frame=frame.name)) from error
 
 
 def _unexpected(axis: SparkAxis, frame: Frame, wanted: str) -> Reason:
-    return FRAME_UNEXPECTED(device=f"spark {axis.device}", frame=frame.name, wanted=wanted)
+    return FRAME_UNEXPECTED(device=name_of(axis), frame=frame.name, wanted=wanted)

@@ -1,10 +1,12 @@
 """A SPARK as a Motor: asked who it is, set up, verified, and kept enabled by a heartbeat that only the tick sends."""
 
+from functools import partial
+
 from msgspec.structs import replace
 
 from truearc.hw.dc_motor import DcMotor, duty_for, torque_of
+from truearc.hw.devices.heard_motor import HeardMotor
 from truearc.hw.devices.spark import frames as spark
-from truearc.hw.encoder_plausibility import Agreement
 from truearc.hw.fault_codes import (
     FRAME_UNEXPECTED,
     SPARK_FAULTS_STALE,
@@ -16,7 +18,6 @@ from truearc.hw.fault_codes import (
 )
 from truearc.hw.motor import Order
 from truearc.hw.protocols import BadFrame, Frame
-from truearc.hw.readings import MotorReading
 from truearc.hw.reason import Reason
 
 MS = 1_000_000
@@ -42,7 +43,7 @@ class SparkHeartbeat:
     def frames(self, device: int, enabled: bool, t_ns: int) -> tuple[Frame, ...]:
         devices = self._devices | {device} if enabled else self._devices - {device}
         if devices == self._devices and (not devices or t_ns - self._sent_ns < HEARTBEAT_NS):
-            return ()                             # with nobody enabled silence says the same
+            return ()                             # without a heartbeat no device is enabled either
         self._devices, self._sent_ns = devices, t_ns
         return (spark.make_heartbeat(devices),)
 
@@ -52,23 +53,22 @@ class SparkHeartbeat:
         return spark.make_heartbeat(self._devices)
 
 
-class SparkMotor:
+class SparkMotor(HeardMotor):
     """A Motor that turns torques into duties.
 
     It drives only a device whose firmware it knows, whose status frames and settings it has seen confirmed, whose
     readings are fresh and which has no error. A reset loses all of that: it shows as status frames that stop, whereupon
     everything is asked for again, and as a warning. Errors, that warning among them, stand until the motor is wanted
-    anew: arming is the operator's re-arm.
+    again: arming is the operator's re-arm.
     """
 
     def __init__(self, axis: spark.SparkAxis, motor: DcMotor, heartbeat: SparkHeartbeat) -> None:
-        self.reading = MotorReading()
-        self._axis, self._motor, self._heartbeat = axis, motor, heartbeat
         self._takers = {spark.frame_id(axis, name): take for name, take in (
-            ("STATUS_0", self._take_status_0), ("STATUS_1", self._take_reading), ("STATUS_2", self._take_reading),
+            ("STATUS_0", self._take_status_0), ("STATUS_1", super().take), ("STATUS_2", super().take),
             ("GET_FIRMWARE_VERSION", self._take_version), ("SET_STATUSES_ENABLED_RESPONSE", self._take_statuses),
             ("PARAMETER_WRITE_RESPONSE", self._take_setting))}
-        self._agreement = Agreement()
+        super().__init__(spark.name_of(axis), self._takers, True, partial(spark.parse, axis))
+        self._axis, self._motor, self._heartbeat = axis, motor, heartbeat
         self._version: spark.SparkVersion | None = None
         self._statuses_on = False
         self._statuses_ns = 0                     # since then STATUS_2 has had a chance to come
@@ -80,22 +80,17 @@ class SparkMotor:
         self._applied = 0.0
         self._heeded_ns = 0                       # when it last did as it was asked
         self._drove_ns = 0
-        self._deaf = False                        # it did not; stands until it does, or is wanted anew
-
-    def ids(self) -> tuple[tuple[int, bool], ...]:
-        return tuple((frame_id, True) for frame_id in self._takers)
+        self._deaf = False                        # it did not; stands until it does, or is wanted again
 
     def take(self, frame: Frame) -> None:
         taker = self._takers.get(frame.arbitration_id)
         if taker is None:
-            raise BadFrame(FRAME_UNEXPECTED(device=f"spark {self._axis.device}", frame=frame.name,
-                                            wanted="one of its own"))
+            raise BadFrame(FRAME_UNEXPECTED(device=self._device, frame=frame.name, wanted="one of its own"))
         taker(frame)
 
     def faults(self, t_ns: int) -> tuple[Reason, ...]:
-        fault = (self._setup_fault() or self._driving_fault(t_ns)
-                 or self._agreement.fault(f"spark {self._axis.device}", self.reading))
-        return () if fault is None else (fault,)
+        fault = self._setup_fault() or self._driving_fault(t_ns)
+        return super().faults(t_ns) if fault is None else (fault,)
 
     def order(self, torque_nm: float | None, t_ns: int) -> Order:
         if self._statuses_on and t_ns - max(self.reading.t_ns, self._statuses_ns) > STALE_NS:
@@ -111,12 +106,8 @@ class SparkMotor:
 
     # --- what comes
 
-    def _take_reading(self, frame: Frame) -> None:
-        before, self.reading = self.reading, spark.parse(self._axis, frame, self.reading)
-        self._agreement.take(before, self.reading)
-
     def _take_status_0(self, frame: Frame) -> None:
-        self._take_reading(frame)
+        super().take(frame)
         self._applied = spark.parse_applied(self._axis, frame)
 
     def _take_version(self, frame: Frame) -> None:
@@ -209,9 +200,9 @@ class SparkMotor:
         return Order((*frames, *self._heartbeat.frames(self._axis.device, False, t_ns)))
 
     def _note_whether_it_heeds(self, t_ns: int) -> None:
-        """A feeder is asked for moments only, so that what such a moment told has to outlast it."""
+        """Note whether the device applies its duty; the note outlasts the moment for which a feeder is driven."""
         asked = self._duty or 0.0
-        stalled, self._drove_ns = t_ns - self._drove_ns > STALE_NS, t_ns     # nobody fed it, so it let go
+        stalled, self._drove_ns = t_ns - self._drove_ns > STALE_NS, t_ns     # it got no duty, so it coasted
         if abs(asked) < LEAST_DUTY or stalled:
             self._heeded_ns = t_ns
         elif self._applied * asked > 0.0 or (self.reading.endstop and asked < 0.0):

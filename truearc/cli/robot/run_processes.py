@@ -94,7 +94,7 @@ class ThreeProcesses:
         room = make_room(config.camera.width_px, config.camera.height_px)
         memory = make_shared(room.bytes)
         self._sightings = Slots(memory, room)
-        self.vision = Child("vision", look, (config, memory, room), mended=True, mortal=True)
+        self.vision = Child("vision", look, (config, memory, room), restarts=True, mortal=True)
         wires.callback(self.vision.close, CLOSE_S)
         self.recorder = RecorderProcess(wires, page)
 
@@ -118,7 +118,7 @@ class RecorderProcess:
     def __init__(self, wires: ExitStack, page: PageWanted | None = None) -> None:
         ours, self._theirs = socket.socketpair()
         memory = make_shared(NEWS.bytes)
-        self.child = Child("recorder", write, (self._theirs, memory, page), mended=False, mortal=False)
+        self.child = Child("recorder", write, (self._theirs, memory, page), restarts=False, mortal=False)
         self._outbox, self._news = Outbox(ours), Slots(memory, NEWS)
         wires.callback(self.child.close, CLOSE_S)
         wires.callback(self._theirs.close)

@@ -1,0 +1,34 @@
+"""What drivers of all families have in common: one motor's readings, and whether its encoder is plausible."""
+
+from collections.abc import Callable, Iterable
+
+from truearc.hw.encoder_plausibility import Agreement
+from truearc.hw.protocols import Frame
+from truearc.hw.readings import MotorReading
+from truearc.hw.reason import Reason
+
+Parse = Callable[[Frame, MotorReading], MotorReading]
+
+
+class HeardMotor:
+    """The part of a truearc.hw.motor.Motor that only listens.
+
+    device: as messages name it, such as "odrive node 1". frame_ids: of the frames that `parse` understands.
+    """
+
+    def __init__(self, device: str, frame_ids: Iterable[int], is_extended: bool, parse: Parse) -> None:
+        self.reading = MotorReading()
+        self._device, self._parse = device, parse
+        self._ids = tuple((frame_id, is_extended) for frame_id in frame_ids)
+        self._agreement = Agreement()
+
+    def ids(self) -> tuple[tuple[int, bool], ...]:
+        return self._ids
+
+    def take(self, frame: Frame) -> None:
+        before, self.reading = self.reading, self._parse(frame, self.reading)
+        self._agreement.take(before, self.reading)
+
+    def faults(self, t_ns: int) -> tuple[Reason, ...]:
+        fault = self._agreement.fault(self._device, self.reading)
+        return () if fault is None else (fault,)
