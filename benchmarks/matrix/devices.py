@@ -195,7 +195,8 @@ class FarSide:
                 self._encoder(name).magnet_ok = True
             case Inside(name=name, what="settings lost"):
                 node = self._axis(name)
-                node.forget(self._settings, t_ns)
+                node.settings = self._settings
+                node.restart(t_ns)
             case Wire(what=what):
                 self._wire.end()
                 for node in self._sparks() if what == "competition controller" else ():
@@ -206,15 +207,16 @@ class FarSide:
     def _inside(self, breaking: Inside, t_ns: int) -> None:
         match breaking.what:
             case "error":
-                self._axis(breaking.name).give_up(SPINOUT)
+                self._axis(breaking.name).disarm(SPINOUT)
             case "idle":
-                self._axis(breaking.name).give_up(0)
+                self._axis(breaking.name).disarm(0)
             case "magnet":
                 self._encoder(breaking.name).magnet_ok = False
             case "settings lost":             # reporting rates are stored settings of an ODrive
                 node = self._axis(breaking.name)
                 self._settings = node.settings
-                node.forget(msgspec.structs.replace(node.settings, encoder_ms=0, current_ms=0, bus_ms=0), t_ns)
+                node.settings = msgspec.structs.replace(node.settings, encoder_ms=0, current_ms=0, bus_ms=0)
+                node.restart(t_ns)
 
     def _fault(self, breaking: Device, t_ns: int) -> Fault:
         end_ns = t_ns + self._lasts_ns

@@ -3,7 +3,8 @@
 from collections.abc import Callable
 
 from truearc.hw.devices.spark import frames as spark
-from truearc.hw.devices.spark.emulator import UNIVERSAL_HEARTBEAT, SparkNode, SparkSettings
+from truearc.hw.devices.spark.emulator import SparkNode, SparkSettings
+from truearc.hw.frc import CONTROLLER_HEARTBEAT
 from truearc.hw.protocols import Frame
 
 FAULTS = {"sensor": 0x04, "too hot": 0x10, "gate driver": 0x20}
@@ -16,14 +17,15 @@ def begin_trouble(node: SparkNode, what: str, t_ns: int) -> None:
     if what in FAULTS:
         node.fail(FAULTS[what])
     elif what in FIRMWARE:
-        node.become(SparkSettings(node.settings.kt_nm_a, node.settings.resistance_ohm, FIRMWARE[what]), t_ns)
+        node.settings = SparkSettings(node.settings.kt_nm_a, node.settings.resistance_ohm, FIRMWARE[what])
+        node.restart(t_ns)
     elif what == "came and went":
         node.fail(FAULTS["gate driver"])
         node.fail(0)
     elif what == "settings lost":
         node.restart(t_ns)
     elif what == "locked":
-        node.receive(Frame(0, UNIVERSAL_HEARTBEAT, bytes(8), is_extended=True), t_ns)
+        node.receive(Frame(0, CONTROLLER_HEARTBEAT, bytes(8), is_extended=True), t_ns)
     elif what in ("switch closed", "switch open"):
         _stick(node, what == "switch closed")
 
@@ -33,7 +35,8 @@ def end_trouble(node: SparkNode, what: str, t_ns: int) -> None:
     if what in FAULTS:
         node.fail(0)
     elif what in FIRMWARE:
-        node.become(SparkSettings(node.settings.kt_nm_a, node.settings.resistance_ohm), t_ns)
+        node.settings = SparkSettings(node.settings.kt_nm_a, node.settings.resistance_ohm)
+        node.restart(t_ns)
     elif what == "locked":
         node.restart(t_ns)
     elif what in ("switch closed", "switch open"):
@@ -49,7 +52,7 @@ def stray_frames(what: str) -> list[Frame]:
         case "another host's heartbeat":
             return [spark.make_heartbeat(())]
         case "competition controller":
-            return [Frame(0, UNIVERSAL_HEARTBEAT, bytes(8), is_extended=True)]
+            return [Frame(0, CONTROLLER_HEARTBEAT, bytes(8), is_extended=True)]
     return []
 
 

@@ -1,9 +1,10 @@
-"""The far end of the CAN bus: what an emulated device is, and how it keeps its reporting rates."""
+"""Emulated devices on the CAN bus: their interface, and how they keep their reporting rates."""
 
 from collections.abc import Callable
 from typing import Protocol
 
-from truearc.hw.protocols import Frame
+from truearc.hw.codec import Codec, Values
+from truearc.hw.protocols import BadFrame, Frame
 
 MS = 1_000_000                                    # ns
 
@@ -29,7 +30,7 @@ class Node(Protocol):
         """What it asks of its motor now; positive launches a ball or raises the hood."""
 
     def restart(self, t_ns: int) -> None:
-        """Power is back: forget what was not stored, and count turns anew."""
+        """Power is back: forget what was not stored, and count turns from 0 again."""
 
 
 class Report:
@@ -59,3 +60,31 @@ NEVER_NS = 1 << 62
 def take_reports(reports: tuple[Report, ...], t_ns: int) -> list[Frame]:
     """The frames that are due by `t_ns`, in the order of the tuple."""
     return [report.make() for report in reports if report.due_ns <= t_ns and report.take(t_ns)]
+
+
+class ReportingNode:
+    """The part of a Node that sends cyclic frames and counts malformed ones."""
+
+    motor: str | None = None
+    bad_frames = 0
+    _reports: tuple[Report, ...]
+    _torque_nm = 0.0
+    _due_ns = 0
+
+    def due_ns(self) -> int:
+        return self._due_ns
+
+    def torque_nm(self) -> float:
+        return self._torque_nm
+
+    def _plan(self, *other_ns: int) -> None:
+        """Be due with the next report, or at the first of these times."""
+        self._due_ns = min(*other_ns, NEVER_NS, *(report.due_ns for report in self._reports))
+
+    def _parse(self, codec: Codec, message: str, frame: Frame) -> Values | None:
+        """The frame's values; None for a malformed one, which is counted."""
+        try:
+            return codec.parse(message, frame.data)
+        except BadFrame:
+            self.bad_frames += 1
+            return None

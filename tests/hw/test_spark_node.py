@@ -191,26 +191,6 @@ def test_a_new_device_smears_speed_over_a_tenth_of_a_second_and_less_is_a_settin
     assert struct.unpack("<ff", bench.heard(STATUS_2)[-1])[0] == pytest.approx(600.0, rel=1e-4)
 
 
-def test_velocity_setpoints_need_gains(bench, plant) -> None:
-    bench.send(0x000, struct.pack("<fI", 600.0, 0))
-    bench.run(50, beating=True)
-    assert plant.velocity_rad_s["hood"] == 0.0
-    bench.send(0x3800, bytes([71, 2, 0, 0, 0]))
-    bench.send(0x3800, bytes([13]) + struct.pack("<f", 0.002))
-    bench.send(0x3800, bytes([16]) + struct.pack("<f", KT * 6.2831853 / 60.0 / 12.25))      # what 1 rpm needs, free
-    bench.run(1000, beating=True)
-    assert plant.velocity_rad_s["hood"] == pytest.approx(62.83, rel=0.02)
-
-
-def test_a_duty_feedforward_is_added(bench) -> None:
-    bench.send(0x080, struct.pack("<fhBB", 0.25, 256, 1 << 2, 0))
-    bench.run(1, beating=True)
-    assert bench.node.output == pytest.approx(0.25 + 256 * 0.0009765923)
-    bench.send(0x080, struct.pack("<fhBB", 0.25, 1024, 0, 0))                     # a volt, of 12.25
-    bench.run(1)
-    assert bench.node.output == pytest.approx(0.25 + 1024 * 0.0009765923 / 12.25)
-
-
 def test_an_unknown_parameter_is_refused(bench) -> None:
     bench.send(0x3800, bytes([250, 16, 0, 0, 0]))
     bench.send(0x3800, bytes([136]) + struct.pack("<f", float("nan")))
@@ -307,10 +287,12 @@ def test_a_fault_that_has_gone_is_sticky_until_it_is_told_to_forget(make) -> Non
 def test_other_firmware_is_another_device(make) -> None:
     bench = make()
     bench.run(30)
-    bench.node.become(SparkSettings(firmware=(24, 0, 1)), bench.clock.t_ns)
+    bench.node.settings = SparkSettings(firmware=(24, 0, 1))
+    bench.node.restart(bench.clock.t_ns)
     bench.log.clear()
     bench.run(300)
     assert bench.log == []
-    bench.node.become(SparkSettings(), bench.clock.t_ns)
+    bench.node.settings = SparkSettings()
+    bench.node.restart(bench.clock.t_ns)
     bench.run(30)
     assert bench.heard(STATUS_0)

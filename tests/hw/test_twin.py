@@ -26,11 +26,11 @@ LEFT, RIGHT, HOOD, ENCODER = OdriveAxis(1, 1), OdriveAxis(2, -1), OdriveAxis(3, 
 def limits(velocity_rad_s: float, current_a: float) -> Frame:
     """What another program may have told the left wheel's drive; the robot never does."""
     values = {"velocity_rev_s": velocity_rad_s / (2.0 * math.pi), "current_a": current_a}
-    return odrive._make(LEFT, "Set_Limits", values)
+    return odrive.make(LEFT, "Set_Limits", values)
 
 
 def clear_sticky() -> Frame:
-    return canandmag._make(ENCODER, "CLEAR_STICKY_FAULTS", {})
+    return canandmag.make(ENCODER, "CLEAR_STICKY_FAULTS", {})
 
 
 class Bench:

@@ -1,12 +1,12 @@
-"""A Canandmag at the far end of the wire: 14 bits of absolute angle, and a count of turns since power-up."""
+"""An emulated Canandmag: 14 bits of absolute angle, and a count of turns since power-up."""
 
 import math
 
-from truearc.hw.codec import Values, load_codec
-from truearc.hw.devices.canandmag.frames import POSITION_PERIOD_SETTING, Encoder
-from truearc.hw.emulated.nodes import MS, Report, take_reports
+from truearc.hw.codec import load_codec
+from truearc.hw.devices.canandmag.frames import POSITION_PERIOD_SETTING, Encoder, make
+from truearc.hw.emulated.nodes import MS, Report, ReportingNode, take_reports
 from truearc.hw.emulated.plant import Plant
-from truearc.hw.protocols import BadFrame, Frame
+from truearc.hw.protocols import Frame
 
 COUNTS = 16384                                    # per turn
 POSITION_PERIOD_NS = 20 * MS                      # of a new device
@@ -18,7 +18,7 @@ TEMPERATURE_DEGC = 25
 RELATIVE_COUNTS = 1 << 31                         # the count is 32 bits, signed, and wraps
 
 
-class CanandmagNode:
+class CanandmagNode(ReportingNode):
     """The encoder on the hood's pivot.
 
     `zero_deg`: what it reads when the launch elevation is 0; `direction`: +1 if the reading grows with elevation.
@@ -26,16 +26,14 @@ class CanandmagNode:
     """
 
     def __init__(self, encoder: Encoder, plant: Plant, zero_deg: float, direction: int) -> None:
-        self.motor: str | None = None
         self.magnet_ok = True
-        self.bad_frames = 0
         self._encoder, self._plant = encoder, plant
         self._zero_rad, self._direction = math.radians(zero_deg), direction
         self._codec = load_codec("canandmag")
         self.restart(0)
 
     def restart(self, t_ns: int) -> None:
-        """Power is back: an ephemeral period is forgotten, and the count of turns begins anew."""
+        """Power is back: an ephemeral period is forgotten, and the count of turns starts at 0 again."""
         self._sticky = POWER_CYCLE
         self._start_counts = self._counts()
         self._position = Report(POSITION_PERIOD_NS, t_ns, self._make_position)
@@ -52,33 +50,23 @@ class CanandmagNode:
         if frame.arbitration_id == self._id("CLEAR_STICKY_FAULTS"):
             self._sticky = 0
             return []
-        try:
-            values = self._codec.parse("SET_SETTING", frame.data)
-        except BadFrame:
-            self.bad_frames += 1
-            return []
-        return [self._take_setting(int(values["setting"]), int(values["value"]), t_ns)]
-
-    def due_ns(self) -> int:
-        return self._due_ns
+        values = self._parse(self._codec, "SET_SETTING", frame)
+        return [] if values is None else [self._take_setting(int(values["setting"]), int(values["value"]), t_ns)]
 
     def step(self, t_ns: int) -> list[Frame]:
         if t_ns < self._due_ns:
             return []
         frames = take_reports(self._reports, t_ns)
-        self._due_ns = min(report.due_ns for report in self._reports)
+        self._plan()
         return frames
-
-    def torque_nm(self) -> float:
-        return 0.0
 
     def _take_setting(self, setting: int, value: int, t_ns: int) -> Frame:
         accepted = setting == POSITION_PERIOD_SETTING and value <= 0xFFFF
         if accepted:
             self._position.set_period(value * MS, t_ns)
-            self._due_ns = min(report.due_ns for report in self._reports)
-        return self._make("REPORT_SETTING", {"setting": setting, "value": value, "accepted": int(accepted),
-                                             "committed": 0})
+            self._plan()
+        return make(self._encoder, "REPORT_SETTING", {"setting": setting, "value": value, "accepted": int(accepted),
+                                                      "committed": 0})
 
     def _counts(self) -> int:
         angle_rad = self._zero_rad + self._direction * self._plant.hood_encoder_rad()
@@ -87,18 +75,15 @@ class CanandmagNode:
     def _make_position(self) -> Frame:
         counts = self._counts()
         relative = (counts - self._start_counts + RELATIVE_COUNTS) % (2 * RELATIVE_COUNTS) - RELATIVE_COUNTS
-        return self._make("POSITION_OUTPUT", {
+        return make(self._encoder, "POSITION_OUTPUT", {
             "relative_rev": relative / COUNTS, "absolute_rev": counts % COUNTS / COUNTS,
             "magnet_status": 0 if self.magnet_ok else MAGNET_LOST_STATUS})
 
     def _make_status(self) -> Frame:
         faults = 0 if self.magnet_ok else MAGNET_OUT_OF_RANGE
         self._sticky |= faults
-        return self._make("STATUS", {"faults": faults, "sticky_faults": self._sticky,
-                                     "temperature_degc": TEMPERATURE_DEGC})
+        return make(self._encoder, "STATUS", {"faults": faults, "sticky_faults": self._sticky,
+                                              "temperature_degc": TEMPERATURE_DEGC})
 
     def _id(self, message: str) -> int:
         return self._codec.base_id(message) + self._encoder.device
-
-    def _make(self, message: str, values: Values) -> Frame:
-        return Frame(0, self._id(message), self._codec.make(message, values), is_extended=True)

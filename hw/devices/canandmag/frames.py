@@ -31,7 +31,7 @@ class Encoder(Struct, frozen=True):
 
 
 def fault_words(faults: int) -> tuple[str, ...]:
-    """The faults in a STATUS bit field, in words."""
+    """Return the names of the faults in a STATUS bit field."""
     return tuple(word for bit, word in FAULT_WORDS if faults & bit)
 
 
@@ -51,7 +51,7 @@ def make_position_period(encoder: Encoder, period_ms: int) -> Frame:
     """Ask for an angle every `period_ms` (1-65535) until the next power-down."""
     if not 1 <= period_ms <= 65535:
         raise BadFrame(PERIOD_RANGE(device=f"canandmag device {encoder.device}", period_ms=period_ms))
-    return _make(encoder, "SET_SETTING", {"setting": POSITION_PERIOD_SETTING, "value": period_ms, "ephemeral": 1})
+    return make(encoder, "SET_SETTING", {"setting": POSITION_PERIOD_SETTING, "value": period_ms, "ephemeral": 1})
 
 
 def parse(encoder: Encoder, frame: Frame, previous: AngleReading | None) -> AngleReading | None:
@@ -87,6 +87,7 @@ def _with_faults(faults: int, t_ns: int, previous: AngleReading | None) -> Angle
     return replace(previous, faults=faults, faults_t_ns=t_ns, magnet_ok=previous.magnet_ok and not faults & NO_ANGLE)
 
 
-def _make(encoder: Encoder, message: str, values: Values) -> Frame:
+def make(encoder: Encoder, message: str, values: Values) -> Frame:
+    """One of the messages about this encoder, whichever node of the DBC file sends it."""
     codec = load_codec("canandmag")
     return Frame(0, codec.base_id(message) + encoder.device, codec.make(message, values), is_extended=True)

@@ -1,4 +1,4 @@
-"""An ODrive axis at the far end of the wire: byte-exact frames, documented rates, and its own ideas of safety."""
+"""An emulated ODrive axis: byte-exact frames, documented rates, and its own safety limits."""
 
 from collections.abc import Callable
 from types import MappingProxyType
@@ -8,9 +8,9 @@ from msgspec import Struct
 from truearc.hw.codec import Values, load_codec
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.frames import REVOLUTION_RAD, OdriveAxis
-from truearc.hw.emulated.nodes import MS, NEVER_NS, Report, take_reports
+from truearc.hw.emulated.nodes import MS, NEVER_NS, Report, ReportingNode, take_reports
 from truearc.hw.emulated.plant import Plant
-from truearc.hw.protocols import BadFrame, Frame
+from truearc.hw.protocols import Frame
 
 DISARMED = 3                                      # procedure_result
 PHASE_NS = 3 * MS                                 # of every axis's reports: each moment of its own would cost time
@@ -40,7 +40,7 @@ SETTINGS = MappingProxyType({"hood": OdriveSettings(encoder_ms=10, current_ms=10
                              "feeder": OdriveSettings(encoder_ms=50, current_ms=100)})
 
 
-class OdriveNode:
+class OdriveNode(ReportingNode):
     """One axis, attached to one motor of the plant.
 
     Idle at power-up. It drives only in closed loop, with torque control and passthrough input; it leaves closed loop
@@ -50,8 +50,7 @@ class OdriveNode:
 
     def __init__(self, axis: OdriveAxis, motor: str, plant: Plant, settings: OdriveSettings | None = None,
                  endstop: Callable[[], bool] | None = None) -> None:
-        self.motor: str | None = motor
-        self.bad_frames = 0
+        self.motor = motor
         self._axis, self._name, self._plant, self._endstop = axis, motor, plant, endstop
         self.settings = settings or OdriveSettings()
         self._codec = load_codec("odrive")
@@ -63,7 +62,7 @@ class OdriveNode:
         self.restart(0)
 
     def restart(self, t_ns: int) -> None:
-        """Power is back: idle, without errors, modes and limits as configured, and the position counts anew."""
+        """Power is back: idle, without errors, modes and limits as in `settings`, and the position counts from 0."""
         self.state = odrive.IDLE
         self.errors = self.disarm_reason = self._procedure_result = 0
         self._control_mode, self._input_mode = odrive.POSITION, odrive.PASSTHROUGH     # a new device's own
@@ -75,16 +74,7 @@ class OdriveNode:
         self._start_rad = self._truth.position_rad
         self._expires_ns = NEVER_NS
         self._reports = self._make_reports(t_ns + PHASE_NS)
-        self._due_ns = min(report.due_ns for report in self._reports)
-
-    def forget(self, settings: OdriveSettings, t_ns: int) -> None:
-        """Power is back, and what was stored is not: it is configured like this now."""
-        self.settings = settings
-        self.restart(t_ns)
-
-    def give_up(self, error: int) -> None:
-        """Leave closed loop, for a reason of its own; without one (0) it does not even say so."""
-        self._disarm(error)
+        self._plan()
 
     def ids(self) -> tuple[tuple[int, bool], ...]:
         questions = (self._codec.base_id(name) for name in ("Get_Version", *self._answers()))
@@ -99,60 +89,51 @@ class OdriveNode:
         if command not in self._handlers:
             return []
         name, take = self._handlers[command]
-        try:
-            values = self._codec.parse(name, frame.data)
-        except BadFrame:
-            self.bad_frames += 1
+        values = self._parse(self._codec, name, frame)
+        if values is None:
             return []
         answers = take(values, t_ns)
         self._drive()
         self._due_ns = min(self._due_ns, self._expires_ns)
-        return answers
-
-    def due_ns(self) -> int:
-        return self._due_ns
+        return answers or []
 
     def step(self, t_ns: int) -> list[Frame]:
         if t_ns < self._due_ns:
             return []
         self._truth = self._plant.motor(self._name)
         if t_ns >= self._expires_ns:
-            self._disarm(odrive.WATCHDOG_EXPIRED)
+            self.disarm(odrive.WATCHDOG_EXPIRED)
         self._drive()
         frames = take_reports(self._reports, t_ns)
-        self._due_ns = min(self._expires_ns, *(report.due_ns for report in self._reports))
+        self._plan(self._expires_ns)
         return frames
 
-    def torque_nm(self) -> float:
-        """Torque asked of the motor now, within the current limit and fading out towards the velocity limit."""
-        return self._torque_nm
-
     def _drive(self) -> None:
-        """Make up its mind about the torque, from what was asked and from the motor as last looked at."""
+        """Work out the torque from the set point, the current limit and the velocity limit, towards which it fades."""
         if self.state != odrive.CLOSED_LOOP or self._control_mode != odrive.TORQUE or (
                 self._input_mode != odrive.PASSTHROUGH):
             self._torque_nm = 0.0
             return
         velocity, limit = self._axis.direction * self._truth.velocity_rad_s, self._velocity_limit_rad_s
         if abs(velocity) > OVERSPEED * limit:
-            self._disarm(odrive.VELOCITY_LIMIT)
+            self.disarm(odrive.VELOCITY_LIMIT)
             return
         most, gain = self._current_limit_a * self.settings.torque_nm_a, self.settings.velocity_gain_nm_s
         asked = min(max(self._asked_nm, (-limit - velocity) * gain), (limit - velocity) * gain)
         self._torque_nm = self._axis.direction * min(max(asked, -most), most)
 
-    def _disarm(self, error: int) -> None:
+    def disarm(self, error: int) -> None:
+        """Leave closed loop; an error of 0 is not reported."""
         self.state = odrive.IDLE
         self.errors |= error
         self.disarm_reason = error
         self._asked_nm = self._torque_nm = 0.0
         self._expires_ns = NEVER_NS
 
-    def _take_estop(self, values: Values, t_ns: int) -> list[Frame]:
-        self._disarm(odrive.ESTOP_REQUESTED)
-        return []
+    def _take_estop(self, values: Values, t_ns: int) -> None:
+        self.disarm(odrive.ESTOP_REQUESTED)
 
-    def _take_state(self, values: Values, t_ns: int) -> list[Frame]:
+    def _take_state(self, values: Values, t_ns: int) -> None:
         wanted = int(values["axis_state"])
         if wanted == odrive.IDLE:
             self.state, self._asked_nm, self._expires_ns, self._procedure_result = odrive.IDLE, 0.0, NEVER_NS, 0
@@ -163,26 +144,21 @@ class OdriveNode:
             self.state, self._procedure_result = odrive.CLOSED_LOOP, 0
         else:
             self._procedure_result = DISARMED
-        return []
 
-    def _take_mode(self, values: Values, t_ns: int) -> list[Frame]:
+    def _take_mode(self, values: Values, t_ns: int) -> None:
         self._control_mode, self._input_mode = int(values["control_mode"]), int(values["input_mode"])
-        return []
 
-    def _take_torque(self, values: Values, t_ns: int) -> list[Frame]:
+    def _take_torque(self, values: Values, t_ns: int) -> None:
         if self.state == odrive.CLOSED_LOOP:
             self._asked_nm = values["torque_nm"]
             self._feed(t_ns)
-        return []
 
-    def _take_limits(self, values: Values, t_ns: int) -> list[Frame]:
+    def _take_limits(self, values: Values, t_ns: int) -> None:
         self._velocity_limit_rad_s = values["velocity_rev_s"] * REVOLUTION_RAD
         self._current_limit_a = values["current_a"]
-        return []
 
-    def _take_clear(self, values: Values, t_ns: int) -> list[Frame]:
+    def _take_clear(self, values: Values, t_ns: int) -> None:
         self.errors = self.disarm_reason = 0
-        return []
 
     def _take_sdo(self, values: Values, t_ns: int) -> list[Frame]:
         endpoint = int(values["endpoint"])
@@ -191,7 +167,7 @@ class OdriveNode:
             table[self._axis.endstop_endpoint] = int(self._endstop())
         if values["opcode"] != odrive.SDO_READ or endpoint not in table:
             return []                             # a parameter that this device does not have
-        return [self._make("TxSdo", {"endpoint": endpoint, "value": table[endpoint]})]
+        return [odrive.make(self._axis, "TxSdo", {"endpoint": endpoint, "value": table[endpoint]})]
 
     def _feed(self, t_ns: int) -> None:
         self._expires_ns = t_ns + self.settings.watchdog_ms * MS if self.settings.watchdog_ms else NEVER_NS
@@ -209,40 +185,39 @@ class OdriveNode:
                 "Get_Bus_Voltage_Current": self._make_bus}
 
     def _answer(self, command: int) -> list[Frame]:
-        """What a remote frame asks for."""
+        """The frame that a remote frame requests, if the device has it."""
         if command == odrive.VERSION_COMMAND:
             return [self._make_version()]
         return [make() for name, make in self._answers().items() if self._codec.base_id(name) == command]
 
     def _make_heartbeat(self) -> Frame:
-        return self._make("Heartbeat", {"axis_error": self.errors | self.disarm_reason, "axis_state": self.state,
-                                        "procedure_result": self._procedure_result, "trajectory_done": 0})
+        return odrive.make(self._axis, "Heartbeat", {
+            "axis_error": self.errors | self.disarm_reason, "axis_state": self.state,
+            "procedure_result": self._procedure_result, "trajectory_done": 0})
 
     def _make_error(self) -> Frame:
-        return self._make("Get_Error", {"active_errors": self.errors, "disarm_reason": self.disarm_reason})
+        return odrive.make(self._axis, "Get_Error", {"active_errors": self.errors, "disarm_reason": self.disarm_reason})
 
     def _make_estimates(self) -> Frame:
         truth, sign = self._truth, self._axis.direction
         turned_rad = truth.position_rad - self._start_rad
-        return self._make("Get_Encoder_Estimates", {"position_rev": sign * turned_rad / REVOLUTION_RAD,
-                                                    "velocity_rev_s": sign * truth.velocity_rad_s / REVOLUTION_RAD})
+        return odrive.make(self._axis, "Get_Encoder_Estimates", {
+            "position_rev": sign * turned_rad / REVOLUTION_RAD,
+            "velocity_rev_s": sign * truth.velocity_rad_s / REVOLUTION_RAD})
 
     def _make_iq(self) -> Frame:
         setpoint_a = self._asked_nm / self.settings.torque_nm_a
         measured_a = self._axis.direction * self._truth.current_a
-        return self._make("Get_Iq", {"setpoint_a": setpoint_a, "measured_a": measured_a})
+        return odrive.make(self._axis, "Get_Iq", {"setpoint_a": setpoint_a, "measured_a": measured_a})
 
     def _make_bus(self) -> Frame:
         truth, bus_v = self._truth, self._plant.bus_v()
-        # What the shaft takes: the plant does not tell what the windings lose.
+        # Power at the shaft only: the plant does not report the losses in the windings.
         bus_a = truth.torque_nm * truth.velocity_rad_s / bus_v if bus_v > 0.0 else 0.0
-        return self._make("Get_Bus_Voltage_Current", {"bus_v": bus_v, "bus_a": bus_a})
+        return odrive.make(self._axis, "Get_Bus_Voltage_Current", {"bus_v": bus_v, "bus_a": bus_a})
 
     def _make_version(self) -> Frame:
         major, minor, revision = self.settings.firmware
-        return self._make("Get_Version", {
+        return odrive.make(self._axis, "Get_Version", {
             "protocol": 2, "hardware_line": 5, "hardware_version": 2, "hardware_variant": 0, "firmware_major": major,
             "firmware_minor": minor, "firmware_revision": revision, "firmware_unreleased": 0})
-
-    def _make(self, message: str, values: Values) -> Frame:
-        return Frame(0, self._base_id | self._codec.base_id(message), self._codec.make(message, values))

@@ -109,27 +109,27 @@ def version_id(axis: OdriveAxis) -> int:
 
 def make_torque(axis: OdriveAxis, torque_nm: float) -> Frame:
     """Ask for a torque at the motor shaft; also feeds the device's watchdog. BadFrame if it is not finite."""
-    return _make(axis, "Set_Input_Torque", {"torque_nm": axis.direction * torque_nm})
+    return make(axis, "Set_Input_Torque", {"torque_nm": axis.direction * torque_nm})
 
 
 def make_state(axis: OdriveAxis, state: int) -> Frame:
     """Ask for an axis state: IDLE, CLOSED_LOOP, ..."""
-    return _make(axis, "Set_Axis_State", {"axis_state": state})
+    return make(axis, "Set_Axis_State", {"axis_state": state})
 
 
 def make_controller_mode(axis: OdriveAxis, control: int, input_mode: int) -> Frame:
     """Choose what the device controls (TORQUE, ...) and how it treats its input (PASSTHROUGH, ...)."""
-    return _make(axis, "Set_Controller_Mode", {"control_mode": control, "input_mode": input_mode})
+    return make(axis, "Set_Controller_Mode", {"control_mode": control, "input_mode": input_mode})
 
 
 def make_clear_errors(axis: OdriveAxis) -> Frame:
     """Forget standing errors; the axis stays idle."""
-    return _make(axis, "Clear_Errors", {"identify": 0})
+    return make(axis, "Clear_Errors", {"identify": 0})
 
 
 def make_estop(axis: OdriveAxis) -> Frame:
     """Disarm at once; stands as an error until cleared."""
-    return _make(axis, "Estop", {})
+    return make(axis, "Estop", {})
 
 
 def make_endstop_query(axis: OdriveAxis) -> Frame:
@@ -139,7 +139,7 @@ def make_endstop_query(axis: OdriveAxis) -> Frame:
 
 def make_parameter_query(axis: OdriveAxis, endpoint: int) -> Frame:
     """Ask for one parameter by its number in the firmware's own table; `parse_parameter` takes the answer."""
-    return _make(axis, "RxSdo", {"opcode": SDO_READ, "endpoint": endpoint, "value": 0})
+    return make(axis, "RxSdo", {"opcode": SDO_READ, "endpoint": endpoint, "value": 0})
 
 
 def make_version_query(axis: OdriveAxis) -> Frame:
@@ -200,7 +200,8 @@ def _with_endstop(axis: OdriveAxis, values: Values, t_ns: int, previous: MotorRe
     return replace(previous, endstop_t_ns=t_ns, endstop=values["value"] == 1)
 
 
-def _make(axis: OdriveAxis, message: str, values: Values) -> Frame:
+def make(axis: OdriveAxis, message: str, values: Values) -> Frame:
+    """One of the messages about this axis, whichever node of the DBC file sends it."""
     codec = load_codec("odrive")
     return Frame(0, axis.node << 5 | codec.base_id(message), codec.make(message, values))
 

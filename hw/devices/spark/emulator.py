@@ -1,4 +1,4 @@
-"""A SPARK at the far end of the wire: byte-exact frames, documented rates, and a heartbeat without which it is dead."""
+"""An emulated SPARK: byte-exact frames, documented rates, and no output without a heartbeat."""
 
 from collections import deque
 from collections.abc import Callable
@@ -9,11 +9,11 @@ from msgspec.structs import replace
 from truearc.hw.codec import Values, load_codec
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.frames import REVOLUTION_RAD, RPM_RAD_S, SparkAxis
-from truearc.hw.emulated.nodes import MS, NEVER_NS, Report, take_reports
+from truearc.hw.emulated.nodes import MS, NEVER_NS, Report, ReportingNode, take_reports
 from truearc.hw.emulated.plant import Plant
+from truearc.hw.frc import CONTROLLER_HEARTBEAT
 from truearc.hw.protocols import BadFrame, Frame
 
-UNIVERSAL_HEARTBEAT = 0x01011840                  # of a competition controller; the first one locks the device to it
 PHASE_NS = 3 * MS                                 # of the reports, as the other axes'
 LOOP_NS = 1 * MS                                  # the device works out its output this often while it is enabled
 SAMPLE_NS = MS // 2                               # unit of the sample delta
@@ -22,9 +22,8 @@ FULL_DUTY = 0.99998                               # the most that STATUS_0 says 
 HIGHEST_V, HIGHEST_A = 29.99, 149.9               # what its twelve bits can say
 TEMPERATURE_DEGC = 25
 # A new device's parameters
-DEFAULTS = {spark.P_GAIN: 0.0, spark.F_GAIN: 0.0, spark.FORWARD_LIMIT: 1.0, spark.REVERSE_LIMIT: 1.0,
-            spark.STALL_LIMIT: 80.0, spark.AVERAGE_DEPTH: 64.0, spark.SAMPLE_DELTA: 200.0, spark.HALL_PERIOD: 0.03125,
-            spark.HALL_DEPTH: 3.0, spark.STATUS_2_PERIOD: 20.0}
+DEFAULTS = {spark.FORWARD_LIMIT: 1.0, spark.REVERSE_LIMIT: 1.0, spark.STALL_LIMIT: 80.0, spark.AVERAGE_DEPTH: 64.0,
+            spark.SAMPLE_DELTA: 200.0, spark.HALL_PERIOD: 0.03125, spark.HALL_DEPTH: 3.0, spark.STATUS_2_PERIOD: 20.0}
 
 
 class SparkSettings(Struct, frozen=True):
@@ -36,10 +35,10 @@ class SparkSettings(Struct, frozen=True):
     faults: int = 0                               # standing, as in STATUS_1
 
 
-class SparkNode:
-    """One device with one motor of the plant. Coasts at a duty of 0.
+class SparkNode(ReportingNode):
+    """One device with one motor of the plant. Coasts at a duty of 0. Takes duties only.
 
-    It applies its setpoint, which it keeps, only while secondary heartbeats name it: one that does not, or none for
+    It applies its set point, which it keeps, only while secondary heartbeats name it: one that does not, or none for
     100 ms, and the output is 0. One that has met a competition controller ignores them until its power is cycled, and
     what that controller would have it do is not emulated. A closed limit switch stops it in that direction.
     Speed is what the position did over the sample delta; averaging over samples is not emulated, for at what moments
@@ -48,29 +47,26 @@ class SparkNode:
 
     def __init__(self, axis: SparkAxis, motor: str, plant: Plant, settings: SparkSettings | None = None,
                  endstop: Callable[[], bool] | None = None) -> None:
-        self.motor: str | None = motor
-        self.bad_frames = 0
+        self.motor = motor
         self.endstop = endstop                    # reads the limit switch on its data port
         self._axis, self._name, self._plant = axis, motor, plant
         self.settings = settings or SparkSettings()
         self._codec = load_codec("spark")
         self._takers = {spark.frame_id(axis, name): (name, take) for name, take in (
-            ("DUTY_CYCLE_SETPOINT", self._take_duty), ("VELOCITY_SETPOINT", self._take_velocity),
-            ("SET_STATUSES_ENABLED", self._take_statuses), ("CLEAR_FAULTS", self._take_clear),
-            ("PARAMETER_WRITE", self._take_parameter))}
+            ("DUTY_CYCLE_SETPOINT", self._take_duty), ("SET_STATUSES_ENABLED", self._take_statuses),
+            ("CLEAR_FAULTS", self._take_clear), ("PARAMETER_WRITE", self._take_parameter))}
         self._takers[self._codec.base_id("SECONDARY_HEARTBEAT")] = ("SECONDARY_HEARTBEAT", self._take_heartbeat)
         self._version_id = spark.frame_id(axis, "GET_FIRMWARE_VERSION")
         self.restart(0)
 
     def restart(self, t_ns: int) -> None:
-        """Power is back: what was set is gone, the count of turns begins anew, and STATUS_1 says that it has reset."""
+        """Power is back: what was set is gone, turns count from 0, and STATUS_1 says that it has reset."""
         self._is_old = self.settings.firmware[0] < spark.OLDEST_FIRMWARE
         self.is_locked = False
         self.parameters = dict(DEFAULTS)
         self.has_reset = True
         self._sticky = self.settings.faults
-        self._duty, self._feedforward = 0.0, (0.0, False)
-        self._wanted_rpm: float | None = None     # None: the duty counts
+        self._duty = 0.0
         self._expires_ns = NEVER_NS
         self._enabled = False
         self._truth = self._plant.motor(self._name)
@@ -82,22 +78,17 @@ class SparkNode:
                                                       (0, self._make_status_2)))
         self._plan(t_ns)
 
-    def become(self, settings: SparkSettings, t_ns: int) -> None:
-        """Power is back, and it is another device now, or runs other firmware."""
-        self.settings = settings
-        self.restart(t_ns)
-
     def fail(self, faults: int) -> None:
-        """These faults stand from now on (0: none); that they came stays in mind until it is told to forget."""
+        """These faults stand from now on (0: none); they stay sticky until they are cleared."""
         self.settings = replace(self.settings, faults=faults)
         self._sticky |= faults
 
     def clear_faults(self) -> None:
-        """Forget what came and went, as it may be told on the bus."""
+        """Forget sticky faults and the reset, as a frame on the bus may ask."""
         self.has_reset, self._sticky = False, self.settings.faults
 
     def ids(self) -> tuple[tuple[int, bool], ...]:
-        return tuple((frame_id, True) for frame_id in (*self._takers, self._version_id, UNIVERSAL_HEARTBEAT))
+        return tuple((frame_id, True) for frame_id in (*self._takers, self._version_id, CONTROLLER_HEARTBEAT))
 
     def receive(self, frame: Frame, t_ns: int) -> list[Frame]:
         """Obey one frame; a malformed one is ignored and counted."""
@@ -105,22 +96,17 @@ class SparkNode:
             return [self._make_version()] if frame.is_remote else []
         if self._is_old or frame.is_remote:
             return []
-        if frame.arbitration_id == UNIVERSAL_HEARTBEAT:
+        if frame.arbitration_id == CONTROLLER_HEARTBEAT:
             self.is_locked, self._enabled = True, False
             self._drive(t_ns)
             return []
         name, take = self._takers[frame.arbitration_id]
-        try:
-            values = self._codec.parse(name, frame.data)
-        except BadFrame:
-            self.bad_frames += 1
+        values = self._parse(self._codec, name, frame)
+        if values is None:
             return []
         answers = take(values, t_ns)
         self._drive(t_ns)
-        return answers
-
-    def due_ns(self) -> int:
-        return self._due_ns
+        return answers or []
 
     def step(self, t_ns: int) -> list[Frame]:
         if t_ns < self._due_ns:
@@ -129,24 +115,19 @@ class SparkNode:
             self._enabled, self._expires_ns = False, NEVER_NS
         self._drive(t_ns)
         frames = take_reports(self._reports, t_ns)
-        self._plan(t_ns)
+        self._plan_loop(t_ns)
         return frames
 
-    def torque_nm(self) -> float:
-        """Torque that the motor is asked for now; positive launches a ball or raises the hood."""
-        return self._torque_nm
+    def _plan_loop(self, t_ns: int) -> None:
+        self._plan(self._expires_ns, t_ns + LOOP_NS if self._enabled else NEVER_NS)
 
-    def _plan(self, t_ns: int) -> None:
-        loop_ns = t_ns + LOOP_NS if self._enabled else NEVER_NS
-        self._due_ns = min(self._expires_ns, loop_ns, *(report.due_ns for report in self._reports))
-
-    # --- what it does
+    # --- output
 
     def _drive(self, t_ns: int) -> None:
         """Look at the motor, and work out the output and what torque comes of it."""
         self._truth = truth = self._plant.motor(self._name)
         self._remember(t_ns)
-        self.output = self._limited(self._wanted_duty(t_ns)) if self._enabled else 0.0
+        self.output = self._limited(self._duty) if self._enabled else 0.0
         settings, sign = self.settings, self._axis.direction
         if self.output == 0.0:
             self._torque_nm = 0.0
@@ -155,17 +136,7 @@ class SparkNode:
             current_a = (self.output * self._plant.bus_v() - back_v) / settings.resistance_ohm
             most_a = self.parameters[spark.STALL_LIMIT]
             self._torque_nm = sign * settings.kt_nm_a * min(max(current_a, -most_a), most_a)
-        self._plan(t_ns)
-
-    def _wanted_duty(self, t_ns: int) -> float:
-        feedforward, is_duty = self._feedforward
-        bus_v = self._plant.bus_v()
-        added = feedforward if is_duty else feedforward / bus_v if bus_v > 0.0 else 0.0
-        if self._wanted_rpm is None:
-            return min(max(self._duty + added, -1.0), 1.0)
-        error = self._wanted_rpm - self._velocity_rpm(t_ns)
-        duty = self.parameters[spark.P_GAIN] * error + self.parameters[spark.F_GAIN] * self._wanted_rpm
-        return min(max(duty + added, -1.0), 1.0)
+        self._plan_loop(t_ns)
 
     def _limited(self, duty: float) -> float:
         forward, reverse = self._switches()
@@ -197,23 +168,15 @@ class SparkNode:
         turned_rad = self._truth.position_rad - (first_rad + share * (next_rad - first_rad))
         return self._axis.direction * turned_rad / ((t_ns - begin_ns) * 1e-9) / RPM_RAD_S
 
-    # --- what it is told
+    # --- frames that it takes
 
-    def _take_heartbeat(self, values: Values, t_ns: int) -> list[Frame]:
+    def _take_heartbeat(self, values: Values, t_ns: int) -> None:
         bits = int(values["devices_0_31"]) | int(values["devices_32_63"]) << 32
         self._enabled = bool(bits >> self._axis.device & 1) and not self.is_locked
         self._expires_ns = t_ns + spark.HEARTBEAT_LOST_MS * MS if self._enabled else NEVER_NS
-        return []
 
-    def _take_duty(self, values: Values, t_ns: int) -> list[Frame]:
-        self._duty, self._wanted_rpm = values["duty"], None
-        self._feedforward = values["feedforward"], bool(values["feedforward_is_duty"])
-        return []
-
-    def _take_velocity(self, values: Values, t_ns: int) -> list[Frame]:
-        self._wanted_rpm = values["velocity_rpm"]
-        self._feedforward = values["feedforward"], bool(values["feedforward_is_duty"])
-        return []
+    def _take_duty(self, values: Values, t_ns: int) -> None:
+        self._duty = values["duty"]
 
     def _take_statuses(self, values: Values, t_ns: int) -> list[Frame]:
         mask, wanted = int(values["mask"]), int(values["enabled"])
@@ -222,15 +185,14 @@ class SparkNode:
                 report.set_period(self._period_ms(number) * MS if wanted >> number & 1 else 0, t_ns)
         enabled = sum(1 << number for number, report in enumerate(self._reports) if report.due_ns < NEVER_NS)
         unavailable = mask & wanted & ~spark.STATUSES
-        return [self._make("SET_STATUSES_ENABLED_RESPONSE", {"result": int(unavailable != 0), "mask": mask,
-                                                             "enabled": enabled})]
+        return [spark.make(self._axis, "SET_STATUSES_ENABLED_RESPONSE", {
+            "result": int(unavailable != 0), "mask": mask, "enabled": enabled})]
 
     def _period_ms(self, number: int) -> int:
         return (10, 250, int(self.parameters[spark.STATUS_2_PERIOD]))[number]
 
-    def _take_clear(self, values: Values, t_ns: int) -> list[Frame]:
+    def _take_clear(self, values: Values, t_ns: int) -> None:
         self.clear_faults()
-        return []
 
     def _take_parameter(self, values: Values, t_ns: int) -> list[Frame]:
         parameter, bits = int(values["parameter"]), int(values["value"])
@@ -244,15 +206,15 @@ class SparkNode:
                 self._reports[2].set_period(self._period_ms(2) * MS, t_ns)
         now = self.parameters.get(parameter, 0.0)
         kind = FLOAT if parameter in spark.FLOATS else UINT
-        return [self._make("PARAMETER_WRITE_RESPONSE", {
+        return [spark.make(self._axis, "PARAMETER_WRITE_RESPONSE", {
             "parameter": parameter, "type": kind if parameter in self.parameters else 0,
             "value": spark.setting_bits(parameter, now), "result": int(not taken)})]
 
-    # --- what it says
+    # --- frames that it sends
 
     def _make_status_0(self) -> Frame:
         forward, reverse = self._switches()
-        return self._make("STATUS_0", {
+        return spark.make(self._axis, "STATUS_0", {
             "applied_duty": min(max(self.output, -FULL_DUTY), FULL_DUTY),
             "bus_v": min(max(self._plant.bus_v(), 0.0), HIGHEST_V), "motor_degc": TEMPERATURE_DEGC,
             "current_a": min(abs(self._truth.current_a), HIGHEST_A),
@@ -261,18 +223,17 @@ class SparkNode:
 
     def _make_status_1(self) -> Frame:
         reset = spark.RESET_WARNING if self.has_reset else 0
-        return self._make("STATUS_1", {"faults": self.settings.faults, "warnings": reset,
-                                       "sticky_faults": self._sticky, "sticky_warnings": reset, "is_follower": 0})
+        return spark.make(self._axis, "STATUS_1", {
+            "faults": self.settings.faults, "warnings": reset, "sticky_faults": self._sticky, "sticky_warnings": reset,
+            "is_follower": 0})
 
     def _make_status_2(self) -> Frame:
         turned_rad = self._truth.position_rad - self._start_rad
-        return self._make("STATUS_2", {"velocity_rpm": self._velocity_rpm(self._seen[-1][0]),
-                                       "position_rev": self._axis.direction * turned_rad / REVOLUTION_RAD})
+        return spark.make(self._axis, "STATUS_2", {
+            "velocity_rpm": self._velocity_rpm(self._seen[-1][0]),
+            "position_rev": self._axis.direction * turned_rad / REVOLUTION_RAD})
 
     def _make_version(self) -> Frame:
         major, minor, build = self.settings.firmware
-        return self._make("GET_FIRMWARE_VERSION", {"major": major, "minor": minor, "build": build, "debug_build": 0,
-                                                   "hardware": 0})
-
-    def _make(self, message: str, values: Values) -> Frame:
-        return Frame(0, spark.frame_id(self._axis, message), self._codec.make(message, values), is_extended=True)
+        return spark.make(self._axis, "GET_FIRMWARE_VERSION", {
+            "major": major, "minor": minor, "build": build, "debug_build": 0, "hardware": 0})

@@ -47,15 +47,14 @@ READINGS = ("STATUS_0", "STATUS_1", "STATUS_2")   # what becomes part of a Motor
 STATUSES = 0b111                                  # the same as bits of SET_STATUSES_ENABLED
 
 # Parameters, by number
-P_GAIN, F_GAIN = 13, 16                           # of slot 0; duty per 1/min
 FORWARD_LIMIT, REVERSE_LIMIT = 52, 53             # 1: the switch stops the motor
 STALL_LIMIT = 59                                  # A
 AVERAGE_DEPTH, SAMPLE_DELTA = 70, 71              # of an encoder's speed: samples; 0.5 ms
 HALL_PERIOD, HALL_DEPTH = 136, 137                # of a brushless motor's own sensor: s; samples
 STATUS_2_PERIOD = 160                             # ms
-PARAMETERS = (P_GAIN, F_GAIN, FORWARD_LIMIT, REVERSE_LIMIT, STALL_LIMIT, AVERAGE_DEPTH, SAMPLE_DELTA, HALL_PERIOD,
-              HALL_DEPTH, STATUS_2_PERIOD)
-FLOATS = (P_GAIN, F_GAIN, HALL_PERIOD)
+PARAMETERS = (FORWARD_LIMIT, REVERSE_LIMIT, STALL_LIMIT, AVERAGE_DEPTH, SAMPLE_DELTA, HALL_PERIOD, HALL_DEPTH,
+              STATUS_2_PERIOD)
+FLOATS = (HALL_PERIOD,)
 # A new device smears speed over 0.1 s and says it every 20 ms: too late for a loop, and a ball's dip does not show.
 QUICK_SPEED = MappingProxyType({AVERAGE_DEPTH: 1.0, SAMPLE_DELTA: 16.0, HALL_PERIOD: 0.008, HALL_DEPTH: 1.0,
                                 STATUS_2_PERIOD: 10.0})
@@ -128,8 +127,8 @@ def frame_ids(axis: SparkAxis) -> tuple[int, ...]:
 
 def make_duty(axis: SparkAxis, duty: float) -> Frame:
     """Apply this share of the bus voltage, -1 to 1, as long as heartbeats come. BadFrame if it is not in that range."""
-    return _make(axis, "DUTY_CYCLE_SETPOINT", {"duty": axis.direction * duty, "feedforward": 0, "slot": 0,
-                                               "feedforward_is_duty": 0})
+    return make(axis, "DUTY_CYCLE_SETPOINT", {"duty": axis.direction * duty, "feedforward": 0, "slot": 0,
+                                              "feedforward_is_duty": 0})
 
 
 def make_heartbeat(devices: Iterable[int]) -> Frame:
@@ -142,17 +141,17 @@ def make_heartbeat(devices: Iterable[int]) -> Frame:
 
 def make_statuses(axis: SparkAxis, enabled: int) -> Frame:
     """Turn status frames on (bit n: STATUS_n) and leave the others as they are."""
-    return _make(axis, "SET_STATUSES_ENABLED", {"mask": enabled, "enabled": enabled})
+    return make(axis, "SET_STATUSES_ENABLED", {"mask": enabled, "enabled": enabled})
 
 
 def make_setting(axis: SparkAxis, parameter: int, value: float) -> Frame:
     """Set one of PARAMETERS until the next power-down; BadFrame if it does not fit."""
-    return _make(axis, "PARAMETER_WRITE", {"parameter": parameter, "value": setting_bits(parameter, value)})
+    return make(axis, "PARAMETER_WRITE", {"parameter": parameter, "value": setting_bits(parameter, value)})
 
 
 def make_clear_faults(axis: SparkAxis) -> Frame:
     """Forget sticky faults and warnings, so that a later reset shows."""
-    return _make(axis, "CLEAR_FAULTS", {})
+    return make(axis, "CLEAR_FAULTS", {})
 
 
 def make_version_query(axis: SparkAxis) -> Frame:
@@ -239,7 +238,8 @@ def _with_status_0(axis: SparkAxis, values: Values, t_ns: int, previous: MotorRe
     return replace(reading, endstop_t_ns=t_ns, endstop=closed == 1)
 
 
-def _make(axis: SparkAxis, message: str, values: Values) -> Frame:
+def make(axis: SparkAxis, message: str, values: Values) -> Frame:
+    """One of the messages about this axis, whichever node of the DBC file sends it."""
     return Frame(0, frame_id(axis, message), load_codec("spark").make(message, values), is_extended=True)
 
 
