@@ -13,7 +13,6 @@ from truearc.hw.fault_codes import FRAME_UNEXPECTED, PERIOD_RANGE
 from truearc.hw.protocols import BadFrame, Frame
 from truearc.hw.readings import AngleReading
 
-REVOLUTION_RAD = 2.0 * math.pi
 MESSAGES = ("POSITION_OUTPUT", "STATUS")          # what becomes part of an AngleReading
 
 POSITION_PERIOD_SETTING = 253                     # ms
@@ -76,7 +75,7 @@ def parse(encoder: Encoder, frame: Frame, previous: AngleReading | None) -> Angl
 
 def _with_angle(values: Values, t_ns: int, previous: AngleReading | None) -> AngleReading:
     faults, faults_t_ns = (previous.faults, previous.faults_t_ns or 0) if previous is not None else (0, 0)
-    return AngleReading(t_ns, values["absolute_rev"] * REVOLUTION_RAD,
+    return AngleReading(t_ns, values["absolute_rev"] * math.tau,
                         values["magnet_status"] == 0 and not faults & NO_ANGLE, faults, faults_t_ns)
 
 

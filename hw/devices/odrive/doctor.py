@@ -8,7 +8,7 @@ from truearc.hw.devices.family import AxisCheck, Endpoints
 from truearc.hw.devices.listening import Heard
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.frames import OdriveAxis
-from truearc.hw.devices.odrive.parameters import check_filter, check_table, check_watchdog, parameter_queries
+from truearc.hw.devices.odrive.parameters import check_parameters, parameter_queries
 from truearc.hw.finding import Finding, failure, ok, warning
 from truearc.hw.protocols import BadFrame, Frame
 from truearc.hw.readings import MotorReading
@@ -37,10 +37,7 @@ def examine(axis: OdriveAxis, check: AxisCheck, heard: Heard) -> Iterator[Findin
     yield check_firmware(name, axis, heard)
     yield check_rates(name, axis, {"hood motor": HOOD, "feeder motor": FEEDER}.get(name, FLYWHEEL), heard)
     yield check_errors(name, axis, heard)
-    if (finding := check_table(name, axis, endpoints, heard)) is not None:
-        yield finding
-    yield check_watchdog(name, axis, endpoints, heard)
-    yield check_filter(name, axis, endpoints, check.tick_hz, heard)
+    yield from check_parameters(name, axis, endpoints, check.tick_hz, heard)
 
 
 def check_firmware(name: str, axis: OdriveAxis, heard: Heard) -> Finding:
@@ -52,7 +49,7 @@ def check_firmware(name: str, axis: OdriveAxis, heard: Heard) -> Finding:
     if len(answers) > 1:
         return failure(check, f"{len(answers)} devices answer as node {axis.node}", "give each a node id of its own")
     try:
-        firmware = odrive.parse_version(axis, answers[0]).firmware
+        firmware = odrive.parse_version(axis, answers[0])
     except BadFrame as error:
         return failure(check, f"answers what cannot be read ({error})", "is it an ODrive with firmware 0.6?")
     version = ".".join(map(str, firmware))

@@ -1,5 +1,6 @@
 """An emulated ODrive axis: byte-exact frames, documented rates, and its own safety limits."""
 
+import math
 from collections.abc import Callable
 from types import MappingProxyType
 
@@ -7,7 +8,7 @@ from msgspec import Struct
 
 from truearc.hw.codec import Values, load_codec
 from truearc.hw.devices.odrive import frames as odrive
-from truearc.hw.devices.odrive.frames import REVOLUTION_RAD, OdriveAxis
+from truearc.hw.devices.odrive.frames import OdriveAxis
 from truearc.hw.emulated.nodes import MS, NEVER_NS, Report, ReportingNode, take_reports
 from truearc.hw.emulated.plant import Plant
 from truearc.hw.protocols import Frame
@@ -73,7 +74,8 @@ class OdriveNode(ReportingNode):
         self._truth = self._plant.motor(self._name)
         self._start_rad = self._truth.position_rad
         self._expires_ns = NEVER_NS
-        self._reports = self._make_reports(t_ns + PHASE_NS)
+        self._reports = tuple(Report(period_ms * MS, t_ns + PHASE_NS, make)
+                              for period_ms, make in self._answers().values())
         self._plan()
 
     def ids(self) -> tuple[tuple[int, bool], ...]:
@@ -154,7 +156,7 @@ class OdriveNode(ReportingNode):
             self._feed(t_ns)
 
     def _take_limits(self, values: Values, t_ns: int) -> None:
-        self._velocity_limit_rad_s = values["velocity_rev_s"] * REVOLUTION_RAD
+        self._velocity_limit_rad_s = values["velocity_rev_s"] * math.tau
         self._current_limit_a = values["current_a"]
 
     def _take_clear(self, values: Values, t_ns: int) -> None:
@@ -172,23 +174,20 @@ class OdriveNode(ReportingNode):
     def _feed(self, t_ns: int) -> None:
         self._expires_ns = t_ns + self.settings.watchdog_ms * MS if self.settings.watchdog_ms else NEVER_NS
 
-    def _make_reports(self, phase_ns: int) -> tuple[Report, ...]:
+    def _answers(self) -> dict[str, tuple[int, Callable[[], Frame]]]:
+        """Messages that it sends: their periods in ms, and how each is made."""
         settings = self.settings
-        periods_ms = (settings.heartbeat_ms, settings.error_ms, settings.encoder_ms, settings.current_ms,
-                      settings.bus_ms)
-        return tuple(Report(period_ms * MS, phase_ns, make)
-                     for period_ms, make in zip(periods_ms, self._answers().values(), strict=True))
-
-    def _answers(self) -> dict[str, Callable[[], Frame]]:
-        return {"Heartbeat": self._make_heartbeat, "Get_Error": self._make_error,
-                "Get_Encoder_Estimates": self._make_estimates, "Get_Iq": self._make_iq,
-                "Get_Bus_Voltage_Current": self._make_bus}
+        return {"Heartbeat": (settings.heartbeat_ms, self._make_heartbeat),
+                "Get_Error": (settings.error_ms, self._make_error),
+                "Get_Encoder_Estimates": (settings.encoder_ms, self._make_estimates),
+                "Get_Iq": (settings.current_ms, self._make_iq),
+                "Get_Bus_Voltage_Current": (settings.bus_ms, self._make_bus)}
 
     def _answer(self, command: int) -> list[Frame]:
         """The frame that a remote frame requests, if the device has it."""
         if command == odrive.VERSION_COMMAND:
             return [self._make_version()]
-        return [make() for name, make in self._answers().items() if self._codec.base_id(name) == command]
+        return [make() for name, (_, make) in self._answers().items() if self._codec.base_id(name) == command]
 
     def _make_heartbeat(self) -> Frame:
         return odrive.make(self._axis, "Heartbeat", {
@@ -202,8 +201,8 @@ class OdriveNode(ReportingNode):
         truth, sign = self._truth, self._axis.direction
         turned_rad = truth.position_rad - self._start_rad
         return odrive.make(self._axis, "Get_Encoder_Estimates", {
-            "position_rev": sign * turned_rad / REVOLUTION_RAD,
-            "velocity_rev_s": sign * truth.velocity_rad_s / REVOLUTION_RAD})
+            "position_rev": sign * turned_rad / math.tau,
+            "velocity_rev_s": sign * truth.velocity_rad_s / math.tau})
 
     def _make_iq(self) -> Frame:
         setpoint_a = self._asked_nm / self.settings.torque_nm_a

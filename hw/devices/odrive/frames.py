@@ -6,7 +6,6 @@ are radians, and the axis's `direction` has been applied: positive launches a ba
 
 import math
 from types import MappingProxyType
-from typing import NamedTuple
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -17,8 +16,6 @@ from truearc.hw.fault_codes import ENDSTOP_VALUE, FRAME_UNEXPECTED
 from truearc.hw.protocols import BadFrame, Frame
 from truearc.hw.readings import MotorReading
 from truearc.hw.reason import Reason
-
-REVOLUTION_RAD = 2.0 * math.pi
 
 # Axis states
 IDLE = 1
@@ -60,13 +57,6 @@ class OdriveAxis(Struct, frozen=True):
     node: CanNode
     direction: Direction                          # device's sign that launches a ball or raises the hood
     endstop_endpoint: int = 0                     # SDO endpoint that reads the limit switch; 0 = none
-
-
-class OdriveVersion(NamedTuple):
-    """Hardware and firmware that a device reports."""
-
-    hardware: tuple[int, int, int]
-    firmware: tuple[int, int, int]
 
 
 def error_words(axis_error: int) -> tuple[str, ...]:
@@ -161,8 +151,8 @@ def parse(axis: OdriveAxis, frame: Frame, previous: MotorReading) -> MotorReadin
     values = _parse(axis, message, frame)
     sign, t_ns = axis.direction, frame.t_ns
     if message == "Get_Encoder_Estimates":
-        return replace(previous, t_ns=t_ns, position_rad=sign * REVOLUTION_RAD * values["position_rev"],
-                       velocity_rad_s=sign * REVOLUTION_RAD * values["velocity_rev_s"])
+        return replace(previous, t_ns=t_ns, position_rad=sign * math.tau * values["position_rev"],
+                       velocity_rad_s=sign * math.tau * values["velocity_rev_s"])
     if message == "Get_Iq":
         return replace(previous, current_t_ns=t_ns, current_a=sign * values["measured_a"])
     if message == "Heartbeat":
@@ -175,13 +165,12 @@ def parse(axis: OdriveAxis, frame: Frame, previous: MotorReading) -> MotorReadin
     return _with_endstop(axis, values, t_ns, previous)
 
 
-def parse_version(axis: OdriveAxis, frame: Frame) -> OdriveVersion:
-    """Hardware (line, version, variant) and firmware (major, minor, revision); BadFrame for anything else."""
+def parse_version(axis: OdriveAxis, frame: Frame) -> tuple[int, int, int]:
+    """Firmware (major, minor, revision); BadFrame for anything else."""
     if frame.arbitration_id != version_id(axis) or frame.is_remote:
         raise BadFrame(_unexpected(axis, frame, "its version"))
-    values = {name: int(value) for name, value in _parse(axis, "Get_Version", frame).items()}
-    return OdriveVersion((values["hardware_line"], values["hardware_version"], values["hardware_variant"]),
-                   (values["firmware_major"], values["firmware_minor"], values["firmware_revision"]))
+    values = _parse(axis, "Get_Version", frame)
+    return int(values["firmware_major"]), int(values["firmware_minor"]), int(values["firmware_revision"])
 
 
 def parse_parameter(axis: OdriveAxis, frame: Frame) -> tuple[int, bytes]:

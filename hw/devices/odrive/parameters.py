@@ -7,6 +7,7 @@ flat_endpoints.json, {"fw_version": "0.6.10", "endpoints": {name: {"id": number,
 import json
 import math
 import struct
+from collections.abc import Iterator, Mapping
 
 from truearc.hw.devices.family import Endpoints
 from truearc.hw.devices.listening import Heard
@@ -43,15 +44,26 @@ def parameter_queries(axis: OdriveAxis, endpoints: Endpoints | None) -> list[Fra
     return [] if endpoints is None else [odrive.make_parameter_query(axis, endpoints.ids[name]) for name in ASKED]
 
 
-def check_watchdog(name: str, axis: OdriveAxis, endpoints: Endpoints | None, heard: Heard) -> Finding:
-    """Whether the motor stops by itself when the robot falls silent."""
-    check = f"{name}, watchdog"
+def check_parameters(name: str, axis: OdriveAxis, endpoints: Endpoints | None, tick_hz: int,
+                     heard: Heard) -> Iterator[Finding]:
+    """All findings about parameters; without a table, that they were not asked for."""
+    watchdog, encoder_filter = f"{name}, watchdog", f"{name}, encoder filter"
     if endpoints is None:
-        return warning(check, NOT_ASKED, GIVE)
+        yield from (warning(check, NOT_ASKED, GIVE) for check in (watchdog, encoder_filter))
+        return
+    if (finding := _check_table(f"{name}, parameter numbers", axis, endpoints, heard)) is not None:
+        yield finding
     answers = _answers(axis, endpoints, heard)
+    silent = "does not answer", f"is its firmware {endpoints.firmware}, as the table's?"
+    yield _check_watchdog(watchdog, answers) or warning(watchdog, *silent)
+    yield _check_filter(encoder_filter, answers, tick_hz) or warning(encoder_filter, *silent)
+
+
+def _check_watchdog(check: str, answers: Mapping[str, bytes]) -> Finding | None:
+    """Whether the motor stops by itself when the robot falls silent; None without an answer."""
     enabled, timeout = answers.get(WATCHDOG_ON), answers.get(WATCHDOG_S)
     if enabled is None or timeout is None:
-        return warning(check, "does not answer", f"is its firmware {endpoints.firmware}, as the table's?")
+        return None
     timeout_s = struct.unpack("<f", timeout)[0]
     if not enabled[0]:
         return failure(check, "off: its motor would go on turning if the robot hung",
@@ -61,15 +73,12 @@ def check_watchdog(name: str, axis: OdriveAxis, endpoints: Endpoints | None, hea
     return ok(check, f"{timeout_s:g} s")
 
 
-def check_filter(name: str, axis: OdriveAxis, endpoints: Endpoints | None, tick_hz: int, heard: Heard) -> Finding:
-    """Whether the axis's speed is filtered so much that the dip of a shot is smeared."""
-    check = f"{name}, encoder filter"
-    if endpoints is None:
-        return warning(check, NOT_ASKED, GIVE)
-    answer = _answers(axis, endpoints, heard).get(BANDWIDTH)
+def _check_filter(check: str, answers: Mapping[str, bytes], tick_hz: int) -> Finding | None:
+    """Whether the axis's speed is filtered so much that the dip of a shot is smeared; None without an answer."""
+    answer = answers.get(BANDWIDTH)
     bandwidth = struct.unpack("<f", answer)[0] if answer else math.nan
     if not bandwidth > 0.0:
-        return warning(check, "does not answer", f"is its firmware {endpoints.firmware}, as the table's?")
+        return None
     lag_ms = 1000.0 / bandwidth
     if bandwidth < tick_hz:
         return warning(check, f"its speed lags by {lag_ms:.0f} ms, more than a tick",
@@ -77,14 +86,11 @@ def check_filter(name: str, axis: OdriveAxis, endpoints: Endpoints | None, tick_
     return ok(check, f"its speed lags by {lag_ms:.1f} ms")
 
 
-def check_table(name: str, axis: OdriveAxis, endpoints: Endpoints | None, heard: Heard) -> Finding | None:
-    """Whether table, firmware and the configured limit switch belong together; None when there is nothing to ask."""
-    if endpoints is None:
-        return None
-    check = f"{name}, parameter numbers"
+def _check_table(check: str, axis: OdriveAxis, endpoints: Endpoints, heard: Heard) -> Finding | None:
+    """Whether table, firmware and the configured limit switch belong together; None if its version is unreadable."""
     for frame in heard.of(odrive.version_id(axis))[:1]:
         try:
-            firmware = ".".join(map(str, odrive.parse_version(axis, frame).firmware))
+            firmware = ".".join(map(str, odrive.parse_version(axis, frame)))
         except BadFrame:
             return None                           # check_firmware says so
         if firmware != endpoints.firmware:

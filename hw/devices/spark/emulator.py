@@ -1,5 +1,6 @@
 """An emulated SPARK: byte-exact frames, documented rates, and no output without a heartbeat."""
 
+import math
 from collections import deque
 from collections.abc import Callable
 
@@ -8,7 +9,7 @@ from msgspec.structs import replace
 
 from truearc.hw.codec import Values, load_codec
 from truearc.hw.devices.spark import frames as spark
-from truearc.hw.devices.spark.frames import REVOLUTION_RAD, RPM_RAD_S, SparkAxis
+from truearc.hw.devices.spark.frames import RPM_RAD_S, SparkAxis
 from truearc.hw.emulated.nodes import MS, NEVER_NS, Report, ReportingNode, take_reports
 from truearc.hw.emulated.plant import Plant
 from truearc.hw.frc import CONTROLLER_HEARTBEAT
@@ -231,7 +232,7 @@ class SparkNode(ReportingNode):
         turned_rad = self._truth.position_rad - self._start_rad
         return spark.make(self._axis, "STATUS_2", {
             "velocity_rpm": self._velocity_rpm(self._seen[-1][0]),
-            "position_rev": self._axis.direction * turned_rad / REVOLUTION_RAD})
+            "position_rev": self._axis.direction * turned_rad / math.tau})
 
     def _make_version(self) -> Frame:
         major, minor, build = self.settings.firmware

@@ -20,8 +20,7 @@ from truearc.hw.protocols import BadFrame, Frame
 from truearc.hw.readings import MotorReading
 from truearc.hw.reason import Reason
 
-RPM_RAD_S = 2.0 * math.pi / 60.0
-REVOLUTION_RAD = 2.0 * math.pi
+RPM_RAD_S = math.tau / 60.0
 OLDEST_FIRMWARE, NEWEST_FIRMWARE = 25, 26         # before 25 the frames had other ids; after 26 untested
 HEARTBEAT = "SECONDARY_HEARTBEAT"                    # one frame about all devices
 HEARTBEAT_LOST_MS = 100                           # without a secondary heartbeat for this long the output is 0
@@ -189,7 +188,7 @@ def parse(axis: SparkAxis, frame: Frame, previous: MotorReading) -> MotorReading
         raise BadFrame(_unexpected(axis, frame, "one of its readings"))
     values, sign, t_ns = _parse(axis, message, frame), axis.direction, frame.t_ns
     if message == "STATUS_2":
-        return replace(previous, t_ns=t_ns, position_rad=sign * REVOLUTION_RAD * values["position_rev"],
+        return replace(previous, t_ns=t_ns, position_rad=sign * math.tau * values["position_rev"],
                        velocity_rad_s=sign * RPM_RAD_S * values["velocity_rpm"])
     if message == "STATUS_1":
         return replace(previous, axis_error=previous.axis_error & LOCKED | _errors(values), errors_t_ns=t_ns)
