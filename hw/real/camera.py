@@ -132,15 +132,15 @@ def open_camera(device: str, width_px: int, height_px: int, fps: float, clock: C
     capture.set(cv2.CAP_PROP_FRAME_HEIGHT, height_px)
     capture.set(cv2.CAP_PROP_FPS, fps)
     capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
-    if not capture.isOpened():
-        capture.release()
-        raise LinkLost(CAMERA_NOT_OPENED(camera=device))
     size = int(capture.get(cv2.CAP_PROP_FRAME_WIDTH)), int(capture.get(cv2.CAP_PROP_FRAME_HEIGHT))
-    if size != (width_px, height_px):
-        capture.release()
-        raise LinkLost(CAMERA_WRONG_SIZE(camera=device, width_px=size[0], height_px=size[1], wanted_width_px=width_px,
-                                         wanted_height_px=height_px))
-    refused = lock_exposure(capture, exposure_s, device) if exposure_s > 0.0 and not is_stream else None
+    refused = None
+    if not capture.isOpened():
+        refused = CAMERA_NOT_OPENED(camera=device)
+    elif size != (width_px, height_px):
+        refused = CAMERA_WRONG_SIZE(camera=device, width_px=size[0], height_px=size[1], wanted_width_px=width_px,
+                                    wanted_height_px=height_px)
+    elif exposure_s > 0.0 and not is_stream:
+        refused = lock_exposure(capture, exposure_s, device)
     if refused is not None:
         capture.release()
         raise LinkLost(refused)

@@ -109,7 +109,7 @@ class CanBus:
         return message
 
     def _is_garbled(self, error: Exception) -> bool:
-        """Whether a serial adapter's line was no line of its protocol, rather than that it is gone."""
+        """Whether a serial adapter's line broke its protocol, rather than that the adapter is gone."""
         if isinstance(error.__cause__, UnicodeDecodeError):
             self._bus.flush()                     # the library would stumble over the same bytes for ever
             return True
@@ -124,21 +124,16 @@ def open_can(interface: str, channel: str, bitrate: int, clock: Clock, wait_s: f
     every bus with one channel name in one process is on the same wire, and does not hear itself. `wait_s`: how long
     `receive` will be asked to wait; a serial adapter waits for its bytes in steps of it instead of spinning.
     """
-    options: dict[str, Any] = {"bitrate": bitrate}
-    write_timeout_s = 0.0
-    if interface == "virtual":
-        options = {"preserve_timestamps": True, "receive_own_messages": False}
-    elif interface == "socketcan":
-        options = {}
-    elif interface == "slcan":
-        options |= {"sleep_after_open": 0.0, "timeout": wait_s}
-        write_timeout_s = SLCAN_WRITE_S
+    special: dict[str, dict[str, Any]] = {
+        "virtual": {"preserve_timestamps": True, "receive_own_messages": False}, "socketcan": {},
+        "slcan": {"bitrate": bitrate, "sleep_after_open": 0.0, "timeout": wait_s}}
+    options, is_slcan = special.get(interface, {"bitrate": bitrate}), interface == "slcan"
     name = f"CAN {interface} {channel}"
     try:
         bus = can.Bus(interface=interface, channel=channel, ignore_config=True, **options)
     except (can.CanError, NotImplementedError, OSError, ValueError, TypeError) as error:
         raise LinkLost(CAN_ADAPTER_ERROR(bus=name, detail=str(error))) from error
-    return CanBus(bus, clock, name, write_timeout_s, serial_lines=interface == "slcan", tally=tally)
+    return CanBus(bus, clock, name, SLCAN_WRITE_S if is_slcan else 0.0, serial_lines=is_slcan, tally=tally)
 
 
 def _is_possible(message: can.Message) -> bool:

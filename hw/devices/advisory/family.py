@@ -1,6 +1,6 @@
 """Another controller's ODrive or SPARK as a MotorFamily of its own: heard, never commanded."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from functools import partial
 from typing import Any, Literal
 
@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from truearc.hw.devices.advisory.motor import AdvisoryMotor
 from truearc.hw.devices.axis import Axis, CanNode, Direction
 from truearc.hw.devices.bus_rules import Rules
-from truearc.hw.devices.family import AttachedMotor, AxisCheck, Endpoints, MotorFamily
+from truearc.hw.devices.family import AttachedMotor, AxisCheck, MotorFamily
 from truearc.hw.devices.listening import Heard
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.family import ODRIVE
@@ -18,7 +18,6 @@ from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.family import SPARK
 from truearc.hw.emulated.nodes import Node
 from truearc.hw.finding import Finding, failure, ok
-from truearc.hw.protocols import Frame
 from truearc.hw.readings import MotorReading
 
 
@@ -29,10 +28,6 @@ class AdvisoryConfig(Struct, Axis, frozen=True, forbid_unknown_fields=True, tag_
     device: CanNode
     direction: Direction
     has_endstop: bool                 # its frames tell of a limit switch at the negative end; only a SPARK's do
-
-
-def make_motors(axes: Sequence[AdvisoryConfig]) -> tuple[AdvisoryMotor, ...]:
-    return tuple(map(_make_motor, axes))
 
 
 def make_rules(axis: AdvisoryConfig, each_tick: int) -> Rules:
@@ -49,10 +44,6 @@ def error_words(axis: AdvisoryConfig, motor: MotorReading) -> tuple[str, ...]:
 def is_driven(axis: AdvisoryConfig, motor: MotorReading) -> bool:
     """Another's SPARK does not report whether it is enabled."""
     return axis.listens_to == "spark" or motor.axis_state == odrive.CLOSED_LOOP
-
-
-def questions(axis: AdvisoryConfig, endpoints: Endpoints | None) -> tuple[Frame, ...]:
-    return ()
 
 
 def examine(axis: AdvisoryConfig, check: AxisCheck, heard: Heard) -> Iterator[Finding]:
@@ -84,5 +75,6 @@ def _make_motor(axis: AdvisoryConfig) -> AdvisoryMotor:
 
 ADVISORY = MotorFamily(
     driver="advisory", axis=AdvisoryConfig, example=AdvisoryConfig("spark", 11, 1, False), dbc=None,
-    is_commanded=False, make_motors=make_motors, make_rules=make_rules, error_words=error_words, is_driven=is_driven,
-    questions=questions, examine=examine, make_node=make_node)
+    is_commanded=False, make_motors=lambda axes: tuple(map(_make_motor, axes)), make_rules=make_rules,
+    error_words=error_words, is_driven=is_driven, questions=lambda axis, endpoints: (), examine=examine,
+    make_node=make_node)

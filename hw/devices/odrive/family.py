@@ -1,7 +1,5 @@
 """ODrive as a MotorFamily."""
 
-from collections.abc import Sequence
-
 from msgspec.structs import replace
 
 from truearc.hw.codec import DBC
@@ -12,25 +10,12 @@ from truearc.hw.devices.odrive.bus_rules import make_rules
 from truearc.hw.devices.odrive.doctor import examine, questions
 from truearc.hw.devices.odrive.emulator import FLYWHEEL, SETTINGS, OdriveNode
 from truearc.hw.devices.odrive.motor import OdriveMotor
-from truearc.hw.readings import MotorReading
 
 
 class OdriveConfig(odrive.OdriveAxis, Axis, frozen=True, forbid_unknown_fields=True, tag_field="driver", tag="odrive"):
     """An ODrive, given torques."""
 
     endstop_endpoint: int             # SDO endpoint that reads the limit switch; 0 = none
-
-
-def make_motors(axes: Sequence[OdriveConfig]) -> tuple[OdriveMotor, ...]:
-    return tuple(map(OdriveMotor, axes))
-
-
-def error_words(axis: odrive.OdriveAxis, motor: MotorReading) -> tuple[str, ...]:
-    return odrive.error_words(motor.axis_error)
-
-
-def is_driven(axis: odrive.OdriveAxis, motor: MotorReading) -> bool:
-    return motor.axis_state == odrive.CLOSED_LOOP
 
 
 def make_node(axis: odrive.OdriveAxis, motor: AttachedMotor) -> OdriveNode:
@@ -40,5 +25,7 @@ def make_node(axis: odrive.OdriveAxis, motor: AttachedMotor) -> OdriveNode:
 
 ODRIVE = MotorFamily(
     driver="odrive", axis=OdriveConfig, example=OdriveConfig(4, 1, 0), dbc=DBC / "odrive.dbc", is_commanded=True,
-    make_motors=make_motors, make_rules=make_rules, error_words=error_words, is_driven=is_driven, questions=questions,
-    examine=examine, make_node=make_node)
+    make_motors=lambda axes: tuple(map(OdriveMotor, axes)), make_rules=make_rules,
+    error_words=lambda axis, motor: odrive.error_words(motor.axis_error),
+    is_driven=lambda axis, motor: motor.axis_state == odrive.CLOSED_LOOP, questions=questions, examine=examine,
+    make_node=make_node)

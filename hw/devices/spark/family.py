@@ -11,7 +11,6 @@ from truearc.hw.devices.spark.bus_rules import make_rules
 from truearc.hw.devices.spark.doctor import examine, questions
 from truearc.hw.devices.spark.emulator import SparkNode, SparkSettings
 from truearc.hw.devices.spark.motor import SparkHeartbeat, SparkMotor
-from truearc.hw.readings import MotorReading
 
 
 class SparkConfig(spark.SparkAxis, Axis, frozen=True, forbid_unknown_fields=True, tag_field="driver", tag="spark"):
@@ -30,14 +29,6 @@ def make_motors(axes: Sequence[SparkConfig]) -> tuple[SparkMotor, ...]:
                  for axis in axes)
 
 
-def error_words(axis: spark.SparkAxis, motor: MotorReading) -> tuple[str, ...]:
-    return spark.error_words(motor.axis_error)
-
-
-def is_driven(axis: spark.SparkAxis, motor: MotorReading) -> bool:
-    return motor.axis_state == spark.DRIVEN
-
-
 def make_node(axis: spark.SparkAxis, motor: AttachedMotor) -> SparkNode:
     return SparkNode(axis, motor.name, motor.plant, SparkSettings(motor.kt_nm_a, motor.resistance_ohm),
                      motor.endstop if axis.has_endstop else None)
@@ -45,5 +36,7 @@ def make_node(axis: spark.SparkAxis, motor: AttachedMotor) -> SparkNode:
 
 SPARK = MotorFamily(
     driver="spark", axis=SparkConfig, example=SparkConfig(3, 1, True, 2.6, 594.0, 12.0), dbc=DBC / "spark.dbc",
-    is_commanded=True, make_motors=make_motors, make_rules=make_rules, error_words=error_words, is_driven=is_driven,
-    questions=questions, examine=examine, make_node=make_node)
+    is_commanded=True, make_motors=make_motors, make_rules=make_rules,
+    error_words=lambda axis, motor: spark.error_words(motor.axis_error),
+    is_driven=lambda axis, motor: motor.axis_state == spark.DRIVEN, questions=questions, examine=examine,
+    make_node=make_node)

@@ -90,17 +90,13 @@ class EmulatedCamera:
     def _edges(self, view: View) -> Array | None:
         """The outline (8, 2) in ideal pixels, or None when it is not wholly before the camera."""
         lens = self._lens
-        pixels, ahead_m = self._project(view)
+        pixels, ahead_m = project(self._outline_m, view.camera_from_target, lens, view.focal_scale)
         if ahead_m.min() < NEAREST_M:
             return None
         phase, *push_px = self._random.standard_normal(3)
         bend = np.sin(2 * np.pi * (SHAKES * pixels[:, 1:] / lens.height_px + phase))
         pixels += self._look.shake_px * bend * np.array(push_px)
         return pixels
-
-    def _project(self, view: View) -> tuple[Array, Array]:
-        """The outline in ideal pixels (8, 2), and how far ahead it is (8,) in m."""
-        return project(self._outline_m, view.camera_from_target, self._lens, view.focal_scale)
 
     def _box(self, edges: Array) -> tuple[int, int, int, int] | None:
         """(x0, y0, x1, y1) around the tape and its halo, inside the image; None when there is nothing to draw."""
