@@ -5,6 +5,7 @@ and devices are in `truearc.hw.fault_codes`, the robot's in `truearc.robot.reaso
 """
 
 import sys
+from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -80,15 +81,8 @@ def render(reason: Reason, codes: Mapping[str, Code]) -> str:
 
 def fill(template: str, params: Mapping[str, Any], codes: Mapping[str, Code]) -> str:
     """`template` with a reason's parameters put in, each in the format that its field states."""
-    return template.format_map(_Fields(params, codes))
-
-
-class _Fields(dict[str, "_Shown"]):
-    def __init__(self, params: Mapping[str, Any], codes: Mapping[str, Code]) -> None:
-        super().__init__({name: _Shown(value, codes) for name, value in params.items()})
-
-    def __missing__(self, name: str) -> "_Shown":
-        return _Shown(None, {})
+    shown = {name: _Shown(value, codes) for name, value in params.items()}
+    return template.format_map(defaultdict(lambda: _Shown(None, codes), shown))
 
 
 class _Shown:

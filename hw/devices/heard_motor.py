@@ -1,8 +1,9 @@
-"""What drivers of all families have in common: one motor's readings, and whether its encoder is plausible."""
+"""A motor that is heard and never commanded; drivers of all families add the commands."""
 
 from collections.abc import Callable, Iterable
 
 from truearc.hw.encoder_plausibility import Agreement
+from truearc.hw.motor import Order
 from truearc.hw.protocols import Frame
 from truearc.hw.readings import MotorReading
 from truearc.hw.reason import Reason
@@ -11,7 +12,7 @@ Parse = Callable[[Frame, MotorReading], MotorReading]
 
 
 class HeardMotor:
-    """The part of a truearc.hw.motor.Motor that only listens.
+    """A truearc.hw.motor.Motor that sends no frame, whatever torque it is given.
 
     device: as messages name it, such as "odrive node 1". frame_ids: of the frames that `parse` understands.
     """
@@ -32,3 +33,9 @@ class HeardMotor:
     def faults(self, t_ns: int) -> tuple[Reason, ...]:
         fault = self._agreement.fault(self._device, self.reading)
         return () if fault is None else (fault,)
+
+    def order(self, torque_nm: float | None, t_ns: int) -> Order:
+        return Order()
+
+    def release(self) -> tuple[Frame, ...]:
+        return ()

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from truearc.hw.dc_motor import DcMotor
-from truearc.hw.devices.advisory.motor import AdvisoryMotor
+from truearc.hw.devices.heard_motor import HeardMotor
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.motor import OdriveMotor
 from truearc.hw.devices.spark import frames as spark
@@ -26,8 +26,9 @@ ODRIVE, SPARK = odrive.OdriveAxis(1, -1), spark.SparkAxis(7, -1)
 FAMILIES = {
     "odrive": lambda: OdriveMotor(ODRIVE),
     "spark": lambda: SparkMotor(SPARK, DcMotor(2.45, 612.5, 12.25), SparkHeartbeat()),
-    "another's odrive": lambda: AdvisoryMotor(odrive.frame_ids(ODRIVE), False, partial(odrive.parse, ODRIVE)),
-    "another's spark": lambda: AdvisoryMotor(spark.frame_ids(SPARK), True, partial(spark.parse, SPARK)),
+    "another's odrive": lambda: HeardMotor("its controller", odrive.frame_ids(ODRIVE), False,
+                                           partial(odrive.parse, ODRIVE)),
+    "another's spark": lambda: HeardMotor("its controller", spark.frame_ids(SPARK), True, partial(spark.parse, SPARK)),
 }
 
 

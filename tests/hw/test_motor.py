@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from truearc.hw.devices.advisory.motor import AdvisoryMotor
+from truearc.hw.devices.heard_motor import HeardMotor
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.fault_codes import ENCODER_STUCK
@@ -16,8 +16,8 @@ from truearc.hw.protocols import Frame
 THEIRS = spark.SparkAxis(7, 1, has_endstop=True)
 
 
-def heard() -> AdvisoryMotor:
-    return AdvisoryMotor(spark.frame_ids(THEIRS), True, partial(spark.parse, THEIRS))
+def heard() -> HeardMotor:
+    return HeardMotor("its controller", spark.frame_ids(THEIRS), True, partial(spark.parse, THEIRS))
 
 
 @given(ticks=st.lists(st.tuples(st.one_of(st.none(), st.floats(-10.0, 10.0)), st.binary(min_size=8, max_size=8))))
@@ -52,6 +52,6 @@ def test_it_hears_what_its_family_says() -> None:
     motor.take(Frame(11, 0x0205B807, bytes.fromhex("5D3F662622230200"), True))
     assert (motor.reading.heartbeat_t_ns, motor.reading.errors_t_ns) == (11, 10)
     theirs = odrive.OdriveAxis(2, 1)
-    other = AdvisoryMotor(odrive.frame_ids(theirs), False, partial(odrive.parse, theirs))
+    other = HeardMotor("its controller", odrive.frame_ids(theirs), False, partial(odrive.parse, theirs))
     other.take(Frame(9, 0x41, bytes([0, 0, 0, 0, 8, 0, 0, 0])))
     assert other.reading.axis_state == odrive.CLOSED_LOOP

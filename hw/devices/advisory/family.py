@@ -7,10 +7,10 @@ from typing import Any, Literal
 from msgspec import Struct
 from msgspec.structs import replace
 
-from truearc.hw.devices.advisory.motor import AdvisoryMotor
 from truearc.hw.devices.axis import Axis, CanNode, Direction
 from truearc.hw.devices.bus_rules import Rules
 from truearc.hw.devices.family import AttachedMotor, AxisCheck, MotorFamily
+from truearc.hw.devices.heard_motor import HeardMotor
 from truearc.hw.devices.listening import Heard
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.family import ODRIVE
@@ -67,10 +67,10 @@ def _theirs(axis: AdvisoryConfig) -> tuple[MotorFamily[Any], Any]:
     return SPARK, spark.SparkAxis(axis.device, axis.direction, axis.has_endstop)
 
 
-def _make_motor(axis: AdvisoryConfig) -> AdvisoryMotor:
+def _make_motor(axis: AdvisoryConfig) -> HeardMotor:
     family, theirs = _theirs(axis)
     frames = odrive if family is ODRIVE else spark
-    return AdvisoryMotor(frames.frame_ids(theirs), family is SPARK, partial(frames.parse, theirs))
+    return HeardMotor("its controller", frames.frame_ids(theirs), family is SPARK, partial(frames.parse, theirs))
 
 
 ADVISORY = MotorFamily(

@@ -20,8 +20,8 @@ class Counted(NamedTuple):
 class PressCount:
     """Keeps the number of the newest press that was heard.
 
-    A press that is told again, the same button under the same number, is none; but only for as long as a box is never
-    silent: after that it could be the first press of a box that was without power.
+    The same button under the same number again is the same press, but only for as long as a box is never silent: after
+    that it could be the first press of a box that was without power.
     """
 
     def __init__(self) -> None:
@@ -41,7 +41,8 @@ class PressCount:
                 self._press = event
                 presses.append(event)
             # A press counts itself; a heartbeat repeats the number of the newest press.
-            lost = self._lost(event.seq if isinstance(event, ButtonEvent) else event.seq + 1)
+            expected = event.seq if isinstance(event, ButtonEvent) else event.seq + 1
+            lost = 0 if self._seq is None else lost_presses(self._seq, expected)
             self._seq = event.seq
             if lost:
                 # Half the count ahead is behind: a box that was without power counts from the start again.
@@ -53,6 +54,3 @@ class PressCount:
         last = self._press
         return (last is not None and event.seq == last.seq == self._seq and event.button == last.button
                 and event.t_ns - last.t_ns < HEARTBEAT_NS)
-
-    def _lost(self, expected: int) -> int:
-        return 0 if self._seq is None else lost_presses(self._seq, expected)

@@ -16,4 +16,4 @@ def make_rules(axis: odrive.OdriveAxis, each_tick: int) -> Rules:
         seldom.append(odrive.make_endstop_query(axis))
     by_host, by_device = (kinds_of(odrive.ids_sent_by(axis, node), False) for node in ("Host", "Axis"))
     return Rules((allow(odrive.make_torque(axis, 0.0), each_tick), *allow_seldom(seldom)), by_host, by_device,
-                 {(odrive.heartbeat_id(axis), False, False): PULSE_NS})
+                 {(odrive.frame_id(axis, "Heartbeat"), False, False): PULSE_NS})

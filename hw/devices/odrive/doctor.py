@@ -17,13 +17,12 @@ FIRMWARE = (0, 6)                     # whose frames hw/dbc/odrive.dbc describes
 KNOWN_REVISION = 10                   # whose parameter numbers robot/launcher.toml names
 ENOUGH = 0.8                          # of the reports that should come in the time listened
 LOOK = "look at its power and plug, and at its node id"
-# Message -> (command, longest period in ms) that truearc needs of an axis; what it cannot do without comes first
-FLYWHEEL = MappingProxyType({"Heartbeat": (0x01, 100), "Get_Encoder_Estimates": (0x09, 10), "Get_Iq": (0x14, 10),
-                             "Get_Bus_Voltage_Current": (0x17, 100)})
-HOOD = MappingProxyType(FLYWHEEL | {"Get_Iq": (0x14, 100)})
-FEEDER = MappingProxyType(HOOD | {"Get_Encoder_Estimates": (0x09, 50)})
+# Message -> longest period in ms that truearc needs of an axis; what it cannot do without comes first
+FLYWHEEL = MappingProxyType({"Heartbeat": 100, "Get_Encoder_Estimates": 10, "Get_Iq": 10,
+                             "Get_Bus_Voltage_Current": 100})
+HOOD = MappingProxyType(FLYWHEEL | {"Get_Iq": 100})
+FEEDER = MappingProxyType(HOOD | {"Get_Encoder_Estimates": 50})
 NEEDED = ("Heartbeat", "Get_Encoder_Estimates")
-Rates = Mapping[str, tuple[int, int]]
 
 
 def questions(axis: OdriveAxis, endpoints: Endpoints | None) -> list[Frame]:
@@ -43,7 +42,7 @@ def examine(axis: OdriveAxis, check: AxisCheck, heard: Heard) -> Iterator[Findin
 def check_firmware(name: str, axis: OdriveAxis, heard: Heard) -> Finding:
     """Who answered the question for its version."""
     check = f"{name}, firmware"
-    answers = heard.of(odrive.version_id(axis))
+    answers = heard.of(odrive.frame_id(axis, "Get_Version"))
     if not answers:
         return failure(check, f"node {axis.node} does not answer", f"{LOOK}, which `odrivetool` shows")
     if len(answers) > 1:
@@ -61,19 +60,19 @@ def check_firmware(name: str, axis: OdriveAxis, heard: Heard) -> Finding:
     return ok(check, f"firmware {version}")
 
 
-def check_rates(name: str, axis: OdriveAxis, rates: Rates, heard: Heard) -> Finding:
+def check_rates(name: str, axis: OdriveAxis, rates: Mapping[str, int], heard: Heard) -> Finding:
     """Whether what the robot needs to know comes, and often enough."""
     check = f"{name}, status rates"
-    counts = {message: len(heard.of(axis.node << 5 | command)) for message, (command, _) in rates.items()}
+    counts = {message: len(heard.of(odrive.frame_id(axis, message))) for message in rates}
     if not any(counts.values()):
         return failure(check, f"node {axis.node} is silent", LOOK)
     slow = {message: f"{message} {counts[message] / heard.seconds:.0f}/s instead of {1000 / period_ms:.0f}/s"
-            for message, (_, period_ms) in rates.items()
+            for message, period_ms in rates.items()
             if counts[message] < ENOUGH * heard.seconds * 1000 / period_ms}
     if not slow:
         return ok(check, ", ".join(f"{message} {counts[message] / heard.seconds:.0f}/s" for message in rates))
     do = "set the axis's CAN message rates (periods in ms: " + ", ".join(
-        f"{message} {rates[message][1]}" for message in slow) + "), and save them"
+        f"{message} {rates[message]}" for message in slow) + "), and save them"
     if set(slow) & set(NEEDED):
         return failure(check, "; ".join(slow.values()), do)
     return warning(check, "; ".join(slow.values()) + ": recordings will lack it", do)

@@ -185,7 +185,7 @@ class OdriveNode(ReportingNode):
 
     def _answer(self, command: int) -> list[Frame]:
         """The frame that a remote frame requests, if the device has it."""
-        if command == odrive.VERSION_COMMAND:
+        if command == self._codec.base_id("Get_Version"):
             return [self._make_version()]
         return [make() for name, (_, make) in self._answers().items() if self._codec.base_id(name) == command]
 

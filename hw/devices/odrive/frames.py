@@ -41,12 +41,9 @@ ERROR_WORDS = (
 )
 
 SDO_READ = 0
-VERSION_COMMAND = 0x00                            # message Get_Version
-HEARTBEAT_COMMAND = 0x01                          # message Heartbeat
-SDO_COMMAND = 0x05                                # message TxSdo
 # Command -> message, of what becomes part of a MotorReading
 READINGS = MappingProxyType({
-    HEARTBEAT_COMMAND: "Heartbeat", 0x03: "Get_Error", SDO_COMMAND: "TxSdo", 0x09: "Get_Encoder_Estimates",
+    0x01: "Heartbeat", 0x03: "Get_Error", 0x05: "TxSdo", 0x09: "Get_Encoder_Estimates",
     0x14: "Get_Iq", 0x17: "Get_Bus_Voltage_Current",
 })
 
@@ -76,25 +73,14 @@ def frame_ids(axis: OdriveAxis) -> tuple[int, ...]:
     return tuple(axis.node << 5 | command for command in READINGS)
 
 
-def parameter_id(axis: OdriveAxis) -> int:
-    """Arbitration id of the answers that `parse_parameter` understands."""
-    return axis.node << 5 | SDO_COMMAND
+def frame_id(axis: OdriveAxis, message: str) -> int:
+    """Arbitration id (11 bits) of one of the axis's messages."""
+    return axis.node << 5 | load_codec("odrive").base_id(message)
 
 
 def ids_sent_by(axis: OdriveAxis, node: str) -> tuple[int, ...]:
     """Arbitration ids of all frames about this axis that the "Axis" or a "Host" sends, by the DBC file."""
-    codec = load_codec("odrive")
-    return tuple(axis.node << 5 | codec.base_id(message) for message in codec.sent_by(node))
-
-
-def heartbeat_id(axis: OdriveAxis) -> int:
-    """Arbitration id of the frame that an axis sends ten times a second unless it is set otherwise."""
-    return axis.node << 5 | HEARTBEAT_COMMAND
-
-
-def version_id(axis: OdriveAxis) -> int:
-    """Arbitration id of the answer that `parse_version` understands."""
-    return axis.node << 5 | VERSION_COMMAND
+    return tuple(frame_id(axis, message) for message in load_codec("odrive").sent_by(node))
 
 
 def make_torque(axis: OdriveAxis, torque_nm: float) -> Frame:
@@ -134,7 +120,7 @@ def make_parameter_query(axis: OdriveAxis, endpoint: int) -> Frame:
 
 def make_version_query(axis: OdriveAxis) -> Frame:
     """Ask who is there; the answer has the same id, and `parse_version` takes it."""
-    return Frame(0, version_id(axis), b"", is_remote=True)
+    return Frame(0, frame_id(axis, "Get_Version"), b"", is_remote=True)
 
 
 def parse(axis: OdriveAxis, frame: Frame, previous: MotorReading) -> MotorReading:
@@ -167,7 +153,7 @@ def parse(axis: OdriveAxis, frame: Frame, previous: MotorReading) -> MotorReadin
 
 def parse_version(axis: OdriveAxis, frame: Frame) -> tuple[int, int, int]:
     """Firmware (major, minor, revision); BadFrame for anything else."""
-    if frame.arbitration_id != version_id(axis) or frame.is_remote:
+    if frame.arbitration_id != frame_id(axis, "Get_Version") or frame.is_remote:
         raise BadFrame(_unexpected(axis, frame, "its version"))
     values = _parse(axis, "Get_Version", frame)
     return int(values["firmware_major"]), int(values["firmware_minor"]), int(values["firmware_revision"])
@@ -175,7 +161,7 @@ def parse_version(axis: OdriveAxis, frame: Frame) -> tuple[int, int, int]:
 
 def parse_parameter(axis: OdriveAxis, frame: Frame) -> tuple[int, bytes]:
     """The parameter's number and its four bytes (shorter ones come first); BadFrame for anything else."""
-    if frame.arbitration_id != parameter_id(axis) or frame.is_remote:
+    if frame.arbitration_id != frame_id(axis, "TxSdo") or frame.is_remote:
         raise BadFrame(_unexpected(axis, frame, "a parameter of it"))
     values = _parse(axis, "TxSdo", frame)
     return int(values["endpoint"]), int(values["value"]).to_bytes(4, "little")
@@ -191,8 +177,7 @@ def _with_endstop(axis: OdriveAxis, values: Values, t_ns: int, previous: MotorRe
 
 def make(axis: OdriveAxis, message: str, values: Values) -> Frame:
     """One of the messages about this axis, whichever node of the DBC file sends it."""
-    codec = load_codec("odrive")
-    return Frame(0, axis.node << 5 | codec.base_id(message), codec.make(message, values))
+    return Frame(0, frame_id(axis, message), load_codec("odrive").make(message, values))
 
 
 def _parse(axis: OdriveAxis, message: str, frame: Frame) -> dict[str, float]:

@@ -88,7 +88,7 @@ def _check_filter(check: str, answers: Mapping[str, bytes], tick_hz: int) -> Fin
 
 def _check_table(check: str, axis: OdriveAxis, endpoints: Endpoints, heard: Heard) -> Finding | None:
     """Whether table, firmware and the configured limit switch belong together; None if its version is unreadable."""
-    for frame in heard.of(odrive.version_id(axis))[:1]:
+    for frame in heard.of(odrive.frame_id(axis, "Get_Version"))[:1]:
         try:
             firmware = ".".join(map(str, odrive.parse_version(axis, frame)))
         except BadFrame:
@@ -110,7 +110,7 @@ def _check_table(check: str, axis: OdriveAxis, endpoints: Endpoints, heard: Hear
 def _answers(axis: OdriveAxis, endpoints: Endpoints, heard: Heard) -> dict[str, bytes]:
     numbers = {endpoints.ids[name]: name for name in ASKED}
     answers: dict[str, bytes] = {}
-    for frame in heard.of(odrive.parameter_id(axis)):
+    for frame in heard.of(odrive.frame_id(axis, "TxSdo")):
         try:
             number, data = odrive.parse_parameter(axis, frame)
         except BadFrame:

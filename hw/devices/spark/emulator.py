@@ -55,8 +55,8 @@ class SparkNode(ReportingNode):
         self._codec = load_codec("spark")
         self._takers = {spark.frame_id(axis, name): (name, take) for name, take in (
             ("DUTY_CYCLE_SETPOINT", self._take_duty), ("SET_STATUSES_ENABLED", self._take_statuses),
-            ("CLEAR_FAULTS", self._take_clear), ("PARAMETER_WRITE", self._take_parameter))}
-        self._takers[self._codec.base_id("SECONDARY_HEARTBEAT")] = ("SECONDARY_HEARTBEAT", self._take_heartbeat)
+            ("CLEAR_FAULTS", self._take_clear), ("PARAMETER_WRITE", self._take_parameter),
+            (spark.HEARTBEAT, self._take_heartbeat))}
         self._version_id = spark.frame_id(axis, "GET_FIRMWARE_VERSION")
         self.restart(0)
 

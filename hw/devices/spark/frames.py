@@ -107,16 +107,13 @@ def settings(axis: SparkAxis) -> dict[int, float]:
 
 
 def frame_id(axis: SparkAxis, message: str) -> int:
-    """Arbitration id (29 bits) of one of the device's messages."""
-    return load_codec("spark").base_id(message) + axis.device
+    """Arbitration id (29 bits) of one of the device's messages; the heartbeat's is the same for all devices."""
+    return load_codec("spark").base_id(message) + (0 if message == HEARTBEAT else axis.device)
 
 
 def ids_sent_by(axis: SparkAxis, node: str) -> tuple[int, ...]:
-    """Arbitration ids of all frames about this axis that the "Spark" or a "Host" sends, by the DBC file; the heartbeat
-    is about all axes."""
-    codec = load_codec("spark")
-    return tuple(codec.base_id(message) if message == HEARTBEAT else frame_id(axis, message)
-                 for message in codec.sent_by(node))
+    """Arbitration ids of all frames about this axis that the "Spark" or a "Host" sends, by the DBC file."""
+    return tuple(frame_id(axis, message) for message in load_codec("spark").sent_by(node))
 
 
 def frame_ids(axis: SparkAxis) -> tuple[int, ...]:

@@ -80,7 +80,8 @@ class EmulatedCamera:
         if edges is not None and box is not None:
             x0, y0, x1, y1 = box
             lit = self._lit(edges, box) * np.float32(view.brightness * self._look.gain * exposure)
-            cv2.add(_colour(lit), noise[y0:y1, x0:x1], dst=image[y0:y1, x0:x1])    # the goal's wall hides the lights
+            colours = cv2.merge([cv2.convertScaleAbs(lit, alpha=level) for level in TAPE_BGR])
+            cv2.add(colours, noise[y0:y1, x0:x1], dst=image[y0:y1, x0:x1])    # the goal's wall hides the lights
         for k in (2, 6):                                                           # small green glints
             at = int(dice[k] % self._lens.width_px), int(dice[k + 1] % self._lens.height_px)
             shade = 0.3 + 0.7 * float(dice[k + 2] % 1000) / 1000
@@ -162,12 +163,6 @@ def _inside(begin: Array, end: Array, columns: Plane, rows: Plane) -> Plane:
     level = 0.5 + along[1] * begin[0] - along[0] * begin[1]
     plane: Plane = columns * np.float32(-along[1]) + (rows * np.float32(along[0]) + np.float32(level))
     return plane
-
-
-def _colour(lit: Plane) -> Image:
-    """(h, w, 3) BGR, clipped as a sensor clips."""
-    image: Image = cv2.merge([cv2.convertScaleAbs(lit, alpha=level) for level in TAPE_BGR])
-    return image
 
 
 def _make_noise(lens: Lens, level: float, random: np.random.Generator) -> Image:

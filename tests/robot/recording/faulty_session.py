@@ -59,7 +59,7 @@ def make_faults(config):
         return Fault(kind, begin_ms * MS, end_ms * MS, frame_id, **how)
 
     speeds = [axis.node << 5 | 0x09 for axis in (left, right)]
-    heartbeat = odrive.heartbeat_id(odrive.OdriveAxis(config.axes.feeder.node, 1))
+    heartbeat = odrive.frame_id(odrive.OdriveAxis(config.axes.feeder.node, 1), "Heartbeat")
     return {"flywheel_a": (fault(TRUNCATED, 600, 620, length=3), fault(DEAF, 3000, 3250),
                            fault(STUCK, 1800, 1950, speeds[0])),
             "flywheel_b": (fault(OVERWRITTEN, 700, 715, speeds[1], at=4, data=struct.pack("<f", math.nan)),
