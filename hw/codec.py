@@ -53,11 +53,6 @@ class Codec:
         self.name = name
         self._messages = messages
 
-    @property
-    def messages(self) -> tuple[str, ...]:
-        """Names of all messages, in the file's order."""
-        return tuple(self._messages)
-
     def sent_by(self, node: str) -> tuple[str, ...]:
         """Names of the messages that `node` of the DBC file sends ("Host", or what the file calls the device)."""
         return tuple(name for name, entry in self._messages.items() if node in entry.message.senders)
@@ -65,18 +60,6 @@ class Codec:
     def base_id(self, message: str) -> int:
         """Arbitration id of a message for device 0."""
         return int(self._messages[message].message.frame_id)
-
-    def length(self, message: str) -> int:
-        """Length of a message's data, in bytes."""
-        return self._messages[message].length
-
-    def limits(self, message: str) -> dict[str, tuple[float, float]]:
-        """Lowest and highest value of each signal of a message, in the DBC file's unit."""
-        return {name: (low, high) for name, low, high in self._messages[message].limits}
-
-    def is_float(self, message: str, signal: str) -> bool:
-        """Is the signal an IEEE float on the wire, rather than a scaled integer?"""
-        return bool(self._messages[message].message.get_signal_by_name(signal).is_float)
 
     def make(self, message: str, values: Values) -> bytes:
         """Data bytes that say `values`, one for each signal; BadFrame for a missing, foreign or impossible one."""

@@ -12,7 +12,7 @@ from truearc.hw.readings import CameraFrame
 from truearc.hw.reason import Reason
 
 PAUSE_S = 0.5                                     # between tries; an open camera takes about as long
-LONGEST_S = 4.0                                   # before one that can be opened, but says nothing, is opened again
+LONGEST_S = 4.0                                   # before one that can be opened, but stays silent, is opened again
 
 
 class Closable(Protocol):
@@ -25,14 +25,15 @@ Image = npt.NDArray[np.uint8]
 
 
 class Mended(Generic[Wire]):
-    """An open wire, opened again by `open_again` (which raises LinkLost until it can) whenever it is lost.
+    """A wire opened by `open_wire`, and again whenever it is lost; that raises LinkLost while it cannot be opened.
 
-    One that is lost before it has answered anything is opened again after pauses that grow: opening does not mend it.
+    One that is lost before it has answered anything is opened again after pauses that grow: opening does not fix it.
     """
 
-    def __init__(self, wire: Wire, open_again: Callable[[], Wire], pause_s: float = PAUSE_S) -> None:
-        self._wire: Wire | None = wire
-        self._open_again, self._first_s, self._pause_s = open_again, pause_s, pause_s
+    def __init__(self, open_wire: Callable[[], Wire], pause_s: float = PAUSE_S) -> None:
+        """Opens it the first time, too; LinkLost when that fails."""
+        self._wire: Wire | None = open_wire()
+        self._open_wire, self._first_s, self._pause_s = open_wire, pause_s, pause_s
         self._why: Reason | None = None
         self._stop = threading.Event()
         self._mender: threading.Thread | None = None
@@ -66,45 +67,37 @@ class Mended(Generic[Wire]):
         pause_s, self._pause_s = self._pause_s, min(2.0 * self._pause_s, LONGEST_S)
         while not self._stop.wait(pause_s):
             try:
-                self._wire = self._open_again()
+                self._wire = self._open_wire()
                 return
             except LinkLost as error:
                 self._why, pause_s = error.reason, self._first_s
 
 
-class MendedStream:
+class MendedStream(Mended[Stream]):
     """truearc.hw.protocols.Stream that comes back."""
 
-    def __init__(self, open_stream: Callable[[], Stream], pause_s: float = PAUSE_S) -> None:
-        """Opens it the first time, too; LinkLost when that fails."""
-        self._wire = Mended(open_stream(), open_stream, pause_s)
-
     def read(self) -> bytes:
-        return self._wire.ask(lambda stream: stream.read())
+        return self.ask(lambda stream: stream.read())
 
     def write(self, data: bytes) -> None:
-        self._wire.ask(lambda stream: stream.write(data))
-
-    def close(self) -> None:
-        self._wire.close()
+        self.ask(lambda stream: stream.write(data))
 
 
-class MendedCamera:
+class MendedCamera(Mended[Camera]):
     """truearc.hw.protocols.Camera that comes back.
 
-    The image that it was lost with is none when it comes again: a driver that hangs may hand out its last one for ever,
-    also to who opens it anew.
+    The image that it was lost with does not count when it comes again: a driver that hangs may hand out its last one
+    for ever, also after it was opened again.
     """
 
     def __init__(self, open_camera: Callable[[], Camera], pause_s: float = PAUSE_S) -> None:
-        """Opens it the first time, too; LinkLost when that fails."""
-        self._wire = Mended(open_camera(), open_camera, pause_s)
+        super().__init__(open_camera, pause_s)
         self._newest: Image | None = None
         self._stale: Image | None = None          # what it was lost with, until there is another
 
     def read(self) -> CameraFrame | None:
         try:
-            return self._wire.ask(lambda camera: self._look(camera.read()))
+            return self.ask(lambda camera: self._look(camera.read()))
         except LinkLost:
             self._stale = self._newest
             raise
@@ -114,6 +107,3 @@ class MendedCamera:
             return None
         self._newest, self._stale = frame.image, None
         return frame
-
-    def close(self) -> None:
-        self._wire.close()

@@ -6,6 +6,7 @@ from typing import Any
 import msgspec
 import pytest
 
+from tests.hw.dbc_facts import limits, messages
 from tests.hw.spinning_plant import SpinningPlant
 from truearc.hw.codec import Codec, read_codec
 from truearc.hw.devices.axis import Axis, driver_of
@@ -77,15 +78,15 @@ def check_table(family: Family) -> None:
 
 def check_frames(codec: Codec) -> None:
     """Each message comes back as it went out; one too short, or with a value beyond its range, is refused."""
-    assert codec.sent_by("Host") and set(codec.sent_by("Host")) < set(codec.messages)
-    for message in codec.messages:
-        limits = codec.limits(message)
-        values = {name: 0.0 if low <= 0.0 <= high else low for name, (low, high) in limits.items()}
+    assert codec.sent_by("Host") and set(codec.sent_by("Host")) < set(messages(codec))
+    for message in messages(codec):
+        bounds = limits(codec, message)
+        values = {name: 0.0 if low <= 0.0 <= high else low for name, (low, high) in bounds.items()}
         data = codec.make(message, values)
         assert codec.parse(message, data) == pytest.approx(values)
         with pytest.raises(BadFrame):
             codec.parse(message, data + b"\0")
-        for name, (_, high) in limits.items():
+        for name, (_, high) in bounds.items():
             for wrong in (math.nan, 2.0 * high + 1.0):
                 with pytest.raises(BadFrame):
                     codec.make(message, {**values, name: wrong})

@@ -9,17 +9,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.hw.dbc_facts import is_float, length, limits, messages
 from truearc.hw.codec import DBC, load_codec
 from truearc.hw.fault_codes import FRAME_LENGTH
 from truearc.hw.protocols import BadFrame
 
 ODRIVE, CANANDMAG, SPARK = load_codec("odrive"), load_codec("canandmag"), load_codec("spark")
-MESSAGES = [(codec, name) for codec in (ODRIVE, CANANDMAG, SPARK) for name in codec.messages]
+MESSAGES = [(codec, name) for codec in (ODRIVE, CANANDMAG, SPARK) for name in messages(codec)]
 
 
 def test_every_dbc_file_loads() -> None:
     for path in DBC.glob("*.dbc"):
-        assert load_codec(path.stem).messages
+        assert messages(load_codec(path.stem))
 
 
 def test_floats_are_little_endian_ieee_singles() -> None:
@@ -54,11 +55,11 @@ def test_any_bytes_are_parsed_or_refused(codec, name, data) -> None:
         values = codec.parse(name, data)
     except BadFrame as error:
         assert name in str(error) and codec.name in str(error)
-        if len(data) != codec.length(name):
+        if len(data) != length(codec, name):
             assert error.reason == FRAME_LENGTH(message=f"{codec.name} {name}", bytes=len(data),
-                                                wanted_bytes=codec.length(name))
+                                                wanted_bytes=length(codec, name))
         return
-    assert len(data) == codec.length(name)
+    assert len(data) == length(codec, name)
     assert all(math.isfinite(value) for value in values.values())
     assert codec.parse(name, codec.make(name, values)) == values
 
@@ -68,16 +69,16 @@ def reference(codec_name):
     return cantools.database.load_file(DBC / f"{codec_name}.dbc")
 
 
-@pytest.mark.parametrize(("codec", "name"), [(codec, name) for codec, name in MESSAGES if codec.limits(name)])
+@pytest.mark.parametrize(("codec", "name"), [(codec, name) for codec, name in MESSAGES if limits(codec, name)])
 @given(draw=st.data())
 def test_packing_by_layout_is_what_cantools_gives(codec, name, draw) -> None:
     """The reference is cantools on the same file, asked directly."""
     message = reference(codec.name).get_message_by_name(name)
-    values = {signal: draw.draw(st.floats(low, high, width=32) if codec.is_float(name, signal)
+    values = {signal: draw.draw(st.floats(low, high, width=32) if is_float(codec, name, signal)
                                 else st.integers(math.ceil(low), math.floor(high)))
-              for signal, (low, high) in codec.limits(name).items()
-              if not codec.is_float(name, signal) or (low, high) == tuple(map(as_single, (low, high)))}
-    if values.keys() != codec.limits(name).keys() or any(signal.scale != 1 for signal in message.signals):
+              for signal, (low, high) in limits(codec, name).items()
+              if not is_float(codec, name, signal) or (low, high) == tuple(map(as_single, (low, high)))}
+    if values.keys() != limits(codec, name).keys() or any(signal.scale != 1 for signal in message.signals):
         return
     data = codec.make(name, values)
     assert data == message.encode(values, strict=False)

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.hw.dbc_facts import is_float, length, limits, messages
 from truearc.hw.codec import load_codec
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.frames import OdriveAxis
@@ -135,7 +136,7 @@ def theirs(data_dir) -> cantools.database.Database:
 
 
 def test_every_message_is_compared() -> None:
-    assert set(THEIRS) == set(load_codec("odrive").messages)
+    assert set(THEIRS) == set(messages(load_codec("odrive")))
 
 
 @pytest.mark.data
@@ -143,7 +144,7 @@ def test_every_message_is_compared() -> None:
 @given(data=st.data())
 def test_bytes_agree_with_the_makers_dbc(theirs, name: str, data: st.DataObject) -> None:
     codec, message = load_codec("odrive"), theirs.get_message_by_name(f"Axis0_{name}")
-    assert (codec.base_id(name), codec.length(name)) == (message.frame_id, message.length)
+    assert (codec.base_id(name), length(codec, name)) == (message.frame_id, message.length)
     values = {ours: data.draw(_values(codec, name, ours)) for ours in THEIRS[name]}
     renamed = {THEIRS[name][ours]: value for ours, value in values.items()} | RESERVED.get(name, {})
     ours_bytes = codec.make(name, values)
@@ -153,8 +154,8 @@ def test_bytes_agree_with_the_makers_dbc(theirs, name: str, data: st.DataObject)
 
 
 def _values(codec, name: str, signal: str) -> st.SearchStrategy:
-    low, high = codec.limits(name)[signal]
-    if codec.is_float(name, signal):
+    low, high = limits(codec, name)[signal]
+    if is_float(codec, name, signal):
         return st.floats(low, high, width=32)
     return st.integers(int(low), int(high))
 

@@ -120,7 +120,7 @@ def hurried(*lenses):
         return lens
 
     camera = MendedCamera(open_lens)
-    camera._wire._stop = stop = Stop()
+    camera._stop = stop = Stop()
     return camera, stop
 
 

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.hw.dbc_facts import length, messages
 from truearc.hw.codec import load_codec
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.devices.spark.frames import SparkAxis
@@ -159,7 +160,7 @@ def theirs(data_dir) -> cantools.database.Database:
 
 
 def test_every_message_is_compared() -> None:
-    assert {*THEIRS, *BY_HAND, "STATUS_1", "SECONDARY_HEARTBEAT"} == set(load_codec("spark").messages)
+    assert {*THEIRS, *BY_HAND, "STATUS_1", "SECONDARY_HEARTBEAT"} == set(messages(load_codec("spark")))
 
 
 @pytest.mark.data
@@ -167,7 +168,7 @@ def test_every_message_is_compared() -> None:
 @given(data=st.data())
 def test_bytes_agree_with_the_makers_table(theirs, name: str, data: st.DataObject) -> None:
     codec, message = load_codec("spark"), theirs.get_message_by_name(name)
-    assert (codec.base_id(name), codec.length(name)) == (message.frame_id, message.length)
+    assert (codec.base_id(name), length(codec, name)) == (message.frame_id, message.length)
     heard = data.draw(st.binary(min_size=message.length, max_size=message.length))
     try:
         values = codec.parse(name, heard)

@@ -3,7 +3,7 @@
 import math
 
 from truearc.hw.codec import load_codec
-from truearc.hw.devices.canandmag.frames import POSITION_PERIOD_SETTING, Encoder, make
+from truearc.hw.devices.canandmag.frames import POSITION_PERIOD_SETTING, Encoder, frame_id, make
 from truearc.hw.emulated.nodes import MS, Report, ReportingNode, take_reports
 from truearc.hw.emulated.plant import Plant
 from truearc.hw.protocols import Frame
@@ -41,13 +41,13 @@ class CanandmagNode(ReportingNode):
         self._due_ns = t_ns
 
     def ids(self) -> tuple[tuple[int, bool], ...]:
-        return tuple((self._id(name), True) for name in ("SET_SETTING", "CLEAR_STICKY_FAULTS"))
+        return tuple((frame_id(self._encoder, name), True) for name in ("SET_SETTING", "CLEAR_STICKY_FAULTS"))
 
     def receive(self, frame: Frame, t_ns: int) -> list[Frame]:
         """Take a setting, or forget sticky faults; a malformed frame is ignored and counted."""
         if frame.is_remote:
             return []
-        if frame.arbitration_id == self._id("CLEAR_STICKY_FAULTS"):
+        if frame.arbitration_id == frame_id(self._encoder, "CLEAR_STICKY_FAULTS"):
             self._sticky = 0
             return []
         values = self._parse(self._codec, "SET_SETTING", frame)
@@ -84,6 +84,3 @@ class CanandmagNode(ReportingNode):
         self._sticky |= faults
         return make(self._encoder, "STATUS", {"faults": faults, "sticky_faults": self._sticky,
                                               "temperature_degc": TEMPERATURE_DEGC})
-
-    def _id(self, message: str) -> int:
-        return self._codec.base_id(message) + self._encoder.device

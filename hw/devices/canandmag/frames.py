@@ -34,16 +34,19 @@ def fault_words(faults: int) -> tuple[str, ...]:
     return tuple(word for bit, word in FAULT_WORDS if faults & bit)
 
 
+def frame_id(encoder: Encoder, message: str) -> int:
+    """Arbitration id (29 bits) of one of the encoder's messages."""
+    return load_codec("canandmag").base_id(message) + encoder.device
+
+
 def frame_ids(encoder: Encoder) -> tuple[int, ...]:
-    """Arbitration ids (29 bits) of the frames that `parse` understands; the angle's comes first."""
-    codec = load_codec("canandmag")
-    return tuple(codec.base_id(message) + encoder.device for message in MESSAGES)
+    """Arbitration ids of the frames that `parse` understands; the angle's comes first."""
+    return tuple(frame_id(encoder, message) for message in MESSAGES)
 
 
 def ids_sent_by(encoder: Encoder, node: str) -> tuple[int, ...]:
     """Arbitration ids (29 bits) of all frames about it that the "Encoder" or a "Host" sends, by the DBC file."""
-    codec = load_codec("canandmag")
-    return tuple(codec.base_id(message) + encoder.device for message in codec.sent_by(node))
+    return tuple(frame_id(encoder, message) for message in load_codec("canandmag").sent_by(node))
 
 
 def make_position_period(encoder: Encoder, period_ms: int) -> Frame:
@@ -88,5 +91,4 @@ def _with_faults(faults: int, t_ns: int, previous: AngleReading | None) -> Angle
 
 def make(encoder: Encoder, message: str, values: Values) -> Frame:
     """One of the messages about this encoder, whichever node of the DBC file sends it."""
-    codec = load_codec("canandmag")
-    return Frame(0, codec.base_id(message) + encoder.device, codec.make(message, values), is_extended=True)
+    return Frame(0, frame_id(encoder, message), load_codec("canandmag").make(message, values), is_extended=True)
