@@ -1,10 +1,10 @@
-"""What the robot does when things break: every fault on every bus, played and judged.
+"""Fault matrix: every fault on every bus, played and judged.
 
     python -m benchmarks.fault_matrix [--bus virtual,slcan,socketcan] [--only PATTERN] [--out FILE] [--folder DIR]
     python -m benchmarks.fault_matrix --table FILE [--write docs/reliability.md]
 
 Each row of benchmarks/matrix/rows.py is played on each bus that there is (socketcan: where vcan0 is), on the robot's
-own code with emulated devices: it fires, then something breaks, then it is mended. A line of FILE a cell; one that is
+own code with emulated devices: it fires, then something breaks, then it is repaired. A line of FILE a cell; one that is
 there already, and right, is not played again.
 """
 
@@ -27,7 +27,7 @@ from benchmarks.matrix.table import make_table, write_between
 
 BUSES = ("virtual", "slcan", "socketcan")
 VCAN = Path("/sys/class/net/vcan0")
-TRIES = 3                             # in real time: a machine that stalls is no robot
+TRIES = 3                             # in real time: a machine that stalls tells little of the robot
 
 
 def run_row(row: Row, bus: str, folder: Path) -> Result:

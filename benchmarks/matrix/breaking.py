@@ -31,7 +31,7 @@ class Inside(Struct, frozen=True):
 
 
 class Wire(Struct, frozen=True):
-    """Something is wrong with the bus itself, or somebody else is on it."""
+    """A fault of the bus itself, or another host on it."""
 
     what: str
 
@@ -43,25 +43,25 @@ class Box(Struct, frozen=True):
 
 
 class Camera(Struct, frozen=True):
-    """What the camera does instead."""
+    """A fault of the camera."""
 
     what: str
 
 
 class Disk(Struct, frozen=True):
-    """What the disk does instead."""
+    """A fault of the disk."""
 
     what: str
 
 
 class Model(Struct, frozen=True):
-    """What the gate's model does instead, while the policy is "model"."""
+    """A fault of the gate's model, while the policy is "model"."""
 
     what: str
 
 
 class Time(Struct, frozen=True):
-    """Somebody stands still, or the wall clock jumps."""
+    """A process stands still, or the wall clock jumps."""
 
     what: str
 

@@ -36,14 +36,14 @@ SPINOUT = 0x04000000
 SETTLE_NS = NS_PER_S // 2             # from when the robot is heard until it is armed
 PRESS_NS = 40 * MS
 ARM_NS = 200 * MS
-AGAIN_NS = 8 * NS_PER_S               # without a fault by then the driver arms anew
-PAUSE_NS = NS_PER_S                   # from the end of a fault until the driver arms anew
+AGAIN_NS = 8 * NS_PER_S               # without a fault by then the driver arms again
+PAUSE_NS = NS_PER_S                   # from the end of a fault until the driver arms again
 PATIENCE_S = 12.0                     # for either of the two
 READY_S = 40.0
 
 
 class Seen(msgspec.Struct):
-    """What the devices' side knows of a run, for whoever judges it; times are the run's clock's."""
+    """Facts of a run that the devices' side reports to the judge; times are the run's clock's."""
 
     balls: list[tuple[int, float, float]] = []    # when, true wheel speed (rad/s), true elevation (deg)
     idle_ns: int = 0                              # the first time since the fault that no motor was driven
@@ -116,7 +116,7 @@ class FarSide:
         self._direct(t_ns)
 
     def _press(self, t_ns: int) -> None:
-        """Arm; then ask and mark, ask and mark. Where a machine stalled at the start, watchdogs bit: arm anew."""
+        """Arm; then ask and mark, ask and mark. Where a machine stalled at the start, watchdogs bit: arm again."""
         self._due_ns = t_ns + PRESS_NS
         if self._wants_arming(t_ns):
             self._armed_ns, self._to_arm = t_ns, 1 if self._armed_ns < 0 else 2

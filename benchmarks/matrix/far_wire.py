@@ -38,7 +38,7 @@ class FarWire:
         self._open()
 
     def read(self) -> list[Frame]:
-        """What the robot has sent, and others."""
+        """Frames that the robot and other hosts have sent."""
         heard, self._heard = self._heard, []
         if self._what == "adapter out":
             return []

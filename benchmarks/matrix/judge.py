@@ -1,6 +1,6 @@
 """Whether a run went as its row says, from what is on disk alone: the recording, and what the devices' side saw.
 
-How old readings were when the robot fired is worked out anew, from the raw frames of can0.log.
+How old readings were when the robot fired is computed again, from the raw frames of can0.log.
 """
 
 import re
@@ -47,7 +47,7 @@ class Result(Struct):
     bound_s: float = 0.0
     reason: str = ""                  # the text of that reason
     after: str = ""
-    recovery_s: float | None = None   # from the fault's end, or from arming anew, to the next FIRE
+    recovery_s: float | None = None   # from the fault's end, or from arming again, to the next FIRE
     fires: int = 0                    # verdicts, in all
     ticks: int = 0
     stale: int = 0                    # FIRE with a required reading that was too old, by the raw frames
@@ -107,7 +107,7 @@ def _judge_fault(row: Row, result: Result, ticks: list[Tick], span: Span, seen: 
         if row.after == KEEPS and not during:
             result.wrong.append("did not go on firing")
         if row.reason and result.hold_s is None:
-            result.wrong.append("said nothing of it")
+            result.wrong.append("no message about it")
 
 
 def _find_reason(row: Row, result: Result, ticks: list[Tick], begin_ns: int) -> None:
@@ -172,7 +172,7 @@ def _age_s(came_ns: list[int], t_ns: int) -> float:
 
 
 def _judge_balls(result: Result, seen: Seen) -> None:
-    """What was true of each ball that went in."""
+    """True values of each ball that went in."""
     wheel = AIM.motor_ratio * 594.0
     off = [ball for ball in seen.balls if abs(ball[1] - wheel) > WHEEL_RAD_S or abs(ball[2] - AIM.hood_deg) > HOOD_DEG]
     if off:

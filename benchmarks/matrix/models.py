@@ -15,7 +15,7 @@ from truearc.robot.gate.model import Gate, Rating
 BOX = {"distance_m": [2.0, 8.0], "motor_ratio": [0.1, 0.9], "hood_deg": [15.0, 60.0]}
 SLOW_NS = 300_000_000
 GOOD = Rating(0.9, 0.8, True, 0.2)
-RATINGS = {"says nothing": Rating(None, None, False), "not a number": Rating(0.9, float("nan"), True, 0.2),
+RATINGS = {"no number": Rating(None, None, False), "not a number": Rating(0.9, float("nan"), True, 0.2),
            "outside": Rating(0.9, 0.8, False, 0.2), "novel": Rating(0.9, 0.8, False, 3.0),
            "doubts": Rating(0.9, 0.1, True, 0.2)}
 

@@ -1,4 +1,4 @@
-"""What the camera of a run sees: a few scenes, drawn once, and two cameras that show them on either kind of clock."""
+"""Images for the camera of a run: a few scenes, drawn once, and two cameras that show them on either kind of clock."""
 
 import functools
 import threading
@@ -62,7 +62,7 @@ class Scenery:
 
     @property
     def trouble(self) -> str:
-        """What is wrong with the camera now."""
+        """The fault of the camera now; empty without one."""
         return self._what if self._stands() else ""
 
     def next(self) -> Image:
@@ -73,7 +73,7 @@ class Scenery:
         self._in_trouble += bool(trouble)
         if trouble == "drives off":
             trouble = "elsewhere" if self._in_trouble > ASKED else ""
-        plain = trouble in ("", "frozen", "hangs", "unplugged", "slow", "old stamps", "stamps to come", "1 a second")
+        plain = trouble in ("", "frozen", "hangs", "unplugged", "slow", "old stamps", "stamps to come", "1 per second")
         images = draw("target" if plain else trouble, self._config)
         self._kept = images[self._count % DRAWN]
         return self._kept
@@ -92,14 +92,14 @@ class SteppedCamera:
             raise LinkLost(CAMERA_ERROR(camera="of the run", detail="pulled out"))
         if now_ns < self._due_ns or trouble == "hangs":
             return None
-        self._due_ns = now_ns + (NS_PER_S if trouble == "1 a second" else self._period_ns)
+        self._due_ns = now_ns + (NS_PER_S if trouble == "1 per second" else self._period_ns)
         return CameraFrame(stamp(now_ns, trouble, self._scenery), self._scenery.next())
 
     def close(self) -> None: ...
 
 
 def stamp(now_ns: int, trouble: str, scenery: Scenery) -> int:
-    """What the driver says of an image that comes now."""
+    """The driver's timestamp of an image that comes now."""
     if trouble == "old stamps":
         scenery.odd = not getattr(scenery, "odd", False)
         return now_ns - (150_000_000 if scenery.odd else 10_000_000)
@@ -118,7 +118,7 @@ class Capture:
         trouble = self._scenery.trouble
         if trouble == "unplugged":
             return False, None
-        self._wait.wait(1.0 if trouble == "1 a second" else self._period_s)
+        self._wait.wait(1.0 if trouble == "1 per second" else self._period_s)
         while self._scenery.trouble == "hangs":
             self._wait.wait(self._period_s)
         self._stamp_ns = stamp(self._clock.now_ns(), self._scenery.trouble, self._scenery)

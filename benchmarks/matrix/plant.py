@@ -24,7 +24,7 @@ STEP_S = 0.005
 
 
 class Ball(NamedTuple):
-    """What was true when a ball went in."""
+    """True values when a ball went in."""
 
     t_ns: int
     motor_rad_s: float

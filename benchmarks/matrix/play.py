@@ -57,7 +57,7 @@ class Place(NamedTuple):
     def arms(self) -> int:
         if self.row.after not in (REARM, DISARMS):
             return 0
-        # a robot that starts anew is not armed
+        # a robot that starts again is not armed
         return 1 if self.row.after == DISARMS or ends_robot(self.row.breaking) else 2
 
 
@@ -256,7 +256,7 @@ def _mount(folder: Path) -> bool:
 
 
 def _unmount(folder: Path) -> None:
-    """What was on the small disk stays."""
+    """Files on the small disk stay."""
     kept = folder.with_name(folder.name + "-kept")
     shutil.copytree(folder, kept, symlinks=True)
     unmount(folder)

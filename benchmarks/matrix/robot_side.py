@@ -58,7 +58,7 @@ class AdvisedRig:
 
 
 class RobotSide(msgspec.Struct):
-    """What the robot's side of a run knows beside its recording."""
+    """Facts of a run that the robot's side reports beside its recording."""
 
     tally: dict[str, int]
     answers: list[Rating | None] | None           # what the gate said, if there was one

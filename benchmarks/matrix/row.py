@@ -10,7 +10,7 @@ from benchmarks.matrix.signs import Signs, says
 from truearc.hw.fault_codes import ENCODER_MISMATCH
 
 ITSELF = "by itself"                  # fires again when the fault is over
-REARM = "arm again"                   # fires again when the driver has armed anew, and not before
+REARM = "arm again"                   # fires again when the driver has armed again, and not before
 DISARMS = "disarmed: arm"             # what happened has disarmed it; fires again when the driver has armed
 KEEPS = "keeps firing"                # there is nothing to recover from
 REFUSED = "does not start"            # truearc run ends with exit code 2

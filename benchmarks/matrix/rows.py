@@ -98,7 +98,7 @@ def _devices() -> list[Row]:
     rows += [Row(f"{DEVICES[name]}: reset, its reporting rates forgotten", "settings lost",
                  Inside(name, "settings lost"), of(DEVICES[name], SILENT), STALE_S,
                  REARM if name == "hood" else ITSELF) for name in ("flywheel_a", "hood")]
-    rows += [Row(f"{DEVICES[name]}: hears nothing, its watchdog bites", "watchdog", Device(name, "deaf"),
+    rows += [Row(f"{DEVICES[name]}: receives no frames, its watchdog bites", "watchdog", Device(name, "deaf"),
                  of(DEVICES[name], WATCHDOG), BEAT_S, REARM) for name in ("flywheel_a", "hood", "feeder")]
     rows += [Row(f"{DEVICES[name]}: axis error (spinout)", "axis error", Inside(name, "error"),
                  of(DEVICES[name], SPINOUT), 0.2, REARM) for name in ("flywheel_b", "hood")]
@@ -117,7 +117,7 @@ def _wires() -> list[Row]:
             says(hw.FOREIGN_HOST, frame="0x022"), STALE_S, REARM),
         Row("a second device with the id of flywheel motor 1", "wrong id", Wire("two with one id"),
             says(bot.FLYWHEELS_DIFFER, hw.DUPLICATE_ID), 0.3),
-        Row("frames that nobody knows", "strangers", Wire("strangers"), (), 0.0, KEEPS),
+        Row("unknown frames", "strangers", Wire("strangers"), (), 0.0, KEEPS),
         Row("remote frames of strangers", "strangers", Wire("questions"), (), 0.0, KEEPS),
         Row("garbled lines (slcan), garbled frames", "garbled", Wire("garbled"), (), 0.0, KEEPS),
         Row("controller bus-off", "bus-off", Wire("bus off"),
@@ -143,7 +143,7 @@ def _camera() -> list[Row]:
                 ("black", "black", _seen(bot.IMAGE_DARK), SEEN_S, ITSELF, 1.0, False),
                 ("saturated", "saturated", _seen(bot.IMAGE_BRIGHT), SEEN_S, ITSELF, 1.0, False),
                 ("images half a second old", "slow", seen, SEEN_S, ITSELF, 1.0, False),
-                ("one image a second", "1 a second", seen, SEEN_S, KEEPS, 3.0, False),
+                ("one image per second", "1 per second", seen, SEEN_S, KEEPS, 3.0, False),
                 ("two targets", "two targets", _seen(bot.SEVERAL_TARGETS), SEEN_S, ITSELF, 1.0, False),
                 ("reflection on the floor", "reflections", (), 0.0, KEEPS, 1.0, False),
                 ("another place", "elsewhere", says(bot.NOT_AT_PLACE), 0.3, ITSELF, 1.0, False),
@@ -190,7 +190,7 @@ def _near() -> list[Row]:
         *(Row(f"model: {words}", "model", Model(what), reason, 0.05, after)
           for words, what, reason, after in (
               ("raises", "raises", says(bot.MODEL_FAILED, error="RuntimeError"), ITSELF),
-              ("gives no number", "says nothing", says(bot.MODEL_OUTSIDE_DOMAIN, bot.MODEL_NOT_FINITE), ITSELF),
+              ("gives no number", "no number", says(bot.MODEL_OUTSIDE_DOMAIN, bot.MODEL_NOT_FINITE), ITSELF),
               ("gives NaN", "not a number", says(bot.MODEL_NOT_FINITE), ITSELF),
               ("says it is outside its domain", "outside", says(bot.MODEL_OUTSIDE_DOMAIN), ITSELF),
               ("says this is novel", "novel", says(bot.MODEL_OUTSIDE_DOMAIN, novelty=3.0), ITSELF),

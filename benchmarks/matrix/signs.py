@@ -1,4 +1,4 @@
-"""What a verdict of a run must hold: reasons by their codes, and by parameters of theirs."""
+"""Signs that a verdict of a run must hold: reasons by their codes, and by parameters of theirs."""
 
 from collections.abc import Iterable
 from typing import Any

@@ -1,4 +1,4 @@
-"""From when until when a fault stands: told by one process, known to all of a run."""
+"""The time span of a fault: set by one process, known to all of a run."""
 
 import mmap
 import struct
@@ -28,7 +28,7 @@ class Span:
 
     @property
     def rearm_ns(self) -> int:
-        """When the driver armed anew after it."""
+        """When the driver armed again after it."""
         return self._get(2)
 
     @property
@@ -49,7 +49,7 @@ class Span:
         self._put(3, t_ns)
 
     def advise(self, *torques_nm: float) -> None:
-        """What the robot would have flywheels, hood and feeder do: three torques."""
+        """Torques that the robot commands: flywheels, hood and feeder."""
         ADVICE.pack_into(self._words, WORDS.size, True, *torques_nm)
 
     def advice(self) -> tuple[float, float, float]:

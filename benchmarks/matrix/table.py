@@ -14,7 +14,7 @@ BUSES = ("virtual", "slcan", "socketcan")
 
 
 def make_table(results: Sequence[Result]) -> str:
-    """Markdown. A cell: seconds from the fault to its HOLD, and from its end (or from arming anew) to the next FIRE."""
+    """Markdown. A cell: seconds from the fault to its HOLD / from its end (or from arming again) to the next FIRE."""
     cells = {(result.fault, result.bus): result for result in results}
     lines = []
     for row in ROWS:

@@ -68,7 +68,7 @@ class StallingClock:
 
 
 class StandingWall:
-    """The process is told another time of day while the span stands; the machine's own clock is left alone."""
+    """The process reads another time of day while the span stands; the machine's own clock is left alone."""
 
     def __init__(self, breaking: Breaking, span: Span) -> None:
         jump_s = {"clock +1 h": HOUR_S, "clock -1 h": -HOUR_S}.get(getattr(breaking, "what", ""), 0.0)

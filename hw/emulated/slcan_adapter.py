@@ -1,4 +1,4 @@
-r"""The far end of a serial CAN adapter: the line protocol of LAWICEL's CAN232 and CANUSB, as most adapters speak it.
+r"""An emulated serial CAN adapter: the line protocol of LAWICEL's CAN232 and CANUSB, as most adapters speak it.
 
     Sn sxxyy        bit rate, while closed              tiiildd..   a frame, 11-bit id; answered z\r
     O L C           open, open to listen only, close    Tiiiiiiiildd..   29-bit id; answered Z\r

@@ -35,8 +35,8 @@ class OdriveSettings(Struct, frozen=True):
     parameters: tuple[tuple[int, int], ...] = ()  # (endpoint, its four bytes as a number) of what else can be read
 
 
-# How the axes report; set once on a real one with its maker's tool. Currents matter on the flywheels only.
-FLYWHEEL = OdriveSettings(encoder_ms=10, current_ms=10)
+# How the axes report, if not as a flywheel; set once on a real one with its maker's tool. Currents matter on the
+# flywheels only.
 SETTINGS = MappingProxyType({"hood": OdriveSettings(encoder_ms=10, current_ms=100),
                              "feeder": OdriveSettings(encoder_ms=50, current_ms=100)})
 

@@ -8,7 +8,7 @@ from truearc.hw.devices.family import AttachedMotor, MotorFamily
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.odrive.bus_rules import make_rules
 from truearc.hw.devices.odrive.doctor import examine, questions
-from truearc.hw.devices.odrive.emulator import FLYWHEEL, SETTINGS, OdriveNode
+from truearc.hw.devices.odrive.emulator import SETTINGS, OdriveNode, OdriveSettings
 from truearc.hw.devices.odrive.motor import OdriveMotor
 
 
@@ -19,7 +19,7 @@ class OdriveConfig(odrive.OdriveAxis, Axis, frozen=True, forbid_unknown_fields=T
 
 
 def make_node(axis: odrive.OdriveAxis, motor: AttachedMotor) -> OdriveNode:
-    settings = replace(SETTINGS.get(motor.name, FLYWHEEL), watchdog_ms=motor.watchdog_ms)
+    settings = replace(SETTINGS.get(motor.name, OdriveSettings()), watchdog_ms=motor.watchdog_ms)
     return OdriveNode(axis, motor.name, motor.plant, settings, motor.endstop if axis.endstop_endpoint else None)
 
 

@@ -15,8 +15,9 @@ class PictureServer:
     """Shows every viewer the newest picture, on the loopback interface alone."""
 
     def __init__(self) -> None:
-        self._newest = _Newest()
-        self._server = ThreadingHTTPServer(("127.0.0.1", 0), _make_handler(self._newest))
+        self._changed = threading.Condition()
+        self._count, self._picture = 0, b""
+        self._server = ThreadingHTTPServer(("127.0.0.1", 0), _make_handler(self))
         self._server.daemon_threads = True
         self.url = f"http://127.0.0.1:{self._server.server_port}/"
         self._thread = threading.Thread(target=self._server.serve_forever, name="pictures", daemon=True)
@@ -25,27 +26,12 @@ class PictureServer:
     def show(self, image: npt.NDArray[np.uint8]) -> None:
         """The newest picture, (height, width, 3) BGR."""
         _, data = cv2.imencode(".jpg", image, SETTINGS)
-        self._newest.put(data.tobytes())
+        self._put(data.tobytes())
 
     def close(self) -> None:
-        self._newest.put(b"")
+        self._put(b"")                            # there will be no more
         self._server.shutdown()
         self._server.server_close()
-
-
-class _Newest:
-    """One slot, and whoever waits for it to change."""
-
-    def __init__(self) -> None:
-        self._changed = threading.Condition()
-        self._count, self._picture = 0, b""
-
-    def put(self, picture: bytes) -> None:
-        """The next picture; an empty one says that there will be no more."""
-        with self._changed:
-            self._count += 1
-            self._picture = picture
-            self._changed.notify_all()
 
     def wait(self, count: int) -> tuple[int, bytes]:
         """The number of the newest picture and the picture, once it is not number `count`."""
@@ -54,8 +40,14 @@ class _Newest:
                 self._changed.wait()
             return self._count, self._picture
 
+    def _put(self, picture: bytes) -> None:
+        with self._changed:
+            self._count += 1
+            self._picture = picture
+            self._changed.notify_all()
 
-def _make_handler(newest: _Newest) -> type[BaseHTTPRequestHandler]:
+
+def _make_handler(server: PictureServer) -> type[BaseHTTPRequestHandler]:
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
             self.send_response(200)
@@ -63,7 +55,7 @@ def _make_handler(newest: _Newest) -> type[BaseHTTPRequestHandler]:
             self.end_headers()
             count = 0
             while True:
-                count, picture = newest.wait(count)
+                count, picture = server.wait(count)
                 if not picture:
                     return
                 head = f"--picture\r\nContent-Type: image/jpeg\r\nContent-Length: {len(picture)}\r\n\r\n"

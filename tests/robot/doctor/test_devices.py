@@ -13,7 +13,7 @@ from truearc.cli.robot.doctor_checks import look_at_bus
 from truearc.hw.devices.canandmag.emulator import CanandmagNode
 from truearc.hw.devices.canandmag.frames import Encoder
 from truearc.hw.devices.listening import listen
-from truearc.hw.devices.odrive.emulator import FLYWHEEL, SETTINGS, OdriveNode
+from truearc.hw.devices.odrive.emulator import SETTINGS, OdriveNode, OdriveSettings
 from truearc.hw.emulated.clock import StepClock
 from truearc.hw.emulated.emulated_robot import Twin
 from truearc.hw.finding import FAILURE, OK, WARNING
@@ -56,7 +56,7 @@ class Bench:
         axes = [*CONFIG.axes.flywheels, CONFIG.axes.hood, CONFIG.axes.feeder]
         self.nodes = {}
         for name, axis in zip(NAMES, axes, strict=True):
-            well = replace(SETTINGS.get(name, FLYWHEEL), parameters=inside())
+            well = replace(SETTINGS.get(name, OdriveSettings()), parameters=inside())
             self.nodes[name] = OdriveNode(axis, name, plant, (settings or {}).get(name, well),
                                           plant.hood_at_limit if axis.endstop_endpoint else None)
         self.nodes["hood_encoder"] = CanandmagNode(Encoder(CONFIG.hood_encoder.device), plant, 40.0, 1)
@@ -157,7 +157,7 @@ def test_another_revision_matters_only_where_a_parameter_is_read():
     ({"encoder_ms": 5}, OK, "Get_Encoder_Estimates 200/s"),
 ])
 def test_status_rates(changes, level, words):
-    finding = Bench({"flywheel_a": replace(FLYWHEEL, **changes)}).findings()["flywheel motor 1, status rates"]
+    finding = Bench({"flywheel_a": replace(OdriveSettings(), **changes)}).findings()["flywheel motor 1, status rates"]
     assert finding.level == level and words in finding.says
     assert (finding.do == "") == (level == OK)
 
@@ -189,13 +189,13 @@ def test_two_devices_with_one_number():
     ({"bandwidth": float("nan")}, "encoder filter", WARNING, "does not answer"),
 ])
 def test_settings_inside_an_axis(endpoints, changes, check, level, words):
-    settings = replace(FLYWHEEL, parameters=inside(**changes))
+    settings = replace(OdriveSettings(), parameters=inside(**changes))
     finding = Bench({"flywheel_b": settings}).findings(endpoints)[f"flywheel motor 2, {check}"]
     assert finding.level == level and words in finding.says and finding.do
 
 
 def test_an_axis_that_does_not_know_a_parameter(endpoints):
-    findings = Bench({"flywheel_b": FLYWHEEL}).findings(endpoints)
+    findings = Bench({"flywheel_b": OdriveSettings()}).findings(endpoints)
     assert levels(findings, WARNING) == {"flywheel motor 2, watchdog", "flywheel motor 2, encoder filter"}
 
 
