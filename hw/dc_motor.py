@@ -11,7 +11,7 @@ from msgspec import Struct
 
 
 class DcMotor(Struct, frozen=True):
-    """What a data sheet says of a motor, at the shaft that the torques are of."""
+    """Data sheet values of a motor, at the shaft that the torques are of."""
 
     stall_torque_nm: float
     free_speed_rad_s: float

@@ -14,12 +14,12 @@ from truearc.hw.reason import Reason
 MS = 1_000_000
 STILL_NS = 50 * MS                    # a position that does not change for so long, at a speed, is stuck
 MOVING_RAD_S = 10.0
-# What a position did is compared with what the speeds come to over the longer of these, or at least the shorter one:
+# Change of position and integral of the speeds are compared over the longer of these, or at least the shorter one:
 # readings come every 10 or 20 ms, and a stamp that a busy adapter or tick made 20 ms late is then a tenth of it.
 WINDOW_NS, LEAST_NS = 200 * MS, 150 * MS
-GAP_NS = 50 * MS                      # after more silence than a lost frame or two make, it begins anew ...
+GAP_NS = 50 * MS                      # after more silence than a lost frame or two make, it begins again ...
 SETTLE_NS = 50 * MS                   # ... so much later: what was held back comes at once, stamped when it came
-SHARE = 0.25                          # they may differ by so much, twice the worst stamps, and by what is no motion yet
+SHARE = 0.25                          # they may differ by this, twice the worst stamps, and by a speed below motion
 GRAIN = 2.0 ** -23                    # of a 32-bit float
 
 
@@ -27,7 +27,7 @@ class _Told(NamedTuple):
     t_ns: int
     position_rad: float
     velocity_rad_s: float
-    angle_rad: float                  # what the speeds told come to
+    angle_rad: float                  # integral of the reported speeds
 
 
 class Agreement:
@@ -37,7 +37,7 @@ class Agreement:
         self._still_ns = 0                        # since when it says that it turns and stands still; 0: it does not
         self._told: deque[_Told] = deque()
         self._from_ns = 0
-        self._differ: tuple[float, float] | None = None          # speed as told, and as the position has it
+        self._differ: tuple[float, float] | None = None          # reported speed, and that of the position
 
     def take(self, before: MotorReading, reading: MotorReading) -> None:
         """One reading and the one before it."""
@@ -79,7 +79,7 @@ class Agreement:
         span_s = span_ns * 1e-9
         told, turned = (last.angle_rad - first.angle_rad) / span_s, (last.position_rad - first.position_rad) / span_s
         speeds = [one.velocity_rad_s for one in self._told]
-        lag = max(speeds) - min(speeds)           # a speed that changes is told late, by a filter
+        lag = max(speeds) - min(speeds)           # a filter reports a changing speed late
         grain = GRAIN * (abs(first.position_rad) + abs(last.position_rad)) / span_s
         allowed = MOVING_RAD_S + SHARE * max(abs(told), abs(turned)) + lag + grain
         return None if abs(told - turned) <= allowed else (told, turned)

@@ -1,4 +1,4 @@
-"""What a machine says of its own parts: plain facts, parsed from what its tools print. No IO."""
+"""Facts about parts of a machine, parsed from the output of its tools. No IO."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Who else speaks on the bus: frames that nobody here knows, a second host, two devices with one id."""
+"""Monitor of the bus: unknown frames, a second host, two devices with one id."""
 
 from collections import Counter, deque
 from collections.abc import Iterable, Mapping

@@ -1,4 +1,4 @@
-"""What the robot may ask of one motor on the bus, whoever made its driver."""
+"""Interface of one motor on the bus, for drivers of every family."""
 
 from typing import NamedTuple, Protocol
 
@@ -18,7 +18,8 @@ class Order(NamedTuple):
 class Motor(Protocol):
     """One motor axis. No IO: it is given the frames that came and gives those to send; it reads no clock.
 
-    Torques are at the motor shaft; positive launches a ball or raises the hood. Whatever it doubts, it does not drive.
+    Torques are at the motor shaft; positive launches a ball or raises the hood. It drives only while all readings that
+    it needs are fresh and good.
     """
 
     reading: MotorReading

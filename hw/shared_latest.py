@@ -13,7 +13,7 @@ COLOURS = 3
 
 
 class Room(NamedTuple):
-    """How much there is room for. `places`: so many words later an image is overwritten."""
+    """How much there is room for. `places`: this number of words later an image is overwritten."""
 
     places: int
     text_bytes: int
@@ -32,8 +32,8 @@ class Slots:
     """A ring of slots with one writer and one reader, each with a Slots of its own on the same memory (whatever has a
     writable buffer).
 
-    Checksums tell the reader what is not whole yet, or no longer: what order another core sees writes in is no promise
-    of every machine. Memory is all zeros at first; a writer that takes another's place goes on where that one ended.
+    Checksums tell the reader what is not whole yet, or no longer: not every machine promises in what order another core
+    sees writes. Memory is all zeros at first; a writer that takes another's place goes on where that one ended.
     """
 
     def __init__(self, memory: Any, room: Room) -> None:

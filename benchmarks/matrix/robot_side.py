@@ -18,11 +18,10 @@ from truearc.cli.robot.run_processes import make_see
 from truearc.hw.protocols import Bus, Clock, Stream
 from truearc.hw.protocols import Camera as CameraLink
 from truearc.hw.readings import CameraFrame
-from truearc.hw.real import supervised_bus
 from truearc.hw.real.can_bus import CanBus, open_can
 from truearc.hw.real.reconnect import MendedCamera, MendedStream
 from truearc.hw.real.serial_port import open_serial
-from truearc.hw.real.supervised_bus import WAIT_S, SupervisedBus
+from truearc.hw.real.supervised_bus import ROOM, WAIT_S, SupervisedBus
 from truearc.robot.config.can_policy import guard
 from truearc.robot.config.schema import Config
 from truearc.robot.gate.model import Rating
@@ -74,8 +73,6 @@ def run_robot(config: Config, breaking: Breaking, bus: tuple[str, str], box_port
     tally: Counter[str] = Counter()
     clock = StallingClock(clock, span, breaking in (Time("late ticks"), Wire("overrun")))
     gate = BrokenGate(breaking.what, span.stands, clock) if isinstance(breaking, Model) else None
-    if breaking == Wire("overrun"):
-        supervised_bus.ROOM = SMALL_ROOM
     with ExitStack() as wires, StandingWall(breaking, span):
         beside = Beside(config, folder, wires) if is_beside(breaking) else None
         hurry()                                   # as on the robot: vision and recorder have no real time
@@ -110,7 +107,7 @@ def _open(config: Config, breaking: Breaking, bus: tuple[str, str], box_port: st
         return FlakyBus.over(open_can(*bus, config.can.bitrate, clock, WAIT_S, tally), what, span)
 
     wire: Bus = open_can(*bus, config.can.bitrate, clock, 0.0, tally) if stepped else SupervisedBus(
-        _watching(open_flaky, what, span), clock, tally)
+        _watching(open_flaky, what, span), clock, tally, SMALL_ROOM if what == "overrun" else ROOM)
     if stepped:
         FlakyBus.over(wire, what, span)
     wires.callback(wire.close)

@@ -10,7 +10,7 @@ Stepper = Callable[[int], None]
 
 
 class Twin:
-    """Devices at the far end of `bus`, and the plant that they are attached to.
+    """Emulated devices on `bus`, and the plant that they are attached to.
 
     Within one `advance` the world stops whenever a device has something to do, so every frame says what was true when
     it was due, whatever the robot's own cadence. `steppers` (button box, camera, driver) run at its end, in order.

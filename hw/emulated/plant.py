@@ -1,7 +1,6 @@
 """All that an emulated device may ask of the world it is attached to.
 
-The world behind this is somebody else's (`truearc.sim.world`); the devices here only quantise, delay and put on the
-wire.
+`truearc.sim.world` implements it; the devices here only quantise, delay and put on the wire.
 """
 
 from collections.abc import Mapping
@@ -21,7 +20,7 @@ class MotorTruth(NamedTuple):
 
 
 class View(NamedTuple):
-    """What the camera looks at. Camera axes: x right, y down, z along the optical axis (OpenCV).
+    """Pose and light of the target before the camera. Camera axes: x right, y down, z along the optical axis (OpenCV).
 
     Target axes: x right and y up as the viewer sees them, z towards the viewer, origin in the tape's centre.
     """
@@ -32,7 +31,7 @@ class View(NamedTuple):
 
 
 class Scene(Protocol):
-    """What a camera looks at."""
+    """The surroundings of a camera."""
 
     def view(self) -> View: ...
 
@@ -43,7 +42,7 @@ class Plant(Scene, Protocol):
     motors: tuple[str, ...]           # "flywheel_a", "flywheel_b", "hood", "feeder"
 
     def advance(self, t_ns: int, torque_nm: Mapping[str, float]) -> None:
-        """Bring the world to `t_ns` with these torques asked of the motors (missing = 0, released)."""
+        """Bring the world to `t_ns` with these motor torques (missing = 0, released)."""
 
     def motor(self, name: str) -> MotorTruth: ...
 

@@ -31,7 +31,7 @@ class PtyCable:
     def write(self, data: bytes) -> bool:
         waiting = self._waiting() if self._prompt else 0
         if waiting > UNREAD or len(self._rest) > FULL:
-            return False                                    # nobody has read for a long time: the line is lost
+            return False                                    # unread for a long time: the line is lost
         self._rest += data
         sent = 0
         with contextlib.suppress(BlockingIOError):

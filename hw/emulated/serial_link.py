@@ -1,11 +1,11 @@
-"""What a serial device hangs on: a pseudo-terminal, or a loopback socket where there are none."""
+"""The cable of a serial device: a pseudo-terminal, or a loopback socket where there are none."""
 
 import contextlib
 import socket
 from typing import Protocol
 
 CHUNK = 65536
-FULL = 65536                                      # bytes that nobody fetches: the rest is lost
+FULL = 65536                                      # unread bytes: the rest is lost
 
 
 class Cable(Protocol):
@@ -14,10 +14,10 @@ class Cable(Protocol):
     port: str
 
     def write(self, data: bytes) -> bool:
-        """Say `data`; False when it is lost because nobody listens. Does not block for long."""
+        """Send `data`; False when it is lost for want of a reader. Does not block for long."""
 
     def read(self) -> bytes:
-        """What the robot has said since the last call; empty when it said nothing. Does not block."""
+        """Return the bytes that the robot has sent since the last call. Does not block."""
 
     def close(self) -> None: ...
 

@@ -1,10 +1,10 @@
-"""What a CAN controller's error frame says, in words; bits as in linux/can/error.h."""
+"""Names of the errors in a CAN controller's error frame; bits as in linux/can/error.h."""
 
 BUS_OFF = "bus off"
 OVERRUN = "receive overrun"
 
 CLASSES = ((0x001, "transmit timeout"), (0x002, "arbitration lost"), (0x008, "protocol violation"),
-           (0x010, "transceiver"), (0x020, "nobody acknowledges"), (0x040, BUS_OFF), (0x080, "bus error"),
+           (0x010, "transceiver"), (0x020, "no acknowledgement"), (0x040, BUS_OFF), (0x080, "bus error"),
            (0x100, "restarted"))
 CONTROLLER = 0x004                                # details are in the second byte
 CONTROLLER_DETAILS = ((0x01, OVERRUN), (0x02, "transmit overrun"), (0x04, "many receive errors"),

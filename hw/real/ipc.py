@@ -1,4 +1,4 @@
-"""Messages from one process of ours to another, over a pair of sockets: whole, in order, and nobody waits to send."""
+"""Messages from one process of ours to another, over a pair of sockets: whole, in order, and sent without waiting."""
 
 import socket
 from collections import deque
@@ -8,13 +8,13 @@ from truearc.hw.protocols import LinkLost
 
 LENGTH_BYTES = 4
 CHUNK = 1 << 20
-ROOM = 4 << 20                        # bytes that are asked of the system for what is on its way; it may give less
+ROOM = 4 << 20                        # bytes requested from the system for messages on their way; it may give less
 
 
 class Outbox:
     """Sends what the system takes, and keeps the rest for the next `push`.
 
-    What the system has taken reaches the other end whatever becomes of this process. `waiting`: bytes that it has not.
+    Bytes that the system has taken reach the other end whatever becomes of this process. `waiting`: those it has not.
     """
 
     def __init__(self, end: socket.socket) -> None:
@@ -31,7 +31,7 @@ class Outbox:
         self.push()
 
     def push(self) -> None:
-        """Send on; nothing happens once nobody is there to read it."""
+        """Send on; nothing happens once the reader has gone."""
         while self._parts:
             try:
                 taken = self._end.send(self._parts[0])

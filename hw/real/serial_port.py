@@ -24,7 +24,7 @@ class SerialStream:
             while part := self._port.read(CHUNK):
                 parts.append(part)
         except (serial.SerialException, OSError) as error:
-            # What came before the plug was pulled stays unread: half a line is no use, and the next call fails too.
+            # Bytes from before the plug was pulled stay unread: half a line is useless, and the next call fails too.
             raise LinkLost(SERIAL_ERROR(port=self.name, detail=str(error))) from error
         return b"".join(parts)
 

@@ -6,7 +6,7 @@ import sys
 
 
 class ServiceManager:
-    """The far end of NOTIFY_SOCKET. Never blocks and never raises: a deaf manager must not stop the robot."""
+    """The sender to NOTIFY_SOCKET. Never blocks and never raises: a deaf manager must not stop the robot."""
 
     def __init__(self, address: str | None) -> None:
         self._socket: socket.socket | None = None
@@ -16,7 +16,7 @@ class ServiceManager:
             self._socket.setblocking(False)
 
     def say(self, message: str) -> None:
-        """Such as "READY=1"; nothing happens when nobody asked to be told."""
+        """Such as "READY=1"; nothing happens without a service manager."""
         if self._socket is not None:
             with contextlib.suppress(OSError):
                 self._socket.sendto(message.encode(), self._address)

@@ -247,7 +247,7 @@ def test_an_adapter_that_takes_nothing_refuses(adapter, clock) -> None:
 @pytest.mark.parametrize(("frame_id", "data", "words"), [
     (0x004, "0001000000000000", ("receive overrun",)), (0x004, "0030000000000000", ("error passive",)),
     (0x040, "0000000000000000", ("bus off",)), (0x100, "", ("restarted",)), (0x004, "", ("controller",)),
-    (0x0A8, "0000000000000000", ("protocol violation", "nobody acknowledges", "bus error")),
+    (0x0A8, "0000000000000000", ("protocol violation", "no acknowledgement", "bus error")),
     (0x000, "", ("of an unknown kind",))])
 def test_error_frames_in_words(frame_id: int, data: str, words: tuple[str, ...]) -> None:
     assert error_words(frame_id, bytes.fromhex(data)) == words

@@ -1,4 +1,4 @@
-"""The button box at the far end of its cable."""
+"""An emulated button box on a serial cable."""
 
 from truearc.hw.devices.button_box import frames as buttons
 from truearc.hw.emulated.serial_link import Cable, open_cable
