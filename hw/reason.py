@@ -106,4 +106,5 @@ def _text(value: Any, codes: Mapping[str, Code]) -> str:
     if isinstance(value, tuple | list):
         between = "; " if any(isinstance(one, Reason) for one in value) else ", "
         return between.join(_text(one, codes) for one in value)
-    return f"{value:g}" if isinstance(value, float) else str(value)
+    text = f"{value:g}" if isinstance(value, float) else str(value)
+    return text if text.isprintable() else text.encode("unicode_escape").decode("ascii")

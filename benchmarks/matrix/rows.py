@@ -194,7 +194,7 @@ def _near() -> list[Row]:
               ("gives NaN", "not a number", says(bot.MODEL_NOT_FINITE), ITSELF),
               ("says it is outside its domain", "outside", says(bot.MODEL_OUTSIDE_DOMAIN), ITSELF),
               ("says this is novel", "novel", says(bot.MODEL_OUTSIDE_DOMAIN, novelty=3.0), ITSELF),
-              ("doubts", "doubts", says(bot.MODEL_BELOW_THRESHOLD), ITSELF))),
+              ("gives a low probability", "doubts", says(bot.MODEL_BELOW_THRESHOLD), ITSELF))),
         Row("model: takes 0.3 s a tick", "model", Model("slow"), says(bot.TICKS_STALLED), 0.8, REARM, lasts_s=1.5),
         *(Row(f"model file: {what}", "model", Start(what), (), 0.0, REFUSED, refusal=refusal) for what, refusal in (
             ("corrupted", "damaged or altered|not a usable ONNX"), ("truncated", "not a usable ONNX"),
