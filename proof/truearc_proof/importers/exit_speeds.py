@@ -18,7 +18,7 @@ from truearc_proof.importers.originals import matching
 from truearc_proof.importers.set_points import BALL, RELEASE_M, WHEEL_M
 
 SPEEDS_971 = ("ball_speed_mps", "accelerator_rad_s")
-# in constants.cc: {ball speed, {wheels beside the ball, finisher}} of the flywheels' table; the finisher was kept constant
+# in constants.cc: rows {ball speed, {wheels beside the ball, finisher}} of the flywheels' table
 TABLE_971 = r"flywheel_shot_interpolation_table\s*=[^;]*"
 ORIGINAL_971 = r"\{(?P<ball_speed_mps>[^{},]*),\s*\{(?P<accelerator_rad_s>[^{},]*),[^{},]*\}\s*\}"
 NO_ELEVATION_DEG = 45.0               # stands where nobody noted one: no speed and no spin depends on it

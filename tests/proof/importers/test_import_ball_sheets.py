@@ -124,7 +124,8 @@ def test_a_sheet_without_its_columns_is_named(tmp_path: Path, capsys: pytest.Cap
 def test_a_workbook_that_is_none_or_cut_short_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     book, balls = files(tmp_path, sheets())
     whole = book.read_bytes()
-    for data in (whole[:len(whole) // 2], whole[:100], b"", b"PK\x03\x04 no more", b"\xd0\xcf\x11\xe0 an older kind", b"ball,drop"):
+    for data in (whole[:len(whole) // 2], whole[:100], b"", b"PK\x03\x04 no more", b"\xd0\xcf\x11\xe0 an older kind",
+                 b"ball,drop"):
         book.write_bytes(data)
         assert truearc.main(["import", "ball-drops", str(book), str(balls), "-o", str(tmp_path / "out")]) == 2
         said = capsys.readouterr()
