@@ -2,7 +2,10 @@
 
 import os
 import threading
+from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
+from typing import IO
 
 import cv2
 import msgspec
@@ -13,7 +16,7 @@ from truearc.hw.readings import CameraFrame
 from truearc.robot.config.schema import Config, InputError, in_words
 from truearc.robot.recording.append_file import Appender
 from truearc.robot.recording.candump import candump_line
-from truearc.robot.recording.rows import RowFormat, Rows2
+from truearc.robot.recording.rows import RowFormat, Rows2, Trial
 from truearc.robot.recording.session import (
     CAN,
     CONFIG,
@@ -23,29 +26,41 @@ from truearc.robot.recording.session import (
     LATENESS,
     MODEL,
     TELEMETRY,
+    TICK_TOPIC,
+    TRIAL_TOPIC,
     TRIALS,
     Header,
     Picture,
 )
 from truearc.robot.types import Tick
 
-Row = tuple[int, bytes, list[tuple[Frame, bool]]]     # t_ns, the encoded Tick, raw frames of the tick
+# t_ns, the encoded Tick, its raw frames, its encoded trials
+Row = tuple[int, bytes, list[tuple[Frame, bool]], list[bytes]]
 
 
 class TickFile:
-    """telemetry.mcap: one message a tick; every `flush` ends a chunk, so that what is before it can be read."""
+    """telemetry.mcap: a message per tick on /tick, one per marked trial on /trial.
 
-    def __init__(self, path: Path, rows: RowFormat) -> None:
-        self.file = Appender(path)
-        self._mcap = Writer(self.file, compression=CompressionType.ZSTD)
+    Every `flush` ends a chunk, so that what is before it can be read.
+    """
+
+    def __init__(self, file: IO[bytes] | Appender, rows: RowFormat) -> None:
+        self._file, self._written = file, Counter[int]()
+        self._mcap = Writer(file, compression=CompressionType.ZSTD)
         self._mcap.start(profile="", library="truearc")
-        schema_id = self._mcap.register_schema("truearc.Tick", "jsonschema", rows.schema(Tick))
-        self._channel = self._mcap.register_channel("/tick", "json", schema_id)
-        self._ticks = 0
+        self._ticks, self._trials = (
+            self._mcap.register_channel(topic, "json", self._mcap.register_schema(
+                f"truearc.{kind.__name__}", "jsonschema", rows.schema(kind)))
+            for topic, kind in ((TICK_TOPIC, Tick), (TRIAL_TOPIC, Trial)))
 
-    def write(self, t_ns: int, row: bytes) -> None:
-        self._mcap.add_message(self._channel, log_time=t_ns, data=row, publish_time=t_ns, sequence=self._ticks)
-        self._ticks += 1
+    def write(self, t_ns: int, row: bytes, trials: Sequence[bytes] = ()) -> None:
+        """Add a tick and the trials that were marked in it."""
+        self._add(self._ticks, t_ns, row)
+        for trial in trials:
+            self.write_trial(t_ns, trial)
+
+    def write_trial(self, t_ns: int, row: bytes) -> None:
+        self._add(self._trials, t_ns, row)
 
     def flush(self) -> None:
         self._mcap.flush()
@@ -53,7 +68,11 @@ class TickFile:
     def finish(self) -> None:
         """Write the summary that makes the file whole."""
         self._mcap.finish()
-        self.file.flush()
+        self._file.flush()
+
+    def _add(self, channel: int, t_ns: int, row: bytes) -> None:
+        self._mcap.add_message(channel, log_time=t_ns, data=row, publish_time=t_ns, sequence=self._written[channel])
+        self._written[channel] += 1
 
 
 class SessionFiles:
@@ -64,19 +83,19 @@ class SessionFiles:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._telemetry = TickFile(folder / TELEMETRY, Rows2())
-        self._can, self._trials = Appender(folder / CAN), Appender(folder / TRIALS)
-        self._index = Appender(folder / FRAMES / INDEX)
+        self._telemetry, self._can, self._trials, self._index = self._files = tuple(
+            Appender(folder / name) for name in (TELEMETRY, CAN, TRIALS, f"{FRAMES}/{INDEX}"))
+        self._ticks = TickFile(self._telemetry, Rows2())
         self.trials_kept = self._trials_written = 0
 
     def write_ticks(self, rows: list[Row]) -> None:
-        for t_ns, row, frames in rows:
+        for t_ns, row, frames, trials in rows:
             self._can.write("".join([candump_line(frame, sent, t_ns) for frame, sent in frames]).encode("ascii"))
-            self._telemetry.write(t_ns, row)
+            self._ticks.write(t_ns, row, trials)
         try:
             self._can.flush()         # first, so that a tick on disk has its frames there too
         finally:
-            self._telemetry.flush()
+            self._ticks.flush()
 
     def write_trial(self, row: bytes, written: threading.Event) -> None:
         self._trials.write(row + b"\n")
@@ -94,7 +113,7 @@ class SessionFiles:
         self._trials.sync()
 
     def sync(self) -> None:
-        for file in (self._trials, self._telemetry.file, self._can):
+        for file in (self._trials, self._telemetry, self._can):
             file.sync()
 
     def write_picture(self, picture: CameraFrame) -> None:
@@ -111,16 +130,15 @@ class SessionFiles:
             file.write(row + b"\n")
 
     def finish(self) -> None:
-        self._telemetry.finish()
+        self._ticks.finish()
 
     def close(self) -> None:
-        files = (self._telemetry.file, self._can, self._trials, self._index)
         try:
-            for file in files:
+            for file in self._files:
                 file.flush()
                 file.sync()
         finally:
-            for file in files:
+            for file in self._files:
                 file.close()
 
 

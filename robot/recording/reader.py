@@ -7,11 +7,11 @@ from pathlib import Path
 import msgspec
 import zstandard
 from mcap.exceptions import McapError
-from mcap.records import Message
+from mcap.records import Channel, Message
 from mcap.stream_reader import StreamReader
 
 from truearc.robot.config.schema import InputError, in_words
-from truearc.robot.recording.session import TELEMETRY, load_row_format
+from truearc.robot.recording.session import TELEMETRY, TICK_TOPIC, load_row_format
 from truearc.robot.types import Tick
 
 LARGEST = 1 << 28                     # bytes of a record; a damaged length must not ask for all memory
@@ -46,11 +46,13 @@ class TickReader:
             file = self.path.open("rb")
         except OSError as error:
             raise InputError(f"{self.path}: {in_words(error)}") from error
-        size = max(self.path.stat().st_size, 1)
+        size, ticks = max(self.path.stat().st_size, 1), 0
         with file:
             try:
                 for record in StreamReader(file, validate_crcs=True, record_size_limit=LARGEST).records:
-                    if isinstance(record, Message):
+                    if isinstance(record, Channel) and record.topic == TICK_TOPIC:
+                        ticks = record.id
+                    if isinstance(record, Message) and record.channel_id == ticks:
                         self.share = file.tell() / size
                         yield record.data
             except (McapError, EOFError, ValueError, struct.error, zstandard.ZstdError, MemoryError) as error:

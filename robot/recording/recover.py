@@ -9,7 +9,7 @@ import msgspec
 from msgspec import Struct
 
 from truearc.robot.config.schema import InputError, in_words
-from truearc.robot.recording.append_file import claim
+from truearc.robot.recording.append_file import Appender, claim
 from truearc.robot.recording.candump import parse_candump
 from truearc.robot.recording.encoder import BATCH_NS
 from truearc.robot.recording.files import TickFile
@@ -101,21 +101,22 @@ def _recover_ticks(session: Path, repairs: list[str]) -> _Told:
 
 
 def _write_ticks(new: Path, damaged: Path, told: _Told, rows: RowFormat) -> None:
-    file, flushed_ns = TickFile(new, rows), 0
+    file, flushed_ns = Appender(new), 0
+    ticks = TickFile(file, rows)
     try:
         for row in salvage(damaged.read_bytes() if damaged.exists() else b""):
             tick = rows.decode_tick(row)
             told.hear(tick)
-            file.write(tick.inputs.t_ns, row)
+            ticks.write(tick.inputs.t_ns, row, [rows.encode_trial(trial) for trial in make_trials(tick)])
             if tick.inputs.t_ns - flushed_ns >= BATCH_NS:
                 flushed_ns = tick.inputs.t_ns
-                file.flush()
-        file.finish()
-        file.file.sync()
+                ticks.flush()
+        ticks.finish()
+        file.sync()
     except msgspec.MsgspecError as error:
         raise InputError(f"{damaged}: row {told.ticks + 1}: {error}") from error
     finally:
-        file.file.close()
+        file.close()
 
 
 def _recover_trials(session: Path, told: _Told, repairs: list[str]) -> int:

@@ -2,7 +2,7 @@
 
     session.json     what made it: versions, configuration and model hashes
     config.json      the configuration it ran with; model.onnx the gate, if there was one
-    telemetry.mcap   one message a tick, the whole Tick as JSON
+    telemetry.mcap   JSON messages: on /tick the whole Tick, on /trial each line of trials.jsonl (older ones lack it)
     can0.log         every CAN frame both ways, candump text
     trials.jsonl     one fsynced line an outcome
     frames/          the image behind each shot, and frames.jsonl
@@ -28,6 +28,7 @@ HEADER, CONFIG, MODEL, TELEMETRY, CAN, TRIALS, FRAMES, LATENESS = (
     "session.json", "config.json", "model.onnx", "telemetry.mcap", "can0.log", "trials.jsonl", "frames",
     "lateness.jsonl")
 INDEX, DAMAGED = "frames.jsonl", "damaged"
+TICK_TOPIC, TRIAL_TOPIC = "/tick", "/trial"
 
 
 class Header(Struct, frozen=True):

@@ -58,7 +58,7 @@ def test_a_session_has_a_summary_and_all_its_ticks_and_trials(tmp_path):
     recorder.close()
     assert recorder.failed is None and recorder.dropped == 0
     with (tmp_path / "s" / "telemetry.mcap").open("rb") as file:
-        assert make_reader(file).get_summary().statistics.message_count == 500
+        assert list(make_reader(file).get_summary().statistics.channel_message_counts.values()) == [500, 2]
     assert kept_cycles(tmp_path / "s") == list(range(1, 501))
     assert [trial.outcome.trial for trial in load_trials(tmp_path / "s")] == [0, 1]
 

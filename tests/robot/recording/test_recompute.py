@@ -205,10 +205,10 @@ def test_questions_that_make_no_sense_are_bad_input(plain, other, tmp_path, caps
 def test_ticks_that_were_never_recorded_are_named(session):
     rows = [(tick, data) for tick, data in TickReader(session) if not 400 <= tick.inputs.cycle < 425]
     (session / "telemetry.mcap").unlink()
-    file = TickFile(session / "telemetry.mcap", Rows2())
-    for tick, data in rows:
-        file.write(tick.inputs.t_ns, data)
-    file.finish()
-    file.file.close()
+    with (session / "telemetry.mcap").open("wb") as file:
+        ticks = TickFile(file, Rows2())
+        for tick, data in rows:
+            ticks.write(tick.inputs.t_ns, data)
+        ticks.finish()
     with pytest.raises(Difference, match="cycle 425 follows 399: the ticks between are not in the recording"):
         replay(session)

@@ -183,7 +183,7 @@ def make_show(page: OperatorPage | None) -> Callable[[list[Row]], None]:
     decoder = msgspec.json.Decoder(Tick)
 
     def show(rows: list[Row]) -> None:
-        for _, text, _ in rows:
+        for _, text, *_ in rows:
             page.show(decoder.decode(text))
 
     return show
