@@ -3,10 +3,11 @@
 from msgspec import Struct
 
 from truearc.hw.readings import MotorReading
+from truearc.hw.reason import FAULT, YOU
 from truearc.robot.config.schema import Config
 from truearc.robot.gate.verdict import HEARTBEAT_S
 from truearc.robot.motors import name_axes
-from truearc.robot.operator_ui.driver_messages import FAULT, YOU, Told, tell
+from truearc.robot.operator_ui.driver_messages import Told, tell
 from truearc.robot.operator_ui.page_state import Glance, PageTrial
 from truearc.robot.reasons import BOX_GONE, FIRE_NOT_REQUESTED, NOT_RECORDING, text
 from truearc.robot.types import Sighting, Tick

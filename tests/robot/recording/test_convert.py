@@ -24,7 +24,6 @@ from truearc.robot.recording.export.wpilog import WpilogWriter, make_payload
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import load_trials
 
-
 HERE = Path(__file__).parent
 
 
