@@ -5,7 +5,10 @@ from collections.abc import Iterator
 
 from msgspec import Struct
 
+from truearc.hw.devices.axis import driver_of
+from truearc.hw.devices.registry import BY_DRIVER
 from truearc.robot.config.schema import Config, InputError
+from truearc.robot.motors import name_axes
 
 HOME = "/opt/truearc"                 # the virtual environment
 SETTINGS = "/etc/truearc"             # launcher.toml, gate.onnx
@@ -22,6 +25,7 @@ class Parts(Struct, frozen=True):
 
     has_gate: bool
     has_endpoints: bool
+    has_plugins: bool                 # distributions with motor drivers are carried along
     core: int | None
     priority: int
     can_serial: str                   # of the CAN adapter: it then has its name whatever port it is plugged into
@@ -40,6 +44,9 @@ def _wrong_names(config: Config, parts: Parts) -> Iterator[str]:
     channel = config.can.channel
     if config.can.interface == "socketcan" and not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]{0,14}", channel):
         yield f"[can] channel {channel!r}: not the name of a network interface"
+    for name, driver in ((name, driver_of(axis)) for name, axis in name_axes(config)):
+        if driver not in BY_DRIVER and not parts.has_plugins:
+            yield f"{name}: driver {driver!r} is of another distribution; --plugin names its wheel or source folder"
     if parts.can_serial and not re.fullmatch(r"[A-Za-z0-9._-]+", parts.can_serial):
         yield f"--can-serial {parts.can_serial!r}: not as `udevadm info` prints ID_SERIAL_SHORT"
     if parts.can_serial and re.fullmatch(r"can\d+", channel):

@@ -130,13 +130,15 @@ id {USER} >/dev/null 2>&1 || useradd --system --user-group --home-dir {STATE} --
 install -d -m 755 {HOME} {SETTINGS}
 install -d -m 755 -o {USER} -g {USER} {STATE} {STATE}/sessions
 
-# The program. With wheels for all it needs in wheels/ no network is asked.
+# The program, and the motor drivers of other distributions in plugins/. With wheels for all they need in wheels/ no
+# network is asked.
 python3 -m venv {HOME}/venv
 offline=""
 if ls wheels/numpy-*.whl >/dev/null 2>&1; then offline="--no-index"; fi
-{HOME}/venv/bin/python -m pip install --quiet --no-deps --no-index --force-reinstall wheels/truearc-*.whl
+plugins=$(ls plugins/*.whl 2>/dev/null || true)
+{HOME}/venv/bin/python -m pip install --quiet --no-deps --no-index --force-reinstall wheels/truearc-*.whl $plugins
 {HOME}/venv/bin/python -m pip install --quiet $offline --find-links wheels --constraint constraints.txt \\
-    wheels/truearc-*.whl
+    wheels/truearc-*.whl $plugins
 
 # What it runs with, and what starts it.
 for name in launcher.toml gate.onnx flat_endpoints.json; do
