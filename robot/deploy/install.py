@@ -1,4 +1,4 @@
-"""Where things are on the robot's computer, and what is asked of its parts."""
+"""What `truearc deploy` is told of the robot's computer, checked against the configuration."""
 
 import re
 from collections.abc import Iterator
@@ -10,13 +10,6 @@ from truearc.hw.devices.registry import BY_DRIVER
 from truearc.robot.config.schema import Config, InputError
 from truearc.robot.motors import name_axes
 
-HOME = "/opt/truearc"                 # the virtual environment
-SETTINGS = "/etc/truearc"             # launcher.toml, gate.onnx
-STATE = "/var/lib/truearc"            # sessions
-USER = "truearc"
-PROGRAM = f"{HOME}/venv/bin/truearc"
-QUEUE_FRAMES = 64                     # longer only makes set points older; the kernel's ten are refused in one tick
-RESTART_MS = 100                      # after bus-off
 HIGHEST_PRIORITY = 60                 # that the service may ask for
 
 

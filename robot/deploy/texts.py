@@ -4,18 +4,15 @@ import re
 from types import MappingProxyType
 
 from truearc.robot.config.schema import Config
-from truearc.robot.deploy.install import (
-    HIGHEST_PRIORITY,
-    HOME,
-    PROGRAM,
-    QUEUE_FRAMES,
-    RESTART_MS,
-    SETTINGS,
-    STATE,
-    USER,
-    Parts,
-)
+from truearc.robot.deploy.install import HIGHEST_PRIORITY, Parts
 
+HOME = "/opt/truearc"                 # the virtual environment
+SETTINGS = "/etc/truearc"             # launcher.toml, gate.onnx
+STATE = "/var/lib/truearc"            # sessions
+USER = "truearc"
+PROGRAM = f"{HOME}/venv/bin/truearc"
+QUEUE_FRAMES = 64                     # longer only makes set points older; the kernel's ten are refused in one tick
+RESTART_MS = 100                      # after bus-off
 UNIT, LINK, NETWORK, RULES, UNMANAGED, INSTALL = (
     "truearc.service", "60-truearc-can.link", "60-truearc-can.network", "70-truearc.rules", "60-truearc.conf",
     "install.sh")

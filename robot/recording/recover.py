@@ -1,6 +1,5 @@
 """Makes a session that was cut short whole again: nothing whole is lost, and what is replaced is kept in damaged/."""
 
-import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -9,26 +8,15 @@ import msgspec
 from msgspec import Struct
 
 from truearc.robot.config.schema import InputError, in_words
+from truearc.robot.recording import session as layout
 from truearc.robot.recording.append_file import Appender, claim
 from truearc.robot.recording.candump import parse_candump
 from truearc.robot.recording.encoder import BATCH_NS
-from truearc.robot.recording.files import TickFile
-from truearc.robot.recording.images import load_image
+from truearc.robot.recording.files import TickFile, load_image, save_synced
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.rows import RowFormat, Trial
 from truearc.robot.recording.salvage import salvage
-from truearc.robot.recording.session import (
-    CAN,
-    DAMAGED,
-    FRAMES,
-    INDEX,
-    TELEMETRY,
-    TRIALS,
-    Picture,
-    load_row_format,
-    load_session_config,
-    make_trials,
-)
+from truearc.robot.recording.session import Picture, load_row_format, load_session_config, make_trials
 from truearc.robot.types import Tick
 
 
@@ -64,14 +52,14 @@ def recover(session: Path) -> Recovered:
     repairs: list[str] = []
     told = _recover_ticks(session, repairs)
     trials = _recover_trials(session, told, repairs)
-    _recover_lines(session, CAN, "CAN frames", lambda line: parse_candump(line.decode("ascii", "replace") + "\n")
-                   is not None, repairs)
-    _recover_lines(session, f"{FRAMES}/{INDEX}", "images", lambda line: _has_image(session, line), repairs)
+    _recover_lines(session, layout.CAN, "CAN frames",
+                   lambda line: parse_candump(line.decode("ascii", "replace") + "\n") is not None, repairs)
+    _recover_lines(session, layout.INDEX, "images", lambda line: _has_image(session, line), repairs)
     return Recovered(told.ticks, trials, repairs)
 
 
 def _check_not_recording(session: Path) -> None:
-    path = session / TELEMETRY
+    path = session / layout.TELEMETRY
     if not path.exists():
         return
     with path.open("rb") as file:
@@ -85,7 +73,7 @@ def _check_not_recording(session: Path) -> None:
 
 def _recover_ticks(session: Path, repairs: list[str]) -> _Told:
     """What the ticks say of the session; their file is written anew when it is not whole."""
-    path = session / TELEMETRY
+    path = session / layout.TELEMETRY
     reader, told = TickReader(session), _Told()
     if path.exists():
         for tick, _ in reader:
@@ -95,7 +83,7 @@ def _recover_ticks(session: Path, repairs: list[str]) -> _Told:
     told = _Told()
     _replace(path, session, lambda new: _write_ticks(new, path, told, reader.rows))
     missing = told.last_cycle - told.ticks
-    repairs.append(f"{TELEMETRY}: {told.ticks} ticks kept"
+    repairs.append(f"{layout.TELEMETRY}: {told.ticks} ticks kept"
                    + (f", {missing} before the last of them were damaged or never written" if missing else ""))
     return told
 
@@ -120,7 +108,7 @@ def _write_ticks(new: Path, damaged: Path, told: _Told, rows: RowFormat) -> None
 
 
 def _recover_trials(session: Path, told: _Told, repairs: list[str]) -> int:
-    path, rows = session / TRIALS, load_row_format(session)
+    path, rows = session / layout.TRIALS, load_row_format(session)
     lines = path.read_bytes().split(b"\n") if path.exists() else []
     trials: list[Trial] = []
     torn = 0
@@ -133,8 +121,8 @@ def _recover_trials(session: Path, told: _Told, repairs: list[str]) -> int:
     if torn or known or (lines and lines[-1]):
         trials = sorted(trials + known, key=lambda trial: trial.outcome.t_ns)
         text = b"".join(rows.encode_trial(trial) + b"\n" for trial in trials)
-        _replace(path, session, lambda new: _save(new, text))
-        repairs.append(f"{TRIALS}: {len(trials)} rows kept, {torn} torn, {len(known)} put back from the ticks")
+        _replace(path, session, lambda new: save_synced(new, text))
+        repairs.append(f"{layout.TRIALS}: {len(trials)} rows kept, {torn} torn, {len(known)} put back from the ticks")
     return len({trial.outcome.trial for trial in trials})
 
 
@@ -149,7 +137,7 @@ def _recover_lines(session: Path, name: str, what: str, is_whole: Callable[[byte
     kept = [line for line in lines if line and is_whole(line)]
     text = b"".join(line + b"\n" for line in kept)
     if text != data:
-        _replace(path, session, lambda new: _save(new, text))
+        _replace(path, session, lambda new: save_synced(new, text))
         repairs.append(f"{name}: {len(kept)} {what} kept, {len(list(filter(None, lines))) - len(kept)} torn or missing")
 
 
@@ -167,7 +155,7 @@ def _replace(path: Path, session: Path, write: Callable[[Path], None]) -> None:
     try:
         write(new)
         if path.exists():
-            _keep_aside(path, session / DAMAGED)
+            _keep_aside(path, session / layout.DAMAGED)
         new.replace(path)
     except OSError as error:
         raise InputError(f"{path}: cannot be repaired: {in_words(error)}") from error
@@ -183,10 +171,3 @@ def _keep_aside(path: Path, damaged: Path) -> None:
         number += 1
         aside = damaged / f"{path.stem}-{number}{path.suffix}"
     shutil.copy2(path, aside)
-
-
-def _save(path: Path, data: bytes) -> None:
-    with path.open("wb") as file:
-        file.write(data)
-        file.flush()
-        os.fsync(file.fileno())

@@ -27,7 +27,7 @@ FORMAT, FORMAT_1 = "truearc.session/2", "truearc.session/1"
 HEADER, CONFIG, MODEL, TELEMETRY, CAN, TRIALS, FRAMES, LATENESS = (
     "session.json", "config.json", "model.onnx", "telemetry.mcap", "can0.log", "trials.jsonl", "frames",
     "lateness.jsonl")
-INDEX, DAMAGED = "frames.jsonl", "damaged"
+INDEX, DAMAGED = "frames/frames.jsonl", "damaged"
 TICK_TOPIC, TRIAL_TOPIC = "/tick", "/trial"
 
 

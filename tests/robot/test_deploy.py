@@ -21,9 +21,9 @@ from truearc.cli.main import main
 from truearc.cli.robot.deploy import make_commands
 from truearc.hw.devices.axis import Axis
 from truearc.robot.config.schema import InputError
-from truearc.robot.deploy.install import HOME, PROGRAM, Parts, make_parts
+from truearc.robot.deploy.install import Parts, make_parts
 from truearc.robot.deploy.source import copy_folder
-from truearc.robot.deploy.texts import INSTALL, LINK, NETWORK, RULES, UNIT, make_files, make_rules
+from truearc.robot.deploy.texts import HOME, INSTALL, LINK, NETWORK, PROGRAM, RULES, UNIT, make_files, make_rules
 
 PARTS = Parts(True, True, False, 3, 50, "", "2341:8036", 5.0)
 PLUGIN = Path(robot.__file__).parents[1] / "examples" / "truearc-samplemotor"

@@ -17,9 +17,9 @@ from truearc.hw.reason import Reason
 from truearc.robot.config.schema import Config, InputError, in_words
 from truearc.robot.reasons import BAD_FRAME, CAN_LOST
 from truearc.robot.recording.candump import parse_candump
-from truearc.robot.recording.images import load_image, load_pictures
+from truearc.robot.recording.files import load_image, load_pictures
 from truearc.robot.recording.rows import RowFormat
-from truearc.robot.recording.session import CAN, FRAMES, INDEX
+from truearc.robot.recording.session import CAN, INDEX
 from truearc.robot.rig import HardwareRig, ReplayRig
 from truearc.robot.types import Command, Inputs, Sent, Sighting
 from truearc.robot.vision import detect
@@ -86,7 +86,7 @@ class FramesRig:
     """A ReplayRig whose inputs are made anew by HardwareRig, out of the recorded frames and images."""
 
     def __init__(self, ticks: ReplayRig, config: Config, session: Path, rows: RowFormat) -> None:
-        self.done = Recomputed(missing=int(not (session / FRAMES / INDEX).exists()))
+        self.done = Recomputed(missing=int(not (session / INDEX).exists()))
         self._ticks, self._config, self._session, self._rows = ticks, config, session, rows
         self._bus = LoggedBus(session / CAN, self.done)
         self._clock = _RecordedClock()

@@ -17,8 +17,7 @@ from truearc.robot.config.schema import InputError, load_config
 from truearc.robot.reasons import BAD_FRAME, CAN_LOST, IMAGE_DARK
 from truearc.robot.recording.candump import TappedBus
 from truearc.robot.recording.encoder import SessionWriter
-from truearc.robot.recording.files import TickFile
-from truearc.robot.recording.images import load_pictures
+from truearc.robot.recording.files import TickFile, load_pictures
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.replay.recompute import Difference, replay, replay_frames
 from truearc.robot.recording.replay.replay_diff import config_changes, find_changes

@@ -29,8 +29,7 @@ from truearc.robot.config.schema import InputError
 from truearc.robot.processes import recorder_client as far_keeper
 from truearc.robot.reasons import DISK_ERROR, RECORDER_UNRESPONSIVE
 from truearc.robot.recording.encoder import MARKING_NS, SessionWriter
-from truearc.robot.recording.files import append_trials
-from truearc.robot.recording.images import load_image, load_pictures
+from truearc.robot.recording.files import append_trials, load_image, load_pictures
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import load_trials, make_header
 from truearc.robot.vision_source import NoEyes

@@ -14,8 +14,7 @@ from truearc.cli.main import main
 from truearc.robot.config.schema import InputError
 from truearc.robot.recording.append_file import Appender
 from truearc.robot.recording.candump import parse_candump
-from truearc.robot.recording.files import TickFile
-from truearc.robot.recording.images import load_pictures
+from truearc.robot.recording.files import TickFile, load_pictures
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.recover import recover
 from truearc.robot.recording.replay.recompute import Difference, replay, replay_frames
