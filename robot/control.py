@@ -4,8 +4,7 @@ import math
 
 from msgspec.structs import replace
 
-from truearc.robot.config.schema import Config
-from truearc.robot.feedforward import flywheel_torque_nm
+from truearc.robot.config.schema import Config, Flywheel
 from truearc.robot.pid import step_pid
 from truearc.robot.types import Aim, Command, Estimate, Inputs, Memory, Pid, Verdict
 
@@ -33,8 +32,13 @@ def _flywheel(estimate: Estimate, aim: Aim, memory: Memory, config: Config) -> t
     if wanted <= 0.0:
         return 0.0, Pid()
     low = wheel.pid.output_low if wheel.brake else 0.0
-    return step_pid(wheel.pid, memory.flywheel, wanted, estimate.motor_rad_s, flywheel_torque_nm(wheel, wanted),
+    return step_pid(wheel.pid, memory.flywheel, wanted, estimate.motor_rad_s, _feedforward_nm(wheel, wanted),
                     low, wheel.pid.output_high, 1.0 / config.tick_hz)
+
+
+def _feedforward_nm(wheel: Flywheel, wanted_rad_s: float) -> float:
+    """Torque per motor that the belt is expected to need at a speed above zero, before any feedback: ks + kv w."""
+    return wheel.ks_nm + wheel.kv_nm_s * wanted_rad_s
 
 
 def _hood(estimate: Estimate, aim: Aim, memory: Memory, config: Config) -> tuple[float, Pid]:

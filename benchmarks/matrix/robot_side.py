@@ -91,7 +91,7 @@ def run_robot(config: Config, breaking: Breaking, bus: tuple[str, str], box_port
         rig = HardwareRig(config, TappedBus(wire, recorder.tap), box, eyes, clock,
                           lambda: span.over_ns > 0 or recorder.is_over())
         wires.callback(rig.release)
-        kept = RecordingRig(TimedRig(rig, lateness), recorder)
+        kept = RecordingRig(TimedRig(rig, lateness), recorder.trouble)
         run(WatchedRig(AdvisedRig(kept, span), config, lambda words: None), config, gate, recorder)
     side = RobotSide(dict(tally), None if gate is None else gate.answers, str(recorder.failed or ""))
     (folder / "robot.json").write_bytes(msgspec.json.encode(side))

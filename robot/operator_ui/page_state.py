@@ -42,9 +42,8 @@ def _with_trials(glance: Glance, tick: Tick) -> Glance:
         glance = _with_outcome(glance, outcome)
     if tick.shot is None:
         return glance
-    return replace(
-        glance, shots=glance.shots + 1, recent=(*glance.recent, PageTrial(tick.shot.trial, tick.shot))[-RECENT:]
-    )
+    recent = (*glance.recent, PageTrial(tick.shot.trial, tick.shot))[-RECENT:]
+    return replace(glance, shots=glance.shots + 1, recent=recent)
 
 
 def _with_outcome(glance: Glance, outcome: Outcome) -> Glance:

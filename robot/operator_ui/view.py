@@ -45,19 +45,10 @@ def describe(glance: Glance, tick: Tick, config: Config, recording: str) -> Page
     """`tick` is the glance's own; `recording`: where it is recorded, "" = nowhere."""
     told = tell(tick.verdict.reasons)
     fire = _is_fire(glance, tick, told)
-    return PageView(
-        glance.seq,
-        round(tick.inputs.t_ns * NS, 3),
-        "FIRE" if fire else "HOLD",
-        _tone(tick, fire, told),
-        told,
-        (
-            _aim(glance.sighting, tick, config),
-            _robot(tick, recording),
-            _shots(glance),
-            _links(glance.sighting, tick, config),
-        ),
-    )
+    blocks = (_aim(glance.sighting, tick, config), _robot(tick, recording), _shots(glance),
+              _links(glance.sighting, tick, config))
+    return PageView(glance.seq, round(tick.inputs.t_ns * NS, 3), "FIRE" if fire else "HOLD", _tone(tick, fire, told),
+                    told, blocks)
 
 
 def _is_fire(glance: Glance, tick: Tick, told: tuple[Told, ...]) -> bool:

@@ -1,6 +1,6 @@
 """A shot that nobody would know of is not fired."""
 
-from typing import Protocol
+from collections.abc import Callable
 
 from msgspec.structs import replace
 
@@ -11,20 +11,18 @@ from truearc.robot.runtime import RobotIo
 from truearc.robot.types import Command, Inputs, Sent
 
 
-class Troubled(Protocol):
-    def trouble(self) -> Reason | None:
-        """Why what is recorded is not reaching the disk; None while it is."""
-
-
 class RecordingRig:
-    """A rig whose inputs also say when the recording is in trouble; a fault like any other, so it is a HOLD."""
+    """A rig whose inputs also say when the recording is in trouble; a fault like any other, so it is a HOLD.
 
-    def __init__(self, rig: RobotIo, recorder: Troubled) -> None:
-        self._rig, self._recorder = rig, recorder
+    `trouble`: why what is recorded is not reaching the disk; None while it is.
+    """
+
+    def __init__(self, rig: RobotIo, trouble: Callable[[], Reason | None]) -> None:
+        self._rig, self._trouble = rig, trouble
 
     def read(self) -> Inputs | None:
         inputs = self._rig.read()
-        trouble = self._recorder.trouble()
+        trouble = self._trouble()
         if inputs is None or trouble is None:
             return inputs
         return replace(inputs, faults=(*inputs.faults, NOT_RECORDING(cause=trouble)))

@@ -17,7 +17,7 @@ from truearc.robot.types import Sighting
 from truearc.robot.vision.edges import Marks
 from truearc.robot.vision.exposure import check_exposure, is_dark
 from truearc.robot.vision.optics import Optics, make_optics
-from truearc.robot.vision.outline import Doubt, find_outline
+from truearc.robot.vision.outline import find_outline
 from truearc.robot.vision.pose import Pose, solve_pose
 from truearc.robot.vision.shape import make_shape
 from truearc.robot.vision.threshold import Image, Region, find_regions
@@ -46,7 +46,7 @@ def detect(frame: CameraFrame, camera: CameraConfig, tape: Tape, vision: Vision)
     optics = make_optics(camera, width_px, height_px)
     found, doubts = look(frame.image, optics, camera, tape, vision)
     if not found:
-        return _lost(frame, max(doubts, key=_largest).reason if doubts else _missing(frame.image, vision))
+        return _lost(frame, max(doubts, key=_largest)[1] if doubts else _missing(frame.image, vision))
     if len(found) > 1:
         return _lost(frame, because.SEVERAL_TARGETS(count=len(found)))
     marks, pose = found[0]
@@ -57,33 +57,33 @@ def detect(frame: CameraFrame, camera: CameraConfig, tape: Tape, vision: Vision)
 
 
 def look(image: Image, optics: Optics, camera: CameraConfig, tape: Tape,
-         vision: Vision) -> tuple[list[tuple[Marks, Pose]], list[Doubt]]:
-    """All that looks like the target, and for all else of its colour why it does not."""
+         vision: Vision) -> tuple[list[tuple[Marks, Pose]], list[tuple[float, Reason]]]:
+    """All that looks like the target; and the area [px] of all else of its colour, and why it does not."""
     found: list[tuple[Marks, Pose]] = []
-    doubts: list[Doubt] = []
+    doubts: list[tuple[float, Reason]] = []
     for region in find_regions(image, vision, vision.min_area_px * optics.scale**2):
         answer = explain(region, optics, camera, tape, vision)
-        if isinstance(answer, Doubt):
-            doubts.append(answer)
+        if isinstance(answer, Reason):
+            doubts.append((region.area_px, answer))
         elif all(_apart(answer[1], other) for _, other in found):
             found.append(answer)
     return found, doubts
 
 
 def explain(region: Region, optics: Optics, camera: CameraConfig, tape: Tape,
-            vision: Vision) -> tuple[Marks, Pose] | Doubt:
+            vision: Vision) -> tuple[Marks, Pose] | Reason:
     """The region as the tape, or why it is not."""
     marks = find_outline(region, optics, tape)
-    if isinstance(marks, Doubt):
+    if isinstance(marks, Reason):
         return marks
     spread_px2 = marks.spread_px2 + optics.smooth_spread(marks.ideal_px, vision.corner_sigma_px)
     pose = solve_pose(marks.ideal_px, spread_px2, optics.smeared(marks.smear_px2), camera, tape)
     if pose is None:
-        return Doubt(region.area_px, because.NO_POSE())
+        return because.NO_POSE()
     if pose.doubt is not None:
-        return Doubt(region.area_px, pose.doubt)
+        return pose.doubt
     if pose.reprojection_px > vision.max_reprojection_px:
-        return Doubt(region.area_px, because.TAPE_OFF_SHAPE(error_px=pose.reprojection_px))
+        return because.TAPE_OFF_SHAPE(error_px=pose.reprojection_px)
     return marks, pose
 
 
@@ -92,8 +92,8 @@ def _apart(one: Pose, other: Pose) -> bool:
     return float(np.abs(one.tvec_m - other.tvec_m).max()) > SAME_M
 
 
-def _largest(doubt: Doubt) -> tuple[float, str]:
-    return doubt.area_px, doubt.reason.code
+def _largest(doubt: tuple[float, Reason]) -> tuple[float, str]:
+    return doubt[0], doubt[1].code
 
 
 def _missing(image: Image, vision: Vision) -> Reason:

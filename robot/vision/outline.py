@@ -4,7 +4,7 @@ The region's convex hull gives the corners to a pixel or two; the side along whi
 What is measured precisely from there is `edges`.
 """
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import cv2
 import numpy as np
@@ -25,27 +25,19 @@ LIT_ALONG = np.linspace(0.2, 0.8, 13)[:, None, None]
 LIT_DEPTH_PX = 1.5
 
 
-class Doubt(NamedTuple):
-    """Why a region is not the tape."""
-
-    area_px: float
-    reason: Reason
-
-
-def find_outline(region: Region, optics: Optics, tape: Tape) -> Marks | Doubt:
+def find_outline(region: Region, optics: Optics, tape: Tape) -> Marks | Reason:
     """The tape's four marks in a region, or why it cannot be the tape."""
     x, y, w, h = cv2.boundingRect(region.contour)
     x, y = x + region.x0_px, y + region.y0_px
     if x == 0 or y == 0 or x + w >= optics.width_px or y + h >= optics.height_px:
-        return Doubt(region.area_px, because.TAPE_CUT_OFF())
+        return because.TAPE_CUT_OFF()
     rough = _rough_corners(region)
     if isinstance(rough, Reason):
-        return Doubt(region.area_px, rough)
+        return rough
     marks = measure_marks(region, rough + np.array([region.x0_px, region.y0_px]), optics, tape)
     if isinstance(marks, Reason):
-        return Doubt(region.area_px, marks)
-    reason = _check_tape(marks, region, optics, tape)
-    return marks if reason is None else Doubt(region.area_px, reason)
+        return marks
+    return _check_tape(marks, region, optics, tape) or marks
 
 
 def _check_tape(marks: Marks, region: Region, optics: Optics, tape: Tape) -> Reason | None:

@@ -85,8 +85,10 @@ class LoggedBus:
 class FramesRig:
     """A ReplayRig whose inputs are made anew by HardwareRig, out of the recorded frames and images."""
 
-    def __init__(self, ticks: ReplayRig, config: Config, session: Path, rows: RowFormat) -> None:
-        self.done = Recomputed(missing=int(not (session / INDEX).exists()))
+    def __init__(self, ticks: ReplayRig, config: Config, session: Path, rows: RowFormat,
+                 done: Recomputed) -> None:
+        self.done = done
+        self.done.missing += not (session / INDEX).exists()
         self._ticks, self._config, self._session, self._rows = ticks, config, session, rows
         self._bus = LoggedBus(session / CAN, self.done)
         self._clock = _RecordedClock()

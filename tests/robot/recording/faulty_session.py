@@ -114,7 +114,7 @@ def record(folder: Path) -> None:
     rig = HardwareRig(config, TappedBus(bus, recorder.tap), Box(stream, clock, BOX_GONE, LOST_BOX),
                       Wire(eyes, clock, CAMERA_GONE, LOST_CAMERA), clock, lambda: clock.now_ns() > END_MS * MS)
     try:
-        run(RecordingRig(rig, recorder), config, None, recorder)
+        run(RecordingRig(rig, recorder.trouble), config, None, recorder)
     finally:
         for wire in (near, far, stream, eyes):
             wire.close()

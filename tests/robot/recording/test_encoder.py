@@ -91,7 +91,7 @@ def test_a_full_disk_is_a_hold_and_space_made_in_time_loses_nothing(tmp_path):
         assert recorder.trouble() is None
         resource.setrlimit(resource.RLIMIT_FSIZE, (2500, hard))
         play(recorder, all_ticks[200:600])
-        rig = RecordingRig(ReplayRig([all_ticks[0]]), recorder)
+        rig = RecordingRig(ReplayRig([all_ticks[0]]), recorder.trouble)
         inputs = rig.read()
         assert inputs.faults == (TOO_LARGE,)
         assert TOO_LARGE in step(inputs, good_memory(), CONFIG, None).verdict.reasons

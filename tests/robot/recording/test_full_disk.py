@@ -61,7 +61,7 @@ def test_it_holds_while_the_disk_is_full_and_loses_nothing_once_there_is_room(di
     assert recorder.trouble() is None
     ballast = fill(disk)
     play(recorder, all_ticks[200:1200])
-    inputs = RecordingRig(ReplayRig([all_ticks[0]]), recorder).read()
+    inputs = RecordingRig(ReplayRig([all_ticks[0]]), recorder.trouble).read()
     assert inputs.faults == (FULL,)
     assert FULL in step(inputs, good_memory(), CONFIG, None).verdict.reasons
     ballast.unlink()

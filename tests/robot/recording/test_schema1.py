@@ -10,8 +10,7 @@ from truearc.hw import fault_codes as hw
 from truearc.hw.reason import OPTIONAL, Reason
 from truearc.robot import reasons as bot
 from truearc.robot.recording.rows import Trial
-from truearc.robot.recording.schema1 import Rows1, read, write
-from truearc.robot.recording.schema1_forms import FORMS
+from truearc.robot.recording.schema1 import Rows1, load_forms, read, write
 from truearc.robot.types import Outcome
 
 STUCK = "feeder motor: odrive node 4 says 126 rad/s, but its position stands still: encoder stuck?"
@@ -70,7 +69,7 @@ def values(form, name):
     return kinds.get(unit, st.floats(-1e3, 1e3).map(lambda value: round(value, 4)))
 
 
-@pytest.mark.parametrize("form", FORMS, ids=lambda form: form.template)
+@pytest.mark.parametrize("form", load_forms(), ids=lambda form: form.template)
 @given(data=st.data())
 def test_every_form_is_read_again_as_its_own_code(form, data):
     names = [name for name in form.code.params if "{" + name in form.template or name in form.fixed]

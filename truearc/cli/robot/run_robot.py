@@ -81,7 +81,7 @@ def run_robot(args: argparse.Namespace) -> int:
                           lambda: ending.asked or recorder.is_over())
         wires.callback(rig.release)               # first of all to be done on the way out, whatever happened
         _ask_for_real_time(args)
-        kept = RecordingRig(TimedRig(rig, lateness), recorder)
+        kept = RecordingRig(TimedRig(rig, lateness), recorder.trouble)
         ticks = run(WatchedRig(kept, config, manager.say), config, gate, layout.show(recorder))
     print(f"{folder}: {ticks} ticks" + (f", {recorder.dropped} batches lost" if recorder.dropped else ""))
     print(*lateness.lines(), sep="\n")
