@@ -1,4 +1,4 @@
-"""What the driver's buttons do to the tick's memory: arm, ask for a shot, say what became of it."""
+"""Effect of the driver's buttons on the tick's memory: arm, request a shot, mark its outcome."""
 
 from msgspec import UNSET
 from msgspec.structs import replace

@@ -14,7 +14,7 @@ RELEASED = Command(enable=False, flywheel_torque_nm=0.0, hood_torque_nm=0.0, fee
 
 def control(inputs: Inputs, estimate: Estimate, aim: Aim, verdict: Verdict, memory: Memory,
             config: Config) -> tuple[Command, Memory]:
-    """Torques for this tick. Disarmed means released: nothing is asked of any motor."""
+    """Torques for this tick. Disarmed means released: no motor gets a torque."""
     if not memory.armed:
         return RELEASED, replace(memory, flywheel=Pid(), hood=Pid(), feed_t_ns=0)
     flywheel, wheel_pid = _flywheel(estimate, aim, memory, config)

@@ -175,7 +175,7 @@ class HardwareRig:
         return sighting
 
     def _start(self) -> list[Frame]:
-        """What is said once, before everything else."""
+        """Frames that are sent once, before all others."""
         period_ms = self._config.hood_encoder.period_ms
         if self._started or period_ms == 0:
             return []

@@ -1,4 +1,4 @@
-"""What `truearc deploy` is told of the robot's computer, checked against the configuration."""
+"""Options of `truearc deploy` on the robot's computer, checked against the configuration."""
 
 import re
 from collections.abc import Iterator
@@ -14,7 +14,7 @@ HIGHEST_PRIORITY = 60                 # that the service may ask for
 
 
 class Parts(Struct, frozen=True):
-    """What the configuration does not say of a computer's parts; None or "" = leave it as it is."""
+    """Properties of a computer that are not in the configuration; None or "" = leave it as it is."""
 
     has_gate: bool
     has_endpoints: bool
@@ -48,9 +48,9 @@ def _wrong_names(config: Config, parts: Parts) -> Iterator[str]:
     if parts.box_usb and not re.fullmatch(r"[0-9a-f]{4}:[0-9a-f]{4}", parts.box_usb):
         yield f"--box-usb {parts.box_usb!r}: vendor:product as `lsusb` prints them, such as 2341:8036"
     if parts.box_usb and not re.fullmatch(r"/dev/[A-Za-z0-9_-]+", config.buttons.port):
-        yield f"--box-usb: [buttons] port {config.buttons.port!r} is no name directly in /dev"
+        yield f"--box-usb: [buttons] port {config.buttons.port!r} is not a name directly in /dev"
     if parts.exposure_ms is not None and not re.fullmatch(r"/dev/[\w./:+-]+|\d+", config.camera.device):
-        yield f"--exposure-ms: [camera] device {config.camera.device!r} is no V4L2 device"
+        yield f"--exposure-ms: [camera] device {config.camera.device!r} is not a V4L2 device"
 
 
 def _wrong_numbers(config: Config, parts: Parts) -> Iterator[str]:

@@ -121,7 +121,7 @@ HEAD = f"""#!/bin/sh
 set -eu
 cd "$(dirname "$0")"
 finished=no
-trap 'test $finished = yes || echo "NOT FINISHED, and the robot is stopped: mend that and run it again" >&2' EXIT
+trap 'test $finished = yes || echo "NOT FINISHED, and the robot is stopped: fix that and run it again" >&2' EXIT
 systemctl stop truearc.service 2>/dev/null || true
 id {USER} >/dev/null 2>&1 || useradd --system --user-group --home-dir {STATE} --shell /usr/sbin/nologin {USER}
 install -d -m 755 {HOME} {SETTINGS}

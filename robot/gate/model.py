@@ -20,7 +20,7 @@ Floats = npt.NDArray[np.float64]
 
 
 class Rating(NamedTuple):
-    """What the model thinks of one configuration; both p are None when there is no number to be had.
+    """The model's output for one configuration; both p are None when it gives no finite number.
 
     `novelty`: how far from all that was recorded; more than 1 is outside the domain; None when there is no number.
     """

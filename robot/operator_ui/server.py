@@ -45,7 +45,7 @@ class OperatorPage:
         self._thread.start()
 
     def show(self, tick: Tick) -> None:
-        """The newest tick. Called by one thread; it waits for nobody."""
+        """The newest tick. Called by one thread; never blocks."""
         self._glance = look(self._glance, tick)
 
     def newest(self) -> tuple[int, bytes]:
@@ -133,7 +133,7 @@ class _Handler(LocalHandler):
             room.release()
 
     def _tell(self) -> None:
-        """Events for as long as the browser takes them; of ticks from now on, for an older one is no word of now."""
+        """Send events of ticks from now on, for as long as the browser takes them."""
         page = self.server.page
         (told, _), quiet = page.newest(), 0
         self.connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BEHIND_BYTES)

@@ -49,7 +49,7 @@ class Process(Protocol):
 
 
 class FarKeeper:
-    """Sends everything on, and keeps trials until it is told that the system has their rows.
+    """Sends everything on, and keeps trials until the recorder reports that the system has their rows.
 
     Those that the recorder never came to it appends to the recording itself, when it is closed.
     """
@@ -61,7 +61,7 @@ class FarKeeper:
         self._encoder, self._decoder = msgspec.msgpack.Encoder(), msgspec.json.Decoder(Status)
         self._newest = Status()
         self._lost = 0
-        self._trials: deque[bytes] = deque()      # that nobody has said are kept
+        self._trials: deque[bytes] = deque()      # not reported as kept
         self._trials_kept = 0
         self._send(recorder.Open(str(folder)))
         self._wait(OPEN_S, lambda: self._status().is_open or bool(self._newest.failed))
@@ -109,7 +109,7 @@ class FarKeeper:
         self._send(recorder.End())
         self._wait(LONGEST_S, lambda: self._status().is_done or self._silent_s() > CLOSE_S)
         words = self._newest.failed if self._newest.is_done else text(self.trouble() or RECORDER_UNRESPONSIVE())
-        self._process.close(CLOSE_S if self._newest.is_done else 0.0)     # from here on the files are nobody's
+        self._process.close(CLOSE_S if self._newest.is_done else 0.0)     # from here on no process has the files open
         try:
             if rows := self._unkept():
                 append_trials(self._folder, list(rows))
@@ -136,7 +136,7 @@ class FarKeeper:
         return self._newest
 
     def _unkept(self) -> deque[bytes]:
-        """Trials of which nobody has said yet that they are kept."""
+        """Trials that the recorder has not reported as kept yet."""
         kept = self._status().trials_kept
         while self._trials and self._trials_kept < kept:
             self._trials.popleft()

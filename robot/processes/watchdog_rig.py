@@ -58,7 +58,7 @@ class WatchedRig:
 
 
 def first_missing(inputs: Inputs, seen_ns: int | None, config: Config) -> str:
-    """What a full set of fresh readings still lacks, as text; "" when it is full.
+    """Name the first reading that is not there or not fresh; "" when all are.
 
     `seen_ns`: when the newest image was taken, None before the first.
     """

@@ -65,7 +65,7 @@ class TickFile:
 
 
 class SessionFiles:
-    """The open files of a layout. Each method is called by one lane only, but for the fsyncs, which any may call.
+    """The open files of a layout. Each method is called by one lane only, except the fsyncs, which any may call.
 
     `trials_kept`: how many of the trials that were written the system has.
     """
@@ -174,7 +174,7 @@ def load_pictures(session: Path) -> list[Picture]:
 
 
 def load_image(session: Path, picture: Picture) -> CameraFrame | None:
-    """One image as it was seen; None when the file is missing or is no image."""
+    """One image as it was seen; None when the file is missing or not an image."""
     path = session / layout.FRAMES / picture.file
     data = np.fromfile(path, dtype=np.uint8) if path.is_file() else np.zeros(0, np.uint8)
     image = cv2.imdecode(data, cv2.IMREAD_COLOR) if len(data) else None

@@ -1,4 +1,4 @@
-"""A shot that nobody would know of is not fired."""
+"""No shot is fired unless it is recorded."""
 
 from collections.abc import Callable
 

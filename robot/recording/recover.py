@@ -21,7 +21,7 @@ from truearc.robot.types import Tick
 
 
 class Recovered(Struct):
-    """What a session holds now, and in words what was done to it (nothing for one that was whole)."""
+    """Contents of a session, and the repairs as text (none for one that was whole)."""
 
     ticks: int
     trials: int
@@ -72,7 +72,7 @@ def _check_not_recording(session: Path) -> None:
 
 
 def _recover_ticks(session: Path, repairs: list[str]) -> _Told:
-    """What the ticks say of the session; their file is written anew when it is not whole."""
+    """Read the ticks; their file is rewritten when it is not whole."""
     path = session / layout.TELEMETRY
     reader, told = TickReader(session), _Told()
     if path.exists():

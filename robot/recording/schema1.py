@@ -34,12 +34,12 @@ SHAPES = {"motor": MOTOR, "device": f"(?:{MOTOR}|hood encoder)", "count": r"-?\d
 FLOAT_FORMS = ("f", "g", "%", "ms")
 IDENTIFY = "identify: "               # before what Progress.over says
 STAND = re.compile(r"stand at (-?[\d.]+) m")
-# What the button box did, as Inputs.missed and what follows from it say
+# Faults of the button box in Inputs.missed and what follows from it
 MISSED = {hw.BOX_RESTARTED.name: "has restarted", hw.BOX_PRESSES_LOST.name: "lost presses"}
 OLD_WORDS = {
     "reset (was the supply interrupted?)": "has reset (was the supply interrupted?)",
     "locked to a competition controller until its power is cycled":
-        "locked to a competition controller's heartbeat: it obeys nobody else until its power is cycled"}
+    "locked to a competition controller's heartbeat: it obeys nobody else until its power is cycled"}    # prose: allow
 NEW_WORDS = {old: new for new, old in OLD_WORDS.items()}
 ERRORS = {word for _, word in (*odrive.ERROR_WORDS, *spark.ERROR_WORDS)}
 

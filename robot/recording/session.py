@@ -66,7 +66,7 @@ def make_header(config: Config, gate: Gate | None, started: str | None) -> Heade
 
 
 def load_header(session: Path) -> Header:
-    """session.json; InputError when this is no session or one of a newer format."""
+    """session.json; InputError when this is not a session, or one of a newer format."""
     path = session / HEADER
     try:
         header = msgspec.json.decode(path.read_bytes(), type=Header)

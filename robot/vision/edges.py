@@ -58,7 +58,7 @@ class Marks(NamedTuple):
 
 
 class Straights(NamedTuple):
-    """What is measured across the bottom, left and right straight at SAMPLES places each, in the image."""
+    """Measurements across the bottom, left and right straight at SAMPLES places each, in the image."""
 
     middle_px: Array                  # (3, SAMPLES, 2) midway between the edges
     good: Any                         # (3, SAMPLES) which are to be trusted

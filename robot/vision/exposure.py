@@ -1,4 +1,4 @@
-"""Whether an image was exposed for tape under a ring light: dark, but for what shines.
+"""Whether an image was exposed for tape under a ring light: dark, except for what shines.
 
 A camera that chooses its own exposure brightens the room until the tape is white; then colours and edges lie.
 """

@@ -1,7 +1,7 @@
 """A region of the tape's colour -> the tape's rough corners, and from them its marks to a fraction of a pixel.
 
 The region's convex hull gives the corners to a pixel or two; the side along which there is no tape is the open top.
-What is measured precisely from there is `edges`.
+`edges` measures precisely from there.
 """
 
 from typing import Any

@@ -1,4 +1,4 @@
-"""`truearc run` from first line to last on hand-made wires: real time asked for, systemd told, ticks timed."""
+"""`truearc run` from first line to last on hand-made wires: real time asked for, systemd notified, ticks timed."""
 
 import signal
 import socket

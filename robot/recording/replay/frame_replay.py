@@ -83,7 +83,7 @@ class LoggedBus:
 
 
 class FramesRig:
-    """A ReplayRig whose inputs are made anew by HardwareRig, out of the recorded frames and images."""
+    """A ReplayRig whose inputs are recomputed by HardwareRig from the recorded frames and images."""
 
     def __init__(self, ticks: ReplayRig, config: Config, session: Path, rows: RowFormat,
                  done: Recomputed) -> None:
@@ -109,7 +109,7 @@ class FramesRig:
                        faults=self._faults(recorded.faults, parsed.faults))
 
     def write(self, command: Command) -> Sent:
-        """What went out then; drivers are told, for some of what they say of a motor is about what they asked it."""
+        """Return what was sent then; drivers get the command, since some of their faults depend on it."""
         self._rig.write(command)
         return self._ticks.write(command)
 
@@ -128,7 +128,7 @@ class FramesRig:
                                                      self._config.vision)
 
     def _faults(self, recorded: tuple[Reason, ...], parsed: tuple[Reason, ...]) -> tuple[Reason, ...]:
-        """What the frames are at fault for now; what else was at fault then."""
+        """Faults that the frames show now, with the other recorded ones."""
         again, was = (tuple(filter(_is_of_frames, faults)) for faults in (parsed, recorded))
         if self._rows.recorded(again) == was:
             return recorded

@@ -22,7 +22,7 @@ from truearc.robot.sysid.tick import POLICY, make_step
 from truearc.robot.tick import step
 from truearc.robot.types import Sent, Tick
 
-LATER = b'"aim_place_m":'             # of the memory; recordings from before it was there say nothing of it
+LATER = b'"aim_place_m":'             # of the memory; absent in the oldest recordings
 
 
 class Difference(Exception):

@@ -1,4 +1,4 @@
-"""What the page says: a message for every code, told in the order of importance."""
+"""Messages of the page: one for every code, in the order of importance."""
 
 import errno
 import os

@@ -48,7 +48,7 @@ from truearc_proof.world.faults import (
 SEED, MS = 13, 1_000_000
 END_MS = 5400
 CAN_GONE, CAMERA_GONE, BOX_GONE = (2500, 2530), (2700, 2730), (4200, 4220)          # ms
-GARBLED_MS, LOST_MS = 4000, 4800      # the box says what is no line; then counts presses that never came
+GARBLED_MS, LOST_MS = 4000, 4800      # the box sends garbage; then counts presses that never came
 
 
 def make_faults(config):

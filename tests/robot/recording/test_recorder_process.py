@@ -128,7 +128,7 @@ def test_a_stopped_recorder_does_not_answer_and_goes_on_with_nothing_lost(proces
     play(recorder, some[:200])
     os.kill(process.child.pid, signal.SIGSTOP)
     until(lambda: recorder.trouble() == RECORDER_UNRESPONSIVE(), 3.0)
-    play(recorder, some[200:])                             # far more than a pipe holds; nothing waits but for the mark
+    play(recorder, some[200:])                             # far more than a pipe holds; only the mark is waited for
     assert not recorder.is_over()
     os.kill(process.child.pid, signal.SIGCONT)
 
