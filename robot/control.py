@@ -4,7 +4,7 @@ import math
 
 from msgspec.structs import replace
 
-from truearc.robot.config.schema import Config, Flywheel
+from truearc.robot.config.schema import Config
 from truearc.robot.pid import step_pid
 from truearc.robot.types import Aim, Command, Estimate, Inputs, Memory, Pid, Verdict
 
@@ -32,13 +32,9 @@ def _flywheel(estimate: Estimate, aim: Aim, memory: Memory, config: Config) -> t
     if wanted <= 0.0:
         return 0.0, Pid()
     low = wheel.pid.output_low if wheel.brake else 0.0
-    return step_pid(wheel.pid, memory.flywheel, wanted, estimate.motor_rad_s, _feedforward_nm(wheel, wanted),
-                    low, wheel.pid.output_high, 1.0 / config.tick_hz)
-
-
-def _feedforward_nm(wheel: Flywheel, wanted_rad_s: float) -> float:
-    """Torque per motor that the belt is expected to need at a speed above zero, before any feedback: ks + kv w."""
-    return wheel.ks_nm + wheel.kv_nm_s * wanted_rad_s
+    expected_nm = wheel.ks_nm + wheel.kv_nm_s * wanted       # at a constant speed, before any feedback
+    return step_pid(wheel.pid, memory.flywheel, wanted, estimate.motor_rad_s, expected_nm, low, wheel.pid.output_high,
+                    1.0 / config.tick_hz)
 
 
 def _hood(estimate: Estimate, aim: Aim, memory: Memory, config: Config) -> tuple[float, Pid]:

@@ -30,9 +30,8 @@ from truearc.robot.processes.tick_timing import Lateness, TimedRig
 from truearc.robot.processes.watchdog_rig import WatchedRig
 from truearc.robot.recording.candump import TappedBus
 from truearc.robot.recording.encoder import SessionWriter
-from truearc.robot.recording.recording_rig import RecordingRig
 from truearc.robot.recording.session import make_header
-from truearc.robot.rig import NS_PER_S, HardwareRig
+from truearc.robot.rig import NS_PER_S, HardwareRig, RecordingRig
 from truearc.robot.runtime import RobotIo, run
 from truearc.robot.types import Command, Inputs, Sent
 from truearc.robot.vision_source import Eyes, InlineEyes

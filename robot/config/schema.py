@@ -1,8 +1,11 @@
 """The launcher's configuration: one TOML file, no defaults, so that a typo cannot become one."""
 
+import csv
 import hashlib
 import re
 import tomllib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
@@ -259,9 +262,16 @@ def load_toml(path: str | Path, kind: type[Kind]) -> Kind:
 
 def load_text(path: str | Path) -> str:
     """The text of a file in UTF-8; InputError names the file and says why it cannot be read."""
-    try:
+    with naming(path):
         return Path(path).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+
+
+@contextmanager
+def naming(path: str | Path) -> Iterator[None]:
+    """Raise errors of reading, writing and decoding as InputError, with the file in front."""
+    try:
+        yield
+    except (OSError, UnicodeDecodeError, csv.Error, msgspec.MsgspecError) as error:
         raise InputError(f"{path}: {in_words(error)}") from error
 
 

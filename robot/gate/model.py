@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import onnxruntime
 
-from truearc.robot.config.schema import InputError
+from truearc.robot.config.schema import InputError, naming
 from truearc.robot.gate import contract
 from truearc.robot.gate.seal import KEY_SEAL, is_intact
 
@@ -106,10 +106,8 @@ def load_gate(path: str | Path) -> Gate:
     what novelty is measured from, no provenance, a seal that does not fit, and a p that is not a probability or a
     novelty that is not a number anywhere on a grid of 27 points over the domain.
     """
-    try:
+    with naming(path):
         data = Path(path).read_bytes()
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from error
     opened = _open_session(path, data)
     _check_contract(path, opened.metadata)
     _check_nodes(path, "input", opened.inputs, {contract.INPUT: len(contract.FEATURES)})
@@ -200,10 +198,8 @@ def _parse_domain(path: str | Path, metadata: dict[str, str]) -> Box:
 def _parse_object(path: str | Path, metadata: dict[str, str], key: str) -> dict[str, Any]:
     if key not in metadata:
         raise InputError(f"{path}: metadata key {key!r} is missing")
-    try:
+    with naming(f"{path}: metadata key {key!r}"):
         return msgspec.json.decode(metadata[key], type=dict[str, Any])
-    except msgspec.MsgspecError as error:
-        raise InputError(f"{path}: metadata key {key!r}: {error}") from error
 
 
 def _probe(path: str | Path, gate: Gate) -> None:

@@ -15,7 +15,7 @@ from mcap.writer import CompressionType, Writer
 
 from truearc.hw.protocols import Frame
 from truearc.hw.readings import CameraFrame
-from truearc.robot.config.schema import Config, InputError, in_words
+from truearc.robot.config.schema import Config, InputError, naming
 from truearc.robot.recording import session as layout
 from truearc.robot.recording.append_file import Appender
 from truearc.robot.recording.candump import candump_line
@@ -138,11 +138,9 @@ def make_folder(folder: Path, header: Header, config: Config, model: bytes | Non
     (folder / layout.FRAMES).mkdir(parents=True)
     contents = {layout.CONFIG: _make_json(config), layout.MODEL: model, layout.HEADER: _make_json(header)}
     for name, data in contents.items():
-        try:
-            if data is not None:
+        if data is not None:
+            with naming(folder / name):
                 save_synced(folder / name, data)
-        except OSError as error:
-            raise InputError(f"{folder / name}: {in_words(error)}") from error
 
 
 def append_trials(folder: Path, rows: list[bytes]) -> None:

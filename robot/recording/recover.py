@@ -60,15 +60,13 @@ def recover(session: Path) -> Recovered:
 
 def _check_not_recording(session: Path) -> None:
     path = session / layout.TELEMETRY
-    if not path.exists():
-        return
-    with path.open("rb") as file:
-        try:
+    try:
+        with path.open("rb") as file:
             claim(file)
-        except BlockingIOError as error:
-            raise InputError(f"{path}: is being recorded") from error
-        except OSError:               # a file system without locks
-            return
+    except BlockingIOError as error:
+        raise InputError(f"{path}: is being recorded") from error
+    except OSError:                   # no such file, or a file system without locks
+        return
 
 
 def _recover_ticks(session: Path, repairs: list[str]) -> _Told:

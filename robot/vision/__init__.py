@@ -1,8 +1,8 @@
 """Image -> Sighting: the retro-reflective half hexagon, its distance, and how far to trust it. Pure.
 
-exposure.py refuses pictures that are too bright, threshold.py finds regions of the tape's colour, outline.py and
-edges.py turn a region into four sub-pixel marks, pose.py turns marks into a camera pose with covariance, and here the
-one candidate becomes a Sighting or a reason why not.
+threshold.py refuses images that are too bright and finds regions of the tape's colour, outline.py and edges.py turn a
+region into four sub-pixel marks, pose.py turns marks into a camera pose with covariance, and here the one candidate
+becomes a Sighting or a reason why not.
 """
 
 import math
@@ -15,12 +15,11 @@ from truearc.robot import reasons as because
 from truearc.robot.config.schema import CameraConfig, Tape, Vision
 from truearc.robot.types import Sighting
 from truearc.robot.vision.edges import Marks
-from truearc.robot.vision.exposure import check_exposure, is_dark
 from truearc.robot.vision.optics import Optics, make_optics
 from truearc.robot.vision.outline import find_outline
 from truearc.robot.vision.pose import Pose, solve_pose
 from truearc.robot.vision.shape import make_shape
-from truearc.robot.vision.threshold import Image, Region, find_regions
+from truearc.robot.vision.threshold import Image, Region, check_exposure, find_regions, is_dark
 
 SAME_M = 0.02
 

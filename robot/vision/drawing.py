@@ -21,8 +21,7 @@ DIMMED = 0.5
 def draw_mask(image: Image, file: CameraFile) -> Image:
     """White where the colour is the tape's."""
     mask, _ = mask_colour(image, file.vision)
-    drawn: Image = cv2.cvtColor(mask, cv2.COLOR_GRAY2BGR)
-    return drawn
+    return np.asarray(cv2.cvtColor(mask, cv2.COLOR_GRAY2BGR), np.uint8)
 
 
 def draw_regions(image: Image, file: CameraFile) -> tuple[Image, list[str]]:

@@ -105,5 +105,4 @@ def _lit_shares(region: Region, corners: Array, side: Array, length_px: Array) -
     at = (corners + LIT_DEPTH_PX * inward + 0.5 + LIT_ALONG * side).astype(np.intp)
     rows = at[..., 1].clip(0, region.mask.shape[0] - 1)
     columns = at[..., 0].clip(0, region.mask.shape[1] - 1)
-    shares: Array = (region.mask[rows, columns] > 0).mean(axis=0)
-    return shares
+    return np.asarray((region.mask[rows, columns] > 0).mean(axis=0))

@@ -64,8 +64,7 @@ def expected_widths(shape: Shape, to_image: Callable[[Array], Array]) -> Array:
     edges = np.stack([shape.samples_m + shape.across_m, shape.samples_m - shape.across_m])
     seen = to_image(edges.reshape(-1, 2)).reshape(2, 3, SAMPLES, 2)
     across = seen[0] - seen[1]
-    width: Array = np.sqrt((across * across).sum(axis=2))
-    return width
+    return np.asarray(np.sqrt((across * across).sum(axis=2)))
 
 
 def compare_widths(seen_px: Array, rise_px: Array, good: Any, true_px: Array, clipped: bool) -> Widening | Reason:

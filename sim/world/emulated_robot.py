@@ -27,9 +27,8 @@ from truearc.robot.motors import name_axes
 from truearc.robot.operator_ui.server import OperatorPage, with_page
 from truearc.robot.recording.candump import TappedBus
 from truearc.robot.recording.encoder import SessionWriter
-from truearc.robot.recording.recording_rig import RecordingRig
 from truearc.robot.recording.session import make_header
-from truearc.robot.rig import HardwareRig
+from truearc.robot.rig import HardwareRig, RecordingRig
 from truearc.robot.runtime import run
 from truearc.sim.progress import Progress
 from truearc.sim.world.driver import make_driver

@@ -14,7 +14,7 @@ from msgspec.structs import replace
 from truearc.hw.protocols import Frame, LinkLost
 from truearc.hw.readings import CameraFrame
 from truearc.hw.reason import Reason
-from truearc.robot.config.schema import Config, InputError, in_words
+from truearc.robot.config.schema import Config, InputError, naming
 from truearc.robot.reasons import BAD_FRAME, CAN_LOST
 from truearc.robot.recording.candump import parse_candump
 from truearc.robot.recording.files import load_image, load_pictures
@@ -69,10 +69,8 @@ class LoggedBus:
     def close(self) -> None: ...
 
     def _read(self) -> Iterator[Frame]:
-        try:
+        with naming(self._path):
             file = self._path.open(encoding="ascii", errors="replace", newline="\n")
-        except OSError as error:
-            raise InputError(f"{self._path}: {in_words(error)}") from error
         with file:
             for number, line in enumerate(file, 1):
                 parsed = parse_candump(line)
@@ -129,15 +127,11 @@ class FramesRig:
 
     def _faults(self, recorded: tuple[Reason, ...], parsed: tuple[Reason, ...]) -> tuple[Reason, ...]:
         """Faults that the frames show now, with the other recorded ones."""
-        again, was = (tuple(filter(_is_of_frames, faults)) for faults in (parsed, recorded))
+        again, was = (tuple(fault for fault in faults if fault.code == BAD_FRAME.name or "motor" in fault.params)
+                      for faults in (parsed, recorded))
         if self._rows.recorded(again) == was:
             return recorded
         return again + tuple(fault for fault in recorded if fault not in was)
-
-
-def _is_of_frames(fault: Reason) -> bool:
-    """Whether it is frames that show it."""
-    return fault.code == BAD_FRAME.name or "motor" in fault.params
 
 
 class _RecordedClock:

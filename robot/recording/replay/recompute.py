@@ -112,17 +112,19 @@ def matched(ticks: int, reader: TickReader) -> Replayed:
 
 def _first_difference(was: bytes, now: bytes) -> str:
     old, new = msgspec.json.decode(was), msgspec.json.decode(now)
-    path, before, after = _walk(old, new, "tick")
+    path, before, after = next(find_differences(old, new, "tick."), ("tick", old, new))
     return f"cycle {old['inputs']['cycle']}: {path} was {before!r}, is now {after!r}"
 
 
-def _walk(old: Any, new: Any, path: str) -> tuple[str, Any, Any]:
-    if isinstance(old, dict) and isinstance(new, dict):
-        for key in [*old, *new]:
-            if old.get(key) != new.get(key):
-                return _walk(old.get(key), new.get(key), f"{path}.{key}")
-    if isinstance(old, list) and isinstance(new, list) and len(old) == len(new):
-        for index, (one, other) in enumerate(zip(old, new, strict=True)):
-            if one != other:
-                return _walk(one, other, f"{path}[{index}]")
-    return path, old, new
+def find_differences(was: Any, now: Any, prefix: str = "") -> Iterator[tuple[str, Any, Any]]:
+    """Dotted name, old and new value of each part that differs between two values of built-in types."""
+    if isinstance(was, dict) and isinstance(now, dict):
+        parts = [(key, was.get(key), now.get(key)) for key in dict.fromkeys([*was, *now])]
+    elif isinstance(was, list | tuple) and isinstance(now, list | tuple) and len(was) == len(now):
+        parts = list(zip(range(len(was)), was, now, strict=True))
+    else:
+        parts = []
+        if was != now:
+            yield prefix.removesuffix("."), was, now
+    for key, one, other in parts:
+        yield from find_differences(one, other, f"{prefix}{key}.")

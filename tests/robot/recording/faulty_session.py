@@ -26,9 +26,8 @@ from truearc.robot.config.can_policy import guard
 from truearc.robot.config.schema import load_config
 from truearc.robot.recording.candump import TappedBus
 from truearc.robot.recording.encoder import SessionWriter
-from truearc.robot.recording.recording_rig import RecordingRig
 from truearc.robot.recording.session import make_header
-from truearc.robot.rig import HardwareRig
+from truearc.robot.rig import HardwareRig, RecordingRig
 from truearc.robot.runtime import run
 from truearc.sim.world.driver import Driver
 from truearc.sim.world.emulated_robot import CHANNELS

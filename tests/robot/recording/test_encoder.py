@@ -18,9 +18,8 @@ from truearc.robot.recording.append_file import Appender
 from truearc.robot.recording.encoder import SessionWriter
 from truearc.robot.recording.file_writers import LaneKeeper
 from truearc.robot.recording.reader import TickReader
-from truearc.robot.recording.recording_rig import RecordingRig
 from truearc.robot.recording.session import load_trials, make_header
-from truearc.robot.rig import ReplayRig
+from truearc.robot.rig import RecordingRig, ReplayRig
 from truearc.robot.tick import step
 from truearc.robot.types import Memory, Outcome
 

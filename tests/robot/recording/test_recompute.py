@@ -90,7 +90,7 @@ def test_one_bit_of_one_frame_is_a_difference_that_names_the_input(session, caps
     lines[at] = lines[at][:place] + f"{int(lines[at][place:place + 2], 16) ^ 1:02X}" + lines[at][place + 2:]
     (session / "can0.log").write_text("".join(lines))
     assert replay(session).ticks == 981                    # the recorded inputs are as they were
-    with pytest.raises(Difference, match=r"tick\.inputs\.flywheels\[0\]\.velocity_rad_s was .*, is now"):
+    with pytest.raises(Difference, match=r"tick\.inputs\.flywheels\.0\.velocity_rad_s was .*, is now"):
         replay_frames(session)
     assert main(["session", "replay", str(session), "--from", "frames"]) == 1
     assert "velocity_rad_s" in capsys.readouterr().err
