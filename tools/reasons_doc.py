@@ -30,7 +30,7 @@ CODE_HEAD = """
 ## Codes
 A parameter that ends in `?` may be absent. `cause` and `causes` are reasons themselves. A code without a
 message above is a cause of one that has a message, or an error that stops a command before it starts.
-A motor driver of another distribution has its own reasons, named `DRIVER.WHAT` ([motors](motors.md)).
+A motor driver of another distribution has its own reasons, named `DRIVER.WHAT` (`MotorFamily.messages`).
 
 | code | log text | parameters |
 |---|---|---|"""
