@@ -6,9 +6,7 @@ from collections.abc import Iterator
 from msgspec import Struct
 
 from truearc.hw.devices.axis import driver_of
-from truearc.hw.devices.registry import BY_DRIVER
 from truearc.robot.config.schema import Config, InputError
-from truearc.robot.motors import name_axes
 
 HIGHEST_PRIORITY = 60                 # that the service may ask for
 
@@ -28,18 +26,23 @@ class Parts(Struct, frozen=True):
 
 def make_parts(config: Config, parts: Parts) -> Parts:
     """`parts`, checked against the configuration; InputError names the option that cannot be."""
-    for wrong in (*_wrong_names(config, parts), *_wrong_numbers(config, parts)):
+    for wrong in (*_missing_plugins(config, parts), *_wrong_names(config, parts), *_wrong_numbers(config, parts)):
         raise InputError(wrong)
     return parts
+
+
+def _missing_plugins(config: Config, parts: Parts) -> Iterator[str]:
+    from truearc.hw.devices.registry import BY_DRIVER    # drivers need cantools, which --help does without
+    from truearc.robot.motors import name_axes
+    for name, driver in ((name, driver_of(axis)) for name, axis in name_axes(config)):
+        if driver not in BY_DRIVER and not parts.has_plugins:
+            yield f"{name}: driver {driver!r} is of another distribution; --plugin names its wheel or source folder"
 
 
 def _wrong_names(config: Config, parts: Parts) -> Iterator[str]:
     channel = config.can.channel
     if config.can.interface == "socketcan" and not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]{0,14}", channel):
         yield f"[can] channel {channel!r}: not the name of a network interface"
-    for name, driver in ((name, driver_of(axis)) for name, axis in name_axes(config)):
-        if driver not in BY_DRIVER and not parts.has_plugins:
-            yield f"{name}: driver {driver!r} is of another distribution; --plugin names its wheel or source folder"
     if parts.can_serial and not re.fullmatch(r"[A-Za-z0-9._-]+", parts.can_serial):
         yield f"--can-serial {parts.can_serial!r}: not as `udevadm info` prints ID_SERIAL_SHORT"
     if parts.can_serial and re.fullmatch(r"can\d+", channel):
