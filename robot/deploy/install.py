@@ -32,7 +32,7 @@ def make_parts(config: Config, parts: Parts) -> Parts:
 
 
 def _missing_plugins(config: Config, parts: Parts) -> Iterator[str]:
-    from truearc.hw.devices.registry import BY_DRIVER    # drivers need cantools, which --help does without
+    from truearc.hw.devices.registry import BY_DRIVER  # drivers need cantools, which --help does without
     from truearc.robot.motors import name_axes
     for name, driver in ((name, driver_of(axis)) for name, axis in name_axes(config)):
         if driver not in BY_DRIVER and not parts.has_plugins:
