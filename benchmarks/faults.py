@@ -75,7 +75,7 @@ def _arguments() -> argparse.Namespace:
     parser = parser_of(__doc__)
     parser.add_argument("--tracks", metavar="DIR", help="corrupt this dataset's instead of simulated ones")
     parser.add_argument("--believe", help="terms, comma-separated (as the dataset says)")
-    parser.add_argument("--since", action="store_true", help="with --tracks: compare with the belief adopted from the originals")
+    parser.add_argument("--since", action="store_true", help="with --tracks: compare with the originals' belief")
     parser.add_argument("--worlds", type=int, default=10)
     parser.add_argument("--seed", type=int, default=11, help="of the simulated worlds; below 1000 to develop on")
     return parser.parse_args()

@@ -20,7 +20,7 @@ RESOLVABLE = 0.95                     # chance that these data's information let
 WANTED = 0.95                         # of resolvable worlds, that ours names right
 KINDS = ("nulls", "effects", "cut")
 LEVEL = "L2"
-HEAD = ("hidden", "resolvable, of", "entrant", "says something", "top-1", "up to alias", "track's end, cm", "s")
+HEAD = ("hidden", "resolvable, of", "entrant", "detects", "top-1", "up to alias", "track's end, cm", "s")
 NAMING = ("named", "set")             # verdicts that give names; "unknown" gives none, whatever it ranks
 QUESTIONS = (attrgetter("says"), attrgetter("right"), attrgetter("alias"))
 
