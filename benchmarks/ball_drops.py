@@ -35,7 +35,7 @@ FRAME = 42
 EARLY = (6, 18, 35)
 STEP_S, LONGEST_S = 0.005, 5.0
 SESSIONS = ("drop 1", "drop 2")
-G_M_S2, G_RELATIVE_SD = 9.81, 0.5                   # prior of g where it is fitted; its relative SD makes it uninformative
+G_M_S2, G_RELATIVE_SD = 9.81, 0.5             # prior of g where it is fitted, with a relative SD (uninformative)
 RELEASE_S, HEIGHT_M = (0.15, 0.3), 0.3        # prior of a seen release after the first sample; of its height about it
 MODELS = {"gravity": (), "gravity, drag of each ball": ("drag",),
           "... and a share of it that goes with speed": ("drag", "drag_reynolds"),
