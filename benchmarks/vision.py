@@ -17,8 +17,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 from msgspec.structs import replace
-from vision_scenes import LOOKS, TURNING, WRITTEN, Shot, baseline, clutter, shoot
 
+from benchmarks.vision_scenes import LOOKS, TURNING, WRITTEN, Shot, baseline, clutter, shoot
 from truearc import robot
 from truearc.cli.progress import make_progress
 from truearc.cli.robot.vision_tools.images import decode_image
