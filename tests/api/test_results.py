@@ -45,6 +45,15 @@ def test_finding_equals_what_the_command_prints_and_writes(folder, week, found, 
     assert kept.provenance == own.provenance | {"dataset": str(folder)}
 
 
+def test_finding_is_read_back_as_it_was_written(found, tmp_path) -> None:
+    path = tmp_path / "finding.json"
+    path.write_text(found.to_json())
+    assert ta.load_finding(path) == found.record
+    path.write_text(found.to_json().replace("truearc.finding/1", "truearc.finding/9"))
+    with pytest.raises(ta.InputError, match="finding.json: schema: got 'truearc.finding/9'"):
+        ta.load_finding(path)
+
+
 def test_finding_says_what_was_planted(found) -> None:
     assert found.verdict in ("named", "set") and found.p_value <= 0.05
     best = found.best

@@ -43,8 +43,8 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _run(command: Command, words: list[str]) -> int:
-    args = make_parser(command).parse_args(words)
     try:
+        args = make_parser(command).parse(words)
         code = int(load_module(command).main(args))
         sys.stdout.flush()
         return code

@@ -8,9 +8,9 @@ from typing import Any
 
 import truearc as ta
 from truearc.cli.files import check_place, names_in
-from truearc.cli.options import refuse
+from truearc.cli.arguments import refuse
 from truearc.cli.progress import make_progress
-from truearc.cli.terms_from import add_terms_from, catalogue_of
+from truearc.cli.arguments import add_terms_from, catalogue_of
 from truearc.robot.config.schema import InputError
 
 DESCRIPTION = ("Fit the coefficients of the simulation's terms and the shot-to-shot scatter by maximum a posteriori, "

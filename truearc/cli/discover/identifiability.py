@@ -5,9 +5,9 @@ from pathlib import Path
 
 import truearc as ta
 from truearc.cli.files import check_place, names_in, write_out
-from truearc.cli.options import refuse
+from truearc.cli.arguments import refuse
 from truearc.cli.progress import make_progress
-from truearc.cli.terms_from import add_terms_from, catalogue_of
+from truearc.cli.arguments import add_terms_from, catalogue_of
 from truearc.robot.config.schema import InputError
 from truearc.sim.discover.settings import LEVEL, LEVELS, SEASON_SHOTS
 

@@ -1,15 +1,14 @@
 """truearc predict: heights and outcomes by the simulation, or probabilities by a gate, row by row."""
 
 import argparse
-import math
 import sys
 from typing import TYPE_CHECKING
 
 import truearc as ta
 from truearc.cli.files import write_out
-from truearc.cli.options import refuse
+from truearc.cli.arguments import refuse
 from truearc.cli.progress import make_progress
-from truearc.cli.terms_from import add_terms_from, catalogue_of
+from truearc.cli.arguments import add_terms_from, catalogue_of
 from truearc.robot.config.schema import InputError
 
 if TYPE_CHECKING:
@@ -69,8 +68,6 @@ def _belief(args: argparse.Namespace) -> "Belief":
     for option, value in (("--cd", args.cd), ("--cl", args.cl)):
         if value is None:
             raise InputError(f"{option} is needed (or --coefficients FILE)")
-        if not math.isfinite(value):
-            raise InputError(f"{option}: {value} is not a finite number")
     from truearc.sim.infer.belief import point_belief
     return point_belief({"drag": {"cd": args.cd}, "magnus": {"cl": args.cl}})
 

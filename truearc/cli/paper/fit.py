@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import truearc as ta
 from truearc.cli.files import check_place
-from truearc.cli.options import refuse
+from truearc.cli.arguments import refuse
 from truearc.cli.progress import make_progress
 from truearc.robot.config.schema import InputError
 from truearc.sim.paper.settings import STEP

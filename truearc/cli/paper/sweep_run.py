@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
-from truearc.cli.options import refuse
+from truearc.cli.arguments import refuse
 from truearc.cli.paper.train_network import load_rows, made_of
 from truearc.cli.progress import make_progress
 from truearc.robot.config.schema import InputError

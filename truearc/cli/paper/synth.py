@@ -3,7 +3,7 @@
 import argparse
 
 from truearc.cli.progress import make_progress
-from truearc.cli.terms_from import add_terms_from, catalogue_of
+from truearc.cli.arguments import add_terms_from, catalogue_of
 
 DESCRIPTION = """Simulated shots for the classifier: every configuration of the paper's grid is flown with fitted
 coefficients, and an even sample of the three outcomes is drawn. With --draws each shot has coefficients of its own,

@@ -2,7 +2,7 @@
 
 import argparse
 
-from truearc.cli.options import refuse
+from truearc.cli.arguments import refuse
 from truearc.robot.config.schema import InputError
 from truearc.sim.paper.settings import DEFAULT_RECIPE as DEFAULT
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from truearc import robot
-from truearc.cli.options import refuse
+from truearc.cli.arguments import refuse
 from truearc.robot.config.schema import Config, InputError, load_config
 from truearc.robot.config.shot_plan import load_plan, with_plan
 from truearc.robot.operator_ui.page_option import OFF, add_page_argument, parse_page

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from truearc import robot
 from truearc.cli.files import check_place
-from truearc.cli.options import refuse
+from truearc.cli.arguments import refuse
 from truearc.cli.progress import make_progress
 from truearc.robot.config.schema import Config, InputError, load_config
 from truearc.robot.sysid.program import FLYWHEEL, HOOD

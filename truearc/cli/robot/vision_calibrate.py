@@ -2,7 +2,7 @@
 
 import argparse
 
-from truearc.cli.options import refuse
+from truearc.cli.arguments import refuse
 from truearc.robot.config.schema import InputError
 
 DESCRIPTION = ("Calibrate a camera and write camera.toml with its uncertainties. With --board: focal length, axis and "

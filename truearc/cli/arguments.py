@@ -1,0 +1,89 @@
+"""Kinds of values that options take, and options that several commands have."""
+
+import argparse
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+from truearc import robot
+from truearc.robot.config.schema import InputError
+
+if TYPE_CHECKING:                     # imports JAX, which --help does without
+    from truearc.sim.physics.catalogue import Catalogue
+
+SHIPPED = Path(robot.__file__).parent / "launcher.toml"
+Number = TypeVar("Number", int, float)
+Kind = TypeVar("Kind")
+
+
+def number(kind: type[Number], low: float = -math.inf, high: float = math.inf) -> Callable[[str], Number]:
+    """Return the `type=` of an option that takes a finite number from `low` to `high`, both included."""
+    limits = f"{low:g} to {high:g}" if high < math.inf else f"at least {low:g}" if low > -math.inf else "a finite number"
+
+    def parse(text: str) -> Number:
+        try:
+            value = kind(text)
+        except ValueError as error:
+            what, example = ("a whole number", max(0.0, low)) if kind is int else ("a number", max(0.5, low))
+            raise argparse.ArgumentTypeError(f"{text!r} is not {what}; give one such as {example:g}") from error
+        if not math.isfinite(value) or not low <= value <= high:
+            raise argparse.ArgumentTypeError(f"got {text}; expected {limits}")
+        return value
+
+    return parse
+
+
+def listed(kind: Callable[[str], Kind]) -> Callable[[str], tuple[Kind, ...]]:
+    """Return the `type=` of an option that takes a comma-separated list, at least one long."""
+    def parse(text: str) -> tuple[Kind, ...]:
+        words = [word.strip() for word in text.split(",") if word.strip()]
+        if not words:
+            raise argparse.ArgumentTypeError(f"got {text!r}; expected at least one entry, separated by commas")
+        return tuple(map(kind, words))
+
+    return parse
+
+
+def out_file(text: str) -> Path:
+    """Return the path of a file to write; refuse it before any work where its directory is missing."""
+    path = Path(text)
+    if not path.resolve().parent.is_dir():
+        raise argparse.ArgumentTypeError(f"{text}: there is no such directory to write to")
+    return path
+
+
+def refuse(args: argparse.Namespace, options: tuple[str, ...], why: str) -> None:
+    """Refuse options that do not apply in a mode of a command, so that none is ignored.
+
+    Args:
+        args: Parsed arguments; the options default to None, False or an empty list.
+        options: As typed, such as `--tape-sigma`; the attribute of `args` follows from it.
+        why: The rest of the message, such as `applies with --distances only`.
+
+    Raises:
+        InputError: One of the options was given; the message names it.
+    """
+    for option in options:
+        if getattr(args, option.lstrip("-").replace("-", "_")) not in (None, False, []):
+            raise InputError(f"{option}: {why}")
+
+
+def add_terms_from(parser: argparse.ArgumentParser) -> None:
+    """Add --terms-from, the user's own terms beside the catalogue's, to a command that names terms."""
+    parser.add_argument("--terms-from", metavar="FILE.py", action="append",
+                        help="Python file that defines further terms (docs/terms.md); may be given more than once")
+
+
+def catalogue_of(args: argparse.Namespace) -> "Catalogue":
+    """Return the built-in terms, those of installed distributions, and those of the files of --terms-from.
+
+    Raises:
+        InputError: names the file or distribution whose terms cannot be loaded, are incomplete, or have a taken name.
+    """
+    from truearc.sim.physics.catalogue import Catalogue, catalogue
+    from truearc.sim.physics.plugins import terms_of_file
+    known = catalogue()
+    for path in args.terms_from or ():
+        known = Catalogue((*known, *terms_of_file(path, known)))
+    return known
