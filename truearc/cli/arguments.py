@@ -1,7 +1,8 @@
-"""Kinds of values that options take, and options that several commands have."""
+"""Options that several commands have: kinds of values, refusals, declarations, and files to write."""
 
 import argparse
 import math
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
@@ -19,7 +20,8 @@ Kind = TypeVar("Kind")
 
 def number(kind: type[Number], low: float = -math.inf, high: float = math.inf) -> Callable[[str], Number]:
     """Return the `type=` of an option that takes a finite number from `low` to `high`, both included."""
-    limits = f"{low:g} to {high:g}" if high < math.inf else f"at least {low:g}" if low > -math.inf else "a finite number"
+    least = "a finite number" if low == -math.inf else f"at least {low:g}"
+    limits = least if high == math.inf else f"{low:g} to {high:g}"
 
     def parse(text: str) -> Number:
         try:
@@ -51,6 +53,27 @@ def out_file(text: str) -> Path:
     if not path.resolve().parent.is_dir():
         raise argparse.ArgumentTypeError(f"{text}: there is no such directory to write to")
     return path
+
+
+def write_out(path: str | Path | None, text: str) -> None:
+    """Write UTF-8 text as it is; nothing where there is no path.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    if path is not None:
+        try:
+            Path(path).write_text(text, encoding="utf-8", newline="")
+        except OSError as error:
+            raise InputError(f"{path}: {error.strerror or error}") from error
+
+
+def print_or_write(path: Path | None, text: str) -> None:
+    """Write text to standard output, or to a file where one is named."""
+    if path is None:
+        sys.stdout.write(text)
+    else:
+        write_out(path, text)
 
 
 def refuse(args: argparse.Namespace, options: tuple[str, ...], why: str) -> None:

@@ -3,8 +3,8 @@
 import argparse
 
 import truearc as ta
-from truearc.cli.discover.discover import add_baseline, check_baseline, investigate
-from truearc.cli.files import check_place, write_out
+from truearc.cli.arguments import number, out_file, write_out
+from truearc.cli.discover.discover import add_baseline, investigate
 from truearc.robot.config.schema import InputError
 from truearc.sim.discover.settings import CONFIGURATIONS, PLANNED_SHOTS
 
@@ -17,22 +17,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     parser.add_argument("dataset", metavar="DIR", help="dataset directory")
     add_baseline(parser)
-    parser.add_argument("--shots", type=int, default=PLANNED_SHOTS, metavar="N",
+    parser.add_argument("--shots", type=number(int, 1), default=PLANNED_SHOTS, metavar="N",
                         help="shots to plan (default %(default)s)")
-    parser.add_argument("--configurations", type=int, default=CONFIGURATIONS, metavar="K",
+    parser.add_argument("--configurations", type=number(int, 1), default=CONFIGURATIONS, metavar="K",
                         help="that they are shared out to (default %(default)s)")
-    parser.add_argument("--json", metavar="FILE", help="write the plan as JSON")
+    parser.add_argument("--json", type=out_file, metavar="FILE", help="write the plan as JSON")
 
 
 def main(args: argparse.Namespace) -> int:
     """Return 0, whether or not there is anything to tell apart."""
-    if not 1 <= args.configurations <= args.shots:
+    if args.configurations > args.shots:
         raise InputError(f"--shots {args.shots}, --configurations {args.configurations}: at least one shot each")
-    check_baseline(args)
-    check_place(args.json)
     dataset, found = investigate(args, "design")
     plan = ta.design_shots(dataset, found, shots=args.shots, configurations=args.configurations, seed=args.seed)
     print(plan)
-    if args.json:
-        write_out(args.json, plan.to_json())
+    write_out(args.json, plan.to_json())
     return 0

@@ -1,14 +1,11 @@
 """truearc predict: heights and outcomes by the simulation, or probabilities by a gate, row by row."""
 
 import argparse
-import sys
 from typing import TYPE_CHECKING
 
 import truearc as ta
-from truearc.cli.files import write_out
-from truearc.cli.arguments import refuse
+from truearc.cli.arguments import add_terms_from, catalogue_of, out_file, print_or_write, refuse
 from truearc.cli.progress import make_progress
-from truearc.cli.arguments import add_terms_from, catalogue_of
 from truearc.robot.config.schema import InputError
 
 if TYPE_CHECKING:
@@ -30,16 +27,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--cl", type=float, help="lift coefficient of the paper's Eq. 2")
     parser.add_argument("--coefficients", metavar="FILE", help="coefficients.toml, instead of --cd and --cl")
     add_terms_from(parser)
-    parser.add_argument("-o", "--out", metavar="FILE", help="CSV to write instead of standard output")
+    parser.add_argument("-o", "--out", type=out_file, metavar="FILE", help="CSV to write instead of standard output")
 
 
 def main(args: argparse.Namespace) -> int:
     """Return 0 once every row is written."""
-    text = _by_simulation(args) if args.gate is None else _by_gate(args)
-    if args.out is None:
-        sys.stdout.write(text)
-    else:
-        write_out(args.out, text)
+    print_or_write(args.out, _by_simulation(args) if args.gate is None else _by_gate(args))
     return 0
 
 

@@ -1,18 +1,17 @@
 """The work of `truearc paper sweep`: trains the networks, compares the settings, writes tables and picture."""
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from truearc.cli.arguments import refuse
-from truearc.cli.paper.train_network import load_rows, made_of
+from truearc.cli.paper.train_network import LAMBDA, load_rows, made_of, recipe_of
 from truearc.cli.progress import make_progress
-from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import check_free
 from truearc.sim.gate.network_training import make_record
 from truearc.sim.paper.network import save_weights
-from truearc.sim.paper.settings import Recipe, check_recipe
+from truearc.sim.paper.settings import Recipe
 from truearc.sim.paper.sweep import Trained, train_many
 from truearc.sim.paper.sweep_settings import (
     Mean,
@@ -34,20 +33,14 @@ from truearc.sim.tables import make_text, save_csv
 
 HEADER = ("simulated", "lambda", "cross-entropy: validation", "held out", "right, held out: outcome", "two", "three")
 FIGURES = ("validation_loss", "heldout_loss", "outcome", "two", "three")
-LAMBDAS = "0.01"                      # without --lambdas
-Kind = TypeVar("Kind", int, float)
 
 
 def run_sweep(args: argparse.Namespace) -> int:
     """Train, compare and write; args: those of `truearc paper sweep`."""
-    recipe = Recipe(args.learning_rate, args.steps, args.patience)
-    check_recipe(recipe)
-    if args.seeds < 1 or args.seed < 0:
-        raise InputError(f"--seeds is {args.seeds} and --seed {args.seed}; at least 1 and 0 are needed")
-    sizes = _numbers("--sizes", args.sizes, int)
-    if not any(sizes):
-        refuse(args, ("--sim", "--lambdas"), f"--sizes {args.sizes} takes no simulated shots")
-    settings = settings_of(sizes, _numbers("--lambdas", args.lambdas or LAMBDAS, float))
+    recipe = recipe_of(args)
+    if not any(args.sizes):
+        refuse(args, ("--sim", "--lambdas"), "--sizes takes no simulated shots")
+    settings = settings_of(args.sizes, args.lambdas or (LAMBDA,))
     home = check_free(args.out)
     real = load_rows(args.real)
     networks = plan(real, load_rows(args.sim) if args.sim else None, settings,
@@ -65,17 +58,6 @@ def run_sweep(args: argparse.Namespace) -> int:
     print(f"{home}: settings.csv, networks.csv, sweep.png; best/ holds the network of seed {args.seed} "
           f"({best.words()}), for truearc export")
     return 0
-
-
-def _numbers(option: str, text: str, kind: Callable[[str], Kind]) -> list[Kind]:
-    numbers = []
-    for word in text.split(","):
-        try:
-            numbers.append(kind(word))
-        except ValueError as error:
-            what = "a whole number" if kind is int else "a number"
-            raise InputError(f"{option}: {word.strip()!r} in {text!r} is not {what}") from error
-    return numbers
 
 
 def _save_tables(home: Path, scores: Sequence[SweepScore], settings: Sequence[SweepSetting]) -> None:

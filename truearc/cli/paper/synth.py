@@ -2,8 +2,8 @@
 
 import argparse
 
+from truearc.cli.arguments import add_terms_from, catalogue_of, number
 from truearc.cli.progress import make_progress
-from truearc.cli.arguments import add_terms_from, catalogue_of
 
 DESCRIPTION = """Simulated shots for the classifier: every configuration of the paper's grid is flown with fitted
 coefficients, and an even sample of the three outcomes is drawn. With --draws each shot has coefficients of its own,
@@ -17,11 +17,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="coefficients.toml, as `truearc fit` and `truearc paper fit` write it")
     add_terms_from(parser)
     parser.add_argument("-n", type=int, default=900, help="shots in all (900)")
-    parser.add_argument("--draws", type=int, metavar="N",
+    parser.add_argument("--draws", type=number(int, 1), metavar="N",
                         help="draw N sets of coefficients from the fit's covariance, and scatter every shot; without "
                              "it one exact set, as in the paper")
     parser.add_argument("--exclude", metavar="DIR", help="dataset of recorded shots whose configurations are not drawn")
-    parser.add_argument("--seed", type=int, default=0, help="of the draw (0)")
+    parser.add_argument("--seed", type=number(int, 0), default=0, help="of the draw (0)")
     parser.add_argument("-o", "--out", required=True, metavar="DIR", help="dataset directory to write")
 
 
@@ -30,10 +30,9 @@ def main(args: argparse.Namespace) -> int:
     from truearc.sim.data.dataset import check_free, load_dataset, load_rig
     from truearc.sim.paper.synthetic_files import say_synthetic, write_synthetic
     check_free(args.out)
-    facts = load_rig(args.rig)
     recorded = load_dataset(args.exclude) if args.exclude else None
-    shots = write_synthetic(args.out, facts, args.coefficients, args.n, exclude=recorded, draws=args.draws,
-                            seed=args.seed, among=catalogue_of(args),
+    shots = write_synthetic(args.out, load_rig(args.rig), args.coefficients, args.n, exclude=recorded,
+                            draws=args.draws, seed=args.seed, among=catalogue_of(args),
                             progress=make_progress("synth", args.quiet))
     print(say_synthetic(args.out, shots, args.draws))
     return 0

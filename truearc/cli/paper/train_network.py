@@ -5,7 +5,6 @@ import sys
 from typing import Any
 
 from truearc.cli.progress import make_progress
-from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import dataset_hash, load_dataset
 from truearc.sim.gate.network_training import Shares, rows_of, train_network
 from truearc.sim.paper.settings import PATIENCE, Recipe, check_recipe
@@ -17,12 +16,7 @@ LAMBDA = 0.01                         # the paper's weight of the simulated loss
 
 def run_training(args: argparse.Namespace) -> int:
     """Train, write the weights and report; args: those of `truearc paper train`."""
-    recipe = Recipe(args.learning_rate, args.steps, PATIENCE if args.patience is None else args.patience)
-    check_recipe(recipe)
-    if args.epochs is not None and args.epochs < 1:
-        raise InputError(f"--epochs is {args.epochs}; at least 1 is needed")
-    if args.seed < 0:
-        raise InputError(f"--seed is {args.seed}; it cannot be negative")
+    recipe = recipe_of(args)
     weight = LAMBDA if args.simulated_weight is None else args.simulated_weight
     shares = Shares(args.holdout, args.validation, weight, args.epochs)
     simulated = load_dataset(args.sim) if args.sim else None
@@ -33,6 +27,13 @@ def run_training(args: argparse.Namespace) -> int:
     network.save(args.out)
     print("\n".join(network.report(args.out)))
     return 0
+
+
+def recipe_of(args: argparse.Namespace) -> Recipe:
+    """Return how to train, as the options of `add_recipe` and --steps say; InputError where that cannot be done."""
+    recipe = Recipe(args.learning_rate, args.steps, args.patience or PATIENCE)
+    check_recipe(recipe)
+    return recipe
 
 
 def coefficients_of(simulated: str | None) -> Any:

@@ -52,7 +52,6 @@ class Ending:
 
 def run_robot(args: argparse.Namespace) -> int:
     """Run until a signal ends it; args: those of `truearc run`."""
-    _check_real_time(args)
     parse_page(args.page)
     config = with_ports(load_config(args.config), args.can, args.buttons, args.camera)
     config = with_plan(config, load_plan(args.plan, config) if args.plan else (), args.repeats)
@@ -121,13 +120,6 @@ def _open_wires(config: Config, layout: ProcessLayout, wires: ExitStack,
     except LinkLost as error:
         raise InputError(f"cannot start: {error}") from error
     return bus, box, eyes, clock
-
-
-def _check_real_time(args: argparse.Namespace) -> None:
-    if not 0 <= args.priority <= 99:
-        raise InputError(f"--priority {args.priority}: 1 to 99, or 0 not to ask")
-    if args.core is not None and args.core < 0:
-        raise InputError(f"--core {args.core}: cores count from 0")
 
 
 def _ask_for_real_time(args: argparse.Namespace) -> None:

@@ -8,9 +8,7 @@ from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
 
-from truearc import robot
-from truearc.cli.files import check_place
-from truearc.cli.arguments import refuse
+from truearc.cli.arguments import SHIPPED, number, out_file, refuse
 from truearc.cli.progress import make_progress
 from truearc.robot.config.schema import Config, InputError, load_config
 from truearc.robot.sysid.program import FLYWHEEL, HOOD
@@ -21,8 +19,6 @@ if TYPE_CHECKING:
 DESCRIPTION = ("Drive flywheels and hood by the program of [identify] and fit friction, inertia and delay; or fit a "
                "recorded session or a CSV file. Writes gains to paste, never the configuration.")
 EXAMPLE = "truearc sysid --config launcher.toml -o gains.toml --report sysid.html"
-
-SHIPPED = Path(robot.__file__).parent / "launcher.toml"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -36,9 +32,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, metavar="SESSION", help="session folder to make (default: "
                         "sessions/<time>; needed with --emulate)")
     parser.add_argument("--world", type=Path, help="world.toml of the emulated robot")
-    parser.add_argument("--seed", type=int, help="seed of the emulated robot (default 0)")
-    parser.add_argument("-o", dest="gains", type=Path, metavar="FILE", help="write the gains here, too")
-    parser.add_argument("--report", type=Path, metavar="PAGE", help="HTML page with residuals (needs the sim extra)")
+    parser.add_argument("--seed", type=number(int, 0), help="seed of the emulated robot (default 0)")
+    parser.add_argument("-o", dest="gains", type=out_file, metavar="FILE", help="write the gains here, too")
+    parser.add_argument("--report", type=out_file, metavar="PAGE",
+                        help="HTML page with residuals (needs the sim extra)")
 
 
 def main(args: argparse.Namespace) -> int:
@@ -68,10 +65,6 @@ def _check(args: argparse.Namespace) -> None:
         refuse(args, ("--world", "--seed"), "applies with --emulate only")
     if args.emulate and args.out is None:
         raise InputError("--emulate needs --out, the session to make")
-    if args.seed is not None and args.seed < 0:
-        raise InputError(f"--seed {args.seed}: cannot be negative")
-    for path in (args.gains, args.report):
-        check_place(path)
     if args.gains is not None and args.gains.exists():
         raise InputError(f"{args.gains}: exists already; gains are never written over anything")
 
@@ -114,8 +107,8 @@ def _answer(args: argparse.Namespace, source: str, records: "Mapping[str, Record
     from truearc.sim.sysid.fit import fit_motion
     from truearc.sim.sysid.sysid_text import make_fragment
     show, fits = make_progress("sysid", args.quiet), {}
-    for number, (joint, record) in enumerate(records.items()):
-        show(number / len(records), joint)
+    for done, (joint, record) in enumerate(records.items()):
+        show(done / len(records), joint)
         fits[joint] = fit_motion(record)
     show(1.0, "")
     title = f"truearc sysid {version('truearc')}: {source}"

@@ -11,8 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import truearc as ta
-from truearc import robot
-from truearc.cli.files import write_out
+from truearc.cli.arguments import SHIPPED, number, write_out
 from truearc.cli.progress import make_progress
 from truearc.cli.start.demo_files import Demo
 from truearc.robot.config.schema import InputError
@@ -25,7 +24,6 @@ DESCRIPTION = """The whole loop on the emulated robot: record, fit, simulate, tr
 simulation and recordings disagree, put what was found into the simulation, drive with the gate of before, with that of
 after and without one, and write one report."""
 EXAMPLE = "truearc demo --out report"
-SHIPPED = Path(robot.__file__).parent / "launcher.toml"
 FEWEST = 30
 SIMULATED = 900                       # shots that the paper's network learns from, too
 TERMS = ("gravity", "drag", "magnus", "exit_efficiency")      # what our gate's physics consists of
@@ -34,16 +32,15 @@ MARK = ".truearc-demo"                # a folder with this in it was made by us 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, default=Path("report"), help="folder for the report and all it rests on")
-    parser.add_argument("--trials", type=int, default=120, help="trials recorded to learn from")
-    parser.add_argument("--test-trials", type=int, default=120, help="trials of the gated and of the ungated session")
-    parser.add_argument("--seed", type=int, default=2026, help="seed of everything drawn (default %(default)s)")
+    parser.add_argument("--trials", type=number(int, FEWEST), default=120,
+                        help=f"trials recorded to learn from, at least {FEWEST}")
+    parser.add_argument("--test-trials", type=number(int, FEWEST), default=120,
+                        help="trials of the gated and of the ungated session")
+    parser.add_argument("--seed", type=number(int, 0), default=2026,
+                        help="seed of everything drawn (default %(default)s)")
 
 
 def main(args: argparse.Namespace) -> int:
-    if args.seed < 0:
-        raise InputError(f"--seed {args.seed}: cannot be negative")
-    if min(args.trials, args.test_trials) < FEWEST:
-        raise InputError(f"--trials and --test-trials: at least {FEWEST}, or there is nothing to learn from")
     from truearc.cli.start.demo_report import headline, save_report
     began = time.monotonic()
     demo = Demo(_fresh_folder(args.out), args.seed)

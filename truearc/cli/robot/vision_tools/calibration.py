@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 from msgspec.structs import replace
 
+from truearc.cli.arguments import print_or_write
 from truearc.cli.progress import make_progress
 from truearc.cli.robot.vision_tools.camera_file import load_camera, load_labels
 from truearc.cli.robot.vision_tools.images import load_image
@@ -37,17 +38,9 @@ BOARD = re.compile(r"chessboard:(\d+)x(\d+):([\d.]+)|charuco:(\d+)x(\d+):([\d.]+
 
 def calibrate_camera(args: argparse.Namespace) -> int:
     """Calibrate and write the camera; args: those of `truearc vision calibrate`."""
-    sigmas_m = [default if value is None else value for value, default in ((args.tape_sigma, TAPE_SIGMA_M),
-                                                                           (args.bias_sigma, BIAS_SIGMA_M))]
-    if not all(0.0 < sigma_m < 10.0 for sigma_m in sigmas_m):
-        raise InputError("--tape-sigma and --bias-sigma are lengths in metres, above 0")
     file = load_camera(args.camera)
-    camera = _from_board(args, file.camera) if args.board else _from_tape(args, file, *sigmas_m)
-    text = make_toml(msgspec.to_builtins(replace(file, camera=camera)))
-    if args.out:
-        Path(args.out).write_text(text, encoding="utf-8")
-    else:
-        sys.stdout.write(text)
+    camera = _from_board(args, file.camera) if args.board else _from_tape(args, file)
+    print_or_write(args.out, make_toml(msgspec.to_builtins(replace(file, camera=camera))))
     return 0
 
 
@@ -93,7 +86,7 @@ def _from_board(args: argparse.Namespace, camera: CameraConfig) -> CameraConfig:
                        f"{fit.slant_deg:.0f} degrees; slant it by 20 to 30 degrees, to all sides")
     if found.focal_sigma > MOST_FOCAL_SIGMA:
         raise InputError(f"these views leave the focal length open by {found.focal_sigma:.0%}, and more than "
-                       f"{MOST_FOCAL_SIGMA:.0%} is no calibration: slant the board by 20 to 30 degrees, to all sides")
+                       f"{MOST_FOCAL_SIGMA:.0%} is too much: slant the board by 20 to 30 degrees, to all sides")
     print(f"focal length {found.fx_px:.1f} px +- {found.focal_sigma:.2%}, axis at {found.cx_px:.1f} {found.cy_px:.1f} "
           f"+- {found.centre_sigma_px:.1f} px, from {len(views)} views", file=sys.stderr)
     return found
@@ -125,7 +118,7 @@ def _length(text: str) -> float:
         return 0.0
 
 
-def _from_tape(args: argparse.Namespace, file: CameraFile, tape_sigma_m: float, bias_sigma_m: float) -> CameraConfig:
+def _from_tape(args: argparse.Namespace, file: CameraFile) -> CameraConfig:
     taped = load_labels(args.distances, ("distance_m", "label_distance_m"))
     given = {Path(name).name: name for name in args.images}
     unknown = [name for name in given if name not in {Path(one).name for one in taped}]
@@ -135,7 +128,7 @@ def _from_tape(args: argparse.Namespace, file: CameraFile, tape_sigma_m: float, 
     frames = [CameraFrame(0, load_image(given.get(Path(name).name, str(Path(args.distances).parent / name))))
               for name in names]
     fit = fit_taped(frames, [taped[name] for name in names], file.camera, file.tape, file.vision,
-                    tape_sigma_m=tape_sigma_m, bias_sigma_m=bias_sigma_m)
+                    tape_sigma_m=args.tape_sigma or TAPE_SIGMA_M, bias_sigma_m=args.bias_sigma or BIAS_SIGMA_M)
     if fit is None:
         raise InputError(f"{args.distances}: " + _why_not(frames, names, taped, file))
     _print_fit(names, taped, fit)
