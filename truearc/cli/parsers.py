@@ -6,7 +6,7 @@ import re
 from importlib import import_module
 from typing import Any, NoReturn, Protocol, cast
 
-from truearc.cli.arguments import number
+from truearc.cli.common import number
 from truearc.cli.registry import Command
 from truearc.robot.config.schema import InputError
 

@@ -2,7 +2,7 @@
 
 import argparse
 
-from truearc.cli.arguments import refuse
+from truearc.cli.common import refuse
 from truearc_proof.rivals.registry import RIVALS
 
 GROUP = "proof"

@@ -3,9 +3,8 @@
 import argparse
 
 import truearc as ta
-from truearc.cli.arguments import number, out_file, write_out
+from truearc.cli.common import number, out_file, write_out
 from truearc.cli.discover.discover import add_baseline, investigate
-from truearc.robot.config.schema import InputError
 from truearc.sim.discover.settings import CONFIGURATIONS, PLANNED_SHOTS
 
 DESCRIPTION = """Say which shots, of those that the robot can take, or which measurement would best tell apart the names
@@ -27,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     """Return 0, whether or not there is anything to tell apart."""
     if args.configurations > args.shots:
-        raise InputError(f"--shots {args.shots}, --configurations {args.configurations}: at least one shot each")
+        raise ta.InputError(f"--shots {args.shots}, --configurations {args.configurations}: at least one shot each")
     dataset, found = investigate(args, "design")
     plan = ta.design_shots(dataset, found, shots=args.shots, configurations=args.configurations, seed=args.seed)
     print(plan)

@@ -6,9 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import truearc as ta
-from truearc.cli.arguments import add_terms_from, catalogue_of, listed, number, out_file, write_out
-from truearc.cli.progress import make_progress
-from truearc.robot.config.schema import InputError
+from truearc.cli.common import add_terms_from, catalogue_of, listed, make_progress, number, out_file, write_out
 from truearc.sim.discover.settings import FALSE_ALARM, check_chances
 
 DESCRIPTION = """Report whether a dataset disagrees with the simulation as it stands, where, and what the simulation
@@ -70,9 +68,9 @@ def _check(args: argparse.Namespace) -> None:
     """InputError where an option's value is unusable, or options exclude each other, before anything is loaded."""
     check_chances(args.false_alarm, args.seed, ("--false-alarm", "--seed"))
     if args.since is not None and args.belief is None:
-        raise InputError("--since goes with --belief, which was adopted from that dataset")
+        raise ta.InputError("--since goes with --belief, which was adopted from that dataset")
     if args.belief is not None and args.believe is not None:
-        raise InputError("--belief and --believe exclude each other: the file names its terms")
+        raise ta.InputError("--belief and --believe exclude each other: the file names its terms")
 
 
 def investigate(args: argparse.Namespace, what: str, measured: Sequence[str] = ()) -> "tuple[ta.Dataset, ta.Finding]":
@@ -84,8 +82,8 @@ def investigate(args: argparse.Namespace, what: str, measured: Sequence[str] = (
     among = catalogue_of(args)
     try:
         check_believed(args.believe or (), among)
-    except InputError as error:
-        raise InputError(f"--believe: {error}") from error
+    except ta.InputError as error:
+        raise ta.InputError(f"--believe: {error}") from error
     sizes = read_measured(measured, "--measured", among)
     keep_compiled()
     belief = None if args.belief is None else ta.load_belief(args.belief, among)
@@ -102,7 +100,7 @@ def _adopt(found: "ta.Finding", dataset: str, path: Path) -> str:
     from truearc.sim.discover.report.finding_text import say_adopted
     try:
         belief = found.adopt()
-    except InputError as error:
-        raise InputError(f"--adopt: {error}") from error
+    except ta.InputError as error:
+        raise ta.InputError(f"--adopt: {error}") from error
     replace(belief, provenance={**belief.provenance, "dataset": dataset}).save(path)
     return f"{say_adopted(found.record, belief.provenance)} -> {path}"

@@ -6,8 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 import truearc as ta
-from truearc.cli.arguments import add_terms_from, catalogue_of, listed, number, out_file, refuse
-from truearc.cli.progress import make_progress
+from truearc.cli.common import add_terms_from, catalogue_of, listed, make_progress, number, out_file, refuse
 
 DESCRIPTION = ("Fit the coefficients of the simulation's terms and the shot-to-shot scatter by maximum a posteriori, "
                "from everything that a dataset has; report 90 % intervals and which parameters the shots cannot tell "

@@ -4,10 +4,8 @@ import argparse
 from pathlib import Path
 
 import truearc as ta
-from truearc.cli.arguments import catalogue_of, number, refuse, write_out
+from truearc.cli.common import catalogue_of, make_progress, number, refuse, write_out
 from truearc.cli.discover.discover import add_believe, add_reports
-from truearc.cli.progress import make_progress
-from truearc.robot.config.schema import InputError
 from truearc.sim.discover.settings import LEVEL, LEVELS, SEASON_SHOTS
 
 DESCRIPTION = """Say, before any data, which effects a season with a rig could show, and which it could not tell
@@ -40,8 +38,8 @@ def main(args: argparse.Namespace) -> int:
         answer = ta.identifiability(source, level=args.level, shots=args.shots, believe=args.believe,
                                     terms=catalogue_of(args), sides=args.sides, seed=args.seed, name=path.name,
                                     progress=make_progress("identifiability", args.quiet))
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
+    except ta.InputError as error:
+        raise ta.InputError(f"{path}: {error}") from error
     print(answer)
     write_out(args.json, answer.to_json())
     if args.report:

@@ -3,7 +3,6 @@
 import argparse
 
 import truearc as ta
-from truearc.robot.config.schema import InputError
 
 DESCRIPTION = "Turn recordings that others made into a dataset directory (docs/importing.md)."
 EXAMPLE = "truearc import mpi mn5008_backspin.hdf5 mn5008_no_spin.hdf5 -o mpi"
@@ -29,7 +28,7 @@ def main(args: argparse.Namespace) -> int:
     from truearc.sim.data.importers.stated_uncertainty import doubts_of
     importer = next(importer for importer in load_importers() if importer.name == args.source)
     if not importer.takes(args.files):
-        raise InputError(f"{args.source} takes {', or '.join(importer.ways)}; not {' '.join(args.files)}")
+        raise ta.InputError(f"{args.source} takes {', or '.join(importer.ways)}; not {' '.join(args.files)}")
     dataset = importer.load(*args.files)
     if args.only is not None:
         dataset = only(dataset, args.only)

@@ -4,9 +4,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 import truearc as ta
-from truearc.cli.arguments import add_terms_from, catalogue_of, out_file, print_or_write, refuse
-from truearc.cli.progress import make_progress
-from truearc.robot.config.schema import InputError
+from truearc.cli.common import add_terms_from, catalogue_of, make_progress, out_file, print_or_write, refuse
 
 if TYPE_CHECKING:
     from truearc.sim.infer.belief import Belief
@@ -55,12 +53,12 @@ def _belief(args: argparse.Namespace) -> "Belief":
     """From the file or from both options; InputError when neither or both say."""
     if args.coefficients is not None:
         if (args.cd, args.cl) != (None, None):
-            raise InputError("--coefficients and --cd, --cl exclude each other")
+            raise ta.InputError("--coefficients and --cd, --cl exclude each other")
         return ta.load_belief(args.coefficients, catalogue_of(args))
     refuse(args, ("--terms-from",), "applies with --coefficients only, whose file names the terms")
     for option, value in (("--cd", args.cd), ("--cl", args.cl)):
         if value is None:
-            raise InputError(f"{option} is needed (or --coefficients FILE)")
+            raise ta.InputError(f"{option} is needed (or --coefficients FILE)")
     from truearc.sim.infer.belief import point_belief
     return point_belief({"drag": {"cd": args.cd}, "magnus": {"cl": args.cl}})
 

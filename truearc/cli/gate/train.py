@@ -4,8 +4,7 @@ import argparse
 import sys
 
 import truearc as ta
-from truearc.cli.arguments import number, out_file
-from truearc.cli.progress import make_progress
+from truearc.cli.common import make_progress, number, out_file
 
 DESCRIPTION = """Train a gate on recorded shots: the forecast of each shot by fitted coefficients, plus a small learned
 correction and a calibrated spread. All recorded shots are learned from; each fifth of the configurations is left out in

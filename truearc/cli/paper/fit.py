@@ -5,8 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import truearc as ta
-from truearc.cli.arguments import number, out_file, refuse
-from truearc.cli.progress import make_progress
+from truearc.cli.common import make_progress, number, out_file, refuse
 from truearc.sim.paper.settings import STEP
 
 if TYPE_CHECKING:

@@ -2,7 +2,7 @@
 
 import argparse
 
-from truearc.cli.arguments import listed, number
+from truearc.cli.common import listed, number
 from truearc.cli.paper.train import add_recipe
 from truearc.sim.paper.settings import DEFAULT_RECIPE as DEFAULT
 

@@ -5,9 +5,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from truearc.cli.arguments import refuse
+from truearc.cli.common import make_progress, refuse
 from truearc.cli.paper.train_network import LAMBDA, load_rows, made_of, recipe_of
-from truearc.cli.progress import make_progress
 from truearc.sim.data.dataset import check_free
 from truearc.sim.gate.network_training import make_record
 from truearc.sim.paper.network import save_weights

@@ -2,8 +2,7 @@
 
 import argparse
 
-from truearc.cli.arguments import add_terms_from, catalogue_of, number
-from truearc.cli.progress import make_progress
+from truearc.cli.common import add_terms_from, catalogue_of, make_progress, number
 
 DESCRIPTION = """Simulated shots for the classifier: every configuration of the paper's grid is flown with fitted
 coefficients, and an even sample of the three outcomes is drawn. With --draws each shot has coefficients of its own,

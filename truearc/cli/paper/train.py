@@ -2,7 +2,7 @@
 
 import argparse
 
-from truearc.cli.arguments import number, refuse
+from truearc.cli.common import number, refuse
 from truearc.robot.config.schema import InputError
 from truearc.sim.paper.settings import DEFAULT_RECIPE as DEFAULT
 

@@ -4,7 +4,7 @@ import argparse
 import sys
 from typing import Any
 
-from truearc.cli.progress import make_progress
+from truearc.cli.common import make_progress
 from truearc.sim.data.dataset import dataset_hash, load_dataset
 from truearc.sim.gate.network_training import Shares, rows_of, train_network
 from truearc.sim.paper.settings import PATIENCE, Recipe, check_recipe

@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from truearc.cli.arguments import number
+from truearc.cli.common import number
 
 DESCRIPTION = ("Look at everything a run needs and say in one line each how it is and what to do about it. Changes "
                "nothing but an exposure that the configuration fixes, and moves nothing; stop a running robot first, "

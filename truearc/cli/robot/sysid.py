@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
 
-from truearc.cli.arguments import SHIPPED, number, out_file, refuse
-from truearc.cli.progress import make_progress
+from truearc.cli.common import SHIPPED, make_progress, number, out_file, refuse
 from truearc.robot.config.schema import Config, InputError, load_config
 from truearc.robot.sysid.program import FLYWHEEL, HOOD
 

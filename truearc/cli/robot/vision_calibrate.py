@@ -2,7 +2,7 @@
 
 import argparse
 
-from truearc.cli.arguments import number, out_file, refuse
+from truearc.cli.common import number, out_file, refuse
 from truearc.robot.config.schema import InputError
 
 DESCRIPTION = ("Calibrate a camera and write camera.toml with its uncertainties. With --board: focal length, axis and "

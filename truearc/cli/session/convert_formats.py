@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import BinaryIO
 
-from truearc.cli.progress import make_progress
+from truearc.cli.common import make_progress
 from truearc.robot.config.schema import InputError
 from truearc.robot.recording.export.convert import (
     TRIAL_COLUMNS,

@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from truearc.cli.arguments import refuse
+from truearc.cli.common import refuse
 
 DESCRIPTION = ("Recompute every output of a recording, from its inputs or from its raw CAN frames and images; exit 1 "
                "on the first difference. With another configuration or model: what would have come out otherwise.")

@@ -11,10 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import truearc as ta
-from truearc.cli.arguments import SHIPPED, number, write_out
-from truearc.cli.progress import make_progress
+from truearc.cli.common import SHIPPED, make_progress, number, write_out
 from truearc.cli.start.demo_files import Demo
-from truearc.robot.config.schema import InputError
 
 if TYPE_CHECKING:
     from truearc.robot.config.schema import Config
@@ -56,9 +54,9 @@ def main(args: argparse.Namespace) -> int:
 
 def _fresh_folder(folder: Path) -> Path:
     if folder.is_file():
-        raise InputError(f"{folder}: is a file")
+        raise ta.InputError(f"{folder}: is a file")
     if folder.exists() and any(folder.iterdir()) and not (folder / MARK).exists():
-        raise InputError(f"{folder}: is not empty and was not made by a demo; name another with --out")
+        raise ta.InputError(f"{folder}: is not empty and was not made by a demo; name another with --out")
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     (folder / MARK).touch()
@@ -119,7 +117,7 @@ def _train_gate(demo: Demo, shots: "ta.Dataset", belief: Path, weights: Path, ga
     found = verify_gate(gate, weights, {str(demo.shots): shots})
     print(found)
     if not found.passed:
-        raise InputError(f"{gate}: not what was trained")
+        raise ta.InputError(f"{gate}: not what was trained")
 
 
 def _export(weights: Path, gate: Path) -> None:

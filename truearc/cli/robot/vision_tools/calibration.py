@@ -10,8 +10,7 @@ import msgspec
 import numpy as np
 from msgspec.structs import replace
 
-from truearc.cli.arguments import print_or_write
-from truearc.cli.progress import make_progress
+from truearc.cli.common import make_progress, print_or_write
 from truearc.cli.robot.vision_tools.camera_file import load_camera, load_labels
 from truearc.cli.robot.vision_tools.images import load_image
 from truearc.cli.robot.vision_tools.measure import why_not

@@ -4,7 +4,7 @@ import csv
 import re
 from pathlib import Path
 
-from truearc.cli.arguments import SHIPPED
+from truearc.cli.common import SHIPPED
 from truearc.robot.config.schema import CameraFile, Config, InputError, in_words, load_text, load_toml
 
 CAMERAS = SHIPPED.parent / "cameras"

@@ -1,14 +1,16 @@
-"""Options that several commands have: kinds of values, refusals, declarations, and files to write."""
+"""Common parts of commands: kinds of option values, refusals, shared options, files to write, and progress."""
 
 import argparse
 import math
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from truearc import robot
 from truearc.robot.config.schema import InputError
+from truearc.sim.progress import Progress
 
 if TYPE_CHECKING:                     # imports JAX, which --help does without
     from truearc.sim.physics.catalogue import Catalogue
@@ -110,3 +112,24 @@ def catalogue_of(args: argparse.Namespace) -> "Catalogue":
     for path in args.terms_from or ():
         known = Catalogue((*known, *terms_of_file(path, known)))
     return known
+
+
+def make_progress(what: str, quiet: bool = False) -> Progress:
+    """Return a function of (share done 0-1, note) that shows how far `what` is; does nothing when quiet.
+
+    Progress is one line on stderr, rewritten on a terminal, rare lines elsewhere.
+    """
+    if quiet:
+        return lambda done, note: None
+    live = sys.stderr.isatty()
+    last = [0.0]
+
+    def show(done: float, note: str = "") -> None:
+        now = time.monotonic()
+        if done < 1.0 and now - last[0] < (0.2 if live else 5.0):
+            return
+        last[0] = now
+        end = "\n" if done >= 1.0 or not live else ""
+        print(("\r" if live else "") + f"{what}: {done:4.0%} {note}".ljust(78), end=end, file=sys.stderr, flush=True)
+
+    return show
