@@ -20,6 +20,7 @@ def test_help_has_an_example(command: Command, capsys: pytest.CaptureFixture[str
     assert stop.value.code == 0
     said = capsys.readouterr().out
     assert f"usage: truearc {command.name}" in said
+    assert " ".join(str(load_module(command).__doc__).split()) in " ".join(said.split())
     assert f"truearc {command.name} " in said.partition("example:")[2]
 
 

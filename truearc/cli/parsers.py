@@ -22,9 +22,8 @@ MESSAGES = (
 
 
 class CommandModule(Protocol):
-    """The module of a command."""
+    """The module of a command; its docstring is the description in `--help`."""
 
-    DESCRIPTION: str
     EXAMPLE: str
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
@@ -80,7 +79,7 @@ def load_module(command: Command) -> CommandModule:
 def make_parser(command: Command) -> Parser:
     """Return the parser of a command: description, example, `--quiet` and the command's own options."""
     module = load_module(command)
-    parser = Parser(prog=f"truearc {command.name}", description=module.DESCRIPTION,
+    parser = Parser(prog=f"truearc {command.name}", description=module.__doc__,
                     epilog=f"example: {module.EXAMPLE}")
     fill_parser(parser, module)
     return parser

@@ -1,4 +1,8 @@
-"""truearc reproduce: the paper's tables and figures on recordings of the emulated robot."""
+"""Print the paper's Table I, Table II and Figures 8 to 10 on recordings of the emulated robot.
+
+The paper's own numbers stand beside them, with intervals, baselines and our gate. Recordings are kept, and a run that
+was broken off goes on.
+"""
 
 import argparse
 from pathlib import Path
@@ -7,8 +11,6 @@ from truearc_proof.reproduce.settings import Settings
 
 GROUP = "proof"
 SUMMARY = "the paper's tables and figures beside ours"
-DESCRIPTION = """The paper's Table I, Table II and Figures 8 to 10 on recordings of the emulated robot, beside the
-paper's own numbers, with intervals, baselines and our gate. Recordings are kept and a broken-off run goes on."""
 EXAMPLE = "truearc reproduce -o reproduction --quick"
 QUICK_DRAWS = 3
 

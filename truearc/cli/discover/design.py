@@ -1,4 +1,8 @@
-"""truearc design: the next shots, or the measurement, that would tell the remaining names apart."""
+"""Choose the next shots, or the measurement, that would best tell the remaining candidate terms apart.
+
+Candidates are the terms that `truearc discover` leaves; the shots are some that the robot can take. Say, too, how
+likely they are to decide.
+"""
 
 import argparse
 
@@ -7,8 +11,6 @@ from truearc.cli.common import number, out_file, write_out
 from truearc.cli.discover.discover import add_baseline, investigate
 from truearc.sim.discover.settings import CONFIGURATIONS, PLANNED_SHOTS
 
-DESCRIPTION = """Say which shots, of those that the robot can take, or which measurement would best tell apart the names
-that discover leaves, and how likely they are to."""
 EXAMPLE = "truearc design shots/ --shots 100 --json next.json"
 
 

@@ -1,4 +1,7 @@
-"""truearc discover: where recordings and simulation disagree, and what explains it."""
+"""Report whether a dataset disagrees with the simulation as it stands, where, and what the simulation lacks.
+
+Before there are data, `truearc identifiability` reports what a season of shots could show.
+"""
 
 import argparse
 from collections.abc import Sequence
@@ -9,8 +12,6 @@ import truearc as ta
 from truearc.cli.common import add_terms_from, catalogue_of, listed, make_progress, number, out_file, write_out
 from truearc.sim.discover.settings import FALSE_ALARM, check_chances
 
-DESCRIPTION = """Report whether a dataset disagrees with the simulation as it stands, where, and what the simulation
-lacks. Before there are data, `truearc identifiability` reports what a season of shots could show."""
 EXAMPLE = "truearc discover shots/ --believe gravity,drag --json finding.json --report finding.html"
 
 

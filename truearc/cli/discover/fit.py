@@ -1,4 +1,7 @@
-"""truearc fit: coefficients and shot-to-shot scatter, by maximum a posteriori."""
+"""Fit coefficients and shot-to-shot scatter by maximum a posteriori, from everything that a dataset has.
+
+Report 90 % intervals and which parameters the shots cannot tell apart. The paper's grid search is `truearc paper fit`.
+"""
 
 import argparse
 import sys
@@ -8,9 +11,6 @@ from typing import Any
 import truearc as ta
 from truearc.cli.common import add_terms_from, catalogue_of, listed, make_progress, number, out_file, refuse
 
-DESCRIPTION = ("Fit the coefficients of the simulation's terms and the shot-to-shot scatter by maximum a posteriori, "
-               "from everything that a dataset has; report 90 % intervals and which parameters the shots cannot tell "
-               "apart. The paper's grid search is `truearc paper fit`.")
 EXAMPLE = "truearc fit shots/ --terms gravity,drag,magnus,exit_efficiency -o coefficients.toml"
 
 

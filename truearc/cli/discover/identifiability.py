@@ -1,4 +1,4 @@
-"""truearc identifiability: what recordings could show, before there are any."""
+"""Say, before any data, which effects a season with a rig could show, and which it could not tell apart."""
 
 import argparse
 from pathlib import Path
@@ -8,8 +8,6 @@ from truearc.cli.common import catalogue_of, make_progress, number, refuse, writ
 from truearc.cli.discover.discover import add_believe, add_reports
 from truearc.sim.discover.settings import LEVEL, LEVELS, SEASON_SHOTS
 
-DESCRIPTION = """Say, before any data, which effects a season with a rig could show, and which it could not tell
-apart."""
 EXAMPLE = "truearc identifiability rig.toml --level L1 --shots 300 --report sight.html"
 
 

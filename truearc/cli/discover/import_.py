@@ -1,10 +1,9 @@
-"""truearc import: other people's recordings to a dataset."""
+"""Turn recordings that others made into a dataset directory (docs/importing.md)."""
 
 import argparse
 
 import truearc as ta
 
-DESCRIPTION = "Turn recordings that others made into a dataset directory (docs/importing.md)."
 EXAMPLE = "truearc import mpi mn5008_backspin.hdf5 mn5008_no_spin.hdf5 -o mpi"
 
 

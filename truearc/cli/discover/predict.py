@@ -1,4 +1,9 @@
-"""truearc predict: heights and outcomes by the simulation, or probabilities by a gate, row by row."""
+"""Forecast the height and outcome of each shot of a dataset by the simulation, or its probabilities by a gate.
+
+By the simulation: shot_id,height_m,deviation_m,outcome: the height at the first crossing of x = distance, and that
+minus the target's centre; both are empty where the ball meets the floor or turns back first. With --gate:
+shot_id,p_two,p_three,in_domain,novelty (novelty over 1: further than that from all recorded shots).
+"""
 
 import argparse
 from typing import TYPE_CHECKING
@@ -9,10 +14,6 @@ from truearc.cli.common import add_terms_from, catalogue_of, make_progress, out_
 if TYPE_CHECKING:
     from truearc.sim.infer.belief import Belief
 
-DESCRIPTION = ("Fly each shot of a dataset with the paper's simulator and print shot_id,height_m,deviation_m,outcome: "
-               "height at the first crossing of x = distance, and that minus the target's centre; both empty where the "
-               "ball meets the floor or turns back first. With --gate: what a gate gives each shot instead, as "
-               "shot_id,p_two,p_three,in_domain,novelty (novelty over 1: further than that from all recorded shots).")
 EXAMPLE = "truearc predict shots/ --cd 0.91 --cl 0.06 -o predicted.csv"
 LONG = 50_000                         # shots that take over two seconds: progress is shown
 

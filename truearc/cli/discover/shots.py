@@ -1,4 +1,4 @@
-"""truearc shots: recordings to a dataset."""
+"""Turn recorded sessions into a dataset of shots (rig.toml, shots.csv, traces.csv)."""
 
 import argparse
 import sys
@@ -7,7 +7,6 @@ from pathlib import Path
 import truearc as ta
 from truearc.cli.common import make_progress
 
-DESCRIPTION = "Turn recorded sessions into a dataset of shots (rig.toml, shots.csv, traces.csv)."
 EXAMPLE = "truearc shots sessions/monday sessions/tuesday -o data/week"
 
 

@@ -1,4 +1,8 @@
-"""truearc train: a gate with the fitted physics in it."""
+"""Train a gate on recorded shots: the fitted physics, a small learned correction, and a calibrated spread.
+
+All recorded shots are learned from; each fifth of the configurations is left out in turn to measure the gate on shots
+that it has not seen. The paper's network is `truearc paper train`.
+"""
 
 import argparse
 import sys
@@ -6,9 +10,6 @@ import sys
 import truearc as ta
 from truearc.cli.common import make_progress, number, out_file
 
-DESCRIPTION = """Train a gate on recorded shots: the forecast of each shot by fitted coefficients, plus a small learned
-correction and a calibrated spread. All recorded shots are learned from; each fifth of the configurations is left out in
-turn to measure the gate on shots that it has not seen. The paper's network is `truearc paper train`."""
 EXAMPLE = "truearc train --real shots/ --coefficients coefficients.toml -o weights/"
 
 

@@ -1,4 +1,7 @@
-"""truearc paper fit: drag and lift coefficients by the paper's grid search."""
+"""Find the drag and lift coefficient that reproduce most recorded outcomes, by the paper's grid search.
+
+Every pair from 0 to 5 is ranked by three-point accuracy, then two-point accuracy, then deviation.
+"""
 
 import argparse
 from pathlib import Path
@@ -11,8 +14,6 @@ from truearc.sim.paper.settings import STEP
 if TYPE_CHECKING:
     from truearc.api.fitting import GridSearch
 
-DESCRIPTION = """Find the drag and lift coefficient under which the simulator agrees best with recorded outcomes, by the
-paper's search: every pair from 0 to 5, ranked by three-point accuracy, then two-point accuracy, then deviation."""
 EXAMPLE = "truearc paper fit shots/ -o coefficients.toml"
 
 

@@ -1,4 +1,7 @@
-"""truearc paper sweep: how much simulated data, and how to weigh it."""
+"""Train the paper's network with each amount and weight of simulated shots, with several seeds of each.
+
+All are trained in one batch. Report which setting is best on shots that it did not learn from, and by how much.
+"""
 
 import argparse
 
@@ -6,8 +9,6 @@ from truearc.cli.common import listed, number
 from truearc.cli.paper.train import add_recipe
 from truearc.sim.paper.settings import DEFAULT_RECIPE as DEFAULT
 
-DESCRIPTION = """Train the paper's network with every amount and weight of simulated shots that is named, with several
-seeds of each, all in one batch; report which setting is best on shots that it did not learn from, and by how much."""
 EXAMPLE = "truearc paper sweep --real shots/ --sim simulated/ --sizes 0,500,900 --lambdas 0.01,0.1 -o sweep/"
 
 

@@ -1,12 +1,14 @@
-"""truearc paper synth: balanced simulated shots."""
+"""Simulate shots for the classifier, balanced over the three outcomes.
+
+Every configuration of the paper's grid is flown with fitted coefficients, and an even sample is drawn. With --draws
+each shot has coefficients of its own, drawn from the covariance that `truearc fit` writes, and the scatter and sensor
+noise of a real shot.
+"""
 
 import argparse
 
 from truearc.cli.common import add_terms_from, catalogue_of, make_progress, number
 
-DESCRIPTION = """Simulated shots for the classifier: every configuration of the paper's grid is flown with fitted
-coefficients, and an even sample of the three outcomes is drawn. With --draws each shot has coefficients of its own,
-drawn from the covariance that `truearc fit` writes, and the scatter and sensor noise of a real shot."""
 EXAMPLE = "truearc paper synth --rig rig.toml --coefficients coefficients.toml -n 900 --exclude shots/ -o simulated/"
 
 

@@ -1,4 +1,7 @@
-"""truearc paper train: the paper's classifier."""
+"""Train the paper's network (3-8-2, sigmoids) on recorded shots.
+
+Each batch of them is paired with a batch of simulated ones whose loss is weighed by lambda.
+"""
 
 import argparse
 
@@ -6,8 +9,6 @@ from truearc.cli.common import number, refuse
 from truearc.robot.config.schema import InputError
 from truearc.sim.paper.settings import DEFAULT_RECIPE as DEFAULT
 
-DESCRIPTION = """Train the paper's network (3-8-2, sigmoids) on recorded shots, each batch of them paired with a batch
-of simulated ones whose loss is weighed by lambda."""
 EXAMPLE = "truearc paper train --real shots/ --sim simulated/ -o weights/"
 
 

@@ -1,4 +1,8 @@
-"""truearc deploy: the robot's computer, made to start by itself."""
+"""Install truearc on the robot's computer by ssh, as a service that starts with it.
+
+Carries the package, its configuration and its model, and runs the doctor there. Exit 1 when a step fails or the doctor
+finds a failure.
+"""
 
 import argparse
 import re
@@ -14,9 +18,6 @@ from truearc.robot.deploy.install import Parts, make_parts
 from truearc.robot.deploy.source import copy_source
 from truearc.robot.deploy.texts import INSTALL, make_files
 
-DESCRIPTION = ("Carry truearc, its configuration and its model to the robot's computer by ssh, install them there with "
-               "a service that starts with it, and run the doctor. Exit 1 when a step fails or the doctor finds a "
-               "failure.")
 EXAMPLE = "truearc deploy pi@launcher.local --config launcher.toml --gate gate.onnx --core 3 --dry-run"
 SOURCE = Path(__file__).parents[3]
 FAR = "truearc-deploy"                # folder in the home directory there

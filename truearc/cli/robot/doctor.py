@@ -1,13 +1,14 @@
-"""truearc doctor: is the robot fit to run?"""
+"""Look at everything a run needs and say in one line each how it is and what to do about it.
+
+Changes nothing but an exposure that the configuration fixes, and moves nothing; stop a running robot first, which holds
+camera and button box. Exit 1 if anything fails.
+"""
 
 import argparse
 from pathlib import Path
 
 from truearc.cli.common import number
 
-DESCRIPTION = ("Look at everything a run needs and say in one line each how it is and what to do about it. Changes "
-               "nothing but an exposure that the configuration fixes, and moves nothing; stop a running robot first, "
-               "which holds camera and button box. Exit 1 if anything fails.")
 EXAMPLE = "truearc doctor --config launcher.toml --gate gate.onnx --out sessions"
 
 

@@ -1,4 +1,4 @@
-"""truearc emulate: the real runtime on the emulated robot."""
+"""Record trials of the emulated robot: the real runtime, real frames and images, a MuJoCo world."""
 
 import argparse
 from pathlib import Path
@@ -12,7 +12,6 @@ from truearc.robot.operator_ui.page_option import OFF, add_page_argument, parse_
 if TYPE_CHECKING:
     from truearc.sim.world.parts.target import BallResult
 
-DESCRIPTION = "Record trials of the emulated robot: the real runtime, real frames and images, a MuJoCo world."
 EXAMPLE = "truearc emulate --trials 50 --out sessions/first --world windy.toml --seed 7"
 VIRTUAL = "virtual"
 WATCHDOG_MS = 100                     # without --watchdog-ms

@@ -1,4 +1,4 @@
-"""truearc run: the robot."""
+"""Run the launcher on its real wires and record it; ends on Ctrl-C or SIGTERM with the motors idle."""
 
 import argparse
 from pathlib import Path
@@ -7,7 +7,6 @@ from truearc.cli.common import number
 from truearc.robot.config.port_options import add_port_arguments
 from truearc.robot.operator_ui.page_option import PORT, add_page_argument
 
-DESCRIPTION = "Run the launcher on its real wires and record it; ends on Ctrl-C or SIGTERM with the motors idle."
 EXAMPLE = "truearc run --config launcher.toml --gate gate.onnx --out sessions"
 LAYOUTS = ("three", "one")            # keys of run_processes.LAYOUTS
 

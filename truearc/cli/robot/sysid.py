@@ -1,4 +1,8 @@
-"""truearc sysid: friction, inertia and delay of flywheels and hood, and the gains that follow."""
+"""Fit friction, inertia and delay of flywheels and hood, and write the gains that follow.
+
+Drives them by the program of [identify], or takes a recorded session or a CSV file. Writes gains to paste, never the
+configuration.
+"""
 
 import argparse
 import sys
@@ -15,8 +19,6 @@ from truearc.robot.sysid.program import FLYWHEEL, HOOD
 if TYPE_CHECKING:
     from truearc.sim.sysid.record import Record
 
-DESCRIPTION = ("Drive flywheels and hood by the program of [identify] and fit friction, inertia and delay; or fit a "
-               "recorded session or a CSV file. Writes gains to paste, never the configuration.")
 EXAMPLE = "truearc sysid --config launcher.toml -o gains.toml --report sysid.html"
 
 

@@ -1,15 +1,15 @@
-"""truearc vision calibrate: a camera from a board, or its focal length from taped distances."""
+"""Calibrate a camera and write camera.toml with its uncertainties.
+
+With --board: focal length, axis and lens distortion from pictures of a chessboard or ChArUco board, held at many slants
+all over the picture. With --distances: a better focal length from pictures of the target whose horizontal distance
+(lens to tape centre) was measured with a tape; three are enough.
+"""
 
 import argparse
 
 from truearc.cli.common import number, out_file, refuse
 from truearc.robot.config.schema import InputError
 
-DESCRIPTION = ("Calibrate a camera and write camera.toml with its uncertainties. With --board: focal length, axis and "
-               "lens distortion from pictures of a chessboard or ChArUco board, held at many slants all over the "
-               "picture. "
-               "With --distances: a better focal length from pictures of the target whose horizontal distance (lens "
-               "to tape centre) was measured with a tape; three are enough.")
 EXAMPLE = "truearc vision calibrate --distances taped.csv --camera camera.toml -o camera-here.toml"
 SMALLEST_M = 1e-6                     # of a standard deviation
 

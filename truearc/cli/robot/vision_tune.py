@@ -1,10 +1,11 @@
-"""truearc vision tune: a page on this machine, with sliders for the settings of target detection."""
+"""Serve a page on this machine with sliders for the settings of target detection.
+
+It shows pictures, or the live camera, with the mask, the regions, and why each is the target or not. Recorded pictures
+can all be run through changed settings at once; Save writes them to --out.
+"""
 
 import argparse
 
-DESCRIPTION = ("A page on this machine: pictures, or the live camera, with the mask, the regions and why each is or is "
-               "not the target, and a slider for every setting. Recorded pictures can all be run through changed "
-               "settings at once; Save writes them to --out.")
 EXAMPLE = "truearc vision tune sessions/first --camera camera.toml -o camera-tuned.toml"
 
 

@@ -1,11 +1,12 @@
-"""truearc session convert: a session as one file that other programs open."""
+"""Write a recorded session as one file that other programs open.
+
+WPILOG for AdvantageScope, MCAP for Foxglove and PlotJuggler, CSV or Parquet with one row per tick (and one more file,
+FILE.trials, with one row per marked trial).
+"""
 
 import argparse
 from pathlib import Path
 
-DESCRIPTION = ("Write a recorded session as one file that other programs open: WPILOG for AdvantageScope, MCAP for "
-               "Foxglove and PlotJuggler, CSV or Parquet with a row a tick (and one more file, FILE.trials, with a row "
-               "a marked trial).")
 EXAMPLE = "truearc session convert sessions/monday --to wpilog -o monday.wpilog"
 FORMATS = ("csv", "mcap", "parquet", "wpilog")
 

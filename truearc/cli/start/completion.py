@@ -1,13 +1,14 @@
-"""truearc completion: completion of commands and options for a shell."""
+"""Print a completion script for a shell, made from the parsers of the installed commands.
+
+bash: put the line of the example into ~/.bashrc; zsh: write the script to a file `_truearc` in a folder of $fpath;
+tcsh: source the script in ~/.tcshrc.
+"""
 
 import argparse
 
 from truearc.cli.parsers import fill_parser, load_module
 from truearc.cli.registry import GROUPS, Command, list_commands
 
-DESCRIPTION = """Print a completion script for a shell, made from the parsers of the installed commands. bash: put the
-line of the example into ~/.bashrc; zsh: write the script to a file `_truearc` in a folder of $fpath; tcsh: source the
-script in ~/.tcshrc."""
 EXAMPLE = 'eval "$(truearc completion bash)"'
 SHELLS = ("bash", "zsh", "tcsh")
 

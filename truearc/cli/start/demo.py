@@ -1,4 +1,8 @@
-"""truearc demo: the whole loop on the emulated robot, and one report."""
+"""Play the whole loop on the emulated robot, and write one report.
+
+Record, fit, simulate, train, export, verify; say where simulation and recordings disagree, and put that into the
+simulation; drive with the gate of before, with that of after, and without one.
+"""
 
 import argparse
 import json
@@ -18,9 +22,6 @@ if TYPE_CHECKING:
     from truearc.robot.config.schema import Config
     from truearc.sim.world.parts.target import BallResult
 
-DESCRIPTION = """The whole loop on the emulated robot: record, fit, simulate, train, export, verify, say where
-simulation and recordings disagree, put what was found into the simulation, drive with the gate of before, with that of
-after and without one, and write one report."""
 EXAMPLE = "truearc demo --out report"
 FEWEST = 30
 SIMULATED = 900                       # shots that the paper's network learns from, too
