@@ -22,7 +22,9 @@ def main(argv: list[str] | None = None) -> int:
         os.environ.setdefault(name, "1")
     argv = list(sys.argv[1:] if argv is None else argv)
     if argv == ["--version"]:
-        return _print_version()
+        from importlib.metadata import version
+        print(f"truearc {version('truearc')}")
+        return 0
     asked, argv = argv, forward(argv)
     command = find_command(argv)
     if command is None:
@@ -60,12 +62,6 @@ def _run(command: Command, words: list[str]) -> int:
         return 2
     except KeyboardInterrupt:
         return 130
-
-
-def _print_version() -> int:
-    from importlib.metadata import version
-    print(f"truearc {version('truearc')}")
-    return 0
 
 
 def _explain(argv: list[str]) -> int:

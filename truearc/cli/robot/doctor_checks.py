@@ -78,7 +78,7 @@ def _look_at_can(config: Config, clock: Clock, endpoints: Endpoints | None, seco
     try:
         yield from look_at_bus(config, bus, clock, link, endpoints, seconds)
     except LinkLost as error:
-        yield failure("devices", f"not asked: {error}", "mend the adapter first")
+        yield failure("devices", f"not asked: {error}", "repair the adapter first")
     finally:
         bus.close()
 

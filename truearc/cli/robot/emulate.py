@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from truearc.cli.common import SHIPPED, number, refuse
+from truearc.cli.common import SHIPPED, make_progress, number, refuse
 from truearc.robot.config.schema import Config, InputError, load_config
 from truearc.robot.config.shot_plan import load_plan, with_plan
 from truearc.robot.operator_ui.page_option import OFF, add_page_argument, parse_page
@@ -55,7 +55,6 @@ def _emulate(args: argparse.Namespace, config: Config, trials: int) -> "list[Bal
         raise InputError("--out is needed: the folder to record into")
     if config.gate.policy == "model" and args.gate is None:
         raise InputError(f"{args.config}: gate.policy is 'model', so --gate is needed")
-    from truearc.cli.common import make_progress
     from truearc.hw.real.clock import MonotonicClock
     from truearc.robot.operator_ui.serve_option import open_page
     from truearc.sim.world.emulated_robot import emulate

@@ -1,4 +1,4 @@
-"""The work of `truearc session convert`: one function a format."""
+"""The work of `truearc session convert`: one function per format."""
 
 import argparse
 import sys
@@ -9,14 +9,8 @@ from typing import BinaryIO
 
 from truearc.cli.common import make_progress
 from truearc.robot.config.schema import InputError
-from truearc.robot.recording.export.convert import (
-    TRIAL_COLUMNS,
-    ExportRows,
-    trial_row,
-    write_csv,
-    write_mcap,
-    write_wpilog,
-)
+from truearc.robot.recording.export import convert as exports
+from truearc.robot.recording.export.convert import TRIAL_COLUMNS, ExportRows
 
 
 def convert(args: argparse.Namespace) -> int:
@@ -45,9 +39,9 @@ def convert(args: argparse.Namespace) -> int:
 def _to_csv(rows: ExportRows, out: Path) -> tuple[Path, ...]:
     trials = trials_path(out)
     with _part(out).open("w", encoding="utf-8", newline="") as file:
-        write_csv(rows.columns, iter(rows), file)
+        exports.write_csv(rows.columns, iter(rows), file)
     with _part(trials).open("w", encoding="utf-8", newline="") as file:
-        write_csv(TRIAL_COLUMNS, map(trial_row, rows.trials), file)
+        exports.write_csv(TRIAL_COLUMNS, map(exports.trial_row, rows.trials), file)
     return out, trials
 
 
@@ -59,7 +53,7 @@ def _to_parquet(rows: ExportRows, out: Path) -> tuple[Path, ...]:
                          "pip install 'truearc[sim]'") from error
     trials = trials_path(out)
     write_parquet(rows.columns, iter(rows), _part(out))
-    write_parquet(TRIAL_COLUMNS, map(trial_row, rows.trials), _part(trials))
+    write_parquet(TRIAL_COLUMNS, map(exports.trial_row, rows.trials), _part(trials))
     return out, trials
 
 
@@ -75,10 +69,10 @@ def trials_path(out: Path) -> Path:
 
 
 def _part(path: Path) -> Path:
-    """What a file is called until it is whole."""
+    """The name of a file until it is whole."""
     return path.with_name(path.name + ".part")
 
 
 FORMATS: dict[str, Callable[[ExportRows, Path], tuple[Path, ...]]] = {
-    "csv": _to_csv, "mcap": partial(_to_one_file, write_mcap), "parquet": _to_parquet,
-    "wpilog": partial(_to_one_file, write_wpilog)}
+    "csv": _to_csv, "mcap": partial(_to_one_file, exports.write_mcap), "parquet": _to_parquet,
+    "wpilog": partial(_to_one_file, exports.write_wpilog)}

@@ -17,22 +17,15 @@ from truearc.cli.robot.vision_tools.measure import why_not
 from truearc.hw.readings import CameraFrame
 from truearc.robot.config.schema import CameraConfig, CameraFile, InputError
 from truearc.robot.config.toml_text import make_toml
+from truearc.robot.vision import board as boards
 from truearc.robot.vision import detect
-from truearc.robot.vision.board import (
-    LEAST_SLANT_DEG,
-    LEAST_VIEWS,
-    MOST_FOCAL_SIGMA,
-    Board,
-    BoardView,
-    calibrate,
-    find_board,
-    is_same,
-)
 from truearc.robot.vision.taped import LEAST, TapedFit, fit_taped
 from truearc.sim.tables import make_text
 
 TAPE_SIGMA_M, BIAS_SIGMA_M = 0.01, 0.02       # without --tape-sigma and --bias-sigma
-BOARD = re.compile(r"chessboard:(\d+)x(\d+):([\d.]+)|charuco:(\d+)x(\d+):([\d.]+):([\d.]+):(DICT_\w+)")
+NUMBER = r"(\d+\.?\d*|\.\d+)"
+CHESSBOARD = re.compile(rf"chessboard:(\d+)x(\d+):{NUMBER}")
+CHARUCO = re.compile(rf"charuco:(\d+)x(\d+):{NUMBER}:{NUMBER}:(DICT_\w+)")
 
 
 def calibrate_camera(args: argparse.Namespace) -> int:
@@ -46,7 +39,7 @@ def calibrate_camera(args: argparse.Namespace) -> int:
 def _from_board(args: argparse.Namespace, camera: CameraConfig) -> CameraConfig:
     board = parse_board(args.board)
     progress = make_progress("vision calibrate", args.quiet)
-    views: list[BoardView] = []
+    views: list[boards.BoardView] = []
     names: list[str] = []
     size = (0, 0)
     for done, name in enumerate(args.images):
@@ -55,66 +48,57 @@ def _from_board(args: argparse.Namespace, camera: CameraConfig) -> CameraConfig:
         if views and (image.shape[1], image.shape[0]) != size:
             raise InputError(f"{name}: {image.shape[1]} x {image.shape[0]} pixels, but {names[0]} has {size[0]} x "
                            f"{size[1]}")
-        view = find_board(image, board)
+        view = boards.find_board(image, board)
         if view is None:
             print(f"{name}: the board was not found", file=sys.stderr)
             continue
         size = (image.shape[1], image.shape[0])
-        same = next((there for there, other in zip(names, views, strict=True) if is_same(view, other)), None)
+        same = next((there for there, other in zip(names, views, strict=True) if boards.is_same(view, other)), None)
         if same is not None:
             print(f"{name}: the same view as {same}, left out", file=sys.stderr)
             continue
         views.append(view)
         names.append(name)
     progress(1.0, "")
-    if len(views) < LEAST_VIEWS:
+    if len(views) < boards.LEAST_VIEWS:
         raise InputError(f"the board was found in {len(views)} of {len(args.images)} images, the same view counted "
-                         f"once; "
-                       f"{LEAST_VIEWS} that differ are needed, and ten at different slants are better")
+                         f"once; {boards.LEAST_VIEWS} that differ are needed, ten at different slants are better")
     begin = replace(camera, width_px=size[0], height_px=size[1], fx_px=camera.fx_px * size[1] / camera.height_px,
                     fy_px=camera.fy_px * size[1] / camera.height_px)
     try:
-        fit = calibrate(views, begin)
+        fit = boards.calibrate(views, begin)
     except cv2.error as error:
         raise InputError("these views do not determine a camera: they are too alike; slant the board more") from error
     for name, error_px in zip(names, fit.error_px, strict=True):
         print(f"{name}: corners off by {error_px:.2f} px", file=sys.stderr)
     found = fit.camera
-    if fit.slant_deg < LEAST_SLANT_DEG:
+    if fit.slant_deg < boards.LEAST_SLANT_DEG:
         raise InputError(f"these views leave the focal length open: no board is slanted by more than "
                        f"{fit.slant_deg:.0f} degrees; slant it by 20 to 30 degrees, to all sides")
-    if found.focal_sigma > MOST_FOCAL_SIGMA:
+    if found.focal_sigma > boards.MOST_FOCAL_SIGMA:
         raise InputError(f"these views leave the focal length open by {found.focal_sigma:.0%}, and more than "
-                       f"{MOST_FOCAL_SIGMA:.0%} is too much: slant the board by 20 to 30 degrees, to all sides")
+                       f"{boards.MOST_FOCAL_SIGMA:.0%} is too much: slant the board by 20 to 30 degrees, to all sides")
     print(f"focal length {found.fx_px:.1f} px +- {found.focal_sigma:.2%}, axis at {found.cx_px:.1f} {found.cy_px:.1f} "
           f"+- {found.centre_sigma_px:.1f} px, from {len(views)} views", file=sys.stderr)
     return found
 
 
-def parse_board(text: str) -> Board:
-    """What --board says; InputError says how to say it."""
-    match = BOARD.fullmatch(text)
+def parse_board(text: str) -> boards.Board:
+    """Return the board that --board names; InputError says how to name one."""
     board = None
-    if match and match[1]:
-        board = Board(int(match[1]), int(match[2]), _length(match[3]))
-    elif match and match[8] in dir(cv2.aruco) and _length(match[7]) > 0.0:
-        board = Board(int(match[4]), int(match[5]), _length(match[6]), _length(match[7]), match[8])
+    if match := CHESSBOARD.fullmatch(text):
+        board = boards.Board(int(match[1]), int(match[2]), float(match[3]))
+    elif (match := CHARUCO.fullmatch(text)) and match[5] in dir(cv2.aruco) and float(match[4]) > 0.0:
+        board = boards.Board(int(match[1]), int(match[2]), float(match[3]), float(match[4]), match[5])
     if board is None or not _sensible(board):
         raise InputError(f"--board {text!r}: give chessboard:9x6:0.025 (inner corners, square in metres) or "
                        "charuco:8x11:0.015:0.011:DICT_4X4_50 (squares, square and marker in metres)")
     return board
 
 
-def _sensible(board: Board) -> bool:
+def _sensible(board: boards.Board) -> bool:
     return (min(board.columns, board.rows) >= 3 and max(board.columns, board.rows) < 100
             and board.marker_m < board.square_m < 10.0)
-
-
-def _length(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        return 0.0
 
 
 def _from_tape(args: argparse.Namespace, file: CameraFile) -> CameraConfig:

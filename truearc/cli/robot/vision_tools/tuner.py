@@ -4,7 +4,7 @@ import argparse
 import sys
 import threading
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import cv2
 import msgspec
@@ -43,18 +43,9 @@ def serve_tuner(args: argparse.Namespace) -> int:
     return 0
 
 
-class Source(Protocol):
-    """Pictures to tune on."""
-
-    names: tuple[str, ...]
-    live: bool
-
-    def take(self) -> int: ...
-
-    def image(self, index: int, frame: int) -> Image: ...
-
-
 class Recorded:
+    """Pictures from files to tune on."""
+
     live = False
 
     def __init__(self, paths: list[Path]) -> None:
@@ -62,6 +53,7 @@ class Recorded:
         self.names = tuple(str(path) for path in paths)
 
     def take(self) -> int:
+        """Return the frame that `image` takes; files have no other."""
         return 0
 
     def image(self, index: int, frame: int) -> Image:
@@ -69,6 +61,8 @@ class Recorded:
 
 
 class Live:
+    """Pictures of a camera to tune on."""
+
     names: tuple[str, ...] = ("live",)
     live = True
 
@@ -78,7 +72,7 @@ class Live:
         self._taken = 0
 
     def take(self) -> int:
-        """The number of the newest picture; its words and its views are then all of the same one."""
+        """Return the number of the newest picture, so that its text and its views are all of the same one."""
         with self._lock:
             try:
                 newest = self._camera.read()
@@ -123,9 +117,9 @@ def open_live(file: CameraFile) -> Live:
 
 
 class Tuner:
-    """What the page may ask; every answer is made from its own arguments but for what was saved last."""
+    """Answers to the page's requests, each made from its own arguments and from the settings that were saved last."""
 
-    def __init__(self, file: CameraFile, source: Source, out: Path, piece: int = PIECE) -> None:
+    def __init__(self, file: CameraFile, source: Recorded | Live, out: Path, piece: int = PIECE) -> None:
         """`piece`: pictures replayed for one answer."""
         self._file, self._source, self._out, self._piece = file, source, out, piece
 
