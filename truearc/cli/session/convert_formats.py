@@ -2,8 +2,9 @@
 
 import argparse
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
+from itertools import islice
 from pathlib import Path
 from typing import BinaryIO
 
@@ -11,6 +12,10 @@ from truearc.cli.common import make_progress
 from truearc.robot.config.schema import InputError
 from truearc.robot.recording.export import convert as exports
 from truearc.robot.recording.export.convert import TRIAL_COLUMNS, ExportRows
+from truearc.robot.recording.export.tabular import BOOL, FLOAT, FLOATS, INT, TEXT, TEXTS, Column, Value
+
+GROUP_ROWS = 10_000                   # of a Parquet file
+WriteRows = Callable[[tuple[Column, ...], Iterator[list[Value]], Path], None]
 
 
 def convert(args: argparse.Namespace) -> int:
@@ -36,25 +41,35 @@ def convert(args: argparse.Namespace) -> int:
     return 0
 
 
-def _to_csv(rows: ExportRows, out: Path) -> tuple[Path, ...]:
+def _to_two_files(write: WriteRows, rows: ExportRows, out: Path) -> tuple[Path, ...]:
     trials = trials_path(out)
-    with _part(out).open("w", encoding="utf-8", newline="") as file:
-        exports.write_csv(rows.columns, iter(rows), file)
-    with _part(trials).open("w", encoding="utf-8", newline="") as file:
-        exports.write_csv(TRIAL_COLUMNS, map(exports.trial_row, rows.trials), file)
+    write(rows.columns, iter(rows), _part(out))
+    write(TRIAL_COLUMNS, map(exports.trial_row, rows.trials), _part(trials))
     return out, trials
 
 
-def _to_parquet(rows: ExportRows, out: Path) -> tuple[Path, ...]:
+def _write_csv(columns: tuple[Column, ...], rows: Iterator[list[Value]], path: Path) -> None:
+    with path.open("w", encoding="utf-8", newline="") as file:
+        exports.write_csv(columns, rows, file)
+
+
+def _write_parquet(columns: tuple[Column, ...], rows: Iterator[list[Value]], path: Path) -> None:
+    """One column per name, absent values null; each column's metadata has its unit."""
     try:
-        from truearc.cli.session.convert_parquet import write_parquet
+        import pyarrow as pa
+        from pyarrow.parquet import ParquetWriter
     except ModuleNotFoundError as error:
         raise InputError(f"--to parquet: needs {error.name}, which the robot's base install leaves out: "
                          "pip install 'truearc[sim]'") from error
-    trials = trials_path(out)
-    write_parquet(rows.columns, iter(rows), _part(out))
-    write_parquet(TRIAL_COLUMNS, map(exports.trial_row, rows.trials), _part(trials))
-    return out, trials
+    types = {FLOAT: pa.float64(), INT: pa.int64(), BOOL: pa.bool_(), TEXT: pa.string(), TEXTS: pa.list_(pa.string()),
+             FLOATS: pa.list_(pa.float64())}
+    schema = pa.schema([pa.field(column.name, types[column.kind], metadata={"unit": column.unit})
+                        for column in columns])
+    with ParquetWriter(path, schema) as writer:
+        while group := list(islice(rows, GROUP_ROWS)):
+            arrays = [pa.array(cells, type=field.type)
+                      for cells, field in zip(zip(*group, strict=True), schema, strict=True)]
+            writer.write_table(pa.Table.from_arrays(arrays, schema=schema))
 
 
 def _to_one_file(write: Callable[[ExportRows, BinaryIO], None], rows: ExportRows, out: Path) -> tuple[Path, ...]:
@@ -74,5 +89,5 @@ def _part(path: Path) -> Path:
 
 
 FORMATS: dict[str, Callable[[ExportRows, Path], tuple[Path, ...]]] = {
-    "csv": _to_csv, "mcap": partial(_to_one_file, exports.write_mcap), "parquet": _to_parquet,
+    "csv": partial(_to_two_files, _write_csv), "mcap": partial(_to_one_file, exports.write_mcap), "parquet": partial(_to_two_files, _write_parquet),
     "wpilog": partial(_to_one_file, exports.write_wpilog)}

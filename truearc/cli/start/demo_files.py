@@ -28,7 +28,6 @@ class Demo:
             folder / "weights_after", folder / "gate_after.onnx", folder / "ratings_after.csv")
         self.heights_grid, self.heights, self.heights_after = (
             folder / name for name in ("heights_grid.csv", "heights.csv", "heights_after.csv"))
-        self.round = folder / "round"
         self.finding, self.finding_page = folder / "finding.json", folder / "discover.html"
 
 

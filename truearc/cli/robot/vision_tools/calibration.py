@@ -130,14 +130,13 @@ def _why_not(frames: list[CameraFrame], names: list[str], taped: dict[str, float
 
 def _print_fit(names: list[str], taped: dict[str, float], fit: TapedFit) -> None:
     rows = []
-    rest = iter(zip(fit.residual_m, fit.expected_m, strict=True))
+    found = iter(zip(fit.residual_m, fit.expected_m, strict=True))
     for name, sighting in zip(names, fit.sightings, strict=True):
-        if sighting.distance_m is None:
-            rows.append([Path(name).name, f"{taped[name]:.3f}", "", "", f"not found: {why_not(sighting)}"])
-            continue
-        residual_m, expected_m = next(rest)
-        rows.append([Path(name).name, f"{taped[name]:.3f}", f"{sighting.distance_m:.3f}", f"{residual_m:+.3f}",
-                     f"{expected_m:.3f}"])
+        cells = ["", "", f"not found: {why_not(sighting)}"]
+        if sighting.distance_m is not None:
+            residual_m, expected_m = next(found)
+            cells = [f"{sighting.distance_m:.3f}", f"{residual_m:+.3f}", f"{expected_m:.3f}"]
+        rows.append([Path(name).name, f"{taped[name]:.3f}", *cells])
     header = ("file", "taped_m", "seen_m", "residual_m", "expected_m")
     print("\n".join(make_text(header, rows, right=range(1, 4))), file=sys.stderr)
     camera = fit.camera
