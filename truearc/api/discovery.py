@@ -185,7 +185,7 @@ def check_since(since: Dataset, belief: Belief | None, later: Dataset) -> None:
     """InputError unless `since` goes with a belief and was recorded with the same ball and launcher as `later`."""
     if belief is None:
         raise InputError("since goes with belief, which was adopted from that dataset")
-    if (since.facts.ball, since.facts.launcher) != (later.facts.ball, later.facts.launcher):
+    if (since.rig.ball, since.rig.launcher) != (later.rig.ball, later.rig.launcher):
         raise InputError(f"since: {since.name}: was recorded with another rig ([ball] or [launcher] differs)")
 
 

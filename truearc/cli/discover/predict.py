@@ -6,13 +6,9 @@ shot_id,p_two,p_three,in_domain,novelty (novelty over 1: further than that from 
 """
 
 import argparse
-from typing import TYPE_CHECKING
 
 import truearc as ta
 from truearc.cli.common import add_terms_from, catalogue_of, make_progress, out_file, print_or_write, refuse
-
-if TYPE_CHECKING:
-    from truearc.sim.infer.belief import Belief
 
 EXAMPLE = "truearc predict shots/ --cd 0.91 --cl 0.06 -o predicted.csv"
 LONG = 50_000                         # shots that take over two seconds: progress is shown
@@ -43,15 +39,15 @@ def _by_gate(args: argparse.Namespace) -> str:
 def _by_simulation(args: argparse.Namespace) -> str:
     belief = _belief(args)
     dataset = ta.load_dataset(args.dataset)
-    told = ta.predict(dataset, belief,
+    forecast = ta.predict(dataset, belief,
                       progress=make_progress("predict", args.quiet or len(dataset.shots) < LONG))
     rows = tuple((name, _fixed(height_m), _fixed(deviation_m), outcome)
-                 for name, height_m, deviation_m, outcome in told.rows)
-    return ta.Table(told.columns, rows).to_csv()
+                 for name, height_m, deviation_m, outcome in forecast.rows)
+    return ta.Table(forecast.columns, rows).to_csv()
 
 
-def _belief(args: argparse.Namespace) -> "Belief":
-    """From the file or from both options; InputError when neither or both say."""
+def _belief(args: argparse.Namespace) -> "ta.Belief":
+    """Return the belief of the file or of both options; InputError when neither or both are given."""
     if args.coefficients is not None:
         if (args.cd, args.cl) != (None, None):
             raise ta.InputError("--coefficients and --cd, --cl exclude each other")

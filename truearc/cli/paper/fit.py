@@ -66,7 +66,7 @@ def _save_map(path: Path, found: "GridSearch") -> None:
     data, fit = found.dataset, found.solution
     mean_m = np.full(fit.share_three.shape, np.nan)
     at = np.nonzero((fit.share_three > 0.0) | fit.tied)
-    mean_m[at] = map_deviation(data.facts, data.shots, fit.axis[at[0]], fit.axis[at[1]])
+    mean_m[at] = map_deviation(data.rig, data.shots, fit.axis[at[0]], fit.axis[at[1]])
     with path.open("wb") as file:
         np.savez_compressed(file, axis=fit.axis, share_three=fit.share_three, share_two=fit.share_two,
                             mean_deviation_m=mean_m, tied=fit.tied)

@@ -1,4 +1,4 @@
-"""The work of `truearc paper train`: the paper's network, trained, kept and reported on."""
+"""The work of `truearc paper train`: train the paper's network, save it and report on it."""
 
 import argparse
 import sys
@@ -37,12 +37,12 @@ def recipe_of(args: argparse.Namespace) -> Recipe:
 
 
 def coefficients_of(simulated: str | None) -> Any:
-    """What the simulated shots of a directory were flown with; None without one."""
+    """Return the coefficients that the simulated shots of a directory were flown with; None without one."""
     return load_provenance(simulated).get("coefficients") if simulated else None
 
 
 def load_rows(directory: str) -> Rows:
-    """Rows of a dataset; what is left out is told on stderr, InputError when nothing is left."""
+    """Return the rows of a dataset and report on stderr what is left out; InputError when nothing is left."""
     rows, notes = rows_of(load_dataset(directory), directory)
     for note in notes:
         print(note, file=sys.stderr)
@@ -50,6 +50,6 @@ def load_rows(directory: str) -> Rows:
 
 
 def made_of(args: argparse.Namespace) -> dict[str, Any]:
-    """What a record says of the data; args: `real`, `sim`, `holdout` and `validation` as typed."""
+    """Return the part of a record that describes the data; args: `real`, `sim`, `holdout` and `validation` as typed."""
     return {"holdout": args.holdout, "validation": args.validation, "real_sha256": dataset_hash(args.real),
             "sim_sha256": dataset_hash(args.sim) if args.sim else None, "coefficients": coefficients_of(args.sim)}

@@ -73,7 +73,7 @@ def main(args: argparse.Namespace) -> int:
 
 
 def make_commands(host: str, stage: str, source: str) -> list[list[str]]:
-    """What is run here, in order, to fill up `stage` and carry it over; the last exit code is the doctor's."""
+    """Return the commands to run here, in order, to fill up `stage` and carry it over; the last one runs the doctor."""
     return [[sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir", f"{stage}/wheels",
              source],
             ["ssh", host, shlex.join(["rm", "-rf", FAR])],

@@ -89,5 +89,6 @@ def _part(path: Path) -> Path:
 
 
 FORMATS: dict[str, Callable[[ExportRows, Path], tuple[Path, ...]]] = {
-    "csv": partial(_to_two_files, _write_csv), "mcap": partial(_to_one_file, exports.write_mcap), "parquet": partial(_to_two_files, _write_parquet),
+    "csv": partial(_to_two_files, _write_csv), "parquet": partial(_to_two_files, _write_parquet),
+    "mcap": partial(_to_one_file, exports.write_mcap),
     "wpilog": partial(_to_one_file, exports.write_wpilog)}

@@ -74,17 +74,14 @@ def describe_changes(session: str, changes: Changes, keys: Sequence[str]) -> str
     else:
         lines += ["", f"{changes.differing} ticks come out otherwise. Times are from the recording's start.", "",
                   f"  {'output':{NAME}}{'ticks':{COUNT}}{'first at':{TIME}}{'then: was -> is':{VALUES}}largest change"]
-        lines += [_line(change, changes.ticks) for change in sorted(changes.outputs.values(), key=_order)]
+        in_order = sorted(changes.outputs.values(), key=lambda change: (change.first_s, change.name))
+        lines += [_line(change, changes.ticks) for change in in_order]
         lines += ["", *_verdicts(changes)]
         lines += ["", "The inputs stay as recorded: what the robot would have sensed after acting otherwise, no replay "
                   "knows.", "Read the first change as it stands, later ones as what it would have wanted."]
     if changes.cut_short:
         lines.append(changes.cut_short)
     return "\n".join(lines)
-
-
-def _order(change: Change) -> tuple[float, str]:
-    return change.first_s, change.name
 
 
 def _line(change: Change, ticks: int) -> str:

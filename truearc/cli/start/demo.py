@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING
 import truearc as ta
 from truearc.cli.common import SHIPPED, make_progress, number, write_out
 from truearc.cli.start.demo_files import Demo
+from truearc.robot.config.schema import Config, load_config
 
 if TYPE_CHECKING:
-    from truearc.robot.config.schema import Config
     from truearc.sim.world.parts.target import BallResult
 
 EXAMPLE = "truearc demo --out report"
@@ -65,7 +65,6 @@ def _fresh_folder(folder: Path) -> Path:
 
 
 def _collect(demo: Demo, trials: int, quiet: bool) -> None:
-    from truearc.robot.config.schema import load_config
     from truearc.sim.world.emulated_robot import emulate
     _say(f"1 record: {trials} trials of the emulated robot; the driver marks each outcome")
     emulate(load_config(SHIPPED), demo.collect, trials, demo.seed, progress=make_progress("record", quiet))
@@ -127,8 +126,7 @@ def _export(weights: Path, gate: Path) -> None:
 
 
 def _compare(demo: Demo, trials: int, quiet: bool) -> None:
-    """Three sessions of another seed, alike but for the gate, side by side on two cores."""
-    from truearc.robot.config.schema import load_config
+    """Three sessions of another seed, alike except in the gate, side by side on two cores."""
     _say(f"8 drive: the same {trials} trials without a gate, with the first one, and with that of what was found")
     config = walked_in(load_config(SHIPPED), demo.collect)
     sessions = [(demo.ungated, None, quiet), (demo.gated, demo.gate, True), (demo.after, demo.gate_after, True)]
@@ -145,13 +143,13 @@ def _compare(demo: Demo, trials: int, quiet: bool) -> None:
         write_out(heights, ta.predict(ungated, ta.load_belief(coefficients)).to_csv())
 
 
-def _drive(config: "Config", trials: int, seed: int, job: tuple[Path, Path | None, bool]) -> "list[BallResult]":
+def _drive(config: Config, trials: int, seed: int, job: tuple[Path, Path | None, bool]) -> "list[BallResult]":
     from truearc.sim.world.emulated_robot import emulate
     session, gate, quiet = job
     return emulate(config, session, trials, seed, gate_path=gate, progress=make_progress("drive", quiet))
 
 
-def walked_in(config: "Config", session: Path) -> "Config":
+def walked_in(config: Config, session: Path) -> Config:
     """The configuration with the aim as the driver's marks left it at the end of a session."""
     from msgspec.structs import replace
     walk = (0.0, 0.0, 0.0)

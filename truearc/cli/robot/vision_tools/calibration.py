@@ -90,15 +90,11 @@ def parse_board(text: str) -> boards.Board:
         board = boards.Board(int(match[1]), int(match[2]), float(match[3]))
     elif (match := CHARUCO.fullmatch(text)) and match[5] in dir(cv2.aruco) and float(match[4]) > 0.0:
         board = boards.Board(int(match[1]), int(match[2]), float(match[3]), float(match[4]), match[5])
-    if board is None or not _sensible(board):
+    if (board is None or min(board.columns, board.rows) < 3 or max(board.columns, board.rows) >= 100
+            or not board.marker_m < board.square_m < 10.0):
         raise InputError(f"--board {text!r}: give chessboard:9x6:0.025 (inner corners, square in metres) or "
                        "charuco:8x11:0.015:0.011:DICT_4X4_50 (squares, square and marker in metres)")
     return board
-
-
-def _sensible(board: boards.Board) -> bool:
-    return (min(board.columns, board.rows) >= 3 and max(board.columns, board.rows) < 100
-            and board.marker_m < board.square_m < 10.0)
 
 
 def _from_tape(args: argparse.Namespace, file: CameraFile) -> CameraConfig:
