@@ -4,6 +4,7 @@ import difflib
 import os
 import sys
 
+import truearc
 from truearc.cli.old_names import RENAMED, forward
 from truearc.cli.parsers import load_module, make_parser
 from truearc.cli.registry import COMMANDS, GROUPS, NAMES, Command, find_command, list_commands
@@ -22,8 +23,7 @@ def main(argv: list[str] | None = None) -> int:
         os.environ.setdefault(name, "1")
     argv = list(sys.argv[1:] if argv is None else argv)
     if argv == ["--version"]:
-        from importlib.metadata import version
-        print(f"truearc {version('truearc')}")
+        print(f"truearc {truearc.__version__}")
         return 0
     asked, argv = argv, forward(argv)
     command = find_command(argv)

@@ -4,6 +4,7 @@ import argparse
 import difflib
 import re
 from importlib import import_module
+from pathlib import Path
 from typing import Any, NoReturn, Protocol, cast
 
 from truearc.cli.common import number
@@ -33,11 +34,20 @@ class CommandModule(Protocol):
         """Run the command; returns 0 done or 1 a check failed, raises InputError on bad input."""
 
 
+class HelpText(argparse.HelpFormatter):
+    """Help that states the default of every option that has one and does not describe it itself."""
+
+    def _get_help_string(self, action: argparse.Action) -> str | None:
+        stated = action.default in ("", argparse.SUPPRESS) or "default" in str(action.help)
+        plain = isinstance(action.default, float | int | str | Path) and not isinstance(action.default, bool)
+        return f"{action.help} (default %(default)s)" if plain and not stated else action.help
+
+
 class Parser(argparse.ArgumentParser):
     """Parser that raises InputError, `argument: what is wrong; what to do`, and knows the nearest word to a typo."""
 
     def __init__(self, **options: Any) -> None:
-        super().__init__(**options, allow_abbrev=False)
+        super().__init__(**options, allow_abbrev=False, formatter_class=HelpText)
         self.register("type", int, number(int))
         self.register("type", float, number(float))
 

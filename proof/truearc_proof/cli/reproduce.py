@@ -20,8 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-o", "--out", type=Path, required=True, metavar="DIR", help="folder for all that is made")
     parser.add_argument("--seeds", type=int, metavar="N", help=f"repetitions that the intervals are over "
                         f"({defaults.draws}; {QUICK_DRAWS} with --quick)")
-    parser.add_argument("--seed", type=int, default=defaults.base_seed, help="of all recordings and draws "
-                        f"({defaults.base_seed})")
+    parser.add_argument("--seed", type=int, default=defaults.base_seed, help="of all recordings and draws")
     parser.add_argument("--quick", action="store_true", help="minutes instead of an hour or more: everything is "
                         "there, but from too little data to conclude anything")
     parser.add_argument("--recordings", type=Path, metavar="DIR", help="recordings to use and to add to (default: "

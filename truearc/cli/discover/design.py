@@ -18,10 +18,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     parser.add_argument("dataset", metavar="DIR", help="dataset directory")
     add_baseline(parser)
-    parser.add_argument("--shots", type=number(int, 1), default=PLANNED_SHOTS, metavar="N",
-                        help="shots to plan (default %(default)s)")
+    parser.add_argument("--shots", type=number(int, 1), default=PLANNED_SHOTS, metavar="N", help="shots to plan")
     parser.add_argument("--configurations", type=number(int, 1), default=CONFIGURATIONS, metavar="K",
-                        help="that they are shared out to (default %(default)s)")
+                        help="that they are shared out to")
     parser.add_argument("--json", type=out_file, metavar="FILE", help="write the plan as JSON")
 
 

@@ -37,8 +37,7 @@ def add_believe(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--believe", type=listed(str), metavar="TERMS",
                         help="terms of the simulation, comma-separated; else rig.toml's")
     add_terms_from(parser)
-    parser.add_argument("--seed", type=number(int, 0), default=0,
-                        help="of everything drawn at random (default %(default)s)")
+    parser.add_argument("--seed", type=number(int, 0), default=0, help="of everything drawn at random")
 
 
 def add_baseline(parser: argparse.ArgumentParser) -> None:
@@ -49,7 +48,7 @@ def add_baseline(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--since", metavar="DIR", help="dataset that --belief was adopted from: misfit that "
                         "is present there, too, is not evidence of change; tracks show it, and telemetry at times")
     parser.add_argument("--false-alarm", type=float, default=FALSE_ALARM, metavar="P",
-                        help="how often to cry wolf where there is none (default %(default)s)")
+                        help="probability of a finding where nothing is missing")
 
 
 def main(args: argparse.Namespace) -> int:

@@ -3,13 +3,13 @@
 import argparse
 
 import truearc as ta
+from truearc.sim.data.importers.registry import load_importers
 
 EXAMPLE = "truearc import mpi mn5008_backspin.hdf5 mn5008_no_spin.hdf5 -o mpi"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
-    from truearc.sim.data.importers.registry import load_importers
     importers = load_importers()
     known = "; ".join(f"{importer.name}: {', or '.join(importer.ways)}" for importer in importers)
     parser.add_argument("source", choices=[importer.name for importer in importers],
@@ -22,7 +22,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Read, say what came of it, write."""
-    from truearc.sim.data.importers.registry import load_importers
     from truearc.sim.data.importers.selection import only
     from truearc.sim.data.importers.stated_uncertainty import doubts_of
     importer = next(importer for importer in load_importers() if importer.name == args.source)

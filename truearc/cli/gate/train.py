@@ -20,8 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                              "`truearc paper fit` write it")
     parser.add_argument("--reliability", type=out_file, metavar="FILE",
                         help="picture of predicted against observed shares to write")
-    parser.add_argument("--seed", type=number(int, 0), default=0,
-                        help="seed of split and first weights (default %(default)s)")
+    parser.add_argument("--seed", type=number(int, 0), default=0, help="seed of split and first weights")
     parser.add_argument("-o", "--out", required=True, metavar="DIR", help="weights directory to write")
 
 

@@ -20,7 +20,7 @@ EXAMPLE = "truearc paper fit shots/ -o coefficients.toml"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("dataset", metavar="DIR", help="dataset of shots")
     parser.add_argument("-o", "--out", type=out_file, metavar="FILE", help="coefficients.toml to write")
-    parser.add_argument("--step", type=float, default=STEP, help="step of the grid; divides 5 (default %(default)s)")
+    parser.add_argument("--step", type=float, default=STEP, help="step of the grid; divides 5")
     parser.add_argument("--map", type=out_file, metavar="FILE", help="npz to write the whole map to: axis, "
                         "share_three, share_two, mean_deviation_m (nan where no three is reproduced), tied; rows cd, "
                         "columns cl")

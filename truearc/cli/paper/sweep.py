@@ -14,16 +14,15 @@ EXAMPLE = "truearc paper sweep --real shots/ --sim simulated/ --sizes 0,500,900 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_recipe(parser, "dataset of simulated shots to draw from",
-               "of the rest that decides when to stop and which setting is best (default 0.25)")
+               "of the rest that decides when to stop and which setting is best")
     parser.add_argument("--sizes", type=listed(number(int, 0)), default="0,500,600,750,900,1000,1250",
                         metavar="N,N...", help="numbers of simulated shots (default: the paper's %(default)s)")
     parser.add_argument("--lambdas", type=listed(number(float)), metavar="L,L...",
                         help="weights of the simulated loss (default 0.01)")
     parser.add_argument("--seeds", type=number(int, 1), default=20,
-                        help="networks of each setting, each with its own splits (default 20)")
-    parser.add_argument("--seed", type=number(int, 0), default=0, help="the first of them (default 0)")
-    parser.add_argument("--steps", type=int, default=DEFAULT.steps,
-                        help=f"minibatches at most (default {DEFAULT.steps})")
+                        help="networks of each setting, each with its own splits")
+    parser.add_argument("--seed", type=number(int, 0), default=0, help="the first of them")
+    parser.add_argument("--steps", type=int, default=DEFAULT.steps, help="minibatches at most")
     parser.add_argument("-o", "--out", required=True, metavar="DIR", help="directory to write")
 
 

@@ -17,12 +17,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--coefficients", required=True, metavar="FILE",
                         help="coefficients.toml, as `truearc fit` and `truearc paper fit` write it")
     add_terms_from(parser)
-    parser.add_argument("-n", type=int, default=900, help="shots in all (900)")
+    parser.add_argument("-n", type=int, default=900, help="shots in all")
     parser.add_argument("--draws", type=number(int, 1), metavar="N",
                         help="draw N sets of coefficients from the fit's covariance, and scatter every shot; without "
                              "it one exact set, as in the paper")
     parser.add_argument("--exclude", metavar="DIR", help="dataset of recorded shots whose configurations are not drawn")
-    parser.add_argument("--seed", type=number(int, 0), default=0, help="of the draw (0)")
+    parser.add_argument("--seed", type=number(int, 0), default=0, help="of the draw")
     parser.add_argument("-o", "--out", required=True, metavar="DIR", help="dataset directory to write")
 
 

@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--wheels", type=Path, metavar="DIR", help="wheels of what truearc needs, for that computer: "
                         "it then needs no network (docs/deploy.md)")
     parser.add_argument("--core", type=int, metavar="N", help="core of the control loop (default: any)")
-    parser.add_argument("--priority", type=int, default=50, metavar="P", help="of the control loop (default: 50)")
+    parser.add_argument("--priority", type=int, default=50, metavar="P", help="of the control loop")
     parser.add_argument("--can-serial", default="", metavar="S", help="give the CAN adapter with this serial number "
                         "the configured name")
     parser.add_argument("--box-usb", default="", metavar="V:P", help="give the serial device with this USB vendor and "

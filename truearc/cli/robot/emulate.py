@@ -1,6 +1,7 @@
 """Record trials of the emulated robot: the real runtime, real frames and images, a MuJoCo world."""
 
 import argparse
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -32,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--config", type=Path, default=SHIPPED, help="launcher.toml (default: the shipped one)")
     parser.add_argument("--world", type=Path, help="world.toml; the robot never sees it (default: an honest world)")
     parser.add_argument("--gate", type=Path, help="model that must agree before the robot fires")
-    parser.add_argument("--seed", type=number(int, 0), default=0, help="seed of the world (default %(default)s)")
+    parser.add_argument("--seed", type=number(int, 0), default=0, help="seed of the world")
     add_page_argument(parser, OFF, ", for which time passes no faster than it does")
 
 
@@ -42,9 +43,8 @@ def main(args: argparse.Namespace) -> int:
     config = with_plan(config, load_plan(args.plan, config) if args.plan else (), args.repeats)
     trials = _trials(args.trials, config)
     results = _serve(args, config, trials) if args.bus != VIRTUAL else _emulate(args, config, trials)
-    counts = {kind: sum(result.outcome == kind for result in results)
-              for kind in ("three", "two", "miss-high", "miss-low")}
-    marks = ", ".join(f"{n} {kind}" for kind, n in counts.items())
+    counts = Counter(result.outcome for result in results)
+    marks = ", ".join(f"{counts[kind]} {kind}" for kind in ("three", "two", "miss-high", "miss-low"))
     print(f"{args.out or args.bus}: {len(results)} balls launched ({marks})")
     return 0
 
@@ -87,7 +87,6 @@ def _trials(asked: int | None, config: Config) -> int:
     prescribed = len(config.collect.prescribed) * config.collect.repeats
     if asked is None and not prescribed:
         raise InputError("--trials is needed, or --plan, which says how many by itself")
-    trials = prescribed if asked is None else asked
-    if prescribed and trials > prescribed:
-        raise InputError(f"--trials {trials}: the plan has {prescribed} shots, repeats included")
-    return trials
+    if asked is not None and 0 < prescribed < asked:
+        raise InputError(f"--trials {asked}: the plan has {prescribed} shots, repeats included")
+    return prescribed if asked is None else asked

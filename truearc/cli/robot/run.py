@@ -23,8 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--core", type=number(int, 0), metavar="N",
                         help="keep the control loop on this core (default: any)")
     parser.add_argument("--priority", type=number(int, 0, 99), default=50, metavar="P",
-                        help="of the control loop under SCHED_FIFO, 1 to 99, where the system allows it (default: "
-                             "50); 0 does not ask")
+                        help="SCHED_FIFO priority of the control loop, where the system allows it; 0 asks for none")
     parser.add_argument("--layout", choices=LAYOUTS, default="three", help="how many processes: three (control, "
                         "vision, recorder; the default), or all in one, to compare")
 

@@ -7,11 +7,13 @@ configuration.
 import argparse
 import sys
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
 
+import truearc
 from truearc.cli.common import SHIPPED, make_progress, number, out_file, refuse
 from truearc.robot.config.schema import Config, InputError, load_config
 from truearc.robot.sysid.program import FLYWHEEL, HOOD
@@ -73,11 +75,7 @@ def _check(args: argparse.Namespace) -> None:
 def _drive(args: argparse.Namespace) -> Path:
     """Drive what was asked for; the session's folder."""
     config = _narrowed(load_config(args.config or SHIPPED), args.only)
-
-    def tell(text: str) -> None:
-        if not args.quiet:
-            print(text, file=sys.stderr, flush=True)
-
+    tell = (lambda text: None) if args.quiet else partial(print, file=sys.stderr, flush=True)
     if not args.emulate:
         from truearc.cli.robot.sysid_drive import drive_robot
         return drive_robot(config, args.out, tell)
@@ -103,8 +101,6 @@ def _answer(args: argparse.Namespace, source: str, records: "Mapping[str, Record
     """Fit, and say what came of it; 1 when there is nothing to fit."""
     if not records:
         return 1
-    from importlib.metadata import version
-
     from truearc.sim.sysid.fit import fit_motion
     from truearc.sim.sysid.sysid_text import make_fragment
     show, fits = make_progress("sysid", args.quiet), {}
@@ -112,7 +108,7 @@ def _answer(args: argparse.Namespace, source: str, records: "Mapping[str, Record
         show(done / len(records), joint)
         fits[joint] = fit_motion(record)
     show(1.0, "")
-    title = f"truearc sysid {version('truearc')}: {source}"
+    title = f"truearc sysid {truearc.__version__}: {source}"
     fragment = make_fragment(title, fits, config, notes)
     print(fragment, end="")
     if args.gains is not None:

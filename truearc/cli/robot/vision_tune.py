@@ -13,10 +13,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("sources", nargs="*", metavar="IMAGE|FOLDER",
                         help="pictures, folders of pictures, or recorded sessions; none: the live camera")
     parser.add_argument("--camera", metavar="FILE", help="where to begin: as for `truearc vision`")
-    parser.add_argument("-o", "--out", metavar="FILE", default="camera.toml",
-                        help="what Save writes (default camera.toml)")
-    parser.add_argument("--port", type=int, default=5807, help="of the page (default 5807); 0 picks a free one")
-    parser.add_argument("--host", default="127.0.0.1", help="default 127.0.0.1: this machine only")
+    parser.add_argument("-o", "--out", metavar="FILE", default="camera.toml", help="file that Save writes")
+    parser.add_argument("--port", type=int, default=5807, help="of the page; 0 picks a free one")
+    parser.add_argument("--host", default="127.0.0.1", help="of the page; the default is this machine only")
 
 
 def main(args: argparse.Namespace) -> int:

@@ -33,10 +33,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, default=Path("report"), help="folder for the report and all it rests on")
     parser.add_argument("--trials", type=number(int, FEWEST), default=120,
                         help=f"trials recorded to learn from, at least {FEWEST}")
-    parser.add_argument("--test-trials", type=number(int, FEWEST), default=120,
-                        help="trials of the gated and of the ungated session")
-    parser.add_argument("--seed", type=number(int, 0), default=2026,
-                        help="seed of everything drawn (default %(default)s)")
+    parser.add_argument("--test-trials", type=number(int, FEWEST), default=120, help="trials of each session driven")
+    parser.add_argument("--seed", type=number(int, 0), default=2026, help="seed of everything drawn")
 
 
 def main(args: argparse.Namespace) -> int:
@@ -46,7 +44,8 @@ def main(args: argparse.Namespace) -> int:
     _collect(demo, args.trials, args.quiet)
     _learn(demo, args.quiet)
     found = _explain(demo, args.quiet)
-    _adopt(demo, args.quiet)
+    _say("7 put it in: the same gate, trained on the same shots, with what was found in its physics")
+    _train_gate(demo, ta.load_dataset(demo.shots), demo.adopted, demo.weights_after, demo.gate_after, args.quiet)
     _compare(demo, args.test_trials, args.quiet)
     report = save_report(demo, found.investigation)
     print("\n".join(["", *headline(demo), f"report: {report}   ({time.monotonic() - began:.0f} s)"]))
@@ -169,11 +168,6 @@ def _explain(demo: Demo, quiet: bool) -> "ta.Finding":
     print(found)
     print(say_adopted(found.record, belief.provenance))
     return found
-
-
-def _adopt(demo: Demo, quiet: bool) -> None:
-    _say("7 put it in: the same gate, trained on the same shots, with what was found in its physics")
-    _train_gate(demo, ta.load_dataset(demo.shots), demo.adopted, demo.weights_after, demo.gate_after, quiet)
 
 
 def _say(text: str) -> None:

@@ -31,7 +31,7 @@ def headline(demo: Demo) -> list[str]:
                      f"difference {low:+.0%} to {high:+.0%} (95 %)")
     lines.insert(0, f"practice: {len(ta.load_dataset(demo.shots).shots)} marked shots; with the gate the robot fired "
                  f"{with_gate[1]} of {len(load_trials(demo.gated))} asked for, without it {without[1]}")
-    ours, network = _judged(demo)
+    *_, (ours, network) = _judged(demo)
     lines.append(f"forecasts of {ours.shots} shots that neither had seen: our gate right on {ours.accuracy:.0%} "
                  f"(Brier {ours.brier:.3f}), the paper's network on {network.accuracy:.0%} (Brier {network.brier:.3f})")
     coefficients = load_coefficients(demo.coefficients)
@@ -104,24 +104,19 @@ def _fit(demo: Demo) -> str:
     return picture(demo.fit_map.read_bytes(), "3-point accuracy over the coefficients, and the pairs that tie")
 
 
-def _rated(demo: Demo) -> tuple[list[np.ndarray], np.ndarray]:
-    """Of our gate and the paper's network, inside our gate's domain."""
-    return rated(demo, (demo.ratings, demo.network_ratings), inside=1)
-
-
-def _judged(demo: Demo) -> tuple[Figures, Figures]:
-    (ours, network), level = _rated(demo)
-    return figures_of(ours, level), figures_of(network, level)
+def _judged(demo: Demo) -> tuple[np.ndarray, np.ndarray, tuple[Figures, Figures]]:
+    """Return our gate's p [n, 2], the levels [n], and figures of our gate and the network, inside our gate's domain."""
+    (ours, network), level = rated(demo, (demo.ratings, demo.network_ratings), inside=1)
+    return ours, level, (figures_of(ours, level), figures_of(network, level))
 
 
 def _confusion(demo: Demo) -> str:
-    (ours, _), level = _rated(demo)
+    ours, level, judged = _judged(demo)
     said = (ours >= 0.5).sum(axis=1)
     rows = [[f"it was {was}", *(int(((level == k) & (said == j)).sum()) for j in range(3))]
             for k, was in enumerate(OUTCOMES)]
     figures = [[name, f"{one.accuracy:.0%}", f"{one.f1_three:.2f}", f"{one.brier:.3f}", f"{one.ece:.3f}",
-                f"{one.log_score:.2f}"] for name, one in zip(("our gate", "the paper's network"), _judged(demo),
-                                                             strict=True)]
+                f"{one.log_score:.2f}"] for name, one in zip(("our gate", "the paper's network"), judged, strict=True)]
     return (table(["", *(f"our gate said {said}" for said in OUTCOMES)], rows)
             + table(["", "outcome right", "F1 of three", "Brier", "calibration error", "log score"], figures)
             + paragraph(f"The {len(level)} shots of the ungated session that lie in our gate's domain; both "
