@@ -100,8 +100,8 @@ class RecorderProcess:
         memory = make_shared(NEWS.bytes)
         self.child = Child("recorder", write, (self._theirs, memory, page), mended=False, mortal=False)
         self._outbox, self._news = Outbox(ours), Slots(memory, NEWS)
+        wires.callback(self._theirs.close)        # last: a process that is just being started still takes it over
         wires.callback(self.child.close, CLOSE_S)
-        wires.callback(self._theirs.close)
         wires.callback(self._outbox.close)        # which ends it, if nothing else did
 
     def open_keeper(self, folder: Path) -> Keeper:
