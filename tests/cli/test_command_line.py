@@ -7,8 +7,9 @@ import sys
 import pytest
 
 from truearc.cli.main import main
-from truearc.cli.parsers import load_module, make_parser
+from truearc.cli.parsers import Parser, load_module, make_parser
 from truearc.cli.registry import GROUPS, Command, list_commands
+from truearc.robot.config.schema import InputError
 
 COMMANDS = list_commands()
 
@@ -110,6 +111,13 @@ def test_every_missing_argument_is_named_with_the_example(command: Command,
 def test_an_unusable_argument_is_named_with_what_to_do(words: str, said: str,
                                                        capsys: pytest.CaptureFixture[str]) -> None:
     assert refused(words.split(), capsys).startswith(said)
+
+
+def test_a_choice_of_none_says_what_the_help_says() -> None:
+    parser = Parser(epilog="example: truearc import mpi")
+    parser.add_argument("source", choices=[], help="none is installed: pip install truearc-proof")
+    with pytest.raises(InputError, match=r"source: 'mpi' is not a choice; none is installed: pip install truearc-proof"):
+        parser.parse(["mpi"])
 
 
 @pytest.mark.parametrize("words", [[], ["xyzzy"]])
