@@ -8,7 +8,6 @@ from truearc.robot.config.port_options import add_port_arguments
 from truearc.robot.operator_ui.page_option import PORT, add_page_argument
 
 EXAMPLE = "truearc run --config launcher.toml --gate gate.onnx --out sessions"
-LAYOUTS = ("three", "one")            # keys of run_processes.LAYOUTS
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -24,8 +23,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="keep the control loop on this core (default: any)")
     parser.add_argument("--priority", type=number(int, 0, 99), default=50, metavar="P",
                         help="SCHED_FIFO priority of the control loop, where the system allows it; 0 asks for none")
-    parser.add_argument("--layout", choices=LAYOUTS, default="three", help="how many processes: three (control, "
-                        "vision, recorder; the default), or all in one, to compare")
+    parser.add_argument("--layout", choices=("three", "one"), default="three",      # keys of run_processes.LAYOUTS
+                        help="processes: three (control, vision, recorder), or all in one, to compare")
 
 
 def main(args: argparse.Namespace) -> int:

@@ -8,12 +8,11 @@ import argparse
 from pathlib import Path
 
 EXAMPLE = "truearc session convert sessions/monday --to wpilog -o monday.wpilog"
-FORMATS = ("csv", "mcap", "parquet", "wpilog")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("session", type=Path, help="recorded session folder")
-    parser.add_argument("--to", required=True, choices=FORMATS, help="format")
+    parser.add_argument("--to", required=True, choices=("csv", "mcap", "parquet", "wpilog"), help="format")
     parser.add_argument("-o", "--out", type=Path, required=True, metavar="FILE", help="file to write")
 
 
