@@ -161,7 +161,7 @@ def fit(dataset: Dataset, terms: Iterable[str | Term] | None = None, *, method: 
     if method == "map":
         if step is not None or bootstrap or seed:
             raise InputError("step, bootstrap, seed: method 'map' makes no use of them; method 'grid' does")
-        return _fit_map(dataset, dataset.facts.believe.terms if terms is None else terms, progress)
+        return _fit_map(dataset, dataset.rig.believe.terms if terms is None else terms, progress)
     if method != "grid":
         raise InputError(f"method: there is no {method!r}; there are 'map' and 'grid'")
     if terms is not None:
@@ -169,16 +169,16 @@ def fit(dataset: Dataset, terms: Iterable[str | Term] | None = None, *, method: 
     if bootstrap < 0 or seed < 0:
         raise InputError("bootstrap and seed cannot be negative")
     step = STEP if step is None else step
-    found = fit_grid(dataset.facts, dataset.shots, step, progress)
-    again = bootstrap_grid(dataset.facts, dataset.shots, found, bootstrap, seed) if bootstrap else None
-    return GridSearch(dataset, step, found, score(dataset.facts, found.coefficients, dataset.shots), again)
+    found = fit_grid(dataset.rig, dataset.shots, step, progress)
+    again = bootstrap_grid(dataset.rig, dataset.shots, found, bootstrap, seed) if bootstrap else None
+    return GridSearch(dataset, step, found, score(dataset.rig, found.coefficients, dataset.shots), again)
 
 
 def _fit_map(dataset: Dataset, terms: Iterable[str | Term], progress: Progress) -> Fit:
     terms = terms if isinstance(terms, str) else tuple(terms)
     among = joined(terms)
-    solution = fit_ml(dataset.facts, dataset, names_of(terms, "terms", among) or (),
-                      lambda done, note: progress(0.4 * done, note), grid_start(dataset.facts, dataset), among)
+    solution = fit_ml(dataset.rig, dataset, names_of(terms, "terms", among) or (),
+                      lambda done, note: progress(0.4 * done, note), grid_start(dataset.rig, dataset), among)
     if not solution.converged:
         return Fit(dataset, solution, (), None, ())
     intervals = []

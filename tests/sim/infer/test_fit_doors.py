@@ -59,7 +59,7 @@ def test_fit_writes_what_predict_reads(home, tmp_path, capsys):
 
 @pytest.mark.parametrize(("arguments", "message"), [
     (["--cd", "0.9"], "--cl is needed"),
-    (["--cd", "nan", "--cl", "0"], "--cd: nan is not a finite number"),
+    (["--cd", "nan", "--cl", "0"], "--cd: got nan; expected a finite number"),
     (["--cd", "1", "--cl", "1", "--coefficients", "x"], "exclude each other"),
     (["--coefficients", "nowhere.toml"], "nowhere.toml"),
     (["--cd", "1", "--cl", "1", "-o", "/nowhere/p.csv"], "/nowhere/p.csv"),
@@ -107,9 +107,8 @@ def test_a_cell_that_is_empty_is_named_with_file_shot_and_column(home, capsys):
 
 @pytest.mark.parametrize(("option", "value"), [("--terms", ""), ("--terms", "drag"), ("--posterior", "5")])
 def test_paper_fit_refuses_options_of_fit(home, capsys, option, value):
-    with pytest.raises(SystemExit, match="2"):
-        main(["paper", "fit", str(home), option, value, "--quiet"])
-    assert f"unrecognized arguments: {option}" in capsys.readouterr().err
+    assert main(["paper", "fit", str(home), option, value, "--quiet"]) == 2
+    assert f": {option}: there is no such option" in capsys.readouterr().err
 
 
 def test_paper_fit_refuses_a_seed_without_bootstrap(home, capsys):

@@ -42,11 +42,11 @@ def test_a_fit_is_told_in_words_and_written_as_a_belief(directory, tmp_path, cap
 
 @pytest.mark.parametrize(("arguments", "message"), [
     (["--terms", "drag,magnetism"], "no term 'magnetism'"),
-    (["--terms", ""], "--terms: names no term"),
-    (["--terms", " , "], "--terms: names no term"),
+    (["--terms", ""], "--terms: got ''; expected at least one entry"),
+    (["--terms", " , "], "--terms: got ' , '; expected at least one entry"),
     (["--seed", "1"], "--seed: applies with --posterior only"),
-    (["--posterior", "0"], "--posterior is 0"),
-    (["--posterior", "5", "--seed", "-1"], "--seed is -1"),
+    (["--posterior", "0"], "--posterior: got 0"),
+    (["--posterior", "5", "--seed", "-1"], "--seed: got -1"),
     (["-o", "nowhere/at/all.toml"], "nowhere/at/all.toml"),
 ])
 def test_a_users_mistake_is_named(directory, capsys, arguments, message):
