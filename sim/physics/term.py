@@ -27,16 +27,17 @@ from truearc.sim.physics.term_fields import (
     Parameter,
     Phrase,
     Prior,
+    amplitude,
     either_way,
 )
 from truearc.sim.physics.vector import Vec, add, plus, scale, times
 
 __all__ = [
     "ANGLE", "DIRECTIONS", "KINDS", "LENGTH", "NUMBER", "SHARE", "SPEED", "STAGES", "AirShareTerm",
-    "AirTerm", "ArrivalTerm", "BallState", "Circumstances", "DistanceTerm", "Exit", "FlightTerm", "Forces",
-    "HoodTerm", "InFlight", "Instrument", "LaunchTerm", "Number", "Opening", "Parameter", "Phrase", "Prior", "Rig",
-    "SensingTerm", "SpeedTerm", "Term", "Values", "Vec", "WatchTerm", "WindTerm", "complete", "either_way",
-    "wind_speed",
+    "AirTerm", "ArrivalTerm", "BallState", "Circumstances", "DistanceTerm", "Exit", "FlightTerm", "ForceShareTerm",
+    "Forces", "HoodTerm", "InFlight", "Instrument", "LaunchTerm", "Number", "Opening", "Parameter", "Phrase", "Prior",
+    "Rig", "SensingTerm", "SpeedTerm", "Term", "Values", "Vec", "WatchTerm", "WindTerm", "amplitude", "complete",
+    "either_way", "wind_speed",
 ]
 
 STAGES = ("sensing", "launch", "flight", "arrival")
@@ -147,7 +148,7 @@ class SensingTerm(Term):
     stage = "sensing"
 
     @abstractmethod
-    def sense(self, facts: Rig, values: Values, exit: Exit, distance_m: Any) -> tuple[Exit, Any]:
+    def sense(self, rig: Rig, values: Values, exit: Exit, distance_m: Any) -> tuple[Exit, Any]:
         """(launch by the wheels, distance in m) as they are in truth; differentiable.
 
         exit, distance_m: as the sensors, and the sensing terms before this one in the catalogue, have them.
@@ -174,7 +175,7 @@ class LaunchTerm(Term):
     stage = "launch"
 
     @abstractmethod
-    def leave(self, facts: Rig, values: Values, exit: Exit) -> Exit:
+    def leave(self, rig: Rig, values: Values, exit: Exit) -> Exit:
         """The launch as this term changes it; differentiable in values and launch.
 
         exit: as the wheels' surfaces and the launch terms before this one in the catalogue have it.
@@ -191,7 +192,7 @@ class FlightTerm(InFlight):
     """A hypothesis about forces in the air."""
 
     @abstractmethod
-    def acceleration(self, facts: Rig, values: Values, ball: BallState, forces: Forces) -> Vec:
+    def acceleration(self, rig: Rig, values: Values, ball: BallState, forces: Forces) -> Vec:
         """Its acceleration in m/s2 (lanes broadcast), launcher frame; differentiable in values and state.
 
         ball: as the air sees it. forces: {term: acceleration} of the terms at work before it in the catalogue.
@@ -202,7 +203,7 @@ class AirTerm(InFlight):
     """A hypothesis about what air the ball meets, or what is left of its spin when it does."""
 
     @abstractmethod
-    def meet(self, facts: Rig, values: Values, ball: BallState) -> BallState:
+    def meet(self, rig: Rig, values: Values, ball: BallState) -> BallState:
         """The ball as the air sees it: its velocity through the air, the spin that it has left; differentiable."""
 
 
@@ -227,7 +228,7 @@ class HoodTerm(SensingTerm):
 
     direction = "vertical"
 
-    def sense(self, facts: Rig, values: Values, exit: Exit, distance_m: Any) -> tuple[Exit, Any]:
+    def sense(self, rig: Rig, values: Values, exit: Exit, distance_m: Any) -> tuple[Exit, Any]:
         angle_deg = values[self.amplitude.name]
         return exit._replace(elevation_rad=exit.elevation_rad + math.radians(1.0) * angle_deg), distance_m
 
@@ -241,7 +242,7 @@ class DistanceTerm(SensingTerm):
     def distance_m(self, measured_m: Number, amount: Number) -> Number:
         """The true distance in m; amount: the amplitude."""
 
-    def sense(self, facts: Rig, values: Values, exit: Exit, distance_m: Any) -> tuple[Exit, Any]:
+    def sense(self, rig: Rig, values: Values, exit: Exit, distance_m: Any) -> tuple[Exit, Any]:
         return exit, self.distance_m(distance_m, values[self.amplitude.name])
 
 
@@ -253,7 +254,7 @@ class SpeedTerm(LaunchTerm):
     def speed_factor(self, amount: Number) -> Number:
         return 1.0 - amount
 
-    def leave(self, facts: Rig, values: Values, exit: Exit) -> Exit:
+    def leave(self, rig: Rig, values: Values, exit: Exit) -> Exit:
         return exit._replace(speed_m_s=exit.speed_m_s * self.speed_factor(values[self.amplitude.name]))
 
 
@@ -263,10 +264,23 @@ class WindTerm(AirTerm):
     axis: ClassVar[str]
     instrument = Instrument("anemometer", "the wind with an anemometer", 0.2)
 
-    def meet(self, facts: Rig, values: Values, ball: BallState) -> BallState:
+    def meet(self, rig: Rig, values: Values, ball: BallState) -> BallState:
         through = ball.velocity_m_s
         relative = plus(getattr(through, self.axis), times(-1.0, values[self.amplitude.name]))
         return ball._replace(velocity_m_s=through._replace(**{self.axis: relative}))
+
+
+class ForceShareTerm(FlightTerm):
+    """The force of the term called `of` grows by a share of itself; without that term at work there is no change."""
+
+    of: ClassVar[str]
+
+    def share(self, rig: Rig, values: Values, ball: BallState) -> Number:
+        """The share by which it grows, the amplitude by itself; differentiable in values and state."""
+        return values[self.amplitude.name]
+
+    def acceleration(self, rig: Rig, values: Values, ball: BallState, forces: Forces) -> Vec:
+        return scale(self.share(rig, values, ball), forces[self.of]) if self.of in forces else Vec(0.0, 0.0, 0.0)
 
 
 class AirShareTerm(FlightTerm):
@@ -274,7 +288,7 @@ class AirShareTerm(FlightTerm):
 
     direction = "along"
 
-    def acceleration(self, facts: Rig, values: Values, ball: BallState, forces: Forces) -> Vec:
+    def acceleration(self, rig: Rig, values: Values, ball: BallState, forces: Forces) -> Vec:
         total = Vec(0.0, 0.0, 0.0)
         for name, force in forces.items():
             if name not in NOT_OF_AIR:
@@ -284,9 +298,9 @@ class AirShareTerm(FlightTerm):
 
 def wind_speed(meaning: str) -> tuple[Parameter]:
     """The parameter of a wind along one axis."""
-    return (Parameter(
-        "speed_m_s", "m/s", -10.0, 10.0, 0.0, "halls have draughts of 0.1 to 0.3 m/s, fields winds of 1 to 3 m/s",
-        Prior("linear", 0.0, 0.8, "a hall's draught to a light breeze; more would be felt"), meaning=meaning),)
+    return amplitude("speed_m_s", "m/s", -10.0, 10.0, sd=0.8, meaning=meaning,
+                     source="halls have draughts of 0.1 to 0.3 m/s, fields winds of 1 to 3 m/s",
+                     reason="a hall's draught to a light breeze; more would be felt")
 
 
 def complete(term: Term, values: Values | None) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 """What a term declares beside its physics: numbers with priors and sources, instrument, and wording of its size."""
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 Scale = tuple[float, str]             # factor from the parameter's unit, unit as text with its space
 SHARE: Scale = (100.0, " %")
@@ -50,6 +50,18 @@ class Parameter:
     by_ball: float = 0.0
     fit_each_ball: bool = False
     percent: bool = False
+
+
+def amplitude(name: str, unit: str, low: float, high: float, *, sd: float, meaning: str, source: str, reason: str,
+              scale: str = "linear", centre: float = 0.0, **more: Any) -> tuple[Parameter]:
+    """Return the parameters of a term that has only its amplitude, which is 0 by default.
+
+    Args:
+        low, high: Range of a search; `source` says where it comes from.
+        sd: Of the prior about `centre` on `scale`; `reason` says why.
+        more: Further fields of Parameter.
+    """
+    return (Parameter(name, unit, low, high, 0.0, source, Prior(scale, centre, sd, reason), meaning, **more),)
 
 
 class Instrument(NamedTuple):

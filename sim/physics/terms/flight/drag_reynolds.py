@@ -1,13 +1,14 @@
 """A drag coefficient that changes with speed (the Reynolds number of a given ball)."""
 
-from truearc.sim.physics.term import BallState, FlightTerm, Forces, Rig, Values, Vec
+from truearc.sim.physics.term import BallState, ForceShareTerm, Number, Rig, Values
 from truearc.sim.physics.term_fields import SHARE, Instrument, Parameter, Prior, either_way
-from truearc.sim.physics.vector import length, scale
+from truearc.sim.physics.vector import length
 
 
-class DragReynolds(FlightTerm):
+class DragReynolds(ForceShareTerm):
     """cd x (1 + slope (v / at_m_s - 1)): cd is the coefficient at at_m_s."""
 
+    of = "drag"
     order = 140, "a share of drag"
     parameters = (
         Parameter("slope", "1", -1.0, 1.0, 0.0, "cd falls from 0.5 to 0.1-0.2 as rough balls pass Re 1e5 to 3e5 "
@@ -23,8 +24,5 @@ class DragReynolds(FlightTerm):
                         " per 10 m/s")
     instrument = Instrument("fall_film_two_heights", "the fall of a ball from two heights, on film", 0.2)
 
-    def acceleration(self, facts: Rig, values: Values, ball: BallState, forces: Forces) -> Vec:
-        if "drag" not in forces:
-            return Vec(0.0, 0.0, 0.0)
-        faster = length(ball.velocity_m_s) / values["at_m_s"] - 1.0
-        return scale(values["slope"] * faster, forces["drag"])
+    def share(self, rig: Rig, values: Values, ball: BallState) -> Number:
+        return values["slope"] * (length(ball.velocity_m_s) / values["at_m_s"] - 1.0)

@@ -16,5 +16,5 @@ class Gravity(FlightTerm):
     phrase = either_way("the ball <way> with {} of the stated gravity", "falls", "rises", SHARE)
     instrument = None
 
-    def acceleration(self, facts: Rig, values: Values, ball: BallState, forces: Forces) -> Vec:
-        return Vec(0.0, 0.0, -facts.world.gravity_m_s2 * values["scale"])
+    def acceleration(self, rig: Rig, values: Values, ball: BallState, forces: Forces) -> Vec:
+        return Vec(0.0, 0.0, -rig.world.gravity_m_s2 * values["scale"])

@@ -1,17 +1,16 @@
 """Balls that leave faster or slower with the battery, at the same wheel speed."""
 
-from truearc.sim.physics.term import Instrument, Number, Parameter, Prior, SpeedTerm, either_way
+from truearc.sim.physics.term import Instrument, Number, SpeedTerm, amplitude, either_way
 
 
 class BatterySag(SpeedTerm):
     """exit speed x (1 + sensitivity x (battery voltage / its median - 1))."""
 
     order = 70, "a factor of the speed; these commute"
-    parameters = (Parameter(
-        "sensitivity", "1", -2.0, 2.0, 0.0, "a motor holds its speed under the ball's load with the voltage that "
-        "remains",
-        Prior("linear", 0.0, 0.3, "a tenth of the voltage costs a few per cent of the speed; all of it, were there no "
-              "control, a tenth"), meaning="relative exit speed per relative voltage"),)
+    parameters = amplitude("sensitivity", "1", -2.0, 2.0, sd=0.3, meaning="relative exit speed per relative voltage",
+                           source="a motor holds its speed under the ball's load with the voltage that remains",
+                           reason="a tenth of the voltage costs a few per cent of the speed; all of it, were there no "
+                           "control, a tenth")
     follows = "battery"
     record = "battery_v of each shot"
     sentence = "A weaker battery gives a slower ball at the same wheel speed."

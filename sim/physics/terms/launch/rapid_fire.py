@@ -4,8 +4,7 @@ from typing import Any
 
 import jax.numpy as jnp
 
-from truearc.sim.data.conditions import Circumstances
-from truearc.sim.physics.term import SHARE, Instrument, Parameter, Prior, SpeedTerm, Values, either_way
+from truearc.sim.physics.term import SHARE, Circumstances, Instrument, Parameter, Prior, SpeedTerm, Values, either_way
 
 
 class RapidFire(SpeedTerm):

@@ -1,6 +1,6 @@
 """A tracker whose clock runs fast or slow: frames that come at another rate than stated."""
 
-from truearc.sim.physics.term import SHARE, Instrument, Number, Parameter, Prior, Values, Vec, WatchTerm, either_way
+from truearc.sim.physics.term import SHARE, Instrument, Number, Values, Vec, WatchTerm, amplitude, either_way
 from truearc.sim.physics.vector import plus, times
 
 
@@ -8,11 +8,10 @@ class TrackClock(WatchTerm):
     """At t of its clock the ball is where it is at t (1 + share): position + velocity x share x t, to first order."""
 
     order = 90, "to first order independent of scale and tilt"
-    parameters = (Parameter(
-        "share", "1", -0.08, 0.08, 0.0, "cheap cameras state 30 frames per second and give 29.97, or drop some without "
-        "saying",
-        Prior("linear", 0.0, 0.01, "stated and true frame rates of cameras differ by up to a per cent or so"),
-        meaning="true time above the tracker's"),)
+    parameters = amplitude("share", "1", -0.08, 0.08, sd=0.01, meaning="true time above the tracker's",
+                           source="cheap cameras state 30 frames per second and give 29.97, or drop some without "
+                           "saying",
+                           reason="stated and true frame rates of cameras differ by up to a per cent or so")
     direction = "along"
     calibration_sd = 0.05
     sentence = "The tracker's clock runs fast or slow: its frames come at another rate than stated."

@@ -1,6 +1,6 @@
 """A tracker whose metre is too long or too short."""
 
-from truearc.sim.physics.term import SHARE, Instrument, Number, Parameter, Prior, Values, Vec, WatchTerm, either_way
+from truearc.sim.physics.term import SHARE, Instrument, Number, Values, Vec, WatchTerm, amplitude, either_way
 from truearc.sim.physics.vector import times
 
 
@@ -8,11 +8,10 @@ class TrackScale(WatchTerm):
     """seen position = position x (1 + share), from the floor below the exit."""
 
     order = 70, "trackers see what the sensors of the launch have no part in"
-    parameters = (Parameter(
-        "share", "1", -0.1, 0.1, 0.0, "pixels become metres by a scale measured once, in one plane; nearer balls look "
-        "larger",
-        Prior("linear", 0.0, 0.02, "a ball that flies a hand away from the plane of calibration is off by a per cent "
-              "or two"), meaning="tracked lengths above the true ones"),)
+    parameters = amplitude(
+        "share", "1", -0.1, 0.1, sd=0.02, meaning="tracked lengths above the true ones",
+        source="pixels become metres by a scale measured once, in one plane; nearer balls look larger",
+        reason="a ball that flies a hand away from the plane of calibration is off by a per cent or two")
     direction = "along"
     calibration_sd = 0.05
     sentence = "The tracker takes all lengths as too long or too short by the same share."
