@@ -22,3 +22,15 @@ class Circumstances(NamedTuple):
     free_distance: Any = 0.0
     free_push: Any = 0.0
     curve_by: Any = 0.0               # and their derivatives by their curves' points, one curve after another [n, K]
+
+
+# What has to be recorded of shots for a circumstance to be known.
+RECORDED = {
+    "battery": "battery_v of each shot",
+    "age": "ball_id or t_s of each shot",
+    "droop": "wheel speeds through the shot (traces.csv)",
+    "density": "temperature_c and pressure_pa",
+    "hood_change": "hood_deg of shots in their order",
+    "closing_speed_m_s": "robot_speed_m_s of each shot",
+    "ball": "ball_id of each shot",
+}

@@ -27,18 +27,18 @@ def load_dataset(directory: str | Path) -> Dataset:
     home = Path(directory)
     if not home.is_dir():
         raise InputError(f"{home}: there is no such directory")
-    facts = load_rig(home / RIG)
+    rig = load_rig(home / RIG)
     shots_path = find_table(home, "shots")
     if shots_path is None:
         raise InputError(f"{home}: has neither shots.csv nor shots.parquet")
     with gathered() as problems:
         tables = [None if path is None else load_table(path, problems)
                   for path in (find_table(home, "tracks"), find_table(home, "traces"))]
-        dataset = assemble(home.resolve().name, facts, problems, load_table(shots_path, problems), *tables)
+        dataset = assemble(home.resolve().name, rig, problems, load_table(shots_path, problems), *tables)
     return replace(dataset, left_out=_left_out(home / LEFT_OUT))
 
 
-def assemble(name: str, facts: Rig, problems: Problems, shots: RawTable, tracks: RawTable | None = None,
+def assemble(name: str, rig: Rig, problems: Problems, shots: RawTable, tracks: RawTable | None = None,
              traces: RawTable | None = None) -> Dataset:
     """Check the cells of tables and return them as a dataset; everything wrong is added to `problems`.
 
@@ -47,7 +47,7 @@ def assemble(name: str, facts: Rig, problems: Problems, shots: RawTable, tracks:
     """
     checked = _shots(shots, problems)
     row_of = {name: row for row, name in enumerate(checked.shot_id)}
-    return Dataset(name, facts, checked, _tracks(tracks, row_of, problems), _traces(traces, row_of, problems))
+    return Dataset(name, rig, checked, _tracks(tracks, row_of, problems), _traces(traces, row_of, problems))
 
 
 def dataset_hash(directory: str | Path) -> str:

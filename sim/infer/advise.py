@@ -42,17 +42,17 @@ class Proposal:
 
 def advise(fit: MlFit, most: int = 3) -> tuple[Proposal, ...]:
     """The best proposal of each kind of observation, best first; none where the rig's wheels cannot be set by ratio."""
-    facts = fit.model.facts
+    rig = fit.model.facts
     shots = fit.gathered.shots.take(fit.gathered.rows[:len(fit.problem.evidence.given.rolled)])
-    if facts.launcher.free_speed_rad_s is None or not facts.launcher.wheel or facts.target is None or not len(shots):
+    if rig.launcher.free_speed_rad_s is None or not rig.launcher.wheel or rig.target is None or not len(shots):
         return ()
-    designs, aim_m = _designs(fit, shots, facts.target)
+    designs, aim_m = _designs(fit, shots, rig.target)
     if not len(designs):
         return ()
     vector = weakest(fit)
     before = float(vector @ fit.covariance @ vector)
     proposals = []
-    for kind, information in zip(KINDS, _information(fit, designs, facts.target), strict=True):
+    for kind, information in zip(KINDS, _information(fit, designs, rig.target), strict=True):
         after = [vector @ np.linalg.inv(fit.optimum.hessian + SHOTS * one) @ vector for one in information]
         best = int(np.argmin(after))
         distance_m, hood_deg, ratio = (float(designs.number(name)[best])

@@ -61,7 +61,7 @@ class MlFit:
                       self.covariance[np.ix_(keep, keep)] * np.outer(sd, sd), catalogue=self.model.catalogue)
 
 
-def fit_ml(facts: Rig, dataset: Dataset, terms: tuple[str, ...], progress: Progress = lambda done, note: None,
+def fit_ml(rig: Rig, dataset: Dataset, terms: tuple[str, ...], progress: Progress = lambda done, note: None,
            grid: dict[str, dict[str, float]] | None = None, among: Catalogue | None = None) -> MlFit:
     """Fit the named terms (gravity always among them) and the scatter of the launch to a dataset.
 
@@ -70,10 +70,10 @@ def fit_ml(facts: Rig, dataset: Dataset, terms: tuple[str, ...], progress: Progr
 
     Deterministic. A fit that did not settle says so in `converged`. InputError: unknown terms, or nothing to fit to.
     """
-    gathered = gather(facts, dataset)
+    gathered = gather(rig, dataset)
     evidence = gathered.evidence
     tracked = evidence.tracks is not None or evidence.free is not None
-    model = make_model(facts, terms, _scatters(evidence), tracked, among)
+    model = make_model(rig, terms, _scatters(evidence), tracked, among)
     points = _moved(model, evidence, _first_points(evidence), np.zeros(len(model.sought)))
     problem = Problem(model, evidence, points, np.ones(len(gathered.rows)))
     progress(0.05, "coarse search")

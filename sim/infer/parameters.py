@@ -95,7 +95,7 @@ class Model:
         return {one.name: float(one.value(number)) for one, number in zip(self.sought, u, strict=True)}
 
 
-def make_model(facts: Rig, terms: tuple[str, ...], scatters: tuple[str, ...] = tuple(SCATTER_PRIORS),
+def make_model(rig: Rig, terms: tuple[str, ...], scatters: tuple[str, ...] = tuple(SCATTER_PRIORS),
                tracks: bool = False, among: Catalogue | None = None) -> Model:
     """All parameters of the terms that have a prior, the named scatters, the tracker's noise where there are tracks.
 
@@ -108,8 +108,8 @@ def make_model(facts: Rig, terms: tuple[str, ...], scatters: tuple[str, ...] = t
     sought += [Sought(name, UNITS[name], prior, MEANINGS[name], name == "scatter.speed")
                for name, prior in SCATTER_PRIORS.items() if name in scatters]
     if tracks:
-        if facts.noise.track_m <= 0.0:
+        if rig.noise.track_m <= 0.0:
             raise InputError("rig.toml: noise.track_m must be above 0 to fit tracks")
-        prior = Prior(LOG, facts.noise.track_m, TRACK_FACTOR_SD, "rig.toml's figure")
+        prior = Prior(LOG, rig.noise.track_m, TRACK_FACTOR_SD, "rig.toml's figure")
         sought.append(Sought(TRACK_NOISE, "m", prior, MEANINGS[TRACK_NOISE]))
-    return Model(facts, tuple(term.name for term in used), tuple(sought), as_catalogue(among))
+    return Model(rig, tuple(term.name for term in used), tuple(sought), as_catalogue(among))

@@ -127,7 +127,7 @@ def effective(params: Mapping[str, Mapping[str, Any]], circumstances: Circumstan
 
     Numbers of a term that follows a circumstance become arrays like it; InputError names a term that there is none of.
     """
-    return {term.name: term.at_shot(complete(term, params[term.name]), circumstances)
+    return {term.name: dict(term.at_shot(complete(term, params[term.name]), circumstances))
             for term in find_terms(params, among)}
 
 

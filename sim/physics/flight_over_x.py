@@ -30,13 +30,13 @@ class Plane(NamedTuple):
     near: Any
 
 
-def reach_plane(facts: Rig, law: Law, exit: Exit, distance_m: Any, steps: int = STEPS) -> Plane:
+def reach_plane(rig: Rig, law: Law, exit: Exit, distance_m: Any, steps: int = STEPS) -> Plane:
     """Fly every lane [n] from the exit to x = distance_m by Runge-Kutta over x; differentiable in all, to any order.
 
     Where `near` is False height and climb are numbers without meaning.
     """
     shape = jnp.shape(distance_m)
-    ball = start_of(facts, exit, shape)
+    ball = start_of(rig, exit, shape)
     zero = jnp.zeros(shape)
     if not absent(law(ball).y):
         ball = BallState(*(Vec(*(plus(part, zero) for part in vec)) for vec in ball[:3]))

@@ -37,7 +37,7 @@ class FreeSpeed(Nameless, LaunchTerm):
     usual = 0.2
     label = "a curve of the launch speed"
 
-    def leave(self, facts: Rig, values: Values, exit: Exit) -> Exit:
+    def leave(self, rig: Rig, values: Values, exit: Exit) -> Exit:
         return exit._replace(speed_m_s=exit.speed_m_s * jnp.exp(values["share"]))
 
 
@@ -50,7 +50,7 @@ class FreeElevation(Nameless, LaunchTerm):
     usual = 0.0175
     label = "a curve of the launch elevation"
 
-    def leave(self, facts: Rig, values: Values, exit: Exit) -> Exit:
+    def leave(self, rig: Rig, values: Values, exit: Exit) -> Exit:
         return exit._replace(elevation_rad=exit.elevation_rad + values["angle_rad"])
 
 
@@ -63,7 +63,7 @@ class FreeDistance(Nameless, SensingTerm):
     usual = 0.12
     label = "a curve of the distance"
 
-    def sense(self, facts: Rig, values: Values, exit: Exit, distance_m: Number) -> tuple[Exit, Number]:
+    def sense(self, rig: Rig, values: Values, exit: Exit, distance_m: Number) -> tuple[Exit, Number]:
         return exit, distance_m + values["bias_m"]
 
 
@@ -82,7 +82,7 @@ class FreePush(Nameless, FlightTerm):
     usual = 1.5
     label = "a curve of a push"
 
-    def acceleration(self, facts: Rig, values: Values, ball: BallState, forces: Forces) -> Vec:
+    def acceleration(self, rig: Rig, values: Values, ball: BallState, forces: Forces) -> Vec:
         at_work = (ball.time_s >= values["from_s"]) & (ball.time_s < values["to_s"])
         size = values["size_m_s2"] * at_work * (length(ball.velocity_m_s) / AT_SPEED_M_S)**values["with_speed"]
         sides = zip(axes(ball.velocity_m_s), ("along", "up", "left"), strict=True)

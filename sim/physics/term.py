@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from typing import Any, ClassVar, NamedTuple
 
 from truearc.robot.config.rig_spec import Rig
-from truearc.sim.data.conditions import Circumstances
+from truearc.sim.data.conditions import RECORDED, Circumstances
 from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.term_fields import (
     ANGLE,
@@ -30,7 +30,7 @@ from truearc.sim.physics.term_fields import (
     amplitude,
     either_way,
 )
-from truearc.sim.physics.vector import Vec, add, plus, scale, times
+from truearc.sim.physics.vector import Vec, plus, scale, times, total
 
 __all__ = [
     "ANGLE", "DIRECTIONS", "KINDS", "LENGTH", "NUMBER", "SHARE", "SPEED", "STAGES", "AirShareTerm",
@@ -41,7 +41,8 @@ __all__ = [
 ]
 
 STAGES = ("sensing", "launch", "flight", "arrival")
-DIRECTIONS = ("along", "vertical", "lateral")
+AXES = {"along": "x", "vertical": "z", "lateral": "y"}
+DIRECTIONS = tuple(AXES)
 NOT_OF_AIR = ("gravity",)             # among the forces before those that are shares of the air's
 
 Number = Any                          # a number, or an array with one per lane
@@ -89,7 +90,8 @@ class Term(ABC):
         instrument: What settles it without a shot; None where it is `always` at work.
         label: Its name in running text; by itself the name with spaces.
         follows: The field of Circumstances that the amplitude is multiplied by.
-        record: What has to be recorded of shots so that they can show it; "" where every dataset will do.
+        record: What has to be recorded of shots so that they can show it; "" where every dataset will do. By itself
+            what the circumstance needs that it follows.
         relative: Tested only where an earlier session reported what it changes.
         always: At work in every simulation, its parameters known.
         unseen: Why no number of shots counts as showing it; "" where enough of them do.
@@ -119,6 +121,7 @@ class Term(ABC):
             cls.name = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", cls.__name__).lower()
         if "label" not in cls.__dict__:
             cls.label = cls.name.replace("_", " ")
+        cls.record = cls.record or RECORDED.get(cls.follows or "", "")
 
     def __eq__(self, other: object) -> bool:
         return type(self) is type(other)
@@ -134,10 +137,10 @@ class Term(ABC):
         """The first parameter, by which the term is found."""
         return self.parameters[0]
 
-    def at_shot(self, values: Values, circumstances: Circumstances) -> dict[str, Any]:
+    def at_shot(self, values: Values, circumstances: Circumstances) -> Values:
         """Values under the circumstances of shots: the amplitude times what it follows. Shapes broadcast."""
         if self.follows is None:
-            return dict(values)
+            return values
         amplitude = self.amplitude.name
         return {**values, amplitude: values[amplitude] * getattr(circumstances, self.follows)}
 
@@ -247,27 +250,25 @@ class DistanceTerm(SensingTerm):
 
 
 class SpeedTerm(LaunchTerm):
-    """The exit speed is multiplied by a factor, 1 where the amplitude, `amount`, is 0: by itself a share is lost."""
+    """The exit speed changes by a share, the amplitude: lost, or gained where `sign` is 1."""
 
     direction = "along"
-
-    def speed_factor(self, amount: Number) -> Number:
-        return 1.0 - amount
+    sign: ClassVar[float] = -1.0
 
     def leave(self, rig: Rig, values: Values, exit: Exit) -> Exit:
-        return exit._replace(speed_m_s=exit.speed_m_s * self.speed_factor(values[self.amplitude.name]))
+        factor = 1.0 + self.sign * values[self.amplitude.name]
+        return exit._replace(speed_m_s=exit.speed_m_s * factor)
 
 
 class WindTerm(AirTerm):
-    """The air moves along `axis` ("x", "y" or "z") at the amplitude, a speed in m/s."""
+    """The air moves in its `direction` at the amplitude, a speed in m/s."""
 
-    axis: ClassVar[str]
     instrument = Instrument("anemometer", "the wind with an anemometer", 0.2)
 
     def meet(self, rig: Rig, values: Values, ball: BallState) -> BallState:
-        through = ball.velocity_m_s
-        relative = plus(getattr(through, self.axis), times(-1.0, values[self.amplitude.name]))
-        return ball._replace(velocity_m_s=through._replace(**{self.axis: relative}))
+        axis, through = AXES[self.direction], ball.velocity_m_s
+        relative = plus(getattr(through, axis), times(-1.0, values[self.amplitude.name]))
+        return ball._replace(velocity_m_s=through._replace(**{axis: relative}))
 
 
 class ForceShareTerm(FlightTerm):
@@ -289,11 +290,8 @@ class AirShareTerm(FlightTerm):
     direction = "along"
 
     def acceleration(self, rig: Rig, values: Values, ball: BallState, forces: Forces) -> Vec:
-        total = Vec(0.0, 0.0, 0.0)
-        for name, force in forces.items():
-            if name not in NOT_OF_AIR:
-                total = add(total, scale(values[self.amplitude.name], force))
-        return total
+        share = values[self.amplitude.name]
+        return total(scale(share, force) for name, force in forces.items() if name not in NOT_OF_AIR)
 
 
 def wind_speed(meaning: str) -> tuple[Parameter]:

@@ -1,5 +1,6 @@
 """What a term declares beside its physics: numbers with priors and sources, instrument, and wording of its size."""
 
+import re
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -91,6 +92,13 @@ class Phrase(NamedTuple):
     per: str = ""
 
 
-def either_way(text: str, more: str, less: str, scale: Scale, per: str = "") -> Phrase:
-    """A phrase whose two directions differ by a word or two, which take the place of "<way>" in `text`."""
-    return Phrase(text.replace("<way>", more), text.replace("<way>", less), *scale, per)
+def either_way(text: str, scale: Scale = NUMBER, per: str = "") -> Phrase:
+    """Return a phrase whose two directions differ where `text` has alternatives: "the air is {} <denser|thinner>".
+
+    Args:
+        text: Takes the size in place of {}.
+        scale: Factor and unit in which the size is shown.
+        per: What the size is stated for.
+    """
+    more, less = (re.sub(r"<(.*?)\|(.*?)>", rf"\{side}", text) for side in (1, 2))
+    return Phrase(more, less, *scale, per)

@@ -4,6 +4,8 @@ A component that is the Python float 0.0 is absent, and stays absent through the
 plane thereby costs two dimensions while every law is written once, for three.
 """
 
+from collections.abc import Iterable
+from functools import reduce
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
@@ -37,6 +39,10 @@ def times(a: Any, b: Any) -> Any:
 
 def add(a: Vec, b: Vec) -> Vec:
     return Vec(plus(a.x, b.x), plus(a.y, b.y), plus(a.z, b.z))
+
+
+def total(vectors: Iterable[Vec]) -> Vec:
+    return reduce(add, vectors, Vec(0.0, 0.0, 0.0))
 
 
 def scale(factor: Any, a: Vec) -> Vec:

@@ -37,7 +37,7 @@ class Height(NamedTuple):
     near: Any
 
 
-def height_at(facts: Rig, values: Values, given: Given, among: Catalogue, log_speed: Any = 0.0,
+def height_at(rig: Rig, values: Values, given: Given, among: Catalogue, log_speed: Any = 0.0,
               elevation_rad: Any = 0.0) -> Height:
     """Heights of launches that leave with these deviations, with their derivatives.
 
@@ -45,29 +45,29 @@ def height_at(facts: Rig, values: Values, given: Given, among: Catalogue, log_sp
     launch terms. The derivatives by it are central differences of flights side by side, within 1e-5 of their size:
     nesting them into the derivatives by parameters costs a hundred times as much.
     """
-    at, exit, distance_m = configured(facts, values, given, among)
-    law = make_law(facts, flight_terms({"gravity", *values}, among), at)
+    at, exit, distance_m = configured(rig, values, given, among)
+    law = make_law(rig, flight_terms({"gravity", *values}, among), at)
     steps = jnp.concatenate([jnp.zeros((1, 3)), jnp.diag(jnp.array(STEPS)), -jnp.diag(jnp.array(STEPS))]).T[:, :, None]
     leaving = Exit(exit.speed_m_s * jnp.exp(log_speed + steps[0]), exit.elevation_rad + elevation_rad + steps[1],
                    exit.spin_rev_s + steps[2], exit.above_m)
-    plane = reach_plane(facts, law, leaving, jnp.broadcast_to(distance_m, (7, *jnp.shape(given.distance_m))))
+    plane = reach_plane(rig, law, leaving, jnp.broadcast_to(distance_m, (7, *jnp.shape(given.distance_m))))
     by_launch = (plane.height_m[1:4] - plane.height_m[4:]) / (2.0 * jnp.array(STEPS)[:, None])
     return Height(plane.height_m[0], by_launch.T, plane.climb[0], plane.near.all(0))
 
 
-def configured(facts: Rig, values: Values, given: Given,
+def configured(rig: Rig, values: Values, given: Given,
                among: Catalogue) -> tuple[dict[str, dict[str, Any]], Exit, Any]:
     """(effective values, launch, distance in m) of shots as they are in truth, by sensing and launch terms."""
     at = effective(values, given.circumstances, among)
-    exit, distance_m = sense(facts, at, Exit(*map(jnp.asarray, given.rolling)), given.distance_m, given.whose, among)
-    return at, leave(facts, at, exit, given.whose, among), distance_m
+    exit, distance_m = sense(rig, at, Exit(*map(jnp.asarray, given.rolling)), given.distance_m, given.whose, among)
+    return at, leave(rig, at, exit, given.whose, among), distance_m
 
 
-def speed_gain(facts: Rig, values: Values, given: Given, among: Catalogue) -> Any:
+def speed_gain(rig: Rig, values: Values, given: Given, among: Catalogue) -> Any:
     """d log(exit speed) / d log(speed by the wheels) [n]: 1 where no launch term depends on the speed."""
     def log_speed(change: Any) -> Any:
         faster = given.rolling._replace(speed_m_s=given.rolling.speed_m_s * jnp.exp(change))
-        return jnp.log(configured(facts, values, given._replace(rolling=faster), among)[1].speed_m_s)
+        return jnp.log(configured(rig, values, given._replace(rolling=faster), among)[1].speed_m_s)
 
     return jax.jacfwd(log_speed)(0.0)
 
@@ -80,19 +80,19 @@ class Slopes(NamedTuple):
     gain: np.ndarray
 
 
-@partial(jax.jit, static_argnames=("facts", "numbers", "among"))
-def slopes_at(facts: Rig, fixed: Values, numbers: tuple[Number, ...], at: Any, given: Given,
+@partial(jax.jit, static_argnames=("rig", "numbers", "among"))
+def slopes_at(rig: Rig, fixed: Values, numbers: tuple[Number, ...], at: Any, given: Given,
               among: Catalogue) -> Slopes:
     """Heights and exact derivatives; `numbers` names what `at` [p] holds, `fixed` has the values of the rest.
 
     A point of the given circumstances' curves is called by its term and its place among all their points.
     """
     def height(at: Any) -> tuple[Any, Height]:
-        flown = height_at(facts, with_numbers(fixed, numbers, at), along_curve(given, numbers, at), among)
+        flown = height_at(rig, with_numbers(fixed, numbers, at), along_curve(given, numbers, at), among)
         return flown.height_m, flown
 
     by_number, flown = jax.jacfwd(height, has_aux=True)(at)
-    return Slopes(flown, by_number, speed_gain(facts, with_numbers(fixed, numbers, at), given, among))
+    return Slopes(flown, by_number, speed_gain(rig, with_numbers(fixed, numbers, at), given, among))
 
 
 def with_numbers(fixed: Values, numbers: tuple[Number, ...], at: Any) -> dict[str, dict[str, Any]]:

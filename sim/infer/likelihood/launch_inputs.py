@@ -44,7 +44,7 @@ class Given(NamedTuple):
         return Exit(self.rolled, self.hooded, self.spun, True)
 
 
-def given_of(facts: Rig, shots: Shots, circumstances: Circumstances = ORDINARY) -> Given:
+def given_of(rig: Rig, shots: Shots, circumstances: Circumstances = ORDINARY) -> Given:
     """Launches of shots with wheel speeds (or motor_ratio) and hood_deg; BadInput names shots that lack one.
 
     Measured exit columns take precedence as in truearc.sim.physics.simulate.launch_of, with the doubt stated above.
@@ -52,23 +52,23 @@ def given_of(facts: Rig, shots: Shots, circumstances: Circumstances = ORDINARY) 
     """
     speed_m_s = shots.number("exit_speed_m_s")
     by_camera, spin_seen = (~np.isnan(shots.number(name)) for name in ("exit_deg", "exit_spin_rev_s"))
-    exit = launch_of(facts, shots)
-    log_speed, spin_rev_s = _doubt(facts, exit, ~np.isnan(speed_m_s), spin_seen)
+    exit = launch_of(rig, shots)
+    log_speed, spin_rev_s = _doubt(rig, exit, ~np.isnan(speed_m_s), spin_seen)
     return Given(exit, by_wheels(shots), ~by_camera, ~spin_seen, require(shots, "distance_m"), log_speed, spin_rev_s,
-                 np.radians(np.where(by_camera, EXIT_DEG_SD, facts.noise.hood_deg)),
-                 np.full(len(shots), facts.noise.distance_m), circumstances)
+                 np.radians(np.where(by_camera, EXIT_DEG_SD, rig.noise.hood_deg)),
+                 np.full(len(shots), rig.noise.distance_m), circumstances)
 
 
-def _doubt(facts: Rig, exit: Exit, speed_seen: np.ndarray, spin_seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _doubt(rig: Rig, exit: Exit, speed_seen: np.ndarray, spin_seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """What one deviation of each wheel, of a measured speed and of a measured spin does: [n, wheels + 2] twice.
 
     Launches are linear in the wheels' speeds, so that of one wheel alone is the derivative. Wheels are read apart;
     for those on one belt (speeds by motor_ratio) this overstates the doubt about the spin a little.
     """
-    radius_m = np.array([wheel.radius_m for wheel in facts.launcher.wheel])
+    radius_m = np.array([wheel.radius_m for wheel in rig.launcher.wheel])
     one_speed, one_spin = np.zeros((2, 0))
     if radius_m.size:
-        one_speed, one_spin = roll(facts, np.diag(radius_m) * facts.noise.wheel_rad_s)
+        one_speed, one_spin = roll(rig, np.diag(radius_m) * rig.noise.wheel_rad_s)
     per_m_s = 1.0 / np.maximum(exit.speed_m_s, SLOWEST_M_S)
     zero = np.zeros_like(per_m_s)
     speed = np.outer(~speed_seen * per_m_s, one_speed)

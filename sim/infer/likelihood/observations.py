@@ -59,30 +59,30 @@ class Gathered:
     left_out: tuple[str, ...]
 
 
-def gather(facts: Rig, dataset: Dataset) -> Gathered:
+def gather(rig: Rig, dataset: Dataset) -> Gathered:
     """All that a fit can use; InputError when that is nothing."""
     shots = dataset.shots
-    launched, marked = _has_launch(facts, shots), _has_mark(shots)
+    launched, marked = _has_launch(rig, shots), _has_mark(shots)
     placed = np.isfinite(shots.number("distance_m"))
     tracked = np.zeros(len(shots), bool)
     if dataset.tracks is not None:
         tracked[np.unique(dataset.tracks.shot)] = True
-    at_plane = launched & marked & placed & (facts.target is not None)
+    at_plane = launched & marked & placed & (rig.target is not None)
     measured = np.isfinite(shots.number("exit_speed_m_s")) | np.isfinite(shots.number("exit_deg"))
-    use = launched & (at_plane | tracked | (measured & has_wheels(facts, shots)))
+    use = launched & (at_plane | tracked | (measured & has_wheels(rig, shots)))
     rows = np.flatnonzero(use)
     tracks = gather_tracks(dataset.tracks, rows)
     free = gather_tracks(dataset.tracks, np.flatnonzero(tracked & ~launched))
-    left_out = _left_out(facts, shots, launched, marked, placed, tracked, use, (tracks, free))
+    left_out = _left_out(rig, shots, launched, marked, placed, tracked, use, (tracks, free))
     if not rows.size and free is None:
         raise InputError(f"{shots.source}: there is nothing to fit to, neither a track nor a shot with both a launch "
                          f"and "
                        f"something seen of its flight; {'; '.join(left_out)}")
     free_rows = np.flatnonzero(tracked & ~launched)[free.row if free is not None else np.zeros(0, np.int64)]
     around = circumstances_of(dataset)
-    given, seen, marks = _launches(facts, shots.take(rows), at_plane[rows])
+    given, seen, marks = _launches(rig, shots.take(rows), at_plane[rows])
     evidence = Observations(given._replace(circumstances=take_circumstances(around, rows)), seen, marks, tracks, free,
-                        spin_of(facts, shots)[free_rows], take_circumstances(around, free_rows))
+                        spin_of(rig, shots)[free_rows], take_circumstances(around, free_rows))
     rows = np.concatenate([rows, free_rows])
     return Gathered(evidence, shots, rows, _used(shots.take(rows), evidence), left_out)
 
@@ -94,36 +94,36 @@ def blind(given: Given) -> Observations:
     return Observations(given, ShotObservations(no, zero, one, no, zero, one), None, None, None, np.zeros(0))
 
 
-def _launches(facts: Rig, shots: Shots, at_plane: np.ndarray) -> tuple[Given, ShotObservations, OutcomeMarks | None]:
+def _launches(rig: Rig, shots: Shots, at_plane: np.ndarray) -> tuple[Given, ShotObservations, OutcomeMarks | None]:
     """Where wheels and hood speak, measured speed and elevation are evidence about them, not a launch of their own."""
-    wheels, hood = has_wheels(facts, shots), np.isfinite(shots.number("hood_deg"))
+    wheels, hood = has_wheels(rig, shots), np.isfinite(shots.number("hood_deg"))
     speed, elevation = shots.number("exit_speed_m_s"), shots.number("exit_deg")
     numbers = dict(shots.numbers)
     numbers["exit_speed_m_s"] = np.where(wheels, np.nan, speed)
     numbers["exit_deg"] = np.where(hood, np.nan, elevation)
     numbers["distance_m"] = np.where(np.isfinite(shots.number("distance_m")), shots.number("distance_m"), 1.0)
-    given = given_of(facts, Shots(shots.shot_id, numbers, shots.texts, shots.source))
+    given = given_of(rig, Shots(shots.shot_id, numbers, shots.texts, shots.source))
     speed_seen, elevation_seen = wheels & (speed > 0.0), hood & np.isfinite(elevation)
     seen = ShotObservations(speed_seen, np.log(np.where(speed_seen, speed, 1.0)),
                 EXIT_SPEED_SD_M_S / np.where(speed_seen, speed, 1.0), elevation_seen,
                 np.radians(np.where(elevation_seen, elevation, 0.0)), np.full(len(shots), np.radians(EXIT_DEG_SD)))
-    return given, seen, _marks(facts, shots, at_plane)
+    return given, seen, _marks(rig, shots, at_plane)
 
 
-def _marks(facts: Rig, shots: Shots, at_plane: np.ndarray) -> OutcomeMarks | None:
-    if facts.target is None or not at_plane.any():
+def _marks(rig: Rig, shots: Shots, at_plane: np.ndarray) -> OutcomeMarks | None:
+    if rig.target is None or not at_plane.any():
         return None
     outcome, side = (tuple(word if here else "" for word, here in zip(shots.text(name), at_plane, strict=True))
                      for name in ("outcome", "side"))
-    return make_marks(facts.target, outcome, side, np.where(at_plane, shots.number("miss_height_m"), np.nan))
+    return make_marks(rig.target, outcome, side, np.where(at_plane, shots.number("miss_height_m"), np.nan))
 
 
-def _has_speed(facts: Rig, shots: Shots) -> np.ndarray:
-    return has_wheels(facts, shots) | np.isfinite(shots.number("exit_speed_m_s"))
+def _has_speed(rig: Rig, shots: Shots) -> np.ndarray:
+    return has_wheels(rig, shots) | np.isfinite(shots.number("exit_speed_m_s"))
 
 
-def _has_launch(facts: Rig, shots: Shots) -> np.ndarray:
-    return _has_speed(facts, shots) & (np.isfinite(shots.number("hood_deg")) | np.isfinite(shots.number("exit_deg")))
+def _has_launch(rig: Rig, shots: Shots) -> np.ndarray:
+    return _has_speed(rig, shots) & (np.isfinite(shots.number("hood_deg")) | np.isfinite(shots.number("exit_deg")))
 
 
 def _has_mark(shots: Shots) -> np.ndarray:
@@ -136,10 +136,10 @@ def _has_mark(shots: Shots) -> np.ndarray:
     return marked
 
 
-def _left_out(facts: Rig, shots: Shots, launched: np.ndarray, marked: np.ndarray, placed: np.ndarray,
+def _left_out(rig: Rig, shots: Shots, launched: np.ndarray, marked: np.ndarray, placed: np.ndarray,
               tracked: np.ndarray, use: np.ndarray, tracks: tuple[TrackData | None, ...]) -> tuple[str, ...]:
     unused = ~use & ~(tracked & ~launched)
-    beside, sped = np.isin(shots.text("side"), ("left", "right")) & ~marked, _has_speed(facts, shots)
+    beside, sped = np.isin(shots.text("side"), ("left", "right")) & ~marked, _has_speed(rig, shots)
     reasons = (
         (unused & launched & beside, "missed left or right, which says nothing about the height"),
         (unused & launched & ~marked & ~beside,
@@ -148,7 +148,7 @@ def _left_out(facts: Rig, shots: Shots, launched: np.ndarray, marked: np.ndarray
         (unused & ~sped, "no launch speed: motor_ratio (with launcher.free_speed_rad_s in rig.toml), every "
                          "wheel_<name>_rad_s, or exit_speed_m_s"),
         (unused & sped & ~launched, "no hood_deg or exit_deg"),
-        (unused & launched & marked & placed & (facts.target is None), "rig.toml has no [target]"),
+        (unused & launched & marked & placed & (rig.target is None), "rig.toml has no [target]"),
         (marked & tracked & ~launched, "their outcome only: no launch, the track alone counts"),
     )
     said = [f"{int(which.sum())} of {len(shots)} shots: {why} ({_names(shots, which)})" for which, why in reasons

@@ -127,8 +127,8 @@ def test_tracks_recover_coefficients_scatter_and_noise():
 
 @pytest.mark.slow
 def test_thrown_balls_need_no_launcher():
-    facts = msgspec.structs.replace(GUPPY, launcher=msgspec.structs.replace(GUPPY.launcher, wheel=()))
-    fit = fit_ml(facts, make_tracks(22, 8, wheels=False), ("drag",))
+    rig = msgspec.structs.replace(GUPPY, launcher=msgspec.structs.replace(GUPPY.launcher, wheel=()))
+    fit = fit_ml(rig, make_tracks(22, 8, wheels=False), ("drag",))
     assert fit.converged
     assert fit.model.names == ("drag.cd", "tracks.noise_m")
     assert deviance_at(fit, "drag.cd", 0.5) < 9.0

@@ -165,7 +165,7 @@ def test_units_are_dimensionally_right(term):
     numbers = state(3) * np.repeat([length, speed, 1.0 / time], 3)
     exit = EXITS._replace(speed_m_s=EXITS.speed_m_s * speed, spin_rev_s=EXITS.spin_rev_s / time,
                           above_m=EXITS.above_m * length)
-    there = call(term, values, numbers, facts=rescaled(length, time, mass), exit=exit, distance_m=DISTANCES_M * length,
+    there = call(term, values, numbers, rig=rescaled(length, time, mass), exit=exit, distance_m=DISTANCES_M * length,
                  hole=type(HOLE)(*(part * length for part in HOLE)), time_s=FLOWN_S * time)
     here = np.asarray(call(term, typical(term), state(3)))
     rows = {"sensing": (speed, 1.0, 1.0 / time, length, length), "launch": (speed, 1.0, 1.0 / time, length)}

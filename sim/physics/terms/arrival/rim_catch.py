@@ -7,8 +7,7 @@ class RimCatch(ArrivalTerm):
     """Both half heights of the opening grow by reach_m."""
 
     order = 20, "how large the opening is"
-    parameters = amplitude("reach_m", "m", -0.05, 0.3, sd=0.03,
-                           meaning="half height of the opening above the stated one",
+    parameters = amplitude("reach_m", "m", -0.05, 0.3, sd=0.03, meaning="true half height less the stated one",
                            source="a ball that touches the rim goes in or out by a few centimetres of its path",
                            reason="none to five centimetres of a rim's or a net's give")
     direction = "vertical"

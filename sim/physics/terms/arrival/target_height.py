@@ -12,7 +12,7 @@ class TargetHeight(ArrivalTerm):
                            reason="a few centimetres by tape and floor")
     direction = "vertical"
     sentence = "The target stands higher or lower than stated."
-    phrase = either_way("the target stands {} <way> than stated", "higher", "lower", LENGTH)
+    phrase = either_way("the target stands {} <higher|lower> than stated", LENGTH)
     instrument = Instrument("target_height_tape", "target height with a tape", 0.01)
 
     def arrive(self, values: Values, opening: Opening) -> Opening:

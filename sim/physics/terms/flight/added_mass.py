@@ -3,17 +3,16 @@
 from truearc.sim.physics.air import displaced_share
 from truearc.sim.physics.term import BallState, FlightTerm, Forces, Rig, Values, Vec
 from truearc.sim.physics.term_fields import SHARE, Instrument, Phrase, amplitude
-from truearc.sim.physics.vector import add, scale
+from truearc.sim.physics.vector import scale, total
 
 
 class AddedMass(FlightTerm):
     """All accelerations / (1 + share x rho V / 2 m): half the displaced air for a sphere in potential flow."""
 
     order = 200, "a share of all forces"
-    parameters = amplitude(
-        "share", "1", -1.0, 4.0, sd=1.0, meaning="part of half the displaced air's mass that moves along",
-        source="1 for a sphere in a fluid without friction: half of the displaced mass (Lamb, Hydrodynamics)",
-        reason="0 is a simulation without it, 1 is the theory")
+    parameters = amplitude("share", "1", -1.0, 4.0, sd=1.0, meaning="share of half the displaced mass that moves along",
+                           source="1 for a sphere in a fluid without friction: half the displaced mass (Lamb 1932)",
+                           reason="0 is a simulation without it, 1 is the theory")
     direction = "vertical"
     sentence = "The ball carries air along and is harder to speed up or slow down than its mass says."
     phrase = Phrase("the ball has to move some air along, {} of what theory gives it", "the ball moves as if it were "
@@ -22,7 +21,4 @@ class AddedMass(FlightTerm):
 
     def acceleration(self, rig: Rig, values: Values, ball: BallState, forces: Forces) -> Vec:
         heavier = values["share"] * (0.5 * displaced_share(rig))
-        total = Vec(0.0, 0.0, 0.0)
-        for force in forces.values():
-            total = add(total, force)
-        return scale(-heavier / (1.0 + heavier), total)
+        return scale(-heavier / (1.0 + heavier), total(forces.values()))

@@ -9,8 +9,7 @@ class Buoyancy(FlightTerm):
     """share x (rho V / m) g upward, Archimedes' force; 1 is all of it."""
 
     order = 190, "air at rest: after the shares of the moving air's forces"
-    parameters = amplitude("share", "1", -1.0, 4.0, sd=1.0,
-                           meaning="part of the displaced air's weight that lifts the ball",
+    parameters = amplitude("share", "1", -1.0, 4.0, sd=1.0, meaning="share of the displaced air's weight that lifts",
                            source="1 by Archimedes' principle: 2.5 % of the weight of a foam ball",
                            reason="0 is a simulation without it, 1 is what it must be")
     direction = "vertical"

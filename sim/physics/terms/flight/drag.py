@@ -1,8 +1,7 @@
 """Quadratic air drag (the paper's Eq. 3)."""
 
 from truearc.sim.physics.air import drag_per_m
-from truearc.sim.physics.term import BallState, FlightTerm, Forces, Rig, Values, Vec
-from truearc.sim.physics.term_fields import NUMBER, Instrument, Phrase, amplitude
+from truearc.sim.physics.term import BallState, FlightTerm, Forces, Instrument, Rig, Values, Vec, amplitude, either_way
 from truearc.sim.physics.vector import length, scale
 
 
@@ -16,8 +15,7 @@ class Drag(FlightTerm):
                            "two either way leaves room for the paper's 0.91", by_ball=0.08, fit_each_ball=True)
     direction = "along"
     sentence = "The air slows the ball in proportion to the square of its speed."
-    phrase = Phrase("the air slows the ball, with a drag coefficient of {}", "the air drives the ball, with a drag "
-                    "coefficient of minus {}", *NUMBER)
+    phrase = either_way("the air <slows|drives> the ball, with a drag coefficient of <|minus >{}")
     instrument = Instrument("fall_film", "the fall of a ball from a known height, on film", 0.05)
 
     def acceleration(self, rig: Rig, values: Values, ball: BallState, forces: Forces) -> Vec:

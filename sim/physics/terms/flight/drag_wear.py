@@ -8,15 +8,12 @@ class DragWear(ForceShareTerm):
 
     of = "drag"
     order = 160, "a share of drag"
-    parameters = amplitude(
-        "share", "1", -0.9, 2.0, sd=0.1, meaning="relative growth of the drag by the end of a session",
-        source="worn tennis balls have clearly less drag than new ones (Goodwill 2004); torn foam has more",
-        reason="none to fifteen per cent in a session, in either direction")
+    parameters = amplitude("share", "1", -0.9, 2.0, sd=0.1, meaning="relative growth of drag by a session's end",
+                           source="worn tennis balls have less drag than new ones (Goodwill 2004), torn foam has more",
+                           reason="none to fifteen per cent in a session, in either direction")
     direction = "along"
     label = "drag of worn balls"
     follows = "age"
-    record = "ball_id or t_s of each shot"
     sentence = "The drag of the balls changes the more they have been shot."
-    phrase = either_way("the drag of the balls <way> the more they have been shot, by {} at the end", "grows", "falls",
-                        SHARE)
+    phrase = either_way("the drag of the balls <grows|falls> the more they have been shot, by {} at the end", SHARE)
     instrument = Instrument("fall_film_worn_balls", "the fall of new and worn balls side by side, on film", 0.05)

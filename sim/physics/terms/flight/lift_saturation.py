@@ -4,8 +4,7 @@ import math
 
 import jax.numpy as jnp
 
-from truearc.sim.physics.term import BallState, ForceShareTerm, Number, Rig, Values
-from truearc.sim.physics.term_fields import NUMBER, Instrument, Phrase, amplitude
+from truearc.sim.physics.term import BallState, ForceShareTerm, Instrument, Number, Rig, Values, amplitude, either_way
 from truearc.sim.physics.vector import length
 
 LEAST = 0.1                           # of 1 + rate S, should a search try rates far below 0
@@ -16,14 +15,13 @@ class LiftSaturation(ForceShareTerm):
 
     of = "magnus"
     order = 150, "a share of the lift"
-    parameters = amplitude("rate", "1", 0.0, 10.0, sd=1.0,
-                           meaning="how soon the lift levels off with the spin parameter",
+    parameters = amplitude("rate", "1", 0.0, 10.0, sd=1.0, meaning="how soon lift levels off as spin grows",
                            source="lift of baseballs depends on S alone and flattens with it (Nathan 2008)",
                            reason="tunnel data of sports balls flatten at S of about 0.3 to 1")
     direction = "vertical"
     sentence = "The lift no longer grows in proportion to the spin when the ball spins fast."
-    phrase = Phrase("lift levels off as the ball spins faster, at a rate of {}", "lift grows more than in proportion "
-                    "to spin, at a rate of {}", *NUMBER)
+    phrase = either_way("lift <levels off as the ball spins faster|grows more than in proportion to spin>, at a rate "
+                        "of {}")
     instrument = Instrument("spin_film", "spin of a marked ball at 120 frames/s", 0.3)
 
     def share(self, rig: Rig, values: Values, ball: BallState) -> Number:

@@ -2,8 +2,7 @@
 
 import math
 
-from truearc.sim.physics.term import BallState, FlightTerm, Forces, Rig, Values, Vec
-from truearc.sim.physics.term_fields import NUMBER, Instrument, Phrase, amplitude
+from truearc.sim.physics.term import BallState, FlightTerm, Forces, Instrument, Rig, Values, Vec, amplitude, either_way
 from truearc.sim.physics.vector import cross, scale
 
 
@@ -13,14 +12,13 @@ class Magnus(FlightTerm):
     order = 120, "a force by itself, before those that are shares of it"
     parameters = amplitude("cl", "1", 0.0, 5.0, scale="linear", centre=0.1, sd=0.15, meaning="lift coefficient",
                            source="the paper's search range; 1 is the inviscid value",
-                           reason="a lift of k r w / v in the usual form, k near 0.5 to 1, is cl 0.1 to 0.2 with a "
-                           "true spin and half of that with the paper's, which is twice as fast; smooth balls may have "
-                           "it reversed", by_ball=0.08)
+                           reason="a lift of k r w / v in the usual form, k near 0.5 to 1, is cl 0.1 to 0.2 with the "
+                           "true spin, half of that with the paper's (twice as fast); smooth balls may reverse it",
+                           by_ball=0.08)
     direction = "vertical"
     label = "lift"
     sentence = "The ball's spin bends its path, in proportion to spin and speed."
-    phrase = Phrase("backspin lifts the ball, with a lift coefficient of {}", "backspin presses the ball down, with a "
-                    "lift coefficient of minus {}", *NUMBER)
+    phrase = either_way("backspin <lifts the ball|presses the ball down>, with a lift coefficient of <|minus >{}")
     instrument = Instrument("shots_without_spin", "where five shots without spin go", 0.05)
 
     def acceleration(self, rig: Rig, values: Values, ball: BallState, forces: Forces) -> Vec:

@@ -11,14 +11,13 @@ class SpinDecay(AirTerm):
 
     order = 10, "what spin is left, before the forces that it makes"
     parameters = amplitude("rate_per_s", "1/s", 0.0, 5.0, sd=0.4, meaning="share of the spin lost per second",
-                           source="golf balls lose 3 to 4 per cent per second; by the law seen for baseballs (Nathan "
-                           "2008) a light ball of 18 cm at 10 m/s a quarter",
+                           source="golf balls lose 3 to 4 % per second; a light ball of 18 cm at 10 m/s a quarter, by "
+                           "the law seen for baseballs (Nathan 2008)",
                            reason="from golf's hundredths to the quarter by that law, and twice as much for foam")
     direction = "vertical"
     sentence = "The ball loses spin in flight."
-    phrase = either_way("the ball <way> spin in flight, at {} a second", "loses", "gains", SHARE, " a second")
+    phrase = either_way("the ball <loses|gains> spin in flight, at {} a second", SHARE, " a second")
     instrument = Instrument("spin_film_early_late", "spin of a marked ball at 120 frames/s, early and late", 0.1)
 
     def meet(self, rig: Rig, values: Values, ball: BallState) -> BallState:
-        left = jnp.exp(-values["rate_per_s"] * ball.time_s)
-        return ball._replace(spin_rev_s=scale(left, ball.spin_rev_s))
+        return ball._replace(spin_rev_s=scale(jnp.exp(-values["rate_per_s"] * ball.time_s), ball.spin_rev_s))

@@ -3,8 +3,7 @@
 import math
 
 from truearc.sim.physics.air import drag_per_m
-from truearc.sim.physics.term import BallState, FlightTerm, Forces, Rig, Values, Vec
-from truearc.sim.physics.term_fields import NUMBER, Instrument, Phrase, amplitude
+from truearc.sim.physics.term import BallState, FlightTerm, Forces, Instrument, Rig, Values, Vec, amplitude, either_way
 from truearc.sim.physics.vector import dot, length, scale, times
 
 
@@ -12,17 +11,15 @@ class SpinDrag(FlightTerm):
     """cd grows by share S^2 with S = 2 pi r spin / speed: a = -(share S^2) (rho A / 2 m) v^2 against the velocity."""
 
     order = 130, "a force by itself, which shares of drag leave alone"
-    parameters = amplitude("share", "1", -2.0, 5.0, sd=0.3,
-                           meaning="growth of the drag coefficient with the spin parameter squared",
-                           source="golf balls and baseballs have it; tennis balls in the tunnel, though not in free "
-                           "flight (Cross & Lindsey 2013)",
+    parameters = amplitude("share", "1", -2.0, 5.0, sd=0.3, meaning="growth of cd with the spin parameter squared",
+                           source="seen of golf balls, baseballs and, in tunnels only, tennis balls (Cross & Lindsey "
+                           "2013)",
                            reason="tunnel data of spinning balls rise by about as much as S squared")
     direction = "along"
     label = "drag by spin"
     sentence = "The air slows a spinning ball more than one without spin."
-    phrase = Phrase("a spinning ball has more drag: its coefficient is {} larger where the ball's rim turns as fast as "
-                    "it flies", "a spinning ball has less drag: its coefficient is {} smaller where the ball's rim "
-                    "turns as fast as it flies", *NUMBER)
+    phrase = either_way("a spinning ball has <more|less> drag: its coefficient is {} <larger|smaller> where the ball's "
+                        "rim turns as fast as it flies")
     instrument = Instrument("shots_without_spin", "where five shots without spin go", 0.15)
 
     def acceleration(self, rig: Rig, values: Values, ball: BallState, forces: Forces) -> Vec:

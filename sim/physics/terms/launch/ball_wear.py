@@ -11,7 +11,6 @@ class BallWear(SpeedTerm):
                            source="balls of a season are visibly smaller and torn at its end",
                            reason="none to five per cent of exit speed in a session")
     follows = "age"
-    record = "ball_id or t_s of each shot"
     sentence = "The balls leave slower, or faster, the more they have been shot."
-    phrase = either_way("the balls leave <way> the more they have been shot: {} by the end", "slower", "faster", SHARE)
+    phrase = either_way("the balls leave <slower|faster> the more they have been shot: {} by the end", SHARE)
     instrument = Instrument("speed_worn_balls", "the speed of new and worn balls in turn", 0.02)

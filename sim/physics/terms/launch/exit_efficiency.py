@@ -13,5 +13,5 @@ class ExitEfficiency(SpeedTerm):
                            reason="67 to 87 % of surface speed were measured with wheels above and below; 0.2 on the "
                            "log of what is left is 54 to 98 % at two sigma", percent=True)
     sentence = "The ball leaves slower than the wheels' surfaces run, by the same share at every speed."
-    phrase = either_way("the ball leaves {} <way> than the wheels' surfaces run", "slower", "faster", SHARE)
+    phrase = either_way("the ball leaves {} <slower|faster> than the wheels' surfaces run", SHARE)
     instrument = Instrument("exit_speed_film", "exit speed with a high-speed camera", 0.02)

@@ -1,6 +1,6 @@
 """Wheels that slip on the ball, the more the faster they turn: there is less time to bring it up to speed."""
 
-from truearc.sim.physics.term import SHARE, Exit, Instrument, LaunchTerm, Phrase, Rig, Values, amplitude
+from truearc.sim.physics.term import SHARE, Exit, Instrument, LaunchTerm, Rig, Values, amplitude, either_way
 
 
 class WheelSlip(LaunchTerm):
@@ -17,9 +17,8 @@ class WheelSlip(LaunchTerm):
         "constant part is another term's", by_ball=0.08)
     direction = "along"
     sentence = "The wheels slip on the ball, the more the faster they turn."
-    phrase = Phrase("the faster the wheels run, the more the ball slips: it loses {} of its speed for each m/s",
-                    "the faster the wheels run, the better they grip: the ball gains {} of its speed for each m/s",
-                    *SHARE, " per m/s of wheel surface")
+    phrase = either_way("the faster the wheels run, the <more the ball slips: it loses|better they grip: the ball "
+                        "gains> {} of its speed for each m/s", SHARE, " per m/s of wheel surface")
     instrument = Instrument("exit_speed_film", "exit speed with a high-speed camera", 0.003)
 
     def leave(self, rig: Rig, values: Values, exit: Exit) -> Exit:

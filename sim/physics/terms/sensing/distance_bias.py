@@ -11,8 +11,7 @@ class DistanceBias(DistanceTerm):
                            source="the camera, the exit and the plane of the target are not where the drawing has them",
                            reason="a mount, a lens and a target are each within a few centimetres of the drawing")
     sentence = "The robot takes all distances as too long or too short by the same length."
-    phrase = either_way("the target is {} <way> than measured, wherever the robot stands", "farther away", "nearer",
-                        LENGTH)
+    phrase = either_way("the target is {} <farther away|nearer> than measured, wherever the robot stands", LENGTH)
     instrument = Instrument("distance_tape", "distance with a tape at 3 stations", 0.01)
 
     def distance_m(self, measured_m: Number, amount: Number) -> Number:

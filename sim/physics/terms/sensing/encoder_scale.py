@@ -8,13 +8,12 @@ class EncoderScale(SensingTerm):
 
     order = 30, "the wheels, which the hood has no part in"
     parameters = amplitude("share", "1", -0.2, 0.2, sd=0.01, meaning="surface speeds above the measured ones",
-                           source="a wheel of stated diameter wears and grows with speed; encoders themselves are "
-                           "exact except for a wrong ratio",
+                           source="a wheel wears and grows with speed; encoders are exact except for a wrong ratio",
                            reason="a millimetre on a wheel of four inches is one per cent")
     direction = "along"
     sentence = ("The wheels run at other surface speeds than their encoders and stated diameters say, by the same "
                 "share.")
-    phrase = either_way("the wheels' surfaces run {} <way> than measured", "faster", "slower", SHARE)
+    phrase = either_way("the wheels' surfaces run {} <faster|slower> than measured", SHARE)
     instrument = Instrument("calipers_tachometer",
                             "wheel diameter with calipers, wheel speed with an optical tachometer", 0.003)
 

@@ -11,7 +11,6 @@ class VisionLatency(DistanceTerm):
                            source="vision pipelines of robots take 30 to 50 ms from light to distance",
                            reason="20 to 80 ms are usual, exposure and network included")
     follows = "closing_speed_m_s"
-    record = "robot_speed_m_s of each shot"
     sentence = ("The distance is out of date by the time of the shot: the robot has driven on since the picture was "
                 "taken.")
     phrase = Phrase("the distance is {} out of date when the ball leaves", "the distance runs {} ahead of the robot",
