@@ -14,7 +14,7 @@ import numpy as np
 
 from tests.sim.infer.independent import Truth, make_dataset
 from tests.sim.physics.rigs import GUPPY
-from truearc.sim.infer.map_fit import fit_ml
+from truearc.sim.infer.map_fit import fit_map
 from truearc.sim.infer.parameters import SCATTER_PRIORS
 from truearc.sim.infer.profile import Z90, deviance_at
 from truearc.sim.intervals import wilson
@@ -37,7 +37,7 @@ def true_values(truth: Truth) -> dict[str, float]:
 def replicate(seed: int, shots: int, side: bool) -> dict[str, bool] | None:
     """Whether each parameter's interval holds the truth; None when the fit did not settle."""
     truth = draw_truth(np.random.default_rng([seed, 1]))
-    fit = fit_ml(GUPPY, make_dataset(seed, shots, truth, side=side), TERMS)
+    fit = fit_map(GUPPY, make_dataset(seed, shots, truth, side=side), TERMS)
     if not fit.converged:
         return None
     return {name: deviance_at(fit, name, value) <= Z90**2 for name, value in true_values(truth).items()}

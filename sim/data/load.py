@@ -35,7 +35,9 @@ def load_dataset(directory: str | Path) -> Dataset:
         tables = [None if path is None else load_table(path, problems)
                   for path in (find_table(home, "tracks"), find_table(home, "traces"))]
         dataset = assemble(home.resolve().name, rig, problems, load_table(shots_path, problems), *tables)
-    return replace(dataset, left_out=_left_out(home / LEFT_OUT))
+    said = home / LEFT_OUT
+    lines = said.read_text(encoding="utf-8", errors="replace").splitlines() if said.is_file() else ()
+    return replace(dataset, left_out=tuple(lines))
 
 
 def assemble(name: str, rig: Rig, problems: Problems, shots: RawTable, tracks: RawTable | None = None,
@@ -50,13 +52,9 @@ def assemble(name: str, rig: Rig, problems: Problems, shots: RawTable, tracks: R
     return Dataset(name, rig, checked, _tracks(tracks, row_of, problems), _traces(traces, row_of, problems))
 
 
-def dataset_hash(directory: str | Path) -> str:
-    """SHA-256 of what a dataset says, whether it lies in CSV or Parquet and whatever its columns' order."""
-    return hash_dataset(load_dataset(directory))
-
-
 def hash_dataset(dataset: Dataset) -> str:
-    """As dataset_hash, of a dataset in memory; its name does not count."""
+    """SHA-256 of what a dataset says, whether it lay in CSV or Parquet; its name and its columns' order do not count.
+    """
     digest = hashlib.sha256(msgspec.json.encode(dataset.facts, order="deterministic"))
     shots = dataset.shots
     _feed(digest, "shots", {"shot_id": shots.shot_id, **shots.numbers, **shots.texts})
@@ -147,7 +145,3 @@ def _check_order(table: RawTable, shot: np.ndarray, t_s: np.ndarray, problems: P
         if index in last and time_s <= last[index]:
             problems.add(table.place(row), "t_s", f"{time_s:g} does not follow {last[index]:g} of the same shot")
         last[index] = time_s
-
-
-def _left_out(path: Path) -> tuple[str, ...]:
-    return tuple(path.read_text(encoding="utf-8", errors="replace").splitlines()) if path.is_file() else ()

@@ -18,7 +18,7 @@ from truearc.sim.infer.likelihood.launch_inputs import EXIT_SPEED_SD_M_S, Given,
 from truearc.sim.infer.likelihood.observations import blind
 from truearc.sim.infer.likelihood.outcome_likelihood import HEIGHT_SD_M, LAPSE
 from truearc.sim.infer.likelihood.shot_likelihood import Points, narrow, plane_of, values_at
-from truearc.sim.infer.map_fit import MlFit
+from truearc.sim.infer.map_fit import MapFit
 from truearc.sim.infer.parameters import Model
 
 SHOTS = 20                            # of each proposal
@@ -40,7 +40,7 @@ class Proposal:
     sd_ratio: float
 
 
-def advise(fit: MlFit, most: int = 3) -> tuple[Proposal, ...]:
+def advise(fit: MapFit, most: int = 3) -> tuple[Proposal, ...]:
     """The best proposal of each kind of observation, best first; none where the rig's wheels cannot be set by ratio."""
     rig = fit.model.facts
     shots = fit.gathered.shots.take(fit.gathered.rows[:len(fit.problem.evidence.given.rolled)])
@@ -62,7 +62,7 @@ def advise(fit: MlFit, most: int = 3) -> tuple[Proposal, ...]:
     return tuple(sorted(proposals, key=lambda one: one.sd_ratio)[:most])
 
 
-def _designs(fit: MlFit, shots: Shots, target: Target) -> tuple[Shots, np.ndarray]:
+def _designs(fit: MapFit, shots: Shots, target: Target) -> tuple[Shots, np.ndarray]:
     """Configurations over the dataset's own range, each with the motor ratio that sends the ball to its aim."""
     ends = [(np.nanmin(column), np.nanmax(column)) for column in (shots.number("distance_m"), shots.number("hood_deg"))]
     if not np.isfinite(ends).all():
@@ -84,7 +84,7 @@ def _as_shots(distance_m: np.ndarray, hood_deg: np.ndarray, motor_ratio: np.ndar
                  {"distance_m": distance_m, "hood_deg": hood_deg, "motor_ratio": motor_ratio}, {})
 
 
-def _information(fit: MlFit, designs: Shots, target: Target) -> list[np.ndarray]:
+def _information(fit: MapFit, designs: Shots, target: Target) -> list[np.ndarray]:
     """Expected information [n, p, p] in prior units of one shot of each kind at each design."""
     given = given_of(fit.model.facts, designs)
     u = fit.optimum.u

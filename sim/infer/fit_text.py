@@ -8,7 +8,7 @@ from truearc.sim.infer.advise import SHOTS, Proposal
 from truearc.sim.infer.crossval import CrossValidation
 from truearc.sim.infer.forecast import forecast
 from truearc.sim.infer.identifiability import Identified, identify
-from truearc.sim.infer.map_fit import MlFit
+from truearc.sim.infer.map_fit import MapFit
 from truearc.sim.infer.parameters import Sought
 from truearc.sim.infer.profile import ProfileInterval
 
@@ -18,7 +18,7 @@ EVIDENCE = {"outcome": "outcomes", "side": "sides (high or low)", "miss_height_m
 NEAREST = 15                          # shots whose median stands for "at this distance"
 
 
-def fit_lines(fit: MlFit, intervals: Iterable[ProfileInterval], holdout: CrossValidation | None,
+def fit_lines(fit: MapFit, intervals: Iterable[ProfileInterval], holdout: CrossValidation | None,
               proposals: Iterable[Proposal]) -> list[str]:
     """The report, line by line; of a fit that did not converge only what was used."""
     lines = list(say_evidence(fit))
@@ -32,7 +32,7 @@ def fit_lines(fit: MlFit, intervals: Iterable[ProfileInterval], holdout: CrossVa
     return lines
 
 
-def say_evidence(fit: MlFit) -> Iterable[str]:
+def say_evidence(fit: MapFit) -> Iterable[str]:
     """What was used, and what was not."""
     used = ", ".join(f"{count} {EVIDENCE[kind]}" for kind, count in fit.gathered.used.items())
     yield f"fitted to {len(fit.gathered.rows)} of {len(fit.gathered.shots)} shots: {used}"
@@ -63,7 +63,7 @@ def _doubt(one: ProfileInterval) -> str:
     return f"; {' and '.join(sides)} end set by the prior, not by these shots" if sides else ""
 
 
-def say_scatter(fit: MlFit) -> Iterable[str]:
+def say_scatter(fit: MapFit) -> Iterable[str]:
     """What the scatter means at the target."""
     count = len(fit.problem.evidence.given.rolled)
     shots = fit.gathered.shots.take(fit.gathered.rows[:count])
@@ -80,7 +80,7 @@ def say_scatter(fit: MlFit) -> Iterable[str]:
            f"the sensors misjudge adds {sensor:.0f} cm, what this fit does not know {doubt:.0f} cm")
 
 
-def say_identified(fit: MlFit) -> Iterable[str]:
+def say_identified(fit: MapFit) -> Iterable[str]:
     """What these shots cannot tell apart, or on their own not at all."""
     found: Identified = identify(fit)
     for pair in found.pairs:

@@ -26,7 +26,7 @@ SETTLED = 1e-3                        # of a move of the parameters in prior sta
 
 
 @dataclass(frozen=True, eq=False)
-class MlFit:
+class MapFit:
     """The fit: `covariance` of u (units of the priors) is the inverse Hessian."""
 
     model: Model
@@ -61,8 +61,8 @@ class MlFit:
                       self.covariance[np.ix_(keep, keep)] * np.outer(sd, sd), catalogue=self.model.catalogue)
 
 
-def fit_ml(rig: Rig, dataset: Dataset, terms: tuple[str, ...], progress: Progress = lambda done, note: None,
-           grid: dict[str, dict[str, float]] | None = None, among: Catalogue | None = None) -> MlFit:
+def fit_map(rig: Rig, dataset: Dataset, terms: tuple[str, ...], progress: Progress = lambda done, note: None,
+           grid: dict[str, dict[str, float]] | None = None, among: Catalogue | None = None) -> MapFit:
     """Fit the named terms (gravity always among them) and the scatter of the launch to a dataset.
 
     grid: {term: {parameter: value}} that the paper's grid chose, one more start (truearc.sim.paper.grid_fit).
@@ -80,7 +80,7 @@ def fit_ml(rig: Rig, dataset: Dataset, terms: tuple[str, ...], progress: Progres
     optimum = best_of(problem, _starts(problem, grid or {}), lambda done, note: progress(0.1 + 0.6 * done, note))
     problem, optimum = settle(problem, optimum)
     progress(1.0, "fitted")
-    return MlFit(model, gathered, problem, optimum, _covariance(optimum.hessian))
+    return MapFit(model, gathered, problem, optimum, _covariance(optimum.hessian))
 
 
 def settle(problem: Problem, optimum: Optimum) -> tuple[Problem, Optimum]:
@@ -96,7 +96,7 @@ def settle(problem: Problem, optimum: Optimum) -> tuple[Problem, Optimum]:
     return problem, optimum
 
 
-def refit(fit: MlFit, weight: Float[np.ndarray, " units"]) -> Optimum:
+def refit(fit: MapFit, weight: Float[np.ndarray, " units"]) -> Optimum:
     """The optimum with other weights of the units, from the fit's own."""
     return minimise(replace(fit.problem, weight=weight), fit.optimum.u)
 

@@ -5,8 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from truearc.robot.config.rig_spec import Rig, Wheel
-from truearc.robot.config.schema import InputError
+from truearc.robot.config.rig_spec import Rig
 
 
 class Exit(NamedTuple):
@@ -45,21 +44,6 @@ def exit_no_slip(rig: Rig, wheel_surface_m_s: Any) -> tuple[Any, Any]:
     return solved[:, 0], spin_rad_s
 
 
-def opposed_wheels(rig: Rig) -> tuple[Wheel, Wheel]:
-    """(upper, lower) of a rig with exactly one wheel on top and one at the bottom; InputError otherwise."""
-    clocks = [round(wheel.clock_deg % 360.0, 6) for wheel in rig.launcher.wheel]
-    if sorted(clocks) != [0.0, 180.0]:
-        raise InputError("rig.toml: launcher.wheel: the seed's Eq. 11 and 12 need two wheels, clock_deg 0 and 180")
-    return rig.launcher.wheel[clocks.index(0.0)], rig.launcher.wheel[clocks.index(180.0)]
-
-
 def is_opposed(rig: Rig) -> bool:
     """Whether the seed's Eq. 11 and 12 apply to this rig."""
     return sorted(round(wheel.clock_deg % 360.0, 6) for wheel in rig.launcher.wheel) == [0.0, 180.0]
-
-
-def free_speed_rad_s(rig: Rig) -> float:
-    """The motors' free speed; InputError when rig.toml does not state it."""
-    if rig.launcher.free_speed_rad_s is None:
-        raise InputError("rig.toml: launcher.free_speed_rad_s is needed to turn motor_ratio into a launch")
-    return rig.launcher.free_speed_rad_s

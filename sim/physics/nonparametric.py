@@ -10,11 +10,10 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 
-from truearc.sim.physics.frame import axes
 from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.term import BallState, FlightTerm, Forces, LaunchTerm, Number, Rig, SensingTerm, Term, Values
 from truearc.sim.physics.term_fields import Parameter
-from truearc.sim.physics.vector import Vec, length
+from truearc.sim.physics.vector import Vec, axes, length
 
 FOUND = "as discovery found it in recordings"
 AT_SPEED_M_S = 10.0                   # where a push that goes with the speed is stated

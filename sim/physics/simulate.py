@@ -50,15 +50,7 @@ def predict(rig: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: Sh
     values = effective(coefficients, circumstances, among)
     whose = by_robot(shots)
     exit, distance_m = sense(rig, values, launch_of(rig, shots), require(shots, "distance_m"), whose, among)
-    return _fly_rows(rig, values, leave(rig, values, exit, whose, among), distance_m, progress, among)
-
-
-def fly_rows(rig: Rig, coefficients: Mapping[str, Mapping[str, float]], exit: Exit, distance_m: np.ndarray,
-             progress: Progress = lambda done, note: None) -> Crossing:
-    """As predict, of ordinary launches by the wheels (before sensing and launch terms) given as numpy arrays [n]."""
-    values = effective(coefficients, ORDINARY)
-    exit, distance_m = sense(rig, values, exit, distance_m)
-    return _fly_rows(rig, values, leave(rig, values, exit), distance_m, progress, None)
+    return fly_rows(rig, values, leave(rig, values, exit, whose, among), distance_m, progress, among)
 
 
 def sense(rig: Rig, values: Values, exit: Exit, distance_m: Any, where: Any = True,
@@ -121,9 +113,9 @@ def take_values(values: Values, rows: Any) -> dict[str, dict[str, Any]]:
             for name, table in values.items()}
 
 
-def _fly_rows(rig: Rig, values: Values, exit: Exit, distance_m: np.ndarray,
-              progress: Progress, among: Catalogue | None) -> Crossing:
-    """Heights and times of launches as they leave.
+def fly_rows(rig: Rig, values: Values, exit: Exit, distance_m: np.ndarray,
+             progress: Progress = lambda done, note: None, among: Catalogue | None = None) -> Crossing:
+    """Fly launches [n] as they leave the wheels, after sensing and launch terms, by effective `values`.
 
     Rows fly in blocks of those that stay aloft about equally long, and in few different sizes, since each is compiled.
     """

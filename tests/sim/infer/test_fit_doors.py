@@ -9,7 +9,7 @@ import pytest
 from tests.sim.physics import reference
 from tests.sim.physics.rigs import GUPPY
 from truearc.cli.main import main
-from truearc.sim.data.dataset import Dataset, Shots, dataset_hash, save_dataset
+from truearc.sim.data.dataset import Dataset, Shots, hash_dataset, load_dataset, save_dataset
 from truearc.sim.infer.coefficients import load_coefficients, load_provenance
 
 ROWS = [(3.0, 0.5, 50.0), (15.0, 0.3, 40.0), (4.0, 0.6, 60.0), (2.0, 0.45, 60.0)]
@@ -50,7 +50,7 @@ def test_fit_writes_what_predict_reads(home, tmp_path, capsys):
     at = (round(chosen["drag"]["cd"] / 0.5), round(chosen["magnus"]["cl"] / 0.5))
     assert saved["tied"][at]
     assert saved["share_three"][at] == saved["share_three"].max()
-    assert load_provenance(out)["dataset_sha256"] == dataset_hash(home)
+    assert load_provenance(out)["dataset_sha256"] == hash_dataset(load_dataset(home))
     assert load_provenance(out)["tied_pairs"] == saved["tied"].sum()
     assert main(["predict", str(home), "--coefficients", str(out), "-o", str(tmp_path / "p.csv")]) == 0
     assert main(["predict", str(home), "--cd", str(chosen["drag"]["cd"]), "--cl", str(chosen["magnus"]["cl"])]) == 0

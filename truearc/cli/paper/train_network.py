@@ -6,7 +6,7 @@ from typing import Any
 
 from truearc.cli.progress import make_progress
 from truearc.robot.config.schema import InputError
-from truearc.sim.data.dataset import dataset_hash, load_dataset
+from truearc.sim.data.dataset import hash_dataset, load_dataset
 from truearc.sim.gate.network_training import Shares, rows_of, train_network
 from truearc.sim.paper.settings import PATIENCE, Recipe, check_recipe
 from truearc.sim.paper.synthetic_data import load_provenance
@@ -50,5 +50,6 @@ def load_rows(directory: str) -> Rows:
 
 def made_of(args: argparse.Namespace) -> dict[str, Any]:
     """What a record says of the data; args: `real`, `sim`, `holdout` and `validation` as typed."""
-    return {"holdout": args.holdout, "validation": args.validation, "real_sha256": dataset_hash(args.real),
-            "sim_sha256": dataset_hash(args.sim) if args.sim else None, "coefficients": coefficients_of(args.sim)}
+    hashes = [hash_dataset(load_dataset(path)) if path else None for path in (args.real, args.sim)]
+    return {"holdout": args.holdout, "validation": args.validation, "real_sha256": hashes[0], "sim_sha256": hashes[1],
+            "coefficients": coefficients_of(args.sim)}
