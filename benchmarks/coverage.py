@@ -15,7 +15,7 @@ import numpy as np
 from tests.sim.infer.independent import Truth, make_dataset
 from tests.sim.physics.rigs import GUPPY
 from truearc.sim.infer.map_fit import fit_map
-from truearc.sim.infer.parameters import SCATTER_PRIORS
+from truearc.sim.infer.parameters import SCATTERS
 from truearc.sim.infer.profile import Z90, deviance_at
 from truearc.sim.intervals import wilson
 
@@ -25,7 +25,7 @@ LOW, HIGH = 0.86, 0.94                # what is asked of every parameter
 
 def draw_truth(rng: np.random.Generator) -> Truth:
     """Coefficients over what launchers and balls have; scatters from the priors that the fit states."""
-    scatter = [prior.centre * np.exp(prior.sd * rng.normal()) for prior in SCATTER_PRIORS.values()]
+    scatter = [one.prior.centre * np.exp(one.prior.sd * rng.normal()) for one in SCATTERS]
     return Truth(rng.uniform(0.3, 0.7), rng.uniform(0.02, 0.1), rng.uniform(0.1, 0.35), *map(float, scatter))
 
 

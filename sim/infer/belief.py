@@ -41,12 +41,12 @@ SCATTER = "scatter"
 
 @dataclass(frozen=True, eq=False)
 class Belief(Printed):
-    """Coefficients with scatter and doubt.
+    """Coefficients with scatter and uncertainty.
 
     coefficients: {term: {parameter: value}}. scatter: {"speed": sd of the log of the exit speed from shot to shot,
-    "elevation_deg": sd of the exit elevation}, empty when nobody fitted it. names: "term.parameter" or "scatter.x", one
-    a row of `covariance` [p, p], which is on the parameters' own scales (module docstring); what has no name is exact.
-    curves: how large effects without a name are, by their terms of truearc.sim.physics.nonparametric in `coefficients`.
+    "elevation_deg": sd of the exit elevation}, empty when it was not fitted. names: "term.parameter" or "scatter.x",
+    one per row of `covariance` [p, p], which is on the parameters' own scales (module docstring); others are exact.
+    curves: sizes of unexplained effects, by their terms of truearc.sim.physics.nonparametric in `coefficients`.
     catalogue: of the terms that the coefficients name.
     provenance: how the belief came about, in plain values that a file keeps; nothing is computed from it.
     """
@@ -81,7 +81,14 @@ class Belief(Printed):
 
     def save(self, path: str | Path) -> None:
         """Write a coefficients.toml that `load_belief` reads back exactly; OSError where it cannot be written."""
-        save_belief(path, self, self.provenance)
+        more: dict[str, Any] = {}
+        if self.scatter:
+            more["scatter"] = {name: float(value) for name, value in self.scatter.items()}
+        if self.names:
+            more["covariance"] = {"names": list(self.names), "matrix": np.asarray(self.covariance, float).tolist()}
+        if self.curves:
+            more[CURVE] = {term: write_curve(curve) for term, curve in self.curves.items()}
+        save_coefficients(path, self.coefficients, self.provenance, more)
 
     def lines(self) -> list[str]:
         """Return a line per number: its value, unit, and standard deviation, a factor where its scale is the log."""
@@ -146,23 +153,11 @@ def as_table(belief: Belief) -> dict[str, Any]:
 
 
 def from_table(table: Mapping[str, Any], name: str) -> Belief:
-    """The inverse of `as_table`; `name` is for messages. KeyError, ValueError, InputError: it is no such table."""
+    """The inverse of `as_table`; `name` is for messages. KeyError, ValueError, InputError: not such a table."""
     names = tuple(map(str, table["names"]))
     return Belief(table["coefficients"], table["scatter"], names,
                   np.array(table["covariance"], float).reshape(len(names), len(names)),
                   read_curves(name, table.get(CURVE, {})))
-
-
-def save_belief(path: str | Path, belief: Belief, provenance: Mapping[str, Any]) -> None:
-    """Write a coefficients.toml with scatter and covariance; every float reads back exactly."""
-    more: dict[str, Any] = {}
-    if belief.scatter:
-        more["scatter"] = {name: float(value) for name, value in belief.scatter.items()}
-    if belief.names:
-        more["covariance"] = {"names": list(belief.names), "matrix": np.asarray(belief.covariance, float).tolist()}
-    if belief.curves:
-        more[CURVE] = {term: write_curve(curve) for term, curve in belief.curves.items()}
-    save_coefficients(path, belief.coefficients, provenance, more)
 
 
 def load_belief(path: str | Path, among: Catalogue | None = None) -> Belief:

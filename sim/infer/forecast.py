@@ -21,10 +21,10 @@ LANES = 256                           # rows fly in multiples of this, since eac
 class Forecast:
     """Heights at the plane in m and the standard deviations that make sigma_m.
 
-    nan: the ball turns back before the plane, or falls as good as straight down far below the floor.
+    nan: the ball turns back before the plane, or falls almost straight down far below the floor.
 
     `launch_m`: scatter from shot to shot; `sensor_m`: noise of what was measured before the shot, rig.toml [noise];
-    `parameter_m`: doubt about the belief itself, which all shots share. by_launch: derivatives of the height by
+    `parameter_m`: uncertainty of the belief itself, which all shots share. by_launch: derivatives of the height by
     log exit speed, elevation in rad, spin in rev/s and distance in m.
     """
 
@@ -37,15 +37,11 @@ class Forecast:
 
 
 def forecast(rig: Rig, belief: Belief, shots: Shots) -> Forecast:
-    """Forecast each shot from its wheel speeds (or motor_ratio), hood_deg and distance_m; BadInput names what lacks.
+    """Forecast each shot from its wheel speeds (or motor_ratio), hood_deg and distance_m; InputError names what lacks.
 
     First-order propagation with exact derivatives, continuous in all parameters: the flight goes on through the floor.
     """
-    return forecast_given(rig, belief, given_of(rig, shots, before_the_shot(belief.curves, rig, shots)))
-
-
-def forecast_given(rig: Rig, belief: Belief, given: Given) -> Forecast:
-    """As forecast, of launches already taken from their columns."""
+    given = given_of(rig, shots, before_the_shot(belief.curves, rig, shots))
     rows = [np.arange(first, min(first + LANES, len(given.rolled))) for first in range(0, len(given.rolled), LANES)]
     if not rows:
         none = np.zeros(0)

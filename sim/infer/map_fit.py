@@ -9,11 +9,12 @@ from jaxtyping import Float
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.infer.belief import Belief
+from truearc.sim.infer.likelihood.launch_inputs import Given
 from truearc.sim.infer.likelihood.observations import Gathered, Observations, gather
 from truearc.sim.infer.likelihood.shot_likelihood import Points, relinearise
 from truearc.sim.infer.likelihood.track_likelihood import guess_lead, guess_start
 from truearc.sim.infer.optimum import Optimum, Problem, best_of, minimise
-from truearc.sim.infer.parameters import TRACK_NOISE, Model, make_model
+from truearc.sim.infer.parameters import SCATTERS, TRACK_NOISE, Model, Sought, make_model
 from truearc.sim.physics.catalogue import Catalogue
 from truearc.sim.progress import Progress
 
@@ -22,7 +23,6 @@ COARSE_U = (-1.5, -0.5, 0.5, 1.5)     # prior standard deviations, of up to COAR
 COARSE = 3
 ROUNDS = 6                            # of moving the point about which tracks are linear
 SETTLED = 1e-3                        # of a move of the parameters in prior standard deviations
-
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +73,7 @@ def fit_map(rig: Rig, dataset: Dataset, terms: tuple[str, ...], progress: Progre
     gathered = gather(rig, dataset)
     evidence = gathered.evidence
     tracked = evidence.tracks is not None or evidence.free is not None
-    model = make_model(rig, terms, _scatters(evidence), tracked, among)
+    model = make_model(rig, terms, _scatters(evidence.given), tracked, among)
     points = _moved(model, evidence, _first_points(evidence), np.zeros(len(model.sought)))
     problem = Problem(model, evidence, points, np.ones(len(gathered.rows)))
     progress(0.05, "coarse search")
@@ -84,7 +84,7 @@ def fit_map(rig: Rig, dataset: Dataset, terms: tuple[str, ...], progress: Progre
 
 
 def settle(problem: Problem, optimum: Optimum) -> tuple[Problem, Optimum]:
-    """Move the points about which tracks are linear to the optimum, and find it anew, until neither moves."""
+    """Move the points about which tracks are linear to the optimum, and find it again, until neither moves."""
     evidence = problem.evidence
     if evidence.tracks is None and evidence.free is None:
         return problem, optimum
@@ -101,11 +101,9 @@ def refit(fit: MapFit, weight: Float[np.ndarray, " units"]) -> Optimum:
     return minimise(replace(fit.problem, weight=weight), fit.optimum.u)
 
 
-def _scatters(evidence: Observations) -> tuple[str, ...]:
+def _scatters(given: Given) -> tuple[Sought, ...]:
     """Those of which some launch has any: not where only the ball itself was measured."""
-    given = evidence.given
-    return tuple(name for name, where in (("scatter.speed", given.rolled), ("scatter.elevation_deg", given.hooded))
-                 if np.any(where))
+    return tuple(one for one, where in zip(SCATTERS, (given.rolled, given.hooded), strict=True) if np.any(where))
 
 
 def _first_points(evidence: Observations) -> Points:
@@ -128,7 +126,7 @@ def _covariance(hessian: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
 
 
 def _starts(problem: Problem, grid: dict[str, dict[str, float]]) -> list[Float[np.ndarray, " p"]]:
-    """The prior's centre and the best of a coarse grid about it, and the seed's grid's pair where it gave one."""
+    """The prior's centre and the best of a coarse grid about it, and the pair of the paper's grid where it gave one."""
     size, count = len(problem.model.sought), min(len(problem.model.numbers), COARSE)
     tried = [np.zeros(size)]
     for point in itertools.product(COARSE_U, repeat=count):

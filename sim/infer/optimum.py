@@ -20,7 +20,7 @@ FAR_COST = 1e4
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """What is minimised: minus the log posterior of a model given evidence, units counted by weight."""
+    """The minimisation problem: minus the log posterior of a model given evidence, units counted by weight."""
 
     model: Model
     evidence: Observations

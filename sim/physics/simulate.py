@@ -184,9 +184,8 @@ def by_wheels(shots: Shots) -> np.ndarray:
 
 def has_wheels(rig: Rig, shots: Shots) -> np.ndarray:
     """Which shots' every wheel has a speed, measured or by motor_ratio; none of a rig without wheels."""
-    by_ratio = np.isfinite(shots.number("motor_ratio")) & (rig.launcher.free_speed_rad_s is not None)
-    known = [np.isfinite(shots.number(f"wheel_{wheel.name}_rad_s")) | by_ratio for wheel in rig.launcher.wheel]
-    return np.all(known, axis=0) if known else np.zeros(len(shots), bool)
+    known: np.ndarray = np.isfinite(_from_wheels(rig, shots)[0])
+    return known
 
 
 def by_robot(shots: Shots) -> Exit:

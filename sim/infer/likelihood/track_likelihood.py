@@ -13,7 +13,6 @@ import numpy as np
 from jax import lax
 from jaxtyping import Float
 
-from truearc.sim.infer.likelihood.small_matrices import log_det_and_inverse
 from truearc.sim.infer.likelihood.track_data import TrackData
 from truearc.sim.physics.flight import Law, rk4
 from truearc.sim.physics.term import BallState
@@ -142,3 +141,21 @@ def guess_lead(data: TrackData, exit: Any) -> Float[np.ndarray, "k 3"]:
     ahead_m_s = np.maximum(np.asarray(exit.speed_m_s) * np.cos(exit.elevation_rad), 0.5)
     zero = np.zeros(len(data.row))
     return np.column_stack([zero, zero, np.clip(data.down_m[:, 0] / ahead_m_s[data.row], -0.5, 2.0)])
+
+
+def log_det_and_inverse(matrix: Float[Any, "n m m"]) -> tuple[Float[Any, " n"], Float[Any, "n m m"]]:
+    """(log of the determinant [n], inverse [n, m, m]) of positive definite matrices [n, m, m], by Gauss-Jordan.
+
+    No library call, so that derivatives of any order are cheap.
+    """
+    size = matrix.shape[-1]
+    left, right = matrix, jnp.broadcast_to(jnp.eye(size), matrix.shape)
+    log_det = jnp.zeros(matrix.shape[:-2])
+    for row in range(size):
+        pivot = left[..., row, row]
+        log_det = log_det + jnp.log(pivot)
+        left_row, right_row = left[..., row, :] / pivot[..., None], right[..., row, :] / pivot[..., None]
+        factor = left[..., :, row] - jnp.eye(size)[row]
+        left = left - factor[..., :, None] * left_row[..., None, :]
+        right = right - factor[..., :, None] * right_row[..., None, :]
+    return log_det, right

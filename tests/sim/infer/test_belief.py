@@ -1,12 +1,14 @@
 """Beliefs read back exactly, draw with their covariance, and refuse what is none."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from truearc.robot.config.schema import InputError
-from truearc.sim.infer.belief import Belief, draw, load_belief, point_belief, save_belief
+from truearc.sim.infer.belief import Belief, draw, load_belief, point_belief
 from truearc.sim.infer.coefficients import load_coefficients, load_provenance, save_coefficients
 
 NAMES = ("drag.cd", "exit_efficiency.loss", "magnus.cl", "scatter.speed")
@@ -25,7 +27,7 @@ def _belief(cd=0.5, cl=0.05, loss=0.25, speed=0.02, factor=None) -> Belief:
 def test_what_is_saved_reads_back(tmp_path_factory, cd, cl, loss, speed, numbers):
     path = tmp_path_factory.mktemp("b") / "coefficients.toml"
     belief = _belief(cd, cl, loss, speed, np.array(numbers).reshape(4, 4))
-    save_belief(path, belief, {"method": "ml"})
+    replace(belief, provenance={"method": "ml"}).save(path)
     again = load_belief(path)
     assert (again.coefficients, again.scatter, again.names) == (belief.coefficients, belief.scatter, belief.names)
     np.testing.assert_array_equal(again.covariance, belief.covariance)
