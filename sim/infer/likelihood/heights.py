@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
+from jaxtyping import Bool, Float
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.infer.likelihood.launch_inputs import Given
@@ -25,20 +25,20 @@ Number = tuple[str, str, str]         # term, parameter, scale
 
 
 class Height(NamedTuple):
-    """At the plane, arrays [n], through the floor if need be.
+    """At the plane, through the floor if need be.
 
-    `near` False: the ball turns back, and the rest means nothing. by_launch [n, 3]: derivatives of the height by
-    a shot's own log speed, elevation (rad) and spin (rev/s); by_distance [n]: by the plane's distance.
+    `near` False: the ball turns back, and the rest has no meaning. by_launch: derivatives of the height by a shot's own
+    log speed, elevation (rad) and spin (rev/s); by_distance: by the plane's distance.
     """
 
-    height_m: Any
-    by_launch: Any
-    by_distance: Any
-    near: Any
+    height_m: Float[Any, " n"]
+    by_launch: Float[Any, "n 3"]
+    by_distance: Float[Any, " n"]
+    near: Bool[Any, " n"]
 
 
-def height_at(rig: Rig, values: Values, given: Given, among: Catalogue, log_speed: Any = 0.0,
-              elevation_rad: Any = 0.0) -> Height:
+def height_at(rig: Rig, values: Values, given: Given, among: Catalogue, log_speed: Float[Any, " n"] | float = 0.0,
+              elevation_rad: Float[Any, " n"] | float = 0.0) -> Height:
     """Heights of launches that leave with these deviations, with their derivatives.
 
     values: {term: {parameter: value}}; gravity is always at work. A deviation acts on the ball as it leaves, after the
@@ -56,16 +56,16 @@ def height_at(rig: Rig, values: Values, given: Given, among: Catalogue, log_spee
 
 
 def configured(rig: Rig, values: Values, given: Given,
-               among: Catalogue) -> tuple[dict[str, dict[str, Any]], Exit, Any]:
+               among: Catalogue) -> tuple[dict[str, dict[str, Any]], Exit, Float[Any, " n"]]:
     """(effective values, launch, distance in m) of shots as they are in truth, by sensing and launch terms."""
     at = effective(values, given.circumstances, among)
     exit, distance_m = sense(rig, at, Exit(*map(jnp.asarray, given.rolling)), given.distance_m, given.whose, among)
     return at, leave(rig, at, exit, given.whose, among), distance_m
 
 
-def speed_gain(rig: Rig, values: Values, given: Given, among: Catalogue) -> Any:
+def speed_gain(rig: Rig, values: Values, given: Given, among: Catalogue) -> Float[Any, " n"]:
     """d log(exit speed) / d log(speed by the wheels) [n]: 1 where no launch term depends on the speed."""
-    def log_speed(change: Any) -> Any:
+    def log_speed(change: Float[Any, ""] | float) -> Float[Any, " n"]:
         faster = given.rolling._replace(speed_m_s=given.rolling.speed_m_s * jnp.exp(change))
         return jnp.log(configured(rig, values, given._replace(rolling=faster), among)[1].speed_m_s)
 
@@ -76,18 +76,18 @@ class Slopes(NamedTuple):
     """Heights with derivatives by a launch's deviations and by numbers on the parameters' scales [n, p]."""
 
     height: Height
-    by_number: np.ndarray
-    gain: np.ndarray
+    by_number: Float[Any, "n p"]
+    gain: Float[Any, " n"]
 
 
 @partial(jax.jit, static_argnames=("rig", "numbers", "among"))
-def slopes_at(rig: Rig, fixed: Values, numbers: tuple[Number, ...], at: Any, given: Given,
+def slopes_at(rig: Rig, fixed: Values, numbers: tuple[Number, ...], at: Float[Any, " p"], given: Given,
               among: Catalogue) -> Slopes:
     """Heights and exact derivatives; `numbers` names what `at` [p] holds, `fixed` has the values of the rest.
 
     A point of the given circumstances' curves is called by its term and its place among all their points.
     """
-    def height(at: Any) -> tuple[Any, Height]:
+    def height(at: Float[Any, " p"]) -> tuple[Float[Any, " n"], Height]:
         flown = height_at(rig, with_numbers(fixed, numbers, at), along_curve(given, numbers, at), among)
         return flown.height_m, flown
 
@@ -95,7 +95,7 @@ def slopes_at(rig: Rig, fixed: Values, numbers: tuple[Number, ...], at: Any, giv
     return Slopes(flown, by_number, speed_gain(rig, with_numbers(fixed, numbers, at), given, among))
 
 
-def with_numbers(fixed: Values, numbers: tuple[Number, ...], at: Any) -> dict[str, dict[str, Any]]:
+def with_numbers(fixed: Values, numbers: tuple[Number, ...], at: Float[Any, " p"]) -> dict[str, dict[str, Any]]:
     """`fixed` with the numbers' values in it."""
     values = {name: dict(part) for name, part in fixed.items()}
     for index, (term, parameter, scale) in enumerate(numbers):
@@ -104,7 +104,7 @@ def with_numbers(fixed: Values, numbers: tuple[Number, ...], at: Any) -> dict[st
     return values
 
 
-def along_curve(given: Given, numbers: tuple[Number, ...], at: Any) -> Given:
+def along_curve(given: Given, numbers: tuple[Number, ...], at: Float[Any, " p"]) -> Given:
     """The same, with derivatives by those of the numbers that are points of its curves."""
     around = given.circumstances
     for index, (table, point, _) in enumerate(numbers):
@@ -116,7 +116,7 @@ def along_curve(given: Given, numbers: tuple[Number, ...], at: Any) -> Given:
     return given._replace(circumstances=around)
 
 
-def sensor_variance(height: Height, gain: Any, given: Given) -> Any:
+def sensor_variance(height: Height, gain: Float[Any, " n"], given: Given) -> Float[Any, " n"]:
     """Variance of the height [n] in m2 that the instruments' noise makes: wheels, elevation, distance."""
     by_speed, by_elevation, by_spin = (height.by_launch[:, column] for column in range(3))
     wheels = (by_speed * gain)[:, None] * given.wheel_log_speed + by_spin[:, None] * given.wheel_spin_rev_s

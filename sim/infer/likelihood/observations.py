@@ -1,9 +1,10 @@
-"""A dataset as evidence for a likelihood: each shot with what it has, and what is left out, said in words."""
+"""A dataset as evidence for a likelihood: each shot with what it has, and text about what is left out."""
 
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
+from jaxtyping import Bool, Float, Int
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import InputError
@@ -15,25 +16,26 @@ from truearc.sim.infer.likelihood.outcome_likelihood import OutcomeMarks, make_m
 from truearc.sim.infer.likelihood.track_data import TrackData, gather_tracks
 from truearc.sim.physics.simulate import ORDINARY, has_wheels, spin_of
 
+Which = Bool[np.ndarray, " n"]
 KINDS = ("outcome", "side", "miss_height_m", "exit_speed_m_s", "exit_deg", "exit_spin_rev_s", "tracks")
 
 
 class ShotObservations(NamedTuple):
-    """What was measured of the launch itself, arrays [n]; nothing where `*_seen` is False."""
+    """Measurements of the launch itself; none where `*_seen` is False."""
 
-    speed_seen: Any
-    log_speed: Any
-    log_speed_sd: Any
-    elevation_seen: Any
-    elevation_rad: Any
-    elevation_sd_rad: Any
+    speed_seen: Bool[Any, " n"]
+    log_speed: Float[Any, " n"]
+    log_speed_sd: Float[Any, " n"]
+    elevation_seen: Bool[Any, " n"]
+    elevation_rad: Float[Any, " n"]
+    elevation_sd_rad: Float[Any, " n"]
 
 
 class Observations(NamedTuple):
     """Arrays for the likelihood, one row a unit: first the shots with a launch [n], then free flights [f].
 
     marks: None when not one was made. tracks: of shots with a launch, whose `row` is among the n. free: of flights
-    whose launch nobody knows, with their backspin [f] as measured, else by the wheels, else none.
+    with an unknown launch, with their backspin as measured, else by the wheels, else none.
     """
 
     given: Given
@@ -41,7 +43,7 @@ class Observations(NamedTuple):
     marks: OutcomeMarks | None
     tracks: TrackData | None
     free: TrackData | None
-    free_spin_rev_s: Any
+    free_spin_rev_s: Float[Any, " f"]
     free_circumstances: Circumstances = ORDINARY
 
 
@@ -54,7 +56,7 @@ class Gathered:
 
     evidence: Observations
     shots: Shots
-    rows: np.ndarray
+    rows: Int[np.ndarray, " units"]
     used: dict[str, int]
     left_out: tuple[str, ...]
 
@@ -76,8 +78,7 @@ def gather(rig: Rig, dataset: Dataset) -> Gathered:
     left_out = _left_out(rig, shots, launched, marked, placed, tracked, use, (tracks, free))
     if not rows.size and free is None:
         raise InputError(f"{shots.source}: there is nothing to fit to, neither a track nor a shot with both a launch "
-                         f"and "
-                       f"something seen of its flight; {'; '.join(left_out)}")
+                         f"and something seen of its flight; {'; '.join(left_out)}")
     free_rows = np.flatnonzero(tracked & ~launched)[free.row if free is not None else np.zeros(0, np.int64)]
     around = circumstances_of(dataset)
     given, seen, marks = _launches(rig, shots.take(rows), at_plane[rows])
@@ -94,7 +95,7 @@ def blind(given: Given) -> Observations:
     return Observations(given, ShotObservations(no, zero, one, no, zero, one), None, None, None, np.zeros(0))
 
 
-def _launches(rig: Rig, shots: Shots, at_plane: np.ndarray) -> tuple[Given, ShotObservations, OutcomeMarks | None]:
+def _launches(rig: Rig, shots: Shots, at_plane: Which) -> tuple[Given, ShotObservations, OutcomeMarks | None]:
     """Where wheels and hood speak, measured speed and elevation are evidence about them, not a launch of their own."""
     wheels, hood = has_wheels(rig, shots), np.isfinite(shots.number("hood_deg"))
     speed, elevation = shots.number("exit_speed_m_s"), shots.number("exit_deg")
@@ -110,7 +111,7 @@ def _launches(rig: Rig, shots: Shots, at_plane: np.ndarray) -> tuple[Given, Shot
     return given, seen, _marks(rig, shots, at_plane)
 
 
-def _marks(rig: Rig, shots: Shots, at_plane: np.ndarray) -> OutcomeMarks | None:
+def _marks(rig: Rig, shots: Shots, at_plane: Which) -> OutcomeMarks | None:
     if rig.target is None or not at_plane.any():
         return None
     outcome, side = (tuple(word if here else "" for word, here in zip(shots.text(name), at_plane, strict=True))
@@ -118,16 +119,16 @@ def _marks(rig: Rig, shots: Shots, at_plane: np.ndarray) -> OutcomeMarks | None:
     return make_marks(rig.target, outcome, side, np.where(at_plane, shots.number("miss_height_m"), np.nan))
 
 
-def _has_speed(rig: Rig, shots: Shots) -> np.ndarray:
+def _has_speed(rig: Rig, shots: Shots) -> Which:
     return has_wheels(rig, shots) | np.isfinite(shots.number("exit_speed_m_s"))
 
 
-def _has_launch(rig: Rig, shots: Shots) -> np.ndarray:
+def _has_launch(rig: Rig, shots: Shots) -> Which:
     return _has_speed(rig, shots) & (np.isfinite(shots.number("hood_deg")) | np.isfinite(shots.number("exit_deg")))
 
 
-def _has_mark(shots: Shots) -> np.ndarray:
-    """Marks that say something about the height."""
+def _has_mark(shots: Shots) -> Which:
+    """Return which shots have a mark with information about the height."""
     side = np.array(shots.text("side"))
     outcome = np.array(shots.text("outcome"))
     beside = np.isin(side, ("left", "right")) & np.isin(outcome, ("miss", ""))
@@ -136,12 +137,12 @@ def _has_mark(shots: Shots) -> np.ndarray:
     return marked
 
 
-def _left_out(rig: Rig, shots: Shots, launched: np.ndarray, marked: np.ndarray, placed: np.ndarray,
-              tracked: np.ndarray, use: np.ndarray, tracks: tuple[TrackData | None, ...]) -> tuple[str, ...]:
+def _left_out(rig: Rig, shots: Shots, launched: Which, marked: Which, placed: Which, tracked: Which, use: Which,
+              tracks: tuple[TrackData | None, ...]) -> tuple[str, ...]:
     unused = ~use & ~(tracked & ~launched)
     beside, sped = np.isin(shots.text("side"), ("left", "right")) & ~marked, _has_speed(rig, shots)
     reasons = (
-        (unused & launched & beside, "missed left or right, which says nothing about the height"),
+        (unused & launched & beside, "missed left or right, without information about the height"),
         (unused & launched & ~marked & ~beside,
          "nothing was seen of their flight: no outcome, side, miss_height_m, exit_* or track"),
         (unused & launched & marked & ~placed, "no distance_m"),
@@ -157,7 +158,7 @@ def _left_out(rig: Rig, shots: Shots, launched: np.ndarray, marked: np.ndarray, 
     return (*said, *([f"{short} tracks: too few samples to say anything"] if short else []))
 
 
-def _names(shots: Shots, which: np.ndarray, most: int = 3) -> str:
+def _names(shots: Shots, which: Which, most: int = 3) -> str:
     names = [shots.shot_id[row] for row in np.flatnonzero(which)]
     return ", ".join(names[:most]) + (", ..." if len(names) > most else "")
 
