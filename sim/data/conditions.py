@@ -4,7 +4,7 @@ from typing import Any, NamedTuple
 
 
 class Circumstances(NamedTuple):
-    """What a term may know of a shot beside its configuration: arrays [n], or numbers; by itself the ordinary shot.
+    """Conditions that a term may follow: arrays [n], or numbers; by default those of an ordinary shot.
 
     truearc.sim.data.shot_conditions gathers them from a dataset.
     """
@@ -16,8 +16,8 @@ class Circumstances(NamedTuple):
     density: Any = 0.0                # of the air, / its median, - 1
     hood_change: Any = 0.0            # sign of this hood_deg less that of the session's shot before
     closing_speed_m_s: Any = 0.0      # of the robot, toward the target positive
-    ball: Any = 0.0                   # a ball's own departure in units of the balls' spread; nobody knows it: 0
-    free_speed: Any = 0.0             # sizes of effects without a name, by truearc.sim.infer.curve,
+    ball: Any = 0.0                   # a ball's own departure in units of the balls' spread; unknown: 0
+    free_speed: Any = 0.0             # sizes of unexplained effects, by truearc.sim.infer.curve,
     free_elevation: Any = 0.0
     free_distance: Any = 0.0
     free_push: Any = 0.0

@@ -28,7 +28,7 @@ Coefficients = dict[str, dict[str, float]]
 
 
 def load_coefficients(path: str | Path, among: Catalogue | None = None) -> Coefficients:
-    """{term: {parameter: value}}; InputError names an unknown term or parameter, or a value that is no finite number.
+    """{term: {parameter: value}}; InputError names an unknown term or parameter, or a value that is not finite.
 
     among: the catalogue of the terms, truearc.sim.physics.catalogue.catalogue() when not given.
     """
@@ -53,7 +53,7 @@ def save_coefficients(path: str | Path, coefficients: Mapping[str, Mapping[str, 
 
 
 def load_table(path: str | Path) -> dict[str, Any]:
-    """All that the file says; InputError when it is no coefficients file."""
+    """All that the file says; InputError when it is not a coefficients file."""
     try:
         table = tomllib.loads(load_text(path))
     except tomllib.TOMLDecodeError as error:

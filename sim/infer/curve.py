@@ -1,4 +1,4 @@
-"""Free curves of effects without a name: how their sizes go with a covariate, and what they are at every shot.
+"""Free curves of unexplained effects: how their sizes go with a covariate, and what they are at every shot.
 
     [free_speed]                      # what it changes, a term of truearc.sim.physics.nonparametric
     share = 1.0
@@ -50,7 +50,7 @@ class Curve(Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """What the points are called: their numbers."""
+        """Names of the points: their numbers."""
         return tuple(map(str, range(len(self.value) + 1)))
 
     @property

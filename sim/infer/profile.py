@@ -1,7 +1,7 @@
 """Profile-likelihood intervals: how far one parameter can go while all others adjust (Raue et al. 2009).
 
 A Hessian describes the optimum's neighbourhood; a profile walks until the fit has really become worse, and tells
-whether it was the data that stopped it or only the prior. What is walked on is the profile adjusted for how sharply the
+whether it was the data that stopped it or only the prior. The walk is along the profile adjusted for how sharply the
 others are determined there (Cox and Reid 1987; Laplace's approximation of the marginal posterior): minus log posterior
 plus half the log determinant of the others' curvature. Without it a scatter, fitted beside the coefficients that chase
 the same shots, comes out too small and its interval too short (benchmarks/coverage.py: 0.845 of 200 instead of 0.9).

@@ -1,4 +1,4 @@
-"""How well a set of coefficients explains recorded outcomes, in the seed's measures (section IV-C, Table I)."""
+"""How well a set of coefficients explains recorded outcomes, in the paper's measures (section IV-C, Table I)."""
 
 from collections.abc import Mapping
 from typing import NamedTuple

@@ -1,4 +1,4 @@
-"""Ball state -> trajectory -> where it crosses a vertical plane: the seed's Eq. 4-10, integrated.
+"""Ball state -> trajectory -> where it crosses a vertical plane: the paper's Eq. 4-10, integrated.
 
 Reached means: the point mass crosses x = distance for the first time, before it meets the floor (z = 0) and before it
 turns back (vx <= 0). docs/paper.md says why.
@@ -181,7 +181,7 @@ def _fly_until(law: Law, start: BallState, step: Any, distance: Any, most_steps:
 
 
 def _pack(ball: BallState) -> BallState:
-    """For JAX's loops, to which None is no array at all whereas 0.0 would become one; the loop itself has the time."""
+    """For JAX's loops, which drop None whereas 0.0 would become an array; the loop itself has the time."""
     return _each(ball, lambda part: None if absent(part) else part, None)
 
 

@@ -1,4 +1,4 @@
-"""Wheels to ball: exit speed and spin (the seed's Eq. 11 and 12), and no-slip for any number of wheels."""
+"""Wheels to ball: exit speed and spin (the paper's Eq. 11 and 12), and no-slip for any number of wheels."""
 
 import math
 from typing import Any, NamedTuple
@@ -32,7 +32,7 @@ def exit_no_slip(rig: Rig, wheel_surface_m_s: Any) -> tuple[Any, Any]:
 
     wheel_surface_m_s: [n, wheels] in the rig's order, positive drives the ball out. Returns speed [n] in m/s and spin
     [n, 3] in rad/s, right-handed about (exit direction, left, up across the exit direction); backspin is about -left.
-    Solves v + R (w x n_i).e = u_i. What the wheels leave open takes the smallest v^2 + (R w)^2: spin along the exit
+    Solves v + R (w x n_i).e = u_i. Among solutions it takes the smallest v^2 + (R w)^2: spin along the exit
     direction is 0, and a lone wheel rolls the ball as if against a wall opposite to it.
     """
     surface_m_s = np.asarray(wheel_surface_m_s, dtype=float)
@@ -45,5 +45,5 @@ def exit_no_slip(rig: Rig, wheel_surface_m_s: Any) -> tuple[Any, Any]:
 
 
 def is_opposed(rig: Rig) -> bool:
-    """Whether the seed's Eq. 11 and 12 apply to this rig."""
+    """Whether the paper's Eq. 11 and 12 apply to this rig."""
     return sorted(round(wheel.clock_deg % 360.0, 6) for wheel in rig.launcher.wheel) == [0.0, 180.0]

@@ -1,4 +1,4 @@
-"""The seed's simulator: a recorded configuration -> height at the target plane -> outcome."""
+"""The paper's simulator: a recorded configuration -> height at the target plane -> outcome."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -29,7 +29,7 @@ from truearc.sim.progress import Progress
 MISS, TWO, THREE = "miss", "two", "three"
 BLOCK = 4096                          # rows flown at once
 LAUNCH_STATE = ("exit_speed_m_s", "exit_spin_rev_s")
-DIGITS = 9                            # of derived columns: rounding errors are no covariate
+DIGITS = 9                            # of derived columns: rounding errors must not become a covariate
 NAMED = 5                             # shots that a message names before it only counts
 ORDINARY = Circumstances()
 
@@ -57,8 +57,8 @@ def sense(rig: Rig, values: Values, exit: Exit, distance_m: Any, where: Any = Tr
           among: Catalogue | None = None) -> tuple[Exit, Any]:
     """(launch by the wheels, distance) in truth, by the sensing terms among `values`; numpy or JAX arrays [n].
 
-    exit, distance_m: as the sensors have them. where: which parts of the launch the robot's own sensors told, an Exit
-    of booleans (by_robot) or one for all; a distance is always theirs.
+    exit, distance_m: as the sensors have them. where: the parts of the launch from the robot's own sensors, an Exit of
+    booleans (by_robot) or one for all; a distance is always theirs.
     """
     changed = exit, distance_m
     for term in sensing_terms(values, among):
@@ -86,7 +86,7 @@ def watch(values: Values, position_m: Vec, velocity_m_s: Vec, time_s: Any, among
 
 
 def opening_of(rig: Rig, values: Values, among: Catalogue | None = None) -> Opening:
-    """What the ball has to pass, by the rig's target and the arrival terms among `values` (effective).
+    """The opening that the ball has to pass, by the rig's target and the arrival terms among `values` (effective).
 
     InputError when the rig has no target.
     """
@@ -137,7 +137,7 @@ def fly_rows(rig: Rig, values: Values, exit: Exit, distance_m: np.ndarray,
 
 
 def classify(rig: Rig, height_m: np.ndarray, opening: Opening | None = None) -> np.ndarray:
-    """Outcome of a height at the plane (nan = not reached): the seed's Eq. 13 and 14, bounds included.
+    """Outcome of a height at the plane (nan = not reached): the paper's Eq. 13 and 14, bounds included.
 
     opening: the target's; the rig's own when not given.
     """
@@ -189,7 +189,7 @@ def has_wheels(rig: Rig, shots: Shots) -> np.ndarray:
 
 
 def by_robot(shots: Shots) -> Exit:
-    """Which parts of launch_of the robot's own sensors told, since they were not measured on the ball: booleans [n].
+    """Which parts of launch_of come from the robot's own sensors, not from measurements of the ball: booleans [n].
 
     The release height is always the rig's.
     """

@@ -67,7 +67,7 @@ class BallState(NamedTuple):
 
 
 class Opening(NamedTuple):
-    """What a ball has to pass at the target plane; heights in m, as in rig.toml [target]."""
+    """The opening that a ball has to pass at the target plane; heights in m, as in rig.toml [target]."""
 
     centre_m: Any
     three_half_m: Any

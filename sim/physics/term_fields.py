@@ -1,4 +1,4 @@
-"""What a term declares beside its physics: numbers with priors and sources, instrument, and wording of its size."""
+"""Declarations of a term beside its physics: numbers with priors and sources, instrument, and wording of its size."""
 
 import re
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ NUMBER: Scale = (1.0, "")
 
 @dataclass(frozen=True)
 class Prior:
-    """What is believed before any shot: normal on one of truearc.sim.physics.scales, weak, with its reason as text.
+    """Belief before any shot: normal on one of truearc.sim.physics.scales, weak, with its reason as text.
 
     `centre` is a value of the parameter itself, `sd` is on the scale (on "log": the log of a factor).
     """
@@ -98,7 +98,7 @@ def either_way(text: str, scale: Scale = NUMBER, per: str = "") -> Phrase:
     Args:
         text: Takes the size in place of {}.
         scale: Factor and unit in which the size is shown.
-        per: What the size is stated for.
+        per: That for which the size is stated.
     """
     more, less = (re.sub(r"<(.*?)\|(.*?)>", rf"\{side}", text) for side in (1, 2))
     return Phrase(more, less, *scale, per)

@@ -18,8 +18,8 @@ from truearc.sim.physics.flight import Law, rk4
 from truearc.sim.physics.term import BallState
 from truearc.sim.physics.vector import Vec
 
-LEAD_SD_S = 1.0                       # from exit to first sample: as good as unknown
-FREE_SD = (10.0, 10.0, 100.0, 100.0)  # start of a free flight about its guess, in m and m/s: as good as unknown
+LEAD_SD_S = 1.0                       # from exit to first sample: effectively unknown
+FREE_SD = (10.0, 10.0, 100.0, 100.0)  # start of a free flight about its guess, in m and m/s: effectively unknown
 LEAD_STEPS = 4
 STEP = 1e-3                           # of every unknown, for the derivatives by it
 SUBSTEPS = 2                          # between samples, which come every hundredth of a second or a few
@@ -39,7 +39,7 @@ class Start(NamedTuple):
 
 
 class TrackLinearization(NamedTuple):
-    """What a track leaves of its flight's unknowns: log-likelihood [k], mean [k, m] and covariance [k, m, m]."""
+    """A flight's unknowns after its track: log-likelihood [k], mean [k, m] and covariance [k, m, m]."""
 
     log_likelihood: Any
     mean: Any
@@ -94,7 +94,7 @@ def loose(law: Law, spin_rev_s: Any, at: Float[Any, "k 4"], time_s: Float[Any, "
           look: Look = as_it_is) -> Float[Any, "k l 2"]:
     """Positions of free flights that start with `at`: x, z in m, their velocities in m/s.
 
-    spin_rev_s: at the first sample, from which the time since release is counted too: nobody knows the release.
+    spin_rev_s: at the first sample, from which the time since release is counted too, since the release is unknown.
     """
     x_m, z_m, vx_m_s, vz_m_s = at.T
     return positions(law, Start(x_m, z_m, vx_m_s, vz_m_s, spin_rev_s), jnp.zeros(at.shape[0]), time_s, look)

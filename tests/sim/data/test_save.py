@@ -1,4 +1,4 @@
-"""What is saved reads back exactly, and nothing is written over."""
+"""A saved dataset reads back exactly, and no file is overwritten."""
 
 import string
 

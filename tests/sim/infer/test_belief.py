@@ -55,7 +55,7 @@ def test_draws_have_the_covariance_on_the_parameters_own_scales():
     np.testing.assert_allclose(numbers.mean(1), [np.log(0.5), -np.log(0.75), 0.05, np.log(0.02)], atol=0.01)
     np.testing.assert_allclose(np.cov(numbers), belief.covariance, atol=2e-3)
     assert cd.min() > 0.0 and loss.max() < 1.0
-    assert {one.scatter["elevation_deg"] for one in drawn} == {0.4}         # it has no name: exact
+    assert {one.scatter["elevation_deg"] for one in drawn} == {0.4}         # not among the names: exact
     once, again = (draw(belief, 5, np.random.default_rng(1)) for _ in range(2))
     assert [one.coefficients for one in once] == [one.coefficients for one in again]
 

@@ -1,4 +1,4 @@
-"""Curves of effects without a name: what they are at a shot, and on disk."""
+"""Curves of unexplained effects: what they are at a shot, and on disk."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -20,7 +20,7 @@ from truearc.sim.physics.simulate import classify, launch_of, predict
 
 ADDED = tuple(term for term in TERMS if term.name not in ("gravity", "drag", "magnus"))
 BELIEVED = {"gravity": {"scale": 1.0}, "drag": {"cd": 0.5}, "magnus": {"cl": 0.1}}
-SILENT = ("wind_y", "ball_spread")    # across the flight, whose sideways part is left out; nobody knows a ball's own
+SILENT = ("wind_y", "ball_spread")    # across the flight, whose sideways part is left out; a ball's own is unknown
 
 
 def _dataset() -> Dataset:

@@ -18,7 +18,7 @@ TERMS = ("drag", "magnus", "exit_efficiency")
 
 def test_the_sampler_agrees_with_the_profile(tmp_path):
     """Measured heights make the posterior near normal: there both must say the same. The elevation's scatter is not:
-    24 shots hardly know it, and whether 300 draws of it count as mixed is luck, and another on another processor."""
+    24 shots hardly know it, and whether 300 draws of it count as mixed depends on chance and on the processor."""
     fit = fit_map(GUPPY, make_dataset(11, 24, height=True), TERMS)
     drawn = sample(fit, 300, seed=1)
     known = ("exit_efficiency.loss", "drag.cd", "magnus.cl", "scatter.speed")
@@ -41,7 +41,7 @@ def test_the_sampler_agrees_with_the_profile(tmp_path):
 
 @pytest.mark.data
 def test_a_real_launchers_tracks(data_dir, tmp_path):
-    """Table-tennis launches whose elevation nobody recorded: the wheels give the spin, the tracks all else.
+    """Table-tennis launches whose elevation was not recorded: the wheels give the spin, the tracks all else.
 
     A smooth ball at these speeds has a drag coefficient of 0.4 to 0.5, and the cameras were good to millimetres.
     """

@@ -78,7 +78,7 @@ def call(term: Term, values, numbers=None, rig: Rig = GUPPY, others=("gravity", 
 
 
 def untouched(term: Term) -> np.ndarray:
-    """What a hook answers that does nothing."""
+    """The answer of a hook that changes nothing."""
     ball = ball_of(state(1))
     if isinstance(term, FlightTerm):
         return np.zeros((1, 3))
@@ -96,7 +96,7 @@ def finite(tree) -> bool:
 
 
 def factor(unit: str, length: float, time: float, mass: float) -> float:
-    """What a number with this unit ("1", "m/s2", "kg/m3", ...) is multiplied by in other units."""
+    """The factor by which a number with this unit ("1", "m/s2", "kg/m3", ...) is multiplied by in other units."""
     bases = {"m": length, "s": time, "kg": mass, "rad": 1.0, "rev": 1.0, "deg": 1.0, "1": 1.0}
     above, _, below = unit.partition("/")
     result = 1.0

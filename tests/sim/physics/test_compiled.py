@@ -66,7 +66,7 @@ class Strange(FlightTerm):
 
 
 def _said(rig, terms, states, pairs, keep=None):
-    """What the compiled acceleration gives, [n, 2]."""
+    """Acceleration by the compiled law, [n, 2]."""
     kernel = load_kernel(make_source(rig, terms, VALUES), TEMPLATE, keep)
     numbers = facts_values(rig)
     return np.array([kernel.acceleration(*map(float, state), tuple(map(float, pair)), numbers)

@@ -1,4 +1,4 @@
-"""The seed's simulator against DOP853 of the paper's equations, and what it takes from a dataset's columns."""
+"""The paper's simulator against DOP853 of the paper's equations, and what it takes from a dataset's columns."""
 
 import msgspec
 import numpy as np

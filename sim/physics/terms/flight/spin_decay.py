@@ -16,7 +16,7 @@ class SpinDecay(AirTerm):
                            reason="from golf's hundredths to the quarter by that law, and twice as much for foam")
     direction = "vertical"
     sentence = "The ball loses spin in flight."
-    phrase = either_way("the ball <loses|gains> spin in flight, at {} a second", SHARE, " a second")
+    phrase = either_way("the ball <loses|gains> spin in flight, at {} per second", SHARE, " per second")
     instrument = Instrument("spin_film_early_late", "spin of a marked ball at 120 frames/s, early and late", 0.1)
 
     def meet(self, rig: Rig, values: Values, ball: BallState) -> BallState:

@@ -12,7 +12,7 @@ class BallSpread(SpeedTerm):
                            source="masses and stiffnesses of like balls differ by up to a tenth, new ones included",
                            reason="two to five per cent of exit speed between balls of one kind")
     follows = "ball"
-    unseen = "counted as luck: each ball may have a speed of its own"
+    unseen = "counted as chance: each ball may have a speed of its own"
     sentence = "The balls differ: each has a speed of its own, faster or slower than the others."
     phrase = either_way("the balls differ: their speeds scatter by {}", SHARE)
     instrument = Instrument("ball_scale_each", "weight and size of each ball, and note which was shot (ball_id)", 0.01)
