@@ -119,8 +119,7 @@ def _shots_had(shots: Shots, balls: np.ndarray) -> np.ndarray:
         for row in rows:
             had[row] = count[balls[row]]
             count[balls[row]] += 1
-    share: np.ndarray = had / max(had.max(), 1.0)
-    return share
+    return np.asarray(had / max(had.max(), 1.0))
 
 
 def _droop(traces: Traces | None, count: int) -> Known:

@@ -115,14 +115,12 @@ def _ordinal(edges: tuple[float, ...], mean: np.ndarray, sd: np.ndarray, by_mean
         fold = [[2], [1, 3], [0, 4]]
         share, slope = (np.stack([part[rows].sum(0) for rows in fold]) for part in (share, slope))
     share = (1.0 - LAPSE) * share + LAPSE / len(share)
-    square: np.ndarray = (1.0 - LAPSE)**2 * slope[:, :, :, None] * slope[:, :, None, :] / share[:, :, None, None]
-    information: np.ndarray = square.sum(0)
-    return information
+    square = (1.0 - LAPSE)**2 * slope[:, :, :, None] * slope[:, :, None, :] / share[:, :, None, None]
+    return np.asarray(square.sum(0))
 
 
 def _outer(slope: np.ndarray) -> np.ndarray:
-    square: np.ndarray = slope[:, :, None] * slope[:, None, :]
-    return square
+    return np.asarray(slope[:, :, None] * slope[:, None, :])
 
 
 @partial(jax.jit, static_argnames=("model",))

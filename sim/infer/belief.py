@@ -22,13 +22,8 @@ from typing import Any
 import numpy as np
 
 from truearc.robot.config.schema import InputError
-from truearc.sim.infer.coefficients import (
-    Coefficients,
-    load_coefficients,
-    load_provenance,
-    load_table,
-    save_coefficients,
-)
+from truearc.robot.config.toml_text import make_toml
+from truearc.sim.infer.coefficients import SCHEMA, Coefficients, coefficients_in, load_table
 from truearc.sim.infer.curve import Curve, read_curves, write_curve
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue, catalogue, find_parameter
 from truearc.sim.physics.nonparametric import CURVE, NAMELESS
@@ -81,14 +76,15 @@ class Belief(Printed):
 
     def save(self, path: str | Path) -> None:
         """Write a coefficients.toml that `load_belief` reads back exactly; OSError where it cannot be written."""
-        more: dict[str, Any] = {}
-        if self.scatter:
-            more["scatter"] = {name: float(value) for name, value in self.scatter.items()}
+        named = {**self.coefficients, **({SCATTER: self.scatter} if self.scatter else {})}
+        table: dict[str, Any] = {name: {key: float(value) for key, value in values.items()}
+                                 for name, values in named.items()}
         if self.names:
-            more["covariance"] = {"names": list(self.names), "matrix": np.asarray(self.covariance, float).tolist()}
+            table["covariance"] = {"names": list(self.names), "matrix": np.asarray(self.covariance, float).tolist()}
         if self.curves:
-            more[CURVE] = {term: write_curve(curve) for term, curve in self.curves.items()}
-        save_coefficients(path, self.coefficients, self.provenance, more)
+            table[CURVE] = {term: write_curve(curve) for term, curve in self.curves.items()}
+        text = make_toml({"schema": SCHEMA, **table, "provenance": dict(self.provenance)})
+        Path(path).write_text(text, encoding="utf-8")
 
     def lines(self) -> list[str]:
         """Return a line per number: its value, unit, and standard deviation, a factor where its scale is the log."""
@@ -167,8 +163,11 @@ def load_belief(path: str | Path, among: Catalogue | None = None) -> Belief:
 
     InputError names the file and key of what is not known, no number, out of its range, or no covariance.
     """
-    coefficients = load_coefficients(path, among)
     table = load_table(path)
+    coefficients = coefficients_in(table, path, among)
+    provenance = table.get("provenance", {})
+    if not isinstance(provenance, dict):
+        raise InputError(f"{path}: provenance is not a table")
     scatter = _scatter(path, table.get("scatter", {}))
     names, covariance = _covariance(path, table.get("covariance", {}))
     curves = read_curves(path, table.get(CURVE, {}))
@@ -179,7 +178,7 @@ def load_belief(path: str | Path, among: Catalogue | None = None) -> Belief:
     for term in taking:
         if term not in curves:
             raise InputError(f"{path}: {term}: has no [curve.{term}] to say how large it is")
-    belief = Belief(coefficients, scatter, names, covariance, curves, as_catalogue(among), load_provenance(path))
+    belief = Belief(coefficients, scatter, names, covariance, curves, as_catalogue(among), provenance)
     for name in names:
         _check(path, name, belief)
     return belief

@@ -121,8 +121,7 @@ def _moved(model: Model, evidence: Observations, points: Points, u: Float[np.nda
 def _covariance(hessian: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
     """Inverse of the curvature; no direction is known worse than its prior says."""
     values, vectors = np.linalg.eigh(hessian)
-    inverse: np.ndarray = (vectors / np.maximum(values, 1.0)) @ vectors.T
-    return inverse
+    return np.asarray((vectors / np.maximum(values, 1.0)) @ vectors.T)
 
 
 def _starts(problem: Problem, grid: dict[str, dict[str, float]]) -> list[Float[np.ndarray, " p"]]:

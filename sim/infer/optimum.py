@@ -72,12 +72,10 @@ def minimise(problem: Problem, start: Float[np.ndarray, " p"], held: tuple[int, 
         return problem.value(place(part))
 
     def gradient_at(part: Float[np.ndarray, " free"]) -> Float[np.ndarray, " free"]:
-        gradient: np.ndarray = at(part)[1][free]
-        return gradient
+        return np.asarray(at(part)[1][free])
 
     def hessian_at(part: Float[np.ndarray, " free"]) -> Float[np.ndarray, "free free"]:
-        hessian: np.ndarray = at(part)[2][np.ix_(free, free)]
-        return hessian
+        return np.asarray(at(part)[2][np.ix_(free, free)])
 
     if free.size:
         found = minimize(value_at, whole[free], method="trust-exact", jac=gradient_at, hess=hessian_at,

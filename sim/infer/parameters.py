@@ -77,9 +77,6 @@ class Model:
         split = [(*one.name.partition("."), one.prior.scale) for one in inner]
         return tuple((term, key, scale) for term, _, key, scale in split)
 
-    def index(self, name: str) -> int | None:
-        return self.names.index(name) if name in self.names else None
-
     def scales(self) -> tuple[np.ndarray, np.ndarray]:
         """Centre and standard deviation [p] of the priors on the parameters' scales."""
         return np.array([one.centre for one in self.sought]), np.array([one.prior.sd for one in self.sought])

@@ -137,8 +137,8 @@ def find_parameter(name: str, among: Catalogue | None = None) -> Parameter:
     term_name, _, key = name.partition(".")
     if term_name == CURVE:
         return POINT
-    for term in find_terms([term_name], among):
-        for parameter in term.parameters:
-            if parameter.name == key:
-                return parameter
+    (term,) = find_terms([term_name], among)
+    for parameter in term.parameters:
+        if parameter.name == key:
+            return parameter
     raise InputError(f"{name}: {term_name} has no such parameter")

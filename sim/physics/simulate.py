@@ -184,8 +184,7 @@ def by_wheels(shots: Shots) -> np.ndarray:
 
 def has_wheels(rig: Rig, shots: Shots) -> np.ndarray:
     """Which shots' every wheel has a speed, measured or by motor_ratio; none of a rig without wheels."""
-    known: np.ndarray = np.isfinite(_from_wheels(rig, shots)[0])
-    return known
+    return np.asarray(np.isfinite(_from_wheels(rig, shots)[0]))
 
 
 def by_robot(shots: Shots) -> Exit:

@@ -17,7 +17,6 @@ from truearc.sim.infer.likelihood.track_data import TrackData, gather_tracks
 from truearc.sim.physics.simulate import ORDINARY, has_wheels, spin_of
 
 Which = Bool[np.ndarray, " n"]
-KINDS = ("outcome", "side", "miss_height_m", "exit_speed_m_s", "exit_deg", "exit_spin_rev_s", "tracks")
 
 
 class ShotObservations(NamedTuple):
@@ -133,8 +132,7 @@ def _has_mark(shots: Shots) -> Which:
     outcome = np.array(shots.text("outcome"))
     beside = np.isin(side, ("left", "right")) & np.isin(outcome, ("miss", ""))
     worded = ((outcome != "") | np.isin(side, ("low", "high"))) & ~beside
-    marked: np.ndarray = worded | np.isfinite(shots.number("miss_height_m"))
-    return marked
+    return np.asarray(worded | np.isfinite(shots.number("miss_height_m")))
 
 
 def _left_out(rig: Rig, shots: Shots, launched: Which, marked: Which, placed: Which, tracked: Which, use: Which,
@@ -167,11 +165,9 @@ def _used(shots: Shots, evidence: Observations) -> dict[str, int]:
     seen, n = evidence.seen, len(evidence.given.rolled)
     marked, measured = np.zeros((2, n), bool) if evidence.marks is None else evidence.marks[5:7]
     sides = np.isin(shots.text("side"), ("low", "high"))[:n]
-    by_height = int(measured.sum())
     tracks = sum(len(part.row) for part in (evidence.tracks, evidence.free) if part is not None)
-    counts = {"outcome": int(marked.sum()) - by_height,
-              "side": int((sides & marked & ~measured).sum()), "miss_height_m": by_height,
-              "exit_speed_m_s": int(seen.speed_seen.sum()),
-              "exit_deg": int(seen.elevation_seen.sum()),
+    counts = {"outcome": int((marked & ~measured).sum()), "side": int((sides & marked & ~measured).sum()),
+              "miss_height_m": int(measured.sum()),
+              "exit_speed_m_s": int(seen.speed_seen.sum()), "exit_deg": int(seen.elevation_seen.sum()),
               "exit_spin_rev_s": int(np.isfinite(shots.number("exit_spin_rev_s")).sum()), "tracks": tracks}
-    return {kind: counts[kind] for kind in KINDS if counts[kind]}
+    return {kind: count for kind, count in counts.items() if count}

@@ -15,8 +15,8 @@ from truearc.robot.config.rig_spec import Target
 from truearc.sim.physics.simulate import MISS, THREE, TWO
 from truearc.sim.physics.term import Opening
 
-# One mark in a hundred is a slip, so that no single one can rule the fit: all three outcomes are then equally likely, or all
-# heights within two metres of the centre.
+# One mark in a hundred is a slip, so that no single one can rule the fit: all three outcomes are then equally likely,
+# or all heights within two metres of the centre.
 LAPSE = 0.01
 LAPSED_OUTCOME = np.log(LAPSE / 3.0)
 LAPSED_HEIGHT = np.log(LAPSE / 4.0)

@@ -192,8 +192,7 @@ def _tracker(model: Model, u: Float[Any, " p"]) -> Look:
 
 def _value(model: Model, name: str, u: Float[Any, " p"]) -> Any:
     """A parameter in its own unit at u; 0 where the model has none of that name."""
-    index = model.index(name)
-    return 0.0 if index is None else model.sought[index].value(u[index])
+    return next((one.value(u[index]) for index, one in enumerate(model.sought) if one.name == name), 0.0)
 
 
 @partial(jax.jit, static_argnames=("model",))

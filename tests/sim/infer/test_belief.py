@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from truearc.robot.config.schema import InputError
 from truearc.sim.infer.belief import Belief, draw, load_belief, point_belief
-from truearc.sim.infer.coefficients import load_coefficients, load_provenance, save_coefficients
+from truearc.sim.infer.coefficients import load_coefficients
 
 NAMES = ("drag.cd", "exit_efficiency.loss", "magnus.cl", "scatter.speed")
 POSITIVE = st.floats(1e-3, 5.0)
@@ -32,12 +32,12 @@ def test_what_is_saved_reads_back(tmp_path_factory, cd, cl, loss, speed, numbers
     assert (again.coefficients, again.scatter, again.names) == (belief.coefficients, belief.scatter, belief.names)
     np.testing.assert_array_equal(again.covariance, belief.covariance)
     assert load_coefficients(path) == belief.coefficients
-    assert load_provenance(path) == {"method": "ml"}
+    assert load_belief(path).provenance == {"method": "ml"}
 
 
 def test_the_grids_file_is_a_belief_without_doubt(tmp_path):
     path = tmp_path / "coefficients.toml"
-    save_coefficients(path, {"drag": {"cd": 0.91}, "magnus": {"cl": 0.06}}, {})
+    point_belief({"drag": {"cd": 0.91}, "magnus": {"cl": 0.06}}).save(path)
     belief = load_belief(path)
     assert (belief.scatter, belief.names, belief.covariance.shape) == ({}, (), (0, 0))
     assert [one.coefficients for one in draw(belief, 3, np.random.default_rng(0))] == [belief.coefficients] * 3
