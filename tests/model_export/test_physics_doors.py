@@ -1,6 +1,7 @@
 """The gate with physics through its doors: train -> export -> verify -> predict-gate, for someone with a folder."""
 
 import csv
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,14 +11,13 @@ import truearc.cli.main as truearc
 from tests.sim.gate.worlds import BELIEF, make_shots
 from truearc.robot.gate.model import load_gate
 from truearc.sim.data.dataset import load_dataset, save_dataset
-from truearc.sim.infer.belief import save_belief
 
 
 @pytest.fixture(scope="module")
 def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
     home = tmp_path_factory.mktemp("physics")
     save_dataset(home / "real", make_shots(1, 80))
-    save_belief(home / "coefficients.toml", BELIEF, {"method": "by hand"})
+    replace(BELIEF, provenance={"method": "by hand"}).save(home / "coefficients.toml")
     for name in ("weights", "again"):
         assert truearc.main(["train", "--quiet", "--real", f"{home}/real", "--coefficients",
                              f"{home}/coefficients.toml", "--reliability", f"{home}/{name}.png", "-o",

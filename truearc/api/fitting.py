@@ -16,7 +16,7 @@ from truearc.sim.infer.advise import Proposal, advise
 from truearc.sim.infer.belief import Belief, point_belief
 from truearc.sim.infer.crossval import CrossValidation, cross_validate
 from truearc.sim.infer.fit_text import fit_lines
-from truearc.sim.infer.map_fit import MlFit, fit_ml
+from truearc.sim.infer.map_fit import MapFit, fit_map
 from truearc.sim.infer.profile import ProfileInterval, profile_interval
 from truearc.sim.infer.score import Score, score
 from truearc.sim.paper.grid_bootstrap import Bootstrap, bootstrap_grid
@@ -43,7 +43,7 @@ class Fit(Printed):
     """
 
     dataset: Dataset
-    solution: MlFit
+    solution: MapFit
     intervals: tuple[ProfileInterval, ...]
     holdout: CrossValidation | None
     proposals: tuple[Proposal, ...]
@@ -177,8 +177,8 @@ def fit(dataset: Dataset, terms: Iterable[str | Term] | None = None, *, method: 
 def _fit_map(dataset: Dataset, terms: Iterable[str | Term], progress: Progress) -> Fit:
     terms = terms if isinstance(terms, str) else tuple(terms)
     among = joined(terms)
-    solution = fit_ml(dataset.rig, dataset, names_of(terms, "terms", among) or (),
-                      lambda done, note: progress(0.4 * done, note), grid_start(dataset.rig, dataset), among)
+    solution = fit_map(dataset.rig, dataset, names_of(terms, "terms", among) or (),
+                       lambda done, note: progress(0.4 * done, note), grid_start(dataset.rig, dataset), among)
     if not solution.converged:
         return Fit(dataset, solution, (), None, ())
     intervals = []

@@ -5,7 +5,7 @@ import sys
 from typing import Any
 
 from truearc.cli.common import make_progress
-from truearc.sim.data.dataset import dataset_hash, load_dataset
+from truearc.sim.data.dataset import hash_dataset, load_dataset
 from truearc.sim.gate.network_training import Shares, rows_of, train_network
 from truearc.sim.paper.settings import PATIENCE, Recipe, check_recipe
 from truearc.sim.paper.synthetic_data import load_provenance
@@ -51,5 +51,6 @@ def load_rows(directory: str) -> Rows:
 
 def made_of(args: argparse.Namespace) -> dict[str, Any]:
     """Return the part of a record that describes the data; args: `real`, `sim`, `holdout` and `validation` as typed."""
-    return {"holdout": args.holdout, "validation": args.validation, "real_sha256": dataset_hash(args.real),
-            "sim_sha256": dataset_hash(args.sim) if args.sim else None, "coefficients": coefficients_of(args.sim)}
+    hashes = [hash_dataset(load_dataset(path)) if path else None for path in (args.real, args.sim)]
+    return {"holdout": args.holdout, "validation": args.validation, "real_sha256": hashes[0], "sim_sha256": hashes[1],
+            "coefficients": coefficients_of(args.sim)}
