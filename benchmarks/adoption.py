@@ -42,7 +42,7 @@ from truearc.sim.infer.belief import Belief
 from truearc.sim.metrics import figures_of
 from truearc.sim.paper.network import probabilities
 from truearc.sim.paper.sweep import Job, train_many
-from truearc.sim.paper.synthetic_data import synthesise
+from truearc.sim.paper.synthetic_shots import synthesise
 from truearc.sim.paper.training import split_heldout, training_rows
 from truearc.sim.world.options import Options
 from truearc_proof.rounds.jsonl_store import fill

@@ -54,20 +54,20 @@ def draw_shot(ticks: Sequence[Tick], config: Config, fed_t_ns: int) -> Figure:
     return figure
 
 
-def draw_trajectories(facts: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: Shots, most: int) -> Figure:
+def draw_trajectories(rig: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: Shots, most: int) -> Figure:
     """What the fitted simulator makes of recorded configurations, coloured by what really became of them."""
-    assert facts.target is not None
+    assert rig.target is not None
     figure = new_figure(8.0, 4.0)
     axes = figure.subplots()
     outcomes, distance_m = shots.text("outcome"), shots.number("distance_m")
     for outcome, colour in COLOURS.items():
         rows = np.array([row for row, said in enumerate(outcomes) if said == outcome][:most], dtype=int)
         if len(rows):
-            _draw_flights(axes, facts, coefficients, shots.take(rows), distance_m[rows], colour, outcome)
-    low = facts.target.centre_height_m - facts.target.two_half_height_m
-    three = facts.target.centre_height_m - facts.target.three_half_height_m
-    for bottom, half, colour in ((low, facts.target.two_half_height_m, COLOURS["two"]),
-                                 (three, facts.target.three_half_height_m, COLOURS["three"])):
+            _draw_flights(axes, rig, coefficients, shots.take(rows), distance_m[rows], colour, outcome)
+    low = rig.target.centre_height_m - rig.target.two_half_height_m
+    three = rig.target.centre_height_m - rig.target.three_half_height_m
+    for bottom, half, colour in ((low, rig.target.two_half_height_m, COLOURS["two"]),
+                                 (three, rig.target.three_half_height_m, COLOURS["three"])):
         axes.plot([0.0, 0.0], [bottom, bottom + 2 * half], color=colour, linewidth=5, solid_capstyle="butt")
     axes.set(xlabel="metres before the target", ylabel="height, m", ylim=(0.0, None))
     axes.legend(frameon=False, title="what happened")
@@ -75,11 +75,11 @@ def draw_trajectories(facts: Rig, coefficients: Mapping[str, Mapping[str, float]
     return figure
 
 
-def _draw_flights(axes: Axes, facts: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: Shots,
+def _draw_flights(axes: Axes, rig: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: Shots,
                   distance_m: np.ndarray, colour: str, outcome: str) -> None:
     values, whose = effective(coefficients, ORDINARY), by_robot(shots)
-    exit, distance_m = sense(facts, values, launch_of(facts, shots), distance_m, whose)
-    states = path(facts, flight_terms({"gravity", *coefficients}), values, leave(facts, values, exit, whose),
+    exit, distance_m = sense(rig, values, launch_of(rig, shots), distance_m, whose)
+    states = path(rig, flight_terms({"gravity", *coefficients}), values, leave(rig, values, exit, whose),
                   PATH_POINTS, PATH_STEP_S)
     x, z = np.asarray(states.position_m.x) - distance_m, np.asarray(states.position_m.z)
     for shot in range(len(shots)):

@@ -51,7 +51,7 @@ class PhysicsGate:
     whatever their height.
     """
 
-    facts: Rig
+    rig: Rig
     belief: Belief
     scaling: Scaling
     fit: GateFit
@@ -62,7 +62,7 @@ class PhysicsGate:
     @property
     def shape(self) -> GateShape:
         """Scale, floor_m, two_m, three_m and lapse, as plain numbers."""
-        return GateShape(*(float(value) for value in shape_of(self.fit.theta, np.array(halves_of(self.facts)))))
+        return GateShape(*(float(value) for value in shape_of(self.fit.theta, np.array(halves_of(self.rig)))))
 
     def latent(self, features: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mean of the height at the plane minus the target's centre, and its standard deviation, [n] in m each.
@@ -70,7 +70,7 @@ class PhysicsGate:
         features [n, 3] in the contract's order and units.
         """
         features = np.asarray(features, np.float64)
-        return self.correct(features, physics_of(self.facts, self.belief, features))
+        return self.correct(features, physics_of(self.rig, self.belief, features))
 
     def correct(self, features: np.ndarray, physics: Physics) -> tuple[np.ndarray, np.ndarray]:
         """As latent, where the physics has been asked already."""
@@ -91,11 +91,11 @@ class PhysicsGate:
         return replace(self, temperature=temperature)
 
 
-def halves_of(facts: Rig) -> tuple[float, float]:
+def halves_of(rig: Rig) -> tuple[float, float]:
     """(two, three) half-heights of rig.toml in m; InputError when it has no target."""
-    if facts.target is None:
+    if rig.target is None:
         raise InputError("rig.toml: [target] is needed to tell an outcome")
-    return facts.target.two_half_height_m, facts.target.three_half_height_m
+    return rig.target.two_half_height_m, rig.target.three_half_height_m
 
 
 def residual(fit: GateFit, z: np.ndarray, physics: Physics) -> tuple[np.ndarray, np.ndarray]:

@@ -5,9 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from truearc.robot.config.schema import InputError
-from truearc.robot.gate.contract import FEATURES
 from truearc.sim.data.dataset import Shots
-from truearc.sim.paper.training import lacking_features
+from truearc.sim.paper.training import usable_rows
 from truearc.sim.physics.simulate import MISS, THREE, TWO
 
 # The plane from below to above: miss low, two low, three, two high, miss high.
@@ -41,26 +40,20 @@ class OutcomeClasses(NamedTuple):
         return OutcomeClasses(*(column[rows] for column in self))
 
 
-def marks_of(shots: Shots, name: str) -> tuple[OutcomeClasses, np.ndarray, list[str]]:
-    """Marks, the positions in `shots` that they come from, and a sentence for each kind of shot of `name` left out.
+def marks_of(shots: Shots, name: str) -> tuple[OutcomeClasses, list[str]]:
+    """Return the outcome classes of shots, and a sentence for each kind of shot of `name` left out.
 
     InputError when none is left.
     """
-    features = np.stack([shots.number(feature.name) for feature in FEATURES], axis=1)
     outcome, side, miss_m = shots.text("outcome"), shots.text("side"), shots.number("miss_height_m")
-    judged = np.array([one in LEVEL for one in outcome], bool)
-    whole = np.isfinite(features).all(axis=1)
-    silent = ~judged & np.isnan(miss_m)
-    kept = np.flatnonzero(whole & ~silent)
-    reasons = (("no outcome or miss_height_m", silent), (lacking_features(features[~silent]), ~silent & ~whole))
-    left_out = [f"{name}: {int(lacks.sum())} of {len(shots)} shots left out: {why}" for why, lacks in reasons
-                if lacks.any()]
+    silent = np.array([one not in LEVEL for one in outcome], bool) & np.isnan(miss_m)
+    features, kept, left_out = usable_rows(shots, name, silent, "no outcome or miss_height_m")
     if not kept.size:
         raise InputError("there is nothing to train on; " + "; ".join(left_out or [f"{name}: no shots"]))
     cells = np.array([_cells(outcome[row], side[row]) for row in kept], float)
     level = np.array([LEVEL.get(outcome[row], -1) for row in kept])
     aside = np.array([outcome[row] == MISS and side[row] in ASIDE for row in kept])
-    return OutcomeClasses(features[kept], cells, miss_m[kept], level, aside, _groups(shots, kept)), kept, left_out
+    return OutcomeClasses(features, cells, miss_m[kept], level, aside, _groups(shots, kept)), left_out
 
 
 def _cells(outcome: str, side: str) -> tuple[int, ...]:

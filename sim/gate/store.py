@@ -49,7 +49,7 @@ def load_physics_gate(directory: str | Path) -> tuple[PhysicsGate, dict[str, Any
 def _plain(gate: PhysicsGate) -> dict[str, Any]:
     fit = gate.fit
     return {
-        "facts": msgspec.to_builtins(gate.facts),
+        "facts": msgspec.to_builtins(gate.rig),
         "belief": as_table(gate.belief),
         "scaling": {name: getattr(gate.scaling, name).tolist() for name in ("mean", "deviation", "low", "high")},
         "fit": {"height_m": float(fit.widths.height_m), "speed": float(fit.widths.speed), "theta": fit.theta.tolist(),

@@ -39,30 +39,26 @@ class Heldout:
     gain: float
 
 
-def fit_physics_gate(facts: Rig, belief: Belief, shots: Shots, seed: int = 0, name: str = "shots",
-                     progress: Progress = lambda done, note: None) -> PhysicsGate:
-    """The gate of these shots; the same arguments give the same gate. BadInput when nothing can be learned."""
-    return train_physics_gate(facts, belief, shots, seed, name, progress)[0]
-
-
-def train_physics_gate(facts: Rig, belief: Belief, shots: Shots, seed: int = 0, name: str = "shots",
+def train_physics_gate(rig: Rig, belief: Belief, shots: Shots, seed: int = 0, name: str = "shots",
                        progress: Progress = lambda done, note: None) -> tuple[PhysicsGate, Heldout | None]:
-    """As fit_physics_gate, with what it was worth out of fold (None when there are too few judged configurations).
+    """Fit the gate of these shots, and rate it out of fold (None when there are too few judged configurations).
+
+    The same arguments give the same gate. InputError when nothing can be learned.
 
     Folds are of configurations, drawn by seed. The temperature is kept only when it adds to the log score of folds
     that it was not chosen on.
     """
-    marks, _, _ = marks_of(shots, name)
-    physics = physics_of(facts, belief, marks.features)
+    marks, _ = marks_of(shots, name)
+    physics = physics_of(rig, belief, marks.features)
     progress(0.3, "forecasts made")
-    gate = _fit(facts, belief, marks, physics, np.ones(len(marks.level)))
+    gate = _fit(rig, belief, marks, physics, np.ones(len(marks.level)))
     progress(0.5, "fitted")
     fold = folds(marks.group, seed)
     if fold is None or (marks.level >= 0).sum() < FEWEST_TO_FOLD:
         return gate, None
     heldout = []
     for number in range(FOLDS):
-        fitted = _fit(facts, belief, marks, physics, (fold != number).astype(float))
+        fitted = _fit(rig, belief, marks, physics, (fold != number).astype(float))
         heldout.append(_latent_of(fitted, marks, physics, np.flatnonzero((fold == number) & (marks.level >= 0))))
         progress(0.5 + 0.5 * (number + 1) / FOLDS, f"fold {number + 1} of {FOLDS}")
     return _calibrate(gate, heldout, _alone(gate, physics, marks))
@@ -89,13 +85,13 @@ class _Fold:
         return self.gate.judge(self.mean_m, temperature * self.sigma_m)
 
 
-def _fit(facts: Rig, belief: Belief, marks: OutcomeClasses, physics: Physics, weight: np.ndarray) -> PhysicsGate:
+def _fit(rig: Rig, belief: Belief, marks: OutcomeClasses, physics: Physics, weight: np.ndarray) -> PhysicsGate:
     seen = marks.features[weight > 0.0]
     scaling = scaling_of(seen)
     told = weight * ~marks.aside
     data = GateData(scaling(marks.features), *physics, marks.cells, marks.miss_m, told)
     aside = float((marks.aside * weight).sum() / weight.sum())
-    return PhysicsGate(facts, belief, scaling, fit_widest(data, halves_of(facts)), 1.0, aside, fit_novelty(seen))
+    return PhysicsGate(rig, belief, scaling, fit_widest(data, halves_of(rig)), 1.0, aside, fit_novelty(seen))
 
 
 def scaling_of(features: np.ndarray) -> Scaling:
@@ -130,7 +126,7 @@ def _calibrate(gate: PhysicsGate, parts: list[_Fold], alone: Figures) -> tuple[P
 
 def _alone(gate: PhysicsGate, physics: Physics, marks: OutcomeClasses) -> Figures:
     """The forecast with nothing learned here: spread as the belief has it, half-heights of rig.toml, judged rows."""
-    two_m, three_m = halves_of(gate.facts)
+    two_m, three_m = halves_of(gate.rig)
     shape = GateShape(1.0, PRIORS["floor_m"][0], two_m, three_m, PRIORS["lapse"][0])
     judged = marks.level >= 0
     cells = np.asarray(cell_probabilities(shape, physics.deviation_m, spread_m(shape, physics.sigma_m)))[judged]

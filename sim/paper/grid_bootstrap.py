@@ -29,12 +29,12 @@ class Bootstrap:
         return float(low), float(high)
 
 
-def bootstrap_grid(facts: Rig, shots: Shots, fit: GridFit, resamples: int, seed: int) -> Bootstrap:
+def bootstrap_grid(rig: Rig, shots: Shots, fit: GridFit, resamples: int, seed: int) -> Bootstrap:
     """Choose as fit_grid does from `resamples` draws with replacement of the scoring shots, by the labels it found.
 
     Only deviations at tied pairs are flown anew. A draw without a three cannot be chosen from, and is counted.
     """
-    scoring = make_scoring(facts, shots)
+    scoring = make_scoring(rig, shots)
     count = len(scoring.is_three)
     draws = np.random.default_rng(seed).integers(count, size=(resamples, count))
     weights = np.stack([np.bincount(draw, minlength=count) for draw in draws])

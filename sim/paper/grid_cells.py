@@ -249,24 +249,3 @@ def paint(shape: Floats, rows: Floats, columns: Floats, unsure: float, centre: f
             labels[row, column] = DOUBTFUL if near else label
             found += 1 if near else 0
     return found
-
-
-@compiled
-def list_hits(labels: Labels, launch: Ints, pair: Ints, label: Labels) -> int:
-    """All points that are no miss, in order; returns how many there are, be there room for them or not."""
-    count = 0
-    for one in range(labels.shape[0]):
-        for row in range(labels.shape[1]):
-            most = 0
-            for column in range(labels.shape[2]):
-                most |= labels[one, row, column]
-            if most == MISS:
-                continue
-            for column in range(labels.shape[2]):
-                if labels[one, row, column] == MISS:
-                    continue
-                if count < len(launch):
-                    launch[count], pair[count] = one, row * labels.shape[2] + column
-                    label[count] = labels[one, row, column]
-                count += 1
-    return count

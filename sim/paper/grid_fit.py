@@ -70,11 +70,11 @@ class Scoring:
 
     def deviation_m(self, cd: np.ndarray, cl: np.ndarray) -> np.ndarray:
         """|height - centre| [pairs, shots whose outcome is three], infinite where not reached."""
-        threes = Flyer(self.flyer.kernel, self.flyer.facts, self.flyer.release_m, self.flyer.launch[self.is_three])
+        threes = Flyer(self.flyer.kernel, self.flyer.rig_values, self.flyer.release_m, self.flyer.launch[self.is_three])
         return np.nan_to_num(np.abs(fly_pairs(threes, cd, cl) - self.target[0]), nan=np.inf)
 
 
-def fit_grid(facts: Rig, shots: Shots, step: float = STEP, progress: Progress = lambda done, note: None) -> GridFit:
+def fit_grid(rig: Rig, shots: Shots, step: float = STEP, progress: Progress = lambda done, note: None) -> GridFit:
     """Fly every scoring shot with every pair of the grid and choose as the seed does.
 
     First the share of three-point shots flown into the three, then of scoring shots into the two, then the least mean
@@ -84,7 +84,7 @@ def fit_grid(facts: Rig, shots: Shots, step: float = STEP, progress: Progress = 
     """
     axis = make_axis(step)
     progress(0.0, "the law of motion is compiled when it is new")
-    scoring = make_scoring(facts, shots)
+    scoring = make_scoring(rig, shots)
     hits = find_hits(scoring.flyer, axis, scoring.target, progress)
     three, two = count_hits(hits, scoring.is_three, np.ones(len(scoring.is_three)), axis.size)
     if not two.any():
@@ -118,16 +118,16 @@ def make_axis(step: float) -> np.ndarray:
     return np.linspace(LOW, HIGH, round(parts) + 1)
 
 
-def make_scoring(facts: Rig, shots: Shots) -> Scoring:
+def make_scoring(rig: Rig, shots: Shots) -> Scoring:
     """The shots whose outcome is two or three; InputError when none is a three or the rig has no target."""
-    if facts.target is None:
+    if rig.target is None:
         raise InputError("rig.toml: [target] is needed to fit by outcomes")
     outcome = np.array(shots.text("outcome"))
     if not (outcome == THREE).any():
         raise InputError(f"{shots.source}: outcome: fit by grid needs at least one shot whose outcome is three")
     scoring = shots.take(np.flatnonzero((outcome == THREE) | (outcome == TWO)))
-    flyer = make_flyer(facts, launch_of(facts, scoring), require(scoring, "distance_m"))
-    target = (facts.target.centre_height_m, facts.target.three_half_height_m, facts.target.two_half_height_m)
+    flyer = make_flyer(rig, launch_of(rig, scoring), require(scoring, "distance_m"))
+    target = (rig.target.centre_height_m, rig.target.three_half_height_m, rig.target.two_half_height_m)
     return Scoring(flyer, np.array(scoring.text("outcome")) == THREE, target)
 
 
@@ -147,10 +147,10 @@ def rank_ties(scoring: Scoring, axis: np.ndarray, pairs: np.ndarray) -> np.ndarr
     return np.stack([cd, cl, mean_m, median_m], axis=1)[np.lexsort((cl, cd, median_m, mean_m))]
 
 
-def map_deviation(facts: Rig, shots: Shots, cd: np.ndarray, cl: np.ndarray) -> np.ndarray:
+def map_deviation(rig: Rig, shots: Shots, cd: np.ndarray, cl: np.ndarray) -> np.ndarray:
     """Mean deviation in m of the shots whose outcome is three at each pair, infinite where one is not reached.
 
     cd and cl are arrays of one shape, and so is the result. Flies every pair: about a microsecond each and shot.
     """
-    mean_m: np.ndarray = make_scoring(facts, shots).deviation_m(np.ravel(cd), np.ravel(cl)).mean(axis=1)
+    mean_m: np.ndarray = make_scoring(rig, shots).deviation_m(np.ravel(cd), np.ravel(cl)).mean(axis=1)
     return mean_m.reshape(np.shape(cd))

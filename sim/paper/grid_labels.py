@@ -2,7 +2,7 @@
 
 import os
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.paper import grid_cells as cells_of
-from truearc.sim.paper.grid_cells import DOUBTFUL, LEAF, NODES, PAINTED, SPLIT
+from truearc.sim.paper.grid_cells import DOUBTFUL, LEAF, MISS, NODES, PAINTED, SPLIT
 from truearc.sim.physics.catalogue import flight_terms
 from truearc.sim.physics.compiled import facts_values, load_kernel, make_source
 from truearc.sim.physics.flight import LIMIT_S, SHORTEST
@@ -39,17 +39,12 @@ class Hits:
     label: np.ndarray
 
 
-def empty_hits(count: int) -> Hits:
-    """Room for so many."""
-    return Hits(np.empty(count, np.int32), np.empty(count, np.int32), np.empty(count, np.uint8))
-
-
 @dataclass(frozen=True)
 class Flyer:
     """Flies launches with pairs of coefficients, by machine code made from the law of motion."""
 
     kernel: ModuleType
-    facts: tuple[float, ...]
+    rig_values: tuple[float, ...]
     release_m: float
     launch: np.ndarray                # [n, 4] forward and upward speed m/s, spin rev/s, distance m
 
@@ -62,16 +57,16 @@ class Flyer:
         height_m, gap_m = np.empty(batches * LANES), np.empty(batches * LANES)
         under = np.empty(batches * LANES, np.bool_)
         rules = (self.release_m, *steps, steps[0] * SHORTEST, DEEPEST_M, LIMIT_S)
-        self.kernel.fly_lanes((0, batches), self.launch, which, cd, cl, self.facts, rules, height_m, gap_m, under)
+        self.kernel.fly_lanes((0, batches), self.launch, which, cd, cl, self.rig_values, rules, height_m, gap_m, under)
         return height_m, gap_m, under
 
 
-def make_flyer(facts: Rig, exit: Exit, distance_m: np.ndarray) -> Flyer:
+def make_flyer(rig: Rig, exit: Exit, distance_m: np.ndarray) -> Flyer:
     """A flyer of these launches; compiles once for a law, which takes seconds, and keeps the result on disk."""
-    kernel = load_kernel(make_source(facts, TERMS, VALUES), TEMPLATE)
+    kernel = load_kernel(make_source(rig, TERMS, VALUES), TEMPLATE)
     launch = np.stack([exit.speed_m_s * np.cos(exit.elevation_rad), exit.speed_m_s * np.sin(exit.elevation_rad),
                        exit.spin_rev_s, distance_m], axis=1)
-    return Flyer(kernel, facts_values(facts), float(facts.launcher.release_height_m), launch)
+    return Flyer(kernel, facts_values(rig), float(rig.launcher.release_height_m), launch)
 
 
 def label_launches(flyer: Flyer, axis: np.ndarray, target: tuple[float, float, float], rows: range) -> np.ndarray:
@@ -80,7 +75,7 @@ def label_launches(flyer: Flyer, axis: np.ndarray, target: tuple[float, float, f
     target: centre, three's and two's half height in m.
     """
     labels = np.zeros((len(rows), len(axis), len(axis)), np.uint8)
-    part = Flyer(flyer.kernel, flyer.facts, flyer.release_m, flyer.launch[rows.start:rows.stop])
+    part = Flyer(flyer.kernel, flyer.rig_values, flyer.release_m, flyer.launch[rows.start:rows.stop])
     cells, doubtful, leaves = cells_of.make_roots(len(axis), len(rows)), [], []
     if len(axis) <= LEAF:
         cells, leaves = cells[:0], [cells]
@@ -125,10 +120,9 @@ def find_hits(flyer: Flyer, axis: np.ndarray, target: tuple[float, float, float]
 
     def one(first: int) -> Hits:
         labels = label_launches(flyer, axis, target, range(first, min(first + AT_ONCE, launches)))
-        none = empty_hits(0)
-        hits = empty_hits(cells_of.list_hits(labels, none.launch, none.pair, none.label))
-        cells_of.list_hits(labels, hits.launch, hits.pair, hits.label)
-        return replace(hits, launch=hits.launch + np.int32(first))
+        at = np.flatnonzero(labels != MISS)
+        launch, pair = np.divmod(at, axis.size**2)
+        return Hits((first + launch).astype(np.int32), pair.astype(np.int32), labels.ravel()[at])
 
     parts = []
     with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:

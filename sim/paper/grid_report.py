@@ -15,7 +15,6 @@ from truearc.sim.paper.grid_fit import GridFit, map_deviation
 from truearc.sim.paper.settings import HIGH, LOW
 from truearc.sim.plots import Zoom, draw_fit_map
 
-TIE_HEADER = ("cd", "cl", "mean_deviation_m", "median_deviation_m")
 LISTED, SHOWN = 30, 10                # as many ties are listed in full; of more, so many are shown
 FEW_THREES = 10
 ZOOM_POINTS = 90                      # a side at most, of the picture's second panel
@@ -110,7 +109,7 @@ def _zoom(dataset: Dataset, fit: GridFit) -> Zoom:
     """Mean deviation around the tied pairs."""
     cd, cl = (_around(np.flatnonzero(fit.tied.any(axis=other)), fit.axis) for other in (1, 0))
     every_cd, every_cl = np.meshgrid(cd, cl)
-    return Zoom(cd, cl, map_deviation(dataset.facts, dataset.shots, every_cd, every_cl))
+    return Zoom(cd, cl, map_deviation(dataset.rig, dataset.shots, every_cd, every_cl))
 
 
 def _around(at: np.ndarray, axis: np.ndarray) -> np.ndarray:

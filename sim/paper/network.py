@@ -150,13 +150,15 @@ def load_record(path: Path) -> dict[str, Any]:
     return record
 
 
-def load_json(path: Path, schema: str) -> dict[str, Any]:
-    """A JSON object of this schema; InputError names the file and what is wrong with it."""
+def load_json(path: Path, schema: str | None = None) -> dict[str, Any]:
+    """Read a JSON object, of this schema where one is given; InputError names the file and what is wrong with it."""
     try:
         table = json.loads(_read(path))
     except ValueError as error:
         raise InputError(f"{path}: not JSON ({error})") from error
-    if not isinstance(table, dict) or table.get("schema") != schema:
+    if not isinstance(table, dict):
+        raise InputError(f"{path}: not a JSON object")
+    if schema is not None and table.get("schema") != schema:
         raise InputError(f"{path}: key 'schema' is not {schema!r}")
     return table
 

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from truearc.robot.config.schema import InputError
 from truearc.sim.intervals import student_half
 from truearc.sim.paper.sweep import Job, Trained
-from truearc.sim.paper.training import Rows, called_right, mean_loss, split_heldout
+from truearc.sim.paper.training import Rows, accuracy, mean_loss, split_heldout
 from truearc.sim.report import new_figure
 
 COLOURS = ("#1f5fa8", "#d99000", "#1b7f3b", "#b3261e", "#6b4fa0", "#9aa3af")
@@ -114,7 +114,7 @@ def balanced_order(rows: Rows, seed: int) -> np.ndarray:
 
 def judge(network: SweepNetwork, trained: Trained) -> SweepScore:
     """A trained network against the shots it was not trained on."""
-    right = called_right(trained.network, network.heldout)
+    right = accuracy(trained.network, network.heldout)
     assert network.job.validation is not None
     return SweepScore(*network.setting, network.seed, trained.step, mean_loss(trained.network, network.job.validation),
                  mean_loss(trained.network, network.heldout), right["outcome"], right["two"], right["three"])

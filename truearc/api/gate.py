@@ -77,7 +77,7 @@ class GateTraining(Printed):
         """Return the report: what the correction to the physics learned, and hold-out figures with warnings."""
         gate, marks = self.gate, self.marks
         lines = [f"learned from {len(marks.level)} shots",
-                 *tell_residual(gate, marks.features, physics_of(gate.facts, gate.belief, marks.features))]
+                 *tell_residual(gate, marks.features, physics_of(gate.rig, gate.belief, marks.features))]
         if len(set(marks.level[marks.level >= 0])) < 2:
             lines.append("careful: every shot has the same outcome; what is not the physics here is the prior")
         if self.folds is None:
@@ -103,7 +103,7 @@ def train_gate(dataset: Dataset, belief: Belief, *, seed: int = 0,
     if seed < 0:
         raise InputError(f"seed is {seed}; it cannot be negative")
     name = dataset.shots.source
-    marks, _, left_out = marks_of(dataset.shots, name)
+    marks, left_out = marks_of(dataset.shots, name)
     gate, folds = train_physics_gate(dataset.facts, belief, dataset.shots, seed, name, progress)
     return GateTraining(gate, folds, tuple(left_out), marks, _record(dataset, belief, seed, marks, gate, folds))
 

@@ -13,7 +13,7 @@ from truearc.sim.gate.outcome_classes import marks_of
 from truearc.sim.gate.physics import physics_of
 from truearc.sim.gate.store import MODEL_FILE, load_physics_gate, save_physics_gate
 from truearc.sim.gate.surrogate import compare, inside, make_surrogate
-from truearc.sim.gate.train import Heldout, fit_physics_gate, train_physics_gate
+from truearc.sim.gate.train import Heldout, train_physics_gate
 from truearc.sim.metrics import figures_of
 from truearc.sim.paper.training import domain_of
 
@@ -59,14 +59,14 @@ def test_p_three_is_never_above_p_two(trained: tuple[PhysicsGate, Heldout]) -> N
 
 
 def test_the_same_shots_give_the_same_gate(recorded: Dataset, trained: tuple[PhysicsGate, Heldout]) -> None:
-    again = fit_physics_gate(recorded.facts, BELIEF, recorded.shots)
+    again = train_physics_gate(recorded.facts, BELIEF, recorded.shots)[0]
     assert np.array_equal(again.fit.theta, trained[0].fit.theta) and again.temperature == trained[0].temperature
 
 
 def test_it_is_told_in_words(recorded: Dataset, trained: tuple[PhysicsGate, Heldout]) -> None:
     gate, heldout = trained
     marks = marks_of(recorded.shots, "x")[0]
-    said = tell_residual(gate, marks.features, physics_of(gate.facts, gate.belief, marks.features))
+    said = tell_residual(gate, marks.features, physics_of(gate.rig, gate.belief, marks.features))
     assert len(said) == 3 and all("the physics alone is" in line for line in said)
     assert any("cm high" in line or "cm low" in line for line in said)
     assert "calibration:" in tell_heldout(heldout, gate.temperature)[-1]
@@ -113,7 +113,7 @@ def test_configurations_labelled_alike_every_time_make_the_spread_small() -> Non
     labelled = Shots(data.shots.shot_id, data.shots.numbers, {"outcome": outcomes(true_m)})
     marks = marks_of(labelled, "x")[0]
     learn, test = np.arange(100), np.arange(100, 150)
-    gate = fit_physics_gate(data.facts, BELIEF, labelled.take(learn))
+    gate = train_physics_gate(data.facts, BELIEF, labelled.take(learn))[0]
     _, sigma_m = gate.latent(marks.features)
     assert np.median(sigma_m) < 0.06
     assert figures_of(gate.probabilities(marks.features[test]), marks.level[test]).accuracy >= 0.84
@@ -122,4 +122,4 @@ def test_configurations_labelled_alike_every_time_make_the_spread_small() -> Non
 def test_what_cannot_be_learned_is_refused(recorded: Dataset) -> None:
     no_target = type(recorded.facts)(recorded.facts.ball, recorded.facts.launcher)
     with pytest.raises(InputError, match="target"):
-        fit_physics_gate(no_target, BELIEF, recorded.shots)
+        train_physics_gate(no_target, BELIEF, recorded.shots)

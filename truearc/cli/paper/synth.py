@@ -28,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     """Return 0 when the dataset is written."""
     from truearc.sim.data.dataset import check_free, load_dataset, load_rig
-    from truearc.sim.paper.synthetic_files import say_synthetic, write_synthetic
+    from truearc.sim.paper.synthetic_shots import say_synthetic, write_synthetic
     check_free(args.out)
     facts = load_rig(args.rig)
     recorded = load_dataset(args.exclude) if args.exclude else None

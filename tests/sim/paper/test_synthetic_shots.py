@@ -12,13 +12,13 @@ from truearc.sim.data.dataset import load_dataset, save_rig
 from truearc.sim.infer.belief import Belief, draw, point_belief, save_belief
 from truearc.sim.infer.coefficients import save_coefficients
 from truearc.sim.paper.synthetic_data import grid_heights, grid_shots, load_provenance, sample_shots
-from truearc.sim.paper.synthetic_draws import (
+from truearc.sim.paper.synthetic_shots import (
     assign,
     check_belief,
     fly_draws,
     label_grid_draws,
     near_places,
-    synthesise_draws,
+    synthesise,
 )
 from truearc.sim.physics.simulate import classify
 
@@ -117,13 +117,13 @@ def test_labels_mix_near_the_target_and_nowhere_else(belief: Belief, drawn: np.n
 
 
 def test_the_sample_is_balanced_repeats_and_avoids_recorded_shots(belief: Belief, drawn: np.ndarray) -> None:
-    one = synthesise_draws(make_facts(Noise()), belief, 40, 90, None, 5)
+    one = synthesise(make_facts(Noise()), belief, 90, None, 5, 40)
     again = sample_shots(drawn, 90, None, 5)
     assert again.shot_id == one.shot_id and again.texts == one.texts
     assert sorted(map(one.text("outcome").count, ("miss", "two", "three"))) == [30, 30, 30]
     assert not set(sample_shots(drawn, 90, one, 5).shot_id) & set(one.shot_id)
     with pytest.raises(InputError, match="--draws is 0"):
-        synthesise_draws(make_facts(Noise()), belief, 0, 90, None, 5)
+        synthesise(make_facts(Noise()), belief, 90, None, 5, 0)
 
 
 def test_the_door_says_what_a_file_without_doubt_lacks(belief: Belief, tmp_path: Path,

@@ -1,29 +1,43 @@
-"""Simulated shots that carry doubt: each flies with coefficients of its own, launch scatter and sensor noise.
+"""Simulated shots of the paper's grid, as in the paper or with uncertainty, and the dataset directory they go into.
 
-Ours, not the seed's, which flies one pair of coefficients as if they were exact and no shot differed from the next.
-Here the label of a configuration is what became of *one* shot that the robot would have measured so: coefficients and
-scatter drawn from the fitted belief, a launch scattered by it, and a true speed, elevation and distance that differ
+The paper flies one exact pair of coefficients, and all shots of a configuration end alike. With draws, which are our
+addition, the label of a configuration is the outcome of *one* shot that the robot would have measured so: coefficients
+and scatter drawn from the fitted belief, a launch scattered by it, and a true speed, elevation and distance that differ
 from the measured ones by the sensors' noise. So near the edge of the target labels mix as they do on the field.
 
 Of the 468 236 configurations most pass metres away from the target, whatever is drawn. Only those are flown whose
 height by the belief itself is within NEAR standard deviations (truearc.sim.infer.forecast: scatter, sensors and the
-fit's doubt) of the two-point window; the others stay misses.
+fit's uncertainty) of the two-point window; the others stay misses.
 """
 
+import json
+import shutil
 from collections.abc import Mapping
+from importlib.metadata import version
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import InputError
+from truearc.sim.data.columns import OUTCOMES
 from truearc.sim.data.conditions import Circumstances
-from truearc.sim.data.dataset import Shots
-from truearc.sim.infer.belief import SCATTERS, Belief, draw
+from truearc.sim.data.dataset import Dataset, Shots, check_free, hash_dataset, save_dataset
+from truearc.sim.infer.belief import SCATTERS, Belief, draw, load_belief
 from truearc.sim.infer.curve import before_the_shot, owners, resized
 from truearc.sim.infer.forecast import forecast
 from truearc.sim.infer.likelihood.launch_inputs import given_of
-from truearc.sim.paper.synthetic_data import STEP_S, check_draw, grid_heights, grid_shots, sample_shots
+from truearc.sim.paper.synthetic_data import (
+    PROVENANCE_FILE,
+    SHAPE,
+    STEP_S,
+    check_draw,
+    grid_heights,
+    grid_shots,
+    label_grid,
+    sample_shots,
+)
 from truearc.sim.physics.catalogue import Catalogue, effective, flight_terms
 from truearc.sim.physics.flight import fly
 from truearc.sim.physics.launch import Exit
@@ -45,6 +59,49 @@ class Draws(NamedTuple):
     whose: tuple[str, ...]
 
 
+def write_synthetic(directory: str | Path, rig: Rig, coefficients: str | Path, n: int, *,
+                    exclude: Dataset | None = None, draws: int | None = None, seed: int = 0,
+                    among: Catalogue | None = None, progress: Progress = lambda done, note: None) -> Shots:
+    """Simulate shots of the paper's grid of configurations, write them as a dataset, and return them.
+
+    Args:
+        directory: To write; new or empty.
+        rig: That the shots are made with.
+        coefficients: coefficients.toml to fly with; it is copied into the directory.
+        n: Shots in all, the same number of each outcome.
+        exclude: Recorded shots whose configurations are not drawn.
+        draws: Sets of coefficients drawn from the covariance, with launch scatter and sensor noise; None: one exact
+            set, as in the paper.
+        seed: Of the draw.
+        among: The catalogue of the terms.
+        progress: Called with the share done, 0 to 1, and a note.
+
+    Raises:
+        InputError: the directory is not empty, the file is not coefficients, or there are too few configurations.
+    """
+    out = check_free(directory)
+    belief = load_belief(coefficients, among)
+    recorded = None if exclude is None else exclude.shots
+    if draws is not None:
+        check_belief(belief, str(coefficients))
+    shots = synthesise(rig, belief, n, recorded, seed, draws, progress)
+    save_dataset(out, Dataset(out.name, rig, shots))
+    shutil.copyfile(coefficients, out / "coefficients.toml")
+    provenance = {"version": version("truearc"), "seed": seed, "coefficients": belief.coefficients, "draws": draws,
+                  "scatter": belief.scatter if draws else None,
+                  "excluded_sha256": None if exclude is None else hash_dataset(exclude)}
+    (out / PROVENANCE_FILE).write_text(json.dumps(provenance, indent=1) + "\n", encoding="utf-8")
+    return shots
+
+
+def say_synthetic(directory: str | Path, shots: Shots, draws: int | None = None) -> str:
+    """Return how many shots of which outcome were written."""
+    counts = ", ".join(f"{shots.text('outcome').count(outcome)} {outcome}" for outcome in OUTCOMES)
+    more = f"; each with one of {draws} sets of coefficients, launch scatter and sensor noise" if draws else ""
+    return (f"{directory}: {len(shots)} simulated shots of {SHAPE[0] * SHAPE[1] * SHAPE[2]} configurations: "
+            f"{counts}{more}")
+
+
 def check_belief(belief: Belief, name: str) -> None:
     """InputError names the tables that a coefficients file `name` lacks for draws."""
     lacking = [what for what, there in (("[scatter]", set(belief.scatter) == set(SCATTERS)),
@@ -54,50 +111,53 @@ def check_belief(belief: Belief, name: str) -> None:
                        "`truearc fit` writes them, the grid does not")
 
 
-def synthesise_draws(facts: Rig, belief: Belief, draws: int, count: int, recorded: Shots | None, seed: int,
-                     progress: Progress = lambda done, note: None) -> Shots:
-    """As truearc.sim.paper.synthetic_data.synthesise, with labels by `draws` coefficient sets of the belief, each
-    flight scattered anew.
+def synthesise(rig: Rig, belief: Belief, count: int, recorded: Shots | None, seed: int, draws: int | None = None,
+               progress: Progress = lambda done, note: None) -> Shots:
+    """Simulated shots with an outcome each, none at a configuration that `recorded` has; same arguments, same shots.
 
-    Same arguments, same shots. InputError as there, or when draws < 1.
+    draws: sets of coefficients drawn from the belief, with launch scatter and sensor noise on every shot; None: the
+    belief's own coefficients, exactly. InputError when count or draws are too few.
     """
-    check_draw(count, seed)
-    if draws < 1:
+    check_draw(count, seed)                      # before the work, not after it
+    if draws is None:
+        outcomes = label_grid(rig, belief.coefficients, progress, belief.curves, belief.catalogue)
+    elif draws < 1:
         raise InputError(f"--draws is {draws}; at least 1 is needed")
-    outcomes = label_grid_draws(facts, belief, draws, seed, progress)
+    else:
+        outcomes = label_grid_draws(rig, belief, draws, seed, progress)
     return sample_shots(outcomes, count, recorded, seed)
 
 
-def label_grid_draws(facts: Rig, belief: Belief, draws: int, seed: int,
+def label_grid_draws(rig: Rig, belief: Belief, draws: int, seed: int,
                      progress: Progress = lambda done, note: None) -> np.ndarray:
     """Outcome of one uncertain shot at every configuration of the grid, flat."""
-    classify(facts, np.zeros(0))                  # a rig without target is told before the work
-    height_m = grid_heights(facts, belief.coefficients, lambda done, note: progress(0.5 * done, note), belief.curves,
+    classify(rig, np.zeros(0))                  # a rig without target is told before the work
+    height_m = grid_heights(rig, belief.coefficients, lambda done, note: progress(0.5 * done, note), belief.curves,
                             belief.catalogue)
-    places = near_places(facts, belief, height_m)
+    places = near_places(rig, belief, height_m)
     rng = np.random.default_rng([seed, 2])
     shots = grid_shots(places)
     drawn = assign(draw(belief, draws, rng), len(places), rng)
-    drawn_m = fly_draws(facts, shots, drawn, rng, lambda done, note: progress(0.5 + 0.5 * done, note),
-                        before_the_shot(belief.curves, facts, shots), belief.catalogue)
+    drawn_m = fly_draws(rig, shots, drawn, rng, lambda done, note: progress(0.5 + 0.5 * done, note),
+                        before_the_shot(belief.curves, rig, shots), belief.catalogue)
     outcomes = np.full(len(height_m), MISS, dtype="<U5")
-    outcomes[places] = classify(facts, drawn_m, _opening(facts, drawn.coefficients, belief.catalogue))
+    outcomes[places] = classify(rig, drawn_m, _opening(rig, drawn.coefficients, belief.catalogue))
     return outcomes
 
 
-def near_places(facts: Rig, belief: Belief, height_m: np.ndarray) -> np.ndarray:
+def near_places(rig: Rig, belief: Belief, height_m: np.ndarray) -> np.ndarray:
     """Flat positions of the grid from which a draw may score: heights [grid] by the belief's own coefficients."""
-    opening = _opening(facts, belief.coefficients, belief.catalogue)
+    opening = _opening(rig, belief.coefficients, belief.catalogue)
     reached = np.flatnonzero(np.isfinite(height_m))
-    sigma_m = forecast(facts, belief, grid_shots(reached)).sigma_m
+    sigma_m = forecast(rig, belief, grid_shots(reached)).sigma_m
     beyond_m = np.abs(height_m[reached] - opening.centre_m) - opening.two_half_m
     near: np.ndarray = reached[~(beyond_m > NEAR * sigma_m)]          # an unknown sigma is flown too
     return near
 
 
-def _opening(facts: Rig, coefficients: Values, among: Catalogue) -> Opening:
+def _opening(rig: Rig, coefficients: Values, among: Catalogue) -> Opening:
     """The target's, by the arrival terms among the coefficients."""
-    return opening_of(facts, effective(coefficients, ORDINARY, among), among)
+    return opening_of(rig, effective(coefficients, ORDINARY, among), among)
 
 
 def assign(beliefs: list[Belief], count: int, rng: np.random.Generator) -> Draws:
@@ -116,27 +176,27 @@ def assign(beliefs: list[Belief], count: int, rng: np.random.Generator) -> Draws
                  points[which], owners(first.curves))
 
 
-def fly_draws(facts: Rig, shots: Shots, draws: Draws, rng: np.random.Generator,
+def fly_draws(rig: Rig, shots: Shots, draws: Draws, rng: np.random.Generator,
               progress: Progress = lambda done, note: None, circumstances: Circumstances = ORDINARY,
               among: Catalogue | None = None) -> np.ndarray:
     """Heights [n] in m at the plane, nan where not reached, of one shot at each measured configuration."""
-    given = given_of(facts, shots)
+    given = given_of(rig, shots)
     count = len(shots)
     noise = rng.standard_normal((count, given.wheel_log_speed.shape[1]))
     rolling = Exit(given.rolling.speed_m_s * np.exp(np.sum(given.wheel_log_speed * noise, axis=1)),
                    given.rolling.elevation_rad + given.elevation_sd_rad * rng.standard_normal(count),
                    given.rolling.spin_rev_s + np.sum(given.wheel_spin_rev_s * noise, axis=1))
     values = effective(draws.coefficients, resized(circumstances, draws.whose, draws.points), among)
-    rolling, true_m = sense(facts, values, rolling, given.distance_m, among=among)
-    left = Exit(*map(np.asarray, leave(facts, values, rolling, among=among)))
+    rolling, true_m = sense(rig, values, rolling, given.distance_m, among=among)
+    left = Exit(*map(np.asarray, leave(rig, values, rolling, among=among)))
     scattered = Exit(left.speed_m_s * np.exp(draws.scatter["speed"] * rng.standard_normal(count)),
                      left.elevation_rad + np.radians(draws.scatter["elevation_deg"]) * rng.standard_normal(count),
                      left.spin_rev_s, left.above_m)
     distance_m = np.asarray(true_m) + given.distance_sd_m * rng.standard_normal(count)
-    return _fly(facts, values, scattered, distance_m, progress, among)
+    return _fly(rig, values, scattered, distance_m, progress, among)
 
 
-def _fly(facts: Rig, values: Values, exit: Exit, distance_m: np.ndarray, progress: Progress,
+def _fly(rig: Rig, values: Values, exit: Exit, distance_m: np.ndarray, progress: Progress,
          among: Catalogue | None) -> np.ndarray:
     """Blocks of one size, since each is compiled, of flights that stay aloft about equally long."""
     terms = flight_terms({"gravity", *values}, among)
@@ -146,7 +206,7 @@ def _fly(facts: Rig, values: Values, exit: Exit, distance_m: np.ndarray, progres
     for first in range(0, len(order), BLOCK):
         rows = order[first:first + BLOCK]
         lanes = np.resize(rows, BLOCK)
-        crossing = fly(facts, terms, take_values(named, lanes), exit.take(lanes), distance_m[lanes], step_s=STEP_S)
+        crossing = fly(rig, terms, take_values(named, lanes), exit.take(lanes), distance_m[lanes], step_s=STEP_S)
         height_m[rows] = np.asarray(crossing.height_m)[:rows.size]
         progress((first + rows.size) / len(order), f"{first + rows.size} flights with doubt")
     return height_m
