@@ -1,7 +1,6 @@
 """The fitted gate in float64: features to the height's mean and spread, and to probabilities."""
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -10,16 +9,7 @@ import numpy as np
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import InputError
 from truearc.sim.gate.fit import GateFit
-from truearc.sim.gate.likelihood import (
-    RESIDUAL,
-    GateData,
-    GateShape,
-    Widths,
-    cell_probabilities,
-    residual_basis,
-    shape_of,
-    spread_m,
-)
+from truearc.sim.gate.likelihood import RESIDUAL, GateShape, cell_probabilities, residual_basis, shape_of, spread_m
 from truearc.sim.gate.novelty import Novelty
 from truearc.sim.gate.physics import Physics, physics_of
 from truearc.sim.infer.belief import Belief
@@ -98,17 +88,15 @@ def halves_of(rig: Rig) -> tuple[float, float]:
     return rig.target.two_half_height_m, rig.target.three_half_height_m
 
 
+_residual_basis = jax.jit(residual_basis)
+
+
 def residual(fit: GateFit, z: np.ndarray, physics: Physics) -> tuple[np.ndarray, np.ndarray]:
     """The learned residual and its own standard deviation a posteriori, [n] in m each; z [n, 3] standardised."""
     rows = np.resize(np.arange(len(z)), _size(len(z)))
-    functions = np.asarray(_functions(fit.widths, z[rows], physics.by_speed_m[rows]))[:len(z)]
+    functions = np.asarray(_residual_basis(fit.widths, z[rows], physics.by_speed_m[rows]))[:len(z)]
     doubt_m2 = np.einsum("ni,ij,nj->n", functions, fit.covariance[:RESIDUAL, :RESIDUAL], functions)
     return functions @ fit.theta[:RESIDUAL], np.sqrt(np.maximum(doubt_m2, 0.0))
-
-
-@jax.jit
-def _functions(widths: Widths, z: Any, by_speed_m: Any) -> Any:
-    return residual_basis(widths, GateData(z, None, None, by_speed_m, None, None, None))
 
 
 def _size(count: int) -> int:

@@ -1,6 +1,6 @@
 """The seed's coefficient search (section III-A and IV-C): every pair of drag and lift coefficient on a square grid."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -70,7 +70,7 @@ class Scoring:
 
     def deviation_m(self, cd: np.ndarray, cl: np.ndarray) -> np.ndarray:
         """|height - centre| [pairs, shots whose outcome is three], infinite where not reached."""
-        threes = Flyer(self.flyer.kernel, self.flyer.rig_values, self.flyer.release_m, self.flyer.launch[self.is_three])
+        threes = replace(self.flyer, launch=self.flyer.launch[self.is_three])
         return np.nan_to_num(np.abs(fly_pairs(threes, cd, cl) - self.target[0]), nan=np.inf)
 
 

@@ -2,7 +2,7 @@
 
 import os
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import ModuleType
 
@@ -75,7 +75,7 @@ def label_launches(flyer: Flyer, axis: np.ndarray, target: tuple[float, float, f
     target: centre, three's and two's half height in m.
     """
     labels = np.zeros((len(rows), len(axis), len(axis)), np.uint8)
-    part = Flyer(flyer.kernel, flyer.rig_values, flyer.release_m, flyer.launch[rows.start:rows.stop])
+    part = replace(flyer, launch=flyer.launch[rows.start:rows.stop])
     cells, doubtful, leaves = cells_of.make_roots(len(axis), len(rows)), [], []
     if len(axis) <= LEAF:
         cells, leaves = cells[:0], [cells]

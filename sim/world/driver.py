@@ -71,7 +71,7 @@ class Driver:
             return
         self.trial += 1
         if self._left_here == 0:
-            self._world.drive_to(self._next_place_m())
+            self._world.stand.drive_to(self._next_place_m())
         self._left_here -= 1
         self._do = self._stop
 
@@ -85,7 +85,7 @@ class Driver:
         return low_m + (high_m - low_m) * self._place
 
     def _stop(self, t_ns: int) -> None:
-        if not self._world.moving:
+        if not self._world.stand.moving:
             self._wait(t_ns, SETTLE_S, self._fire)
 
     def _fire(self, t_ns: int) -> None:

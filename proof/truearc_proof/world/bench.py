@@ -44,7 +44,7 @@ class Bench:
         self.t_ns = 0
         self.samples: list[Sample] = []
         self._integral_nm = 0.0
-        self._speeds = deque([world.wheel_rad_s], LAG_TICKS + 1)
+        self._speeds = deque([world.belt.speed_rad_s], LAG_TICKS + 1)
         self._steady = 0
 
     def fire(self, wheel_rad_s: float, hood_deg: float, shots: int, longest_s: float = 120.0,
@@ -77,11 +77,11 @@ class Bench:
         self.t_ns += TICK_NS
         world.advance(self.t_ns, {"flywheel_a": wheel_nm, "flywheel_b": wheel_nm, "hood": hood_nm,
                                   "feeder": feeder_nm})
-        self.samples.append(Sample(self.t_ns * 1e-9, world.wheel_rad_s, world.hood_deg, world.bus_v(),
+        self.samples.append(Sample(self.t_ns * 1e-9, world.belt.speed_rad_s, world.hood_deg, world.bus_v(),
                                    ball_from_muzzle(world)))
 
     def _wheels(self, wanted_rad_s: float) -> tuple[float, float]:
-        self._speeds.append(self.world.wheel_rad_s)
+        self._speeds.append(self.world.belt.speed_rad_s)
         error = wanted_rad_s - self._speeds[0]
         if abs(error) < 20.0:
             self._integral_nm = min(max(self._integral_nm + 0.1 * error * TICK_NS * 1e-9, -0.3), 0.3)

@@ -91,7 +91,7 @@ def test_few_flights_are_enough():
             flown.append((batches[1] - batches[0]) * 64)
             real(batches, *rest)
 
-    label_launches(type(flyer)(Kernel, flyer.facts, flyer.release_m, flyer.launch), axis, TARGET, range(8))
+    label_launches(type(flyer)(Kernel, flyer.rig_values, flyer.release_m, flyer.launch), axis, TARGET, range(8))
     assert 0 < sum(flown) < 0.08 * 8 * axis.size**2
 
 

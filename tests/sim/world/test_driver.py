@@ -23,15 +23,15 @@ class _Robot:
     def _press(self, button: str) -> None:
         self.presses.append((self.bench.t_ns, button))
         if button == "fire":
-            assert not self.world.moving
+            assert not self.world.stand.moving
             self.asked = True
-            self.stops.append(self.world.distance_m)
+            self.stops.append(self.world.stand.distance_m)
 
     def run(self, longest_s: float = 300.0) -> None:
         feeding = 0
         while not self.driver.done and self.bench.t_ns < longest_s * 1e9:
             self.driver.step(self.bench.t_ns)
-            if self.asked and not self.refuse and abs(self.world.wheel_rad_s - 400.0) < 2.0:
+            if self.asked and not self.refuse and abs(self.world.belt.speed_rad_s - 400.0) < 2.0:
                 self.asked, feeding = False, 50
             self.bench.tick(400.0, 45.0, 0.2 if feeding > 0 else 0.0)
             feeding -= 1
