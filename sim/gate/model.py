@@ -7,12 +7,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from truearc.robot.config.rig_spec import Rig
-from truearc.robot.config.schema import InputError
 from truearc.sim.gate.fit import GateFit
 from truearc.sim.gate.likelihood import RESIDUAL, GateShape, cell_probabilities, residual_basis, shape_of, spread_m
 from truearc.sim.gate.novelty import Novelty
 from truearc.sim.gate.physics import Physics, physics_of
 from truearc.sim.infer.belief import Belief
+from truearc.sim.physics.simulate import opening_of
 
 
 @dataclass(frozen=True)
@@ -83,9 +83,8 @@ class PhysicsGate:
 
 def halves_of(rig: Rig) -> tuple[float, float]:
     """(two, three) half-heights of rig.toml in m; InputError when it has no target."""
-    if rig.target is None:
-        raise InputError("rig.toml: [target] is needed to tell an outcome")
-    return rig.target.two_half_height_m, rig.target.three_half_height_m
+    opening = opening_of(rig, {})
+    return opening.two_half_m, opening.three_half_m
 
 
 _residual_basis = jax.jit(residual_basis)

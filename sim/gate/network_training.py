@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset, hash_dataset
 from truearc.sim.gate.novelty import fit_novelty, novelty_record
 from truearc.sim.paper.network import save_weights
@@ -105,10 +104,7 @@ def rows_of(dataset: Dataset, name: str) -> tuple[Rows, list[str]]:
     Raises:
         InputError: no row is left.
     """
-    shots = dataset.shots
-    rows, left_out = training_rows(shots, shots.source)
-    if not len(rows.features):
-        raise InputError("there is nothing to train on; " + "; ".join(left_out or [f"{shots.source}: no shots"]))
+    rows, left_out = training_rows(dataset.shots, dataset.shots.source)
     if len(np.unique(rows.labels, axis=0)) < 2:
         left_out = [*left_out, f"{name}: careful: every shot has the same outcome; nothing can be told apart from that"]
     return rows, left_out

@@ -4,7 +4,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Shots
 from truearc.sim.paper.training import usable_rows
 from truearc.sim.physics.simulate import MISS, THREE, TWO
@@ -48,8 +47,6 @@ def marks_of(shots: Shots, name: str) -> tuple[OutcomeClasses, list[str]]:
     outcome, side, miss_m = shots.text("outcome"), shots.text("side"), shots.number("miss_height_m")
     silent = np.array([one not in LEVEL for one in outcome], bool) & np.isnan(miss_m)
     features, kept, left_out = usable_rows(shots, name, silent, "no outcome or miss_height_m")
-    if not kept.size:
-        raise InputError("there is nothing to train on; " + "; ".join(left_out or [f"{name}: no shots"]))
     cells = np.array([_cells(outcome[row], side[row]) for row in kept], float)
     level = np.array([LEVEL.get(outcome[row], -1) for row in kept])
     aside = np.array([outcome[row] == MISS and side[row] in ASIDE for row in kept])

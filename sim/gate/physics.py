@@ -6,7 +6,6 @@ from typing import NamedTuple
 import numpy as np
 
 from truearc.robot.config.rig_spec import Rig
-from truearc.robot.config.schema import InputError
 from truearc.robot.gate.contract import FEATURES
 from truearc.sim.data.dataset import Shots
 from truearc.sim.infer.belief import Belief
@@ -32,12 +31,10 @@ class Physics(NamedTuple):
 
 def physics_of(rig: Rig, belief: Belief, features: np.ndarray) -> Physics:
     """Forecast feature rows [n, 3] in the contract's order; InputError when the rig has no target."""
-    if rig.target is None:
-        raise InputError("rig.toml: [target] is needed to tell an outcome")
+    centre_m = opening_of(rig, effective(belief.coefficients, ORDINARY, belief.catalogue), belief.catalogue).centre_m
     numbers = {feature.name: np.array(features[:, k], float) for k, feature in enumerate(FEATURES)}
     ahead = forecast(rig, with_scatter(belief), Shots(tuple(map(str, range(len(features)))), numbers, {}))
     back = np.isnan(ahead.height_m)
-    centre_m = opening_of(rig, effective(belief.coefficients, ORDINARY, belief.catalogue), belief.catalogue).centre_m
     deviation_m = np.where(back, LOWEST_M, np.maximum(ahead.height_m - centre_m, LOWEST_M))
     by_speed_m = np.where(back, STEEPEST_M, STEEPEST_M * np.tanh(ahead.by_launch[:, 0] / STEEPEST_M))
     return Physics(deviation_m, np.where(back, WIDEST_M, WIDEST_M * np.tanh(ahead.sigma_m / WIDEST_M)), by_speed_m)

@@ -38,7 +38,7 @@ def training_rows(shots: Shots, name: str) -> tuple[Rows, list[str]]:
 def usable_rows(shots: Shots, name: str, silent: np.ndarray, why: str) -> tuple[np.ndarray, np.ndarray, list[str]]:
     """(features [k, 3], their rows in `shots` [k], a sentence for each kind of shot of dataset `name` left out).
 
-    Rows lack no feature, and are not `silent` [n], which `why` explains.
+    Rows lack no feature, and are not `silent` [n], which `why` explains. InputError when none is left.
     """
     features = np.stack([shots.number(feature.name) for feature in FEATURES], axis=1)
     gaps = np.isnan(features)
@@ -48,6 +48,8 @@ def usable_rows(shots: Shots, name: str, silent: np.ndarray, why: str) -> tuple[
     left_out = [f"{name}: {int(rows.sum())} of {len(shots)} shots left out: {reason}"
                 for reason, rows in ((why, silent), (lacking, gap)) if rows.any()]
     kept = np.flatnonzero(~silent & ~gap)
+    if not kept.size:
+        raise InputError("there is nothing to train on; " + "; ".join(left_out or [f"{name}: no shots"]))
     return features[kept], kept, left_out
 
 

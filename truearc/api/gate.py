@@ -16,12 +16,12 @@ from truearc.sim.gate.gate_text import tell_heldout, tell_residual
 from truearc.sim.gate.model import PhysicsGate
 from truearc.sim.gate.outcome_classes import OutcomeClasses, marks_of
 from truearc.sim.gate.physics import physics_of
-from truearc.sim.gate.plots import draw_reliability
 from truearc.sim.gate.store import save_physics_gate
 from truearc.sim.gate.train import Heldout, train_physics_gate
 from truearc.sim.infer.belief import Belief
 from truearc.sim.metrics import Figures
 from truearc.sim.paper.training import domain_of
+from truearc.sim.plots import draw_reliability
 from truearc.sim.printed import Printed
 from truearc.sim.progress import Progress
 
