@@ -89,20 +89,6 @@ def fill_nodes(cells: Ints, axis: Floats, nodes: Floats, which: Ints, cd: Floats
 
 
 @compiled
-def list_points(cells: Ints, labels: Labels, wanted: int, points: Ints) -> int:
-    """Points [n, 3] = launch, row, column of the cells whose label is `wanted`; returns how many."""
-    count = 0
-    for cell in range(len(cells)):
-        launch, top, bottom, left, right = cells[cell]
-        for row in range(top, bottom + 1):
-            for column in range(left, right + 1):
-                if labels[launch, row, column] == wanted:
-                    points[count, 0], points[count, 1], points[count, 2] = launch, row, column
-                    count += 1
-    return count
-
-
-@compiled
 def mark(cells: Ints, labels: Labels, label: int) -> None:
     """Give every point of the cells one label."""
     for cell in range(len(cells)):
@@ -111,7 +97,7 @@ def mark(cells: Ints, labels: Labels, label: int) -> None:
 
 
 @compiled
-def label_points(points: Ints, count: int, height_m: Floats, gap_m: Floats, under: Bools, target: Target, final: bool,
+def label_points(points: Ints, height_m: Floats, gap_m: Floats, under: Bools, target: Target, final: bool,
                  labels: Labels) -> int:
     """Label points from their own flights; unless `final`, those in doubt are left so. Returns how many are.
 
@@ -119,7 +105,7 @@ def label_points(points: Ints, count: int, height_m: Floats, gap_m: Floats, unde
     """
     centre, three, two = target
     doubtful = 0
-    for k in range(count):
+    for k in range(len(points)):
         off = abs(height_m[k] - centre)
         label = MISS
         if gap_m[k] <= 0.0 and not under[k]:
@@ -188,10 +174,10 @@ def judge(height: Floats, gap: Floats, under: Bools, low: float, high: float) ->
 
 @compiled
 def settle(cells: Ints, height_m: Floats, gap_m: Floats, under: Bools, target: Target, transform: Floats,
-           tables: Floats, labels: Labels, verdict: Ints, doubtful: Ints) -> None:
+           tables: Floats, labels: Labels, verdict: Ints) -> None:
     """Judge cells by their nodes and paint the labels of those that an interpolant settles.
 
-    verdict [n]: see judge; doubtful [n]: how many of a cell's points were marked DOUBTFUL.
+    verdict [n]: see judge.
     """
     centre, three, two = target
     low, high = centre - two, centre + two
@@ -214,10 +200,9 @@ def settle(cells: Ints, height_m: Floats, gap_m: Floats, under: Bools, target: T
             verdict[cell] = NOTHING
             continue
         launch, top, bottom, left, right = cells[cell]
-        found = paint(shape, tables[bottom - top + 1], tables[right - left + 1], unsure, centre, three, two,
-                      labels[launch, top:bottom + 1, left:right + 1])
-        doubtful[cell] = found
-        if found > MOST_DOUBTFUL:
+        doubtful = paint(shape, tables[bottom - top + 1], tables[right - left + 1], unsure, centre, three, two,
+                         labels[launch, top:bottom + 1, left:right + 1])
+        if doubtful > MOST_DOUBTFUL:
             verdict[cell] = SPLIT
             labels[launch, top:bottom + 1, left:right + 1] = MISS
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.paper import grid_cells as cells_of
-from truearc.sim.paper.grid_cells import DOUBTFUL, LEAF, MISS, NODES, PAINTED, SPLIT
+from truearc.sim.paper.grid_cells import DOUBTFUL, LEAF, MISS, NODES, SPLIT
 from truearc.sim.physics.catalogue import flight_terms
 from truearc.sim.physics.compiled import facts_values, load_kernel, make_source
 from truearc.sim.physics.flight import LIMIT_S, SHORTEST
@@ -76,42 +76,36 @@ def label_launches(flyer: Flyer, axis: np.ndarray, target: tuple[float, float, f
     """
     labels = np.zeros((len(rows), len(axis), len(axis)), np.uint8)
     part = replace(flyer, launch=flyer.launch[rows.start:rows.stop])
-    cells, doubtful, leaves = cells_of.make_roots(len(axis), len(rows)), [], []
+    cells, leaves = cells_of.make_roots(len(axis), len(rows)), []
     if len(axis) <= LEAF:
         cells, leaves = cells[:0], [cells]
     while len(cells):
-        verdict, count = _look(part, axis, target, cells, labels)
-        doubtful.append(cells[(verdict == PAINTED) & (count > 0)])
-        cells, small = cells_of.split(cells[verdict == SPLIT])
+        cells, small = cells_of.split(cells[_look(part, axis, target, cells, labels) == SPLIT])
         leaves.append(small)
-    small = np.concatenate(leaves)
-    cells_of.mark(small, labels, DOUBTFUL)
-    seen = np.concatenate([small, *doubtful])
-    if _fly_doubtful(part, axis, target, seen, labels, LONG, False):
-        _fly_doubtful(part, axis, target, seen, labels, SHORT, True)
+    cells_of.mark(np.concatenate(leaves), labels, DOUBTFUL)
+    if _fly_doubtful(part, axis, target, labels, LONG, False):
+        _fly_doubtful(part, axis, target, labels, SHORT, True)
     return labels
 
 
 def _look(flyer: Flyer, axis: np.ndarray, target: tuple[float, float, float], cells: np.ndarray,
-          labels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+          labels: np.ndarray) -> np.ndarray:
+    """Judge cells by flights at their nodes, and label those that an interpolant settles; their verdicts [n]."""
     which = np.empty(len(cells) * LANES, np.int64)
     cd, cl = np.empty(which.shape), np.empty(which.shape)
     cells_of.fill_nodes(cells, axis, NODES_AT, which, cd, cl)
     height_m, gap_m, under = flyer.fly(which, cd, cl, LONG)
-    verdict, count = np.zeros(len(cells), np.int64), np.zeros(len(cells), np.int64)
-    cells_of.settle(cells, height_m, gap_m, under, target, TRANSFORM, TABLES, labels, verdict, count)
-    return verdict, count
+    verdict = np.zeros(len(cells), np.int64)
+    cells_of.settle(cells, height_m, gap_m, under, target, TRANSFORM, TABLES, labels, verdict)
+    return verdict
 
 
-def _fly_doubtful(flyer: Flyer, axis: np.ndarray, target: tuple[float, float, float], cells: np.ndarray,
-                  labels: np.ndarray, steps: tuple[float, float], final: bool) -> int:
-    """Fly every point in doubt among the cells and label it; returns how many stay in doubt."""
-    area = (cells[:, 2] - cells[:, 1] + 1) * (cells[:, 4] - cells[:, 3] + 1)
-    points = np.empty((int(area.sum()), 3), np.int64)
-    count = cells_of.list_points(cells, labels, DOUBTFUL, points)
-    points = points[:count]
+def _fly_doubtful(flyer: Flyer, axis: np.ndarray, target: tuple[float, float, float], labels: np.ndarray,
+                  steps: tuple[float, float], final: bool) -> int:
+    """Fly every point labelled DOUBTFUL and label it; returns how many stay so, none if `final`."""
+    points = np.stack(np.unravel_index(np.flatnonzero(labels == DOUBTFUL), labels.shape), axis=1)
     height_m, gap_m, under = flyer.fly(points[:, 0], axis[points[:, 2]], axis[points[:, 1]], steps)
-    return cells_of.label_points(points, count, height_m, gap_m, under, target, final, labels)
+    return cells_of.label_points(points, height_m, gap_m, under, target, final, labels)
 
 
 def find_hits(flyer: Flyer, axis: np.ndarray, target: tuple[float, float, float], progress: Progress) -> Hits:
