@@ -91,14 +91,20 @@ def describe_novelty(novelty: Novelty) -> dict[str, Any]:
 def parse_novelty(record: Any, name: str) -> Novelty:
     """The measure in a record that came from somewhere called `name`; InputError when there is none to be had."""
     try:
-        mean, scale, landmarks = (np.array(record[key], np.float64) for key in ("mean", "scale", "landmarks"))
-        novelty = Novelty(mean, scale, landmarks, float(record["largest"]), int(record["neighbour"]))
+        known = len(record["landmarks"])
+        mean, scale = (finite_array(record[key], (len(FEATURES),)) for key in ("mean", "scale"))
+        landmarks = finite_array(record["landmarks"], (known, len(FEATURES)))
+        largest, neighbour = float(record["largest"]), int(record["neighbour"])
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"{name}: key 'novelty' is missing or damaged; train again ({error!r})") from error
-    wide = len(FEATURES)
-    sound = (novelty.mean.shape == (wide,) == novelty.scale.shape and novelty.landmarks.ndim == 2
-             and novelty.landmarks.shape[1] == wide and 1 <= novelty.neighbour <= len(novelty.landmarks)
-             and novelty.largest > 0.0)
-    if not sound or not all(np.isfinite(part).all() for part in (novelty.mean, novelty.scale, novelty.landmarks)):
+    if not 1 <= neighbour <= known or not largest > 0.0:
         raise InputError(f"{name}: key 'novelty' does not describe recorded configurations")
-    return novelty
+    return Novelty(mean, scale, landmarks, largest, neighbour)
+
+
+def finite_array(values: Any, shape: tuple[int, ...]) -> np.ndarray:
+    """Return float64 numbers of a shape; ValueError when they have another, or one of them is not finite."""
+    array = np.array(values, np.float64)
+    if array.shape != shape or not np.isfinite(array).all():
+        raise ValueError(f"an array of shape {array.shape} where {shape} finite numbers belong")
+    return array

@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from truearc.sim.report import make_page, make_png, new_figure, paragraph, picture, table
@@ -19,7 +18,14 @@ def draw_fit(fit: SysidFit) -> Figure:
     """Effort, speed (measured and foretold) and residual over time; shaded: every other piece."""
     record, rows = fit.record, fit.rows
     figure = new_figure(9.0, 7.6)
-    effort, speed, residual, spread = _panels(figure)
+    effort, speed, residual, spread = panels = figure.subplots(4, 1, height_ratios=(0.8, 1.6, 1.1, 1.1))
+    speed.sharex(effort)
+    residual.sharex(effort)
+    spread.sharey(residual)
+    for axes in panels:
+        axes.spines[["top", "right"]].set_visible(False)
+    for axes in (effort, speed):
+        axes.tick_params(labelbottom=False)
     effort.step(record.effort_t_s, record.effort, where="post", color=INK, linewidth=0.9)
     effort.set_ylabel(EFFORT[record.unit])
     speed.plot(record.speed_t_s, record.speed_rad_s, color="#9aa3af", linewidth=2.6, label="measured")
@@ -53,18 +59,6 @@ def make_fit_page(title: str, fits: Mapping[str, SysidFit], notes: Sequence[str]
         sections.append((joint, picture(make_png(draw_fit(fit)), f"{joint}: effort, speed and residual", caption)
                          + table(("", "", "value", "90 % from", "to", "unit"), rows)))
     return make_page(title, verdict, [*sections, *(("", paragraph(note, dim=True)) for note in notes)])
-
-
-def _panels(figure: Figure) -> tuple[Axes, Axes, Axes, Axes]:
-    grid = figure.add_gridspec(4, 1, height_ratios=(0.8, 1.6, 1.1, 1.1))
-    effort = figure.add_subplot(grid[0])
-    speed, residual = (figure.add_subplot(grid[row], sharex=effort) for row in (1, 2))
-    spread = figure.add_subplot(grid[3], sharey=residual)
-    for axes in (effort, speed):
-        axes.tick_params(labelbottom=False)
-    for axes in (effort, speed, residual, spread):
-        axes.spines[["top", "right"]].set_visible(False)
-    return effort, speed, residual, spread
 
 
 def _with_gaps(t_s: Floats, values: Floats, rows: np.ndarray) -> tuple[Floats, Floats]:

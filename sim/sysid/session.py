@@ -49,22 +49,14 @@ def load_driven(session: Path) -> Driven:
         if not steps:
             continue
         ended = _progress(ticks[-1])
-        if ended.phase <= steps[-1] and not _is_done(ended):
-            whole = False
-            warnings.append(f"{joint}: its program did not come to the end ({_why(ended)})")
+        if ended.phase <= steps[-1] and (ended.over is None or ended.over.code != IDENTIFY_DONE.name):
+            whole, why = False, "the recording ends" if ended.over is None else text(ended.over)
+            warnings.append(f"{joint}: its program did not come to the end ({why})")
             continue
         mine = [tick for tick in ticks if steps[0] <= _progress(tick).phase <= steps[-1]]
         records[joint] = _record(f"{session}: {joint}", joint, mine)
         warnings += _short_of_current(joint, mine)
     return Driven(config, records, whole, tuple(warnings))
-
-
-def _is_done(progress: Progress) -> bool:
-    return progress.over is not None and progress.over.code == IDENTIFY_DONE.name
-
-
-def _why(progress: Progress) -> str:
-    return "the recording ends" if progress.over is None else text(progress.over)
 
 
 def _progress(tick: Tick) -> Progress:

@@ -37,8 +37,7 @@ from truearc.sim.world.driver import make_driver
 from truearc.sim.world.emulated_vision import TwinEyes
 from truearc.sim.world.options import Options
 from truearc.sim.world.pacing import Pace
-from truearc.sim.world.parts.motor import FEEDER, HOOD
-from truearc.sim.world.parts.motor import FLYWHEEL as FLYWHEEL_MOTOR
+from truearc.sim.world.parts.motor import FEEDER, FLYWHEEL, HOOD
 from truearc.sim.world.parts.target import BallResult
 from truearc.sim.world.world import World
 
@@ -61,7 +60,7 @@ def make_nodes(config: Config, world: Plant, watchdog_ms: int = WATCHDOG_MS) -> 
 
 def make_axis_node(axis: Axis, name: str, world: Plant, watchdog_ms: int) -> Node:
     """The device of one axis, with the world's motor `name` on it; an advisory one receives no commands."""
-    motor = {"hood": HOOD, "feeder": FEEDER}.get(name, FLYWHEEL_MOTOR)
+    motor = {"hood": HOOD, "feeder": FEEDER}.get(name, FLYWHEEL)
     attached = AttachedMotor(name, world, motor.kt_nm_a, motor.resistance_ohm, watchdog_ms,
                              world.hood_at_limit if name == "hood" else None)
     return family_of(axis).make_node(axis, attached)

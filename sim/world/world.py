@@ -29,8 +29,8 @@ class World:
     """A Plant. Same seed, options and torque history: the same bits.
 
     `results` lists every ball that has arrived, `flying` those in the air, oldest first. `stand` is where the robot
-    stands and how it drives, `belt` turns the lower wheel and the motors. Only the driver, tests and benches may look
-    at them.
+    stands and how it drives; `belt` (lower wheel and motors) and `hood` are parts of the launcher. Only the driver,
+    tests and benches may look at them.
     """
 
     motors = tuple(_MOTORS)
@@ -41,7 +41,7 @@ class World:
         self._supply = Supply(options)
         self.belt = Belt(options)
         start_deg = float(np.random.default_rng([seed, 5]).uniform(20.0, 70.0))
-        self._hood = Hood(start_deg, options)
+        self.hood = Hood(start_deg, options)
         self._feeder = Feeder()
         self._rack = Rack(seed, options)
         self.stand = Stand(seed, distance_m, options.pose_scale)
@@ -81,10 +81,10 @@ class World:
         return self._supply.bus_v
 
     def hood_encoder_rad(self) -> float:
-        return self._hood.encoder_rad
+        return self.hood.encoder_rad
 
     def hood_at_limit(self) -> bool:
-        return self._hood.at_limit
+        return self.hood.at_limit
 
     def view(self) -> View:
         """The tape as the camera sees it from where the robot stands now."""
@@ -100,10 +100,6 @@ class World:
         """A ball is between the wheels or in the air."""
         return self._nip is not None or bool(self.flying)
 
-    @property
-    def hood_deg(self) -> float:
-        return self._hood.elevation_deg
-
     # --- one step
 
     def _step(self, dt_s: float, asked_nm: Mapping[str, float]) -> None:
@@ -113,7 +109,7 @@ class World:
             power_w += drawn.power_w
         self._supply.draw(power_w, dt_s)
         self.stand.step(dt_s)
-        self._hood.step(self._drawn["hood"].torque_nm, dt_s)
+        self.hood.step(self._drawn["hood"].torque_nm, dt_s)
         fed_s = self._feeder.step(self._drawn["feeder"].torque_nm, dt_s)
         for launch in self.flying:
             launch.flight.step(dt_s)
@@ -126,7 +122,7 @@ class World:
         return drive_motor(motor, asked_nm, self._shaft(name)[1], self._supply.bus_v, self._options.driver_current_a)
 
     def _shaft(self, name: str) -> tuple[float, float]:
-        part = self._feeder if name == "feeder" else self._hood if name == "hood" else self.belt
+        part = self._feeder if name == "feeder" else self.hood if name == "hood" else self.belt
         return part.position_rad, part.speed_rad_s
 
     def _turn_wheels(self, fed_s: float | None, dt_s: float) -> None:
@@ -147,7 +143,7 @@ class World:
     def _take_ball(self, after_s: float) -> None:
         self._fed_t_ns = self._t_ns + round(after_s * 1e9)
         self._wheel_before_rad_s = self.belt.speed_rad_s
-        elevation_deg = self._hood.elevation_deg + self._options.hood_flex_deg * flexed(self.belt.speed_rad_s)
+        elevation_deg = self.hood.elevation_deg + self._options.hood_flex_deg * flexed(self.belt.speed_rad_s)
         self._nip = Nip(self._rack.ball(self._shots), self._options, math.radians(elevation_deg),
                         self.belt.speed_rad_s, self._feeder.surface_m_s)
 

@@ -77,7 +77,7 @@ class Bench:
         self.t_ns += TICK_NS
         world.advance(self.t_ns, {"flywheel_a": wheel_nm, "flywheel_b": wheel_nm, "hood": hood_nm,
                                   "feeder": feeder_nm})
-        self.samples.append(Sample(self.t_ns * 1e-9, world.belt.speed_rad_s, world.hood_deg, world.bus_v(),
+        self.samples.append(Sample(self.t_ns * 1e-9, world.belt.speed_rad_s, world.hood.elevation_deg, world.bus_v(),
                                    ball_from_muzzle(world)))
 
     def _wheels(self, wanted_rad_s: float) -> tuple[float, float]:
@@ -89,7 +89,7 @@ class Bench:
         return min(max(ahead_nm + 0.03 * error + self._integral_nm, 0.0), 1.2), abs(error)
 
     def _hood(self, wanted_deg: float) -> tuple[float, float]:
-        error = wanted_deg - self.world.hood_deg
+        error = wanted_deg - self.world.hood.elevation_deg
         speed_deg_s = 0.2 * self.world.motor("hood").velocity_rad_s
         if abs(error) < DEADBAND_DEG:
             return -0.002 * speed_deg_s, abs(error)

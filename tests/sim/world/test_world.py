@@ -118,7 +118,7 @@ def test_position_is_the_sum_of_speed() -> None:
 
 
 def test_the_hood_starts_anywhere_so_that_homing_is_real() -> None:
-    starts = {round(World(seed).hood_deg, 3) for seed in range(10)}
+    starts = {round(World(seed).hood.elevation_deg, 3) for seed in range(10)}
     assert len(starts) == 10
     assert all(World(seed).motor("hood").position_rad == 0.0 for seed in range(3))
 
@@ -146,7 +146,7 @@ def test_cutting_the_same_span_finer_changes_next_to_nothing() -> None:
     t_ns = 1_200_000_000
     fine.advance(t_ns, torques)
     assert fine.belt.speed_rad_s == pytest.approx(coarse.belt.speed_rad_s, rel=1e-2)
-    assert fine.hood_deg == pytest.approx(coarse.hood_deg, abs=0.2)
+    assert fine.hood.elevation_deg == pytest.approx(coarse.hood.elevation_deg, abs=0.2)
     fine.advance(5, torques)                          # time never runs backwards
     assert fine.belt.speed_rad_s == pytest.approx(coarse.belt.speed_rad_s, rel=1e-2)
 
