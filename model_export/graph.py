@@ -28,7 +28,7 @@ def make_model(parts: Sequence[Part], domain: dict[str, list[float]], novelty: d
 
     `domain` is {feature: [low, high]} in the contract's units; `novelty` is what the second output is measured from.
     They, the contract, its hash, the provenance and the file's own seal stand in the metadata. The same arguments give
-    the same bytes. Nothing forces p_three <= p_two in the seed's network: it is exported as trained.
+    the same bytes. Nothing forces p_three <= p_two in the paper's network: it is exported as trained.
     """
     constants = {name: array for part in parts for name, array in part.constants.items()}
     graph = helper.make_graph(

@@ -69,7 +69,7 @@ def _largest(difference: np.ndarray) -> float:
 
 
 def find_faults(gate: Gate, features: np.ndarray) -> list[str]:
-    """What is wrong with a gate by itself on rows [n, 3]: no number, not repeatable, or batches unlike single rows."""
+    """Find faults of a gate by itself on rows [n, 3]: missing numbers, not repeatable, batches unlike single rows."""
     faults = []
     p, inside, novelty = gate.rate_many(features)
     if np.isnan(p).any():
@@ -91,7 +91,7 @@ def find_faults(gate: Gate, features: np.ndarray) -> list[str]:
 
 @dataclass(frozen=True)
 class Verification(Printed):
-    """What a check of a gate found: `report`, line by line, and whether it `passed`."""
+    """The result of checking a gate: `report`, line by line, and whether it `passed`."""
 
     report: tuple[str, ...]
     passed: bool

@@ -55,7 +55,7 @@ def draw_shot(ticks: Sequence[Tick], config: Config, fed_t_ns: int) -> Figure:
 
 
 def draw_trajectories(rig: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: Shots, most: int) -> Figure:
-    """What the fitted simulator makes of recorded configurations, coloured by what really became of them."""
+    """Draw the fitted simulator's trajectories of recorded configurations, coloured by their recorded outcome."""
     assert rig.target is not None
     figure = new_figure(8.0, 4.0)
     axes = figure.subplots()

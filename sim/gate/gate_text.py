@@ -1,4 +1,4 @@
-"""What a fitted gate learned, in words for someone who shoots."""
+"""The report of a fitted gate: its correction to the physics, and hold-out figures, as text."""
 
 import numpy as np
 
@@ -27,7 +27,7 @@ def tell_residual(gate: PhysicsGate, features: np.ndarray, physics: Physics) -> 
 
 
 def tell_heldout(heldout: Heldout, temperature: float) -> list[str]:
-    """What the gate was worth on configurations that it had not seen, though the belief's fit may have."""
+    """Report hold-out figures on configurations that the gate was not fitted to, though the belief may have been."""
     lines = ["on configurations that the correction had not learned from, each fifth in turn (the coefficients may "
              "have been fitted to them):",
              _figures("  the gate", heldout.plain)]

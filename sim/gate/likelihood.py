@@ -30,7 +30,7 @@ LARGEST_MISS_M = 5.0                  # a lapse of a measured height may be anyw
 
 
 class GateData(NamedTuple):
-    """Rows [n] that the model is fitted to, or asked about; `weight` 0 leaves a row out."""
+    """Rows [n] that the model is fitted to, or predicts; `weight` 0 leaves a row out."""
 
     z: Any                            # [n, 3] standardised features
     deviation_m: Any

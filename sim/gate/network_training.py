@@ -58,7 +58,7 @@ class NetworkTraining(Printed):
         why = "no better after that" if self.trained.curve[-1].step < self.recipe.steps else "the last allowed"
         return [*told, _sentence("held out", self.score["heldout"]),
                 f"{directory}: weights of step {self.trained.step} of {self.trained.curve[-1].step} ({why}); what "
-                "counts is the line 'held out'", *(f"careful: {line}" for line in _careful(self.score, self.simulated))]
+                "counts is the line 'held out'", *(f"warning: {line}" for line in _careful(self.score, self.simulated))]
 
 
 def train_network(real: Dataset, simulated: Dataset | None = None, *, coefficients: Any = None,
@@ -106,7 +106,7 @@ def rows_of(dataset: Dataset, name: str) -> tuple[Rows, list[str]]:
     """
     rows, left_out = training_rows(dataset.shots, dataset.shots.source)
     if len(np.unique(rows.labels, axis=0)) < 2:
-        left_out = [*left_out, f"{name}: careful: every shot has the same outcome; nothing can be told apart from that"]
+        left_out = [*left_out, f"{name}: warning: every shot has the same outcome; nothing can be told apart from that"]
     return rows, left_out
 
 

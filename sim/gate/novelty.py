@@ -1,6 +1,6 @@
 """How far a configuration is from what was recorded: a domain of validity that follows the recorded cloud.
 
-The box around the recorded rows says nothing about its own empty corners. Novelty is the distance to the NEIGHBOUR-th
+The box around the recorded rows has empty corners, where nothing is known. Novelty is the distance to the NEIGHBOUR-th
 nearest recorded configuration, each feature in its standard deviations, over the largest such distance that counts as
 known: LARGEST_QUANTILE of the recorded configurations' own, each without itself.
 """
@@ -14,7 +14,7 @@ from truearc.robot.config.schema import InputError
 from truearc.robot.gate.contract import FEATURES
 from truearc.sim.paper.network import exact_in_float32, standardisation
 
-NEIGHBOUR = 3                         # one stray shot is no domain; many would shave off the cloud's edge
+NEIGHBOUR = 3                         # a single stray shot makes no domain; many would cut the cloud's edge off
 LARGEST_QUANTILE = 0.99
 SAME = 0.05                           # standard deviations: nearer than this is the same configuration again
 BLOCK = 4096                          # rows measured at once
@@ -83,7 +83,7 @@ def novelty_record(novelty: Novelty) -> dict[str, Any]:
 
 
 def describe_novelty(novelty: Novelty) -> dict[str, Any]:
-    """What an exported gate says of its measure; the recorded configurations themselves are in its graph."""
+    """Describe the measure in an exported gate's metadata; its graph holds the recorded configurations."""
     return {"k": novelty.neighbour, "largest_distance": novelty.largest, "configurations": len(novelty.landmarks),
             "mean": novelty.mean.tolist(), "scale": novelty.scale.tolist()}
 

@@ -1,4 +1,4 @@
-"""What the physics says of configurations before any residual: mean and spread of the height, and its levers."""
+"""The physics' forecast of configurations before any residual: height, its spread, and its slope by exit speed."""
 
 from dataclasses import replace
 from typing import NamedTuple
@@ -13,11 +13,11 @@ from truearc.sim.infer.forecast import forecast
 from truearc.sim.physics.catalogue import effective
 from truearc.sim.physics.simulate import ORDINARY, opening_of
 
-# Of a launcher whose scatter nobody has fitted; the gate fits one number that scales it.
+# Of a launcher whose scatter has not been fitted; the gate fits one number that scales it.
 TYPICAL_SCATTER = {"speed": 0.02, "elevation_deg": 0.5}
 LOWEST_M = -40.0                      # where a ball that turns back before the plane is taken to pass
 STEEPEST_M = 30.0                     # per unit of log speed: beyond it a shot is far too weak to matter
-WIDEST_M = 1.5                        # propagation to first order says nothing of shots that are less certain
+WIDEST_M = 1.5                        # first-order propagation of uncertainty does not hold for a larger spread
 
 
 class Physics(NamedTuple):

@@ -82,9 +82,8 @@ def make_surrogate(gate: PhysicsGate, domain: dict[str, list[float]]) -> tuple[S
         errors = compare(gate, surrogate, checks, wanted)
         if errors.acceptable:
             return surrogate, errors
-    raise InputError(f"the physics is too crooked over this domain for the graph: with {DEGREES[-1]} degrees the "
-                     f"mean is "
-                   f"off by {errors.mean_m:.4f} m near the target, p by {errors.p:.4f}; record fewer extremes")
+    raise InputError(f"no polynomial of degree {DEGREES[-1]} follows the physics over this domain: the mean is off by "
+                     f"{errors.mean_m:.4f} m near the target, p by {errors.p:.4f}; record fewer extremes")
 
 
 def inside(gate: PhysicsGate, box: np.ndarray, count: int, seed: int) -> np.ndarray:

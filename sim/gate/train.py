@@ -19,7 +19,7 @@ from truearc.sim.progress import Progress
 FOLDS = 5
 FEWEST_TO_FOLD = 15
 TEMPERATURES = np.exp(np.linspace(np.log(0.6), np.log(1.8), 23))
-TEMPERATURE_SPREAD = 0.15             # of its log, a priori: a few shots of luck do not move it far
+TEMPERATURE_SPREAD = 0.15             # of its log, a priori: chance in a few shots does not move it far
 BEYOND = 0.1                          # of the recorded range: where z stops on either side
 
 
@@ -65,7 +65,7 @@ def train_physics_gate(rig: Rig, belief: Belief, shots: Shots, seed: int = 0, na
 
 
 def folds(group: np.ndarray, seed: int) -> np.ndarray | None:
-    """The fold [n] of each row: groups dealt out evenly in an order drawn by seed; None when there are too few."""
+    """The fold [n] of each row: groups spread evenly in an order drawn by seed; None when there are too few."""
     names = np.unique(group)
     if len(names) < FEWEST_TO_FOLD:
         return None

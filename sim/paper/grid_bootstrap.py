@@ -32,7 +32,7 @@ class Bootstrap:
 def bootstrap_grid(rig: Rig, shots: Shots, fit: GridFit, resamples: int, seed: int) -> Bootstrap:
     """Choose as fit_grid does from `resamples` draws with replacement of the scoring shots, by the labels it found.
 
-    Only deviations at tied pairs are flown anew. A draw without a three cannot be chosen from, and is counted.
+    Only deviations at tied pairs are flown again. A draw without a three cannot be chosen from, and is counted.
     """
     scoring = make_scoring(rig, shots)
     count = len(scoring.is_three)

@@ -99,7 +99,7 @@ def mark(cells: Ints, labels: Labels, label: int) -> None:
 @compiled
 def label_points(points: Ints, height_m: Floats, gap_m: Floats, under: Bools, target: Target, final: bool,
                  labels: Labels) -> int:
-    """Label points from their own flights; unless `final`, those in doubt are left so. Returns how many are.
+    """Label points from their own flights; unless `final`, those near a bound stay DOUBTFUL. Returns how many do.
 
     target: centre, three's half height, two's half height in m.
     """
@@ -155,7 +155,7 @@ def has_cusp(gap: Floats) -> bool:
 
 @compiled
 def judge(height: Floats, gap: Floats, under: Bools, low: float, high: float) -> int:
-    """What a cell's nodes say of it: NOTHING of the target in it, SPLIT it, or PAINTED: an interpolant may settle it.
+    """Judge a cell by its nodes: NOTHING of the target in it, SPLIT it, or PAINTED: an interpolant may settle it.
 
     Nothing: all pass, or end, above the target or below it, or end before the plane, by more than neighbours differ
     anywhere in the cell. A judgement by each neighbourhood alone saves hardly a flight and misses ten times as much.
@@ -210,7 +210,7 @@ def settle(cells: Ints, height_m: Floats, gap_m: Floats, under: Bools, target: T
 @compiled
 def paint(shape: Floats, rows: Floats, columns: Floats, unsure: float, centre: float, three: float, two: float,
           labels: Labels) -> int:
-    """Labels of a cell's points from its polynomial; returns how many are in doubt."""
+    """Label a cell's points from its polynomial; returns how many are DOUBTFUL."""
     along = np.empty((NODES, labels.shape[1]))
     for order in range(NODES):
         for column in range(labels.shape[1]):

@@ -1,4 +1,4 @@
-"""The seed's coefficient search (section III-A and IV-C): every pair of drag and lift coefficient on a square grid."""
+"""The paper's coefficient search (section III-A and IV-C): every pair of drag and lift coefficient on a square grid."""
 
 from dataclasses import dataclass, replace
 
@@ -14,8 +14,7 @@ from truearc.sim.physics.simulate import THREE, TWO, launch_of, require
 from truearc.sim.progress import Progress
 
 START_STEP = 0.05                     # of the coarse search that gives another fit a start
-MOST_PARTS = 10000                    # of the range: a hundred times the seed's pairs
-
+MOST_PARTS = 10000                    # of the range: a hundred times the paper's pairs
 
 
 @dataclass(frozen=True)
@@ -62,7 +61,7 @@ class GridFit:
 
 @dataclass(frozen=True)
 class Scoring:
-    """The shots that the seed's measures see, ready to fly."""
+    """The shots that the paper's measures count, ready to fly."""
 
     flyer: Flyer
     is_three: np.ndarray              # [launches]; the others' outcome is two
@@ -75,12 +74,12 @@ class Scoring:
 
 
 def fit_grid(rig: Rig, shots: Shots, step: float = STEP, progress: Progress = lambda done, note: None) -> GridFit:
-    """Fly every scoring shot with every pair of the grid and choose as the seed does.
+    """Fly every scoring shot with every pair of the grid and choose as the paper does.
 
     First the share of three-point shots flown into the three, then of scoring shots into the two, then the least mean
     deviation (and least median, cd, cl, should that tie too). Shots whose outcome is miss or unknown play no part: the
-    seed's measures do not see them. InputError: no shot with outcome three, no target, a step that does not divide 5,
-    or no pair that puts a single shot where it went.
+    paper's measures do not count them. InputError: no shot with outcome three, no target, a step that does not divide
+    5, or no pair that puts a single shot where it went.
     """
     axis = make_axis(step)
     progress(0.0, "the law of motion is compiled when it is new")

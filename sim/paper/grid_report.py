@@ -17,15 +17,15 @@ from truearc.sim.paper.grid_fit import GridFit, map_deviation
 from truearc.sim.paper.settings import HIGH, LOW
 from truearc.sim.report import new_figure
 
-LISTED, SHOWN = 30, 10                # as many ties are listed in full; of more, so many are shown
+LISTED, SHOWN = 30, 10                # up to LISTED ties are listed in full; of more, SHOWN
 FEW_THREES = 10
 MOST_OUTLINED = 5000                  # tied pairs drawn one by one
 ZOOM_POINTS = 90                      # a side at most, of the picture's second panel
-POOR_THREE, POOR_TWO = 0.6, 0.8       # the seed reports 0.92 and 0.98 on the shots it was fitted to
+POOR_THREE, POOR_TWO = 0.6, 0.8       # the paper reports 0.92 and 0.98 on the shots it was fitted to
 
 
 def explain(dataset: Dataset, fit: GridFit, scored: Score, again: Bootstrap | None) -> list[str]:
-    """What was found, how sure it is and what to make of it, line by line."""
+    """Report the fit line by line: the pair, its uncertainty, and warnings."""
     return [*_found(dataset, fit), *_ties(fit), *_chosen(fit, scored), *_bootstrap(again), *_warnings(fit)]
 
 
@@ -34,7 +34,7 @@ def _found(dataset: Dataset, fit: GridFit) -> Iterator[str]:
     aside = len(dataset.shots) - scoring
     yield f"fitted to {fit.shots_three} three and {fit.shots_two} two"
     if aside:
-        yield (f"{aside} other shots of {len(dataset.shots)} have no say in the seed's measures (miss, or no outcome)")
+        yield (f"{aside} other shots of {len(dataset.shots)} do not count in the paper's measures (misses, no outcome)")
     three, two = fit.share_three.max(), float(fit.share_two[fit.tied][0])
     yield (f"pairs tried: {fit.axis.size} x {fit.axis.size} of drag (cd) and lift (cl). The best of them fly "
            f"{round(three * fit.shots_three)} of the {fit.shots_three} three-pointers into the three and "
@@ -88,14 +88,14 @@ def _bootstrap(again: Bootstrap | None) -> Iterator[str]:
 def _warnings(fit: GridFit) -> Iterator[str]:
     for name, value in (("cd", fit.cd), ("cl", fit.cl)):
         if np.isclose(value, LOW) or np.isclose(value, HIGH):
-            yield (f"careful: {name} = {value:g} is the edge of the search: the shots ask for still "
+            yield (f"warning: {name} = {value:g} is the edge of the search: the shots ask for still "
                    f"{'less' if np.isclose(value, LOW) else 'more'} than that, or do not depend on it. Check the "
                    "launch (speed, angle, release height in rig.toml)")
     if fit.share_three.max() < POOR_THREE or fit.share_two[fit.tied][0] < POOR_TWO:
-        yield ("careful: no drag and lift explain these shots well. Something else is off: facts in rig.toml, labels, "
+        yield ("warning: no drag and lift explain these shots well. Something else is off: facts in rig.toml, labels, "
                "or physics that the simulator lacks; `truearc discover` says which")
     if fit.shots_three < FEW_THREES:
-        yield (f"careful: only {fit.shots_three} three-pointer{'s' if fit.shots_three > 1 else ''}; every further one "
+        yield (f"warning: only {fit.shots_three} three-pointer{'s' if fit.shots_three > 1 else ''}; every further one "
                "may move the choice (--bootstrap 200 says how far)")
 
 

@@ -1,4 +1,4 @@
-"""The seed's network: three features, eight hidden nodes, two probabilities, a sigmoid after each layer."""
+"""The paper's network: three features, eight hidden nodes, two probabilities, a sigmoid after each layer."""
 
 import hashlib
 import json
@@ -22,7 +22,7 @@ SCHEMA = "truearc.training/1"
 
 
 class Layers(NamedTuple):
-    """What is trained: `hidden_w` [3, 8], `hidden_b` [8], `out_w` [8, 2], `out_b` [2]."""
+    """The trained parameters: `hidden_w` [3, 8], `hidden_b` [8], `out_w` [8, 2], `out_b` [2]."""
 
     hidden_w: Any
     hidden_b: Any
@@ -47,7 +47,7 @@ class Network:
 
 
 def initial_layers(rng: np.random.Generator) -> Layers:
-    """Glorot-uniform weights and zero biases (Keras's default, which the seed's implementation section implies)."""
+    """Glorot-uniform weights and zero biases (Keras's default, which the paper's implementation section implies)."""
     def uniform(shape: tuple[int, ...]) -> np.ndarray:
         if len(shape) == 1:
             return np.zeros(shape)

@@ -1,6 +1,6 @@
-"""Training as the seed has it, many networks at once: recorded minibatches paired with simulated ones (III-D, Eq. 15).
+"""The paper's training, many networks at once: recorded minibatches paired with simulated ones (III-D, Eq. 15).
 
-What the seed leaves open is settled here. Features are standardised with the mean and standard deviation of the
+Choices that the paper leaves open are made here. Features are standardised with the mean and standard deviation of the
 recorded training rows; the two outputs' cross-entropies are summed and averaged over the ten rows. Length is counted
 in steps (minibatches, Adam updates), not epochs: an epoch is once through the simulated rows, so equal epochs would
 give a network with 1250 simulated rows two and a half times the updates of one with 500, and the sweep over sizes
@@ -37,7 +37,7 @@ class Job(NamedTuple):
     real: Rows
     simulated: Rows | None = None
     validation: Rows | None = None
-    simulated_weight: float = 0.01    # the seed's lambda
+    simulated_weight: float = 0.01    # the paper's lambda
     seed: int = 0                     # of first weights and minibatches
 
 
@@ -126,7 +126,7 @@ class _Batch:
         self.curves: list[list[CurvePoint]] = [[] for _ in jobs]
 
     def advance(self, group: np.ndarray, first: int, steps: int, learning_rate: float) -> None:
-        """Steps of at most LANES networks, and their losses; lanes left over repeat networks and are thrown away."""
+        """Steps of at most LANES networks, and their losses; spare lanes repeat networks and are discarded."""
         lanes = np.resize(group, LANES)
         state = np.ascontiguousarray(self.state[:, :, lanes])
         weights = np.ascontiguousarray(self.weights[:, lanes])

@@ -17,7 +17,7 @@ COLOURS = ("#1f5fa8", "#d99000", "#1b7f3b", "#b3261e", "#6b4fa0", "#9aa3af")
 
 
 class SweepSetting(NamedTuple):
-    """How many simulated shots, and their weight in the loss (the seed's lambda); without any the weight is 0."""
+    """How many simulated shots, and their weight in the loss (the paper's lambda); without any the weight is 0."""
 
     size: int
     weight: float

@@ -1,4 +1,4 @@
-"""Simulated shots: the seed's grid of configurations, flown, labelled, and sampled evenly by outcome (section III-B).
+"""Simulated shots: the paper's grid of configurations, flown, labelled, and sampled evenly by outcome (section III-B).
 
 The paper speaks of 375,000 configurations; the ranges and steps that it states, taken inclusively, are
 101 x 61 x 76 = 468,236, and those are flown.
@@ -34,7 +34,7 @@ class Axis:
 
     name: str
     low: float
-    per_unit: int                     # values per unit; its inverse, the seed's step, is not exact in binary
+    per_unit: int                     # values per unit; its inverse, the paper's step, is not exact in binary
     count: int
 
     def values(self) -> np.ndarray:
@@ -132,6 +132,6 @@ def sample_shots(outcomes: np.ndarray, count: int, recorded: Shots | None, seed:
 
 
 def load_provenance(directory: str | Path) -> dict[str, Any]:
-    """What the maker of a simulated dataset wrote down about it; empty when it wrote nothing."""
+    """Read the provenance of a simulated dataset; empty when the directory holds none."""
     path = Path(directory) / PROVENANCE_FILE
     return load_json(path) if path.is_file() else {}

@@ -131,7 +131,7 @@ def synthesise(rig: Rig, belief: Belief, count: int, recorded: Shots | None, see
 def label_grid_draws(rig: Rig, belief: Belief, draws: int, seed: int,
                      progress: Progress = lambda done, note: None) -> np.ndarray:
     """Outcome of one uncertain shot at every configuration of the grid, flat."""
-    classify(rig, np.zeros(0))                  # a rig without target is told before the work
+    classify(rig, np.zeros(0))                  # refuses a rig without target before the work
     height_m = grid_heights(rig, belief.coefficients, lambda done, note: progress(0.5 * done, note), belief.curves,
                             belief.catalogue)
     places = near_places(rig, belief, height_m)
@@ -208,5 +208,5 @@ def _fly(rig: Rig, values: Values, exit: Exit, distance_m: np.ndarray, progress:
         lanes = np.resize(rows, BLOCK)
         crossing = fly(rig, terms, take_values(named, lanes), exit.take(lanes), distance_m[lanes], step_s=STEP_S)
         height_m[rows] = np.asarray(crossing.height_m)[:rows.size]
-        progress((first + rows.size) / len(order), f"{first + rows.size} flights with doubt")
+        progress((first + rows.size) / len(order), f"{first + rows.size} scattered flights")
     return height_m

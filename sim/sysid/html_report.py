@@ -1,4 +1,4 @@
-"""One page: what was asked of each joint, how fast it turned, and what the fit makes of pieces it has not seen."""
+"""An HTML page on a system identification: efforts, measured and forecast speeds, and the fitted numbers."""
 
 from collections.abc import Mapping, Sequence
 
@@ -15,7 +15,7 @@ INK, LINE, BAND, MISS = "#1a1c20", "#1f5fa8", "#e8edf4", "#b3261e"
 
 
 def draw_fit(fit: SysidFit) -> Figure:
-    """Effort, speed (measured and foretold) and residual over time; shaded: every other piece."""
+    """Effort, speed (measured and forecast) and residual over time; shaded: every other piece."""
     record, rows = fit.record, fit.rows
     figure = new_figure(9.0, 7.6)
     effort, speed, residual, spread = panels = figure.subplots(4, 1, height_ratios=(0.8, 1.6, 1.1, 1.1))
@@ -29,17 +29,17 @@ def draw_fit(fit: SysidFit) -> Figure:
     effort.step(record.effort_t_s, record.effort, where="post", color=INK, linewidth=0.9)
     effort.set_ylabel(EFFORT[record.unit])
     speed.plot(record.speed_t_s, record.speed_rad_s, color="#9aa3af", linewidth=2.6, label="measured")
-    at_s, foretold = _with_gaps(record.speed_t_s[rows], fit.foretold_rad_s, rows)
-    speed.plot(at_s, foretold, color=LINE, linewidth=1.0, label="foretold from efforts alone")
+    at_s, forecast = _with_gaps(record.speed_t_s[rows], fit.forecast_rad_s, rows)
+    speed.plot(at_s, forecast, color=LINE, linewidth=1.0, label="forecast from efforts alone")
     speed.set_ylabel("speed, rad/s")
     speed.legend(frameon=False, loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=2, borderaxespad=0.0)
-    missed = record.speed_rad_s[rows] - fit.foretold_rad_s
+    missed = record.speed_rad_s[rows] - fit.forecast_rad_s
     residual.axhline(0.0, color=INK, linewidth=0.7)
     residual.plot(record.speed_t_s[rows], missed, ".", color=MISS, markersize=2)
-    residual.set(ylabel="measured - foretold,\nrad/s", xlabel="time, s")
+    residual.set(ylabel="measured - forecast,\nrad/s", xlabel="time, s")
     spread.axhline(0.0, color=INK, linewidth=0.7)
     spread.plot(record.speed_rad_s[rows], missed, ".", color=MISS, markersize=2)
-    spread.set(xlabel="speed, rad/s", ylabel="measured - foretold,\nrad/s")
+    spread.set(xlabel="speed, rad/s", ylabel="measured - forecast,\nrad/s")
     for piece in fit.pieces[1::2]:
         for axes in (effort, speed, residual):
             axes.axvspan(record.speed_t_s[piece.first], record.speed_t_s[piece.last - 1], color=BAND, zorder=0)
@@ -54,7 +54,7 @@ def make_fit_page(title: str, fits: Mapping[str, SysidFit], notes: Sequence[str]
     for joint, fit in fits.items():
         rows = [(number.name, WORDS[number.name], number.value, number.low90, number.high90,
                  UNITS[fit.record.unit][number.name]) for number in fit.numbers.values()]
-        caption = ("Shaded: every other piece. Each third of the pieces is foretold by a fit without it; each run is "
+        caption = ("Shaded: every other piece. Each third of the pieces is forecast by a fit without it; each run is "
                    "simulated from its start, with nothing but the effort to go by.")
         sections.append((joint, picture(make_png(draw_fit(fit)), f"{joint}: effort, speed and residual", caption)
                          + table(("", "", "value", "90 % from", "to", "unit"), rows)))

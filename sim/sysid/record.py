@@ -1,4 +1,4 @@
-"""What is fitted: an effort over time and the speeds that came of it, cut into pieces of motion in one direction."""
+"""The data of a fit: an effort over time and the speeds it caused, cut into pieces of motion in one direction."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -40,7 +40,7 @@ class Run:
 
 
 def find_runs(record: Record) -> list[Run]:
-    """Stretches of motion; what stands still says nothing of the friction of moving."""
+    """Find the stretches of motion; a joint that stands still gives no information on sliding friction."""
     speed, t_s = record.speed_rad_s, record.speed_t_s
     slow = SLOW_SHARE * float(np.max(np.abs(speed), initial=0.0))
     signs = np.where(speed > slow, 1, np.where(speed < -slow, -1, 0))

@@ -1,4 +1,4 @@
-"""A recorded session of `truearc sysid` -> what was asked of each joint and the speeds that came of it."""
+"""A recorded session of `truearc sysid` -> the torque sent to each joint and the speeds it caused."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,13 +17,13 @@ from truearc.robot.types import Progress, Tick
 from truearc.sim.sysid.record import Floats, Record
 
 NS = 1e-9
-SHORT_SHARE = 0.15                    # of the largest current: further from what was asked is no noise
-SHORT_TICKS = 0.1                     # this share of them is no switching either
+SHORT_SHARE = 0.15                    # of the largest current: a larger deviation from the expected one is not noise
+SHORT_TICKS = 0.1                     # of the driven ticks: more than switching transients explain
 
 
 @dataclass(frozen=True)
 class Driven:
-    """What a session holds: `records` of the joints whose program came to its end, `whole` when that is all."""
+    """The content of a session: `records` of the joints whose program was completed; `whole`: all of them."""
 
     config: Config
     records: dict[str, Record]
@@ -94,7 +94,7 @@ def _short_of_current(joint: str, ticks: Sequence[Tick]) -> list[str]:
     asked_nm, current_a = pairs[:, 0], pairs[:, 1]
     driven = asked_nm != 0.0
     if not driven.any() or not current_a.any():
-        return [f"{joint}: no motor current was reported, so that nobody knows whether it was driven as asked"]
+        return [f"{joint}: no motor current was reported, so a limit of voltage or current cannot be detected"]
     off = np.abs(current_a - _slope(asked_nm[driven], current_a[driven]) * asked_nm)[driven]
     share = float(np.mean(off > SHORT_SHARE * np.abs(current_a).max()))
     if share <= SHORT_TICKS:

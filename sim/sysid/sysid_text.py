@@ -1,4 +1,4 @@
-"""What was fitted, in words and as TOML that can be pasted into launcher.toml."""
+"""Fitted numbers as text and as TOML that can be pasted into launcher.toml."""
 
 from collections.abc import Iterable, Mapping
 

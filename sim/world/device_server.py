@@ -1,4 +1,4 @@
-"""The emulated robot's far ends alone, in real time, for a robot that runs in another process."""
+"""The emulated devices alone, in real time, for a robot that runs in another process."""
 
 import shlex
 import threading
@@ -32,7 +32,7 @@ STEP_NS = 2_000_000                   # the devices hear what came in, and the w
 
 def serve(config: Config, config_path: Path, bus_name: str, watchdog_ms: int, trials: int, seed: int,
           options: Options | None, say: Callable[[str], None]) -> list[BallResult]:
-    """Let a robot that opens the ports which `say` is told shoot `trials` balls; what the world knows of each.
+    """Let a robot in another process shoot `trials` balls; returns the world's record of each. `say` gets its command.
 
     The driver begins when the robot is first heard on the bus. `watchdog_ms`: of the motor drivers.
     """

@@ -125,7 +125,7 @@ def emulated_rig(config: Config, world: World, nodes: Mapping[str, Node], box: B
     Args:
         nodes: The emulated devices by name; they see `world` only.
         steppers: Called at the end of each tick's time with the world's time in ns, in order, after the button box.
-        tap: Told every frame that the robot sends or receives.
+        tap: Called with every frame, and whether the robot sent it.
         over: Says before each tick, from the time in ns, whether there will be no more.
     """
     clock = StepClock(lambda t_ns: twin.advance(t_ns))

@@ -57,7 +57,7 @@ class World:
     # --- Plant
 
     def advance(self, t_ns: int, torque_nm: Mapping[str, float]) -> None:
-        """Bring the world to `t_ns` with these torques asked of the motors; unknown names raise KeyError."""
+        """Bring the world to `t_ns` with these torques commanded; unknown motor names raise KeyError."""
         if not torque_nm.keys() <= _MOTORS.keys():
             raise KeyError(f"no such motor among {', '.join(torque_nm)}; there are {', '.join(_MOTORS)}")
         span_ns = t_ns - self._t_ns
