@@ -77,7 +77,7 @@ class PhysicsGate:
         cells = np.asarray(cell_probabilities(self.shape, jnp.asarray(mean_m), jnp.asarray(sigma_m)))
         return (1.0 - self.aside) * np.stack([cells[:, 1:4].sum(axis=1), cells[:, 2]], axis=1)
 
-    def warmer(self, temperature: float) -> "PhysicsGate":
+    def with_temperature(self, temperature: float) -> "PhysicsGate":
         return replace(self, temperature=temperature)
 
 

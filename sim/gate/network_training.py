@@ -17,7 +17,7 @@ from truearc.sim.printed import Printed
 from truearc.sim.progress import Progress
 
 CURVE_POINTS = 50
-FEW = 15                              # held-out shots, fewer than which are remarked on
+FEW_HELDOUT = 15                      # held-out shots, fewer than which are remarked on
 
 
 @dataclass(frozen=True)
@@ -137,7 +137,7 @@ def _thinned(curve: tuple[Any, ...]) -> list[Any]:
 def _careful(score: dict[str, Any], simulated: bool) -> list[str]:
     """What keeps the figures from meaning much."""
     lines = []
-    if score["heldout"]["shots"] < FEW:
+    if score["heldout"]["shots"] < FEW_HELDOUT:
         lines.append(f"{score['heldout']['shots']} held-out shots say next to nothing about how good this is")
     if simulated:
         lines.append("if the coefficients behind the simulated shots were fitted to the held-out ones too, the figures "

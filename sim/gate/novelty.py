@@ -16,9 +16,9 @@ from truearc.sim.paper.network import exact_in_float32, standardisation
 
 NEIGHBOUR = 3                         # a single stray shot makes no domain; many would cut the cloud's edge off
 LARGEST_QUANTILE = 0.99
-SAME = 0.05                           # standard deviations: nearer than this is the same configuration again
+SAME_DISTANCE = 0.05                  # standard deviations: nearer than this is the same configuration again
 BLOCK = 4096                          # rows measured at once
-MOST_KEPT = 256                       # landmarks: what the exported graph measures from at every decision
+MAX_LANDMARKS = 256                   # landmarks: what the exported graph measures from at every decision
 
 
 @dataclass(frozen=True)
@@ -53,14 +53,14 @@ def fit_novelty(features: np.ndarray) -> Novelty:
     features = np.asarray(features, np.float64)
     mean, scale = standardisation(features)
     z = exact_in_float32((features - mean) * scale)
-    landmarks = z[spread_out(z, SAME, MOST_KEPT)]
+    landmarks = z[farthest_points(z, SAME_DISTANCE, MAX_LANDMARKS)]
     neighbour = min(NEIGHBOUR, max(len(landmarks) - 1, 1))
     apart = np.sort(np.linalg.norm(landmarks[:, None, :] - landmarks, axis=2), axis=1)
     largest = float(np.quantile(apart[:, min(neighbour, len(landmarks) - 1)], LARGEST_QUANTILE))
-    return Novelty(mean, scale, landmarks, float(np.float32(max(largest, SAME))), neighbour)
+    return Novelty(mean, scale, landmarks, float(np.float32(max(largest, SAME_DISTANCE))), neighbour)
 
 
-def spread_out(points: np.ndarray, nearest: float, most: int) -> np.ndarray:
+def farthest_points(points: np.ndarray, nearest: float, most: int) -> np.ndarray:
     """Positions of points [n, d], ascending: the farthest from those chosen, again and again, first the middle one.
 
     Stops when all others are within `nearest` of a chosen one, or when `most` are chosen.

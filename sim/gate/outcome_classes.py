@@ -39,7 +39,7 @@ class OutcomeClasses(NamedTuple):
         return OutcomeClasses(*(column[rows] for column in self))
 
 
-def marks_of(shots: Shots, name: str) -> tuple[OutcomeClasses, list[str]]:
+def outcome_classes_of(shots: Shots, name: str) -> tuple[OutcomeClasses, list[str]]:
     """Return the outcome classes of shots, and a sentence for each kind of shot of `name` left out.
 
     InputError when none is left.

@@ -10,14 +10,14 @@ from truearc.sim.gate.fit import fit_widest
 from truearc.sim.gate.likelihood import PRIORS, GateData, GateShape, cell_probabilities, spread_m
 from truearc.sim.gate.model import PhysicsGate, Scaling, halves_of
 from truearc.sim.gate.novelty import fit_novelty
-from truearc.sim.gate.outcome_classes import OutcomeClasses, marks_of
+from truearc.sim.gate.outcome_classes import OutcomeClasses, outcome_classes_of
 from truearc.sim.gate.physics import Physics, physics_of
 from truearc.sim.infer.belief import Belief
 from truearc.sim.metrics import Figures, figures_of, log_scores
 from truearc.sim.progress import Progress
 
 FOLDS = 5
-FEWEST_TO_FOLD = 15
+MIN_CONFIGURATIONS = 15
 TEMPERATURES = np.exp(np.linspace(np.log(0.6), np.log(1.8), 23))
 TEMPERATURE_SPREAD = 0.15             # of its log, a priori: chance in a few shots does not move it far
 BEYOND = 0.1                          # of the recorded range: where z stops on either side
@@ -48,13 +48,13 @@ def train_physics_gate(rig: Rig, belief: Belief, shots: Shots, seed: int = 0, na
     Folds are of configurations, drawn by seed. The temperature is kept only when it adds to the log score of folds
     that it was not chosen on.
     """
-    marks, _ = marks_of(shots, name)
+    marks, _ = outcome_classes_of(shots, name)
     physics = physics_of(rig, belief, marks.features)
     progress(0.3, "forecasts made")
     gate = _fit(rig, belief, marks, physics, np.ones(len(marks.level)))
     progress(0.5, "fitted")
     fold = folds(marks.group, seed)
-    if fold is None or (marks.level >= 0).sum() < FEWEST_TO_FOLD:
+    if fold is None or (marks.level >= 0).sum() < MIN_CONFIGURATIONS:
         return gate, None
     heldout = []
     for number in range(FOLDS):
@@ -67,7 +67,7 @@ def train_physics_gate(rig: Rig, belief: Belief, shots: Shots, seed: int = 0, na
 def folds(group: np.ndarray, seed: int) -> np.ndarray | None:
     """The fold [n] of each row: groups spread evenly in an order drawn by seed; None when there are too few."""
     names = np.unique(group)
-    if len(names) < FEWEST_TO_FOLD:
+    if len(names) < MIN_CONFIGURATIONS:
         return None
     deal = np.empty(len(names), np.int64)
     deal[np.random.default_rng([seed, 5]).permutation(len(names))] = np.arange(len(names)) % FOLDS
@@ -121,7 +121,7 @@ def _calibrate(gate: PhysicsGate, parts: list[_Fold], alone: Figures) -> tuple[P
     kept = gain > 0.0
     best = float(TEMPERATURES[np.argmax(prior + table.sum(axis=0))]) if kept else 1.0
     p = warmed if kept else plain
-    return gate.warmer(best), Heldout(p, level, figures_of(plain, level), figures_of(p, level), alone, gain)
+    return gate.with_temperature(best), Heldout(p, level, figures_of(plain, level), figures_of(p, level), alone, gain)
 
 
 def _alone(gate: PhysicsGate, physics: Physics, marks: OutcomeClasses) -> Figures:

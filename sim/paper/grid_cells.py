@@ -27,7 +27,7 @@ ROUGH_M = 0.03                        # an interpolant worse than this is not tr
 SURE_M = 1e-3                         # nearer to a bound than this, a flight with long steps does not settle a label
 GRAZING_M = 5e-3                      # a flight that turns back this near to the plane, before or behind it
 CUSP = 1.0                            # times what gaps to the plane differ elsewhere: parted by more, by a cusp
-MOST_DOUBTFUL = 96                    # points flown singly before a split is cheaper
+MAX_DOUBTFUL = 96                     # points flown singly before a split is cheaper
 
 compiled = njit(fastmath={"nsz", "arcp", "contract", "afn", "reassoc"}, error_model="numpy", nogil=True, cache=True)
 
@@ -202,7 +202,7 @@ def settle(cells: Ints, height_m: Floats, gap_m: Floats, under: Bools, target: T
         launch, top, bottom, left, right = cells[cell]
         doubtful = paint(shape, tables[bottom - top + 1], tables[right - left + 1], unsure, centre, three, two,
                          labels[launch, top:bottom + 1, left:right + 1])
-        if doubtful > MOST_DOUBTFUL:
+        if doubtful > MAX_DOUBTFUL:
             verdict[cell] = SPLIT
             labels[launch, top:bottom + 1, left:right + 1] = MISS
 

@@ -14,7 +14,7 @@ from truearc.sim.physics.simulate import THREE, TWO, launch_of, require
 from truearc.sim.progress import Progress
 
 START_STEP = 0.05                     # of the coarse search that gives another fit a start
-MOST_PARTS = 10000                    # of the range: a hundred times the paper's pairs
+MAX_PARTS = 10000                     # of the range: a hundred times the paper's pairs
 
 
 @dataclass(frozen=True)
@@ -110,8 +110,8 @@ def grid_start(rig: Rig, dataset: Dataset) -> dict[str, dict[str, float]]:
 def make_axis(step: float) -> np.ndarray:
     """The grid's values of one coefficient; InputError when the step does not divide the range."""
     parts = (HIGH - LOW) / step if step > 0.0 else 0.0
-    if not parts <= MOST_PARTS:
-        raise InputError(f"--step: {step:g} is too fine; {(HIGH - LOW) / MOST_PARTS:g} is the least")
+    if not parts <= MAX_PARTS:
+        raise InputError(f"--step: {step:g} is too fine; {(HIGH - LOW) / MAX_PARTS:g} is the least")
     if parts < 1.0 or abs(parts - round(parts)) > 1e-6:
         raise InputError(f"--step: {step:g} does not divide the range {LOW:g} to {HIGH:g}")
     return np.linspace(LOW, HIGH, round(parts) + 1)

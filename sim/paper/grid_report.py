@@ -19,7 +19,7 @@ from truearc.sim.report import new_figure
 
 LISTED, SHOWN = 30, 10                # up to LISTED ties are listed in full; of more, SHOWN
 FEW_THREES = 10
-MOST_OUTLINED = 5000                  # tied pairs drawn one by one
+MAX_OUTLINED = 5000                   # tied pairs drawn one by one
 ZOOM_POINTS = 90                      # a side at most, of the picture's second panel
 POOR_THREE, POOR_TWO = 0.6, 0.8       # the paper reports 0.92 and 0.98 on the shots it was fitted to
 
@@ -139,7 +139,7 @@ def _draw_deviation(axes: Axes, dataset: Dataset, fit: GridFit, cd: np.ndarray, 
 def _mark(axes: Axes, fit: GridFit, cd: np.ndarray, cl: np.ndarray) -> None:
     """Outline the tied pairs, mark the chosen one, and set the limits to those of cd and cl."""
     half = 0.5 * (fit.axis[1] - fit.axis[0])
-    for row, column in np.argwhere(fit.tied.T)[:MOST_OUTLINED]:
+    for row, column in np.argwhere(fit.tied.T)[:MAX_OUTLINED]:
         corner = fit.axis[column] - half, fit.axis[row] - half
         axes.add_patch(Rectangle(corner, 2.0 * half, 2.0 * half, fill=False, edgecolor="#19c3d6", linewidth=1.0))
     axes.plot([], [], color="#19c3d6", label=f"tied pairs: {int(fit.tied.sum())}")

@@ -6,8 +6,8 @@ and scatter drawn from the fitted belief, a launch scattered by it, and a true s
 from the measured ones by the sensors' noise. So near the edge of the target labels mix as they do on the field.
 
 Of the 468 236 configurations most pass metres away from the target, whatever is drawn. Only those are flown whose
-height by the belief itself is within NEAR standard deviations (truearc.sim.infer.forecast: scatter, sensors and the
-fit's uncertainty) of the two-point window; the others stay misses.
+height by the belief itself is within MAX_DEVIATIONS standard deviations (truearc.sim.infer.forecast: scatter, sensors
+and the fit's uncertainty) of the two-point window; the others stay misses.
 """
 
 import json
@@ -45,7 +45,7 @@ from truearc.sim.physics.simulate import MISS, ORDINARY, Values, classify, leave
 from truearc.sim.physics.term import Opening
 from truearc.sim.progress import Progress
 
-NEAR = 4.0                            # one normal number in 16 000 is further out, on either side together
+MAX_DEVIATIONS = 4.0                  # one normal number in 16 000 is further out, on either side together
 BLOCK = 4096                          # flights at once
 
 
@@ -151,7 +151,7 @@ def near_places(rig: Rig, belief: Belief, height_m: np.ndarray) -> np.ndarray:
     reached = np.flatnonzero(np.isfinite(height_m))
     sigma_m = forecast(rig, belief, grid_shots(reached)).sigma_m
     beyond_m = np.abs(height_m[reached] - opening.centre_m) - opening.two_half_m
-    near: np.ndarray = reached[~(beyond_m > NEAR * sigma_m)]          # an unknown sigma is flown too
+    near: np.ndarray = reached[~(beyond_m > MAX_DEVIATIONS * sigma_m)]          # an unknown sigma is flown too
     return near
 
 

@@ -11,11 +11,11 @@ import numpy as np
 
 from truearc.sim.sysid.motion import Law, expect, lay_out
 from truearc.sim.sysid.record import Floats, Record, Run, cut, find_runs
-from truearc.sim.sysid.solve import begin, climb, doubt
+from truearc.sim.sysid.solve import fit_least_squares, fit_start_speeds, jackknife_covariance
 
 FOLDS = 3
 NORMAL90 = NormalDist().inv_cdf(0.95)
-WORTH = 0.75                          # a bend must bring the error on unseen pieces down to this share
+MAX_ERROR_RATIO = 0.75                # a bend must bring the error on unseen pieces down to this share
 
 
 @dataclass(frozen=True)
@@ -63,12 +63,12 @@ class SysidFit:
 
 
 def fit_motion(record: Record) -> SysidFit:
-    """Fit the straight law, or that with windage where its error on unseen pieces is below WORTH of the other's.
+    """Fit the straight law, or that with windage where it brings the error on unseen pieces below MAX_ERROR_RATIO.
 
     InputError when the record holds too little motion to tell the numbers apart.
     """
     straight, bent = fit_law(record, windage=False), fit_law(record, windage=True)
-    return bent if bent.rms_rad_s < WORTH * straight.rms_rad_s else straight
+    return bent if bent.rms_rad_s < MAX_ERROR_RATIO * straight.rms_rad_s else straight
 
 
 def fit_law(record: Record, windage: bool) -> SysidFit:
@@ -76,8 +76,8 @@ def fit_law(record: Record, windage: bool) -> SysidFit:
     runs = find_runs(record)
     cuts = cut(record, runs)
     law = Law(tuple(sorted({run.direction for run in cuts}, reverse=True)), windage)
-    values, start = climb(record, law, cuts)
-    covariance = doubt(record, law, values, start, cuts)
+    values, start = fit_least_squares(record, law, cuts)
+    covariance = jackknife_covariance(record, law, values, start, cuts)
     rows = np.concatenate([np.arange(run.first, run.last) for run in runs])
     forecast = _forecast(record, law, values, runs, cuts, rows)
     measured = record.speed_rad_s[rows]
@@ -113,8 +113,9 @@ def _forecast(record: Record, law: Law, guess: Floats, runs: Sequence[Run], cuts
     whole = lay_out(record, runs)
     forecast = np.full(len(rows), np.nan)
     for fold in range(FOLDS):
-        values, _ = climb(record, law, [piece for number, piece in enumerate(cuts) if number % FOLDS != fold], guess)
-        flown = expect(law, values[None], begin(law, values, whole)[None], whole)[0]
+        others = [piece for number, piece in enumerate(cuts) if number % FOLDS != fold]
+        values, _ = fit_least_squares(record, law, others, guess)
+        flown = expect(law, values[None], fit_start_speeds(law, values, whole)[None], whole)[0]
         for piece in cuts[fold::FOLDS]:
             mine = (rows >= piece.first) & (rows < piece.last)
             forecast[mine] = flown[mine]

@@ -45,11 +45,11 @@ def serve(config: Config, config_path: Path, bus_name: str, watchdog_ms: int, tr
             heard.set()
 
     with ExitStack() as wires:
-        bus, channel = open_far_bus(bus_name, config, clock)
+        bus, channel = open_device_bus(bus_name, config, clock)
         wires.callback(bus.close)
         box = open_button_box(prompt=False)
         wires.callback(box.unplug)
-        camera = FarCamera(config.camera, config.tape, seed, world.view)
+        camera = CameraServer(config.camera, config.tape, seed, world.view)
         wires.callback(camera.close)
         driver = make_driver(config, world, box.press, trials, seed)
 
@@ -65,7 +65,7 @@ def serve(config: Config, config_path: Path, bus_name: str, watchdog_ms: int, tr
     return world.results
 
 
-def open_far_bus(name: str, config: Config, clock: Clock) -> tuple[Bus, str]:
+def open_device_bus(name: str, config: Config, clock: Clock) -> tuple[Bus, str]:
     """The devices' end of the bus called `name`, and what the robot is to open; InputError when there is none.
 
     slcan:auto is an adapter on a pseudo-terminal, or on a socket where the system has none; slcan:socket always that.
@@ -91,7 +91,7 @@ def keep_time(clock: Clock, advance: Callable[[int], None], over: Callable[[], b
         advance(t_ns)
 
 
-class FarCamera:
+class CameraServer:
     """A camera whose pictures are drawn by a thread of its own, when one is due, and seen at `url`."""
 
     def __init__(self, camera: CameraConfig, tape: Tape, seed: int, look: Callable[[], View]) -> None:

@@ -9,9 +9,9 @@ from truearc.hw.emulated.plant import MotorTruth, View
 from truearc.sim.world.flight import Flight, Launch, from_exit_point, in_field
 from truearc.sim.world.options import Options
 from truearc.sim.world.parts.balls import Rack
-from truearc.sim.world.parts.battery import Supply
+from truearc.sim.world.parts.battery import Battery
 from truearc.sim.world.parts.belt import Belt
-from truearc.sim.world.parts.chassis import Pose, Stand, look
+from truearc.sim.world.parts.chassis import Chassis, Pose, look
 from truearc.sim.world.parts.feeder import Feeder
 from truearc.sim.world.parts.hood import Hood, flexed
 from truearc.sim.world.parts.motor import FEEDER, FLYWHEEL, HOOD, Drawn, Motor, drive_motor
@@ -28,7 +28,7 @@ _STILL = Drawn(0.0, 0.0, 0.0)
 class World:
     """A Plant. Same seed, options and torque history: the same bits.
 
-    `results` lists every ball that has arrived, `flying` those in the air, oldest first. `stand` is where the robot
+    `results` lists every ball that has arrived, `flying` those in the air, oldest first. `chassis` is where the robot
     stands and how it drives; `belt` (lower wheel and motors) and `hood` are parts of the launcher. Only the driver,
     tests and benches may look at them.
     """
@@ -38,13 +38,13 @@ class World:
     def __init__(self, seed: int, options: Options | None = None, distance_m: float = START_DISTANCE_M) -> None:
         self._options = options = options or Options()
         self._t_ns = 0
-        self._supply = Supply(options)
+        self._battery = Battery(options)
         self.belt = Belt(options)
         start_deg = float(np.random.default_rng([seed, 5]).uniform(20.0, 70.0))
         self.hood = Hood(start_deg, options)
         self._feeder = Feeder()
         self._rack = Rack(seed, options)
-        self.stand = Stand(seed, distance_m, options.pose_scale)
+        self.chassis = Chassis(seed, distance_m, options.pose_scale)
         self._shots = 0
         self._nip: Nip | None = None
         self._fed_t_ns = 0
@@ -78,7 +78,7 @@ class World:
         return MotorTruth(position_rad * scale, speed_rad_s * scale, drawn.torque_nm, drawn.current_a)
 
     def bus_v(self) -> float:
-        return self._supply.bus_v
+        return self._battery.bus_v
 
     def hood_encoder_rad(self) -> float:
         return self.hood.encoder_rad
@@ -88,7 +88,7 @@ class World:
 
     def view(self) -> View:
         """The tape as the camera sees it from where the robot stands now."""
-        pose = self.stand.pose()
+        pose = self.chassis.pose()
         if self._view is None or self._view[0] != pose:
             self._view = (pose, look(pose, self._options))
         return self._view[1]
@@ -107,8 +107,8 @@ class World:
         for name, motor in _MOTORS.items():
             self._drawn[name] = drawn = self._drive(name, motor, asked_nm.get(name, 0.0))
             power_w += drawn.power_w
-        self._supply.draw(power_w, dt_s)
-        self.stand.step(dt_s)
+        self._battery.draw(power_w, dt_s)
+        self.chassis.step(dt_s)
         self.hood.step(self._drawn["hood"].torque_nm, dt_s)
         fed_s = self._feeder.step(self._drawn["feeder"].torque_nm, dt_s)
         for launch in self.flying:
@@ -119,7 +119,7 @@ class World:
     def _drive(self, name: str, motor: Motor, asked_nm: float) -> Drawn:
         if asked_nm == 0.0:
             return _STILL
-        return drive_motor(motor, asked_nm, self._shaft(name)[1], self._supply.bus_v, self._options.driver_current_a)
+        return drive_motor(motor, asked_nm, self._shaft(name)[1], self._battery.bus_v, self._options.driver_current_a)
 
     def _shaft(self, name: str) -> tuple[float, float]:
         part = self._feeder if name == "feeder" else self.hood if name == "hood" else self.belt
@@ -159,16 +159,16 @@ class World:
         self.flying.append(launch)
         self._rack.use(self._shots)
         self._shots += 1
-        self._supply.count_shot()
+        self._battery.count_shot()
         self._feeder.expect_ball()
         launch.flight.step(left_s)
 
     def _launch(self, nip: Nip, released: Released, exit_t_ns: int) -> Launch:
         launcher = from_exit_point(released, nip.elevation_rad, self._options)
-        field = in_field(launcher, self.stand.pose(), self.stand.speed_m_s)
+        field = in_field(launcher, self.chassis.pose(), self.chassis.speed_m_s)
         x_m_s, y_m_s, z_m_s = velocity_m_s = launcher.velocity_m_s
         record = BallResult(
-            self._shots, nip.ball.ball_id, self.stand.distance_m, math.degrees(nip.elevation_rad),
+            self._shots, nip.ball.ball_id, self.chassis.distance_m, math.degrees(nip.elevation_rad),
             self._wheel_before_rad_s, nip.wheel_rad_s, exit_speed_m_s=float(np.linalg.norm(velocity_m_s)),
             exit_deg=math.degrees(math.atan2(z_m_s, math.hypot(x_m_s, y_m_s))),
             exit_spin_rev_s=float(-launcher.spin_rad_s[1]) / (2.0 * math.pi),

@@ -1,4 +1,4 @@
-"""Weights on disk: they come back exactly, and what is not weights is refused in words."""
+"""Weights on disk: they come back exactly, and files that are not weights are refused with a message."""
 
 import json
 from pathlib import Path

@@ -14,7 +14,7 @@ from truearc.robot.gate.model import load_gate
 from truearc.sim.data.dataset import Dataset, hash_dataset
 from truearc.sim.gate.gate_text import tell_heldout, tell_residual
 from truearc.sim.gate.model import PhysicsGate
-from truearc.sim.gate.outcome_classes import OutcomeClasses, marks_of
+from truearc.sim.gate.outcome_classes import OutcomeClasses, outcome_classes_of
 from truearc.sim.gate.physics import physics_of
 from truearc.sim.gate.store import save_physics_gate
 from truearc.sim.gate.train import Heldout, train_physics_gate
@@ -103,7 +103,7 @@ def train_gate(dataset: Dataset, belief: Belief, *, seed: int = 0,
     if seed < 0:
         raise InputError(f"seed is {seed}; it cannot be negative")
     name = dataset.shots.source
-    marks, left_out = marks_of(dataset.shots, name)
+    marks, left_out = outcome_classes_of(dataset.shots, name)
     gate, folds = train_physics_gate(dataset.facts, belief, dataset.shots, seed, name, progress)
     return GateTraining(gate, folds, tuple(left_out), marks, _record(dataset, belief, seed, marks, gate, folds))
 

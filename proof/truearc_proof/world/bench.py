@@ -102,7 +102,7 @@ def ball_from_muzzle(world: World) -> tuple[float, float, float, float] | None:
     if not world.flying:
         return None
     flight = world.flying[-1].flight
-    x_m, y_m, z_m = map(float, _from_muzzle(flight.position_m, world.stand.pose()))
+    x_m, y_m, z_m = map(float, _from_muzzle(flight.position_m, world.chassis.pose()))
     return flight.time_s, x_m, y_m, z_m
 
 

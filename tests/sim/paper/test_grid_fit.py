@@ -1,4 +1,4 @@
-"""The seed's search against brute force with DOP853, and the measures by hand."""
+"""The paper's search against brute force with DOP853, and the measures by hand."""
 
 import numpy as np
 import pytest

@@ -96,7 +96,7 @@ def test_few_flights_are_enough():
 
 
 def test_long_steps_are_near_enough_for_what_they_decide():
-    """Doubt begins SURE_M from a bound: there long steps must be nearer than that to short ones."""
+    """A label is DOUBTFUL within SURE_M of a bound: there long steps must be nearer than that to short ones."""
     flyer = _flyer(40, 40)
     rng = np.random.default_rng(41)
     which, cd, cl = rng.integers(40, size=64_000), rng.uniform(0, 3, 64_000), rng.uniform(0, 0.4, 64_000)

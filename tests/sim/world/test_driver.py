@@ -23,9 +23,9 @@ class _Robot:
     def _press(self, button: str) -> None:
         self.presses.append((self.bench.t_ns, button))
         if button == "fire":
-            assert not self.world.stand.moving
+            assert not self.world.chassis.moving
             self.asked = True
-            self.stops.append(self.world.stand.distance_m)
+            self.stops.append(self.world.chassis.distance_m)
 
     def run(self, longest_s: float = 300.0) -> None:
         feeding = 0
@@ -72,7 +72,7 @@ def test_the_stops_cover_the_range_with_a_few_trials_at_each() -> None:
 
 
 def test_a_spoilt_trial_is_rejected_after_its_outcome() -> None:
-    robot = _Robot(trials=2, spoilt=1.0)
+    robot = _Robot(trials=2, rejected_share=1.0)
     robot.run()
     buttons = [button for _, button in robot.presses]
     assert [b for b in buttons if b in ("fire", "reject")] == ["fire", "reject"] * 2

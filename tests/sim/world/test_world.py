@@ -128,7 +128,7 @@ def test_the_robot_may_drive_while_a_ball_flies() -> None:
     bench = Bench(World(1, CALM, 8.0))
     for _ in range(400):
         bench.tick(400.0, 45.0)
-    bench.world.stand.drive_to(2.6)
+    bench.world.chassis.drive_to(2.6)
     shot = bench.fire(400.0, 45.0, 1)[0]
     assert shot.z_m is not None and still.results[0].z_m is not None
     assert 2.6 <= shot.distance_m < 8.0
