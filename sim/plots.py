@@ -17,7 +17,7 @@ from truearc.sim.metrics import reliability
 from truearc.sim.physics.catalogue import effective, flight_terms
 from truearc.sim.physics.flight import path
 from truearc.sim.physics.simulate import ORDINARY, by_robot, launch_of, leave, sense
-from truearc.sim.report import new_figure
+from truearc.sim.report import new_figure, new_panels
 
 NS = 1e-9
 COLOURS = {"three": "#1b7f3b", "two": "#d99000", "miss": "#b3261e"}
@@ -34,8 +34,7 @@ class Share(NamedTuple):
 
 def draw_shot(ticks: Sequence[Tick], config: Config, fed_t_ns: int) -> Figure:
     """Wheel speed, hood and battery around one shot; time 0 is when the ball was fed."""
-    figure = new_figure(8.0, 5.6)
-    wheel, hood, supply = figure.subplots(3, 1, sharex=True)
+    figure, (wheel, hood, supply) = new_panels(8.0, 5.6, 3, sharex=True)
     t_s = np.array([(tick.inputs.t_ns - fed_t_ns) * NS for tick in ticks])
     free = config.rig.launcher.free_speed_rad_s or 0.0
     speeds = [tick.estimate.motor_rad_s for tick in ticks], [tick.aim.motor_ratio * free for tick in ticks]
@@ -50,15 +49,13 @@ def draw_shot(ticks: Sequence[Tick], config: Config, fed_t_ns: int) -> Figure:
     supply.set_xlabel("seconds from feeding the ball")
     for axes in (wheel, hood, supply):
         axes.axvline(0.0, color="#b3261e", linewidth=1.0)
-        axes.spines[["top", "right"]].set_visible(False)
     return figure
 
 
 def draw_trajectories(rig: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: Shots, most: int) -> Figure:
     """Draw the fitted simulator's trajectories of recorded configurations, coloured by their recorded outcome."""
     assert rig.target is not None
-    figure = new_figure(8.0, 4.0)
-    axes = figure.subplots()
+    figure, (axes,) = new_panels(8.0, 4.0)
     outcomes, distance_m = shots.text("outcome"), shots.number("distance_m")
     for outcome, colour in COLOURS.items():
         rows = np.array([row for row, said in enumerate(outcomes) if said == outcome][:most], dtype=int)
@@ -71,7 +68,6 @@ def draw_trajectories(rig: Rig, coefficients: Mapping[str, Mapping[str, float]],
         axes.plot([0.0, 0.0], [bottom, bottom + 2 * half], color=colour, linewidth=5, solid_capstyle="butt")
     axes.set(xlabel="metres before the target", ylabel="height, m", ylim=(0.0, None))
     axes.legend(frameon=False, title="what happened")
-    axes.spines[["top", "right"]].set_visible(False)
     return figure
 
 
@@ -91,8 +87,7 @@ def _draw_flights(axes: Axes, rig: Rig, coefficients: Mapping[str, Mapping[str, 
 
 def draw_shares(shares: Sequence[Share]) -> Figure:
     """Shares with 95 % Wilson intervals, one bar each, top to bottom."""
-    figure = new_figure(8.0, 0.8 + 0.5 * len(shares))
-    axes = figure.subplots()
+    figure, (axes,) = new_panels(8.0, 0.8 + 0.5 * len(shares))
     for row, share in enumerate(reversed(shares)):
         low, high = wilson(share.hits, share.tries)
         middle = share.hits / share.tries if share.tries else 0.0
@@ -102,7 +97,6 @@ def draw_shares(shares: Sequence[Share]) -> Figure:
     axes.set_yticks(range(len(shares)), [share.name for share in reversed(shares)])
     axes.set(xlim=(0.0, 1.25), xlabel="share of fired shots, 95 % interval")
     axes.set_xticks(np.linspace(0, 1, 6), [f"{part:.0%}" for part in np.linspace(0, 1, 6)])
-    axes.spines[["top", "right"]].set_visible(False)
     return figure
 
 

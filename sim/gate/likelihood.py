@@ -111,12 +111,5 @@ def loss(theta: Any, widths: Widths, data: GateData, halves_m: Any) -> Any:
     return 0.5 * theta @ theta - jnp.dot(data.weight, log_likelihoods(theta, widths, data, halves_m))
 
 
-@jax.jit
-def value_and_slope(theta: Any, widths: Widths, data: GateData, halves_m: Any) -> tuple[Any, Any]:
-    return jax.value_and_grad(loss)(theta, widths, data, halves_m)
-
-
-@jax.jit
-def curvature(theta: Any, widths: Widths, data: GateData, halves_m: Any) -> Any:
-    """Hessian [SIZE, SIZE] of the loss."""
-    return jax.jacfwd(jax.grad(loss))(theta, widths, data, halves_m)
+value_and_slope = jax.jit(jax.value_and_grad(loss))
+curvature = jax.jit(jax.jacfwd(jax.grad(loss)))               # Hessian [SIZE, SIZE] of the loss

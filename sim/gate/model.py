@@ -1,6 +1,6 @@
 """The fitted gate in float64: features to the height's mean and spread, and to probabilities."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import jax
 import jax.numpy as jnp
@@ -76,9 +76,6 @@ class PhysicsGate:
         """p [n, 2] of a height's mean and spread."""
         cells = np.asarray(cell_probabilities(self.shape, jnp.asarray(mean_m), jnp.asarray(sigma_m)))
         return (1.0 - self.aside) * np.stack([cells[:, 1:4].sum(axis=1), cells[:, 2]], axis=1)
-
-    def with_temperature(self, temperature: float) -> "PhysicsGate":
-        return replace(self, temperature=temperature)
 
 
 def halves_of(rig: Rig) -> tuple[float, float]:

@@ -1,6 +1,6 @@
 """Recorded shots and a belief -> a gate with the physics in it, and what it was worth on shots it had not seen."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -121,7 +121,8 @@ def _calibrate(gate: PhysicsGate, parts: list[_Fold], alone: Figures) -> tuple[P
     kept = gain > 0.0
     best = float(TEMPERATURES[np.argmax(prior + table.sum(axis=0))]) if kept else 1.0
     p = warmed if kept else plain
-    return gate.with_temperature(best), Heldout(p, level, figures_of(plain, level), figures_of(p, level), alone, gain)
+    heldout = Heldout(p, level, figures_of(plain, level), figures_of(p, level), alone, gain)
+    return replace(gate, temperature=best), heldout
 
 
 def _alone(gate: PhysicsGate, physics: Physics, marks: OutcomeClasses) -> Figures:

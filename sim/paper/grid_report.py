@@ -12,8 +12,7 @@ from matplotlib.patches import Rectangle
 
 from truearc.sim.data.dataset import Dataset, hash_dataset
 from truearc.sim.infer.score import Score
-from truearc.sim.paper.grid_bootstrap import Bootstrap
-from truearc.sim.paper.grid_fit import GridFit, map_deviation
+from truearc.sim.paper.grid_fit import Bootstrap, GridFit, map_deviation
 from truearc.sim.paper.settings import HIGH, LOW
 from truearc.sim.report import new_figure
 

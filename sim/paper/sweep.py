@@ -192,12 +192,12 @@ def _table(job: Job, mean: np.ndarray, scale: np.ndarray) -> tuple[np.ndarray, l
 def _stack(tables: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """(different tables [tables, longest, 5], padded; which one each network has): a sweep's networks share a few, and
     rows that several of them have just read are near at hand."""
-    place = {table.tobytes(): number for number, table in enumerate(tables)}
-    order = {number: rank for rank, number in enumerate(place.values())}
-    stacked = np.zeros((len(place), max(map(len, tables)), COLUMNS), Real)
-    for number, rank in order.items():
-        stacked[rank, :len(tables[number])] = tables[number]
-    return stacked, np.array([order[place[table.tobytes()]] for table in tables])
+    different: dict[bytes, tuple[int, np.ndarray]] = {}
+    which = [different.setdefault(table.tobytes(), (len(different), table))[0] for table in tables]
+    stacked = np.zeros((len(different), max(map(len, tables)), COLUMNS), Real)
+    for number, table in different.values():
+        stacked[number, :len(table)] = table
+    return stacked, np.array(which)
 
 
 def _count(rows: Rows | None) -> int:

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from truearc.sim.report import make_page, make_png, new_figure, paragraph, picture, table
+from truearc.sim.report import make_page, make_png, new_panels, paragraph, picture, table
 from truearc.sim.sysid.fit import SysidFit
 from truearc.sim.sysid.record import Floats
 from truearc.sim.sysid.sysid_text import UNITS, WORDS
@@ -17,13 +17,10 @@ INK, LINE, BAND, MISS = "#1a1c20", "#1f5fa8", "#e8edf4", "#b3261e"
 def draw_fit(fit: SysidFit) -> Figure:
     """Effort, speed (measured and forecast) and residual over time; shaded: every other piece."""
     record, rows = fit.record, fit.rows
-    figure = new_figure(9.0, 7.6)
-    effort, speed, residual, spread = panels = figure.subplots(4, 1, height_ratios=(0.8, 1.6, 1.1, 1.1))
+    figure, (effort, speed, residual, spread) = new_panels(9.0, 7.6, 4, height_ratios=(0.8, 1.6, 1.1, 1.1))
     speed.sharex(effort)
     residual.sharex(effort)
     spread.sharey(residual)
-    for axes in panels:
-        axes.spines[["top", "right"]].set_visible(False)
     for axes in (effort, speed):
         axes.tick_params(labelbottom=False)
     effort.step(record.effort_t_s, record.effort, where="post", color=INK, linewidth=0.9)

@@ -84,11 +84,9 @@ def emulate(config: Config, folder: Path, trials: int, seed: int, options: Optio
         config = replace(config, gate=replace(config.gate, policy="model"))
     recorder = SessionWriter(folder, make_header(config, gate, None), config,
                              gate_path.read_bytes() if gate_path else None, lossless=True)
-    try:
+    with closing(recorder):
         world = World(seed, options)
         run_twin(config, world, trials, seed, gate, recorder, progress, (nodes_of, eyes_of), page)
-    finally:
-        recorder.close()
     if recorder.failed is not None:
         raise recorder.failed
     return world.results

@@ -113,27 +113,24 @@ class Flight:
         self._owed_s += dt_s
         while self._owed_s > FLIGHT_STEP_S * (1.0 - 1e-6):
             self._owed_s -= FLIGHT_STEP_S
-            before, started_s = (data.qpos[:3].copy(), data.qvel[:3].copy()), data.time
+            before = data.qpos[:3].copy(), data.qvel[:3].copy(), data.time
             self._air.meet(data)
             mujoco.mj_step(model, data)
             if data.qpos[0] >= 0.0 or data.qpos[2] <= self._radius_m or data.time > LONGEST_S:
-                self.arrival = self._arrive(before, started_s)
+                self.arrival = self._arrive(*before)
                 return
 
-    def _arrive(self, before: tuple[np.ndarray, np.ndarray], started_s: float) -> Arrival:
-        data = self._data
+    def _arrive(self, start_m: np.ndarray, start_m_s: np.ndarray, started_s: float) -> Arrival:
+        data, floor_m = self._data, self._radius_m
         step_s = data.time - started_s
-        after = (data.qpos[:3].copy(), data.qvel[:3].copy())
-        plane = _share_until(before[0][0], after[0][0], before[1][0] * step_s, after[1][0] * step_s)
-        floor_m = self._radius_m
-        floor = _share_until(before[0][2] - floor_m, after[0][2] - floor_m, before[1][2] * step_s,
-                             after[1][2] * step_s)
-        if after[0][0] < 0.0 or (after[0][2] <= floor_m and floor < plane):
-            share = floor if after[0][2] <= floor_m else 1.0
+        end_m, start_slope, end_slope = data.qpos[:3].copy(), start_m_s * step_s, data.qvel[:3] * step_s
+        plane = _share_until(start_m[0], end_m[0], start_slope[0], end_slope[0])
+        floor = _share_until(start_m[2] - floor_m, end_m[2] - floor_m, start_slope[2], end_slope[2])
+        if end_m[0] < 0.0 or (end_m[2] <= floor_m and floor < plane):
+            share = floor if end_m[2] <= floor_m else 1.0
             return Arrival(started_s + share * step_s, None, None)
-        place = [_hermite(before[0][i], after[0][i], before[1][i] * step_s, after[1][i] * step_s, plane)
-                 for i in (1, 2)]
-        return Arrival(started_s + plane * step_s, place[0], place[1])
+        y_m, z_m = (_hermite(start_m[i], end_m[i], start_slope[i], end_slope[i], plane) for i in (1, 2))
+        return Arrival(started_s + plane * step_s, y_m, z_m)
 
 
 class Launch(NamedTuple):
