@@ -40,8 +40,8 @@ def draw_shot(ticks: Sequence[Tick], config: Config, fed_t_ns: int) -> Figure:
     speeds = [tick.estimate.motor_rad_s for tick in ticks], [tick.aim.motor_ratio * free for tick in ticks]
     angles = [tick.estimate.hood_deg for tick in ticks], [tick.aim.hood_deg or np.nan for tick in ticks]
     for axes, unit, (measured, wanted) in ((wheel, "motors, rad/s", speeds), (hood, "hood, deg", angles)):
-        axes.plot(t_s, wanted, color="#9aa3af", linestyle="--", label="wanted")
-        axes.plot(t_s, measured, color="#1f5fa8", label="measured")
+        axes.plot(t_s, np.array(wanted, float), color="#9aa3af", linestyle="--", label="wanted")
+        axes.plot(t_s, np.array(measured, float), color="#1f5fa8", label="measured")
         axes.set_ylabel(unit)
         axes.legend(frameon=False, loc="lower right")
     supply.plot(t_s, [tick.estimate.battery_v for tick in ticks], color="#1f5fa8")
@@ -61,11 +61,11 @@ def draw_trajectories(rig: Rig, coefficients: Mapping[str, Mapping[str, float]],
         rows = np.array([row for row, said in enumerate(outcomes) if said == outcome][:most], dtype=int)
         if len(rows):
             _draw_flights(axes, rig, coefficients, shots.take(rows), distance_m[rows], colour, outcome)
-    low = rig.target.centre_height_m - rig.target.two_half_height_m
-    three = rig.target.centre_height_m - rig.target.three_half_height_m
-    for bottom, half, colour in ((low, rig.target.two_half_height_m, COLOURS["two"]),
-                                 (three, rig.target.three_half_height_m, COLOURS["three"])):
-        axes.plot([0.0, 0.0], [bottom, bottom + 2 * half], color=colour, linewidth=5, solid_capstyle="butt")
+    centre_m = rig.target.centre_height_m
+    for half_m, colour in ((rig.target.two_half_height_m, COLOURS["two"]),
+                           (rig.target.three_half_height_m, COLOURS["three"])):
+        axes.plot([0.0, 0.0], [centre_m - half_m, centre_m + half_m], color=colour, linewidth=5,
+                  solid_capstyle="butt")
     axes.set(xlabel="metres before the target", ylabel="height, m", ylim=(0.0, None))
     axes.legend(frameon=False, title="what happened")
     return figure

@@ -10,7 +10,7 @@ import numpy as np
 from truearc.sim.data.dataset import Dataset, hash_dataset
 from truearc.sim.gate.novelty import fit_novelty, novelty_record
 from truearc.sim.paper.network import save_weights
-from truearc.sim.paper.settings import Recipe, check_recipe
+from truearc.sim.paper.settings import Recipe
 from truearc.sim.paper.sweep import Job, Trained, batches_per_epoch, check_job, train_many
 from truearc.sim.paper.training import Rows, accuracy, domain_of, split_heldout, training_rows
 from truearc.sim.printed import Printed
@@ -79,7 +79,6 @@ def train_network(real: Dataset, simulated: Dataset | None = None, *, coefficien
         InputError: a share or step that cannot be, or no usable shots.
     """
     recipe, shares = recipe or Recipe(), shares or Shares()
-    check_recipe(recipe)
     rows, notes = rows_of(real, real.name)
     extra, more = (None, []) if simulated is None else rows_of(simulated, simulated.name)
     kept, heldout = split_heldout(rows, shares.holdout, seed)

@@ -22,7 +22,7 @@ import numpy as np
 
 from truearc.robot.config.schema import InputError
 from truearc.sim.paper.network import SHAPES, Layers, Network, initial_layers, standardisation
-from truearc.sim.paper.settings import DEFAULT_RECIPE, Recipe, check_recipe
+from truearc.sim.paper.settings import DEFAULT_RECIPE, Recipe
 from truearc.sim.paper.sweep_kernel import BATCH, COLUMNS, LANES, PARAMETERS, Decks, Real, advance, mean_losses
 from truearc.sim.paper.training import Rows
 from truearc.sim.progress import Progress
@@ -82,7 +82,6 @@ def train_many(jobs: Sequence[Job], recipe: Recipe = DEFAULT_RECIPE, progress: P
     Networks advance LANES at a time, groups of them on `threads` (as many as cores), in float32. InputError when
     a job has nothing to train on, job or recipe is nonsense, or a loss stops being a number.
     """
-    check_recipe(recipe)
     for job in jobs:
         check_job(job)
     batch = _Batch(jobs)

@@ -12,7 +12,7 @@ from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import check_free
 from truearc.sim.gate.network_training import make_record
 from truearc.sim.paper.network import save_weights
-from truearc.sim.paper.settings import Recipe, check_recipe
+from truearc.sim.paper.settings import Recipe
 from truearc.sim.paper.sweep import Trained, train_many
 from truearc.sim.paper.sweep_settings import (
     Mean,
@@ -41,7 +41,6 @@ Kind = TypeVar("Kind", int, float)
 def run_sweep(args: argparse.Namespace) -> int:
     """Train, compare and write; args: those of `truearc paper sweep`."""
     recipe = Recipe(args.learning_rate, args.steps, args.patience)
-    check_recipe(recipe)
     if args.seeds < 1 or args.seed < 0:
         raise InputError(f"--seeds is {args.seeds} and --seed {args.seed}; at least 1 and 0 are needed")
     sizes = _numbers("--sizes", args.sizes, int)

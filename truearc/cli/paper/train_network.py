@@ -8,7 +8,7 @@ from truearc.cli.progress import make_progress
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import dataset_hash, load_dataset
 from truearc.sim.gate.network_training import Shares, rows_of, train_network
-from truearc.sim.paper.settings import PATIENCE, Recipe, check_recipe
+from truearc.sim.paper.settings import PATIENCE, Recipe
 from truearc.sim.paper.synthetic_data import load_provenance
 from truearc.sim.paper.training import Rows
 
@@ -18,7 +18,6 @@ LAMBDA = 0.01                         # the paper's weight of the simulated loss
 def run_training(args: argparse.Namespace) -> int:
     """Train, write the weights and report; args: those of `truearc paper train`."""
     recipe = Recipe(args.learning_rate, args.steps, PATIENCE if args.patience is None else args.patience)
-    check_recipe(recipe)
     if args.epochs is not None and args.epochs < 1:
         raise InputError(f"--epochs is {args.epochs}; at least 1 is needed")
     if args.seed < 0:
