@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from truearc.sim.gate.model import PhysicsGate, residual
-from truearc.sim.gate.physics import Physics
+from truearc.sim.gate.model import Physics, PhysicsGate, residual
 from truearc.sim.gate.train import Heldout
 from truearc.sim.metrics import Figures
 

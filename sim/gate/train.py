@@ -8,10 +8,9 @@ from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.dataset import Shots
 from truearc.sim.gate.fit import fit_widest
 from truearc.sim.gate.likelihood import PRIORS, GateData, GateShape, cell_probabilities, spread_m
-from truearc.sim.gate.model import PhysicsGate, Scaling, halves_of
+from truearc.sim.gate.model import Physics, PhysicsGate, Scaling, halves_of, physics_of
 from truearc.sim.gate.novelty import fit_novelty
 from truearc.sim.gate.outcome_classes import OutcomeClasses, outcome_classes_of
-from truearc.sim.gate.physics import Physics, physics_of
 from truearc.sim.infer.belief import Belief
 from truearc.sim.metrics import Figures, figures_of, log_scores
 from truearc.sim.progress import Progress
@@ -28,7 +27,7 @@ class Heldout:
     """Shots rated by gates that had not seen their configuration; the belief had.
 
     p [n, 2] and level [n] of the judged rows; `plain`: the same before calibration; `physics`: by the forecast alone,
-    as the belief has it; `gain`: mean log score that the calibration adds, its temperature chosen on other folds.
+    as the belief has it. The temperature of each fold is chosen on the others.
     """
 
     p: np.ndarray
@@ -36,7 +35,6 @@ class Heldout:
     plain: Figures
     calibrated: Figures
     physics: Figures
-    gain: float
 
 
 def train_physics_gate(rig: Rig, belief: Belief, shots: Shots, seed: int = 0, name: str = "shots",
@@ -112,16 +110,14 @@ def _calibrate(gate: PhysicsGate, parts: list[_Fold], alone: Figures) -> tuple[P
     """The gate with the temperature of all folds, if temperatures chosen on the other folds did better than none."""
     table = np.array([[log_scores(part.p(t), part.level).sum() for t in TEMPERATURES] for part in parts])
     prior = -0.5 * (np.log(TEMPERATURES) / TEMPERATURE_SPREAD) ** 2
-    shots = sum(len(part.level) for part in parts)
     chosen = [float(TEMPERATURES[np.argmax(prior + table.sum(axis=0) - row)]) for row in table]
     level = np.concatenate([part.level for part in parts])
     plain = np.concatenate([part.p(1.0) for part in parts])
     warmed = np.concatenate([part.p(t) for part, t in zip(parts, chosen, strict=True)])
-    gain = float(log_scores(warmed, level).sum() - log_scores(plain, level).sum()) / shots
-    kept = gain > 0.0
+    kept = log_scores(warmed, level).sum() > log_scores(plain, level).sum()
     best = float(TEMPERATURES[np.argmax(prior + table.sum(axis=0))]) if kept else 1.0
     p = warmed if kept else plain
-    heldout = Heldout(p, level, figures_of(plain, level), figures_of(p, level), alone, gain)
+    heldout = Heldout(p, level, figures_of(plain, level), figures_of(p, level), alone)
     return replace(gate, temperature=best), heldout
 
 

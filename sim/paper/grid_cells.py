@@ -32,26 +32,16 @@ MAX_DOUBTFUL = 96                     # points flown singly before a split is ch
 compiled = njit(fastmath={"nsz", "arcp", "contract", "afn", "reassoc"}, error_model="numpy", nogil=True, cache=True)
 
 
-def make_nodes() -> np.ndarray:
-    """Chebyshev-Lobatto points in 0-1, ascending [NODES]."""
-    return (1.0 - np.cos(np.pi * np.arange(NODES) / (NODES - 1))) / 2.0
-
-
-def make_transform() -> np.ndarray:
-    """[NODES, NODES]: values at the nodes -> Chebyshev coefficients."""
-    return np.linalg.inv(_basis(make_nodes()))
-
-
-def make_tables() -> np.ndarray:
-    """[WIDEST + 1, WIDEST, NODES]: the Chebyshev polynomials at m evenly spaced points, for each m from 2."""
-    tables = np.zeros((WIDEST + 1, WIDEST, NODES))
-    for points in range(2, WIDEST + 1):
-        tables[points, :points] = _basis(np.linspace(0.0, 1.0, points))
-    return tables
-
-
 def _basis(part: np.ndarray) -> np.ndarray:
     return np.polynomial.chebyshev.chebvander(2.0 * part - 1.0, NODES - 1)
+
+
+NODES_AT = (1.0 - np.cos(np.pi * np.arange(NODES) / (NODES - 1))) / 2.0       # Chebyshev-Lobatto points in 0-1 [NODES]
+TRANSFORM = np.linalg.inv(_basis(NODES_AT))           # values at the nodes -> Chebyshev coefficients [NODES, NODES]
+# The Chebyshev polynomials at m evenly spaced points, for each m from 2: [WIDEST + 1, WIDEST, NODES].
+TABLES = np.zeros((WIDEST + 1, WIDEST, NODES))
+for _points in range(2, WIDEST + 1):
+    TABLES[_points, :_points] = _basis(np.linspace(0.0, 1.0, _points))
 
 
 def make_roots(points: int, launches: int) -> np.ndarray:

@@ -10,7 +10,7 @@ import numpy as np
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.paper import grid_cells as cells_of
-from truearc.sim.paper.grid_cells import DOUBTFUL, LEAF, MISS, NODES, SPLIT
+from truearc.sim.paper.grid_cells import DOUBTFUL, LEAF, MISS, NODES, NODES_AT, SPLIT, TABLES, TRANSFORM
 from truearc.sim.physics.catalogue import flight_terms
 from truearc.sim.physics.compiled import facts_values, load_kernel, make_source
 from truearc.sim.physics.flight import LIMIT_S, SHORTEST
@@ -143,6 +143,3 @@ def fly_pairs(flyer: Flyer, cd: np.ndarray, cl: np.ndarray) -> np.ndarray:
     with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
         list(pool.map(one, range(0, len(cd), block)))
     return height_m
-
-
-NODES_AT, TRANSFORM, TABLES = cells_of.make_nodes(), cells_of.make_transform(), cells_of.make_tables()

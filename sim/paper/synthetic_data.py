@@ -6,8 +6,6 @@ The paper speaks of 375,000 configurations; the ranges and steps that it states,
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -16,14 +14,12 @@ from truearc.robot.config.schema import InputError
 from truearc.sim.data.columns import OUTCOMES
 from truearc.sim.data.dataset import Shots
 from truearc.sim.infer.curve import Curves, before_the_shot
-from truearc.sim.paper.network import load_json
 from truearc.sim.physics.catalogue import Catalogue, effective, flight_terms
 from truearc.sim.physics.flight import fly
 from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.simulate import ORDINARY, classify, launch_of, leave, opening_of, sense
 from truearc.sim.progress import Progress
 
-PROVENANCE_FILE = "synth.json"
 NONE: Curves = {}
 STEP_S = 0.01                         # heights then agree with the simulator's own finer step to 1e-6 m
 
@@ -129,9 +125,3 @@ def sample_shots(outcomes: np.ndarray, count: int, recorded: Shots | None, seed:
     taken = np.zeros(0, np.int64) if recorded is None else taken_configurations(recorded)
     shots = grid_shots(index := sample_balanced(outcomes, count, taken, seed))
     return Shots(shots.shot_id, shots.numbers, {"outcome": tuple(map(str, outcomes[index]))})
-
-
-def load_provenance(directory: str | Path) -> dict[str, Any]:
-    """Read the provenance of a simulated dataset; empty when the directory holds none."""
-    path = Path(directory) / PROVENANCE_FILE
-    return load_json(path) if path.is_file() else {}

@@ -11,11 +11,12 @@ and the fit's uncertainty) of the two-point window; the others stay misses.
 """
 
 import json
+import math
 import shutil
 from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -28,9 +29,9 @@ from truearc.sim.infer.belief import SCATTERS, Belief, draw, load_belief
 from truearc.sim.infer.curve import before_the_shot, owners, resized
 from truearc.sim.infer.forecast import forecast
 from truearc.sim.infer.likelihood.launch_inputs import given_of
+from truearc.sim.paper.network import load_json
 from truearc.sim.paper.synthetic_data import (
-    PROVENANCE_FILE,
-    SHAPE,
+    AXES,
     STEP_S,
     check_draw,
     grid_heights,
@@ -45,6 +46,7 @@ from truearc.sim.physics.simulate import MISS, ORDINARY, Values, classify, leave
 from truearc.sim.physics.term import Opening
 from truearc.sim.progress import Progress
 
+PROVENANCE_FILE = "synth.json"
 MAX_DEVIATIONS = 4.0                  # one normal number in 16 000 is further out, on either side together
 BLOCK = 4096                          # flights at once
 
@@ -94,11 +96,17 @@ def write_synthetic(directory: str | Path, rig: Rig, coefficients: str | Path, n
     return shots
 
 
+def load_provenance(directory: str | Path) -> dict[str, Any]:
+    """Read the provenance of a simulated dataset; empty when the directory holds none."""
+    path = Path(directory) / PROVENANCE_FILE
+    return load_json(path) if path.is_file() else {}
+
+
 def say_synthetic(directory: str | Path, shots: Shots, draws: int | None = None) -> str:
     """Return how many shots of which outcome were written."""
     counts = ", ".join(f"{shots.text('outcome').count(outcome)} {outcome}" for outcome in OUTCOMES)
     more = f"; each with one of {draws} sets of coefficients, launch scatter and sensor noise" if draws else ""
-    return (f"{directory}: {len(shots)} simulated shots of {SHAPE[0] * SHAPE[1] * SHAPE[2]} configurations: "
+    return (f"{directory}: {len(shots)} simulated shots of {math.prod(axis.count for axis in AXES)} configurations: "
             f"{counts}{more}")
 
 

@@ -107,8 +107,8 @@ def test_long_steps_are_near_enough_for_what_they_decide():
 
 
 def test_the_interpolant_is_exact_for_a_polynomial():
-    nodes = grid_cells.make_nodes()
-    shape = grid_cells.make_transform() @ np.outer(nodes**3, 1.0 - nodes**5) @ grid_cells.make_transform().T
-    table = grid_cells.make_tables()[17, :17]
+    nodes = grid_cells.NODES_AT
+    shape = grid_cells.TRANSFORM @ np.outer(nodes**3, 1.0 - nodes**5) @ grid_cells.TRANSFORM.T
+    table = grid_cells.TABLES[17, :17]
     at = np.linspace(0, 1, 17)
     np.testing.assert_allclose(table @ shape @ table.T, np.outer(at**3, 1.0 - at**5), atol=1e-13)

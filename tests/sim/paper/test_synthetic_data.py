@@ -17,11 +17,10 @@ from truearc.sim.paper.synthetic_data import (
     SHAPE,
     grid_shots,
     label_grid,
-    load_provenance,
     sample_balanced,
     taken_configurations,
 )
-from truearc.sim.paper.synthetic_shots import synthesise
+from truearc.sim.paper.synthetic_shots import load_provenance, synthesise
 
 RIG = Rig(Ball(0.14, 0.0889), LauncherFacts(0.75, 594.0, (Wheel("lower", 0.0508, 1.0, 180.0),
                                                             Wheel("upper", 0.0349, 0.5625, 0.0))), Target(2.44))

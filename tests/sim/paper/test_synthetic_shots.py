@@ -11,12 +11,13 @@ from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import load_dataset, save_rig
 from truearc.sim.infer.belief import Belief, draw, point_belief, save_belief
 from truearc.sim.infer.coefficients import save_coefficients
-from truearc.sim.paper.synthetic_data import grid_heights, grid_shots, load_provenance, sample_shots
+from truearc.sim.paper.synthetic_data import grid_heights, grid_shots, sample_shots
 from truearc.sim.paper.synthetic_shots import (
     assign,
     check_belief,
     fly_draws,
     label_grid_draws,
+    load_provenance,
     near_places,
     synthesise,
 )

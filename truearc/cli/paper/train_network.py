@@ -9,7 +9,7 @@ from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import dataset_hash, load_dataset
 from truearc.sim.gate.network_training import Shares, rows_of, train_network
 from truearc.sim.paper.settings import PATIENCE, Recipe
-from truearc.sim.paper.synthetic_data import load_provenance
+from truearc.sim.paper.synthetic_shots import load_provenance
 from truearc.sim.paper.training import Rows
 
 LAMBDA = 0.01                         # the paper's weight of the simulated loss
