@@ -33,27 +33,14 @@ class GridFit:
     share_two: np.ndarray
     tied: np.ndarray
     ties: np.ndarray
+    cd: float                         # the chosen pair, and its deviations
+    cl: float
+    mean_m: float
+    median_m: float
     median_pair: tuple[float, float]  # (cd, cl) of the least median deviation among the tied
     shots_three: int
     shots_two: int
     hits: Hits
-
-    @property
-    def cd(self) -> float:
-        return float(self.ties[0, 0])
-
-    @property
-    def cl(self) -> float:
-        return float(self.ties[0, 1])
-
-    @property
-    def mean_m(self) -> float:
-        """Deviations at the chosen pair."""
-        return float(self.ties[0, 2])
-
-    @property
-    def median_m(self) -> float:
-        return float(self.ties[0, 3])
 
     @property
     def coefficients(self) -> dict[str, dict[str, float]]:
@@ -93,8 +80,9 @@ def fit_grid(rig: Rig, shots: Shots, step: float = STEP, progress: Progress = la
     tied = (three == three.max()) & (two == two[three == three.max()].max())
     ties = rank_ties(scoring, axis, np.flatnonzero(tied.ravel()))
     median_pair = ties[np.lexsort((ties[:, 1], ties[:, 0], ties[:, 3]))[0], :2]
+    cd, cl, mean_m, median_m = ties[0].tolist()
     threes = int(scoring.is_three.sum())
-    return GridFit(axis, three.T / threes, two.T / len(scoring.is_three), tied.T, ties,
+    return GridFit(axis, three.T / threes, two.T / len(scoring.is_three), tied.T, ties, cd, cl, mean_m, median_m,
                    (float(median_pair[0]), float(median_pair[1])), threes, len(scoring.is_three) - threes, hits)
 
 

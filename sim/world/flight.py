@@ -79,12 +79,12 @@ class Air:
 
 
 class Flight:
-    """One ball in flight."""
+    """One ball in flight; `data` is MuJoCo's: time in s since the ball left, position and velocity in the field."""
 
     def __init__(self, ball: Ball, options: Options, start: Released) -> None:
         self._radius_m = ball.radius_m
         self._model = make_flight(ball, options)
-        self._data = data = mujoco.MjData(self._model)
+        self.data = data = mujoco.MjData(self._model)
         data.qpos[:3] = start.position_m
         data.qvel[:3] = start.velocity_m_s
         data.qvel[3:6] = start.spin_rad_s             # the body's axes are the field's at the start
@@ -92,24 +92,11 @@ class Flight:
         self._air = Air(options, self._model)
         self.arrival: Arrival | None = None
 
-    @property
-    def position_m(self) -> np.ndarray:
-        return np.array(self._data.qpos[:3])
-
-    @property
-    def time_s(self) -> float:
-        """Since the ball left; position and velocity are of this moment."""
-        return float(self._data.time)
-
-    @property
-    def velocity_m_s(self) -> np.ndarray:
-        return np.array(self._data.qvel[:3])
-
     def step(self, dt_s: float) -> None:
         """Fly on for dt_s in whole steps; what is short of one is flown next time. Nothing once arrived."""
         if self.arrival is not None:
             return
-        model, data = self._model, self._data
+        model, data = self._model, self.data
         self._owed_s += dt_s
         while self._owed_s > FLIGHT_STEP_S * (1.0 - 1e-6):
             self._owed_s -= FLIGHT_STEP_S
@@ -121,7 +108,7 @@ class Flight:
                 return
 
     def _arrive(self, start_m: np.ndarray, start_m_s: np.ndarray, started_s: float) -> Arrival:
-        data, floor_m = self._data, self._radius_m
+        data, floor_m = self.data, self._radius_m
         step_s = data.time - started_s
         end_m, start_slope, end_slope = data.qpos[:3].copy(), start_m_s * step_s, data.qvel[:3] * step_s
         plane = _share_until(start_m[0], end_m[0], start_slope[0], end_slope[0])

@@ -101,9 +101,9 @@ def ball_from_muzzle(world: World) -> tuple[float, float, float, float] | None:
     """(s since it left, x, y, z in the launcher's axes) of the ball that left last, None if none is in the air."""
     if not world.flying:
         return None
-    flight = world.flying[-1].flight
-    x_m, y_m, z_m = map(float, _from_muzzle(flight.position_m, world.chassis.pose()))
-    return flight.time_s, x_m, y_m, z_m
+    data = world.flying[-1].flight.data
+    x_m, y_m, z_m = map(float, _from_muzzle(data.qpos[:3], world.chassis.pose()))
+    return float(data.time), x_m, y_m, z_m
 
 
 def _from_muzzle(place_m: np.ndarray, pose: Pose) -> np.ndarray:
