@@ -31,12 +31,10 @@ def draw_fit(fit: SysidFit) -> Figure:
     speed.set_ylabel("speed, rad/s")
     speed.legend(frameon=False, loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=2, borderaxespad=0.0)
     missed = record.speed_rad_s[rows] - fit.forecast_rad_s
-    residual.axhline(0.0, color=INK, linewidth=0.7)
-    residual.plot(record.speed_t_s[rows], missed, ".", color=MISS, markersize=2)
-    residual.set(ylabel="measured - forecast,\nrad/s", xlabel="time, s")
-    spread.axhline(0.0, color=INK, linewidth=0.7)
-    spread.plot(record.speed_rad_s[rows], missed, ".", color=MISS, markersize=2)
-    spread.set(xlabel="speed, rad/s", ylabel="measured - forecast,\nrad/s")
+    for axes, x, name in ((residual, record.speed_t_s, "time, s"), (spread, record.speed_rad_s, "speed, rad/s")):
+        axes.axhline(0.0, color=INK, linewidth=0.7)
+        axes.plot(x[rows], missed, ".", color=MISS, markersize=2)
+        axes.set(xlabel=name, ylabel="measured - forecast,\nrad/s")
     for piece in fit.pieces[1::2]:
         for axes in (effort, speed, residual):
             axes.axvspan(record.speed_t_s[piece.first], record.speed_t_s[piece.last - 1], color=BAND, zorder=0)

@@ -13,6 +13,7 @@ from truearc.hw.emulated.imaging.picture_server import PictureServer
 from truearc.hw.emulated.plant import View
 from truearc.hw.emulated.serial_link import SocketCable, open_cable
 from truearc.hw.emulated.slcan_adapter import SlcanAdapter
+from truearc.hw.emulated.static_plant import Stage
 from truearc.hw.protocols import Bus, Clock, Frame, LinkLost
 from truearc.hw.real.can_bus import open_can
 from truearc.hw.real.clock import MonotonicClock
@@ -97,8 +98,8 @@ class CameraServer:
     def __init__(self, camera: CameraConfig, tape: Tape, seed: int, look: Callable[[], View]) -> None:
         self._server = PictureServer()
         self.url = self._server.url
-        self._look, self._view = look, look()
-        self._camera = EmulatedCamera(self, make_lens(camera), make_tape(tape), seed)
+        self._look, self._stage = look, Stage(look())
+        self._camera = EmulatedCamera(self._stage, make_lens(camera), make_tape(tape), seed)
         self._period_ns, self._due_ns = round(1e9 / camera.fps), 0
         self._due, self._over = threading.Event(), False
         self._thread = threading.Thread(target=self._draw, name="camera", daemon=True)
@@ -108,11 +109,8 @@ class CameraServer:
         """Expose when an image is due."""
         if t_ns >= self._due_ns:
             self._due_ns += ((t_ns - self._due_ns) // self._period_ns + 1) * self._period_ns
-            self._view = self._look()
+            self._stage.now = self._look()
             self._due.set()
-
-    def view(self) -> View:
-        return self._view
 
     def close(self) -> None:
         self._over = True
