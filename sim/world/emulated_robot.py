@@ -26,13 +26,11 @@ from truearc.robot.config.can_policy import guard
 from truearc.robot.config.schema import Config
 from truearc.robot.gate.model import Gate, load_gate
 from truearc.robot.motors import name_axes
-from truearc.robot.operator_ui.serve_option import with_page
-from truearc.robot.operator_ui.server import OperatorPage
+from truearc.robot.operator_ui.server import OperatorPage, with_page
 from truearc.robot.recording.candump import TappedBus
 from truearc.robot.recording.encoder import SessionWriter
-from truearc.robot.recording.recording_rig import RecordingRig
 from truearc.robot.recording.session import make_header
-from truearc.robot.rig import HardwareRig
+from truearc.robot.rig import HardwareRig, RecordingRig
 from truearc.robot.runtime import run
 from truearc.robot.vision_source import Eyes
 from truearc.sim.progress import Progress
@@ -110,7 +108,7 @@ def run_twin(config: Config, world: World, trials: int, seed: int, gate: Gate | 
     with closing(eyes_of(world, config, seed)) as eyes:
         nodes, steppers = nodes_of(config, world), (driver.step, eyes.step)
         with emulated_rig(config, world, nodes, box, eyes, steppers, recorder.tap, over) as (rig, clock):
-            run(RecordingRig(rig, recorder), config, gate, with_page(recorder, page))
+            run(RecordingRig(rig, recorder.trouble), config, gate, with_page(recorder, page))
     progress(1.0, f"{len(world.results)} balls in {clock.now_ns() * 1e-9:.0f} s of robot time")
 
 
