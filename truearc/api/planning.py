@@ -15,7 +15,7 @@ from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover.plan.expected_information import foresee, foresee_dataset
 from truearc.sim.discover.plan.experiment_design import can_design, make_design
-from truearc.sim.discover.plan.identifiability import Sight, make_sight
+from truearc.sim.discover.plan.detectability import Sight, make_sight
 from truearc.sim.discover.report.design_report import SCHEMA, design_lines, design_table
 from truearc.sim.discover.report.identifiability_report import make_sight_page, sight_lines
 from truearc.sim.discover.settings import CONFIGURATIONS, LEVEL, PLANNED_SHOTS, SEASON_SHOTS

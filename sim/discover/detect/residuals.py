@@ -12,7 +12,7 @@ import numpy as np
 from truearc.sim.discover.detect.covariates import Covariate, Factor, followed_column
 from truearc.sim.discover.detect.localization import Place
 from truearc.sim.discover.detect.test_battery import Asked
-from truearc.sim.discover.model import outcome_likelihood as outcomes
+from truearc.sim.discover.model import plane_likelihood as outcomes
 from truearc.sim.discover.model.score_table import Array, PlaneScores, ScoreTable
 from truearc.sim.discover.report.effect_wording import scale_of
 from truearc.sim.discover.select.refit import promote

@@ -1,11 +1,10 @@
-"""Every question that is asked of the data, in families: terms, free changes over covariates, any pattern at all."""
+"""Every test of the data, in families: terms, free changes over covariates, any pattern at all."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from truearc.sim.discover.detect.clusters import Clusters
 from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Factor
 from truearc.sim.discover.detect.reference_session import ReferenceSession
 from truearc.sim.discover.detect.score_test import Scores, efficient_scores
@@ -47,11 +46,13 @@ class Asked:
     scores: Scores
 
 
-def ask_everything(evidence: ScoreTable, covariates: Sequence[Covariate], factors: Sequence[Factor],
-                   clusters: Clusters, seed: int, home: ReferenceSession | None = None) -> Asked:
-    """All tests that the data can carry; a factor that makes the clusters is not asked about. home: what was left over
-    there already is no change."""
-    label, look = clusters.label[evidence.rows], _look_at(evidence.rows)
+def ask_everything(evidence: ScoreTable, covariates: Sequence[Covariate], factors: Sequence[Factor], shots: int,
+                   seed: int, home: ReferenceSession | None = None) -> Asked:
+    """All tests that the `shots` of the dataset can carry, except along a factor whose groups have random effects.
+
+    home: the misfit of that session is subtracted.
+    """
+    look = _look_at(evidence.rows)
     grouped = next((column.name.partition(" ")[0] for column in evidence.columns if column.kind == "group"), "")
     shapes = [SAME, *(shape for covariate in covariates for shape in number_shapes(covariate, look)),
               *(shape for factor in factors if factor.name != grouped for shape in group_shapes(factor, look))]
@@ -62,7 +63,7 @@ def ask_everything(evidence: ScoreTable, covariates: Sequence[Covariate], factor
         weights = weights_of(shapes, look)
         tests.extend(Test(family, number, shape.what, shape.name, weights[:, k], shape)
                      for k, shape in enumerate(shapes))
-        scores = efficient_scores(evidence, number, weights, label, clusters.count)
+        scores = efficient_scores(evidence, number, weights, evidence.rows, shots)
         parts.append(scores if home is None else home.beside(scores, evidence, number, shapes, weights))
 
     for number, column in enumerate(evidence.columns[:evidence.first_shared]):

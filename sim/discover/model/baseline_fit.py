@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.linalg import block_diag
 
-from truearc.sim.discover.model import outcome_likelihood as outcomes
+from truearc.sim.discover.model import plane_likelihood as outcomes
 from truearc.sim.discover.model.design_columns import SCATTER_PRIOR
 from truearc.sim.discover.model.external_measurements import prior_of
 from truearc.sim.discover.model.forward_model import Chain, plane_grid

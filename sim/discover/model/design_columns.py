@@ -1,4 +1,4 @@
-"""The ways to be wrong that are asked about, for one dataset and belief: free ones, terms, and what is fitted."""
+"""The columns that are tested, for one dataset and belief: free changes, terms, and shared parameters."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from truearc.robot.config.schema import InputError
-from truearc.sim.discover.model.belief_prior import inform, may_have_moved
-from truearc.sim.discover.model.curve_columns import bent
+from truearc.sim.data.dataset import Shots
+from truearc.sim.discover.model.belief_prior import bent, inform, may_have_moved
 from truearc.sim.discover.model.forward_model import Chain
 from truearc.sim.discover.model.linearization import Groups, ParameterLayout
 from truearc.sim.discover.model.prepared_data import SCATTERS, Intake
@@ -20,6 +20,8 @@ from truearc.sim.physics.term import DIRECTIONS, STAGES, Parameter, Term, WatchT
 BANDS = 6                             # of the flight's time, with tracks
 LONGEST_STEP_S, MOST_DOUBLINGS = 0.02, 4          # of Runge-Kutta in a track
 WEAKER = 1.5                          # so that what is believed can hardly be argued away by its own prior
+MOST_GROUPED = 0.34                   # groups per shot: with fewer than three shots each nothing would be left to test
+MANY = 10.0                           # groups, counted by size, from which each has random effects
 SCATTER_PRIOR = {"scatter.speed": (0.015, 3.0), "scatter.elevation_rad": (0.007, 3.0),
                  "scatter.azimuth_rad": (0.007, 3.0), "scatter.distance": (1.0, 2.0)}      # median, factor
 
@@ -48,6 +50,22 @@ PUSH_WORDS = {"along": ("the ball is driven along its flight", "the ball is held
 PUSH_USUAL = 1.5                      # m/s2, as of a wrong drag law or a breeze of 1 m/s
 
 
+def groups_of(shots: Shots, rows: Array) -> tuple[str, Array, int] | None:
+    """(what, label [n] of these rows, how many): balls when there are at least ten, else sessions when there are.
+
+    Counted as (sum of sizes)^2 / sum of squares, so that a big group and its crumbs are not many. Many groups differ at
+    random, and that is not a finding; with fewer a difference between them counts as one, since it could be known.
+    """
+    for name in ("ball_id", "session"):
+        texts = np.array(shots.text(name))[rows]
+        if not any(texts):
+            continue
+        levels, label, sizes = np.unique(texts, return_inverse=True, return_counts=True)
+        if sizes.sum()**2 / (sizes**2).sum() >= MANY and len(levels) <= MOST_GROUPED * len(rows):
+            return name, label, len(levels)
+    return None
+
+
 def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Array, int] | None = None,
             among: Catalogue | None = None, belief: Belief | None = None,
             later: ParameterLayout | None = None) -> ParameterLayout:
@@ -57,10 +75,10 @@ def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Array,
     truearc.sim.physics.catalogue.catalogue() when not given. belief: of this very rig, from an earlier session;
     whether a number in it has changed since is tested like any term.
 
-    groups: (what, label [n] of the intake's shots, how many) of things that differ by luck, such as balls. later: of a
+    groups: (what, label [n] of the intake's shots, how many) of things with random effects, such as balls. later: of a
     session after the one that the belief was made from, which is laid out here: with the same bands of the flight, as
-    free to have other balls, so that both take up alike what the belief leaves over, and as doubtful as without the
-    belief, for it must not be heard twice.
+    free to have other balls, so that both absorb alike what the belief leaves, and as uncertain as without the belief,
+    which must not be counted twice.
     """
     catalogue = as_catalogue(among)
     check_believed((name for name in believed if belief is None or name not in belief.coefficients), catalogue)
@@ -163,10 +181,10 @@ def weak_prior(parameter: Parameter) -> tuple[float, float]:
 
 
 def check_believed(believed: Iterable[str], among: Catalogue | None = None) -> None:
-    """InputError for a term that there is none of, and for one that stands for an effect without a name."""
+    """InputError for a term that there is none of, and for one that stands for an unexplained effect."""
     for term in find_terms(believed, among):
         if term in NAMELESS:
-            raise InputError(f"{term.name} stands for an effect without a name; discovery starts from effects "
+            raise InputError(f"{term.name} stands for an unexplained effect; discovery starts from effects "
                            "that have names")
 
 

@@ -94,11 +94,11 @@ class Chain:
     """What the functions below are compiled for. `slots`: parameters that may be varied; those of terms that are not
     among `terms` do nothing. free: some launches are unknown. catalogue: of the terms.
 
-    bands: number of stretches of the flight in which a free push may act, besides all of it. facts: noise and beliefs
+    bands: number of stretches of the flight in which a free push may act, besides all of it. rig: noise and beliefs
     play no part here; strip them, so that the compiled code is shared.
     """
 
-    facts: Rig
+    rig: Rig
     terms: tuple[str, ...]
     slots: tuple[Slot, ...]
     bands: int = 0
@@ -170,13 +170,13 @@ def plane_grid(chain: Chain, lanes: ShotBatch, points: Any) -> tuple[Any, Any]:
 def _see(chain: Chain, lane: ShotBatch, at: Any, edges_s: Any) -> Prediction:
     slots, count = len(chain.slots), chain.deviates
     values = _values(chain, at[:slots], lane.circumstances)
-    facts = msgspec.structs.replace(chain.facts, ball=Ball(lane.ball_kg, lane.ball_m))
+    rig = msgspec.structs.replace(chain.rig, ball=Ball(lane.ball_kg, lane.ball_m))
     deviate = jnp.concatenate([at[slots:slots + count], jnp.zeros(len(DEVIATES) - count)])
     pushes = at[slots + count:]
-    law = make_law(facts, flight_terms(chain.terms, chain.catalogue), values)
+    law = make_law(rig, flight_terms(chain.terms, chain.catalogue), values)
     push = partial(_push, pushes.reshape(len(DIRECTIONS), -1), edges_s)
-    exit, distance_m = _leave(chain, facts, values, lane, deviate)
-    ball = _start(facts, lane, exit, deviate)
+    exit, distance_m = _leave(chain, rig, values, lane, deviate)
+    ball = _start(rig, lane, exit, deviate)
     measured = jnp.stack([jnp.log(exit.speed_m_s), exit.elevation_rad, exit.spin_rev_s])
     plane, near = _plane(chain, values, law, push, ball, distance_m) if chain.plane else (jnp.zeros(4), False)
     track_m = _track(chain, values, law, push, ball, lane, deviate) if chain.track else jnp.zeros((0, 3))
@@ -195,7 +195,7 @@ def _values(chain: Chain, at: Any, circumstances: Circumstances) -> dict[str, di
     return effective(raw, circumstances, chain.catalogue)
 
 
-def _leave(chain: Chain, facts: Rig, values: Mapping[str, Any], lane: ShotBatch, deviate: Any) -> tuple[Exit, Any]:
+def _leave(chain: Chain, rig: Rig, values: Mapping[str, Any], lane: ShotBatch, deviate: Any) -> tuple[Exit, Any]:
     """The launch as it is, and the true distance: sensing terms, launch terms, the shot's own deviation.
 
     What a camera measured of the ball is not the wheels' doing: there only the elevation by the hood is corrected.
@@ -203,9 +203,9 @@ def _leave(chain: Chain, facts: Rig, values: Mapping[str, Any], lane: ShotBatch,
     sensed = Exit(*map(jnp.asarray, lane.rolling))
     exit, distance_m = sensed, lane.distance_m
     for sensing in sensing_terms(values, chain.catalogue):
-        exit, distance_m = sensing.sense(facts, values[sensing.name], exit, distance_m)
+        exit, distance_m = sensing.sense(rig, values[sensing.name], exit, distance_m)
     for launching in launch_terms(values, chain.catalogue):
-        exit = launching.leave(facts, values[launching.name], exit)
+        exit = launching.leave(rig, values[launching.name], exit)
     speed = jnp.where(lane.rolled, exit.speed_m_s, sensed.speed_m_s)
     spin = jnp.where(lane.rolled, exit.spin_rev_s, sensed.spin_rev_s)
     elevation = jnp.where(lane.hooded, exit.elevation_rad, sensed.elevation_rad)
@@ -213,7 +213,7 @@ def _leave(chain: Chain, facts: Rig, values: Mapping[str, Any], lane: ShotBatch,
     return leaving, distance_m + deviate[4]
 
 
-def _start(facts: Rig, lane: ShotBatch, exit: Exit, deviate: Any) -> BallState:
+def _start(rig: Rig, lane: ShotBatch, exit: Exit, deviate: Any) -> BallState:
     """The ball as it leaves, or where its track begins."""
     level, rise = jnp.cos(exit.elevation_rad), jnp.sin(exit.elevation_rad)
     aside, ahead = jnp.sin(deviate[2]), jnp.cos(deviate[2])
@@ -222,7 +222,7 @@ def _start(facts: Rig, lane: ShotBatch, exit: Exit, deviate: Any) -> BallState:
     up = jnp.cross(along, left)
     spin = (lane.side_spin_rev_s[0] * along - exit.spin_rev_s * left
             + lane.side_spin_rev_s[1] * up)
-    place = jnp.stack([0.0 * level, 0.0 * level, facts.launcher.release_height_m + exit.above_m + 0.0 * level])
+    place = jnp.stack([0.0 * level, 0.0 * level, rig.launcher.release_height_m + exit.above_m + 0.0 * level])
     place = jnp.where(lane.free, lane.start_m, place) + deviate[6:9]
     velocity = jnp.where(lane.free, lane.start_m_s, exit.speed_m_s * along) + deviate[9:12]
     spin = jnp.where(lane.free, lane.spin_rev_s * (1.0 + deviate[3]), spin)
@@ -260,7 +260,7 @@ def _plane(chain: Chain, values: Mapping[str, Any], law: Law, push: Any, ball: B
 
     start = _pack(ball)
     (end, near), _ = lax.scan(advance, (start, (start[3] > SLOWEST_M_S) & (step_m > 0.0)), None, length=PLANE_STEPS)
-    target = chain.facts.target
+    target = chain.rig.target
     opening = Opening(target.centre_height_m, target.three_half_height_m, target.two_half_height_m) if target else (
         Opening(0.0, 0.07, 0.35))
     for term in arrival_terms(values, chain.catalogue):

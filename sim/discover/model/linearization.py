@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 
-from truearc.sim.discover.model import outcome_likelihood as outcomes
+from truearc.sim.discover.model import plane_likelihood as outcomes
 from truearc.sim.discover.model.external_measurements import Measured
 from truearc.sim.discover.model.forward_model import Chain, Prediction, ShotBatch, see_slopes
 from truearc.sim.discover.model.grouped_columns import GroupedColumns
@@ -335,10 +335,10 @@ def _plane(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint, se
 
 def _opening(intake: Intake, seen: Prediction, rows: Int[Array, " m"]) -> outcomes.OutcomeObservations:
     """What was seen, of the opening as it is at the spot: arrival terms may have moved its borders."""
-    if intake.facts.target is None:
+    if intake.rig.target is None:
         return intake.seen
-    rig = intake.facts.target.three_half_height_m, intake.facts.target.two_half_height_m
-    wider_m = float((seen.plane[rows, 2:4] - rig).mean())
+    halves_m = intake.rig.target.three_half_height_m, intake.rig.target.two_half_height_m
+    wider_m = float((seen.plane[rows, 2:4] - halves_m).mean())
     return outcomes.reopened(intake.seen, wider_m) if wider_m != 0.0 else intake.seen
 
 

@@ -9,7 +9,7 @@ from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Fac
 from truearc.sim.discover.detect.free_curve import Correction, correct
 from truearc.sim.discover.detect.test_battery import FREE, Test
 from truearc.sim.discover.model.baseline_fit import BaselineFit, climb, only_shared, out_of_range
-from truearc.sim.discover.model.curve_columns import with_curve
+from truearc.sim.discover.model.belief_prior import with_curve
 from truearc.sim.discover.model.design_columns import is_tracker
 from truearc.sim.discover.model.linearization import linearise
 from truearc.sim.discover.model.score_table import Array, Column, ScoreTable
@@ -102,7 +102,7 @@ def _foreseeable(fitted: BaselineFit, correction: Correction, search: Search) ->
         return correction
     test = asked.tests[max(others, key=lambda k: gain[k])]
     assert isinstance(test.what, Covariate)
-    other = correct(fitted.evidence, replace(test, what=_led_by_settings(test.what)), search.clusters)
+    other = correct(fitted.evidence, replace(test, what=_led_by_settings(test.what)))
     return other if other.gain.sum() >= HALF * correction.gain.sum() else correction
 
 
@@ -131,15 +131,15 @@ def _impossible(free: Freed) -> list[str]:
 
 def _what_is_left(fitted: BaselineFit, search: Search) -> Correction | None:
     """The free change that explains most of what is left beyond chance, of those that a curve can take."""
-    asked = search.ask(fitted)
-    if not asked.tests:
+    left = search.left(fitted)
+    if left is None:
         return None
-    judged = judge_left(asked, search.seed)
+    asked, judged = left
     able = np.array([k for k, test in enumerate(asked.tests) if test.family == FREE and _can(fitted, test)], dtype=int)
-    if judged.p_any > search.false_alarm or not len(able):
+    if not len(able):
         return None
-    best = able[judged.gain[able].argmax()]      # not the plainest: what it leaves over would be found again
-    correction = correct(fitted.evidence, asked.tests[best], search.clusters)
+    best = able[judged.gain[able].argmax()]      # not the plainest: what it leaves would be found again
+    correction = correct(fitted.evidence, asked.tests[best])
     return correction if clearly(correction.gain, fitted) else None
 
 

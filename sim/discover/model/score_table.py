@@ -13,9 +13,9 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float, Int
 
-from truearc.sim.discover.model import outcome_likelihood as outcomes
+from truearc.sim.discover.model import plane_likelihood as outcomes
 from truearc.sim.discover.model.grouped_columns import GroupedColumns
-from truearc.sim.discover.model.outcome_likelihood import OutcomeObservations
+from truearc.sim.discover.model.plane_likelihood import OutcomeObservations
 
 Array = np.ndarray
 FLOOR_M = 0.005                       # of the height's spread: what the model leaves out even of a perfect shot

@@ -6,13 +6,12 @@ import numpy as np
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.dataset import Dataset, Shots
-from truearc.sim.discover.detect.clusters import groups_of
 from truearc.sim.discover.model.baseline_fit import fit_believed, usual_spot
-from truearc.sim.discover.model.design_columns import lay_out
+from truearc.sim.discover.model.design_columns import groups_of, lay_out
 from truearc.sim.discover.model.linearization import linearise
 from truearc.sim.discover.model.prepared_data import take_in
 from truearc.sim.discover.model.score_table import ScoreTable
-from truearc.sim.discover.plan.identifiability import Sight, sight_of
+from truearc.sim.discover.plan.detectability import Sight, sight_of
 from truearc.sim.discover.plan.planned_season import ASIDE, mark, rehearse
 from truearc.sim.physics.catalogue import Catalogue
 from truearc.sim.progress import Progress
@@ -20,11 +19,11 @@ from truearc.sim.progress import Progress
 FEW = 5                               # results, from which a dataset speaks for itself
 
 
-def foresee(facts: Rig, believed: tuple[str, ...], level: str, shots: int, sides: bool = False, seed: int = 0,
+def foresee(rig: Rig, believed: tuple[str, ...], level: str, shots: int, sides: bool = False, seed: int = 0,
             progress: Progress = lambda done, note: None, among: Catalogue | None = None) -> Sight:
     """What a season of `shots` with this rig could tell; BadInput as in rehearse. among: the catalogue of the terms."""
     progress(0.0, "aim")
-    dataset = rehearse(facts, believed, level, shots, sides, seed, among)
+    dataset = rehearse(rig, believed, level, shots, sides, seed, among)
     progress(0.2, "slopes")
     evidence, _ = _expected(dataset, believed, among)
     progress(1.0, "done")

@@ -1,7 +1,7 @@
 """A season that nobody has shot yet: configurations that reach the target as believed, and what would be recorded.
 
 What comes out of the shots does not matter here: it is for the expected information alone
-(truearc.sim.discover.plan.identifiability).
+(truearc.sim.discover.plan.detectability).
 """
 
 from collections.abc import Mapping
@@ -46,7 +46,7 @@ class Plan:
     drive: Array
 
 
-def rehearse(facts: Rig, believed: tuple[str, ...], level: str, shots: int = SEASON_SHOTS, sides: bool = False,
+def rehearse(rig: Rig, believed: tuple[str, ...], level: str, shots: int = SEASON_SHOTS, sides: bool = False,
              seed: int = 0, among: Catalogue | None = None) -> Dataset:
     """A dataset of `shots` aimed beside the centre, high and low, as one aims to learn.
 
@@ -60,25 +60,25 @@ def rehearse(facts: Rig, believed: tuple[str, ...], level: str, shots: int = SEA
         raise InputError(f"{shots} shots are too few to judge a simulation by; {FEWEST} at least")
     coefficients = usual_coefficients(believed, among)
     rng = np.random.default_rng(seed)
-    if facts.target is None and level != "L2":
+    if rig.target is None and level != "L2":
         raise InputError("[target] is needed to tell an outcome; level L2, by tracks, does without")
-    plan = _throw(facts, shots, rng) if facts.target is None else _aim(facts, coefficients, shots, rng, among)
-    numbers, texts = settings(facts, plan), {}
-    if facts.target is not None:
+    plan = _throw(rig, shots, rng) if rig.target is None else _aim(rig, coefficients, shots, rng, among)
+    numbers, texts = settings(rig, plan), {}
+    if rig.target is not None:
         numbers["distance_m"] = plan.distance_m
         texts = mark(shots, sides)
     ids = tuple(f"s{number}" for number in range(1, shots + 1))
     flown = Shots(ids, dict(numbers), dict(texts))
-    tracks = _watch(facts, coefficients, flown, plan.distance_m, rng, among) if level == "L2" else None
-    if not facts.launcher.wheel and level == "L2":
+    tracks = _watch(rig, coefficients, flown, plan.distance_m, rng, among) if level == "L2" else None
+    if not rig.launcher.wheel and level == "L2":
         numbers = {name: column for name, column in numbers.items() if not name.startswith("exit_")}
     traces = None
     if level != "L0":
         more, labels = _circumstances(shots, rng)
-        wheels = _wheel_speeds(facts, plan)
+        wheels = _wheel_speeds(rig, plan)
         numbers, texts = numbers | more | wheels, texts | labels
         traces = _dips(wheels, shots, rng) if wheels else None
-    return Dataset("rehearsal", facts, Shots(ids, numbers, texts), tracks, traces)
+    return Dataset("rehearsal", rig, Shots(ids, numbers, texts), tracks, traces)
 
 
 def usual_coefficients(believed: tuple[str, ...], among: Catalogue | None = None) -> Coefficients:
@@ -93,49 +93,49 @@ def mark(shots: int, sides: bool) -> dict[str, tuple[str, ...]]:
     return {"outcome": ("miss",) * shots, **side}
 
 
-def settings(facts: Rig, plan: Plan) -> dict[str, Array]:
+def settings(rig: Rig, plan: Plan) -> dict[str, Array]:
     """The columns that say how a plan's shots are launched."""
-    if not facts.launcher.wheel:
+    if not rig.launcher.wheel:
         return {"exit_speed_m_s": plan.drive, "exit_deg": plan.hood_deg,
                 "exit_spin_rev_s": np.linspace(0.0, 4.0, len(plan.drive))}
-    if facts.launcher.free_speed_rad_s is None:
-        return {"hood_deg": plan.hood_deg, **_wheel_speeds(facts, plan)}
+    if rig.launcher.free_speed_rad_s is None:
+        return {"hood_deg": plan.hood_deg, **_wheel_speeds(rig, plan)}
     return {"hood_deg": plan.hood_deg, "motor_ratio": plan.drive}
 
 
-def _wheel_speeds(facts: Rig, plan: Plan) -> dict[str, Array]:
-    free = facts.launcher.free_speed_rad_s
+def _wheel_speeds(rig: Rig, plan: Plan) -> dict[str, Array]:
+    free = rig.launcher.free_speed_rad_s
     return {f"wheel_{wheel.name}_rad_s": plan.drive * (wheel.gear * free if free else 1.0 / wheel.radius_m)
-            for wheel in facts.launcher.wheel}
+            for wheel in rig.launcher.wheel}
 
 
-def _drives(facts: Rig) -> Array:
-    by_ratio = facts.launcher.wheel and facts.launcher.free_speed_rad_s is not None
+def _drives(rig: Rig) -> Array:
+    by_ratio = rig.launcher.wheel and rig.launcher.free_speed_rad_s is not None
     return np.geomspace(*((SLOWEST, FASTEST) if by_ratio else SPEEDS_M_S), DRIVES)
 
 
-def _throw(facts: Rig, shots: int, rng: np.random.Generator) -> Plan:
+def _throw(rig: Rig, shots: int, rng: np.random.Generator) -> Plan:
     """Without a target: every speed and elevation alike."""
-    drives = _drives(facts)
-    low, high = (np.quantile(drives, 0.3), drives[-1]) if facts.launcher.wheel else FREE_M_S
+    drives = _drives(rig)
+    low, high = (np.quantile(drives, 0.3), drives[-1]) if rig.launcher.wheel else FREE_M_S
     return Plan(np.full(shots, np.inf), rng.uniform(*ELEVATION_DEG, shots), rng.uniform(low, high, shots))
 
 
-def _aim(facts: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: int,
+def _aim(rig: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: int,
          rng: np.random.Generator, among: Catalogue | None) -> Plan:
     """Distances and elevations drawn at random, drives so that the ball passes beside the centre."""
-    assert facts.target is not None
-    rise_m = facts.target.centre_height_m - facts.launcher.release_height_m
+    assert rig.target is not None
+    rise_m = rig.target.centre_height_m - rig.launcher.release_height_m
     reach_m = max(rise_m, LEAST_RISE_M)
     distance_m = rng.uniform(NEAR * reach_m, FAR * reach_m, TRIED * shots)
     least_deg = np.maximum(ELEVATION_DEG[0], np.degrees(np.arctan2(rise_m, distance_m)) + STEEPER_DEG)
     hood_deg = rng.uniform(np.minimum(least_deg, ELEVATION_DEG[1]), np.maximum(least_deg, ELEVATION_DEG[1]))
-    drives = _drives(facts)
-    heights_m = _heights(facts, coefficients, distance_m, hood_deg, drives, among)
-    _, per_log = _drive_for(heights_m, np.full(len(distance_m), facts.target.centre_height_m), drives)
+    drives = _drives(rig)
+    heights_m = _heights(rig, coefficients, distance_m, hood_deg, drives, among)
+    _, per_log = _drive_for(heights_m, np.full(len(distance_m), rig.target.centre_height_m), drives)
     sd_m = np.hypot(LUCK * per_log, LUCK_M)
     aside = rng.choice((-1.0, 1.0), len(distance_m)) * rng.uniform(*ASIDE, len(distance_m))
-    drive, _ = _drive_for(heights_m, facts.target.centre_height_m + aside * sd_m, drives)
+    drive, _ = _drive_for(heights_m, rig.target.centre_height_m + aside * sd_m, drives)
     there = np.flatnonzero(np.isfinite(drive))
     if len(there) < FEWEST:
         raise InputError(f"rig.toml: at no distance from {NEAR * reach_m:.3g} to {FAR * reach_m:.3g} m does the "
@@ -145,13 +145,13 @@ def _aim(facts: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: int
     return Plan(distance_m[rows], hood_deg[rows], drive[rows])
 
 
-def _heights(facts: Rig, coefficients: Mapping[str, Mapping[str, float]], distance_m: Array, hood_deg: Array,
+def _heights(rig: Rig, coefficients: Mapping[str, Mapping[str, float]], distance_m: Array, hood_deg: Array,
              drives: Array, among: Catalogue | None) -> Array:
     """[n, drives] heights at the plane; nan where the ball does not get there."""
     n = len(distance_m)
     every = Plan(np.repeat(distance_m, len(drives)), np.repeat(hood_deg, len(drives)), np.tile(drives, n))
-    shots = Shots(("",) * len(every.drive), {**settings(facts, every), "distance_m": every.distance_m}, {})
-    return np.asarray(predict(facts, coefficients, shots, among=among).height_m).reshape(n, -1)
+    shots = Shots(("",) * len(every.drive), {**settings(rig, every), "distance_m": every.distance_m}, {})
+    return np.asarray(predict(rig, coefficients, shots, among=among).height_m).reshape(n, -1)
 
 
 def _drive_for(heights_m: Array, wanted_m: Array, drives: Array) -> tuple[Array, Array]:
@@ -194,15 +194,15 @@ def _dips(wheels: Mapping[str, Array], shots: int, rng: np.random.Generator) -> 
                   np.tile(TRACE_S, shots * len(wheels)), tuple(signals.tolist()), np.concatenate(values).ravel())
 
 
-def _watch(facts: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: Shots, distance_m: Array,
+def _watch(rig: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: Shots, distance_m: Array,
            rng: np.random.Generator, among: Catalogue | None) -> Tracks:
     """Positions by a camera from just after release to the plane or the floor, with the rig's track noise."""
     values, whose = effective(coefficients, ORDINARY, among), by_robot(shots)
-    exit, _ = sense(facts, values, launch_of(facts, shots), distance_m, whose, among)
-    states = path(facts, flight_terms({"gravity", *coefficients}, among), values,
-                  leave(facts, values, exit, whose, among), FRAMES + 1, 1.0 / FRAMES_HZ)
+    exit, _ = sense(rig, values, launch_of(rig, shots), distance_m, whose, among)
+    states = path(rig, flight_terms({"gravity", *coefficients}, among), values,
+                  leave(rig, values, exit, whose, among), FRAMES + 1, 1.0 / FRAMES_HZ)
     x, y, z = (np.broadcast_to(np.asarray(part), (FRAMES + 1, len(shots)))[1:].T for part in states.position_m)
     seen = np.logical_and.accumulate((x <= distance_m[:, None]) & (z > 0.0), axis=1)
     shot, frame = np.nonzero(seen)
-    noise = facts.noise.track_m * rng.normal(size=(3, len(shot)))
+    noise = rig.noise.track_m * rng.normal(size=(3, len(shot)))
     return Tracks(shot, frame / FRAMES_HZ, *(part[seen] + off for part, off in zip((x, y, z), noise, strict=True)))

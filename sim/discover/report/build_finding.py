@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 
 from truearc.sim.data.dataset import Dataset
-from truearc.sim.discover.detect.clusters import Clusters
 from truearc.sim.discover.detect.covariates import (
     Covariate,
     carried_by,
@@ -29,7 +28,7 @@ from truearc.sim.discover.finding import (
     Unknown,
     Where,
 )
-from truearc.sim.discover.model import outcome_likelihood as outcomes
+from truearc.sim.discover.model import plane_likelihood as outcomes
 from truearc.sim.discover.model.baseline_fit import BaselineFit, only_shared
 from truearc.sim.discover.model.prepared_data import Intake
 from truearc.sim.discover.model.score_table import Array, Column, ScoreTable
@@ -45,29 +44,28 @@ from truearc.sim.physics.term import STAGES
 SHOWN = 40                            # lines of the tests that the answer lists
 RANKED = 12                           # names that it lists
 NINETY = 1.6448536269514722
-TRIFLE = 0.03                         # of what a name explains on unseen shots
+SMALL = 0.03                          # of a name's own gain on unseen shots
 UNSURE = 0.5
 
 
 def silent(dataset: Dataset, intake: Intake, terms: tuple[str, ...], false_alarm: float,
            among: Catalogue | None = None) -> Finding:
-    """Data that can say nothing."""
+    """The finding of data that carry no test."""
     data = DataSummary(len(dataset.shots), intake.level, intake.left_out, terms, {}, {"by": "shot", "count": 0})
     nowhere = Where(None, None, None, None, {}, None, None, (), "the data carry no test")
     return Finding(data, Mismatch(False, None, false_alarm, {}, 0, {}), nowhere, "none",
                    say_none(terms, None, len(dataset.shots), false_alarm, among), None, None)
 
 
-def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: BaselineFit, clusters: Clusters, asked: Asked,
-                 judged: Judged, place: Place | None, steps: Sequence[Step], false_alarm: float,
-                 seed: int) -> Finding:
+def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: BaselineFit, asked: Asked, judged: Judged,
+                 place: Place | None, steps: Sequence[Step], false_alarm: float, seed: int) -> Finding:
     """Put it together; without steps nothing was found."""
     intake, among = fitted.intake, fitted.layout.chain.catalogue
     data = DataSummary(len(dataset.shots), intake.level, intake.left_out, terms, {"all": fitted.values},
-                {"by": clusters.by, "count": clusters.count})
+                       {"by": "shot", "count": len(dataset.shots)})
     mismatch = Mismatch(bool(steps), judged.p_any, false_alarm, _results(fitted.evidence, asked, judged, false_alarm),
                         len(asked.tests), judged.families)
-    fit = _fit(fitted, steps, clusters)
+    fit = _fit(fitted, steps)
     if not steps:
         where = Where(None, None, None, None, {}, None, None, (), "nothing was found")
         sentence = say_none(terms, judged.p_any, data.shots, false_alarm, among) + say_smallest(
@@ -77,7 +75,7 @@ def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: BaselineFit, 
     first = told[0]
     verdict = "unknown" if first.unknown else "named" if len(first.naming.chosen) == 1 else "set"
     where = _where(dataset, first, asked, judged, false_alarm, _probabilities(first))
-    leading, *rest = (_further(step, clusters, seed) for step in (first, *steps[1:]))
+    leading, *rest = (_further(step, seed) for step in (first, *steps[1:]))
     also = rest if len(told) > 1 else []
     sentence = (say_unknown(terms, judged.p_any, where, leading, rest, fit, place, among) if first.unknown else
                 say_named(terms, judged.p_any, leading, rest, fit, place, among))
@@ -86,24 +84,24 @@ def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: BaselineFit, 
 
 
 def is_stand_in(steps: Sequence[Step]) -> bool:
-    """Whether the first name leaves something over, without a name, that pushes in the direction in which the effect
-    was found: then it only stands in for what is missing, and what else it takes does not make it right. A trifle
-    beside what it explains is another thing: a law that holds to a few hundredths is no wrong one."""
+    """Whether an unexplained effect is left beside the first name that acts in the direction in which the effect was
+    found: then the name is a proxy for another, whatever else it explains. A rest that is small beside the name's own
+    gain is another thing: a law that holds to a few hundredths is not wrong."""
     first, *later = steps
     if first.unknown or first.place is None:
         return False
     explained = float((first.after - first.before).sum())
     return any(step.unknown and step.place is not None and step.place.column.direction == first.place.column.direction
-               and (step.free is None or float((step.free - step.before).sum()) > TRIFLE * explained)
+               and (step.free is None or float((step.free - step.before).sum()) > SMALL * explained)
                for step in later)
 
 
-def _further(step: Step, clusters: Clusters, seed: int) -> Further:
-    """What one step says."""
+def _further(step: Step, seed: int) -> Further:
+    """The result of one step."""
     probability = _probabilities(step)
     what = tuple(_named(step, name, probability) for name in list(step.naming.probability)[:RANKED])
     chosen = None if step.unknown else tuple(name.partition(".")[0] for name in step.naming.chosen)
-    return Further(what, chosen, _unknown(step, clusters, seed) if step.unknown else None)
+    return Further(what, chosen, _unknown(step, seed) if step.unknown else None)
 
 
 def _probabilities(step: Step) -> dict[str, float]:
@@ -165,12 +163,12 @@ def _follows(dataset: Dataset, column: Column, step: Step, judged: Judged,
     return name, direction, others
 
 
-def _unknown(step: Step, clusters: Clusters, seed: int) -> Unknown | None:
+def _unknown(step: Step, seed: int) -> Unknown | None:
     place = step.place
     if place is None:
         return None
     return Unknown(name_of(place.test, place.column), place.column.direction, amplitude_of(place.correction),
-                   place.column.unit, find_formula(place.correction, step.fitted, clusters, seed))
+                   place.column.unit, find_formula(place.correction, step.fitted, seed))
 
 
 def _named(step: Step, name: str, probability: dict[str, float]) -> Named:
@@ -191,7 +189,7 @@ def _named(step: Step, name: str, probability: dict[str, float]) -> Named:
 
 
 def _believed_before(step: Step, name: str) -> float | None:
-    """What the belief had of a number that may have changed; None of what it had nothing of."""
+    """The belief's value of a number that may have changed; None of one that it lacks."""
     layout = step.fitted.layout
     first = len(layout.columns) - len(layout.precision)
     place = next((k for k, column in enumerate(layout.columns[first:]) if column.name == name), None)
@@ -215,10 +213,10 @@ def _results(evidence: ScoreTable, asked: Asked, judged: Judged, false_alarm: fl
     return {key: result for key, (_, result) in ordered}
 
 
-def _fit(fitted: BaselineFit, steps: Sequence[Step], clusters: Clusters) -> FitSummary:
+def _fit(fitted: BaselineFit, steps: Sequence[Step]) -> FitSummary:
     """Figures on unseen shots: as believed, and with every named effect (log score: with the last free curve, too)."""
     null = without(fitted.evidence)
-    before_change = unseen_change(null, clusters)
+    before_change = unseen_change(null)
     before = null.log_score + null.gain(before_change)
     rmse = end_errors(fitted.intake, only_shared(fitted.layout), fitted.spot, null, before_change)
     accuracy = _accuracy(null, before_change)
@@ -231,7 +229,7 @@ def _fit(fitted: BaselineFit, steps: Sequence[Step], clusters: Clusters) -> FitS
         after = last.free if last.free is not None else last.before
     rmse_after = accuracy_after = None
     if named:
-        change = unseen_change(named[-1].evidence, clusters)
+        change = unseen_change(named[-1].evidence)
         rmse_after = end_errors(fitted.intake, named[-1].layout, named[-1].spot, named[-1].evidence, change)
         accuracy_after = _accuracy(named[-1].evidence, change)
     gain = after - before

@@ -5,7 +5,6 @@ import html
 import numpy as np
 from matplotlib.figure import Figure
 
-from truearc.sim.discover.api import Investigation
 from truearc.sim.discover.detect.residuals import (
     Along,
     Residual,
@@ -19,10 +18,12 @@ from truearc.sim.discover.detect.residuals import (
     stated_covariate,
 )
 from truearc.sim.discover.finding import Finding, Further
+from truearc.sim.discover.investigate import Investigation
 from truearc.sim.discover.model.prepared_data import Intake
 from truearc.sim.discover.model.score_table import Array, ScoreTable
-from truearc.sim.discover.plan.identifiability import sight_of
+from truearc.sim.discover.plan.detectability import sight_of
 from truearc.sim.discover.report.effect_wording import IN_FLIGHT, in_words, plain, say_effect
+from truearc.sim.discover.report.finding_plots import field_png, flight_png, residual_figure
 from truearc.sim.discover.report.finding_text import (
     STAGE_WORDS,
     THEN,
@@ -32,7 +33,6 @@ from truearc.sim.discover.report.finding_text import (
     say_step,
 )
 from truearc.sim.discover.report.identifiability_report import sight_section, sight_sentence
-from truearc.sim.discover.report.plots import field_png, flight_png, residual_figure
 from truearc.sim.discover.select.selection_step import Step
 from truearc.sim.physics.catalogue import Catalogue
 from truearc.sim.report import make_page, make_png, paragraph, picture, table

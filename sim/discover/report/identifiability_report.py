@@ -4,9 +4,9 @@ import html
 
 import numpy as np
 
-from truearc.sim.discover.plan.identifiability import TAKEN, Fittable, Sight, TermIdentifiability
+from truearc.sim.discover.plan.detectability import TAKEN, Fittable, Sight, TermIdentifiability
 from truearc.sim.discover.report.effect_wording import plain, size_of
-from truearc.sim.discover.report.plots import sight_png
+from truearc.sim.discover.report.finding_plots import sight_png
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue
 from truearc.sim.report import make_page, paragraph, picture, table
 from truearc.sim.tables import make_text

@@ -1,4 +1,4 @@
-"""One named change at a time, truly refitted, and what it is worth on shots that the fit has not seen."""
+"""One named change at a time, truly refitted, and its worth on hold-out shots."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from truearc.sim.discover.detect.clusters import Clusters
 from truearc.sim.discover.model.baseline_fit import (
     BaselineFit,
     climb,
@@ -23,17 +22,17 @@ from truearc.sim.discover.model.shape_parameters import ShapeParameter, find_pea
 FOLDS = 5
 STEPS = 12
 HALVINGS = 6
-PLAIN = 2.0                           # standard errors of an amplitude, from which its term's further numbers are told
+PLAIN = 2.0                           # standard errors of an amplitude, from which its term's shape is fitted, too
 
 
 @dataclass(frozen=True)
 class Refit:
-    """The believed simulation with these terms' amplitudes fitted too.
+    """The baseline model with these terms' amplitudes fitted too.
 
     evidence: at the optimum, named columns first, all shared. log_evidence: nats by which the data favour it over the
-    believed simulation, size of the amplitude integrated out (Laplace). amplitude, sd [k] of the named columns;
-    value [k]: the same but for changes of believed numbers, of which it is what they come to. wanted [k]: value, or
-    where the fit would go from there if the end of the parameter's range did not stop it.
+    baseline model, size of the amplitude integrated out (Laplace). amplitude, sd [k] of the named columns; value [k]:
+    the same, and of changes of believed numbers the number after the change. wanted [k]: value, or where the fit would
+    go from there if the end of the parameter's range did not stop it.
     """
 
     names: tuple[str, ...]
@@ -51,8 +50,8 @@ def refit(fitted: BaselineFit, names: tuple[str, ...], start: Float[Array, " k"]
           near: LinearizationPoint | None = None) -> Refit:
     """Fit the named columns with the shared ones, from amplitudes `start` [k] at the fitted spot, or at `near`.
 
-    Numbers that a term has besides its amplitude are at their likeliest, and what else they may be is in sd and in
-    log_evidence (truearc.sim.discover.model.shape_parameters), where the term does enough for that to be told.
+    Shape parameters of a term are at their likeliest, and their uncertainty is in sd and in log_evidence
+    (truearc.sim.discover.model.shape_parameters), where the term does enough for that to be identifiable.
     """
     found = _refit_at(fitted, names, start, near)
     if (np.abs(found.amplitude) > PLAIN * found.sd).all():
@@ -106,24 +105,28 @@ def _refit_at(fitted: BaselineFit, names: tuple[str, ...], start: Float[Array, "
                  float(gained + volume))
 
 
-def unseen_score(evidence: ScoreTable, clusters: Clusters) -> Float[Array, " n"]:
-    """Log score of each shot by fits of all columns to the other folds; folds keep clusters whole."""
-    return np.asarray(evidence.log_score + evidence.gain(unseen_change(evidence, clusters)))
+def unseen_score(evidence: ScoreTable) -> Float[Array, " n"]:
+    """Log score of each shot by fits of all columns to the other folds."""
+    return np.asarray(evidence.log_score + evidence.gain(unseen_change(evidence)))
 
 
-def unseen_change(evidence: ScoreTable, clusters: Clusters) -> Float[Array, "n P"]:
-    """For each shot the change that the other folds ask for."""
-    fold = folds_of(clusters.label[evidence.rows])
+def unseen_change(evidence: ScoreTable) -> Float[Array, "n P"]:
+    """For each shot the change of all columns, fitted to the other folds."""
+    return by_folds(evidence, lambda train: np.tile(fit_linear(evidence, train), (len(train), 1)))
+
+
+def by_folds(evidence: ScoreTable, fit: Callable[[Bool[Array, " n"]], Float[Array, "n P"]]) -> Float[Array, "n P"]:
+    """For each shot its part of what `fit` makes of the shots in the other folds."""
+    fold = folds_of(len(evidence.rows))
     change = np.zeros((len(fold), len(evidence.columns)))
     for held in range(fold.max() + 1):
-        change[fold == held] = fit_linear(evidence, fold != held)
+        change[fold == held] = fit(fold != held)[fold == held]
     return change
 
 
-def folds_of(label: Int[Array, " n"]) -> Int[Array, " n"]:
-    """Every fifth cluster in order of appearance, so that each fold sees the whole session."""
-    first = {cluster: k for k, cluster in enumerate(dict.fromkeys(label.tolist()))}
-    return np.array([first[cluster] % FOLDS for cluster in label.tolist()])
+def folds_of(shots: int) -> Int[Array, " n"]:
+    """The fold of each shot: every fifth one, so that each fold sees the whole session."""
+    return np.arange(shots) % FOLDS
 
 
 def fit_linear(evidence: ScoreTable, train: Bool[Array, " n"]) -> Float[Array, " P"]:
@@ -162,7 +165,7 @@ def go_uphill(found: Array, step_from: Callable[[Array], Array], value_at: Calla
 
 
 def clustered_error(values: Float[Array, " n"], label: Int[Array, " n"]) -> float:
-    """Standard error of the mean of values [n] whose clusters `label` [n] hang together."""
+    """Standard error of the mean of values [n] that are correlated inside the clusters `label` [n]."""
     sums = np.zeros(label.max() + 1)
     np.add.at(sums, label, values - values.mean())
     count = len(np.unique(label))

@@ -5,7 +5,6 @@ import pytest
 
 from tests.sim.discover.made import at_least_squares, column, gaussian
 from tests.sim.discover.straight import ASKED, NAMES, lay_straight, take_straight
-from truearc.sim.discover.detect.clusters import Clusters
 from truearc.sim.discover.model.baseline_fit import BaselineFit
 from truearc.sim.discover.model.linearization import nowhere
 from truearc.sim.discover.model.prepared_data import SCATTERS
@@ -32,7 +31,7 @@ def believed(signal: float, seed: int = 0) -> RivalBelief:
         name = f"t{k}.amplitude"
         here = np.array([amplitude])
         refits[name] = Refit((name,), layout, spot, made, here, here, here, np.ones(1), 0.0)
-    return RivalBelief(BaselineFit(intake, layout, spot, evidence), Clusters("shot", np.arange(N), N), refits)
+    return RivalBelief(BaselineFit(intake, layout, spot, evidence), refits)
 
 
 def test_the_true_term_of_two_at_right_angles_fits_best() -> None:

@@ -14,11 +14,10 @@ from tests.sim.discover.made import column
 from truearc.robot.config.rig_spec import Ball, Rig, Target
 from truearc.sim.data.conditions import Circumstances
 from truearc.sim.data.dataset import Shots
-from truearc.sim.discover.detect.clusters import Clusters
 from truearc.sim.discover.model.baseline_fit import BaselineFit, climb, only_shared
 from truearc.sim.discover.model.forward_model import DEVIATES, Chain, Prediction, ShotBatch
 from truearc.sim.discover.model.linearization import ParameterLayout, linearise, nowhere
-from truearc.sim.discover.model.outcome_likelihood import see_outcomes
+from truearc.sim.discover.model.plane_likelihood import see_outcomes
 from truearc.sim.discover.model.prepared_data import SCATTERS, Intake
 from truearc.sim.discover.model.score_table import Column
 from truearc.sim.physics.launch import Exit
@@ -120,8 +119,3 @@ def fit_straight(
     intake, bare = take_straight(y), only_shared(layout)
     spot, _ = climb(intake, bare, nowhere(intake, bare, np.zeros(len(NAMES)), np.zeros(len(SCATTERS))))
     return BaselineFit(intake, layout, spot, linearise(intake, layout, spot)[0])
-
-
-def each_by_itself(fitted: BaselineFit) -> Clusters:
-    n = len(fitted.evidence.rows)
-    return Clusters("shot", np.arange(n), n)

@@ -11,8 +11,8 @@ from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.parts import take_shots
 from truearc.sim.data.shot_conditions import circumstances_of
 from truearc.sim.discover.adopt import make_belief
-from truearc.sim.discover.api import Investigation, discover
 from truearc.sim.discover.detect.free_curve import Correction
+from truearc.sim.discover.investigate import Investigation, discover
 from truearc.sim.discover.model import nonparametric_terms as freed
 from truearc.sim.discover.model.baseline_fit import BaselineFit, usual_spot
 from truearc.sim.discover.model.design_columns import lay_out

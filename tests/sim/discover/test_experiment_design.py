@@ -8,7 +8,7 @@ from scipy.special import softmax
 from scipy.stats import multivariate_normal
 
 from tests.sim.discover.made import at_least_squares
-from tests.sim.discover.straight import ASKED, NAMES, SHARED, each_by_itself, fit_straight, slopes_and_y
+from tests.sim.discover.straight import ASKED, NAMES, SHARED, fit_straight, slopes_and_y
 from truearc.sim.data.dataset import Shots
 from truearc.sim.discover.model.baseline_fit import fit_believed
 from truearc.sim.discover.model.design_columns import lay_out
@@ -39,7 +39,7 @@ SHOTS, SEED = 30, 5
 
 def step_of(shots: int = SHOTS, planted: dict[str, float] = PLANTED) -> Step:
     fitted = fit_straight(planted, SEED, shots=shots)
-    step = go_forward(fitted, None, Search(each_by_itself(fitted), (), (), 0.05, 0), lambda done, note: None)[0]
+    step = go_forward(fitted, None, Search(len(fitted.evidence.rows), (), (), 0.05, 0), lambda done, note: None)[0]
     return replace(step, unknown=False)          # so few shots hardly say that anything is there at all
 
 

@@ -10,8 +10,8 @@ import pytest
 
 from tests.sim.discover.worlds import FACTS, World, make_outcomes
 from truearc.sim.data.dataset import Dataset, Shots
-from truearc.sim.discover.api import Investigation, discover
 from truearc.sim.discover.finding import Further, Interval, Named
+from truearc.sim.discover.investigate import Investigation, discover
 from truearc.sim.discover.plan.expected_information import foresee
 from truearc.sim.discover.report.html_report import make_pictures, make_report
 from truearc.sim.discover.report.identifiability_report import make_sight_page, sight_lines, sight_sentence, why_not

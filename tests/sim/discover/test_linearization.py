@@ -22,7 +22,7 @@ from truearc.sim.discover.model.linearization import (
     pad_lanes,
     variance_of,
 )
-from truearc.sim.discover.model.outcome_likelihood import LAPSE
+from truearc.sim.discover.model.plane_likelihood import LAPSE
 from truearc.sim.discover.model.prepared_data import Intake, take_in
 from truearc.sim.discover.model.score_table import FLOOR_M, ScoreTable
 from truearc.sim.physics.catalogue import find_parameter

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tests.sim.discover.straight import each_by_itself, fit_straight
+from tests.sim.discover.straight import fit_straight
 from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Factor
 from truearc.sim.discover.detect.reference_session import ReferenceSession
 from truearc.sim.discover.detect.test_battery import Asked, ask_everything
@@ -22,7 +22,7 @@ LEFT = {"wind_z.speed_m_s": 0.4, "spin_decay.rate_per_s": -0.3}
 
 def asked(later: BaselineFit, home: BaselineFit | None, seed: int = 0) -> Asked:
     beside = None if home is None else ReferenceSession(home, {})
-    return ask_everything(later.evidence, (), (), each_by_itself(later), seed, beside)
+    return ask_everything(later.evidence, (), (), len(later.evidence.rows), seed, beside)
 
 
 def test_what_is_left_over_in_both_sessions_is_no_change() -> None:
@@ -66,7 +66,7 @@ def test_names_that_were_given_since_are_fitted_at_home_too() -> None:
     given = ReferenceSession(home, {})
     assert given.among(home) is given
     later = fit_straight(LEFT, 1)
-    search = Search(each_by_itself(later), (), (), 0.05, 0, given)
+    search = Search(len(later.evidence.rows), (), (), 0.05, 0, given)
     name = "wind_z.speed_m_s"
     there = search.beside(promote(later, refit(later, (name,), np.array([0.1]))))
     assert there is not None and there.index(name) is None and given.index(name) is not None

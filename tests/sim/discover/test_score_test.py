@@ -19,10 +19,9 @@ def quiet(done: float, note: str) -> None:
     """No progress."""
 
 
-def one_test(evidence: ScoreTable, cluster: np.ndarray | None = None) -> Scores:
+def one_test(evidence: ScoreTable) -> Scores:
     n = len(evidence.rows)
-    label = np.arange(n) if cluster is None else cluster
-    return efficient_scores(evidence, 0, np.ones((n, 1)), label, int(label.max()) + 1)
+    return efficient_scores(evidence, 0, np.ones((n, 1)), np.arange(n), n)
 
 
 def plain(psi: np.ndarray, kappa: np.ndarray | None = None) -> Scores:
@@ -194,20 +193,7 @@ def test_the_same_seed_gives_the_same_judgement() -> None:
     assert (first.p_each != other.p_each).any()
 
 
-def test_shots_of_one_cluster_count_once() -> None:
-    """Every shot copied five times adds nothing when the copies are one cluster, and a lot when they are not."""
-    rng = np.random.default_rng(5)
-    y, none = rng.normal(0.25, 1.0, 12), np.zeros((12, 0))
-    single = judged_of(one_test(at_least_squares(y, np.ones((12, 1)), none)), 4000)
-    copies = at_least_squares(np.repeat(y, 5), np.ones((60, 1)), np.zeros((60, 0)))
-    held = judged_of(one_test(copies, np.repeat(np.arange(12), 5)), 4000)
-    loose = judged_of(one_test(copies), 4000)
-    assert held.statistic[0] == pytest.approx(single.statistic[0])
-    assert held.p_each[0] == pytest.approx(single.p_each[0], abs=0.03)
-    assert loose.statistic[0] > 1.8 * held.statistic[0]
-
-
-def test_a_test_on_too_few_clusters_is_not_made() -> None:
+def test_a_test_on_too_few_shots_is_not_made() -> None:
     x = np.zeros((40, 1))
     x[:6] = 1.0
     assert not one_test(at_least_squares(np.random.default_rng(6).normal(size=40), x, np.zeros((40, 0)))).kept[0]

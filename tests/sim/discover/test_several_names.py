@@ -12,7 +12,7 @@ from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.shot_conditions import circumstances_of
 from truearc.sim.discover.adopt import _coefficients, make_belief
-from truearc.sim.discover.api import Investigation, discover
+from truearc.sim.discover.investigate import Investigation, discover
 from truearc.sim.discover.model.external_measurements import Measurement
 from truearc.sim.discover.model.score_table import ScoreTable
 from truearc.sim.discover.report.finding_text import say_adopted

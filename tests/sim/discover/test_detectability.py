@@ -15,8 +15,8 @@ from tests.sim.discover.worlds import FACTS, World, fly, make_outcomes, plane_he
 from truearc.robot.config.rig_spec import Rig, Target
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset
+from truearc.sim.discover.plan.detectability import EIGHTY, Sight, TermIdentifiability, make_sight, sight_of
 from truearc.sim.discover.plan.expected_information import foresee, foresee_dataset
-from truearc.sim.discover.plan.identifiability import EIGHTY, Sight, TermIdentifiability, make_sight, sight_of
 from truearc.sim.discover.plan.planned_season import rehearse
 
 BELIEVED = ("gravity", "drag", "magnus")

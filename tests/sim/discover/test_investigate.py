@@ -11,8 +11,8 @@ import pytest
 from tests.sim.discover.odd_rigs import make_drops, make_three_wheels
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset, Shots, join_datasets, take_shots
-from truearc.sim.discover.api import Investigation, discover
 from truearc.sim.discover.finding import Finding, make_json
+from truearc.sim.discover.investigate import Investigation, discover
 from truearc.sim.discover.select.refit import promote
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world
