@@ -76,7 +76,7 @@ def discover(dataset: Dataset, believed: Sequence[str] | None = None, false_alar
     if judged.p_any <= false_alarm:
         steps = go_forward(fitted, place, search, lambda done, note: progress(0.5 + 0.5 * done, note))
     progress(1.0, "done")
-    finding = make_finding(dataset, names, fitted, asked, judged, place, steps, false_alarm, seed)
+    finding = make_finding(dataset, names, fitted, asked, judged, place, steps, search)
     return Investigation(finding, fitted, asked, steps, belief, search, among)
 
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from truearc.sim.discover.investigate import Investigation
-from truearc.sim.discover.model.score_table import Array, ScoreTable, plane_terms, shared_columns
+from truearc.sim.discover.model.score_table import Array, ScoreTable, plane_terms
 from truearc.sim.discover.select.refit import refit, unseen_score, without
 from truearc.sim.discover.select.term_ranking import ALIAS, efficient, nats_for, visible_terms
 from truearc_proof.scoring.score_finding import ALIASES
@@ -84,7 +84,7 @@ def strength_of(evidence: ScoreTable, shift_m: Array) -> float | None:
 
     None where tracks or measured exits speak too, and where there are no outcomes: heights are not all there is then.
     """
-    plane, shared = evidence.plane, shared_columns(evidence)
+    plane, shared = evidence.plane, evidence.shared
     if plane is None or evidence.bend.any():
         return None
     mine = np.nan_to_num(shift_m[evidence.rows[plane.rows]])

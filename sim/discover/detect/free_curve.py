@@ -9,7 +9,7 @@ from scipy.linalg import block_diag
 from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, smooth_shapes
 from truearc.sim.discover.detect.test_battery import Test
 from truearc.sim.discover.detect.weight_functions import STEP
-from truearc.sim.discover.model.score_table import Array, ScoreTable, shared_columns
+from truearc.sim.discover.model.score_table import Array, ScoreTable
 from truearc.sim.discover.select.refit import by_folds, go_uphill
 
 Basis = Float[Array, "n q"]           # shapes of an amplitude over the shots
@@ -85,7 +85,7 @@ def _fitted(evidence: ScoreTable, basis: Basis, train: Train, ridge: float) -> F
 
 def _fit(evidence: ScoreTable, basis: Basis, train: Train, ridge: float) -> Float[Array, " k"]:
     """Coefficients of the basis and changes of the shared columns, likeliest for the rows in `train`."""
-    shared = shared_columns(evidence)
+    shared = evidence.shared
     q, p = basis.shape[1], evidence.score[:, shared].shape[1]
     penalty = block_diag(np.diag(_penalty(evidence, basis, train, ridge)), evidence.precision)
     slope = np.concatenate([np.zeros(q), evidence.pull])
@@ -105,7 +105,7 @@ def _spread(evidence: ScoreTable, basis: Basis, found: Float[Array, " k"]) -> Fl
     """Coefficients of the basis and shared changes -> one change a shot."""
     change = np.zeros_like(evidence.score)
     change[:, 0] = basis @ found[:basis.shape[1]]
-    change[:, shared_columns(evidence)] = found[basis.shape[1]:]
+    change[:, evidence.shared] = found[basis.shape[1]:]
     return change
 
 
@@ -113,7 +113,7 @@ def _normal(evidence: ScoreTable, basis: Basis, train: Train,
             change: Float[Array, "n P"]) -> tuple[Float[Array, " k"], Float[Array, "k k"]]:
     """Score and information of basis coefficients and shared parameters at `change`."""
     score, info = (part[train] for part in evidence.slopes_at(change))
-    shared, deal = shared_columns(evidence), evidence.deal.some(train)
+    shared, deal = evidence.shared, evidence.deal.some(train)
     shapes = basis[train]
     cross = shapes.T @ deal.spread(info[:, 0])[:, shared]
     top = np.einsum("nq,nr,n->qr", shapes, shapes, info[:, 0, 0])

@@ -54,7 +54,7 @@ def locate(evidence: ScoreTable, asked: Asked, judged: Judged, false_alarm: floa
            seed: int) -> Place | None:
     """Take the best free change of every stage, correct by it, and weigh the stages by what that gains held out.
 
-    None where nothing free could be asked.
+    None where nothing free could be tested.
     """
     tests = asked.tests
     free = np.array([k for k, test in enumerate(tests) if test.family == FREE], dtype=int)
@@ -86,15 +86,12 @@ def _weigh(evidence: ScoreTable, corrections: dict[str, Correction], shots: int,
     totals = np.zeros((len(corrections), shots))
     totals[:, evidence.rows] = [correction.gain for correction in corrections.values()]
     draws = np.random.default_rng(seed).dirichlet(np.ones(shots), RESAMPLES) * shots
-    power = draws @ totals.T + np.array([_plausibility(correction) for correction in corrections.values()])
+    # log of a normal prior on the departure's size, relative to its peak
+    plausible = [-0.5 * (amplitude_of(one) / one.evidence.columns[0].usual) ** 2 for one in corrections.values()]
+    power = draws @ totals.T + np.array(plausible)
     share = np.exp(power - power.max(axis=1, keepdims=True))
     mean = (share / share.sum(axis=1, keepdims=True)).mean(axis=0)
     return {stage: float(dict(zip(corrections, mean, strict=True)).get(stage, 0.0)) for stage in STAGES}
-
-
-def _plausibility(correction: Correction) -> float:
-    """Log of a normal prior on the departure's size, relative to its peak."""
-    return -0.5 * (amplitude_of(correction) / correction.evidence.columns[0].usual) ** 2
 
 
 def _region(evidence: ScoreTable, correction: Correction) -> dict[str, Any]:

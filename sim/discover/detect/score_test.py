@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from truearc.sim.discover.model.score_table import Array, ScoreTable, shared_columns
+from truearc.sim.discover.model.score_table import Array, ScoreTable
 from truearc.sim.progress import Progress
 
 FEWEST_SIGNS = 8.0                    # a test that rests on fewer shots is not made: their signs can hardly say 1 %
@@ -80,7 +80,7 @@ class Judged:
 def efficient_scores(evidence: ScoreTable, channel: int, weights: Float[Array, "n q"], rows: Int[Array, " n"],
                      shots: int) -> Scores:
     """Scores of `weights` (q tests on one channel) in these `rows` of `shots`; those of the p priors follow."""
-    shared, first = shared_columns(evidence), evidence.first_shared
+    shared, first = evidence.shared, evidence.first_shared
     place = evidence.deal.place[:, first:] - first
     k_cc, k_ct, k_tt = (evidence.info[:, channel, channel], evidence.info[:, channel, first:],
                         evidence.info[:, first:, first:])
@@ -111,7 +111,7 @@ def _prior_scores(evidence: ScoreTable, project: Float[Array, "q p"], total: Flo
     noise that adds up to zero); a single one would leave a test that rests on it with one sign to flip. How far the
     catalogue's priors err is unknown: their one error stands for itself.
     """
-    told = np.array([column.told for column in evidence.columns[shared_columns(evidence)]], dtype=bool)
+    told = np.array([column.told for column in evidence.columns[evidence.shared]], dtype=bool)
     root = np.linalg.cholesky(evidence.precision + TINY * np.eye(len(evidence.precision)))
     error = np.linalg.solve(root, evidence.pull)
     count = np.where(told, PIECES, 1)

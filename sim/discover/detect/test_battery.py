@@ -5,18 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from truearc.sim.discover.detect import weight_functions as functions
 from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Factor
 from truearc.sim.discover.detect.reference_session import ReferenceSession
 from truearc.sim.discover.detect.score_test import Scores, efficient_scores
-from truearc.sim.discover.detect.weight_functions import (
-    SAME,
-    Look,
-    WeightFunction,
-    group_shapes,
-    number_shapes,
-    pair_shapes,
-    weights_of,
-)
+from truearc.sim.discover.detect.weight_functions import SAME, Look, WeightFunction, weights_of
 from truearc.sim.discover.model.score_table import Array, Column, ScoreTable
 
 TERMS, FREE, PATTERN = "terms", "free", "pattern"
@@ -54,8 +47,8 @@ def ask_everything(evidence: ScoreTable, covariates: Sequence[Covariate], factor
     """
     look = _look_at(evidence.rows)
     grouped = next((column.name.partition(" ")[0] for column in evidence.columns if column.kind == "group"), "")
-    shapes = [SAME, *(shape for covariate in covariates for shape in number_shapes(covariate, look)),
-              *(shape for factor in factors if factor.name != grouped for shape in group_shapes(factor, look))]
+    shapes = [SAME, *(shape for one in covariates for shape in functions.number_shapes(one, look)),
+              *(shape for one in factors if one.name != grouped for shape in functions.group_shapes(one, look))]
     tests: list[Test] = []
     parts: list[Scores] = []
 
@@ -71,7 +64,7 @@ def ask_everything(evidence: ScoreTable, covariates: Sequence[Covariate], factor
             ask(number, TERMS if column.kind == "term" else FREE, [SAME])
         else:
             ask(number, FREE, shapes)
-    if pairs := pair_shapes(covariates, look, seed):
+    if pairs := functions.pair_shapes(covariates, look, seed):
         ask(evidence.index("launch speed"), PATTERN, pairs)
     scores = _join(parts)
     kept = np.flatnonzero(scores.kept)

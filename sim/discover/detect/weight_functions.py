@@ -66,7 +66,7 @@ def number_shapes(covariate: Covariate, look: Look) -> list[WeightFunction]:
     laws += [(f"{STEP}{cut:.4g}", partial(_step, cut, np.mean(values[known] > cut))) for cut in _cuts(values[known])]
     if {"exit_spin_rev_s", "exit_speed_m_s"} & set(covariate.names):
         largest = np.abs(values[known]).max()
-        laws.append(("proportional", partial(_proportional, largest)))
+        laws.append(("proportional", partial(_straight, 0.0, largest)))
     return [WeightFunction(covariate, name, partial(_of_number, covariate, law)) for name, law in laws]
 
 
@@ -140,10 +140,6 @@ def _straight(middle: float, width: float, x: Array) -> Array:
 
 def _bent(middle: float, width: float, skew: float, x: Array) -> Array:
     return ((x - middle) / width)**2 - 1.0 - (x - middle) / width * skew
-
-
-def _proportional(largest: float, x: Array) -> Array:
-    return x / largest
 
 
 def _step(cut: float, share: float, x: Array) -> Array:

@@ -47,7 +47,7 @@ def inform(layout: ParameterLayout, belief: Belief, sure: bool = True) -> Parame
     A coefficient that the belief states without uncertainty keeps its width and takes the belief's value; so do all
     where it is not `sure`.
     """
-    first = len(layout.columns) - len(layout.precision)
+    first = layout.first_shared
     columns = [replace(column, told=column.told or believed_name(column.name) in belief.names)
                for column in layout.columns[first:]]
     centre, covariance = layout.centre.copy(), np.diag(1.0 / np.diag(layout.precision))
@@ -88,7 +88,7 @@ def with_curve(layout: ParameterLayout, name: str, values: Mapping[str, float], 
     columns; they start where the curve has them."""
     chain, term = layout.chain, find_nameless(name)
     whole = complete(term, values)
-    old, first = len(chain.slots), len(layout.columns) - len(layout.precision)
+    old, first = len(chain.slots), layout.first_shared
     slots = (*((name, key) for key in whole), *((CURVE, f"{name}.{key}") for key in curve.keys))
     points = old + len(whole) + np.arange(len(curve.fitted))
     columns = [Column(f"{CURVE}.{name}.{key}", "shared", term.stage, "along", term.amplitude.unit, term.usual)

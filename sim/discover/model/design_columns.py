@@ -213,7 +213,7 @@ def calibrated(catalogue: Catalogue) -> tuple[Term, ...]:
 
 def is_tracker(column: Column, among: Catalogue) -> bool:
     """Whether the column is a number of a tracker's errors, which are its own: no shot depends on them."""
-    return isinstance(among.get(column.name.partition(".")[0]), WatchTerm)
+    return isinstance(among.get(column.term), WatchTerm)
 
 
 def _changed(shared: list[tuple[Column, int, float, float]], belief: Belief | None) -> list[tuple[Column, int]]:

@@ -1,4 +1,4 @@
-"""Effects without a name as part of the simulation: their free curves, and the terms that take them."""
+"""Unexplained effects as part of the simulation: their free curves, and the nonparametric terms that hold them."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -22,16 +22,16 @@ TERMS = {"launch speed": ("free_speed", {"share": 1.0}), "launch elevation": ("f
          "distance": ("free_distance", {"bias_m": 1.0})}
 SIDES = {"along": "along", "vertical": "up", "lateral": "left"}
 LONGEST_S = 60.0
-MOST = 3                              # curves; so many things a robot's nip may do beyond its names
+MOST = 3                              # curves
 BEFORE = frozenset(("distance_m", "hood_deg", "motor_ratio", *LAUNCH_STATE))
 HALF = 0.5
-UNABLE = "no simulation of single shots can take what has no name"
-APART = ("scatter.", "curve.")     # columns that are no coefficients, beside those of a tracker's errors
+UNABLE = "no simulation of single shots can hold the unexplained effect"
+APART = ("scatter.", "curve.")        # columns that are not coefficients, beside those of a tracker's errors
 
 
 @dataclass(frozen=True)
 class Freed:
-    """`term` with `values` takes the curve; fitted: with its points among the shared columns; evidence: these and the
+    """`term` with `values` holds the curve; fitted: with its points among the shared columns; evidence: these and the
     other shared ones alone; `said` in short."""
 
     term: str
@@ -43,18 +43,18 @@ class Freed:
 
 
 def all_freed(step: Step, search: Search) -> tuple[tuple[Freed, ...], str]:
-    """(curves of the step without a name, then of what is left beside them, each surely better on unseen shots; why one
-    was not taken, if it was not).
+    """(curves of the unexplained step, then of the misfit beside them, each clearly better on unseen shots; why one was
+    left out, if it was).
 
-    Not taken: beside which a coefficient comes to the end of what is possible; which explains nothing once it is flown;
-    what no simulation of single shots can take (two covariates together; a launch to one side, on which no height
-    depends); a second curve of the same thing. Without tracks also the first where it is not surely better on unseen
-    shots: outcomes let a curve follow luck (of fourteen such ten foretold another session worse).
+    Left out: beside which a coefficient comes to the end of what is possible; which explains nothing once it is flown;
+    an effect that no simulation of single shots can hold (two covariates together; a launch to one side, on which no
+    height depends); a second curve of the same thing. Without tracks also the first where it is not clearly better on
+    unseen shots: outcomes let a curve follow chance (of fourteen such ten forecast another session worse).
     """
     if step.place is None:
         return (), ""
     if step.fitted.intake.samples is None and not clearly(step.place.correction.gain, step.fitted):
-        return (), "the free curve does not surely do better on unseen shots"
+        return (), "the free curve is not clearly better on unseen shots"
     found: list[Freed] = []
     fitted = step.fitted
     correction: Correction | None = step.place.correction
@@ -150,8 +150,8 @@ def _can(fitted: BaselineFit, test: Test) -> bool:
 
 def _fly(fitted: BaselineFit, correction: Correction, term: str, values: dict[str, float],
          curve: Curve) -> tuple[Curve, BaselineFit, ScoreTable]:
-    """(the curve, all, shared evidence) where the simulation that has both fits best, uphill from a curve of nought:
-    the correction was but a step on slopes, and may lie where the flown simulation is worse than without it."""
+    """(the curve, all, shared evidence) where the simulation that has both fits best, uphill from a curve of zero: the
+    correction was but a step on slopes, and may lie where the flown simulation is worse than without it."""
     lanes, n = fitted.intake.lanes, len(fitted.intake.rows)
     by, before = curve.by(_columns(correction), n), np.asarray(lanes.circumstances.curve_by)
     curve_by = np.concatenate([before, by], axis=1) if before.ndim == 2 else by

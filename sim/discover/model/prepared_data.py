@@ -23,8 +23,8 @@ from truearc.sim.physics.simulate import has_wheels
 
 NONE: Curves = {}
 FEWEST_SHOTS = 10
-# Standard deviations of what nobody fits: spin from shot to shot (a share), the moment of release against the first
-# sample, where the ball leaves; and of a flight whose launch nobody knows.
+# Standard deviations of numbers that are not fitted: spin from shot to shot (a share), the moment of release against
+# the first sample, where the ball leaves; and of a flight whose launch is unknown.
 SPIN_SHARE = 0.05
 LEAD_S = 0.3
 PLACE_M = 0.01
@@ -37,9 +37,9 @@ SCATTERS = ("scatter.speed", "scatter.elevation_rad", "scatter.azimuth_rad", "sc
 
 @dataclass(frozen=True)
 class Intake:
-    """n shots (`rows` of the dataset) that say something; `stripped` rig for the chain.
+    """n shots (`rows` of the dataset) that carry information; `stripped` rig for the chain.
 
-    noise_var [n, D]: variances of the deviates that are no scatter (sensors, release). scattered [n, S]: variances on
+    noise_var [n, D]: variances of the deviates by other than scatter (sensors, release). scattered [n, S]: variances on
     top where a scatter is 1: of log speed, elevation and azimuth 1 or 0, of the distance as stated. exits [n, 3],
     exit_sd [n, 3]: measured log speed, elevation in rad, backspin, nan where not. seen: of the plane, rows `marked` [m]
     of the n. samples: tracks, with `tracked` [k] their rows among the n.
@@ -65,7 +65,7 @@ class Intake:
 def take_in(dataset: Dataset, curves: Curves = NONE) -> Intake:
     """InputError when there are fewer than FEWEST_SHOTS shots or outcomes without a target.
 
-    curves: of effects without a name that are believed.
+    curves: of unexplained effects that are believed.
     """
     rig, shots = dataset.facts, dataset.shots
     if len(shots) < FEWEST_SHOTS:
@@ -147,12 +147,12 @@ def _lanes(part: _Part, circumstances: Circumstances, samples: Samples | None,
 
 
 def _or_else(measured: Array, usual: float) -> Array:
-    """What a ball's own column says, where it says something a ball can be."""
+    """A ball's own column, where it has a possible value."""
     return np.where(measured > 0.0, measured, usual)
 
 
 def _side_spin(part: _Part) -> Array:
-    """Spin [n, 2] in rev/s about the direction of flight and about up, of rigs with other wheels than the seed's."""
+    """Spin [n, 2] in rev/s about the direction of flight and about up, of rigs with other wheels than the paper's."""
     side = np.zeros((len(part.shots), 2))
     if not part.rig.launcher.wheel or is_opposed(part.rig):
         return side

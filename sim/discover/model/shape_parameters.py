@@ -1,7 +1,7 @@
-"""Numbers that a term has besides its amplitude, such as a time constant, which nobody knows of a surmised term.
+"""Shape parameters of candidate terms, such as a time constant, which are unidentified at zero amplitude.
 
-They are no columns, for where the amplitude is nought the data say nothing of them. So a refit looks for the likeliest
-place of each, and what else it may be is part of the amplitude's doubt.
+So they are not columns of the score table. A refit looks for the likeliest place of each, and their uncertainty adds
+to that of the amplitude.
 """
 
 from collections.abc import Callable
@@ -15,18 +15,18 @@ from truearc.sim.physics.catalogue import find_terms
 from truearc.sim.physics.scales import from_scale, to_scale
 from truearc.sim.physics.term import Parameter
 
-FARTHEST = 3.0                        # standard deviations from the prior's centre, beyond which nobody looks
+FARTHEST = 3.0                        # standard deviations from the prior's centre: the end of the search
 
 
 @dataclass(frozen=True)
 class ShapeParameter:
-    """One such number: its slot in the chain, and what is thought of it."""
+    """One such number: its slot in the chain, and its declaration."""
 
     slot: int
     parameter: Parameter
 
     def put(self, spot: LinearizationPoint, place: float) -> LinearizationPoint:
-        """The spot with the number so many standard deviations from its prior's centre, within its range."""
+        """The spot with the number `place` standard deviations from its prior's centre, within its range."""
         prior = self.parameter.prior
         assert prior is not None
         value = float(from_scale(prior.scale, to_scale(prior.scale, prior.centre) + place * prior.sd))

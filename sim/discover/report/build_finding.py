@@ -6,36 +6,21 @@ from dataclasses import replace
 import numpy as np
 
 from truearc.sim.data.dataset import Dataset
-from truearc.sim.discover.detect.covariates import (
-    Covariate,
-    carried_by,
-    followed_column,
-    gather_covariates,
-    gather_factors,
-)
+from truearc.sim.discover import finding as parts
+from truearc.sim.discover.detect.covariates import Covariate, carried_by, followed_column
 from truearc.sim.discover.detect.localization import Place, amplitude_of, times_of
 from truearc.sim.discover.detect.score_test import Judged
 from truearc.sim.discover.detect.test_battery import TERMS, Asked, name_of
-from truearc.sim.discover.finding import (
-    DataSummary,
-    Finding,
-    FitSummary,
-    Further,
-    Interval,
-    Mismatch,
-    Named,
-    TestResult,
-    Unknown,
-    Where,
-)
+from truearc.sim.discover.finding import Finding, FitSummary, Named, TestResult, Unknown, Where
 from truearc.sim.discover.model import plane_likelihood as outcomes
 from truearc.sim.discover.model.baseline_fit import BaselineFit, only_shared
 from truearc.sim.discover.model.prepared_data import Intake
-from truearc.sim.discover.model.score_table import Array, Column, ScoreTable
+from truearc.sim.discover.model.score_table import Array, ScoreTable
 from truearc.sim.discover.plan.recommendations import next_steps
 from truearc.sim.discover.report.finding_text import say_named, say_none, say_smallest, say_unknown
 from truearc.sim.discover.report.formula import find_formula
 from truearc.sim.discover.select.forecast_error import end_errors
+from truearc.sim.discover.select.forward_selection import Search
 from truearc.sim.discover.select.refit import clustered_error, unseen_change, without
 from truearc.sim.discover.select.selection_step import Step
 from truearc.sim.physics.catalogue import Catalogue
@@ -51,20 +36,20 @@ UNSURE = 0.5
 def silent(dataset: Dataset, intake: Intake, terms: tuple[str, ...], false_alarm: float,
            among: Catalogue | None = None) -> Finding:
     """The finding of data that carry no test."""
-    data = DataSummary(len(dataset.shots), intake.level, intake.left_out, terms, {}, {"by": "shot", "count": 0})
+    data = parts.DataSummary(len(dataset.shots), intake.level, intake.left_out, terms, {}, {"by": "shot", "count": 0})
     nowhere = Where(None, None, None, None, {}, None, None, (), "the data carry no test")
-    return Finding(data, Mismatch(False, None, false_alarm, {}, 0, {}), nowhere, "none",
+    return Finding(data, parts.Mismatch(False, None, false_alarm, {}, 0, {}), nowhere, "none",
                    say_none(terms, None, len(dataset.shots), false_alarm, among), None, None)
 
 
 def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: BaselineFit, asked: Asked, judged: Judged,
-                 place: Place | None, steps: Sequence[Step], false_alarm: float, seed: int) -> Finding:
+                 place: Place | None, steps: Sequence[Step], search: Search) -> Finding:
     """Put it together; without steps nothing was found."""
-    intake, among = fitted.intake, fitted.layout.chain.catalogue
-    data = DataSummary(len(dataset.shots), intake.level, intake.left_out, terms, {"all": fitted.values},
-                       {"by": "shot", "count": len(dataset.shots)})
-    mismatch = Mismatch(bool(steps), judged.p_any, false_alarm, _results(fitted.evidence, asked, judged, false_alarm),
-                        len(asked.tests), judged.families)
+    intake, among, false_alarm = fitted.intake, fitted.layout.chain.catalogue, search.false_alarm
+    data = parts.DataSummary(len(dataset.shots), intake.level, intake.left_out, terms, {"all": fitted.values},
+                             {"by": "shot", "count": len(dataset.shots)})
+    results = _results(fitted.evidence, asked, judged, false_alarm)
+    mismatch = parts.Mismatch(bool(steps), judged.p_any, false_alarm, results, len(asked.tests), judged.families)
     fit = _fit(fitted, steps)
     if not steps:
         where = Where(None, None, None, None, {}, None, None, (), "nothing was found")
@@ -74,8 +59,8 @@ def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: BaselineFit, 
     told = (replace(steps[0], unknown=True),) if is_stand_in(steps) else steps
     first = told[0]
     verdict = "unknown" if first.unknown else "named" if len(first.naming.chosen) == 1 else "set"
-    where = _where(dataset, first, asked, judged, false_alarm, _probabilities(first))
-    leading, *rest = (_further(step, seed) for step in (first, *steps[1:]))
+    where = _where(first, judged, search, _probabilities(first))
+    leading, *rest = (_further(step, search.seed) for step in (first, *steps[1:]))
     also = rest if len(told) > 1 else []
     sentence = (say_unknown(terms, judged.p_any, where, leading, rest, fit, place, among) if first.unknown else
                 say_named(terms, judged.p_any, leading, rest, fit, place, among))
@@ -96,12 +81,12 @@ def is_stand_in(steps: Sequence[Step]) -> bool:
                for step in later)
 
 
-def _further(step: Step, seed: int) -> Further:
+def _further(step: Step, seed: int) -> parts.Further:
     """The result of one step."""
     probability = _probabilities(step)
     what = tuple(_named(step, name, probability) for name in list(step.naming.probability)[:RANKED])
     chosen = None if step.unknown else tuple(name.partition(".")[0] for name in step.naming.chosen)
-    return Further(what, chosen, _unknown(step, seed) if step.unknown else None)
+    return parts.Further(what, chosen, _unknown(step, seed) if step.unknown else None)
 
 
 def _probabilities(step: Step) -> dict[str, float]:
@@ -115,8 +100,7 @@ def _free_odds(step: Step) -> float:
     return 0.02 if step.rival is None else float(0.05 * np.exp(np.clip(step.rival, -5.0, 5.0)))
 
 
-def _where(dataset: Dataset, step: Step, asked: Asked, judged: Judged, false_alarm: float,
-           probability: dict[str, float]) -> Where:
+def _where(step: Step, judged: Judged, search: Search, probability: dict[str, float]) -> Where:
     evidence, place = step.fitted.evidence, step.place
     stage_of = {column.name: column.stage for column in evidence.columns}
     mass = {stage: sum(p for name, p in probability.items() if stage_of[name] == stage) for stage in STAGES}
@@ -127,8 +111,7 @@ def _where(dataset: Dataset, step: Step, asked: Asked, judged: Judged, false_ala
     mass = {stage: value / total for stage, value in mass.items()}
     stage = max(mass, key=lambda name: mass[name])
     reason = None if mass[stage] > UNSURE else "stage: these data cannot tell the likely stages apart"
-    column = evidence.columns[evidence.index(step.naming.leader)]
-    covariate, direction, others = _follows(dataset, column, step, judged, false_alarm)
+    covariate, direction, others = _follows(step, judged, search)
     times = None
     if evidence.plane is None or step.fitted.intake.samples is not None:
         times = _until_seen(step.fitted.intake, times_of(evidence, place.test)) if place is not None else None
@@ -144,22 +127,21 @@ def _until_seen(intake: Intake, times: tuple[float, float] | None) -> tuple[floa
     return times[0], float(min(times[1], longest_s))
 
 
-def _follows(dataset: Dataset, column: Column, step: Step, judged: Judged,
-             false_alarm: float) -> tuple[str | None, str | None, tuple[str, ...]]:
+def _follows(step: Step, judged: Judged, search: Search) -> tuple[str | None, str | None, tuple[str, ...]]:
     """(covariate, direction, other names that go with the same shots)."""
-    place = step.place
+    place, column = step.place, step.column
     free = None if place is None else name_of(place.test, place.column)
-    sure = place is not None and judged.p_value[place.number] <= false_alarm if step.base == () else True
+    sure = place is not None and judged.p_value[place.number] <= search.false_alarm if step.base == () else True
     if step.unknown and place is not None:
         name, direction = free, place.column.direction
-    elif followed := followed_column(column.follows, gather_covariates(dataset)):
+    elif followed := followed_column(column.follows, search.covariates):
         name, direction = followed, column.direction
     else:
         name, direction = (free if sure else None), column.direction
     others: tuple[str, ...] = ()
     if place is not None and isinstance(place.test.what, Covariate) and name == free:
         what = place.test.what
-        others = tuple(n for n in what.names if n != name) + carried_by(what, gather_factors(dataset.shots))
+        others = tuple(n for n in what.names if n != name) + carried_by(what, search.factors)
     return name, direction, others
 
 
@@ -184,15 +166,14 @@ def _named(step: Step, name: str, probability: dict[str, float]) -> Named:
         information = candidate.information + column.usual**-2.0
         value, sd = candidate.amplitude * candidate.information / information, information**-0.5
         value += 0.0 if before is None else before
-    interval = Interval(value, sd, value - NINETY * sd, value + NINETY * sd, column.unit)
+    interval = parts.Interval(value, sd, value - NINETY * sd, value + NINETY * sd, column.unit)
     return Named(term_name, probability[name], {parameter: interval}, term.sentence, column.stage, before)
 
 
 def _believed_before(step: Step, name: str) -> float | None:
     """The belief's value of a number that may have changed; None of one that it lacks."""
     layout = step.fitted.layout
-    first = len(layout.columns) - len(layout.precision)
-    place = next((k for k, column in enumerate(layout.columns[first:]) if column.name == name), None)
+    place = next((k for k, column in enumerate(layout.columns[layout.first_shared:]) if column.name == name), None)
     return None if place is None else float(layout.centre[place])
 
 

@@ -1,4 +1,4 @@
-"""What the report shows: residuals against what they follow, along the flight, over the field; shots needed."""
+"""Pictures of the report: residuals against what they follow, along the flight, over the field; shots needed."""
 
 from collections.abc import Sequence
 

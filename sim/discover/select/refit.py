@@ -98,7 +98,7 @@ def _refit_at(fitted: BaselineFit, names: tuple[str, ...], start: Float[Array, "
     priors = np.linalg.slogdet(layout.precision)[1] - np.linalg.slogdet(fitted.layout.precision)[1]
     volume = 0.5 * (priors - np.linalg.slogdet(info)[1] + np.linalg.slogdet(null_info)[1])
     value = evidence.point[:k]
-    believed = {column.name for column in fitted.layout.columns[-len(fitted.layout.precision):]}
+    believed = {column.name for column in fitted.layout.columns[fitted.layout.first_shared:]}
     usual = np.array([centre if name in believed else 0.0 for name, centre in zip(order, layout.centre, strict=False)])
     wanted = value + (covariance @ (evidence.score.sum(0) + evidence.pull))[:k]
     return Refit(tuple(order), layout, spot, evidence, value - usual, value, wanted, sd[:k],
@@ -186,8 +186,7 @@ def promote(fitted: BaselineFit, found: Refit) -> BaselineFit:
 
 def promoted(layout: ParameterLayout, names: tuple[str, ...]) -> ParameterLayout:
     """The layout with these columns moved from the asked to the shared ones."""
-    first = len(layout.columns) - len(layout.precision)
-    kept = [k for k in range(first) if layout.columns[k].name not in names]
+    kept = [k for k in range(layout.first_shared) if layout.columns[k].name not in names]
     inner = only_shared(layout, names)
     shift = len(kept)
     return replace(inner, chain=layout.chain, columns=(*(layout.columns[k] for k in kept), *inner.columns),

@@ -14,7 +14,7 @@ from truearc.sim.discover.detect.localization import Place
 from truearc.sim.discover.detect.reference_session import ReferenceSession
 from truearc.sim.discover.detect.score_test import efficient_scores
 from truearc.sim.discover.model.baseline_fit import BaselineFit
-from truearc.sim.discover.model.score_table import Array, ScoreTable
+from truearc.sim.discover.model.score_table import Array, Column, ScoreTable
 from truearc.sim.discover.select.refit import Refit, clustered_error, folds_of, promote, unseen_score, without
 from truearc.sim.discover.select.term_ranking import Naming, name_terms, nats_for, visible_terms
 from truearc.sim.progress import Progress
@@ -48,6 +48,11 @@ class Step:
     @property
     def refit(self) -> Refit:
         return self.naming.refits[self.naming.leader]
+
+    @property
+    def column(self) -> Column:
+        """Of the leading name, in `fitted`."""
+        return self.fitted.evidence.columns[self.fitted.evidence.index(self.naming.leader)]
 
 
 def make_step(fitted: BaselineFit, shots: int, place: Place | None, base: tuple[str, ...], seed: int,

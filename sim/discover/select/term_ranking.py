@@ -13,7 +13,7 @@ import numpy as np
 
 from truearc.sim.discover.model.baseline_fit import BaselineFit
 from truearc.sim.discover.model.external_measurements import nats_measured
-from truearc.sim.discover.model.score_table import Array, ScoreTable, shared_columns
+from truearc.sim.discover.model.score_table import Array, ScoreTable
 from truearc.sim.discover.select.refit import Refit, refit
 from truearc.sim.physics.catalogue import find_parameter
 from truearc.sim.progress import Progress
@@ -81,10 +81,7 @@ def one_step(evidence: ScoreTable) -> tuple[tuple[Candidate, ...], Array]:
 
 def visible_terms(evidence: ScoreTable) -> Array:
     """Columns of terms of which the shots say anything that the shared ones could not."""
-    columns = np.array([k for k in range(evidence.first_shared) if evidence.columns[k].kind == "term"], dtype=int)
-    own, kept = evidence.information[columns, columns], np.diag(efficient(evidence, columns)[1])
-    visible: Array = columns[(own > BUSY) & (kept > LEAST_INFORMATION * own)]
-    return visible
+    return np.array([one.column for one in one_step(evidence)[0] if one.visible], dtype=int)
 
 
 def nats_for(score: Any, information: float, usual: float) -> Any:
@@ -96,8 +93,8 @@ def nats_for(score: Any, information: float, usual: float) -> Any:
     return nats if np.ndim(nats) else float(nats)
 
 
-def name_terms(fitted: BaselineFit, progress: Progress, surmised: Mapping[str, float] | None = None) -> Naming:
-    """Rank the terms. At least one must be visible. surmised: {name: amplitude} refitted from there in any case."""
+def name_terms(fitted: BaselineFit, progress: Progress, starts: Mapping[str, float] | None = None) -> Naming:
+    """Rank the terms. At least one must be visible. starts: {name: amplitude} refitted from there in any case."""
     candidates, alike = one_step(fitted.evidence)
     visible = [c for c in candidates if c.visible]
     likely = sorted(visible, key=lambda c: -c.nats)
@@ -107,8 +104,8 @@ def name_terms(fitted: BaselineFit, progress: Progress, surmised: Mapping[str, f
     nats = {c.name: c.nats + nats_measured(fitted.layout.measured, c.name, c.amplitude, c.information**-0.5)
             for c in visible}
     for candidate in visible:
-        if candidate.name in (surmised or {}):
-            _refit(fitted, candidate, refits, nats, (surmised or {})[candidate.name])
+        if candidate.name in (starts or {}):
+            _refit(fitted, candidate, refits, nats, (starts or {})[candidate.name])
     likely = [c for c in likely if c.name not in refits]
     for number, candidate in enumerate(likely):
         progress(number / len(likely), candidate.name.partition(".")[0])
@@ -188,7 +185,7 @@ def efficient(evidence: ScoreTable, columns: Array, more: Array | float = 0.0) -
 
     more [P, P]: information of shots to come, added to that of the evidence; scores are those there are.
     """
-    shared = shared_columns(evidence)
+    shared = evidence.shared
     info, score = evidence.information + more, evidence.score.sum(0)
     inner = info[shared, shared] + evidence.precision
     cross = info[columns][:, shared]
@@ -208,7 +205,7 @@ def _aliases(fitted: BaselineFit, ranked: Sequence[str], kin: Sequence[str], ref
              nats: Mapping[str, float]) -> tuple[str, ...]:
     """Of what one step cannot tell from the likeliest, that which a true fit cannot either, and which is possible.
 
-    By how well they fit: that one of them would have to be unusually large is no word of the data's.
+    By how well they fit: that one of them would have to be unusually large is prior knowledge, not data.
     """
     fit = {name: float(refits[name].evidence.log_score.sum())
            + nats_measured(fitted.layout.measured, name, float(refits[name].amplitude[0]), 0.0) for name in kin}

@@ -92,7 +92,7 @@ def lay_straight(usual: np.ndarray) -> ParameterLayout:
 
 def slopes_and_y(planted: dict[str, float], seed: int, shots: int, copies: dict[str, str],
                  between: dict[str, tuple[str, ...]] | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """Slopes all different, but for `copies` {name: of which} and those `between` {name: which two}, nearly as alike to
+    """Slopes all different, except `copies` {name: of which} and those `between` {name: which two}, nearly as alike to
     either; SHARED are at work too."""
     rng = np.random.default_rng(seed)
     slopes = rng.normal(size=(shots, len(NAMES)))

@@ -1,5 +1,4 @@
-"""What is believed is judged with the luck of a session's balls taken out: linear-Gaussian sessions worked out by hand.
-"""
+"""Adoption is judged with the random effects of a session's balls at zero: linear-Gaussian sessions in closed form."""
 
 from dataclasses import replace
 
@@ -23,7 +22,7 @@ def session(y: np.ndarray, *robot: np.ndarray) -> ScoreTable:
 
 
 def test_a_change_of_the_robot_that_balls_could_explain_is_worth_what_other_balls_would_show() -> None:
-    """All shots 3 higher: this session's own are foretold as well by the luck of its balls, the next's are not."""
+    """All shots 3 higher: effects of its balls forecast this session's own as well, the next's they do not."""
     y = 3.0 + np.random.default_rng(1).normal(size=SHOTS)
     before, after = session(y), session(y, np.ones(SHOTS))
     assert np.mean(unseen_score(after) - unseen_score(before)) == pytest.approx(0.0, abs=0.01)
@@ -33,7 +32,7 @@ def test_a_change_of_the_robot_that_balls_could_explain_is_worth_what_other_ball
 
 
 def test_a_name_that_needs_balls_to_make_its_level_good_is_surely_worse_for_others() -> None:
-    """It explains what goes with d, and moves all shots by 4, which the luck of balls must take back."""
+    """It explains what goes with d, and moves all shots by 4, which the balls' effects must take back."""
     rng = np.random.default_rng(2)
     d = rng.normal(size=SHOTS)
     y = 0.5 * d + rng.normal(size=SHOTS)

@@ -20,7 +20,7 @@ def test_no_decoy_equals_a_clear_name() -> None:
 
 
 def test_where_there_is_nothing_the_share_is_uniform() -> None:
-    """The best name is one more decoy: at most a tenth falls into the lowest tenth, but for chance."""
+    """The best name is one more decoy: at most a tenth falls into the lowest tenth, within chance."""
     shares = np.array([share({}, seed) for seed in range(40)])
     assert 0.3 < shares.mean() < 0.7
     assert (shares <= 0.1).sum() <= 10

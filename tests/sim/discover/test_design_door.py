@@ -1,4 +1,4 @@
-"""truearc design as a user types it; what a plan looks like in words."""
+"""truearc design as a user types it; what a plan looks like as text."""
 
 import json
 from dataclasses import replace

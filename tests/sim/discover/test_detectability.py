@@ -15,9 +15,8 @@ from tests.sim.discover.worlds import FACTS, World, fly, make_outcomes, plane_he
 from truearc.robot.config.rig_spec import Rig, Target
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset
-from truearc.sim.discover.plan.detectability import EIGHTY, Sight, TermIdentifiability, make_sight, sight_of
-from truearc.sim.discover.plan.expected_information import foresee, foresee_dataset
-from truearc.sim.discover.plan.planned_season import rehearse
+from truearc.sim.discover.plan.detectability import EIGHTY, TAKEN, Sight, TermIdentifiability, make_sight, sight_of
+from truearc.sim.discover.plan.expected_information import foresee, foresee_dataset, rehearse
 
 BELIEVED = ("gravity", "drag", "magnus")
 FLAT = np.array([1e-12, 1e-12])
@@ -70,7 +69,7 @@ def test_copies_are_one_class_and_what_the_fit_mimics_is_never_seen() -> None:
     sight = sight_of(make_linear(np.stack(parts, axis=1)[:, None], columns, np.ones(2)), "L0", ())
     assert sight.classes == (("a", "copy"),)
     mimic, idle = by_name(sight)["mimic"], by_name(sight)["idle"]
-    assert (mimic.why, mimic.taken_by, mimic.shots_needed, mimic.power) == ("taken up", ("p",), None, 0.0)
+    assert (mimic.why, mimic.taken_by, mimic.shots_needed, mimic.power) == (TAKEN, ("p",), None, 0.0)
     assert (idle.why, idle.taken_by) == ("untouched", ())
     assert by_name(sight)["free"].why is None
 
@@ -103,7 +102,7 @@ def test_outcomes_cannot_tell_the_target_from_the_release_height(outcomes: Sight
     # a quicker ball is a lighter one to outcomes: gravity's scale is that of the speed squared
     assert any({"exit_efficiency", "buoyancy"} <= set(group) for group in outcomes.classes)
     assert seen["battery_sag"].why == seen["wind_y"].why == seen["track_tilt"].why == "untouched"
-    assert (seen["ball_compression"].why, seen["ball_compression"].taken_by) == ("taken up", ("magnus.cl",))
+    assert (seen["ball_compression"].why, seen["ball_compression"].taken_by) == (TAKEN, ("magnus.cl",))
     assert not {one.term for one in outcomes.terms} & set(BELIEVED)
 
 
@@ -123,7 +122,7 @@ def test_sides_tell_more_of_every_effect(outcomes: Sight) -> None:
     for one in outcomes.terms:
         if one.why is None:
             assert told[one.term].information >= 0.999 * one.information, one.term
-    # beside the centre a miss gives its side away as it is: little is left to be told
+    # beside the centre a miss gives its side away as it is: little is left to learn
     assert told["target_height"].information > 1.02 * by_name(outcomes)["target_height"].information
 
 

@@ -92,7 +92,7 @@ def test_of_a_confounded_pair_100_chosen_shots_are_worth_300_random_ones() -> No
 
 
 def test_chances_are_those_of_shots_really_taken() -> None:
-    """Truths and results drawn anew, judged by the exact marginal likelihood of old and new shots together."""
+    """Truths and results drawn again, judged by the exact marginal likelihood of old and new shots together."""
     contest, names = doubtful()
     slopes, y = slopes_and_y(PLANTED, SEED, SHOTS, {})
     rows = chosen_rows(contest, 2, 3)

@@ -44,7 +44,7 @@ def test_a_name_that_only_stood_for_two_others_goes() -> None:
 
 
 def outrun_steps(curve: float, second: float) -> tuple[Step, ...]:
-    """Two steps, the first outrun by a free curve that gains `curve` a shot over nothing; the second name gains
+    """Two steps, the first beaten by a free curve that gains `curve` a shot over nothing; the second name gains
     `second` a shot over the first."""
     (step, *_) = steps_of(fit_straight({"wind_z.speed_m_s": 0.9}, 2))
     rng = np.random.default_rng(0)

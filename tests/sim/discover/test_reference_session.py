@@ -1,4 +1,4 @@
-"""What a belief leaves over at home is no change, what goes beyond that is: a difference of two samples."""
+"""Misfit of a belief at home is not a change, the misfit beyond it is: a difference of two samples."""
 
 import numpy as np
 import pytest
@@ -54,7 +54,7 @@ def test_what_has_changed_since_is_seen_and_its_size_is_that_of_the_change(shots
 
 
 def test_a_small_home_leaves_the_test_as_it_is() -> None:
-    """Its luck would drown what the session says."""
+    """Its noise would drown the session's scores."""
     home = fit_straight({}, 1, shots=20)
     later = fit_straight({"wind_x.speed_m_s": 0.3}, 2)
     alone, beside = (judge_left(asked(later, one), 0) for one in (None, home))
@@ -75,7 +75,7 @@ def test_names_that_were_given_since_are_fitted_at_home_too() -> None:
 
 
 def test_home_is_as_free_to_have_other_balls_as_the_later_session() -> None:
-    """So that both fits take up alike what the belief leaves over; of its numbers home knows nothing yet."""
+    """So that both fits absorb alike what the belief leaves over; of its numbers home knows nothing yet."""
     intake = take_in(shoot(make_world({}, "L2", 12, 5, side=True)))
     belief = Belief({"drag": {"cd": 0.5}, "magnus": {"cl": 0.2}}, {}, ("drag.cd",), np.array([[1e-4]]))
     later = lay_out(intake, ("gravity", "drag", "magnus"), belief=belief)

@@ -105,7 +105,7 @@ def test_the_shared_columns_alone() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(("loss", "seed"), [(0.14, 44), (0.08, 46)])
 def test_a_time_constant_that_nobody_knows_is_looked_for(loss: float, seed: int) -> None:
-    """The concealed engine's wheels recover with another time constant than is usual: taken for the usual one, the loss
+    """The concealed engine's wheels recover with another time constant than is usual: with the usual one, the loss
     comes out by two fifths too large, and surer than it is."""
     found = discover(shoot(make_world({"rapid_fire": loss}, "L1", 300, seed)))
     assert found.finding.set == ("rapid_fire",)

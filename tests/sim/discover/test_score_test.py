@@ -72,10 +72,10 @@ def test_stretched_scores_have_the_spread_of_errors_that_nothing_was_fitted_to()
 
 
 def test_a_prior_is_one_more_observation_of_what_it_is_about() -> None:
-    """A parameter that other shots told beforehand: the test is that of all the shots together."""
+    """A parameter that other shots measured before: the test is that of all the shots together."""
     rng = np.random.default_rng(8)
     x, z, y = rng.normal(size=(30, 1)), np.ones((30, 1)), rng.normal(size=30)
-    known = 0.4, 25.0                                          # what was told, and its precision
+    known = 0.4, 25.0                                          # the earlier estimate, and its precision
     y_all, x_all, z_all = np.append(y, 5.0 * known[0]), np.append(x, 0.0)[:, None], np.append(z, 5.0)[:, None]
     found = np.linalg.lstsq(np.concatenate([x_all, z_all], axis=1), y_all, rcond=None)[0]
     best = np.linalg.lstsq(z_all, y_all, rcond=None)[0]
@@ -118,10 +118,10 @@ def test_p_values_alone_in_the_family_and_of_any_are_those_of_all_sign_patterns(
 
 
 @settings(max_examples=30, deadline=None)
-@given(seed=st.integers(0, 10_000), tests=st.integers(1, 6), clusters=st.integers(8, 25))
-def test_a_test_is_never_likelier_among_others_than_alone(seed: int, tests: int, clusters: int) -> None:
+@given(seed=st.integers(0, 10_000), tests=st.integers(1, 6), shots=st.integers(8, 25))
+def test_a_test_is_never_likelier_among_others_than_alone(seed: int, tests: int, shots: int) -> None:
     rng = np.random.default_rng(seed)
-    scores = plain(rng.standard_t(3, (clusters, tests)), rng.uniform(0.1, 3.0, (clusters, tests)))
+    scores = plain(rng.standard_t(3, (shots, tests)), rng.uniform(0.1, 3.0, (shots, tests)))
     family = ["terms" if k % 2 else "free" for k in range(tests)]
     found = judged_of(scores, 199, seed, family)
     assert (found.p_value >= found.p_each - 1.0 / 200.0 - 1e-12).all()
@@ -129,11 +129,11 @@ def test_a_test_is_never_likelier_among_others_than_alone(seed: int, tests: int,
     assert found.p_any == pytest.approx(found.p_value.min(), abs=1e-12)
 
 
-def noise_only(rng: np.random.Generator, clusters: int) -> Scores:
-    """Twelve tests that hang together, of nothing at all: heavy tails, unequal clusters."""
-    size = rng.uniform(0.2, 3.0, clusters)[:, None]
-    common = rng.standard_t(3, (clusters, 1))
-    draw = lambda count: size * (0.6 * common + rng.standard_t(3, (clusters, count)))          # noqa: E731
+def noise_only(rng: np.random.Generator, shots: int) -> Scores:
+    """Twelve correlated tests, of nothing at all: heavy tails, unequal shots."""
+    size = rng.uniform(0.2, 3.0, shots)[:, None]
+    common = rng.standard_t(3, (shots, 1))
+    draw = lambda count: size * (0.6 * common + rng.standard_t(3, (shots, count)))          # noqa: E731
     return plain(draw(12), np.tile(size**2, 12))
 
 

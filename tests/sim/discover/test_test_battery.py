@@ -1,4 +1,4 @@
-"""Which questions are asked: groups that differ by luck, shapes of free changes, patterns of two covariates."""
+"""Which tests are made: groups with random effects, shapes of free changes, patterns of two covariates."""
 
 import numpy as np
 import pytest
