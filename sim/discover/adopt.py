@@ -16,10 +16,9 @@ from truearc.sim.discover.model.belief_prior import SCATTERS, believed_name, own
 from truearc.sim.discover.model.design_columns import is_tracker
 from truearc.sim.discover.model.nonparametric_terms import Freed, all_freed
 from truearc.sim.discover.model.score_table import Array, Column, ScoreTable
-from truearc.sim.discover.model.shape_parameters import further_values
 from truearc.sim.discover.report.finding_text import gained_interval
 from truearc.sim.discover.select.model_averaging import Mixed, mixed
-from truearc.sim.discover.select.refit import Refit, clustered_error, unseen_change, without
+from truearc.sim.discover.select.refit import Refit, clustered_error, further_values, unseen_change, without
 from truearc.sim.discover.select.selection_step import Step
 from truearc.sim.infer.belief import SCATTER, Belief, moved_curves, scale_of
 from truearc.sim.infer.coefficients import Coefficients

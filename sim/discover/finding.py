@@ -142,6 +142,6 @@ def load_finding(path: str | Path) -> Finding:
     return finding
 
 
-def make_json(finding: Finding) -> bytes:
-    """JSON text of the answer; numbers that are not finite become null."""
-    return msgspec.json.format(msgspec.json.encode(finding), indent=1) + b"\n"
+def make_json(result: Struct) -> bytes:
+    """JSON text of a finding, or of another result; numbers that are not finite become null."""
+    return msgspec.json.format(msgspec.json.encode(result), indent=1) + b"\n"

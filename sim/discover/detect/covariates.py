@@ -1,6 +1,6 @@
 """What residuals might depend on: every numeric column, what can be derived from it, and every text column."""
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -45,9 +45,11 @@ class Covariate:
     def led_by_launch(self) -> "Covariate":
         """The same under the ball's speed or spin, if just one of them is among the names: forces know no wheels."""
         states = [name for name in LAUNCH_STATE if name in self.names]
-        if len(states) != 1:
-            return self
-        return Covariate(tuple(sorted(self.columns, key=lambda column: column[0] != states[0])))
+        return self.led_by(states) if len(states) == 1 else self
+
+    def led_by(self, names: Collection[str]) -> "Covariate":
+        """The same under the first of its names that is among these, if any."""
+        return Covariate(tuple(sorted(self.columns, key=lambda column: column[0] not in names)))
 
 
 @dataclass(frozen=True)

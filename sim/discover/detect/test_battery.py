@@ -45,7 +45,8 @@ def ask_everything(evidence: ScoreTable, covariates: Sequence[Covariate], factor
 
     home: the misfit of that session is subtracted.
     """
-    look = _look_at(evidence.rows)
+    rows = evidence.rows
+    look = Look(len(rows), lambda what: what.codes[rows] if isinstance(what, Factor) else what.values[rows])
     grouped = next((column.name.partition(" ")[0] for column in evidence.columns if column.kind == "group"), "")
     shapes = [SAME, *(shape for one in covariates for shape in functions.number_shapes(one, look)),
               *(shape for one in factors if one.name != grouped for shape in functions.group_shapes(one, look))]
@@ -56,7 +57,7 @@ def ask_everything(evidence: ScoreTable, covariates: Sequence[Covariate], factor
         weights = weights_of(shapes, look)
         tests.extend(Test(family, number, shape.what, shape.name, weights[:, k], shape)
                      for k, shape in enumerate(shapes))
-        scores = efficient_scores(evidence, number, weights, evidence.rows, shots)
+        scores = efficient_scores(evidence, number, weights, rows, shots)
         parts.append(scores if home is None else home.beside(scores, evidence, number, shapes, weights))
 
     for number, column in enumerate(evidence.columns[:evidence.first_shared]):
@@ -81,7 +82,3 @@ def name_of(test: Test, column: Column) -> str | None:
 def _join(parts: list[Scores]) -> Scores:
     return Scores(*(np.concatenate([getattr(part, name) for part in parts], axis=-1)
                     for name in ("psi", "kappa", "stretch", "kept")))
-
-
-def _look_at(rows: Array) -> Look:
-    return Look(len(rows), lambda what: what.codes[rows] if isinstance(what, Factor) else what.values[rows])

@@ -115,9 +115,8 @@ class _Plane:
     def shape(self, name: str, look: Look, law: Law) -> WeightFunction:
         """By a law of the place, centred over the shots of the session that is asked."""
         place = self.place(look)
-        middle = law(place).mean()
-        return WeightFunction(CovariatePair(self.first, self.second, place), name,
-                              partial(_of_pair, self, law, middle))
+        what = CovariatePair(self.first, self.second, place)
+        return WeightFunction(what, name, partial(_of_pair, self, law, law(place).mean()))
 
 
 def _of_pair(plane: _Plane, law: Law, middle: float, look: Look) -> Array:

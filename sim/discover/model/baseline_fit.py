@@ -14,15 +14,7 @@ from truearc.sim.discover.model import plane_likelihood as outcomes
 from truearc.sim.discover.model.design_columns import SCATTER_PRIOR
 from truearc.sim.discover.model.external_measurements import prior_of
 from truearc.sim.discover.model.forward_model import Chain, plane_grid
-from truearc.sim.discover.model.linearization import (
-    Linearization,
-    LinearizationPoint,
-    ParameterLayout,
-    fly,
-    linearise,
-    nowhere,
-    take_lanes,
-)
+from truearc.sim.discover.model.linearization import Linearization, LinearizationPoint, ParameterLayout, fly, linearise
 from truearc.sim.discover.model.prepared_data import SCATTERS, Intake
 from truearc.sim.discover.model.score_table import Array, ScoreTable
 from truearc.sim.physics.catalogue import Catalogue, find_parameter, flight_terms
@@ -71,6 +63,11 @@ class BaselineFit:
         """The cluster of each shot [n] whose shots are correlated when figures are compared: its group, or itself."""
         groups = self.layout.groups
         return np.arange(len(self.evidence.rows)) if groups is None or groups.count == 1 else groups.label
+
+    @property
+    def lost(self) -> bool:
+        """Whether a launch standard deviation exceeds ABSURD times its prior median; such a fit is a poor start."""
+        return bool(((self.spot.log_scatter - USUAL_SCATTER)[OF_LAUNCH] > np.log(ABSURD)).any())
 
 
 def part_of(progress: Progress, begin: float, share: float) -> Progress:
@@ -293,20 +290,14 @@ def usual_spot(intake: Intake, layout: ParameterLayout) -> LinearizationPoint:
     values = layout.usual.copy()
     own = layout.in_slot[layout.first_shared:]
     values[layout.source[layout.first_shared:][own]] = layout.centre[own]
-    return nowhere(intake, layout, values, USUAL_SCATTER)
-
-
-def is_lost(fitted: BaselineFit) -> bool:
-    """Whether a launch standard deviation exceeds ABSURD times its prior median; such a fit is a poor starting point.
-    """
-    return bool(((fitted.spot.log_scatter - USUAL_SCATTER)[OF_LAUNCH] > np.log(ABSURD)).any())
+    return LinearizationPoint.still(layout, len(intake.rows), values, USUAL_SCATTER)
 
 
 def _rough(intake: Intake, layout: ParameterLayout,
            points: Float[Array, "points slots"]) -> Float[Array, "points scatters"]:
     """Log-likelihood of some of the outcomes, at some sizes of one scatter of the height."""
     some = np.arange(len(intake.marked))[::-(-len(intake.marked) // SOME)]
-    lanes = take_lanes(intake.lanes, np.resize(intake.marked[some], SOME))
+    lanes = intake.lanes.take(np.resize(intake.marked[some], SOME))
     chain = replace(_lean(layout, []), track=False, bands=0)
     mean, near = (np.asarray(part)[:, :len(some)] for part in plane_grid(chain, lanes, jnp.asarray(points)))
     mean = np.where(near, mean, -10.0)

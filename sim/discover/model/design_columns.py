@@ -93,7 +93,9 @@ def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Array,
     found += [(column, first_push + number) for number, column in _pushes(chain, edges)]
     known = {*believed, *catalogue.always, *(term.name for term in calibrated(catalogue) if tracked)}
     asked = [term for term in catalogue if term.name not in known and (belief is not None or not term.relative)]
-    found += [(_term_column(term), slots.index((term.name, term.parameters[0].name))) for term in asked]
+    found += [(Column(f"{term.name}.{term.amplitude.name}", "term", term.stage, term.direction, term.amplitude.unit,
+                      usual_of(term), follows=term.follows or ""), slots.index((term.name, term.amplitude.name)))
+              for term in asked]
     shared = _shared(intake, believed, slots, catalogue)
     found += _changed(shared, belief)
     scatters = tuple(_scatter_place(intake, name, len(found) + len(shared), k) for k, name in enumerate(SCATTERS))
@@ -154,11 +156,6 @@ def _as_shots_differ(belief: Belief, slots: tuple[tuple[str, str], ...]) -> tupl
     """In speed and elevation, by no more than launches do from shot to shot: outcomes show no more of a ball."""
     spread = belief.scatter.get("speed", 0.0), np.radians(belief.scatter.get("elevation_deg", 0.0))
     return [len(slots), len(slots) + 1], [float(np.sqrt(BALLS_PART) * value) for value in spread]
-
-
-def _term_column(term: Term) -> Column:
-    return Column(f"{term.name}.{term.amplitude.name}", "term", term.stage, term.direction, term.amplitude.unit,
-                  usual_of(term), follows=term.follows or "")
 
 
 def usual_of(term: Term) -> float:

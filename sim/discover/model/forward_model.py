@@ -71,6 +71,11 @@ class ShotBatch(NamedTuple):
     lead_s: Float[Array, "*n"]
     time_s: Float[Array, "*n L"]
 
+    def take(self, rows: np.ndarray | slice) -> "ShotBatch":
+        """Those of the rows; numbers that all shots share stay as they are."""
+        taken: ShotBatch = jax.tree.map(lambda part: np.asarray(part)[rows] if np.ndim(part) else part, self)
+        return taken
+
 
 class Prediction(NamedTuple):
     """The chain's results, of one lane or of lanes [n]; or their derivatives, with one more axis at the end.

@@ -7,7 +7,6 @@ at the plane is normal. Only the outcome's likelihood is not Gaussian, and it is
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -96,6 +95,13 @@ class LinearizationPoint:
     log_scatter: Float[Array, " S"]
     deviates: Float[Array, "n D"]
     effects: Float[Array, " Q"]
+
+    @staticmethod
+    def still(layout: ParameterLayout, shots: int, values: Float[Array, " slots"],
+              log_scatter: Float[Array, " S"]) -> "LinearizationPoint":
+        """Of `shots` without deviations."""
+        deviates = np.zeros((shots, layout.chain.deviates))
+        return LinearizationPoint(values, log_scatter, deviates, np.zeros(layout.grouped))
 
 
 @dataclass(frozen=True)
@@ -222,13 +228,7 @@ def _basis(layout: ParameterLayout, inputs: Int[Array, " k"]) -> Float[Array, "s
 def pad_lanes(lanes: ShotBatch, multiple: int = PAD) -> tuple[ShotBatch, int]:
     """(lanes repeated up to a multiple, how many there were)."""
     n = len(lanes.distance_m)
-    return take_lanes(lanes, np.resize(np.arange(n), -(-n // multiple) * multiple)), n
-
-
-def take_lanes(lanes: ShotBatch, rows: Any) -> ShotBatch:
-    """Those of the rows; numbers that all lanes share stay as they are."""
-    taken: ShotBatch = jax.tree.map(lambda part: np.asarray(part)[rows] if np.ndim(part) else part, lanes)
-    return taken
+    return lanes.take(np.resize(np.arange(n), -(-n // multiple) * multiple)), n
 
 
 def _fly(layout: ParameterLayout, lanes: ShotBatch, spot: LinearizationPoint,
@@ -242,7 +242,7 @@ def _fly(layout: ParameterLayout, lanes: ShotBatch, spot: LinearizationPoint,
     bases = np.split(wide, wide.shape[1] // WIDTH, axis=1)
     blocks = [slice(first, first + BLOCK) for first in range(0, len(deviates), BLOCK)]
     see = layout.see or see_slopes
-    parts = [[see(layout.chain, take_lanes(padded, rows), jnp.asarray(spot.values), deviates[rows],
+    parts = [[see(layout.chain, padded.take(rows), jnp.asarray(spot.values), deviates[rows],
                   jnp.asarray(layout.edges_s), jnp.asarray(some)) for some in bases] for rows in blocks]
     seen = jax.tree.map(lambda *each: np.concatenate(each)[:n], *(part[0][0] for part in parts))
     slopes = [jax.tree.map(lambda *each: np.concatenate(each, axis=-1), *(one for _, one in part)) for part in parts]
@@ -349,10 +349,3 @@ def _opening(intake: Intake, seen: Prediction, rows: Int[Array, " m"]) -> outcom
     halves_m = np.array([intake.rig.target.three_half_height_m, intake.rig.target.two_half_height_m])
     wider_m = float((seen.plane[rows, 2:4] - halves_m).mean())
     return outcomes.reopened(intake.seen, wider_m) if wider_m != 0.0 else intake.seen
-
-
-def nowhere(intake: Intake, layout: ParameterLayout, values: Float[Array, " slots"],
-            log_scatter: Float[Array, " S"]) -> LinearizationPoint:
-    """A spot without deviations."""
-    still = np.zeros((len(intake.rows), layout.chain.deviates))
-    return LinearizationPoint(values, log_scatter, still, np.zeros(layout.grouped))

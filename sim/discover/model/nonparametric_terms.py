@@ -93,7 +93,7 @@ def _foreseeable(fitted: BaselineFit, correction: Correction, search: Search) ->
     if not isinstance(what, Covariate):
         return correction
     if BEFORE & set(what.names):
-        return replace(correction, test=replace(correction.test, what=_led_by_settings(what)))
+        return replace(correction, test=replace(correction.test, what=what.led_by(BEFORE)))
     asked = search.ask(fitted)
     gain = judge_left(asked, search.seed).gain
     others = [k for k, test in enumerate(asked.tests) if test.column == correction.test.column
@@ -102,13 +102,8 @@ def _foreseeable(fitted: BaselineFit, correction: Correction, search: Search) ->
         return correction
     test = asked.tests[max(others, key=lambda k: gain[k])]
     assert isinstance(test.what, Covariate)
-    other = correct(fitted.evidence, replace(test, what=_led_by_settings(test.what)))
+    other = correct(fitted.evidence, replace(test, what=test.what.led_by(BEFORE)))
     return other if other.gain.sum() >= HALF * correction.gain.sum() else correction
-
-
-def _led_by_settings(what: Covariate) -> Covariate:
-    """The same by a name that it has before the shot."""
-    return Covariate(tuple(sorted(what.columns, key=lambda column: column[0] not in BEFORE)))
 
 
 def freed(fitted: BaselineFit, correction: Correction) -> Freed | None:

@@ -64,14 +64,11 @@ def see_outcomes(shots: Shots, target: Target | None) -> tuple[Int[Array, " n"],
     bounds = np.array([interval(target, outcome[row], side[row]) for row in rows]).reshape(len(rows), 2, 2)
     bounds[bounds[..., 0] == bounds[..., 1]] = np.inf
     bounds[np.abs(bounds) == FAR_M] *= np.inf
-    sided = tuple(name for name in ("miss", "two") if _is_sided(side[(outcome == name) & ~aside]))
+    noted = {name: np.isin(side[(outcome == name) & ~aside], ("low", "high")) for name in ("miss", "two")}
+    sided = tuple(name for name, known in noted.items() if len(known) and known.mean() >= SIDED_SHARE)
     borders = np.array([-np.inf, -two, -three, three, two, np.inf])
     classes = np.array([CLASSES.get(outcome[row], np.nan) for row in rows])
     return rows, OutcomeObservations(bounds[..., 0], bounds[..., 1], height_m[rows], classes, borders, sided)
-
-
-def _is_sided(side: Array) -> bool:
-    return bool(len(side) > 0 and np.isin(side, ("low", "high")).mean() >= SIDED_SHARE)
 
 
 def log_likelihood(seen: OutcomeObservations, mean_m: Float[Array, " n"],

@@ -72,17 +72,15 @@ def take_in(dataset: Dataset, curves: Curves = NONE) -> Intake:
         raise InputError(f"{shots.source}: {len(shots)} shots are too few to judge a simulation by; "
                        f"{FEWEST_SHOTS} at least")
     wheels, hood = has_wheels(rig, shots), np.isfinite(shots.number("hood_deg"))
-    launched = ((wheels | np.isfinite(shots.number("exit_speed_m_s")))
-                & (hood | np.isfinite(shots.number("exit_deg"))))
+    sped, aimed = (np.isfinite(shots.number(name)) for name in ("exit_speed_m_s", "exit_deg"))
+    launched = (wheels | sped) & (hood | aimed)
     marked, seen = see_outcomes(shots, rig.target)
     usable = launched[marked] & np.isfinite(shots.number("distance_m")[marked])
     samples, notes = _samples(dataset)
     tracked = np.zeros(len(shots), bool) if samples is None else np.isin(np.arange(len(shots)), samples.rows)
     use = tracked.copy()
     use[marked[usable]] = True
-    measured = (wheels & (np.isfinite(shots.number("exit_speed_m_s")) | np.isfinite(shots.number("exit_spin_rev_s")))
-                | hood & np.isfinite(shots.number("exit_deg")))
-    use |= launched & measured
+    use |= launched & (wheels & (sped | np.isfinite(shots.number("exit_spin_rev_s"))) | hood & aimed)
     rows = np.flatnonzero(use)
     place = np.full(len(shots), -1)
     place[rows] = np.arange(len(rows))
@@ -95,8 +93,7 @@ def take_in(dataset: Dataset, curves: Curves = NONE) -> Intake:
     lanes, noise_var, scattered = _lanes(part, _pick(around, rows), samples, place)
     exits, exit_sd = _exits(part)
     scatter = None if samples is None else measure_scatter(samples, rig.noise.track_m)
-    stripped = without_noise(rig)
-    return Intake(rig, stripped, rows, lanes, noise_var, scattered, exits, exit_sd, place[marked[usable]],
+    return Intake(rig, without_noise(rig), rows, lanes, noise_var, scattered, exits, exit_sd, place[marked[usable]],
                   seen.take(usable), np.zeros(0, int) if samples is None else place[samples.rows], samples, scatter,
                   _level(dataset, samples), tuple(left_out))
 

@@ -5,7 +5,6 @@ efficient information I_ee - I_en I_nn^-1 I_ne. An effect of size s is seen by a
 s^2 x information is 7.85 (a chi-squared of one degree of freedom); information grows with the shots.
 """
 
-import msgspec
 import numpy as np
 from msgspec import Struct
 from scipy.cluster.hierarchy import fcluster, linkage
@@ -83,11 +82,6 @@ def sight_of(evidence: ScoreTable, level: str, believed: tuple[str, ...]) -> Sig
     return Sight(shots, level, believed, tuple(ordered), _classes(names, alike, visible), _fittable(evidence))
 
 
-def make_sight(sight: Sight) -> bytes:
-    """JSON text of the answer."""
-    return msgspec.json.format(msgspec.json.encode(sight), indent=1) + b"\n"
-
-
 def _efficient(evidence: ScoreTable, columns: Array) -> tuple[Array, Array, Array, Array]:
     """(own information [K], left [K, K], left where priors of coefficients do not help [K, K], parts [K, p]).
 
@@ -145,8 +139,8 @@ def _classes(names: list[str], alike: Array, visible: Array) -> tuple[tuple[str,
 
 def _fittable(evidence: ScoreTable) -> tuple[Fittable, ...]:
     shared = evidence.shared
-    covariance = np.linalg.inv(evidence.information[shared, shared] + evidence.precision)
-    before = np.diag(np.linalg.inv(evidence.precision))
-    rows = zip(evidence.columns[shared], before, np.diag(covariance), strict=True)
+    before, after = (np.diag(np.linalg.inv(precision)) for precision in (
+        evidence.precision, evidence.information[shared, shared] + evidence.precision))
+    rows = zip(evidence.columns[shared], before, after, strict=True)
     return tuple(Fittable(column.name, column.unit, float(np.sqrt(known)), float(np.sqrt(variance)))
                  for column, known, variance in rows if column.kind == "shared")

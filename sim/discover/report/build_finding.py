@@ -17,7 +17,7 @@ from truearc.sim.discover.model.baseline_fit import BaselineFit, only_shared
 from truearc.sim.discover.model.prepared_data import Intake
 from truearc.sim.discover.model.score_table import Array, ScoreTable
 from truearc.sim.discover.plan.recommendations import next_steps
-from truearc.sim.discover.report.finding_text import say_named, say_none, say_smallest, say_unknown
+from truearc.sim.discover.report.finding_text import NINETY, say_named, say_none, say_smallest, say_unknown
 from truearc.sim.discover.report.formula import find_formula
 from truearc.sim.discover.select.forecast_error import end_errors
 from truearc.sim.discover.select.forward_selection import Search
@@ -28,7 +28,6 @@ from truearc.sim.physics.term import STAGES
 
 SHOWN = 40                            # lines of the tests that the answer lists
 RANKED = 12                           # names that it lists
-NINETY = 1.6448536269514722
 SMALL = 0.03                          # of a name's own gain on unseen shots
 UNSURE = 0.5
 

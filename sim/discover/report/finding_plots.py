@@ -40,7 +40,9 @@ def residual_figure(residual: Residual, along: Along, rows: Array, what: str) ->
         axes.set_xlabel(_worded(bins.name))
     panels[0].set_ylabel(f"{residual.name}: real − simulated\n[{residual.unit}]")
     if residual.after is not None:
-        _explained(panels[0], bins, residual, what)
+        gone = (binned(residual.before, bins)[0] - binned(residual.after, bins)[0]) * residual.factor
+        panels[0].plot(bins.middle, gone, color=AFTER, lw=2.0, alpha=0.8, zorder=1, label=f"{what}, as fitted")
+        panels[0].legend(frameon=False, fontsize=9)
     return figure
 
 
@@ -54,13 +56,6 @@ def _points(axes: Axes, bins: Bins, part: Part, factor: float, colour: str) -> N
         axes.set_xticks(bins.middle, [f"{middle:.3g}" for middle in bins.middle])
     axes.margins(x=0.08)
     _clean(axes)
-
-
-def _explained(axes: Axes, bins: Bins, residual: Residual, what: str) -> None:
-    assert residual.after is not None
-    gone = (binned(residual.before, bins)[0] - binned(residual.after, bins)[0]) * residual.factor
-    axes.plot(bins.middle, gone, color=AFTER, lw=2.0, alpha=0.8, zorder=1, label=f"{what}, as fitted")
-    axes.legend(frameon=False, fontsize=9)
 
 
 def flight_png(before: ScoreTable, after: ScoreTable | None, what: str,

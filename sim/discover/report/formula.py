@@ -88,16 +88,12 @@ def _different(forms: Iterator[Form]) -> list[Form]:
 
 def _ratio(what: Covariate, rows: Array) -> tuple[Array, str]:
     """(the covariate in units of about its median, that unit); temperatures from absolute zero."""
-    values, unit = what.values[rows], _unit(what.name)
+    values, unit = what.values[rows], next((unit for end, unit in UNITS.items() if what.name.endswith(end)), "")
     if unit == "degC":
         values, unit = values + KELVIN, "K"
     typical = float(np.median(np.abs(values)))
     scale = float(f"{typical if typical > 0.0 else np.abs(values).max():.2g}")
     return values / (scale or 1.0), f"{scale:g} {unit}".strip()
-
-
-def _unit(column: str) -> str:
-    return next((unit for end, unit in UNITS.items() if column.endswith(end)), "")
 
 
 def _powers(ratio: Array) -> Sequence[float]:

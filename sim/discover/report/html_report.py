@@ -189,8 +189,7 @@ def _names(finding: Finding, among: Catalogue) -> str:
     said = f'<div class="bars">{"".join(rows)}</div>'
     if len(members) > 1:
         listed = wording.either([plain(name, among) for name in finding.set or ()], "and")
-        said = paragraph(f"These data cannot tell {listed} apart; together "
-                         "they hold the orange bars.") + said
+        said = paragraph(f"These data cannot tell {listed} apart; together they hold the orange bars.") + said
     return said + "".join(paragraph(wording.besides(further, then, among).strip())
                           for further, then in zip(finding.also, wording.THEN, strict=False))
 

@@ -134,8 +134,7 @@ def _refit(fitted: BaselineFit, candidate: Candidate, refits: dict[str, Refit], 
     """Refit one name into both, from one step's amplitude unless a start is given."""
     name = candidate.name
     refits[name] = refit(fitted, (name,), np.array([tame(candidate, fitted.evidence) if start is None else start]))
-    usual = fitted.evidence.columns[candidate.column].usual
-    nats[name] = _nats(fitted, refits[name], usual)
+    nats[name] = _nats(fitted, candidate, refits[name])
 
 
 def _refit_beside(fitted: BaselineFit, one: Candidate, top: Candidate, refits: dict[str, Refit],
@@ -149,14 +148,13 @@ def _refit_beside(fitted: BaselineFit, one: Candidate, top: Candidate, refits: d
     start = np.array([best.amplitude[0] * one.amplitude / top.amplitude])
     again = refit(fitted, (one.name,), start, replace(best.spot, values=values))
     if again.log_evidence > refits[one.name].log_evidence:
-        refits[one.name] = again
-        usual = fitted.evidence.columns[one.column].usual
-        nats[one.name] = _nats(fitted, again, usual)
+        refits[one.name], nats[one.name] = again, _nats(fitted, one, again)
 
 
-def _nats(fitted: BaselineFit, found: Refit, usual: float) -> float:
+def _nats(fitted: BaselineFit, candidate: Candidate, found: Refit) -> float:
     """For one name truly refitted, by the shots and by what was measured without one, which the fit has in its prior.
     """
+    usual = fitted.evidence.columns[candidate.column].usual
     said = nats_measured(fitted.layout.measured, found.names[0], 0.0, usual)
     return found.log_evidence + said if is_possible(found, usual) else NEVER
 

@@ -6,7 +6,7 @@ import pytest
 from tests.sim.discover.made import at_least_squares, column, gaussian
 from tests.sim.discover.straight import ASKED, NAMES, lay_straight, take_straight
 from truearc.sim.discover.model.baseline_fit import BaselineFit
-from truearc.sim.discover.model.linearization import nowhere
+from truearc.sim.discover.model.linearization import LinearizationPoint
 from truearc.sim.discover.model.prepared_data import SCATTERS
 from truearc.sim.discover.select.refit import Refit
 from truearc_proof.rivals import argmax
@@ -22,7 +22,7 @@ def believed(signal: float, seed: int = 0) -> RivalBelief:
     y = signal * slopes[:, 1] + rng.normal(size=N)
     evidence = at_least_squares(y, slopes, np.ones((N, 1)))
     intake, layout = take_straight(np.zeros(N)), lay_straight(np.full(len(ASKED), 0.3))
-    spot = nowhere(intake, layout, np.zeros(len(NAMES)), np.zeros(len(SCATTERS)))
+    spot = LinearizationPoint.still(layout, N, np.zeros(len(NAMES)), np.zeros(len(SCATTERS)))
     refits = {}
     for k in range(2):
         amplitude = slopes[:, k] @ y

@@ -16,7 +16,7 @@ from truearc.sim.data.conditions import Circumstances
 from truearc.sim.data.dataset import Shots
 from truearc.sim.discover.model.baseline_fit import BaselineFit, climb, only_shared
 from truearc.sim.discover.model.forward_model import DEVIATES, Chain, Prediction, ShotBatch
-from truearc.sim.discover.model.linearization import ParameterLayout, linearise, nowhere
+from truearc.sim.discover.model.linearization import LinearizationPoint, ParameterLayout, linearise
 from truearc.sim.discover.model.plane_likelihood import see_outcomes
 from truearc.sim.discover.model.prepared_data import SCATTERS, Intake
 from truearc.sim.discover.model.score_table import Column
@@ -117,5 +117,5 @@ def fit_straight(
     slopes, y = slopes_and_y(planted, seed, shots, copies or {}, between)
     layout = replace(lay_straight(np.array([(usual or {}).get(name, 0.3) for name in ASKED])), see=see_straight(slopes))
     intake, bare = take_straight(y), only_shared(layout)
-    spot, _ = climb(intake, bare, nowhere(intake, bare, np.zeros(len(NAMES)), np.zeros(len(SCATTERS))))
+    spot, _ = climb(intake, bare, LinearizationPoint.still(bare, shots, np.zeros(len(NAMES)), np.zeros(len(SCATTERS))))
     return BaselineFit(intake, layout, spot, linearise(intake, layout, spot)[0])

@@ -15,7 +15,8 @@ from tests.sim.discover.worlds import FACTS, World, fly, make_outcomes, plane_he
 from truearc.robot.config.rig_spec import Rig, Target
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset
-from truearc.sim.discover.plan.detectability import EIGHTY, TAKEN, Sight, TermIdentifiability, make_sight, sight_of
+from truearc.sim.discover.finding import make_json
+from truearc.sim.discover.plan.detectability import EIGHTY, TAKEN, Sight, TermIdentifiability, sight_of
 from truearc.sim.discover.plan.expected_information import foresee, foresee_dataset, rehearse
 
 BELIEVED = ("gravity", "drag", "magnus")
@@ -133,9 +134,9 @@ def test_fitted_numbers_become_surer_with_the_shots(outcomes: Sight) -> None:
 
 
 def test_the_answer_as_json(outcomes: Sight) -> None:
-    answer = json.loads(make_sight(outcomes))
+    answer = json.loads(make_json(outcomes))
     assert answer["schema"] == "truearc.identifiability/1" and answer["level"] == "L0" and answer["shots"] == 120
-    assert msgspec.json.decode(make_sight(outcomes), type=Sight) == outcomes
+    assert msgspec.json.decode(make_json(outcomes), type=Sight) == outcomes
 
 
 def test_rehearsed_shots_pass_beside_the_centre_by_another_integrator() -> None:
