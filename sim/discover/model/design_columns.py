@@ -104,19 +104,19 @@ def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Array,
     prior += [(np.log(SCATTER_PRIOR[name][0]), np.log(SCATTER_PRIOR[name][1])) for name in names]
     found += [(column, place) for column, place, *_ in shared]
     found += [(Column(name, "shared", "launch", "along", "1", 1.0), -1) for name in names]
-    lucky: Groups | None
+    effects: Groups | None
     if groups is not None:
-        what, lucky = groups[0], _groups(groups, believed, slots, catalogue)
+        what, effects = groups[0], _groups(groups, believed, slots, catalogue)
     else:
-        what, lucky = OTHERS, None if belief is None else _other_balls(intake, belief, slots, catalogue)
-    if lucky is not None:
+        what, effects = OTHERS, None if belief is None else _other_balls(intake, belief, slots, catalogue)
+    if effects is not None:
         found += [(Column(f"{what} {number}", "group", "launch", "along", "1", 1.0, told=what == OTHERS), -2)
-                  for _ in lucky.inputs for number in range(lucky.count)]
-        prior += [(0.0, 1.0)] * (lucky.count * len(lucky.inputs))
+                  for _ in effects.inputs for number in range(effects.count)]
+        prior += [(0.0, 1.0)] * (effects.count * len(effects.inputs))
     centre, sd = np.array(prior, dtype=float).reshape(-1, 2).T
     columns, source = zip(*found, strict=True)
     layout = ParameterLayout(chain, columns, np.array(source, dtype=int), scatters, np.diag(sd**-2.0), centre, edges,
-                             usual, lucky)
+                             usual, effects)
     return layout if belief is None else inform(bent(layout, belief), belief, sure=later is None)
 
 

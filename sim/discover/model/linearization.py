@@ -150,7 +150,7 @@ def linearise(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint,
     sd = np.sqrt(variance_of(intake, spot.log_scatter))[:, :count]
     with np.errstate(over="ignore", invalid="ignore"):     # far from all that flies there is no likelihood: not finite
         left = _integrate(flown.normal_at(layout, spot.values), sd, columns, real + bases)
-    own = left.mean + np.einsum("ndb,nb->nd", left.mean_by[:, :, real:], _luck(layout, spot))
+    own = left.mean + np.einsum("ndb,nb->nd", left.mean_by[:, :, real:], _group_effects(layout, spot))
     score, info = _scatter_terms(intake, layout, spot, sd, left, own, real + bases)
     plane = _plane(intake, layout, spot, seen, slopes, sd, left, columns, inputs, real + bases)
     parts = _scaled(layout, left.score + score, left.info + info, plane)
@@ -286,7 +286,7 @@ def _integrate(normal: Normal, sd: Float[Array, "n D"], columns: Int[Array, " in
     return _Left(score, info, value, sd * shift, sd[:, :, None] * inverse * sd[:, None, :], mean_by)
 
 
-def _luck(layout: ParameterLayout, spot: LinearizationPoint) -> Float[Array, "n B"]:
+def _group_effects(layout: ParameterLayout, spot: LinearizationPoint) -> Float[Array, "n B"]:
     """Effects of each shot's own group, in the units of what they act on."""
     groups = layout.groups
     if groups is None:

@@ -91,9 +91,9 @@ def _efficient(evidence: ScoreTable, columns: Array) -> tuple[Array, Array, Arra
     info = evidence.information
     inner, cross = info[shared, shared], info[columns][:, shared]
     square = info[np.ix_(columns, columns)]
-    luck = np.array([column.kind == "group" for column in evidence.columns[shared]], dtype=bool)
+    grouped = np.array([column.kind == "group" for column in evidence.columns[shared]], dtype=bool)
     lift = np.linalg.solve(inner + evidence.precision, cross.T)
-    bare = np.linalg.pinv(inner + np.where(luck[:, None] & luck, evidence.precision, 0.0), rcond=1e-12, hermitian=True)
+    bare = np.linalg.pinv(inner + np.where(grouped[:, None] & grouped, evidence.precision, 0.0), 1e-12, hermitian=True)
     parts = np.abs(lift.T) * np.sqrt(np.maximum(np.diag(inner), 0.0))
     return np.diag(square).copy(), square - cross @ lift, square - cross @ bare @ cross.T, parts
 

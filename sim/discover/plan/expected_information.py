@@ -33,7 +33,7 @@ SPEEDS_M_S = (2.0, 25.0)              # of surfaces or balls, where no free spee
 NEAR, FAR, LEAST_RISE_M = 1.0, 4.0, 1.0           # distances, in heights of the target above the exit
 ELEVATION_DEG = (30.0, 65.0)
 STEEPER_DEG = 10.0                    # than the straight line to the target
-LUCK, LUCK_M = 0.018, 0.03            # what one shot's speed and elevation, and its distance, do to its height
+SPEED_SD, DISTANCE_SD_M = 0.018, 0.03     # of one shot: log speed with elevation, and distance
 ASIDE = (1.5, 2.5)                    # off the centre, in standard deviations: there outcomes tell most
 SESSION_SHOTS, BALLS = 30, 16
 FRAMES_HZ, FRAMES = 60.0, 46
@@ -187,7 +187,7 @@ def _aim(rig: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: int,
     drives = _drives(rig)
     heights_m = _heights(rig, coefficients, distance_m, hood_deg, drives, among)
     _, per_log = _drive_for(heights_m, np.full(len(distance_m), rig.target.centre_height_m), drives)
-    sd_m = np.hypot(LUCK * per_log, LUCK_M)
+    sd_m = np.hypot(SPEED_SD * per_log, DISTANCE_SD_M)
     aside = rng.choice((-1.0, 1.0), len(distance_m)) * rng.uniform(*ASIDE, len(distance_m))
     drive, _ = _drive_for(heights_m, rig.target.centre_height_m + aside * sd_m, drives)
     there = np.flatnonzero(np.isfinite(drive))

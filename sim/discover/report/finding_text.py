@@ -19,7 +19,7 @@ STAGE_WORDS = {"sensing": "in what the sensors say", "launch": "at the launch", 
                "arrival": "at the target"}
 NINETY = 1.6448536269514722
 SHOWN = 6
-DOUBTFUL = 0.25                       # probability of an unexplained effect, from which a sentence says so
+UNSURE = 0.25                       # probability of an unexplained effect, from which a sentence says so
 FOUR_IN_FIVE = 0.8
 HEIGHTS = {"plane": "heights", "track end": "where tracks end, from their first 40 %,"}
 TIMES = ("t_s", "order_in_session", "shots_of_ball")
@@ -44,7 +44,7 @@ def say_named(believed: tuple[str, ...], p_value: float, leading: Further, also:
         said = (f"{_missing(believed, among)}, {either(stages)}: {either(rest)}. These data cannot tell which of "
                 f"these it is. If it is the first, {likeliest}.")
     unexplained = 1.0 - sum(one.probability for one in what)
-    if unexplained >= DOUBTFUL:
+    if unexplained >= UNSURE:
         said += f" A free curve explains it about as well, so it may be an effect of no term ({unexplained:.0%})."
     more = "".join(besides(further, then, among) for further, then in zip(also, THEN, strict=False))
     return said + _since(place) + more + _gained(fit) + _chance(p_value)

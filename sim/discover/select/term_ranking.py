@@ -27,7 +27,7 @@ MASS = 0.9                            # that the set of names holds
 LEAST_INFORMATION = 1e-4              # of a term's own, that must be left by the shared columns
 BUSY = 1e-12
 MOST_USUAL = 6.0                      # usual sizes beyond which an amplitude is not what its name says,
-DOUBT = 2.0                           # by more standard deviations than this
+SPARE_SD = 2.0                           # by more standard deviations than this
 NEVER = -1e3                          # nats
 
 
@@ -166,9 +166,9 @@ def is_possible(found: Refit, *usual: float) -> bool:
     """
     among = found.layout.chain.catalogue
     low, high = np.array([(one.low, one.high) for one in (find_parameter(name, among) for name in found.names)]).T
-    doubt = DOUBT * found.sd
-    return bool(((found.wanted >= low - doubt) & (found.wanted <= high + doubt)
-                 & (np.abs(found.amplitude) <= MOST_USUAL * np.array(usual) + doubt)).all())
+    spare = SPARE_SD * found.sd
+    return bool(((found.wanted >= low - spare) & (found.wanted <= high + spare)
+                 & (np.abs(found.amplitude) <= MOST_USUAL * np.array(usual) + spare)).all())
 
 
 def tame(candidate: Candidate, evidence: ScoreTable) -> float:
