@@ -22,11 +22,10 @@ from truearc.sim.infer.curve import resized
 from truearc.sim.physics import catalogue as stages
 from truearc.sim.physics.catalogue import BUILT_IN, Catalogue, effective, find_terms
 from truearc.sim.physics.flight import Law, make_law
-from truearc.sim.physics.frame import axes
 from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.nonparametric import CURVE
 from truearc.sim.physics.term import DIRECTIONS, BallState, Opening
-from truearc.sim.physics.vector import Vec, add
+from truearc.sim.physics.vector import Vec, add, axes
 
 # How one shot differs from its configuration. The last six are of flights whose launch is unknown.
 DEVIATES = ("log_speed", "elevation_rad", "azimuth_rad", "spin_share", "distance_m", "lead_s",
