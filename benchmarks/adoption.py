@@ -34,7 +34,7 @@ from truearc.robot.gate.contract import NOVELTY_LIMIT
 from truearc.sim.compile_cache import keep_compiled
 from truearc.sim.data.dataset import Shots
 from truearc.sim.discover.adopt import make_belief
-from truearc.sim.discover.api import discover
+from truearc.sim.discover.investigate import discover
 from truearc.sim.gate.novelty import fit_novelty
 from truearc.sim.gate.outcome_classes import OutcomeClasses, outcome_classes_of
 from truearc.sim.gate.train import train_physics_gate

@@ -27,8 +27,8 @@ from truearc.robot.config.schema import InputError
 from truearc.sim.compile_cache import keep_compiled
 from truearc.sim.data.dataset import Dataset, load_dataset
 from truearc.sim.discover.adopt import make_belief
-from truearc.sim.discover.api import discover
 from truearc.sim.discover.finding import make_json
+from truearc.sim.discover.investigate import discover
 from truearc.sim.infer.belief import Belief
 from truearc_proof.rounds.jsonl_store import fill
 from truearc_proof.truth.generate import shoot

@@ -17,9 +17,8 @@ import numpy as np
 
 from benchmarks.suite import Job, true_parameter, world_of
 from truearc.sim.compile_cache import keep_compiled
-from truearc.sim.discover.detect.clusters import groups_of
 from truearc.sim.discover.model.baseline_fit import fit_believed
-from truearc.sim.discover.model.design_columns import lay_out
+from truearc.sim.discover.model.design_columns import groups_of, lay_out
 from truearc.sim.discover.model.prepared_data import take_in
 from truearc.sim.discover.model.score_table import ScoreTable
 from truearc.sim.discover.select.term_ranking import efficient, visible_terms

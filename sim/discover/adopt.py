@@ -1,23 +1,26 @@
-"""What discovery found becomes what is believed: the fitted coefficients with every named effect, and their doubt."""
+"""Make a belief of a finding: the fitted coefficients with every named effect, and their covariance.
+
+A later session's balls may be others, and a fit that may say so attributes much of a change of the robot to them: on
+shots of that session it forecasts no worse. But the next session's balls are others again. So a belief is judged with
+the session's random effects of balls taken out: one that would then forecast its shots worse, by its 90 % interval, is
+not adopted, even if this session's balls gain by it; and one that they do not gain by is, if it is not worse.
+"""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from truearc.sim.discover.api import Investigation
-from truearc.sim.discover.detect.clusters import Clusters
+from truearc.sim.discover.investigate import Investigation
 from truearc.sim.discover.model.belief_prior import SCATTERS, believed_name, own_slope
 from truearc.sim.discover.model.design_columns import is_tracker
 from truearc.sim.discover.model.nonparametric_terms import Freed, all_freed
 from truearc.sim.discover.model.score_table import Array, Column, ScoreTable
-from truearc.sim.discover.model.shape_parameters import further_values
 from truearc.sim.discover.report.finding_text import gained_interval
-from truearc.sim.discover.select.batch_effect import luck_of_others, usual_gain
 from truearc.sim.discover.select.model_averaging import Mixed, mixed
-from truearc.sim.discover.select.refit import Refit, without
+from truearc.sim.discover.select.refit import Refit, clustered_error, further_values, unseen_change, without
 from truearc.sim.discover.select.selection_step import Step
-from truearc.sim.infer.belief import SCATTER, Belief, moved_curves, point_belief, scale_of
+from truearc.sim.infer.belief import SCATTER, Belief, moved_curves, scale_of
 from truearc.sim.infer.coefficients import Coefficients
 from truearc.sim.infer.curve import Curve
 from truearc.sim.physics.catalogue import Catalogue, find_terms
@@ -25,14 +28,36 @@ from truearc.sim.physics.nonparametric import CURVE, NAMELESS
 from truearc.sim.physics.scales import fits_scale
 from truearc.sim.physics.term import complete
 
-Gain = Callable[[ScoreTable, ScoreTable, Clusters], tuple[float, float]]
+Gain = Callable[[ScoreTable, ScoreTable], tuple[float, float]]
+NINETY = 1.645
+
+
+def ball_effects(evidence: ScoreTable) -> Array:
+    """Places of the columns of a later session's balls; none where no belief about earlier ones was given."""
+    return np.array([k for k, column in enumerate(evidence.columns) if column.kind == "group" and column.told],
+                    dtype=int)
+
+
+def usual_score(evidence: ScoreTable) -> Array:
+    """Log score [n] of each shot by fits of all columns to the other folds, had the balls been as believed."""
+    change, balls = unseen_change(evidence), ball_effects(evidence)
+    change[:, balls] = -evidence.point[balls]
+    return np.asarray(evidence.log_score + evidence.gain(change))
+
+
+def usual_gain(before: ScoreTable, after: ScoreTable) -> tuple[float, float]:
+    """90 % interval of the log score that a shot gains by `after` in place of `before`, columns all shared in both."""
+    gain = usual_score(after) - usual_score(before)
+    error = NINETY * clustered_error(gain, after.rows)
+    return float(gain.mean() - error), float(gain.mean() + error)
+
 
 def make_belief(investigation: Investigation, gain: Gain = usual_gain) -> tuple[Belief, dict[str, Any]]:
-    """(coefficients, scatter and covariance with all that was named, and the curve of what was not; provenance).
+    """(coefficients, scatter and covariance with all that was named, and the curve of the rest; provenance).
 
-    Where several names of the last effect could not be told apart, the simulation is taken that forecasts their average
-    (truearc.sim.discover.select.model_averaging). gain: bounds of what forecasts win where the balls are others.
-    ValueError for data that carry no test.
+    Where several names of the last effect could not be told apart, the simulation is chosen that forecasts their
+    average (truearc.sim.discover.select.model_averaging). gain: bounds of the forecasts' gain where the balls are
+    others. ValueError for data that carry no test.
     """
     if investigation.fitted is None:
         raise ValueError("the data carry no test, so nothing was fitted")
@@ -40,16 +65,16 @@ def make_belief(investigation: Investigation, gain: Gain = usual_gain) -> tuple[
     named, free, several, evidence = taken.named, taken.free, taken.several, taken.evidence
     among = investigation.catalogue
     names = [name for step in named[:-1 if several else None] for name in step.refit.names]
-    columns = [k for k, column in enumerate(evidence.columns) if _belongs(column, among)]
+    columns = [k for k, column in enumerate(evidence.columns) if belongs(column, among)]
     coefficients, curves = _nameless(evidence, free, investigation.belief)
-    coefficients |= _coefficients(evidence, columns, investigation.finding.data.believed, among)
+    coefficients |= coefficients_of(evidence, columns, investigation.finding.data.believed, among)
     further = further_values(named[-1].refit.layout, named[-1].refit.spot, tuple(names)) if names else {}
     coefficients |= {term: {**coefficients[term], **values} for term, values in further.items()}
     scatter = {SCATTERS[evidence.columns[k].name]: _scatter(evidence.columns[k].name, evidence.point[k])
                for k in columns if evidence.columns[k].name in SCATTERS}
     kept, covariance = _covariance(evidence, columns, among)
     if further:
-        covariance = _with_doubt_of_further(kept, covariance, named[-1].refit, further)
+        covariance = _widened(kept, covariance, named[-1].refit, further)
     finding = investigation.finding
     provenance = {"method": "discover", "shots": finding.data.shots, "level": finding.data.level,
                   "verdict": finding.verdict,
@@ -61,8 +86,8 @@ def make_belief(investigation: Investigation, gain: Gain = usual_gain) -> tuple[
     return Belief(coefficients, scatter, kept, covariance, curves, among), {**refused, **provenance}
 
 
-def _with_doubt_of_further(names: tuple[str, ...], covariance: Array, found: Refit, further: Coefficients) -> Array:
-    """Amplitudes as doubtful as what else their terms' further numbers may be makes them."""
+def _widened(names: tuple[str, ...], covariance: Array, found: Refit, further: Coefficients) -> Array:
+    """The covariance with the standard deviations of amplitudes that include those of their terms' shape parameters."""
     scale = np.ones(len(names))
     for name, sd in zip(found.names, found.sd, strict=True):
         if name.partition(".")[0] in further and name in names:
@@ -72,14 +97,14 @@ def _with_doubt_of_further(names: tuple[str, ...], covariance: Array, found: Ref
 
 
 def _parts(several: Mixed | None) -> list[str]:
-    """Names with how likely each is, in percent; what is missing to 100 is nothing's."""
+    """Names with how likely each is, in percent; the rest to 100 is that of no effect."""
     share = {} if several is None else several.share
     return [f"{name.partition('.')[0]} ({value:.0%})" for name, value in share.items()]
 
 
 class _Taken(NamedTuple):
-    """Named steps, curves of what has no name, the average of the last names where they were several, the evidence of
-    it all, and why a curve was not taken."""
+    """Named steps, curves of unexplained effects, the average of the last names where they were several, the evidence
+    of it all, and why a curve was not adopted."""
 
     named: tuple[Step, ...]
     free: tuple[Freed, ...]
@@ -94,7 +119,7 @@ def _best(investigation: Investigation, gain: Gain) -> tuple[_Taken, str]:
     named = tuple(step for step in everything if not step.unknown)
     for steps in (everything, named) if len(named) < len(everything) else (everything,):
         taken = _take(investigation, steps)
-        why = _surely_worse(investigation, taken.evidence, gain)
+        why = _worse(investigation, taken.evidence, gain)
         if not why:
             return taken, worse
         worse = worse or why
@@ -111,35 +136,30 @@ def _take(investigation: Investigation, steps: tuple[Step, ...]) -> _Taken:
     return _Taken(named, free, several, evidence, why)
 
 
-def _surely_worse(investigation: Investigation, evidence: ScoreTable, gain: Gain) -> str:
-    """Why nothing that was found is believed. Where a later session's balls may be others, their luck is left out."""
-    if not investigation.steps or investigation.fitted is None or investigation.clusters is None:
+def _worse(investigation: Investigation, evidence: ScoreTable, gain: Gain) -> str:
+    """Why the effects found are not adopted. Where a later session's balls may be others, their effects are left out.
+    """
+    if not investigation.steps or investigation.fitted is None:
         return ""
     before = without(investigation.fitted.evidence)
-    if len(luck_of_others(before)):
-        _, high = gain(before, evidence, investigation.clusters)
-        return "other balls than this session's would be foretold surely worse" if high < 0.0 else ""
+    if len(ball_effects(before)):
+        high = gain(before, evidence)[1]
+        return "forecasts of other balls than this session's would be worse (90 % interval)" if high < 0.0 else ""
     fit = investigation.finding.fit
     interval = None if fit is None else gained_interval(fit)
-    return "what was found foretells unseen shots surely worse" if interval and interval[1] < 0.0 else ""
+    return "forecasts of hold-out shots are worse (90 % interval)" if interval and interval[1] < 0.0 else ""
 
 
 def _free(investigation: Investigation, steps: tuple[Step, ...]) -> tuple[tuple[Freed, ...], str]:
-    """(curves of what has no name, why one is not believed)."""
+    """(curves of unexplained effects, why one is not adopted)."""
     if not steps or not steps[-1].unknown or investigation.search is None:
         return (), ""
     return all_freed(steps[-1], investigation.search)
 
 
-def believed_in(evidence: ScoreTable, believed: tuple[str, ...], among: Catalogue) -> Belief:
-    """What is believed at the evidence's point, of these terms and those fitted with them; without its doubt."""
-    shared = [k for k in range(evidence.first_shared, len(evidence.columns)) if _belongs(evidence.columns[k], among)]
-    return point_belief(_coefficients(evidence, shared, believed, among), among=among)
-
-
 def _nameless(evidence: ScoreTable, free: tuple[Freed, ...],
               belief: Belief | None) -> tuple[Coefficients, dict[str, Curve]]:
-    """({term: values}, {term: curve}) of effects without a name, those believed before and those found, as fitted."""
+    """({term: values}, {term: curve}) of unexplained effects, those believed before and those found, as fitted."""
     curves = {**({} if belief is None else belief.curves), **{one.term: one.curve for one in free}}
     before = {} if belief is None else {name: dict(belief.coefficients[name]) for name in belief.curves}
     points = {column.name.removeprefix(CURVE + "."): float(value) for column, value in zip(
@@ -147,16 +167,17 @@ def _nameless(evidence: ScoreTable, free: tuple[Freed, ...],
     return {**before, **{one.term: dict(one.values) for one in free}}, moved_curves(curves, points)
 
 
-def _belongs(column: Column, among: Catalogue) -> bool:
-    """A parameter of the simulation or a scatter of the launch; no ball's luck, no tracker's calibration."""
+def belongs(column: Column, among: Catalogue) -> bool:
+    """A parameter of the simulation or a scatter of the launch, not a ball's random effect or a tracker's calibration.
+    """
     if column.kind == "group" or is_tracker(column, among):
         return False
     return column.name in SCATTERS or not column.name.startswith(SCATTER + ".")
 
 
-def _coefficients(evidence: ScoreTable, columns: list[int], believed: tuple[str, ...],
-                  among: Catalogue) -> Coefficients:
-    """Every believed and named term that has a name, with parameters that nobody fitted at their defaults."""
+def coefficients_of(evidence: ScoreTable, columns: list[int], believed: tuple[str, ...],
+                    among: Catalogue) -> Coefficients:
+    """Every believed and named term of the catalogue, with parameters that were not fitted at their defaults."""
     apart = {*among.always, *(term.name for term in NAMELESS)}
     given: Coefficients = {name: {} for name in believed if name not in apart}
     for k in columns:
@@ -173,7 +194,7 @@ def _scatter(name: str, log_value: float) -> float:
 
 
 def _covariance(evidence: ScoreTable, columns: list[int], among: Catalogue) -> tuple[tuple[str, ...], Array]:
-    """(names, covariance on their scales); what has no place on its scale is taken as exact."""
+    """(names, covariance on their scales); a number that does not fit on its scale counts as exact."""
     information = evidence.information + evidence.precision
     whole = np.linalg.pinv(information, hermitian=True)
     names = {k: believed_name(evidence.columns[k].name) for k in columns}

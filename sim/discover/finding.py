@@ -12,7 +12,7 @@ SCHEMA = "truearc.finding/1"
 
 
 class DataSummary(Struct, frozen=True):
-    """What was looked at; `clusters` says what was held together when chance was judged."""
+    """The data; `clusters` says which shots have a sign of their own in the test."""
 
     shots: int
     level: str                        # L0 outcomes | L1 with telemetry | L2 with tracks
@@ -76,7 +76,7 @@ class Named(Struct, frozen=True):
     parameters: dict[str, Interval]
     sentence: str
     stage: str
-    believed: float | None = None     # what the one parameter was thought to be, where a belief is what is asked about
+    believed: float | None = None     # the one parameter's value in the belief, where a change of it is tested
 
 
 class Unknown(Struct, frozen=True):
@@ -107,7 +107,7 @@ class FitSummary(Struct, frozen=True):
     height_rmse_after_m: float | None
     accuracy_before: float | None
     accuracy_after: float | None
-    height_at: str = "plane"          # or "track end": told from the first 40 % of the track
+    height_at: str = "plane"          # or "track end": forecast from the first 40 % of the track
 
 
 class Finding(Struct, frozen=True):
@@ -129,7 +129,7 @@ def load_finding(path: str | Path) -> Finding:
     """Read a finding that `make_json` wrote, by this version or an earlier one.
 
     Raises:
-        InputError: `path` cannot be read, or is no truearc.finding/1; with the key.
+        InputError: `path` cannot be read, or is not a truearc.finding/1; with the key.
     """
     try:
         finding = msgspec.json.decode(Path(path).read_bytes(), type=Finding)
@@ -142,6 +142,6 @@ def load_finding(path: str | Path) -> Finding:
     return finding
 
 
-def make_json(finding: Finding) -> bytes:
-    """JSON text of the answer; numbers that are not finite become null."""
-    return msgspec.json.format(msgspec.json.encode(finding), indent=1) + b"\n"
+def make_json(result: Struct) -> bytes:
+    """JSON text of a finding, or of another result; numbers that are not finite become null."""
+    return msgspec.json.format(msgspec.json.encode(result), indent=1) + b"\n"

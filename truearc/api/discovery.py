@@ -12,7 +12,7 @@ from truearc.api.table import Table
 from truearc.api.terms import names_of
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset
-from truearc.sim.discover import api as engine
+from truearc.sim.discover import investigate as engine
 from truearc.sim.discover.adopt import make_belief
 from truearc.sim.discover.finding import Finding as FindingRecord
 from truearc.sim.discover.finding import Interval, Named, make_json

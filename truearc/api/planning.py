@@ -13,9 +13,10 @@ from truearc.api.terms import names_of
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset
+from truearc.sim.discover.finding import make_json
+from truearc.sim.discover.plan.detectability import Sight
 from truearc.sim.discover.plan.expected_information import foresee, foresee_dataset
 from truearc.sim.discover.plan.experiment_design import can_design, make_design
-from truearc.sim.discover.plan.identifiability import Sight, make_sight
 from truearc.sim.discover.report.design_report import SCHEMA, design_lines, design_table
 from truearc.sim.discover.report.identifiability_report import make_sight_page, sight_lines
 from truearc.sim.discover.settings import CONFIGURATIONS, LEVEL, PLANNED_SHOTS, SEASON_SHOTS
@@ -50,7 +51,7 @@ class Identifiability(Printed):
 
     def to_json(self) -> str:
         """Return the answer as JSON (schema truearc.identifiability/1)."""
-        return make_sight(self.sight).decode()
+        return make_json(self.sight).decode()
 
     def to_html(self, path: str | Path) -> None:
         """Write the report as one HTML file; OSError where it cannot be written."""

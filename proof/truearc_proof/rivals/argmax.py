@@ -29,11 +29,9 @@ def answer(dataset: Dataset, believed: RivalBelief, seed: int = 0) -> Claim:
     fits = {name: float(found.evidence.log_score.sum()) for name, found in refits.items()}
     ranked = sorted(fits, key=lambda name: -fits[name]) + [one.name for one in ordered[LIKELY:]]
     null = without(fitted.evidence)
-    before = end_errors(fitted.intake, only_shared(fitted.layout), fitted.spot, null,
-                        unseen_change(null, believed.clusters))
+    before = end_errors(fitted.intake, only_shared(fitted.layout), fitted.spot, null, unseen_change(null))
     best = refits[ranked[0]]
-    after = end_errors(fitted.intake, best.layout, best.spot, best.evidence,
-                       unseen_change(best.evidence, believed.clusters))
+    after = end_errors(fitted.intake, best.layout, best.spot, best.evidence, unseen_change(best.evidence))
     names = tuple(dict.fromkeys(name.partition(".")[0] for name in ranked))
     return Claim(True, names, before, after, {"gain": fits[ranked[0]] - float(null.log_score.sum())})
 

@@ -8,8 +8,7 @@ import numpy as np
 from msgspec import Struct
 
 from truearc.sim.data.dataset import Dataset
-from truearc.sim.discover.api import Investigation
-from truearc.sim.discover.detect.clusters import Clusters
+from truearc.sim.discover.investigate import Investigation
 from truearc.sim.discover.model.baseline_fit import BaselineFit
 from truearc.sim.discover.select.refit import Refit
 
@@ -38,7 +37,6 @@ class RivalBelief:
     """The believed simulation fitted to the dataset, as truearc fits it; refits: of single terms, as far as made."""
 
     fitted: BaselineFit
-    clusters: Clusters
     refits: Mapping[str, Refit] = field(default_factory=dict)
 
     @property
@@ -66,10 +64,10 @@ def folds(n: int) -> tuple[Held, ...]:
 
 def believed_of(found: Investigation) -> RivalBelief | None:
     """From truearc's own investigation; None where the data carry no test at all."""
-    if found.fitted is None or found.clusters is None:
+    if found.fitted is None:
         return None
     refits = found.steps[0].naming.refits if found.steps else {}
-    return RivalBelief(found.fitted, found.clusters, refits)
+    return RivalBelief(found.fitted, refits)
 
 
 def rms(errors: Array) -> float:

@@ -53,7 +53,7 @@ def residuals_of(believed: RivalBelief) -> Array:
     """[k, 3] in m of the tracked shots, each by a believed fit that has not seen it."""
     fitted = believed.fitted
     null = without(fitted.evidence)
-    return track_errors(fitted.intake, only_shared(fitted.layout), fitted.spot, unseen_change(null, believed.clusters))
+    return track_errors(fitted.intake, only_shared(fitted.layout), fitted.spot, unseen_change(null))
 
 
 def table_of(covariates: Sequence[Covariate], rows: Array) -> Array:

@@ -25,8 +25,8 @@ import truearc_proof
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset, join_datasets, load_dataset
 from truearc.sim.discover.adopt import make_belief
-from truearc.sim.discover.api import Investigation, discover
 from truearc.sim.discover.finding import make_json
+from truearc.sim.discover.investigate import Investigation, discover
 from truearc.sim.discover.model.external_measurements import Measured, Measurement, column_of
 from truearc.sim.discover.plan.experiment_design import can_design, make_design
 from truearc.sim.infer.belief import Belief, as_table

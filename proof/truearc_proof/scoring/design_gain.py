@@ -6,9 +6,8 @@ from typing import Any
 import numpy as np
 
 from truearc.sim.data.dataset import Dataset, join_datasets
-from truearc.sim.discover.detect.clusters import groups_of
 from truearc.sim.discover.model.baseline_fit import fit_believed
-from truearc.sim.discover.model.design_columns import lay_out
+from truearc.sim.discover.model.design_columns import groups_of, lay_out
 from truearc.sim.discover.model.external_measurements import column_of
 from truearc.sim.discover.model.prepared_data import take_in
 from truearc.sim.discover.plan.experiment_design import Contest, worth

@@ -5,14 +5,14 @@ from typing import NamedTuple
 import numpy as np
 
 from truearc.sim.data.dataset import Dataset
-from truearc.sim.discover.adopt import believed_in
-from truearc.sim.discover.detect.clusters import find_clusters, groups_of
+from truearc.sim.discover.adopt import belongs, coefficients_of
 from truearc.sim.discover.model.baseline_fit import BaselineFit, fit_believed
-from truearc.sim.discover.model.design_columns import lay_out
+from truearc.sim.discover.model.design_columns import groups_of, lay_out
 from truearc.sim.discover.model.prepared_data import take_in
+from truearc.sim.discover.model.score_table import ScoreTable
 from truearc.sim.discover.select.refit import refit, unseen_score, without
 from truearc.sim.discover.select.term_ranking import efficient
-from truearc.sim.infer.belief import Belief
+from truearc.sim.infer.belief import Belief, point_belief
 from truearc.sim.physics.catalogue import BUILT_IN
 from truearc_proof.scoring.oracle import ceiling_of, strength_of
 from truearc_proof.scoring.score_finding import PARAMETER
@@ -44,7 +44,7 @@ def measure(drawn: Drawn, dataset: Dataset, claimed: bool = True, seed: int = 0)
         return Measured()
     terms, intake = dataset.facts.believe.terms, take_in(dataset)
     fitted = fit_believed(intake, lay_out(intake, terms, groups_of(dataset.shots, intake.rows), BUILT_IN))
-    before = believed_in(fitted.evidence, terms, BUILT_IN)
+    before = _believed(fitted.evidence, terms)
     return _of_one(drawn, dataset, fitted, seed)._replace(before=before) if single else Measured(before=before)
 
 
@@ -60,7 +60,13 @@ def _of_one(drawn: Drawn, dataset: Dataset, fitted: BaselineFit, seed: int) -> M
     index = np.array([fitted.evidence.index(column)])
     information = float(efficient(fitted.evidence, index)[1][0, 0])
     best_sd = information**-0.5 if information > 0.0 else None
-    told, clusters = refit(fitted, (column,), np.array([amplitude])), find_clusters(dataset.shots)
-    gain = unseen_score(told.evidence, clusters) - unseen_score(without(fitted.evidence), clusters)
+    told = refit(fitted, (column,), np.array([amplitude]))
+    gain = unseen_score(told.evidence) - unseen_score(without(fitted.evidence))
     return Measured(tuple(ceiling[:4]), ceiling.alike, best_sd, float(gain.mean()),
-                    oracle=believed_in(told.evidence, dataset.facts.believe.terms, BUILT_IN))
+                    oracle=_believed(told.evidence, dataset.facts.believe.terms))
+
+
+def _believed(evidence: ScoreTable, terms: tuple[str, ...]) -> Belief:
+    """The point belief at the evidence's point, of these terms and those fitted with them."""
+    shared = [k for k in range(evidence.first_shared, len(evidence.columns)) if belongs(evidence.columns[k], BUILT_IN)]
+    return point_belief(coefficients_of(evidence, shared, terms, BUILT_IN), among=BUILT_IN)

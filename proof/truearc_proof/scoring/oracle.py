@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from truearc.sim.discover.api import Investigation
-from truearc.sim.discover.model.score_table import Array, ScoreTable, plane_terms, shared_columns
+from truearc.sim.discover.investigate import Investigation
+from truearc.sim.discover.model.score_table import Array, ScoreTable, plane_terms
 from truearc.sim.discover.select.refit import refit, unseen_score, without
 from truearc.sim.discover.select.term_ranking import ALIAS, efficient, nats_for, visible_terms
 from truearc_proof.scoring.score_finding import ALIASES
@@ -84,7 +84,7 @@ def strength_of(evidence: ScoreTable, shift_m: Array) -> float | None:
 
     None where tracks or measured exits speak too, and where there are no outcomes: heights are not all there is then.
     """
-    plane, shared = evidence.plane, shared_columns(evidence)
+    plane, shared = evidence.plane, evidence.shared
     if plane is None or evidence.bend.any():
         return None
     mine = np.nan_to_num(shift_m[evidence.rows[plane.rows]])
@@ -100,10 +100,10 @@ def strength_of(evidence: ScoreTable, shift_m: Array) -> float | None:
 
 def oracle_gain(investigation: Investigation, name: str, amplitude: float) -> float | None:
     """Gain a shot on unseen shots, had somebody said which term it is; None where nothing was found."""
-    fitted, clusters = investigation.fitted, investigation.clusters
-    if fitted is None or clusters is None or not investigation.steps:
+    fitted = investigation.fitted
+    if fitted is None or not investigation.steps:
         return None
     if name not in {column.name for column in fitted.evidence.columns[:fitted.evidence.first_shared]}:
         return None
     told = refit(fitted, (name,), np.array([amplitude]))
-    return float((unseen_score(told.evidence, clusters) - unseen_score(without(fitted.evidence), clusters)).mean())
+    return float((unseen_score(told.evidence) - unseen_score(without(fitted.evidence))).mean())

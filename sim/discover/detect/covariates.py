@@ -1,6 +1,6 @@
 """What residuals might depend on: every numeric column, what can be derived from it, and every text column."""
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +11,7 @@ from truearc.sim.data.shot_conditions import counts_shots, gather_circumstances
 from truearc.sim.discover.model.score_table import Array
 from truearc.sim.physics.simulate import LAUNCH_STATE, launch_state
 
-# What a shot did, not what it was shot with.
+# Results of a shot, not its settings.
 RESULTS = ("miss_height_m", "outcome", "side")
 SAME = 0.98                           # |correlation| from which two columns are one covariate with two names
 FEWEST = 8                            # known values: fewer say little
@@ -45,9 +45,11 @@ class Covariate:
     def led_by_launch(self) -> "Covariate":
         """The same under the ball's speed or spin, if just one of them is among the names: forces know no wheels."""
         states = [name for name in LAUNCH_STATE if name in self.names]
-        if len(states) != 1:
-            return self
-        return Covariate(tuple(sorted(self.columns, key=lambda column: column[0] != states[0])))
+        return self.led_by(states) if len(states) == 1 else self
+
+    def led_by(self, names: Collection[str]) -> "Covariate":
+        """The same under the first of its names that is among these, if any."""
+        return Covariate(tuple(sorted(self.columns, key=lambda column: column[0] not in names)))
 
 
 @dataclass(frozen=True)
@@ -217,7 +219,7 @@ def _trace_columns(dataset: Dataset) -> dict[str, Array]:
 
 
 def _energy_column(columns: dict[str, Array]) -> dict[str, Array]:
-    """What the wheels give the ball and lose beside it, all told: half the drop of their squared speeds, summed, which
+    """Energy that the wheels give the ball or lose beside it: half the drop of their squared speeds, summed, which
     is energy over the inertia that no file states. A ball that leaves slower than what it took would have it has lost
     the rest: squeezed, slipped, rubbed."""
     wheels = [name.removeprefix("fed_") for name in columns if name.startswith("fed_wheel_")]

@@ -6,12 +6,11 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.linalg import block_diag
 
-from truearc.sim.discover.detect.clusters import Clusters
 from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, smooth_shapes
 from truearc.sim.discover.detect.test_battery import Test
 from truearc.sim.discover.detect.weight_functions import STEP
-from truearc.sim.discover.model.score_table import Array, ScoreTable, shared_columns
-from truearc.sim.discover.select.refit import folds_of, go_uphill
+from truearc.sim.discover.model.score_table import Array, ScoreTable
+from truearc.sim.discover.select.refit import by_folds, go_uphill
 
 Basis = Float[Array, "n q"]           # shapes of an amplitude over the shots
 Train = Bool[Array, " n"]             # the shots that are fitted to
@@ -42,32 +41,23 @@ class Correction:
         return gain
 
 
-def correct(evidence: ScoreTable, test: Test, clusters: Clusters) -> Correction:
-    """Fit the correction to all shots and to each fold's complement; folds keep clusters whole."""
+def correct(evidence: ScoreTable, test: Test) -> Correction:
+    """Fit the correction to all shots and to each fold's complement."""
     evidence = evidence.pick(np.array([test.column, *range(evidence.first_shared, len(evidence.columns))]))
     basis = _basis(evidence, test)
-    fold = folds_of(clusters.label[evidence.rows])
-    shape = evidence.score.shape
-    before, after = np.zeros(shape), np.zeros(shape)
-    for held in range(fold.max() + 1):
-        train, out = fold != held, fold == held
-        before[out] = _fitted(evidence, basis[:, :0], train, 0.0)[out]
-        ridge = _choose_ridge(evidence, test, basis, train)
-        after[out] = _fitted(evidence, basis, train, ridge)[out]
-    whole = np.ones(len(fold), dtype=bool)
-    found = _fit(evidence, 0, basis, whole, _choose_ridge(evidence, test, basis, whole))
+    before = by_folds(evidence, lambda train: _fitted(evidence, basis[:, :0], train, 0.0))
+    after = by_folds(evidence, lambda train: _fitted(evidence, basis, train, _ridge(evidence, test, basis, train)))
+    whole = np.ones(len(basis), dtype=bool)
+    found = _fit(evidence, basis, whole, _ridge(evidence, test, basis, whole))
     return Correction(test, evidence, basis @ found[:basis.shape[1]], before, after,
                       evidence.log_score + evidence.gain(before), evidence.log_score + evidence.gain(after))
 
 
-def unseen(evidence: ScoreTable, basis: Basis, clusters: Clusters) -> tuple[Float[Array, " n"], Float[Array, " q"]]:
+def unseen(evidence: ScoreTable, basis: Basis) -> tuple[Float[Array, " n"], Float[Array, " q"]]:
     """(held-out log score, coefficients fitted to all shots) with the first column's amplitude in the span of
     `basis`; folds as in `correct`."""
-    fold = folds_of(clusters.label[evidence.rows])
-    change = np.zeros(evidence.score.shape)
-    for held in range(fold.max() + 1):
-        change[fold == held] = _fitted(evidence, basis, fold != held, 0.0)[fold == held]
-    found = _fit(evidence, 0, basis, np.ones(len(fold), dtype=bool), 0.0)
+    change = by_folds(evidence, lambda train: _fitted(evidence, basis, train, 0.0))
+    found = _fit(evidence, basis, np.ones(len(basis), dtype=bool), 0.0)
     return evidence.log_score + evidence.gain(change), found[:basis.shape[1]]
 
 
@@ -90,67 +80,66 @@ def _basis(evidence: ScoreTable, test: Test) -> Float[Array, "n q"]:
 
 def _fitted(evidence: ScoreTable, basis: Basis, train: Train, ridge: float) -> Float[Array, "n P"]:
     """Most likely change with the first column's amplitude in the span of `basis`, by rows in `train`."""
-    return _spread(evidence, 0, basis, _fit(evidence, 0, basis, train, ridge))
+    return _spread(evidence, basis, _fit(evidence, basis, train, ridge))
 
 
-def _fit(evidence: ScoreTable, channel: int, basis: Basis, train: Train, ridge: float) -> Float[Array, " k"]:
+def _fit(evidence: ScoreTable, basis: Basis, train: Train, ridge: float) -> Float[Array, " k"]:
     """Coefficients of the basis and changes of the shared columns, likeliest for the rows in `train`."""
-    shared = shared_columns(evidence)
+    shared = evidence.shared
     q, p = basis.shape[1], evidence.score[:, shared].shape[1]
-    penalty = block_diag(np.diag(_penalty(evidence, channel, basis, train, ridge)), evidence.precision)
+    penalty = block_diag(np.diag(_penalty(evidence, basis, train, ridge)), evidence.precision)
     slope = np.concatenate([np.zeros(q), evidence.pull])
 
     def step_from(found: Array) -> Array:
-        score, info = _normal(evidence, channel, basis, train, _spread(evidence, channel, basis, found))
+        score, info = _normal(evidence, basis, train, _spread(evidence, basis, found))
         return np.linalg.solve(info + penalty + 1e-12 * np.eye(q + p), score + slope - penalty @ found)
 
     def value_at(tried: Array) -> float:
-        gained = evidence.gain(_spread(evidence, channel, basis, tried))[train].sum()
+        gained = evidence.gain(_spread(evidence, basis, tried))[train].sum()
         return float(gained + slope @ tried - 0.5 * tried @ penalty @ tried)
 
     return go_uphill(np.zeros(q + p), step_from, value_at, STEPS, HALVINGS, 1e-6)
 
 
-def _spread(evidence: ScoreTable, channel: int, basis: Basis, found: Float[Array, " k"]) -> Float[Array, "n P"]:
+def _spread(evidence: ScoreTable, basis: Basis, found: Float[Array, " k"]) -> Float[Array, "n P"]:
     """Coefficients of the basis and shared changes -> one change a shot."""
     change = np.zeros_like(evidence.score)
-    change[:, channel] = basis @ found[:basis.shape[1]]
-    change[:, shared_columns(evidence)] = found[basis.shape[1]:]
+    change[:, 0] = basis @ found[:basis.shape[1]]
+    change[:, evidence.shared] = found[basis.shape[1]:]
     return change
 
 
-def _normal(evidence: ScoreTable, channel: int, basis: Basis, train: Train,
+def _normal(evidence: ScoreTable, basis: Basis, train: Train,
             change: Float[Array, "n P"]) -> tuple[Float[Array, " k"], Float[Array, "k k"]]:
     """Score and information of basis coefficients and shared parameters at `change`."""
     score, info = (part[train] for part in evidence.slopes_at(change))
-    shared, deal = shared_columns(evidence), evidence.deal.some(train)
+    shared, deal = evidence.shared, evidence.deal.some(train)
     shapes = basis[train]
-    cross = shapes.T @ deal.spread(info[:, channel])[:, shared]
-    top = np.einsum("nq,nr,n->qr", shapes, shapes, info[:, channel, channel])
-    return (np.concatenate([shapes.T @ score[:, channel], deal.spread(score)[:, shared].sum(0)]),
+    cross = shapes.T @ deal.spread(info[:, 0])[:, shared]
+    top = np.einsum("nq,nr,n->qr", shapes, shapes, info[:, 0, 0])
+    return (np.concatenate([shapes.T @ score[:, 0], deal.spread(score)[:, shared].sum(0)]),
             np.block([[top, cross], [cross.T, deal.total(info)[shared, shared]]]))
 
 
-def _penalty(evidence: ScoreTable, channel: int, basis: Basis, train: Train, ridge: float) -> Float[Array, " q"]:
+def _penalty(evidence: ScoreTable, basis: Basis, train: Train, ridge: float) -> Float[Array, " q"]:
     """Ridge on each basis column: firm but tiny, and `ridge` on bends (columns from the third)."""
-    said = (basis[train]**2 * evidence.info[train, channel, channel][:, None]).sum(0)
+    said = (basis[train]**2 * evidence.info[train, 0, 0][:, None]).sum(0)
     ridges: Array = said * np.where(np.arange(basis.shape[1]) >= 2, FIRM + ridge, FIRM)
     return ridges
 
 
-def _choose_ridge(evidence: ScoreTable, test: Test, basis: Basis, train: Train) -> float:
+def _ridge(evidence: ScoreTable, test: Test, basis: Basis, train: Train) -> float:
     """The ridge under which the training shots are likeliest, bends integrated out (Laplace, first step); groups: 0."""
-    q, channel = basis.shape[1], 0
+    q = basis.shape[1]
     if q <= 2 or not isinstance(test.what, Covariate):
         return 0.0
-    score, info = _normal(evidence, channel, basis, train, np.zeros_like(evidence.score))
+    score, info = _normal(evidence, basis, train, np.zeros_like(evidence.score))
     score = score + np.concatenate([np.zeros(q), evidence.pull])
-    return max(RIDGES, key=lambda ridge: _marginal(evidence, channel, basis, train, ridge, score, info))
 
+    def marginal(ridge: float) -> float:
+        bends = _penalty(evidence, basis, train, ridge)
+        total = info + block_diag(np.diag(bends), evidence.precision) + 1e-12 * np.eye(len(info))
+        volume = np.log(np.maximum(bends, 1e-300)).sum() - np.linalg.slogdet(total)[1]
+        return float(0.5 * score @ np.linalg.solve(total, score) + 0.5 * volume)
 
-def _marginal(evidence: ScoreTable, channel: int, basis: Basis, train: Train, ridge: float,
-              score: Float[Array, " k"], info: Float[Array, "k k"]) -> float:
-    bends = _penalty(evidence, channel, basis, train, ridge)
-    total = info + block_diag(np.diag(bends), evidence.precision) + 1e-12 * np.eye(len(info))
-    volume = np.log(np.maximum(bends, 1e-300)).sum() - np.linalg.slogdet(total)[1]
-    return float(0.5 * score @ np.linalg.solve(total, score) + 0.5 * volume)
+    return max(RIDGES, key=marginal)

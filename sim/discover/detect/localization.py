@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from truearc.sim.discover.detect.clusters import Clusters
 from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Factor
 from truearc.sim.discover.detect.free_curve import Correction, correct
 from truearc.sim.discover.detect.score_test import Judged
@@ -51,11 +50,11 @@ def _plainness(test: Test) -> int:
     return 1 if test.shape in ("straight", "proportional") else 2
 
 
-def locate(evidence: ScoreTable, asked: Asked, judged: Judged, false_alarm: float, clusters: Clusters,
+def locate(evidence: ScoreTable, asked: Asked, judged: Judged, false_alarm: float, shots: int,
            seed: int) -> Place | None:
     """Take the best free change of every stage, correct by it, and weigh the stages by what that gains held out.
 
-    None where nothing free could be asked.
+    None where nothing free could be tested.
     """
     tests = asked.tests
     free = np.array([k for k, test in enumerate(tests) if test.family == FREE], dtype=int)
@@ -70,34 +69,29 @@ def locate(evidence: ScoreTable, asked: Asked, judged: Judged, false_alarm: floa
     champions = {stage: pick(tests, judged, free[stage_of[free] == stage])
                  for stage in STAGES if (stage_of[free] == stage).any()}
     champions[stage_of[leader]] = leader
-    corrections = {stage: correct(evidence, tests[k], clusters) for stage, k in champions.items()}
-    weights = _weigh(evidence, corrections, clusters, seed)
+    corrections = {stage: correct(evidence, tests[k]) for stage, k in champions.items()}
+    weights = _weigh(evidence, corrections, shots, seed)
     correction = corrections[stage_of[leader]]
     return Place(tests[leader], evidence.columns[tests[leader].column], leader, correction, weights,
                  _region(evidence, correction), times_of(evidence, tests[leader]))
 
 
-def _weigh(evidence: ScoreTable, corrections: dict[str, Correction], clusters: Clusters,
-           seed: int) -> dict[str, float]:
-    """Probability of each stage: held-out gains under resampled clusters (pseudo-BMA with a Bayesian bootstrap), each
+def _weigh(evidence: ScoreTable, corrections: dict[str, Correction], shots: int, seed: int) -> dict[str, float]:
+    """Probability of each stage: held-out gains under resampled shots (pseudo-BMA with a Bayesian bootstrap), each
     stage at a disadvantage the larger its departure would have to be beside what is usual for such a one.
 
-    Outcomes alone often fit a camera that is a metre out as well as a launch that is slow; nobody would believe
-    the first. Yao et al. 2018, Using stacking to average predictive distributions, section 3.4.
+    Outcomes alone often fit a camera that is a metre out as well as a launch that is slow; the first is implausible.
+    Yao et al. 2018, Using stacking to average predictive distributions, section 3.4.
     """
-    totals = np.zeros((len(corrections), clusters.count))
-    for k, correction in enumerate(corrections.values()):
-        np.add.at(totals[k], clusters.label[evidence.rows], correction.gain)
-    draws = np.random.default_rng(seed).dirichlet(np.ones(clusters.count), RESAMPLES) * clusters.count
-    power = draws @ totals.T + np.array([_plausibility(correction) for correction in corrections.values()])
+    totals = np.zeros((len(corrections), shots))
+    totals[:, evidence.rows] = [correction.gain for correction in corrections.values()]
+    draws = np.random.default_rng(seed).dirichlet(np.ones(shots), RESAMPLES) * shots
+    # log of a normal prior on the departure's size, relative to its peak
+    plausible = [-0.5 * (amplitude_of(one) / one.evidence.columns[0].usual) ** 2 for one in corrections.values()]
+    power = draws @ totals.T + np.array(plausible)
     share = np.exp(power - power.max(axis=1, keepdims=True))
     mean = (share / share.sum(axis=1, keepdims=True)).mean(axis=0)
     return {stage: float(dict(zip(corrections, mean, strict=True)).get(stage, 0.0)) for stage in STAGES}
-
-
-def _plausibility(correction: Correction) -> float:
-    """Log of a normal prior on the departure's size, relative to its peak."""
-    return -0.5 * (amplitude_of(correction) / correction.evidence.columns[0].usual) ** 2
 
 
 def _region(evidence: ScoreTable, correction: Correction) -> dict[str, Any]:

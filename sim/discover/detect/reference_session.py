@@ -1,10 +1,10 @@
-"""What was left over at home already is no change.
+"""Subtract the reference session's scores: misfit present in both sessions is not evidence of change.
 
-A simulation adopted from one session is not perfect for it either, and tracks see that. Asked of the next session, what
-was left over would be found again, for a change. So each test is asked of both: under no change its score at home, in
-proportion to what the two sessions have to say, is what is to be expected here, give or take the luck of both (a
-difference of two samples, whose clusters are flipped alike). Where home says nothing, as of a covariate that nothing
-was known of there, the test stands as it is.
+A simulation adopted from one session ("home") is not perfect for it either, and tracks see that. In the next session
+the same misfit would be found again, as a change. So each test is made in both sessions: under no change its score at
+home, scaled by the ratio of the two sessions' informations, is the expected score here, within the chance variation of
+both (a difference of two samples, whose signs are flipped alike). Where home has no information, as along a covariate
+that was not recorded there, the test stands as it is.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,7 +20,7 @@ from truearc.sim.discover.model.baseline_fit import BaselineFit
 from truearc.sim.discover.model.score_table import Array, ScoreTable
 from truearc.sim.discover.select.refit import promote, refit
 
-MOST = 4.0                            # times as much as home that a session may say: else home's luck drowns it
+MOST = 4.0                            # times home's information that a session may have: else home's noise drowns it
 
 
 @dataclass(frozen=True)
@@ -54,14 +54,13 @@ class ReferenceSession:
         return Covariate(((what.name, self.find(what)),))
 
     def index(self, name: str) -> int | None:
-        """Of the asked column; None where there is none."""
+        """Of the tested column; None where there is none."""
         columns = self.fitted.evidence.columns[:self.fitted.evidence.first_shared]
         return next((k for k, column in enumerate(columns) if column.name == name), None)
 
     def beside(self, scores: Scores, evidence: ScoreTable, number: int, shapes: Sequence[WeightFunction],
                weights: Array) -> Scores:
-        """The scores of `shapes` (`weights` [n, q]) on the evidence's column, less what home's say, whose clusters
-        follow."""
+        """The scores of `shapes` (`weights` [n, q]) on the evidence's column, less home's, whose signs follow."""
         mine = self.fitted.evidence
         column = self.index(evidence.columns[number].name)
         rows = len(mine.rows) + len(mine.precision)

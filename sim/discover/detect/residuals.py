@@ -1,10 +1,10 @@
-"""What shots still ask for, before and after something is put into the simulation: what the pictures show.
+"""Residuals of the shots before and after an effect is put into the simulation, for the report's pictures.
 
 Many shots' residual in one free number (launch speed, a push in flight) is the sum of their scores over the sum of
 their informations; in the height at the target it is the shift under which their outcomes are likeliest.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +12,8 @@ import numpy as np
 from truearc.sim.discover.detect.covariates import Covariate, Factor, followed_column
 from truearc.sim.discover.detect.localization import Place
 from truearc.sim.discover.detect.test_battery import Asked
-from truearc.sim.discover.model import outcome_likelihood as outcomes
+from truearc.sim.discover.model import plane_likelihood as outcomes
+from truearc.sim.discover.model.baseline_fit import BaselineFit
 from truearc.sim.discover.model.score_table import Array, PlaneScores, ScoreTable
 from truearc.sim.discover.report.effect_wording import scale_of
 from truearc.sim.discover.select.refit import promote
@@ -22,7 +23,7 @@ HEIGHT = "height at the target"
 MOST_BINS, BIN_SHOTS = 8, 6
 MOST_GROUPS = 3
 FEWEST = 3                            # shots of a bin
-SHIFTS, MOST_SPREADS = 201, 5.0       # of heights that are tried, as far as so many spreads of one shot
+SHIFTS, MOST_SPREADS = 201, 5.0       # of heights that are tried, as far as this number of spreads of one shot
 AT_STAGE = 3.0                        # weight of numbers of the stage where it happens
 Along = Covariate | Factor
 
@@ -37,7 +38,7 @@ class LinearResiduals:
     def estimate(self, chosen: Array) -> tuple[float, float]:
         """(residual, standard error) of the chosen shots [n]: by information, or by how these differ if that is more.
 
-        nan where they say nothing.
+        nan where they have no information.
         """
         score, information = self.score[chosen], self.information[chosen]
         if len(score) < FEWEST or not information.sum() > 0.0:
@@ -49,7 +50,7 @@ class LinearResiduals:
 
 @dataclass(frozen=True)
 class Heights:
-    """What was seen at the plane, and what height is expected, of the shots `rows` of n."""
+    """Observed and expected heights at the plane, of the shots `rows` of n."""
 
     plane: PlaneScores
     shots: int
@@ -57,7 +58,7 @@ class Heights:
     def estimate(self, chosen: Array) -> tuple[float, float]:
         """(common shift of heights in m, uphill from none, its standard error by the likelihood); nan: none to be had.
 
-        A miss that may have been high or low has a second summit far off, which nobody would believe.
+        A miss that may have been high or low has a second summit far off, which is implausible.
         """
         plane = self.plane
         mine = np.flatnonzero(chosen[plane.rows])
@@ -189,7 +190,7 @@ def bins_of(along: Along, rows: Array) -> Bins:
 
 
 def binned(part: Part, bins: Bins) -> tuple[Array, Array]:
-    """(residual, standard error) [B]; nan where the shots of a bin say nothing of it."""
+    """(residual, standard error) [B]; nan where the shots of a bin have no information on it."""
     found = np.array([part.estimate(bins.index == k) for k in range(len(bins.middle))]).reshape(-1, 2)
     return found[:, 0], found[:, 1]
 
@@ -213,17 +214,16 @@ def choose(residuals: Sequence[Residual], along: Sequence[Along], rows: Array,
 
 
 def _roughness(part: Part, bins: Bins) -> float:
-    """Log-likelihood that the bins' values explain, times two, less what luck explains."""
+    """Log-likelihood that the bins' values explain, times two, less its expectation by chance."""
     value, error = binned(part, bins)
     known = np.isfinite(value) & (error > 0.0)
     return float((((value[known] / error[known])**2) - 1.0).sum())
 
 
 def stated_covariate(step: Step, along: Sequence[Along], first: str | None) -> str | None:
-    """What the named term follows, or what the answer says the effect goes with."""
+    """The covariate that the named term follows, or else the one that the finding states."""
     if not step.unknown:
-        column = step.fitted.evidence.columns[step.fitted.evidence.index(step.naming.leader)]
-        followed = followed_column(column.follows, (one for one in along if isinstance(one, Covariate)))
+        followed = followed_column(step.column.follows, (one for one in along if isinstance(one, Covariate)))
         if followed is not None:
             return followed
     return first if step.base == () else None
@@ -232,8 +232,35 @@ def stated_covariate(step: Step, along: Sequence[Along], first: str | None) -> s
 def stage_of(step: Step) -> str | None:
     """Where the step's effect happens: by its name, or by the free change that carries it."""
     if not step.unknown:
-        return step.fitted.evidence.columns[step.fitted.evidence.index(step.naming.leader)].stage
+        return step.column.stage
     return None if step.place is None else step.place.column.stage
+
+
+@dataclass(frozen=True)
+class View:
+    """The residual and the covariate in which an effect shows best; step None: nothing was found. stated: the covariate
+    that it follows."""
+
+    step: Step | None
+    before: ScoreTable
+    after: ScoreTable | None
+    stated: Along | None
+    residual: Residual
+    against: Along
+
+
+def views_of(fitted: BaselineFit, asked: Asked, steps: Sequence[Step], first: str | None) -> Iterator[View]:
+    """One view per step, or one of the fit alone; none where nothing that was recorded varies."""
+    along = covariates_in(asked)
+    for step in steps or (None,):
+        before, after, stated, stage = fitted.evidence, None, None, None
+        if step is not None:
+            before, after, stage = step.fitted.evidence, evidence_after(step), stage_of(step)
+            stated = find_along(stated_covariate(step, along, first), along)
+        chosen = choose(residuals_of(before, after, fitted.intake.samples is not None),
+                        along if stated is None else (stated,), before.rows, stage)
+        if chosen is not None:
+            yield View(step, before, after, stated, *chosen)
 
 
 def halves(along: Along | None, rows: Array) -> list[tuple[str, Array]]:

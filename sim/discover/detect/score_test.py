@@ -1,17 +1,17 @@
-"""Does anything depend on anything? Efficient scores, clustered, and their largest, judged by flipping signs.
+"""Does anything depend on anything? Efficient scores of the shots, and their largest, judged by flipping signs.
 
 Pure numpy. A test asks whether a channel's amplitude is w_i b with given weights w (a covariate's shape) and b not 0.
-Its score is freed of the shared parameters (Neyman's C(alpha): what they could explain is projected out), summed over
-shots of one cluster, and divided by the spread that the clusters themselves show. Under the believed simulation a
-cluster's sum is as likely to be negative as positive, whatever its variance and however the samples inside it hang
-together; so the same statistic under random signs is its null distribution, and the largest over all tests under the
-same signs gives the probability of so large a largest one (the score bootstrap: Kline and Santos 2012; max statistic:
-Westfall and Young 1993). The spread is of the scores as they are, not of what an effect would leave of them: signs do
-not change the former, so that tests that rest on few clusters have light tails, and do not raise the bar for all.
+Its score is freed of the shared parameters (Neyman's C(alpha): the part that they could explain is projected out),
+summed over the shots, and divided by the spread that the shots themselves show. Under the baseline model a shot's part
+is as likely to be negative as positive, whatever its variance and however correlated its samples are; so the same
+statistic under random signs is its null distribution, and the largest over all tests under the same signs gives the
+probability of so large a largest one (the score bootstrap: Kline and Santos 2012; max statistic: Westfall and Young
+1993). The spread is of the scores as they are, not of what an effect would leave of them: signs do not change the
+former, so that tests that rest on few shots have light tails, and do not raise the bar for all.
 
-What is thought of a shared parameter beforehand is one more observation of it, which errs like any other, and so a
-cluster of its own. Without these a test that leans on priors (one supplier's balls against another's, where each ball
-may differ by luck) would take the priors' errors for a finding.
+A prior of a shared parameter is one more observation of it, which errs like any other, and so has a sign of its own.
+Otherwise a test that leans on priors (one supplier's balls against another's, where each ball may differ at random)
+would mistake the priors' errors for a finding.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,24 +20,24 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from truearc.sim.discover.model.score_table import Array, ScoreTable, shared_columns
+from truearc.sim.discover.model.score_table import Array, ScoreTable
 from truearc.sim.progress import Progress
 
-FEWEST_CLUSTERS = 8.0                 # a test that rests on fewer is not made: their signs can hardly say 1 %
+FEWEST_SIGNS = 8.0                    # a test that rests on fewer shots is not made: their signs can hardly say 1 %
 LEAST_SHARE = 1e-4                    # of a test's information that must survive the projection
 MOST_LEVERAGE = 0.9
-PIECES = 30                           # that an earlier session's word on one number is split into
+PIECES = 30                           # that what an earlier session found of one number is split into
 TINY = 1e-300                         # what is not known at all has a root, too
 CHUNK = 250                           # sign patterns at once
 
 
 @dataclass(frozen=True)
 class Scores:
-    """M tests over G clusters, the shared parameters' priors last: `psi` [G, M] efficient scores, `kappa` [G, M] their
-    information; `kept` [M] usable.
+    """M tests over G signs, those of shots, then of the shared parameters' priors: `psi` [G, M] efficient scores,
+    `kappa` [G, M] their information; `kept` [M] usable.
 
-    `stretch` [G, M]: fitting the shared parameters draws each cluster's score towards zero; times this it has the
-    spread that it had before.
+    `stretch` [G, M]: fitting the shared parameters draws each score towards zero; times this it has the spread that it
+    had before.
     """
 
     psi: Float[Array, "G M"]
@@ -77,11 +77,10 @@ class Judged:
         return float(np.quantile(self.largest[family], 1.0 - min(allowed, 1.0)))
 
 
-def efficient_scores(evidence: ScoreTable, channel: int, weights: Float[Array, "n q"], cluster: Int[Array, " n"],
-                     clusters: int) -> Scores:
-    """Scores of `weights` (q tests on one channel), summed over `cluster` (numbers below `clusters`); those
-    of the p priors follow."""
-    shared, first = shared_columns(evidence), evidence.first_shared
+def efficient_scores(evidence: ScoreTable, channel: int, weights: Float[Array, "n q"], rows: Int[Array, " n"],
+                     shots: int) -> Scores:
+    """Scores of `weights` (q tests on one channel) in these `rows` of `shots`; those of the p priors follow."""
+    shared, first = evidence.shared, evidence.first_shared
     place = evidence.deal.place[:, first:] - first
     k_cc, k_ct, k_tt = (evidence.info[:, channel, channel], evidence.info[:, channel, first:],
                         evidence.info[:, first:, first:])
@@ -94,9 +93,11 @@ def efficient_scores(evidence: ScoreTable, channel: int, weights: Float[Array, "
     raw = weights**2 * k_cc[:, None]
     kappa = raw - 2.0 * weights * (across @ project.T) + (known * mine).sum(2)
     common = weights[:, :, None] * k_ct[:, None] - known
-    summed = (_sum_over(cluster, clusters, psi), _sum_over(cluster, clusters, kappa),
-              _drawn(cluster, clusters, common, place, np.linalg.inv(total)))
-    psi, kappa, drawn = (np.concatenate(both) for both in zip(summed, _prior_scores(evidence, project, total),
+    own = np.linalg.inv(total)[place[:, :, None], place[:, None, :]]
+    drawn = ((common @ own) * common).sum(2)          # variance by which fitting the shared ones draws each score
+    parts = np.zeros((3, shots, weights.shape[1]))
+    parts[:, rows] = psi, kappa, drawn
+    psi, kappa, drawn = (np.concatenate(both) for both in zip(parts, _prior_scores(evidence, project, total),
                                                               strict=True))
     return Scores(psi, kappa, _stretch(kappa, drawn), _usable(kappa, raw.sum(0)))
 
@@ -104,13 +105,13 @@ def efficient_scores(evidence: ScoreTable, channel: int, weights: Float[Array, "
 def _prior_scores(evidence: ScoreTable, project: Float[Array, "q p"], total: Float[Array, "p p"]
                   ) -> tuple[Float[Array, "m q"], Float[Array, "m q"], Float[Array, "m q"]]:
     """(psi, kappa, drawn) of the priors, as independent observations of combinations of the shared parameters:
-    one each, or, of what an earlier session told, PIECES each.
+    one each, or, of those from an earlier session, PIECES each.
 
     A session's error is normal and as large as it says, so it may be split into many (its share of the error and
-    noise that adds up to nothing); a single one would leave a test that rests on it with one sign to flip. How far
-    the catalogue's priors err nobody knows: their one error stands for itself.
+    noise that adds up to zero); a single one would leave a test that rests on it with one sign to flip. How far the
+    catalogue's priors err is unknown: their one error stands for itself.
     """
-    told = np.array([column.told for column in evidence.columns[shared_columns(evidence)]], dtype=bool)
+    told = np.array([column.told for column in evidence.columns[evidence.shared]], dtype=bool)
     root = np.linalg.cholesky(evidence.precision + TINY * np.eye(len(evidence.precision)))
     error = np.linalg.solve(root, evidence.pull)
     count = np.where(told, PIECES, 1)
@@ -125,38 +126,8 @@ def _prior_scores(evidence: ScoreTable, project: Float[Array, "q p"], total: Flo
     return -onto[whose] * piece[:, None], onto[whose]**2 * share, onto[whose]**2 * leaned * share**2
 
 
-def _sum_over(cluster: Int[Array, " n"], clusters: int, rows: Float[Array, "n q"]) -> Float[Array, "G q"]:
-    summed = np.zeros((clusters, *rows.shape[1:]))
-    if _each_by_itself(cluster):      # 4 times as fast
-        summed[cluster] = rows
-    else:
-        np.add.at(summed, cluster, rows)
-    return summed
-
-
-def _drawn(cluster: Int[Array, " n"], clusters: int, common: Float[Array, "n q c"], place: Int[Array, "n c"],
-           inverse: Float[Array, "p p"]) -> Float[Array, "G q"]:
-    """How far fitting the shared parameters draws each cluster's score, as a variance.
-
-    `common`: covariance of a shot's efficient score with its own score of the shared parameters, of which
-    `place` says which of the p they are; inverse of what is known of these.
-    """
-    if _each_by_itself(cluster):
-        own = inverse[place[:, :, None], place[:, None, :]]
-        return _sum_over(cluster, clusters, ((common @ own) * common).sum(2))
-    summed = np.zeros((clusters, len(inverse), common.shape[1]))
-    np.add.at(summed, (cluster[:, None], place), np.swapaxes(common, 1, 2))
-    variance: Array = np.einsum("gpq,pr,grq->gq", summed, inverse, summed, optimize=True)
-    return variance
-
-
-def _each_by_itself(cluster: Int[Array, " n"]) -> bool:
-    """As ever but in tests."""
-    return len(np.unique(cluster)) == len(cluster)
-
-
 def _stretch(kappa: Float[Array, "G M"], drawn: Float[Array, "G M"]) -> Float[Array, "G M"]:
-    """1 / sqrt(1 - leverage), each cluster's leverage in each test as its information has it (HC2 of linear models)."""
+    """1 / sqrt(1 - leverage), each shot's leverage in each test as its information has it (HC2 of linear models)."""
     leverage = drawn / np.maximum(kappa, 1e-300)
     factor: Array = 1.0 / np.sqrt(1.0 - np.clip(leverage, 0.0, MOST_LEVERAGE))
     return factor
@@ -165,7 +136,7 @@ def _stretch(kappa: Float[Array, "G M"], drawn: Float[Array, "G M"]) -> Float[Ar
 def _usable(kappa: Float[Array, "G M"], raw: Float[Array, " M"]) -> Bool[Array, " M"]:
     total = kappa.sum(0)
     effective = total**2 / np.maximum((kappa**2).sum(0), 1e-300)
-    usable: Array = (total > LEAST_SHARE * raw) & (raw > 0.0) & (effective >= FEWEST_CLUSTERS)
+    usable: Array = (total > LEAST_SHARE * raw) & (raw > 0.0) & (effective >= FEWEST_SIGNS)
     return usable
 
 
@@ -195,7 +166,7 @@ def _flip(unit: Float[Array, "G M"], seen: Float[Array, " M"], member: Mapping[s
           seed: int, progress: Progress) -> tuple[dict[str, Float[Array, " draws"]], Float[Array, " M"]]:
     """({family: its largest as observed, then in each draw}, draws [M] in which a test came out as large).
 
-    `unit` [G, M]: each cluster's part of a test's score, in units of the spread.
+    `unit` [G, M]: each sign's part of a test's score, in units of the spread.
     """
     rng = np.random.default_rng(seed)
     largest = {name: np.append(seen[inside].max(), np.zeros(draws)) for name, inside in member.items()}

@@ -1,23 +1,15 @@
-"""Every question that is asked of the data, in families: terms, free changes over covariates, any pattern at all."""
+"""Every test of the data, in families: terms, free changes over covariates, any pattern at all."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from truearc.sim.discover.detect.clusters import Clusters
+from truearc.sim.discover.detect import weight_functions as functions
 from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Factor
 from truearc.sim.discover.detect.reference_session import ReferenceSession
 from truearc.sim.discover.detect.score_test import Scores, efficient_scores
-from truearc.sim.discover.detect.weight_functions import (
-    SAME,
-    Look,
-    WeightFunction,
-    group_shapes,
-    number_shapes,
-    pair_shapes,
-    weights_of,
-)
+from truearc.sim.discover.detect.weight_functions import SAME, Look, WeightFunction, weights_of
 from truearc.sim.discover.model.score_table import Array, Column, ScoreTable
 
 TERMS, FREE, PATTERN = "terms", "free", "pattern"
@@ -47,14 +39,17 @@ class Asked:
     scores: Scores
 
 
-def ask_everything(evidence: ScoreTable, covariates: Sequence[Covariate], factors: Sequence[Factor],
-                   clusters: Clusters, seed: int, home: ReferenceSession | None = None) -> Asked:
-    """All tests that the data can carry; a factor that makes the clusters is not asked about. home: what was left over
-    there already is no change."""
-    label, look = clusters.label[evidence.rows], _look_at(evidence.rows)
+def ask_everything(evidence: ScoreTable, covariates: Sequence[Covariate], factors: Sequence[Factor], shots: int,
+                   seed: int, home: ReferenceSession | None = None) -> Asked:
+    """All tests that the `shots` of the dataset can carry, except along a factor whose groups have random effects.
+
+    home: the misfit of that session is subtracted.
+    """
+    rows = evidence.rows
+    look = Look(len(rows), lambda what: what.codes[rows] if isinstance(what, Factor) else what.values[rows])
     grouped = next((column.name.partition(" ")[0] for column in evidence.columns if column.kind == "group"), "")
-    shapes = [SAME, *(shape for covariate in covariates for shape in number_shapes(covariate, look)),
-              *(shape for factor in factors if factor.name != grouped for shape in group_shapes(factor, look))]
+    shapes = [SAME, *(shape for one in covariates for shape in functions.number_shapes(one, look)),
+              *(shape for one in factors if one.name != grouped for shape in functions.group_shapes(one, look))]
     tests: list[Test] = []
     parts: list[Scores] = []
 
@@ -62,7 +57,7 @@ def ask_everything(evidence: ScoreTable, covariates: Sequence[Covariate], factor
         weights = weights_of(shapes, look)
         tests.extend(Test(family, number, shape.what, shape.name, weights[:, k], shape)
                      for k, shape in enumerate(shapes))
-        scores = efficient_scores(evidence, number, weights, label, clusters.count)
+        scores = efficient_scores(evidence, number, weights, rows, shots)
         parts.append(scores if home is None else home.beside(scores, evidence, number, shapes, weights))
 
     for number, column in enumerate(evidence.columns[:evidence.first_shared]):
@@ -70,7 +65,7 @@ def ask_everything(evidence: ScoreTable, covariates: Sequence[Covariate], factor
             ask(number, TERMS if column.kind == "term" else FREE, [SAME])
         else:
             ask(number, FREE, shapes)
-    if pairs := pair_shapes(covariates, look, seed):
+    if pairs := functions.pair_shapes(covariates, look, seed):
         ask(evidence.index("launch speed"), PATTERN, pairs)
     scores = _join(parts)
     kept = np.flatnonzero(scores.kept)
@@ -87,7 +82,3 @@ def name_of(test: Test, column: Column) -> str | None:
 def _join(parts: list[Scores]) -> Scores:
     return Scores(*(np.concatenate([getattr(part, name) for part in parts], axis=-1)
                     for name in ("psi", "kappa", "stretch", "kept")))
-
-
-def _look_at(rows: Array) -> Look:
-    return Look(len(rows), lambda what: what.codes[rows] if isinstance(what, Factor) else what.values[rows])

@@ -66,7 +66,7 @@ def number_shapes(covariate: Covariate, look: Look) -> list[WeightFunction]:
     laws += [(f"{STEP}{cut:.4g}", partial(_step, cut, np.mean(values[known] > cut))) for cut in _cuts(values[known])]
     if {"exit_spin_rev_s", "exit_speed_m_s"} & set(covariate.names):
         largest = np.abs(values[known]).max()
-        laws.append(("proportional", partial(_proportional, largest)))
+        laws.append(("proportional", partial(_straight, 0.0, largest)))
     return [WeightFunction(covariate, name, partial(_of_number, covariate, law)) for name, law in laws]
 
 
@@ -115,9 +115,8 @@ class _Plane:
     def shape(self, name: str, look: Look, law: Law) -> WeightFunction:
         """By a law of the place, centred over the shots of the session that is asked."""
         place = self.place(look)
-        middle = law(place).mean()
-        return WeightFunction(CovariatePair(self.first, self.second, place), name,
-                              partial(_of_pair, self, law, middle))
+        what = CovariatePair(self.first, self.second, place)
+        return WeightFunction(what, name, partial(_of_pair, self, law, law(place).mean()))
 
 
 def _of_pair(plane: _Plane, law: Law, middle: float, look: Look) -> Array:
@@ -140,10 +139,6 @@ def _straight(middle: float, width: float, x: Array) -> Array:
 
 def _bent(middle: float, width: float, skew: float, x: Array) -> Array:
     return ((x - middle) / width)**2 - 1.0 - (x - middle) / width * skew
-
-
-def _proportional(largest: float, x: Array) -> Array:
-    return x / largest
 
 
 def _step(cut: float, share: float, x: Array) -> Array:

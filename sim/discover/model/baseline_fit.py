@@ -5,24 +5,16 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.linalg import block_diag
 
-from truearc.sim.discover.model import outcome_likelihood as outcomes
+from truearc.sim.discover.model import plane_likelihood as outcomes
 from truearc.sim.discover.model.design_columns import SCATTER_PRIOR
 from truearc.sim.discover.model.external_measurements import prior_of
 from truearc.sim.discover.model.forward_model import Chain, plane_grid
-from truearc.sim.discover.model.linearization import (
-    Linearization,
-    LinearizationPoint,
-    ParameterLayout,
-    fly,
-    linearise,
-    nowhere,
-)
+from truearc.sim.discover.model.linearization import Linearization, LinearizationPoint, ParameterLayout, fly, linearise
 from truearc.sim.discover.model.prepared_data import SCATTERS, Intake
 from truearc.sim.discover.model.score_table import Array, ScoreTable
 from truearc.sim.physics.catalogue import Catalogue, find_parameter, flight_terms
@@ -34,6 +26,7 @@ GRID = (-1.0, -0.5, 0.0, 0.5, 1.0)    # of each coefficient's prior, in standard
 SOME = 96                             # outcomes that the grid looks at
 MOST_GRID = 3                         # coefficients that are gridded; more start from the prior's centre
 SCATTER_GRID = (1.0, 3.0, 10.0)       # times the usual one of a launch
+USUAL_SCATTER = np.log([SCATTER_PRIOR[name][0] for name in SCATTERS])
 OF_LAUNCH = np.array([name != "scatter.distance" for name in SCATTERS])
 FEWEST = 5                            # outcomes that the grid can be judged by
 ROUNDS = 20                           # of flying, and of steps between two flights
@@ -67,9 +60,14 @@ class BaselineFit:
 
     @property
     def together(self) -> Int[Array, " n"]:
-        """Which shots hang together when figures are compared, a number each [n]: those of a group, else each alone."""
+        """The cluster of each shot [n] whose shots are correlated when figures are compared: its group, or itself."""
         groups = self.layout.groups
         return np.arange(len(self.evidence.rows)) if groups is None or groups.count == 1 else groups.label
+
+    @property
+    def lost(self) -> bool:
+        """Whether a launch standard deviation exceeds ABSURD times its prior median; such a fit is a poor start."""
+        return bool(((self.spot.log_scatter - USUAL_SCATTER)[OF_LAUNCH] > np.log(ABSURD)).any())
 
 
 def part_of(progress: Progress, begin: float, share: float) -> Progress:
@@ -93,7 +91,7 @@ def fit_believed(intake: Intake, layout: ParameterLayout, progress: Progress = l
 
 def climb(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint,
           progress: Progress = lambda done, note: None) -> tuple[LinearizationPoint, ScoreTable]:
-    """Uphill in all columns of the layout, which must all be shared ones, until a step is far below their doubt.
+    """Uphill in all columns of the layout, which must all be shared ones, until a step is far below their deviations.
 
     Between flights all is taken as linear; it is flown again at each top so found, until the top stays.
     """
@@ -123,14 +121,14 @@ def climb(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint,
 
 def _climb_linear(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint,
                   flown: Linearization) -> tuple[LinearizationPoint, Float[Array, "n D"]]:
-    """(the top without flying anew, most likely deviates there)."""
+    """(the top without flying again, most likely deviates there)."""
     evidence, deviates = linearise(intake, layout, spot, flown)
-    best = objective(evidence, layout)
+    best, per_usual = objective(evidence, layout), 1.0 / np.array([column.usual for column in layout.columns])
     for _ in range(INNER):
         step, worth = _step_within(layout, spot, evidence)
         if worth < SETTLED or not np.isfinite(step).all():
             break
-        step = step / max(1.0, float(np.abs(step * scale_of(layout)).max(initial=0.0)) / FARTHEST)
+        step = step / max(1.0, float(np.abs(step * per_usual).max(initial=0.0)) / FARTHEST)
         for halving in range(HALVINGS):
             tried = moved(layout, spot, step * 0.5**halving)
             there, found = linearise(intake, layout, tried, flown)
@@ -174,16 +172,11 @@ def _step_within(layout: ParameterLayout, spot: LinearizationPoint,
 def _leads_out(layout: ParameterLayout, spot: LinearizationPoint, step: Float[Array, " P"]) -> Bool[Array, " P"]:
     """Which columns are at a limit of theirs that the step is to lead beyond."""
     out = np.full(len(layout.columns), False)
-    slots = np.flatnonzero((layout.source >= 0) & (layout.source < len(layout.chain.slots)))
+    slots = np.flatnonzero(layout.in_slot)
     source = layout.source[slots]
     (low, high), values = _bounds(layout.chain.slots, layout.chain.catalogue), spot.values[source]
     out[slots] = ((values <= low[source]) & (step[slots] < 0.0)) | ((values >= high[source]) & (step[slots] > 0.0))
     return out
-
-
-def scale_of(layout: ParameterLayout) -> Float[Array, " P"]:
-    """1 / a usual size of each column."""
-    return 1.0 / np.array([column.usual for column in layout.columns])
 
 
 def objective(evidence: ScoreTable, layout: ParameterLayout) -> float:
@@ -197,8 +190,7 @@ def moved(layout: ParameterLayout, spot: LinearizationPoint, change: Float[Array
     """The spot after its columns change by `change`, parameters no further than they can go; log scatters by no
     more than 1 at a time."""
     values, log_scatter = spot.values.copy(), spot.log_scatter.copy()
-    slots = (layout.source >= 0) & (layout.source < len(layout.chain.slots))
-    values[layout.source[slots]] += change[slots]
+    values[layout.source[layout.in_slot]] += change[layout.in_slot]
     values = np.clip(values, *_bounds(layout.chain.slots, layout.chain.catalogue))
     for number, column in enumerate(layout.scatters):
         if column >= 0:
@@ -227,9 +219,9 @@ def _bounds(slots: tuple[tuple[str, str], ...],
 
 
 def only_shared(layout: ParameterLayout, more: Iterable[str] = ()) -> ParameterLayout:
-    """The layout without free columns and terms, but for the named ones, which become shared with their usual size
+    """The layout without free columns and terms, except the named ones, which become shared with their usual size
     as a prior. One that is a change of a shared number widens that one's prior instead, and puts it in front."""
-    first = len(layout.columns) - len(layout.precision)
+    first = layout.first_shared
     asked = {column.name: k for k, column in enumerate(layout.columns[:first]) if column.name in set(more)}
     shared = {column.name: k for k, column in enumerate(layout.columns) if k >= first}
     changed = [shared[name] for name in asked if name in shared]
@@ -259,11 +251,10 @@ def widened(precision: Float[Array, "p p"], by: Iterable[tuple[int, float]]) -> 
 def _lean(layout: ParameterLayout, kept: list[int]) -> Chain:
     """The chain with as few terms in the air as these columns need, but one of two: compiled code is shared."""
     chain = layout.chain
-    first = len(layout.columns) - len(layout.precision)
     airborne = {term.name for term in flight_terms(chain.terms, chain.catalogue)}
-    known = {layout.columns[k].name.partition(".")[0] for k in range(first, len(layout.columns))}
+    known = {column.term for column in layout.columns[layout.first_shared:]}
     known |= {*chain.catalogue.always, *(term.name for term in NAMELESS)}
-    named = {layout.columns[k].name.partition(".")[0] for k in kept}
+    named = {layout.columns[k].term for k in kept}
     if named & airborne - known:
         return chain
     return replace(chain, terms=tuple(name for name in chain.terms if name not in airborne or name in known))
@@ -279,10 +270,9 @@ def usual_starts(intake: Intake, layout: ParameterLayout) -> tuple[Linearization
     usual = usual_spot(intake, layout)
     if len(intake.marked) < FEWEST:
         return (usual,)
-    first = len(layout.columns) - len(layout.precision)
-    slots = layout.chain.slots
+    first, slots = layout.first_shared, layout.chain.slots
     shared = [k for k in range(first, len(layout.columns))
-              if 0 <= layout.source[k] < len(slots) and slots[layout.source[k]][0] != CURVE]
+              if layout.in_slot[k] and slots[layout.source[k]][0] != CURVE]
     known = np.sqrt(np.diag(np.linalg.inv(layout.precision)))
     axes = [(layout.source[k], layout.centre[k - first], known[k - first]) for k in shared][:MOST_GRID]
     steps = np.array(list(itertools.product(GRID, repeat=len(axes))))
@@ -297,28 +287,17 @@ def usual_starts(intake: Intake, layout: ParameterLayout) -> tuple[Linearization
 
 def usual_spot(intake: Intake, layout: ParameterLayout) -> LinearizationPoint:
     """Coefficients and scatters in the middle of their priors, no shot off its configuration."""
-    slots = len(layout.chain.slots)
     values = layout.usual.copy()
-    first = len(layout.columns) - len(layout.precision)
-    for k in range(first, len(layout.columns)):
-        if 0 <= layout.source[k] < slots:
-            values[layout.source[k]] = layout.centre[k - first]
-    return nowhere(intake, layout, values, np.log([SCATTER_PRIOR[name][0] for name in SCATTERS]))
+    own = layout.in_slot[layout.first_shared:]
+    values[layout.source[layout.first_shared:][own]] = layout.centre[own]
+    return LinearizationPoint.still(layout, len(intake.rows), values, USUAL_SCATTER)
 
 
-def is_lost(fitted: BaselineFit) -> bool:
-    """Whether the fit takes the launch to scatter by ABSURD times what is usual: something great is missing, and what
-    was fitted without it is no place to start from."""
-    usual = np.log([SCATTER_PRIOR[name][0] for name in SCATTERS])
-    return bool(((fitted.spot.log_scatter - usual)[OF_LAUNCH] > np.log(ABSURD)).any())
-
-
-def _rough(intake: Intake, layout: ParameterLayout, points: Float[Array, "points slots"]) -> Float[Array, "points "
-                                                                                                          "scatters"]:
+def _rough(intake: Intake, layout: ParameterLayout,
+           points: Float[Array, "points slots"]) -> Float[Array, "points scatters"]:
     """Log-likelihood of some of the outcomes, at some sizes of one scatter of the height."""
     some = np.arange(len(intake.marked))[::-(-len(intake.marked) // SOME)]
-    lanes = jax.tree.map(lambda part: np.asarray(part)[np.resize(intake.marked[some], SOME)] if np.ndim(part) else part,
-                         intake.lanes)
+    lanes = intake.lanes.take(np.resize(intake.marked[some], SOME))
     chain = replace(_lean(layout, []), track=False, bands=0)
     mean, near = (np.asarray(part)[:, :len(some)] for part in plane_grid(chain, lanes, jnp.asarray(points)))
     mean = np.where(near, mean, -10.0)

@@ -1,22 +1,28 @@
-"""What is thought of the fitted numbers before the data: the catalogue's wide priors, or what a session left."""
+"""Priors of the shared parameters: the catalogue's wide ones, or the posterior of an earlier session."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from truearc.sim.discover.model.linearization import ParameterLayout
+from truearc.sim.discover.model.score_table import Column
 from truearc.sim.infer.belief import SCATTER, Belief, scale_of
+from truearc.sim.infer.curve import Curve
 from truearc.sim.physics.catalogue import Catalogue, find_parameter
+from truearc.sim.physics.nonparametric import CURVE, find_nameless
 from truearc.sim.physics.scales import LEFT, LOG
+from truearc.sim.physics.term import complete
 
 # Names of scatters here -> in a belief; the others are of sensors, not of the launch.
 SCATTERS = {"scatter.speed": "speed", "scatter.elevation_rad": "elevation_deg"}
-SUREST = 1e-4                         # of the catalogue's doubt: a belief may take some combination for exact
+SUREST = 1e-4                         # of the catalogue's deviation: a belief may have some combination as exact
 MOVES = 0.3                           # of a parameter's prior deviation, by which one and the same rig may have changed
 
 
 def believed_name(name: str) -> str:
-    """What a belief calls the column."""
+    """Return the column's name in a belief."""
     return f"{SCATTER}.{SCATTERS[name]}" if name in SCATTERS else name
 
 
@@ -38,10 +44,10 @@ def own_slope(name: str, value: float, among: Catalogue) -> float:
 def inform(layout: ParameterLayout, belief: Belief, sure: bool = True) -> ParameterLayout:
     """The layout, whose priors are independent, with what the belief knows better.
 
-    A coefficient that the belief states without doubt keeps its width and takes the belief's value; so do all where it
-    is not `sure`.
+    A coefficient that the belief states without uncertainty keeps its width and takes the belief's value; so do all
+    where it is not `sure`.
     """
-    first = len(layout.columns) - len(layout.precision)
+    first = layout.first_shared
     columns = [replace(column, told=column.told or believed_name(column.name) in belief.names)
                for column in layout.columns[first:]]
     centre, covariance = layout.centre.copy(), np.diag(1.0 / np.diag(layout.precision))
@@ -68,3 +74,39 @@ def may_have_moved(belief: Belief | None, name: str) -> float | None:
     if prior is None:
         return None
     return MOVES * prior.sd * {LOG: prior.centre, LEFT: 1.0 - prior.centre}.get(prior.scale, 1.0)
+
+
+def bent(layout: ParameterLayout, belief: Belief) -> ParameterLayout:
+    """The layout with the belief's unexplained effects, and the points of their curves among the shared columns."""
+    for name, curve in belief.curves.items():
+        layout = with_curve(layout, name, belief.coefficients[name], curve)
+    return layout
+
+
+def with_curve(layout: ParameterLayout, name: str, values: Mapping[str, float], curve: Curve) -> ParameterLayout:
+    """The layout with the nameless term `name`, its parameters fixed, and the curve's points in front of the shared
+    columns; they start where the curve has them."""
+    chain, term = layout.chain, find_nameless(name)
+    whole = complete(term, values)
+    old, first = len(chain.slots), layout.first_shared
+    slots = (*((name, key) for key in whole), *((CURVE, f"{name}.{key}") for key in curve.keys))
+    points = old + len(whole) + np.arange(len(curve.fitted))
+    columns = [Column(f"{CURVE}.{name}.{key}", "shared", term.stage, "along", term.amplitude.unit, term.usual)
+               for key in curve.fitted]
+    more = len(columns)
+    source = _shifted(layout.source, old, len(slots))
+    groups = layout.groups
+    return replace(
+        layout, chain=replace(chain, terms=(*chain.terms, name), slots=(*chain.slots, *slots)),
+        columns=(*layout.columns[:first], *columns, *layout.columns[first:]),
+        source=np.concatenate([source[:first], points, source[first:]]),
+        scatters=tuple(place + more if place >= first else place for place in layout.scatters),
+        precision=block_diag(np.diag(np.full(more, term.usual**-2.0)), layout.precision),
+        centre=np.concatenate([[curve.point(key) for key in curve.fitted], layout.centre]),
+        usual=np.concatenate([layout.usual, list(whole.values()), curve.points]),
+        groups=groups and replace(groups, inputs=_shifted(groups.inputs, old, len(slots))))
+
+
+def _shifted(inputs: np.ndarray, first: int, by: int) -> np.ndarray:
+    """Numbers of the chain's inputs once `by` slots have come after the `first` ones."""
+    return np.where(inputs >= first, inputs + by, inputs)

@@ -1,4 +1,4 @@
-"""The ways to be wrong that are asked about, for one dataset and belief: free ones, terms, and what is fitted."""
+"""The columns that are tested, for one dataset and belief: free changes, terms, and shared parameters."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from truearc.robot.config.schema import InputError
-from truearc.sim.discover.model.belief_prior import inform, may_have_moved
-from truearc.sim.discover.model.curve_columns import bent
+from truearc.sim.data.dataset import Shots
+from truearc.sim.discover.model.belief_prior import bent, inform, may_have_moved
 from truearc.sim.discover.model.forward_model import Chain
 from truearc.sim.discover.model.linearization import Groups, ParameterLayout
 from truearc.sim.discover.model.prepared_data import SCATTERS, Intake
@@ -20,6 +20,8 @@ from truearc.sim.physics.term import DIRECTIONS, STAGES, Parameter, Term, WatchT
 BANDS = 6                             # of the flight's time, with tracks
 LONGEST_STEP_S, MOST_DOUBLINGS = 0.02, 4          # of Runge-Kutta in a track
 WEAKER = 1.5                          # so that what is believed can hardly be argued away by its own prior
+MOST_GROUPED = 0.34                   # groups per shot: with fewer than three shots each nothing would be left to test
+MANY = 10.0                           # groups, counted by size, from which each has random effects
 SCATTER_PRIOR = {"scatter.speed": (0.015, 3.0), "scatter.elevation_rad": (0.007, 3.0),
                  "scatter.azimuth_rad": (0.007, 3.0), "scatter.distance": (1.0, 2.0)}      # median, factor
 
@@ -48,6 +50,22 @@ PUSH_WORDS = {"along": ("the ball is driven along its flight", "the ball is held
 PUSH_USUAL = 1.5                      # m/s2, as of a wrong drag law or a breeze of 1 m/s
 
 
+def groups_of(shots: Shots, rows: Array) -> tuple[str, Array, int] | None:
+    """(what, label [n] of these rows, how many): balls when there are at least ten, else sessions when there are.
+
+    Counted as (sum of sizes)^2 / sum of squares, so that a big group and its crumbs are not many. Many groups differ at
+    random, and that is not a finding; with fewer a difference between them counts as one, since it could be known.
+    """
+    for name in ("ball_id", "session"):
+        texts = np.array(shots.text(name))[rows]
+        if not any(texts):
+            continue
+        levels, label, sizes = np.unique(texts, return_inverse=True, return_counts=True)
+        if sizes.sum()**2 / (sizes**2).sum() >= MANY and len(levels) <= MOST_GROUPED * len(rows):
+            return name, label, len(levels)
+    return None
+
+
 def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Array, int] | None = None,
             among: Catalogue | None = None, belief: Belief | None = None,
             later: ParameterLayout | None = None) -> ParameterLayout:
@@ -57,10 +75,10 @@ def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Array,
     truearc.sim.physics.catalogue.catalogue() when not given. belief: of this very rig, from an earlier session;
     whether a number in it has changed since is tested like any term.
 
-    groups: (what, label [n] of the intake's shots, how many) of things that differ by luck, such as balls. later: of a
+    groups: (what, label [n] of the intake's shots, how many) of things with random effects, such as balls. later: of a
     session after the one that the belief was made from, which is laid out here: with the same bands of the flight, as
-    free to have other balls, so that both take up alike what the belief leaves over, and as doubtful as without the
-    belief, for it must not be heard twice.
+    free to have other balls, so that both absorb alike what the belief leaves, and as uncertain as without the belief,
+    which must not be counted twice.
     """
     catalogue = as_catalogue(among)
     check_believed((name for name in believed if belief is None or name not in belief.coefficients), catalogue)
@@ -75,7 +93,9 @@ def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Array,
     found += [(column, first_push + number) for number, column in _pushes(chain, edges)]
     known = {*believed, *catalogue.always, *(term.name for term in calibrated(catalogue) if tracked)}
     asked = [term for term in catalogue if term.name not in known and (belief is not None or not term.relative)]
-    found += [(_term_column(term), slots.index((term.name, term.parameters[0].name))) for term in asked]
+    found += [(Column(f"{term.name}.{term.amplitude.name}", "term", term.stage, term.direction, term.amplitude.unit,
+                      usual_of(term), follows=term.follows or ""), slots.index((term.name, term.amplitude.name)))
+              for term in asked]
     shared = _shared(intake, believed, slots, catalogue)
     found += _changed(shared, belief)
     scatters = tuple(_scatter_place(intake, name, len(found) + len(shared), k) for k, name in enumerate(SCATTERS))
@@ -84,19 +104,19 @@ def lay_out(intake: Intake, believed: tuple[str, ...], groups: tuple[str, Array,
     prior += [(np.log(SCATTER_PRIOR[name][0]), np.log(SCATTER_PRIOR[name][1])) for name in names]
     found += [(column, place) for column, place, *_ in shared]
     found += [(Column(name, "shared", "launch", "along", "1", 1.0), -1) for name in names]
-    lucky: Groups | None
+    effects: Groups | None
     if groups is not None:
-        what, lucky = groups[0], _groups(groups, believed, slots, catalogue)
+        what, effects = groups[0], _groups(groups, believed, slots, catalogue)
     else:
-        what, lucky = OTHERS, None if belief is None else _other_balls(intake, belief, slots, catalogue)
-    if lucky is not None:
+        what, effects = OTHERS, None if belief is None else _other_balls(intake, belief, slots, catalogue)
+    if effects is not None:
         found += [(Column(f"{what} {number}", "group", "launch", "along", "1", 1.0, told=what == OTHERS), -2)
-                  for _ in lucky.inputs for number in range(lucky.count)]
-        prior += [(0.0, 1.0)] * (lucky.count * len(lucky.inputs))
+                  for _ in effects.inputs for number in range(effects.count)]
+        prior += [(0.0, 1.0)] * (effects.count * len(effects.inputs))
     centre, sd = np.array(prior, dtype=float).reshape(-1, 2).T
     columns, source = zip(*found, strict=True)
     layout = ParameterLayout(chain, columns, np.array(source, dtype=int), scatters, np.diag(sd**-2.0), centre, edges,
-                             usual, lucky)
+                             usual, effects)
     return layout if belief is None else inform(bent(layout, belief), belief, sure=later is None)
 
 
@@ -138,11 +158,6 @@ def _as_shots_differ(belief: Belief, slots: tuple[tuple[str, str], ...]) -> tupl
     return [len(slots), len(slots) + 1], [float(np.sqrt(BALLS_PART) * value) for value in spread]
 
 
-def _term_column(term: Term) -> Column:
-    return Column(f"{term.name}.{term.amplitude.name}", "term", term.stage, term.direction, term.amplitude.unit,
-                  usual_of(term), follows=term.follows or "")
-
-
 def usual_of(term: Term) -> float:
     """One standard deviation of a term's amplitude, in its own unit, where it is at work at all."""
     prior = term.parameters[0].prior
@@ -163,10 +178,10 @@ def weak_prior(parameter: Parameter) -> tuple[float, float]:
 
 
 def check_believed(believed: Iterable[str], among: Catalogue | None = None) -> None:
-    """InputError for a term that there is none of, and for one that stands for an effect without a name."""
+    """InputError for a term that there is none of, and for one that stands for an unexplained effect."""
     for term in find_terms(believed, among):
         if term in NAMELESS:
-            raise InputError(f"{term.name} stands for an effect without a name; discovery starts from effects "
+            raise InputError(f"{term.name} stands for an unexplained effect; discovery starts from effects "
                            "that have names")
 
 
@@ -195,7 +210,7 @@ def calibrated(catalogue: Catalogue) -> tuple[Term, ...]:
 
 def is_tracker(column: Column, among: Catalogue) -> bool:
     """Whether the column is a number of a tracker's errors, which are its own: no shot depends on them."""
-    return isinstance(among.get(column.name.partition(".")[0]), WatchTerm)
+    return isinstance(among.get(column.term), WatchTerm)
 
 
 def _changed(shared: list[tuple[Column, int, float, float]], belief: Belief | None) -> list[tuple[Column, int]]:

@@ -1,4 +1,4 @@
-"""What somebody has measured of a term's amplitude with a tape, a scale, an inclinometer: data for or against its name.
+"""External measurements of a term's amplitude, by a tape, a scale, an inclinometer: data for or against its name.
 
     {"target_height.rise_m": Measurement(0.04, 0.01)}
 """

@@ -1,40 +1,33 @@
-"""From what the sensors said of a shot to where it passes the plane and what a tracker sees, differentiable in
-everything that could be wrong (JAX): parameters of all terms, deviations of the single launch, free pushes.
+"""From the sensors' readings of a shot to the height at the plane and the track, differentiable in everything that
+could be wrong (JAX): parameters of all terms, deviations of the single launch, free pushes.
 
 sensed configuration -> sensing terms -> launch terms -> the launch's own deviation -> flight -> arrival, watch terms
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import jax
 import jax.numpy as jnp
 import msgspec
+import numpy as np
 from jax import lax
+from jaxtyping import Bool, Float
 
 from truearc.robot.config.rig_spec import Ball, Rig
 from truearc.sim.data.conditions import Circumstances
 from truearc.sim.infer.curve import resized
-from truearc.sim.physics.catalogue import (
-    BUILT_IN,
-    Catalogue,
-    arrival_terms,
-    effective,
-    find_terms,
-    flight_terms,
-    launch_terms,
-    sensing_terms,
-    watch_terms,
-)
+from truearc.sim.physics import catalogue as stages
+from truearc.sim.physics.catalogue import BUILT_IN, Catalogue, effective, find_terms
 from truearc.sim.physics.flight import Law, make_law
 from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.nonparametric import CURVE
 from truearc.sim.physics.term import DIRECTIONS, BallState, Opening
 from truearc.sim.physics.vector import Vec, add, axes
 
-# What makes one shot differ from its configuration. The last six are of flights whose launch nobody knows.
+# How one shot differs from its configuration. The last six are of flights whose launch is unknown.
 DEVIATES = ("log_speed", "elevation_rad", "azimuth_rad", "spin_share", "distance_m", "lead_s",
             "x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s")
 PLANE_DEVIATES, LAUNCHED_DEVIATES = 5, 9
@@ -42,62 +35,71 @@ PLANE_STEPS = 16                      # Runge-Kutta over x: heights within 1e-4 
 AHEAD = (0.5, 0.5, 1.0, 0.0)          # where the next stage of a Runge-Kutta step is taken
 SHARE = (1 / 6, 1 / 3, 1 / 3, 1 / 6)  # of each stage in the step
 LEAD_STEPS = 3                        # from the launch to the first sample of its track
-SLOWEST_M_S = 0.3                     # horizontally; slower has as good as turned back
+SLOWEST_M_S = 0.3                     # horizontally; a slower ball has nearly turned back
 LOWEST_M = -6.0                       # below the floor: no height there could be a hit
 
 Slot = tuple[str, str]                # term, parameter
+Array = jax.Array | np.ndarray
+Number = Float[Array, ""]
+State = Float[jax.Array, "7"]         # x, y, z, vx, vy, vz, t
+Rate = Callable[[State], State]
 
 
 class ShotBatch(NamedTuple):
-    """Shots as arrays [n, ...]; launcher frame.
+    """Shots as arrays [n, ...], or one without the n; launcher frame.
 
     rolling: launch by the sensors, before any term; side_spin_rev_s [n, 2]: what else it spins, about the direction of
     flight and about up across it. `rolled`, `hooded`: speed and spin are the wheels', the elevation the hood's, so that
     terms about these act; not where a camera measured the ball. ball_kg, ball_m: mass and radius of its ball. `free`:
-    nobody knows the launch; then start_m and start_m_s [n, 3] and spin_rev_s [n, 3] say where the track begins. lead_s
-    [n]: from launch to the first sample; time_s [n, L] from the first sample, padded with its last.
+    the launch is unknown; then start_m, start_m_s and spin_rev_s say how the track begins. lead_s: from launch to the
+    first sample; time_s from the first sample, padded with its last.
     """
 
     rolling: Exit
-    side_spin_rev_s: Any
-    rolled: Any
-    hooded: Any
-    free: Any
-    ball_kg: Any
-    ball_m: Any
-    distance_m: Any
+    side_spin_rev_s: Float[Array, "*n 2"]
+    rolled: Bool[Array, "*n"]
+    hooded: Bool[Array, "*n"]
+    free: Bool[Array, "*n"]
+    ball_kg: Float[Array, "*n"]
+    ball_m: Float[Array, "*n"]
+    distance_m: Float[Array, "*n"]
     circumstances: Circumstances
-    start_m: Any
-    start_m_s: Any
-    spin_rev_s: Any
-    lead_s: Any
-    time_s: Any
+    start_m: Float[Array, "*n 3"]
+    start_m_s: Float[Array, "*n 3"]
+    spin_rev_s: Float[Array, "*n 3"]
+    lead_s: Float[Array, "*n"]
+    time_s: Float[Array, "*n L"]
+
+    def take(self, rows: np.ndarray | slice) -> "ShotBatch":
+        """Those of the rows; numbers that all shots share stay as they are."""
+        taken: ShotBatch = jax.tree.map(lambda part: np.asarray(part)[rows] if np.ndim(part) else part, self)
+        return taken
 
 
 class Prediction(NamedTuple):
-    """What the chain comes to, of one lane or of lanes [n].
+    """The chain's results, of one lane or of lanes [n]; or their derivatives, with one more axis at the end.
 
-    exit [3]: log speed, elevation in rad, backspin in rev/s, of the ball as it leaves. plane [4]: height above the
-    target's centre, lateral position, half heights of three and two points, all in m. near: the ball came there.
-    track_m [L, 3]: positions by the tracker.
+    exit: log speed, elevation in rad, backspin in rev/s, of the ball as it leaves. plane: height above the target's
+    centre, lateral position, half heights of three and two points, all in m. near: the ball came there. track_m:
+    positions by the tracker.
     """
 
-    exit: Any
-    plane: Any
-    near: Any
-    track_m: Any
+    exit: Float[Array, "*n 3"]
+    plane: Float[Array, "*n 4"]
+    near: Bool[Array, "*n"]
+    track_m: Float[Array, "*n L 3"]
 
 
 @dataclass(frozen=True)
 class Chain:
-    """What the functions below are compiled for. `slots`: parameters that may be varied; those of terms that are not
-    among `terms` do nothing. free: some launches are unknown. catalogue: of the terms.
+    """The static arguments that the functions below are compiled for.
 
-    bands: number of stretches of the flight in which a free push may act, besides all of it. facts: noise and beliefs
-    play no part here; strip them, so that the compiled code is shared.
+    `slots`: parameters that may be varied; those of terms that are not among `terms` do nothing. bands: number of
+    stretches of the flight in which a free push may act, besides all of it. free: some launches are unknown. catalogue:
+    of the terms. rig: noise and beliefs play no part here; strip them, so that the compiled code is shared.
     """
 
-    facts: Rig
+    rig: Rig
     terms: tuple[str, ...]
     slots: tuple[Slot, ...]
     bands: int = 0
@@ -109,7 +111,7 @@ class Chain:
 
     @property
     def deviates(self) -> int:
-        """The first so many of DEVIATES; without tracks the others say nothing."""
+        """How many of DEVIATES, from the first; without tracks nothing depends on the others."""
         if not self.track:
             return PLANE_DEVIATES
         return len(DEVIATES) if self.free else LAUNCHED_DEVIATES
@@ -125,26 +127,18 @@ class Chain:
 
 
 @partial(jax.jit, static_argnames=("chain",))
-def see(chain: Chain, lanes: ShotBatch, point: Any, deviates: Any, edges_s: Any) -> Prediction:
-    """What is to be seen at the parameters `point` [slots] and the deviates [n, D]."""
-    at = jnp.zeros(chain.pushes)
+def see_slopes(chain: Chain, lanes: ShotBatch, point: Float[Array, " slots"], deviates: Float[Array, "n D"],
+               edges_s: Float[Array, " edges"], basis: Float[Array, "size k"]) -> tuple[Prediction, Prediction]:
+    """(prediction at the parameters `point` and the deviates, its derivatives along the columns of `basis`).
 
-    def one(lane: ShotBatch, deviate: Any) -> Prediction:
-        return _see(chain, lane, jnp.concatenate([point, deviate, at]), edges_s)
-
-    return jax.vmap(one)(lanes, deviates)
-
-
-@partial(jax.jit, static_argnames=("chain",))
-def see_slopes(chain: Chain, lanes: ShotBatch, point: Any, deviates: Any, edges_s: Any,
-               basis: Any) -> tuple[Prediction, Prediction]:
-    """(what is seen, its derivatives along the columns of `basis` [size, k], last axis): slots, deviates, pushes."""
+    The rows of `basis` are the chain's inputs: slots, deviates, pushes. edges_s: between bands of the flight's time.
+    """
     pushes = jnp.zeros(chain.pushes)
 
-    def one(lane: ShotBatch, deviate: Any) -> tuple[Prediction, Prediction]:
+    def one(lane: ShotBatch, deviate: Float[Array, " D"]) -> tuple[Prediction, Prediction]:
         here = jnp.concatenate([point, deviate, pushes])
 
-        def moved(step: Any) -> tuple[Prediction, Prediction]:
+        def moved(step: Float[jax.Array, " k"]) -> tuple[Prediction, Prediction]:
             seen = _see(chain, lane, here + basis @ step, edges_s)
             return seen._replace(near=jnp.zeros(())), seen
 
@@ -155,36 +149,40 @@ def see_slopes(chain: Chain, lanes: ShotBatch, point: Any, deviates: Any, edges_
 
 
 @partial(jax.jit, static_argnames=("chain",))
-def plane_grid(chain: Chain, lanes: ShotBatch, points: Any) -> tuple[Any, Any]:
-    """Heights above the target's centre and whether the ball came there, [g, n] at the parameters points [g, slots]."""
+def plane_grid(chain: Chain, lanes: ShotBatch,
+               points: Float[Array, "g slots"]) -> tuple[Float[Array, "g n"], Bool[Array, "g n"]]:
+    """Heights above the target's centre and whether the ball came there, at each of the parameters `points`."""
     rest = jnp.zeros(chain.size - len(chain.slots))
 
-    def one(point: Any, lane: ShotBatch) -> tuple[Any, Any]:
+    def one(point: Float[Array, " slots"], lane: ShotBatch) -> tuple[Array, Array]:
         seen = _see(chain, lane, jnp.concatenate([point, rest]), jnp.zeros(max(chain.bands - 1, 0)))
         return seen.plane[0], seen.near
 
     return jax.vmap(lambda point: jax.vmap(lambda lane: one(point, lane))(lanes))(points)
 
 
-def _see(chain: Chain, lane: ShotBatch, at: Any, edges_s: Any) -> Prediction:
+def _see(chain: Chain, lane: ShotBatch, at: Float[jax.Array, " size"], edges_s: Float[Array, " edges"]) -> Prediction:
     slots, count = len(chain.slots), chain.deviates
     values = _values(chain, at[:slots], lane.circumstances)
-    facts = msgspec.structs.replace(chain.facts, ball=Ball(lane.ball_kg, lane.ball_m))
+    ball_kg, ball_m = cast(tuple[Any, Any], (lane.ball_kg, lane.ball_m))
+    rig = msgspec.structs.replace(chain.rig, ball=Ball(ball_kg, ball_m))
     deviate = jnp.concatenate([at[slots:slots + count], jnp.zeros(len(DEVIATES) - count)])
     pushes = at[slots + count:]
-    law = make_law(facts, flight_terms(chain.terms, chain.catalogue), values)
+    law = make_law(rig, stages.flight_terms(chain.terms, chain.catalogue), values)
     push = partial(_push, pushes.reshape(len(DIRECTIONS), -1), edges_s)
-    exit, distance_m = _leave(chain, facts, values, lane, deviate)
-    ball = _start(facts, lane, exit, deviate)
+    exit, distance_m = _leave(chain, rig, values, lane, deviate)
+    ball = _start(rig, lane, exit, deviate)
     measured = jnp.stack([jnp.log(exit.speed_m_s), exit.elevation_rad, exit.spin_rev_s])
-    plane, near = _plane(chain, values, law, push, ball, distance_m) if chain.plane else (jnp.zeros(4), False)
+    plane, near = _plane(chain, values, law, push, ball, distance_m) if chain.plane else (
+        jnp.zeros(4), jnp.array(False))
     track_m = _track(chain, values, law, push, ball, lane, deviate) if chain.track else jnp.zeros((0, 3))
     return Prediction(measured, plane, near, track_m)
 
 
-def _values(chain: Chain, at: Any, circumstances: Circumstances) -> dict[str, dict[str, Any]]:
+def _values(chain: Chain, at: Float[jax.Array, " slots"], circumstances: Circumstances) -> dict[str, dict[str, Any]]:
     """Effective values of all terms at the slots' numbers."""
-    raw = {term.name: {p.name: p.default for p in term.parameters} for term in find_terms(chain.terms, chain.catalogue)}
+    raw: dict[str, dict[str, Any]] = {
+        term.name: {p.name: p.default for p in term.parameters} for term in find_terms(chain.terms, chain.catalogue)}
     for index, (name, parameter) in enumerate(chain.slots):
         if name in raw:
             raw[name][parameter] = at[index]
@@ -194,17 +192,18 @@ def _values(chain: Chain, at: Any, circumstances: Circumstances) -> dict[str, di
     return effective(raw, circumstances, chain.catalogue)
 
 
-def _leave(chain: Chain, facts: Rig, values: Mapping[str, Any], lane: ShotBatch, deviate: Any) -> tuple[Exit, Any]:
+def _leave(chain: Chain, rig: Rig, values: Mapping[str, Any], lane: ShotBatch,
+           deviate: Float[jax.Array, "12"]) -> tuple[Exit, Number]:
     """The launch as it is, and the true distance: sensing terms, launch terms, the shot's own deviation.
 
-    What a camera measured of the ball is not the wheels' doing: there only the elevation by the hood is corrected.
+    Speed and spin that a camera measured are not the wheels': there only the elevation by the hood is corrected.
     """
     sensed = Exit(*map(jnp.asarray, lane.rolling))
     exit, distance_m = sensed, lane.distance_m
-    for sensing in sensing_terms(values, chain.catalogue):
-        exit, distance_m = sensing.sense(facts, values[sensing.name], exit, distance_m)
-    for launching in launch_terms(values, chain.catalogue):
-        exit = launching.leave(facts, values[launching.name], exit)
+    for sensing in stages.sensing_terms(values, chain.catalogue):
+        exit, distance_m = sensing.sense(rig, values[sensing.name], exit, distance_m)
+    for launching in stages.launch_terms(values, chain.catalogue):
+        exit = launching.leave(rig, values[launching.name], exit)
     speed = jnp.where(lane.rolled, exit.speed_m_s, sensed.speed_m_s)
     spin = jnp.where(lane.rolled, exit.spin_rev_s, sensed.spin_rev_s)
     elevation = jnp.where(lane.hooded, exit.elevation_rad, sensed.elevation_rad)
@@ -212,23 +211,22 @@ def _leave(chain: Chain, facts: Rig, values: Mapping[str, Any], lane: ShotBatch,
     return leaving, distance_m + deviate[4]
 
 
-def _start(facts: Rig, lane: ShotBatch, exit: Exit, deviate: Any) -> BallState:
+def _start(rig: Rig, lane: ShotBatch, exit: Exit, deviate: Float[jax.Array, "12"]) -> BallState:
     """The ball as it leaves, or where its track begins."""
     level, rise = jnp.cos(exit.elevation_rad), jnp.sin(exit.elevation_rad)
     aside, ahead = jnp.sin(deviate[2]), jnp.cos(deviate[2])
     along = jnp.stack([level * ahead, level * aside, rise])
     left = jnp.stack([-aside, ahead, jnp.zeros_like(ahead)])
     up = jnp.cross(along, left)
-    spin = (lane.side_spin_rev_s[0] * along - exit.spin_rev_s * left
-            + lane.side_spin_rev_s[1] * up)
-    place = jnp.stack([0.0 * level, 0.0 * level, facts.launcher.release_height_m + exit.above_m + 0.0 * level])
+    spin = lane.side_spin_rev_s[0] * along - exit.spin_rev_s * left + lane.side_spin_rev_s[1] * up
+    place = jnp.stack([0.0 * level, 0.0 * level, rig.launcher.release_height_m + exit.above_m + 0.0 * level])
     place = jnp.where(lane.free, lane.start_m, place) + deviate[6:9]
     velocity = jnp.where(lane.free, lane.start_m_s, exit.speed_m_s * along) + deviate[9:12]
     spin = jnp.where(lane.free, lane.spin_rev_s * (1.0 + deviate[3]), spin)
     return BallState(Vec(*place), Vec(*velocity), Vec(*spin), jnp.zeros(()))
 
 
-def _push(pushes: Any, edges_s: Any, ball: BallState) -> Vec:
+def _push(pushes: Float[jax.Array, "3 shapes"], edges_s: Float[Array, " edges"], ball: BallState) -> Vec:
     """Free acceleration at a moment of the flight: `pushes` [direction, throughout | bands | with the speed]."""
     velocity = ball.velocity_m_s
     speed = jnp.sqrt(velocity.x**2 + velocity.y**2 + velocity.z**2 + 1e-12)
@@ -241,17 +239,17 @@ def _push(pushes: Any, edges_s: Any, ball: BallState) -> Vec:
     return Vec(*(size[0] * a + size[1] * u + size[2] * b for a, u, b in zip(along, up, left, strict=True)))
 
 
-def _plane(chain: Chain, values: Mapping[str, Any], law: Law, push: Any, ball: BallState,
-           distance_m: Any) -> tuple[Any, Any]:
-    """([4] as in Seen.plane, near): over x, through the floor if need be."""
+def _plane(chain: Chain, values: Mapping[str, Any], law: Law, push: Law, ball: BallState,
+           distance_m: Number) -> tuple[Float[jax.Array, "4"], Bool[jax.Array, ""]]:
+    """(as in Prediction.plane, near): over x, through the floor if need be."""
     step_m = (distance_m - ball.position_m.x) / PLANE_STEPS
 
-    def rate(state: Any) -> Any:
-        """d(x, y, z, vx, vy, vz, t)/dx."""
+    def rate(state: State) -> State:
+        """By x."""
         pace = jnp.maximum(state[3], SLOWEST_M_S)
         return _rate(law, push, ball.spin_rev_s, state.at[3].set(pace)) / pace
 
-    def advance(carry: tuple[Any, Any], _: None) -> tuple[tuple[Any, Any], None]:
+    def advance(carry: tuple[State, Bool[jax.Array, ""]], _: None) -> tuple[tuple[State, Bool[jax.Array, ""]], None]:
         state, near = carry
         new = _runge_kutta(rate, state, step_m)
         near = near & (new[3] > SLOWEST_M_S) & (new[2] > LOWEST_M) & jnp.all(jnp.isfinite(new))
@@ -259,24 +257,25 @@ def _plane(chain: Chain, values: Mapping[str, Any], law: Law, push: Any, ball: B
 
     start = _pack(ball)
     (end, near), _ = lax.scan(advance, (start, (start[3] > SLOWEST_M_S) & (step_m > 0.0)), None, length=PLANE_STEPS)
-    target = chain.facts.target
+    target = chain.rig.target
     opening = Opening(target.centre_height_m, target.three_half_height_m, target.two_half_height_m) if target else (
         Opening(0.0, 0.07, 0.35))
-    for term in arrival_terms(values, chain.catalogue):
+    for term in stages.arrival_terms(values, chain.catalogue):
         opening = term.arrive(values[term.name], opening)
     return jnp.stack([end[2] - opening.centre_m, end[1], opening.three_half_m + 0.0 * end[1],
                       opening.two_half_m + 0.0 * end[1]]), near
 
 
-def _track(chain: Chain, values: Mapping[str, Any], law: Law, push: Any, ball: BallState, lane: ShotBatch,
-           deviate: Any) -> Any:
-    """Positions [L, 3] that the tracker gives at its own times."""
+def _track(chain: Chain, values: Mapping[str, Any], law: Law, push: Law, ball: BallState, lane: ShotBatch,
+           deviate: Float[jax.Array, "12"]) -> Float[jax.Array, "L 3"]:
+    """Positions that the tracker gives at its own times."""
     rate = partial(_rate, law, push, ball.spin_rev_s)
 
-    def through(state: Any, span_s: Any, steps: int) -> Any:
-        return lax.scan(lambda here, _: (_runge_kutta(rate, here, span_s / steps), None), state, None, length=steps)[0]
+    def through(state: State, span_s: Number, steps: int) -> State:
+        end: State = lax.scan(lambda here, _: (_runge_kutta(rate, here, span_s / steps), None), state, None, steps)[0]
+        return end
 
-    def sample(state: Any, span_s: Any) -> tuple[Any, Any]:
+    def sample(state: State, span_s: Number) -> tuple[State, Float[jax.Array, "6"]]:
         state = through(state, span_s, chain.substeps)
         return state, state[:6]
 
@@ -285,25 +284,24 @@ def _track(chain: Chain, values: Mapping[str, Any], law: Law, push: Any, ball: B
     states = jnp.concatenate([first[None, :6], lax.scan(sample, first, jnp.diff(lane.time_s))[1]])
     place, velocity = states[:, :3], states[:, 3:]
     seen = Vec(*place.T)
-    for term in watch_terms(values, chain.catalogue):
+    for term in stages.watch_terms(values, chain.catalogue):
         seen = term.watch(values[term.name], seen, Vec(*velocity.T), lead_s + lane.time_s)
     return jnp.stack(seen, axis=1)
 
 
-def _pack(ball: BallState) -> Any:
-    """(x, y, z, vx, vy, vz, t)."""
+def _pack(ball: BallState) -> State:
     return jnp.stack([*ball.position_m, *ball.velocity_m_s, ball.time_s])
 
 
-def _rate(law: Law, push: Any, spin_rev_s: Vec, state: Any) -> Any:
-    """d(x, y, z, vx, vy, vz, t)/dt."""
+def _rate(law: Law, push: Law, spin_rev_s: Vec, state: State) -> State:
+    """By time."""
     here = BallState(Vec(*state[:3]), Vec(*state[3:6]), spin_rev_s, state[6])
     return jnp.concatenate([state[3:6], jnp.stack(add(law(here), push(here))), jnp.ones(1)])
 
 
-def _runge_kutta(rate: Any, state: Any, step: Any) -> Any:
+def _runge_kutta(rate: Rate, state: State, step: Number) -> State:
     """One classical step; its four stages are a loop, which compiles in a third of the time."""
-    def stage(carry: tuple[Any, Any], weights: Any) -> tuple[tuple[Any, Any], None]:
+    def stage(carry: tuple[State, State], weights: tuple[Number, Number]) -> tuple[tuple[State, State], None]:
         here, total = carry
         slope = rate(here)
         return (state + weights[0] * step * slope, total + weights[1] * slope), None

@@ -1,37 +1,36 @@
 """The likelihood about a point: each shot's own unknowns integrated out, as slopes and curvatures in all columns.
 
-A shot departs from its configuration by d ~ N(0, S). What the tracker and the exit's instruments say is, near the
-point, linear in d and in the columns; so d is integrated out exactly, and the height at the plane is normal given what
-they said. Only the outcome's likelihood is not Gaussian, and it is of one number.
+A shot departs from its configuration by d ~ N(0, S). Near the point, measurements by the tracker and by the exit's
+instruments are linear in d and in the columns; so d is integrated out exactly, and given these measurements the height
+at the plane is normal. Only the outcome's likelihood is not Gaussian, and it is of one number.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
-from truearc.sim.discover.model import outcome_likelihood as outcomes
+from truearc.sim.discover.model import plane_likelihood as outcomes
 from truearc.sim.discover.model.external_measurements import Measured
 from truearc.sim.discover.model.forward_model import Chain, Prediction, ShotBatch, see_slopes
-from truearc.sim.discover.model.grouped_columns import GroupedColumns
 from truearc.sim.discover.model.normal_equations import Normal, multiply_out
 from truearc.sim.discover.model.prepared_data import Intake
-from truearc.sim.discover.model.score_table import FLOOR_M, Array, Column, PlaneScores, ScoreTable, make_evidence
+from truearc.sim.discover.model.score_table import Array, Column, GroupedColumns, PlaneScores, ScoreTable, make_evidence
+from truearc.sim.infer.likelihood.shot_likelihood import FLOOR_M
 
 SCATTERED = (0, 1, 2, 4)              # deviates that scatter: log speed, elevation, azimuth, distance
 FAR_BELOW_M = -10.0                   # stands for a ball that never came near
 PAD = 32                              # lanes fly in multiples of this, since each size is compiled,
-BLOCK = 64                            # and at most so many at once: more do not fit the caches
+BLOCK = 64                            # and at most this number at once: more do not fit the caches
 WIDTH = 12                            # slopes that are flown together
 
 
 @dataclass(frozen=True)
 class Groups:
-    """Things that shots share a few at a time and that differ by luck, such as balls: each its own small effects.
+    """Things that shots share a few at a time and that differ at random, such as balls: each its own small effects.
 
     label [n] numbers each shot's thing, below `count`; inputs, scale [B]: the chain's inputs that an effect moves, and
     by how much a unit of it does.
@@ -50,8 +49,8 @@ class ParameterLayout:
     columns: free, terms, then shared. source [P]: for each column its input of the chain (slot, deviate or push), or
     -1 for a scatter, -2 for a group's effect (those come last, effect by effect, group by group). scatters: columns of
     the logs of SCATTERS, in that order, -1 where not fitted. precision [p, p], centre [p]: the shared columns' prior.
-    usual [slots]: what the chain's parameters are where nobody says anything else. measured: of terms that are asked
-    about, by somebody who needed no shot for it. see: what flies the chain, if not see_slopes.
+    usual [slots]: the chain's parameters by default. measured: external measurements of candidate terms. see: flies the
+    chain in place of see_slopes.
     """
 
     chain: Chain
@@ -73,6 +72,15 @@ class ParameterLayout:
         return own if self.groups is None else np.concatenate([own, self.groups.inputs])
 
     @property
+    def first_shared(self) -> int:
+        return len(self.columns) - len(self.precision)
+
+    @property
+    def in_slot(self) -> Bool[Array, " P"]:
+        """Which columns are parameters of terms."""
+        return (self.source >= 0) & (self.source < len(self.chain.slots))
+
+    @property
     def grouped(self) -> int:
         """How many columns are effects of groups."""
         return int((self.source == -2).sum())
@@ -88,11 +96,18 @@ class LinearizationPoint:
     deviates: Float[Array, "n D"]
     effects: Float[Array, " Q"]
 
+    @staticmethod
+    def still(layout: ParameterLayout, shots: int, values: Float[Array, " slots"],
+              log_scatter: Float[Array, " S"]) -> "LinearizationPoint":
+        """Of `shots` without deviations."""
+        deviates = np.zeros((shots, layout.chain.deviates))
+        return LinearizationPoint(values, log_scatter, deviates, np.zeros(layout.grouped))
+
 
 @dataclass(frozen=True)
 class Linearization:
-    """What was seen about a spot, its slopes by the layout's inputs, then deviates (last axis), and what tracks and
-    exits say of both."""
+    """The prediction at a spot, its slopes by the layout's inputs, then deviates (last axis), and the normal equations
+    of tracks and exits in both."""
 
     spot: LinearizationPoint
     seen: Prediction
@@ -100,12 +115,12 @@ class Linearization:
     normal: Normal
 
     def plane_at(self, layout: ParameterLayout, values: Float[Array, " slots"]) -> Prediction:
-        """What would be seen at the plane at other values of the inputs, all else the same, taken as linear."""
+        """The prediction at the plane at other values of the inputs, all else the same; linear in them."""
         change = self._change(layout, values)
         return self.seen._replace(plane=self.seen.plane + self.slopes.plane[..., :len(change)] @ change)
 
     def normal_at(self, layout: ParameterLayout, values: Float[Array, " slots"]) -> Normal:
-        """What tracks and exits say there."""
+        """The normal equations there."""
         return self.normal.at(np.concatenate([self._change(layout, values), np.zeros(layout.chain.deviates)]))
 
     def _change(self, layout: ParameterLayout, values: Float[Array, " slots"]) -> Float[Array, " inputs"]:
@@ -135,12 +150,12 @@ def linearise(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint,
     sd = np.sqrt(variance_of(intake, spot.log_scatter))[:, :count]
     with np.errstate(over="ignore", invalid="ignore"):     # far from all that flies there is no likelihood: not finite
         left = _integrate(flown.normal_at(layout, spot.values), sd, columns, real + bases)
-    own = left.mean + np.einsum("ndb,nb->nd", left.mean_by[:, :, real:], _luck(layout, spot))
+    own = left.mean + np.einsum("ndb,nb->nd", left.mean_by[:, :, real:], _group_effects(layout, spot))
     score, info = _scatter_terms(intake, layout, spot, sd, left, own, real + bases)
     plane = _plane(intake, layout, spot, seen, slopes, sd, left, columns, inputs, real + bases)
     parts = _scaled(layout, left.score + score, left.info + info, plane)
     point = _point(layout, spot)
-    pull = layout.precision @ (layout.centre - point[len(layout.columns) - len(layout.precision):])
+    pull = layout.precision @ (layout.centre - point[layout.first_shared:])
     evidence = make_evidence(intake.rows, layout.columns, point, *parts, layout.precision, pull, left.log_likelihood,
                              _deal(layout))
     if spot.effects.any():
@@ -171,8 +186,7 @@ def _deal(layout: ParameterLayout) -> GroupedColumns | None:
 
 def _point(layout: ParameterLayout, spot: LinearizationPoint) -> Float[Array, " P"]:
     point = np.zeros(len(layout.columns))
-    slots = (layout.source >= 0) & (layout.source < len(layout.chain.slots))
-    point[slots] = spot.values[layout.source[slots]]
+    point[layout.in_slot] = spot.values[layout.source[layout.in_slot]]
     for number, column in enumerate(layout.scatters):
         if column >= 0:
             point[column] = spot.log_scatter[number]
@@ -214,12 +228,7 @@ def _basis(layout: ParameterLayout, inputs: Int[Array, " k"]) -> Float[Array, "s
 def pad_lanes(lanes: ShotBatch, multiple: int = PAD) -> tuple[ShotBatch, int]:
     """(lanes repeated up to a multiple, how many there were)."""
     n = len(lanes.distance_m)
-    return _take(lanes, np.resize(np.arange(n), -(-n // multiple) * multiple)), n
-
-
-def _take(lanes: ShotBatch, rows: Any) -> ShotBatch:
-    taken: ShotBatch = jax.tree.map(lambda part: np.asarray(part)[rows] if np.ndim(part) else part, lanes)
-    return taken
+    return lanes.take(np.resize(np.arange(n), -(-n // multiple) * multiple)), n
 
 
 def _fly(layout: ParameterLayout, lanes: ShotBatch, spot: LinearizationPoint,
@@ -233,7 +242,7 @@ def _fly(layout: ParameterLayout, lanes: ShotBatch, spot: LinearizationPoint,
     bases = np.split(wide, wide.shape[1] // WIDTH, axis=1)
     blocks = [slice(first, first + BLOCK) for first in range(0, len(deviates), BLOCK)]
     see = layout.see or see_slopes
-    parts = [[see(layout.chain, _take(padded, rows), jnp.asarray(spot.values), deviates[rows],
+    parts = [[see(layout.chain, padded.take(rows), jnp.asarray(spot.values), deviates[rows],
                   jnp.asarray(layout.edges_s), jnp.asarray(some)) for some in bases] for rows in blocks]
     seen = jax.tree.map(lambda *each: np.concatenate(each)[:n], *(part[0][0] for part in parts))
     slopes = [jax.tree.map(lambda *each: np.concatenate(each, axis=-1), *(one for _, one in part)) for part in parts]
@@ -277,7 +286,7 @@ def _integrate(normal: Normal, sd: Float[Array, "n D"], columns: Int[Array, " in
     return _Left(score, info, value, sd * shift, sd[:, :, None] * inverse * sd[:, None, :], mean_by)
 
 
-def _luck(layout: ParameterLayout, spot: LinearizationPoint) -> Float[Array, "n B"]:
+def _group_effects(layout: ParameterLayout, spot: LinearizationPoint) -> Float[Array, "n B"]:
     """Effects of each shot's own group, in the units of what they act on."""
     groups = layout.groups
     if groups is None:
@@ -290,7 +299,7 @@ def _scatter_terms(intake: Intake, layout: ParameterLayout, spot: LinearizationP
                    left: _Left, own: Float[Array, "n D"],
                    count: int) -> tuple[Float[Array, "n C"], Float[Array, "n C C"]]:
     """Score and information of the log scatters from tracks and exits (the plane adds its own). own [n, D]: deviates of
-    each shot, beside what its group does: that is no scatter."""
+    each shot without its group's effect, which is not scatter."""
     n = len(sd)
     score, info = np.zeros((n, count)), np.zeros((n, count, count))
     variance = np.maximum(sd**2, 1e-300)
@@ -334,17 +343,9 @@ def _plane(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint, se
 
 
 def _opening(intake: Intake, seen: Prediction, rows: Int[Array, " m"]) -> outcomes.OutcomeObservations:
-    """What was seen, of the opening as it is at the spot: arrival terms may have moved its borders."""
-    if intake.facts.target is None:
+    """The observations, of the opening as it is at the spot: arrival terms may have moved its borders."""
+    if intake.rig.target is None:
         return intake.seen
-    rig = intake.facts.target.three_half_height_m, intake.facts.target.two_half_height_m
-    wider_m = float((seen.plane[rows, 2:4] - rig).mean())
+    halves_m = np.array([intake.rig.target.three_half_height_m, intake.rig.target.two_half_height_m])
+    wider_m = float((seen.plane[rows, 2:4] - halves_m).mean())
     return outcomes.reopened(intake.seen, wider_m) if wider_m != 0.0 else intake.seen
-
-
-def nowhere(intake: Intake, layout: ParameterLayout, values: Float[Array, " slots"],
-            log_scatter: Float[Array, " S"]) -> LinearizationPoint:
-    """A spot without deviations."""
-    return LinearizationPoint(
-        values, log_scatter, np.zeros((len(intake.rows), layout.chain.deviates)), np.zeros(layout.grouped)
-    )

@@ -1,4 +1,4 @@
-"""Effects without a name as part of the simulation: their free curves, and the terms that take them."""
+"""Unexplained effects as part of the simulation: their free curves, and the nonparametric terms that hold them."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -9,7 +9,7 @@ from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Fac
 from truearc.sim.discover.detect.free_curve import Correction, correct
 from truearc.sim.discover.detect.test_battery import FREE, Test
 from truearc.sim.discover.model.baseline_fit import BaselineFit, climb, only_shared, out_of_range
-from truearc.sim.discover.model.curve_columns import with_curve
+from truearc.sim.discover.model.belief_prior import with_curve
 from truearc.sim.discover.model.design_columns import is_tracker
 from truearc.sim.discover.model.linearization import linearise
 from truearc.sim.discover.model.score_table import Array, Column, ScoreTable
@@ -22,16 +22,16 @@ TERMS = {"launch speed": ("free_speed", {"share": 1.0}), "launch elevation": ("f
          "distance": ("free_distance", {"bias_m": 1.0})}
 SIDES = {"along": "along", "vertical": "up", "lateral": "left"}
 LONGEST_S = 60.0
-MOST = 3                              # curves; so many things a robot's nip may do beyond its names
+MOST = 3                              # curves
 BEFORE = frozenset(("distance_m", "hood_deg", "motor_ratio", *LAUNCH_STATE))
 HALF = 0.5
-UNABLE = "no simulation of single shots can take what has no name"
-APART = ("scatter.", "curve.")     # columns that are no coefficients, beside those of a tracker's errors
+UNABLE = "no simulation of single shots can hold the unexplained effect"
+APART = ("scatter.", "curve.")        # columns that are not coefficients, beside those of a tracker's errors
 
 
 @dataclass(frozen=True)
 class Freed:
-    """`term` with `values` takes the curve; fitted: with its points among the shared columns; evidence: these and the
+    """`term` with `values` holds the curve; fitted: with its points among the shared columns; evidence: these and the
     other shared ones alone; `said` in short."""
 
     term: str
@@ -43,18 +43,18 @@ class Freed:
 
 
 def all_freed(step: Step, search: Search) -> tuple[tuple[Freed, ...], str]:
-    """(curves of the step without a name, then of what is left beside them, each surely better on unseen shots; why one
-    was not taken, if it was not).
+    """(curves of the unexplained step, then of the misfit beside them, each clearly better on unseen shots; why one was
+    left out, if it was).
 
-    Not taken: beside which a coefficient comes to the end of what is possible; which explains nothing once it is flown;
-    what no simulation of single shots can take (two covariates together; a launch to one side, on which no height
-    depends); a second curve of the same thing. Without tracks also the first where it is not surely better on unseen
-    shots: outcomes let a curve follow luck (of fourteen such ten foretold another session worse).
+    Left out: beside which a coefficient comes to the end of what is possible; which explains nothing once it is flown;
+    an effect that no simulation of single shots can hold (two covariates together; a launch to one side, on which no
+    height depends); a second curve of the same thing. Without tracks also the first where it is not clearly better on
+    unseen shots: outcomes let a curve follow chance (of fourteen such ten forecast another session worse).
     """
     if step.place is None:
         return (), ""
     if step.fitted.intake.samples is None and not clearly(step.place.correction.gain, step.fitted):
-        return (), "the free curve does not surely do better on unseen shots"
+        return (), "the free curve is not clearly better on unseen shots"
     found: list[Freed] = []
     fitted = step.fitted
     correction: Correction | None = step.place.correction
@@ -93,7 +93,7 @@ def _foreseeable(fitted: BaselineFit, correction: Correction, search: Search) ->
     if not isinstance(what, Covariate):
         return correction
     if BEFORE & set(what.names):
-        return replace(correction, test=replace(correction.test, what=_led_by_settings(what)))
+        return replace(correction, test=replace(correction.test, what=what.led_by(BEFORE)))
     asked = search.ask(fitted)
     gain = judge_left(asked, search.seed).gain
     others = [k for k, test in enumerate(asked.tests) if test.column == correction.test.column
@@ -102,13 +102,8 @@ def _foreseeable(fitted: BaselineFit, correction: Correction, search: Search) ->
         return correction
     test = asked.tests[max(others, key=lambda k: gain[k])]
     assert isinstance(test.what, Covariate)
-    other = correct(fitted.evidence, replace(test, what=_led_by_settings(test.what)), search.clusters)
+    other = correct(fitted.evidence, replace(test, what=test.what.led_by(BEFORE)))
     return other if other.gain.sum() >= HALF * correction.gain.sum() else correction
-
-
-def _led_by_settings(what: Covariate) -> Covariate:
-    """The same by a name that it has before the shot."""
-    return Covariate(tuple(sorted(what.columns, key=lambda column: column[0] not in BEFORE)))
 
 
 def freed(fitted: BaselineFit, correction: Correction) -> Freed | None:
@@ -131,15 +126,15 @@ def _impossible(free: Freed) -> list[str]:
 
 def _what_is_left(fitted: BaselineFit, search: Search) -> Correction | None:
     """The free change that explains most of what is left beyond chance, of those that a curve can take."""
-    asked = search.ask(fitted)
-    if not asked.tests:
+    left = search.left(fitted)
+    if left is None:
         return None
-    judged = judge_left(asked, search.seed)
+    asked, judged = left
     able = np.array([k for k, test in enumerate(asked.tests) if test.family == FREE and _can(fitted, test)], dtype=int)
-    if judged.p_any > search.false_alarm or not len(able):
+    if not len(able):
         return None
-    best = able[judged.gain[able].argmax()]      # not the plainest: what it leaves over would be found again
-    correction = correct(fitted.evidence, asked.tests[best], search.clusters)
+    best = able[judged.gain[able].argmax()]      # not the plainest: what it leaves would be found again
+    correction = correct(fitted.evidence, asked.tests[best])
     return correction if clearly(correction.gain, fitted) else None
 
 
@@ -150,8 +145,8 @@ def _can(fitted: BaselineFit, test: Test) -> bool:
 
 def _fly(fitted: BaselineFit, correction: Correction, term: str, values: dict[str, float],
          curve: Curve) -> tuple[Curve, BaselineFit, ScoreTable]:
-    """(the curve, all, shared evidence) where the simulation that has both fits best, uphill from a curve of nought:
-    the correction was but a step on slopes, and may lie where the flown simulation is worse than without it."""
+    """(the curve, all, shared evidence) where the simulation that has both fits best, uphill from a curve of zero: the
+    correction was but a step on slopes, and may lie where the flown simulation is worse than without it."""
     lanes, n = fitted.intake.lanes, len(fitted.intake.rows)
     by, before = curve.by(_columns(correction), n), np.asarray(lanes.circumstances.curve_by)
     curve_by = np.concatenate([before, by], axis=1) if before.ndim == 2 else by

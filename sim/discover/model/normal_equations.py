@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from truearc.sim.discover.model.forward_model import Prediction
 from truearc.sim.discover.model.prepared_data import Intake
-from truearc.sim.discover.model.track_data import log_volume, whiten
+from truearc.sim.discover.model.track_noise import log_volume, whiten
 
 Array = np.ndarray
 

@@ -13,9 +13,9 @@ from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.shot_conditions import circumstances_of
 from truearc.sim.discover.detect.covariates import every_column
 from truearc.sim.discover.model.forward_model import DEVIATES, ShotBatch
-from truearc.sim.discover.model.outcome_likelihood import OutcomeObservations, see_outcomes
+from truearc.sim.discover.model.plane_likelihood import OutcomeObservations, see_outcomes
 from truearc.sim.discover.model.score_table import Array
-from truearc.sim.discover.model.track_data import Samples, Scatter, gather_samples, measure_scatter
+from truearc.sim.discover.model.track_noise import Samples, Scatter, gather_samples, measure_scatter
 from truearc.sim.infer.curve import Curves, along
 from truearc.sim.infer.likelihood.launch_inputs import EXIT_DEG_SD, EXIT_SPEED_SD_M_S, EXIT_SPIN_SD_REV_S, given_of
 from truearc.sim.physics.launch import Exit, exit_no_slip, is_opposed
@@ -23,8 +23,8 @@ from truearc.sim.physics.simulate import has_wheels
 
 NONE: Curves = {}
 FEWEST_SHOTS = 10
-# Standard deviations of what nobody fits: spin from shot to shot (a share), the moment of release against the first
-# sample, where the ball leaves; and of a flight whose launch nobody knows.
+# Standard deviations of numbers that are not fitted: spin from shot to shot (a share), the moment of release against
+# the first sample, where the ball leaves; and of a flight whose launch is unknown.
 SPIN_SHARE = 0.05
 LEAD_S = 0.3
 PLACE_M = 0.01
@@ -37,15 +37,15 @@ SCATTERS = ("scatter.speed", "scatter.elevation_rad", "scatter.azimuth_rad", "sc
 
 @dataclass(frozen=True)
 class Intake:
-    """n shots (`rows` of the dataset) that say something; `stripped` facts for the chain.
+    """n shots (`rows` of the dataset) that carry information; `stripped` rig for the chain.
 
-    noise_var [n, D]: variances of the deviates that are no scatter (sensors, release). scattered [n, S]: variances on
+    noise_var [n, D]: variances of the deviates by other than scatter (sensors, release). scattered [n, S]: variances on
     top where a scatter is 1: of log speed, elevation and azimuth 1 or 0, of the distance as stated. exits [n, 3],
     exit_sd [n, 3]: measured log speed, elevation in rad, backspin, nan where not. seen: of the plane, rows `marked` [m]
     of the n. samples: tracks, with `tracked` [k] their rows among the n.
     """
 
-    facts: Rig
+    rig: Rig
     stripped: Rig
     rows: Int[Array, " n"]
     lanes: ShotBatch
@@ -65,28 +65,26 @@ class Intake:
 def take_in(dataset: Dataset, curves: Curves = NONE) -> Intake:
     """InputError when there are fewer than FEWEST_SHOTS shots or outcomes without a target.
 
-    curves: of effects without a name that are believed.
+    curves: of unexplained effects that are believed.
     """
-    facts, shots = dataset.facts, dataset.shots
+    rig, shots = dataset.facts, dataset.shots
     if len(shots) < FEWEST_SHOTS:
         raise InputError(f"{shots.source}: {len(shots)} shots are too few to judge a simulation by; "
                        f"{FEWEST_SHOTS} at least")
-    wheels, hood = has_wheels(facts, shots), np.isfinite(shots.number("hood_deg"))
-    launched = ((wheels | np.isfinite(shots.number("exit_speed_m_s")))
-                & (hood | np.isfinite(shots.number("exit_deg"))))
-    marked, seen = see_outcomes(shots, facts.target)
+    wheels, hood = has_wheels(rig, shots), np.isfinite(shots.number("hood_deg"))
+    sped, aimed = (np.isfinite(shots.number(name)) for name in ("exit_speed_m_s", "exit_deg"))
+    launched = (wheels | sped) & (hood | aimed)
+    marked, seen = see_outcomes(shots, rig.target)
     usable = launched[marked] & np.isfinite(shots.number("distance_m")[marked])
     samples, notes = _samples(dataset)
     tracked = np.zeros(len(shots), bool) if samples is None else np.isin(np.arange(len(shots)), samples.rows)
     use = tracked.copy()
     use[marked[usable]] = True
-    measured = (wheels & (np.isfinite(shots.number("exit_speed_m_s")) | np.isfinite(shots.number("exit_spin_rev_s")))
-                | hood & np.isfinite(shots.number("exit_deg")))
-    use |= launched & measured
+    use |= launched & (wheels & (sped | np.isfinite(shots.number("exit_spin_rev_s"))) | hood & aimed)
     rows = np.flatnonzero(use)
     place = np.full(len(shots), -1)
     place[rows] = np.arange(len(rows))
-    part = _Part(facts, shots.take(rows), wheels[rows], hood[rows], launched[rows])
+    part = _Part(rig, shots.take(rows), wheels[rows], hood[rows], launched[rows])
     left_out = [*dataset.left_out, *notes]
     if not usable.all():
         left_out.append(f"{int((~usable).sum())} outcomes without distance_m, or without hood_deg and a launch speed")
@@ -94,23 +92,22 @@ def take_in(dataset: Dataset, curves: Curves = NONE) -> Intake:
     around = along(curves, circumstances_of(dataset), columns, len(shots))
     lanes, noise_var, scattered = _lanes(part, _pick(around, rows), samples, place)
     exits, exit_sd = _exits(part)
-    scatter = None if samples is None else measure_scatter(samples, facts.noise.track_m)
-    stripped = replace_facts(facts)
-    return Intake(facts, stripped, rows, lanes, noise_var, scattered, exits, exit_sd, place[marked[usable]],
+    scatter = None if samples is None else measure_scatter(samples, rig.noise.track_m)
+    return Intake(rig, without_noise(rig), rows, lanes, noise_var, scattered, exits, exit_sd, place[marked[usable]],
                   seen.take(usable), np.zeros(0, int) if samples is None else place[samples.rows], samples, scatter,
                   _level(dataset, samples), tuple(left_out))
 
 
-def replace_facts(facts: Rig) -> Rig:
-    """Without noise and beliefs, on which no flight depends: compiled code is kept by facts."""
-    return msgspec.structs.replace(facts, noise=Noise(), believe=Believe())
+def without_noise(rig: Rig) -> Rig:
+    """Without noise and beliefs, on which no flight depends: compiled code is kept by rig."""
+    return msgspec.structs.replace(rig, noise=Noise(), believe=Believe())
 
 
 @dataclass(frozen=True)
 class _Part:
     """The shots used, and what is known of each."""
 
-    facts: Rig
+    rig: Rig
     shots: Shots
     wheels: Array
     hood: Array
@@ -126,12 +123,12 @@ def _lanes(part: _Part, circumstances: Circumstances, samples: Samples | None,
     numbers["exit_deg"] = np.where(free, 0.0, np.where(part.hood, np.nan, shots.number("exit_deg")))
     numbers["exit_spin_rev_s"] = np.where(part.wheels & part.launched, np.nan, shots.number("exit_spin_rev_s"))
     numbers["distance_m"] = np.nan_to_num(shots.number("distance_m"), nan=1.0)
-    given = given_of(part.facts, Shots(shots.shot_id, numbers, shots.texts))
+    given = given_of(part.rig, Shots(shots.shot_id, numbers, shots.texts))
     side = _side_spin(part)
     start_m, start_m_s, spin, lead_s, time_s = _starts(part, given.rolling, samples, place)
     rolling = Exit(*(np.asarray(each, dtype=float) for each in given.rolling))._replace(above_m=np.zeros(n))
-    mass_kg = _or_else(shots.number("mass_kg"), part.facts.ball.mass_kg)
-    radius_m = _or_else(shots.number("radius_m"), part.facts.ball.radius_m)
+    mass_kg = _or_else(shots.number("mass_kg"), part.rig.ball.mass_kg)
+    radius_m = _or_else(shots.number("radius_m"), part.rig.ball.radius_m)
     lanes = ShotBatch(rolling, side, given.rolled & part.launched, given.hooded & part.launched, free, mass_kg,
                       radius_m, given.distance_m, circumstances, start_m, start_m_s, spin, lead_s, time_s)
     noise = np.zeros((n, len(DEVIATES)))
@@ -146,15 +143,15 @@ def _lanes(part: _Part, circumstances: Circumstances, samples: Samples | None,
                                    np.broadcast_to(given.distance_sd_m**2, n)], axis=1) * 1.0
 
 
-def _or_else(measured: Array, rig: float) -> Array:
-    """What a ball's own column says, where it says something a ball can be."""
-    return np.where(measured > 0.0, measured, rig)
+def _or_else(measured: Array, usual: float) -> Array:
+    """A ball's own column, where it has a possible value."""
+    return np.where(measured > 0.0, measured, usual)
 
 
 def _side_spin(part: _Part) -> Array:
-    """Spin [n, 2] in rev/s about the direction of flight and about up, of rigs with other wheels than the seed's."""
+    """Spin [n, 2] in rev/s about the direction of flight and about up, of rigs with other wheels than the paper's."""
     side = np.zeros((len(part.shots), 2))
-    if not part.facts.launcher.wheel or is_opposed(part.facts):
+    if not part.rig.launcher.wheel or is_opposed(part.rig):
         return side
     body = _wheel_spin(part)
     known = np.isfinite(body).all(1)
@@ -165,8 +162,8 @@ def _side_spin(part: _Part) -> Array:
 def _wheel_spin(part: _Part) -> Array:
     """Spin [n, 3] by all wheels in rev/s about (ahead, left, up); nan where a wheel's speed is unknown."""
     surface = np.stack([part.shots.number(f"wheel_{wheel.name}_rad_s") * wheel.radius_m
-                        for wheel in part.facts.launcher.wheel], axis=1)
-    spin_rev_s: Array = exit_no_slip(part.facts, surface)[1] / (2.0 * np.pi)
+                        for wheel in part.rig.launcher.wheel], axis=1)
+    spin_rev_s: Array = exit_no_slip(part.rig, surface)[1] / (2.0 * np.pi)
     return spin_rev_s
 
 
@@ -194,7 +191,7 @@ def _free_spin(part: _Part, velocity_m_s: Array) -> Array:
     left = np.stack([-ahead[:, 1] / level, ahead[:, 0] / level, np.zeros(len(ahead))], axis=1)
     measured = part.shots.number("exit_spin_rev_s")
     spin = -left * np.nan_to_num(measured)[:, None]
-    if part.facts.launcher.wheel:
+    if part.rig.launcher.wheel:
         body = _wheel_spin(part)
         turned = body[:, :1] * ahead + body[:, 1:2] * left + body[:, 2:] * np.cross(ahead, left)
         spin = np.where((np.isfinite(turned).all(1) & np.isnan(measured))[:, None], turned, spin)

@@ -1,9 +1,12 @@
-"""What the recordings say about every way in which the simulation could be wrong, one row a shot.
+"""Slopes and curvatures of the log-likelihood in every way the simulation could be wrong, one row per shot.
 
 A column is one number that the simulation could be wrong by: a parameter of a term, a deviation of the launch, a free
-push, or something fitted (a coefficient, a scatter) that all shots share. Evidence holds the log-likelihood's slope and
-curvature in all columns, each shot's own unknowns (how it left, its noise) already integrated out. Everything after
-that (tests, place, names) needs no physics.
+push, or something fitted (a coefficient, a scatter) that all shots share. Each shot's own unknowns (how it left, its
+noise) are integrated out already. Everything after that (tests, place, names) needs no physics.
+
+A random effect, such as a ball's, belongs to the shots of one group. So a shot's rows hold one column per effect, and
+which group's it is stands beside them (GroupedColumns): with many balls, most of a matrix over all columns would be
+zeros.
 """
 
 from collections.abc import Sequence
@@ -11,21 +14,20 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
-from truearc.sim.discover.model import outcome_likelihood as outcomes
-from truearc.sim.discover.model.grouped_columns import GroupedColumns
-from truearc.sim.discover.model.outcome_likelihood import OutcomeObservations
+from truearc.sim.discover.model import plane_likelihood as outcomes
+from truearc.sim.discover.model.plane_likelihood import OutcomeObservations
 
 Array = np.ndarray
-FLOOR_M = 0.005                       # of the height's spread: what the model leaves out even of a perfect shot
+Seen = tuple[OutcomeObservations, Float[Array, " m"], Float[Array, " m"]]       # with mean and spread of the heights
 
 
 @dataclass(frozen=True)
 class Column:
     """One way to be wrong. `direction`: along (the velocity), vertical (across it, up), lateral (left).
 
-    kind: "term" (a term's amplitude), "free" (a deviation or push, which nobody has named) or "shared" (fitted).
+    kind: "term" (a term's amplitude), "free" (a deviation or push that is of no term) or "shared" (fitted).
     `usual`: one standard deviation of what such a departure amounts to, in its unit.
     """
 
@@ -38,7 +40,12 @@ class Column:
     words: tuple[str, str] = ("more", "less")      # a positive and a negative amplitude, compared with the simulation
     follows: str = ""                 # what it varies with inside one flight; "" = an amplitude a shot
     times_s: tuple[float, float] | None = None
-    told: bool = False                # of a shared one: an earlier session said how large it is, and how surely
+    told: bool = False                # of a shared one: its prior is an earlier session's posterior
+
+    @property
+    def term(self) -> str:
+        """The name of its term, or its own if it is of none."""
+        return self.name.partition(".")[0]
 
 
 @dataclass(frozen=True)
@@ -56,7 +63,7 @@ class PlaneScores:
     wider_by: Float[Array, "m C"]
     log_spread_by: Float[Array, "m C"]
 
-    def moved(self, change: Float[Array, "n C"]) -> tuple[OutcomeObservations, Float[Array, " m"], Float[Array, " m"]]:
+    def moved(self, change: Float[Array, "n C"]) -> Seen:
         """(seen, mean, spread) after `change` [n, C]."""
         mine = change[self.rows]
         mean, wider, log_spread = (np.einsum("mp,mp->m", mine, by)
@@ -66,13 +73,76 @@ class PlaneScores:
 
 
 @dataclass(frozen=True)
+class GroupedColumns:
+    """A shot's own C columns: `real` that all shots have, then its group's `effects`; of P over all groups, which come
+    effect by effect, group by group.
+
+    label [n] numbers each shot's group, below `groups`.
+    """
+
+    real: int
+    effects: int
+    groups: int
+    label: Int[Array, " n"]
+
+    @staticmethod
+    def plain(shots: int, columns: int) -> "GroupedColumns":
+        """Of shots without groups."""
+        return GroupedColumns(columns, 0, 0, np.zeros(shots, dtype=int))
+
+    @property
+    def width(self) -> int:
+        """P"""
+        return self.real + self.effects * self.groups
+
+    @cached_property
+    def place(self) -> Int[Array, "n C"]:
+        """Which of the P each of a shot's own columns is [n, C]."""
+        common = np.tile(np.arange(self.real), (len(self.label), 1))
+        return np.concatenate([common, self.real + np.arange(self.effects) * self.groups + self.label[:, None]], axis=1)
+
+    def own(self, change: Float[Array, "n P"]) -> Float[Array, "n C"]:
+        """Each shot's own columns."""
+        return np.take_along_axis(change, self.place, axis=1) if self.effects else change
+
+    def spread(self, own: Float[Array, "n C"]) -> Float[Array, "n P"]:
+        """All columns, zero in those of other groups."""
+        if not self.effects:
+            return own
+        spread = np.zeros((len(own), self.width))
+        np.put_along_axis(spread, self.place, own, axis=1)
+        return spread
+
+    def some(self, rows: Int[Array, " k"] | Bool[Array, " n"]) -> "GroupedColumns":
+        """Of some shots."""
+        return replace(self, label=self.label[rows])
+
+    def total(self, own: Float[Array, "n C C"]) -> Float[Array, "P P"]:
+        """Sum [P, P] over shots of own [n, C, C]."""
+        real = self.real
+        total = np.zeros((self.width, self.width))
+        total[:real, :real] = own[:, :real, :real].sum(0)
+        for effect in range(real, real + self.effects):
+            np.add.at(total, self.place[:, effect], self.spread(own[:, effect]))
+        total[:real, real:] = total[real:, :real].T
+        return total
+
+    def pick(self, kept: Int[Array, " k"]) -> tuple["GroupedColumns", Int[Array, " c"]]:
+        """(deal, which own columns) of these columns, those of all shots first; of groups all or none."""
+        real = kept[kept < self.real]
+        effects = self.effects if len(kept) > len(real) else 0
+        deal = GroupedColumns(len(real), effects, self.groups if effects else 0, self.label)
+        return deal, np.concatenate([real, self.real + np.arange(effects)])
+
+
+@dataclass(frozen=True)
 class ScoreTable:
     """Slopes and curvatures about one point; n shots, P columns, the shared ones last.
 
     Each shot speaks of C columns of its own, as the `deal` has it: all but those of other groups. `own_score` [n, C] is
     the slope of its log-likelihood, `info` [n, C, C] its expected negative curvature. Of these the part of tracks and
-    measured exits is `linear` and `bend`, exact for what follows; that of the plane is worked out anew wherever it is
-    asked for. `precision` [p, p] and `pull` [p]: the shared columns' log prior; `log_score` [n]. `point` [P]: the
+    measured exits is `linear` and `bend`, exact for what follows; that of the plane is computed again wherever it is
+    needed. `precision` [p, p] and `pull` [p]: the shared columns' log prior; `log_score` [n]. `point` [P]: the
     columns' values where this was made (free ones: 0).
     """
 
@@ -92,6 +162,11 @@ class ScoreTable:
     @property
     def first_shared(self) -> int:
         return len(self.columns) - len(self.precision)
+
+    @property
+    def shared(self) -> slice:
+        """Columns of the shared parameters in score and info."""
+        return slice(self.first_shared, None)
 
     @cached_property
     def score(self) -> Float[Array, "n P"]:
@@ -121,8 +196,7 @@ class ScoreTable:
             value[plane.rows] += outcomes.log_likelihood(*plane.moved(own)) - before
         return value
 
-    def heights(self, change: Float[Array, "n P"]) -> tuple[OutcomeObservations, Float[Array, " m"], Float[Array, " "
-                                                                                                                  "m"]]:
+    def heights(self, change: Float[Array, "n P"]) -> Seen:
         """(seen, mean, spread) at the plane after `change` [n, P]; there must be one."""
         assert self.plane is not None
         return self.plane.moved(self.deal.own(change))
@@ -173,9 +247,9 @@ def make_evidence(rows: Int[Array, " n"], columns: tuple[Column, ...], point: Fl
     return ScoreTable(rows, columns, deal, point, linear, bend, plane, precision, pull, log_score, score, info)
 
 
-def _with_plane(plane: PlaneScores, there: tuple[OutcomeObservations, Float[Array, " m"], Float[Array, " m"]],
-                score: Float[Array, "n C"], bend: Float[Array, "n C C"]) -> Float[Array, "n C C"]:
-    """What the plane says `there` added to the score, in place, and to the information, which comes back."""
+def _with_plane(plane: PlaneScores, there: Seen, score: Float[Array, "n C"],
+                bend: Float[Array, "n C C"]) -> Float[Array, "n C C"]:
+    """Add the plane's part `there` to the score, in place, and to the information, which is returned."""
     more, inner = plane_terms(plane, *there)
     info = bend.copy()
     score[plane.rows] += more
@@ -185,15 +259,10 @@ def _with_plane(plane: PlaneScores, there: tuple[OutcomeObservations, Float[Arra
 
 def plane_terms(plane: PlaneScores, seen: OutcomeObservations, mean_m: Float[Array, " m"],
                 spread_m: Float[Array, " m"]) -> tuple[Float[Array, "m C"], Float[Array, "m C C"]]:
-    """Score and expected information of what was seen at the plane."""
+    """Score and expected information of the observations at the plane."""
     by_mean, by_log, by_width = outcomes.slopes(seen, mean_m, spread_m)
     score = (by_mean[:, None] * plane.by_column + by_log[:, None] * plane.log_spread_by
              + by_width[:, None] * plane.wider_by)
     carry = np.stack([plane.by_column, plane.log_spread_by, plane.wider_by], axis=1)
     inner = outcomes.information(seen, mean_m, spread_m)
     return score, np.swapaxes(carry, 1, 2) @ (inner @ carry)
-
-
-def shared_columns(evidence: ScoreTable) -> slice:
-    """Columns of the shared parameters in score and info."""
-    return slice(evidence.first_shared, None)

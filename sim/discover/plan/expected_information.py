@@ -1,30 +1,53 @@
-"""Expected evidence: of shots that nobody has taken, or of configurations without results, at believed coefficients."""
+"""Expected information: of a planned season, or of recorded configurations without results, at believed coefficients.
 
-from dataclasses import replace
+A planned season holds configurations that reach the target as believed, and what would be recorded of them. Its
+outcomes do not matter: only the expected information is computed from it (truearc.sim.discover.plan.detectability).
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from truearc.robot.config.rig_spec import Rig
-from truearc.sim.data.dataset import Dataset, Shots
-from truearc.sim.discover.detect.clusters import groups_of
+from truearc.robot.config.schema import InputError
+from truearc.sim.data.dataset import Dataset, Shots, Traces, Tracks
 from truearc.sim.discover.model.baseline_fit import fit_believed, usual_spot
-from truearc.sim.discover.model.design_columns import lay_out
+from truearc.sim.discover.model.design_columns import groups_of, lay_out, weak_prior
 from truearc.sim.discover.model.linearization import linearise
-from truearc.sim.discover.model.prepared_data import take_in
-from truearc.sim.discover.model.score_table import ScoreTable
-from truearc.sim.discover.plan.identifiability import Sight, sight_of
-from truearc.sim.discover.plan.planned_season import ASIDE, mark, rehearse
-from truearc.sim.physics.catalogue import Catalogue
+from truearc.sim.discover.model.prepared_data import FEWEST_SHOTS, take_in
+from truearc.sim.discover.model.score_table import Array, ScoreTable
+from truearc.sim.discover.plan.detectability import Sight, sight_of
+from truearc.sim.discover.settings import LEVELS, SEASON_SHOTS
+from truearc.sim.infer.coefficients import Coefficients
+from truearc.sim.physics.catalogue import Catalogue, effective, find_terms, flight_terms
+from truearc.sim.physics.flight import path
+from truearc.sim.physics.simulate import ORDINARY, by_robot, launch_of, leave, predict, sense
 from truearc.sim.progress import Progress
 
 FEW = 5                               # results, from which a dataset speaks for itself
+TRIED = 2                             # configurations drawn for every one wanted
+DRIVES = 28                           # motor speeds tried for each
+SLOWEST, FASTEST = 0.15, 0.97         # motor ratio
+SPEEDS_M_S = (2.0, 25.0)              # of surfaces or balls, where no free speed is known
+NEAR, FAR, LEAST_RISE_M = 1.0, 4.0, 1.0           # distances, in heights of the target above the exit
+ELEVATION_DEG = (30.0, 65.0)
+STEEPER_DEG = 10.0                    # than the straight line to the target
+SPEED_SD, DISTANCE_SD_M = 0.018, 0.03     # of one shot: log speed with elevation, and distance
+ASIDE = (1.5, 2.5)                    # off the centre, in standard deviations: there outcomes tell most
+SESSION_SHOTS, BALLS = 30, 16
+FRAMES_HZ, FRAMES = 60.0, 46
+DIP, DIP_SPREAD = 0.06, 0.3
+TRACE_S = (-0.01, 0.0, 0.1, 0.2)
+FREE_M_S = (5.0, 11.0)                # thrown, where there is no launcher
 
 
-def foresee(facts: Rig, believed: tuple[str, ...], level: str, shots: int, sides: bool = False, seed: int = 0,
+def foresee(rig: Rig, believed: tuple[str, ...], level: str, shots: int, sides: bool = False, seed: int = 0,
             progress: Progress = lambda done, note: None, among: Catalogue | None = None) -> Sight:
-    """What a season of `shots` with this rig could tell; BadInput as in rehearse. among: the catalogue of the terms."""
+    """The effects that a season of `shots` with this rig could show; InputError as in rehearse. among: the catalogue.
+    """
     progress(0.0, "aim")
-    dataset = rehearse(facts, believed, level, shots, sides, seed, among)
+    dataset = rehearse(rig, believed, level, shots, sides, seed, among)
     progress(0.2, "slopes")
     evidence, _ = _expected(dataset, believed, among)
     progress(1.0, "done")
@@ -33,8 +56,8 @@ def foresee(facts: Rig, believed: tuple[str, ...], level: str, shots: int, sides
 
 def foresee_dataset(dataset: Dataset, believed: tuple[str, ...], sides: bool = False, seed: int = 0,
                     progress: Progress = lambda done, note: None, among: Catalogue | None = None) -> Sight:
-    """What the shots of a dataset can tell: with results at the coefficients fitted to them, else as aimed beside the
-    centre with the usual coefficients."""
+    """The effects that the shots of a dataset can show: with results at the coefficients fitted to them, else as aimed
+    beside the centre with the usual coefficients."""
     told = dataset.tracks is not None or sum(map(bool, dataset.shots.text("outcome"))) >= FEW or (
         np.isfinite(dataset.shots.number("miss_height_m")).sum() >= FEW)
     if told or dataset.facts.target is None:
@@ -66,3 +89,173 @@ def _as_aimed(evidence: ScoreTable, seed: int) -> ScoreTable:
     aside = rng.choice((-1.0, 1.0), len(plane.mean_m)) * rng.uniform(*ASIDE, len(plane.mean_m))
     aimed = replace(evidence, plane=replace(plane, mean_m=aside * plane.spread_m))
     return aimed.moved(np.zeros_like(evidence.score))
+
+
+@dataclass(frozen=True)
+class Plan:
+    """n configurations. drive: motor ratio, or speed in m/s of surfaces or balls where the rig states no motors."""
+
+    distance_m: Array
+    hood_deg: Array
+    drive: Array
+
+
+def rehearse(rig: Rig, believed: tuple[str, ...], level: str, shots: int = SEASON_SHOTS, sides: bool = False,
+             seed: int = 0, among: Catalogue | None = None) -> Dataset:
+    """A dataset of `shots` aimed beside the centre, high and low, as one aims to learn.
+
+    L1 adds telemetry, circumstances, balls and sessions, L2 tracks. sides: high or low is noted of every miss. among:
+    the catalogue of the terms.
+    InputError for an unknown level or term, too few shots, or a target that is missing or out of reach.
+    """
+    if level not in LEVELS:
+        raise InputError(f"there is no level {level!r}; there are {', '.join(LEVELS)}")
+    if shots < FEWEST_SHOTS:
+        raise InputError(f"{shots} shots are too few to judge a simulation by; {FEWEST_SHOTS} at least")
+    coefficients = usual_coefficients(believed, among)
+    rng = np.random.default_rng(seed)
+    if rig.target is None and level != "L2":
+        raise InputError("[target] is needed to tell an outcome; level L2, by tracks, does without")
+    plan = _throw(rig, shots, rng) if rig.target is None else _aim(rig, coefficients, shots, rng, among)
+    numbers, texts = settings(rig, plan), {}
+    if rig.target is not None:
+        numbers["distance_m"] = plan.distance_m
+        texts = mark(shots, sides)
+    ids = tuple(f"s{number}" for number in range(1, shots + 1))
+    flown = Shots(ids, dict(numbers), dict(texts))
+    tracks = _watch(rig, coefficients, flown, plan.distance_m, rng, among) if level == "L2" else None
+    if not rig.launcher.wheel and level == "L2":
+        numbers = {name: column for name, column in numbers.items() if not name.startswith("exit_")}
+    traces = None
+    if level != "L0":
+        more, labels = _circumstances(shots, rng)
+        wheels = _wheel_speeds(rig, plan)
+        numbers, texts = numbers | more | wheels, texts | labels
+        traces = _dips(wheels, shots, rng) if wheels else None
+    return Dataset("rehearsal", rig, Shots(ids, numbers, texts), tracks, traces)
+
+
+def usual_coefficients(believed: tuple[str, ...], among: Catalogue | None = None) -> Coefficients:
+    """The middle of each believed parameter's prior; InputError for a term that there is none of."""
+    return {term.name: {p.name: weak_prior(p)[0] if p.prior else p.default for p in term.parameters}
+            for term in find_terms(believed, among)}
+
+
+def mark(shots: int, sides: bool) -> dict[str, tuple[str, ...]]:
+    """Outcomes by which no expected information changes: which classes there are counts, not which it was."""
+    side = {"side": tuple("low" if k % 2 else "high" for k in range(shots))} if sides else {}
+    return {"outcome": ("miss",) * shots, **side}
+
+
+def settings(rig: Rig, plan: Plan) -> dict[str, Array]:
+    """The columns that say how a plan's shots are launched."""
+    if not rig.launcher.wheel:
+        return {"exit_speed_m_s": plan.drive, "exit_deg": plan.hood_deg,
+                "exit_spin_rev_s": np.linspace(0.0, 4.0, len(plan.drive))}
+    if rig.launcher.free_speed_rad_s is None:
+        return {"hood_deg": plan.hood_deg, **_wheel_speeds(rig, plan)}
+    return {"hood_deg": plan.hood_deg, "motor_ratio": plan.drive}
+
+
+def _wheel_speeds(rig: Rig, plan: Plan) -> dict[str, Array]:
+    free = rig.launcher.free_speed_rad_s
+    return {f"wheel_{wheel.name}_rad_s": plan.drive * (wheel.gear * free if free else 1.0 / wheel.radius_m)
+            for wheel in rig.launcher.wheel}
+
+
+def _drives(rig: Rig) -> Array:
+    by_ratio = rig.launcher.wheel and rig.launcher.free_speed_rad_s is not None
+    return np.geomspace(*((SLOWEST, FASTEST) if by_ratio else SPEEDS_M_S), DRIVES)
+
+
+def _throw(rig: Rig, shots: int, rng: np.random.Generator) -> Plan:
+    """Without a target: every speed and elevation alike."""
+    drives = _drives(rig)
+    low, high = (np.quantile(drives, 0.3), drives[-1]) if rig.launcher.wheel else FREE_M_S
+    return Plan(np.full(shots, np.inf), rng.uniform(*ELEVATION_DEG, shots), rng.uniform(low, high, shots))
+
+
+def _aim(rig: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: int,
+         rng: np.random.Generator, among: Catalogue | None) -> Plan:
+    """Distances and elevations drawn at random, drives so that the ball passes beside the centre."""
+    assert rig.target is not None
+    rise_m = rig.target.centre_height_m - rig.launcher.release_height_m
+    reach_m = max(rise_m, LEAST_RISE_M)
+    distance_m = rng.uniform(NEAR * reach_m, FAR * reach_m, TRIED * shots)
+    least_deg = np.maximum(ELEVATION_DEG[0], np.degrees(np.arctan2(rise_m, distance_m)) + STEEPER_DEG)
+    hood_deg = rng.uniform(np.minimum(least_deg, ELEVATION_DEG[1]), np.maximum(least_deg, ELEVATION_DEG[1]))
+    drives = _drives(rig)
+    heights_m = _heights(rig, coefficients, distance_m, hood_deg, drives, among)
+    _, per_log = _drive_for(heights_m, np.full(len(distance_m), rig.target.centre_height_m), drives)
+    sd_m = np.hypot(SPEED_SD * per_log, DISTANCE_SD_M)
+    aside = rng.choice((-1.0, 1.0), len(distance_m)) * rng.uniform(*ASIDE, len(distance_m))
+    drive, _ = _drive_for(heights_m, rig.target.centre_height_m + aside * sd_m, drives)
+    there = np.flatnonzero(np.isfinite(drive))
+    if len(there) < FEWEST_SHOTS:
+        raise InputError(f"rig.toml: at no distance from {NEAR * reach_m:.3g} to {FAR * reach_m:.3g} m does the "
+                         "launcher reach the target, as believed")
+    rows = np.resize(there, shots)
+    return Plan(distance_m[rows], hood_deg[rows], drive[rows])
+
+
+def _heights(rig: Rig, coefficients: Mapping[str, Mapping[str, float]], distance_m: Array, hood_deg: Array,
+             drives: Array, among: Catalogue | None) -> Array:
+    """[n, drives] heights at the plane; nan where the ball does not get there."""
+    n = len(distance_m)
+    every = Plan(np.repeat(distance_m, len(drives)), np.repeat(hood_deg, len(drives)), np.tile(drives, n))
+    shots = Shots(("",) * len(every.drive), {**settings(rig, every), "distance_m": every.distance_m}, {})
+    return np.asarray(predict(rig, coefficients, shots, among=among).height_m).reshape(n, -1)
+
+
+def _drive_for(heights_m: Array, wanted_m: Array, drives: Array) -> tuple[Array, Array]:
+    """(slowest drive [n] that passes at wanted_m, slope of the height by its log); nan where there is none."""
+    lane = np.arange(len(wanted_m))
+    below, above = heights_m[:, :-1], heights_m[:, 1:]
+    crosses = (below <= wanted_m[:, None]) & (above > wanted_m[:, None])
+    first = crosses.argmax(axis=1)
+    low, high = below[lane, first], above[lane, first]
+    step = np.log(drives[1] / drives[0])
+    part = np.where(crosses.any(axis=1), (wanted_m - low) / (high - low), np.nan)
+    return drives[first] * np.exp(part * step), np.where(np.isfinite(part), (high - low) / step, np.nan)
+
+
+def _circumstances(shots: int, rng: np.random.Generator) -> tuple[dict[str, Array], dict[str, tuple[str, ...]]]:
+    """What telemetry and a log book say beside the launch, varying as it does in practice: (numbers, texts)."""
+    session, place = np.divmod(np.arange(shots), SESSION_SHOTS)
+    count = int(session.max()) + 1
+    wait_s = np.where(rng.random(shots) < 0.5, rng.uniform(1.0, 3.0, shots), rng.uniform(3.0, 12.0, shots))
+    first = place == 0
+    clock_s = np.cumsum(np.where(first, 0.0, wait_s))
+    t_s = clock_s - clock_s[np.flatnonzero(first)][session]
+    part = t_s / max(float(t_s.max()), 1.0)
+    numbers = {"t_s": t_s, "since_last_shot_s": np.where(first, np.nan, wait_s),
+               "battery_v": rng.uniform(12.3, 12.9, count)[session] - 0.9 * part + rng.normal(0.0, 0.1, shots),
+               "temperature_c": rng.normal(20.0, 6.0, count)[session] + 2.0 * part,
+               "pressure_pa": rng.normal(101_000.0, 800.0, count)[session] + rng.normal(0.0, 20.0, shots),
+               "robot_speed_m_s": np.where(rng.random(shots) < 0.4, 0.0, rng.normal(0.0, 1.0, shots))}
+    balls = np.concatenate([rng.permutation(BALLS) for _ in range(shots // BALLS + 1)])[:shots]
+    return numbers, {"session": tuple(f"day{k + 1}" for k in session), "ball_id": tuple(f"ball{k + 1}" for k in balls)}
+
+
+def _dips(wheels: Mapping[str, Array], shots: int, rng: np.random.Generator) -> Traces:
+    """Wheel speeds before and while the ball passes; harder balls take more of them."""
+    dip = DIP * np.exp(rng.normal(0.0, DIP_SPREAD, shots))
+    shape = np.array([1.0, 1.0, 0.0, 0.5])
+    values = [speed[:, None] * (1.0 - dip[:, None] * (1.0 - shape)) for speed in wheels.values()]
+    signals = np.repeat(list(wheels), shots * len(TRACE_S))
+    return Traces(np.tile(np.repeat(np.arange(shots), len(TRACE_S)), len(wheels)),
+                  np.tile(TRACE_S, shots * len(wheels)), tuple(signals.tolist()), np.concatenate(values).ravel())
+
+
+def _watch(rig: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: Shots, distance_m: Array,
+           rng: np.random.Generator, among: Catalogue | None) -> Tracks:
+    """Positions by a camera from just after release to the plane or the floor, with the rig's track noise."""
+    values, whose = effective(coefficients, ORDINARY, among), by_robot(shots)
+    exit, _ = sense(rig, values, launch_of(rig, shots), distance_m, whose, among)
+    states = path(rig, flight_terms({"gravity", *coefficients}, among), values,
+                  leave(rig, values, exit, whose, among), FRAMES + 1, 1.0 / FRAMES_HZ)
+    x, y, z = (np.broadcast_to(np.asarray(part), (FRAMES + 1, len(shots)))[1:].T for part in states.position_m)
+    seen = np.logical_and.accumulate((x <= distance_m[:, None]) & (z > 0.0), axis=1)
+    shot, frame = np.nonzero(seen)
+    noise = rig.noise.track_m * rng.normal(size=(3, len(shot)))
+    return Tracks(shot, frame / FRAMES_HZ, *(part[seen] + off for part, off in zip((x, y, z), noise, strict=True)))

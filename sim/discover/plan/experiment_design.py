@@ -83,11 +83,11 @@ def make_design(step: Step, shots: int = PLANNED_SHOTS, configurations: int = CO
     block = max(shots // configurations, 1)
     there = at_paces(step.fitted)
 
-    def told(option: Option) -> Array:
+    def information_of(option: Option) -> Array:
         return there[option[1]].told_by([option[0]])
 
-    chosen = choose_blocks(contest, block, within_reach(step.fitted, there), configurations, told)
-    more = block * np.sum([told(option) for option in chosen], axis=0)
+    chosen = choose_blocks(contest, block, within_reach(step.fitted, there), configurations, information_of)
+    more = block * np.sum([information_of(option) for option in chosen], axis=0)
     told_by = _measurements(contest, names, seed, step.fitted.layout.chain.catalogue)
     measurements = sorted(told_by, key=lambda one: -one.probability)
     return Design(names, contest.probability, tuple(Block(row, block, pace) for row, pace in chosen),
@@ -154,16 +154,17 @@ def within_reach(fitted: BaselineFit, paces: Iterable[float]) -> list[tuple[int,
 
 
 def choose_blocks(contest: Contest, block: int, options: Sequence[Option], count: int,
-                  told: Callable[[Option], Array]) -> list[Option]:
-    """The options of which `block` shots each are taken; one may come more than once. told: what one shot of it says
-    [P, P]."""
+                  information_of: Callable[[Option], Array]) -> list[Option]:
+    """The options of which `block` shots each are made; one may come more than once.
+
+    information_of: [P, P], of one shot of an option."""
     total: Array | float = 0.0
     chosen: list[Option] = []
     left = list(options)
     for _ in range(count):
-        value = np.array([worth(contest, total + block * told(option)) for option in left])
+        value = np.array([worth(contest, total + block * information_of(option)) for option in left])
         chosen.append(left[int(np.argmax(value))])
-        total = total + block * told(chosen[-1])
+        total = total + block * information_of(chosen[-1])
         if not chosen[1:]:
             left = [left[k] for k in np.argsort(-value, kind="stable")[:KEPT]]
     return chosen

@@ -32,7 +32,7 @@ def next_steps(dataset: Dataset, step: Step, chosen: tuple[str, ...] | None) -> 
 
 
 def _about_unknown(step: Step) -> tuple[dict[str, Any], ...]:
-    """What has no name is looked for beside what it goes with."""
+    """An unexplained effect is looked for beside the covariate that it goes with."""
     place = step.place
     name = None if place is None else name_of(place.test, place.column)
     if name is None or name in IN_FLIGHT:
@@ -50,7 +50,7 @@ def _sides(dataset: Dataset) -> tuple[dict[str, Any], ...]:
 
 
 def parting_shot(dataset: Dataset, step: Step, pair: tuple[str, str]) -> dict[str, Any] | None:
-    """The recorded configuration where the two, each fitted, foretell the most different heights."""
+    """The recorded configuration where the two, each fitted, forecast the most different heights."""
     evidence = step.fitted.evidence
     plane = evidence.plane
     if plane is None or any(name not in step.naming.refits for name in pair):

@@ -6,37 +6,21 @@ from dataclasses import replace
 import numpy as np
 
 from truearc.sim.data.dataset import Dataset
-from truearc.sim.discover.detect.clusters import Clusters
-from truearc.sim.discover.detect.covariates import (
-    Covariate,
-    carried_by,
-    followed_column,
-    gather_covariates,
-    gather_factors,
-)
+from truearc.sim.discover import finding as parts
+from truearc.sim.discover.detect.covariates import Covariate, carried_by, followed_column
 from truearc.sim.discover.detect.localization import Place, amplitude_of, times_of
 from truearc.sim.discover.detect.score_test import Judged
 from truearc.sim.discover.detect.test_battery import TERMS, Asked, name_of
-from truearc.sim.discover.finding import (
-    DataSummary,
-    Finding,
-    FitSummary,
-    Further,
-    Interval,
-    Mismatch,
-    Named,
-    TestResult,
-    Unknown,
-    Where,
-)
-from truearc.sim.discover.model import outcome_likelihood as outcomes
+from truearc.sim.discover.finding import Finding, FitSummary, Named, TestResult, Unknown, Where
+from truearc.sim.discover.model import plane_likelihood as outcomes
 from truearc.sim.discover.model.baseline_fit import BaselineFit, only_shared
 from truearc.sim.discover.model.prepared_data import Intake
-from truearc.sim.discover.model.score_table import Array, Column, ScoreTable
+from truearc.sim.discover.model.score_table import Array, ScoreTable
 from truearc.sim.discover.plan.recommendations import next_steps
-from truearc.sim.discover.report.finding_text import say_named, say_none, say_smallest, say_unknown
+from truearc.sim.discover.report.finding_text import NINETY, say_named, say_none, say_smallest, say_unknown
 from truearc.sim.discover.report.formula import find_formula
 from truearc.sim.discover.select.forecast_error import end_errors
+from truearc.sim.discover.select.forward_selection import Search
 from truearc.sim.discover.select.refit import clustered_error, unseen_change, without
 from truearc.sim.discover.select.selection_step import Step
 from truearc.sim.physics.catalogue import Catalogue
@@ -44,30 +28,28 @@ from truearc.sim.physics.term import STAGES
 
 SHOWN = 40                            # lines of the tests that the answer lists
 RANKED = 12                           # names that it lists
-NINETY = 1.6448536269514722
-TRIFLE = 0.03                         # of what a name explains on unseen shots
+SMALL = 0.03                          # of a name's own gain on unseen shots
 UNSURE = 0.5
 
 
 def silent(dataset: Dataset, intake: Intake, terms: tuple[str, ...], false_alarm: float,
            among: Catalogue | None = None) -> Finding:
-    """Data that can say nothing."""
-    data = DataSummary(len(dataset.shots), intake.level, intake.left_out, terms, {}, {"by": "shot", "count": 0})
+    """The finding of data that carry no test."""
+    data = parts.DataSummary(len(dataset.shots), intake.level, intake.left_out, terms, {}, {"by": "shot", "count": 0})
     nowhere = Where(None, None, None, None, {}, None, None, (), "the data carry no test")
-    return Finding(data, Mismatch(False, None, false_alarm, {}, 0, {}), nowhere, "none",
+    return Finding(data, parts.Mismatch(False, None, false_alarm, {}, 0, {}), nowhere, "none",
                    say_none(terms, None, len(dataset.shots), false_alarm, among), None, None)
 
 
-def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: BaselineFit, clusters: Clusters, asked: Asked,
-                 judged: Judged, place: Place | None, steps: Sequence[Step], false_alarm: float,
-                 seed: int) -> Finding:
+def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: BaselineFit, asked: Asked, judged: Judged,
+                 place: Place | None, steps: Sequence[Step], search: Search) -> Finding:
     """Put it together; without steps nothing was found."""
-    intake, among = fitted.intake, fitted.layout.chain.catalogue
-    data = DataSummary(len(dataset.shots), intake.level, intake.left_out, terms, {"all": fitted.values},
-                {"by": clusters.by, "count": clusters.count})
-    mismatch = Mismatch(bool(steps), judged.p_any, false_alarm, _results(fitted.evidence, asked, judged, false_alarm),
-                        len(asked.tests), judged.families)
-    fit = _fit(fitted, steps, clusters)
+    intake, among, false_alarm = fitted.intake, fitted.layout.chain.catalogue, search.false_alarm
+    data = parts.DataSummary(len(dataset.shots), intake.level, intake.left_out, terms, {"all": fitted.values},
+                             {"by": "shot", "count": len(dataset.shots)})
+    results = _results(fitted.evidence, asked, judged, false_alarm)
+    mismatch = parts.Mismatch(bool(steps), judged.p_any, false_alarm, results, len(asked.tests), judged.families)
+    fit = _fit(fitted, steps)
     if not steps:
         where = Where(None, None, None, None, {}, None, None, (), "nothing was found")
         sentence = say_none(terms, judged.p_any, data.shots, false_alarm, among) + say_smallest(
@@ -76,8 +58,8 @@ def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: BaselineFit, 
     told = (replace(steps[0], unknown=True),) if is_stand_in(steps) else steps
     first = told[0]
     verdict = "unknown" if first.unknown else "named" if len(first.naming.chosen) == 1 else "set"
-    where = _where(dataset, first, asked, judged, false_alarm, _probabilities(first))
-    leading, *rest = (_further(step, clusters, seed) for step in (first, *steps[1:]))
+    where = _where(first, judged, search, _probabilities(first))
+    leading, *rest = (_further(step, search.seed) for step in (first, *steps[1:]))
     also = rest if len(told) > 1 else []
     sentence = (say_unknown(terms, judged.p_any, where, leading, rest, fit, place, among) if first.unknown else
                 say_named(terms, judged.p_any, leading, rest, fit, place, among))
@@ -86,24 +68,24 @@ def make_finding(dataset: Dataset, terms: tuple[str, ...], fitted: BaselineFit, 
 
 
 def is_stand_in(steps: Sequence[Step]) -> bool:
-    """Whether the first name leaves something over, without a name, that pushes in the direction in which the effect
-    was found: then it only stands in for what is missing, and what else it takes does not make it right. A trifle
-    beside what it explains is another thing: a law that holds to a few hundredths is no wrong one."""
+    """Whether an unexplained effect is left beside the first name that acts in the direction in which the effect was
+    found: then the name is a proxy for another, whatever else it explains. A rest that is small beside the name's own
+    gain is another thing: a law that holds to a few hundredths is not wrong."""
     first, *later = steps
     if first.unknown or first.place is None:
         return False
     explained = float((first.after - first.before).sum())
     return any(step.unknown and step.place is not None and step.place.column.direction == first.place.column.direction
-               and (step.free is None or float((step.free - step.before).sum()) > TRIFLE * explained)
+               and (step.free is None or float((step.free - step.before).sum()) > SMALL * explained)
                for step in later)
 
 
-def _further(step: Step, clusters: Clusters, seed: int) -> Further:
-    """What one step says."""
+def _further(step: Step, seed: int) -> parts.Further:
+    """The result of one step."""
     probability = _probabilities(step)
     what = tuple(_named(step, name, probability) for name in list(step.naming.probability)[:RANKED])
     chosen = None if step.unknown else tuple(name.partition(".")[0] for name in step.naming.chosen)
-    return Further(what, chosen, _unknown(step, clusters, seed) if step.unknown else None)
+    return parts.Further(what, chosen, _unknown(step, seed) if step.unknown else None)
 
 
 def _probabilities(step: Step) -> dict[str, float]:
@@ -117,8 +99,7 @@ def _free_odds(step: Step) -> float:
     return 0.02 if step.rival is None else float(0.05 * np.exp(np.clip(step.rival, -5.0, 5.0)))
 
 
-def _where(dataset: Dataset, step: Step, asked: Asked, judged: Judged, false_alarm: float,
-           probability: dict[str, float]) -> Where:
+def _where(step: Step, judged: Judged, search: Search, probability: dict[str, float]) -> Where:
     evidence, place = step.fitted.evidence, step.place
     stage_of = {column.name: column.stage for column in evidence.columns}
     mass = {stage: sum(p for name, p in probability.items() if stage_of[name] == stage) for stage in STAGES}
@@ -129,8 +110,7 @@ def _where(dataset: Dataset, step: Step, asked: Asked, judged: Judged, false_ala
     mass = {stage: value / total for stage, value in mass.items()}
     stage = max(mass, key=lambda name: mass[name])
     reason = None if mass[stage] > UNSURE else "stage: these data cannot tell the likely stages apart"
-    column = evidence.columns[evidence.index(step.naming.leader)]
-    covariate, direction, others = _follows(dataset, column, step, judged, false_alarm)
+    covariate, direction, others = _follows(step, judged, search)
     times = None
     if evidence.plane is None or step.fitted.intake.samples is not None:
         times = _until_seen(step.fitted.intake, times_of(evidence, place.test)) if place is not None else None
@@ -146,31 +126,30 @@ def _until_seen(intake: Intake, times: tuple[float, float] | None) -> tuple[floa
     return times[0], float(min(times[1], longest_s))
 
 
-def _follows(dataset: Dataset, column: Column, step: Step, judged: Judged,
-             false_alarm: float) -> tuple[str | None, str | None, tuple[str, ...]]:
+def _follows(step: Step, judged: Judged, search: Search) -> tuple[str | None, str | None, tuple[str, ...]]:
     """(covariate, direction, other names that go with the same shots)."""
-    place = step.place
+    place, column = step.place, step.column
     free = None if place is None else name_of(place.test, place.column)
-    sure = place is not None and judged.p_value[place.number] <= false_alarm if step.base == () else True
+    sure = place is not None and judged.p_value[place.number] <= search.false_alarm if step.base == () else True
     if step.unknown and place is not None:
         name, direction = free, place.column.direction
-    elif followed := followed_column(column.follows, gather_covariates(dataset)):
+    elif followed := followed_column(column.follows, search.covariates):
         name, direction = followed, column.direction
     else:
         name, direction = (free if sure else None), column.direction
     others: tuple[str, ...] = ()
     if place is not None and isinstance(place.test.what, Covariate) and name == free:
         what = place.test.what
-        others = tuple(n for n in what.names if n != name) + carried_by(what, gather_factors(dataset.shots))
+        others = tuple(n for n in what.names if n != name) + carried_by(what, search.factors)
     return name, direction, others
 
 
-def _unknown(step: Step, clusters: Clusters, seed: int) -> Unknown | None:
+def _unknown(step: Step, seed: int) -> Unknown | None:
     place = step.place
     if place is None:
         return None
     return Unknown(name_of(place.test, place.column), place.column.direction, amplitude_of(place.correction),
-                   place.column.unit, find_formula(place.correction, step.fitted, clusters, seed))
+                   place.column.unit, find_formula(place.correction, step.fitted, seed))
 
 
 def _named(step: Step, name: str, probability: dict[str, float]) -> Named:
@@ -186,15 +165,14 @@ def _named(step: Step, name: str, probability: dict[str, float]) -> Named:
         information = candidate.information + column.usual**-2.0
         value, sd = candidate.amplitude * candidate.information / information, information**-0.5
         value += 0.0 if before is None else before
-    interval = Interval(value, sd, value - NINETY * sd, value + NINETY * sd, column.unit)
+    interval = parts.Interval(value, sd, value - NINETY * sd, value + NINETY * sd, column.unit)
     return Named(term_name, probability[name], {parameter: interval}, term.sentence, column.stage, before)
 
 
 def _believed_before(step: Step, name: str) -> float | None:
-    """What the belief had of a number that may have changed; None of what it had nothing of."""
+    """The belief's value of a number that may have changed; None of one that it lacks."""
     layout = step.fitted.layout
-    first = len(layout.columns) - len(layout.precision)
-    place = next((k for k, column in enumerate(layout.columns[first:]) if column.name == name), None)
+    place = next((k for k, column in enumerate(layout.columns[layout.first_shared:]) if column.name == name), None)
     return None if place is None else float(layout.centre[place])
 
 
@@ -215,10 +193,10 @@ def _results(evidence: ScoreTable, asked: Asked, judged: Judged, false_alarm: fl
     return {key: result for key, (_, result) in ordered}
 
 
-def _fit(fitted: BaselineFit, steps: Sequence[Step], clusters: Clusters) -> FitSummary:
+def _fit(fitted: BaselineFit, steps: Sequence[Step]) -> FitSummary:
     """Figures on unseen shots: as believed, and with every named effect (log score: with the last free curve, too)."""
     null = without(fitted.evidence)
-    before_change = unseen_change(null, clusters)
+    before_change = unseen_change(null)
     before = null.log_score + null.gain(before_change)
     rmse = end_errors(fitted.intake, only_shared(fitted.layout), fitted.spot, null, before_change)
     accuracy = _accuracy(null, before_change)
@@ -231,7 +209,7 @@ def _fit(fitted: BaselineFit, steps: Sequence[Step], clusters: Clusters) -> FitS
         after = last.free if last.free is not None else last.before
     rmse_after = accuracy_after = None
     if named:
-        change = unseen_change(named[-1].evidence, clusters)
+        change = unseen_change(named[-1].evidence)
         rmse_after = end_errors(fitted.intake, named[-1].layout, named[-1].spot, named[-1].evidence, change)
         accuracy_after = _accuracy(named[-1].evidence, change)
     gain = after - before

@@ -1,5 +1,6 @@
 """A plan of further shots as text and as plain values (truearc.design/1)."""
 
+from collections import Counter
 from typing import Any
 
 from truearc.sim.data.dataset import Dataset, Shots
@@ -57,20 +58,15 @@ def design_lines(table: dict[str, Any], among: Catalogue | None = None) -> list[
 
 def _together(blocks: tuple[Block, ...]) -> list[Block]:
     """Blocks of one configuration as one."""
-    shots: dict[tuple[int, float], int] = {}
+    shots = Counter[tuple[int, float]]()
     for block in blocks:
-        place = block.row, block.pace
-        shots[place] = shots.get(place, 0) + block.shots
+        shots[block.row, block.pace] += block.shots
     return [Block(row, count, pace) for (row, pace), count in shots.items()]
 
 
 def _settings(shots: Shots, row: int, pace: float) -> dict[str, Any]:
-    driven = {"motor_ratio", "exit_speed_m_s", *_wheels(shots)}
-    known = {name: float(shots.number(name)[row]) * (pace if name in driven else 1.0)
-             for name in (*SETTINGS, *_wheels(shots))}
+    wheels = [name for name in shots.numbers if name.startswith("wheel_") and name.endswith("_rad_s")]
+    driven = {"motor_ratio", "exit_speed_m_s", *wheels}
+    known = {name: float(shots.number(name)[row]) * (pace if name in driven else 1.0) for name in (*SETTINGS, *wheels)}
     like = {"like": shots.shot_id[row], **({} if pace == 1.0 else {"pace": pace})}
     return {**like, **{name: round(value, 4) for name, value in known.items() if value == value}}
-
-
-def _wheels(shots: Shots) -> list[str]:
-    return [name for name in shots.numbers if name.startswith("wheel_") and name.endswith("_rad_s")]

@@ -36,7 +36,7 @@ def plain(name: str, among: Catalogue | None = None) -> str:
 
 
 def phrase_of(name: str, among: Catalogue | None = None) -> Phrase | None:
-    """How the size of a term's amplitude is told; None for what is no term, and for an effect without a name."""
+    """The wording of a term's amplitude; None if the name is not a term's, or that of an unexplained effect."""
     term = as_catalogue(among).get(name.partition(".")[0])
     return None if term is None or isinstance(term, Nameless) else term.phrase
 
@@ -58,7 +58,7 @@ def say_effect(term: str, interval: Interval, sentence: str, among: Catalogue | 
 
 
 def size_of(name: str, amount: float, unit: str, among: Catalogue | None = None) -> str:
-    """An amount of a term's amplitude (or of a free column) as people say it, with what it is told for."""
+    """An amount of a term's amplitude (or of a free column) as people say it, with the unit that it is per."""
     phrase = phrase_of(name, among)
     if phrase is not None:
         return f"{_number(amount * phrase.factor)}{phrase.unit}{phrase.per}"
@@ -67,7 +67,7 @@ def size_of(name: str, amount: float, unit: str, among: Catalogue | None = None)
 
 
 def scale_of(unit: str) -> tuple[float, str]:
-    """(factor, unit with its space) in which a unit of the physics is told."""
+    """(factor, unit with its space) in which a unit of the physics is reported."""
     return {"1": SHARE, "rad": (math.degrees(1.0), "°"), "m": LENGTH, "deg": ANGLE, "m/s2": (1.0, " m/s²")}.get(
         unit, (1.0, f" {unit}"))
 

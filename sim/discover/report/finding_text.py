@@ -11,7 +11,7 @@ from truearc.sim.discover.detect.localization import Place
 from truearc.sim.discover.detect.weight_functions import STEP
 from truearc.sim.discover.finding import Finding, FitSummary, Further, Named, Unknown, Where
 from truearc.sim.discover.model.score_table import ScoreTable
-from truearc.sim.discover.plan.identifiability import EIGHTY, sight_of
+from truearc.sim.discover.plan.detectability import EIGHTY, sight_of
 from truearc.sim.discover.report.effect_wording import in_words, plain, say_effect, scale_of, size_of
 from truearc.sim.physics.catalogue import Catalogue
 
@@ -19,7 +19,7 @@ STAGE_WORDS = {"sensing": "in what the sensors say", "launch": "at the launch", 
                "arrival": "at the target"}
 NINETY = 1.6448536269514722
 SHOWN = 6
-DOUBTFUL = 0.25                       # probability of something without a name, from which a sentence says so
+UNSURE = 0.25                       # probability of an unexplained effect, from which a sentence says so
 FOUR_IN_FIVE = 0.8
 HEIGHTS = {"plane": "heights", "track end": "where tracks end, from their first 40 %,"}
 TIMES = ("t_s", "order_in_session", "shots_of_ball")
@@ -41,13 +41,18 @@ def say_named(believed: tuple[str, ...], p_value: float, leading: Further, also:
         rest = [f"{plain(one.term, among)} ({one.probability:.0%})" for one in listed]
         rest += [f"one of {len(names) - LISTED} others"] if len(names) > LISTED + 1 else []
         stages = list(dict.fromkeys(STAGE_WORDS[one.stage] for one in what if one.term in names))
-        said = (f"{_missing(believed, among)}, {_either(stages)}: {_either(rest)}. These data cannot tell which of "
+        said = (f"{_missing(believed, among)}, {either(stages)}: {either(rest)}. These data cannot tell which of "
                 f"these it is. If it is the first, {likeliest}.")
-    nameless = 1.0 - sum(one.probability for one in what)
-    if nameless >= DOUBTFUL:
-        said += f" A free curve explains it about as well, so it may be something without a name ({nameless:.0%})."
+    unexplained = 1.0 - sum(one.probability for one in what)
+    if unexplained >= UNSURE:
+        said += f" A free curve explains it about as well, so it may be an effect of no term ({unexplained:.0%})."
     more = "".join(besides(further, then, among) for further, then in zip(also, THEN, strict=False))
-    return said + _since(place) + more + _gained(fit) + _luck(p_value)
+    return said + _since(place) + more + _gained(fit) + _chance(p_value)
+
+
+def either(names: Sequence[str], last: str = "or") -> str:
+    """Names as a list, such as "a, b or c"."""
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} {last} {names[-1]}"
 
 
 def _since(place: Place | None) -> str:
@@ -59,22 +64,22 @@ def _since(place: Place | None) -> str:
 
 
 def besides(further: Further, then: str, among: Catalogue | None = None) -> str:
-    """A further effect, after `then`: what it looks like, for it may well be an error of the one named first."""
+    """A further effect, after `then`: its likeliest name only, since it may well be an error of the one named first."""
     if further.unknown is not None:
         goes = f", and goes with {in_words(further.unknown.covariate)}" if further.unknown.covariate else ""
-        return f" {then}, something smaller is left over that has no name{goes}."
+        return f" {then}, a smaller effect remains that no term explains{goes}."
     in_set = [one for one in further.what if one.term in (further.set or ())]
     clear = _clear(further)
     if not clear:
         vague = [plain(one.term, among) for one in in_set[:LISTED]]
-        return f" Something more is left over, too little to be named: perhaps {_either(vague)}."
+        return f" Something more remains, too little to be named: perhaps {either(vague)}."
     others = [plain(one.term, among) for one in in_set if one is not clear[0]][:LISTED]
-    instead = f"; or {_either(others)}" if others else ""
+    instead = f"; or {either(others)}" if others else ""
     return f" {then}, what is left looks most as if {_effect(clear[0], among)}{instead}."
 
 
 def too_little(also: Sequence[Further]) -> list[str]:
-    """Terms that lead further effects none of whose names is surely of one sign: they foretell, and are no finding."""
+    """Terms that lead further effects whose 90 % intervals all include zero: good for forecasts, but not findings."""
     return [further.what[0].term for further in also if further.unknown is None and not _clear(further)]
 
 
@@ -95,12 +100,11 @@ def _clear(further: Further) -> list[Named]:
 
 
 def say_unknown(believed: tuple[str, ...], p_value: float, where: Where, leading: Further, also: Sequence[Further],
-                fit: FitSummary, place: Place | None,
-                among: Catalogue | None = None) -> str:
-    """Nothing in the catalogue explains it; what it looks like all the same. also: what the nearest name leaves."""
-    said = f"{_missing(believed, among)} that has no name in the catalogue."
+                fit: FitSummary, place: Place | None, among: Catalogue | None = None) -> str:
+    """No term of the catalogue explains it; its shape all the same. also: the rest beside the nearest name."""
+    said = f"{_missing(believed, among)} that no term of the catalogue explains."
     if leading.unknown is None or place is None:
-        return said + _luck(p_value)
+        return said + _chance(p_value)
     stage = ""
     if where.stage and where.reason is None:
         likely = "most likely it happens" if where.stage == place.column.stage else "it may as well happen"
@@ -112,7 +116,7 @@ def say_unknown(believed: tuple[str, ...], p_value: float, where: Where, leading
     nearest = f" The nearest name is {plain(leading.what[0].term, among)}, which {falls_short}." if leading.what else ""
     formula = leading.unknown.formula
     law = f" An empirical formula does as well as the curve: {formula}." if formula else ""
-    return f"{said}{_looks(leading.unknown, place)}{stage}.{law}{nearest}{_gained(fit)}{_luck(p_value)}"
+    return f"{said}{_looks(leading.unknown, place)}{stage}.{law}{nearest}{_gained(fit)}{_chance(p_value)}"
 
 
 def _looks(unknown: Unknown, place: Place) -> str:
@@ -140,8 +144,8 @@ def say_none(believed: tuple[str, ...], p_value: float | None, shots: int, false
     if p_value is None:
         return (f"These {shots} shots cannot say anything about the simulation: too few of them have a track, or an "
                 "outcome or height, with distance and launch, that would tell.")
-    return (f"No mismatch: {shots} shots differ from the simulation ({_list(believed, among)}) by no more than luck "
-            f"would have it (p = {p_value:.2g}, alarm at {false_alarm:g}).")
+    return (f"No mismatch: {shots} shots differ from the simulation ({_list(believed, among)}) by no more than chance "
+            f"(p = {p_value:.2g}, alarm at {false_alarm:g}).")
 
 
 def say_smallest(evidence: ScoreTable, threshold: float, among: Catalogue | None = None) -> str:
@@ -179,13 +183,13 @@ def console_lines(finding: Finding, among: Catalogue | None = None) -> list[str]
 
 
 def say_inseparable(where: Where) -> str:
-    """Which other columns could stand in the guilty one's place."""
+    """Which other columns could stand in the place of the covariate found."""
     others = ", ".join(map(in_words, where.inseparable))
     return f"{in_words(where.covariate or '')} goes with {others}: these data cannot tell them apart"
 
 
 def say_step(step: dict[str, object], among: Catalogue | None = None) -> str:
-    """What to do next, in words."""
+    """The next step as text."""
     if step["do"] == "measure":
         return f"measure {step['what']}"
     names = step["separates"]
@@ -195,39 +199,35 @@ def say_step(step: dict[str, object], among: Catalogue | None = None) -> str:
 
 
 def gained_interval(fit: FitSummary) -> tuple[float, float] | None:
-    """90 % interval of the log score gained a shot."""
+    """90 % interval of the log score gained per shot."""
     if fit.gain_per_shot is None or fit.gain_se is None:
         return None
     return fit.gain_per_shot - NINETY * fit.gain_se, fit.gain_per_shot + NINETY * fit.gain_se
 
 
 def _gained(fit: FitSummary) -> str:
-    """What the change is worth on shots that the fit has not seen."""
+    """The gain of the corrected simulation on hold-out shots."""
     interval = gained_interval(fit)
     if interval is None:
         return ""
-    better: list[str] = []
-    worse: list[str] = []
+    parts: dict[bool, list[str]] = {True: [], False: []}          # better, worse
     if fit.accuracy_before is not None and fit.accuracy_after is not None:
-        before, after = f"{100.0 * fit.accuracy_before:.0f}", f"{100.0 * fit.accuracy_after:.0f}"
-        part = f"{after} of 100 outcomes right instead of {before}"
+        before, after = (f"{100.0 * share:.0f}" for share in (fit.accuracy_before, fit.accuracy_after))
         if before != after:
-            (better if fit.accuracy_after > fit.accuracy_before else worse).append(part)
+            parts[fit.accuracy_after > fit.accuracy_before].append(f"{after} of 100 outcomes right instead of {before}")
     if fit.height_rmse_before_m is not None and fit.height_rmse_after_m is not None:
-        before, after = _size(fit.height_rmse_before_m, "m"), _size(fit.height_rmse_after_m, "m")
-        part = f"{HEIGHTS[fit.height_at]} within {after} instead of {before}"
+        before, after = (_size(error_m, "m") for error_m in (fit.height_rmse_before_m, fit.height_rmse_after_m))
         if before != after:
-            (better if fit.height_rmse_after_m < fit.height_rmse_before_m else worse).append(part)
+            parts[fit.height_rmse_after_m < fit.height_rmse_before_m].append(
+                f"{HEIGHTS[fit.height_at]} within {after} instead of {before}")
     places = 3 if abs(fit.gain_per_shot or 0.0) < 10.0 else 0
-    score = (f"log score {fit.gain_per_shot:+.{places}f} a shot, 90 %: {interval[0]:+.{places}f} to "
-             f"{interval[1]:+.{places}f}")
-    if interval[1] < 0.0:
-        return f" On shots it has not seen the corrected simulation is surely worse ({score}): do not use it."
-    if interval[0] <= 0.0:
-        return f" On shots it has not seen the corrected simulation is not surely better ({score})."
-    told = f"foretells {' and '.join(better)}" if better else "does better"
-    but = f", but foretells {' and '.join(worse)}" if worse else ""
-    return f" On shots it has not seen the corrected simulation {told} ({score}){but}."
+    low, high = (f"{end:+.{places}f}" for end in interval)
+    score = f"log score {fit.gain_per_shot:+.{places}f} per shot, 90 %: {low} to {high}"
+    gain = f"forecasts {' and '.join(parts[True])}" if parts[True] else "does better"
+    but = f", but forecasts {' and '.join(parts[False])}" if parts[False] else ""
+    said = (f"scores worse ({score}): do not adopt it" if interval[1] < 0.0 else
+            f"is not clearly better ({score})" if interval[0] <= 0.0 else f"{gain} ({score}){but}")
+    return f" On hold-out shots the corrected simulation {said}."
 
 
 def _effect(one: Named, among: Catalogue | None) -> str:
@@ -240,16 +240,12 @@ def _missing(believed: tuple[str, ...], among: Catalogue | None) -> str:
     return f"The simulation ({_list(believed, among)}) leaves something out"
 
 
-def _luck(p_value: float) -> str:
-    return f" Luck alone would look like this with p = {p_value:.2g}."
+def _chance(p_value: float) -> str:
+    return f" p = {p_value:.2g} (score test, adjusted for all tests)."
 
 
 def _list(names: Sequence[str], among: Catalogue | None) -> str:
     return ", ".join(plain(name, among) for name in names)
-
-
-def _either(names: Sequence[str]) -> str:
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} or {names[-1]}"
 
 
 def _size(amount: float, unit: str) -> str:

@@ -1,9 +1,10 @@
-"""A curve without a name as a short formula, where one does as well: a constant and one power of the covariate.
+"""The curve of an unexplained effect as a short formula, where one does as well: a constant and one power of the
+covariate.
 
 Powers are of dimensionless numbers only: the covariate in units of its median; for a push also the spin parameter
-S = r w / v at the exit, the push then being in units of rho A v^2 / 2 m there, as forces of the air are. What is fitted
-are the amplitudes of launches and flights through their sensitivities, never derivatives of tracks. A formula is
-empirical: it says how the effect runs over what was shot, not why.
+S = r w / v at the exit, the push then being in units of rho A v^2 / 2 m there, as forces of the air are. The fit is to
+amplitudes of launches and flights through their sensitivities, never to derivatives of tracks. A formula is empirical:
+it says how the effect varies over the recorded shots, not why.
 """
 
 import math
@@ -12,7 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from truearc.sim.discover.detect.clusters import Clusters
 from truearc.sim.discover.detect.covariates import Covariate
 from truearc.sim.discover.detect.free_curve import Correction, unseen
 from truearc.sim.discover.model.baseline_fit import BaselineFit
@@ -39,8 +39,8 @@ class Form:
     written: str
 
 
-def find_formula(correction: Correction, fitted: BaselineFit, clusters: Clusters, seed: int) -> str | None:
-    """The best form in words with its fitted numbers; None where none is as good on unseen shots as the free curve
+def find_formula(correction: Correction, fitted: BaselineFit, seed: int) -> str | None:
+    """The best form as text with its fitted numbers; None where none is as good on unseen shots as the free curve
     (within one clustered standard error), or which is best changes with the shots.
 
     correction: of one covariate; of others there is no formula.
@@ -53,8 +53,7 @@ def find_formula(correction: Correction, fitted: BaselineFit, clusters: Clusters
     if not forms:
         return None
     ones = np.ones(len(rows))
-    scores, found = zip(*(unseen(evidence, np.stack([ones, form.values], axis=1), clusters) for form in forms),
-                        strict=True)
+    scores, found = zip(*(unseen(evidence, np.stack([ones, form.values], axis=1)) for form in forms), strict=True)
     best = int(np.argmax([score.mean() for score in scores]))
     short = correction.log_after - scores[best]
     if short.mean() > clustered_error(short, fitted.together) or not _stable(scores, fitted.together, best, seed):
@@ -89,16 +88,12 @@ def _different(forms: Iterator[Form]) -> list[Form]:
 
 def _ratio(what: Covariate, rows: Array) -> tuple[Array, str]:
     """(the covariate in units of about its median, that unit); temperatures from absolute zero."""
-    values, unit = what.values[rows], _unit(what.name)
+    values, unit = what.values[rows], next((unit for end, unit in UNITS.items() if what.name.endswith(end)), "")
     if unit == "degC":
         values, unit = values + KELVIN, "K"
     typical = float(np.median(np.abs(values)))
     scale = float(f"{typical if typical > 0.0 else np.abs(values).max():.2g}")
     return values / (scale or 1.0), f"{scale:g} {unit}".strip()
-
-
-def _unit(column: str) -> str:
-    return next((unit for end, unit in UNITS.items() if column.endswith(end)), "")
 
 
 def _powers(ratio: Array) -> Sequence[float]:
@@ -114,7 +109,7 @@ def _pressure(intake: Intake) -> Array:
     lanes = intake.lanes
     area_m2 = np.pi * np.asarray(lanes.ball_m)**2
     speed_m_s = np.asarray(lanes.rolling.speed_m_s)
-    pull_m_s2: Array = 0.5 * intake.facts.air.density_kg_m3 * area_m2 * speed_m_s**2 / lanes.ball_kg
+    pull_m_s2: Array = 0.5 * intake.rig.air.density_kg_m3 * area_m2 * speed_m_s**2 / lanes.ball_kg
     return pull_m_s2
 
 

@@ -4,9 +4,9 @@ import html
 
 import numpy as np
 
-from truearc.sim.discover.plan.identifiability import TAKEN, Fittable, Sight, TermIdentifiability
+from truearc.sim.discover.plan.detectability import TAKEN, Fittable, Sight, TermIdentifiability
 from truearc.sim.discover.report.effect_wording import plain, size_of
-from truearc.sim.discover.report.plots import sight_png
+from truearc.sim.discover.report.finding_plots import sight_png
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue
 from truearc.sim.report import make_page, paragraph, picture, table
 from truearc.sim.tables import make_text
@@ -15,11 +15,12 @@ SURE = 0.8                            # power that counts as "would be seen"
 NAMED = 6
 KNOWING_WHICH = 1.75                  # times the shots, when it could be any of about twenty effects
 METHOD = (
-    "Expected Fisher information: what is left of each effect's after the fitted coefficients, scatters and the luck "
-    "of each ball (or session) have taken what they can. Seen means by a 5 % test with 80 % power, if this one effect "
-    f"is there at its usual size and nothing else is; finding out which of twenty it is takes about {KNOWING_WHICH:g} "
-    "times the shots, and showing the gain on unseen shots about twice. Effects whose patterns over the shots are "
-    "alike to 0.95 or more are told as one. Small effects are assumed, so that everything is linear in them.")
+    "Expected Fisher information: what is left of each effect's after the fitted coefficients, scatters and the random "
+    "effects of balls (or sessions) have absorbed what they can. Seen means by a 5 % test with 80 % power, if this one "
+    "effect is there at its usual size and nothing else is; finding out which of twenty it is takes about "
+    f"{KNOWING_WHICH:g} times the shots, and showing the gain on unseen shots about twice. Effects whose patterns over "
+    "the shots are alike to 0.95 or more are listed as one. Small effects are assumed, so that everything is linear in "
+    "them.")
 
 
 def sight_lines(sight: Sight, among: Catalogue | None = None) -> list[str]:
@@ -30,7 +31,7 @@ def sight_lines(sight: Sight, among: Catalogue | None = None) -> list[str]:
     lines += make_text(head, rows, right=(3, 4))
     lines += ["", *(f"one and the same to these data: {', '.join(group)}" for group in sight.classes)]
     lines += [f"never seen: {one.term}: {why_not(one, among)}" for one in sight.terms if one.shots_needed is None]
-    lines.append("fitted anyway: " + ", ".join(f"{one.name} {_doubt(one, one.after)}" for one in sight.fitted))
+    lines.append("fitted anyway: " + ", ".join(f"{one.name} {_uncertainty(one, one.after)}" for one in sight.fitted))
     return lines
 
 
@@ -58,20 +59,20 @@ def why_not(one: TermIdentifiability, among: Catalogue | None = None) -> str:
         return term.unseen
     record = f"; record {term.record}" if term is not None and term.record else ""
     if one.why == TAKEN:
-        return f"what it does, {', '.join(one.taken_by) or 'the fit'} would take up{record}"
+        return f"what it does, {', '.join(one.taken_by) or 'the fit'} would absorb{record}"
     return f"nothing in these data depends on it{record}"
 
 
 def sight_section(sight: Sight, opened: bool = False, among: Catalogue | None = None) -> str:
     """The summary, with picture and tables to unfold; or these opened, for where the summary stands already."""
-    parts = [_alike(sight, among)] if opened else [paragraph(sight_sentence(sight)), _alike(sight, among)]
     png = sight_png(sight, among)
     inner = "" if png is None else picture(png, "shots needed for each effect", "Full colour: fewer than these shots "
                                            "will do.")
     inner += _table(sight, among) + _never(sight, among) + _fitted(sight) + paragraph(METHOD, dim=True)
     if opened:
-        return "".join(parts) + inner
-    return "".join(parts) + f"<details><summary>Effect by effect</summary>{inner}</details>"
+        return _alike(sight, among) + inner
+    return (paragraph(sight_sentence(sight)) + _alike(sight, among)
+            + f"<details><summary>Effect by effect</summary>{inner}</details>")
 
 
 def make_sight_page(name: str, sight: Sight, among: Catalogue | None = None) -> str:
@@ -105,11 +106,11 @@ def _never(sight: Sight, among: Catalogue | None) -> str:
 
 
 def _fitted(sight: Sight) -> str:
-    rows = [(one.name, _doubt(one, one.before), _doubt(one, one.after)) for one in sight.fitted]
-    return paragraph("Fitted anyway:") + table(("number", "doubt before", "doubt after these shots"), rows)
+    rows = [(one.name, _uncertainty(one, one.before), _uncertainty(one, one.after)) for one in sight.fitted]
+    return paragraph("Fitted anyway:") + table(("number", "uncertainty before", "after these shots"), rows)
 
 
-def _doubt(one: Fittable, sd: float) -> str:
+def _uncertainty(one: Fittable, sd: float) -> str:
     """A standard deviation; of scatters, which are known by their logs, a factor."""
     if one.name.startswith("scatter."):
         return f"times or over {np.exp(sd):.2f}"

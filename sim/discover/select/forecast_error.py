@@ -5,9 +5,9 @@ import numpy as np
 from truearc.sim.discover.model.linearization import LinearizationPoint, ParameterLayout, fly, variance_of
 from truearc.sim.discover.model.prepared_data import Intake
 from truearc.sim.discover.model.score_table import Array, ScoreTable
-from truearc.sim.discover.model.track_data import whiten
+from truearc.sim.discover.model.track_noise import whiten
 
-FORECAST = 0.4                        # of a track's samples tell its start; its end is foretold
+FORECAST = 0.4                        # of a track's samples: from these its end is forecast
 
 
 def end_errors(intake: Intake, layout: ParameterLayout, spot: LinearizationPoint, evidence: ScoreTable,

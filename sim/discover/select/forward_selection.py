@@ -1,11 +1,13 @@
-"""Effects one after another: name one, put it in, ask again; at most three. A free curve may outrun the first name only
-because more than one thing is missing: then further names go on probation, and stand if together they beat it."""
+"""Forward selection: name one effect, put it in, test again; three effects at most.
+
+A free curve may do better than the first name only because more than one thing is missing: then further names go on
+probation, and stand if together they beat it; where neither of two names alone explains the misfit, pairs are tried.
+"""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from truearc.sim.discover.detect.clusters import Clusters
 from truearc.sim.discover.detect.covariates import Covariate, Factor
 from truearc.sim.discover.detect.localization import Place, locate
 from truearc.sim.discover.detect.reference_session import ReferenceSession
@@ -13,21 +15,23 @@ from truearc.sim.discover.detect.score_test import Judged, judge
 from truearc.sim.discover.detect.test_battery import ALLOWANCE, Asked, ask_everything
 from truearc.sim.discover.model.baseline_fit import BaselineFit, part_of
 from truearc.sim.discover.model.score_table import Array
-from truearc.sim.discover.select.pair_search import best_pair
-from truearc.sim.discover.select.refit import Refit, clustered_error, promote, refit, unseen_score, without
-from truearc.sim.discover.select.selection_step import CLEARLY, Step, averaged, clearly, make_step, worth
-from truearc.sim.discover.select.term_ranking import Naming, name_terms
+from truearc.sim.discover.select.refit import Refit, clustered_error, promote, refit, unseen_score
+from truearc.sim.discover.select.selection_step import CLEARLY, Step, clearly, make_step, unseen_scores, worth
+from truearc.sim.discover.select.term_ranking import Naming, is_possible, name_terms, one_step, tame
 from truearc.sim.progress import Progress
 
 MOST = 3
 DRAWS = 999                           # after the first step, whose probability is the one that is promised
+FIRSTS = 4                            # of the likeliest names, each put in to see which other one goes with it
+WITHIN = 6.0                          # nats of the likeliest pair by one step, beyond which none is refitted
+MOST_PAIRS = 6                        # refitted
 
 
 @dataclass(frozen=True)
 class Search:
-    """What every step of one search asks with."""
+    """The data and settings of all tests of one search. shots: how many the dataset has."""
 
-    clusters: Clusters
+    shots: int
     covariates: tuple[Covariate, ...]
     factors: tuple[Factor, ...]
     false_alarm: float
@@ -35,9 +39,19 @@ class Search:
     home: ReferenceSession | None = None          # the session since which changes are looked for
 
     def ask(self, fitted: BaselineFit) -> Asked:
-        """All tests of the fit, of what is not left over at home, too."""
-        return ask_everything(fitted.evidence, self.covariates, self.factors, self.clusters, self.seed,
+        """All tests of the fit, the misfit of the reference session subtracted."""
+        return ask_everything(fitted.evidence, self.covariates, self.factors, self.shots, self.seed,
                               self.beside(fitted))
+
+    def left(self, fitted: BaselineFit) -> tuple[Asked, Judged] | None:
+        """All tests, judged, if anything is left beside the effects found already."""
+        asked = self.ask(fitted)
+        judged = judge_left(asked, self.seed) if asked.tests else None
+        return None if judged is None or judged.p_any > self.false_alarm else (asked, judged)
+
+    def step(self, fitted: BaselineFit, place: Place | None, base: tuple[str, ...], progress: Progress) -> Step:
+        """Name the effect that is left in `fitted`, after those of `base`."""
+        return make_step(fitted, self.shots, place, base, self.seed, progress, self.beside(fitted))
 
     def beside(self, fitted: BaselineFit) -> ReferenceSession | None:
         """Home with what `fitted` has been given, fitted there, too."""
@@ -58,12 +72,11 @@ def go_forward(fitted: BaselineFit, place: Place | None, search: Search, progres
 
 def _chain(fitted: BaselineFit, place: Place | None, search: Search, named: tuple[str, ...],
            progress: Progress) -> tuple[Step, ...]:
-    """Up to MOST steps with those `named` before, until nothing is left, or what is left has no name."""
+    """Up to MOST steps with those `named` before, until nothing is left, or no term explains what is left."""
     steps: list[Step] = []
     for number in range(len(named), MOST):
         base = (*named, *(step.naming.leader for step in steps))
-        steps.append(make_step(fitted, search.clusters, place, base, search.seed,
-                               part_of(progress, number / MOST, 0.8 / MOST), search.beside(fitted)))
+        steps.append(search.step(fitted, place, base, part_of(progress, number / MOST, 0.8 / MOST)))
         if (steps[-1].unknown and not steps[-1].outrun) or number == MOST - 1:
             break
         fitted = promote(fitted, steps[-1].refit)
@@ -75,18 +88,15 @@ def _chain(fitted: BaselineFit, place: Place | None, search: Search, named: tupl
 
 def _what_is_left(fitted: BaselineFit, search: Search) -> tuple[bool, Place | None]:
     """(whether anything is, where)."""
-    asked = search.ask(fitted)
-    if not asked.tests:
+    left = search.left(fitted)
+    if left is None:
         return False, None
-    judged = judge_left(asked, search.seed)
-    if judged.p_any > search.false_alarm:
-        return False, None
-    return True, locate(fitted.evidence, asked, judged, search.false_alarm, search.clusters, search.seed)
+    return True, locate(fitted.evidence, *left, search.false_alarm, search.shots, search.seed)
 
 
 def in_company(fitted: BaselineFit, step: Step, search: Search) -> tuple[tuple[Step, ...], dict[str, float]]:
-    """(the step, {}) whose name a free curve outran; or, where they catch up with the curve, the best pair of names and
-    what may follow it, with their amplitudes."""
+    """(the step, {}) whose name did worse than a free curve; or, where they catch up with the curve, the best pair of
+    names and what may follow it, with their amplitudes."""
     pair = best_pair(fitted, step.naming)
     if pair is None:
         return (step,), {}
@@ -110,8 +120,8 @@ def or_likelier_pair(fitted: BaselineFit, steps: tuple[Step, ...], size: dict[st
 def _from_pair(fitted: BaselineFit, step: Step, pair: Refit,
                search: Search) -> tuple[tuple[Step, ...], dict[str, float], Array]:
     """(steps of the two names and of what may follow them, all names with amplitudes, log scores of unseen shots by
-    all names); `step` is what was found before anything had a name."""
-    both, whole = unseen_score(pair.evidence, search.clusters), promote(fitted, pair)
+    all names); `step` is what was found before any term was named."""
+    both, whole = unseen_score(pair.evidence), promote(fitted, pair)
     left, place = _what_is_left(whole, search)
     third = _chain(whole, place, search, pair.names, lambda done, note: None) if left else ()
     third = tuple(one for one in third if _pays(one, both))
@@ -124,9 +134,26 @@ def _from_pair(fitted: BaselineFit, step: Step, pair: Refit,
     return (first, second, *third), size, last
 
 
+def best_pair(fitted: BaselineFit, naming: Naming) -> Refit | None:
+    """The likeliest pair, refitted; None where no second name is visible beside a first, or no pair possible."""
+    guesses: dict[frozenset[str], tuple[float, tuple[str, str], tuple[float, float]]] = {}
+    for first in sorted(naming.refits, key=lambda name: -naming.nats[name])[:FIRSTS]:
+        alone = naming.refits[first]
+        base = promote(fitted, alone)
+        for second in one_step(base.evidence)[0]:
+            both, nats = frozenset((first, second.name)), naming.nats[first] + second.nats
+            if second.visible and nats > guesses.get(both, (-np.inf,))[0]:
+                guesses[both] = nats, (first, second.name), (float(alone.amplitude[0]), tame(second, base.evidence))
+    ranked = sorted(guesses.values(), reverse=True)[:MOST_PAIRS]
+    pairs = [refit(fitted, names, np.array(start)) for nats, names, start in ranked if nats > ranked[0][0] - WITHIN]
+    usual = {column.name: column.usual for column in fitted.evidence.columns[:fitted.evidence.first_shared]}
+    possible = [pair for pair in pairs if is_possible(pair, *(usual[name] for name in pair.names))]
+    return max(possible, key=lambda pair: pair.log_evidence, default=None)
+
+
 def without_outrun(steps: tuple[Step, ...]) -> tuple[Step, ...]:
-    """Names that were outrun stand where names after them make up for it on unseen shots; else the first that was
-    outrun is without a name, and ends the chain."""
+    """Names that a free curve beat stand where names after them make up for it on unseen shots; else the first of them
+    is unexplained, and ends the chain."""
     for number, step in enumerate(steps):
         if not step.outrun:
             continue
@@ -153,8 +180,8 @@ def _left_to(step: Step, after: Array) -> float | None:
 
 
 def _while_paying(steps: tuple[Step, ...]) -> tuple[Step, ...]:
-    """Up to the last effect with which unseen shots are clearly better foretold than by what was kept before it: chance
-    finds something more than at first."""
+    """Up to the last effect with which unseen shots are clearly better forecast than by those kept before it: chance
+    finds something more easily than at first."""
     kept = steps[:1]
     for number in range(1, len(steps)):
         if _pays(steps[number], kept[-1].after):
@@ -178,20 +205,20 @@ def _together(fitted: BaselineFit, steps: tuple[Step, ...], size: dict[str, floa
         return steps
     named = [step for step in steps if not step.unknown]
     size = _still_at_work(fitted, refit(fitted, tuple(size), np.array(list(size.values()))))
-    told: list[Step] = []
+    again: list[Step] = []
     for number, name in enumerate(tuple(size)):
         others = tuple(one for one in size if one != name)
         base = promote(fitted, refit(fitted, others, np.array([size[one] for one in others]))) if others else fitted
         naming = name_terms(base, part_of(progress, number / len(named), 1.0 / len(named)), {name: size.pop(name)})
         size[naming.leader] = float(naming.refits[naming.leader].amplitude[0])
         own = next((one for one in named if one.naming.leader == name), named[number])
-        told.append(_retold(own, naming, base, search))
+        again.append(_renamed(own, naming, base))
     rest = any(step.unknown for step in steps)
-    return (*told, *(_left_over(fitted, size, told[-1].after, search) if rest else ()))
+    return (*again, *(_rest(fitted, size, again[-1].after, search) if rest else ()))
 
 
-def _left_over(fitted: BaselineFit, size: dict[str, float], after: Array, search: Search) -> tuple[Step, ...]:
-    """What is left beside the names as they are now, if anything: what was left before some were told anew is another.
+def _rest(fitted: BaselineFit, size: dict[str, float], after: Array, search: Search) -> tuple[Step, ...]:
+    """The step, if any, of the misfit beside the names as they are now, some of which may have changed.
 
     after [n]: log scores of unseen shots by these names.
     """
@@ -201,8 +228,7 @@ def _left_over(fitted: BaselineFit, size: dict[str, float], after: Array, search
     left, place = _what_is_left(whole, search)
     if not left:
         return ()
-    step = make_step(whole, search.clusters, place, tuple(size), search.seed, lambda done, note: None,
-                     search.beside(whole))
+    step = search.step(whole, place, tuple(size), lambda done, note: None)
     return (step,) if _pays(step, after) else ()
 
 
@@ -223,17 +249,13 @@ def _less(fitted: BaselineFit, whole: Refit, name: str) -> Refit:
     return refit(fitted, tuple(whole.names[k] for k in kept), whole.amplitude[kept])
 
 
-def _retold(step: Step, naming: Naming, base: BaselineFit, search: Search) -> Step:
+def _renamed(step: Step, naming: Naming, base: BaselineFit) -> Step:
     """The step with this name, among these others."""
-    clusters = search.clusters
-    before = unseen_score(without(base.evidence), clusters)
-    scores = {name: unseen_score(one.evidence, clusters) for name, one in naming.refits.items()}
-    average = averaged(naming, before, scores, clusters.label[base.evidence.rows])
+    before, after, average = unseen_scores(naming, base)
     place = step.place
     if place is not None:
         place = replace(place, test=replace(place.test, column=base.evidence.index(place.column.name)))
-    return replace(step, naming=naming, place=place, before=before, after=scores[naming.leader], average=average,
-                   fitted=base)
+    return replace(step, naming=naming, place=place, before=before, after=after, average=average, fitted=base)
 
 
 def judge_left(asked: Asked, seed: int) -> Judged:

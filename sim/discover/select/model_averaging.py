@@ -1,8 +1,8 @@
 """One simulation for all the names that are left: that whose heights come nearest to the average of their forecasts.
 
 A name that is one of several likely ones forgoes what the others know, and is often the wrong one
-(Hoeting et al. 1999). The average of forecasts is no simulation, and numbers averaged name by name are none that was
-ever fitted; but there is one that forecasts nearly the same.
+(Hoeting et al. 1999). An average of forecasts is not a simulation, and numbers averaged name by name were never fitted;
+but there is a simulation that forecasts nearly the same.
 """
 
 from dataclasses import dataclass, replace
@@ -43,8 +43,8 @@ def mixed(step: Step) -> Mixed | None:
 
 
 def shares(naming: Naming) -> dict[str, float]:
-    """Probability of each name that was refitted, where nothing at all is as likely beforehand as all names together;
-    those with a part, likeliest first."""
+    """Probability of each name that was refitted, where no effect is a priori as likely as all names together; those
+    with a part, likeliest first."""
     nats = {name: naming.nats[name] for name in naming.refits}
     nothing = np.log(sum(candidate.visible for candidate in naming.candidates))
     top = max(nothing, *nats.values())
@@ -69,7 +69,7 @@ def _average(step: Step, layout: ParameterLayout, share: dict[str, float]) -> tu
 
 
 def _point(evidence: ScoreTable, layout: ParameterLayout) -> Array:
-    """The layout's numbers [P] as that evidence has them; a name that it has not put in is nought."""
+    """The layout's numbers [P] as that evidence has them; zero for a name that it has not put in."""
     shared = zip(evidence.columns[evidence.first_shared:], evidence.point[evidence.first_shared:], strict=True)
     known = {column.name: float(value) for column, value in shared}
     return np.array([known.get(column.name, 0.0) for column in layout.columns])
@@ -77,7 +77,7 @@ def _point(evidence: ScoreTable, layout: ParameterLayout) -> Array:
 
 def _come_near(step: Step, layout: ParameterLayout, spot: LinearizationPoint, start: Array,
                wanted: PlaneScores) -> ScoreTable:
-    """Gauss and Newton's steps of all numbers but scatters and the luck of balls, as long as they take something away.
+    """Gauss-Newton steps of all numbers except scatters and random effects of balls, as long as they reduce the rest.
     """
     free = np.flatnonzero(layout.source >= 0)
     prior = FAITH * layout.precision[np.ix_(free, free)]

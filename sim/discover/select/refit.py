@@ -1,4 +1,8 @@
-"""One named change at a time, truly refitted, and what it is worth on shots that the fit has not seen."""
+"""One named change at a time, truly refitted, and its worth on hold-out shots.
+
+Shape parameters of a term, such as a time constant, are unidentified at zero amplitude, so they are not columns of the
+score table. A refit looks for the likeliest place of each, and their uncertainty adds to that of the amplitude.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -6,34 +10,29 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from truearc.sim.discover.detect.clusters import Clusters
-from truearc.sim.discover.model.baseline_fit import (
-    BaselineFit,
-    climb,
-    is_lost,
-    moved,
-    objective,
-    only_shared,
-    usual_spot,
-)
+from truearc.sim.discover.model.baseline_fit import BaselineFit, climb, moved, objective, only_shared, usual_spot
 from truearc.sim.discover.model.linearization import LinearizationPoint, ParameterLayout, linearise
 from truearc.sim.discover.model.score_table import Array, ScoreTable
-from truearc.sim.discover.model.shape_parameters import ShapeParameter, find_peak, further_numbers
+from truearc.sim.infer.coefficients import Coefficients
+from truearc.sim.physics.catalogue import find_terms
+from truearc.sim.physics.scales import from_scale, to_scale
+from truearc.sim.physics.term import Parameter
 
 FOLDS = 5
 STEPS = 12
 HALVINGS = 6
-PLAIN = 2.0                           # standard errors of an amplitude, from which its term's further numbers are told
+FARTHEST = 3.0                        # standard deviations from a shape parameter's prior centre: the end of the search
+PLAIN = 2.0                           # standard errors of an amplitude, from which its term's shape is fitted, too
 
 
 @dataclass(frozen=True)
 class Refit:
-    """The believed simulation with these terms' amplitudes fitted too.
+    """The baseline model with these terms' amplitudes fitted too.
 
     evidence: at the optimum, named columns first, all shared. log_evidence: nats by which the data favour it over the
-    believed simulation, size of the amplitude integrated out (Laplace). amplitude, sd [k] of the named columns;
-    value [k]: the same but for changes of believed numbers, of which it is what they come to. wanted [k]: value, or
-    where the fit would go from there if the end of the parameter's range did not stop it.
+    baseline model, size of the amplitude integrated out (Laplace). amplitude, sd [k] of the named columns; value [k]:
+    the same, and of changes of believed numbers the number after the change. wanted [k]: value, or where the fit would
+    go from there if the end of the parameter's range did not stop it.
     """
 
     names: tuple[str, ...]
@@ -47,12 +46,69 @@ class Refit:
     log_evidence: float
 
 
+@dataclass(frozen=True)
+class ShapeParameter:
+    """One such number: its slot in the chain, and its declaration."""
+
+    slot: int
+    parameter: Parameter
+
+    def put(self, spot: LinearizationPoint, place: float) -> LinearizationPoint:
+        """The spot with the number `place` standard deviations from its prior's centre, within its range."""
+        prior = self.parameter.prior
+        assert prior is not None
+        value = float(from_scale(prior.scale, to_scale(prior.scale, prior.centre) + place * prior.sd))
+        values = spot.values.copy()
+        values[self.slot] = np.clip(value, self.parameter.low, self.parameter.high)
+        return replace(spot, values=values)
+
+
+def further_numbers(layout: ParameterLayout, names: tuple[str, ...]) -> list[ShapeParameter]:
+    """Those of the named terms that have a prior and are not fitted as columns already."""
+    columns = {column.name for column in layout.columns}
+    terms = find_terms({name.partition(".")[0] for name in names}, layout.chain.catalogue)
+    return [ShapeParameter(layout.chain.slots.index((term.name, one.name)), one) for term in terms
+            for one in term.parameters[1:] if one.prior is not None and f"{term.name}.{one.name}" not in columns]
+
+
+def further_values(layout: ParameterLayout, spot: LinearizationPoint, names: tuple[str, ...]) -> Coefficients:
+    """{term: {parameter: value}} of them at a spot."""
+    return {layout.chain.slots[one.slot][0]: {one.parameter.name: float(spot.values[one.slot])}
+            for one in further_numbers(layout, names)}
+
+
+@dataclass(frozen=True)
+class Peak:
+    """Where a number is likeliest, how far it may be from there (one deviation), and the two places beside it that were
+    looked at; all in standard deviations from the prior's centre. nats: of all that it may be together."""
+
+    place: float
+    sd: float
+    beside: tuple[float, float]
+    nats: float
+
+
+def find_peak(nats: Callable[[float], float]) -> Peak:
+    """nats: what the data say for a place, which the prior is added to; asked from the centre outwards, then at the top
+    of the parabola through the best three."""
+    found = {place: nats(place) - 0.5 * place**2 for place in (0.0, -1.0, 1.0)}
+    while (best := max(found, key=lambda place: found[place])) in (min(found), max(found)) and abs(best) < FARTHEST:
+        further = best + np.copysign(1.0, best)
+        found[further] = nats(further) - 0.5 * further**2
+    best = min(max(best, min(found) + 1.0), max(found) - 1.0)
+    left, middle, right = (found[best + step] for step in (-1.0, 0.0, 1.0))
+    bend = max(2.0 * middle - left - right, 1.0)         # no less sure than the prior is
+    top = best + float(np.clip(0.5 * (right - left) / bend, -1.0, 1.0))
+    value = nats(top) - 0.5 * top**2
+    return Peak(top, bend**-0.5, (best - 1.0, best + 1.0), float(value - 0.5 * np.log(bend)))
+
+
 def refit(fitted: BaselineFit, names: tuple[str, ...], start: Float[Array, " k"],
           near: LinearizationPoint | None = None) -> Refit:
     """Fit the named columns with the shared ones, from amplitudes `start` [k] at the fitted spot, or at `near`.
 
-    Numbers that a term has besides its amplitude are at their likeliest, and what else they may be is in sd and in
-    log_evidence (truearc.sim.discover.model.shape_parameters), where the term does enough for that to be told.
+    Shape parameters of a term are at their likeliest, and their uncertainty is in sd and in log_evidence, where the
+    term does enough for that to be identifiable.
     """
     found = _refit_at(fitted, names, start, near)
     if (np.abs(found.amplitude) > PLAIN * found.sd).all():
@@ -83,7 +139,7 @@ def _refit_at(fitted: BaselineFit, names: tuple[str, ...], start: Float[Array, "
     change = np.zeros(len(layout.columns))
     change[:len(names)] = [start[names.index(name)] for name in order]
     starts = [fitted.spot if near is None else near]
-    if near is None and is_lost(fitted):
+    if near is None and fitted.lost:
         starts.append(usual_spot(fitted.intake, layout))
     tops = [climb(fitted.intake, layout, moved(layout, spot, change)) for spot in starts]
     spot, evidence = max(tops, key=lambda top: objective(top[1], layout))
@@ -99,31 +155,34 @@ def _refit_at(fitted: BaselineFit, names: tuple[str, ...], start: Float[Array, "
     priors = np.linalg.slogdet(layout.precision)[1] - np.linalg.slogdet(fitted.layout.precision)[1]
     volume = 0.5 * (priors - np.linalg.slogdet(info)[1] + np.linalg.slogdet(null_info)[1])
     value = evidence.point[:k]
-    believed = {column.name for column in fitted.layout.columns[-len(fitted.layout.precision):]}
+    believed = {column.name for column in fitted.layout.columns[fitted.layout.first_shared:]}
     usual = np.array([centre if name in believed else 0.0 for name, centre in zip(order, layout.centre, strict=False)])
     wanted = value + (covariance @ (evidence.score.sum(0) + evidence.pull))[:k]
-    return Refit(tuple(order), layout, spot, evidence, value - usual, value, wanted, sd[:k],
-                 float(gained + volume))
+    return Refit(tuple(order), layout, spot, evidence, value - usual, value, wanted, sd[:k], float(gained + volume))
 
 
-def unseen_score(evidence: ScoreTable, clusters: Clusters) -> Float[Array, " n"]:
-    """Log score of each shot by fits of all columns to the other folds; folds keep clusters whole."""
-    return np.asarray(evidence.log_score + evidence.gain(unseen_change(evidence, clusters)))
+def unseen_score(evidence: ScoreTable) -> Float[Array, " n"]:
+    """Log score of each shot by fits of all columns to the other folds."""
+    return np.asarray(evidence.log_score + evidence.gain(unseen_change(evidence)))
 
 
-def unseen_change(evidence: ScoreTable, clusters: Clusters) -> Float[Array, "n P"]:
-    """For each shot the change that the other folds ask for."""
-    fold = folds_of(clusters.label[evidence.rows])
+def unseen_change(evidence: ScoreTable) -> Float[Array, "n P"]:
+    """For each shot the change of all columns, fitted to the other folds."""
+    return by_folds(evidence, lambda train: np.tile(fit_linear(evidence, train), (len(train), 1)))
+
+
+def by_folds(evidence: ScoreTable, fit: Callable[[Bool[Array, " n"]], Float[Array, "n P"]]) -> Float[Array, "n P"]:
+    """For each shot its part of what `fit` makes of the shots in the other folds."""
+    fold = folds_of(len(evidence.rows))
     change = np.zeros((len(fold), len(evidence.columns)))
     for held in range(fold.max() + 1):
-        change[fold == held] = fit_linear(evidence, fold != held)
+        change[fold == held] = fit(fold != held)[fold == held]
     return change
 
 
-def folds_of(label: Int[Array, " n"]) -> Int[Array, " n"]:
-    """Every fifth cluster in order of appearance, so that each fold sees the whole session."""
-    first = {cluster: k for k, cluster in enumerate(dict.fromkeys(label.tolist()))}
-    return np.array([first[cluster] % FOLDS for cluster in label.tolist()])
+def folds_of(shots: int) -> Int[Array, " n"]:
+    """The fold of each shot: every fifth one, so that each fold sees the whole session."""
+    return np.arange(shots) % FOLDS
 
 
 def fit_linear(evidence: ScoreTable, train: Bool[Array, " n"]) -> Float[Array, " P"]:
@@ -162,7 +221,7 @@ def go_uphill(found: Array, step_from: Callable[[Array], Array], value_at: Calla
 
 
 def clustered_error(values: Float[Array, " n"], label: Int[Array, " n"]) -> float:
-    """Standard error of the mean of values [n] whose clusters `label` [n] hang together."""
+    """Standard error of the mean of values [n] that are correlated inside the clusters `label` [n]."""
     sums = np.zeros(label.max() + 1)
     np.add.at(sums, label, values - values.mean())
     count = len(np.unique(label))
@@ -183,8 +242,7 @@ def promote(fitted: BaselineFit, found: Refit) -> BaselineFit:
 
 def promoted(layout: ParameterLayout, names: tuple[str, ...]) -> ParameterLayout:
     """The layout with these columns moved from the asked to the shared ones."""
-    first = len(layout.columns) - len(layout.precision)
-    kept = [k for k in range(first) if layout.columns[k].name not in names]
+    kept = [k for k in range(layout.first_shared) if layout.columns[k].name not in names]
     inner = only_shared(layout, names)
     shift = len(kept)
     return replace(inner, chain=layout.chain, columns=(*(layout.columns[k] for k in kept), *inner.columns),

@@ -13,7 +13,7 @@ import numpy as np
 
 from truearc.sim.discover.model.baseline_fit import BaselineFit
 from truearc.sim.discover.model.external_measurements import nats_measured
-from truearc.sim.discover.model.score_table import Array, ScoreTable, shared_columns
+from truearc.sim.discover.model.score_table import Array, ScoreTable
 from truearc.sim.discover.select.refit import Refit, refit
 from truearc.sim.physics.catalogue import find_parameter
 from truearc.sim.progress import Progress
@@ -27,7 +27,7 @@ MASS = 0.9                            # that the set of names holds
 LEAST_INFORMATION = 1e-4              # of a term's own, that must be left by the shared columns
 BUSY = 1e-12
 MOST_USUAL = 6.0                      # usual sizes beyond which an amplitude is not what its name says,
-DOUBT = 2.0                           # by more standard deviations than this
+SPARE_SD = 2.0                           # by more standard deviations than this
 NEVER = -1e3                          # nats
 
 
@@ -81,10 +81,7 @@ def one_step(evidence: ScoreTable) -> tuple[tuple[Candidate, ...], Array]:
 
 def visible_terms(evidence: ScoreTable) -> Array:
     """Columns of terms of which the shots say anything that the shared ones could not."""
-    columns = np.array([k for k in range(evidence.first_shared) if evidence.columns[k].kind == "term"], dtype=int)
-    own, kept = evidence.information[columns, columns], np.diag(efficient(evidence, columns)[1])
-    visible: Array = columns[(own > BUSY) & (kept > LEAST_INFORMATION * own)]
-    return visible
+    return np.array([one.column for one in one_step(evidence)[0] if one.visible], dtype=int)
 
 
 def nats_for(score: Any, information: float, usual: float) -> Any:
@@ -96,8 +93,8 @@ def nats_for(score: Any, information: float, usual: float) -> Any:
     return nats if np.ndim(nats) else float(nats)
 
 
-def name_terms(fitted: BaselineFit, progress: Progress, surmised: Mapping[str, float] | None = None) -> Naming:
-    """Rank the terms. At least one must be visible. surmised: {name: amplitude} refitted from there in any case."""
+def name_terms(fitted: BaselineFit, progress: Progress, starts: Mapping[str, float] | None = None) -> Naming:
+    """Rank the terms. At least one must be visible. starts: {name: amplitude} refitted from there in any case."""
     candidates, alike = one_step(fitted.evidence)
     visible = [c for c in candidates if c.visible]
     likely = sorted(visible, key=lambda c: -c.nats)
@@ -107,8 +104,8 @@ def name_terms(fitted: BaselineFit, progress: Progress, surmised: Mapping[str, f
     nats = {c.name: c.nats + nats_measured(fitted.layout.measured, c.name, c.amplitude, c.information**-0.5)
             for c in visible}
     for candidate in visible:
-        if candidate.name in (surmised or {}):
-            _refit(fitted, candidate, refits, nats, (surmised or {})[candidate.name])
+        if candidate.name in (starts or {}):
+            _refit(fitted, candidate, refits, nats, (starts or {})[candidate.name])
     likely = [c for c in likely if c.name not in refits]
     for number, candidate in enumerate(likely):
         progress(number / len(likely), candidate.name.partition(".")[0])
@@ -137,8 +134,7 @@ def _refit(fitted: BaselineFit, candidate: Candidate, refits: dict[str, Refit], 
     """Refit one name into both, from one step's amplitude unless a start is given."""
     name = candidate.name
     refits[name] = refit(fitted, (name,), np.array([tame(candidate, fitted.evidence) if start is None else start]))
-    usual = fitted.evidence.columns[candidate.column].usual
-    nats[name] = _nats(fitted, refits[name], usual)
+    nats[name] = _nats(fitted, candidate, refits[name])
 
 
 def _refit_beside(fitted: BaselineFit, one: Candidate, top: Candidate, refits: dict[str, Refit],
@@ -152,14 +148,13 @@ def _refit_beside(fitted: BaselineFit, one: Candidate, top: Candidate, refits: d
     start = np.array([best.amplitude[0] * one.amplitude / top.amplitude])
     again = refit(fitted, (one.name,), start, replace(best.spot, values=values))
     if again.log_evidence > refits[one.name].log_evidence:
-        refits[one.name] = again
-        usual = fitted.evidence.columns[one.column].usual
-        nats[one.name] = _nats(fitted, again, usual)
+        refits[one.name], nats[one.name] = again, _nats(fitted, one, again)
 
 
-def _nats(fitted: BaselineFit, found: Refit, usual: float) -> float:
+def _nats(fitted: BaselineFit, candidate: Candidate, found: Refit) -> float:
     """For one name truly refitted, by the shots and by what was measured without one, which the fit has in its prior.
     """
+    usual = fitted.evidence.columns[candidate.column].usual
     said = nats_measured(fitted.layout.measured, found.names[0], 0.0, usual)
     return found.log_evidence + said if is_possible(found, usual) else NEVER
 
@@ -171,9 +166,9 @@ def is_possible(found: Refit, *usual: float) -> bool:
     """
     among = found.layout.chain.catalogue
     low, high = np.array([(one.low, one.high) for one in (find_parameter(name, among) for name in found.names)]).T
-    doubt = DOUBT * found.sd
-    return bool(((found.wanted >= low - doubt) & (found.wanted <= high + doubt)
-                 & (np.abs(found.amplitude) <= MOST_USUAL * np.array(usual) + doubt)).all())
+    spare = SPARE_SD * found.sd
+    return bool(((found.wanted >= low - spare) & (found.wanted <= high + spare)
+                 & (np.abs(found.amplitude) <= MOST_USUAL * np.array(usual) + spare)).all())
 
 
 def tame(candidate: Candidate, evidence: ScoreTable) -> float:
@@ -188,7 +183,7 @@ def efficient(evidence: ScoreTable, columns: Array, more: Array | float = 0.0) -
 
     more [P, P]: information of shots to come, added to that of the evidence; scores are those there are.
     """
-    shared = shared_columns(evidence)
+    shared = evidence.shared
     info, score = evidence.information + more, evidence.score.sum(0)
     inner = info[shared, shared] + evidence.precision
     cross = info[columns][:, shared]
@@ -208,7 +203,7 @@ def _aliases(fitted: BaselineFit, ranked: Sequence[str], kin: Sequence[str], ref
              nats: Mapping[str, float]) -> tuple[str, ...]:
     """Of what one step cannot tell from the likeliest, that which a true fit cannot either, and which is possible.
 
-    By how well they fit: that one of them would have to be unusually large is no word of the data's.
+    By how well they fit: that one of them would have to be unusually large is prior knowledge, not data.
     """
     fit = {name: float(refits[name].evidence.log_score.sum())
            + nats_measured(fitted.layout.measured, name, float(refits[name].amplitude[0]), 0.0) for name in kin}

@@ -5,9 +5,8 @@ import pytest
 
 from tests.sim.discover.made import at_least_squares, column, gaussian
 from tests.sim.discover.straight import ASKED, NAMES, lay_straight, take_straight
-from truearc.sim.discover.detect.clusters import Clusters
 from truearc.sim.discover.model.baseline_fit import BaselineFit
-from truearc.sim.discover.model.linearization import nowhere
+from truearc.sim.discover.model.linearization import LinearizationPoint
 from truearc.sim.discover.model.prepared_data import SCATTERS
 from truearc.sim.discover.select.refit import Refit
 from truearc_proof.rivals import argmax
@@ -23,7 +22,7 @@ def believed(signal: float, seed: int = 0) -> RivalBelief:
     y = signal * slopes[:, 1] + rng.normal(size=N)
     evidence = at_least_squares(y, slopes, np.ones((N, 1)))
     intake, layout = take_straight(np.zeros(N)), lay_straight(np.full(len(ASKED), 0.3))
-    spot = nowhere(intake, layout, np.zeros(len(NAMES)), np.zeros(len(SCATTERS)))
+    spot = LinearizationPoint.still(layout, N, np.zeros(len(NAMES)), np.zeros(len(SCATTERS)))
     refits = {}
     for k in range(2):
         amplitude = slopes[:, k] @ y
@@ -32,7 +31,7 @@ def believed(signal: float, seed: int = 0) -> RivalBelief:
         name = f"t{k}.amplitude"
         here = np.array([amplitude])
         refits[name] = Refit((name,), layout, spot, made, here, here, here, np.ones(1), 0.0)
-    return RivalBelief(BaselineFit(intake, layout, spot, evidence), Clusters("shot", np.arange(N), N), refits)
+    return RivalBelief(BaselineFit(intake, layout, spot, evidence), refits)
 
 
 def test_the_true_term_of_two_at_right_angles_fits_best() -> None:

@@ -1,4 +1,4 @@
-"""Tests have few shots: they fly in smaller steps of lanes, or half of the time would go to lanes nobody looks at."""
+"""Tests have few shots: they fly in smaller steps of lanes, or half of the time would go to lanes not looked at."""
 
 import pytest
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from tests.sim.discover.worlds import FACTS
 from truearc.sim.data.dataset import Shots
-from truearc.sim.discover.model.outcome_likelihood import OutcomeObservations, see_outcomes
+from truearc.sim.discover.model.plane_likelihood import OutcomeObservations, see_outcomes
 from truearc.sim.discover.model.score_table import Column, PlaneScores, ScoreTable, make_evidence
 
 BORDERS = ("miss", "two", "three")

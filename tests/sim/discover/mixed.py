@@ -1,7 +1,7 @@
 """One set of shots of which different things were seen, for tests of everything up to the likelihood.
 
 Forty shots of the concealed truth: FLOWN have a track and no outcome; LANDED an outcome and no track; MEASURED both, a
-measured exit and, the first half, a measured height; THROWN a track alone, nobody knows how they left; the rest both.
+measured exit and, the first half, a measured height; THROWN a track alone, their launches unknown; the rest both.
 """
 
 from dataclasses import replace

@@ -62,7 +62,7 @@ def plane_heights(speed_m_s: np.ndarray, angle_rad: np.ndarray, spin_rad_s: np.n
 
     def per_share(share: float, flat: np.ndarray) -> np.ndarray:
         state = flat.reshape(6, -1).copy()
-        state[3] = np.maximum(state[3], 0.2)              # as good as turned back: it ends far below
+        state[3] = np.maximum(state[3], 0.2)              # nearly turned back: it ends far below
         return (_rate(state, 0.5, 0.06, spin_rad_s) * distance_m / state[3]).ravel()
 
     start = np.stack([none, none, none + RELEASE, speed_m_s * np.cos(angle_rad), none, speed_m_s * np.sin(angle_rad)])

@@ -14,11 +14,10 @@ from tests.sim.discover.made import column
 from truearc.robot.config.rig_spec import Ball, Rig, Target
 from truearc.sim.data.conditions import Circumstances
 from truearc.sim.data.dataset import Shots
-from truearc.sim.discover.detect.clusters import Clusters
 from truearc.sim.discover.model.baseline_fit import BaselineFit, climb, only_shared
 from truearc.sim.discover.model.forward_model import DEVIATES, Chain, Prediction, ShotBatch
-from truearc.sim.discover.model.linearization import ParameterLayout, linearise, nowhere
-from truearc.sim.discover.model.outcome_likelihood import see_outcomes
+from truearc.sim.discover.model.linearization import LinearizationPoint, ParameterLayout, linearise
+from truearc.sim.discover.model.plane_likelihood import see_outcomes
 from truearc.sim.discover.model.prepared_data import SCATTERS, Intake
 from truearc.sim.discover.model.score_table import Column
 from truearc.sim.physics.launch import Exit
@@ -93,7 +92,7 @@ def lay_straight(usual: np.ndarray) -> ParameterLayout:
 
 def slopes_and_y(planted: dict[str, float], seed: int, shots: int, copies: dict[str, str],
                  between: dict[str, tuple[str, ...]] | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """Slopes all different, but for `copies` {name: of which} and those `between` {name: which two}, nearly as alike to
+    """Slopes all different, except `copies` {name: of which} and those `between` {name: which two}, nearly as alike to
     either; SHARED are at work too."""
     rng = np.random.default_rng(seed)
     slopes = rng.normal(size=(shots, len(NAMES)))
@@ -118,10 +117,5 @@ def fit_straight(
     slopes, y = slopes_and_y(planted, seed, shots, copies or {}, between)
     layout = replace(lay_straight(np.array([(usual or {}).get(name, 0.3) for name in ASKED])), see=see_straight(slopes))
     intake, bare = take_straight(y), only_shared(layout)
-    spot, _ = climb(intake, bare, nowhere(intake, bare, np.zeros(len(NAMES)), np.zeros(len(SCATTERS))))
+    spot, _ = climb(intake, bare, LinearizationPoint.still(bare, shots, np.zeros(len(NAMES)), np.zeros(len(SCATTERS))))
     return BaselineFit(intake, layout, spot, linearise(intake, layout, spot)[0])
-
-
-def each_by_itself(fitted: BaselineFit) -> Clusters:
-    n = len(fitted.evidence.rows)
-    return Clusters("shot", np.arange(n), n)

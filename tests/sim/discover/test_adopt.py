@@ -1,4 +1,4 @@
-"""What was named is believed from then on, and the simulator that believes it foretells better."""
+"""A named effect is believed from then on, and the simulator that believes it forecasts better."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -11,8 +11,8 @@ from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.data.parts import take_shots
 from truearc.sim.data.shot_conditions import circumstances_of
 from truearc.sim.discover.adopt import make_belief
-from truearc.sim.discover.api import Investigation, discover
 from truearc.sim.discover.detect.free_curve import Correction
+from truearc.sim.discover.investigate import Investigation, discover
 from truearc.sim.discover.model import nonparametric_terms as freed
 from truearc.sim.discover.model.baseline_fit import BaselineFit, usual_spot
 from truearc.sim.discover.model.design_columns import lay_out
@@ -39,7 +39,7 @@ def hasty() -> tuple[Dataset, Investigation]:
 
 @pytest.fixture(scope="module")
 def season() -> tuple[Dataset, Dataset]:
-    """Earlier and later shots of a world with an effect that has no name."""
+    """Earlier and later shots of a world with an unexplained effect."""
     whole = shoot(make_world({"far_kick": 0.15}, "L2", 160, 3))
     return take_shots(whole, range(96)), take_shots(whole, range(96, 160))
 
@@ -50,7 +50,7 @@ def nameless(season: tuple[Dataset, Dataset]) -> Investigation:
 
 
 def right(dataset: Dataset, coefficients: dict[str, dict[str, float]]) -> float:
-    """Share of outcomes that the simulator foretells without any scatter: another code than the fit's."""
+    """Share of outcomes that the simulator forecasts without any scatter: another code than the fit's."""
     height_m = predict(dataset.facts, coefficients, dataset.shots, circumstances=circumstances_of(dataset)).height_m
     return float(np.mean(classify(dataset.facts, height_m) == np.array(dataset.shots.text("outcome"))))
 
@@ -78,7 +78,7 @@ def test_what_foretells_unseen_shots_worse_is_not_adopted(hasty: tuple[Dataset, 
     worse = structs.replace(found.finding, fit=fit)
     belief, provenance = make_belief(replace(found, finding=worse))
     assert "rapid_fire" not in belief.coefficients and provenance["adopted"] == []
-    assert "surely worse" in provenance["refused"]
+    assert "are worse" in provenance["refused"]
 
 
 def test_a_curve_beside_which_a_coefficient_is_impossible_is_not_adopted(nameless: Investigation,
@@ -103,13 +103,13 @@ def test_without_tracks_a_curve_that_is_not_surely_better_is_not_adopted(nameles
     step = nameless.steps[-1]
     assert step.place is not None
     gain = step.place.correction.gain
-    luck = np.where(np.arange(len(gain)) % 2, 1.0, -0.9)           # 0.05 a shot, give or take 0.1
+    luck = np.where(np.arange(len(gain)) % 2, 1.0, -0.9)           # 0.05 ± 0.1 per shot
     place = replace(step.place, correction=replace(step.place.correction, log_after=step.place.correction.log_after
                                                    - gain + luck))
     blind = replace(step.fitted, intake=replace(step.fitted.intake, samples=None))
     for fitted, adopts in ((step.fitted, True), (blind, False)):
         curves, why = freed.all_freed(replace(step, place=place, fitted=fitted), nameless.search)
-        assert bool(curves) == adopts and ("not surely" in why) != adopts
+        assert bool(curves) == adopts and ("not clearly" in why) != adopts
 
 
 def test_the_simulator_that_believes_it_foretells_better(hasty: tuple[Dataset, Investigation]) -> None:
@@ -135,7 +135,7 @@ def test_data_that_say_nothing_lead_to_no_belief() -> None:
 
 def test_what_has_no_name_is_adopted_as_a_curve(nameless: Investigation, season: tuple[Dataset, Dataset],
                                                 tmp_path: Path) -> None:
-    """Beyond some distance the ball leaves faster than it should: nobody knows why, but other shots are foretold."""
+    """Beyond some distance the ball leaves faster than it should: the cause is unknown, other shots are forecast."""
     found, unseen = nameless, season[1]
     assert found.finding.verdict == "unknown"
     belief, provenance = make_belief(found)

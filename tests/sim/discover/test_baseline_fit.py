@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from truearc.sim.discover.detect.clusters import groups_of
 from truearc.sim.discover.model.baseline_fit import (
     BaselineFit,
     climb,
@@ -15,7 +14,7 @@ from truearc.sim.discover.model.baseline_fit import (
     only_shared,
     usual_spot,
 )
-from truearc.sim.discover.model.design_columns import lay_out
+from truearc.sim.discover.model.design_columns import groups_of, lay_out
 from truearc.sim.discover.model.prepared_data import take_in
 from truearc.sim.physics.catalogue import find_parameter
 from truearc_proof.truth.generate import shoot

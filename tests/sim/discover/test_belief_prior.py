@@ -1,4 +1,4 @@
-"""What a session left is the next one's prior, number by number on its own scale; and whether it has changed."""
+"""A session's posterior is the next one's prior, number by number on its own scale; and whether it has changed."""
 
 from dataclasses import replace
 
@@ -41,7 +41,7 @@ def test_what_is_believed_is_the_centre_and_its_doubt_the_prior(belief: Belief) 
     found = np.linalg.inv(precision)
     order = [2, 0, 4, 1]                                     # NAMES among COLUMNS
     assert found[np.ix_(order, order)] == pytest.approx(expected, rel=1e-4, abs=1e-7)
-    # what the belief knows without doubt, or not at all, is as wide as before
+    # what the belief knows exactly, or not at all, is as wide as before
     assert found[3, 3] == pytest.approx(SD[3]**2) and found[5, 5] == pytest.approx(SD[5]**2)
     assert found[3, order] == pytest.approx(np.zeros(4), abs=1e-9)
     assert [column.name for column in told.columns if column.told] == [COLUMNS[k].name for k in (0, 1, 2, 4)]

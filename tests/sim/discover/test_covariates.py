@@ -133,7 +133,7 @@ def test_groups_that_are_too_small_are_not_asked_about() -> None:
 
 
 def test_shapes_have_the_units_of_the_session_that_is_asked_wherever_they_are_laid() -> None:
-    """Nothing is centred or scaled anew over another session, and what is unknown there weighs nothing."""
+    """Nothing is centred or scaled again over another session, and what is unknown there weighs nothing."""
     rng = np.random.default_rng(4)
     x, y = rng.normal(5.0, 2.0, N), rng.normal(size=N)
     columns = {"x": x, "y": y}

@@ -1,4 +1,4 @@
-"""truearc design as a user types it; what a plan looks like in words."""
+"""truearc design as a user types it; what a plan looks like as text."""
 
 import json
 from dataclasses import replace
@@ -11,7 +11,7 @@ import pytest
 
 import truearc.cli.main as truearc
 from tests.sim.discover.straight import FACTS as STRAIGHT
-from tests.sim.discover.straight import each_by_itself, fit_straight
+from tests.sim.discover.straight import fit_straight
 from tests.sim.discover.worlds import FACTS
 from truearc.sim.data.dataset import Dataset, Shots, save_dataset
 from truearc.sim.discover.plan.experiment_design import Block, Design, make_design
@@ -22,7 +22,7 @@ from truearc.sim.discover.select.selection_step import Step
 
 def test_a_plan_names_configurations_that_were_shot() -> None:
     fitted = fit_straight({"spin_drag.share": 0.45}, 5, shots=30)
-    (step, *_) = go_forward(fitted, None, Search(each_by_itself(fitted), (), (), 0.05, 0), lambda done, note: None)
+    (step, *_) = go_forward(fitted, None, Search(len(fitted.evidence.rows), (), (), 0.05, 0), lambda done, note: None)
     step = replace(step, unknown=False)
     distance_m = np.linspace(2.0, 6.0, 30)
     shots = Shots(tuple(f"s{k}" for k in range(30)), {"distance_m": distance_m, "hood_deg": np.full(30, 45.0)}, {})

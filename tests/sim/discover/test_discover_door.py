@@ -10,7 +10,7 @@ import truearc.cli.main as truearc
 from tests.sim.discover.worlds import FACTS
 from truearc.sim.compile_cache import keep_compiled
 from truearc.sim.data.dataset import Dataset, save_dataset, save_rig
-from truearc.sim.discover.plan.planned_season import rehearse
+from truearc.sim.discover.plan.expected_information import rehearse
 
 BELIEVED = ("gravity", "drag", "magnus")
 SPREADSHEET = Path(__file__).parents[3] / "examples" / "spreadsheet"
@@ -66,7 +66,7 @@ def test_discover_names_the_option_at_fault(words: list[str], message: str, caps
     (["RIG", "--shots", "3"], "too few"), (["RIG", "--believe", "magic"], "'magic'"),
     (["nowhere.toml"], "nowhere.toml"), (["DIR", "--shots", "30"], "--shots: "),
     (["DIR", "--level", "L1"], "--level: "),
-    (["RIG", "--seed", "-1"], "--seed"), (["RIG", "--believe", "gravity,free_push"], "without a name"),
+    (["RIG", "--seed", "-1"], "--seed"), (["RIG", "--believe", "gravity,free_push"], "unexplained effect"),
 ])
 def test_identifiability_names_the_option_at_fault(words: list[str], message: str, rig: Path, tmp_path: Path,
                                                    capsys: pytest.CaptureFixture[str]) -> None:

@@ -18,7 +18,7 @@ from truearc import sim
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.dataset import Dataset, Shots, Tracks, load_dataset, save_dataset, save_rig
 from truearc.sim.data.shot_conditions import ORDINARY
-from truearc.sim.discover.api import discover
+from truearc.sim.discover.investigate import discover
 from truearc.sim.physics.catalogue import TERMS, Catalogue, effective, flight_terms
 from truearc.sim.physics.flight import path
 from truearc.sim.physics.plugins import terms_of_file

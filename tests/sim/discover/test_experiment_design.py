@@ -8,7 +8,7 @@ from scipy.special import softmax
 from scipy.stats import multivariate_normal
 
 from tests.sim.discover.made import at_least_squares
-from tests.sim.discover.straight import ASKED, NAMES, SHARED, each_by_itself, fit_straight, slopes_and_y
+from tests.sim.discover.straight import ASKED, NAMES, SHARED, fit_straight, slopes_and_y
 from truearc.sim.data.dataset import Shots
 from truearc.sim.discover.model.baseline_fit import fit_believed
 from truearc.sim.discover.model.design_columns import lay_out
@@ -39,7 +39,7 @@ SHOTS, SEED = 30, 5
 
 def step_of(shots: int = SHOTS, planted: dict[str, float] = PLANTED) -> Step:
     fitted = fit_straight(planted, SEED, shots=shots)
-    step = go_forward(fitted, None, Search(each_by_itself(fitted), (), (), 0.05, 0), lambda done, note: None)[0]
+    step = go_forward(fitted, None, Search(len(fitted.evidence.rows), (), (), 0.05, 0), lambda done, note: None)[0]
     return replace(step, unknown=False)          # so few shots hardly say that anything is there at all
 
 
@@ -92,7 +92,7 @@ def test_of_a_confounded_pair_100_chosen_shots_are_worth_300_random_ones() -> No
 
 
 def test_chances_are_those_of_shots_really_taken() -> None:
-    """Truths and results drawn anew, judged by the exact marginal likelihood of old and new shots together."""
+    """Truths and results drawn again, judged by the exact marginal likelihood of old and new shots together."""
     contest, names = doubtful()
     slopes, y = slopes_and_y(PLANTED, SEED, SHOTS, {})
     rows = chosen_rows(contest, 2, 3)

@@ -1,4 +1,4 @@
-"""What was measured of a term, as it is read and weighed."""
+"""External measurements of a term: reading and weight."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Verdicts in words: sizes in the units of a driver coach, signs that agree with what the terms do."""
+"""Verdicts as text: sizes in the units of a driver coach, signs that agree with what the terms do."""
 
 import re
 from typing import cast
@@ -100,7 +100,7 @@ def test_launch_words_have_the_sign_of_the_term(term: str, word: str) -> None:
     change = {"steeper": after.elevation_rad - before.elevation_rad, "higher": after.above_m - before.above_m,
               "slower": before.speed_m_s - after.speed_m_s, "slips": before.speed_m_s - after.speed_m_s,
               "faster": after.speed_m_s - before.speed_m_s + after.spin_rev_s - before.spin_rev_s}[word]
-    # a battery's sensitivity is told for a weaker one, so its effect turns with the voltage's sign
+    # a battery's sensitivity is stated for a weaker one, so its effect turns with the voltage's sign
     assert (-change if term == "battery_sag" else change) > 0.0
     assert word in PHRASES[term].more and word not in PHRASES[term].less
 
@@ -141,12 +141,13 @@ def test_what_is_left_besides_is_what_it_looks_like() -> None:
     assert too_little((Further((unsure,), ("target_height",), None), Further((sure,), ("wind_x",), None))) == [
         "target_height"]
     nameless = Further((sure,), None, Unknown("battery_v", "along", 0.1, "1", None))
-    assert "no name, and goes with the battery's voltage." in told((first,), also=(nameless,))
+    rest = "a smaller effect remains that no term explains, and goes with the battery's voltage."
+    assert rest in told((first,), also=(nameless,))
 
 
 def test_a_name_that_a_free_curve_rivals_is_said_with_that_doubt() -> None:
     sure, unsure = (told((named("wind_x", 1.0, 0.1, share, "m/s"),)) for share in (0.95, 0.5))
-    assert "without a name" not in sure and "without a name (50%)" in unsure
+    assert "effect of no term" not in sure and "effect of no term (50%)" in unsure
 
 
 def test_long_sets_are_cut_short() -> None:
@@ -161,9 +162,9 @@ def test_what_is_gained_is_told_in_outcomes_and_centimetres() -> None:
     low, high = map(float, re.search(r"90 %: ([+-][\d.]+) to ([+-][\d.]+)\)", said.partition("log score")[2]).groups())
     assert (low, high) == (pytest.approx(0.2 - 1.645 * 0.05, abs=1e-3), pytest.approx(0.2 + 1.645 * 0.05, abs=1e-3))
     worse = told(drag, fit=FitSummary(100, -0.9, -0.7, 0.2, 0.05, None, None, 0.83, 0.71))
-    assert "does better (log score" in worse and "but foretells 71 of 100 outcomes right instead of 83" in worse
-    assert "not surely better" in told(drag, fit=FitSummary(100, -0.9, -0.89, 0.01, 0.05, None, None, 0.71, 0.72))
-    assert "surely worse" in told(drag, fit=FitSummary(100, -0.9, -1.0, -0.1, 0.05, None, None, 0.71, 0.70))
+    assert "does better (log score" in worse and "but forecasts 71 of 100 outcomes right instead of 83" in worse
+    assert "not clearly better" in told(drag, fit=FitSummary(100, -0.9, -0.89, 0.01, 0.05, None, None, 0.71, 0.72))
+    assert "scores worse" in told(drag, fit=FitSummary(100, -0.9, -1.0, -0.1, 0.05, None, None, 0.71, 0.70))
     far = told(drag, fit=FitSummary(100, -0.9, -0.7, 0.2, 0.05, 7.2, 0.84, None, None))
     assert "heights within 84 cm instead of 7.2 m" in far
     ends = told(drag, fit=FitSummary(100, -0.9, -0.7, 0.2, 0.05, 0.06, 0.02, None, None, "track end"))
@@ -175,7 +176,7 @@ def test_nothing_found_and_nothing_to_say() -> None:
     assert "cannot say anything" in say_none(("gravity",), None, 20, 0.05)
     leading = Further((), None, Unknown(None, "along", 0.1, "1", None))
     unnamed = say_unknown(("gravity",), 0.01, WHERE, leading, (), NO_FIT, None)
-    assert "no name in the catalogue" in unnamed
+    assert "no term of the catalogue explains" in unnamed
 
 
 @pytest.mark.parametrize(("what", "shape", "said"), [

@@ -9,7 +9,6 @@ import pytest
 
 from tests.sim.discover.made import column, gaussian
 from tests.sim.discover.straight import take_straight
-from truearc.sim.discover.detect.clusters import Clusters
 from truearc.sim.discover.detect.covariates import Covariate, Factor
 from truearc.sim.discover.detect.free_curve import correct
 from truearc.sim.discover.detect.test_battery import Test
@@ -17,7 +16,6 @@ from truearc.sim.discover.report.formula import find_formula
 from truearc.sim.physics.launch import Exit
 
 N = 300
-SINGLE = Clusters("shot", np.arange(N), N)
 BALL_KG, BALL_M, DENSITY = 0.2, 0.1, 1.2
 
 
@@ -27,13 +25,13 @@ def formula_of(what: Any, truth: np.ndarray, noise: float, unit: str = "1", spee
     rng = np.random.default_rng(0)
     seen = (truth + noise * rng.normal(size=N)) / noise
     evidence = gaussian(seen, np.full((N, 1), 1.0 / noise), (replace(column("launch speed"), unit=unit),))
-    found = correct(evidence, Test("free", 0, what, "straight", np.ones(N)), SINGLE)
+    found = correct(evidence, Test("free", 0, what, "straight", np.ones(N)))
     intake = take_straight(np.zeros(N))
     zero = np.zeros(N)
     lanes = intake.lanes._replace(rolling=Exit(zero + speed, zero, zero + spin, zero), ball_kg=zero + BALL_KG,
                                   ball_m=zero + BALL_M)
     fitted: Any = SimpleNamespace(intake=replace(intake, lanes=lanes), together=np.arange(N))
-    return find_formula(found, fitted, SINGLE, 0)
+    return find_formula(found, fitted, 0)
 
 
 def covariate(name: str, low: float, high: float) -> Covariate:

@@ -1,4 +1,4 @@
-"""What is to be seen of a shot: against SciPy's DOP853 and the catalogue's own forecast; slopes against differences."""
+"""Predictions of a shot: against SciPy's DOP853 and the catalogue's own forecast; slopes against differences."""
 
 import math
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from tests.sim.discover.mixed import BELIEVED, FLOWN, LANDED, SHOTS, THROWN, mak
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.shot_conditions import circumstances_of, take_circumstances
 from truearc.sim.discover.model.design_columns import lay_out
-from truearc.sim.discover.model.forward_model import DEVIATES, DIRECTIONS, Chain, Prediction, see, see_slopes
+from truearc.sim.discover.model.forward_model import DEVIATES, DIRECTIONS, Chain, Prediction, see_slopes
 from truearc.sim.discover.model.linearization import pad_lanes
 from truearc.sim.discover.model.prepared_data import Intake, take_in
 from truearc.sim.physics.catalogue import effective, find_parameter
@@ -23,7 +23,7 @@ RADIUS, MASS, RHO, G = 0.0889, 0.14, 1.2, 9.81
 HEIGHTS = 0.75, 2.44                  # release, target
 AIR = {"drag.cd": 0.5, "magnus.cl": 0.12, "spin_decay.rate_per_s": 0.8, "wind_x.speed_m_s": -1.5,
        "wind_y.speed_m_s": 0.7, "wind_z.speed_m_s": 0.4, "exit_efficiency.loss": 0.2}
-# a bit of every term; nobody knows by how much a ball departs from the others, so ball_spread does nothing
+# a bit of every term; by how much a ball departs from the others is unknown, so ball_spread does nothing
 ALL = AIR | {
     "hood_offset.angle_deg": 0.7, "hood_backlash.angle_deg": 0.4, "encoder_scale.share": 0.01,
     "distance_scale.share": 0.02, "distance_bias.bias_m": -0.05, "vision_latency.delay_s": 0.05,
@@ -54,7 +54,8 @@ class Stage:
     def see(self, values: dict[str, float], deviates: np.ndarray) -> Prediction:
         lanes, n = pad_lanes(self.intake.lanes)
         padded = np.resize(deviates, (len(lanes.distance_m), self.chain.deviates))
-        seen = see(self.chain, lanes, jnp.asarray(self.point(values)), jnp.asarray(padded), jnp.asarray(self.edges_s))
+        seen, _ = see_slopes(self.chain, lanes, jnp.asarray(self.point(values)), jnp.asarray(padded),
+                             jnp.asarray(self.edges_s), jnp.zeros((self.chain.size, 1)))
         return Prediction(*(np.asarray(part)[:n] for part in seen))
 
     def none(self) -> np.ndarray:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.sim.discover.straight import ASKED, SHARED, each_by_itself, fit_straight
+from tests.sim.discover.straight import ASKED, SHARED, fit_straight
 from truearc.sim.discover.model.baseline_fit import BaselineFit
 from truearc.sim.discover.select.forward_selection import MOST, Search, go_forward, without_outrun
 from truearc.sim.discover.select.refit import promote, refit
@@ -14,7 +14,7 @@ from truearc.sim.discover.select.term_ranking import name_terms
 
 
 def steps_of(fitted: BaselineFit) -> tuple[Step, ...]:
-    return go_forward(fitted, None, Search(each_by_itself(fitted), (), (), 0.05, 0), lambda done, note: None)
+    return go_forward(fitted, None, Search(len(fitted.evidence.rows), (), (), 0.05, 0), lambda done, note: None)
 
 
 def test_two_effects_are_named_in_turn_and_then_it_ends() -> None:
@@ -44,7 +44,7 @@ def test_a_name_that_only_stood_for_two_others_goes() -> None:
 
 
 def outrun_steps(curve: float, second: float) -> tuple[Step, ...]:
-    """Two steps, the first outrun by a free curve that gains `curve` a shot over nothing; the second name gains
+    """Two steps, the first beaten by a free curve that gains `curve` a shot over nothing; the second name gains
     `second` a shot over the first."""
     (step, *_) = steps_of(fit_straight({"wind_z.speed_m_s": 0.9}, 2))
     rng = np.random.default_rng(0)

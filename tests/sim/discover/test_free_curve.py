@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from tests.sim.discover.made import column, gaussian
-from truearc.sim.discover.detect.clusters import Clusters
 from truearc.sim.discover.detect.covariates import Covariate, Factor, smooth_shapes
 from truearc.sim.discover.detect.free_curve import correct
 from truearc.sim.discover.detect.localization import amplitude_of, shortest_run
@@ -24,12 +23,11 @@ def asked(what: Covariate | Factor | None) -> Test:
     return Test("free", 0, what, "straight", np.ones(N))
 
 
-SINGLE = Clusters("shot", np.arange(N), N)
 
 
 def test_the_same_in_every_shot_is_the_mean_and_gains_half_its_square() -> None:
     noise = np.random.default_rng(0).normal(size=N)
-    found = correct(evidence_of(np.full(N, 0.8), noise), asked(None), SINGLE)
+    found = correct(evidence_of(np.full(N, 0.8), noise), asked(None))
     assert found.amplitude == pytest.approx(np.full(N, 0.8 + noise.mean()), rel=1e-4)
     # held out: half the square of the truth, less about 1 / (2 n) for not knowing it
     assert found.gain.mean() == pytest.approx(0.5 * 0.8**2, abs=0.1)
@@ -40,7 +38,7 @@ def test_a_bent_effect_is_followed() -> None:
     rng = np.random.default_rng(1)
     x = rng.uniform(-1.0, 1.0, N)
     truth = 3.0 * x**2
-    found = correct(evidence_of(truth, rng.normal(size=N)), asked(Covariate((("x", x),))), SINGLE)
+    found = correct(evidence_of(truth, rng.normal(size=N)), asked(Covariate((("x", x),))))
     assert np.sqrt(np.mean((found.amplitude - truth)**2)) < 0.3
     assert found.gain.mean() > 0.4 * np.mean(truth**2)
 
@@ -50,7 +48,7 @@ def test_a_step_is_a_step_and_no_bend() -> None:
     x = np.arange(N) / N
     after = (x > 0.4) * 1.0
     evidence = evidence_of(0.6 * after, rng.normal(size=N))
-    bent, found = (correct(evidence, Test("free", 0, Covariate((("x", x),)), shape, after - after.mean()), SINGLE)
+    bent, found = (correct(evidence, Test("free", 0, Covariate((("x", x),)), shape, after - after.mean()))
                    for shape in ("straight", f"{STEP}0.4"))
     jump = found.amplitude[121] - found.amplitude[119]
     assert jump == pytest.approx(0.6, abs=3.0 * np.sqrt(1.0 / 120 + 1.0 / 180))
@@ -62,8 +60,7 @@ def test_pure_noise_is_not_followed_far() -> None:
     gains = []
     for seed in range(20):
         rng = np.random.default_rng(seed)
-        found = correct(evidence_of(np.zeros(N), rng.normal(size=N)), asked(Covariate((("x", rng.normal(size=N)),))),
-                        SINGLE)
+        found = correct(evidence_of(np.zeros(N), rng.normal(size=N)), asked(Covariate((("x", rng.normal(size=N)),))))
         gains.append(found.gain.mean())
     assert np.mean(gains) < 0.0                            # on unseen shots a correction of nothing costs
     assert np.mean(gains) > -3.0 / N                       # ... about as much as its two firm coefficients
@@ -74,7 +71,7 @@ def test_groups_take_their_means() -> None:
     codes = np.arange(N) % 3
     y = np.array([0.0, 1.0, -1.0])[codes] + rng.normal(size=N)
     what = Factor("rig", ("a", "b", "c"), codes)
-    found = correct(evidence_of(y, np.zeros(N)), asked(what), SINGLE)
+    found = correct(evidence_of(y, np.zeros(N)), asked(what))
     means = np.array([y[codes == k].mean() for k in range(3)])
     assert np.allclose(found.amplitude, means[codes], atol=1e-3)
     assert amplitude_of(found) == pytest.approx(np.ptp(means), abs=1e-3)

@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 
 from tests.sim.discover.made import column, heights
 from truearc.sim.discover.detect.score_test import efficient_scores
-from truearc.sim.discover.model.grouped_columns import GroupedColumns
-from truearc.sim.discover.model.score_table import PlaneScores, ScoreTable, make_evidence
+from truearc.sim.discover.model.score_table import GroupedColumns, PlaneScores, ScoreTable, make_evidence
 
 SHOTS, REAL, EFFECTS, GROUPS = 14, 4, 2, 3
 WIDE = REAL + EFFECTS * GROUPS
@@ -79,12 +78,11 @@ def test_evidence_with_groups_is_that_with_indicator_columns(seed: int) -> None:
 
 
 @settings(max_examples=20, deadline=None)
-@given(seed=seeds, together=st.booleans())
-def test_efficient_scores_are_those_by_indicator_columns(seed: int, together: bool) -> None:
+@given(seed=seeds)
+def test_efficient_scores_are_those_by_indicator_columns(seed: int) -> None:
     few, many = both_ways(seed)
     weights = np.random.default_rng(seed + 2).normal(size=(SHOTS, 3))
-    cluster = np.arange(SHOTS) // (2 if together else 1)
-    a, b = (efficient_scores(one, 1, weights, cluster, int(cluster.max()) + 1) for one in (few, many))
+    a, b = (efficient_scores(one, 1, weights, np.arange(SHOTS), SHOTS) for one in (few, many))
     assert a.psi == pytest.approx(b.psi) and a.kappa == pytest.approx(b.kappa)
     assert a.stretch == pytest.approx(b.stretch) and (a.kept == b.kept).all()
 

@@ -1,4 +1,4 @@
-"""The report as a page: verdict first, well-formed, nothing fetched, every verdict told."""
+"""The report as a page: verdict first, well-formed, nothing fetched, every kind of verdict."""
 
 import re
 from dataclasses import replace
@@ -10,8 +10,8 @@ import pytest
 
 from tests.sim.discover.worlds import FACTS, World, make_outcomes
 from truearc.sim.data.dataset import Dataset, Shots
-from truearc.sim.discover.api import Investigation, discover
 from truearc.sim.discover.finding import Further, Interval, Named
+from truearc.sim.discover.investigate import Investigation, discover
 from truearc.sim.discover.plan.expected_information import foresee
 from truearc.sim.discover.report.html_report import make_pictures, make_report
 from truearc.sim.discover.report.identifiability_report import make_sight_page, sight_lines, sight_sentence, why_not
@@ -91,7 +91,7 @@ def test_a_set_is_marked_and_a_name_besides_is_told(drifting: Investigation) -> 
     text = read(page)
     assert page.count('class="fill set"') == 2 and "apart; together they hold the orange bars" in text
     assert "looks most as if there is wind of 1.00 m/s (90 %: 0.80 to 1.20 m/s) toward the target" in text
-    assert "something without a name" in text and "10%" in text
+    assert "an unexplained effect" in text and "10%" in text
 
 
 def replace_probability(named: Named, probability: float) -> Named:
@@ -111,7 +111,7 @@ def test_an_effect_without_a_name_is_drawn_with_its_free_curve(drifting: Investi
     step = replace(drifting.steps[0], unknown=True)
     finding = msgspec.structs.replace(drifting.finding, verdict="unknown", set=None)
     text = read(make_report("unknown", replace(drifting, finding=finding, steps=(step,))))
-    assert "something without a name" in text and "Where it is" in text
+    assert "an unexplained effect" in text and "Where it is" in text
 
 
 def test_data_that_say_nothing_make_a_page_all_the_same() -> None:

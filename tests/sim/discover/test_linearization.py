@@ -1,6 +1,6 @@
 """The likelihood of shots whose own unknowns are integrated out: against the big covariance matrix, shot by shot.
 
-What a track and an exit's instruments say is y ~ N(g - A d, A S A' + R) about a deviation d: built here entry by entry,
+Measurements by tracks and at the exit are y ~ N(g - A d, A S A' + R) about a deviation d: built here entry by entry,
 with slopes by differences of what is to be seen, and handed to SciPy's multivariate normal.
 """
 
@@ -13,7 +13,7 @@ from scipy.stats import multivariate_normal, norm
 
 from tests.sim.discover.mixed import BALLS, BELIEVED, FLOWN, LANDED, MEASURED, SHOTS, THROWN, make_mixed
 from truearc.sim.discover.model.design_columns import BALL_SPEED, lay_out
-from truearc.sim.discover.model.forward_model import see
+from truearc.sim.discover.model.forward_model import see_slopes
 from truearc.sim.discover.model.linearization import (
     LinearizationPoint,
     ParameterLayout,
@@ -22,9 +22,10 @@ from truearc.sim.discover.model.linearization import (
     pad_lanes,
     variance_of,
 )
-from truearc.sim.discover.model.outcome_likelihood import LAPSE
+from truearc.sim.discover.model.plane_likelihood import LAPSE
 from truearc.sim.discover.model.prepared_data import Intake, take_in
-from truearc.sim.discover.model.score_table import FLOOR_M, ScoreTable
+from truearc.sim.discover.model.score_table import ScoreTable
+from truearc.sim.infer.likelihood.shot_likelihood import FLOOR_M
 from truearc.sim.physics.catalogue import find_parameter
 
 pytestmark = pytest.mark.slow
@@ -47,8 +48,8 @@ class Bench:
         """(exit [n, 3], plane [n, 4], track [n, L, 3])."""
         lanes, n = pad_lanes(self.intake.lanes)
         deviates = np.resize(spot.deviates, (len(lanes.distance_m), spot.deviates.shape[1]))
-        seen = see(self.layout.chain, lanes, jnp.asarray(spot.values), jnp.asarray(deviates),
-                   jnp.asarray(self.layout.edges_s))
+        seen, _ = see_slopes(self.layout.chain, lanes, jnp.asarray(spot.values), jnp.asarray(deviates),
+                             jnp.asarray(self.layout.edges_s), jnp.zeros((self.layout.chain.size, 1)))
         exit, plane, track = (np.asarray(part)[:n] for part in (seen.exit, seen.plane, seen.track_m))
         return exit, plane, track
 
@@ -105,7 +106,7 @@ class Brute:
 
 
 def flat(bench: Bench, row: int, exit: np.ndarray, track: np.ndarray) -> np.ndarray:
-    """What is observed of a shot in a row: its measured exit, then its track, axis by axis."""
+    """The observations of a shot in a row: its measured exit, then its track, axis by axis."""
     known = np.isfinite(bench.intake.exits[row])
     samples = bench.intake.samples
     assert samples is not None
@@ -295,7 +296,7 @@ def test_effects_of_balls_already_found_move_the_evidence_along(bench: Bench) ->
 
 def test_what_a_balls_luck_does_is_no_scatter(bench: Bench) -> None:
     """With five balls that are faster and slower by as much as 15 %, the slope of each scatter is that of what tracks
-    say by differences: their deviations beside their balls' luck, or scatter would be larger the more balls differ."""
+    say by differences: their deviations without their balls' effects, or scatter would grow with how balls differ."""
     effects = np.zeros(bench.layout.grouped)
     effects[:5] = [-5.0, 3.0, 4.0, -4.0, 2.0]
     spot = replace(bench.spot, effects=effects)
@@ -324,7 +325,7 @@ def test_at_the_most_likely_deviates_a_second_look_changes_them_little(bench: Be
 
 
 def test_a_spot_near_by_is_foretold_without_flying_anew(bench: Bench) -> None:
-    """What was flown about one spot, taken as linear with the slopes of shots without deviation: nearly right."""
+    """The flights about one spot, as linear functions with the slopes of shots without deviation: nearly right."""
     flown, slot = fly(bench.intake, bench.layout, bench.spot), bench.layout.chain.slots.index(("drag", "cd"))
     ordinary = np.setdiff1d(np.arange(SHOTS), [*THROWN, *MEASURED])
     values = bench.spot.values.copy()

@@ -6,10 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.sim.discover.straight import ASKED, each_by_itself, fit_straight
+from tests.sim.discover.straight import ASKED, fit_straight
 from truearc.sim.discover.model.baseline_fit import BaselineFit
-from truearc.sim.discover.select.forward_selection import Search, in_company, or_likelier_pair
-from truearc.sim.discover.select.pair_search import best_pair
+from truearc.sim.discover.select.forward_selection import Search, best_pair, in_company, or_likelier_pair
 from truearc.sim.discover.select.selection_step import make_step
 from truearc.sim.discover.select.term_ranking import name_terms
 
@@ -55,13 +54,13 @@ def test_the_best_pair_is_found_though_neither_leads(fitted: BaselineFit) -> Non
 @pytest.mark.parametrize(("share", "names"), [(0.5, list(PLANTED)), (4.0, ["drag_wear.share"])])
 def test_a_pair_stands_where_it_catches_up_with_the_curve(fitted: BaselineFit, share: float, names: list[str]) -> None:
     """The curve has half of the pair's gain over the first name, or four times as much."""
-    clusters = each_by_itself(fitted)
-    step = make_step(fitted, clusters, None, (), 0, lambda done, note: None)
+    shots = len(fitted.evidence.rows)
+    step = make_step(fitted, shots, None, (), 0, lambda done, note: None)
     pair = best_pair(fitted, step.naming)
     assert pair is not None
     to_gain = (pair.log_evidence - step.refit.log_evidence) / len(step.after)
     outrun = replace(step, unknown=True, outrun=True, free=step.after + share * to_gain)
-    steps, size = in_company(fitted, outrun, Search(clusters, (), (), 0.05, 0))
+    steps, size = in_company(fitted, outrun, Search(shots, (), (), 0.05, 0))
     assert sorted(size or {step.naming.leader: 0.0}) == sorted(names)
     assert steps[0].unknown == (share > 1.0)
 
@@ -70,9 +69,9 @@ def test_a_pair_stands_where_it_catches_up_with_the_curve(fitted: BaselineFit, s
     ({"drag_wear.share": 1.0, "wind_x.speed_m_s": 0.01}, list(PLANTED)), (PLANTED, list(PLANTED))])
 def test_a_chain_that_began_with_the_wrong_name_gives_way_to_a_likelier_pair(
         fitted: BaselineFit, chain: dict[str, float], names: list[str]) -> None:
-    clusters = each_by_itself(fitted)
-    step = make_step(fitted, clusters, None, (), 0, lambda done, note: None)
-    steps, size = or_likelier_pair(fitted, (step, step), dict(chain), Search(clusters, (), (), 0.05, 0))
+    shots = len(fitted.evidence.rows)
+    step = make_step(fitted, shots, None, (), 0, lambda done, note: None)
+    steps, size = or_likelier_pair(fitted, (step, step), dict(chain), Search(shots, (), (), 0.05, 0))
     assert sorted(size) == sorted(names)
     assert all(size[name] == pytest.approx(PLANTED[name], abs=0.2) for name in names)
     assert not any(one.unknown for one in steps)

@@ -1,4 +1,4 @@
-"""What is taken of a dataset: which shots, what of each, how sure; what is left out is said."""
+"""The data prepared from a dataset: which shots, what of each, how sure; what is left out is said."""
 
 from dataclasses import replace
 

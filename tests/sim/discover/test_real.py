@@ -10,11 +10,10 @@ from truearc.robot.config.schema import InputError
 from truearc.sim.data.importers.selection import only
 from truearc.sim.data.importers.stated_uncertainty import doubts_of
 from truearc.sim.discover.adopt import make_belief
-from truearc.sim.discover.api import detect, discover, make_search
-from truearc.sim.discover.detect.clusters import find_clusters, groups_of
 from truearc.sim.discover.detect.localization import locate
+from truearc.sim.discover.investigate import detect, discover, make_search
 from truearc.sim.discover.model.baseline_fit import fit_believed
-from truearc.sim.discover.model.design_columns import lay_out
+from truearc.sim.discover.model.design_columns import groups_of, lay_out
 from truearc.sim.discover.model.prepared_data import take_in
 from truearc.sim.infer.map_fit import fit_map
 from truearc.sim.physics.simulate import predict
@@ -55,10 +54,9 @@ def test_falling_balls_are_slower_than_gravity_has_them(data_dir: Path) -> None:
     drops = only(import_ball_drops(data_dir / "real/ball_drops.csv"), "session=drop 1")
     intake = take_in(drops)
     fitted = fit_believed(intake, lay_out(intake, ("gravity",), groups_of(drops.shots, intake.rows)))
-    clusters = find_clusters(drops.shots)
     asked, judged = detect(fitted, make_search(drops), lambda done, note: None)
     assert judged.p_any <= 0.05
-    place = locate(fitted.evidence, asked, judged, 0.05, clusters, 0)
+    place = locate(fitted.evidence, asked, judged, 0.05, len(drops.shots), 0)
     assert (place.column.stage, place.column.direction) == ("flight", "along")
     fit = fit_map(drops.facts, drops, ("drag",))
     assert fit.converged and 0.3 < fit.values["drag.cd"] < 0.8         # one number for smooth and rough ones

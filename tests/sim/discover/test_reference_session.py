@@ -1,10 +1,10 @@
-"""What a belief leaves over at home is no change, what goes beyond that is: a difference of two samples."""
+"""Misfit of a belief at home is not a change, the misfit beyond it is: a difference of two samples."""
 
 import numpy as np
 import pytest
 from scipy import stats
 
-from tests.sim.discover.straight import each_by_itself, fit_straight
+from tests.sim.discover.straight import fit_straight
 from truearc.sim.discover.detect.covariates import Covariate, CovariatePair, Factor
 from truearc.sim.discover.detect.reference_session import ReferenceSession
 from truearc.sim.discover.detect.test_battery import Asked, ask_everything
@@ -22,7 +22,7 @@ LEFT = {"wind_z.speed_m_s": 0.4, "spin_decay.rate_per_s": -0.3}
 
 def asked(later: BaselineFit, home: BaselineFit | None, seed: int = 0) -> Asked:
     beside = None if home is None else ReferenceSession(home, {})
-    return ask_everything(later.evidence, (), (), each_by_itself(later), seed, beside)
+    return ask_everything(later.evidence, (), (), len(later.evidence.rows), seed, beside)
 
 
 def test_what_is_left_over_in_both_sessions_is_no_change() -> None:
@@ -54,7 +54,7 @@ def test_what_has_changed_since_is_seen_and_its_size_is_that_of_the_change(shots
 
 
 def test_a_small_home_leaves_the_test_as_it_is() -> None:
-    """Its luck would drown what the session says."""
+    """Its noise would drown the session's scores."""
     home = fit_straight({}, 1, shots=20)
     later = fit_straight({"wind_x.speed_m_s": 0.3}, 2)
     alone, beside = (judge_left(asked(later, one), 0) for one in (None, home))
@@ -66,7 +66,7 @@ def test_names_that_were_given_since_are_fitted_at_home_too() -> None:
     given = ReferenceSession(home, {})
     assert given.among(home) is given
     later = fit_straight(LEFT, 1)
-    search = Search(each_by_itself(later), (), (), 0.05, 0, given)
+    search = Search(len(later.evidence.rows), (), (), 0.05, 0, given)
     name = "wind_z.speed_m_s"
     there = search.beside(promote(later, refit(later, (name,), np.array([0.1]))))
     assert there is not None and there.index(name) is None and given.index(name) is not None
@@ -75,7 +75,7 @@ def test_names_that_were_given_since_are_fitted_at_home_too() -> None:
 
 
 def test_home_is_as_free_to_have_other_balls_as_the_later_session() -> None:
-    """So that both fits take up alike what the belief leaves over; of its numbers home knows nothing yet."""
+    """So that both fits absorb alike what the belief leaves over; of its numbers home knows nothing yet."""
     intake = take_in(shoot(make_world({}, "L2", 12, 5, side=True)))
     belief = Belief({"drag": {"cd": 0.5}, "magnus": {"cl": 0.2}}, {}, ("drag.cd",), np.array([[1e-4]]))
     later = lay_out(intake, ("gravity", "drag", "magnus"), belief=belief)

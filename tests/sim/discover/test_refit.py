@@ -7,8 +7,7 @@ from scipy.optimize import minimize
 from tests.sim.discover.made import column, gaussian, with_plane
 from tests.sim.discover.straight import NAMES, SHARED, fit_straight, slopes_and_y
 from truearc.sim.discover.adopt import make_belief
-from truearc.sim.discover.api import discover
-from truearc.sim.discover.detect.clusters import Clusters
+from truearc.sim.discover.investigate import discover
 from truearc.sim.discover.model.score_table import ScoreTable
 from truearc.sim.discover.select.refit import (
     FOLDS,
@@ -48,12 +47,12 @@ def test_a_fit_to_some_shots_is_ridge_regression_on_these() -> None:
 
 def test_unseen_scores_are_densities_by_fits_to_the_other_folds() -> None:
     evidence, x, y = shared_only(1)
-    label = np.arange(N) // 2
-    fold, clusters = folds_of(label), Clusters("ball_id", label, N // 2)
+    fold = folds_of(N)
+    assert fold[:7].tolist() == [0, 1, 2, 3, 4, 0, 1] and fold.max() == FOLDS - 1
     expected = np.array([-0.5 * (y[k] - x[k] @ ridge(x[fold != fold[k]], y[fold != fold[k]]))**2
                          for k in range(N)]) - 0.5 * np.log(2.0 * np.pi)
-    assert unseen_score(evidence, clusters) == pytest.approx(expected, abs=1e-5)
-    change = unseen_change(evidence, clusters)
+    assert unseen_score(evidence) == pytest.approx(expected, abs=1e-5)
+    change = unseen_change(evidence)
     assert evidence.log_score + evidence.gain(change) == pytest.approx(expected, abs=1e-5)
 
 
@@ -72,13 +71,6 @@ def test_a_fit_with_heights_ends_at_the_top() -> None:
         top = minimize(lambda change: -value(change), found, method="Nelder-Mead",
                        options={"xatol": 1e-6, "fatol": 1e-8})
         assert value(found) >= -top.fun - 1e-4
-
-
-def test_folds_keep_clusters_whole_and_come_in_turn() -> None:
-    label = np.array([7, 7, 3, 3, 7, 1, 9, 2, 5, 3])
-    fold = folds_of(label)
-    assert fold.tolist() == [0, 0, 1, 1, 0, 2, 3, 4, 0, 1]
-    assert fold.max() < FOLDS
 
 
 def test_clustered_error_of_copies_is_that_of_the_originals() -> None:
@@ -113,7 +105,7 @@ def test_the_shared_columns_alone() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(("loss", "seed"), [(0.14, 44), (0.08, 46)])
 def test_a_time_constant_that_nobody_knows_is_looked_for(loss: float, seed: int) -> None:
-    """The concealed engine's wheels recover with another time constant than is usual: taken for the usual one, the loss
+    """The concealed engine's wheels recover with another time constant than is usual: with the usual one, the loss
     comes out by two fifths too large, and surer than it is."""
     found = discover(shoot(make_world({"rapid_fire": loss}, "L1", 300, seed)))
     assert found.finding.set == ("rapid_fire",)

@@ -6,7 +6,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.sim.discover.made import with_plane
-from truearc.sim.discover.model.score_table import shared_columns
 
 seeds = st.integers(0, 10_000)
 
@@ -77,7 +76,7 @@ def test_columns_picked_are_the_same_columns(seed: int) -> None:
     picked = evidence.pick(kept)
     assert [one.name for one in picked.columns] == ["c1", "a", "b"]
     assert picked.first_shared == 1 and picked.index("a") == 1
-    assert shared_columns(picked) == slice(1, None)
+    assert picked.shared == slice(1, None)
     change = some_change(seed, picked.score.shape)
     whole = np.zeros_like(evidence.score)
     whole[:, kept] = change

@@ -11,8 +11,8 @@ import truearc as ta
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.data.shot_conditions import circumstances_of
-from truearc.sim.discover.adopt import _coefficients, make_belief
-from truearc.sim.discover.api import Investigation, discover
+from truearc.sim.discover.adopt import coefficients_of, make_belief
+from truearc.sim.discover.investigate import Investigation, discover
 from truearc.sim.discover.model.external_measurements import Measurement
 from truearc.sim.discover.model.score_table import ScoreTable
 from truearc.sim.discover.report.finding_text import say_adopted
@@ -41,10 +41,10 @@ def above_m(dataset: Dataset, coefficients: Coefficients) -> np.ndarray:
     return np.asarray(height_m) - opening_of(dataset.facts, coefficients).centre_m
 
 
-def coefficients_of(evidence: ScoreTable, believed: tuple[str, ...]) -> Coefficients:
+def believed_at(evidence: ScoreTable, believed: tuple[str, ...]) -> Coefficients:
     columns = [k for k in range(evidence.first_shared, len(evidence.columns))
                if not evidence.columns[k].name.startswith("scatter.")]
-    return point_belief(_coefficients(evidence, columns, believed, BUILT_IN)).coefficients
+    return point_belief(coefficients_of(evidence, columns, believed, BUILT_IN)).coefficients
 
 
 def test_it_forecasts_the_average_and_no_single_name_does(raised: tuple[Dataset, Investigation],
@@ -53,8 +53,8 @@ def test_it_forecasts_the_average_and_no_single_name_does(raised: tuple[Dataset,
     assert found.finding.verdict == "set"
     step, believed = found.steps[-1], found.finding.data.believed
     share = shares(step.naming)
-    forecasts = {name: above_m(dataset, coefficients_of(step.naming.refits[name].evidence, believed)) for name in share}
-    before = above_m(dataset, coefficients_of(step.fitted.evidence, believed))
+    forecasts = {name: above_m(dataset, believed_at(step.naming.refits[name].evidence, believed)) for name in share}
+    before = above_m(dataset, believed_at(step.fitted.evidence, believed))
     average = (1.0 - sum(share.values())) * before + sum(share[name] * forecasts[name] for name in share)
     belief, provenance = make_belief(found)
     off = {name: np.sqrt(np.nanmean((one - average)**2)) for name, one in {**forecasts, "nothing": before}.items()}

@@ -1,15 +1,15 @@
-"""Which questions are asked: groups that differ by luck, shapes of free changes, patterns of two covariates."""
+"""Which tests are made: groups with random effects, shapes of free changes, patterns of two covariates."""
 
 import numpy as np
 import pytest
 
 from tests.sim.discover.made import column, gaussian
 from truearc.sim.data.dataset import Shots
-from truearc.sim.discover.detect.clusters import find_clusters, groups_of
 from truearc.sim.discover.detect.covariates import Covariate, Factor
 from truearc.sim.discover.detect.localization import locate
 from truearc.sim.discover.detect.score_test import Judged, judge
 from truearc.sim.discover.detect.test_battery import ALLOWANCE, FREE, PATTERN, TERMS, Asked, ask_everything, name_of
+from truearc.sim.discover.model.design_columns import groups_of
 from truearc.sim.discover.model.score_table import Column, ScoreTable
 
 N = 200
@@ -40,8 +40,7 @@ def judged_of(asked: Asked, seed: int = 0) -> Judged:
 
 
 def asked_of(evidence: ScoreTable, factors: tuple[Factor, ...] = ()) -> Asked:
-    clusters = find_clusters(shots_of(ball_id=("",) * N))
-    return ask_everything(evidence, covariates(), factors, clusters, 3)
+    return ask_everything(evidence, covariates(), factors, N, 3)
 
 
 def test_terms_are_asked_once_and_free_changes_over_every_shape() -> None:
@@ -81,8 +80,7 @@ def test_what_goes_with_two_covariates_together_is_found_as_a_pattern() -> None:
     assert found.p_any <= 0.05
     best = asked.tests[int(found.p_value.argmin())]
     assert (best.family, best.shape) == (PATTERN, "product")
-    clusters = find_clusters(shots_of(ball_id=("",) * N))
-    place = locate(evidence, asked, found, 0.05, clusters, 0)
+    place = locate(evidence, asked, found, 0.05, N, 0)
     assert place is not None and name_of(place.test, place.column) == "battery_v x distance_m"
     assert place.correction.gain.sum() > 50.0
     assert np.corrcoef(place.correction.amplitude, product)[0, 1] > 0.9
@@ -117,8 +115,3 @@ def test_a_big_group_and_its_crumbs_are_not_many() -> None:
 def test_sessions_stand_in_for_balls() -> None:
     found = groups_of(shots_of(session=tuple(f"day{k % 12}" for k in range(60))), np.arange(60))
     assert found is not None and found[0] == "session"
-
-
-def test_every_shot_is_a_cluster_of_its_own_once_groups_have_their_effects() -> None:
-    clusters = find_clusters(shots_of(ball_id=tuple(f"b{k % 13}" for k in range(40))))
-    assert (clusters.by, clusters.count, clusters.label.tolist()) == ("shot", 40, list(range(40)))

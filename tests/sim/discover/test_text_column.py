@@ -1,4 +1,4 @@
-"""Balls of two suppliers, one of which leaves the wheels faster: told from the column that says whose each ball was."""
+"""Balls of two suppliers, one of which leaves the wheels faster: known from the column of whose each ball was."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -20,7 +20,7 @@ FACTS = Rig(
 
 @dataclass(frozen=True)
 class World:
-    """What is true."""
+    """The truth."""
 
     cd: float = 0.5
     cl: float = 0.06
@@ -69,7 +69,7 @@ def plane_heights(world: World, ratio: np.ndarray, hood_deg: np.ndarray, distanc
 
     def per_share(share: float, flat: np.ndarray) -> np.ndarray:
         state = flat.reshape(6, -1).copy()
-        state[3] = np.maximum(state[3], 0.2)              # as good as turned back: it ends far below
+        state[3] = np.maximum(state[3], 0.2)              # nearly turned back: it ends far below
         return (_rate(share, state, world.cd, world.cl, spin, 0.0, 0.0) * distance_m / state[3]).ravel()
 
     start = np.stack([none, none, none + 0.75, speed * np.cos(angle), none, speed * np.sin(angle)])

@@ -10,7 +10,7 @@ from truearc.cli.start.demo_files import NS, Demo, score, share
 from truearc.cli.start.demo_worth import put_in, rated, worth_of_it
 from truearc.robot.recording.session import load_session_config, load_trials
 from truearc.sim.data.columns import OUTCOMES
-from truearc.sim.discover.api import Investigation
+from truearc.sim.discover.investigate import Investigation
 from truearc.sim.discover.report.html_report import make_pictures
 from truearc.sim.infer.coefficients import load_coefficients
 from truearc.sim.intervals import difference

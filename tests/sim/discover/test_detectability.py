@@ -15,9 +15,9 @@ from tests.sim.discover.worlds import FACTS, World, fly, make_outcomes, plane_he
 from truearc.robot.config.rig_spec import Rig, Target
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset
-from truearc.sim.discover.plan.expected_information import foresee, foresee_dataset
-from truearc.sim.discover.plan.identifiability import EIGHTY, Sight, TermIdentifiability, make_sight, sight_of
-from truearc.sim.discover.plan.planned_season import rehearse
+from truearc.sim.discover.finding import make_json
+from truearc.sim.discover.plan.detectability import EIGHTY, TAKEN, Sight, TermIdentifiability, sight_of
+from truearc.sim.discover.plan.expected_information import foresee, foresee_dataset, rehearse
 
 BELIEVED = ("gravity", "drag", "magnus")
 FLAT = np.array([1e-12, 1e-12])
@@ -70,7 +70,7 @@ def test_copies_are_one_class_and_what_the_fit_mimics_is_never_seen() -> None:
     sight = sight_of(make_linear(np.stack(parts, axis=1)[:, None], columns, np.ones(2)), "L0", ())
     assert sight.classes == (("a", "copy"),)
     mimic, idle = by_name(sight)["mimic"], by_name(sight)["idle"]
-    assert (mimic.why, mimic.taken_by, mimic.shots_needed, mimic.power) == ("taken up", ("p",), None, 0.0)
+    assert (mimic.why, mimic.taken_by, mimic.shots_needed, mimic.power) == (TAKEN, ("p",), None, 0.0)
     assert (idle.why, idle.taken_by) == ("untouched", ())
     assert by_name(sight)["free"].why is None
 
@@ -103,7 +103,7 @@ def test_outcomes_cannot_tell_the_target_from_the_release_height(outcomes: Sight
     # a quicker ball is a lighter one to outcomes: gravity's scale is that of the speed squared
     assert any({"exit_efficiency", "buoyancy"} <= set(group) for group in outcomes.classes)
     assert seen["battery_sag"].why == seen["wind_y"].why == seen["track_tilt"].why == "untouched"
-    assert (seen["ball_compression"].why, seen["ball_compression"].taken_by) == ("taken up", ("magnus.cl",))
+    assert (seen["ball_compression"].why, seen["ball_compression"].taken_by) == (TAKEN, ("magnus.cl",))
     assert not {one.term for one in outcomes.terms} & set(BELIEVED)
 
 
@@ -123,7 +123,7 @@ def test_sides_tell_more_of_every_effect(outcomes: Sight) -> None:
     for one in outcomes.terms:
         if one.why is None:
             assert told[one.term].information >= 0.999 * one.information, one.term
-    # beside the centre a miss gives its side away as it is: little is left to be told
+    # beside the centre a miss gives its side away as it is: little is left to learn
     assert told["target_height"].information > 1.02 * by_name(outcomes)["target_height"].information
 
 
@@ -134,9 +134,9 @@ def test_fitted_numbers_become_surer_with_the_shots(outcomes: Sight) -> None:
 
 
 def test_the_answer_as_json(outcomes: Sight) -> None:
-    answer = json.loads(make_sight(outcomes))
+    answer = json.loads(make_json(outcomes))
     assert answer["schema"] == "truearc.identifiability/1" and answer["level"] == "L0" and answer["shots"] == 120
-    assert msgspec.json.decode(make_sight(outcomes), type=Sight) == outcomes
+    assert msgspec.json.decode(make_json(outcomes), type=Sight) == outcomes
 
 
 def test_rehearsed_shots_pass_beside_the_centre_by_another_integrator() -> None:

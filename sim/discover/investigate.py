@@ -5,7 +5,6 @@ from dataclasses import dataclass, field, replace
 
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset
-from truearc.sim.discover.detect.clusters import Clusters, find_clusters, groups_of
 from truearc.sim.discover.detect.covariates import every_column, gather_covariates, gather_factors
 from truearc.sim.discover.detect.localization import locate
 from truearc.sim.discover.detect.reference_session import ReferenceSession
@@ -13,7 +12,7 @@ from truearc.sim.discover.detect.score_test import Judged, judge
 from truearc.sim.discover.detect.test_battery import ALLOWANCE, Asked
 from truearc.sim.discover.finding import Finding
 from truearc.sim.discover.model.baseline_fit import BaselineFit, climb, fit_believed, only_shared, usual_spot
-from truearc.sim.discover.model.design_columns import lay_out
+from truearc.sim.discover.model.design_columns import groups_of, lay_out
 from truearc.sim.discover.model.external_measurements import Measured
 from truearc.sim.discover.model.linearization import ParameterLayout, linearise
 from truearc.sim.discover.model.prepared_data import take_in
@@ -31,13 +30,12 @@ DRAWS = 1999
 
 @dataclass(frozen=True)
 class Investigation:
-    """The answer, and what the report draws from. `steps`: one a named effect; all but finding are None for silence.
-    belief: of the earlier session that was started from; search: what every step asked with; catalogue: of the terms
-    that were tested."""
+    """The finding, and the data behind the report's pictures. `steps`: one per effect; all but finding are None where
+    the data carry no test. belief: of the earlier session that was started from; search: settings of every step's
+    tests; catalogue: of the terms that were tested."""
 
     finding: Finding
     fitted: BaselineFit | None = None
-    clusters: Clusters | None = None
     asked: Asked | None = None
     steps: tuple[Step, ...] = ()
     belief: Belief | None = None
@@ -49,22 +47,20 @@ def discover(dataset: Dataset, believed: Sequence[str] | None = None, false_alar
              progress: Progress = lambda done, note: None, belief: Belief | None = None,
              since: Dataset | None = None, measured: Measured | None = None,
              terms: Iterable[Term] | None = None) -> Investigation:
-    """Fit the believed terms, test whether anything is left over, say where, and name what.
+    """Fit the believed terms, test for misfit, locate it, and name the terms that explain it.
 
     believed: names of terms, the rig's own list when None; gravity always is. belief: of this very rig, from an earlier
-    session: its terms, with what is known of their numbers, are what is believed, and whether one of them has changed
-    is asked, too. since: that very session; what the belief leaves over there is then no change
-    (truearc.sim.discover.detect.reference_session). measured: what somebody has measured of terms; it says which name
-    it is, not whether anything is missing. terms: the hypotheses to test, such as [*catalogue(), HoodFlex()]; the
-    believed ones are among them; those of the belief, else the built-in ones and those of installed distributions,
-    when None. The same data and seed give the same answer. InputError for an unknown term, too few shots, outcomes
-    without a target, or a measurement of what is believed already.
+    session: its terms and their posterior are the baseline, and whether one of them has changed is tested, too. since:
+    that very session; misfit of the belief there is then not a change (truearc.sim.discover.detect.reference_session).
+    measured: external measurements of terms; they bear on which term it is, not on whether anything is missing. terms:
+    the hypotheses to test, such as [*catalogue(), HoodFlex()]; the believed ones are among them; those of the belief,
+    else the built-in ones and those of installed distributions, when None. The same data and seed give the same answer.
+    InputError for an unknown term, too few shots, outcomes without a target, or a measurement of a believed term.
     """
     among = belief.catalogue if terms is None and belief is not None else as_catalogue(terms)
     names = _names(dataset, believed if belief is None else tuple(belief.coefficients), among)
     _check_measured(measured or {}, names)
     intake = take_in(dataset, {} if belief is None else belief.curves)
-    clusters = find_clusters(dataset.shots)
     layout = lay_out(intake, names, groups_of(dataset.shots, intake.rows), among, belief)
     layout = replace(layout, measured=measured or {})
     if not len(intake.rows):
@@ -75,19 +71,17 @@ def discover(dataset: Dataset, believed: Sequence[str] | None = None, false_alar
     asked, judged = detect(fitted, search, lambda done, note: progress(0.3 + 0.2 * done, note))
     if not asked.tests:
         return Investigation(silent(dataset, intake, names, false_alarm, among), catalogue=among)
-    found = judged.p_any <= false_alarm
-    place = locate(fitted.evidence, asked, judged, false_alarm, clusters, seed)
+    place = locate(fitted.evidence, asked, judged, false_alarm, search.shots, seed)
     steps: tuple[Step, ...] = ()
-    if found:
+    if judged.p_any <= false_alarm:
         steps = go_forward(fitted, place, search, lambda done, note: progress(0.5 + 0.5 * done, note))
     progress(1.0, "done")
-    finding = make_finding(dataset, names, fitted, clusters, asked, judged, place, steps, false_alarm,
-                           seed)
-    return Investigation(finding, fitted, clusters, asked, steps, belief, search, among)
+    finding = make_finding(dataset, names, fitted, asked, judged, place, steps, search)
+    return Investigation(finding, fitted, asked, steps, belief, search, among)
 
 
 def _names(dataset: Dataset, believed: Sequence[str] | None, among: Catalogue) -> tuple[str, ...]:
-    """What is believed, gravity first: nothing flies without it."""
+    """Names of the believed terms, gravity first: every flight needs it."""
     given = tuple(dataset.facts.believe.terms if believed is None else believed)
     try:
         among.find(given)
@@ -106,9 +100,9 @@ def _check_measured(measured: Measured, terms: Sequence[str]) -> None:
 
 def make_search(dataset: Dataset, false_alarm: float = FALSE_ALARM, seed: int = 0,
                 home: ReferenceSession | None = None) -> Search:
-    """What a dataset is asked with."""
-    return Search(find_clusters(dataset.shots), gather_covariates(dataset), gather_factors(dataset.shots), false_alarm,
-                  seed, home)
+    """Return the covariates and settings of a dataset's tests."""
+    return Search(len(dataset.shots), gather_covariates(dataset), gather_factors(dataset.shots), false_alarm, seed,
+                  home)
 
 
 def detect(fitted: BaselineFit, search: Search, progress: Progress) -> tuple[Asked, Judged]:

@@ -1,18 +1,17 @@
-"""What data of a kind could tell, whatever they will say: expected Fisher information of every term.
+"""Effects that data of a kind can show, whatever their values: expected Fisher information of every term.
 
-Of a term's information only that counts which the fitted coefficients, scatters and the luck of balls leave: the
+Of a term's information only that part counts which the fitted coefficients, scatters and random effects leave: the
 efficient information I_ee - I_en I_nn^-1 I_ne. An effect of size s is seen by a 5 % test with 80 % power where
 s^2 x information is 7.85 (a chi-squared of one degree of freedom); information grows with the shots.
 """
 
-import msgspec
 import numpy as np
 from msgspec import Struct
 from scipy.cluster.hierarchy import fcluster, linkage
 from scipy.spatial.distance import squareform
 from scipy.special import ndtr
 
-from truearc.sim.discover.model.score_table import Array, Column, ScoreTable, shared_columns
+from truearc.sim.discover.model.score_table import Array, Column, ScoreTable
 
 SCHEMA = "truearc.identifiability/1"
 EIGHTY = 7.85                         # amplitude^2 x information for 80 % power at 5 %
@@ -20,16 +19,16 @@ CRITICAL = 1.959963984540054
 ALIKE = 0.95                          # correlation of efficient slopes from which two terms are one to these data
 LEAST_SHARE = 1e-4                    # of its own information, with all coefficients free, that a term needs to be seen
 BUSY = 1e-12
-TAKES_UP = 0.1                        # of the largest coefficient's part, from which one is named among the takers
-UNTOUCHED, TAKEN = "untouched", "taken up"
+ABSORBS = 0.1                         # of the largest coefficient's part, from which one is named, too
+UNTOUCHED, TAKEN = "untouched", "taken up"      # prose: allow (values of truearc.identifiability/1)
 
 
 class TermIdentifiability(Struct, frozen=True):
     """One term. `usual`, `smallest` in `unit`; `power` of seeing it at its usual size with these shots.
 
     share_left: of its information, after the fitted numbers. shots_needed: to see it at its usual size, None where no
-    number will do; then `why` is "untouched" (nothing in the data depends on it) or "taken up" (by the numbers that
-    `taken_by` lists). like: the most similar other term with its correlation. also: known otherwise.
+    number will do; then `why` is UNTOUCHED (nothing in the data depends on it) or TAKEN (the numbers that `taken_by`
+    lists absorb it). like: the most similar other term with its correlation. also: known otherwise.
     """
 
     term: str
@@ -48,7 +47,7 @@ class TermIdentifiability(Struct, frozen=True):
 
 
 class Fittable(Struct, frozen=True):
-    """A number that is fitted anyway: its doubt (standard deviation) before and after these shots."""
+    """A number that is fitted anyway: its standard deviation before and after these shots."""
 
     name: str
     unit: str
@@ -57,7 +56,7 @@ class Fittable(Struct, frozen=True):
 
 
 class Sight(Struct, frozen=True):
-    """What `shots` of this kind could tell. classes: terms that are one to these data (more than one each)."""
+    """What `shots` of this kind could show. classes: terms that these data cannot tell apart (more than one each)."""
 
     shots: int
     level: str
@@ -69,13 +68,13 @@ class Sight(Struct, frozen=True):
 
 
 def sight_of(evidence: ScoreTable, level: str, believed: tuple[str, ...]) -> Sight:
-    """Of every term that is asked about, most easily seen first; believed ones are among the fitted numbers."""
+    """Of every candidate term, most easily seen first; believed ones are among the fitted numbers."""
     columns = np.array([k for k, column in enumerate(evidence.columns) if column.kind == "term"], dtype=int)
     own, left, free, parts = _efficient(evidence, columns)
     visible = (own > BUSY) & (np.diag(free) > LEAST_SHARE * own)
     size = np.sqrt(np.maximum(np.diag(left), BUSY))
     alike = np.where(np.outer(visible, visible), left / np.outer(size, size), 0.0)
-    names = [_term(evidence.columns[k]) for k in columns]
+    names = [evidence.columns[k].term for k in columns]
     shots = len(evidence.rows)
     terms = [_seen(evidence.columns[k], float(own[i]), float(left[i, i]), bool(visible[i]), shots,
                    _takers(evidence, parts[i]), _most_alike(names, alike, i)) for i, k in enumerate(columns)]
@@ -83,23 +82,18 @@ def sight_of(evidence: ScoreTable, level: str, believed: tuple[str, ...]) -> Sig
     return Sight(shots, level, believed, tuple(ordered), _classes(names, alike, visible), _fittable(evidence))
 
 
-def make_sight(sight: Sight) -> bytes:
-    """JSON text of the answer."""
-    return msgspec.json.format(msgspec.json.encode(sight), indent=1) + b"\n"
-
-
 def _efficient(evidence: ScoreTable, columns: Array) -> tuple[Array, Array, Array, Array]:
     """(own information [K], left [K, K], left where priors of coefficients do not help [K, K], parts [K, p]).
 
-    parts: of each term's score, in its own standard deviations, what each shared column takes up by itself.
+    parts: of each term's score, in its own standard deviations, what each shared column absorbs by itself.
     """
-    shared = shared_columns(evidence)
+    shared = evidence.shared
     info = evidence.information
     inner, cross = info[shared, shared], info[columns][:, shared]
     square = info[np.ix_(columns, columns)]
-    luck = np.array([column.kind == "group" for column in evidence.columns[shared]], dtype=bool)
+    grouped = np.array([column.kind == "group" for column in evidence.columns[shared]], dtype=bool)
     lift = np.linalg.solve(inner + evidence.precision, cross.T)
-    bare = np.linalg.pinv(inner + np.where(luck[:, None] & luck, evidence.precision, 0.0), rcond=1e-12, hermitian=True)
+    bare = np.linalg.pinv(inner + np.where(grouped[:, None] & grouped, evidence.precision, 0.0), 1e-12, hermitian=True)
     parts = np.abs(lift.T) * np.sqrt(np.maximum(np.diag(inner), 0.0))
     return np.diag(square).copy(), square - cross @ lift, square - cross @ bare @ cross.T, parts
 
@@ -112,21 +106,17 @@ def _seen(column: Column, own: float, left: float, visible: bool, shots: int, ta
     why = None if visible else UNTOUCHED if own <= BUSY else TAKEN
     needed = max(int(np.ceil(shots * EIGHTY / signal**2)), 1) if visible else None
     smallest = float(np.sqrt(EIGHTY / information)) if visible else None
-    return TermIdentifiability(_term(column), column.stage, column.unit, column.usual, information,
+    return TermIdentifiability(column.term, column.stage, column.unit, column.usual, information,
                                left / own if own > BUSY else 0.0, needed, smallest, power, why,
                                takers if why == TAKEN else (), *like)
 
 
 def _takers(evidence: ScoreTable, parts: Array) -> tuple[str, ...]:
-    """Fitted numbers that take up a term's information, largest part first."""
-    names = [column.name for column in evidence.columns[evidence.first_shared:]]
-    order = [k for k in np.argsort(-parts) if parts[k] > max(TAKES_UP * parts.max(initial=0.0), BUSY)]
-    found = [_group(evidence.columns[evidence.first_shared + k]) or names[k] for k in order]
-    return tuple(dict.fromkeys(found))
-
-
-def _group(column: Column) -> str | None:
-    return f"each {column.name.partition(' ')[0]}'s luck" if column.kind == "group" else None
+    """Fitted numbers that absorb a term's information, largest part first."""
+    order = [k for k in np.argsort(-parts) if parts[k] > max(ABSORBS * parts.max(initial=0.0), BUSY)]
+    found = [evidence.columns[evidence.first_shared + k] for k in order]
+    return tuple(dict.fromkeys(f"each {column.name.partition(' ')[0]}'s random effect" if column.kind == "group" else
+                               column.name for column in found))
 
 
 def _most_alike(names: list[str], alike: Array, index: int) -> tuple[str | None, float]:
@@ -148,13 +138,9 @@ def _classes(names: list[str], alike: Array, visible: Array) -> tuple[tuple[str,
 
 
 def _fittable(evidence: ScoreTable) -> tuple[Fittable, ...]:
-    shared = shared_columns(evidence)
-    covariance = np.linalg.inv(evidence.information[shared, shared] + evidence.precision)
-    before = np.diag(np.linalg.inv(evidence.precision))
-    rows = zip(evidence.columns[shared], before, np.diag(covariance), strict=True)
+    shared = evidence.shared
+    before, after = (np.diag(np.linalg.inv(precision)) for precision in (
+        evidence.precision, evidence.information[shared, shared] + evidence.precision))
+    rows = zip(evidence.columns[shared], before, after, strict=True)
     return tuple(Fittable(column.name, column.unit, float(np.sqrt(known)), float(np.sqrt(variance)))
                  for column, known, variance in rows if column.kind == "shared")
-
-
-def _term(column: Column) -> str:
-    return column.name.partition(".")[0]

@@ -1,4 +1,4 @@
-"""What the report shows: residuals against what they follow, along the flight, over the field; shots needed."""
+"""Pictures of the report: residuals against what they follow, along the flight, over the field; shots needed."""
 
 from collections.abc import Sequence
 
@@ -10,7 +10,7 @@ from matplotlib.patches import Patch
 from truearc.sim.discover.detect.localization import joint_bands
 from truearc.sim.discover.detect.residuals import Along, Bins, Part, Residual, binned, bins_of
 from truearc.sim.discover.model.score_table import Array, ScoreTable
-from truearc.sim.discover.plan.identifiability import Sight
+from truearc.sim.discover.plan.detectability import Sight
 from truearc.sim.discover.report.effect_wording import plain
 from truearc.sim.physics.catalogue import Catalogue
 from truearc.sim.report import make_png, new_figure
@@ -40,7 +40,9 @@ def residual_figure(residual: Residual, along: Along, rows: Array, what: str) ->
         axes.set_xlabel(_worded(bins.name))
     panels[0].set_ylabel(f"{residual.name}: real − simulated\n[{residual.unit}]")
     if residual.after is not None:
-        _explained(panels[0], bins, residual, what)
+        gone = (binned(residual.before, bins)[0] - binned(residual.after, bins)[0]) * residual.factor
+        panels[0].plot(bins.middle, gone, color=AFTER, lw=2.0, alpha=0.8, zorder=1, label=f"{what}, as fitted")
+        panels[0].legend(frameon=False, fontsize=9)
     return figure
 
 
@@ -54,13 +56,6 @@ def _points(axes: Axes, bins: Bins, part: Part, factor: float, colour: str) -> N
         axes.set_xticks(bins.middle, [f"{middle:.3g}" for middle in bins.middle])
     axes.margins(x=0.08)
     _clean(axes)
-
-
-def _explained(axes: Axes, bins: Bins, residual: Residual, what: str) -> None:
-    assert residual.after is not None
-    gone = (binned(residual.before, bins)[0] - binned(residual.after, bins)[0]) * residual.factor
-    axes.plot(bins.middle, gone, color=AFTER, lw=2.0, alpha=0.8, zorder=1, label=f"{what}, as fitted")
-    axes.legend(frameon=False, fontsize=9)
 
 
 def flight_png(before: ScoreTable, after: ScoreTable | None, what: str,

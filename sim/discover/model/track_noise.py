@@ -12,7 +12,7 @@ FEWEST_SAMPLES = 6                    # per track; fewer cannot say more than wh
 SMOOTH_DEGREE = 4                     # of the polynomial that stands for "any smooth flight" when scatter is measured
 ENOUGH_SAMPLES = 12                   # per track, to measure scatter from it
 GROSS = 8.0                           # robust standard deviations off a smooth flight: not a sample of the ball
-LEAPS, MOST_LOST = 3, 4               # the longest steps of a track, behind which up to so many frames may be lost
+LEAPS, MOST_LOST = 3, 4               # the longest steps of a track, and frames that may be lost behind each
 SURE_NATS = 30.0                      # that stamps put right must gain,
 COMMON = 0.03                         # and share of tracks that must leap: of those with bad noise alone 2 in 300 do
 MEMORIES = np.linspace(0.0, 0.97, 50)  # correlations of neighbouring samples that are told apart
@@ -39,7 +39,7 @@ class Scatter:
 
 
 def gather_samples(tracks: Tracks, shots: int) -> tuple[Samples, tuple[str, ...], int]:
-    """(padded tracks, what was left out in words, number of gross outliers left out)."""
+    """(padded tracks, notes on what was left out, number of gross outliers left out)."""
     kept, short, gross = [], 0, 0
     for shot in range(shots):
         where = np.flatnonzero(tracks.shot == shot)
@@ -64,7 +64,7 @@ def gather_samples(tracks: Tracks, shots: int) -> tuple[Samples, tuple[str, ...]
 
 
 def put_right(data: Float[Array, "L 4"]) -> Float[Array, " L"]:
-    """Stamps [L] of samples (t, x, y, z), put on by whole frames where some were lost in between without a word.
+    """Timestamps [L] of samples (t, x, y, z), put on by whole frames where some were silently lost in between.
 
     A smooth flight through samples that leap ahead along their own way fits far better once the stamps leap, too. No
     force on a ball does that.
@@ -116,10 +116,9 @@ def _left_over(time_s: Float[Array, " L"], memory: float, gap_s: float) -> tuple
 def whiten(samples: Samples, scatter: Scatter, columns: Float[Array, "n L 3 k"]) -> Float[Array, "n 3*L k"]:
     """Turn position-like columns into ones with independent unit noise; padding becomes 0.
 
-    First-order autoregression in continuous time: each sample less what the one before foretells.
+    First-order autoregression in continuous time: each sample less its forecast from the one before.
     """
-    gaps_s = np.diff(samples.time_s, axis=1)[:, :, None]
-    memory = np.exp(-gaps_s / np.where(scatter.memory_s > 0.0, scatter.memory_s, 1e-9))
+    memory = _memory(samples, scatter)
     clean = columns / scatter.sigma_m[:, None]
     new = (clean[:, 1:] - memory[..., None] * clean[:, :-1]) / np.sqrt(1.0 - memory**2 + 1e-12)[..., None]
     joined = np.concatenate([clean[:, :1], new], axis=1) * samples.real[:, :, None, None]
@@ -129,20 +128,29 @@ def whiten(samples: Samples, scatter: Scatter, columns: Float[Array, "n L 3 k"])
 
 def log_volume(samples: Samples, scatter: Scatter) -> Float[Array, " n"]:
     """Log density of each track's noise where all that `whiten` makes of it is 0."""
-    gaps_s = np.diff(samples.time_s, axis=1)[:, :, None]
-    memory = np.exp(-gaps_s / np.where(scatter.memory_s > 0.0, scatter.memory_s, 1e-9))
-    new = np.log(scatter.sigma_m) + 0.5 * np.log(1.0 - memory**2 + 1e-12)
+    new = np.log(scatter.sigma_m) + 0.5 * np.log(1.0 - _memory(samples, scatter)**2 + 1e-12)
     first = np.log(scatter.sigma_m).sum() + 1.5 * np.log(2.0 * np.pi)
     later = ((new.sum(2) + 1.5 * np.log(2.0 * np.pi)) * samples.real[:, 1:]).sum(1)
     log_density: Array = -(first * samples.real[:, 0] + later)
     return log_density
 
 
+def _memory(samples: Samples, scatter: Scatter) -> Float[Array, "n gaps 3"]:
+    """Correlation of each sample's noise with that of the one before."""
+    gaps_s = np.diff(samples.time_s, axis=1)[:, :, None]
+    return np.exp(-gaps_s / np.where(scatter.memory_s > 0.0, scatter.memory_s, 1e-9))
+
+
 def _detrend(time_s: Float[Array, " L"], position_m: Float[Array, "L k"]) -> Float[Array, "L k"]:
-    scaled = (time_s - time_s[0]) / max(float(np.ptp(time_s)), 1e-9) * 2.0 - 1.0
-    basis = np.polynomial.legendre.legvander(scaled, SMOOTH_DEGREE)
+    basis = _smooth(time_s)
     residual_m: Array = position_m - basis @ np.linalg.lstsq(basis, position_m, rcond=None)[0]
     return residual_m
+
+
+def _smooth(time_s: Float[Array, " L"]) -> Float[Array, "L 5"]:
+    """Legendre polynomials up to SMOOTH_DEGREE over the track."""
+    scaled = (time_s - time_s[0]) / max(float(np.ptp(time_s)), 1e-9) * 2.0 - 1.0
+    return np.polynomial.legendre.legvander(scaled, SMOOTH_DEGREE)
 
 
 def _sound(data: Float[Array, "L 4"]) -> Bool[Array, " L"]:
@@ -151,8 +159,7 @@ def _sound(data: Float[Array, "L 4"]) -> Bool[Array, " L"]:
     for _ in range(2):
         if sound.sum() < ENOUGH_SAMPLES:
             return np.ones(len(data), dtype=bool)
-        basis = np.polynomial.legendre.legvander((data[:, 0] - data[0, 0]) / np.ptp(data[:, 0]) * 2.0 - 1.0,
-                                                 SMOOTH_DEGREE)
+        basis = _smooth(data[:, 0])
         fitted = np.linalg.lstsq(basis[sound], data[sound, 1:], rcond=None)[0]
         off = np.abs(data[:, 1:] - basis @ fitted)
         sigma = 1.4826 * np.median(off[sound], axis=0) + 1e-9

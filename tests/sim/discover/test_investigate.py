@@ -11,8 +11,8 @@ import pytest
 from tests.sim.discover.odd_rigs import make_drops, make_three_wheels
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset, Shots, join_datasets, take_shots
-from truearc.sim.discover.api import Investigation, discover
 from truearc.sim.discover.finding import Finding, make_json
+from truearc.sim.discover.investigate import Investigation, discover
 from truearc.sim.discover.select.refit import promote
 from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world
@@ -198,7 +198,7 @@ def test_what_changes_at_once_is_told_as_a_step() -> None:
 
 
 def test_a_few_sessions_that_differ_by_luck_are_told_as_sessions_and_get_no_name() -> None:
-    """Five sessions are too few to know how sessions differ; that they do is no law of motion."""
+    """Five sessions are too few to know how sessions differ; that they do is not a law of motion."""
     dataset = shoot(make_world({}, "L0", 300, 990003))
     session = np.arange(300) * 5 // 300
     luck = 1.0 + 0.015 * np.random.default_rng(3).normal(size=5)

@@ -10,16 +10,18 @@ from scipy.special import log_ndtr, ndtr
 from truearc.robot.config.rig_spec import Target
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Shots
+from truearc.sim.infer.likelihood.outcome_likelihood import FAR_M, interval
 
 Array = np.ndarray
 LAPSE = 0.005                         # share of outcomes that mean nothing: a slip of the operator's finger
 CLASSES = {"miss": 0.0, "two": 1.0, "three": 2.0}
 SIDED_SHARE = 0.5                     # of misses (of twos) must have a side before that counts as noted of them
+NO_TARGET = Target(0.0)               # of shots whose heights are all measured
 
 
 @dataclass(frozen=True)
 class OutcomeObservations:
-    """What was seen of n heights relative to the target's centre, in m.
+    """Observations of n heights relative to the target's centre, in m.
 
     Up to two intervals each: `low`, `high` [n, 2] (an empty one has low = high = inf); `height_m` [n] where the
     height itself was measured (nan elsewhere) and beats the class. `classes` [n]: 0 miss, 1 two, 2 three, nan not
@@ -46,7 +48,8 @@ class OutcomeObservations:
 
 
 def see_outcomes(shots: Shots, target: Target | None) -> tuple[Int[Array, " n"], OutcomeObservations]:
-    """(rows [n] with a usable outcome or height, what was seen). A miss to the left or right says nothing of height.
+    """(rows [n] with a usable outcome or height, the observations). A miss to the left or right has no information on
+    the height.
 
     InputError when there are outcomes but no [target] in rig.toml.
     """
@@ -56,30 +59,16 @@ def see_outcomes(shots: Shots, target: Target | None) -> tuple[Int[Array, " n"],
         raise InputError("rig.toml: [target] is needed to make sense of the column outcome")
     aside = (outcome == "miss") & np.isin(side, ("left", "right"))
     rows = np.flatnonzero(np.isfinite(height_m) | ((outcome != "") & ~aside))
-    two, three = (target.two_half_height_m, target.three_half_height_m) if target else (0.35, 0.07)
-    pairs = [_intervals(outcome[row], side[row], two, three) for row in rows]
-    bounds = np.array(pairs, dtype=float).reshape(len(rows), 2, 2)
-    sided = tuple(name for name in ("miss", "two") if _is_sided(side[(outcome == name) & ~aside]))
+    target = target or NO_TARGET
+    two, three = target.two_half_height_m, target.three_half_height_m
+    bounds = np.array([interval(target, outcome[row], side[row]) for row in rows]).reshape(len(rows), 2, 2)
+    bounds[bounds[..., 0] == bounds[..., 1]] = np.inf
+    bounds[np.abs(bounds) == FAR_M] *= np.inf
+    noted = {name: np.isin(side[(outcome == name) & ~aside], ("low", "high")) for name in ("miss", "two")}
+    sided = tuple(name for name, known in noted.items() if len(known) and known.mean() >= SIDED_SHARE)
     borders = np.array([-np.inf, -two, -three, three, two, np.inf])
     classes = np.array([CLASSES.get(outcome[row], np.nan) for row in rows])
     return rows, OutcomeObservations(bounds[..., 0], bounds[..., 1], height_m[rows], classes, borders, sided)
-
-
-def _is_sided(side: Array) -> bool:
-    return bool(len(side) > 0 and np.isin(side, ("low", "high")).mean() >= SIDED_SHARE)
-
-
-def _intervals(outcome: str, side: str, two: float, three: float) -> list[tuple[float, float]]:
-    none = (np.inf, np.inf)
-    low = {"miss": (-np.inf, -two), "two": (-two, -three)}
-    high = {"miss": (two, np.inf), "two": (three, two)}
-    if outcome == "three":
-        return [(-three, three), none]
-    if outcome not in low:
-        return [(-np.inf, np.inf), none]
-    if side in ("low", "high"):
-        return [(low if side == "low" else high)[outcome], none]
-    return [(-two, two), none] if side in ("left", "right") else [low[outcome], high[outcome]]
 
 
 def log_likelihood(seen: OutcomeObservations, mean_m: Float[Array, " n"],
