@@ -180,8 +180,8 @@ def test_figures_stand_beside_the_design_s_targets_scaled_to_what_the_data_allow
     missed = mark(ONE, finding(found=False, verdict="none"), allowed)
     rows = {row[1]: row[2:] for row in against_targets([seen, missed, missed, missed])}
     assert rows["detected"] == ["1/4 = 0.25 (0.05-0.70)", "0.28", ">= 0.25 (scaled)",       # .50 of .56
-                                "reached, may be luck"]
-    assert rows["top-1"][3] == "reached, may be luck" and rows["amplitude's RMS error / least"][0] == "0.50"
+                                "reached, may be chance"]
+    assert rows["top-1"][3] == "reached, may be chance" and rows["amplitude's RMS error / least"][0] == "0.50"
     assert rows["gain kept, by the solver's own folds"] == ["0.50", "-", ">= 0.75", "NOT REACHED"]
 
 

@@ -18,7 +18,7 @@ from truearc.sim.data.table import RawTable, load_table
 from truearc_proof.importers.ball_sheets import load_sheets
 
 COLUMNS = ("ball", "drop", "t_s", "height_m", "mass_kg", "diameter_m")
-BODY = ("mass_kg", "diameter_m")      # of a ball: the same in each of its rows, empty where nobody weighed it
+BODY = ("mass_kg", "diameter_m")      # of a ball: the same in each of its rows, empty if not measured
 TRACK_NOISE_M = 0.07                  # scatter of the heights about a smooth fall (degree 4), all 22 drops together
 SHORTEST = 8                          # samples that a drop needs
 

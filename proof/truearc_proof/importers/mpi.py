@@ -125,7 +125,7 @@ def _before_bounce(samples: np.ndarray) -> np.ndarray:
     """The samples before the one nearest to the first bounce, time from 0.
 
     The bounce is the lowest height after the ball has begun to fall and before two samples running (or the last one)
-    are clearly above it, or before whatever follows it; the sample there is dropped too, for it may lie on either side.
+    are clearly above it, or before whatever follows it; the sample there is dropped too: it may lie on either side.
     """
     z_m = samples[:, 3]
     falling = np.flatnonzero(z_m < np.maximum.accumulate(z_m) - FALL_M) if len(z_m) else np.zeros(0, int)
@@ -150,7 +150,7 @@ def _tracks(cut: list[np.ndarray]) -> Tracks:
 
 
 def _facts(cut: list[np.ndarray]) -> Rig:
-    """What is known of the rig; the ball first shows about where it leaves the wheels."""
+    """Return the rig as far as it is known; the first sample of a track lies near the exit of the wheels."""
     wheels = tuple(Wheel(name, WHEEL_RADIUS_M, 1.0, clock_deg) for name, clock_deg in WHEELS)
     first_m = [samples[np.abs(samples[:, 1]).argmin(), 3] for samples in cut]
     height_m = round(float(np.median(first_m)), 3) if cut else 0.0

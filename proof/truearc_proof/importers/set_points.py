@@ -26,7 +26,7 @@ BALL = Ball(0.142, 0.0889)            # team 2910's notebook: 0.142 kg, 0.1778 m
 GOAL_M = 2.4956                       # 98.25 in, the field drawings of 2020
 OPENING_M = (0.0762, 0.381)           # half heights: the ball's margin in the inner port; 30 in across flats outside
 WHEEL_M = 0.0508                      # 4 in
-RELEASE_M = 0.75                      # stated by nobody
+RELEASE_M = 0.75                      # assumed: not stated
 DISTANCE_M = 0.05
 
 
@@ -86,7 +86,7 @@ def import_set_points(tables: str | Path, robot: Robot) -> Dataset:
 def import_3476(history: str | Path) -> Dataset:
     """Team 3476 (2021): dated versions of one table; a shot for each set point that a version changed.
 
-    `t_s` counts from the first version. Set points that a version kept are no new shots and are left out. All versions
+    `t_s` counts from the first version. Set points that a version kept are left out. All versions
     in one CSV, or a clone of the team's repository; one version alone can be read from its own shooterconfig.json.
     """
     with gathered() as problems:
@@ -128,7 +128,7 @@ def _time_s(table: RawTable, row: int, text: str, problems: Problems) -> float:
     try:
         return datetime.fromisoformat(text).timestamp()
     except ValueError:
-        problems.add(table.place(row), "committed_at", f"{text!r} is no date with time (ISO 8601)")
+        problems.add(table.place(row), "committed_at", f"{text!r} is not a date with time (ISO 8601)")
         return 0.0
 
 

@@ -1,4 +1,4 @@
-"""A round of proof played again by somebody else, with entropy of his own: is it what was published?"""
+"""Comparison of a published round of proof with a round that a third party has played, with entropy of its own."""
 
 from collections.abc import Sequence
 

@@ -25,7 +25,7 @@ Setting = tuple[str, int, float]      # level, shots, scale of effects
 
 
 class Target(NamedTuple):
-    """What the design asks for (section 8); `least`: the figure must reach it, else stay at or below it; `most`: and
+    """A target of the design (section 8); `least`: the figure must reach it, else stay at or below it; `most`: and
     not go beyond this."""
 
     figure: str
@@ -82,8 +82,8 @@ FURTHER = (
     Target(PAIR, True, {setting: wanted for setting, wanted in goals(0.0, 0.20, 0.0, 0.38, 0.40).items() if wanted}),
     Target(DESIGNED, True, {L0_300: 300.0, L1_300: 300.0}),
 )
-WIDER = {"gain below 0": ALL_GAINS, "named wrong": ALL_NAMES}      # asked of more worlds too, by the same target
-UNASKED = (DECOY_AMONG, PAIR)         # told even where the design wants nothing of them
+WIDER = {"gain below 0": ALL_GAINS, "named wrong": ALL_NAMES}      # the same target over more worlds
+UNASKED = (DECOY_AMONG, PAIR)         # reported even where the design has no target
 SHOWN = {"gain kept": "gain kept, by the solver's own folds", "gain below 0": "gain below 0, of one effect found",
          "named wrong": "named wrong, of one effect found"}
 WHY = {"off: unknown": f"none with a lambda of {RESOLVABLE:g} or more was found",
@@ -93,8 +93,11 @@ NOT_MEASURED, NOBODY = "not measured", "no world of this round says"
 
 
 def against_targets(marks: Sequence[Mark], scale: float | None = None) -> list[list[str]]:
-    """Rows of level and shots, figure, what was reached, what the data allow, what is wanted, and whether it is, or why
-    nobody knows: every target of the design for a level that was played; scale: of effects, where they have one."""
+    """Return a row for every target of the design for a level that was played.
+
+    A row has level and shots, figure, value reached, value that the data allow, target, and whether it is reached or
+    why it was not measured. scale: of effects, where they have one.
+    """
     rows = []
     for level, shots in sorted({(one.level, one.shots) for one in marks}):
         mine = [one for one in marks if (one.level, one.shots) == (level, shots)]
@@ -109,7 +112,7 @@ def against_targets(marks: Sequence[Mark], scale: float | None = None) -> list[l
 
 def _rows(setting: Setting | None, marks: Sequence[Mark]) -> list[list[str]]:
     if setting is None:
-        return [["all", NOT_MEASURED, "-", "-", "the design has no targets for so many shots"]]
+        return [["all", NOT_MEASURED, "-", "-", "the design has no targets for this number of shots"]]
     figures = figures_of(marks)
     targets = [*ALARMS, *(one for target in TARGETS for one in _widened(target)), *FURTHER]
     return [[SHOWN.get(target.figure, target.figure), *_judged(setting, target, figures[target.figure])]
@@ -132,7 +135,7 @@ def _judged(setting: Setting, target: Target, figure: ProofFigure) -> list[str]:
 
 
 def _verdict(target: Target, wanted: float, figure: ProofFigure) -> str:
-    """Whether it is reached, and of a share, whether it might be luck: Wilson's interval has values of either kind."""
+    """Return whether the target is reached; a share may be so by chance if Wilson's interval crosses the target."""
     assert figure.value is not None
     reached = is_reached(target, figure.value, wanted)
     said = "reached" if reached else "NOT REACHED"
@@ -141,7 +144,7 @@ def _verdict(target: Target, wanted: float, figure: ProofFigure) -> str:
     low, high = wilson(*figure.counts)
     ends = is_reached(target, low, wanted) and is_reached(target, high, wanted)
     apart = high < wanted or low > target.most if target.least else low > wanted
-    return said if (ends if reached else apart) else f"{said}, may be luck"
+    return said if (ends if reached else apart) else f"{said}, may be chance"
 
 
 def is_reached(target: Target, value: float, goal: float) -> bool:

@@ -25,7 +25,7 @@ RATIOS = (0.15, 0.95)                 # what the wheels do
 CENTRE_M, SPAN_M, CENTRE_DEG, SPAN_DEG = 5.0, 2.0, 45.0, 8.0
 STRENGTH = 1000.0                     # inverse of the regression's weight decay: hardly any
 PERCENT = 0.01                        # log speed is counted in hundredths, about the other columns' size
-LEAST_GAIN_M = 0.5                    # nearly along the line of sight the parabola says nothing about speed
+LEAST_GAIN_M = 0.5                    # nearly along the line of sight the parabola does not determine the speed
 LEAST_P = 1e-4                        # a mark in ten thousand may be anything
 
 # Intended height at the plane beside the centre, either way, for each outcome: least, most (m).

@@ -19,7 +19,7 @@ NOT_PRINTED = "not printed in the paper"
 def exit_seed(facts: Rig, motor_ratio: Any, hood_deg: Any) -> Exit:
     """Launch of the two-wheel rig at motor speed / free speed and elevation.
 
-    The seed's Eq. 11 and 12, the latter with the paper's own factor (twice the spin of a ball that does not slip).
+    The paper's Eq. 11 and 12, the latter with its own factor (twice the spin of a ball that does not slip).
     Raises InputError when the rig has no free speed or not one wheel above and one below.
     """
     upper, lower = opposed_wheels(facts)

@@ -1,4 +1,4 @@
-"""One repetition: a draw, the seed's simulator fitted to it, its simulated data, and all that is no network."""
+"""One repetition: a draw, the paper's simulator fitted to it, its simulated data, and all models but the networks."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -20,7 +20,7 @@ from truearc_proof.reproduce.draws import Draw, draw
 from truearc_proof.reproduce.settings import Settings
 
 SIMULATOR, OURS = "simulator alone", "our gate"
-# What the gate's physics may hold: the seed's forces, and a loss of speed between wheels and ball.
+# Terms that the gate's physics may hold: the paper's forces, and a loss of speed between wheels and ball.
 OUR_TERMS = ("gravity", "drag", "magnus", "exit_efficiency", "wheel_slip")
 
 
@@ -36,7 +36,7 @@ class Task(NamedTuple):
 
 @dataclass(frozen=True)
 class Repetition:
-    """Its rows are the draw's: `test` 20 configurations and `transfer` 50, which are asked about together, in order.
+    """Its rows are the draw's: `test` 20 configurations and `transfer` 50, which are predicted together, in order.
 
     `scores`: Table I. `deviation_m`: of the simulator's flight from the target's centre for each test configuration,
     infinite where it does not reach the plane, with `outcome` what happened. `predictions`: name -> p [70, 2].
@@ -47,7 +47,7 @@ class Repetition:
     learn: Rows                       # train less validation
     validation: Rows
     asked: Rows                       # test, then transfer
-    tests: int                        # of `asked`, the first so many
+    tests: int                        # number of rows of `asked` that are the test
     coefficients: dict[str, dict[str, float]]
     tied: int                         # coefficient pairs that were equally good
     scores: dict[str, Score]

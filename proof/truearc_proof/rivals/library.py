@@ -2,13 +2,13 @@
 
 A column is a term's acceleration at its usual size (one standard deviation of the catalogue's prior), linearised where
 it is not linear, drag and lift inside another term at the middle of their priors: so one threshold, and one ridge,
-means the same for every column, and the rivals know beforehand what truearc knows. Drag and lift themselves are per
-coefficient (cd, cl), at the middle of their priors where they are not believed.
+means the same for every column, and the rivals have the same prior knowledge as truearc. Drag and lift themselves are
+per coefficient (cd, cl), at the middle of their priors where they are not believed.
 
 | column | acceleration | stands for |
 |---|---|---|
 | drag | abs(v) v | drag |
-| magnus | w x v, w the no-slip spin of the wheels in the seed's convention | magnus |
+| magnus | w x v, w the no-slip spin of the wheels in the paper's convention | magnus |
 | buoyancy | a constant, up | buoyancy, added_mass (the same once drag and lift are free) |
 | wind_x, wind_y, wind_z | abs(v) e + (v.e / abs(v)) v, less the lift's w x e | each wind |
 | spin_decay | time x (w x v), time since the track's first sample | spin_decay |

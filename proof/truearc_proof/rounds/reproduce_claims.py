@@ -1,6 +1,8 @@
-"""First claims made again from the released data alone: whether they are what the solver says of such data, or what
-somebody wrote who had seen the truth. Only whoever has the very solver, by its hash, can tell. What rivals say, what
-more was asked for and second claims are not made again."""
+"""First claims made again from the released data alone, which shows that they do not come from the truth.
+
+Only the very solver, by its hash, makes the same claims. Claims of rivals, follow-up requests and second claims are not
+made again.
+"""
 
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
@@ -32,7 +34,7 @@ def solver_of(room: Room, name: str) -> str:
 
 
 def compare_claims(room: Room, other: Room, name: str) -> tuple[str, ...]:
-    """What was claimed otherwise than it is now, in words; numbers may be off by NEARLY."""
+    """Return a sentence for each difference between the claims; numbers may be off by NEARLY."""
     was, now = (_told(msgspec.json.decode(one.claims(name).read_bytes())) for one in (room, other))
     return tuple(f"{room.claims(name)}: {line}" for line in _unlike("", was, now))
 

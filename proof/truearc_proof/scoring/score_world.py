@@ -123,7 +123,7 @@ def mark_rival(drawn: Drawn, claim: Mapping[str, Any], right: Sequence[str],
 
 
 def hidden_of(drawn: Drawn) -> tuple[str, ...]:
-    """What is hidden, by name; a change of MuJoCo's robot by the change's."""
+    """Return the names of the hidden effects, or of the changes of MuJoCo's robot."""
     if drawn.engine == MUJOCO:
         return tuple(change.name for change in changes_of(drawn.change))
     return tuple(drawn.effects)

@@ -1,7 +1,7 @@
 """A season of shots straight from the world to a dataset: its launcher, balls and air, without buses and images.
 
-What the robot's sensors would have said of each shot is read from the world as the emulated devices read it (encoders
-with their errors), the camera's distance is the truth seen through a wrong focal length, with noise.
+Readings of the robot's sensors come from the world as the emulated devices read it (encoders with their errors); the
+camera's distance is the true one seen through a wrong focal length, with noise.
 """
 
 import contextlib
@@ -133,7 +133,7 @@ def _seen_distance_m(distance_m: float, options: Options) -> float:
 
 
 def _noted(trials: Sequence[Trial], sensors: Sensors, luck: np.random.Generator) -> list[tuple[str, str]]:
-    """(outcome, side) of each shot as somebody noted them, some by the wrong button."""
+    """Return (outcome, side) of each shot as the crew noted them, some with the wrong button."""
     names = list(OUTCOMES)
     wrong = luck.random(len(trials)) < sensors.wrong_marks
     aside = luck.integers(1, len(names), len(trials))
@@ -156,7 +156,7 @@ def _traces(trials: Sequence[Trial]) -> Traces:
 
 
 def _tracks(trials: Sequence[Trial], sensors: Sensors, rng: np.random.Generator, luck: np.random.Generator) -> Tracks:
-    """Every sample that falls due at the tracker's rate, counted from the first it has of a ball, but for lost ones."""
+    """Return the samples at the tracker's rate, counted from the first of each ball, without the lost ones."""
     parts = []
     for shot, trial in enumerate(trials):
         begin_s, end_s = trial.track[0, 0], min(trial.track[-1, 0], trial.track[0, 0] + sensors.track_s)
