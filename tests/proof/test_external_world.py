@@ -43,7 +43,7 @@ def seal(folder: Path, truth: dict[str, Any], data: Path) -> str:
     ({"kind": "off"}, "kind 'off' has 1 or more"),
     ({"kind": "one", "effects": {"windx": 1.0}}, "windx: the catalogue has no such term"),
     ({"kind": "one", "effects": {"gravity": 1.0}}, "gravity: claims about this term cannot be marked"),
-    ({"kind": "off", "effects": {"track_perspective": 1.0}}, "track_perspective: claims about this term cannot be marked"),
+    ({"kind": "off", "effects": {"track_perspective": 1.0}}, "track_perspective: claims about this term cannot be"),
     ({"kind": "off", "effects": {"wind_x": 1.0}}, "wind_x: is in the catalogue"),
     ({"kind": "one", "effects": {"wind_x": 0.0}}, "wind_x: 0 is nothing"),
     ({"kind": "one", "effects": ["wind_x"]}, r"effects"),

@@ -19,6 +19,7 @@ KINDS = {"one": "one effect", "two": "two effects", "alias": "aliases", "decoy":
          "off": "in no catalogue", "cut": "a term cut from the belief"}
 CHANGED = {**KINDS, "one": "one thing changed", "two": "two things"}     # of MuJoCo's robot
 STEPS = (0.0, 1.0, 3.0, 7.0, 15.0, 35.0, 100.0, float("inf"))      # of lambda
+REQUESTS = {SHOTS: "shots", MEASUREMENT: "one measurement"}
 Question = Callable[[Mark], bool | None]
 Again = Sequence[tuple[Mark, Mark]]
 FOUND: Question = attrgetter("found")
@@ -172,8 +173,8 @@ def yes_of(answers: Iterable[bool | None]) -> tuple[int, int]:
 
 def _again(pairs: Again) -> Table:
     named = {kind: [pair for pair in pairs if pair[0].first is not None and pair[0].asked == kind]
-             for kind in (SHOTS, MEASUREMENT)}
-    rows = [[kind, str(len(mine)), *_before_and_after(mine)] for kind, mine in named.items() if mine]
+             for kind in REQUESTS}
+    rows = [[REQUESTS[kind], str(len(mine)), *_before_and_after(mine)] for kind, mine in named.items() if mine]
     return Table("Further shots and measurements: answers before and after", (
         "", "worlds", "set before", "after", "first name right before", "after", "the right name alone before",
         "after"), rows)
