@@ -57,7 +57,7 @@ def import_mpi(*files: str | Path) -> Dataset:
     session = tuple(name for some in read for name in some.session)
     shots = Shots(tuple(shot_id), numbers, {"session": session}).take(kept)
     cut = [cut[row] for row in kept]
-    return Dataset("mpi", _facts(cut), shots, _tracks(cut), None, left_out)
+    return Dataset("mpi", _rig(cut), shots, _tracks(cut), None, left_out)
 
 
 def _tables(files: list[Path], problems: Problems) -> list[tuple[RawTable, RawTable]]:
@@ -149,7 +149,7 @@ def _tracks(cut: list[np.ndarray]) -> Tracks:
     return Tracks(shot, stacked[:, 0], stacked[:, 1], stacked[:, 2], stacked[:, 3])
 
 
-def _facts(cut: list[np.ndarray]) -> Rig:
+def _rig(cut: list[np.ndarray]) -> Rig:
     """Return the rig as far as it is known; the first sample of a track lies near the exit of the wheels."""
     wheels = tuple(Wheel(name, WHEEL_RADIUS_M, 1.0, clock_deg) for name, clock_deg in WHEELS)
     first_m = [samples[np.abs(samples[:, 1]).argmin(), 3] for samples in cut]

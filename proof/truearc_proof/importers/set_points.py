@@ -80,7 +80,7 @@ def import_set_points(tables: str | Path, robot: Robot) -> Dataset:
     shots = _shots(tuple(f"{name[row]}-{k:02d}" for k, row in enumerate(rows)), distance_m, wheel_rpm,
                    np.array([robot.elevation_deg(raw) for raw in hood]), {}, texts)
     left_out = tuple(f"{table.place(row)}: extrapolated by the team" for row in guessed)
-    return Dataset(f"frc-{robot.team}", _facts(), shots, left_out=left_out)
+    return Dataset(f"frc-{robot.team}", _rig(), shots, left_out=left_out)
 
 
 def import_3476(history: str | Path) -> Dataset:
@@ -104,7 +104,7 @@ def import_3476(history: str | Path) -> Dataset:
     shots = _shots(tuple(f"{commit[row]}-{row:03d}" for row in rows), distance_m, wheel_rpm, hood_deg,
                    {"t_s": time_s[rows] - time_s.min()}, {"version": tuple(commit[row] for row in rows)})
     same = len(every) - len(rows)
-    return Dataset("frc-3476", _facts(), shots,
+    return Dataset("frc-3476", _rig(), shots,
                    left_out=(f"{same} set points that a version left as they were",) if same else ())
 
 
@@ -139,7 +139,7 @@ def _shots(shot_id: tuple[str, ...], distance_m: np.ndarray, wheel_rpm: np.ndarr
                            "wheel_hood_rad_s": still, "miss_height_m": still, **more}, texts)
 
 
-def _facts() -> Rig:
+def _rig() -> Rig:
     wheels = (Wheel("main", WHEEL_M, 1.0, 180.0), Wheel("hood", WHEEL_M, 0.0, 0.0))
     return Rig(BALL, LauncherFacts(RELEASE_M, None, wheels), Target(GOAL_M, *OPENING_M), Air(1.2),
                  noise=Noise(distance_m=DISTANCE_M), believe=Believe(("gravity", "drag", "magnus", "exit_efficiency")))

@@ -95,8 +95,8 @@ def labels(sessions: Sequence[Path], name: str, settings: Settings) -> Dataset:
     return label_by_repeatability(shots, math.ceil(MARKED_SHARE * settings.repeats))
 
 
-def _aiming(facts: Rig, sessions: Sequence[Path]) -> Aiming:
-    aiming = learn_aiming(facts, shots_from_sessions(sessions, "practice", telemetry=False).shots)
+def _aiming(rig: Rig, sessions: Sequence[Path]) -> Aiming:
+    aiming = learn_aiming(rig, shots_from_sessions(sessions, "practice", telemetry=False).shots)
     if aiming is None:
         raise InputError("the practice sessions have misses on one side of the target only, which do not determine "
                          "the aim: try another --seed, or without --quick")
@@ -144,10 +144,10 @@ def launch_simulated(config: Config, settings: Settings, real: Dataset, record: 
     return Dataset(labelled.name, labelled.facts, shots, left_out=labelled.left_out), coefficients
 
 
-def choose_launches(facts: Rig, coefficients: dict[str, dict[str, float]], real: Shots, count: int, seed: int,
+def choose_launches(rig: Rig, coefficients: dict[str, dict[str, float]], real: Shots, count: int, seed: int,
                     progress: Progress) -> tuple[Shots, np.ndarray]:
     """`count` configurations of the paper's grid that the robot can shoot, even by simulated outcome; and that."""
-    outcomes = label_grid(facts, coefficients, progress)
+    outcomes = label_grid(rig, coefficients, progress)
     barred = np.zeros(len(outcomes), bool)
     barred[taken_configurations(real)] = True
     places = np.unravel_index(np.arange(len(outcomes)), SHAPE)

@@ -16,13 +16,13 @@ BEST_WEIGHT = 0.01                    # Figure 10's star
 NOT_PRINTED = "not printed in the paper"
 
 
-def exit_seed(facts: Rig, motor_ratio: Any, hood_deg: Any) -> Exit:
+def exit_seed(rig: Rig, motor_ratio: Any, hood_deg: Any) -> Exit:
     """Launch of the two-wheel rig at motor speed / free speed and elevation.
 
     The paper's Eq. 11 and 12, the latter with its own factor (twice the spin of a ball that does not slip).
     Raises InputError when the rig has no free speed or not one wheel above and one below.
     """
-    upper, lower = opposed_wheels(facts)
-    motor_rad_s = motor_ratio * free_speed_rad_s(facts)
-    return exit_opposed(facts, motor_rad_s * (upper.gear * upper.radius_m), motor_rad_s * (lower.gear * lower.radius_m),
+    upper, lower = opposed_wheels(rig)
+    motor_rad_s = motor_ratio * free_speed_rad_s(rig)
+    return exit_opposed(rig, motor_rad_s * (upper.gear * upper.radius_m), motor_rad_s * (lower.gear * lower.radius_m),
                         hood_deg)

@@ -72,11 +72,11 @@ def make_world(effects: Mapping[str, float] | None = None, level: str = "L0", sh
         raise InputError(f"a world needs {FEWEST} shots and a seed of 0 or above, not {shots} and {seed}")
     rng = np.random.default_rng([seed, 0])
     cd, slope, efficiency = rng.uniform(0.40, 0.60), rng.uniform(0.35, 0.70), rng.uniform(0.70, 0.85)
-    return World(seed, level, shots, _facts(dirt, believe), float(cd), float(slope), float(efficiency),
+    return World(seed, level, shots, _rig(dirt, believe), float(cd), float(slope), float(efficiency),
                  check_effects(effects or {}), tuple(dirt), side=side)
 
 
-def _facts(dirt: Sequence[str], believe: Sequence[str]) -> Rig:
+def _rig(dirt: Sequence[str], believe: Sequence[str]) -> Rig:
     """Return the paper's rig."""
     stated = 0.5 if "noise_understated" in dirt else 2.0 if "noise_overstated" in dirt else 1.0
     noise = Noise(NOISE.distance_m * stated, NOISE.hood_deg * stated, NOISE.wheel_rad_s * stated,
