@@ -54,7 +54,11 @@ def _told(claims: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _unlike(key: str, was: Any, now: Any) -> Iterator[str]:
-    """Every place where two values differ."""
+    """Yield a line for each place where two plain JSON values differ.
+
+    For claims, whose keys are open: any tree of values, one tolerance (NEARLY, ZERO) for every number, by which a fit
+    differs between machines. Marks have a tolerance for each field; truearc_proof.rounds.reproducibility compares them.
+    """
     if isinstance(was, Mapping) and isinstance(now, Mapping) and set(was) == set(now):
         for name in was:
             yield from _unlike(f"{key}.{name}" if key else name, was[name], now[name])

@@ -29,7 +29,17 @@ class Compared(NamedTuple):
 
 
 def compare(was: Graded, now: Graded, fits_alike: bool = True) -> Compared:
-    """Two gradings of one world; fits_alike: by one state of the solver, so that its fits are the same."""
+    """Compare two gradings of one world, field by field.
+
+    For marks, whose fields are fixed: each of TOLERANCE has a tolerance of its own, and its largest difference is
+    reported even within it; all others must be equal. Claims have neither fixed fields nor such tolerances;
+    truearc_proof.rounds.reproduce_claims compares them.
+
+    Args:
+        was: As published.
+        now: As marked again.
+        fits_alike: Both by one state of the solver, so that its fits are the same.
+    """
     other, off = [], dict.fromkeys(TOLERANCE, 0.0)
     for when, before, after in (("", was.first, now.first), ("with further shots: ", was.again, now.again)):
         if before is None or after is None:
