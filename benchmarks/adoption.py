@@ -5,7 +5,7 @@
 
 Worlds are MuJoCo's with one thing changed each (truearc_proof.worlds.perturbations), or nothing. From a recorded
 session of each, by telemetry and outcomes (L1), gates are trained in pairs that are alike in all but their physics:
-the seed's (gravity, drag and lift, fitted), and what discovery adopted from the same session. `ours`: truearc's gate,
+the paper's (gravity, drag and lift, fitted), and the finding adopted from the same session. `ours`: truearc's gate,
 which adds what it learns of the rest; `network`: the paper's, from the recorded shots and 900 simulated ones with its
 lambda of 0.01; `network, even`: with a lambda of 1. All are put to another session of the same world, whose shots the
 rule of launcher.toml would fire or hold. Pairs of worlds, not of shots, make the intervals. A line of FILE a

@@ -1,17 +1,17 @@
-"""How well falls that the fit has not seen are foretold, after de Silva et al. 2020, on their ball drops.
+"""Forecast error of hold-out falls, after de Silva et al. 2020, on their ball drops.
 
     python -m benchmarks.ball_drops ball_drops.csv [--vague] [--ask]
 
-The file is the one that `truearc import ball-drops` reads (docs/importing.md). What a ball's drag is, and what all
-balls share, is learned on one drop of each of ten balls (the authors left the bowling ball out; so is it here). Of the
-other drop only the first K samples are used, and only for its height and moment of release; the figure is the distance
-between the foretold and the filmed height at frame 42 (2.8 s), averaged over the balls, for either drop as the unseen
-one. Their best figure is 1.33 to 1.37 m, with a start that was smoothed over samples 0 to 34.
+The file is the one that `truearc import ball-drops` reads (docs/importing.md). Each ball's drag and the shared
+parameters are fitted to one drop of each of ten balls (without the bowling ball, as the authors did). Of the other drop
+only the first K samples are used, and only for its height and moment of release; the figure is the distance between
+the forecast and the filmed height at frame 42 (2.8 s), averaged over the balls, for either drop as the hold-out one.
+Their best figure is 1.33 to 1.37 m, with a start that was smoothed over samples 0 to 34.
 
 Falls are the simulator's own (truearc.sim.physics.flight.path, terms of the catalogue), priors the catalogue's, the
-noise of the samples as `discover` measures it on the drop that is learned from. g is known, and then, as a check on
-film and model together, fitted to each session by itself, with all else: ten balls, and eleven with the bowling ball.
---ask runs `discover` on each session alone (gravity believed, all eleven balls) and says what it answers; some minutes.
+noise of the samples as `discover` measures it on the fitted drop. g is fixed, and then, as a check on film and model
+together, fitted to each session with all other parameters: ten balls, and eleven with the bowling ball.
+--ask runs `discover` on each session alone (baseline gravity, all eleven balls) and prints its findings; some minutes.
 """
 
 import argparse
@@ -35,7 +35,7 @@ FRAME = 42
 EARLY = (6, 18, 35)
 STEP_S, LONGEST_S = 0.005, 5.0
 SESSIONS = ("drop 1", "drop 2")
-G_M_S2, G_DOUBT = 9.81, 0.5                   # what is thought of g beforehand where it is fitted, as a share: nothing
+G_M_S2, G_RELATIVE_SD = 9.81, 0.5             # prior of g where it is fitted, with a relative SD (uninformative)
 RELEASE_S, HEIGHT_M = (0.15, 0.3), 0.3        # prior of a seen release after the first sample; of its height about it
 MODELS = {"gravity": (), "gravity, drag of each ball": ("drag",),
           "... and a share of it that goes with speed": ("drag", "drag_reynolds"),
@@ -153,7 +153,7 @@ def learn(half: Half, terms: Sequence[str]) -> Learned:
     n = len(half.area)
     drag, *shared = (find_parameter(name) for name in ("drag.cd", "drag_reynolds.slope", "track_perspective.per_m"))
     at_work = np.array([name in terms for name in ("drag_reynolds", "track_perspective", FREE_G)])
-    sd = np.array([*(one.prior.sd for one in shared if one.prior), G_DOUBT])
+    sd = np.array([*(one.prior.sd for one in shared if one.prior), G_RELATIVE_SD])
     assert drag.prior is not None and len(sd) == len(at_work)
 
     def split(at: Array) -> Learned:
@@ -192,7 +192,7 @@ def heights(fallen: Array, start: Array, time_s: Array, per_m: float) -> Array:
 
 
 def misfit(half: Half, fallen: Array, start: Array, scatter: Scatter, per_m: float, early: int | None = None) -> Array:
-    """Whitened heights of the first samples, seen less told."""
+    """Whitened residuals of the first samples' heights, measured minus forecast."""
     off = half.samples.position_m[:, :, 2] - heights(fallen, start, half.samples.time_s, per_m)
     columns = np.stack([0.0 * off, 0.0 * off, off], axis=2)[..., None]
     white = whiten(half.samples, scatter, columns).reshape(*off.shape, 3)[:, :, 2]

@@ -20,7 +20,7 @@ from truearc.sim.infer.profile import Z90, deviance_at
 from truearc.sim.intervals import wilson
 
 TERMS = ("drag", "magnus", "exit_efficiency")
-LOW, HIGH = 0.86, 0.94                # what is asked of every parameter
+LOW, HIGH = 0.86, 0.94                # coverage that every parameter must have
 
 
 def draw_truth(rng: np.random.Generator) -> Truth:

@@ -1,13 +1,13 @@
-"""Do 100 designed shots part names that look alike as well as 300 shots taken at random?
+"""Do 100 designed shots separate similar candidate terms as well as 300 shots taken at random?
 
     python -m benchmarks.designed --level L0,L1 --worlds 10 --seed 81 --out FILE
     python -m benchmarks.designed --table FILE
 
-Worlds of truearc_proof.truth hide one effect that others are easily taken for, at --scale times its usual size. Where
-discovery finds something in 300 shots and leaves several names, the hidden one among them, the world is shot again:
-at the configurations that truearc design asks for (5 x 20), and, as another future, at those of all 300 shots once
-more. Discovery is run on the old shots together with either. What is compared is the probability of the hidden name
-among the names that were left. A line of FILE a world; one that is there already is not run again.
+Worlds of truearc_proof.truth hide one effect that resembles others, at --scale times its usual size. Where discovery
+finds something in 300 shots and leaves several terms, the hidden one among them, the world is shot again: at the
+configurations of truearc design (5 x 20), and, as an alternative, at those of all 300 shots. Discovery is run on the
+old shots together with either. The measure is the probability of the hidden term among the terms that were left. FILE
+has one line per world; worlds in it are not run again.
 """
 
 import argparse

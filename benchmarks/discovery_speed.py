@@ -23,7 +23,7 @@ from truearc_proof.truth.generate import shoot
 from truearc_proof.truth.world import make_world
 
 EFFECT = {"wheel_droop": 0.05}
-SIZES = (8, 20, len(TERMS))           # terms that are asked about, besides the believed ones
+SIZES = (8, 20, len(TERMS))           # tested terms, besides those of the baseline
 
 
 def detection(dataset: Dataset, catalogue: Catalogue = BUILT_IN) -> None:
@@ -47,7 +47,7 @@ def second(run: Callable[[], None]) -> tuple[float, float]:
 
 
 def smaller(believed: tuple[str, ...], count: int) -> Catalogue:
-    """The believed terms, those of the tracker, and the first others up to `count` in all that are asked about."""
+    """Return the baseline's terms, those of the tracker, and the first `count` others."""
     fixed = {*believed, "track_scale", "track_tilt", "track_clock"}
     others = [term.name for term in TERMS if term.name not in fixed][:count]
     return Catalogue(tuple(term for term in TERMS if term.name in fixed or term.name in others))

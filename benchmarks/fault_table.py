@@ -1,4 +1,4 @@
-"""Table of what discovery made of a tracker's faults: which of them it took for physics of the ball."""
+"""Table of discovery's findings on tracker faults: which of them it attributed to physics of the ball."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -8,7 +8,7 @@ from truearc_proof.report.tables import said
 from truearc_proof.table import make_markdown
 
 AIR = "flight"
-HEADER = ("fault", "tracks", "something found", "put down to the air alone", "verdicts", "names")
+HEADER = ("fault", "tracks", "something found", "attributed to the air alone", "verdicts", "names")
 
 Line = Mapping[str, Any]
 
@@ -28,7 +28,7 @@ def make_table(lines: Sequence[Line]) -> str:
 
 
 def blames_the_air(line: Line) -> bool:
-    """Whether the first effect it tells is of the flight, and no name that it leaves open is of anything else."""
+    """Return True if the first effect found is of the flight, and all its candidate terms are."""
     if not line["found"]:
         return False
     left = [one["stage"] for one in line["what"] if one["term"] in (line["set"] or ())]
@@ -43,7 +43,7 @@ def _names(lines: Sequence[Line]) -> Iterator[str]:
     for line in lines:
         for each in (line, *line["also"]):
             if line["found"]:
-                yield " or ".join(each["set"]) if each["set"] else "something without a name"
+                yield " or ".join(each["set"]) if each["set"] else "unexplained effect"
 
 
 def _share(marks: Sequence[bool]) -> str:

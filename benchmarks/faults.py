@@ -1,13 +1,13 @@
-"""Is a fault of the tracker taken for physics of the ball?
+"""Is a fault of the tracker mistaken for physics of the ball?
 
     python -m benchmarks.faults --worlds 10 --seed 61 --out FILE
     python -m benchmarks.faults --tracks DIR --believe gravity,drag,magnus [--since] --out FILE
     python -m benchmarks.faults --table FILE
 
-The tracks of worlds in which nothing is hidden (truearc_proof.truth, L2, 300 shots), or those of a dataset that
-somebody recorded, are spoilt as a bad tracker would have spoilt them (tracker_faults.py), and discovery is asked
-about each, and about the same tracks unspoilt. --since: what has changed, to someone who believes what the unspoilt
-tracks led to? A line of FILE an answer; one that is there already is not worked out again.
+The tracks of worlds in which nothing is hidden (truearc_proof.truth, L2, 300 shots), or those of a recorded dataset,
+are corrupted as by a bad tracker (tracker_faults.py). Discovery runs on each, and on the original tracks. --since: the
+corrupted tracks are compared with the belief adopted from the original ones. FILE has one line per finding; findings
+in it are not computed again.
 """
 
 import argparse
@@ -73,9 +73,9 @@ def _run_all(args: argparse.Namespace, path: Path) -> dict[str, dict[str, Any]]:
 
 def _arguments() -> argparse.Namespace:
     parser = parser_of(__doc__)
-    parser.add_argument("--tracks", metavar="DIR", help="spoil this dataset's instead of simulated ones")
+    parser.add_argument("--tracks", metavar="DIR", help="corrupt this dataset's instead of simulated ones")
     parser.add_argument("--believe", help="terms, comma-separated (as the dataset says)")
-    parser.add_argument("--since", action="store_true", help="with --tracks: believe what they led to unspoilt")
+    parser.add_argument("--since", action="store_true", help="with --tracks: compare with the originals' belief")
     parser.add_argument("--worlds", type=int, default=10)
     parser.add_argument("--seed", type=int, default=11, help="of the simulated worlds; below 1000 to develop on")
     return parser.parse_args()

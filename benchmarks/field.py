@@ -61,7 +61,7 @@ def run(path: str, rivals: tuple[str, ...], job: Job) -> None:
 
 
 def _put(line: dict[str, Any], entrant: str, answer: Callable[[], Claim]) -> None:
-    """The entrant's claim, or how it broke, which must not take the night's others along."""
+    """Return the entrant's claim, or its traceback, so that the others still run."""
     begin = time.perf_counter()
     try:
         claim = answer()
@@ -72,7 +72,7 @@ def _put(line: dict[str, Any], entrant: str, answer: Callable[[], Claim]) -> Non
 
 
 def _ceiling(job: Job, found: Investigation) -> Any:
-    """What the information in these very data allows; None where nothing is hidden."""
+    """Return the information bound of these data; None where nothing is hidden."""
     wanted = true_parameter(job)
     if wanted is None or found.fitted is None:
         return None
@@ -135,7 +135,7 @@ def _tell(path: Path, everywhere: bool) -> None:
     print(make_table(worlds, everywhere))
     for line in worlds:
         for entrant, error in line["errors"].items():
-            print(f"{entrant} broke in {line['key']}: {error.strip().splitlines()[-1]}")
+            print(f"{entrant} failed in {line['key']}: {error.strip().splitlines()[-1]}")
 
 
 def _arguments() -> argparse.Namespace:
@@ -148,7 +148,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--worlds", type=int, default=20, help="of every name and scale (20)")
     parser.add_argument("--seed", type=int, default=0, help="below 1000 to develop on (0)")
     parser.add_argument("--processes", type=int, help="at a time (one a core)")
-    parser.add_argument("--again", action="store_true", help="run worlds again in which somebody broke")
+    parser.add_argument("--again", action="store_true", help="run worlds again in which an entrant failed")
     parser.add_argument("--everywhere", action="store_true", help="count worlds that cannot be resolved, too")
     where = parser.add_mutually_exclusive_group(required=True)
     where.add_argument("--out", metavar="FILE", help="file of worlds to add to")

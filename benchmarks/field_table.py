@@ -20,7 +20,7 @@ RESOLVABLE = 0.95                     # chance that these data's information let
 WANTED = 0.95                         # of resolvable worlds, that ours names right
 KINDS = ("nulls", "effects", "cut")
 LEVEL = "L2"
-HEAD = ("hidden", "resolvable, of", "entrant", "says something", "top-1", "up to alias", "track's end, cm", "s")
+HEAD = ("hidden", "resolvable, of", "entrant", "detects", "top-1", "up to alias", "track's end, cm", "s")
 NAMING = ("named", "set")             # verdicts that give names; "unknown" gives none, whatever it ranks
 QUESTIONS = (attrgetter("says"), attrgetter("right"), attrgetter("alias"))
 
@@ -42,7 +42,7 @@ class Mark(NamedTuple):
 
 
 def flight_names(kind: str) -> tuple[str, ...]:
-    """What is hidden: all nulls, and what belongs to the flight."""
+    """Return the null worlds and the terms of the flight."""
     return tuple(name for name in names_of(kind, LEVEL) if kind == "nulls" or STAGE_OF[name] == "flight")
 
 
@@ -108,7 +108,7 @@ def _lines(hidden: str, marks: Sequence[Mark], counted: Sequence[Mark], entrants
 
 
 def _ends(marks: Iterable[Mark]) -> str:
-    """Mean over worlds of the RMS error before and after, of those who foretell."""
+    """Return the mean over worlds of the RMS forecast error before and after, of entrants that forecast."""
     pairs = [(mark.before_m, mark.after_m) for mark in marks if mark.before_m is not None and mark.after_m is not None]
     if not pairs:
         return "-"
@@ -117,7 +117,7 @@ def _ends(marks: Iterable[Mark]) -> str:
 
 
 def _against_target(hidden: Sequence[Mark]) -> list[str]:
-    """What was asked for: ours names the concealed flight term in 95 % of resolvable worlds."""
+    """Compare with the target: truearc names the concealed flight term in 95 % of resolvable worlds."""
     mine = [mark for mark in hidden if mark.entrant == OURS and mark.resolvable]
     if not mine:
         return ["No world with something hidden is resolvable."]

@@ -1,12 +1,12 @@
-"""How long one decision of the gate takes, beside plain NumPy and scikit-learn.
+"""Duration of one decision of the gate, beside plain NumPy and scikit-learn.
 
     python -m benchmarks.gate [--calls 5000] [--rounds 12] [--shots 120]
 
 Makes simulated shots of its own, trains both kinds of model on them, exports both, and times `Gate.rate`: from three
 floats to a rating, building the features and checking the domain included; one thread, no spinning. The NumPy line is
-the seed's network alone, without domain check or novelty; scikit-learn's is a logistic regression. The ways take turns
-in rounds. A machine with neighbours interrupts one call in a hundred or so, and at times halves the speed of all: so
-the figures of the median round and of the quickest are given; the latter is what the code does when it is let.
+the paper's network alone, without domain check or novelty; scikit-learn's is a logistic regression. They take turns in
+rounds. A shared machine interrupts about one call in a hundred, and at times halves the speed of all: the median round
+and the quickest are reported, the latter being closest to an undisturbed machine.
 
 Exits 1 when the p99 of a gate in its quickest round is over 50 microseconds.
 """

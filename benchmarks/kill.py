@@ -1,9 +1,9 @@
-"""What a recording loses to `kill -9` at random moments.
+"""Data that a recording loses to `kill -9` at random moments.
 
     python -m benchmarks.kill [--kills 200] [--seed 0] [--pace twin|robot] [--layout three|one] [--folder DIR]
 
-A child process records real ticks, CAN frames and images over and over, marks a trial every quarter of a second, and
-says on a pipe what it has handed to the recorder; it is killed, and what it said is compared with what is on disk.
+A child process records real ticks, CAN frames and images in a loop, marks a trial every quarter of a second, and
+reports on a pipe what it has handed to the recorder. It is killed, and its report is compared with the files.
 `twin`: as fast as it can, the recorder making it wait; `robot`: 200 ticks a second, never waiting. At the robot's pace
 the recorder is a process of its own, which lives on when the child is killed, or (`--layout one`) threads of the child.
 """
@@ -32,7 +32,7 @@ from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.config.schema import load_config
 from truearc.robot.recording.candump import parse_candump
 from truearc.robot.recording.encoder import SessionWriter
-from truearc.robot.recording.images import load_image, load_pictures
+from truearc.robot.recording.files import load_image, load_pictures
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.recover import recover
 from truearc.robot.recording.session import CAN, load_header, load_session_config, load_trials
@@ -62,7 +62,7 @@ def kill_once(source: Path, folder: Path, seed: int, pace: str, layout: str = "o
     assert child.stdout is not None
     said = child.stdout.read(SAID.size)
     if len(said) < SAID.size:
-        raise RuntimeError("the child said nothing")
+        raise RuntimeError("no report from the child")
     timer = threading.Timer(random.Random(seed).uniform(0.0, LONGEST_S), os.kill, (child.pid, signal.SIGKILL))
     timer.start()
     said += child.stdout.read()       # to its end, which is the recorder's: it has the same output

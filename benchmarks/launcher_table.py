@@ -38,11 +38,11 @@ def _as_is_table(lines: Sequence[Line]) -> str:
 
 
 def _names(one: Line) -> list[str]:
-    """Names with amplitudes, or what there is instead."""
+    """Return the terms found with their amplitudes, or "unexplained effect"."""
     parts = []
     for each in (one, *one["also"]):
         if not each["set"] or not each["what"]:
-            parts.append("something without a name")
+            parts.append("unexplained effect")
             continue
         size = next(iter(each["what"][0]["parameters"].values()))
         parts.append(f"{each['what'][0]['term']} {size['value']:.3g} {size['unit']}")

@@ -1,15 +1,14 @@
-"""What discovery makes of the MuJoCo world, which slips, droops and squeezes as the seed's simulation does not know.
+"""Discovery on the MuJoCo world, whose slip, droop and compression the paper's simulation lacks.
 
     python -m benchmarks.launcher_world --what as-is,changed --level L1,L2 --worlds 10 --seed 1001 --out FILE
     python -m benchmarks.launcher_world --table FILE
 
-as-is: an unmodified world, from the seed's belief (gravity, drag, magnus): is the mismatch found, where, by what names,
-and how well does the adopted simulation foretell another session's heights at the plane, beside the world's own scatter
-from shot to shot (the same shots with and without it) and beside the seed's belief, fitted.
-changed: one thing changed (truearc_proof.worlds.perturbations), asked against the belief adopted from the as-is
-session of the same number and, with tracks, since that session. A line of FILE a world; one that is there already is
-not run again. World number N has the seed 1000 N. Development used seeds below 1000, and numbers 101 to 120 for what
-`since` does.
+as-is: an unmodified world, baseline as in the paper (gravity, drag, magnus): is the mismatch found, in which stage, by
+which terms, and how well does the adopted simulation forecast another session's heights at the plane, beside the
+world's shot-to-shot scatter (the same shots with and without it) and beside the fitted baseline.
+changed: one thing changed (truearc_proof.worlds.perturbations), compared with the belief adopted from the as-is
+session of the same number and, with tracks, since that session. FILE has one line per world; worlds in it are not run
+again. World number N has the seed 1000 N. Development used seeds below 1000, and numbers 101 to 120 for `since`.
 """
 
 import argparse

@@ -1,8 +1,8 @@
-"""How many CAN frames a second each bus brings to the tick without losing one, against what fits on a wire of 1 Mbit/s.
+"""CAN frames per second that each bus brings to the tick without loss, against the capacity of a wire of 1 Mbit/s.
 
-The far end, in a process of its own wherever the bus leaves it, sends numbered frames at a steady rate; the robot's
-supervised bus takes them in, read by a tick 200 times a second. The rate is doubled until frames are lost, or cannot be
-sent in time, then found by halves.
+A sender, in a process of its own wherever the bus leaves it, sends numbered frames at a steady rate; the robot's
+supervised bus receives them, read by a tick 200 times per second. The rate is doubled until frames are lost, or cannot
+be sent in time, then found by bisection.
 """
 
 import argparse
@@ -24,9 +24,9 @@ from truearc.hw.real.supervised_bus import WAIT_S, SupervisedBus
 BITRATE = 1_000_000
 NS_PER_S = 1_000_000_000
 FRAME_ID, NUMBER = 0x070E0005, struct.Struct("<q")
-TICK_NS, BURST_NS = 5_000_000, 1_000_000          # the tick; how often the far end sends what is due
+TICK_NS, BURST_NS = 5_000_000, 1_000_000          # the tick; how often the sender sends what is due
 FIRST_HZ, MOST_HZ, STEPS, TRIES = 1000, 64_000, 3, 2
-KEPT_UP = 0.98                                    # share of the asked rate that the far end must have sent
+KEPT_UP = 0.98                                    # share of the asked rate that the sender must have sent
 QUIET_NS = 500_000_000                            # without a frame: it is over
 
 # Fields of a data frame between start of frame and checksum, which are stuffed, and those after, which are not.
@@ -56,7 +56,7 @@ def send(bus: Bus, rate_hz: float, seconds: float) -> float:
 
 
 class Far:
-    """The far end of one bus; `port`: what the robot opens."""
+    """The sender on one bus; `port`: what the robot opens."""
 
     def __init__(self, bus: str, rate_hz: float, seconds: float) -> None:
         self._took_s = 0.0
@@ -97,7 +97,7 @@ class Far:
 
 
 def be_far(bus: str, rate_hz: float, seconds: float) -> None:
-    """The far end's process: says its port, waits for a line, sends, waits for a line, says how long it took."""
+    """Run the sender: print its port, wait for a line, send, wait for a line, print how long it took."""
     if bus.startswith("slcan"):
         adapter = SlcanAdapter(open_cable(prompt=False) if bus == "slcan:auto" else SocketCable())
         print(f"slcan:{adapter.port}", flush=True)
@@ -174,7 +174,7 @@ def report(seconds: float, wanted: list[str]) -> None:
     for kind, (most, none) in limits.items():
         print(f"1 Mbit/s carries {most:.0f} (most stuffing) to {none:.0f} (none) frames/s of 8 bytes, {kind}")
     limit = limits["29-bit id"][1]
-    print("bus                  far end                  frames/s without loss   to the wire (29-bit, no stuffing)")
+    print("bus                  sender                   frames/s without loss   to the wire (29-bit, no stuffing)")
     buses = [("virtual", "a thread of this process"), ("slcan:auto", "another process"),
              ("slcan:socket", "another process")]
     if Path("/sys/class/net/vcan0").exists():

@@ -62,7 +62,7 @@ def tell_beside(paths: Sequence[Path], other: Path) -> str:
 
 
 class Packed(NamedTuple):
-    """A round as it lies in its file. facts: what it was drawn from and who solved it, told."""
+    """A packed round. facts: its seeds and its solver, as text."""
 
     setting: tuple[str, int]
     graded: tuple[Graded, ...]

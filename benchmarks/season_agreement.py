@@ -2,10 +2,10 @@
 
     python -m benchmarks.season_agreement --trials 240 --seed 11
 
-The emulated robot (buses, images, control, operator) records a session; the same settings, as the world had them at
-each shot, are then shot by truearc_proof.world.season, with the same launcher and rack of balls and other luck. What
-the world says of every ball is compared as distributions: means with the standard error of the difference of pairs,
-deviations, and the two-sample Kolmogorov-Smirnov test; then what was read of each shot against the truth.
+The emulated robot (buses, images, control, operator) records a session; truearc_proof.world.season then shoots the
+same settings, as the world had them at each shot, with the same launcher and rack of balls and other random effects.
+The truths of every ball are compared as distributions: means with the standard error of the difference of pairs,
+deviations, and the two-sample Kolmogorov-Smirnov test; then the readings of each shot against the truth.
 """
 
 import argparse
@@ -32,7 +32,7 @@ TOGETHER_S = 0.2                      # a recorded shot and a ball of the world 
 
 
 def truths(results: list[BallResult]) -> dict[str, np.ndarray]:
-    """What the world says of each ball [n], free of the setting where one can be."""
+    """Return the truths of each ball [n], normalized by the setting where possible."""
     wheel = np.array([one.wheel_before_rad_s for one in results])
     speed = np.array([one.exit_speed_m_s for one in results])
     return {"exit speed / wheel speed (m)": speed / wheel,
@@ -44,7 +44,7 @@ def truths(results: list[BallResult]) -> dict[str, np.ndarray]:
 
 
 def readings(shots: Shots, results: list[BallResult], free_rad_s: float) -> dict[str, np.ndarray]:
-    """What was read of each shot less the truth [n]."""
+    """Return the errors of each shot's readings [n]."""
     fed_s = np.array([one.fed_t_ns for one in results]) * NS
     t_s = shots.number("t_s")
     nearest = np.abs(fed_s[None] - t_s[:, None]).argmin(1)

@@ -23,14 +23,14 @@ import numpy as np
 from benchmarks.real_robot import PATIENT, RealRobot, save_config
 from truearc.robot.config.schema import load_config
 from truearc.robot.processes.tick_timing import Second
-from truearc.robot.recording.images import load_image, load_pictures
+from truearc.robot.recording.files import load_image, load_pictures
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import LATENESS, load_trials
 
 SAMPLE_S = 1.0
 WARM_SHARE = 0.25                     # of the run: caches fill, libraries are loaded
-GROWTH_MB = 4.0                       # more than this after that, and still growing at its end, is a leak;
-INDEX_MB_PER_H = 17.5                 # but for the recording's index, which its end needs: 0.5 kB a chunk of 0.1 s
+GROWTH_MB = 4.0                       # more than this after that, and still growing at its end, is a leak
+INDEX_MB_PER_H = 17.5                 # the recording's index, which its end needs, may grow: 0.5 kB per chunk of 0.1 s
 DRIFT_S = 0.0005                      # by which ticks may come off the beat they began with
 PIECE_S = 20
 LAG_S = 1.0                           # that the last tick may be older than the end
@@ -99,7 +99,7 @@ def judge_memory(samples: dict[str, list[Sample]]) -> list[str]:
 
 
 def judge_recording(session: Path, tick_hz: int, ended_ns: int) -> tuple[list[str], list[str]]:
-    """What is wrong with a recording that has just ended, and a summary."""
+    """Return the faults of a recording that has just ended, and a summary."""
     reader, times_ns, wrong, cycle, fired = TickReader(session), array("q"), [], 0, 0
     for tick, _ in reader:
         if tick.inputs.cycle != cycle + 1:

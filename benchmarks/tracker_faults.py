@@ -1,6 +1,6 @@
-"""What a tracker does wrong, done to tracks that it did right: nothing of it is physics of the ball.
+"""Tracker faults applied to correct tracks: none of them is physics of the ball.
 
-Written against the tracks as recorded, with nothing of truearc.sim.physics.
+They act on the tracks as recorded and use nothing of truearc.sim.physics.
 """
 
 import math

@@ -36,7 +36,7 @@ RATE = Recipe().learning_rate
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--steps", type=int, default=20000, help="of every network")
-    parser.add_argument("--repeats", type=int, default=3, help="the fastest of so many counts, of both")
+    parser.add_argument("--repeats", type=int, default=3, help="runs of each; the fastest counts")
     args = parser.parse_args()
     jobs = [make_job(size, seed) for size in SIZES for seed in range(SEEDS)]
     subset = jobs[::SEEDS]
@@ -89,7 +89,7 @@ def agree(found: list[Layers], wanted: list[Layers]) -> None:
 
 
 def make_job(size: int, seed: int) -> Job:
-    """Shots of which distance and speed decide, in the seed's ranges; as many recorded ones as the seed trained on."""
+    """Shots decided by distance and speed, in the paper's ranges, with as many recorded ones as the paper has."""
     return Job(make_rows(REAL, seed), make_rows(size, 1000 + seed) if size else None, None, 0.01, seed)
 
 

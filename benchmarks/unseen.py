@@ -1,4 +1,4 @@
-"""How well a belief foretells a MuJoCo session that nothing was fitted to."""
+"""Forecast error of a belief on a hold-out MuJoCo session."""
 
 import numpy as np
 
@@ -15,7 +15,7 @@ def heights_m(season: Season) -> np.ndarray:
 
 
 def off_m(facts: Rig, belief: Belief, season: Season) -> float:
-    """RMS error in m of the heights that the belief foretells from what was read of each shot before it."""
+    """Return the RMS error in m of the heights forecast by the belief from each shot's readings."""
     shots = season.dataset.shots
     around = before_the_shot(belief.curves, facts, shots)
     told = np.asarray(predict(facts, belief.coefficients, shots, circumstances=around).height_m)

@@ -17,8 +17,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 from msgspec.structs import replace
-from vision_scenes import LOOKS, TURNING, WRITTEN, Shot, baseline, clutter, shoot
 
+from benchmarks.vision_scenes import LOOKS, TURNING, WRITTEN, Shot, baseline, clutter, shoot
 from truearc import robot
 from truearc.cli.progress import make_progress
 from truearc.cli.robot.vision_tools.images import decode_image
@@ -30,7 +30,7 @@ from truearc.robot.vision.taped import fit_taped
 
 HOME = Path(robot.__file__).parent
 DATA = Path(os.environ.get("TRUEARC_DATA", Path(__file__).parents[2] / "shared" / "data")) / "goal_images"
-SHARP, TOLD, TOLD_PX = "sharp, quiet", "sharp, and told", 0.08    # that look once more, with corner_sigma_px as it is
+SHARP, STATED, STATED_PX = "sharp, quiet", "sharp, stated", 0.08    # that look once more, with corner_sigma_px as it is
 BANDS_M = ((1, 2), (2, 3), (3, 5), (5, 7), (7, 9), (9, 12), (12, 16))
 
 
@@ -113,9 +113,9 @@ def sweep(config: Config, frames: int) -> np.ndarray:
     print(f"rendered, {frames} frames in each cell, up to 35 degrees off axis: rms error (found; spread of error / "
           "sigma)\n  " + " " * 16 + "".join(f"{f'{low}-{high} m':>22s}" for low, high in BANDS_M))
     progress, rows = make_progress("sweep"), []
-    looks = [*LOOKS.items(), (TOLD, LOOKS[SHARP]), *WRITTEN.items(), *TURNING.items()]
+    looks = [*LOOKS.items(), (STATED, LOOKS[SHARP]), *WRITTEN.items(), *TURNING.items()]
     for k, (name, look) in enumerate(looks):
-        vision = replace(config.vision, corner_sigma_px=TOLD_PX) if name == TOLD else config.vision
+        vision = replace(config.vision, corner_sigma_px=STATED_PX) if name == STATED else config.vision
         cells = []
         for j, band in enumerate(BANDS_M):
             rng = np.random.default_rng([2, k, j])

@@ -1,7 +1,7 @@
 """Reasons for a HOLD, a fault or a refusal: a code with parameters. Text is made from them at the edges only.
 
 A Code declares what one kind of reason carries and how a log words it; calling it makes a Reason. Codes of the wires
-and devices are in `truearc.hw.fault_codes`, the robot's in `truearc.robot.reasons`.
+and devices are in `truearc.hw.fault_codes`, the robot's in `truearc.robot.reasons`. A Message words it for the driver.
 """
 
 import sys
@@ -15,6 +15,9 @@ OPTIONAL = "?"                        # at the end of a parameter's unit: it may
 LARGEST = sys.float_info.max          # what is beyond is not finite
 WITHOUT_NUMBERS = {"text", "count", "flag", "motor", "device", "texts", "counts", "reason", "reasons"}
 NESTED = "~"                          # in a template's format: stands for the parameter's text, where there is one
+FAULT = "fault"                       # something is not as it should be
+YOU = "you"                           # it is the driver's turn
+WAIT = "wait"                         # comes by itself
 
 
 class Reason(Struct, frozen=True, omit_defaults=True):
@@ -60,6 +63,21 @@ class Code(Struct, frozen=True):
         return Reason(self.name, params)
 
 
+class Message(Struct, frozen=True):
+    """One kind of reason on the operator's page.
+
+    kind: FAULT, YOU or WAIT.
+    means, do: templates over the reason's parameters; `do` is "" where there is nothing to do.
+    case: only where this is the name of the reason's cause, or the single error of a motor; "": otherwise.
+    """
+
+    code: Code
+    kind: str
+    means: str
+    do: str = ""
+    case: str = ""
+
+
 def index(codes: Iterable[Code]) -> dict[str, Code]:
     """Codes by name; ValueError for one declared twice."""
     found: dict[str, Code] = {}
@@ -71,8 +89,9 @@ def index(codes: Iterable[Code]) -> dict[str, Code]:
 
 def render(reason: Reason, codes: Mapping[str, Code]) -> str:
     """The log text; of a code that is not among `codes`, its name and parameters."""
-    code = codes.get(reason.code)
-    if code is None:
+    try:
+        code = codes[reason.code]
+    except KeyError:
         shown = ", ".join(f"{name} {_text(value, codes)}" for name, value in reason.params.items())
         return f"{reason.code} ({shown})" if shown else reason.code
     return fill(code.text, reason.params, codes)

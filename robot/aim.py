@@ -69,7 +69,7 @@ def aim(estimate: Estimate, memory: Memory, config: Config) -> Aim:
 def place_m(distance_m: float | None, memory: Memory, config: Config) -> float | None:
     """The distance that the current trial's aim, made at `distance_m`, is for.
 
-    None where a model is asked of every shot: it rates the distance of the tick, wherever the aim was made.
+    None where a model rates every shot: it rates the distance of the tick, wherever the aim was made.
     """
     row = _row(memory.trial, config.collect)
     if row is not None:
@@ -78,7 +78,7 @@ def place_m(distance_m: float | None, memory: Memory, config: Config) -> float |
 
 
 def from_here(held: Aim, place_m: float | UnsetType | None, distance_m: float | None) -> Aim:
-    """An aim that is held, for a robot that may have moved since: away from its place it is no aim to fire with."""
+    """A held aim for a robot that may have moved since: away from its place it must not be fired with."""
     if place_m is None or place_m is UNSET or distance_m is None or abs(distance_m - place_m) <= PLACE_M:
         return held
     return Aim(held.motor_ratio, held.hood_deg, held.source, place_m)
@@ -103,7 +103,7 @@ def _row(trial: int, collect: Collect) -> Prescribed | None:
 
 
 def surface_m_s(config: Config) -> float:
-    """Mean surface speed of the wheels when the motors run at free speed (the seed's Eq. 11)."""
+    """Mean surface speed of the wheels when the motors run at free speed (Eq. 11 of the paper)."""
     launcher = config.rig.launcher
     speeds = [wheel.radius_m * wheel.gear * (launcher.free_speed_rad_s or 0.0) for wheel in launcher.wheel]
     return sum(speeds) / len(speeds)
@@ -117,8 +117,8 @@ def walked(walk: Walk, distance_m: float, hood_deg: float) -> float:
 def step_walk(walk: Walk, side: int, shot: Shot, collect: Collect) -> Walk:
     """One driver's mark: side -1 = passed low (more speed), +1 = passed high (less), 0 = on target (nothing).
 
-    A mark on the side to which the speed was deliberately trimmed says nothing about the aim, nor does one of a
-    prescribed shot.
+    A mark on the side to which the speed was deliberately trimmed carries no information on the aim, nor does one of
+    a prescribed shot.
     """
     if collect.prescribed:
         return walk

@@ -1,4 +1,4 @@
-"""What the driver's buttons do to the tick's memory: arm, ask for a shot, say what became of it."""
+"""Effect of the driver's buttons on the tick's memory: arm, request a shot, mark its outcome."""
 
 from msgspec import UNSET
 from msgspec.structs import replace
@@ -19,7 +19,7 @@ def operate(inputs: Inputs, memory: Memory, config: Config) -> tuple[Memory, tup
     outcomes: list[Outcome] = []
     for event in inputs.buttons:
         if event.button == "arm":
-            memory = _toggle_arm(memory)
+            memory = replace(_let_go(memory), armed=not memory.armed, disarmed=UNSET)
         elif event.button == "fire":
             memory = _ask(memory, inputs.t_ns)
         elif event.button == "reject" and memory.last_shot is not None:
@@ -31,10 +31,6 @@ def operate(inputs: Inputs, memory: Memory, config: Config) -> tuple[Memory, tup
     if inputs.missed is not None:
         memory = replace(_let_go(memory), disarmed=inputs.missed)
     return memory, tuple(outcomes)
-
-
-def _toggle_arm(memory: Memory) -> Memory:
-    return replace(_let_go(memory), armed=not memory.armed, disarmed=UNSET)
 
 
 def _let_go(memory: Memory) -> Memory:

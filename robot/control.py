@@ -5,7 +5,6 @@ import math
 from msgspec.structs import replace
 
 from truearc.robot.config.schema import Config
-from truearc.robot.feedforward import flywheel_torque_nm
 from truearc.robot.pid import step_pid
 from truearc.robot.types import Aim, Command, Estimate, Inputs, Memory, Pid, Verdict
 
@@ -15,7 +14,7 @@ RELEASED = Command(enable=False, flywheel_torque_nm=0.0, hood_torque_nm=0.0, fee
 
 def control(inputs: Inputs, estimate: Estimate, aim: Aim, verdict: Verdict, memory: Memory,
             config: Config) -> tuple[Command, Memory]:
-    """Torques for this tick. Disarmed means released: nothing is asked of any motor."""
+    """Torques for this tick. Disarmed means released: no motor gets a torque."""
     if not memory.armed:
         return RELEASED, replace(memory, flywheel=Pid(), hood=Pid(), feed_t_ns=0)
     flywheel, wheel_pid = _flywheel(estimate, aim, memory, config)
@@ -33,8 +32,9 @@ def _flywheel(estimate: Estimate, aim: Aim, memory: Memory, config: Config) -> t
     if wanted <= 0.0:
         return 0.0, Pid()
     low = wheel.pid.output_low if wheel.brake else 0.0
-    return step_pid(wheel.pid, memory.flywheel, wanted, estimate.motor_rad_s, flywheel_torque_nm(wheel, wanted),
-                    low, wheel.pid.output_high, 1.0 / config.tick_hz)
+    expected_nm = wheel.ks_nm + wheel.kv_nm_s * wanted       # at a constant speed, before any feedback
+    return step_pid(wheel.pid, memory.flywheel, wanted, estimate.motor_rad_s, expected_nm, low, wheel.pid.output_high,
+                    1.0 / config.tick_hz)
 
 
 def _hood(estimate: Estimate, aim: Aim, memory: Memory, config: Config) -> tuple[float, Pid]:

@@ -137,7 +137,19 @@ TAPE_UNEVEN = Code("tape_uneven", "the tape's straights are not equally wide: pa
 LEGACY_TEXT = Code("legacy_text", "{text}", {"text": "text"})
 
 CODES = tuple(code for code in globals().values() if isinstance(code, Code))
-BY_NAME = index((*fault_codes.CODES, *CODES))
+
+
+class _Codes(dict[str, Code]):
+    """Codes by name, those of installed motor families included."""
+
+    def __missing__(self, name: str) -> Code:
+        from truearc.hw.devices.registry import find_messages  # needs cantools, which most commands do without
+        for message in find_messages(name):
+            return message.code
+        raise KeyError(name)
+
+
+BY_NAME = _Codes(index((*fault_codes.CODES, *CODES)))
 
 # With these alone the model is all that stands in the way of firing
 MODEL_DOUBTS = frozenset((MODEL_OUTSIDE_DOMAIN.name, MODEL_BELOW_THRESHOLD.name))

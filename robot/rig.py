@@ -1,4 +1,7 @@
-"""HardwareRig: any wires that keep truearc.hw.protocols's promises, real or emulated. ReplayRig: a recording."""
+"""HardwareRig: any wires that keep truearc.hw.protocols's promises, real or emulated. ReplayRig: a recording.
+
+RecordingRig: any of them while it is recorded: no shot is fired unless it is.
+"""
 
 from collections.abc import Callable, Iterable, Iterator
 
@@ -15,6 +18,7 @@ from truearc.hw.reason import Reason
 from truearc.robot import reasons as because
 from truearc.robot.config.schema import Config
 from truearc.robot.motors import make_motors, name_axes
+from truearc.robot.runtime import RobotIo
 from truearc.robot.types import Command, Inputs, Sent, Sighting, Tick
 from truearc.robot.vision_source import Eyes
 
@@ -175,7 +179,7 @@ class HardwareRig:
         return sighting
 
     def _start(self) -> list[Frame]:
-        """What is said once, before everything else."""
+        """Frames that are sent once, before all others."""
         period_ms = self._config.hood_encoder.period_ms
         if self._started or period_ms == 0:
             return []
@@ -212,6 +216,29 @@ class ReplayRig:
 
     def picture(self) -> CameraFrame | None:
         return None
+
+
+class RecordingRig:
+    """A rig whose inputs also say when the recording is in trouble; a fault like any other, so it is a HOLD.
+
+    `trouble`: why what is recorded is not reaching the disk; None while it is.
+    """
+
+    def __init__(self, rig: RobotIo, trouble: Callable[[], Reason | None]) -> None:
+        self._rig, self._trouble = rig, trouble
+
+    def read(self) -> Inputs | None:
+        inputs = self._rig.read()
+        trouble = self._trouble()
+        if inputs is None or trouble is None:
+            return inputs
+        return replace(inputs, faults=(*inputs.faults, because.NOT_RECORDING(cause=trouble)))
+
+    def write(self, command: Command) -> Sent:
+        return self._rig.write(command)
+
+    def picture(self) -> CameraFrame | None:
+        return self._rig.picture()
 
 
 def _clamp(torque_nm: float, limit_nm: float) -> float:

@@ -80,7 +80,7 @@ class Verdict(Struct, frozen=True):
 
 
 class Command(Struct, frozen=True):
-    """What the tick asks of the motors. Torque at the motor shaft; positive launches (raises the hood)."""
+    """Torques that the tick requests. Torque at the motor shaft; positive launches (raises the hood)."""
 
     enable: bool
     flywheel_torque_nm: float                     # on each flywheel motor
@@ -130,7 +130,7 @@ class Shot(Struct, frozen=True):
 
 
 class Outcome(Struct, frozen=True):
-    """What the driver said of a shot, or that a request was never granted."""
+    """The driver's mark of a shot, or that a request was never granted."""
 
     trial: int
     t_ns: int

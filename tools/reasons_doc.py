@@ -1,11 +1,17 @@
-"""`docs/reasons.md`, made from the codes: `python -m tools.reasons_doc > docs/reasons.md`."""
+"""`docs/reasons.md`, made from the codes: `python -m tools.reasons_doc > docs/reasons.md`.
 
+With names of installed motor drivers (`python -m tools.reasons_doc samplemotor`) their own reasons are listed, too.
+"""
+
+import sys
+from collections.abc import Iterable
 from string import Formatter
 
 from truearc.hw import fault_codes
-from truearc.hw.reason import NESTED, OPTIONAL, Code
+from truearc.hw.devices.registry import find_family
+from truearc.hw.reason import NESTED, OPTIONAL, Code, Message
 from truearc.robot import reasons
-from truearc.robot.operator_ui.driver_messages import MESSAGES, Message
+from truearc.robot.operator_ui.driver_messages import MESSAGES
 
 HEAD = """# Reasons
 
@@ -24,15 +30,18 @@ CODE_HEAD = """
 ## Codes
 A parameter that ends in `?` may be absent. `cause` and `causes` are reasons themselves. A code without a
 message above is a cause of one that has a message, or an error that stops a command before it starts.
+A motor driver of another distribution has its own reasons, named `DRIVER.WHAT` (`MotorFamily.messages`).
 
 | code | log text | parameters |
 |---|---|---|"""
 
 
-def make_page() -> str:
-    """The whole page."""
-    codes = (*reasons.CODES, *fault_codes.CODES)
-    return "\n".join([HEAD.rstrip(), MESSAGE_HEAD, *map(_message_row, MESSAGES), CODE_HEAD, *map(_code_row, codes), ""])
+def make_page(drivers: Iterable[str] = ()) -> str:
+    """The whole page, with the own reasons of these drivers."""
+    own = [message for driver in drivers for message in find_family(driver).messages]
+    codes = (*reasons.CODES, *fault_codes.CODES, *(message.code for message in own))
+    return "\n".join([HEAD.rstrip(), MESSAGE_HEAD, *map(_message_row, (*own, *MESSAGES)), CODE_HEAD,
+                      *map(_code_row, codes), ""])
 
 
 def _message_row(message: Message) -> str:
@@ -59,4 +68,4 @@ def _field(name: str, spec: str) -> str:
 
 
 if __name__ == "__main__":
-    print(make_page(), end="")
+    print(make_page(sys.argv[1:]), end="")

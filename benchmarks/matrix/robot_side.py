@@ -30,9 +30,8 @@ from truearc.robot.processes.tick_timing import Lateness, TimedRig
 from truearc.robot.processes.watchdog_rig import WatchedRig
 from truearc.robot.recording.candump import TappedBus
 from truearc.robot.recording.encoder import SessionWriter
-from truearc.robot.recording.recording_rig import RecordingRig
 from truearc.robot.recording.session import make_header
-from truearc.robot.rig import NS_PER_S, HardwareRig
+from truearc.robot.rig import NS_PER_S, HardwareRig, RecordingRig
 from truearc.robot.runtime import RobotIo, run
 from truearc.robot.types import Command, Inputs, Sent
 from truearc.robot.vision_source import Eyes, InlineEyes
@@ -91,7 +90,7 @@ def run_robot(config: Config, breaking: Breaking, bus: tuple[str, str], box_port
         rig = HardwareRig(config, TappedBus(wire, recorder.tap), box, eyes, clock,
                           lambda: span.over_ns > 0 or recorder.is_over())
         wires.callback(rig.release)
-        kept = RecordingRig(TimedRig(rig, lateness), recorder)
+        kept = RecordingRig(TimedRig(rig, lateness), recorder.trouble)
         run(WatchedRig(AdvisedRig(kept, span), config, lambda words: None), config, gate, recorder)
     side = RobotSide(dict(tally), None if gate is None else gate.answers, str(recorder.failed or ""))
     (folder / "robot.json").write_bytes(msgspec.json.encode(side))

@@ -15,6 +15,7 @@ from truearc.hw.finding import Finding
 from truearc.hw.motor import Motor
 from truearc.hw.protocols import Frame
 from truearc.hw.readings import MotorReading
+from truearc.hw.reason import Message
 
 AxisKind = TypeVar("AxisKind", bound=Axis)
 
@@ -45,7 +46,7 @@ class AttachedMotor(NamedTuple):
     endstop: Callable[[], bool] | None    # reads the limit switch, if there is one
 
 
-class MotorFamily(Struct, Generic[AxisKind], frozen=True, kw_only=True):
+class MotorFamily(Struct, Generic[AxisKind], frozen=True, kw_only=True, eq=False):
     """One family of motor controllers.
 
     driver: its name, `driver` in launcher.toml.
@@ -60,6 +61,7 @@ class MotorFamily(Struct, Generic[AxisKind], frozen=True, kw_only=True):
     questions: what the doctor asks of the device; no answer may need a change of it.
     examine: the doctor's findings from what was heard on the bus.
     make_node: the emulated device.
+    messages: reasons that are its own, named "DRIVER.WHAT": their codes, and what the operator's page says of them.
     """
 
     driver: str
@@ -74,3 +76,4 @@ class MotorFamily(Struct, Generic[AxisKind], frozen=True, kw_only=True):
     questions: Callable[[AxisKind, Endpoints | None], Sequence[Frame]]
     examine: Callable[[AxisKind, AxisCheck, Heard], Iterable[Finding]]
     make_node: Callable[[AxisKind, AttachedMotor], Node]
+    messages: tuple[Message, ...] = ()

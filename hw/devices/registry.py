@@ -18,6 +18,7 @@ from truearc.hw.devices.family import MotorFamily
 from truearc.hw.devices.odrive.family import ODRIVE
 from truearc.hw.devices.spark.family import SPARK
 from truearc.hw.plugins import PluginError, load_plugin, place_of
+from truearc.hw.reason import Message
 
 GROUP = "truearc.motors"
 FAMILIES: tuple[MotorFamily[Any], ...] = (ODRIVE, SPARK, ADVISORY)
@@ -45,6 +46,16 @@ def drivers() -> tuple[str, ...]:
 
 
 @functools.cache
+def find_messages(code: str) -> tuple[Message, ...]:
+    """Messages for a code "DRIVER.WHAT" of a distribution's family; () for any other, and where it cannot be loaded."""
+    driver, dot, _ = code.partition(".")
+    try:
+        return tuple(message for message in _load(driver).messages if message.code.name == code) if dot else ()
+    except (LookupError, PluginError):
+        return ()
+
+
+@functools.cache
 def _load(driver: str) -> MotorFamily[Any]:
     point, *others = tuple(entry_points(group=GROUP, name=driver)) or (None,)
     if point is None:
@@ -55,4 +66,7 @@ def _load(driver: str) -> MotorFamily[Any]:
     if not (isinstance(family, MotorFamily) and issubclass(family.axis, Axis)
             and family.driver == driver_of(family.example) == driver):
         raise PluginError(f"{place_of(point)}: is not a MotorFamily whose driver and tag are {driver!r}")
+    for message in family.messages:
+        if not message.code.name.startswith(f"{driver}."):
+            raise PluginError(f"{place_of(point)}: reason {message.code.name!r} must be named '{driver}.WHAT'")
     return family

@@ -1,4 +1,4 @@
-"""What the configuration says of the CAN bus: what may be sent and how often, what is heard, and in what cadence."""
+"""Rules of the CAN bus from the configuration: frames that may be sent, how often, frames received, their periods."""
 
 import math
 from collections import Counter

@@ -1,4 +1,4 @@
-"""What is known about a rig: the contents of rig.toml, and of [rig] in launcher.toml.
+"""Rig specification: the contents of rig.toml, and of [rig] in launcher.toml.
 
 Outsiders write these files, so an absent optional key takes the default stated here, and a key that this version does
 not know is reported by `unknown_keys` for the caller to warn about; a wrong type or a missing required key is an error.
@@ -31,8 +31,8 @@ class LauncherFacts(Struct, frozen=True):
 
 class Target(Struct, frozen=True):
     centre_height_m: float
-    three_half_height_m: float = 0.07     # the seed's Eq. 13
-    two_half_height_m: float = 0.35       # the seed's Eq. 14
+    three_half_height_m: float = 0.07     # Eq. 13 of the paper
+    two_half_height_m: float = 0.35       # Eq. 14 of the paper
 
 
 class Air(Struct, frozen=True):
@@ -44,7 +44,7 @@ class WorldFacts(Struct, frozen=True):
 
 
 class Noise(Struct, frozen=True):
-    """What the sensors are believed to do: standard deviations."""
+    """Assumed standard deviations of the sensors."""
 
     distance_m: float = 0.05
     hood_deg: float = 0.2

@@ -1,8 +1,11 @@
 """The launcher's configuration: one TOML file, no defaults, so that a typo cannot become one."""
 
+import csv
 import hashlib
 import re
 import tomllib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
@@ -17,7 +20,7 @@ Finite = Annotated[float, msgspec.Meta(gt=-1e9, lt=1e9)]
 Doubt = Annotated[float, msgspec.Meta(ge=0.0, lt=1e9)]
 Place = Annotated[float, msgspec.Meta(gt=-1e6, lt=1e6)]   # any number, but neither infinite nor none
 Share = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
-Some = Annotated[float, msgspec.Meta(ge=0.0, le=1e4)]     # a doubt that can be reckoned with, or none
+Some = Annotated[float, msgspec.Meta(ge=0.0, le=1e4)]     # a finite standard deviation, or 0
 Least = Annotated[float, msgspec.Meta(gt=0.0, le=1e4)]    # ... and some in any case
 Hue = Annotated[int, msgspec.Meta(ge=0, le=179)]          # OpenCV's, two degrees each
 Slope = Annotated[float, msgspec.Meta(gt=-90.0, lt=90.0)]
@@ -58,7 +61,7 @@ class Axes(Struct, frozen=True, forbid_unknown_fields=True):
 class HoodEncoder(Struct, frozen=True, forbid_unknown_fields=True):
     driver: Literal["canandmag"]
     device: CanNode
-    period_ms: Annotated[int, msgspec.Meta(ge=0, le=65535)]    # asked of the device at start; 0: nothing is sent to it
+    period_ms: Annotated[int, msgspec.Meta(ge=0, le=65535)]    # set in the device at start; 0: no frame is sent to it
     zero_deg: Finite                   # encoder reading when the launch elevation is 0
     direction: Direction                    # +1 if the reading grows with elevation
 
@@ -113,8 +116,8 @@ class Feeder(Struct, frozen=True, forbid_unknown_fields=True):
 class CameraConfig(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """Pinhole and Brown distortion at the stated size; the mounting relative to the ball's exit point.
 
-    The calibration's own doubts, one standard deviation each, are 0 where nothing is said: recordings from before they
-    were there still say what they said (as with the exposure). `truearc vision calibrate` writes them.
+    The calibration's own standard deviations are 0 where none is stated, so that recordings from before these keys
+    existed keep their hash (as with the exposure). `truearc vision calibrate` writes them.
     """
 
     device: str                       # V4L2 path or index
@@ -136,7 +139,7 @@ class CameraConfig(Struct, frozen=True, forbid_unknown_fields=True, omit_default
     centre_sigma_px: Some = 0.0       # of cx and of cy
     bias_m: Place = 0.0               # distances come out this much too long whatever they are
     bias_sigma_m: Some = 0.0
-    exposure_s: Doubt = 0.0           # asked of a local device at start and read back; 0 leaves it to the camera
+    exposure_s: Doubt = 0.0           # set in a local device at start and read back; 0: the camera chooses
     readout_s: Share = 0.03           # of a rolling shutter, from the first row's exposure to the last one's
     turn_sigma_deg_s: Some = 10.0     # how fast the camera may turn meanwhile, one standard deviation
 
@@ -259,14 +262,21 @@ def load_toml(path: str | Path, kind: type[Kind]) -> Kind:
 
 def load_text(path: str | Path) -> str:
     """The text of a file in UTF-8; InputError names the file and says why it cannot be read."""
-    try:
+    with naming(path):
         return Path(path).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+
+
+@contextmanager
+def naming(path: str | Path) -> Iterator[None]:
+    """Raise errors of reading, writing and decoding as InputError, with the file in front."""
+    try:
+        yield
+    except (OSError, UnicodeDecodeError, csv.Error, msgspec.MsgspecError) as error:
         raise InputError(f"{path}: {in_words(error)}") from error
 
 
 def in_words(error: Exception) -> str:
-    """What an error says, without the system's number of it and without the file, which our messages name first."""
+    """The text of an error without its number and without the file, which our messages name first."""
     if isinstance(error, OSError):
         return error.strerror or str(error)
     return "not UTF-8 text" if isinstance(error, UnicodeDecodeError) else str(error)

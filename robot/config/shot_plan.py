@@ -9,7 +9,7 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-from truearc.robot.config.schema import Config, InputError, Prescribed, in_words
+from truearc.robot.config.schema import Config, InputError, Prescribed, naming
 
 COLUMNS = ("distance_m", "motor_ratio", "hood_deg")
 SHOWN = 5                             # bad rows that a message names before it only counts
@@ -43,16 +43,13 @@ def with_plan(config: Config, plan: tuple[Prescribed, ...], repeats: int | None 
 
 def _rows(file: Path) -> list[tuple[int, dict[str, str]]]:
     """(line, cells by column) of each row; InputError when it is no such table."""
-    try:
-        with file.open(encoding="utf-8-sig", newline="") as text:
-            reader = csv.DictReader(text, strict=True)
-            header = reader.fieldnames or []
-            for name in COLUMNS:
-                if name not in header:
-                    raise InputError(f"{file}:1: column {name} is missing")
-            return [(reader.line_num, {name: row[name] or "" for name in COLUMNS}) for row in reader]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{file}: {in_words(error)}") from error
+    with naming(file), file.open(encoding="utf-8-sig", newline="") as text:
+        reader = csv.DictReader(text, strict=True)
+        header = reader.fieldnames or []
+        for name in COLUMNS:
+            if name not in header:
+                raise InputError(f"{file}:1: column {name} is missing")
+        return [(reader.line_num, {name: row[name] or "" for name in COLUMNS}) for row in reader]
 
 
 def _parse_row(place: str, row: dict[str, str], config: Config, bad: list[str]) -> Prescribed | None:

@@ -32,6 +32,6 @@ def _value(value: Any) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):
-        # a JSON string is a TOML basic string but for DEL, which TOML wants escaped
+        # a JSON string is a TOML basic string except for DEL, which TOML wants escaped
         return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
     return repr(value)

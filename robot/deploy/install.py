@@ -1,27 +1,22 @@
-"""Where things are on the robot's computer, and what is asked of its parts."""
+"""Options of `truearc deploy` on the robot's computer, checked against the configuration."""
 
 import re
 from collections.abc import Iterator
 
 from msgspec import Struct
 
+from truearc.hw.devices.axis import driver_of
 from truearc.robot.config.schema import Config, InputError
 
-HOME = "/opt/truearc"                 # the virtual environment
-SETTINGS = "/etc/truearc"             # launcher.toml, gate.onnx
-STATE = "/var/lib/truearc"            # sessions
-USER = "truearc"
-PROGRAM = f"{HOME}/venv/bin/truearc"
-QUEUE_FRAMES = 64                     # longer only makes set points older; the kernel's ten are refused in one tick
-RESTART_MS = 100                      # after bus-off
 HIGHEST_PRIORITY = 60                 # that the service may ask for
 
 
 class Parts(Struct, frozen=True):
-    """What the configuration does not say of a computer's parts; None or "" = leave it as it is."""
+    """Properties of a computer that are not in the configuration; None or "" = leave it as it is."""
 
     has_gate: bool
     has_endpoints: bool
+    has_plugins: bool                 # distributions with motor drivers are carried along
     core: int | None
     priority: int
     can_serial: str                   # of the CAN adapter: it then has its name whatever port it is plugged into
@@ -31,9 +26,17 @@ class Parts(Struct, frozen=True):
 
 def make_parts(config: Config, parts: Parts) -> Parts:
     """`parts`, checked against the configuration; InputError names the option that cannot be."""
-    for wrong in (*_wrong_names(config, parts), *_wrong_numbers(config, parts)):
+    for wrong in (*_missing_plugins(config, parts), *_wrong_names(config, parts), *_wrong_numbers(config, parts)):
         raise InputError(wrong)
     return parts
+
+
+def _missing_plugins(config: Config, parts: Parts) -> Iterator[str]:
+    from truearc.hw.devices.registry import BY_DRIVER  # drivers need cantools, which --help does without
+    from truearc.robot.motors import name_axes
+    for name, driver in ((name, driver_of(axis)) for name, axis in name_axes(config)):
+        if driver not in BY_DRIVER and not parts.has_plugins:
+            yield f"{name}: driver {driver!r} is of another distribution; --plugin names its wheel or source folder"
 
 
 def _wrong_names(config: Config, parts: Parts) -> Iterator[str]:
@@ -48,9 +51,9 @@ def _wrong_names(config: Config, parts: Parts) -> Iterator[str]:
     if parts.box_usb and not re.fullmatch(r"[0-9a-f]{4}:[0-9a-f]{4}", parts.box_usb):
         yield f"--box-usb {parts.box_usb!r}: vendor:product as `lsusb` prints them, such as 2341:8036"
     if parts.box_usb and not re.fullmatch(r"/dev/[A-Za-z0-9_-]+", config.buttons.port):
-        yield f"--box-usb: [buttons] port {config.buttons.port!r} is no name directly in /dev"
+        yield f"--box-usb: [buttons] port {config.buttons.port!r} is not a name directly in /dev"
     if parts.exposure_ms is not None and not re.fullmatch(r"/dev/[\w./:+-]+|\d+", config.camera.device):
-        yield f"--exposure-ms: [camera] device {config.camera.device!r} is no V4L2 device"
+        yield f"--exposure-ms: [camera] device {config.camera.device!r} is not a V4L2 device"
 
 
 def _wrong_numbers(config: Config, parts: Parts) -> Iterator[str]:

@@ -1,10 +1,10 @@
-"""A clean copy of the checkout's sources, to build a wheel from: an old `build/` would leak deleted modules into it."""
+"""Clean copies of sources, to build a wheel from: an old `build/` would leak deleted modules into it."""
 
 import shutil
 from pathlib import Path
 
 PARTS = ("pyproject.toml", "README.md", "LICENSE", "MANIFEST.in", "truearc", "hw", "robot", "sim", "model_export")
-IGNORE = shutil.ignore_patterns("__pycache__", "*.pyc", "*.egg-info")
+IGNORE = shutil.ignore_patterns("__pycache__", "*.pyc", "*.egg-info", "build", "dist", ".*")
 
 
 def copy_source(checkout: Path, to: Path) -> Path:
@@ -13,7 +13,12 @@ def copy_source(checkout: Path, to: Path) -> Path:
     for name in PARTS:
         path = checkout / name
         if path.is_dir():
-            shutil.copytree(path, to / name, ignore=IGNORE)
+            copy_folder(path, to / name)
         elif path.exists():
             shutil.copyfile(path, to / name)
     return to
+
+
+def copy_folder(folder: Path, to: Path) -> Path:
+    """Copy a folder without what was built in it; returns `to`."""
+    return shutil.copytree(folder, to, ignore=IGNORE)

@@ -4,18 +4,15 @@ import re
 from types import MappingProxyType
 
 from truearc.robot.config.schema import Config
-from truearc.robot.deploy.install import (
-    HIGHEST_PRIORITY,
-    HOME,
-    PROGRAM,
-    QUEUE_FRAMES,
-    RESTART_MS,
-    SETTINGS,
-    STATE,
-    USER,
-    Parts,
-)
+from truearc.robot.deploy.install import HIGHEST_PRIORITY, Parts
 
+HOME = "/opt/truearc"                 # the virtual environment
+SETTINGS = "/etc/truearc"             # launcher.toml, gate.onnx
+STATE = "/var/lib/truearc"            # sessions
+USER = "truearc"
+PROGRAM = f"{HOME}/venv/bin/truearc"
+QUEUE_FRAMES = 64                     # longer only makes set points older; the kernel's ten are refused in one tick
+RESTART_MS = 100                      # after bus-off
 UNIT, LINK, NETWORK, RULES, UNMANAGED, INSTALL = (
     "truearc.service", "60-truearc-can.link", "60-truearc-can.network", "70-truearc.rules", "60-truearc.conf",
     "install.sh")
@@ -124,19 +121,21 @@ HEAD = f"""#!/bin/sh
 set -eu
 cd "$(dirname "$0")"
 finished=no
-trap 'test $finished = yes || echo "NOT FINISHED, and the robot is stopped: mend that and run it again" >&2' EXIT
+trap 'test $finished = yes || echo "NOT FINISHED, and the robot is stopped: fix that and run it again" >&2' EXIT
 systemctl stop truearc.service 2>/dev/null || true
 id {USER} >/dev/null 2>&1 || useradd --system --user-group --home-dir {STATE} --shell /usr/sbin/nologin {USER}
 install -d -m 755 {HOME} {SETTINGS}
 install -d -m 755 -o {USER} -g {USER} {STATE} {STATE}/sessions
 
-# The program. With wheels for all it needs in wheels/ no network is asked.
+# The program, and the motor drivers of other distributions in plugins/. With wheels for all they need in wheels/ no
+# network is asked.
 python3 -m venv {HOME}/venv
 offline=""
 if ls wheels/numpy-*.whl >/dev/null 2>&1; then offline="--no-index"; fi
-{HOME}/venv/bin/python -m pip install --quiet --no-deps --no-index --force-reinstall wheels/truearc-*.whl
+plugins=$(ls plugins/*.whl 2>/dev/null || true)
+{HOME}/venv/bin/python -m pip install --quiet --no-deps --no-index --force-reinstall wheels/truearc-*.whl $plugins
 {HOME}/venv/bin/python -m pip install --quiet $offline --find-links wheels --constraint constraints.txt \\
-    wheels/truearc-*.whl
+    wheels/truearc-*.whl $plugins
 
 # What it runs with, and what starts it.
 for name in launcher.toml gate.onnx flat_endpoints.json; do

@@ -37,7 +37,7 @@ def check_adapter(can: Can, link: CanLink | None) -> Finding:
 
 
 def check_bitrate(can: Can, link: CanLink | None, heard: Heard) -> Finding:
-    """What the interface runs at, where it says so; else whether anything at all is understood."""
+    """The bitrate that the interface reports; where it reports none, whether any frame is received."""
     check = "bitrate"
     if link is not None and link.bitrate is not None and link.bitrate != can.bitrate:
         return failure(check, f"{can.channel} runs at {link.bitrate} bit/s, the configuration says {can.bitrate}",

@@ -1,4 +1,4 @@
-"""Every device on the bus: what to ask, and what to make of it."""
+"""Every device on the bus: what to ask, and what to make of it; and the gate's model."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -9,9 +9,11 @@ from truearc.hw.devices.family import AxisCheck, Endpoints
 from truearc.hw.devices.listening import Heard
 from truearc.hw.devices.odrive.parameters import parse_endpoints
 from truearc.hw.devices.registry import family_of
-from truearc.hw.finding import Finding
+from truearc.hw.finding import Finding, failure, ok
 from truearc.hw.protocols import Frame
-from truearc.robot.config.schema import Config, InputError, load_text
+from truearc.robot.config.schema import Config, GateConfig, InputError, load_text
+from truearc.robot.gate.contract import FEATURES
+from truearc.robot.gate.model import load_gate
 from truearc.robot.motors import name_axes
 
 
@@ -34,3 +36,19 @@ def check_devices(config: Config, endpoints: Endpoints | None, heard: Heard) -> 
         yield from family_of(axis).examine(axis, AxisCheck(name, config.tick_hz, endpoints), heard)
     encoder = config.hood_encoder
     yield check_encoder(Encoder(encoder.device), encoder.period_ms, config.gate.reading_age_s, heard)
+
+
+def check_model(gate: GateConfig, path: Path | None) -> Finding:
+    """Whether the model that the policy asks for is there, whole, and made for this robot's contract."""
+    check = "gate model"
+    if path is None:
+        if gate.policy == "model":
+            return failure(check, "gate.policy is 'model' and no model was given", "give --gate, as to `truearc run`")
+        return ok(check, f"none is needed: gate.policy is {gate.policy!r}")
+    try:
+        model = load_gate(path)
+    except InputError as error:
+        return failure(check, str(error), "export it again with this version of truearc, and copy it whole")
+    domain = ", ".join(f"{feature.name} {low:g} to {high:g}"
+                       for feature, (low, high) in zip(FEATURES, model.domain, strict=True))
+    return ok(check, f"sha256 {model.sha256[:12]}, this robot's contract; speaks of {domain}")

@@ -15,13 +15,13 @@ def check_clock(synchronised: bool | None) -> Finding:
     check = "time of day"
     if synchronised:
         return ok(check, "set by a time server")
-    says = "nobody says whether it is right" if synchronised is None else "not set since the computer was started"
+    says = "not known whether it is right" if synchronised is None else "not set since the computer was started"
     return warning(check, f"{says}: recordings may bear wrong dates",
                    "connect it to a network with a time server once, or give it a battery-backed clock")
 
 
 def check_real_time(answers: Sequence[tuple[str, str]]) -> list[Finding]:
-    """`answers`: (what was asked of the system, why it was refused, "" = it was granted)."""
+    """`answers`: (the request to the system, why it was refused, "" = it was granted)."""
     return [warning("real time", f"{asked} is refused ({refused}): ticks may come late",
                     "run it as the service of `truearc deploy`, which is allowed to") if refused
             else ok("real time", f"{asked} is allowed") for asked, refused in answers]

@@ -13,7 +13,7 @@ from truearc.robot.reasons import text
 NS_PER_S = 1_000_000_000
 LOOK_NS = 20_000_000
 BOX_S, CAMERA_S = 1.6, 3.0            # three heartbeats of the box; a camera that starts slowly
-GLARE = 0.25                          # of the image at full brightness: nothing of a target can be told from it
+GLARE = 0.25                          # of the image at full brightness: no target can be measured in it
 EXPOSURE_DO = "set it: `v4l2-ctl -d {} -c auto_exposure=1 -c exposure_time_absolute=50` (5 ms), or deploy --exposure-ms"
 
 

@@ -1,4 +1,4 @@
-"""What a gate model takes and gives.
+"""Inputs and outputs of a gate model.
 
 The hash of this is stamped into every exported model; a model with another is refused.
 """
@@ -17,7 +17,7 @@ class Feature(Struct, frozen=True):
     high: float
 
 
-# The seed's three configuration parameters (section II), in this order.
+# The three configuration parameters of the paper (section II), in this order.
 FEATURES = (
     Feature("distance_m", 0.0, 20.0),     # horizontal, ball exit to target plane, as measured by the robot
     Feature("motor_ratio", 0.0, 1.0),     # motor speed / free speed, measured
@@ -31,7 +31,7 @@ NOVELTY_LIMIT = 1.0                       # more than this is outside the model'
 
 
 class Measure(Struct, frozen=True):
-    """What an output other than a probability measures, and the most of it that still lies inside the domain."""
+    """An output other than a probability: its quantity, and the largest value that still lies inside the domain."""
 
     name: str
     kind: str

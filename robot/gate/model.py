@@ -9,22 +9,8 @@ import numpy as np
 import numpy.typing as npt
 import onnxruntime
 
-from truearc.robot.config.schema import InputError
-from truearc.robot.gate.contract import (
-    FEATURES,
-    INPUT,
-    KEY_CONTRACT,
-    KEY_CONTRACT_HASH,
-    KEY_DOMAIN,
-    KEY_NOVELTY,
-    KEY_PROVENANCE,
-    NOVELTY,
-    NOVELTY_LIMIT,
-    OUTPUT,
-    OUTPUTS,
-    contract_hash,
-    contract_json,
-)
+from truearc.robot.config.schema import InputError, naming
+from truearc.robot.gate import contract
 from truearc.robot.gate.seal import KEY_SEAL, is_intact
 
 Box = tuple[tuple[float, float], ...]             # (low, high) of each feature, in the contract's order
@@ -34,7 +20,7 @@ Floats = npt.NDArray[np.float64]
 
 
 class Rating(NamedTuple):
-    """What the model thinks of one configuration; both p are None when there is no number to be had.
+    """The model's output for one configuration; both p are None when it gives no finite number.
 
     `novelty`: how far from all that was recorded; more than 1 is outside the domain; None when there is no number.
     """
@@ -55,7 +41,7 @@ class Ratings(NamedTuple):
 
 LARGEST = float(np.finfo(np.float32).max)         # beyond this an input is infinite to the model
 NO_RATING = Rating(None, None, False)
-BOTH = (OUTPUT, NOVELTY)
+BOTH = (contract.OUTPUT, contract.NOVELTY)
 BLOCK = 4096                                      # rows handed to the model at once: novelty looks at rows x recorded
 
 
@@ -79,12 +65,12 @@ class Gate:
         # A NaN makes every comparison here false, so only real numbers reach the last line.
         if not (abs(distance_m) <= LARGEST and abs(motor_ratio) <= LARGEST and abs(hood_deg) <= LARGEST):
             return NO_RATING
-        p, novelty = self._run(BOTH, {INPUT: np.array(((distance_m, motor_ratio, hood_deg),), np.float32)})
+        p, novelty = self._run(BOTH, {contract.INPUT: np.array(((distance_m, motor_ratio, hood_deg),), np.float32)})
         p_two, p_three = p[0].tolist()
         if not (0.0 <= p_two <= 1.0 and 0.0 <= p_three <= 1.0):
             return NO_RATING
         new = novelty.item()
-        return Rating(p_two, p_three, 0.0 <= new <= NOVELTY_LIMIT and self._d_low <= distance_m <= self._d_high
+        return Rating(p_two, p_three, 0.0 <= new <= contract.NOVELTY_LIMIT and self._d_low <= distance_m <= self._d_high
                       and self._r_low <= motor_ratio <= self._r_high and self._h_low <= hood_deg <= self._h_high,
                       new if 0.0 <= new <= LARGEST else None)
 
@@ -93,19 +79,19 @@ class Gate:
 
         A row without a usable p has NaN in both columns and in_domain False.
         """
-        features = np.asarray(features, np.float64).reshape(-1, len(FEATURES))
+        features = np.asarray(features, np.float64).reshape(-1, len(contract.FEATURES))
         sound: npt.NDArray[np.bool_] = np.all(np.abs(features) <= LARGEST, axis=1)
         narrow = np.where(sound[:, None], features, 0.0).astype(np.float32)
         p, novelty = self._run_many(narrow)
         usable = sound & np.all((p >= 0.0) & (p <= 1.0), axis=1)
         inside = np.all((features >= self._low) & (features <= self._high), axis=1)
-        known = (novelty >= 0.0) & (novelty <= NOVELTY_LIMIT)
+        known = (novelty >= 0.0) & (novelty <= contract.NOVELTY_LIMIT)
         measured = usable & (novelty >= 0.0) & (novelty <= LARGEST)
         return Ratings(np.where(usable[:, None], p, np.nan), usable & inside & known,
                        np.where(measured, novelty, np.nan))
 
     def _run_many(self, features: npt.NDArray[np.float32]) -> tuple[Floats, Floats]:
-        blocks = [self._run(BOTH, {INPUT: features[first:first + BLOCK]})
+        blocks = [self._run(BOTH, {contract.INPUT: features[first:first + BLOCK]})
                   for first in range(0, max(len(features), 1), BLOCK)]
         p, novelty = (np.concatenate([np.asarray(block[k], np.float64) for block in blocks]) for k in range(2))
         if novelty.shape != (len(features), 1):
@@ -120,17 +106,15 @@ def load_gate(path: str | Path) -> Gate:
     what novelty is measured from, no provenance, a seal that does not fit, and a p that is not a probability or a
     novelty that is not a number anywhere on a grid of 27 points over the domain.
     """
-    try:
+    with naming(path):
         data = Path(path).read_bytes()
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from error
     opened = _open_session(path, data)
     _check_contract(path, opened.metadata)
-    _check_nodes(path, "input", opened.inputs, {INPUT: len(FEATURES)})
-    _check_nodes(path, "output", opened.outputs, {OUTPUT: len(OUTPUTS), NOVELTY: 1})
+    _check_nodes(path, "input", opened.inputs, {contract.INPUT: len(contract.FEATURES)})
+    _check_nodes(path, "output", opened.outputs, {contract.OUTPUT: len(contract.OUTPUTS), contract.NOVELTY: 1})
     domain = _parse_domain(path, opened.metadata)
-    _parse_object(path, opened.metadata, KEY_NOVELTY)
-    provenance = _parse_object(path, opened.metadata, KEY_PROVENANCE)
+    _parse_object(path, opened.metadata, contract.KEY_NOVELTY)
+    provenance = _parse_object(path, opened.metadata, contract.KEY_PROVENANCE)
     if not is_intact(data, opened.metadata.get(KEY_SEAL, "")):
         raise InputError(f"{path}: damaged or altered since it was exported (metadata key {KEY_SEAL!r} does not fit)")
     gate = Gate(opened.session, domain, hashlib.sha256(data).hexdigest(), provenance)
@@ -170,15 +154,15 @@ def _open_session(path: str | Path, data: bytes) -> _Opened:
 
 
 def _check_contract(path: str | Path, metadata: dict[str, str]) -> None:
-    for key in (KEY_CONTRACT, KEY_CONTRACT_HASH):
+    for key in (contract.KEY_CONTRACT, contract.KEY_CONTRACT_HASH):
         if key not in metadata:
             raise InputError(f"{path}: carries no contract (metadata key {key!r} is missing); export it with truearc")
-    stamped = metadata[KEY_CONTRACT_HASH]
-    if stamped != contract_hash():
+    stamped = metadata[contract.KEY_CONTRACT_HASH]
+    if stamped != contract.contract_hash():
         raise InputError(f"{path}: made for another contract (sha256 {stamped[:12]}..., this robot's is "
-                       f"{contract_hash()[:12]}...): {metadata[KEY_CONTRACT][:300]}")
-    if metadata[KEY_CONTRACT].encode() != contract_json():
-        raise InputError(f"{path}: metadata key {KEY_CONTRACT!r} does not say what its hash stands for")
+                       f"{contract.contract_hash()[:12]}...): {metadata[contract.KEY_CONTRACT][:300]}")
+    if metadata[contract.KEY_CONTRACT].encode() != contract.contract_json():
+        raise InputError(f"{path}: metadata key {contract.KEY_CONTRACT!r} does not say what its hash stands for")
 
 
 def _check_nodes(path: str | Path, kind: str, nodes: list[_Node], wanted: dict[str, int]) -> None:
@@ -195,11 +179,11 @@ def _is_rows(node: _Node, width: int) -> bool:
 
 
 def _parse_domain(path: str | Path, metadata: dict[str, str]) -> Box:
-    domain = _parse_object(path, metadata, KEY_DOMAIN)
-    if set(domain) != {feature.name for feature in FEATURES}:
+    domain = _parse_object(path, metadata, contract.KEY_DOMAIN)
+    if set(domain) != {feature.name for feature in contract.FEATURES}:
         raise InputError(f"{path}: the domain names {sorted(domain)}, not the contract's features")
     box = []
-    for feature in FEATURES:
+    for feature in contract.FEATURES:
         try:
             low, high = msgspec.convert(domain[feature.name], tuple[float, float])
         except msgspec.ValidationError as error:
@@ -214,25 +198,23 @@ def _parse_domain(path: str | Path, metadata: dict[str, str]) -> Box:
 def _parse_object(path: str | Path, metadata: dict[str, str], key: str) -> dict[str, Any]:
     if key not in metadata:
         raise InputError(f"{path}: metadata key {key!r} is missing")
-    try:
+    with naming(f"{path}: metadata key {key!r}"):
         return msgspec.json.decode(metadata[key], type=dict[str, Any])
-    except msgspec.MsgspecError as error:
-        raise InputError(f"{path}: metadata key {key!r}: {error}") from error
 
 
 def _probe(path: str | Path, gate: Gate) -> None:
     axes = [np.linspace(low, high, 3) for low, high in gate.domain]
-    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(FEATURES))
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(contract.FEATURES))
     try:
         p, _, novelty = gate.rate_many(points)
     except Exception as error:                    # as above
         raise InputError(f"{path}: does not run ({_first_line(error)})") from error
-    if p.shape != (len(points), len(OUTPUTS)):
+    if p.shape != (len(points), len(contract.OUTPUTS)):
         raise InputError(f"{path}: gives an output of shape {p.shape} for {len(points)} rows")
     for bad, what in ((np.isnan(p).any(axis=1), "probability"), (np.isnan(novelty), "novelty")):
         if bad.any():
             where = ", ".join(f"{feature.name}={value:g}"
-                              for feature, value in zip(FEATURES, points[bad][0], strict=True))
+                              for feature, value in zip(contract.FEATURES, points[bad][0], strict=True))
             raise InputError(f"{path}: gives no {what} inside its own domain ({where})")
 
 

@@ -17,7 +17,7 @@ def seal(data: bytes) -> bytes:
 
 
 def is_intact(data: bytes, stamped: str) -> bool:
-    """Whether the file is, but for the seal, the one that was sealed."""
+    """Whether the file is, apart from the seal, the one that was sealed."""
     if len(stamped) != len(UNSEALED) or data.count(stamped.encode()) != 1:
         return False
     return hashlib.sha256(data.replace(stamped.encode(), UNSEALED.encode())).hexdigest() == stamped

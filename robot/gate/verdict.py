@@ -56,7 +56,7 @@ def _operator(memory: Memory) -> list[Reason]:
 
 
 def doubted_readings(inputs: Inputs, config: Config) -> list[Reason]:
-    """What is missing, stale or reports an error among the motors and the hood's encoder."""
+    """Reasons from missing, stale or faulty readings of the motors and the hood's encoder."""
     reasons: list[Reason] = []
     motors = (*inputs.flywheels, inputs.hood_motor, inputs.feeder)
     for (name, axis), motor in zip(name_axes(config), motors, strict=True):

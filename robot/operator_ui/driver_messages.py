@@ -5,33 +5,18 @@ what the driver is to do next. `docs/reasons.md` shows them all.
 """
 
 from collections.abc import Iterable
+from operator import itemgetter
 
 from msgspec import Struct
 
 from truearc.hw import fault_codes as hw
-from truearc.hw.reason import Code, Reason, fill
+from truearc.hw.devices.registry import find_messages
+from truearc.hw.reason import FAULT, WAIT, YOU, Message, Reason, fill
 from truearc.robot import reasons as bot
 
-FAULT = "fault"                       # something is not as it should be
-YOU = "you"                           # it is the driver's turn
-WAIT = "wait"                         # comes by itself
 SEVERAL = ("motor", "device")         # reasons that differ in these alone are shown as one ...
 PASSING = ("age_s",)                  # ... whatever these are
 REARM = "press ARM twice (off, on)"
-
-
-class Message(Struct, frozen=True):
-    """One kind of reason on the page.
-
-    means, do: templates over the reason's parameters; `do` is "" where there is nothing to do.
-    case: only where this is the name of the reason's cause, or the single error of a motor; "": otherwise.
-    """
-
-    code: Code
-    kind: str
-    means: str
-    do: str = ""
-    case: str = ""
 
 
 class Told(Struct, frozen=True):
@@ -60,10 +45,9 @@ ADAPTER = (
             "look for a loose CAN wire, a missing terminator, an adapter that is too slow"),
     Message(bot.TICKS_STALLED, FAULT, "The robot's computer stood still for {stall_s:.2f} s",
             "end other programs on it"),
-    Message(hw.FRAME_NOT_ALLOWED, FAULT, "The program wanted to send what it may not (frame {frame})",
-            "do not fire on; keep the recording and report it"),
-    Message(hw.FRAME_RATE_EXCEEDED, FAULT, "The program wanted to send more than it may (frame {frame})",
-            "do not fire on; keep the recording and report it"),
+    *(Message(code, FAULT, f"The program wanted to send {what} (frame {{frame}})",
+              "do not fire on; keep the recording and report it")
+      for code, what in ((hw.FRAME_NOT_ALLOWED, "what it may not"), (hw.FRAME_RATE_EXCEEDED, "more than it may"))),
     Message(bot.BAD_FRAME, FAULT, "A device sends a frame that cannot be right",
             "if it stays: look at that device's plug and firmware"),
     Message(hw.CAN_OVERRUN, FAULT, "The robot's computer is too busy: {frames} CAN frames lost",
@@ -125,10 +109,8 @@ DEVICES = (
             "powered? CAN plug in? the right number?"),
     Message(hw.SPARK_FIRMWARE_UNSUPPORTED, FAULT, "{motor}: SPARK {spark} has an unsupported firmware ({version})",
             "update it with its maker's tool"),
-    Message(hw.SPARK_STATUS_OFF, WAIT, "{motor}: SPARK {spark} is being set up",
-            "if it stays: switch its power off and on"),
-    Message(hw.SPARK_SETTINGS_UNCONFIRMED, WAIT, "{motor}: SPARK {spark} is being set up",
-            "if it stays: switch its power off and on"),
+    *(Message(code, WAIT, "{motor}: SPARK {spark} is being set up", "if it stays: switch its power off and on")
+      for code in (hw.SPARK_STATUS_OFF, hw.SPARK_SETTINGS_UNCONFIRMED)),
     Message(hw.SPARK_FAULTS_STALE, FAULT, "{motor}: SPARK {spark} does not report its faults",
             "if it stays: switch its power off and on"),
     Message(hw.SPARK_NOT_DRIVING, FAULT, "{motor}: SPARK {spark} does not drive",
@@ -201,22 +183,26 @@ RANKS = {(message.code.name, message.case): rank for rank, message in enumerate(
 
 
 def tell(reasons: Iterable[Reason]) -> tuple[Told, ...]:
-    """The reasons as messages, most important first; one without a message of its own as its log text, before all."""
-    groups: dict[tuple[int, tuple[object, ...]], list[Reason]] = {}
+    """The reasons as messages, most important first.
+
+    Those of other distributions' motors come before all, and so does one without a message, as its log text.
+    """
+    groups: dict[tuple[object, ...], tuple[int, Message | None, list[Reason]]] = {}
     for reason in reasons:
-        rank = _rank(reason)
-        groups.setdefault((rank, _differing(reason) if rank >= 0 else (bot.text(reason),)), []).append(reason)
-    return tuple(_together(rank, members) for (rank, _), members in sorted(groups.items(), key=lambda one: one[0][0]))
+        message = find_message(reason)
+        rank = -1 if message is None else RANKS.get((message.code.name, message.case), -1)
+        alike = (bot.text(reason),) if message is None else (reason.code, *_differing(reason))
+        groups.setdefault((rank, *alike), (rank, message, []))[2].append(reason)
+    return tuple(_together(message, members) for _, message, members in sorted(groups.values(), key=itemgetter(0)))
 
 
 def find_message(reason: Reason) -> Message | None:
     """The message for a reason; None where there is none."""
-    rank = _rank(reason)
-    return MESSAGES[rank] if rank >= 0 else None
-
-
-def _rank(reason: Reason) -> int:
-    return RANKS.get((reason.code, _case(reason)), RANKS.get((reason.code, ""), -1))
+    case = _case(reason)
+    rank = RANKS.get((reason.code, case), RANKS.get((reason.code, "")))
+    if rank is not None:
+        return MESSAGES[rank]
+    return next((message for message in find_messages(reason.code) if message.case in ("", case)), None)
 
 
 def _case(reason: Reason) -> str:
@@ -230,11 +216,11 @@ def _differing(reason: Reason) -> tuple[object, ...]:
     return tuple(str(value) for name, value in reason.params.items() if name not in SEVERAL + PASSING)
 
 
-def _together(rank: int, members: list[Reason]) -> Told:
+def _together(message: Message | None, members: list[Reason]) -> Told:
     reasons = tuple(bot.texts(members))
-    if rank < 0:
+    if message is None:
         return Told(FAULT, reasons[0], "", reasons)
-    message, params = MESSAGES[rank], dict(members[0].params)
+    params = dict(members[0].params)
     for name in SEVERAL:
         if name in params:
             params[name] = tuple(str(member.params[name]) for member in members)

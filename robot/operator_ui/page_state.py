@@ -1,4 +1,4 @@
-"""What the page knows: the newest tick, the newest sighting, and what has become of the shots so far."""
+"""State of the page: the newest tick, the newest sighting, and the outcomes of the shots so far."""
 
 from msgspec import Struct, field
 from msgspec.structs import replace
@@ -42,13 +42,12 @@ def _with_trials(glance: Glance, tick: Tick) -> Glance:
         glance = _with_outcome(glance, outcome)
     if tick.shot is None:
         return glance
-    return replace(
-        glance, shots=glance.shots + 1, recent=(*glance.recent, PageTrial(tick.shot.trial, tick.shot))[-RECENT:]
-    )
+    recent = (*glance.recent, PageTrial(tick.shot.trial, tick.shot))[-RECENT:]
+    return replace(glance, shots=glance.shots + 1, recent=recent)
 
 
 def _with_outcome(glance: Glance, outcome: Outcome) -> Glance:
-    """What was said of a trial before, such as a mark that is rejected now, no longer counts."""
+    """An earlier outcome of the same trial, such as a mark that is rejected now, no longer counts."""
     before = next((one for one in glance.recent if one.trial == outcome.trial), PageTrial(outcome.trial))
     now = replace(before, outcome=outcome.outcome, reasons=outcome.reasons)
     counts = dict(glance.outcomes)

@@ -1,6 +1,7 @@
 """The operator's page over HTTP: one page, and Server-Sent Events that tell it the newest tick. It takes no orders."""
 
 import socket
+import sys
 import threading
 from importlib.resources import files
 from urllib.parse import urlsplit
@@ -10,6 +11,7 @@ import msgspec
 from truearc.hw.protocols import Clock
 from truearc.hw.readings import CameraFrame
 from truearc.robot.config.schema import Config
+from truearc.robot.operator_ui.page_option import parse_page
 from truearc.robot.operator_ui.page_state import Glance, look
 from truearc.robot.operator_ui.serving import LocalHandler, LocalServer
 from truearc.robot.operator_ui.view import describe
@@ -43,7 +45,7 @@ class OperatorPage:
         self._thread.start()
 
     def show(self, tick: Tick) -> None:
-        """The newest tick. Called by one thread; it waits for nobody."""
+        """The newest tick. Called by one thread; never blocks."""
         self._glance = look(self._glance, tick)
 
     def newest(self) -> tuple[int, bytes]:
@@ -76,6 +78,26 @@ class ShowingRecorder:
 
     def keep_picture(self, picture: CameraFrame) -> None:
         self._recorder.keep_picture(picture)
+
+
+def open_page(text: str, config: Config, recording: str, clock: Clock) -> OperatorPage | None:
+    """The page that `--page` names; None for "off", and with a warning where it cannot be served: the robot runs on."""
+    where = parse_page(text)
+    if where is None:
+        return None
+    try:
+        page = OperatorPage(config, recording, *where, clock)
+    except OSError as error:
+        print(f"truearc: no operator's page on {text} ({error.strerror or error}); --page takes another port",
+              file=sys.stderr)
+        return None
+    print(f"operator's page: {page.url}", file=sys.stderr)
+    return page
+
+
+def with_page(recorder: Recorder, page: OperatorPage | None) -> Recorder:
+    """`recorder`, shown on the page if there is one."""
+    return recorder if page is None else ShowingRecorder(recorder, page)
 
 
 class _Server(LocalServer):
@@ -111,7 +133,7 @@ class _Handler(LocalHandler):
             room.release()
 
     def _tell(self) -> None:
-        """Events for as long as the browser takes them; of ticks from now on, for an older one is no word of now."""
+        """Send events of ticks from now on, for as long as the browser takes them."""
         page = self.server.page
         (told, _), quiet = page.newest(), 0
         self.connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BEHIND_BYTES)

@@ -32,7 +32,7 @@ class LocalServer(ThreadingHTTPServer):
         self.url = f"http://{'localhost' if self.anywhere else shown}:{self.server_port}/"
 
     def server_bind(self) -> None:
-        """As its base's, but nobody is asked for this machine's name: where there is no name server that takes long."""
+        """As in the base class, without a look-up of this machine's name, which takes long where no server answers."""
         socketserver.TCPServer.server_bind(self)
         self.server_name, self.server_port = str(self.server_address[0]), int(self.server_address[1])
 
@@ -49,7 +49,7 @@ class LocalServer(ThreadingHTTPServer):
             self._room.release()
 
     def handle_error(self, request: socket | tuple[bytes, socket], client_address: Any) -> None:
-        """A browser that went away in the middle of an answer is no news."""
+        """Ignore a browser that went away in the middle of an answer."""
         if not isinstance(sys.exception(), OSError):
             super().handle_error(request, client_address)
 
@@ -73,7 +73,7 @@ class LocalHandler(BaseHTTPRequestHandler):
         self.wfile.write(body)
 
     def give_head(self, code: int, kind: str) -> None:
-        """Status and headers, but for what is left to say of the body."""
+        """Send the status and the headers, except those of the body."""
         self.send_response(code)
         self.send_header("Content-Type", kind)
         self.send_header("Cache-Control", "no-store")

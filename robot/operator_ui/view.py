@@ -3,10 +3,11 @@
 from msgspec import Struct
 
 from truearc.hw.readings import MotorReading
+from truearc.hw.reason import FAULT, YOU
 from truearc.robot.config.schema import Config
 from truearc.robot.gate.verdict import HEARTBEAT_S
 from truearc.robot.motors import name_axes
-from truearc.robot.operator_ui.driver_messages import FAULT, YOU, Told, tell
+from truearc.robot.operator_ui.driver_messages import Told, tell
 from truearc.robot.operator_ui.page_state import Glance, PageTrial
 from truearc.robot.reasons import BOX_GONE, FIRE_NOT_REQUESTED, NOT_RECORDING, text
 from truearc.robot.types import Sighting, Tick
@@ -44,19 +45,10 @@ def describe(glance: Glance, tick: Tick, config: Config, recording: str) -> Page
     """`tick` is the glance's own; `recording`: where it is recorded, "" = nowhere."""
     told = tell(tick.verdict.reasons)
     fire = _is_fire(glance, tick, told)
-    return PageView(
-        glance.seq,
-        round(tick.inputs.t_ns * NS, 3),
-        "FIRE" if fire else "HOLD",
-        _tone(tick, fire, told),
-        told,
-        (
-            _aim(glance.sighting, tick, config),
-            _robot(tick, recording),
-            _shots(glance),
-            _links(glance.sighting, tick, config),
-        ),
-    )
+    blocks = (_aim(glance.sighting, tick, config), _robot(tick, recording), _shots(glance),
+              _links(glance.sighting, tick, config))
+    return PageView(glance.seq, round(tick.inputs.t_ns * NS, 3), "FIRE" if fire else "HOLD", _tone(tick, fire, told),
+                    told, blocks)
 
 
 def _is_fire(glance: Glance, tick: Tick, told: tuple[Told, ...]) -> bool:

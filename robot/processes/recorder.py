@@ -59,7 +59,7 @@ Message = Open | RecorderRows | TrialRow | PictureRow | LatenessRow | Sync | End
 
 
 class Status(Struct, frozen=True):
-    """What the control loop is told, newest first."""
+    """The recorder's state as reported to the control loop."""
 
     is_open: bool = False
     trials_kept: int = 0              # how many of those that were handed over the system has
@@ -90,7 +90,7 @@ class Desk:
         self._is_over = False
 
     def serve(self, mail: Mail) -> None:
-        """Until the end, or until nobody sends any more."""
+        """Handle messages until End, or until the sender is gone."""
         while not self._is_over:
             self._slots.beat(self._clock.now_ns())
             try:

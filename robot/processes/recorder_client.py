@@ -14,17 +14,8 @@ from truearc.hw.readings import CameraFrame
 from truearc.hw.reason import Reason
 from truearc.hw.shared_latest import Slots
 from truearc.robot.config.schema import InputError, in_words
-from truearc.robot.processes.recorder import (
-    End,
-    LatenessRow,
-    Message,
-    Open,
-    PictureRow,
-    RecorderRows,
-    Status,
-    Sync,
-    TrialRow,
-)
+from truearc.robot.processes import recorder
+from truearc.robot.processes.recorder import Message, Status
 from truearc.robot.reasons import RECORDER_UNRESPONSIVE, text
 from truearc.robot.recording.file_writers import MARK_S
 from truearc.robot.recording.files import Row, append_trials
@@ -58,7 +49,7 @@ class Process(Protocol):
 
 
 class FarKeeper:
-    """Sends everything on, and keeps trials until it is told that the system has their rows.
+    """Sends everything on, and keeps trials until the recorder reports that the system has their rows.
 
     Those that the recorder never came to it appends to the recording itself, when it is closed.
     """
@@ -70,9 +61,9 @@ class FarKeeper:
         self._encoder, self._decoder = msgspec.msgpack.Encoder(), msgspec.json.Decoder(Status)
         self._newest = Status()
         self._lost = 0
-        self._trials: deque[bytes] = deque()      # that nobody has said are kept
+        self._trials: deque[bytes] = deque()      # not reported as kept
         self._trials_kept = 0
-        self._send(Open(str(folder)))
+        self._send(recorder.Open(str(folder)))
         self._wait(OPEN_S, lambda: self._status().is_open or bool(self._newest.failed))
         if not self._newest.is_open:
             raise InputError(self._newest.failed or text(self._process.trouble or RECORDER_UNRESPONSIVE()))
@@ -82,23 +73,23 @@ class FarKeeper:
         return self._lost + self._status().dropped
 
     def keep_rows(self, rows: list[Row]) -> None:
-        self._send_if_room(RecorderRows(rows))
+        self._send_if_room(recorder.RecorderRows(rows))
 
     def keep_trial(self, row: bytes) -> None:
         self._trials.append(row)
-        self._send(TrialRow(row))
+        self._send(recorder.TrialRow(row))
         self._wait(MARK_S, lambda: not self._unkept())
 
     def keep_picture(self, picture: CameraFrame) -> None:
         height, width, _ = picture.image.shape
         pixels = np.ascontiguousarray(picture.image).reshape(-1).data
-        self._send_if_room(PictureRow(picture.t_ns, height, width, pixels))
+        self._send_if_room(recorder.PictureRow(picture.t_ns, height, width, pixels))
 
     def keep_lateness(self, row: bytes) -> None:
-        self._send_if_room(LatenessRow(row))
+        self._send_if_room(recorder.LatenessRow(row))
 
     def sync(self) -> None:
-        self._send_if_room(Sync())
+        self._send_if_room(recorder.Sync())
 
     def push(self) -> None:
         self._sender.push()
@@ -115,10 +106,10 @@ class FarKeeper:
         return self._process.is_gone()
 
     def close(self) -> None:
-        self._send(End())
+        self._send(recorder.End())
         self._wait(LONGEST_S, lambda: self._status().is_done or self._silent_s() > CLOSE_S)
         words = self._newest.failed if self._newest.is_done else text(self.trouble() or RECORDER_UNRESPONSIVE())
-        self._process.close(CLOSE_S if self._newest.is_done else 0.0)     # from here on the files are nobody's
+        self._process.close(CLOSE_S if self._newest.is_done else 0.0)     # from here on no process has the files open
         try:
             if rows := self._unkept():
                 append_trials(self._folder, list(rows))
@@ -145,7 +136,7 @@ class FarKeeper:
         return self._newest
 
     def _unkept(self) -> deque[bytes]:
-        """Trials of which nobody has said yet that they are kept."""
+        """Trials that the recorder has not reported as kept yet."""
         kept = self._status().trials_kept
         while self._trials and self._trials_kept < kept:
             self._trials.popleft()

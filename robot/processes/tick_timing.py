@@ -1,4 +1,4 @@
-"""How late ticks come: counted each second, told at the end. Time comes with the ticks; no clock is read here."""
+"""Lateness of ticks: counted each second, summed up at the end. Time comes with the ticks; no clock is read here."""
 
 from bisect import bisect_left
 from collections.abc import Callable
@@ -62,7 +62,7 @@ class Lateness:
         self._counts, self._worst_us, self._began_ns = [0] * len(self._counts), 0.0, None
 
     def lines(self) -> list[str]:
-        """What was closed so far, in words and then as bars; empty before the first tick."""
+        """The closed seconds as a sentence and as bars; empty before the first tick."""
         ticks = sum(self._totals)
         if not ticks:
             return []

@@ -50,7 +50,7 @@ def watch(camera: Camera, see: See, slots: Slots, clock: Clock, is_over: Callabl
 
 
 def tell(slots: Slots, why: Reason, told: Reason | None) -> Reason:
-    """Say why there is no image, unless that has been `told` last; returns what has."""
+    """Report why there is no image, unless that was the last report; returns the last report."""
     if why != told:
         slots.put(msgspec.json.encode(News(None, _shortened(why))))
     return why

@@ -2,14 +2,15 @@
 
 from collections.abc import Callable
 
-from truearc.hw.readings import CameraFrame, MotorReading
+from truearc.hw.readings import CameraFrame
 from truearc.robot.config.schema import Config
-from truearc.robot.gate.verdict import HEARTBEAT_S
-from truearc.robot.reasons import text
+from truearc.robot.gate.verdict import doubted_readings
+from truearc.robot.reasons import DEVICE_HEARTBEAT_STALE, DEVICE_NEVER_RECEIVED, DEVICE_STALE, text
 from truearc.robot.runtime import RobotIo
 from truearc.robot.types import Command, Inputs, Sent
 
 NS_PER_S = 1_000_000_000
+NOT_FRESH = {code.name for code in (DEVICE_NEVER_RECEIVED, DEVICE_STALE, DEVICE_HEARTBEAT_STALE)}
 ALIVE_NS = 100_000_000                # how often the watchdog is fed; it wants to hear it once a second
 
 
@@ -57,28 +58,15 @@ class WatchedRig:
 
 
 def first_missing(inputs: Inputs, seen_ns: int | None, config: Config) -> str:
-    """What a full set of fresh readings still lacks, as text; "" when it is full.
+    """Name the first reading that is not there or not fresh; "" when all are.
 
     `seen_ns`: when the newest image was taken, None before the first.
     """
-    age_s = config.gate.reading_age_s
-    motors = [(f"flywheel motor {number}", motor) for number, motor in enumerate(inputs.flywheels, 1)]
-    for name, motor in (*motors, ("hood motor", inputs.hood_motor), ("feeder motor", inputs.feeder)):
-        if not _is_fresh(motor, inputs.t_ns, age_s):
-            return name
-    if inputs.hood_angle is None or not _is_young(inputs.t_ns, inputs.hood_angle.t_ns, age_s):
-        return "hood encoder"
+    for reason in doubted_readings(inputs, config):
+        if reason.code in NOT_FRESH:
+            return str(reason.params["device"])
     if inputs.faults:                             # a silent button box is one of them
         return text(inputs.faults[0])
-    if seen_ns is None or not _is_young(inputs.t_ns, seen_ns, config.gate.sighting_age_s):
+    if seen_ns is None or not 0 <= inputs.t_ns - seen_ns <= config.gate.sighting_age_s * NS_PER_S:
         return "camera"
     return ""
-
-
-def _is_fresh(motor: MotorReading, t_ns: int, age_s: float) -> bool:
-    return (motor.t_ns > 0 and motor.heartbeat_t_ns > 0 and _is_young(t_ns, motor.t_ns, age_s)
-            and _is_young(t_ns, motor.heartbeat_t_ns, HEARTBEAT_S))
-
-
-def _is_young(t_ns: int, stamp_ns: int, limit_s: float) -> bool:
-    return 0 <= t_ns - stamp_ns <= limit_s * NS_PER_S

@@ -10,7 +10,7 @@ PENDING_BYTES = 64 << 20              # kept for a disk that takes nothing: some
 
 
 class Appender:
-    """What the disk does not take is kept, and tried again at every `flush`: space that is made in time loses nothing.
+    """Keeps bytes that the disk does not take and writes them at the next `flush`: space made in time loses nothing.
 
     With more than `pending_bytes` waiting nothing further is taken, so what is on disk is always one whole beginning.
     A new file only; it stays locked, where the system has locks, until it is closed or its process has died.
@@ -37,7 +37,7 @@ class Appender:
 
     def flush(self) -> None:
         """Hand everything to the system, which keeps it whatever becomes of this process; OSError when it refuses, or
-        when the file has been deleted: it would take everything, and nobody could ever read it."""
+        when the file has been deleted: writes would succeed, and no one could read them."""
         while self._pending:
             taken = self._file.write(self._pending) or 0
             self._on_disk += taken

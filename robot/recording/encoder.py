@@ -69,10 +69,11 @@ class SessionWriter:
     def record(self, tick: Tick, sent: Sent) -> None:
         self._t_ns = t_ns = tick.inputs.t_ns
         self._is_out = tick.memory.awaiting or tick.memory.feed_t_ns != 0
-        for trial in make_trials(tick):
-            self._keeper.keep_trial(self._encoder.encode(trial))
+        trials = [self._encoder.encode(trial) for trial in make_trials(tick)]
+        for trial in trials:
+            self._keeper.keep_trial(trial)
         frames, self._frames = self._frames, []
-        self._rows.append((t_ns, self._encoder.encode(msgspec.structs.replace(tick, sent=sent)), frames))
+        self._rows.append((t_ns, self._encoder.encode(msgspec.structs.replace(tick, sent=sent)), frames, trials))
         if t_ns - self._rows[0][0] >= BATCH_NS:
             self._hand_rows()
         if t_ns - self._synced_ns >= SYNC_NS:

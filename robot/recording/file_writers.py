@@ -120,7 +120,7 @@ class LaneKeeper:
 
 
 def disk_trouble(error: Exception) -> Reason:
-    """What an error of writing says of the disk."""
+    """The reason that an error of writing stands for."""
     if isinstance(error, OSError) and error.errno == errno.ENOSPC:
         return DISK_FULL()
     return DISK_ERROR(detail=in_words(error)[:LONGEST_DETAIL])

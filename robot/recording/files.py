@@ -1,51 +1,55 @@
 """The files of a session: made, written, and never written over."""
 
+import contextlib
 import os
 import threading
+from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
+from typing import IO
 
 import cv2
 import msgspec
+import numpy as np
 from mcap.writer import CompressionType, Writer
 
 from truearc.hw.protocols import Frame
 from truearc.hw.readings import CameraFrame
-from truearc.robot.config.schema import Config, InputError, in_words
+from truearc.robot.config.schema import Config, InputError, naming
+from truearc.robot.recording import session as layout
 from truearc.robot.recording.append_file import Appender
 from truearc.robot.recording.candump import candump_line
-from truearc.robot.recording.rows import RowFormat, Rows2
-from truearc.robot.recording.session import (
-    CAN,
-    CONFIG,
-    FRAMES,
-    HEADER,
-    INDEX,
-    LATENESS,
-    MODEL,
-    TELEMETRY,
-    TRIALS,
-    Header,
-    Picture,
-)
+from truearc.robot.recording.rows import RowFormat, Rows2, Trial
+from truearc.robot.recording.session import Header, Picture
 from truearc.robot.types import Tick
 
-Row = tuple[int, bytes, list[tuple[Frame, bool]]]     # t_ns, the encoded Tick, raw frames of the tick
+# t_ns, the encoded Tick, its raw frames, its encoded trials
+Row = tuple[int, bytes, list[tuple[Frame, bool]], list[bytes]]
 
 
 class TickFile:
-    """telemetry.mcap: one message a tick; every `flush` ends a chunk, so that what is before it can be read."""
+    """telemetry.mcap: a message per tick on /tick, one per marked trial on /trial.
 
-    def __init__(self, path: Path, rows: RowFormat) -> None:
-        self.file = Appender(path)
-        self._mcap = Writer(self.file, compression=CompressionType.ZSTD)
+    Every `flush` ends a chunk, so that what is before it can be read.
+    """
+
+    def __init__(self, file: IO[bytes] | Appender, rows: RowFormat) -> None:
+        self._file, self._written = file, Counter[int]()
+        self._mcap = Writer(file, compression=CompressionType.ZSTD)
         self._mcap.start(profile="", library="truearc")
-        schema_id = self._mcap.register_schema("truearc.Tick", "jsonschema", rows.schema(Tick))
-        self._channel = self._mcap.register_channel("/tick", "json", schema_id)
-        self._ticks = 0
+        self._ticks, self._trials = (
+            self._mcap.register_channel(topic, "json", self._mcap.register_schema(
+                f"truearc.{kind.__name__}", "jsonschema", rows.schema(kind)))
+            for topic, kind in ((layout.TICK_TOPIC, Tick), (layout.TRIAL_TOPIC, Trial)))
 
-    def write(self, t_ns: int, row: bytes) -> None:
-        self._mcap.add_message(self._channel, log_time=t_ns, data=row, publish_time=t_ns, sequence=self._ticks)
-        self._ticks += 1
+    def write(self, t_ns: int, row: bytes, trials: Sequence[bytes] = ()) -> None:
+        """Add a tick and the trials that were marked in it."""
+        self._add(self._ticks, t_ns, row)
+        for trial in trials:
+            self.write_trial(t_ns, trial)
+
+    def write_trial(self, t_ns: int, row: bytes) -> None:
+        self._add(self._trials, t_ns, row)
 
     def flush(self) -> None:
         self._mcap.flush()
@@ -53,30 +57,34 @@ class TickFile:
     def finish(self) -> None:
         """Write the summary that makes the file whole."""
         self._mcap.finish()
-        self.file.flush()
+        self._file.flush()
+
+    def _add(self, channel: int, t_ns: int, row: bytes) -> None:
+        self._mcap.add_message(channel, log_time=t_ns, data=row, publish_time=t_ns, sequence=self._written[channel])
+        self._written[channel] += 1
 
 
 class SessionFiles:
-    """The open files of a session. Each method is called by one lane only, but for the fsyncs, which any may call.
+    """The open files of a layout. Each method is called by one lane only, except the fsyncs, which any may call.
 
     `trials_kept`: how many of the trials that were written the system has.
     """
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._telemetry = TickFile(folder / TELEMETRY, Rows2())
-        self._can, self._trials = Appender(folder / CAN), Appender(folder / TRIALS)
-        self._index = Appender(folder / FRAMES / INDEX)
+        self._telemetry, self._can, self._trials, self._index = self._files = tuple(
+            Appender(folder / name) for name in (layout.TELEMETRY, layout.CAN, layout.TRIALS, layout.INDEX))
+        self._ticks = TickFile(self._telemetry, Rows2())
         self.trials_kept = self._trials_written = 0
 
     def write_ticks(self, rows: list[Row]) -> None:
-        for t_ns, row, frames in rows:
+        for t_ns, row, frames, trials in rows:
             self._can.write("".join([candump_line(frame, sent, t_ns) for frame, sent in frames]).encode("ascii"))
-            self._telemetry.write(t_ns, row)
+            self._ticks.write(t_ns, row, trials)
         try:
             self._can.flush()         # first, so that a tick on disk has its frames there too
         finally:
-            self._telemetry.flush()
+            self._ticks.flush()
 
     def write_trial(self, row: bytes, written: threading.Event) -> None:
         self._trials.write(row + b"\n")
@@ -94,7 +102,7 @@ class SessionFiles:
         self._trials.sync()
 
     def sync(self) -> None:
-        for file in (self._trials, self._telemetry.file, self._can):
+        for file in (self._trials, self._telemetry, self._can):
             file.sync()
 
     def write_picture(self, picture: CameraFrame) -> None:
@@ -102,25 +110,24 @@ class SessionFiles:
         done, png = cv2.imencode(".png", picture.image, [cv2.IMWRITE_PNG_COMPRESSION, 1])
         if not done:
             raise OSError(f"{name}: the image cannot be encoded")
-        (self._folder / FRAMES / name).write_bytes(png.tobytes())
+        (self._folder / layout.FRAMES / name).write_bytes(png.tobytes())
         self._index.write(msgspec.json.encode(Picture(picture.t_ns, name)) + b"\n")
         self._index.flush()
 
     def write_lateness(self, row: bytes) -> None:
-        with (self._folder / LATENESS).open("ab") as file:
+        with (self._folder / layout.LATENESS).open("ab") as file:
             file.write(row + b"\n")
 
     def finish(self) -> None:
-        self._telemetry.finish()
+        self._ticks.finish()
 
     def close(self) -> None:
-        files = (self._telemetry.file, self._can, self._trials, self._index)
         try:
-            for file in files:
+            for file in self._files:
                 file.flush()
                 file.sync()
         finally:
-            for file in files:
+            for file in self._files:
                 file.close()
 
 
@@ -128,16 +135,17 @@ def make_folder(folder: Path, header: Header, config: Config, model: bytes | Non
     """A session's folder and what made it; InputError when it is there already, or cannot be made."""
     if folder.exists():
         raise InputError(f"{folder}: exists already; a recording is never written over")
-    (folder / FRAMES).mkdir(parents=True)
-    _save(folder / CONFIG, msgspec.json.format(msgspec.json.encode(config)) + b"\n")
-    if model is not None:
-        _save(folder / MODEL, model)
-    _save(folder / HEADER, msgspec.json.format(msgspec.json.encode(header)) + b"\n")
+    (folder / layout.FRAMES).mkdir(parents=True)
+    contents = {layout.CONFIG: _make_json(config), layout.MODEL: model, layout.HEADER: _make_json(header)}
+    for name, data in contents.items():
+        if data is not None:
+            with naming(folder / name):
+                save_synced(folder / name, data)
 
 
 def append_trials(folder: Path, rows: list[bytes]) -> None:
     """Add rows that whoever wrote the trials did not come to; half a row at the end gives way to them."""
-    with (folder / TRIALS).open("r+b") as file:
+    with (folder / layout.TRIALS).open("r+b") as file:
         whole = file.read().rfind(b"\n") + 1
         file.seek(whole)
         file.truncate()
@@ -146,11 +154,30 @@ def append_trials(folder: Path, rows: list[bytes]) -> None:
         os.fsync(file.fileno())
 
 
-def _save(path: Path, data: bytes) -> None:
-    try:
-        with path.open("xb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-    except OSError as error:
-        raise InputError(f"{path}: {in_words(error)}") from error
+def save_synced(path: Path, data: bytes) -> None:
+    """Write a new file, and wait until it would survive a power cut."""
+    with path.open("xb") as file:
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def load_pictures(session: Path) -> list[Picture]:
+    """The index of the images, oldest first; a line that is torn names none."""
+    path, pictures = session / layout.INDEX, []
+    for line in path.read_bytes().split(b"\n") if path.exists() else []:
+        with contextlib.suppress(msgspec.MsgspecError):
+            pictures.append(msgspec.json.decode(line, type=Picture))
+    return pictures
+
+
+def load_image(session: Path, picture: Picture) -> CameraFrame | None:
+    """One image as it was seen; None when the file is missing or not an image."""
+    path = session / layout.FRAMES / picture.file
+    data = np.fromfile(path, dtype=np.uint8) if path.is_file() else np.zeros(0, np.uint8)
+    image = cv2.imdecode(data, cv2.IMREAD_COLOR) if len(data) else None
+    return None if image is None else CameraFrame(picture.t_ns, np.asarray(image, dtype=np.uint8))
+
+
+def _make_json(value: Config | Header) -> bytes:
+    return msgspec.json.format(msgspec.json.encode(value)) + b"\n"

@@ -4,14 +4,13 @@ import struct
 from collections.abc import Iterator
 from pathlib import Path
 
-import msgspec
 import zstandard
 from mcap.exceptions import McapError
-from mcap.records import Message
+from mcap.records import Channel, Message
 from mcap.stream_reader import StreamReader
 
-from truearc.robot.config.schema import InputError, in_words
-from truearc.robot.recording.session import TELEMETRY, load_row_format
+from truearc.robot.config.schema import naming
+from truearc.robot.recording.session import TELEMETRY, TICK_TOPIC, load_row_format
 from truearc.robot.types import Tick
 
 LARGEST = 1 << 28                     # bytes of a record; a damaged length must not ask for all memory
@@ -35,22 +34,20 @@ class TickReader:
     def __iter__(self) -> Iterator[tuple[Tick, bytes]]:
         decode = self.rows.decode_tick
         for number, data in enumerate(self._rows(), 1):
-            try:
+            with naming(f"{self.path}: row {number}"):
                 tick = decode(data)
-            except msgspec.MsgspecError as error:
-                raise InputError(f"{self.path}: row {number}: {error}") from error
             yield tick, data
 
     def _rows(self) -> Iterator[bytes]:
-        try:
+        with naming(self.path):
             file = self.path.open("rb")
-        except OSError as error:
-            raise InputError(f"{self.path}: {in_words(error)}") from error
-        size = max(self.path.stat().st_size, 1)
+        size, ticks = max(self.path.stat().st_size, 1), 0
         with file:
             try:
                 for record in StreamReader(file, validate_crcs=True, record_size_limit=LARGEST).records:
-                    if isinstance(record, Message):
+                    if isinstance(record, Channel) and record.topic == TICK_TOPIC:
+                        ticks = record.id
+                    if isinstance(record, Message) and record.channel_id == ticks:
                         self.share = file.tell() / size
                         yield record.data
             except (McapError, EOFError, ValueError, struct.error, zstandard.ZstdError, MemoryError) as error:

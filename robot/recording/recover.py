@@ -1,6 +1,5 @@
 """Makes a session that was cut short whole again: nothing whole is lost, and what is replaced is kept in damaged/."""
 
-import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -9,31 +8,20 @@ import msgspec
 from msgspec import Struct
 
 from truearc.robot.config.schema import InputError, in_words
-from truearc.robot.recording.append_file import claim
+from truearc.robot.recording import session as layout
+from truearc.robot.recording.append_file import Appender, claim
 from truearc.robot.recording.candump import parse_candump
 from truearc.robot.recording.encoder import BATCH_NS
-from truearc.robot.recording.files import TickFile
-from truearc.robot.recording.images import load_image
+from truearc.robot.recording.files import TickFile, load_image, save_synced
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.rows import RowFormat, Trial
 from truearc.robot.recording.salvage import salvage
-from truearc.robot.recording.session import (
-    CAN,
-    DAMAGED,
-    FRAMES,
-    INDEX,
-    TELEMETRY,
-    TRIALS,
-    Picture,
-    load_row_format,
-    load_session_config,
-    make_trials,
-)
+from truearc.robot.recording.session import Picture, load_row_format, load_session_config, make_trials
 from truearc.robot.types import Tick
 
 
 class Recovered(Struct):
-    """What a session holds now, and in words what was done to it (nothing for one that was whole)."""
+    """Contents of a session, and the repairs as text (none for one that was whole)."""
 
     ticks: int
     trials: int
@@ -64,28 +52,26 @@ def recover(session: Path) -> Recovered:
     repairs: list[str] = []
     told = _recover_ticks(session, repairs)
     trials = _recover_trials(session, told, repairs)
-    _recover_lines(session, CAN, "CAN frames", lambda line: parse_candump(line.decode("ascii", "replace") + "\n")
-                   is not None, repairs)
-    _recover_lines(session, f"{FRAMES}/{INDEX}", "images", lambda line: _has_image(session, line), repairs)
+    _recover_lines(session, layout.CAN, "CAN frames",
+                   lambda line: parse_candump(line.decode("ascii", "replace") + "\n") is not None, repairs)
+    _recover_lines(session, layout.INDEX, "images", lambda line: _has_image(session, line), repairs)
     return Recovered(told.ticks, trials, repairs)
 
 
 def _check_not_recording(session: Path) -> None:
-    path = session / TELEMETRY
-    if not path.exists():
-        return
-    with path.open("rb") as file:
-        try:
+    path = session / layout.TELEMETRY
+    try:
+        with path.open("rb") as file:
             claim(file)
-        except BlockingIOError as error:
-            raise InputError(f"{path}: is being recorded") from error
-        except OSError:               # a file system without locks
-            return
+    except BlockingIOError as error:
+        raise InputError(f"{path}: is being recorded") from error
+    except OSError:                   # no such file, or a file system without locks
+        return
 
 
 def _recover_ticks(session: Path, repairs: list[str]) -> _Told:
-    """What the ticks say of the session; their file is written anew when it is not whole."""
-    path = session / TELEMETRY
+    """Read the ticks; their file is rewritten when it is not whole."""
+    path = session / layout.TELEMETRY
     reader, told = TickReader(session), _Told()
     if path.exists():
         for tick, _ in reader:
@@ -95,31 +81,32 @@ def _recover_ticks(session: Path, repairs: list[str]) -> _Told:
     told = _Told()
     _replace(path, session, lambda new: _write_ticks(new, path, told, reader.rows))
     missing = told.last_cycle - told.ticks
-    repairs.append(f"{TELEMETRY}: {told.ticks} ticks kept"
+    repairs.append(f"{layout.TELEMETRY}: {told.ticks} ticks kept"
                    + (f", {missing} before the last of them were damaged or never written" if missing else ""))
     return told
 
 
 def _write_ticks(new: Path, damaged: Path, told: _Told, rows: RowFormat) -> None:
-    file, flushed_ns = TickFile(new, rows), 0
+    file, flushed_ns = Appender(new), 0
+    ticks = TickFile(file, rows)
     try:
         for row in salvage(damaged.read_bytes() if damaged.exists() else b""):
             tick = rows.decode_tick(row)
             told.hear(tick)
-            file.write(tick.inputs.t_ns, row)
+            ticks.write(tick.inputs.t_ns, row, [rows.encode_trial(trial) for trial in make_trials(tick)])
             if tick.inputs.t_ns - flushed_ns >= BATCH_NS:
                 flushed_ns = tick.inputs.t_ns
-                file.flush()
-        file.finish()
-        file.file.sync()
+                ticks.flush()
+        ticks.finish()
+        file.sync()
     except msgspec.MsgspecError as error:
         raise InputError(f"{damaged}: row {told.ticks + 1}: {error}") from error
     finally:
-        file.file.close()
+        file.close()
 
 
 def _recover_trials(session: Path, told: _Told, repairs: list[str]) -> int:
-    path, rows = session / TRIALS, load_row_format(session)
+    path, rows = session / layout.TRIALS, load_row_format(session)
     lines = path.read_bytes().split(b"\n") if path.exists() else []
     trials: list[Trial] = []
     torn = 0
@@ -132,8 +119,8 @@ def _recover_trials(session: Path, told: _Told, repairs: list[str]) -> int:
     if torn or known or (lines and lines[-1]):
         trials = sorted(trials + known, key=lambda trial: trial.outcome.t_ns)
         text = b"".join(rows.encode_trial(trial) + b"\n" for trial in trials)
-        _replace(path, session, lambda new: _save(new, text))
-        repairs.append(f"{TRIALS}: {len(trials)} rows kept, {torn} torn, {len(known)} put back from the ticks")
+        _replace(path, session, lambda new: save_synced(new, text))
+        repairs.append(f"{layout.TRIALS}: {len(trials)} rows kept, {torn} torn, {len(known)} put back from the ticks")
     return len({trial.outcome.trial for trial in trials})
 
 
@@ -148,7 +135,7 @@ def _recover_lines(session: Path, name: str, what: str, is_whole: Callable[[byte
     kept = [line for line in lines if line and is_whole(line)]
     text = b"".join(line + b"\n" for line in kept)
     if text != data:
-        _replace(path, session, lambda new: _save(new, text))
+        _replace(path, session, lambda new: save_synced(new, text))
         repairs.append(f"{name}: {len(kept)} {what} kept, {len(list(filter(None, lines))) - len(kept)} torn or missing")
 
 
@@ -166,7 +153,7 @@ def _replace(path: Path, session: Path, write: Callable[[Path], None]) -> None:
     try:
         write(new)
         if path.exists():
-            _keep_aside(path, session / DAMAGED)
+            _keep_aside(path, session / layout.DAMAGED)
         new.replace(path)
     except OSError as error:
         raise InputError(f"{path}: cannot be repaired: {in_words(error)}") from error
@@ -182,10 +169,3 @@ def _keep_aside(path: Path, damaged: Path) -> None:
         number += 1
         aside = damaged / f"{path.stem}-{number}{path.suffix}"
     shutil.copy2(path, aside)
-
-
-def _save(path: Path, data: bytes) -> None:
-    with path.open("wb") as file:
-        file.write(data)
-        file.flush()
-        os.fsync(file.fileno())

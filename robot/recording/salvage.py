@@ -13,16 +13,17 @@ UNKNOWN = -1                          # content size of a frame that does not st
 HEAD = struct.Struct("<BQQQQI8sQ")
 NAME_AT = 37                          # where in it the name of the compression stands ...
 NAME = b"\x04\x00\x00\x00zstd"        # ... which is how a chunk is found again
+TICKS = b"\x01\x00"                   # TickFile's first channel; the record that names it may be lost
 MESSAGE_HEAD = 22                     # bytes of channel, sequence and two times before the data
 
 
 def salvage(data: bytes) -> Iterator[bytes]:
-    """The messages of each chunk whose checksum holds, wherever in `data` it lies, in the file's order."""
+    """The ticks of each chunk whose checksum holds, wherever in `data` it lies, in the file's order."""
     at = data.find(NAME)
     while at >= 0:
         unpacked, end = _unpack(data, at - NAME_AT)
         if unpacked is not None:
-            yield from _messages(unpacked)
+            yield from _ticks(unpacked)
         at = data.find(NAME, end if unpacked is not None else at + 1)
 
 
@@ -44,11 +45,11 @@ def _unpack(data: bytes, start: int) -> tuple[bytes | None, int]:
     return (content, begin + packed) if zlib.crc32(content) == crc else (None, 0)
 
 
-def _messages(content: bytes) -> Iterator[bytes]:
+def _ticks(content: bytes) -> Iterator[bytes]:
     at = 0
     while at + 9 <= len(content):
         opcode, length = struct.unpack_from("<BQ", content, at)
         at += 9
-        if opcode == MESSAGE:
+        if opcode == MESSAGE and content[at:at + len(TICKS)] == TICKS:
             yield content[at + MESSAGE_HEAD:at + length]
         at += length

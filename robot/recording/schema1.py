@@ -1,15 +1,19 @@
 """Sessions of format truearc.session/1, whose reasons are English sentences; for reading them, and for nothing else.
 
-`schema1_forms` has every sentence that was ever recorded, as a template over the parameters of its code. The same
-template reads a sentence and writes it, and what it reads is kept only if it writes the same sentence again; any other
-sentence is LEGACY_TEXT, whole. So nothing is lost, although numbers have only the digits that the sentence had. A
-replay of such a session compares bit by bit, too: what is recomputed is written as format 1 (`Rows1.encode_tick`),
-sentences and all, and must be the recorded bytes.
+`schema1_sentences.toml` has every sentence that was ever recorded, as a template over the parameters of its code; it is
+frozen, since what was recorded does not change. The same template reads a sentence and writes it, and what it reads is
+kept only if it writes the same sentence again; any other sentence is LEGACY_TEXT, whole. So nothing is lost, although
+numbers have only the digits that the sentence had. A replay of such a session compares bit by bit, too: what is
+recomputed is written as format 1 (`Rows1.encode_tick`), sentences and all, and must be the recorded bytes.
 """
 
 import ast
 import re
-from functools import cache, lru_cache
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache, cached_property, lru_cache
+from importlib.resources import files
 from string import Formatter
 from typing import Any
 
@@ -21,7 +25,6 @@ from truearc.hw.devices.spark import frames as spark
 from truearc.hw.reason import OPTIONAL, Code, Reason
 from truearc.robot import reasons as bot
 from truearc.robot.recording.rows import Trial
-from truearc.robot.recording.schema1_forms import FORMS, Form
 from truearc.robot.types import Progress, Tick
 
 MOTOR = r"(?:flywheel motor \d+|hood motor|feeder motor)"
@@ -31,14 +34,44 @@ SHAPES = {"motor": MOTOR, "device": f"(?:{MOTOR}|hood encoder)", "count": r"-?\d
 FLOAT_FORMS = ("f", "g", "%", "ms")
 IDENTIFY = "identify: "               # before what Progress.over says
 STAND = re.compile(r"stand at (-?[\d.]+) m")
-# What the button box did, as Inputs.missed and what follows from it say
+# Faults of the button box in Inputs.missed and what follows from it
 MISSED = {hw.BOX_RESTARTED.name: "has restarted", hw.BOX_PRESSES_LOST.name: "lost presses"}
 OLD_WORDS = {
     "reset (was the supply interrupted?)": "has reset (was the supply interrupted?)",
     "locked to a competition controller until its power is cycled":
-        "locked to a competition controller's heartbeat: it obeys nobody else until its power is cycled"}
+    "locked to a competition controller's heartbeat: it obeys nobody else until its power is cycled"}    # prose: allow
 NEW_WORDS = {old: new for new, old in OLD_WORDS.items()}
 ERRORS = {word for _, word in (*odrive.ERROR_WORDS, *spark.ERROR_WORDS)}
+
+
+@dataclass(frozen=True)
+class Form:
+    """One sentence. `fixed`: parameters that it has without showing them; `within`: only as the cause of this code."""
+
+    code: Code
+    template: str
+    fixed: Mapping[str, Any]
+    within: str
+
+    @cached_property
+    def fields(self) -> dict[str, str]:
+        """Formats by the names of the parameters that it shows."""
+        return {name: spec or "" for _, name, spec, _ in Formatter().parse(self.template) if name is not None}
+
+    @cached_property
+    def pattern(self) -> re.Pattern[str]:
+        shapes = {name: f"(?P<{name}>{_shape(self.code.params[name].rstrip(OPTIONAL), spec)})"
+                  for name, spec in self.fields.items()}
+        return re.compile("".join(re.escape(literal) + shapes.get(name or "", "")
+                                  for literal, name, _, _ in Formatter().parse(self.template)), re.DOTALL)
+
+
+@cache
+def load_forms() -> tuple[Form, ...]:
+    """Return the sentences in the order in which they are tried."""
+    text = (files("truearc.robot.recording") / "schema1_sentences.toml").read_text(encoding="utf-8")
+    return tuple(Form(bot.BY_NAME[row["code"]], row["template"], row.get("fixed", {}), row.get("within", ""))
+                 for row in tomllib.loads(text)["sentence"])
 
 
 class Rows1:
@@ -87,8 +120,8 @@ def write(reason: Reason) -> str:
     """The sentence that a reason was; today's text where no sentence of format 1 said it."""
     if reason.code == bot.LEGACY_TEXT.name:
         return str(reason.params["text"])
-    for form in _by_code().get(reason.code, ()):
-        shown = _fields(form.template).keys() | form.fixed.keys()
+    for form in (form for form in load_forms() if form.code.name == reason.code):
+        shown = form.fields.keys() | form.fixed.keys()
         if reason.params.keys() == shown and all(reason.params[name] == value for name, value in form.fixed.items()):
             return "".join(literal + ("" if name is None else _write_value(reason.params[name], spec or ""))
                            for literal, name, spec, _ in Formatter().parse(form.template))
@@ -98,8 +131,8 @@ def write(reason: Reason) -> str:
 @lru_cache(4096)
 def read(sentence: str, within: str = "") -> Reason:
     """The reason that a sentence stands for; `within`: the code that it is the cause of, if any."""
-    for form in FORMS:
-        if form.within in ("", within) and (match := _pattern(form).fullmatch(sentence)):
+    for form in load_forms():
+        if form.within in ("", within) and (match := form.pattern.fullmatch(sentence)):
             params = {name: _read_value(text, form, name) for name, text in match.groupdict().items()}
             reason = Reason(form.code.name, _in_order(form.code, {**params, **form.fixed}))
             if write(reason) == sentence and _is_known(reason):
@@ -120,28 +153,6 @@ def _in_order(code: Code, params: dict[str, Any]) -> dict[str, Any]:
     return {name: params[name] for name in code.params if name in params}
 
 
-@cache
-def _by_code() -> dict[str, tuple[Form, ...]]:
-    return {form.code.name: tuple(one for one in FORMS if one.code is form.code) for form in FORMS}
-
-
-@cache
-def _fields(template: str) -> dict[str, str]:
-    return {name: spec or "" for _, name, spec, _ in Formatter().parse(template) if name is not None}
-
-
-@cache
-def _pattern_of(code: str, template: str) -> re.Pattern[str]:
-    kinds = next(form.code for form in _by_code()[code]).params
-    return re.compile("".join(
-        re.escape(literal) + ("" if name is None else f"(?P<{name}>{_shape(kinds[name].rstrip(OPTIONAL), spec or '')})")
-        for literal, name, spec, _ in Formatter().parse(template)), re.DOTALL)
-
-
-def _pattern(form: Form) -> re.Pattern[str]:
-    return _pattern_of(form.code.name, form.template)
-
-
 def _shape(kind: str, spec: str) -> str:
     if spec == "bytes":
         return ".+"
@@ -149,7 +160,7 @@ def _shape(kind: str, spec: str) -> str:
 
 
 def _read_value(text: str, form: Form, name: str) -> Any:
-    kind, spec = form.code.params[name].rstrip(OPTIONAL), _fields(form.template)[name]
+    kind, spec = form.code.params[name].rstrip(OPTIONAL), form.fields[name]
     if spec.endswith(FLOAT_FORMS):
         value = float(text.rstrip("%")) * {"ms": 1e-3}.get(spec, 1.0) / (100.0 if spec.endswith("%") else 1.0)
         return value if abs(value) < float("inf") else str(value)

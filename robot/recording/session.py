@@ -2,7 +2,7 @@
 
     session.json     what made it: versions, configuration and model hashes
     config.json      the configuration it ran with; model.onnx the gate, if there was one
-    telemetry.mcap   one message a tick, the whole Tick as JSON
+    telemetry.mcap   JSON messages: on /tick the whole Tick, on /trial each line of trials.jsonl (older ones lack it)
     can0.log         every CAN frame both ways, candump text
     trials.jsonl     one fsynced line an outcome
     frames/          the image behind each shot, and frames.jsonl
@@ -17,7 +17,7 @@ from pathlib import Path
 import msgspec
 from msgspec import Struct
 
-from truearc.robot.config.schema import Config, InputError, config_hash, in_words, read_axis
+from truearc.robot.config.schema import Config, InputError, config_hash, in_words, naming, read_axis
 from truearc.robot.gate.model import Gate, load_gate
 from truearc.robot.recording.rows import RowFormat, Rows2, Trial
 from truearc.robot.recording.schema1 import Rows1
@@ -27,7 +27,8 @@ FORMAT, FORMAT_1 = "truearc.session/2", "truearc.session/1"
 HEADER, CONFIG, MODEL, TELEMETRY, CAN, TRIALS, FRAMES, LATENESS = (
     "session.json", "config.json", "model.onnx", "telemetry.mcap", "can0.log", "trials.jsonl", "frames",
     "lateness.jsonl")
-INDEX, DAMAGED = "frames.jsonl", "damaged"
+INDEX, DAMAGED = "frames/frames.jsonl", "damaged"
+TICK_TOPIC, TRIAL_TOPIC = "/tick", "/trial"
 
 
 class Header(Struct, frozen=True):
@@ -65,7 +66,7 @@ def make_header(config: Config, gate: Gate | None, started: str | None) -> Heade
 
 
 def load_header(session: Path) -> Header:
-    """session.json; InputError when this is no session or one of a newer format."""
+    """session.json; InputError when this is not a session, or one of a newer format."""
     path = session / HEADER
     try:
         header = msgspec.json.decode(path.read_bytes(), type=Header)
@@ -84,10 +85,8 @@ def load_row_format(session: Path) -> RowFormat:
 def load_session_config(session: Path) -> Config:
     """The configuration a session ran with; InputError when it is not the one its header names."""
     header, path = load_header(session), session / CONFIG
-    try:
+    with naming(path):
         config = msgspec.json.decode(path.read_bytes(), type=Config, dec_hook=read_axis)
-    except (OSError, msgspec.MsgspecError) as error:
-        raise InputError(f"{path}: {in_words(error)}") from error
     if config_hash(config) != header.config_sha256:
         raise InputError(f"{path}: changed since the recording was made (hash differs from {HEADER})")
     return config
@@ -112,10 +111,8 @@ def load_trials(session: Path) -> list[Trial]:
     A last line cut short by a power loss is dropped; any other broken line is InputError with its number.
     """
     path, rows = session / TRIALS, load_row_format(session)
-    try:
+    with naming(path):
         lines = path.read_bytes().split(b"\n") if path.exists() else []
-    except OSError as error:
-        raise InputError(f"{path}: {in_words(error)}") from error
     trials: dict[int, Trial] = {}
     for number, line in enumerate(lines, 1):
         if not line:

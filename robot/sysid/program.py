@@ -1,4 +1,4 @@
-"""What is driven, in which order: quasistatic ramps and dynamic steps, each followed by coasting to rest."""
+"""Excitation program: quasistatic ramps and dynamic steps, each followed by coasting to rest."""
 
 from msgspec import Struct
 

@@ -1,7 +1,7 @@
-"""One tick of identifying: every doubt lets go of every motor, for good. Pure, like truearc.robot.tick, so a replay
-is exact.
+"""One tick of system identification: any fault releases every motor, for good. Pure, like truearc.robot.tick, so a
+replay is exact.
 
-The operator arms once; any button after that is taken for a release. What has ended never begins again by itself.
+The operator arms once; any button after that releases. What has ended never begins again by itself.
 """
 
 from collections.abc import Callable
@@ -142,7 +142,7 @@ def _window(config: Config, share: float) -> tuple[float, float]:
 
 def _is_over(belief: Estimate, memory: Memory, phase: Phase, speed: float, config: Config) -> bool:
     if phase.kind == READY:
-        return True                   # nothing is in doubt any more
+        return True                   # every reading is there and fresh
     if phase.kind == HOME:
         return memory.homed
     if phase.kind == COAST:

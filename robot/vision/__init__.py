@@ -1,8 +1,8 @@
 """Image -> Sighting: the retro-reflective half hexagon, its distance, and how far to trust it. Pure.
 
-exposure.py refuses pictures that are too bright, threshold.py finds regions of the tape's colour, outline.py and
-edges.py turn a region into four sub-pixel marks, pose.py turns marks into a camera pose with covariance, and here the
-one candidate becomes a Sighting or a reason why not.
+threshold.py refuses images that are too bright and finds regions of the tape's colour, outline.py and edges.py turn a
+region into four sub-pixel marks, pose.py turns marks into a camera pose with covariance, and here the one candidate
+becomes a Sighting or a reason why not.
 """
 
 import math
@@ -15,12 +15,11 @@ from truearc.robot import reasons as because
 from truearc.robot.config.schema import CameraConfig, Tape, Vision
 from truearc.robot.types import Sighting
 from truearc.robot.vision.edges import Marks
-from truearc.robot.vision.exposure import check_exposure, is_dark
 from truearc.robot.vision.optics import Optics, make_optics
-from truearc.robot.vision.outline import Doubt, find_outline
+from truearc.robot.vision.outline import find_outline
 from truearc.robot.vision.pose import Pose, solve_pose
 from truearc.robot.vision.shape import make_shape
-from truearc.robot.vision.threshold import Image, Region, find_regions
+from truearc.robot.vision.threshold import Image, Region, check_exposure, find_regions, is_dark
 
 SAME_M = 0.02
 
@@ -32,7 +31,7 @@ def detect(frame: CameraFrame, camera: CameraConfig, tape: Tape, vision: Vision)
     is the way the ball takes to the target plane. (Straight on it equals the perpendicular distance; off axis the
     perpendicular foot is not where the ball goes, and it depends on the target's yaw, which one image shows poorly.)
     From the ball's exit it is `truearc.robot.geometry.exit_distance_m`. `sigma_m` is one standard deviation, from the
-    tape's edges in this image, `corner_sigma_px`, the doubts about the camera's mounting and its calibration's.
+    tape's edges in this image, `corner_sigma_px`, the uncertainties of the camera's mounting and calibration.
     `bearing_deg` is positive when the target is right of the axis.
     Images of another size than the calibration's are explained in `optics`. Never raises on an image's content: a
     doubtful one has found=False and a reason.
@@ -46,7 +45,7 @@ def detect(frame: CameraFrame, camera: CameraConfig, tape: Tape, vision: Vision)
     optics = make_optics(camera, width_px, height_px)
     found, doubts = look(frame.image, optics, camera, tape, vision)
     if not found:
-        return _lost(frame, max(doubts, key=_largest).reason if doubts else _missing(frame.image, vision))
+        return _lost(frame, max(doubts, key=_largest)[1] if doubts else _missing(frame.image, vision))
     if len(found) > 1:
         return _lost(frame, because.SEVERAL_TARGETS(count=len(found)))
     marks, pose = found[0]
@@ -57,33 +56,33 @@ def detect(frame: CameraFrame, camera: CameraConfig, tape: Tape, vision: Vision)
 
 
 def look(image: Image, optics: Optics, camera: CameraConfig, tape: Tape,
-         vision: Vision) -> tuple[list[tuple[Marks, Pose]], list[Doubt]]:
-    """All that looks like the target, and for all else of its colour why it does not."""
+         vision: Vision) -> tuple[list[tuple[Marks, Pose]], list[tuple[float, Reason]]]:
+    """All that looks like the target; and the area [px] of all else of its colour, and why it does not."""
     found: list[tuple[Marks, Pose]] = []
-    doubts: list[Doubt] = []
+    doubts: list[tuple[float, Reason]] = []
     for region in find_regions(image, vision, vision.min_area_px * optics.scale**2):
         answer = explain(region, optics, camera, tape, vision)
-        if isinstance(answer, Doubt):
-            doubts.append(answer)
+        if isinstance(answer, Reason):
+            doubts.append((region.area_px, answer))
         elif all(_apart(answer[1], other) for _, other in found):
             found.append(answer)
     return found, doubts
 
 
 def explain(region: Region, optics: Optics, camera: CameraConfig, tape: Tape,
-            vision: Vision) -> tuple[Marks, Pose] | Doubt:
+            vision: Vision) -> tuple[Marks, Pose] | Reason:
     """The region as the tape, or why it is not."""
     marks = find_outline(region, optics, tape)
-    if isinstance(marks, Doubt):
+    if isinstance(marks, Reason):
         return marks
     spread_px2 = marks.spread_px2 + optics.smooth_spread(marks.ideal_px, vision.corner_sigma_px)
     pose = solve_pose(marks.ideal_px, spread_px2, optics.smeared(marks.smear_px2), camera, tape)
     if pose is None:
-        return Doubt(region.area_px, because.NO_POSE())
+        return because.NO_POSE()
     if pose.doubt is not None:
-        return Doubt(region.area_px, pose.doubt)
+        return pose.doubt
     if pose.reprojection_px > vision.max_reprojection_px:
-        return Doubt(region.area_px, because.TAPE_OFF_SHAPE(error_px=pose.reprojection_px))
+        return because.TAPE_OFF_SHAPE(error_px=pose.reprojection_px)
     return marks, pose
 
 
@@ -92,8 +91,8 @@ def _apart(one: Pose, other: Pose) -> bool:
     return float(np.abs(one.tvec_m - other.tvec_m).max()) > SAME_M
 
 
-def _largest(doubt: Doubt) -> tuple[float, str]:
-    return doubt.area_px, doubt.reason.code
+def _largest(doubt: tuple[float, Reason]) -> tuple[float, str]:
+    return doubt[0], doubt[1].code
 
 
 def _missing(image: Image, vision: Vision) -> Reason:

@@ -96,9 +96,8 @@ def calibrate(views: Sequence[BoardView], camera: CameraConfig) -> BoardFit:
     return BoardFit(fitted, errors_px, slant_deg)
 
 
-def _solve(
-    views: Sequence[BoardView], camera: CameraConfig
-) -> tuple[float, Array, Any, tuple[float, ...], Array, float]:
+def _solve(views: Sequence[BoardView],
+           camera: CameraConfig) -> tuple[float, Array, Any, tuple[float, ...], Array, float]:
     """Focal length, centre (2,), distortion, error of each view, the stated sigmas (2,) of the first two, and the
     largest angle between a board and one that faces the camera."""
     size = (camera.width_px, camera.height_px)

@@ -6,11 +6,11 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from truearc.hw.reason import Reason
 from truearc.robot.config.schema import CameraFile
 from truearc.robot.reasons import text
 from truearc.robot.vision import explain
 from truearc.robot.vision.optics import make_optics
-from truearc.robot.vision.outline import Doubt
 from truearc.robot.vision.shape import make_shape
 from truearc.robot.vision.threshold import Image, find_regions, mask_colour
 
@@ -21,8 +21,7 @@ DIMMED = 0.5
 def draw_mask(image: Image, file: CameraFile) -> Image:
     """White where the colour is the tape's."""
     mask, _ = mask_colour(image, file.vision)
-    drawn: Image = cv2.cvtColor(mask, cv2.COLOR_GRAY2BGR)
-    return drawn
+    return np.asarray(cv2.cvtColor(mask, cv2.COLOR_GRAY2BGR), np.uint8)
 
 
 def draw_regions(image: Image, file: CameraFile) -> tuple[Image, list[str]]:
@@ -34,12 +33,12 @@ def draw_regions(image: Image, file: CameraFile) -> tuple[Image, list[str]]:
     for number, region in enumerate(find_regions(image, file.vision, file.vision.min_area_px * optics.scale**2), 1):
         answer = explain(region, optics, file.camera, file.tape, file.vision)
         contour = region.contour + np.array([region.x0_px, region.y0_px])
-        colour = DOUBT_BGR if isinstance(answer, Doubt) else FOUND_BGR
+        colour = DOUBT_BGR if isinstance(answer, Reason) else FOUND_BGR
         cv2.drawContours(drawn, [contour], -1, colour, 1)
         x, y, _, _ = cv2.boundingRect(contour)
         cv2.putText(drawn, str(number), (max(x - 14, 2), y + 12), cv2.FONT_HERSHEY_SIMPLEX, 0.5, colour, 1, cv2.LINE_AA)
-        if isinstance(answer, Doubt):
-            said.append(f"{text(answer.reason)} ({answer.area_px:.0f} px)")
+        if isinstance(answer, Reason):
+            said.append(f"{text(answer)} ({region.area_px:.0f} px)")
             continue
         marks, pose = answer
         _draw_cross(drawn, marks.to_image(make_shape(file.tape).corners_m[:, :2], file.tape, optics), FOUND_BGR, 5)

@@ -58,7 +58,7 @@ class Marks(NamedTuple):
 
 
 class Straights(NamedTuple):
-    """What is measured across the bottom, left and right straight at SAMPLES places each, in the image."""
+    """Measurements across the bottom, left and right straight at SAMPLES places each, in the image."""
 
     middle_px: Array                  # (3, SAMPLES, 2) midway between the edges
     good: Any                         # (3, SAMPLES) which are to be trusted
@@ -143,8 +143,7 @@ def _half_heights(level: Any, offsets: Array, half_px: Array) -> tuple[Array, Ar
 def _onto(lines: _Lines, points: Array) -> Array:
     """Two points (2, 2) moved to the nearest places on the left and on the right line."""
     middle, along = lines.middle[1:], lines.along[1:]
-    moved: Array = middle + ((points - middle) * along).sum(axis=1)[:, None] * along
-    return moved
+    return np.asarray(middle + ((points - middle) * along).sum(axis=1)[:, None] * along)
 
 
 def _tips(value: npt.NDArray[np.uint8], turn: Array, near: Array, origin: Array, shape: Shape) -> Array | None:
@@ -169,8 +168,7 @@ def _tips(value: npt.NDArray[np.uint8], turn: Array, near: Array, origin: Array,
     if (np.ptp(shift, axis=1) > LEVEL * 2 * half_px.mean(axis=1) + LEVEL_PX).any():
         return None
     ends = centre + shift[..., None] * up / half_px[..., None]
-    tips: Array = ends.mean(axis=1)
-    return tips
+    return np.asarray(ends.mean(axis=1))
 
 
 def _sample(value: npt.NDArray[np.uint8], centre: Array, out: Array, offsets: Array) -> Any:
@@ -190,8 +188,7 @@ def _share(level: Any, rows: Any, dark: Any, lit: Any, half: Any, good: Any) -> 
 def _map(turn: Array, points: Array) -> Array:
     """Points (..., 2) through a homography (3, 3)."""
     lifted = points @ turn[:, :2].T + turn[:, 2]
-    mapped: Array = lifted[..., :2] / lifted[..., 2:]
-    return mapped
+    return np.asarray(lifted[..., :2] / lifted[..., 2:])
 
 
 def _fit_lines(points: Array, good: Any) -> _Lines | None:

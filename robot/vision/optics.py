@@ -10,7 +10,7 @@ stretches it. One image hardly tells that from a target seen more from the side:
 picture that is smeared to one side says that it does turn.
 
 Two things are known of any camera without calibrating it: its pixels are square and its axis is near the image's
-middle. Where a calibration states doubts, it is weighed against that knowledge; one that states none stands.
+middle. A calibration that states standard deviations is weighed against that knowledge; any other is taken as it is.
 """
 
 import math
@@ -81,7 +81,7 @@ class Optics:
         return replace(self, turns=sideways if smear_px2 > 0.0 else (right, math.hypot(down, seen)))
 
     def camera_spread(self, points_px: Array) -> Array:
-        """(2 n, 2 n): covariance that the calibration's doubts give to (n, 2) ideal pixels, and a camera that turns
+        """(2 n, 2 n): covariance of (n, 2) ideal pixels from the calibration's uncertainty and a camera that turns
         while its rows are read: then the picture is sheared, or stretched from row to row."""
         off = points_px - self.matrix[:2, 2]
         focal, aspect, centre_px = self.doubts

@@ -1,10 +1,10 @@
 """A region of the tape's colour -> the tape's rough corners, and from them its marks to a fraction of a pixel.
 
 The region's convex hull gives the corners to a pixel or two; the side along which there is no tape is the open top.
-What is measured precisely from there is `edges`.
+`edges` measures precisely from there.
 """
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import cv2
 import numpy as np
@@ -25,27 +25,19 @@ LIT_ALONG = np.linspace(0.2, 0.8, 13)[:, None, None]
 LIT_DEPTH_PX = 1.5
 
 
-class Doubt(NamedTuple):
-    """Why a region is not the tape."""
-
-    area_px: float
-    reason: Reason
-
-
-def find_outline(region: Region, optics: Optics, tape: Tape) -> Marks | Doubt:
+def find_outline(region: Region, optics: Optics, tape: Tape) -> Marks | Reason:
     """The tape's four marks in a region, or why it cannot be the tape."""
     x, y, w, h = cv2.boundingRect(region.contour)
     x, y = x + region.x0_px, y + region.y0_px
     if x == 0 or y == 0 or x + w >= optics.width_px or y + h >= optics.height_px:
-        return Doubt(region.area_px, because.TAPE_CUT_OFF())
+        return because.TAPE_CUT_OFF()
     rough = _rough_corners(region)
     if isinstance(rough, Reason):
-        return Doubt(region.area_px, rough)
+        return rough
     marks = measure_marks(region, rough + np.array([region.x0_px, region.y0_px]), optics, tape)
     if isinstance(marks, Reason):
-        return Doubt(region.area_px, marks)
-    reason = _check_tape(marks, region, optics, tape)
-    return marks if reason is None else Doubt(region.area_px, reason)
+        return marks
+    return _check_tape(marks, region, optics, tape) or marks
 
 
 def _check_tape(marks: Marks, region: Region, optics: Optics, tape: Tape) -> Reason | None:
@@ -113,5 +105,4 @@ def _lit_shares(region: Region, corners: Array, side: Array, length_px: Array) -
     at = (corners + LIT_DEPTH_PX * inward + 0.5 + LIT_ALONG * side).astype(np.intp)
     rows = at[..., 1].clip(0, region.mask.shape[0] - 1)
     columns = at[..., 0].clip(0, region.mask.shape[1] - 1)
-    shares: Array = (region.mask[rows, columns] > 0).mean(axis=0)
-    return shares
+    return np.asarray((region.mask[rows, columns] > 0).mean(axis=0))

@@ -35,7 +35,7 @@ class Pose(NamedTuple):
     sigma_m: float
     bearing_rad: float                # tape right of the optical axis is positive, about the vertical
     off_px: Array                     # (8,) of the marks
-    reprojection_px: float            # root mean square over the marks, of what no doubt about the camera explains
+    reprojection_px: float            # root mean square over the marks, beyond the uncertainty of the camera
     cost: float                       # sum of squared normalised residuals, beliefs included
     doubt: Reason | None              # what the pose says against itself
 

@@ -19,7 +19,7 @@ from truearc.robot.config.schema import Tape
 Array = npt.NDArray[np.float64]
 PROBES = 9                            # points on each of the tape's three straights
 SAMPLES = 24                          # places along each of them where its middle is measured
-FIRST, LAST = 0.16, 0.84              # of a straight; its ends are spoilt by what it meets there
+FIRST, LAST = 0.16, 0.84              # of a straight; near its ends the other straights disturb it
 TIP_ROWS = (-0.2, -0.1, 0.0, 0.1, 0.2)    # beside the middle line, in tape widths, where the cut ends are measured
 STRAIGHTS = ((0, 1), (1, 2), (3, 0))  # marks at the ends of the bottom, left and right straight
 

@@ -1,4 +1,4 @@
-"""Focal length from distances measured with a tape: scale and bias, how well each is known, and what is left over."""
+"""Focal length from distances measured with a tape: scale and bias, their standard deviations, and the residuals."""
 
 import math
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from truearc.robot.types import Sighting
 from truearc.robot.vision import detect
 from truearc.robot.vision.optics import Array
 
-FOCAL_SIGMA = 0.05                    # believed of a calibration that states no doubt: makers' figures are this good
+FOCAL_SIGMA = 0.05                    # assumed of a calibration that states none: makers' figures are this good
 ROUNDS = 4                            # distances follow the focal length almost in proportion
 LEAST = 2                             # images
 
@@ -26,15 +26,15 @@ class TapedFit(NamedTuple):
     correlation: float                # between scale and bias
     sightings: tuple[Sighting, ...]   # with the new camera
     residual_m: Array                 # estimate - taped, with the new camera
-    expected_m: Array                 # one sigma of each residual, the fit's own doubt not included
+    expected_m: Array                 # one sigma of each residual, the fit's own uncertainty not included
     inflated: float                   # 1, or how much worse than expected the residuals are: sigmas are as much larger
 
 
 def fit_taped(frames: Sequence[CameraFrame], taped_m: Sequence[float], camera: CameraConfig, tape: Tape,
               vision: Vision, *, tape_sigma_m: float, bias_sigma_m: float) -> TapedFit | None:
     """Least squares of taped horizontal distances against those seen, with what was believed before as two more rows:
-    scale 1 within the calibration's doubt, bias as configured within `bias_sigma_m` (how well it is known where the
-    tape measure began). None when the target is found in fewer than LEAST of the images."""
+    scale 1 within the calibration's uncertainty, bias as configured within `bias_sigma_m` (how well it is known where
+    the tape measure began). None when the target is found in fewer than LEAST of the images."""
     prior_sigma = camera.focal_sigma or FOCAL_SIGMA
     log_scale, bias_m = 0.0, camera.bias_m
     for _ in range(ROUNDS):

@@ -1,5 +1,6 @@
-"""Regions of the tape's colour.
+"""Regions of the tape's colour, in an image that was exposed for tape under a ring light: dark, except for what shines.
 
+A camera that chooses its own exposure brightens the room until the tape is white; then colours and edges lie.
 Most of an image is dark, so the colour is first looked for in every fourth row and column; only around what is found
 there is the full resolution looked at.
 """
@@ -10,7 +11,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from truearc.hw.reason import Reason
 from truearc.robot.config.schema import Vision
+from truearc.robot.reasons import IMAGE_BRIGHT, IMAGE_BURNT
 
 Image = npt.NDArray[np.uint8]
 
@@ -19,6 +22,9 @@ BRIDGE = np.ones((3, 9), np.uint8)    # joins what so coarse a look tears apart 
 MARGIN_PX = 8                         # kept around a region: edges are measured in it
 MAX_PATCHES = 16                      # a colourful scene is searched in its largest regions only
 HUES = 180                            # OpenCV's 8-bit hue
+SPARSE = 16                           # pixels looked at: every sixteenth column of every sixteenth row
+BRIGHT = 150                          # of 255: more than half of an image this bright is not a dark one
+BURNT, BURNT_SHARE = 250, 0.3
 
 
 class Region(NamedTuple):
@@ -82,9 +88,20 @@ def _inside(box: tuple[int, int, int, int], other: tuple[int, int, int, int]) ->
 def _regions_in(patch: Image, vision: Vision, min_area_px: float, x0_px: int, y0_px: int) -> list[Region]:
     mask, value = mask_colour(patch, vision)
     contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
-    regions = []
-    for contour in contours:
-        area_px = float(cv2.contourArea(contour))
-        if area_px >= min_area_px:
-            regions.append(Region(contour, area_px, mask, value, x0_px, y0_px))
-    return regions
+    return [Region(contour, area_px, mask, value, x0_px, y0_px) for contour in contours
+            if (area_px := float(cv2.contourArea(contour))) >= min_area_px]
+
+
+def check_exposure(image: Image) -> Reason | None:
+    """None for an image (h, w, 3) that may be used; else what is wrong with its exposure."""
+    blue, green, red = np.ascontiguousarray(image[::SPARSE, ::SPARSE].transpose(2, 0, 1))
+    if np.count_nonzero(np.maximum(np.maximum(blue, green), red) >= BRIGHT) > 0.5 * blue.size:
+        return IMAGE_BRIGHT()
+    if np.count_nonzero(np.minimum(np.minimum(blue, green), red) >= BURNT) > BURNT_SHARE * blue.size:
+        return IMAGE_BURNT()
+    return None
+
+
+def is_dark(image: Image, value: int) -> bool:
+    """Whether nothing in an image (h, w, 3) reaches this brightness, where it is looked at."""
+    return bool(image[::SPARSE, ::SPARSE].max() < value)

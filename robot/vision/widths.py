@@ -2,7 +2,7 @@
 
 Blur leaves a straight's width at half height as it is, unless the straight is narrow: then the width follows from how
 gently the edges rise. A tone curve, or light that clips, moves half height outward on both edges of everything, so
-what is left over of the width is twice what a cut end lies too far outside by. The bottom straight says it best: it is
+the excess width is twice what a cut end lies too far outside by. The bottom straight says it best: it is
 parallel to the cut ends, so that blur and motion meet it as they meet them.
 
 Beyond that, width is what gives away another tape, and a tape that is partly hidden along its own edges: the three
@@ -29,7 +29,7 @@ MOST_TONE, MOST_CLIPPED = 1.0, 2.0    # widening of both edges by a tone curve, 
                                       # gamma of 2.2 makes 0.8; two and a half times too bright 1.9, as it looks sharper
 INDEPENDENT = 8.0                     # of a straight's SAMPLES widths
 WIDTH_SIGMA = 0.03                    # share of the width: how well a tape's width is known, for its widening
-NARROW_SIGMA = 0.3                    # share of what the blur adds to a narrow straight: blurs are no bell curves
+NARROW_SIGMA = 0.3                    # share of what the blur adds to a narrow straight: blurs are not Gaussian
 END_SIGMA = 0.4                       # share of the widening by which a cut end's may differ: a halo is lifted, too
 USUAL_PX = 0.5                        # widening to be expected of an edge before it is measured
 SQUARE_MEAN = 12.0                    # of a straight way, squared, over the variance that it adds to a blur
@@ -64,8 +64,7 @@ def expected_widths(shape: Shape, to_image: Callable[[Array], Array]) -> Array:
     edges = np.stack([shape.samples_m + shape.across_m, shape.samples_m - shape.across_m])
     seen = to_image(edges.reshape(-1, 2)).reshape(2, 3, SAMPLES, 2)
     across = seen[0] - seen[1]
-    width: Array = np.sqrt((across * across).sum(axis=2))
-    return width
+    return np.asarray(np.sqrt((across * across).sum(axis=2)))
 
 
 def compare_widths(seen_px: Array, rise_px: Array, good: Any, true_px: Array, clipped: bool) -> Widening | Reason:

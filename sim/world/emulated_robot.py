@@ -24,13 +24,11 @@ from truearc.robot.config.can_policy import guard
 from truearc.robot.config.schema import Config
 from truearc.robot.gate.model import Gate, load_gate
 from truearc.robot.motors import name_axes
-from truearc.robot.operator_ui.serve_option import with_page
-from truearc.robot.operator_ui.server import OperatorPage
+from truearc.robot.operator_ui.server import OperatorPage, with_page
 from truearc.robot.recording.candump import TappedBus
 from truearc.robot.recording.encoder import SessionWriter
-from truearc.robot.recording.recording_rig import RecordingRig
 from truearc.robot.recording.session import make_header
-from truearc.robot.rig import HardwareRig
+from truearc.robot.rig import HardwareRig, RecordingRig
 from truearc.robot.runtime import run
 from truearc.sim.progress import Progress
 from truearc.sim.world.driver import make_driver
@@ -116,7 +114,7 @@ def run_twin(config: Config, world: World, trials: int, seed: int, gate: Gate | 
     try:
         bus = TappedBus(guard(near, config, clock, Counter()), recorder.tap)
         rig = HardwareRig(config, bus, stream, eyes, clock, over)
-        run(RecordingRig(rig, recorder), config, gate, with_page(recorder, page))
+        run(RecordingRig(rig, recorder.trouble), config, gate, with_page(recorder, page))
     finally:
         for wire in (near, far, stream, eyes):
             wire.close()

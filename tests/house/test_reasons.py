@@ -16,8 +16,7 @@ from truearc.robot.operator_ui.driver_messages import MESSAGES
 ROOT = Path(__file__).parents[2]
 CODES = (*fault_codes.CODES, *reasons.CODES)
 DECLARING = (ROOT / "hw" / "fault_codes.py", ROOT / "robot" / "reasons.py")
-TELLING = (ROOT / "robot" / "operator_ui" / "driver_messages.py", ROOT / "robot" / "recording" / "schema1.py",
-           ROOT / "robot" / "recording" / "schema1_forms.py")
+TELLING = (ROOT / "robot" / "operator_ui" / "driver_messages.py", ROOT / "robot" / "recording" / "schema1.py")
 KINDS = {"text", "count", "flag", "motor", "device", "texts", "counts", "reason", "reasons"}
 UNITS = {"s", "m", "deg", "rad/s", "Nm", "px", "ms", "ratio", "share", "probability", "of the signal",
          "of the parameter"}

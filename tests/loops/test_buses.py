@@ -78,14 +78,14 @@ def shoot_in_two(bus: str, config_path: Path, out: Path) -> tuple[Path, str, str
 
 @pytest.fixture(scope="module")
 def reference(tmp_path_factory) -> Trial:
-    """The session that all buses should give, but for what time does: on the virtual bus, in stepped time."""
+    """The session that all buses should give, except for effects of time: on the virtual bus, in stepped time."""
     folder = tmp_path_factory.mktemp("reference") / "session"
     assert main(["emulate", "--quiet", "--trials", "1", "--seed", "3", "--out", str(folder)]) == 0
     return read_trial(folder)
 
 
 def tell(session: Path) -> str:
-    """What the robot was told, what was wrong and what held it, for whoever reads of a failure."""
+    """Button events, faults and reasons for a HOLD, for the message of a failed test."""
     ticks = [tick for tick, _ in TickReader(session)]
     heard = [f"{tick.inputs.cycle}: {[event.button for event in tick.inputs.buttons]} {tick.inputs.faults}"
              for tick in ticks if tick.inputs.buttons or tick.inputs.faults]
@@ -143,7 +143,7 @@ class Silent:
 
 
 class Devices(threading.Thread):
-    """The launcher's devices at the far end of a serial adapter, until it is pulled out."""
+    """The launcher's devices behind a serial adapter, until it is pulled out."""
 
     def __init__(self, plug: Path) -> None:
         super().__init__(daemon=True)

@@ -51,7 +51,7 @@ def test_a_fault_on_the_virtual_bus(name: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("bus", ["slcan", pytest.param("socketcan", marks=pytest.mark.socketcan)])
 def test_a_fault_in_real_time(name: str, bus: str, tmp_path: Path) -> None:
     results = []
-    for tries in range(3):                        # a machine that stalls is no robot
+    for tries in range(3):                        # a machine that stalls is not a robot
         results.append(run(NAMES[name], bus, tmp_path / str(tries)))
         if not results[-1].wrong:
             break

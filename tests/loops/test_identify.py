@@ -1,4 +1,4 @@
-"""truearc sysid on the emulated robot: doubts and buttons end in HOLD, and bad input says what is wrong."""
+"""truearc sysid on the emulated robot: faults and buttons end in HOLD, and bad input is named."""
 
 import signal
 import threading
@@ -102,7 +102,7 @@ def handlers():
 
 
 def test_the_real_door_with_silent_devices_ends_in_hold_and_leaves_a_session(tmp_path, handlers, capsys):
-    """Real clock, a real serial port, a bus on which nobody answers: the operator arms, and nothing is ever driven."""
+    """Real clock, a real serial port, a bus without devices: the operator arms, and nothing is ever driven."""
     box, over = open_button_box(), threading.Event()
 
     def operate():

@@ -1,4 +1,4 @@
-"""The emulated robot with somebody looking: as fast as the clock, and otherwise the same session."""
+"""The emulated robot with a browser on its page: as fast as the clock, and otherwise the same session."""
 
 import time
 from pathlib import Path

@@ -43,7 +43,7 @@ def test_gates_are_learnt_before_the_seal_is_opened_and_driven_after_it(played: 
     assert driven.change == load_seal(room.seal("r0001")).world["change"]
     assert set(driven.scored) == {NO_GATE, *SIDES}
     assert all(0 <= threes <= fired <= TRIALS for threes, fired in driven.scored.values())
-    assert driven.scored[NO_GATE][1] >= TRIALS - 1   # without a gate the driver's button fires; one may be spoilt
+    assert driven.scored[NO_GATE][1] >= TRIALS - 1   # without a gate the driver's button fires; one may be lost
     assert driven_table([driven]).rows[-1][0] == "together"
 
 

@@ -1,4 +1,4 @@
-"""A tick in which everything is right, for tests that then spoil one thing."""
+"""A tick in which everything is right, for tests that then break one thing."""
 
 import math
 from pathlib import Path

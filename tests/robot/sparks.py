@@ -18,7 +18,7 @@ ALL_SPARK = replace(CONFIG, axes=replace(CONFIG.axes, flywheels=(LEFT, RIGHT), h
 
 
 def only_advice(listens_to: str) -> Config:
-    """All axes belong to somebody else, and nothing is sent to the hood's encoder either."""
+    """All axes belong to another host, and nothing is sent to the hood's encoder either."""
     def heard(device: int, direction: int = 1) -> AdvisoryConfig:
         return AdvisoryConfig(listens_to=listens_to, device=device, direction=direction,
                             has_endstop=device == 3 and listens_to == "spark")

@@ -1,4 +1,4 @@
-"""What the configuration allows on the bus, against numbers worked out by hand from the devices' documents."""
+"""Frames that the configuration allows on the bus, against numbers worked out by hand from the devices' documents."""
 
 from collections import Counter
 
@@ -170,7 +170,7 @@ def test_whose_frames_they_are(config, sends, is_sent, pulse) -> None:
 
 
 def test_what_devices_and_other_hosts_say_is_known_and_what_only_we_may_say_is_not() -> None:
-    """Questions about our axes that another host asks are ours, too; strangers are counted, and are no fault."""
+    """Questions about our axes that another host asks are ours, too; unknown frames are counted without a fault."""
     wire, clock, tally = Wire(), Time(), Counter()
     bus = guard(wire, CONFIG, clock, tally)
     wire.frames = [Frame(clock.t_ns, 1 << 5 | 0x09, bytes(8)), Frame(clock.t_ns, 0x070E0185, bytes(8), True)]

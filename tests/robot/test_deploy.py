@@ -6,9 +6,11 @@ import shutil
 import stat
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
 import pytest
+from msgspec import Struct
 from msgspec.structs import replace
 
 import truearc.cli.robot.deploy
@@ -16,11 +18,15 @@ from tests.robot.gate.test_model import build
 from tests.robot.good_tick import CONFIG
 from truearc import robot
 from truearc.cli.main import main
+from truearc.cli.robot.deploy import make_commands
+from truearc.hw.devices.axis import Axis
 from truearc.robot.config.schema import InputError
-from truearc.robot.deploy.install import HOME, PROGRAM, Parts, make_parts
-from truearc.robot.deploy.texts import INSTALL, LINK, NETWORK, RULES, UNIT, make_files, make_rules
+from truearc.robot.deploy.install import Parts, make_parts
+from truearc.robot.deploy.source import copy_folder
+from truearc.robot.deploy.texts import HOME, INSTALL, LINK, NETWORK, PROGRAM, RULES, UNIT, make_files, make_rules
 
-PARTS = Parts(True, True, 3, 50, "", "2341:8036", 5.0)
+PARTS = Parts(True, True, False, 3, 50, "", "2341:8036", 5.0)
+PLUGIN = Path(robot.__file__).parents[1] / "examples" / "truearc-samplemotor"
 SHIPPED = Path(robot.__file__).parent / "launcher.toml"
 needs_shell = pytest.mark.skipif(sys.platform == "win32", reason="the robot's computer has a POSIX shell")
 
@@ -182,6 +188,58 @@ def test_with_wheels_for_everything_no_network_is_asked(tmp_path):
     assert all("--no-index" in row for row in log if "pip install" in row) and sum("pip install" in r for r in log) == 2
 
 
+@needs_shell
+def test_plugins_are_installed_with_the_program(tmp_path):
+    computer = Computer(tmp_path)
+    (computer.stage / "plugins").mkdir()
+    for name in ("one", "two"):
+        (computer.stage / "plugins" / f"{name}-1-py3-none-any.whl").touch()
+    _, _, log = computer.install()
+    pips = [row for row in log if "pip install" in row]
+    assert len(pips) == 2
+    for row in pips:
+        assert row.endswith("wheels/truearc-0.1.0-py3-none-any.whl plugins/one-1-py3-none-any.whl "
+                            "plugins/two-1-py3-none-any.whl")
+
+
+def test_a_plugin_is_built_without_what_was_built_before_and_a_wheel_taken_as_it_is(tmp_path, monkeypatch):
+    source = shutil.copytree(PLUGIN, tmp_path / "plugin")
+    (source / "build").mkdir()
+    (tmp_path / "other-1-py3-none-any.whl").write_bytes(b"wheel")
+    ran = []
+
+    def run(command, check):
+        ran.append(command)
+        if "wheel" in command and "plugin-0" in command[-1]:
+            assert (Path(command[-1]) / "pyproject.toml").exists() and not (Path(command[-1]) / "build").exists()
+        return subprocess.CompletedProcess(command, 0)
+
+    monkeypatch.setattr(truearc.cli.robot.deploy.subprocess, "run", run)
+    assert main(["deploy", "launcher", "--config", str(SHIPPED), "--plugin", str(source),
+                 "--plugin", str(tmp_path / "other-1-py3-none-any.whl")]) == 0
+    wheels = [command for command in ran if "wheel" in command]
+    assert [Path(command[-1]).name for command in wheels] == ["source", "plugin-0", "other-1-py3-none-any.whl"]
+    assert [Path(command[-2]).name for command in wheels] == ["wheels", "plugins", "plugins"]
+
+
+def test_the_built_plugin_holds_its_driver(tmp_path):
+    source = copy_folder(PLUGIN, tmp_path / "plugin-0")
+    _, build_plugin, *_ = make_commands("launcher", str(tmp_path), "", [source])
+    subprocess.run([*build_plugin[:5], "--no-build-isolation", "--no-index", *build_plugin[5:]], check=True)
+    wheel, = (tmp_path / "plugins").iterdir()
+    assert "truearc_samplemotor/samplemotor.dbc" in zipfile.ZipFile(wheel).namelist()
+
+
+def test_a_driver_of_another_distribution_needs_a_plugin():
+    class Foreign(Axis, Struct, frozen=True, tag_field="driver", tag="foreign"):
+        pass
+
+    config = replace(CONFIG, axes=replace(CONFIG.axes, feeder=Foreign()))
+    with pytest.raises(InputError, match="feeder motor: driver 'foreign' is of another distribution; --plugin"):
+        make_parts(config, PARTS)
+    assert make_parts(config, replace(PARTS, has_plugins=True)).has_plugins
+
+
 def test_a_dry_run_prints_every_command_and_file_and_does_nothing(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(truearc.cli.robot.deploy.subprocess, "run", lambda *_, **__: pytest.fail("ran something"))
     (tmp_path / "gate.onnx").write_bytes(build())
@@ -218,7 +276,7 @@ def test_the_staged_folder_is_carried_over_and_a_failing_command_ends_it(tmp_pat
 @pytest.mark.parametrize("words", [
     ["-oProxyCommand=x"], ["pi@"], ["pi@host;reboot"], ["pi@launcher", "--gate", "nowhere.onnx"],
     ["pi@launcher", "--endpoints", "nowhere.json"], ["pi@launcher", "--wheels", "nowhere"],
-    ["pi@launcher", "--priority", "99"],
+    ["pi@launcher", "--plugin", "nowhere.whl"], ["pi@launcher", "--priority", "99"],
 ])
 def test_bad_input_ends_with_2_and_runs_nothing(words, monkeypatch, capsys):
     monkeypatch.setattr(truearc.cli.robot.deploy.subprocess, "run", lambda *_, **__: pytest.fail("ran something"))

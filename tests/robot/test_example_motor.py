@@ -7,19 +7,28 @@ import subprocess
 import sys
 from collections import Counter
 from collections.abc import Iterator
+from importlib.metadata import EntryPoint
 from pathlib import Path
 
+import msgspec
 import pytest
+from msgspec.structs import replace
 
 from tests.hw.family_checks import CHECKS, check_frames, codec_of
+from tests.robot.good_tick import CONFIG, good_inputs, good_memory
 from tests.robot.test_rig import ASKED, Blind, Stream, Time, Wire
+from tools.reasons_doc import make_page
 from truearc import robot
 from truearc.hw.devices import registry
 from truearc.hw.fault_codes import FRAME_NOT_ALLOWED
 from truearc.hw.protocols import Frame
+from truearc.hw.reason import FAULT, Reason
 from truearc.robot.config.can_policy import guard
 from truearc.robot.config.schema import Config, InputError, config_hash, load_config
-from truearc.robot.reasons import IMAGE_DARK
+from truearc.robot.estimate import estimate
+from truearc.robot.gate.verdict import judge
+from truearc.robot.operator_ui.driver_messages import Told, tell
+from truearc.robot.reasons import BAD_FRAME, IMAGE_DARK, NOT_ARMED, text
 from truearc.robot.recording.replay.recompute import replay
 from truearc.robot.recording.session import CAN, load_session_config
 from truearc.robot.rig import HardwareRig
@@ -30,6 +39,7 @@ from truearc.sim.world.emulated_robot import emulate
 EXAMPLE = Path(robot.__file__).parent.parent / "examples" / "truearc-samplemotor"
 SHIPPED = Path(robot.__file__).parent / "launcher.toml"
 FEEDER = re.search(r"    \[axes\.feeder\]\n(?:    .*\n)+", (EXAMPLE / "README.md").read_text(encoding="utf-8"))[0]
+OTHER_FIRMWARE = {"is_driven": 0, "faults": 0, "current_a": 0.0, "bus_v": 12.0, "firmware": 7}
 DUTY, CLEAR, MOTION, HEALTH = (base + 9 for base in (0x680, 0x6C0, 0x700, 0x740))
 
 
@@ -52,6 +62,7 @@ def installed(site: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
         patch.setenv("PYTHONPATH", str(site), prepend=os.pathsep)       # for the emulated camera's process
         yield site
     registry._load.cache_clear()
+    registry.find_messages.cache_clear()
     for name in [name for name in sys.modules if name.partition(".")[0] == "truearc_samplemotor"]:
         del sys.modules[name]
 
@@ -110,6 +121,44 @@ def test_ticks_look_for_no_plugins(config: Config, monkeypatch: pytest.MonkeyPat
         rig.read()
         rig.write(ASKED)
     assert any(frame.arbitration_id == CLEAR for frame in wire.sent)
+
+
+def test_its_own_reason_has_its_text_wherever_reasons_are_shown(config: Config) -> None:
+    motor, = registry.find_family("samplemotor").make_motors([config.axes.feeder])
+    motor.take(Frame(1, HEALTH, codec_of(registry.find_family("samplemotor")).make("Health", OTHER_FIRMWARE)))
+    fault, = (one.about(motor="feeder motor") for one in motor.faults(2))
+    assert fault.code == "samplemotor.wrong_firmware"
+    shown = "feeder motor: samplemotor node 9 has firmware 7, expected 1"
+    assert text(fault) == shown and text(BAD_FRAME(cause=fault)) == f"bad frame: {shown}"
+    assert tell([NOT_ARMED(), fault])[0] == Told(
+        FAULT, "Feeder motor: unsupported firmware 7", "update it to 1", (shown,))
+    verdict = judge(replace(good_inputs(), faults=(fault,)), estimate(good_inputs(), good_memory(), CONFIG),
+                    good_memory().aim, good_memory(), CONFIG, None)
+    assert not verdict.fire and verdict.reasons == (fault,)
+    row = msgspec.json.encode(fault)
+    assert msgspec.json.decode(row, type=Reason) == fault
+    page = make_page(["samplemotor"])
+    assert page.count("`samplemotor.wrong_firmware`") == 2 and "`samplemotor" not in make_page()
+
+
+def test_without_it_its_reason_is_shown_by_name() -> None:
+    fault = Reason("samplemotor.wrong_firmware", {"motor": "feeder motor", "firmware": 7})
+    shown = "samplemotor.wrong_firmware (motor feeder motor, firmware 7)"
+    assert text(fault) == shown and tell([fault]) == (Told(FAULT, shown, "", (shown,)),)
+
+
+def test_a_reason_that_is_not_named_after_its_driver_is_refused(installed: Path, tmp_path: Path, toml: Path,
+                                                                monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "unnamed.py").write_text(
+        "from msgspec.structs import replace\nfrom truearc.hw.reason import Code, Message\n"
+        "from truearc_samplemotor.family import SAMPLEMOTOR\n"
+        "FAMILY = replace(SAMPLEMOTOR, messages=(Message(Code('can_lost', ''), 'fault', ''),))\n")
+    with monkeypatch.context() as patch:
+        patch.syspath_prepend(tmp_path)
+        patch.setattr(registry, "entry_points",
+                      lambda **group: [EntryPoint("samplemotor", "unnamed:FAMILY", registry.GROUP)])
+        with pytest.raises(InputError, match=r"unnamed:FAMILY: reason 'can_lost' must be named 'samplemotor\.WHAT'"):
+            load_config(toml)
 
 
 def test_without_it_the_drivers_that_there_are_are_listed(toml: Path) -> None:

@@ -1,4 +1,4 @@
-"""A press that got lost may have been the one that disarms: no request outlives it, and nobody stays armed."""
+"""A press that got lost may have been the one that disarms: no request outlives it, and the robot is disarmed."""
 
 import msgspec
 import pytest
@@ -47,7 +47,7 @@ def test_neither_the_request_nor_the_arming_outlives_it(what):
 @WHATS
 @pytest.mark.parametrize("button", ["arm", "fire", "two"])
 def test_what_is_pressed_in_the_same_tick_does_not_arm(what, button):
-    """It was pressed by somebody who believed that the press before had been heard."""
+    """It was pressed by a driver who believed that the press before had been heard."""
     for armed in (True, False):
         out = tick(replace(good_memory(), armed=armed), what, button)
         assert not out.memory.armed and not out.memory.request_t_ns and out.memory.disarmed == what

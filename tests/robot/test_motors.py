@@ -97,7 +97,7 @@ def verdict_of(config: Config, inputs) -> tuple[Reason, ...]:
 
 
 def with_hood(bench: Bench):
-    """A tick in which all is well, but for what the bench's hood motor says and what the rig complains of."""
+    """A tick in which all is well, except the bench's hood motor and the rig's faults."""
     inputs, good = bench.inputs, good_inputs()
     hood = replace(inputs.hood_motor, t_ns=good.t_ns, heartbeat_t_ns=good.t_ns, errors_t_ns=good.t_ns,
                    velocity_rad_s=0.0, position_rad=good.hood_motor.position_rad)

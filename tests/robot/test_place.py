@@ -43,7 +43,7 @@ def _stand_there(reasons):
 
 
 def asked(config, distance_m=DISTANCE_M, gate=None):
-    """What is remembered after the tick of the request, which is too early to fire."""
+    """Memory after the tick of the request, which is too early to fire."""
     memory = seen_from(replace(good_memory(), aim=None, steady_t_ns=0), distance_m)
     tick = step(good_inputs(), memory, config, gate)
     assert tick.memory.aim == tick.aim and tick.aim.source == "plan" and not tick.verdict.fire

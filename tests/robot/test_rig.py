@@ -28,7 +28,7 @@ ASKED = Command(True, 0.1, -0.02, 0.2)
 
 
 class Wire:
-    """A bus, a stream and a camera whose far end is a list."""
+    """A bus, a stream and a camera over lists."""
 
     def __init__(self):
         self.frames, self.data, self.image, self.sent, self.lost = [], b"", None, [], False

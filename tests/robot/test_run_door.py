@@ -1,4 +1,4 @@
-"""`truearc run` from first line to last on hand-made wires: real time asked for, systemd told, ticks timed."""
+"""`truearc run` from first line to last on hand-made wires: real time asked for, systemd notified, ticks timed."""
 
 import signal
 import socket
@@ -18,7 +18,7 @@ from truearc.cli.robot.run_processes import make_show
 from truearc.hw.devices.button_box.frames import make_heartbeat
 from truearc.robot.config.schema import load_config
 from truearc.robot.operator_ui.page_option import parse_page
-from truearc.robot.operator_ui.serve_option import open_page
+from truearc.robot.operator_ui.server import open_page
 from truearc.robot.recording.session import LATENESS
 from truearc.robot.tick import step
 from truearc.robot.vision_source import NoEyes

@@ -1,4 +1,4 @@
-"""The program that is driven, and the tick that drives it: every doubt lets go, and for good."""
+"""The program that is driven, and the tick that drives it: any fault releases the motors, and for good."""
 
 import math
 

@@ -53,7 +53,7 @@ def test_the_rig_knows_how_late_a_tick_came(bench):  # noqa: F811
     seconds = []
     lateness = Lateness(seconds.append, PERIOD_NS)
     timed = TimedRig(rig, lateness)
-    clock.t_ns += 3_000_000_000                           # wires take their time to open: nobody is late for that
+    clock.t_ns += 3_000_000_000                           # wires take their time to open: no tick is late by that
     timed.read()
     timed.read()
     assert rig.late_ns == 0

@@ -63,8 +63,8 @@ class Scene:
 
 
 def test_distance_and_sigma_over_the_field():
-    """Root mean square error at most 3 cm over 2.3-9 m; errors / sigma spread by 0.75-1.2 where it is told that all
-    rows are read at once, as they are; bearings to 0.1 degree."""
+    """Root mean square error at most 3 cm over 2.3-9 m; errors / sigma spread by 0.75-1.2 where it is configured that
+    all rows are read at once, as they are; bearings to 0.1 degree."""
     rng = np.random.default_rng(20)
     errors, ratios, bearings = [], [], []
     for seed in range(4):

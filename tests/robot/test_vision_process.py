@@ -41,7 +41,7 @@ class Time:
 
 
 class Views:
-    """A camera that gives what it is told, or raises it."""
+    """A camera that gives each of `views`, or raises it."""
 
     def __init__(self, *views):
         self.views = list(views)

@@ -28,7 +28,7 @@ def view_at(distance_m: float, pitch_deg: float, **how: float):
 
 
 def trial(rng: np.random.Generator, turn_deg_s: tuple[float, float], seed: int, exposure_s: float, **told: float):
-    """Distance, and what a camera that turns so fast, and of which this is told, makes of it."""
+    """Distance, and its estimate by a camera that turns so fast and is configured so."""
     distance_m = rng.uniform(2.4, 8.0)
     camera = replace(CONFIG.camera, pitch_deg=24.0 if distance_m < 6 else 14.0, **told)
     smear_px = CONFIG.camera.fx_px * exposure_s * np.radians(turn_deg_s)
@@ -63,8 +63,8 @@ def test_what_is_not_before_a_camera_that_turns_is_not_drawn():
 
 
 def test_errors_are_as_large_as_sigma_says_when_it_is_told_of_turning():
-    """Turns drawn as stated, a fifth of them up or down, exposed too shortly to be smeared: unit spread. Where it is
-    told of a global shutter, sigma is far too small."""
+    """Turns drawn as stated, a fifth of them up or down, exposed too shortly to be smeared: unit spread. Configured
+    as a global shutter, sigma is far too small."""
     told, untold = [], []
     for seed in range(70):
         turn = 30.0 * np.random.default_rng([1, seed]).standard_normal(2) * (1.0, 0.2)
@@ -77,7 +77,7 @@ def test_errors_are_as_large_as_sigma_says_when_it_is_told_of_turning():
 
 @pytest.mark.parametrize("turn_deg_s", [-90, -30, 30, 90])
 def test_a_fast_turn_is_known_by_its_smear(turn_deg_s):
-    """Nothing told: nine times as fast as is believed beforehand, and still an honest sigma. Three times as fast smears
+    """With default settings: nine times as fast as assumed, and still an honest sigma. Three times as fast smears
     too little to be seen: of 60 three err by more than three sigmas, by four at most."""
     trials = [trial(np.random.default_rng(seed), (turn_deg_s, 0.0), seed, EXPOSURE_S) for seed in range(30)]
     found = [one for one in trials if one[1].found]

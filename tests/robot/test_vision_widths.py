@@ -21,7 +21,7 @@ LENS = Lens(CAMERA.width_px, CAMERA.height_px, CAMERA.fx_px, CAMERA.fy_px, CAMER
 
 
 def see(distance_m, seed=0, look=USUAL, tape=TAPE, hidden=(), **where):
-    """What is made of `tape` at that distance, with these patches of the target's plane hidden."""
+    """The sighting of `tape` at that distance, with these patches of the target's plane hidden."""
     camera = replace(CAMERA, pitch_deg=24.0 if distance_m < 6 else 14.0)
     view = place(distance_m, RISE_M, camera.pitch_deg, **where)
     eye = StagedCamera(Stage(view), LENS, tape, 20.0, 0.0, seed, look=look)

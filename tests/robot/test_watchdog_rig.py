@@ -1,4 +1,4 @@
-"""What systemd is told, and by whom: the tick, after it has sent its commands, and nobody else."""
+"""Messages to systemd: from the tick alone, after it has sent its commands."""
 
 import pytest
 from msgspec.structs import replace

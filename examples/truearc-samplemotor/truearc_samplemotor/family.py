@@ -15,6 +15,7 @@ from truearc_samplemotor import frames
 from truearc_samplemotor.emulator import SampleNode
 from truearc_samplemotor.frames import DBC, SampleAxis
 from truearc_samplemotor.motor import SampleMotor
+from truearc_samplemotor.reasons import MESSAGES
 
 HEALTH_NS = 50 * NS_PER_MS
 
@@ -73,4 +74,4 @@ def examine(axis: SampleAxis, check: AxisCheck, heard: Heard) -> Iterator[Findin
 SAMPLEMOTOR = MotorFamily(
     driver="samplemotor", axis=SampleConfig, example=SampleConfig(9, 1, 0.7, 1000.0, 12.0), dbc=DBC, is_commanded=True,
     make_motors=make_motors, make_rules=make_rules, error_words=error_words, is_driven=is_driven, questions=questions,
-    examine=examine, make_node=SampleNode)
+    examine=examine, make_node=SampleNode, messages=MESSAGES)

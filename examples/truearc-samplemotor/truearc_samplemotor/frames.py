@@ -77,6 +77,13 @@ def parse(axis: SampleAxis, frame: Frame, previous: MotorReading) -> MotorReadin
                    current_t_ns=t_ns, current_a=sign * values["current_a"], bus_t_ns=t_ns, bus_v=values["bus_v"])
 
 
+def firmware_of(axis: SampleAxis, frame: Frame) -> int | None:
+    """The firmware that a Health frame names; None for any other frame."""
+    if frame.is_remote or frame.arbitration_id != frame_id(axis, "Health"):
+        return None
+    return int(codec().parse("Health", frame.data)["firmware"])
+
+
 def error_words(axis_error: int) -> tuple[str, ...]:
     """The faults in a bit field, as text."""
     return tuple(word for bit, word in FAULT_WORDS if axis_error & bit)

@@ -7,7 +7,8 @@ from truearc.hw.protocols import Frame
 from truearc.hw.readings import MotorReading
 from truearc.hw.reason import Reason
 from truearc_samplemotor import frames
-from truearc_samplemotor.frames import SampleAxis
+from truearc_samplemotor.frames import FIRMWARE, SampleAxis
+from truearc_samplemotor.reasons import WRONG_FIRMWARE
 
 STALE_NS = 100_000_000                # a duty is not worked out from a speed or a voltage older than this
 
@@ -20,6 +21,7 @@ class SampleMotor:
         self._axis, self._motor = axis, motor
         self._agreement = Agreement()
         self._is_wanted = False
+        self._firmware = FIRMWARE     # as the device names it
 
     def ids(self) -> tuple[tuple[int, bool], ...]:
         return tuple((frames.frame_id(self._axis, name), False) for name in frames.READINGS)
@@ -27,8 +29,12 @@ class SampleMotor:
     def take(self, frame: Frame) -> None:
         before, self.reading = self.reading, frames.parse(self._axis, frame, self.reading)
         self._agreement.take(before, self.reading)
+        if (firmware := frames.firmware_of(self._axis, frame)) is not None:
+            self._firmware = firmware
 
     def faults(self, t_ns: int) -> tuple[Reason, ...]:
+        if self._firmware != FIRMWARE:
+            return (WRONG_FIRMWARE(node=self._axis.node, firmware=self._firmware, wanted=FIRMWARE),)
         fault = self._agreement.fault(f"samplemotor node {self._axis.node}", self.reading)
         return () if fault is None else (fault,)
 

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import IO
 
 import msgspec
-from mcap.writer import CompressionType, Writer
 
 from truearc.robot.reasons import texts
 from truearc.robot.recording.export.tabular import BOOL, FLOAT, FLOATS, INT, TEXT, TEXTS, Column, FlatTicks, Value
 from truearc.robot.recording.export.wpilog import WpilogWriter, make_payload
+from truearc.robot.recording.files import TickFile
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.rows import Trial
 from truearc.robot.recording.session import load_session_config, load_trials
@@ -91,21 +91,13 @@ def write_wpilog(rows: ExportRows, file: IO[bytes]) -> None:
 
 
 def write_mcap(rows: ExportRows, file: IO[bytes]) -> None:
-    """Ticks as they were recorded on /tick and marked trials on /trial, JSON with schemas, in one whole file."""
-    writer = Writer(file, compression=CompressionType.ZSTD)
-    writer.start(profile="", library="truearc")
-    channels = {}
-    for topic, kind in (("/tick", Tick), ("/trial", Trial)):
-        schema = rows.reader.rows.schema(kind)
-        schema_id = writer.register_schema(f"truearc.{kind.__name__}", "jsonschema", schema)
-        channels[topic] = writer.register_channel(topic, "json", schema_id)
+    """The recording's ticks and trials in one whole file, also where it is cut short or lacks /trial."""
+    out = TickFile(file, rows.reader.rows)
     for tick, data in rows.ticks():
-        t_ns = tick.inputs.t_ns
-        writer.add_message(channels["/tick"], t_ns, data, t_ns, rows.count - 1)
-    for number, trial in enumerate(rows.trials):
-        t_ns = trial.outcome.t_ns
-        writer.add_message(channels["/trial"], t_ns, rows.reader.rows.encode_trial(trial), t_ns, number)
-    writer.finish()
+        out.write(tick.inputs.t_ns, data)
+    for trial in rows.trials:
+        out.write_trial(trial.outcome.t_ns, rows.reader.rows.encode_trial(trial))
+    out.finish()
 
 
 def _start(log: WpilogWriter, column: Column, t_us: int) -> int:

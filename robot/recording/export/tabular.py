@@ -35,7 +35,7 @@ class Column(NamedTuple):
 
 
 class FlatTicks:
-    """How ticks of a robot with so many flywheel motors are laid out; `row` gives a value, or None, for each column."""
+    """Columns of a tick for this number of flywheel motors; `row` gives a value, or None, for each column."""
 
     def __init__(self, flywheels: int) -> None:
         self._flywheels = flywheels

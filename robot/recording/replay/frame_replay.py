@@ -14,12 +14,12 @@ from msgspec.structs import replace
 from truearc.hw.protocols import Frame, LinkLost
 from truearc.hw.readings import CameraFrame
 from truearc.hw.reason import Reason
-from truearc.robot.config.schema import Config, InputError, in_words
+from truearc.robot.config.schema import Config, InputError, naming
 from truearc.robot.reasons import BAD_FRAME, CAN_LOST
 from truearc.robot.recording.candump import parse_candump
-from truearc.robot.recording.images import load_image, load_pictures
+from truearc.robot.recording.files import load_image, load_pictures
 from truearc.robot.recording.rows import RowFormat
-from truearc.robot.recording.session import CAN, FRAMES, INDEX
+from truearc.robot.recording.session import CAN, INDEX
 from truearc.robot.rig import HardwareRig, ReplayRig
 from truearc.robot.types import Command, Inputs, Sent, Sighting
 from truearc.robot.vision import detect
@@ -69,10 +69,8 @@ class LoggedBus:
     def close(self) -> None: ...
 
     def _read(self) -> Iterator[Frame]:
-        try:
+        with naming(self._path):
             file = self._path.open(encoding="ascii", errors="replace", newline="\n")
-        except OSError as error:
-            raise InputError(f"{self._path}: {in_words(error)}") from error
         with file:
             for number, line in enumerate(file, 1):
                 parsed = parse_candump(line)
@@ -83,10 +81,12 @@ class LoggedBus:
 
 
 class FramesRig:
-    """A ReplayRig whose inputs are made anew by HardwareRig, out of the recorded frames and images."""
+    """A ReplayRig whose inputs are recomputed by HardwareRig from the recorded frames and images."""
 
-    def __init__(self, ticks: ReplayRig, config: Config, session: Path, rows: RowFormat) -> None:
-        self.done = Recomputed(missing=int(not (session / FRAMES / INDEX).exists()))
+    def __init__(self, ticks: ReplayRig, config: Config, session: Path, rows: RowFormat,
+                 done: Recomputed) -> None:
+        self.done = done
+        self.done.missing += not (session / INDEX).exists()
         self._ticks, self._config, self._session, self._rows = ticks, config, session, rows
         self._bus = LoggedBus(session / CAN, self.done)
         self._clock = _RecordedClock()
@@ -107,7 +107,7 @@ class FramesRig:
                        faults=self._faults(recorded.faults, parsed.faults))
 
     def write(self, command: Command) -> Sent:
-        """What went out then; drivers are told, for some of what they say of a motor is about what they asked it."""
+        """Return what was sent then; drivers get the command, since some of their faults depend on it."""
         self._rig.write(command)
         return self._ticks.write(command)
 
@@ -126,16 +126,12 @@ class FramesRig:
                                                      self._config.vision)
 
     def _faults(self, recorded: tuple[Reason, ...], parsed: tuple[Reason, ...]) -> tuple[Reason, ...]:
-        """What the frames are at fault for now; what else was at fault then."""
-        again, was = (tuple(filter(_is_of_frames, faults)) for faults in (parsed, recorded))
+        """Faults that the frames show now, with the other recorded ones."""
+        again, was = (tuple(fault for fault in faults if fault.code == BAD_FRAME.name or "motor" in fault.params)
+                      for faults in (parsed, recorded))
         if self._rows.recorded(again) == was:
             return recorded
         return again + tuple(fault for fault in recorded if fault not in was)
-
-
-def _is_of_frames(fault: Reason) -> bool:
-    """Whether it is frames that show it."""
-    return fault.code == BAD_FRAME.name or "motor" in fault.params
 
 
 class _RecordedClock:

@@ -3,7 +3,7 @@
 From the recorded inputs, or from deeper: the raw CAN frames and the kept images, parsed and seen again.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,14 +15,14 @@ from truearc.hw.readings import CameraFrame
 from truearc.robot.config.schema import Config, InputError
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.replay.frame_replay import FramesRig, Recomputed
-from truearc.robot.recording.session import load_header, load_session_config, load_session_gate
+from truearc.robot.recording.session import TELEMETRY, load_header, load_session_config, load_session_gate
 from truearc.robot.rig import ReplayRig
-from truearc.robot.runtime import Think, run
+from truearc.robot.runtime import RobotIo, run
 from truearc.robot.sysid.tick import POLICY, make_step
 from truearc.robot.tick import step
 from truearc.robot.types import Sent, Tick
 
-LATER = b'"aim_place_m":'             # of the memory; recordings from before it was there say nothing of it
+LATER = b'"aim_place_m":'             # of the memory; absent in the oldest recordings
 
 
 class Difference(Exception):
@@ -78,35 +78,29 @@ def replay(session: Path) -> Replayed:
 
     Raises Difference at the first tick that does not match; InputError when there is nothing to match.
     """
-    config, gate = load_session_config(session), load_session_gate(session)
-    reader = TickReader(session)
-    rows = RecordedRows(reader)
-    ticks = run(ReplayRig(rows), config, gate, Comparer(rows), _think(session, config))
-    return matched(ticks, reader)
+    return _replay(session, lambda rows, config: ReplayRig(rows))
 
 
 def replay_frames(session: Path) -> tuple[Replayed, Recomputed]:
     """As `replay`, with the inputs recomputed, too, from what can0.log and frames/ hold of them."""
-    config, gate = load_session_config(session), load_session_gate(session)
-    reader = TickReader(session)
-    rows = RecordedRows(reader)
-    rig = FramesRig(ReplayRig(rows), config, session, rows.format)
+    done = Recomputed()
     try:
-        ticks = run(rig, config, gate, Comparer(rows), _think(session, config))
+        replayed = _replay(session, lambda rows, config: FramesRig(ReplayRig(rows), config, session, rows.format, done))
     except Difference as difference:
-        if rig.done.frames == 0:
-            raise InputError(f"{reader.path}: does not say which frames each tick had read: recorded before that was "
-                           "kept") from difference
+        if done.frames == 0:
+            raise InputError(f"{session / TELEMETRY}: does not say which frames each tick had read: recorded before "
+                             "that was kept") from difference
         raise
-    if rig.done.frames == 0:
+    if done.frames == 0:
         raise InputError(f"{session}: no frames to parse again")
-    replayed = matched(ticks, reader)
-    return Replayed(ticks, replayed.cut_short or rig.done.ended or None), rig.done
+    return replayed._replace(cut_short=replayed.cut_short or done.ended or None), done
 
 
-def _think(session: Path, config: Config) -> Think:
-    """The tick that the session was recorded by."""
-    return make_step(config) if load_header(session).policy == POLICY else step
+def _replay(session: Path, make_rig: Callable[[RecordedRows, Config], RobotIo]) -> Replayed:
+    config, gate, reader = load_session_config(session), load_session_gate(session), TickReader(session)
+    rows = RecordedRows(reader)
+    think = make_step(config) if load_header(session).policy == POLICY else step       # what it was recorded by
+    return matched(run(make_rig(rows, config), config, gate, Comparer(rows), think), reader)
 
 
 def matched(ticks: int, reader: TickReader) -> Replayed:
@@ -118,17 +112,19 @@ def matched(ticks: int, reader: TickReader) -> Replayed:
 
 def _first_difference(was: bytes, now: bytes) -> str:
     old, new = msgspec.json.decode(was), msgspec.json.decode(now)
-    path, before, after = _walk(old, new, "tick")
+    path, before, after = next(find_differences(old, new, "tick."), ("tick", old, new))
     return f"cycle {old['inputs']['cycle']}: {path} was {before!r}, is now {after!r}"
 
 
-def _walk(old: Any, new: Any, path: str) -> tuple[str, Any, Any]:
-    if isinstance(old, dict) and isinstance(new, dict):
-        for key in [*old, *new]:
-            if old.get(key) != new.get(key):
-                return _walk(old.get(key), new.get(key), f"{path}.{key}")
-    if isinstance(old, list) and isinstance(new, list) and len(old) == len(new):
-        for index, (one, other) in enumerate(zip(old, new, strict=True)):
-            if one != other:
-                return _walk(one, other, f"{path}[{index}]")
-    return path, old, new
+def find_differences(was: Any, now: Any, prefix: str = "") -> Iterator[tuple[str, Any, Any]]:
+    """Dotted name, old and new value of each part that differs between two values of built-in types."""
+    if isinstance(was, dict) and isinstance(now, dict):
+        parts = [(key, was.get(key), now.get(key)) for key in dict.fromkeys([*was, *now])]
+    elif isinstance(was, list | tuple) and isinstance(now, list | tuple) and len(was) == len(now):
+        parts = list(zip(range(len(was)), was, now, strict=True))
+    else:
+        parts = []
+        if was != now:
+            yield prefix.removesuffix("."), was, now
+    for key, one, other in parts:
+        yield from find_differences(one, other, f"{prefix}{key}.")

@@ -1,8 +1,6 @@
 """What another configuration or model would have made of a recording's inputs, and how that differs from what was."""
 
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import msgspec
 from msgspec import Struct
@@ -13,7 +11,7 @@ from truearc.robot.config.schema import Config
 from truearc.robot.gate.model import Gate
 from truearc.robot.recording.export.tabular import FlatTicks, Value
 from truearc.robot.recording.reader import TickReader
-from truearc.robot.recording.replay.recompute import RecordedRows, matched
+from truearc.robot.recording.replay.recompute import RecordedRows, find_differences, matched
 from truearc.robot.recording.rows import RowFormat
 from truearc.robot.rig import ReplayRig
 from truearc.robot.runtime import run
@@ -72,18 +70,8 @@ def find_changes(session: Path, config: Config, gate: Gate | None) -> Changes:
 
 def config_changes(was: Config, now: Config) -> list[str]:
     """Each key that differs, as 'flywheel.pid.kp: 0.03 -> 0.04'."""
-    return list(_leaves(msgspec.to_builtins(was), msgspec.to_builtins(now), ""))
-
-
-def _leaves(was: Any, now: Any, name: str) -> Iterator[str]:
-    if isinstance(was, dict) and isinstance(now, dict):
-        for key in [*was, *(key for key in now if key not in was)]:
-            yield from _leaves(was.get(key), now.get(key), f"{name}.{key}" if name else key)
-    elif isinstance(was, list | tuple) and isinstance(now, list | tuple) and len(was) == len(now):
-        for at, (one, other) in enumerate(zip(was, now, strict=True)):
-            yield from _leaves(one, other, f"{name}.{at}")
-    elif was != now:
-        yield f"{name}: {was} -> {now}"
+    differences = find_differences(msgspec.to_builtins(was), msgspec.to_builtins(now))
+    return [f"{name}: {old} -> {new}" for name, old, new in differences]
 
 
 class _Collector:

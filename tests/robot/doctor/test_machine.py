@@ -26,8 +26,8 @@ from truearc.hw.protocols import LinkLost
 from truearc.hw.readings import CameraFrame
 from truearc.hw.real.machine import read_exposure
 from truearc.robot.doctor.bus import check_adapter, check_bitrate
+from truearc.robot.doctor.devices import check_model
 from truearc.robot.doctor.machine import check_clock, check_disk, check_real_time
-from truearc.robot.doctor.model import check_model
 from truearc.robot.doctor.senses import check_box, check_camera, check_exposure
 
 # As iproute2 prints a gs_usb adapter and a virtual interface.

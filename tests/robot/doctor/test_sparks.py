@@ -26,7 +26,7 @@ MOTORS = {"flywheel motor 1": "flywheel_a", "flywheel motor 2": "flywheel_b", "h
 
 
 def hear(nodes: list[Node], config) -> dict[str, Finding]:
-    """What the doctor makes of a second of these devices, each asked once and stamped as a bus would."""
+    """Findings of the doctor from a second of these devices, each queried once and stamped as a bus would."""
     frames = [answer for question in questions(config, None) for node in nodes
               if (question.arbitration_id, question.is_extended) in node.ids() for answer in node.receive(question, 0)]
     for t_ns in range(MS, 1000 * MS, MS):

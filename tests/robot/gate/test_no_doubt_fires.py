@@ -1,4 +1,4 @@
-"""FIRE exactly when nothing is in doubt: the whole tick against rules written down apart from it.
+"""FIRE exactly when everything is known and good: the whole tick against rules written down apart from it.
 
 One example is one world, put through the tick. Hypothesis draws a thousand at a time, seven bytes each: a draw a world
 would cost more than the tick. `--hypothesis-profile=million` draws ten times as many.
@@ -46,7 +46,7 @@ def _still_feeding(facts: Facts) -> bool:
 
 
 def _after_the_presses(facts: Facts) -> Facts:
-    """What the buttons change: arming forgets what was asked, and only who is armed and has no ball out may ask."""
+    """Effect of the buttons: arming forgets what was asked, and only who is armed and has no ball out may ask."""
     armed, asked = facts["armed"], facts["asked"]
     for button in facts["pressed"]:
         if button == "arm":

@@ -1,4 +1,4 @@
-"""Every doubt means HOLD, with these reasons. That none fires: test_no_doubt_fires."""
+"""Everything unknown or wrong means HOLD, with these reasons. That none fires: test_no_doubt_fires."""
 
 import math
 
@@ -178,7 +178,7 @@ def test_a_model_is_told_what_was_measured():
 
 
 def test_with_nothing_to_rate_the_model_is_not_asked():
-    """Collecting, that is no reason of its own."""
+    """While collecting, that gives no reason of its own."""
     unseen = replace(good_memory(), last_sighting=None)
     assert verdict(memory=unseen, gate=Breaks()).reasons == (because.TARGET_NEVER_SEEN(),)
     assert verdict(memory=unseen, config=MODEL, gate=Breaks()).reasons == (

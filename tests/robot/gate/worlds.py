@@ -50,7 +50,7 @@ def among(*values: Any) -> Draw:
 def ages(limit_ns: int, good_ns: int = 4 * MS, exact: bool = True) -> Draw:
     """An age in ns: at the edges of what is allowed, absurd, or anywhere from 1 s in the future to 3 s ago.
 
-    Not `exact`: the limit in seconds is not the float that its nanoseconds come to, so that nobody can be just there.
+    Not `exact`: the limit in seconds is not the float that its nanoseconds come to, so that no age can be just there.
     """
     edges = (limit_ns if exact else limit_ns - 1, limit_ns + 1, limit_ns - 1, 0, 1, -1, -MS, -3_600_000 * MS,
              86_400_000 * MS, NEVER, 2 * limit_ns, limit_ns // 3)

@@ -1,4 +1,4 @@
-"""What a browser makes of the page: FIRE, HOLD, and STALE as soon as the robot says nothing more."""
+"""The page in a browser: FIRE, HOLD, and STALE as soon as the robot sends no more events."""
 
 import threading
 
@@ -75,11 +75,12 @@ def test_fire_hold_and_stale(browser, shower):
     shower.tick = GOOD
     browser.wait("document.title === 'FIRE'")
     assert browser.evaluate(WORD) == "FIRE" and browser.evaluate(STALE_OPACITY) == "0"
-    assert browser.evaluate("document.querySelectorAll('#told li').length") == 0
+    assert browser.evaluate("document.querySelectorAll('#told li').length") == 0    # prose: allow
     shower.tick = LOST
     browser.wait("document.title === 'HOLD'")
     assert browser.evaluate("document.body.classList.contains('fault')")
-    assert browser.evaluate("[...document.querySelectorAll('#told li b')].map(one => one.innerText)") == [
+    messages = "[...document.querySelectorAll('#told li b')].map(one => one.innerText)"     # prose: allow
+    assert browser.evaluate(messages) == [
         "CAN adapter pulled out?", "Target out of sight for 2.1 s"]
     assert browser.evaluate("document.getElementById('lead').innerText") == "CAN adapter pulled out?"
     assert "5.00 ± 0.03 m" in browser.evaluate("document.getElementById('blocks').innerText")
@@ -123,7 +124,7 @@ def is_green(png):
 def test_news_that_was_long_on_its_way_is_no_news(browser, shower):
     shower.tick = None
     browser.wait("document.title === 'STALE'")
-    view = """{seq: 1, t_robot_s: 1, state: "FIRE", tone: "fire", told: [], blocks: []}"""
+    view = """{seq: 1, t_robot_s: 1, state: "FIRE", tone: "fire", told: [], blocks: []}"""     # prose: allow
     browser.evaluate(f"connect(); take({{t_sent_s: performance.now() / 1000, view: {view}}});")
     assert browser.evaluate("document.title") == "FIRE"
     browser.evaluate(f"take({{t_sent_s: performance.now() / 1000 - 0.7, view: {view}}});")
@@ -150,5 +151,5 @@ def test_it_fits_the_screen(browser, shower, width, height):
         const text = range.getBoundingClientRect(), tile = document.getElementById("tile").getBoundingClientRect();
         return text.width > 60 && text.left >= tile.left && text.right <= tile.right
             && text.bottom <= innerHeight; })()""")
-    first = "document.querySelector('#told li b').getBoundingClientRect()"
+    first = "document.querySelector('#told li b').getBoundingClientRect()"     # prose: allow
     assert browser.evaluate(f"{first}.bottom <= innerHeight && {first}.right <= innerWidth")

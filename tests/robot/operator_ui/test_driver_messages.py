@@ -1,4 +1,4 @@
-"""What the page says: a message for every code, told in the order of importance."""
+"""Messages of the page: one for every code, in the order of importance."""
 
 import errno
 import os
@@ -17,13 +17,13 @@ from truearc.hw import fault_codes as hw
 from truearc.hw.devices.odrive import frames as odrive
 from truearc.hw.devices.spark import frames as spark
 from truearc.hw.readings import AngleReading, CameraFrame, MotorReading
-from truearc.hw.reason import Reason
+from truearc.hw.reason import FAULT, WAIT, YOU, Reason
 from truearc.robot import reasons as bot
 from truearc.robot.aim import IDLE
 from truearc.robot.estimate import estimate
 from truearc.robot.gate.model import Rating
 from truearc.robot.gate.verdict import judge
-from truearc.robot.operator_ui.driver_messages import FAULT, MESSAGES, RANKS, WAIT, YOU, find_message, tell
+from truearc.robot.operator_ui.driver_messages import MESSAGES, RANKS, find_message, tell
 from truearc.robot.recording.file_writers import disk_trouble
 from truearc.robot.types import Aim, Memory
 from truearc.robot.vision import detect

@@ -1,4 +1,4 @@
-"""The page over HTTP: what it gives to whom, and that nobody who looks can hold up who shows."""
+"""The page over HTTP: what it gives to whom, and that no browser can hold up the robot."""
 
 import json
 import socket
@@ -152,7 +152,7 @@ def test_nobody_who_looks_and_does_not_listen_holds_up_who_shows(shown, monkeypa
 
 
 def has_hung_up(deaf):
-    """Whether the far end has, without reading: behind what waits to be read it does not show."""
+    """Whether the server has hung up, found out without reading: behind unread data it does not show."""
     try:
         deaf.sendall(b"x")
     except OSError:

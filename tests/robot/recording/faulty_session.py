@@ -26,9 +26,8 @@ from truearc.robot.config.can_policy import guard
 from truearc.robot.config.schema import load_config
 from truearc.robot.recording.candump import TappedBus
 from truearc.robot.recording.encoder import SessionWriter
-from truearc.robot.recording.recording_rig import RecordingRig
 from truearc.robot.recording.session import make_header
-from truearc.robot.rig import HardwareRig
+from truearc.robot.rig import HardwareRig, RecordingRig
 from truearc.robot.runtime import run
 from truearc.sim.world.driver import Driver
 from truearc.sim.world.emulated_robot import CHANNELS
@@ -48,7 +47,7 @@ from truearc_proof.world.faults import (
 SEED, MS = 13, 1_000_000
 END_MS = 5400
 CAN_GONE, CAMERA_GONE, BOX_GONE = (2500, 2530), (2700, 2730), (4200, 4220)          # ms
-GARBLED_MS, LOST_MS = 4000, 4800      # the box says what is no line; then counts presses that never came
+GARBLED_MS, LOST_MS = 4000, 4800      # the box sends garbage; then counts presses that never came
 
 
 def make_faults(config):
@@ -114,7 +113,7 @@ def record(folder: Path) -> None:
     rig = HardwareRig(config, TappedBus(bus, recorder.tap), Box(stream, clock, BOX_GONE, LOST_BOX),
                       Wire(eyes, clock, CAMERA_GONE, LOST_CAMERA), clock, lambda: clock.now_ns() > END_MS * MS)
     try:
-        run(RecordingRig(rig, recorder), config, None, recorder)
+        run(RecordingRig(rig, recorder.trouble), config, None, recorder)
     finally:
         for wire in (near, far, stream, eyes):
             wire.close()

@@ -8,6 +8,8 @@ import shutil
 import struct
 import subprocess
 import sys
+import tarfile
+from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
@@ -21,6 +23,8 @@ from truearc.robot.recording.export.tabular import FLOAT, INT, TEXTS, FlatTicks,
 from truearc.robot.recording.export.wpilog import WpilogWriter, make_payload
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import load_trials
+
+HERE = Path(__file__).parent
 
 
 def convert(session, to, out):
@@ -152,14 +156,33 @@ def test_parquet_says_the_same_with_units(plain, tmp_path):
     assert [trial["distance_m"] for trial in trials] == [trial.shot.distance_m for trial in load_trials(plain)]
 
 
-def test_mcap_has_ticks_and_trials_with_their_schemas(plain, tmp_path):
-    with convert(plain, "mcap", tmp_path / "s.mcap").open("rb") as file:
+def read_mcap(path):
+    """Data of the messages of each topic, and the names of their schemas."""
+    with path.open("rb") as file:
         messages = list(make_reader(file).iter_messages())
-    heard = {topic: [message.data for _, channel, message in messages if channel.topic == topic]
-             for topic in ("/tick", "/trial")}
-    assert heard["/tick"] == [data for _, data in TickReader(plain)]
-    assert [json.loads(data)["outcome"]["trial"] for data in heard["/trial"]] == [0, 1]
-    assert {schema.name for schema, _, _ in messages} == {"truearc.Tick", "truearc.Trial"}
+    return ({topic: [message.data for _, channel, message in messages if channel.topic == topic]
+             for topic in ("/tick", "/trial")}, {schema.name for schema, _, _ in messages})
+
+
+def test_a_recording_itself_has_ticks_and_trials(plain):
+    heard, schemas = read_mcap(plain / "telemetry.mcap")
+    assert heard["/tick"] == [data for _, data in TickReader(plain)] and len(heard["/tick"]) == 981
+    assert heard["/trial"] == (plain / "trials.jsonl").read_bytes().splitlines()
+    assert schemas == {"truearc.Tick", "truearc.Trial"}
+
+
+def test_mcap_has_what_the_recording_has(plain, tmp_path):
+    assert read_mcap(convert(plain, "mcap", tmp_path / "s.mcap")) == read_mcap(plain / "telemetry.mcap")
+
+
+@pytest.mark.parametrize("name", ["golden_faults", "golden_faults_2"])
+def test_trials_are_added_to_a_recording_without_them(name, tmp_path):
+    with tarfile.open(HERE / f"{name}.tar.xz") as tar:
+        tar.extractall(tmp_path / "old", filter="data")
+    before, _ = read_mcap(tmp_path / "old" / "telemetry.mcap")
+    heard, _ = read_mcap(convert(tmp_path / "old", "mcap", tmp_path / "s.mcap"))
+    assert before["/trial"] == [] and heard["/tick"] == before["/tick"]
+    assert heard["/trial"] == (tmp_path / "old" / "trials.jsonl").read_bytes().splitlines() != []
 
 
 def test_a_recording_is_never_written_over_and_nothing_is_left_of_a_failure(plain, tmp_path, capsys):

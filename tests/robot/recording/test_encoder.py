@@ -18,9 +18,8 @@ from truearc.robot.recording.append_file import Appender
 from truearc.robot.recording.encoder import SessionWriter
 from truearc.robot.recording.file_writers import LaneKeeper
 from truearc.robot.recording.reader import TickReader
-from truearc.robot.recording.recording_rig import RecordingRig
 from truearc.robot.recording.session import load_trials, make_header
-from truearc.robot.rig import ReplayRig
+from truearc.robot.rig import RecordingRig, ReplayRig
 from truearc.robot.tick import step
 from truearc.robot.types import Memory, Outcome
 
@@ -58,7 +57,7 @@ def test_a_session_has_a_summary_and_all_its_ticks_and_trials(tmp_path):
     recorder.close()
     assert recorder.failed is None and recorder.dropped == 0
     with (tmp_path / "s" / "telemetry.mcap").open("rb") as file:
-        assert make_reader(file).get_summary().statistics.message_count == 500
+        assert list(make_reader(file).get_summary().statistics.channel_message_counts.values()) == [500, 2]
     assert kept_cycles(tmp_path / "s") == list(range(1, 501))
     assert [trial.outcome.trial for trial in load_trials(tmp_path / "s")] == [0, 1]
 
@@ -91,7 +90,7 @@ def test_a_full_disk_is_a_hold_and_space_made_in_time_loses_nothing(tmp_path):
         assert recorder.trouble() is None
         resource.setrlimit(resource.RLIMIT_FSIZE, (2500, hard))
         play(recorder, all_ticks[200:600])
-        rig = RecordingRig(ReplayRig([all_ticks[0]]), recorder)
+        rig = RecordingRig(ReplayRig([all_ticks[0]]), recorder.trouble)
         inputs = rig.read()
         assert inputs.faults == (TOO_LARGE,)
         assert TOO_LARGE in step(inputs, good_memory(), CONFIG, None).verdict.reasons

@@ -11,10 +11,9 @@ from tests.robot.recording.test_encoder import MS, kept_cycles, open_writer, pla
 from truearc.cli.robot.run_robot import make_room
 from truearc.robot.config.schema import InputError
 from truearc.robot.reasons import DISK_FULL, NOT_RECORDING
-from truearc.robot.recording.recording_rig import RecordingRig
 from truearc.robot.recording.recover import recover
 from truearc.robot.recording.session import load_trials
-from truearc.robot.rig import ReplayRig
+from truearc.robot.rig import RecordingRig, ReplayRig
 from truearc.robot.tick import step
 
 NO_SPACE = "No space left on device"
@@ -61,7 +60,7 @@ def test_it_holds_while_the_disk_is_full_and_loses_nothing_once_there_is_room(di
     assert recorder.trouble() is None
     ballast = fill(disk)
     play(recorder, all_ticks[200:1200])
-    inputs = RecordingRig(ReplayRig([all_ticks[0]]), recorder).read()
+    inputs = RecordingRig(ReplayRig([all_ticks[0]]), recorder.trouble).read()
     assert inputs.faults == (FULL,)
     assert FULL in step(inputs, good_memory(), CONFIG, None).verdict.reasons
     ballast.unlink()

@@ -17,8 +17,7 @@ from truearc.robot.config.schema import InputError, load_config
 from truearc.robot.reasons import BAD_FRAME, CAN_LOST, IMAGE_DARK
 from truearc.robot.recording.candump import TappedBus
 from truearc.robot.recording.encoder import SessionWriter
-from truearc.robot.recording.files import TickFile
-from truearc.robot.recording.images import load_pictures
+from truearc.robot.recording.files import TickFile, load_pictures
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.replay.recompute import Difference, replay, replay_frames
 from truearc.robot.recording.replay.replay_diff import config_changes, find_changes
@@ -91,7 +90,7 @@ def test_one_bit_of_one_frame_is_a_difference_that_names_the_input(session, caps
     lines[at] = lines[at][:place] + f"{int(lines[at][place:place + 2], 16) ^ 1:02X}" + lines[at][place + 2:]
     (session / "can0.log").write_text("".join(lines))
     assert replay(session).ticks == 981                    # the recorded inputs are as they were
-    with pytest.raises(Difference, match=r"tick\.inputs\.flywheels\[0\]\.velocity_rad_s was .*, is now"):
+    with pytest.raises(Difference, match=r"tick\.inputs\.flywheels\.0\.velocity_rad_s was .*, is now"):
         replay_frames(session)
     assert main(["session", "replay", str(session), "--from", "frames"]) == 1
     assert "velocity_rad_s" in capsys.readouterr().err
@@ -205,10 +204,10 @@ def test_questions_that_make_no_sense_are_bad_input(plain, other, tmp_path, caps
 def test_ticks_that_were_never_recorded_are_named(session):
     rows = [(tick, data) for tick, data in TickReader(session) if not 400 <= tick.inputs.cycle < 425]
     (session / "telemetry.mcap").unlink()
-    file = TickFile(session / "telemetry.mcap", Rows2())
-    for tick, data in rows:
-        file.write(tick.inputs.t_ns, data)
-    file.finish()
-    file.file.close()
+    with (session / "telemetry.mcap").open("wb") as file:
+        ticks = TickFile(file, Rows2())
+        for tick, data in rows:
+            ticks.write(tick.inputs.t_ns, data)
+        ticks.finish()
     with pytest.raises(Difference, match="cycle 425 follows 399: the ticks between are not in the recording"):
         replay(session)

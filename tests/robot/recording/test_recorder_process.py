@@ -29,8 +29,7 @@ from truearc.robot.config.schema import InputError
 from truearc.robot.processes import recorder_client as far_keeper
 from truearc.robot.reasons import DISK_ERROR, RECORDER_UNRESPONSIVE
 from truearc.robot.recording.encoder import MARKING_NS, SessionWriter
-from truearc.robot.recording.files import append_trials
-from truearc.robot.recording.images import load_image, load_pictures
+from truearc.robot.recording.files import append_trials, load_image, load_pictures
 from truearc.robot.recording.reader import TickReader
 from truearc.robot.recording.session import load_trials, make_header
 from truearc.robot.vision_source import NoEyes
@@ -129,7 +128,7 @@ def test_a_stopped_recorder_does_not_answer_and_goes_on_with_nothing_lost(proces
     play(recorder, some[:200])
     os.kill(process.child.pid, signal.SIGSTOP)
     until(lambda: recorder.trouble() == RECORDER_UNRESPONSIVE(), 3.0)
-    play(recorder, some[200:])                             # far more than a pipe holds; nothing waits but for the mark
+    play(recorder, some[200:])                             # far more than a pipe holds; only the mark is waited for
     assert not recorder.is_over()
     os.kill(process.child.pid, signal.SIGCONT)
 

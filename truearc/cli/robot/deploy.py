@@ -7,11 +7,12 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 from truearc.robot.config.schema import InputError, load_config
 from truearc.robot.deploy.install import Parts, make_parts
-from truearc.robot.deploy.source import copy_source
+from truearc.robot.deploy.source import copy_folder, copy_source
 from truearc.robot.deploy.texts import INSTALL, make_files
 
 DESCRIPTION = ("Carry truearc, its configuration and its model to the robot's computer by ssh, install them there with "
@@ -29,6 +30,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--endpoints", type=Path, metavar="JSON", help="flat_endpoints.json for the doctor")
     parser.add_argument("--wheels", type=Path, metavar="DIR", help="wheels of what truearc needs, for that computer: "
                         "it then needs no network (docs/deploy.md)")
+    parser.add_argument("--plugin", type=Path, action="append", default=[], metavar="PATH", help="wheel or source "
+                        "folder of a distribution with motor drivers, to be installed there, too; may be repeated")
     parser.add_argument("--core", type=int, metavar="N", help="core of the control loop (default: any)")
     parser.add_argument("--priority", type=int, default=50, metavar="P", help="of the control loop (default: 50)")
     parser.add_argument("--can-serial", default="", metavar="S", help="give the CAN adapter with this serial number "
@@ -50,31 +53,34 @@ def main(args: argparse.Namespace) -> int:
     if args.endpoints:
         from truearc.robot.doctor.devices import load_endpoints
         load_endpoints(args.endpoints)
-    parts = make_parts(config, Parts(args.gate is not None, args.endpoints is not None, args.core, args.priority,
-                                     args.can_serial, args.box_usb, args.exposure_ms))
+    parts = make_parts(config, Parts(args.gate is not None, args.endpoints is not None, bool(args.plugin), args.core,
+                                     args.priority, args.can_serial, args.box_usb, args.exposure_ms))
     copies = {"constraints.txt": SOURCE / "constraints.txt", "launcher.toml": args.config, "gate.onnx": args.gate,
               "flat_endpoints.json": args.endpoints}
     files, carried = make_files(config, parts), {name: path for name, path in copies.items() if path}
-    wheels = _wheels(args.wheels)
+    wheels, plugins = _wheels(args.wheels), [_plugin(path) for path in args.plugin]
     if not (SOURCE / "pyproject.toml").exists():
         raise InputError(f"{SOURCE}: deploy builds truearc from its source; run it from a checkout")
     if args.dry_run:
-        _explain(args.host, files, carried, wheels)
+        _explain(args.host, files, carried, wheels, plugins)
         return 0
     with tempfile.TemporaryDirectory(prefix="truearc-") as folder:
         stage = Path(folder) / FAR
         _fill(stage, files, carried, wheels)
         source = copy_source(SOURCE, Path(folder) / "source")
-        for command in make_commands(args.host, str(stage), str(source)):
+        plugins = [copy_folder(path, Path(folder) / f"plugin-{number}") if path.is_dir() else path
+                   for number, path in enumerate(plugins)]
+        for command in make_commands(args.host, str(stage), str(source), plugins):
             if _run(command):
                 return 1
     return 0
 
 
-def make_commands(host: str, stage: str, source: str) -> list[list[str]]:
+def make_commands(host: str, stage: str, source: str, plugins: Sequence[Path]) -> list[list[str]]:
     """What is run here, in order, to fill up `stage` and carry it over; the last exit code is the doctor's."""
-    return [[sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir", f"{stage}/wheels",
-             source],
+    pip = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir"]
+    return [[*pip, f"{stage}/wheels", source],
+            *([*pip, f"{stage}/plugins", str(path)] for path in plugins),
             ["ssh", host, shlex.join(["rm", "-rf", FAR])],
             ["scp", "-q", "-r", stage, f"{host}:{FAR}"],
             ["ssh", "-t", host, shlex.join(["sudo", "sh", f"{FAR}/{INSTALL}"])]]
@@ -89,6 +95,12 @@ def _wheels(folder: Path | None) -> list[Path]:
     return found
 
 
+def _plugin(path: Path) -> Path:
+    if not (path / "pyproject.toml").is_file() and not (path.suffix == ".whl" and path.is_file()):
+        raise InputError(f"--plugin {path}: neither a wheel nor a folder with a pyproject.toml")
+    return path
+
+
 def _fill(stage: Path, files: dict[str, str], carried: dict[str, Path], wheels: list[Path]) -> None:
     (stage / "wheels").mkdir(parents=True)
     for name, text in files.items():
@@ -99,8 +111,9 @@ def _fill(stage: Path, files: dict[str, str], carried: dict[str, Path], wheels: 
         shutil.copyfile(path, stage / "wheels" / path.name)
 
 
-def _explain(host: str, files: dict[str, str], carried: dict[str, Path], wheels: list[Path]) -> None:
-    for command in make_commands(host, f"STAGE/{FAR}", "COPY_OF_SOURCE"):
+def _explain(host: str, files: dict[str, str], carried: dict[str, Path], wheels: list[Path],
+             plugins: list[Path]) -> None:
+    for command in make_commands(host, f"STAGE/{FAR}", "COPY_OF_SOURCE", plugins):
         print(f"$ {shlex.join(command)}")
     for name, path in [*carried.items(), *((f"wheels/{path.name}", path) for path in wheels)]:
         print(f"\n=== STAGE/{FAR}/{name}: a copy of {path}")

@@ -23,9 +23,8 @@ from truearc.hw.real.realtime import rehearse
 from truearc.hw.real.serial_port import open_serial
 from truearc.robot.config.schema import Config, InputError, load_config
 from truearc.robot.doctor.bus import check_adapter, check_bitrate, check_heartbeat_lock
-from truearc.robot.doctor.devices import check_devices, load_endpoints, questions
+from truearc.robot.doctor.devices import check_devices, check_model, load_endpoints, questions
 from truearc.robot.doctor.machine import check_clock, check_disk, check_real_time
-from truearc.robot.doctor.model import check_model
 from truearc.robot.doctor.senses import check_box, check_camera, check_exposure
 from truearc.robot.motors import name_axes
 

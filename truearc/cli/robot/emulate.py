@@ -62,7 +62,7 @@ def _emulate(args: argparse.Namespace, config: Config, trials: int) -> "list[Bal
         raise InputError(f"{args.config}: gate.policy is 'model', so --gate is needed")
     from truearc.cli.progress import make_progress
     from truearc.hw.real.clock import MonotonicClock
-    from truearc.robot.operator_ui.serve_option import open_page
+    from truearc.robot.operator_ui.server import open_page
     from truearc.sim.world.emulated_robot import emulate
     from truearc.sim.world.options import load_options
     page = open_page(args.page, config, args.out.name, MonotonicClock())

@@ -19,8 +19,7 @@ from truearc.hw.real.reconnect import PAUSE_S, MendedCamera
 from truearc.hw.reason import Reason
 from truearc.hw.shared_latest import Room, Slots
 from truearc.robot.config.schema import Config, InputError
-from truearc.robot.operator_ui.serve_option import open_page, with_page
-from truearc.robot.operator_ui.server import OperatorPage
+from truearc.robot.operator_ui.server import OperatorPage, open_page, with_page
 from truearc.robot.processes.recorder import NEWS, Desk
 from truearc.robot.processes.recorder_client import FarKeeper
 from truearc.robot.processes.vision import FarEyes, make_room, tell, watch
@@ -183,7 +182,7 @@ def make_show(page: OperatorPage | None) -> Callable[[list[Row]], None]:
     decoder = msgspec.json.Decoder(Tick)
 
     def show(rows: list[Row]) -> None:
-        for _, text, _ in rows:
+        for _, text, *_ in rows:
             page.show(decoder.decode(text))
 
     return show

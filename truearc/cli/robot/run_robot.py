@@ -29,9 +29,8 @@ from truearc.robot.processes.tick_timing import Lateness, TimedRig
 from truearc.robot.processes.watchdog_rig import WatchedRig
 from truearc.robot.recording.candump import TappedBus
 from truearc.robot.recording.encoder import SessionWriter
-from truearc.robot.recording.recording_rig import RecordingRig
 from truearc.robot.recording.session import make_header
-from truearc.robot.rig import NS_PER_S, HardwareRig
+from truearc.robot.rig import NS_PER_S, HardwareRig, RecordingRig
 from truearc.robot.runtime import run
 from truearc.robot.vision_source import Eyes
 
@@ -81,7 +80,7 @@ def run_robot(args: argparse.Namespace) -> int:
                           lambda: ending.asked or recorder.is_over())
         wires.callback(rig.release)               # first of all to be done on the way out, whatever happened
         _ask_for_real_time(args)
-        kept = RecordingRig(TimedRig(rig, lateness), recorder)
+        kept = RecordingRig(TimedRig(rig, lateness), recorder.trouble)
         ticks = run(WatchedRig(kept, config, manager.say), config, gate, layout.show(recorder))
     print(f"{folder}: {ticks} ticks" + (f", {recorder.dropped} batches lost" if recorder.dropped else ""))
     print(*lateness.lines(), sep="\n")

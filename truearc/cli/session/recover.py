@@ -16,9 +16,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     """Return 0 when the recording is whole."""
     from truearc.robot.recording.recover import recover
-    from truearc.robot.recording.session import CAN, FRAMES, INDEX
+    from truearc.robot.recording.session import CAN, INDEX
     recovered = recover(args.session)
-    absent = [name for name in (CAN, f"{FRAMES}/{INDEX}") if not (args.session / name).exists()]
+    absent = [name for name in (CAN, INDEX) if not (args.session / name).exists()]
     counts = f"{recovered.ticks} ticks, {recovered.trials} trials"
     print(f"{args.session}: " + ("whole now" if recovered.repairs else "was whole") + f", {counts}")
     for repair in recovered.repairs:

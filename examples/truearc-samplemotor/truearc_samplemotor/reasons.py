@@ -1,0 +1,8 @@
+"""What can be wrong with a sample motor alone: log text, and what the operator's page says."""
+
+from truearc.hw.reason import FAULT, Code, Message
+
+WRONG_FIRMWARE = Code("samplemotor.wrong_firmware",
+                      "{motor:~: }samplemotor node {node} has firmware {firmware}, expected {wanted}",
+                      {"motor": "motor?", "node": "count", "firmware": "count", "wanted": "count"})
+MESSAGES = (Message(WRONG_FIRMWARE, FAULT, "{motor}: unsupported firmware {firmware}", "update it to {wanted}"),)
