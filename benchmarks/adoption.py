@@ -27,7 +27,7 @@ from benchmarks.adoption_table import make_table
 from benchmarks.filling import fill_and_tell, parser_of
 from benchmarks.unseen import off_m
 from truearc import robot
-from truearc.cli.progress import make_progress
+from truearc.cli.common import make_progress
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import Config, load_config
 from truearc.robot.gate.contract import NOVELTY_LIMIT

@@ -23,7 +23,7 @@ from scipy.special import log_softmax
 
 from benchmarks.filling import fill_and_tell, parser_of
 from benchmarks.suite import Job, amount_of
-from truearc.cli.progress import make_progress
+from truearc.cli.common import make_progress
 from truearc.sim.compile_cache import keep_compiled
 from truearc.sim.data.dataset import Dataset, Shots, join_datasets
 from truearc.sim.discover.api import discover

@@ -210,7 +210,7 @@ def fly_jax(shots: Shots, cl: np.ndarray) -> None:
     exit = exit_seed(FACTS, shots.number("motor_ratio"), shots.number("hood_deg"))
     cd = make_axis(0.005)
     for row in range(len(shots)):
-        _row_of_jax(Exit(*(part[row] for part in exit)), shots.number("distance_m")[row], cd, cl).block_until_ready()
+        _row_of_jax(exit.take(row), shots.number("distance_m")[row], cd, cl).block_until_ready()
 
 
 @jax.jit

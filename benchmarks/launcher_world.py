@@ -26,7 +26,7 @@ from benchmarks.filling import fill_and_tell, parser_of
 from benchmarks.launcher_table import AS_IS, make_tables
 from benchmarks.unseen import heights_m, off_m
 from truearc import robot
-from truearc.cli.progress import make_progress
+from truearc.cli.common import make_progress
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import load_config
 from truearc.sim.compile_cache import keep_compiled

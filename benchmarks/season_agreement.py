@@ -17,7 +17,7 @@ import numpy as np
 from scipy.stats import ks_2samp
 
 from truearc import robot
-from truearc.cli.progress import make_progress
+from truearc.cli.common import make_progress
 from truearc.robot.config.schema import load_config
 from truearc.sim.data.dataset import Shots
 from truearc.sim.data.recordings import shots_from_sessions

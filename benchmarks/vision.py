@@ -20,7 +20,7 @@ from msgspec.structs import replace
 
 from benchmarks.vision_scenes import LOOKS, TURNING, WRITTEN, Shot, baseline, clutter, shoot
 from truearc import robot
-from truearc.cli.progress import make_progress
+from truearc.cli.common import make_progress
 from truearc.cli.robot.vision_tools.images import decode_image
 from truearc.hw.readings import CameraFrame
 from truearc.robot.config.schema import CameraFile, Config, InputError, load_config, load_toml

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from truearc.robot.config.rig_spec import Rig
     from truearc.robot.config.schema import InputError
     from truearc.sim.data.dataset import Dataset, dataset, load_dataset, load_rig, save_dataset
+    from truearc.sim.discover.finding import load_finding
     from truearc.sim.infer.belief import Belief, load_belief
     from truearc.sim.physics.catalogue import catalogue
     from truearc.sim.physics.term import (
@@ -41,7 +42,8 @@ __all__ = [
     "AirTerm", "ArrivalTerm", "Belief", "Dataset", "Finding", "Fit", "FlightTerm", "GateTraining",
     "Identifiability", "InputError", "LaunchTerm", "Parameter", "Prior", "Recording", "Rig", "SensingTerm",
     "ShotDesign", "Table", "WatchTerm", "catalogue", "dataset", "design_shots", "discover", "fit",
-    "identifiability", "load_belief", "load_dataset", "load_rig", "predict", "save_dataset", "train_gate",
+    "identifiability", "load_belief", "load_dataset", "load_finding", "load_rig", "predict", "save_dataset",
+    "train_gate",
 ]
 
 # module -> the names that are imported from it when they are first used
@@ -57,6 +59,7 @@ _NAMES = {
     "truearc.robot.config.rig_spec": "Rig",
     "truearc.robot.config.schema": "InputError",
     "truearc.sim.data.dataset": "Dataset dataset load_dataset load_rig save_dataset",
+    "truearc.sim.discover.finding": "load_finding",
     "truearc.sim.infer.belief": "Belief load_belief",
     "truearc.sim.physics.term": "AirTerm ArrivalTerm FlightTerm LaunchTerm Parameter Prior SensingTerm WatchTerm",
 }

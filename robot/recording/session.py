@@ -17,7 +17,7 @@ from pathlib import Path
 import msgspec
 from msgspec import Struct
 
-from truearc.robot.config.schema import Config, InputError, config_hash, in_words, naming, read_axis
+from truearc.robot.config.schema import Config, InputError, config_hash, in_words, is_hash_of, naming, read_axis
 from truearc.robot.gate.model import Gate, load_gate
 from truearc.robot.recording.rows import RowFormat, Rows2, Trial
 from truearc.robot.recording.schema1 import Rows1
@@ -87,7 +87,7 @@ def load_session_config(session: Path) -> Config:
     header, path = load_header(session), session / CONFIG
     with naming(path):
         config = msgspec.json.decode(path.read_bytes(), type=Config, dec_hook=read_axis)
-    if config_hash(config) != header.config_sha256:
+    if not is_hash_of(header.config_sha256, config):
         raise InputError(f"{path}: changed since the recording was made (hash differs from {HEADER})")
     return config
 

@@ -29,7 +29,7 @@ NO_RANGE = (-math.inf, math.inf)
 WORDS = {"outcome": OUTCOMES, "side": SIDES}
 TEXTS = ("session", "ball_id")
 
-# A column that nobody declared is one of numbers when its cells are, or when some are and its name ends in a unit (then
+# An undeclared column is one of numbers when its cells are, or when some are and its name ends in a unit (then
 # text in it is an error).
 UNITS = ("m", "s", "deg", "rad", "rad_s", "rev_s", "m_s", "v", "a", "c", "k", "pa", "kg", "kg_m3", "m_s2", "ratio",
          "rpm", "nm", "hz", "n")

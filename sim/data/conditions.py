@@ -4,7 +4,7 @@ from typing import Any, NamedTuple
 
 
 class Circumstances(NamedTuple):
-    """What a term may know of a shot beside its configuration: arrays [n], or numbers; by itself the ordinary shot.
+    """Conditions that a term may follow: arrays [n], or numbers; by default those of an ordinary shot.
 
     truearc.sim.data.shot_conditions gathers them from a dataset.
     """
@@ -16,9 +16,21 @@ class Circumstances(NamedTuple):
     density: Any = 0.0                # of the air, / its median, - 1
     hood_change: Any = 0.0            # sign of this hood_deg less that of the session's shot before
     closing_speed_m_s: Any = 0.0      # of the robot, toward the target positive
-    ball: Any = 0.0                   # a ball's own departure in units of the balls' spread; nobody knows it: 0
-    free_speed: Any = 0.0             # sizes of effects without a name, by truearc.sim.infer.curve,
+    ball: Any = 0.0                   # a ball's own departure in units of the balls' spread; unknown: 0
+    free_speed: Any = 0.0             # sizes of unexplained effects, by truearc.sim.infer.curve,
     free_elevation: Any = 0.0
     free_distance: Any = 0.0
     free_push: Any = 0.0
     curve_by: Any = 0.0               # and their derivatives by their curves' points, one curve after another [n, K]
+
+
+# What has to be recorded of shots for a circumstance to be known.
+RECORDED = {
+    "battery": "battery_v of each shot",
+    "age": "ball_id or t_s of each shot",
+    "droop": "wheel speeds through the shot (traces.csv)",
+    "density": "temperature_c and pressure_pa",
+    "hood_change": "hood_deg of shots in their order",
+    "closing_speed_m_s": "robot_speed_m_s of each shot",
+    "ball": "ball_id of each shot",
+}

@@ -27,18 +27,20 @@ def load_dataset(directory: str | Path) -> Dataset:
     home = Path(directory)
     if not home.is_dir():
         raise InputError(f"{home}: there is no such directory")
-    facts = load_rig(home / RIG)
+    rig = load_rig(home / RIG)
     shots_path = find_table(home, "shots")
     if shots_path is None:
         raise InputError(f"{home}: has neither shots.csv nor shots.parquet")
     with gathered() as problems:
         tables = [None if path is None else load_table(path, problems)
                   for path in (find_table(home, "tracks"), find_table(home, "traces"))]
-        dataset = assemble(home.resolve().name, facts, problems, load_table(shots_path, problems), *tables)
-    return replace(dataset, left_out=_left_out(home / LEFT_OUT))
+        dataset = assemble(home.resolve().name, rig, problems, load_table(shots_path, problems), *tables)
+    said = home / LEFT_OUT
+    lines = said.read_text(encoding="utf-8", errors="replace").splitlines() if said.is_file() else ()
+    return replace(dataset, left_out=tuple(lines))
 
 
-def assemble(name: str, facts: Rig, problems: Problems, shots: RawTable, tracks: RawTable | None = None,
+def assemble(name: str, rig: Rig, problems: Problems, shots: RawTable, tracks: RawTable | None = None,
              traces: RawTable | None = None) -> Dataset:
     """Check the cells of tables and return them as a dataset; everything wrong is added to `problems`.
 
@@ -47,16 +49,12 @@ def assemble(name: str, facts: Rig, problems: Problems, shots: RawTable, tracks:
     """
     checked = _shots(shots, problems)
     row_of = {name: row for row, name in enumerate(checked.shot_id)}
-    return Dataset(name, facts, checked, _tracks(tracks, row_of, problems), _traces(traces, row_of, problems))
-
-
-def dataset_hash(directory: str | Path) -> str:
-    """SHA-256 of what a dataset says, whether it lies in CSV or Parquet and whatever its columns' order."""
-    return hash_dataset(load_dataset(directory))
+    return Dataset(name, rig, checked, _tracks(tracks, row_of, problems), _traces(traces, row_of, problems))
 
 
 def hash_dataset(dataset: Dataset) -> str:
-    """As dataset_hash, of a dataset in memory; its name does not count."""
+    """SHA-256 of what a dataset says, whether it lay in CSV or Parquet; its name and its columns' order do not count.
+    """
     digest = hashlib.sha256(msgspec.json.encode(dataset.facts, order="deterministic"))
     shots = dataset.shots
     _feed(digest, "shots", {"shot_id": shots.shot_id, **shots.numbers, **shots.texts})
@@ -147,7 +145,3 @@ def _check_order(table: RawTable, shot: np.ndarray, t_s: np.ndarray, problems: P
         if index in last and time_s <= last[index]:
             problems.add(table.place(row), "t_s", f"{time_s:g} does not follow {last[index]:g} of the same shot")
         last[index] = time_s
-
-
-def _left_out(path: Path) -> tuple[str, ...]:
-    return tuple(path.read_text(encoding="utf-8", errors="replace").splitlines()) if path.is_file() else ()

@@ -46,11 +46,6 @@ def shots_from_sessions(sessions: Sequence[Path], name: str, telemetry: bool = T
     return Dataset(name, configs[0].rig, _shots(rows), None, _columns(traces), tuple(left_out))
 
 
-def outcomes_of(session: Path) -> list[str]:
-    """What came of the session's marked shots, "miss", "two" or "three" each; none where a gate held every time."""
-    return [OUTCOMES[trial.outcome.outcome][0] for trial in _split(session)[0]]
-
-
 def _check_names(sessions: Sequence[Path]) -> None:
     names = [session.resolve().name for session in sessions]
     for name in names:
@@ -73,16 +68,12 @@ def _split(session: Path) -> tuple[list[Trial], list[str]]:
 def _shots(rows: list[tuple[str, Trial]]) -> Shots:
     shots = [trial.shot for _, trial in rows if trial.shot is not None]
     marks = [OUTCOMES[trial.outcome.outcome] for _, trial in rows]
-    numbers = {name: np.array([_number(getattr(shot, name)) for shot in shots]) for name in NUMBERS}
+    numbers = {name: np.array([getattr(shot, name) for shot in shots], dtype=float) for name in NUMBERS}
     numbers["t_s"] = np.array([shot.t_ns * NS for shot in shots])
     texts = {"outcome": tuple(mark for mark, _ in marks), "side": tuple(side for _, side in marks),
              "session": tuple(session for session, _ in rows), "config_id": tuple(shot.config_id for shot in shots)}
     ids = tuple(f"{session}-{shot.trial:04d}" for (session, _), shot in zip(rows, shots, strict=True))
     return Shots(ids, {name: column for name, column in numbers.items() if np.isfinite(column).any()}, texts)
-
-
-def _number(value: float | None) -> float:
-    return float("nan") if value is None else value
 
 
 def _traces(reader: TickReader, trials: list[Trial], config: Config,

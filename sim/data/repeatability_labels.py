@@ -1,4 +1,4 @@
-"""The seed's labelling rule (section IV-A): one row a configuration, labelled by how repeatably it scores.
+"""The paper's labelling rule (section IV-A): one row per configuration, labelled by how repeatably it scores.
 
 R2 and R3 are the shares of a configuration's shots in the 2-point region (which holds the 3-point one) and in the
 3-point region. The paper's rule, and what it leaves open with the choice taken:

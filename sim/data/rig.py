@@ -21,31 +21,31 @@ NOT_NEGATIVE = ("launcher.release_height_m", "air.density_kg_m3", "noise.distanc
 
 def load_rig(path: str | Path) -> Rig:
     """Read rig.toml; unknown keys are warned of on stderr; InputError names file and key of a bad one."""
-    facts = load_toml(path, Rig)
+    rig = load_toml(path, Rig)
     for key in unknown_keys(tomllib.loads(Path(path).read_text(encoding="utf-8"))):
         print(f"warning: {path}: key {key} is not known and has no effect", file=sys.stderr)
-    return check_rig(facts, path)
+    return check_rig(rig, path)
 
 
-def check_rig(facts: Rig, path: str | Path) -> Rig:
+def check_rig(rig: Rig, path: str | Path) -> Rig:
     """Return the rig if its numbers can be true.
 
     Raises:
         InputError: names `path` and the key of a number that is not finite, out of range, or contradicts another.
     """
-    for key, value in _leaves(msgspec.to_builtins(facts), ""):
+    for key, value in _leaves(msgspec.to_builtins(rig), ""):
         _check(path, key, value)
-    names = [wheel.name for wheel in facts.launcher.wheel]
+    names = [wheel.name for wheel in rig.launcher.wheel]
     if len(set(names)) < len(names):
         raise InputError(f"{path}: launcher.wheel.name: two wheels have one name")
-    if facts.target and facts.target.three_half_height_m > facts.target.two_half_height_m:
+    if rig.target and rig.target.three_half_height_m > rig.target.two_half_height_m:
         raise InputError(f"{path}: target.three_half_height_m: exceeds two_half_height_m, but three lies inside two")
-    return facts
+    return rig
 
 
-def save_rig(path: str | Path, facts: Rig) -> None:
-    """Write rig.toml with every key stated, so that reading it gives the same facts."""
-    Path(path).write_text(make_toml(msgspec.to_builtins(facts)), encoding="utf-8")
+def save_rig(path: str | Path, rig: Rig) -> None:
+    """Write rig.toml with every key stated, so that reading it gives the same rig."""
+    Path(path).write_text(make_toml(msgspec.to_builtins(rig)), encoding="utf-8")
 
 
 def _leaves(value: Any, key: str) -> list[tuple[str, Any]]:

@@ -12,7 +12,7 @@ ORDINARY = Circumstances()
 KELVIN = 273.15                       # at 0 deg C
 WHEEL, SPEED = "wheel_", "_rad_s"     # a trace of a wheel's speed is called wheel_<name>_rad_s
 BEFORE_S = 0.02                       # how long before the ball is fed a wheel's speed still counts as what it was
-LEAST_CHANGE_DEG = 1e-6               # of the hood; less is no move
+LEAST_CHANGE_DEG = 1e-6               # of the hood; less does not count as a move
 
 
 class Known(NamedTuple):
@@ -23,7 +23,7 @@ class Known(NamedTuple):
 
 
 def circumstances_of(dataset: Dataset) -> Circumstances:
-    """Circumstances of every shot of a dataset, arrays [n]; ordinary ones where the data say nothing.
+    """Circumstances of every shot of a dataset, arrays [n]; ordinary ones where the data lack them.
 
     battery, density: against the median of the shots that have it. since_last_shot_s: its own column, else differences
     of t_s within the session; the first shot of a session was long after another. age: with ball_id the shots that the
@@ -119,8 +119,7 @@ def _shots_had(shots: Shots, balls: np.ndarray) -> np.ndarray:
         for row in rows:
             had[row] = count[balls[row]]
             count[balls[row]] += 1
-    share: np.ndarray = had / max(had.max(), 1.0)
-    return share
+    return np.asarray(had / max(had.max(), 1.0))
 
 
 def _droop(traces: Traces | None, count: int) -> Known:
@@ -139,7 +138,7 @@ def _droop(traces: Traces | None, count: int) -> Known:
 
 
 def _dips(traces: Traces, here: np.ndarray, count: int) -> np.ndarray:
-    """Largest dip [count] of a signal after the ball is fed, in shares of what it was; nan where it is not told."""
+    """Largest dip [count] of a signal after the ball is fed, in shares of what it was; nan where unknown."""
     dip = np.full(count, np.nan)
     rows = np.flatnonzero(here)
     rows = rows[np.lexsort((traces.t_s[rows], traces.shot[rows]))]

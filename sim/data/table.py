@@ -56,7 +56,7 @@ def parse_csv(text: str, path: Path, problems: Problems) -> RawTable:
     _check_separator(header, path)
     for name in header:
         if not name.strip() or header.count(name) > 1:
-            raise InputError(f"{path}:1: column {name!r} " + ("stands twice" if name.strip() else "has no name"))
+            raise InputError(f"{path}:1: column {name!r} " + ("stands twice" if name.strip() else "is unnamed"))
     columns: dict[str, list[Cell]] = {name: [] for name in header}
     lines = []
     for line, cells in rows:
@@ -93,7 +93,7 @@ def _rows(text: str, path: Path) -> Iterator[tuple[int, list[str]]]:
 
 
 def text_of(path: Path) -> str:
-    """A text file; InputError names it, and the line that is no UTF-8."""
+    """A text file; InputError names it, and the line that is not UTF-8."""
     try:
         data = path.read_bytes()
     except OSError as error:

@@ -18,7 +18,7 @@ from truearc.sim.infer.likelihood.launch_inputs import EXIT_SPEED_SD_M_S, Given,
 from truearc.sim.infer.likelihood.observations import blind
 from truearc.sim.infer.likelihood.outcome_likelihood import HEIGHT_SD_M, LAPSE
 from truearc.sim.infer.likelihood.shot_likelihood import Points, narrow, plane_of, values_at
-from truearc.sim.infer.map_fit import MlFit
+from truearc.sim.infer.map_fit import MapFit
 from truearc.sim.infer.parameters import Model
 
 SHOTS = 20                            # of each proposal
@@ -40,19 +40,19 @@ class Proposal:
     sd_ratio: float
 
 
-def advise(fit: MlFit, most: int = 3) -> tuple[Proposal, ...]:
+def advise(fit: MapFit, most: int = 3) -> tuple[Proposal, ...]:
     """The best proposal of each kind of observation, best first; none where the rig's wheels cannot be set by ratio."""
-    facts = fit.model.facts
+    rig = fit.model.facts
     shots = fit.gathered.shots.take(fit.gathered.rows[:len(fit.problem.evidence.given.rolled)])
-    if facts.launcher.free_speed_rad_s is None or not facts.launcher.wheel or facts.target is None or not len(shots):
+    if rig.launcher.free_speed_rad_s is None or not rig.launcher.wheel or rig.target is None or not len(shots):
         return ()
-    designs, aim_m = _designs(fit, shots, facts.target)
+    designs, aim_m = _designs(fit, shots, rig.target)
     if not len(designs):
         return ()
     vector = weakest(fit)
     before = float(vector @ fit.covariance @ vector)
     proposals = []
-    for kind, information in zip(KINDS, _information(fit, designs, facts.target), strict=True):
+    for kind, information in zip(KINDS, _information(fit, designs, rig.target), strict=True):
         after = [vector @ np.linalg.inv(fit.optimum.hessian + SHOTS * one) @ vector for one in information]
         best = int(np.argmin(after))
         distance_m, hood_deg, ratio = (float(designs.number(name)[best])
@@ -62,7 +62,7 @@ def advise(fit: MlFit, most: int = 3) -> tuple[Proposal, ...]:
     return tuple(sorted(proposals, key=lambda one: one.sd_ratio)[:most])
 
 
-def _designs(fit: MlFit, shots: Shots, target: Target) -> tuple[Shots, np.ndarray]:
+def _designs(fit: MapFit, shots: Shots, target: Target) -> tuple[Shots, np.ndarray]:
     """Configurations over the dataset's own range, each with the motor ratio that sends the ball to its aim."""
     ends = [(np.nanmin(column), np.nanmax(column)) for column in (shots.number("distance_m"), shots.number("hood_deg"))]
     if not np.isfinite(ends).all():
@@ -84,7 +84,7 @@ def _as_shots(distance_m: np.ndarray, hood_deg: np.ndarray, motor_ratio: np.ndar
                  {"distance_m": distance_m, "hood_deg": hood_deg, "motor_ratio": motor_ratio}, {})
 
 
-def _information(fit: MlFit, designs: Shots, target: Target) -> list[np.ndarray]:
+def _information(fit: MapFit, designs: Shots, target: Target) -> list[np.ndarray]:
     """Expected information [n, p, p] in prior units of one shot of each kind at each design."""
     given = given_of(fit.model.facts, designs)
     u = fit.optimum.u
@@ -115,14 +115,12 @@ def _ordinal(edges: tuple[float, ...], mean: np.ndarray, sd: np.ndarray, by_mean
         fold = [[2], [1, 3], [0, 4]]
         share, slope = (np.stack([part[rows].sum(0) for rows in fold]) for part in (share, slope))
     share = (1.0 - LAPSE) * share + LAPSE / len(share)
-    square: np.ndarray = (1.0 - LAPSE)**2 * slope[:, :, :, None] * slope[:, :, None, :] / share[:, :, None, None]
-    information: np.ndarray = square.sum(0)
-    return information
+    square = (1.0 - LAPSE)**2 * slope[:, :, :, None] * slope[:, :, None, :] / share[:, :, None, None]
+    return np.asarray(square.sum(0))
 
 
 def _outer(slope: np.ndarray) -> np.ndarray:
-    square: np.ndarray = slope[:, :, None] * slope[:, None, :]
-    return square
+    return np.asarray(slope[:, :, None] * slope[:, None, :])
 
 
 @partial(jax.jit, static_argnames=("model",))

@@ -22,13 +22,8 @@ from typing import Any
 import numpy as np
 
 from truearc.robot.config.schema import InputError
-from truearc.sim.infer.coefficients import (
-    Coefficients,
-    load_coefficients,
-    load_provenance,
-    load_table,
-    save_coefficients,
-)
+from truearc.robot.config.toml_text import make_toml
+from truearc.sim.infer.coefficients import SCHEMA, Coefficients, coefficients_in, load_table
 from truearc.sim.infer.curve import Curve, read_curves, write_curve
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue, catalogue, find_parameter
 from truearc.sim.physics.nonparametric import CURVE, NAMELESS
@@ -41,12 +36,12 @@ SCATTER = "scatter"
 
 @dataclass(frozen=True, eq=False)
 class Belief(Printed):
-    """Coefficients with scatter and doubt.
+    """Coefficients with scatter and uncertainty.
 
     coefficients: {term: {parameter: value}}. scatter: {"speed": sd of the log of the exit speed from shot to shot,
-    "elevation_deg": sd of the exit elevation}, empty when nobody fitted it. names: "term.parameter" or "scatter.x", one
-    a row of `covariance` [p, p], which is on the parameters' own scales (module docstring); what has no name is exact.
-    curves: how large effects without a name are, by their terms of truearc.sim.physics.nonparametric in `coefficients`.
+    "elevation_deg": sd of the exit elevation}, empty when it was not fitted. names: "term.parameter" or "scatter.x",
+    one per row of `covariance` [p, p], which is on the parameters' own scales (module docstring); others are exact.
+    curves: sizes of unexplained effects, by their terms of truearc.sim.physics.nonparametric in `coefficients`.
     catalogue: of the terms that the coefficients name.
     provenance: how the belief came about, in plain values that a file keeps; nothing is computed from it.
     """
@@ -81,7 +76,15 @@ class Belief(Printed):
 
     def save(self, path: str | Path) -> None:
         """Write a coefficients.toml that `load_belief` reads back exactly; OSError where it cannot be written."""
-        save_belief(path, self, self.provenance)
+        named = {**self.coefficients, **({SCATTER: self.scatter} if self.scatter else {})}
+        table: dict[str, Any] = {name: {key: float(value) for key, value in values.items()}
+                                 for name, values in named.items()}
+        if self.names:
+            table["covariance"] = {"names": list(self.names), "matrix": np.asarray(self.covariance, float).tolist()}
+        if self.curves:
+            table[CURVE] = {term: write_curve(curve) for term, curve in self.curves.items()}
+        text = make_toml({"schema": SCHEMA, **table, "provenance": dict(self.provenance)})
+        Path(path).write_text(text, encoding="utf-8")
 
     def lines(self) -> list[str]:
         """Return a line per number: its value, unit, and standard deviation, a factor where its scale is the log."""
@@ -146,23 +149,11 @@ def as_table(belief: Belief) -> dict[str, Any]:
 
 
 def from_table(table: Mapping[str, Any], name: str) -> Belief:
-    """The inverse of `as_table`; `name` is for messages. KeyError, ValueError, InputError: it is no such table."""
+    """The inverse of `as_table`; `name` is for messages. KeyError, ValueError, InputError: not such a table."""
     names = tuple(map(str, table["names"]))
     return Belief(table["coefficients"], table["scatter"], names,
                   np.array(table["covariance"], float).reshape(len(names), len(names)),
                   read_curves(name, table.get(CURVE, {})))
-
-
-def save_belief(path: str | Path, belief: Belief, provenance: Mapping[str, Any]) -> None:
-    """Write a coefficients.toml with scatter and covariance; every float reads back exactly."""
-    more: dict[str, Any] = {}
-    if belief.scatter:
-        more["scatter"] = {name: float(value) for name, value in belief.scatter.items()}
-    if belief.names:
-        more["covariance"] = {"names": list(belief.names), "matrix": np.asarray(belief.covariance, float).tolist()}
-    if belief.curves:
-        more[CURVE] = {term: write_curve(curve) for term, curve in belief.curves.items()}
-    save_coefficients(path, belief.coefficients, provenance, more)
 
 
 def load_belief(path: str | Path, among: Catalogue | None = None) -> Belief:
@@ -172,8 +163,11 @@ def load_belief(path: str | Path, among: Catalogue | None = None) -> Belief:
 
     InputError names the file and key of what is not known, no number, out of its range, or no covariance.
     """
-    coefficients = load_coefficients(path, among)
     table = load_table(path)
+    coefficients = coefficients_in(table, path, among)
+    provenance = table.get("provenance", {})
+    if not isinstance(provenance, dict):
+        raise InputError(f"{path}: provenance is not a table")
     scatter = _scatter(path, table.get("scatter", {}))
     names, covariance = _covariance(path, table.get("covariance", {}))
     curves = read_curves(path, table.get(CURVE, {}))
@@ -184,7 +178,7 @@ def load_belief(path: str | Path, among: Catalogue | None = None) -> Belief:
     for term in taking:
         if term not in curves:
             raise InputError(f"{path}: {term}: has no [curve.{term}] to say how large it is")
-    belief = Belief(coefficients, scatter, names, covariance, curves, as_catalogue(among), load_provenance(path))
+    belief = Belief(coefficients, scatter, names, covariance, curves, as_catalogue(among), provenance)
     for name in names:
         _check(path, name, belief)
     return belief

@@ -13,12 +13,10 @@ A fit by likelihood adds [scatter] and [covariance], which truearc.sim.infer.bel
 
 import math
 import tomllib
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from truearc.robot.config.schema import InputError, load_text
-from truearc.robot.config.toml_text import make_toml
 from truearc.sim.physics.catalogue import Catalogue, find_terms
 
 SCHEMA = "truearc.coefficients/1"
@@ -28,32 +26,20 @@ Coefficients = dict[str, dict[str, float]]
 
 
 def load_coefficients(path: str | Path, among: Catalogue | None = None) -> Coefficients:
-    """{term: {parameter: value}}; InputError names an unknown term or parameter, or a value that is no finite number.
+    """{term: {parameter: value}}; InputError names an unknown term or parameter, or a value that is not finite.
 
     among: the catalogue of the terms, truearc.sim.physics.catalogue.catalogue() when not given.
     """
-    table = load_table(path)
+    return coefficients_in(load_table(path), path, among)
+
+
+def coefficients_in(table: dict[str, Any], path: str | Path, among: Catalogue | None = None) -> Coefficients:
+    """As load_coefficients, of a file that is loaded already."""
     return {name: _values(path, name, values, among) for name, values in table.items() if name not in APART}
 
 
-def load_provenance(path: str | Path) -> dict[str, Any]:
-    """The file's [provenance] table, empty when it has none."""
-    provenance = load_table(path).get("provenance", {})
-    if not isinstance(provenance, dict):
-        raise InputError(f"{path}: provenance is not a table")
-    return provenance
-
-
-def save_coefficients(path: str | Path, coefficients: Mapping[str, Mapping[str, float]],
-                      provenance: Mapping[str, Any], more: Mapping[str, Any] | None = None) -> None:
-    """Write coefficients, further tables, and how they came about (plain values); floats read back exactly."""
-    terms = {name: {key: float(value) for key, value in values.items()} for name, values in coefficients.items()}
-    text = make_toml({"schema": SCHEMA, **terms, **(more or {}), "provenance": dict(provenance)})
-    Path(path).write_text(text, encoding="utf-8")
-
-
 def load_table(path: str | Path) -> dict[str, Any]:
-    """All that the file says; InputError when it is no coefficients file."""
+    """All that the file says; InputError when it is not a coefficients file."""
     try:
         table = tomllib.loads(load_text(path))
     except tomllib.TOMLDecodeError as error:

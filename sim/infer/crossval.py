@@ -6,7 +6,7 @@ import numpy as np
 
 from truearc.sim.data.columns import OUTCOMES
 from truearc.sim.infer.likelihood.shot_likelihood import outcome_table
-from truearc.sim.infer.map_fit import MlFit, refit
+from truearc.sim.infer.map_fit import MapFit, refit
 from truearc.sim.progress import Progress
 
 FOLDS = 5
@@ -28,7 +28,7 @@ class CrossValidation:
     share_accuracy: float
 
 
-def cross_validate(fit: MlFit, progress: Progress = lambda done, note: None) -> CrossValidation | None:
+def cross_validate(fit: MapFit, progress: Progress = lambda done, note: None) -> CrossValidation | None:
     """Five folds of whole groups; None where fewer than two groups have an outcome.
 
     A group is a session where there are at least five, else a configuration. Predictions are from the configuration
@@ -66,7 +66,7 @@ def _summary(outcome: np.ndarray, by_fit: np.ndarray, by_share: np.ndarray, grou
                            float((by_fit.argmax(1) == outcome).mean()), float((by_share.argmax(1) == outcome).mean()))
 
 
-def _groups(fit: MlFit, n: int) -> np.ndarray:
+def _groups(fit: MapFit, n: int) -> np.ndarray:
     """Number of each unit's group [n + f]: sessions where there are five, else configurations in a mixed order."""
     shots = fit.gathered.shots.take(fit.gathered.rows)
     sessions = np.array(shots.text("session"))

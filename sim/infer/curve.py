@@ -1,4 +1,4 @@
-"""Free curves of effects without a name: how their sizes go with a covariate, and what they are at every shot.
+"""Free curves of unexplained effects: how their sizes go with a covariate, and what they are at every shot.
 
     [free_speed]                      # what it changes, a term of truearc.sim.physics.nonparametric
     share = 1.0
@@ -50,7 +50,7 @@ class Curve(Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """What the points are called: their numbers."""
+        """Names of the points: their numbers."""
         return tuple(map(str, range(len(self.value) + 1)))
 
     @property
@@ -111,12 +111,12 @@ def resized(circumstances: Circumstances, whose: Sequence[str], points: Any) -> 
     return circumstances._replace(**{term: shares[..., here].sum(-1) for term, here in mine.items()})
 
 
-def before_the_shot(curves: Curves, facts: Rig, shots: Shots) -> Circumstances:
+def before_the_shot(curves: Curves, rig: Rig, shots: Shots) -> Circumstances:
     """Ordinary circumstances of configurations: only the columns of the launch and the distance say how large they are.
     """
     if not curves:
         return ORDINARY
-    return along(curves, ORDINARY, {**shots.numbers, **launch_state(facts, shots)}, len(shots))
+    return along(curves, ORDINARY, {**shots.numbers, **launch_state(rig, shots)}, len(shots))
 
 
 def read_curves(path: str | Path, tables: Any) -> dict[str, Curve]:

@@ -1,4 +1,4 @@
-"""A fit by likelihood in words for whoever shot the balls."""
+"""A report on a fit by likelihood for whoever shot the balls."""
 
 from collections.abc import Iterable
 
@@ -8,7 +8,7 @@ from truearc.sim.infer.advise import SHOTS, Proposal
 from truearc.sim.infer.crossval import CrossValidation
 from truearc.sim.infer.forecast import forecast
 from truearc.sim.infer.identifiability import Identified, identify
-from truearc.sim.infer.map_fit import MlFit
+from truearc.sim.infer.map_fit import MapFit
 from truearc.sim.infer.parameters import Sought
 from truearc.sim.infer.profile import ProfileInterval
 
@@ -18,7 +18,7 @@ EVIDENCE = {"outcome": "outcomes", "side": "sides (high or low)", "miss_height_m
 NEAREST = 15                          # shots whose median stands for "at this distance"
 
 
-def fit_lines(fit: MlFit, intervals: Iterable[ProfileInterval], holdout: CrossValidation | None,
+def fit_lines(fit: MapFit, intervals: Iterable[ProfileInterval], holdout: CrossValidation | None,
               proposals: Iterable[Proposal]) -> list[str]:
     """The report, line by line; of a fit that did not converge only what was used."""
     lines = list(say_evidence(fit))
@@ -32,8 +32,8 @@ def fit_lines(fit: MlFit, intervals: Iterable[ProfileInterval], holdout: CrossVa
     return lines
 
 
-def say_evidence(fit: MlFit) -> Iterable[str]:
-    """What was used, and what was not."""
+def say_evidence(fit: MapFit) -> Iterable[str]:
+    """Evidence that was used, and shots that were left out."""
     used = ", ".join(f"{count} {EVIDENCE[kind]}" for kind, count in fit.gathered.used.items())
     yield f"fitted to {len(fit.gathered.rows)} of {len(fit.gathered.shots)} shots: {used}"
     for line in fit.gathered.left_out:
@@ -49,22 +49,22 @@ def say_estimates(intervals: Iterable[ProfileInterval], sought: Iterable[Sought]
         factor, unit = (100.0, "%") if what.percent else (1.0, "" if what.unit == "1" else what.unit)
         numbers = [_number(factor * part) for part in (one.value, one.low90, one.high90)]
         line = f"{one.name:24s} {numbers[0]:>8s}    {numbers[1]} to {numbers[2]} {unit}"
-        yield f"{line:57s}  {what.meaning}{_doubt(one)}"
+        yield f"{line:57s}  {what.meaning}{_open_ends(one)}"
 
 
 def _number(value: float) -> str:
     return f"{value:.3g}" if abs(value) < 1000.0 else f"{value:.0f}"
 
 
-def _doubt(one: ProfileInterval) -> str:
+def _open_ends(one: ProfileInterval) -> str:
     if not one.closed:
         return "; OPEN: the data do not bound it, the end is where the search stopped"
     sides = [word for word, known in (("low", one.low_by_data), ("high", one.high_by_data)) if not known]
     return f"; {' and '.join(sides)} end set by the prior, not by these shots" if sides else ""
 
 
-def say_scatter(fit: MlFit) -> Iterable[str]:
-    """What the scatter means at the target."""
+def say_scatter(fit: MapFit) -> Iterable[str]:
+    """Scatter of the height at the target."""
     count = len(fit.problem.evidence.given.rolled)
     shots = fit.gathered.shots.take(fit.gathered.rows[:count])
     distance_m = shots.number("distance_m")
@@ -74,13 +74,13 @@ def say_scatter(fit: MlFit) -> Iterable[str]:
     middle_m = float(np.median(shots.number("distance_m")))
     nearest = np.argsort(np.abs(shots.number("distance_m") - middle_m), kind="stable")[:NEAREST]
     ahead = forecast(fit.model.facts, fit.belief, shots.take(nearest))
-    launch, sensor, doubt = (100.0 * float(np.nanmedian(part)) for part in (ahead.launch_m, ahead.sensor_m,
+    launch, sensor, unknown = (100.0 * float(np.nanmedian(part)) for part in (ahead.launch_m, ahead.sensor_m,
                                                                             ahead.parameter_m))
     yield (f"from shot to shot the height at {middle_m:.1f} m varies by {launch:.0f} cm (one standard deviation); what "
-           f"the sensors misjudge adds {sensor:.0f} cm, what this fit does not know {doubt:.0f} cm")
+           f"the sensors misjudge adds {sensor:.0f} cm, the uncertainty of this fit {unknown:.0f} cm")
 
 
-def say_identified(fit: MlFit) -> Iterable[str]:
+def say_identified(fit: MapFit) -> Iterable[str]:
     """What these shots cannot tell apart, or on their own not at all."""
     found: Identified = identify(fit)
     for pair in found.pairs:
@@ -88,8 +88,8 @@ def say_identified(fit: MlFit) -> Iterable[str]:
         yield (f"{pair.a} and {pair.b} are hard to tell apart: correlation {pair.correlation:.2f}; this dataset fixes "
                f"{pair.a} {sign} {_number(abs(pair.factor))} {pair.b}, to {_number(pair.known_to)}")
     for name in found.from_prior:
-        yield (f"{name}: these shots say hardly more than was believed before ({found.share[name]:.0%} of its doubt is "
-               "left)")
+        yield (f"{name}: these shots say hardly more than was believed before ({found.share[name]:.0%} of the prior's "
+               "standard deviation is left)")
     if not found.pairs and not found.from_prior:
         yield "every parameter is fixed by these shots on its own"
 
@@ -100,8 +100,8 @@ def say_advice(proposals: Iterable[Proposal]) -> Iterable[str]:
         side = "over" if one.aim_m > 0.0 else "under"
         aim = "at the centre" if abs(one.aim_m) < 0.01 else f"{abs(one.aim_m):.2f} m {side} the centre"
         yield (f"{SHOTS} shots at {one.distance_m:.1f} m, hood {one.hood_deg:.0f} deg, motor ratio "
-               f"{one.motor_ratio:.3f} (aimed {aim}), recording {one.kind}: {one.sd_ratio:.0%} of the worst doubt "
-               "would be left")
+               f"{one.motor_ratio:.3f} (aimed {aim}), recording {one.kind}: {one.sd_ratio:.0%} of the greatest "
+               "standard deviation would be left")
 
 
 def say_prediction(score: CrossValidation | None) -> Iterable[str]:
@@ -111,5 +111,5 @@ def say_prediction(score: CrossValidation | None) -> Iterable[str]:
     gain = score.log_score - score.share_log_score
     yield (f"outcomes of shots held out ({score.shots} in {score.groups} groups): predicted right "
            f"{score.accuracy:.0%} (always naming the commonest: {score.share_accuracy:.0%}); log score "
-           f"{score.log_score:.3f} a shot (by plain shares: {score.share_log_score:.3f}), gain {gain:.3f} "
+           f"{score.log_score:.3f} per shot (by plain shares: {score.share_log_score:.3f}), gain {gain:.3f} "
            f"± {score.gain_se:.3f}")

@@ -21,10 +21,10 @@ LANES = 256                           # rows fly in multiples of this, since eac
 class Forecast:
     """Heights at the plane in m and the standard deviations that make sigma_m.
 
-    nan: the ball turns back before the plane, or falls as good as straight down far below the floor.
+    nan: the ball turns back before the plane, or falls almost straight down far below the floor.
 
     `launch_m`: scatter from shot to shot; `sensor_m`: noise of what was measured before the shot, rig.toml [noise];
-    `parameter_m`: doubt about the belief itself, which all shots share. by_launch: derivatives of the height by
+    `parameter_m`: uncertainty of the belief itself, which all shots share. by_launch: derivatives of the height by
     log exit speed, elevation in rad, spin in rev/s and distance in m.
     """
 
@@ -36,29 +36,25 @@ class Forecast:
     by_launch: Float[np.ndarray, "n 4"]
 
 
-def forecast(facts: Rig, belief: Belief, shots: Shots) -> Forecast:
-    """Forecast each shot from its wheel speeds (or motor_ratio), hood_deg and distance_m; BadInput names what lacks.
+def forecast(rig: Rig, belief: Belief, shots: Shots) -> Forecast:
+    """Forecast each shot from its wheel speeds (or motor_ratio), hood_deg and distance_m; InputError names what lacks.
 
     First-order propagation with exact derivatives, continuous in all parameters: the flight goes on through the floor.
     """
-    return forecast_given(facts, belief, given_of(facts, shots, before_the_shot(belief.curves, facts, shots)))
-
-
-def forecast_given(facts: Rig, belief: Belief, given: Given) -> Forecast:
-    """As forecast, of launches already taken from their columns."""
+    given = given_of(rig, shots, before_the_shot(belief.curves, rig, shots))
     rows = [np.arange(first, min(first + LANES, len(given.rolled))) for first in range(0, len(given.rolled), LANES)]
     if not rows:
         none = np.zeros(0)
         return Forecast(none, none, none, none, none, np.zeros((0, 4)))
-    parts = [_block(facts, belief, _take(given, np.resize(block, LANES))) for block in rows]
+    parts = [_block(rig, belief, _take(given, np.resize(block, LANES))) for block in rows]
     kept = [[column[:block.size] for column in part] for part, block in zip(parts, rows, strict=True)]
     return Forecast(*(np.concatenate(columns) for columns in zip(*kept, strict=True)))
 
 
-def _block(facts: Rig, belief: Belief, given: Given) -> tuple[np.ndarray, ...]:
+def _block(rig: Rig, belief: Belief, given: Given) -> tuple[np.ndarray, ...]:
     inner = [index for index, name in enumerate(belief.names) if not name.startswith(SCATTER + ".")]
     numbers = tuple(_number(belief, belief.names[index]) for index in inner)
-    flown = slopes_at(facts, belief.coefficients, numbers, belief.values()[inner], given, belief.catalogue)
+    flown = slopes_at(rig, belief.coefficients, numbers, belief.values()[inner], given, belief.catalogue)
     height, by_number = (jax.tree.map(np.asarray, part) for part in (flown.height, flown.by_number))
     speed, elevation_deg = (belief.scatter.get(name, 0.0) for name in ("speed", "elevation_deg"))
     launch = (given.rolled * (height.by_launch[:, 0] * speed)**2

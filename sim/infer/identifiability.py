@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from truearc.sim.infer.map_fit import MlFit
+from truearc.sim.infer.map_fit import MapFit
 
 CORRELATED = 0.9                      # pairs from here on are named
 SILENT = 0.7                          # a parameter known to more than this share of its prior's sd is the prior's
@@ -33,14 +33,14 @@ class Identified:
     from_prior: tuple[str, ...]
 
 
-def identify(fit: MlFit) -> Identified:
+def identify(fit: MapFit) -> Identified:
     """Return pairs that the fit keeps together, and how far each parameter is known beyond its prior."""
     names = fit.model.names
     share = {name: float(np.sqrt(fit.covariance[index, index])) for index, name in enumerate(names)}
     return Identified(_pairs(fit), share, tuple(name for name in names if share[name] > SILENT))
 
 
-def weakest(fit: MlFit) -> np.ndarray:
+def weakest(fit: MapFit) -> np.ndarray:
     """Unit vector [p], in prior units, of the combination of terms' parameters that is known worst."""
     inner = len(fit.model.numbers)
     _, vectors = np.linalg.eigh(fit.covariance[:inner, :inner])
@@ -49,7 +49,7 @@ def weakest(fit: MlFit) -> np.ndarray:
     return vector
 
 
-def _pairs(fit: MlFit) -> tuple[AliasedPair, ...]:
+def _pairs(fit: MapFit) -> tuple[AliasedPair, ...]:
     """Pairs with a correlation of at least CORRELATED, strongest first, each with the combination that is fixed."""
     names, covariance = fit.model.names, fit.covariance * np.outer(slopes(fit), slopes(fit))
     sd = np.sqrt(np.diag(covariance))
@@ -65,7 +65,7 @@ def _pairs(fit: MlFit) -> tuple[AliasedPair, ...]:
     return tuple(sorted(pairs, key=lambda pair: -abs(pair.correlation)))
 
 
-def slopes(fit: MlFit) -> np.ndarray:
+def slopes(fit: MapFit) -> np.ndarray:
     """d value / d u [p] at the optimum: from units of the prior to the parameter's own."""
     step = 1e-5
     return np.array([float(one.value(u + step) - one.value(u - step)) / (2.0 * step)

@@ -9,11 +9,12 @@ from jaxtyping import Float
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.infer.belief import Belief
+from truearc.sim.infer.likelihood.launch_inputs import Given
 from truearc.sim.infer.likelihood.observations import Gathered, Observations, gather
 from truearc.sim.infer.likelihood.shot_likelihood import Points, relinearise
 from truearc.sim.infer.likelihood.track_likelihood import guess_lead, guess_start
 from truearc.sim.infer.optimum import Optimum, Problem, best_of, minimise
-from truearc.sim.infer.parameters import TRACK_NOISE, Model, make_model
+from truearc.sim.infer.parameters import SCATTERS, TRACK_NOISE, Model, Sought, make_model
 from truearc.sim.physics.catalogue import Catalogue
 from truearc.sim.progress import Progress
 
@@ -24,9 +25,8 @@ ROUNDS = 6                            # of moving the point about which tracks a
 SETTLED = 1e-3                        # of a move of the parameters in prior standard deviations
 
 
-
 @dataclass(frozen=True, eq=False)
-class MlFit:
+class MapFit:
     """The fit: `covariance` of u (units of the priors) is the inverse Hessian."""
 
     model: Model
@@ -61,8 +61,8 @@ class MlFit:
                       self.covariance[np.ix_(keep, keep)] * np.outer(sd, sd), catalogue=self.model.catalogue)
 
 
-def fit_ml(facts: Rig, dataset: Dataset, terms: tuple[str, ...], progress: Progress = lambda done, note: None,
-           grid: dict[str, dict[str, float]] | None = None, among: Catalogue | None = None) -> MlFit:
+def fit_map(rig: Rig, dataset: Dataset, terms: tuple[str, ...], progress: Progress = lambda done, note: None,
+           grid: dict[str, dict[str, float]] | None = None, among: Catalogue | None = None) -> MapFit:
     """Fit the named terms (gravity always among them) and the scatter of the launch to a dataset.
 
     grid: {term: {parameter: value}} that the paper's grid chose, one more start (truearc.sim.paper.grid_fit).
@@ -70,21 +70,21 @@ def fit_ml(facts: Rig, dataset: Dataset, terms: tuple[str, ...], progress: Progr
 
     Deterministic. A fit that did not settle says so in `converged`. InputError: unknown terms, or nothing to fit to.
     """
-    gathered = gather(facts, dataset)
+    gathered = gather(rig, dataset)
     evidence = gathered.evidence
     tracked = evidence.tracks is not None or evidence.free is not None
-    model = make_model(facts, terms, _scatters(evidence), tracked, among)
+    model = make_model(rig, terms, _scatters(evidence.given), tracked, among)
     points = _moved(model, evidence, _first_points(evidence), np.zeros(len(model.sought)))
     problem = Problem(model, evidence, points, np.ones(len(gathered.rows)))
     progress(0.05, "coarse search")
     optimum = best_of(problem, _starts(problem, grid or {}), lambda done, note: progress(0.1 + 0.6 * done, note))
     problem, optimum = settle(problem, optimum)
     progress(1.0, "fitted")
-    return MlFit(model, gathered, problem, optimum, _covariance(optimum.hessian))
+    return MapFit(model, gathered, problem, optimum, _covariance(optimum.hessian))
 
 
 def settle(problem: Problem, optimum: Optimum) -> tuple[Problem, Optimum]:
-    """Move the points about which tracks are linear to the optimum, and find it anew, until neither moves."""
+    """Move the points about which tracks are linear to the optimum, and find it again, until neither moves."""
     evidence = problem.evidence
     if evidence.tracks is None and evidence.free is None:
         return problem, optimum
@@ -96,16 +96,14 @@ def settle(problem: Problem, optimum: Optimum) -> tuple[Problem, Optimum]:
     return problem, optimum
 
 
-def refit(fit: MlFit, weight: Float[np.ndarray, " units"]) -> Optimum:
+def refit(fit: MapFit, weight: Float[np.ndarray, " units"]) -> Optimum:
     """The optimum with other weights of the units, from the fit's own."""
     return minimise(replace(fit.problem, weight=weight), fit.optimum.u)
 
 
-def _scatters(evidence: Observations) -> tuple[str, ...]:
+def _scatters(given: Given) -> tuple[Sought, ...]:
     """Those of which some launch has any: not where only the ball itself was measured."""
-    given = evidence.given
-    return tuple(name for name, where in (("scatter.speed", given.rolled), ("scatter.elevation_deg", given.hooded))
-                 if np.any(where))
+    return tuple(one for one, where in zip(SCATTERS, (given.rolled, given.hooded), strict=True) if np.any(where))
 
 
 def _first_points(evidence: Observations) -> Points:
@@ -123,12 +121,11 @@ def _moved(model: Model, evidence: Observations, points: Points, u: Float[np.nda
 def _covariance(hessian: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
     """Inverse of the curvature; no direction is known worse than its prior says."""
     values, vectors = np.linalg.eigh(hessian)
-    inverse: np.ndarray = (vectors / np.maximum(values, 1.0)) @ vectors.T
-    return inverse
+    return np.asarray((vectors / np.maximum(values, 1.0)) @ vectors.T)
 
 
 def _starts(problem: Problem, grid: dict[str, dict[str, float]]) -> list[Float[np.ndarray, " p"]]:
-    """The prior's centre and the best of a coarse grid about it, and the seed's grid's pair where it gave one."""
+    """The prior's centre and the best of a coarse grid about it, and the pair of the paper's grid where it gave one."""
     size, count = len(problem.model.sought), min(len(problem.model.numbers), COARSE)
     tried = [np.zeros(size)]
     for point in itertools.product(COARSE_U, repeat=count):

@@ -20,7 +20,7 @@ FAR_COST = 1e4
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """What is minimised: minus the log posterior of a model given evidence, units counted by weight."""
+    """The minimisation problem: minus the log posterior of a model given evidence, units counted by weight."""
 
     model: Model
     evidence: Observations
@@ -72,12 +72,10 @@ def minimise(problem: Problem, start: Float[np.ndarray, " p"], held: tuple[int, 
         return problem.value(place(part))
 
     def gradient_at(part: Float[np.ndarray, " free"]) -> Float[np.ndarray, " free"]:
-        gradient: np.ndarray = at(part)[1][free]
-        return gradient
+        return np.asarray(at(part)[1][free])
 
     def hessian_at(part: Float[np.ndarray, " free"]) -> Float[np.ndarray, "free free"]:
-        hessian: np.ndarray = at(part)[2][np.ix_(free, free)]
-        return hessian
+        return np.asarray(at(part)[2][np.ix_(free, free)])
 
     if free.size:
         found = minimize(value_at, whole[free], method="trust-exact", jac=gradient_at, hess=hessian_at,

@@ -1,10 +1,9 @@
-"""What a likelihood fit looks for: parameters of terms, scatter of the launch, noise of the tracker; priors of each.
+"""Parameters of a likelihood fit, with their priors: those of terms, scatter of the launch, noise of the tracker.
 
 Everything numerical happens in units of the prior: u = (number on the parameter's scale - prior's centre) / prior's sd.
 The log prior is then -|u|^2 / 2.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,19 +16,8 @@ from truearc.sim.physics.catalogue import Catalogue, as_catalogue, find_terms
 from truearc.sim.physics.scales import LOG, from_scale, to_scale
 from truearc.sim.physics.term import Prior
 
-# Scatter from shot to shot, whose log is taken to be normal.
-SCATTER_PRIORS: Mapping[str, Prior] = {
-    "scatter.speed": Prior(LOG, 0.015, 0.7, "teams quote one to three per cent of exit speed between like shots; a "
-                                            "factor of two either way"),
-    "scatter.elevation_deg": Prior(LOG, 0.4, 0.7, "a few tenths of a degree come from how the ball meets the wheels; a "
-                                                  "factor of two either way"),
-}
 TRACK_NOISE = "tracks.noise_m"
 TRACK_FACTOR_SD = 0.7                 # about rig.toml's own figure: a factor of two either way
-UNITS = {"scatter.speed": "of the exit speed", "scatter.elevation_deg": "deg", TRACK_NOISE: "m"}
-MEANINGS = {"scatter.speed": "exit speed from shot to shot (sd)",
-            "scatter.elevation_deg": "exit angle from shot to shot (sd)",
-            TRACK_NOISE: "noise of the tracked positions (sd)"}
 
 
 @dataclass(frozen=True)
@@ -58,6 +46,17 @@ class Sought:
         return (float(to_scale(self.prior.scale, value)) - self.centre) / self.prior.sd
 
 
+# Scatter from shot to shot, whose log is taken to be normal.
+SCATTERS = (
+    Sought("scatter.speed", "of the exit speed",
+           Prior(LOG, 0.015, 0.7, "teams quote one to three per cent of exit speed between like shots; a factor of two "
+                                  "either way"), "exit speed from shot to shot (sd)", percent=True),
+    Sought("scatter.elevation_deg", "deg",
+           Prior(LOG, 0.4, 0.7, "a few tenths of a degree come from how the ball meets the wheels; a factor of two "
+                                "either way"), "exit angle from shot to shot (sd)"),
+)
+
+
 @dataclass(frozen=True)
 class Model:
     """Terms believed in, and what of them is fitted, in the catalogue's order, then scatters, then tracker noise."""
@@ -78,15 +77,12 @@ class Model:
         split = [(*one.name.partition("."), one.prior.scale) for one in inner]
         return tuple((term, key, scale) for term, _, key, scale in split)
 
-    def index(self, name: str) -> int | None:
-        return self.names.index(name) if name in self.names else None
-
     def scales(self) -> tuple[np.ndarray, np.ndarray]:
         """Centre and standard deviation [p] of the priors on the parameters' scales."""
         return np.array([one.centre for one in self.sought]), np.array([one.prior.sd for one in self.sought])
 
     def fixed(self) -> dict[str, dict[str, float]]:
-        """What is not fitted: parameters that are known."""
+        """Return the parameters that are known, and so not fitted."""
         return {term.name: {p.name: p.default for p in term.parameters if p.prior is None}
                 for term in find_terms(self.terms, self.catalogue)}
 
@@ -95,9 +91,9 @@ class Model:
         return {one.name: float(one.value(number)) for one, number in zip(self.sought, u, strict=True)}
 
 
-def make_model(facts: Rig, terms: tuple[str, ...], scatters: tuple[str, ...] = tuple(SCATTER_PRIORS),
-               tracks: bool = False, among: Catalogue | None = None) -> Model:
-    """All parameters of the terms that have a prior, the named scatters, the tracker's noise where there are tracks.
+def make_model(rig: Rig, terms: tuple[str, ...], scatters: tuple[Sought, ...] = SCATTERS, tracks: bool = False,
+               among: Catalogue | None = None) -> Model:
+    """All parameters of the terms that have a prior, the scatters, the tracker's noise where there are tracks.
 
     among: the catalogue of the terms, truearc.sim.physics.catalogue.catalogue() when not given. InputError: a term
     that it has not.
@@ -105,11 +101,10 @@ def make_model(facts: Rig, terms: tuple[str, ...], scatters: tuple[str, ...] = t
     used = find_terms({"gravity", *terms}, among)
     sought = [Sought(f"{term.name}.{p.name}", p.unit, p.prior, p.meaning, p.percent)
               for term in used for p in term.parameters if p.prior is not None]
-    sought += [Sought(name, UNITS[name], prior, MEANINGS[name], name == "scatter.speed")
-               for name, prior in SCATTER_PRIORS.items() if name in scatters]
+    sought += scatters
     if tracks:
-        if facts.noise.track_m <= 0.0:
+        if rig.noise.track_m <= 0.0:
             raise InputError("rig.toml: noise.track_m must be above 0 to fit tracks")
-        prior = Prior(LOG, facts.noise.track_m, TRACK_FACTOR_SD, "rig.toml's figure")
-        sought.append(Sought(TRACK_NOISE, "m", prior, MEANINGS[TRACK_NOISE]))
-    return Model(facts, tuple(term.name for term in used), tuple(sought), as_catalogue(among))
+        prior = Prior(LOG, rig.noise.track_m, TRACK_FACTOR_SD, "rig.toml's figure")
+        sought.append(Sought(TRACK_NOISE, "m", prior, "noise of the tracked positions (sd)"))
+    return Model(rig, tuple(term.name for term in used), tuple(sought), as_catalogue(among))

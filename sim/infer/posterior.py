@@ -16,7 +16,7 @@ from numpyro.diagnostics import effective_sample_size, split_gelman_rubin
 from numpyro.infer import MCMC, NUTS
 
 from truearc.sim.infer.likelihood.shot_likelihood import objective
-from truearc.sim.infer.map_fit import MlFit
+from truearc.sim.infer.map_fit import MapFit
 from truearc.sim.progress import Progress
 
 CHAINS = 2
@@ -46,7 +46,7 @@ class Posterior:
         return bool((self.r_hat < SPLIT_R_HAT).all() and (self.effective > enough).all())
 
 
-def sample(fit: MlFit, count: int, seed: int,
+def sample(fit: MapFit, count: int, seed: int,
            progress: Progress = lambda done, note: None) -> Posterior:
     """At least `count` draws are made in CHAINS chains, and `count` kept; the same seed gives the same draws."""
     problem = fit.problem
@@ -73,7 +73,7 @@ def sample(fit: MlFit, count: int, seed: int,
     return _posterior(fit, np.stack(drawn), spread, divergent, count, seed)
 
 
-def _posterior(fit: MlFit, chains: Float[np.ndarray, "chains draws p"], spread: Float[np.ndarray, "p p"],
+def _posterior(fit: MapFit, chains: Float[np.ndarray, "chains draws p"], spread: Float[np.ndarray, "p p"],
                divergent: int, count: int, seed: int) -> Posterior:
     u = fit.optimum.u + chains @ spread.T
     r_hat, effective = np.asarray(split_gelman_rubin(u)), np.asarray(effective_sample_size(u))

@@ -1,7 +1,7 @@
 """Profile-likelihood intervals: how far one parameter can go while all others adjust (Raue et al. 2009).
 
 A Hessian describes the optimum's neighbourhood; a profile walks until the fit has really become worse, and tells
-whether it was the data that stopped it or only the prior. What is walked on is the profile adjusted for how sharply the
+whether it was the data that stopped it or only the prior. The walk is along the profile adjusted for how sharply the
 others are determined there (Cox and Reid 1987; Laplace's approximation of the marginal posterior): minus log posterior
 plus half the log determinant of the others' curvature. Without it a scatter, fitted beside the coefficients that chase
 the same shots, comes out too small and its interval too short (benchmarks/coverage.py: 0.845 of 200 instead of 0.9).
@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from truearc.sim.infer.map_fit import MlFit
+from truearc.sim.infer.map_fit import MapFit
 from truearc.sim.infer.optimum import Optimum, minimise
 
 Z90 = 1.6448536269514722              # two-sided 90 %
@@ -41,7 +41,7 @@ class ProfileInterval:
     closed: bool
 
 
-def profile_interval(fit: MlFit, name: str) -> ProfileInterval:
+def profile_interval(fit: MapFit, name: str) -> ProfileInterval:
     """The profile interval of one fitted parameter."""
     index = fit.model.names.index(name)
     ground = _ground(fit, index)
@@ -52,7 +52,7 @@ def profile_interval(fit: MlFit, name: str) -> ProfileInterval:
                     low_data, high_data, low_closed and high_closed)
 
 
-def deviance_at(fit: MlFit, name: str, value: float) -> float:
+def deviance_at(fit: MapFit, name: str, value: float) -> float:
     """Twice the adjusted log posterior lost with one parameter held at `value`; at most 2.706 inside its interval."""
     index = fit.model.names.index(name)
     held = minimise(fit.problem, _shifted(fit, fit.optimum, index, fit.model.sought[index].u(value)), held=(index,))
@@ -67,7 +67,7 @@ class _Ground(NamedTuple):
     there: Optimum
 
 
-def _ground(fit: MlFit, index: int) -> _Ground:
+def _ground(fit: MapFit, index: int) -> _Ground:
     """Newton's method in one dimension, slope and curvature of the adjusted profile by differences."""
     se = float(np.sqrt(fit.covariance[index, index]))
     best, there = _Ground(_cost(fit.optimum, index), 0.0, fit.optimum), fit.optimum
@@ -97,7 +97,7 @@ def _cost(there: Optimum, index: int) -> float:
     return there.value + 0.5 * float(np.linalg.slogdet(there.hessian[np.ix_(free, free)])[1]) if free else there.value
 
 
-def _walk(fit: MlFit, index: int, ground: _Ground, sign: float) -> tuple[float, bool, bool]:
+def _walk(fit: MapFit, index: int, ground: _Ground, sign: float) -> tuple[float, bool, bool]:
     """(u of the end, closed by data, closed) on one side, by secants on the signed root of the deviance."""
     centre = fit.optimum.u[index] + ground.step
     inside, outside = (0.0, 0.0), None
@@ -132,7 +132,7 @@ def _next(inside: tuple[float, float], outside: tuple[float, float] | None, sign
     return float(np.clip(step, low + margin, high - margin))
 
 
-def _shifted(fit: MlFit, there: Optimum, index: int, to: float) -> np.ndarray:
+def _shifted(fit: MapFit, there: Optimum, index: int, to: float) -> np.ndarray:
     """The point on the ridge where the parameter is `to`, were the posterior normal about the last point."""
     u = there.u.copy()
     free = [other for other in range(len(u)) if other != index]

@@ -1,4 +1,4 @@
-"""How well a set of coefficients explains recorded outcomes, in the seed's measures (section IV-C, Table I)."""
+"""How well a set of coefficients explains recorded outcomes, in the paper's measures (section IV-C, Table I)."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -26,13 +26,13 @@ class Score(NamedTuple):
     shots: int
 
 
-def score(facts: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: Shots) -> Score:
+def score(rig: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: Shots) -> Score:
     """Predict every shot that has an outcome and compare; a plane not reached is an infinite deviation."""
     known = shots.take(np.flatnonzero(np.isin(shots.text("outcome"), (MISS, TWO, THREE))))
     outcome = np.array(known.text("outcome"), dtype=str)
-    height_m = predict(facts, coefficients, known).height_m
-    opening = opening_of(facts, effective(coefficients, ORDINARY))
-    said = classify(facts, height_m, opening)
+    height_m = predict(rig, coefficients, known).height_m
+    opening = opening_of(rig, effective(coefficients, ORDINARY))
+    said = classify(rig, height_m, opening)
     is_three = outcome == THREE
     deviation_m = np.nan_to_num(np.abs(height_m - opening.centre_m), nan=np.inf)[is_three]
     return Score(_share((said == THREE)[is_three]), _share((said != MISS)[outcome != MISS]), _share(said == outcome),

@@ -127,7 +127,7 @@ def effective(params: Mapping[str, Mapping[str, Any]], circumstances: Circumstan
 
     Numbers of a term that follows a circumstance become arrays like it; InputError names a term that there is none of.
     """
-    return {term.name: term.at_shot(complete(term, params[term.name]), circumstances)
+    return {term.name: dict(term.at_shot(complete(term, params[term.name]), circumstances))
             for term in find_terms(params, among)}
 
 
@@ -137,8 +137,8 @@ def find_parameter(name: str, among: Catalogue | None = None) -> Parameter:
     term_name, _, key = name.partition(".")
     if term_name == CURVE:
         return POINT
-    for term in find_terms([term_name], among):
-        for parameter in term.parameters:
-            if parameter.name == key:
-                return parameter
+    (term,) = find_terms([term_name], among)
+    for parameter in term.parameters:
+        if parameter.name == key:
+            return parameter
     raise InputError(f"{name}: {term_name} has no such parameter")

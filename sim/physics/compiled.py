@@ -43,24 +43,23 @@ class UntraceableLaw(ValueError):
     """The law uses something that this module cannot write out."""
 
 
-def make_source(facts: Rig, terms: Sequence[InFlight], values: Sequence[tuple[str, str]]) -> str:
-    """Source of `acceleration(x_m, z_m, vx_m_s, vz_m_s, spin_rev_s, values, facts) -> (ax, az)` in m/s2.
+def make_source(rig: Rig, terms: Sequence[InFlight], values: Sequence[tuple[str, str]]) -> str:
+    """Source of `acceleration(x_m, z_m, vx_m_s, vz_m_s, spin_rev_s, values, numbers) -> (ax, az)` in m/s2.
 
     `values`: the (term, parameter) that the function takes as a tuple, in this order; the other parameters have their
-    defaults. Numbers of the rig are taken as `facts`, the tuple that facts_values gives, so that one source serves
+    defaults. Numbers of the rig are taken as `numbers`, the tuple that facts_values gives, so that one source serves
     every rig. Raises UntraceableLaw where the law pushes sideways, changes with the time since release, or uses an
     operation without a counterpart.
     """
-    known = list(_leaves(facts))
+    known = list(_leaves(rig))
 
     def planar(state: tuple[Any, ...], params: tuple[Any, ...], numbers: tuple[Any, ...]) -> tuple[Any, Any]:
         x, z, vx, vz, spin = state
         table: dict[str, dict[str, Any]] = {}
         for (term, parameter), value in zip(values, params, strict=True):
             table.setdefault(term, {})[parameter] = value
-        rig = _put(facts, iter(numbers))
         ball = BallState(Vec(x, 0.0, z), Vec(vx, 0.0, vz), Vec(0.0, -1.0 * spin, 0.0))
-        law = make_law(rig, terms, table)
+        law = make_law(_put(rig, iter(numbers)), terms, table)
         if needs_time(law, ball):
             raise UntraceableLaw("the law changes with the time since release, which the grid does not keep")
         pushed = law(ball)
@@ -69,15 +68,15 @@ def make_source(facts: Rig, terms: Sequence[InFlight], values: Sequence[tuple[st
         return jnp.asarray(pushed.x, float), jnp.asarray(pushed.z, float)
 
     traced = jax.make_jaxpr(planar)((1.0,) * len(STATE), (1.0,) * len(values), (1.0,) * len(known))
-    names = (*STATE, *(f"values[{k}]" for k in range(len(values))), *(f"facts[{k}]" for k in range(len(known))))
+    names = (*STATE, *(f"values[{k}]" for k in range(len(values))), *(f"numbers[{k}]" for k in range(len(known))))
     lines, results = _Writer().write(traced.jaxpr, traced.consts, names)
-    return (f"def acceleration({', '.join(STATE)}, values, facts):\n"
+    return (f"def acceleration({', '.join(STATE)}, values, numbers):\n"
             + "".join(f"    {line}\n" for line in lines) + f"    return {results[0]}, {results[1]}\n")
 
 
-def facts_values(facts: Rig) -> tuple[float, ...]:
+def facts_values(rig: Rig) -> tuple[float, ...]:
     """The rig's numbers in the order in which a written-out law takes them."""
-    return tuple(_leaves(facts))
+    return tuple(_leaves(rig))
 
 
 def load_kernel(law: str, template: Path, keep: Callable[[str, str], Path | None] | None = None) -> ModuleType:

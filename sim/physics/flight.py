@@ -1,4 +1,4 @@
-"""Ball state -> trajectory -> where it crosses a vertical plane: the seed's Eq. 4-10, integrated.
+"""Ball state -> trajectory -> where it crosses a vertical plane: the paper's Eq. 4-10, integrated.
 
 Reached means: the point mass crosses x = distance for the first time, before it meets the floor (z = 0) and before it
 turns back (vx <= 0). docs/paper.md says why.
@@ -44,8 +44,8 @@ class _Flight(NamedTuple):
     ball: BallState                   # without its time
 
 
-@partial(jax.jit, static_argnames=("facts", "terms", "step_s", "turn_rad", "limit_s", "floor"))
-def fly(facts: Rig, terms: tuple[InFlight, ...], params: Mapping[str, Mapping[str, Any]], exit: Exit,
+@partial(jax.jit, static_argnames=("rig", "terms", "step_s", "turn_rad", "limit_s", "floor"))
+def fly(rig: Rig, terms: tuple[InFlight, ...], params: Mapping[str, Mapping[str, Any]], exit: Exit,
         distance_m: Any, step_s: float = STEP_S, turn_rad: float = TURN_RAD, limit_s: float = LIMIT_S,
         floor: bool = True) -> Crossing:
     """Fly every lane to the plane x = distance_m.
@@ -56,10 +56,10 @@ def fly(facts: Rig, terms: tuple[InFlight, ...], params: Mapping[str, Mapping[st
     Forward-mode differentiable (jax.jacfwd) in params, exit and distance. Without `floor` the flight goes on below it,
     so that the height is continuous in everything; only turning back and the time limit are then not reached.
     """
-    law = make_law(facts, terms, params)
+    law = make_law(rig, terms, params)
     shape = _shape(params, exit, distance_m)
     distance = jnp.broadcast_to(jnp.asarray(distance_m, dtype=float), shape)
-    start = start_of(facts, exit, shape)
+    start = start_of(rig, exit, shape)
     start = _settle(law, start)
     step = _step_for(law, start, step_s, turn_rad)
     stops = partial(_ends, floor=floor)
@@ -67,12 +67,12 @@ def fly(facts: Rig, terms: tuple[InFlight, ...], params: Mapping[str, Mapping[st
     return _cross(law, end, step, distance, floor)
 
 
-@partial(jax.jit, static_argnames=("facts", "terms", "points", "step_s"))
-def path(facts: Rig, terms: tuple[InFlight, ...], params: Mapping[str, Mapping[str, Any]], exit: Exit,
+@partial(jax.jit, static_argnames=("rig", "terms", "points", "step_s"))
+def path(rig: Rig, terms: tuple[InFlight, ...], params: Mapping[str, Mapping[str, Any]], exit: Exit,
          points: int, step_s: float = STEP_S) -> BallState:
     """The free flight of every lane, `points` states step_s apart (leading axis, launch first), through the floor."""
-    law = make_law(facts, terms, params)
-    start = _dense(start_of(facts, exit, _shape(params, exit, 0.0)))
+    law = make_law(rig, terms, params)
+    start = _dense(start_of(rig, exit, _shape(params, exit, 0.0)))
 
     def advance(ball: BallState, _: None) -> tuple[BallState, BallState]:
         return _dense(rk4(law, ball, step_s)), ball
@@ -80,7 +80,7 @@ def path(facts: Rig, terms: tuple[InFlight, ...], params: Mapping[str, Mapping[s
     return lax.scan(advance, start, None, length=points)[1]
 
 
-def make_law(facts: Rig, terms: Sequence[InFlight], params: Mapping[str, Mapping[str, Any]]) -> Law:
+def make_law(rig: Rig, terms: Sequence[InFlight], params: Mapping[str, Mapping[str, Any]]) -> Law:
     """The sum of the terms' accelerations in m/s2 as a function of the ball's state.
 
     terms: in the catalogue's order. params: effective values (truearc.sim.physics.catalogue.effective). First the
@@ -91,11 +91,11 @@ def make_law(facts: Rig, terms: Sequence[InFlight], params: Mapping[str, Mapping
 
     def law(ball: BallState) -> Vec:
         for air, values in airs:
-            ball = air.meet(facts, values, ball)
+            ball = air.meet(rig, values, ball)
         total = Vec(0.0, 0.0, 0.0)
         forces: dict[str, Vec] = {}
         for term, values in pushes:
-            forces[term.name] = term.acceleration(facts, values, ball, forces)
+            forces[term.name] = term.acceleration(rig, values, ball, forces)
             total = add(total, forces[term.name])
         return total
 
@@ -108,11 +108,11 @@ def needs_time(law: Law, ball: BallState) -> bool:
     return any(atom is traced.invars[0] for equation in traced.eqns for atom in equation.invars)
 
 
-def start_of(facts: Rig, exit: Exit, shape: tuple[int, ...]) -> BallState:
+def start_of(rig: Rig, exit: Exit, shape: tuple[int, ...]) -> BallState:
     """The ball at the exit point, flying in the vertical plane, backspin about -y."""
     speed, elevation, spin, above_m = (jnp.broadcast_to(jnp.asarray(part, dtype=float), shape) for part in exit)
     zero = jnp.zeros(shape)
-    return BallState(position_m=Vec(zero, 0.0, zero + facts.launcher.release_height_m + above_m),
+    return BallState(position_m=Vec(zero, 0.0, zero + rig.launcher.release_height_m + above_m),
                      velocity_m_s=Vec(speed * jnp.cos(elevation), 0.0, speed * jnp.sin(elevation)),
                      spin_rev_s=Vec(0.0, -spin, 0.0))
 
@@ -181,7 +181,7 @@ def _fly_until(law: Law, start: BallState, step: Any, distance: Any, most_steps:
 
 
 def _pack(ball: BallState) -> BallState:
-    """For JAX's loops, to which None is no array at all whereas 0.0 would become one; the loop itself has the time."""
+    """For JAX's loops, which drop None whereas 0.0 would become an array; the loop itself has the time."""
     return _each(ball, lambda part: None if absent(part) else part, None)
 
 

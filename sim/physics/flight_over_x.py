@@ -1,7 +1,7 @@
 """The flight over x instead of time: the height at a plane as a smooth function, in few steps of fixed number.
 
 The same law of motion as truearc.sim.physics.flight, which it is tested against; for likelihoods, whose second
-derivatives it keeps cheap. Through the floor if need be; only a ball that has as good as turned back has no height.
+derivatives it keeps cheap. Through the floor if need be; only a ball that has nearly turned back has no height.
 """
 
 from typing import Any, NamedTuple
@@ -19,7 +19,7 @@ from truearc.sim.physics.vector import Vec, absent, plus, scale
 STEPS = 32                            # of 3000 random launches 99 % within 6e-6 m at cd 0.5, 1e-3 m at cd 1.2
 AHEAD = (0.5, 0.5, 1.0, 0.0)          # where the next stage of a Runge-Kutta step is taken
 SHARE = (1 / 6, 1 / 3, 1 / 3, 1 / 6)  # of each stage in the step
-SLOWEST_M_S = 0.3                     # horizontally; slower has as good as turned back
+SLOWEST_M_S = 0.3                     # horizontally; slower has nearly turned back
 
 
 class Plane(NamedTuple):
@@ -30,13 +30,13 @@ class Plane(NamedTuple):
     near: Any
 
 
-def reach_plane(facts: Rig, law: Law, exit: Exit, distance_m: Any, steps: int = STEPS) -> Plane:
+def reach_plane(rig: Rig, law: Law, exit: Exit, distance_m: Any, steps: int = STEPS) -> Plane:
     """Fly every lane [n] from the exit to x = distance_m by Runge-Kutta over x; differentiable in all, to any order.
 
     Where `near` is False height and climb are numbers without meaning.
     """
     shape = jnp.shape(distance_m)
-    ball = start_of(facts, exit, shape)
+    ball = start_of(rig, exit, shape)
     zero = jnp.zeros(shape)
     if not absent(law(ball).y):
         ball = BallState(*(Vec(*(plus(part, zero) for part in vec)) for vec in ball[:3]))
@@ -57,7 +57,7 @@ def reach_plane(facts: Rig, law: Law, exit: Exit, distance_m: Any, steps: int = 
 
 
 def _kept(ball: BallState) -> tuple[Any, ...]:
-    """What a flight carries along: the components of place and velocity, and the time, that are not absent."""
+    """State of a flight: the components of place and velocity, and the time, that are not absent."""
     return tuple(part for part in (*ball.position_m, *ball.velocity_m_s, ball.time_s) if not absent(part))
 
 

@@ -1,7 +1,7 @@
-"""What an effect without a name does: a free change of the launch, the distance or the flight, as fitted.
+"""Unexplained effects: a free change of the launch, the distance or the flight, as fitted.
 
 Each amplitude is multiplied by the circumstance of the term's name, which truearc.sim.infer.curve works out for every
-shot. They are no hypotheses: no discovery asks about them. A curve's points are numbers like a term's:
+shot. They are not hypotheses: no discovery tests them. A curve's points are numbers like a term's:
 "curve.free_speed.0", ...
 """
 
@@ -10,11 +10,10 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 
-from truearc.sim.physics.frame import axes
 from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.term import BallState, FlightTerm, Forces, LaunchTerm, Number, Rig, SensingTerm, Term, Values
 from truearc.sim.physics.term_fields import Parameter
-from truearc.sim.physics.vector import Vec, length
+from truearc.sim.physics.vector import Vec, axes, length
 
 FOUND = "as discovery found it in recordings"
 AT_SPEED_M_S = 10.0                   # where a push that goes with the speed is stated
@@ -32,12 +31,12 @@ class FreeSpeed(Nameless, LaunchTerm):
     """exit speed times exp(share)."""
 
     parameters = (Parameter("share", "1", -5.0, 5.0, 0.0, FOUND),)
-    sentence = "The ball leaves faster or slower, for a reason without a name."
+    sentence = "The ball leaves faster or slower, for an unexplained reason."
     follows = "free_speed"
     usual = 0.2
     label = "a curve of the launch speed"
 
-    def leave(self, facts: Rig, values: Values, exit: Exit) -> Exit:
+    def leave(self, rig: Rig, values: Values, exit: Exit) -> Exit:
         return exit._replace(speed_m_s=exit.speed_m_s * jnp.exp(values["share"]))
 
 
@@ -45,12 +44,12 @@ class FreeElevation(Nameless, LaunchTerm):
     """exit elevation plus angle_rad."""
 
     parameters = (Parameter("angle_rad", "rad", -1.5, 1.5, 0.0, FOUND),)
-    sentence = "The ball leaves steeper or flatter, for a reason without a name."
+    sentence = "The ball leaves steeper or flatter, for an unexplained reason."
     follows = "free_elevation"
     usual = 0.0175
     label = "a curve of the launch elevation"
 
-    def leave(self, facts: Rig, values: Values, exit: Exit) -> Exit:
+    def leave(self, rig: Rig, values: Values, exit: Exit) -> Exit:
         return exit._replace(elevation_rad=exit.elevation_rad + values["angle_rad"])
 
 
@@ -58,12 +57,12 @@ class FreeDistance(Nameless, SensingTerm):
     """true distance = measured + bias_m."""
 
     parameters = (Parameter("bias_m", "m", -20.0, 20.0, 0.0, FOUND),)
-    sentence = "The target is farther or nearer than measured, for a reason without a name."
+    sentence = "The target is farther or nearer than measured, for an unexplained reason."
     follows = "free_distance"
     usual = 0.12
     label = "a curve of the distance"
 
-    def sense(self, facts: Rig, values: Values, exit: Exit, distance_m: Number) -> tuple[Exit, Number]:
+    def sense(self, rig: Rig, values: Values, exit: Exit, distance_m: Number) -> tuple[Exit, Number]:
         return exit, distance_m + values["bias_m"]
 
 
@@ -77,12 +76,12 @@ class FreePush(Nameless, FlightTerm):
         Parameter("from_s", "s", 0.0, 60.0, 0.0, "since release"),
         Parameter("to_s", "s", 0.0, 60.0, 60.0, "since release"),
         Parameter("with_speed", "1", 0.0, 1.0, 0.0, "0 or 1"))
-    sentence = "Something without a name pushes the ball in flight."
+    sentence = "An unexplained force pushes the ball in flight."
     follows = "free_push"
     usual = 1.5
     label = "a curve of a push"
 
-    def acceleration(self, facts: Rig, values: Values, ball: BallState, forces: Forces) -> Vec:
+    def acceleration(self, rig: Rig, values: Values, ball: BallState, forces: Forces) -> Vec:
         at_work = (ball.time_s >= values["from_s"]) & (ball.time_s < values["to_s"])
         size = values["size_m_s2"] * at_work * (length(ball.velocity_m_s) / AT_SPEED_M_S)**values["with_speed"]
         sides = zip(axes(ball.velocity_m_s), ("along", "up", "left"), strict=True)
@@ -94,5 +93,5 @@ NAMELESS: tuple[Nameless, ...] = (FreeDistance(), FreeSpeed(), FreeElevation(), 
 
 
 def find_nameless(name: str) -> Nameless:
-    """The effect without a name that is called so; KeyError where there is none."""
+    """Return the unexplained effect of this name; KeyError where there is none."""
     return {term.name: term for term in NAMELESS}[name]

@@ -73,7 +73,7 @@ def check_unique(terms: Iterable[Term]) -> None:
 
 
 def _as_terms(loaded: Any, where: str) -> tuple[Term, ...]:
-    """What a term, a class of one, or an iterable of either comes to; each once."""
+    """The terms of a term, a class of one, or an iterable of either; each once."""
     parts = loaded if isinstance(loaded, Iterable) and not isinstance(loaded, type) else (loaded,)
     try:
         return tuple(dict.fromkeys(part() if isinstance(part, type) else part for part in parts))

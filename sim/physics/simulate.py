@@ -1,4 +1,4 @@
-"""The seed's simulator: a recorded configuration -> height at the target plane -> outcome."""
+"""The paper's simulator: a recorded configuration -> height at the target plane -> outcome."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -29,14 +29,14 @@ from truearc.sim.progress import Progress
 MISS, TWO, THREE = "miss", "two", "three"
 BLOCK = 4096                          # rows flown at once
 LAUNCH_STATE = ("exit_speed_m_s", "exit_spin_rev_s")
-DIGITS = 9                            # of derived columns: rounding errors are no covariate
+DIGITS = 9                            # of derived columns: rounding errors must not become a covariate
 NAMED = 5                             # shots that a message names before it only counts
 ORDINARY = Circumstances()
 
 Values = Mapping[str, Mapping[str, Any]]
 
 
-def predict(facts: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: Shots,
+def predict(rig: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: Shots,
             progress: Progress = lambda done, note: None,
             circumstances: Circumstances = ORDINARY, among: Catalogue | None = None) -> Crossing:
     """Fly each recorded configuration to its plane with gravity and the terms that `coefficients` names.
@@ -49,32 +49,24 @@ def predict(facts: Rig, coefficients: Mapping[str, Mapping[str, float]], shots: 
     """
     values = effective(coefficients, circumstances, among)
     whose = by_robot(shots)
-    exit, distance_m = sense(facts, values, launch_of(facts, shots), require(shots, "distance_m"), whose, among)
-    return _fly_rows(facts, values, leave(facts, values, exit, whose, among), distance_m, progress, among)
+    exit, distance_m = sense(rig, values, launch_of(rig, shots), require(shots, "distance_m"), whose, among)
+    return fly_rows(rig, values, leave(rig, values, exit, whose, among), distance_m, progress, among)
 
 
-def fly_rows(facts: Rig, coefficients: Mapping[str, Mapping[str, float]], exit: Exit, distance_m: np.ndarray,
-             progress: Progress = lambda done, note: None) -> Crossing:
-    """As predict, of ordinary launches by the wheels (before sensing and launch terms) given as numpy arrays [n]."""
-    values = effective(coefficients, ORDINARY)
-    exit, distance_m = sense(facts, values, exit, distance_m)
-    return _fly_rows(facts, values, leave(facts, values, exit), distance_m, progress, None)
-
-
-def sense(facts: Rig, values: Values, exit: Exit, distance_m: Any, where: Any = True,
+def sense(rig: Rig, values: Values, exit: Exit, distance_m: Any, where: Any = True,
           among: Catalogue | None = None) -> tuple[Exit, Any]:
     """(launch by the wheels, distance) in truth, by the sensing terms among `values`; numpy or JAX arrays [n].
 
-    exit, distance_m: as the sensors have them. where: which parts of the launch the robot's own sensors told, an Exit
-    of booleans (by_robot) or one for all; a distance is always theirs.
+    exit, distance_m: as the sensors have them. where: the parts of the launch from the robot's own sensors, an Exit of
+    booleans (by_robot) or one for all; a distance is always theirs.
     """
     changed = exit, distance_m
     for term in sensing_terms(values, among):
-        changed = term.sense(facts, values[term.name], *changed)
+        changed = term.sense(rig, values[term.name], *changed)
     return _where(where, changed[0], exit), changed[1]
 
 
-def leave(facts: Rig, values: Values, exit: Exit, where: Any = True, among: Catalogue | None = None) -> Exit:
+def leave(rig: Rig, values: Values, exit: Exit, where: Any = True, among: Catalogue | None = None) -> Exit:
     """The launch after the launch terms among `values` (effective); numpy or JAX arrays [n].
 
     exit: the launch by the wheels. Terms act on the parts that `where` names, an Exit of booleans (by_robot) or one for
@@ -82,7 +74,7 @@ def leave(facts: Rig, values: Values, exit: Exit, where: Any = True, among: Cata
     """
     changed = exit
     for term in launch_terms(values, among):
-        changed = term.leave(facts, complete(term, values[term.name]), changed)
+        changed = term.leave(rig, complete(term, values[term.name]), changed)
     return _where(where, changed, exit)
 
 
@@ -93,14 +85,14 @@ def watch(values: Values, position_m: Vec, velocity_m_s: Vec, time_s: Any, among
     return position_m
 
 
-def opening_of(facts: Rig, values: Values, among: Catalogue | None = None) -> Opening:
-    """What the ball has to pass, by the rig's target and the arrival terms among `values` (effective).
+def opening_of(rig: Rig, values: Values, among: Catalogue | None = None) -> Opening:
+    """The opening that the ball has to pass, by the rig's target and the arrival terms among `values` (effective).
 
     InputError when the rig has no target.
     """
-    if facts.target is None:
+    if rig.target is None:
         raise InputError("rig.toml: [target] is needed to tell an outcome")
-    opening = Opening(facts.target.centre_height_m, facts.target.three_half_height_m, facts.target.two_half_height_m)
+    opening = Opening(rig.target.centre_height_m, rig.target.three_half_height_m, rig.target.two_half_height_m)
     for term in arrival_terms(values, among):
         opening = term.arrive(values[term.name], opening)
     return opening
@@ -121,9 +113,9 @@ def take_values(values: Values, rows: Any) -> dict[str, dict[str, Any]]:
             for name, table in values.items()}
 
 
-def _fly_rows(facts: Rig, values: Values, exit: Exit, distance_m: np.ndarray,
-              progress: Progress, among: Catalogue | None) -> Crossing:
-    """Heights and times of launches as they leave.
+def fly_rows(rig: Rig, values: Values, exit: Exit, distance_m: np.ndarray,
+             progress: Progress = lambda done, note: None, among: Catalogue | None = None) -> Crossing:
+    """Fly launches [n] as they leave the wheels, after sensing and launch terms, by effective `values`.
 
     Rows fly in blocks of those that stay aloft about equally long, and in few different sizes, since each is compiled.
     """
@@ -137,51 +129,51 @@ def _fly_rows(facts: Rig, values: Values, exit: Exit, distance_m: np.ndarray,
     for first in range(0, len(order), lanes):
         rows = order[first:first + lanes]
         padded = np.resize(rows, lanes)
-        part = fly(facts, terms, take_values(named, padded), exit.take(padded), distance_m[padded])
+        part = fly(rig, terms, take_values(named, padded), exit.take(padded), distance_m[padded])
         height_m[rows] = np.asarray(part.height_m)[:rows.size]
         time_s[rows] = np.asarray(part.time_s)[:rows.size]
         progress(min(first + lanes, len(order)) / len(order), f"{min(first + lanes, len(order))} shots")
     return Crossing(height_m, time_s, ~np.isnan(height_m))
 
 
-def classify(facts: Rig, height_m: np.ndarray, opening: Opening | None = None) -> np.ndarray:
-    """Outcome of a height at the plane (nan = not reached): the seed's Eq. 13 and 14, bounds included.
+def classify(rig: Rig, height_m: np.ndarray, opening: Opening | None = None) -> np.ndarray:
+    """Outcome of a height at the plane (nan = not reached): the paper's Eq. 13 and 14, bounds included.
 
     opening: the target's; the rig's own when not given.
     """
-    hole = opening_of(facts, {}) if opening is None else opening
+    hole = opening_of(rig, {}) if opening is None else opening
     deviation_m = np.abs(np.asarray(height_m, dtype=float) - hole.centre_m)
     return np.where(deviation_m <= hole.three_half_m, THREE, np.where(deviation_m <= hole.two_half_m, TWO, MISS))
 
 
-def launch_of(facts: Rig, shots: Shots) -> Exit:
+def launch_of(rig: Rig, shots: Shots) -> Exit:
     """How each shot left: measured exit columns first, then wheel speeds, then motor_ratio (numpy, one row a shot).
 
     A measured speed without a spin, measured or of wheels, means a ball without spin. InputError names shots that have
     too little of these, or no elevation.
     """
-    speed_m_s = _prefer(shots.number("exit_speed_m_s"), _from_wheels(facts, shots)[0])
+    speed_m_s = _prefer(shots.number("exit_speed_m_s"), _from_wheels(rig, shots)[0])
     elevation_deg = _prefer(shots.number("exit_deg"), shots.number("hood_deg"))
     _need(shots, np.isnan(speed_m_s), "motor_ratio (with launcher.free_speed_rad_s in rig.toml), every "
           "wheel_<name>_rad_s, or exit_speed_m_s")
     _need(shots, np.isnan(elevation_deg), "hood_deg or exit_deg")
-    return Exit(speed_m_s, np.radians(elevation_deg), spin_of(facts, shots))
+    return Exit(speed_m_s, np.radians(elevation_deg), spin_of(rig, shots))
 
 
-def launch_state(facts: Rig, shots: Shots) -> dict[str, np.ndarray]:
+def launch_state(rig: Rig, shots: Shots) -> dict[str, np.ndarray]:
     """Exit speed and backspin as the believed launch has them; nothing when wheels and speed are both unknown."""
     level = replace(shots, numbers={**shots.numbers, "hood_deg": np.zeros(len(shots))})    # speed and spin only
     try:
-        leaving = launch_of(facts, level)
+        leaving = launch_of(rig, level)
     except InputError:
         return {}
     return {name: np.round(np.asarray(column), DIGITS) + 0.0      # no -0.0
             for name, column in zip(LAUNCH_STATE, (leaving.speed_m_s, leaving.spin_rev_s), strict=True)}
 
 
-def spin_of(facts: Rig, shots: Shots) -> np.ndarray:
+def spin_of(rig: Rig, shots: Shots) -> np.ndarray:
     """Backspin in rev/s as it was measured, else by the wheels, else none; one a shot."""
-    spin_rev_s = _prefer(shots.number("exit_spin_rev_s"), _from_wheels(facts, shots)[1])
+    spin_rev_s = _prefer(shots.number("exit_spin_rev_s"), _from_wheels(rig, shots)[1])
     return np.where(np.isnan(spin_rev_s), 0.0, spin_rev_s)
 
 
@@ -190,15 +182,13 @@ def by_wheels(shots: Shots) -> np.ndarray:
     return np.isnan(shots.number("exit_speed_m_s"))
 
 
-def has_wheels(facts: Rig, shots: Shots) -> np.ndarray:
+def has_wheels(rig: Rig, shots: Shots) -> np.ndarray:
     """Which shots' every wheel has a speed, measured or by motor_ratio; none of a rig without wheels."""
-    by_ratio = np.isfinite(shots.number("motor_ratio")) & (facts.launcher.free_speed_rad_s is not None)
-    known = [np.isfinite(shots.number(f"wheel_{wheel.name}_rad_s")) | by_ratio for wheel in facts.launcher.wheel]
-    return np.all(known, axis=0) if known else np.zeros(len(shots), bool)
+    return np.asarray(np.isfinite(_from_wheels(rig, shots)[0]))
 
 
 def by_robot(shots: Shots) -> Exit:
-    """Which parts of launch_of the robot's own sensors told, since they were not measured on the ball: booleans [n].
+    """Which parts of launch_of come from the robot's own sensors, not from measurements of the ball: booleans [n].
 
     The release height is always the rig's.
     """
@@ -212,30 +202,30 @@ def require(shots: Shots, name: str) -> np.ndarray:
     return column
 
 
-def roll(facts: Rig, surface_m_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def roll(rig: Rig, surface_m_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(speed in m/s, backspin in rev/s) [n] by the surface speeds of the wheels [n, wheels]; linear in them."""
-    if is_opposed(facts):
-        lower = [round(wheel.clock_deg % 360.0, 6) for wheel in facts.launcher.wheel].index(180.0)
-        exit = exit_opposed(facts, surface_m_s[:, 1 - lower], surface_m_s[:, lower], 0.0)
+    if is_opposed(rig):
+        lower = [round(wheel.clock_deg % 360.0, 6) for wheel in rig.launcher.wheel].index(180.0)
+        exit = exit_opposed(rig, surface_m_s[:, 1 - lower], surface_m_s[:, lower], 0.0)
         return exit.speed_m_s, exit.spin_rev_s
-    speed_m_s, spin_rad_s = exit_no_slip(facts, surface_m_s)
+    speed_m_s, spin_rad_s = exit_no_slip(rig, surface_m_s)
     return speed_m_s, -spin_rad_s[:, 1] / (2.0 * np.pi)
 
 
-def _from_wheels(facts: Rig, shots: Shots) -> tuple[np.ndarray, np.ndarray]:
+def _from_wheels(rig: Rig, shots: Shots) -> tuple[np.ndarray, np.ndarray]:
     """Speed and backspin from the wheels; nan where a wheel's speed is not known."""
-    wheels = facts.launcher.wheel
+    wheels = rig.launcher.wheel
     if not wheels:
         return np.full(len(shots), np.nan), np.full(len(shots), np.nan)
-    surface_m_s = np.stack([_wheel_rad_s(facts, shots, index) * wheel.radius_m for index, wheel in enumerate(wheels)],
+    surface_m_s = np.stack([_wheel_rad_s(rig, shots, index) * wheel.radius_m for index, wheel in enumerate(wheels)],
                            axis=1)
-    return roll(facts, surface_m_s)
+    return roll(rig, surface_m_s)
 
 
-def _wheel_rad_s(facts: Rig, shots: Shots, index: int) -> np.ndarray:
-    wheel = facts.launcher.wheel[index]
+def _wheel_rad_s(rig: Rig, shots: Shots, index: int) -> np.ndarray:
+    wheel = rig.launcher.wheel[index]
     measured = shots.number(f"wheel_{wheel.name}_rad_s")
-    free_speed_rad_s = facts.launcher.free_speed_rad_s
+    free_speed_rad_s = rig.launcher.free_speed_rad_s
     if free_speed_rad_s is None:
         return measured
     return _prefer(measured, shots.number("motor_ratio") * wheel.gear * free_speed_rad_s)

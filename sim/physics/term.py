@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from typing import Any, ClassVar, NamedTuple
 
 from truearc.robot.config.rig_spec import Rig
-from truearc.sim.data.conditions import Circumstances
+from truearc.sim.data.conditions import RECORDED, Circumstances
 from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.term_fields import (
     ANGLE,
@@ -27,20 +27,22 @@ from truearc.sim.physics.term_fields import (
     Parameter,
     Phrase,
     Prior,
+    amplitude,
     either_way,
 )
-from truearc.sim.physics.vector import Vec, add, plus, scale, times
+from truearc.sim.physics.vector import Vec, plus, scale, times, total
 
 __all__ = [
     "ANGLE", "DIRECTIONS", "KINDS", "LENGTH", "NUMBER", "SHARE", "SPEED", "STAGES", "AirShareTerm",
-    "AirTerm", "ArrivalTerm", "BallState", "Circumstances", "DistanceTerm", "Exit", "FlightTerm", "Forces",
-    "HoodTerm", "InFlight", "Instrument", "LaunchTerm", "Number", "Opening", "Parameter", "Phrase", "Prior", "Rig",
-    "SensingTerm", "SpeedTerm", "Term", "Values", "Vec", "WatchTerm", "WindTerm", "complete", "either_way",
-    "wind_speed",
+    "AirTerm", "ArrivalTerm", "BallState", "Circumstances", "DistanceTerm", "Exit", "FlightTerm", "ForceShareTerm",
+    "Forces", "HoodTerm", "InFlight", "Instrument", "LaunchTerm", "Number", "Opening", "Parameter", "Phrase", "Prior",
+    "Rig", "SensingTerm", "SpeedTerm", "Term", "Values", "Vec", "WatchTerm", "WindTerm", "amplitude", "complete",
+    "either_way", "wind_speed",
 ]
 
 STAGES = ("sensing", "launch", "flight", "arrival")
-DIRECTIONS = ("along", "vertical", "lateral")
+AXES = {"along": "x", "vertical": "z", "lateral": "y"}
+DIRECTIONS = tuple(AXES)
 NOT_OF_AIR = ("gravity",)             # among the forces before those that are shares of the air's
 
 Number = Any                          # a number, or an array with one per lane
@@ -65,7 +67,7 @@ class BallState(NamedTuple):
 
 
 class Opening(NamedTuple):
-    """What a ball has to pass at the target plane; heights in m, as in rig.toml [target]."""
+    """The opening that a ball has to pass at the target plane; heights in m, as in rig.toml [target]."""
 
     centre_m: Any
     three_half_m: Any
@@ -88,7 +90,8 @@ class Term(ABC):
         instrument: What settles it without a shot; None where it is `always` at work.
         label: Its name in running text; by itself the name with spaces.
         follows: The field of Circumstances that the amplitude is multiplied by.
-        record: What has to be recorded of shots so that they can show it; "" where every dataset will do.
+        record: What has to be recorded of shots so that they can show it; "" where every dataset will do. By itself
+            what the circumstance needs that it follows.
         relative: Tested only where an earlier session reported what it changes.
         always: At work in every simulation, its parameters known.
         unseen: Why no number of shots counts as showing it; "" where enough of them do.
@@ -118,6 +121,7 @@ class Term(ABC):
             cls.name = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", cls.__name__).lower()
         if "label" not in cls.__dict__:
             cls.label = cls.name.replace("_", " ")
+        cls.record = cls.record or RECORDED.get(cls.follows or "", "")
 
     def __eq__(self, other: object) -> bool:
         return type(self) is type(other)
@@ -133,10 +137,10 @@ class Term(ABC):
         """The first parameter, by which the term is found."""
         return self.parameters[0]
 
-    def at_shot(self, values: Values, circumstances: Circumstances) -> dict[str, Any]:
+    def at_shot(self, values: Values, circumstances: Circumstances) -> Values:
         """Values under the circumstances of shots: the amplitude times what it follows. Shapes broadcast."""
         if self.follows is None:
-            return dict(values)
+            return values
         amplitude = self.amplitude.name
         return {**values, amplitude: values[amplitude] * getattr(circumstances, self.follows)}
 
@@ -147,7 +151,7 @@ class SensingTerm(Term):
     stage = "sensing"
 
     @abstractmethod
-    def sense(self, facts: Rig, values: Values, exit: Exit, distance_m: Any) -> tuple[Exit, Any]:
+    def sense(self, rig: Rig, values: Values, exit: Exit, distance_m: Any) -> tuple[Exit, Any]:
         """(launch by the wheels, distance in m) as they are in truth; differentiable.
 
         exit, distance_m: as the sensors, and the sensing terms before this one in the catalogue, have them.
@@ -174,7 +178,7 @@ class LaunchTerm(Term):
     stage = "launch"
 
     @abstractmethod
-    def leave(self, facts: Rig, values: Values, exit: Exit) -> Exit:
+    def leave(self, rig: Rig, values: Values, exit: Exit) -> Exit:
         """The launch as this term changes it; differentiable in values and launch.
 
         exit: as the wheels' surfaces and the launch terms before this one in the catalogue have it.
@@ -191,7 +195,7 @@ class FlightTerm(InFlight):
     """A hypothesis about forces in the air."""
 
     @abstractmethod
-    def acceleration(self, facts: Rig, values: Values, ball: BallState, forces: Forces) -> Vec:
+    def acceleration(self, rig: Rig, values: Values, ball: BallState, forces: Forces) -> Vec:
         """Its acceleration in m/s2 (lanes broadcast), launcher frame; differentiable in values and state.
 
         ball: as the air sees it. forces: {term: acceleration} of the terms at work before it in the catalogue.
@@ -202,7 +206,7 @@ class AirTerm(InFlight):
     """A hypothesis about what air the ball meets, or what is left of its spin when it does."""
 
     @abstractmethod
-    def meet(self, facts: Rig, values: Values, ball: BallState) -> BallState:
+    def meet(self, rig: Rig, values: Values, ball: BallState) -> BallState:
         """The ball as the air sees it: its velocity through the air, the spin that it has left; differentiable."""
 
 
@@ -227,7 +231,7 @@ class HoodTerm(SensingTerm):
 
     direction = "vertical"
 
-    def sense(self, facts: Rig, values: Values, exit: Exit, distance_m: Any) -> tuple[Exit, Any]:
+    def sense(self, rig: Rig, values: Values, exit: Exit, distance_m: Any) -> tuple[Exit, Any]:
         angle_deg = values[self.amplitude.name]
         return exit._replace(elevation_rad=exit.elevation_rad + math.radians(1.0) * angle_deg), distance_m
 
@@ -241,32 +245,43 @@ class DistanceTerm(SensingTerm):
     def distance_m(self, measured_m: Number, amount: Number) -> Number:
         """The true distance in m; amount: the amplitude."""
 
-    def sense(self, facts: Rig, values: Values, exit: Exit, distance_m: Any) -> tuple[Exit, Any]:
+    def sense(self, rig: Rig, values: Values, exit: Exit, distance_m: Any) -> tuple[Exit, Any]:
         return exit, self.distance_m(distance_m, values[self.amplitude.name])
 
 
 class SpeedTerm(LaunchTerm):
-    """The exit speed is multiplied by a factor, 1 where the amplitude, `amount`, is 0: by itself a share is lost."""
+    """The exit speed changes by a share, the amplitude: lost, or gained where `sign` is 1."""
 
     direction = "along"
+    sign: ClassVar[float] = -1.0
 
-    def speed_factor(self, amount: Number) -> Number:
-        return 1.0 - amount
-
-    def leave(self, facts: Rig, values: Values, exit: Exit) -> Exit:
-        return exit._replace(speed_m_s=exit.speed_m_s * self.speed_factor(values[self.amplitude.name]))
+    def leave(self, rig: Rig, values: Values, exit: Exit) -> Exit:
+        factor = 1.0 + self.sign * values[self.amplitude.name]
+        return exit._replace(speed_m_s=exit.speed_m_s * factor)
 
 
 class WindTerm(AirTerm):
-    """The air moves along `axis` ("x", "y" or "z") at the amplitude, a speed in m/s."""
+    """The air moves in its `direction` at the amplitude, a speed in m/s."""
 
-    axis: ClassVar[str]
     instrument = Instrument("anemometer", "the wind with an anemometer", 0.2)
 
-    def meet(self, facts: Rig, values: Values, ball: BallState) -> BallState:
-        through = ball.velocity_m_s
-        relative = plus(getattr(through, self.axis), times(-1.0, values[self.amplitude.name]))
-        return ball._replace(velocity_m_s=through._replace(**{self.axis: relative}))
+    def meet(self, rig: Rig, values: Values, ball: BallState) -> BallState:
+        axis, through = AXES[self.direction], ball.velocity_m_s
+        relative = plus(getattr(through, axis), times(-1.0, values[self.amplitude.name]))
+        return ball._replace(velocity_m_s=through._replace(**{axis: relative}))
+
+
+class ForceShareTerm(FlightTerm):
+    """The force of the term called `of` grows by a share of itself; without that term at work there is no change."""
+
+    of: ClassVar[str]
+
+    def share(self, rig: Rig, values: Values, ball: BallState) -> Number:
+        """The share by which it grows, the amplitude by itself; differentiable in values and state."""
+        return values[self.amplitude.name]
+
+    def acceleration(self, rig: Rig, values: Values, ball: BallState, forces: Forces) -> Vec:
+        return scale(self.share(rig, values, ball), forces[self.of]) if self.of in forces else Vec(0.0, 0.0, 0.0)
 
 
 class AirShareTerm(FlightTerm):
@@ -274,19 +289,16 @@ class AirShareTerm(FlightTerm):
 
     direction = "along"
 
-    def acceleration(self, facts: Rig, values: Values, ball: BallState, forces: Forces) -> Vec:
-        total = Vec(0.0, 0.0, 0.0)
-        for name, force in forces.items():
-            if name not in NOT_OF_AIR:
-                total = add(total, scale(values[self.amplitude.name], force))
-        return total
+    def acceleration(self, rig: Rig, values: Values, ball: BallState, forces: Forces) -> Vec:
+        share = values[self.amplitude.name]
+        return total(scale(share, force) for name, force in forces.items() if name not in NOT_OF_AIR)
 
 
 def wind_speed(meaning: str) -> tuple[Parameter]:
     """The parameter of a wind along one axis."""
-    return (Parameter(
-        "speed_m_s", "m/s", -10.0, 10.0, 0.0, "halls have draughts of 0.1 to 0.3 m/s, fields winds of 1 to 3 m/s",
-        Prior("linear", 0.0, 0.8, "a hall's draught to a light breeze; more would be felt"), meaning=meaning),)
+    return amplitude("speed_m_s", "m/s", -10.0, 10.0, sd=0.8, meaning=meaning,
+                     source="halls have draughts of 0.1 to 0.3 m/s, fields winds of 1 to 3 m/s",
+                     reason="a hall's draught to a light breeze; more would be felt")
 
 
 def complete(term: Term, values: Values | None) -> dict[str, Any]:

@@ -1,7 +1,8 @@
-"""What a term declares beside its physics: numbers with priors and sources, instrument, and wording of its size."""
+"""Declarations of a term beside its physics: numbers with priors and sources, instrument, and wording of its size."""
 
+import re
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 Scale = tuple[float, str]             # factor from the parameter's unit, unit as text with its space
 SHARE: Scale = (100.0, " %")
@@ -13,7 +14,7 @@ NUMBER: Scale = (1.0, "")
 
 @dataclass(frozen=True)
 class Prior:
-    """What is believed before any shot: normal on one of truearc.sim.physics.scales, weak, with its reason as text.
+    """Belief before any shot: normal on one of truearc.sim.physics.scales, weak, with its reason as text.
 
     `centre` is a value of the parameter itself, `sd` is on the scale (on "log": the log of a factor).
     """
@@ -52,6 +53,18 @@ class Parameter:
     percent: bool = False
 
 
+def amplitude(name: str, unit: str, low: float, high: float, *, sd: float, meaning: str, source: str, reason: str,
+              scale: str = "linear", centre: float = 0.0, **more: Any) -> tuple[Parameter]:
+    """Return the parameters of a term that has only its amplitude, which is 0 by default.
+
+    Args:
+        low, high: Range of a search; `source` says where it comes from.
+        sd: Of the prior about `centre` on `scale`; `reason` says why.
+        more: Further fields of Parameter.
+    """
+    return (Parameter(name, unit, low, high, 0.0, source, Prior(scale, centre, sd, reason), meaning, **more),)
+
+
 class Instrument(NamedTuple):
     """What to measure, and with what, to settle a term without a shot.
 
@@ -79,6 +92,13 @@ class Phrase(NamedTuple):
     per: str = ""
 
 
-def either_way(text: str, more: str, less: str, scale: Scale, per: str = "") -> Phrase:
-    """A phrase whose two directions differ by a word or two, which take the place of "<way>" in `text`."""
-    return Phrase(text.replace("<way>", more), text.replace("<way>", less), *scale, per)
+def either_way(text: str, scale: Scale = NUMBER, per: str = "") -> Phrase:
+    """Return a phrase whose two directions differ where `text` has alternatives: "the air is {} <denser|thinner>".
+
+    Args:
+        text: Takes the size in place of {}.
+        scale: Factor and unit in which the size is shown.
+        per: That for which the size is stated.
+    """
+    more, less = (re.sub(r"<(.*?)\|(.*?)>", rf"\{side}", text) for side in (1, 2))
+    return Phrase(more, less, *scale, per)

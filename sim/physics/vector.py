@@ -4,6 +4,8 @@ A component that is the Python float 0.0 is absent, and stays absent through the
 plane thereby costs two dimensions while every law is written once, for three.
 """
 
+from collections.abc import Iterable
+from functools import reduce
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
@@ -39,6 +41,10 @@ def add(a: Vec, b: Vec) -> Vec:
     return Vec(plus(a.x, b.x), plus(a.y, b.y), plus(a.z, b.z))
 
 
+def total(vectors: Iterable[Vec]) -> Vec:
+    return reduce(add, vectors, Vec(0.0, 0.0, 0.0))
+
+
 def scale(factor: Any, a: Vec) -> Vec:
     return Vec(times(factor, a.x), times(factor, a.y), times(factor, a.z))
 
@@ -57,6 +63,17 @@ def cross(a: Vec, b: Vec) -> Vec:
 def length(a: Vec) -> Any:
     """|a|, with a finite derivative at zero."""
     return jnp.sqrt(dot(a, a) + TINY)
+
+
+def axes(velocity: Vec) -> tuple[Vec, Vec, Vec]:
+    """Unit vectors along the velocity, across it and up, and to the left; across ones fade as it becomes vertical."""
+    flat = velocity.x**2 + velocity.y**2
+    speed = jnp.sqrt(flat + velocity.z**2 + 1e-12)
+    along = Vec(velocity.x / speed, velocity.y / speed, velocity.z / speed)
+    level = jnp.sqrt(along.x**2 + along.y**2 + 1e-6)
+    left = Vec(-along.y / level, along.x / level, 0.0 * level)
+    up = Vec(-along.z * left.y, along.z * left.x, along.x * left.y - along.y * left.x)
+    return along, up, left
 
 
 def _minus(a: Any, b: Any) -> Any:

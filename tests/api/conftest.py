@@ -1,4 +1,4 @@
-"""One small session that everything here is about: the launcher slows down over the day, which nobody has modelled."""
+"""One small session for all these tests: the launcher slows down over the day, which no believed term models."""
 
 from pathlib import Path
 

@@ -14,6 +14,7 @@ import truearc as ta
 HEAVY = {"numpy", "jax", "scipy", "mujoco", "cv2", "cantools", "pandas", "polars", "matplotlib", "pyarrow", "onnx",
          "onnxruntime", "numba", "msgspec"}
 UNWANTED = {"jax", "scipy", "mujoco", "cv2", "cantools"}
+REFERENCE = Path(__file__).parents[1] / "golden" / "reference"
 
 
 def loaded_by(code: str) -> set[str]:
@@ -42,6 +43,15 @@ def test_a_command_loads_nothing_heavy_before_it_runs(module: str) -> None:
     code = (f"import argparse, truearc.cli.{module} as door\nparser = argparse.ArgumentParser()\n"
             "door.add_arguments(parser); parser.format_help(); assert callable(door.main)")
     assert not loaded_by(code) & UNWANTED
+
+
+@pytest.mark.parametrize("path", sorted(REFERENCE.glob("finding-*/finding.json")), ids=lambda path: path.parent.name)
+def test_golden_findings_load_without_a_simulation(path: Path) -> None:
+    read = json.loads(path.read_text())
+    finding = ta.load_finding(path)
+    assert (finding.verdict, finding.sentence) == (read["verdict"], read["sentence"])
+    assert [one.term for one in finding.what] == [one["term"] for one in read["what"]]
+    assert not loaded_by(f"import truearc; truearc.load_finding({str(path)!r})") & UNWANTED
 
 
 def test_every_name_is_there_and_documented() -> None:

@@ -45,6 +45,15 @@ def test_finding_equals_what_the_command_prints_and_writes(folder, week, found, 
     assert kept.provenance == own.provenance | {"dataset": str(folder)}
 
 
+def test_finding_is_read_back_as_it_was_written(found, tmp_path) -> None:
+    path = tmp_path / "finding.json"
+    path.write_text(found.to_json())
+    assert ta.load_finding(path) == found.record
+    path.write_text(found.to_json().replace("truearc.finding/1", "truearc.finding/9"))
+    with pytest.raises(ta.InputError, match=r"finding\.json: schema: got 'truearc\.finding/9'"):
+        ta.load_finding(path)
+
+
 def test_finding_says_what_was_planted(found) -> None:
     assert found.verdict in ("named", "set") and found.p_value <= 0.05
     best = found.best
@@ -140,7 +149,7 @@ def test_tables_go_out_tidy(found) -> None:
 @pytest.mark.parametrize(("arguments", "message"), [
     ({"believe": ["gravity", "magic"]}, "believe: there is no term 'magic'"),
     ({"believe": "gravity"}, "believe: 'gravity' is one string"), ({"believe": []}, "believe: names no term"),
-    ({"believe": ["gravity", "free_push"]}, "without a name"), ({"seed": -1}, "seed: -1 is negative"),
+    ({"believe": ["gravity", "free_push"]}, "free_push"), ({"seed": -1}, "seed: -1 is negative"),
     ({"false_alarm": 1.5}, "false_alarm: 1.5 is not between"), ({"measured": {"wind_x": (1.0, 0.0)}}, "wind_x"),
     ({"measured": {"magic": (1.0, 0.1)}}, "'magic'"), ({"terms": []}, "there is no term")])
 def test_what_discovery_cannot_do_is_said(week, arguments, message) -> None:

@@ -1,12 +1,15 @@
 """Commands as a user meets them: help, typos, bad input and missing packages."""
 
+import argparse
 import subprocess
 import sys
 
 import pytest
 
 from truearc.cli.main import main
+from truearc.cli.parsers import Parser, load_module, make_parser
 from truearc.cli.registry import GROUPS, Command, list_commands
+from truearc.robot.config.schema import InputError
 
 COMMANDS = list_commands()
 
@@ -18,6 +21,7 @@ def test_help_has_an_example(command: Command, capsys: pytest.CaptureFixture[str
     assert stop.value.code == 0
     said = capsys.readouterr().out
     assert f"usage: truearc {command.name}" in said
+    assert " ".join(str(load_module(command).__doc__).split()) in " ".join(said.split())
     assert f"truearc {command.name} " in said.partition("example:")[2]
 
 
@@ -56,6 +60,64 @@ def test_a_typo_gets_the_nearest_command(typed: str, meant: str, capsys: pytest.
     assert main([*typed.split(), "x"]) == 2
     said = capsys.readouterr().err
     assert said.startswith(f"truearc: {typed}: not a command; did you mean: {meant}")
+
+
+def refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:
+    """What one line on stderr says behind the command's name; exit code 2."""
+    assert main(words) == 2
+    out, err = capsys.readouterr()
+    assert out == "" and err.count("\n") == 1 and err.startswith("truearc ")
+    return err.partition(": ")[2].rstrip()
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.name)
+def test_every_command_refuses_an_unknown_option(command: Command, capsys: pytest.CaptureFixture[str]) -> None:
+    words = command.name.split()
+    assert refused([*words, "--xyzzyx"], capsys).startswith("--xyzzyx: there is no such option; give one of: ")
+    assert refused([*words, "--quie"], capsys) == "--quie: there is no such option; did you mean --quiet?"
+
+
+def needed_by(command: Command) -> list[argparse.Action]:
+    """The arguments that a command cannot do without."""
+    return [action for action in make_parser(command)._actions if action.required and action.nargs != "*"]
+
+
+@pytest.mark.parametrize("command", [one for one in COMMANDS if needed_by(one)], ids=lambda command: command.name)
+def test_every_missing_argument_is_named_with_the_example(command: Command,
+                                                          capsys: pytest.CaptureFixture[str]) -> None:
+    names, _, example = refused(command.name.split(), capsys).partition(": missing; example: ")
+    assert names == ", ".join("/".join(action.option_strings) or str(action.metavar or action.dest)
+                              for action in needed_by(command))
+    assert example == load_module(command).EXAMPLE
+
+
+@pytest.mark.parametrize(("words", "said"), [
+    ("discover d --seeed 1", "--seeed: there is no such option; did you mean --seed?"),
+    ("discover d --see 1", "--see: there is no such option; did you mean --seed?"),
+    ("discover --seeed=1", "--seeed: there is no such option; did you mean --seed?"),
+    ("discover d --seed x", "--seed: 'x' is not a whole number; give one such as 0"),
+    ("discover d --seed 1.5", "--seed: '1.5' is not a whole number; give one such as 0"),
+    ("discover d --false-alarm x", "--false-alarm: 'x' is not a number; give one such as 0.5"),
+    ("predict d --cd nan --cl 0", "--cd: got nan; expected a finite number"),
+    ("discover d --seed", "--seed: its value is missing; example: truearc discover "),
+    ("session convert s --to cvs -o x", "--to: 'cvs' is not a choice; did you mean csv?"),
+    ("session convert s --to z -o x", "--to: 'z' is not a choice; give one of: csv, mcap, parquet, wpilog"),
+    ("identifiability r --level L3", "--level: 'L3' is not a choice; give one of: L0, L1, L2"),
+    ("paper train --real r -o w --epochs 2 --steps 3", "--steps: excludes --epochs; give one of them"),
+    ("sysid --emulate=yes", "--emulate: takes no value, got 'yes'; leave it out"),
+    ("export a b -o g", "b: not an argument of this command; example: truearc export "),
+    ("export -o", "-o/--out: its value is missing; example: truearc export "),
+])
+def test_an_unusable_argument_is_named_with_what_to_do(words: str, said: str,
+                                                       capsys: pytest.CaptureFixture[str]) -> None:
+    assert refused(words.split(), capsys).startswith(said)
+
+
+def test_a_choice_of_none_says_what_the_help_says() -> None:
+    parser = Parser(epilog="example: truearc import mpi")
+    parser.add_argument("source", choices=[], help="none is installed: pip install truearc-proof")
+    with pytest.raises(InputError, match="source: 'mpi' is not a choice; none is installed: pip"):
+        parser.parse(["mpi"])
 
 
 @pytest.mark.parametrize("words", [[], ["xyzzy"]])

@@ -1,4 +1,4 @@
-"""Shell completion, asked of bash itself."""
+"""Shell completion, as bash itself completes."""
 
 import shutil
 import subprocess

@@ -1,4 +1,4 @@
-"""What is recomputed: each artefact makes a folder of results from committed inputs and references of others.
+"""Artefacts to recompute: each makes a folder of results from committed inputs and references of others.
 
 Inputs come from references, never from results made in the same run, so that one change shows in one artefact. In this
 order `--write` makes them, each after what it reads.

@@ -19,7 +19,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def tracked() -> set[str]:
-    """What the wheels should hold, by git."""
+    """Files that the wheels should hold, by git."""
     done = subprocess.run(["git", "ls-files", *PLACES], cwd=ROOT, capture_output=True, text=True, check=False)
     names = done.stdout.split()
     if not names:

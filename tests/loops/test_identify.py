@@ -74,7 +74,7 @@ def test_a_session_of_shooting_is_refused(tmp_path, capsys):
 
 @pytest.mark.parametrize(("arguments", "words"), [
     ([], "give --config"), (["--emulate"], "needs --out"), (["--config", "nowhere.toml"], "nowhere.toml"),
-    (["--csv", "nowhere.csv"], "nowhere.csv"), (["--emulate", "--out", "x", "--seed", "-1"], "cannot be negative"),
+    (["--csv", "nowhere.csv"], "nowhere.csv"), (["--emulate", "--out", "x", "--seed", "-1"], "--seed: got -1"),
     (["--csv", "a.csv", "-o", "no/such/gains.toml"], "no such directory"),
     (["--csv", "a.csv", "--only", "hood"], "--only: "), (["s", "--seed", "1"], "--seed: "),
     (["--config", "c.toml", "--world", "w.toml"], "--world: "),

@@ -10,7 +10,7 @@ import pytest
 import truearc.cli.main as truearc
 from truearc.robot.config.rig_spec import Ball, LauncherFacts, Rig, Target, Wheel
 from truearc.robot.gate.model import load_gate
-from truearc.sim.data.dataset import Dataset, Shots, dataset_hash, load_dataset, save_dataset
+from truearc.sim.data.dataset import Dataset, Shots, hash_dataset, load_dataset, save_dataset
 
 FACTS = Rig(Ball(0.14, 0.0889), LauncherFacts(0.75, 594.0, (Wheel("lower", 0.0508, 1.0, 180.0),
                                                               Wheel("upper", 0.0349, 0.5625, 0.0))), Target(2.44))
@@ -55,8 +55,8 @@ def test_the_simulated_dataset_is_a_dataset(home: Path) -> None:
 
 def test_the_artefact_says_what_it_was_made_of(home: Path) -> None:
     record = json.loads((home / "weights" / "training.json").read_text())
-    assert record["real_sha256"] == dataset_hash(home / "real")
-    assert record["sim_sha256"] == dataset_hash(home / "sim")
+    assert record["real_sha256"] == hash_dataset(load_dataset(home / "real"))
+    assert record["sim_sha256"] == hash_dataset(load_dataset(home / "sim"))
     assert record["coefficients"] == {"drag": {"cd": 0.91}, "magnus": {"cl": 0.06}}
     assert [record["accuracy"][part]["shots"] for part in ("train", "validation", "heldout")] == [36, 12, 12]
     assert record["most_steps"] == 300 * 9 and record["curve"][-1][0] <= 2700 and record["curve"][-1][1] < 1.9

@@ -99,7 +99,7 @@ def test_the_page_is_shown_every_tick(wires, tmp_path, monkeypatch, capsys):
         pages.append(open_page(*args))
         return pages[-1]
 
-    monkeypatch.setattr(truearc.cli.robot.run_processes, "open_page", keep_page)
+    monkeypatch.setattr(truearc.cli.robot.run_robot, "open_page", keep_page)
     words = ["run", "--config", CONFIG, "--out", str(tmp_path / "s"), "--priority", "0", *ONE]
     assert main([*words, "--page", "0"]) == 0
     assert pages[0].newest()[0] == TICKS and pages[0].url in capsys.readouterr().err

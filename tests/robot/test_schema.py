@@ -1,12 +1,16 @@
 """launcher.toml is strict: whatever is wrong is named with its file, line and key."""
 
+import hashlib
+import pickle
 from pathlib import Path
 
+import msgspec
 import pytest
+from msgspec.structs import replace
 
 from truearc import robot
 from truearc.robot.config.rig_spec import unknown_keys
-from truearc.robot.config.schema import Config, InputError, config_hash, load_config, parse_toml
+from truearc.robot.config.schema import Config, InputError, config_hash, is_hash_of, load_config, parse_toml, read_axis
 
 SHIPPED = Path(robot.__file__).parent / "launcher.toml"
 TEXT = SHIPPED.read_text(encoding="utf-8")
@@ -64,6 +68,22 @@ def test_the_hash_follows_what_the_file_says_not_how_it_is_written():
     config = parse_toml(TEXT, Config, "a")
     assert config_hash(parse_toml("# a comment\n" + TEXT, Config, "b")) == config_hash(config)
     assert config_hash(parse_toml(TEXT.replace("spread = 0.06", "spread = 0.13"), Config, "c")) != config_hash(config)
+
+
+def test_the_hash_survives_pickling_and_stated_defaults():
+    """A worker of a pool gets the configuration pickled: equal, but made of other objects."""
+    config = parse_toml(TEXT, Config, "a")
+    assert config_hash(pickle.loads(pickle.dumps(config))) == config_hash(config)
+    again = msgspec.json.decode(msgspec.json.encode(config), type=Config, dec_hook=read_axis)
+    assert config_hash(again) == config_hash(config)
+    assert config_hash(replace(config, collect=replace(config.collect, prescribed=tuple([])))) == config_hash(config)
+
+
+def test_a_recording_that_hashes_the_encoded_text_is_still_known():
+    config = parse_toml(TEXT, Config, "a")
+    encoded = hashlib.sha256(msgspec.json.encode(config, order="deterministic")).hexdigest()
+    assert is_hash_of(encoded, config) and is_hash_of(config_hash(config), config)
+    assert not is_hash_of(encoded, replace(config, tick_hz=config.tick_hz + 1))
 
 
 def test_keys_of_rig_toml_that_nobody_reads_are_listed():

@@ -16,8 +16,7 @@ from msgspec.structs import replace
 
 import truearc.cli.main as truearc
 from truearc import robot
-from truearc.cli.robot.vision_tools.tune_server import TuneServer
-from truearc.cli.robot.vision_tools.tuner import Live, Recorded, Tuner, find_pictures
+from truearc.cli.robot.vision_tools.tuner import Live, Recorded, Tuner, TuneServer, find_pictures
 from truearc.hw.emulated.static_plant import Stage
 from truearc.hw.fault_codes import CAMERA_SILENT
 from truearc.hw.protocols import LinkLost

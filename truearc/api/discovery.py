@@ -173,7 +173,7 @@ def discover(dataset: Dataset, *, belief: Belief | None = None, believe: Iterabl
     if belief is not None and believe is not None:
         raise InputError("belief and believe exclude each other: the belief has its own terms")
     if since is not None:
-        check_since(since, belief, dataset)
+        _check_since(since, belief, dataset)
     names = names_of(believe, "believe", among)
     check_believed(names or (), among)
     found = engine.discover(dataset, names, false_alarm, seed, progress, belief, since,
@@ -181,11 +181,11 @@ def discover(dataset: Dataset, *, belief: Belief | None = None, believe: Iterabl
     return Finding(dataset.name, found)
 
 
-def check_since(since: Dataset, belief: Belief | None, later: Dataset) -> None:
+def _check_since(since: Dataset, belief: Belief | None, later: Dataset) -> None:
     """InputError unless `since` goes with a belief and was recorded with the same ball and launcher as `later`."""
     if belief is None:
         raise InputError("since goes with belief, which was adopted from that dataset")
-    if (since.facts.ball, since.facts.launcher) != (later.facts.ball, later.facts.launcher):
+    if (since.rig.ball, since.rig.launcher) != (later.rig.ball, later.rig.launcher):
         raise InputError(f"since: {since.name}: was recorded with another rig ([ball] or [launcher] differs)")
 
 

@@ -16,7 +16,7 @@ from truearc.sim.infer.advise import Proposal, advise
 from truearc.sim.infer.belief import Belief, point_belief
 from truearc.sim.infer.crossval import CrossValidation, cross_validate
 from truearc.sim.infer.fit_text import fit_lines
-from truearc.sim.infer.map_fit import MlFit, fit_ml
+from truearc.sim.infer.map_fit import MapFit, fit_map
 from truearc.sim.infer.profile import ProfileInterval, profile_interval
 from truearc.sim.infer.score import Score, score
 from truearc.sim.paper.grid_bootstrap import Bootstrap, bootstrap_grid
@@ -43,7 +43,7 @@ class Fit(Printed):
     """
 
     dataset: Dataset
-    solution: MlFit
+    solution: MapFit
     intervals: tuple[ProfileInterval, ...]
     holdout: CrossValidation | None
     proposals: tuple[Proposal, ...]
@@ -161,7 +161,7 @@ def fit(dataset: Dataset, terms: Iterable[str | Term] | None = None, *, method: 
     if method == "map":
         if step is not None or bootstrap or seed:
             raise InputError("step, bootstrap, seed: method 'map' makes no use of them; method 'grid' does")
-        return _fit_map(dataset, dataset.facts.believe.terms if terms is None else terms, progress)
+        return _fit_map(dataset, dataset.rig.believe.terms if terms is None else terms, progress)
     if method != "grid":
         raise InputError(f"method: there is no {method!r}; there are 'map' and 'grid'")
     if terms is not None:
@@ -169,16 +169,16 @@ def fit(dataset: Dataset, terms: Iterable[str | Term] | None = None, *, method: 
     if bootstrap < 0 or seed < 0:
         raise InputError("bootstrap and seed cannot be negative")
     step = STEP if step is None else step
-    found = fit_grid(dataset.facts, dataset.shots, step, progress)
-    again = bootstrap_grid(dataset.facts, dataset.shots, found, bootstrap, seed) if bootstrap else None
-    return GridSearch(dataset, step, found, score(dataset.facts, found.coefficients, dataset.shots), again)
+    found = fit_grid(dataset.rig, dataset.shots, step, progress)
+    again = bootstrap_grid(dataset.rig, dataset.shots, found, bootstrap, seed) if bootstrap else None
+    return GridSearch(dataset, step, found, score(dataset.rig, found.coefficients, dataset.shots), again)
 
 
 def _fit_map(dataset: Dataset, terms: Iterable[str | Term], progress: Progress) -> Fit:
     terms = terms if isinstance(terms, str) else tuple(terms)
     among = joined(terms)
-    solution = fit_ml(dataset.facts, dataset, names_of(terms, "terms", among) or (),
-                      lambda done, note: progress(0.4 * done, note), grid_start(dataset.facts, dataset), among)
+    solution = fit_map(dataset.rig, dataset, names_of(terms, "terms", among) or (),
+                       lambda done, note: progress(0.4 * done, note), grid_start(dataset.rig, dataset), among)
     if not solution.converged:
         return Fit(dataset, solution, (), None, ())
     intervals = []

@@ -79,9 +79,9 @@ class GateTraining(Printed):
         lines = [f"learned from {len(marks.level)} shots",
                  *tell_residual(gate, marks.features, physics_of(gate.facts, gate.belief, marks.features))]
         if len(set(marks.level[marks.level >= 0])) < 2:
-            lines.append("careful: every shot has the same outcome; what is not the physics here is the prior")
+            lines.append("warning: every shot has the same outcome; the gate is the physics and its prior alone")
         if self.folds is None:
-            return [*lines, "careful: too few configurations to say what this is worth on others: fifteen at least"]
+            return [*lines, "warning: hold-out evaluation skipped: needs at least 15 configurations"]
         return lines + tell_heldout(self.folds, gate.temperature)
 
 
@@ -104,7 +104,7 @@ def train_gate(dataset: Dataset, belief: Belief, *, seed: int = 0,
         raise InputError(f"seed is {seed}; it cannot be negative")
     name = dataset.shots.source
     marks, _, left_out = marks_of(dataset.shots, name)
-    gate, folds = train_physics_gate(dataset.facts, belief, dataset.shots, seed, name, progress)
+    gate, folds = train_physics_gate(dataset.rig, belief, dataset.shots, seed, name, progress)
     return GateTraining(gate, folds, tuple(left_out), marks, _record(dataset, belief, seed, marks, gate, folds))
 
 

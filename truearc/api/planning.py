@@ -82,7 +82,7 @@ def identifiability(rig_or_dataset: Rig | Dataset, *, level: str | None = None, 
         InputError: an unknown level or term, too few shots, a target that is missing or out of reach, or level or shots
             given with a dataset.
     """
-    rig = rig_or_dataset.facts if isinstance(rig_or_dataset, Dataset) else rig_or_dataset
+    rig = rig_or_dataset.rig if isinstance(rig_or_dataset, Dataset) else rig_or_dataset
     among = as_catalogue(terms)
     believed = names_of(believe, "believe", among) or rig.believe.terms
     if isinstance(rig_or_dataset, Dataset):

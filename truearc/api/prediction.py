@@ -52,12 +52,12 @@ def predict(dataset: Dataset, belief: Belief | None = None, *, gate: str | Path 
 
 def _flown(dataset: Dataset, belief: Belief, progress: Progress) -> tuple[list[float], list[float], list[str]]:
     """Height, deviation and outcome of each shot, under the conditions that the dataset records; NaN: not reached."""
-    if dataset.facts.target is None:
+    if dataset.rig.target is None:
         raise InputError("rig.toml: [target] is needed to tell deviation and outcome")
     circumstances = along(belief.curves, circumstances_of(dataset), every_column(dataset), len(dataset.shots))
     among = belief.catalogue
-    opening = opening_of(dataset.facts, effective(belief.coefficients, circumstances, among), among)
-    flown = fly_shots(dataset.facts, belief.coefficients, dataset.shots, progress, circumstances, among)
+    opening = opening_of(dataset.rig, effective(belief.coefficients, circumstances, among), among)
+    flown = fly_shots(dataset.rig, belief.coefficients, dataset.shots, progress, circumstances, among)
     height_m = np.asarray(flown.height_m)
     return (height_m.tolist(), np.asarray(height_m - opening.centre_m).tolist(),
-            classify(dataset.facts, height_m, opening).tolist())
+            classify(dataset.rig, height_m, opening).tolist())

@@ -4,6 +4,7 @@ import difflib
 import os
 import sys
 
+import truearc
 from truearc.cli.old_names import RENAMED, forward
 from truearc.cli.parsers import load_module, make_parser
 from truearc.cli.registry import COMMANDS, GROUPS, NAMES, Command, find_command, list_commands
@@ -22,7 +23,8 @@ def main(argv: list[str] | None = None) -> int:
         os.environ.setdefault(name, "1")
     argv = list(sys.argv[1:] if argv is None else argv)
     if argv == ["--version"]:
-        return _print_version()
+        print(f"truearc {truearc.__version__}")
+        return 0
     asked, argv = argv, forward(argv)
     command = find_command(argv)
     if command is None:
@@ -43,8 +45,8 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _run(command: Command, words: list[str]) -> int:
-    args = make_parser(command).parse_args(words)
     try:
+        args = make_parser(command).parse(words)
         code = int(load_module(command).main(args))
         sys.stdout.flush()
         return code
@@ -60,12 +62,6 @@ def _run(command: Command, words: list[str]) -> int:
         return 2
     except KeyboardInterrupt:
         return 130
-
-
-def _print_version() -> int:
-    from importlib.metadata import version
-    print(f"truearc {version('truearc')}")
-    return 0
 
 
 def _explain(argv: list[str]) -> int:

@@ -1,5 +1,6 @@
 """Earlier spellings of commands: some are forwarded, the others are refused with the new name."""
 
+import argparse
 from collections.abc import Callable
 
 # Earlier names that no document promised: the new name is printed.
@@ -42,13 +43,10 @@ def _predict_gate(words: list[str]) -> list[str]:
 
 def _take(option: str, words: list[str]) -> tuple[str | None, list[str]]:
     """The value of an option among the words, and the other words; None where it is not among them."""
-    for at, word in enumerate(words):
-        name, equals, value = word.partition("=")
-        if name == option and equals:
-            return value, words[:at] + words[at + 1:]
-        if word == option and at + 1 < len(words):
-            return words[at + 1], words[:at] + words[at + 2:]
-    return None, words
+    parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    parser.add_argument(option, dest="value", nargs="?")
+    known, rest = parser.parse_known_args(words)
+    return known.value, rest
 
 
 FORWARDED: dict[str, Callable[[list[str]], list[str] | None]] = {

@@ -22,8 +22,8 @@ class Command(NamedTuple):
 
     Fields:
         name: The words that call it, such as `fit` or `paper fit`.
-        module: Module with DESCRIPTION, EXAMPLE, add_arguments(parser) and main(args) -> exit code; importing it
-            loads no numerical library.
+        module: Module with a docstring (the description in `--help`), EXAMPLE, add_arguments(parser) and
+            main(args) -> exit code; importing it loads no numerical library.
         group: The heading of `truearc --help` that lists it; a key of GROUPS, or another distribution's own.
         summary: One line for that list.
         distribution: What to install where a package is missing; empty for truearc itself.

@@ -1,19 +1,20 @@
-"""truearc prove: worlds whose truth is sealed, what the solver says of them, and what was true."""
+"""Draw concealed worlds, seal their truth, discover in their data, open the seals and mark the claims.
 
-import argparse
-
-from truearc.cli.options import refuse
-from truearc_proof.rivals.registry import RIVALS
-
-GROUP = "proof"
-SUMMARY = "concealed worlds, sealed before and opened after"
-DESCRIPTION = """Draw concealed worlds, seal their truth, discover in their data, open the seals and mark the claims.
 Without a role all are played, the solver's in a process of its own that cannot read the seals; seal, solve, answer
 (shoot the shots that the solver asks for; then solve again) and grade are the roles apart. A round that was interrupted
 continues where it stopped. drive plays the whole chain in worlds of its own: recordings of the emulated robot (--shots
 trials each), discovery, adoption, gates, and their scores; gates is the solver's part of that. pack puts a marked round
 into one file, without its data; check makes the data of --worlds worlds again from the opened seals, compares every
-hash and mark, and, with --solve N, lets the solver repeat its claims about N of them."""
+hash and mark, and, with --solve N, lets the solver repeat its claims about N of them.
+"""
+
+import argparse
+
+from truearc.cli.common import refuse
+from truearc_proof.rivals.registry import RIVALS
+
+GROUP = "proof"
+SUMMARY = "concealed worlds, sealed before and opened after"
 EXAMPLE = "truearc prove --worlds 60 --level L1 --shots 300 --seed-from-entropy --out round/"
 DEFAULTS = {"worlds": 60, "level": "L1", "shots": 300, "engines": "numpy,mujoco", "solve": 0}
 DRAWN = ("--worlds", "--level", "--shots", "--engines", "--seed", "--seed-from-entropy")

@@ -5,7 +5,7 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from truearc.cli.progress import make_progress
+from truearc.cli.common import make_progress
 from truearc.robot.config.schema import InputError
 from truearc_proof.cli.prove_apart import solve_apart
 from truearc_proof.rounds.archive import check_round, unpack

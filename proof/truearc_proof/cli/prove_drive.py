@@ -28,9 +28,10 @@ from truearc.cli.start.demo_files import Score
 from truearc.model_export.graph import export_weights
 from truearc.model_export.verify import verify_gate
 from truearc.robot.config.schema import InputError, load_config
+from truearc.robot.recording.session import load_trials
 from truearc.sim.compile_cache import keep_compiled
 from truearc.sim.data.dataset import save_dataset
-from truearc.sim.data.recordings import outcomes_of, shots_from_sessions
+from truearc.sim.data.recordings import OUTCOMES, shots_from_sessions
 from truearc.sim.discover.finding import make_json
 from truearc.sim.discover.report.finding_text import say_adopted
 from truearc.sim.intervals import difference
@@ -208,7 +209,8 @@ def _drive(root: Path, trials: int, name: str) -> Driven:
         shutil.rmtree(session, ignore_errors=True)
         emulate(config, session, trials, drawn.seed + 1, _options(drawn),
                 None if side == NO_GATE else _gate(room, name, side))
-        outcomes = outcomes_of(session)
+        outcomes = [OUTCOMES[trial.outcome.outcome][0] for trial in load_trials(session)
+                    if trial.outcome.outcome in OUTCOMES and trial.shot is not None]
         scored[side] = outcomes.count("three"), len(outcomes)
     finding = msgspec.json.decode(room.claims(name).read_bytes())["finding"]
     return Driven(name, drawn.change, finding["verdict"], tuple(one["term"] for one in finding["what"][:1]), scored)

@@ -7,7 +7,7 @@ from pathlib import Path
 import msgspec
 from msgspec import structs
 
-from truearc.cli.progress import make_progress
+from truearc.cli.common import make_progress
 from truearc.cli.start.demo import FEWEST
 from truearc.robot.config.schema import InputError
 from truearc.sim.compile_cache import keep_compiled

@@ -1,4 +1,8 @@
-"""truearc reproduce: the paper's tables and figures on recordings of the emulated robot."""
+"""Print the paper's Table I, Table II and Figures 8 to 10 on recordings of the emulated robot.
+
+The paper's own numbers stand beside them, with intervals, baselines and our gate. Recordings are kept, and a run that
+was broken off goes on.
+"""
 
 import argparse
 from pathlib import Path
@@ -7,8 +11,6 @@ from truearc_proof.reproduce.settings import Settings
 
 GROUP = "proof"
 SUMMARY = "the paper's tables and figures beside ours"
-DESCRIPTION = """The paper's Table I, Table II and Figures 8 to 10 on recordings of the emulated robot, beside the
-paper's own numbers, with intervals, baselines and our gate. Recordings are kept and a broken-off run goes on."""
 EXAMPLE = "truearc reproduce -o reproduction --quick"
 QUICK_DRAWS = 3
 
@@ -18,8 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-o", "--out", type=Path, required=True, metavar="DIR", help="folder for all that is made")
     parser.add_argument("--seeds", type=int, metavar="N", help=f"repetitions that the intervals are over "
                         f"({defaults.draws}; {QUICK_DRAWS} with --quick)")
-    parser.add_argument("--seed", type=int, default=defaults.base_seed, help="of all recordings and draws "
-                        f"({defaults.base_seed})")
+    parser.add_argument("--seed", type=int, default=defaults.base_seed, help="of all recordings and draws")
     parser.add_argument("--quick", action="store_true", help="minutes instead of an hour or more: everything is "
                         "there, but from too little data to conclude anything")
     parser.add_argument("--recordings", type=Path, metavar="DIR", help="recordings to use and to add to (default: "

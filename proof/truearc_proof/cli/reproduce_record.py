@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from truearc.robot.config.schema import InputError, config_hash
+from truearc.robot.config.schema import InputError, is_hash_of
 from truearc.robot.recording.session import CAN, FRAMES, load_header
 from truearc.sim.progress import Progress
 from truearc.sim.world.emulated_robot import emulate
@@ -49,7 +49,7 @@ def _is_there(job: _Job) -> bool:
     if not path.is_file():
         return False
     said = json.loads(path.read_text(encoding="utf-8"))
-    if said != _said(job.recording) or load_header(job.folder).config_sha256 != config_hash(job.recording.config):
+    if said != _said(job.recording) or not is_hash_of(load_header(job.folder).config_sha256, job.recording.config):
         raise InputError(f"{job.folder}: recorded with other settings; name another folder or take this one away")
     return True
 

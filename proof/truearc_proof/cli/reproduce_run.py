@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from truearc import robot
-from truearc.cli.progress import make_progress
+from truearc.cli.common import make_progress
 from truearc.robot.config.schema import InputError, load_config
 from truearc.sim.data.dataset import save_dataset
 from truearc.sim.progress import Progress

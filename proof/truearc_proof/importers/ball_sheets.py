@@ -22,47 +22,48 @@ Body = tuple[Cell, Cell]              # mass_kg, diameter_m
 
 def load_sheets(workbook: Path, balls: Path, problems: Problems) -> list[RawTable]:
     """A table a ball; lines are the sheet's rows, from 1. InputError names the file, sheet or line that is no such."""
-    xlrd = needed("xlrd", workbook)
     bodies = _bodies(balls, problems)
     problems.close()
-    return [_sheet(xlrd, part(workbook, f"sheet {sheet.name}"), sheet, bodies, balls)
-            for sheet in _opened(xlrd, workbook).sheets()]
+    return [_sheet(part(workbook, f"sheet {sheet.title}"), sheet, bodies, balls)
+            for sheet in _opened(workbook).worksheets]
 
 
-def _opened(xlrd: Any, workbook: Path) -> Any:
+def _opened(workbook: Path) -> Any:
+    """The public file is named .xls and holds a workbook of the newer kind: its content decides, not its name."""
+    openpyxl = needed("openpyxl", workbook)
     try:
-        return xlrd.open_workbook(str(workbook), logfile=io.StringIO())
+        return openpyxl.load_workbook(io.BytesIO(workbook.read_bytes()), data_only=True)
     except OSError as error:
         raise InputError(f"{workbook}: {error.strerror or error}") from error
-    except Exception as error:        # what xlrd meets in a damaged workbook is of many kinds
-        raise InputError(f"{workbook}: not a readable Excel workbook of the old kind ({error})") from error
+    except Exception as error:        # what openpyxl meets in a damaged workbook is of many kinds
+        raise InputError(f"{workbook}: not a readable Excel workbook (.xlsx by content): {error}") from error
 
 
-def _sheet(xlrd: Any, here: Path, sheet: Any, bodies: dict[str, Body], balls: Path) -> RawTable:
-    ball = LISTED_AS.get(sheet.name, sheet.name.lower().replace(" ", "").replace("whiffle", "wiffle"))
+def _sheet(here: Path, sheet: Any, bodies: dict[str, Body], balls: Path) -> RawTable:
+    ball = LISTED_AS.get(sheet.title, sheet.title.lower().replace(" ", "").replace("whiffle", "wiffle"))
     if ball not in bodies:
         raise InputError(f"{here}: its ball, {ball}, is not in {balls}")
-    header = [str(cell.value).strip() for cell in sheet.row(0)] if sheet.nrows else []
+    header, *rows = list(sheet.iter_rows()) or [()]
+    names = [str(cell.value).strip() for cell in header]
     for name in COLUMNS.values():
-        if header.count(name) != 1:
-            raise InputError(f"{here}:1: column {name!r} " + ("stands twice" if name in header else "is missing"))
-    place = {ours: header.index(theirs) for ours, theirs in COLUMNS.items()}
-    rows = {row: {ours: _cell(xlrd, sheet.cell(row, at)) for ours, at in place.items()}
-            for row in range(1, sheet.nrows)}
-    kept = [row for row, cells in rows.items() if any(cell is not None for cell in cells.values())]
-    columns: dict[str, list[Cell]] = {ours: [rows[row][ours] for row in kept] for ours in COLUMNS}
+        if names.count(name) != 1:
+            raise InputError(f"{here}:1: column {name!r} " + ("stands twice" if name in names else "is missing"))
+    place = {ours: names.index(theirs) for ours, theirs in COLUMNS.items()}
+    read = {line: {ours: _cell(row[at]) for ours, at in place.items()} for line, row in enumerate(rows, start=2)}
+    kept = [line for line, cells in read.items() if any(cell is not None for cell in cells.values())]
+    columns: dict[str, list[Cell]] = {ours: [read[line][ours] for line in kept] for ours in COLUMNS}
     mass_kg, diameter_m = bodies[ball]
     columns |= {"ball": [ball] * len(kept), "mass_kg": [mass_kg] * len(kept), "diameter_m": [diameter_m] * len(kept)}
     columns["drop"] = [f"{cell:g}" if isinstance(cell, float) else cell for cell in columns["drop"]]
-    return RawTable(here, columns, [row + 1 for row in kept])
+    return RawTable(here, columns, kept)
 
 
-def _cell(xlrd: Any, cell: Any) -> Cell:
+def _cell(cell: Any) -> Cell:
     """A number, or the text of what is none; an empty cell is missing."""
-    if cell.ctype == xlrd.XL_CELL_NUMBER:
+    if cell.data_type == "n" and cell.value is not None:
         return float(cell.value)
-    odd = {xlrd.XL_CELL_ERROR: "an error", xlrd.XL_CELL_BOOLEAN: "a yes or no", xlrd.XL_CELL_DATE: "a date"}
-    return odd.get(cell.ctype, str(cell.value).strip()) or None
+    odd = {"e": "an error", "b": "a yes or no", "d": "a date"}
+    return odd.get(cell.data_type, str(cell.value or "").strip()) or None
 
 
 def _bodies(path: Path, problems: Problems) -> dict[str, Body]:

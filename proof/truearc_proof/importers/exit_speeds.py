@@ -18,8 +18,9 @@ from truearc_proof.importers.originals import matching
 from truearc_proof.importers.set_points import BALL, RELEASE_M, WHEEL_M
 
 SPEEDS_971 = ("ball_speed_mps", "accelerator_rad_s")
-# in constants.cc: {ball speed, {accelerator, kVelocityFinisher}}
-ORIGINAL_971 = r"\{(?P<ball_speed_mps>[^{},]*),\s*\{(?P<accelerator_rad_s>[^{},]*),\s*kVelocityFinisher\s*\}\s*\}"
+# in constants.cc: rows {ball speed, {wheels beside the ball, finisher}} of the flywheels' table
+TABLE_971 = r"flywheel_shot_interpolation_table\s*=[^;]*"
+ORIGINAL_971 = r"\{(?P<ball_speed_mps>[^{},]*),\s*\{(?P<accelerator_rad_s>[^{},]*),[^{},]*\}\s*\}"
 NO_ELEVATION_DEG = 45.0               # placeholder where none was noted: no speed and no spin depends on it
 COLUMNS_FUEL = ("hood_elevation_deg", "motor_rpm", "exit_speed_mps", "spin_rev_s", "ball_mass_kg", "ball_radius_m")
 RELEASE_FUEL_M = 0.39
@@ -32,7 +33,7 @@ def import_971(speeds: str | Path) -> Dataset:
     """
     path = Path(speeds)
     with gathered() as problems:
-        table = matching(path, ORIGINAL_971) if path.suffix == ".cc" else load_table(path, problems)
+        table = matching(path, ORIGINAL_971, within=TABLE_971) if path.suffix == ".cc" else load_table(path, problems)
         need_columns(table, SPEEDS_971)
         speed_m_s, wheel_rad_s = (_positive(table, name, problems) for name in SPEEDS_971)
     wheels = tuple(Wheel(name, WHEEL_M, 1.0, clock_deg) for name, clock_deg in (("left", 270.0), ("right", 90.0)))

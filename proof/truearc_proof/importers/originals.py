@@ -17,14 +17,17 @@ C_COMMENT = r"/\*.*?\*/|//[^\n]*"       # C++ and Java
 PYTHON_COMMENT = r"#[^\n]*"
 
 
-def matching(path: Path, pattern: str, comment: str = C_COMMENT) -> RawTable:
+def matching(path: Path, pattern: str, comment: str = C_COMMENT, within: str = r".*") -> RawTable:
     """A row for each match of the pattern outside comments; its named groups are the columns.
+
+    within: where the table is in the program text; the first match counts.
 
     Let the groups take whatever stands where a number should, so that what is none is named and not passed over.
     InputError where nothing matches.
     """
     code = re.sub(comment, lambda found: "\n" * found[0].count("\n"), text_of(path), flags=re.DOTALL)
-    matches = list(re.finditer(pattern, code))
+    table = re.search(within, code, flags=re.DOTALL)
+    matches = list(re.compile(pattern).finditer(code, *table.span())) if table else []
     if not matches:
         raise InputError(f"{path}: holds no numbers where they are looked for (docs/importing.md says which file it "
                          f"is)")

@@ -3,7 +3,8 @@
 from typing import Any
 
 from truearc.robot.config.rig_spec import Rig
-from truearc.sim.physics.launch import Exit, exit_opposed, free_speed_rad_s, opposed_wheels
+from truearc.robot.config.schema import InputError
+from truearc.sim.physics.launch import Exit, exit_opposed, is_opposed
 
 TABLE_I = {"Training": {"two": 1.0, "three": 0.9231, "mean_m": 0.051, "median_m": 0.058},
            "Testing": {"two": 0.9286, "three": 0.8571, "mean_m": 0.283, "median_m": 0.124}}
@@ -22,7 +23,11 @@ def exit_seed(rig: Rig, motor_ratio: Any, hood_deg: Any) -> Exit:
     The paper's Eq. 11 and 12, the latter with its own factor (twice the spin of a ball that does not slip).
     Raises InputError when the rig has no free speed or not one wheel above and one below.
     """
-    upper, lower = opposed_wheels(rig)
-    motor_rad_s = motor_ratio * free_speed_rad_s(rig)
+    if not is_opposed(rig):
+        raise InputError("rig.toml: launcher.wheel: the paper's Eq. 11 and 12 need two wheels, clock_deg 0 and 180")
+    if rig.launcher.free_speed_rad_s is None:
+        raise InputError("rig.toml: launcher.free_speed_rad_s is needed to turn motor_ratio into a launch")
+    upper, lower = sorted(rig.launcher.wheel, key=lambda wheel: round(wheel.clock_deg % 360.0, 6))
+    motor_rad_s = motor_ratio * rig.launcher.free_speed_rad_s
     return exit_opposed(rig, motor_rad_s * (upper.gear * upper.radius_m), motor_rad_s * (lower.gear * lower.radius_m),
                         hood_deg)

@@ -7,6 +7,7 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from truearc.hw.plugins import PluginError, load_plugin, place_of
 from truearc.robot.config.schema import InputError
 
 if TYPE_CHECKING:
@@ -53,11 +54,10 @@ def load_importers() -> tuple[Importer, ...]:
 
 
 def _load(point: EntryPoint) -> Importer:
-    where = f"entry point {GROUP}: {point.name} of {point.dist.name if point.dist else 'an unknown distribution'}"
     try:
-        importer = point.load()
-    except (ImportError, AttributeError) as error:
-        raise InputError(f"{where}: {error}") from error
+        importer = load_plugin(point)
+    except PluginError as error:
+        raise InputError(str(error)) from error
     if not isinstance(importer, Importer):
-        raise InputError(f"{where}: {point.value} is not an Importer")
+        raise InputError(f"{place_of(point)} is not an Importer")
     return importer

@@ -6,7 +6,7 @@ from truearc.sim.data.dataset import Dataset
 
 
 def doubts_of(dataset: Dataset) -> tuple[str, ...]:
-    """One line for each thing in doubt: balls that left below the straight line to the opening's lower rim.
+    """One line for each implausible thing: balls that left below the straight line to the opening's lower rim.
 
     A ball falls below the line that it leaves along, so one that went in left at the lower rim or above. Tested
     of shots that are said to have passed the opening's plane at a known height.

@@ -29,11 +29,10 @@ from truearc.sim.physics.catalogue import (
     watch_terms,
 )
 from truearc.sim.physics.flight import Law, make_law
-from truearc.sim.physics.frame import axes
 from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.nonparametric import CURVE
 from truearc.sim.physics.term import DIRECTIONS, BallState, Opening
-from truearc.sim.physics.vector import Vec, add
+from truearc.sim.physics.vector import Vec, add, axes
 
 # What makes one shot differ from its configuration. The last six are of flights whose launch nobody knows.
 DEVIATES = ("log_speed", "elevation_rad", "azimuth_rad", "spin_share", "distance_m", "lead_s",

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
+from jaxtyping import Bool, Float
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.infer.likelihood.launch_inputs import Given
@@ -25,49 +25,49 @@ Number = tuple[str, str, str]         # term, parameter, scale
 
 
 class Height(NamedTuple):
-    """At the plane, arrays [n], through the floor if need be.
+    """At the plane, through the floor if need be.
 
-    `near` False: the ball turns back, and the rest means nothing. by_launch [n, 3]: derivatives of the height by
-    a shot's own log speed, elevation (rad) and spin (rev/s); by_distance [n]: by the plane's distance.
+    `near` False: the ball turns back, and the rest has no meaning. by_launch: derivatives of the height by a shot's own
+    log speed, elevation (rad) and spin (rev/s); by_distance: by the plane's distance.
     """
 
-    height_m: Any
-    by_launch: Any
-    by_distance: Any
-    near: Any
+    height_m: Float[Any, " n"]
+    by_launch: Float[Any, "n 3"]
+    by_distance: Float[Any, " n"]
+    near: Bool[Any, " n"]
 
 
-def height_at(facts: Rig, values: Values, given: Given, among: Catalogue, log_speed: Any = 0.0,
-              elevation_rad: Any = 0.0) -> Height:
+def height_at(rig: Rig, values: Values, given: Given, among: Catalogue, log_speed: Float[Any, " n"] | float = 0.0,
+              elevation_rad: Float[Any, " n"] | float = 0.0) -> Height:
     """Heights of launches that leave with these deviations, with their derivatives.
 
     values: {term: {parameter: value}}; gravity is always at work. A deviation acts on the ball as it leaves, after the
     launch terms. The derivatives by it are central differences of flights side by side, within 1e-5 of their size:
     nesting them into the derivatives by parameters costs a hundred times as much.
     """
-    at, exit, distance_m = configured(facts, values, given, among)
-    law = make_law(facts, flight_terms({"gravity", *values}, among), at)
+    at, exit, distance_m = configured(rig, values, given, among)
+    law = make_law(rig, flight_terms({"gravity", *values}, among), at)
     steps = jnp.concatenate([jnp.zeros((1, 3)), jnp.diag(jnp.array(STEPS)), -jnp.diag(jnp.array(STEPS))]).T[:, :, None]
     leaving = Exit(exit.speed_m_s * jnp.exp(log_speed + steps[0]), exit.elevation_rad + elevation_rad + steps[1],
                    exit.spin_rev_s + steps[2], exit.above_m)
-    plane = reach_plane(facts, law, leaving, jnp.broadcast_to(distance_m, (7, *jnp.shape(given.distance_m))))
+    plane = reach_plane(rig, law, leaving, jnp.broadcast_to(distance_m, (7, *jnp.shape(given.distance_m))))
     by_launch = (plane.height_m[1:4] - plane.height_m[4:]) / (2.0 * jnp.array(STEPS)[:, None])
     return Height(plane.height_m[0], by_launch.T, plane.climb[0], plane.near.all(0))
 
 
-def configured(facts: Rig, values: Values, given: Given,
-               among: Catalogue) -> tuple[dict[str, dict[str, Any]], Exit, Any]:
+def configured(rig: Rig, values: Values, given: Given,
+               among: Catalogue) -> tuple[dict[str, dict[str, Any]], Exit, Float[Any, " n"]]:
     """(effective values, launch, distance in m) of shots as they are in truth, by sensing and launch terms."""
     at = effective(values, given.circumstances, among)
-    exit, distance_m = sense(facts, at, Exit(*map(jnp.asarray, given.rolling)), given.distance_m, given.whose, among)
-    return at, leave(facts, at, exit, given.whose, among), distance_m
+    exit, distance_m = sense(rig, at, Exit(*map(jnp.asarray, given.rolling)), given.distance_m, given.whose, among)
+    return at, leave(rig, at, exit, given.whose, among), distance_m
 
 
-def speed_gain(facts: Rig, values: Values, given: Given, among: Catalogue) -> Any:
+def speed_gain(rig: Rig, values: Values, given: Given, among: Catalogue) -> Float[Any, " n"]:
     """d log(exit speed) / d log(speed by the wheels) [n]: 1 where no launch term depends on the speed."""
-    def log_speed(change: Any) -> Any:
+    def log_speed(change: Float[Any, ""] | float) -> Float[Any, " n"]:
         faster = given.rolling._replace(speed_m_s=given.rolling.speed_m_s * jnp.exp(change))
-        return jnp.log(configured(facts, values, given._replace(rolling=faster), among)[1].speed_m_s)
+        return jnp.log(configured(rig, values, given._replace(rolling=faster), among)[1].speed_m_s)
 
     return jax.jacfwd(log_speed)(0.0)
 
@@ -76,26 +76,26 @@ class Slopes(NamedTuple):
     """Heights with derivatives by a launch's deviations and by numbers on the parameters' scales [n, p]."""
 
     height: Height
-    by_number: np.ndarray
-    gain: np.ndarray
+    by_number: Float[Any, "n p"]
+    gain: Float[Any, " n"]
 
 
-@partial(jax.jit, static_argnames=("facts", "numbers", "among"))
-def slopes_at(facts: Rig, fixed: Values, numbers: tuple[Number, ...], at: Any, given: Given,
+@partial(jax.jit, static_argnames=("rig", "numbers", "among"))
+def slopes_at(rig: Rig, fixed: Values, numbers: tuple[Number, ...], at: Float[Any, " p"], given: Given,
               among: Catalogue) -> Slopes:
     """Heights and exact derivatives; `numbers` names what `at` [p] holds, `fixed` has the values of the rest.
 
     A point of the given circumstances' curves is called by its term and its place among all their points.
     """
-    def height(at: Any) -> tuple[Any, Height]:
-        flown = height_at(facts, with_numbers(fixed, numbers, at), along_curve(given, numbers, at), among)
+    def height(at: Float[Any, " p"]) -> tuple[Float[Any, " n"], Height]:
+        flown = height_at(rig, with_numbers(fixed, numbers, at), along_curve(given, numbers, at), among)
         return flown.height_m, flown
 
     by_number, flown = jax.jacfwd(height, has_aux=True)(at)
-    return Slopes(flown, by_number, speed_gain(facts, with_numbers(fixed, numbers, at), given, among))
+    return Slopes(flown, by_number, speed_gain(rig, with_numbers(fixed, numbers, at), given, among))
 
 
-def with_numbers(fixed: Values, numbers: tuple[Number, ...], at: Any) -> dict[str, dict[str, Any]]:
+def with_numbers(fixed: Values, numbers: tuple[Number, ...], at: Float[Any, " p"]) -> dict[str, dict[str, Any]]:
     """`fixed` with the numbers' values in it."""
     values = {name: dict(part) for name, part in fixed.items()}
     for index, (term, parameter, scale) in enumerate(numbers):
@@ -104,7 +104,7 @@ def with_numbers(fixed: Values, numbers: tuple[Number, ...], at: Any) -> dict[st
     return values
 
 
-def along_curve(given: Given, numbers: tuple[Number, ...], at: Any) -> Given:
+def along_curve(given: Given, numbers: tuple[Number, ...], at: Float[Any, " p"]) -> Given:
     """The same, with derivatives by those of the numbers that are points of its curves."""
     around = given.circumstances
     for index, (table, point, _) in enumerate(numbers):
@@ -116,7 +116,7 @@ def along_curve(given: Given, numbers: tuple[Number, ...], at: Any) -> Given:
     return given._replace(circumstances=around)
 
 
-def sensor_variance(height: Height, gain: Any, given: Given) -> Any:
+def sensor_variance(height: Height, gain: Float[Any, " n"], given: Given) -> Float[Any, " n"]:
     """Variance of the height [n] in m2 that the instruments' noise makes: wheels, elevation, distance."""
     by_speed, by_elevation, by_spin = (height.by_launch[:, column] for column in range(3))
     wheels = (by_speed * gain)[:, None] * given.wheel_log_speed + by_spin[:, None] * given.wheel_spin_rev_s

@@ -1,8 +1,9 @@
-"""What is known of a launch before its ball flies: columns of shots as inputs of the physics, and their doubt."""
+"""Inputs of the physics for a launch, taken from the columns of shots, with their measurement uncertainty."""
 
 from typing import Any, NamedTuple
 
 import numpy as np
+from jaxtyping import Bool, Float
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.conditions import Circumstances
@@ -15,27 +16,27 @@ from truearc.sim.physics.simulate import ORDINARY, by_wheels, launch_of, require
 EXIT_SPEED_SD_M_S = 0.05
 EXIT_DEG_SD = 0.3
 EXIT_SPIN_SD_REV_S = 0.2
-SLOWEST_M_S = 0.1                     # a slower launch goes nowhere, whatever its doubt
+SLOWEST_M_S = 0.1                     # a slower launch goes nowhere, whatever its uncertainty
 
 
 class Given(NamedTuple):
-    """Launches as the robot's own instruments have them before the shot; numpy arrays [n].
+    """Launches as the robot's own instruments have them before the shot; numpy arrays.
 
     rolling: by the wheels without launch terms and the hood; a speed, elevation or spin that was measured on the ball
     has `rolled`, `hooded` or `spun` False, and no scatter of the launch comes on top of it. wheel_log_speed and
-    wheel_spin_rev_s [n, w]: what one standard deviation of each wheel's noise does to the log of that speed and to the
+    wheel_spin_rev_s: what one standard deviation of each wheel's noise does to the log of that speed and to the
     spin. elevation_sd_rad and distance_sd_m: standard deviations.
     """
 
     rolling: Exit
-    rolled: Any
-    hooded: Any
-    spun: Any
-    distance_m: Any
-    wheel_log_speed: Any
-    wheel_spin_rev_s: Any
-    elevation_sd_rad: Any
-    distance_sd_m: Any
+    rolled: Bool[Any, " n"]
+    hooded: Bool[Any, " n"]
+    spun: Bool[Any, " n"]
+    distance_m: Float[Any, " n"]
+    wheel_log_speed: Float[Any, "n w"]
+    wheel_spin_rev_s: Float[Any, "n w"]
+    elevation_sd_rad: Float[Any, " n"]
+    distance_sd_m: Float[Any, " n"]
     circumstances: Circumstances = ORDINARY
 
     @property
@@ -44,31 +45,32 @@ class Given(NamedTuple):
         return Exit(self.rolled, self.hooded, self.spun, True)
 
 
-def given_of(facts: Rig, shots: Shots, circumstances: Circumstances = ORDINARY) -> Given:
-    """Launches of shots with wheel speeds (or motor_ratio) and hood_deg; BadInput names shots that lack one.
+def given_of(rig: Rig, shots: Shots, circumstances: Circumstances = ORDINARY) -> Given:
+    """Launches of shots with wheel speeds (or motor_ratio) and hood_deg; InputError names shots that lack one.
 
-    Measured exit columns take precedence as in truearc.sim.physics.simulate.launch_of, with the doubt stated above.
+    Measured exit columns take precedence as in truearc.sim.physics.simulate.launch_of, with the uncertainty above.
     circumstances: of these shots.
     """
     speed_m_s = shots.number("exit_speed_m_s")
     by_camera, spin_seen = (~np.isnan(shots.number(name)) for name in ("exit_deg", "exit_spin_rev_s"))
-    exit = launch_of(facts, shots)
-    log_speed, spin_rev_s = _doubt(facts, exit, ~np.isnan(speed_m_s), spin_seen)
+    exit = launch_of(rig, shots)
+    log_speed, spin_rev_s = _by_deviation(rig, exit, ~np.isnan(speed_m_s), spin_seen)
     return Given(exit, by_wheels(shots), ~by_camera, ~spin_seen, require(shots, "distance_m"), log_speed, spin_rev_s,
-                 np.radians(np.where(by_camera, EXIT_DEG_SD, facts.noise.hood_deg)),
-                 np.full(len(shots), facts.noise.distance_m), circumstances)
+                 np.radians(np.where(by_camera, EXIT_DEG_SD, rig.noise.hood_deg)),
+                 np.full(len(shots), rig.noise.distance_m), circumstances)
 
 
-def _doubt(facts: Rig, exit: Exit, speed_seen: np.ndarray, spin_seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _by_deviation(rig: Rig, exit: Exit, speed_seen: Bool[np.ndarray, " n"],
+                  spin_seen: Bool[np.ndarray, " n"]) -> tuple[Float[np.ndarray, "n w"], Float[np.ndarray, "n w"]]:
     """What one deviation of each wheel, of a measured speed and of a measured spin does: [n, wheels + 2] twice.
 
     Launches are linear in the wheels' speeds, so that of one wheel alone is the derivative. Wheels are read apart;
-    for those on one belt (speeds by motor_ratio) this overstates the doubt about the spin a little.
+    for those on one belt (speeds by motor_ratio) this overstates the uncertainty of the spin a little.
     """
-    radius_m = np.array([wheel.radius_m for wheel in facts.launcher.wheel])
+    radius_m = np.array([wheel.radius_m for wheel in rig.launcher.wheel])
     one_speed, one_spin = np.zeros((2, 0))
     if radius_m.size:
-        one_speed, one_spin = roll(facts, np.diag(radius_m) * facts.noise.wheel_rad_s)
+        one_speed, one_spin = roll(rig, np.diag(radius_m) * rig.noise.wheel_rad_s)
     per_m_s = 1.0 / np.maximum(exit.speed_m_s, SLOWEST_M_S)
     zero = np.zeros_like(per_m_s)
     speed = np.outer(~speed_seen * per_m_s, one_speed)

@@ -9,43 +9,44 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.scipy.special import log_ndtr
+from jaxtyping import Bool, Float
 
 from truearc.robot.config.rig_spec import Target
 from truearc.sim.physics.simulate import MISS, THREE, TWO
 from truearc.sim.physics.term import Opening
 
-# One mark in a hundred is taken to be a slip, so that no single one can rule the fit: it then says any of the three
-# outcomes alike, and a measured height any within two metres of the centre.
+# One mark in a hundred is a slip, so that no single one can rule the fit: all three outcomes are then equally likely,
+# or all heights within two metres of the centre.
 LAPSE = 0.01
 LAPSED_OUTCOME = np.log(LAPSE / 3.0)
 LAPSED_HEIGHT = np.log(LAPSE / 4.0)
-HEIGHT_SD_M = 0.02                    # of a height at the plane that somebody measured
+HEIGHT_SD_M = 0.02                    # of a measured height at the plane
 HALF_LOG_2PI = 0.5 * np.log(2.0 * np.pi)
-FAR_M = 1e3                           # stands for infinity, whose derivatives are no numbers
+FAR_M = 1e3                           # stands for infinity, whose derivatives are not finite
 
 
 class OutcomeMarks(NamedTuple):
-    """What was seen at the plane, arrays [n]. A height lies in [low_m, high_m] or in [low2_m, high2_m].
+    """Observations at the plane. A height lies in [low_m, high_m] or in [low2_m, high2_m].
 
     `marked` False: nothing is known. `both`: the second interval counts. `measured` True: height_m instead of these.
     """
 
-    low_m: Any
-    high_m: Any
-    low2_m: Any
-    high2_m: Any
-    both: Any
-    marked: Any
-    measured: Any
-    height_m: Any
+    low_m: Float[Any, " n"]
+    high_m: Float[Any, " n"]
+    low2_m: Float[Any, " n"]
+    high2_m: Float[Any, " n"]
+    both: Bool[Any, " n"]
+    marked: Bool[Any, " n"]
+    measured: Bool[Any, " n"]
+    height_m: Float[Any, " n"]
 
 
 def make_marks(target: Target, outcome: tuple[str, ...], side: tuple[str, ...],
-               miss_height_m: np.ndarray) -> OutcomeMarks:
+               miss_height_m: Float[np.ndarray, " n"]) -> OutcomeMarks:
     """Marks [n] of the columns of shots. A measured height counts alone.
 
     The side low or high halves what an outcome leaves open, or stands for itself where there is none; a ball seen left
-    or right of a target that it missed says nothing about the height.
+    or right of a target that it missed gives no information about the height.
     """
     rows = np.array([interval(target, *words) for words in zip(outcome, side, strict=True)]).reshape(-1, 4)
     low_m, high_m, low2_m, high2_m = rows.T
@@ -55,7 +56,7 @@ def make_marks(target: Target, outcome: tuple[str, ...], side: tuple[str, ...],
 
 
 def interval(target: Target, outcome: str, side: str) -> tuple[float, float, float, float]:
-    """(low, high, low2, high2) in m that the words leave open; both empty (0, 0) where they say nothing."""
+    """(low, high, low2, high2) in m that the words leave open; both empty (0, 0) without information."""
     inner, outer = target.three_half_height_m, target.two_half_height_m
     nothing = (0.0, 0.0)
     if outcome == THREE:
@@ -71,7 +72,7 @@ def interval(target: Target, outcome: str, side: str) -> tuple[float, float, flo
     return *nothing, *nothing
 
 
-def log_marks(marks: OutcomeMarks, mean_m: Any, sd_m: Any) -> Any:
+def log_marks(marks: OutcomeMarks, mean_m: Float[Any, " n"], sd_m: Float[Any, " n"]) -> Float[Any, " n"]:
     """Log-likelihood [n] of the marks, lapses included; 0 where there is none."""
     one = log_between(marks.low_m, marks.high_m, mean_m, sd_m)
     two = log_between(jnp.where(marks.both, marks.low2_m, 0.0), jnp.where(marks.both, marks.high2_m, 1.0), mean_m, sd_m)
@@ -83,15 +84,15 @@ def log_marks(marks: OutcomeMarks, mean_m: Any, sd_m: Any) -> Any:
     return jnp.where(marks.marked, jnp.where(marks.measured, measured, seen), 0.0)
 
 
-def log_between(low_m: Any, high_m: Any, mean_m: Any, sd_m: Any) -> Any:
-    """log P(low < height < high), right to the last digits far out in either tail. An empty interval is
-    taken to be a metre wide: whoever asks for it does not use it."""
+def log_between(low_m: Any, high_m: Any, mean_m: Float[Any, "*n"], sd_m: Float[Any, "*n"]) -> Float[Any, "*n"]:
+    """log P(low < height < high), right to the last digits far out in either tail. An empty interval,
+    whose value no caller uses, counts as a metre wide."""
     high_m = jnp.where(high_m > low_m, high_m, low_m + 1.0)
     return _log_slice((low_m - mean_m) / sd_m, (high_m - mean_m) / sd_m)
 
 
 @jax.custom_jvp
-def _log_slice(low: Any, high: Any) -> Any:
+def _log_slice(low: Float[Any, "*n"], high: Float[Any, "*n"]) -> Float[Any, "*n"]:
     """log of the standard normal's share between low and high."""
     right = low + high > 0.0
     near, far = jnp.where(right, -low, high), jnp.where(right, -high, low)
@@ -109,7 +110,7 @@ def _slope(at: tuple[Any, Any], change: tuple[Any, Any]) -> tuple[Any, Any]:
 
 def fit_edges(marks: OutcomeMarks, target: Target, opening: Opening) -> OutcomeMarks:
     """Marks made for the rig's target with their edges where the opening has them."""
-    def moved(edge_m: Any) -> Any:
+    def moved(edge_m: Float[Any, " n"]) -> Float[Any, " n"]:
         size, inner = jnp.abs(edge_m), target.three_half_height_m
         grown = jnp.where(size == inner, opening.three_half_m,
                           jnp.where(size == target.two_half_height_m, opening.two_half_m, size))
@@ -119,7 +120,7 @@ def fit_edges(marks: OutcomeMarks, target: Target, opening: Opening) -> OutcomeM
                           high2_m=moved(marks.high2_m))
 
 
-def outcome_probabilities(opening: Opening, mean_m: Any, sd_m: Any) -> Any:
+def outcome_probabilities(opening: Opening, mean_m: Float[Any, " n"], sd_m: Float[Any, " n"]) -> Float[Any, "n 3"]:
     """P(miss, two, three) [n, 3] of heights relative to the opening's centre, lapses included."""
     three = jnp.exp(log_between(-opening.three_half_m, opening.three_half_m, mean_m, sd_m))
     two = jnp.exp(log_between(-opening.two_half_m, opening.two_half_m, mean_m, sd_m)) - three

@@ -1,7 +1,7 @@
 """The likelihood of everything seen of shots, unit by unit, exact in its derivatives (JAX, forward mode).
 
 A shot's launch deviates from its configuration by d ~ N(0, V): scatter from shot to shot (fitted) and the noise of hood
-and wheels (rig.toml). What was measured of the launch, and then the track, narrow d; the height at the plane is then
+and wheels (rig.toml). Measurements of the launch, and then the track, narrow d; the height at the plane is then
 normal, its mean flown from the narrowed launch, its variance by the height's exact slopes; marks are its likelihood.
 """
 
@@ -123,7 +123,7 @@ def plane_of(model: Model, given: Given, launch: Narrowed, u: Float[Any, " p"]) 
 
 
 def free_tracks(model: Model, evidence: Observations, points: Points, u: Float[Any, " p"]) -> TrackLinearization:
-    """Flights whose launch nobody knows, of which there must be some: their start is integrated out."""
+    """Flights with an unknown launch, of which there must be some: their start is integrated out."""
     data = evidence.free
     assert data is not None
     law = _law(model, u, evidence.free_circumstances)
@@ -135,7 +135,7 @@ def free_tracks(model: Model, evidence: Observations, points: Points, u: Float[A
 
 
 def opening_at(model: Model, u: Float[Any, " p"]) -> Opening:
-    """What the ball has to pass at u; InputError when the rig has no target."""
+    """The opening that the ball has to pass at u; InputError when the rig has no target."""
     return opening_of(model.facts, effective(values_at(model, u), ORDINARY, model.catalogue), model.catalogue)
 
 
@@ -192,8 +192,7 @@ def _tracker(model: Model, u: Float[Any, " p"]) -> Look:
 
 def _value(model: Model, name: str, u: Float[Any, " p"]) -> Any:
     """A parameter in its own unit at u; 0 where the model has none of that name."""
-    index = model.index(name)
-    return 0.0 if index is None else model.sought[index].value(u[index])
+    return next((one.value(u[index]) for index, one in enumerate(model.sought) if one.name == name), 0.0)
 
 
 @partial(jax.jit, static_argnames=("model",))

@@ -44,5 +44,4 @@ def gather_tracks(tracks: Tracks | None, rows: np.ndarray) -> TrackData | None:
 def _downrange(x_m: np.ndarray, y_m: np.ndarray, mask: np.ndarray) -> np.ndarray:
     """x turned about the exit so that the flight goes straight ahead: the heading that fits y in least squares."""
     heading = np.arctan2((mask * x_m * y_m).sum(1), np.maximum((mask * x_m**2).sum(1), 1e-12))[:, None]
-    down_m: np.ndarray = x_m * np.cos(heading) + y_m * np.sin(heading)
-    return down_m
+    return np.asarray(x_m * np.cos(heading) + y_m * np.sin(heading))

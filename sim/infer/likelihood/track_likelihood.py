@@ -13,14 +13,13 @@ import numpy as np
 from jax import lax
 from jaxtyping import Float
 
-from truearc.sim.infer.likelihood.small_matrices import log_det_and_inverse
 from truearc.sim.infer.likelihood.track_data import TrackData
 from truearc.sim.physics.flight import Law, rk4
 from truearc.sim.physics.term import BallState
 from truearc.sim.physics.vector import Vec
 
-LEAD_SD_S = 1.0                       # from exit to first sample: as good as unknown
-FREE_SD = (10.0, 10.0, 100.0, 100.0)  # start of a free flight about its guess, in m and m/s: as good as unknown
+LEAD_SD_S = 1.0                       # from exit to first sample: effectively unknown
+FREE_SD = (10.0, 10.0, 100.0, 100.0)  # start of a free flight about its guess, in m and m/s: effectively unknown
 LEAD_STEPS = 4
 STEP = 1e-3                           # of every unknown, for the derivatives by it
 SUBSTEPS = 2                          # between samples, which come every hundredth of a second or a few
@@ -40,7 +39,7 @@ class Start(NamedTuple):
 
 
 class TrackLinearization(NamedTuple):
-    """What a track leaves of its flight's unknowns: log-likelihood [k], mean [k, m] and covariance [k, m, m]."""
+    """A flight's unknowns after its track: log-likelihood [k], mean [k, m] and covariance [k, m, m]."""
 
     log_likelihood: Any
     mean: Any
@@ -95,7 +94,7 @@ def loose(law: Law, spin_rev_s: Any, at: Float[Any, "k 4"], time_s: Float[Any, "
           look: Look = as_it_is) -> Float[Any, "k l 2"]:
     """Positions of free flights that start with `at`: x, z in m, their velocities in m/s.
 
-    spin_rev_s: at the first sample, from which the time since release is counted too: nobody knows the release.
+    spin_rev_s: at the first sample, from which the time since release is counted too, since the release is unknown.
     """
     x_m, z_m, vx_m_s, vz_m_s = at.T
     return positions(law, Start(x_m, z_m, vx_m_s, vz_m_s, spin_rev_s), jnp.zeros(at.shape[0]), time_s, look)
@@ -142,3 +141,21 @@ def guess_lead(data: TrackData, exit: Any) -> Float[np.ndarray, "k 3"]:
     ahead_m_s = np.maximum(np.asarray(exit.speed_m_s) * np.cos(exit.elevation_rad), 0.5)
     zero = np.zeros(len(data.row))
     return np.column_stack([zero, zero, np.clip(data.down_m[:, 0] / ahead_m_s[data.row], -0.5, 2.0)])
+
+
+def log_det_and_inverse(matrix: Float[Any, "n m m"]) -> tuple[Float[Any, " n"], Float[Any, "n m m"]]:
+    """(log of the determinant [n], inverse [n, m, m]) of positive definite matrices [n, m, m], by Gauss-Jordan.
+
+    No library call, so that derivatives of any order are cheap.
+    """
+    size = matrix.shape[-1]
+    left, right = matrix, jnp.broadcast_to(jnp.eye(size), matrix.shape)
+    log_det = jnp.zeros(matrix.shape[:-2])
+    for row in range(size):
+        pivot = left[..., row, row]
+        log_det = log_det + jnp.log(pivot)
+        left_row, right_row = left[..., row, :] / pivot[..., None], right[..., row, :] / pivot[..., None]
+        factor = left[..., :, row] - jnp.eye(size)[row]
+        left = left - factor[..., :, None] * left_row[..., None, :]
+        right = right - factor[..., :, None] * right_row[..., None, :]
+    return log_det, right

@@ -4,11 +4,12 @@ The workbook is made here, with the sheets and columns that its authors' public 
 """
 
 import csv
+import io
 import sys
 from pathlib import Path
 
+import openpyxl
 import pytest
-import xlwt
 
 import truearc.cli.main as truearc
 from tests.proof.importers.test_import_ball_drops import good, write
@@ -35,14 +36,16 @@ def sheets() -> Sheets:
 
 
 def workbook(path: Path, content: Sheets, header: tuple[str, ...] = HEADER) -> Path:
-    book = xlwt.Workbook()
+    """As the public file is: of the newer kind, whatever its name ends in."""
+    book = openpyxl.Workbook()
+    book.remove(book.active)
     for name, rows in content.items():
-        sheet = book.add_sheet(name)
-        for row, cells in enumerate([list[object](header), *rows]):
-            for column, cell in enumerate(cells):
-                if cell is not None:
-                    sheet.write(row, column, cell)
-    book.save(str(path))
+        sheet = book.create_sheet(name)
+        for cells in (header, *rows):
+            sheet.append(list(cells))
+    buffer = io.BytesIO()
+    book.save(buffer)
+    path.write_bytes(buffer.getvalue())
     return path
 
 
@@ -121,7 +124,8 @@ def test_a_sheet_without_its_columns_is_named(tmp_path: Path, capsys: pytest.Cap
 def test_a_workbook_that_is_none_or_cut_short_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     book, balls = files(tmp_path, sheets())
     whole = book.read_bytes()
-    for data in (whole[:len(whole) // 2], whole[:100], b"", b"PK\x03\x04 a newer kind", b"ball,drop"):
+    for data in (whole[:len(whole) // 2], whole[:100], b"", b"PK\x03\x04 no more", b"\xd0\xcf\x11\xe0 an older kind",
+                 b"ball,drop"):
         book.write_bytes(data)
         assert truearc.main(["import", "ball-drops", str(book), str(balls), "-o", str(tmp_path / "out")]) == 2
         said = capsys.readouterr()
@@ -133,8 +137,8 @@ def test_a_workbook_that_is_none_or_cut_short_is_refused(tmp_path: Path, capsys:
 
 def test_without_the_package_it_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     paths = files(tmp_path, sheets())
-    monkeypatch.setitem(sys.modules, "xlrd", None)
-    with pytest.raises(InputError, match=r"needs xlrd: pip install \./proof"):
+    monkeypatch.setitem(sys.modules, "openpyxl", None)
+    with pytest.raises(InputError, match=r"needs openpyxl: pip install \./proof"):
         import_ball_drops(*paths)
 
 

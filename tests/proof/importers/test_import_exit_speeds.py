@@ -21,7 +21,7 @@ CONSTANTS = """
   // {{9.9, {200.0, kVelocityFinisher}}
   constexpr double kVelocityFinisher = 350.0;
   shots = Table({{1.0, {0.01, 10.7}}, {1.2, {0.01, 10.7}}});
-  speeds = Table({{10.6, {250.0, kVelocityFinisher}},
+  r->flywheel_shot_interpolation_table = Table({{10.6, {250.0, kVelocityFinisher}},
                   {17.0, {500.0,
                           kVelocityFinisher}}});
 """
@@ -50,6 +50,8 @@ def test_the_teams_own_file_says_the_same_as_the_table(tmp_path: Path) -> None:
     shots = import_971(original).shots
     assert shots.number("exit_speed_m_s").tolist() == [10.6, 17.0]
     assert shots.number("wheel_left_rad_s").tolist() == [250.0, 500.0]
+    original.write_text(CONSTANTS.replace("kVelocityFinisher}", "340.0}"))        # a finisher of its own in each row
+    assert import_971(original).shots.number("exit_speed_m_s").tolist() == [10.6, 17.0]
     original.write_text(CONSTANTS.replace("17.0", "kFast"))
     with pytest.raises(InputError, match=r"constants\.cc:6: ball_speed_mps: 'kFast' is not a finite number"):
         import_971(original)

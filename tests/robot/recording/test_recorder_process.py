@@ -4,6 +4,7 @@ that was killed."""
 import os
 import signal
 import sys
+import threading
 import time
 from contextlib import ExitStack
 
@@ -48,6 +49,14 @@ def patient(monkeypatch):
 def process():
     with ExitStack() as wires:
         yield RecorderProcess(wires)
+
+
+def test_recorder_process_ends_silently_when_closed_while_starting(monkeypatch):
+    raised = []
+    monkeypatch.setattr(threading, "excepthook", raised.append)
+    with ExitStack() as wires:
+        RecorderProcess(wires)                    # as where another wire of the run cannot be opened
+    assert raised == []
 
 
 @pytest.fixture

@@ -85,7 +85,7 @@ def test_a_bad_trace_sample_is_named(tmp_path):
     ("shot_id,a,a\nx,1,2\n", "shots.csv:1: column 'a' stands twice"),
     ("shot_id;distance_m\nx;3,5\n", "shots.csv:1: cells are separated by semicolons; save the table with commas"),
     ("shot_id\tdistance_m\nx\t3.5\n", "shots.csv:1: cells are separated by tabs; save the table with commas"),
-    ("shot_id,\nx,1\n", "shots.csv:1: column '' has no name"),
+    ("shot_id,\nx,1\n", "shots.csv:1: column '' is unnamed"),
     ('shot_id,a\nx,"1\n', "shots.csv:2: unexpected end of data"),
 ])
 def test_a_broken_file_is_named(tmp_path, shots, message):

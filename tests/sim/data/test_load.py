@@ -9,7 +9,7 @@ import pytest
 
 from tests.sim.data.files import GOOD, HEADER, RIG, write
 from truearc.robot.config.schema import InputError
-from truearc.sim.data.dataset import dataset_hash, load_dataset
+from truearc.sim.data.dataset import hash_dataset, load_dataset
 
 
 def test_reads_what_formats_md_shows(tmp_path):
@@ -70,9 +70,9 @@ def test_parquet_says_the_same_as_csv(tmp_path):
     csv = write(tmp_path / "c", "shot_id,hood_deg,distance_m,session\na,50,3.0,x\nb,51.0,,\n")
     assert load_dataset(parquet).shots.text("session") == ("x", "")
     np.testing.assert_array_equal(load_dataset(parquet).shots.number("distance_m"), [3.0, np.nan])
-    assert dataset_hash(parquet) == dataset_hash(csv)
+    assert hash_dataset(load_dataset(parquet)) == hash_dataset(load_dataset(csv))
     (csv / "shots.csv").write_text("shot_id,hood_deg,distance_m,session\na,50,3.0000000000000004,x\nb,51.0,,\n")
-    assert dataset_hash(parquet) != dataset_hash(csv)
+    assert hash_dataset(load_dataset(parquet)) != hash_dataset(load_dataset(csv))
 
 
 def test_a_bad_parquet_row_is_named(tmp_path):

@@ -19,7 +19,7 @@ from truearc.sim.discover.model.design_columns import lay_out
 from truearc.sim.discover.model.linearization import linearise
 from truearc.sim.discover.model.nonparametric_terms import Freed
 from truearc.sim.discover.model.prepared_data import take_in
-from truearc.sim.infer.belief import Belief, load_belief, point_belief, save_belief
+from truearc.sim.infer.belief import Belief, load_belief, point_belief
 from truearc.sim.infer.curve import Curve, before_the_shot
 from truearc.sim.physics.catalogue import find_parameter
 from truearc.sim.physics.simulate import classify, predict
@@ -67,7 +67,7 @@ def test_the_named_effect_is_among_the_coefficients(hasty: tuple[Dataset, Invest
     assert 0.003 < belief.scatter["speed"] < 0.05 and 0.02 < belief.scatter["elevation_deg"] < 2.0
     assert not any(name.startswith(("track_", "scatter.distance")) for name in belief.names)
     path = tmp_path / "adopted.toml"
-    save_belief(path, belief, provenance)
+    replace(belief, provenance=provenance).save(path)
     again = load_belief(path)
     assert again.coefficients == belief.coefficients and np.allclose(again.covariance, belief.covariance)
 
@@ -140,7 +140,7 @@ def test_what_has_no_name_is_adopted_as_a_curve(nameless: Investigation, season:
     assert found.finding.verdict == "unknown"
     belief, provenance = make_belief(found)
     assert provenance["adopted"] == ["launch speed by distance_m"]
-    save_belief(tmp_path / "adopted.toml", belief, provenance)
+    replace(belief, provenance=provenance).save(tmp_path / "adopted.toml")
     adopted = load_belief(tmp_path / "adopted.toml")
     assert adopted.curves["free_speed"].covariate == "distance_m"
     around = before_the_shot(adopted.curves, unseen.facts, unseen.shots)

@@ -16,7 +16,7 @@ from truearc.sim.discover.detect.localization import locate
 from truearc.sim.discover.model.baseline_fit import fit_believed
 from truearc.sim.discover.model.design_columns import lay_out
 from truearc.sim.discover.model.prepared_data import take_in
-from truearc.sim.infer.map_fit import fit_ml
+from truearc.sim.infer.map_fit import fit_map
 from truearc.sim.physics.simulate import predict
 from truearc_proof.importers.ball_drops import import_ball_drops
 from truearc_proof.importers.exit_speeds import import_971
@@ -60,7 +60,7 @@ def test_falling_balls_are_slower_than_gravity_has_them(data_dir: Path) -> None:
     assert judged.p_any <= 0.05
     place = locate(fitted.evidence, asked, judged, 0.05, clusters, 0)
     assert (place.column.stage, place.column.direction) == ("flight", "along")
-    fit = fit_ml(drops.facts, drops, ("drag",))
+    fit = fit_map(drops.facts, drops, ("drag",))
     assert fit.converged and 0.3 < fit.values["drag.cd"] < 0.8         # one number for smooth and rough ones
 
 
@@ -83,7 +83,7 @@ def test_254s_tables_fit_no_name(data_dir: Path) -> None:
 def test_254s_old_balls_are_shot_steeper_and_would_fly_too_high_as_new_ones(data_dir: Path) -> None:
     tables = import_254(data_dir / "real/frc_shot_tables.csv")
     new, old = only(tables, "ball_quality=new"), only(tables, "ball_quality=old")
-    believed = fit_ml(new.facts, new, ("gravity", "drag", "magnus", "exit_efficiency")).belief.coefficients
+    believed = fit_map(new.facts, new, ("gravity", "drag", "magnus", "exit_efficiency")).belief.coefficients
     foretold = np.asarray(predict(old.facts, believed, old.shots).height_m) - GOAL_M
     assert np.all((foretold > 0.3) & (foretold < 0.6))
     with pytest.raises(InputError, match="6 shots are too few"):

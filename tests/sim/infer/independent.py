@@ -17,7 +17,7 @@ AREA_M2 = math.pi * rig.RADIUS_M**2
 
 @dataclass(frozen=True)
 class Truth:
-    """What is behind the shots. `speed_sd` of the log of the exit speed."""
+    """Truth behind the shots. `speed_sd` of the log of the exit speed."""
 
     cd: float = 0.5
     cl: float = 0.06
@@ -64,7 +64,7 @@ def fired(rng: np.random.Generator, truth: Truth, distance_m, hood_deg, ratio) -
 
 
 def configurations(rng: np.random.Generator, truth: Truth, n: int, spread: float = 0.03):
-    """(distance, hood, ratio) [n]: somewhere in the field, aimed at the centre but for `spread` of the speed."""
+    """(distance, hood, ratio) [n]: somewhere in the field, aimed at the centre within `spread` of the speed."""
     distance_m, hood_deg = rng.uniform(2.5, 6.5, n), rng.uniform(32.0, 58.0, n)
     low, high = np.full(n, 0.3), np.full(n, 1.2)
     for _ in range(16):
@@ -103,7 +103,7 @@ def make_dataset(seed: int, n: int, truth: Truth = Truth(), side: bool = False, 
 def make_tracks(seed: int, n: int, truth: Truth = Truth(), samples: int = 20, dt_s: float = 1 / 60,
                 noise_m: float = 0.012, wheels: bool = True) -> Dataset:
     """Tracked flights sent off a little to the side, seen from some moment after the exit; balls without wheels do not
-    spin, and nobody knows how they were thrown."""
+    spin, and how they were thrown is unknown."""
     rng = np.random.default_rng(seed)
     distance_m, hood_deg, ratio = rng.uniform(2.5, 6.5, n), rng.uniform(32.0, 58.0, n), rng.uniform(0.45, 0.75, n)
     rows = []

@@ -1,13 +1,15 @@
 """Beliefs read back exactly, draw with their covariance, and refuse what is none."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from truearc.robot.config.schema import InputError
-from truearc.sim.infer.belief import Belief, draw, load_belief, point_belief, save_belief
-from truearc.sim.infer.coefficients import load_coefficients, load_provenance, save_coefficients
+from truearc.sim.infer.belief import Belief, draw, load_belief, point_belief
+from truearc.sim.infer.coefficients import load_coefficients
 
 NAMES = ("drag.cd", "exit_efficiency.loss", "magnus.cl", "scatter.speed")
 POSITIVE = st.floats(1e-3, 5.0)
@@ -25,17 +27,17 @@ def _belief(cd=0.5, cl=0.05, loss=0.25, speed=0.02, factor=None) -> Belief:
 def test_what_is_saved_reads_back(tmp_path_factory, cd, cl, loss, speed, numbers):
     path = tmp_path_factory.mktemp("b") / "coefficients.toml"
     belief = _belief(cd, cl, loss, speed, np.array(numbers).reshape(4, 4))
-    save_belief(path, belief, {"method": "ml"})
+    replace(belief, provenance={"method": "ml"}).save(path)
     again = load_belief(path)
     assert (again.coefficients, again.scatter, again.names) == (belief.coefficients, belief.scatter, belief.names)
     np.testing.assert_array_equal(again.covariance, belief.covariance)
     assert load_coefficients(path) == belief.coefficients
-    assert load_provenance(path) == {"method": "ml"}
+    assert load_belief(path).provenance == {"method": "ml"}
 
 
 def test_the_grids_file_is_a_belief_without_doubt(tmp_path):
     path = tmp_path / "coefficients.toml"
-    save_coefficients(path, {"drag": {"cd": 0.91}, "magnus": {"cl": 0.06}}, {})
+    point_belief({"drag": {"cd": 0.91}, "magnus": {"cl": 0.06}}).save(path)
     belief = load_belief(path)
     assert (belief.scatter, belief.names, belief.covariance.shape) == ({}, (), (0, 0))
     assert [one.coefficients for one in draw(belief, 3, np.random.default_rng(0))] == [belief.coefficients] * 3
@@ -53,7 +55,7 @@ def test_draws_have_the_covariance_on_the_parameters_own_scales():
     np.testing.assert_allclose(numbers.mean(1), [np.log(0.5), -np.log(0.75), 0.05, np.log(0.02)], atol=0.01)
     np.testing.assert_allclose(np.cov(numbers), belief.covariance, atol=2e-3)
     assert cd.min() > 0.0 and loss.max() < 1.0
-    assert {one.scatter["elevation_deg"] for one in drawn} == {0.4}         # it has no name: exact
+    assert {one.scatter["elevation_deg"] for one in drawn} == {0.4}         # not among the names: exact
     once, again = (draw(belief, 5, np.random.default_rng(1)) for _ in range(2))
     assert [one.coefficients for one in once] == [one.coefficients for one in again]
 

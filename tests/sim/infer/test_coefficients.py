@@ -1,11 +1,14 @@
 """coefficients.toml reads back exactly; what the catalogue does not know is refused by name."""
 
+from dataclasses import replace
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from truearc.robot.config.schema import InputError
-from truearc.sim.infer.coefficients import load_coefficients, load_provenance, save_coefficients
+from truearc.sim.infer.belief import load_belief, point_belief
+from truearc.sim.infer.coefficients import load_coefficients
 
 FLOATS = st.floats(allow_nan=False, allow_infinity=False)
 TEXT = st.text(alphabet=st.characters(codec="utf-8"), max_size=20)
@@ -17,9 +20,9 @@ PLAIN = st.one_of(TEXT, FLOATS, st.integers(0, 10**9), st.booleans())
 def test_what_is_saved_reads_back(tmp_path_factory, cd, cl, provenance):
     path = tmp_path_factory.mktemp("c") / "coefficients.toml"
     coefficients = {"drag": {"cd": cd}, "magnus": {"cl": cl}}
-    save_coefficients(path, coefficients, provenance)
+    replace(point_belief(coefficients), provenance=provenance).save(path)
     assert load_coefficients(path) == coefficients
-    assert load_provenance(path) == provenance
+    assert load_belief(path).provenance == provenance
 
 
 GOOD = 'schema = "truearc.coefficients/1"\n[drag]\ncd = 0.91\n'

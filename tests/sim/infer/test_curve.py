@@ -1,4 +1,4 @@
-"""Curves of effects without a name: what they are at a shot, and on disk."""
+"""Curves of unexplained effects: what they are at a shot, and on disk."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -12,7 +12,7 @@ from truearc.robot.config.rig_spec import Noise
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Shots
 from truearc.sim.discover.detect.covariates import smooth_shapes, spline_knots
-from truearc.sim.infer.belief import Belief, draw, load_belief, point_belief, replace_values, save_belief
+from truearc.sim.infer.belief import Belief, draw, load_belief, point_belief, replace_values
 from truearc.sim.infer.curve import Curve, along, before_the_shot, natural
 from truearc.sim.infer.forecast import forecast
 from truearc.sim.paper.synthetic_draws import assign, fly_draws
@@ -105,7 +105,7 @@ def test_it_comes_back_from_disk(tmp_path: Path) -> None:
     for number, curve in enumerate((CURVE, Curve((), -0.2), Curve((0.1, 0.2), 0.15, "ball", levels=("a", "b")))):
         file = tmp_path / f"{number}.toml"
         belief = replace(point_belief({**AIR, "free_speed": {"share": 1.0}}), curves={"free_speed": curve})
-        save_belief(file, belief, {"method": "x"})
+        replace(belief, provenance={"method": "x"}).save(file)
         assert load_belief(file).curves == {"free_speed": curve}
 
 
@@ -128,7 +128,7 @@ def test_points_that_are_in_doubt_make_heights_doubtful(curve: Curve, tmp_path: 
     named = ("curve.free_elevation.0", *(f"curve.free_speed.{key}" for key in curve.keys))
     belief = Belief({**AIR, "free_elevation": {"angle_rad": 1.0}, "free_speed": {"share": 1.0}},
                     {"speed": 1e-9, "elevation_deg": 1e-9}, named, np.diag(np.full(len(named), 0.004**2)), curves)
-    save_belief(tmp_path / "c.toml", belief, {"method": "x"})
+    replace(belief, provenance={"method": "x"}).save(tmp_path / "c.toml")
     belief = load_belief(tmp_path / "c.toml")
     assert belief.curves == curves and belief.values() == pytest.approx([0.01, *curve.points])
     slopes = np.zeros((3, len(named)))
@@ -161,7 +161,7 @@ def flown(belief: Belief) -> np.ndarray:
     ({"curves": {}, "names": (), "covariance": np.zeros((0, 0))}, "how large")])
 def test_curves_and_terms_that_do_not_go_together_are_refused(change: dict, said: str, tmp_path: Path) -> None:
     belief = Belief({"free_speed": {"share": 1.0}}, {}, ("curve.free_speed.0",), np.eye(1), {"free_speed": CURVE})
-    save_belief(tmp_path / "c.toml", replace(belief, **change), {"method": "x"})
+    replace(belief, **change, provenance={"method": "x"}).save(tmp_path / "c.toml")
     with pytest.raises(InputError, match=said):
         load_belief(tmp_path / "c.toml")
 

@@ -20,7 +20,7 @@ from truearc.sim.physics.simulate import classify, launch_of, predict
 
 ADDED = tuple(term for term in TERMS if term.name not in ("gravity", "drag", "magnus"))
 BELIEVED = {"gravity": {"scale": 1.0}, "drag": {"cd": 0.5}, "magnus": {"cl": 0.1}}
-SILENT = ("wind_y", "ball_spread")    # across the flight, whose sideways part is left out; nobody knows a ball's own
+SILENT = ("wind_y", "ball_spread")    # across the flight, whose sideways part is left out; a ball's own is unknown
 
 
 def _dataset() -> Dataset:
@@ -34,14 +34,14 @@ def _dataset() -> Dataset:
     height_m = predict(GUPPY, BELIEVED, shots).height_m
     numbers["miss_height_m"] = height_m - 2.44 + rng.normal(0.0, 0.1, n)
     numbers["miss_height_m"][4:] = np.nan
-    facts = msgspec.structs.replace(GUPPY, target=Target(float(np.median(height_m)), 0.1, 0.4))
-    outcome = tuple(classify(facts, height_m + rng.normal(0.0, 0.1, n)))
+    rig = msgspec.structs.replace(GUPPY, target=Target(float(np.median(height_m)), 0.1, 0.4))
+    outcome = tuple(classify(rig, height_m + rng.normal(0.0, 0.1, n)))
     tracked = [0, 3]
     flown = path(GUPPY, flight_terms(BELIEVED), BELIEVED, launch_of(GUPPY, shots.take(tracked)), 9, 0.05)
     x, z = (np.asarray(part).T.ravel() for part in (flown.position_m.x, flown.position_m.z))
     noise = rng.normal(0.0, 0.01, (2, len(x)))
     tracks = Tracks(np.repeat(tracked, 9), np.tile(np.arange(9) * 0.05, 2), x + noise[0], 0.0 * x, z + noise[1])
-    return Dataset("made", facts, Shots(shots.shot_id, numbers, {"outcome": outcome}), tracks)
+    return Dataset("made", rig, Shots(shots.shot_id, numbers, {"outcome": outcome}), tracks)
 
 
 @pytest.fixture(scope="module")

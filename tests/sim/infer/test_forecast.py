@@ -28,7 +28,7 @@ def _clean_height(truth: Truth) -> np.ndarray:
 
 
 def test_heights_and_scatter_are_those_of_many_shots():
-    """Launch scatter and sensor noise together; a point belief has no doubt of its own."""
+    """Launch scatter and sensor noise together; a point belief adds no uncertainty."""
     ahead = forecast(GUPPY, point_belief(EXACT, {"speed": 0.02, "elevation_deg": 0.5}), _shots())
     np.testing.assert_allclose(ahead.height_m, _clean_height(TRUTH), atol=1e-5)
     np.testing.assert_array_equal(ahead.parameter_m, 0.0)

@@ -16,7 +16,7 @@ from truearc.sim.infer.advise import advise
 from truearc.sim.infer.crossval import cross_validate
 from truearc.sim.infer.identifiability import identify
 from truearc.sim.infer.likelihood.observations import gather
-from truearc.sim.infer.map_fit import MlFit, fit_ml
+from truearc.sim.infer.map_fit import MapFit, fit_map
 from truearc.sim.infer.profile import Z90, deviance_at, profile_interval
 
 TERMS = ("drag", "magnus", "exit_efficiency")
@@ -26,8 +26,8 @@ TRUE = {"drag.cd": TRUTH.cd, "magnus.cl": TRUTH.cl, "exit_efficiency.loss": TRUT
 
 
 @pytest.fixture(scope="module")
-def outcomes() -> MlFit:
-    return fit_ml(GUPPY, make_dataset(11, 100), TERMS)
+def outcomes() -> MapFit:
+    return fit_map(GUPPY, make_dataset(11, 100), TERMS)
 
 
 def test_outcomes_alone_recover_what_is_behind_them(outcomes):
@@ -41,17 +41,17 @@ def test_outcomes_alone_recover_what_is_behind_them(outcomes):
 def test_the_optimum_is_one_whatever_the_order_of_shots(outcomes):
     dataset = make_dataset(11, 100)
     turned = dataclasses.replace(dataset, shots=dataset.shots.take(np.arange(100)[::-1]))
-    again = fit_ml(GUPPY, turned, TERMS)
+    again = fit_map(GUPPY, turned, TERMS)
     np.testing.assert_allclose(again.optimum.u, outcomes.optimum.u, atol=1e-4)
-    np.testing.assert_array_equal(fit_ml(GUPPY, dataset, TERMS).optimum.u, outcomes.optimum.u)
+    np.testing.assert_array_equal(fit_map(GUPPY, dataset, TERMS).optimum.u, outcomes.optimum.u)
 
 
 @pytest.mark.slow
 def test_sides_and_heights_know_more(outcomes):
-    def doubt(fit: MlFit) -> float:
+    def doubt(fit: MapFit) -> float:
         return fit.covariance[fit.model.names.index("drag.cd")][fit.model.names.index("drag.cd")]
 
-    side, height = (fit_ml(GUPPY, make_dataset(11, 100, **{what: True}), TERMS) for what in ("side", "height"))
+    side, height = (fit_map(GUPPY, make_dataset(11, 100, **{what: True}), TERMS) for what in ("side", "height"))
     assert side.converged and height.converged
     assert doubt(height) < doubt(side) < doubt(outcomes)
     for fit in (side, height):
@@ -104,7 +104,7 @@ def test_slip_and_loss_at_one_speed_are_one_number():
     flown = heights(same["distance_m"], speed * 0.75 * np.exp(rng.normal(0, 0.015, 100)), np.radians(same["hood_deg"]),
                     spin, TRUTH) - CENTRE_M
     shots = Shots(dataset.shots.shot_id, same | {"miss_height_m": flown}, {})
-    fit = fit_ml(GUPPY, Dataset("d", GUPPY, shots), (*TERMS, "wheel_slip"))
+    fit = fit_map(GUPPY, Dataset("d", GUPPY, shots), (*TERMS, "wheel_slip"))
     pair = next(one for one in identify(fit).pairs if {one.a, one.b} == {"wheel_slip.loss_per_m_s",
                                                                          "exit_efficiency.loss"})
     loss, k = fit.values["exit_efficiency.loss"], fit.values["wheel_slip.loss_per_m_s"]
@@ -115,7 +115,7 @@ def test_slip_and_loss_at_one_speed_are_one_number():
 
 @pytest.mark.slow
 def test_tracks_recover_coefficients_scatter_and_noise():
-    fit = fit_ml(GUPPY, make_tracks(21, 12), TERMS)
+    fit = fit_map(GUPPY, make_tracks(21, 12), TERMS)
     assert fit.converged
     assert fit.gathered.used == {"tracks": 12}
     for name, value in (TRUE | {"tracks.noise_m": 0.012}).items():
@@ -127,8 +127,8 @@ def test_tracks_recover_coefficients_scatter_and_noise():
 
 @pytest.mark.slow
 def test_thrown_balls_need_no_launcher():
-    facts = msgspec.structs.replace(GUPPY, launcher=msgspec.structs.replace(GUPPY.launcher, wheel=()))
-    fit = fit_ml(facts, make_tracks(22, 8, wheels=False), ("drag",))
+    rig = msgspec.structs.replace(GUPPY, launcher=msgspec.structs.replace(GUPPY.launcher, wheel=()))
+    fit = fit_map(rig, make_tracks(22, 8, wheels=False), ("drag",))
     assert fit.converged
     assert fit.model.names == ("drag.cd", "tracks.noise_m")
     assert deviance_at(fit, "drag.cd", 0.5) < 9.0
@@ -157,11 +157,11 @@ def test_a_mixed_dataset_uses_each_shot_for_what_it_has():
 def test_nothing_to_fit_to_is_bad_input():
     shots = Shots(("a",), {"distance_m": np.array([4.0]), "hood_deg": np.array([45.0])}, {"outcome": ("two",)})
     with pytest.raises(InputError, match=r"^shots: there is nothing to fit to.*: no launch speed: motor_ratio"):
-        fit_ml(GUPPY, Dataset("d", GUPPY, shots), TERMS)
+        fit_map(GUPPY, Dataset("d", GUPPY, shots), TERMS)
     with pytest.raises(InputError, match="no term 'dragg'"):
-        fit_ml(GUPPY, make_dataset(1, 20), ("dragg",))
+        fit_map(GUPPY, make_dataset(1, 20), ("dragg",))
 
 
 def test_a_search_cut_short_does_not_claim_to_have_settled(monkeypatch):
     monkeypatch.setattr(truearc.sim.infer.optimum, "MOST_ITERATIONS", 1)
-    assert not fit_ml(GUPPY, make_dataset(11, 100), TERMS).converged
+    assert not fit_map(GUPPY, make_dataset(11, 100), TERMS).converged

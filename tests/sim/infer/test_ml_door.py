@@ -6,9 +6,8 @@ import pytest
 import truearc.sim.infer.optimum
 from tests.sim.infer.independent import make_dataset
 from truearc.cli.main import main
-from truearc.sim.data.dataset import dataset_hash, save_dataset
+from truearc.sim.data.dataset import hash_dataset, load_dataset, save_dataset
 from truearc.sim.infer.belief import load_belief
-from truearc.sim.infer.coefficients import load_provenance
 
 TERMS = "drag,magnus,exit_efficiency"
 
@@ -33,8 +32,8 @@ def test_a_fit_is_told_in_words_and_written_as_a_belief(directory, tmp_path, cap
     assert set(belief.coefficients) == {"drag", "magnus", "exit_efficiency"}
     assert set(belief.scatter) == {"speed", "elevation_deg"}
     assert np.linalg.eigvalsh(belief.covariance).min() > 0.0
-    provenance = load_provenance(out)
-    assert (provenance["method"], provenance["dataset_sha256"]) == ("ml", dataset_hash(directory))
+    provenance = load_belief(out).provenance
+    assert (provenance["method"], provenance["dataset_sha256"]) == ("ml", hash_dataset(load_dataset(directory)))
     low, high = provenance["interval90"]["drag.cd"]
     assert low < belief.coefficients["drag"]["cd"] < high
     assert main(["predict", str(directory), "--coefficients", str(out), "-o", str(tmp_path / "p.csv")]) == 0
@@ -42,11 +41,11 @@ def test_a_fit_is_told_in_words_and_written_as_a_belief(directory, tmp_path, cap
 
 @pytest.mark.parametrize(("arguments", "message"), [
     (["--terms", "drag,magnetism"], "no term 'magnetism'"),
-    (["--terms", ""], "--terms: names no term"),
-    (["--terms", " , "], "--terms: names no term"),
+    (["--terms", ""], "--terms: got ''; expected at least one entry"),
+    (["--terms", " , "], "--terms: got ' , '; expected at least one entry"),
     (["--seed", "1"], "--seed: applies with --posterior only"),
-    (["--posterior", "0"], "--posterior is 0"),
-    (["--posterior", "5", "--seed", "-1"], "--seed is -1"),
+    (["--posterior", "0"], "--posterior: got 0"),
+    (["--posterior", "5", "--seed", "-1"], "--seed: got -1"),
     (["-o", "nowhere/at/all.toml"], "nowhere/at/all.toml"),
 ])
 def test_a_users_mistake_is_named(directory, capsys, arguments, message):

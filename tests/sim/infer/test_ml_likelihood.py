@@ -22,9 +22,8 @@ from truearc.sim.infer.likelihood.shot_likelihood import (
     objective,
     outcome_table,
 )
-from truearc.sim.infer.likelihood.small_matrices import log_det_and_inverse
 from truearc.sim.infer.likelihood.track_data import TrackData
-from truearc.sim.infer.likelihood.track_likelihood import linear
+from truearc.sim.infer.likelihood.track_likelihood import linear, log_det_and_inverse
 from truearc.sim.infer.parameters import make_model
 
 TERMS = ("drag", "magnus", "exit_efficiency")

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from jaxtyping import TypeCheckError
 from scipy import integrate, special, stats
 
 from truearc.robot.config.rig_spec import Target
@@ -119,3 +120,9 @@ def test_what_words_leave_open():
         assert not make_marks(TARGET, words[:1], words[1:], NAN).marked[0] or interval(TARGET, *words)[:2] != nothing
     assert not make_marks(TARGET, ("miss",), ("left",), NAN).marked[0]
     assert not make_marks(TARGET, ("",), ("",), NAN).marked[0]
+
+
+def test_marks_of_another_length_than_the_heights_are_refused() -> None:
+    marks = make_marks(TARGET, ("two",), ("",), np.array([np.nan]))
+    with pytest.raises(TypeCheckError, match="sd_m"):
+        log_marks(marks, jnp.zeros(1), jnp.ones(2))

@@ -8,7 +8,7 @@ from tests.sim.physics.rigs import GUPPY
 from tests.sim.thin import thinned
 from truearc.cli.main import main
 from truearc.sim.data.dataset import load_dataset
-from truearc.sim.infer.map_fit import fit_ml
+from truearc.sim.infer.map_fit import fit_map
 from truearc.sim.infer.posterior import FEWEST_EFFECTIVE, SPLIT_R_HAT, sample, save_draws
 from truearc.sim.infer.profile import profile_interval
 
@@ -18,8 +18,8 @@ TERMS = ("drag", "magnus", "exit_efficiency")
 
 def test_the_sampler_agrees_with_the_profile(tmp_path):
     """Measured heights make the posterior near normal: there both must say the same. The elevation's scatter is not:
-    24 shots hardly know it, and whether 300 draws of it count as mixed is luck, and another on another processor."""
-    fit = fit_ml(GUPPY, make_dataset(11, 24, height=True), TERMS)
+    24 shots hardly know it, and whether 300 draws of it count as mixed depends on chance and on the processor."""
+    fit = fit_map(GUPPY, make_dataset(11, 24, height=True), TERMS)
     drawn = sample(fit, 300, seed=1)
     known = ("exit_efficiency.loss", "drag.cd", "magnus.cl", "scatter.speed")
     assert (drawn.r_hat[:len(known)] < SPLIT_R_HAT).all() and (drawn.effective[:len(known)] > FEWEST_EFFECTIVE).all()
@@ -41,14 +41,14 @@ def test_the_sampler_agrees_with_the_profile(tmp_path):
 
 @pytest.mark.data
 def test_a_real_launchers_tracks(data_dir, tmp_path):
-    """Table-tennis launches whose elevation nobody recorded: the wheels give the spin, the tracks all else.
+    """Table-tennis launches whose elevation was not recorded: the wheels give the spin, the tracks all else.
 
     A smooth ball at these speeds has a drag coefficient of 0.4 to 0.5, and the cameras were good to millimetres.
     """
     files = [str(data_dir / "real" / name) for name in ("mpi_launches.csv", "mpi_tracks.csv")]
     assert main(["import", "mpi", *files, "-o", str(tmp_path / "mpi"), "--quiet"]) == 0
     dataset = thinned(load_dataset(tmp_path / "mpi"))
-    fit = fit_ml(dataset.facts, dataset, ("drag", "magnus"))
+    fit = fit_map(dataset.facts, dataset, ("drag", "magnus"))
     assert fit.converged
     assert 0.36 < fit.values["drag.cd"] < 0.5
     assert fit.values["magnus.cl"] > 0.0

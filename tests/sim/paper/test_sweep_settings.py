@@ -132,8 +132,8 @@ def test_the_door_writes_tables_picture_and_weights(tmp_path: Path, capsys: pyte
 
 
 @pytest.mark.parametrize(("words", "named"), [
-    (["--real", "nowhere"], "nowhere"), (["--sizes", "0,x"], "--sizes: 'x' in '0,x' is not a whole number"),
-    (["--lambdas", "0.1,"], "--lambdas: '' in '0.1,' is not a number"), (["--seeds", "0"], "--seeds is 0"),
+    (["--real", "nowhere"], "nowhere"), (["--sizes", "0,x"], "--sizes: 'x' is not a whole number"),
+    (["--lambdas", "0.1,-"], "--lambdas: '-' is not a number"), (["--seeds", "0"], "--seeds: got 0"),
     (["--sizes", "5"], "--sim has 0"), (["--patience", "0"], "--patience"),
 ])
 def test_bad_options_are_named(words: list[str], named: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,

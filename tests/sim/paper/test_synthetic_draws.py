@@ -9,8 +9,7 @@ import truearc.cli.main as truearc
 from truearc.robot.config.rig_spec import Ball, LauncherFacts, Noise, Rig, Target, Wheel
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import load_dataset, save_rig
-from truearc.sim.infer.belief import Belief, draw, point_belief, save_belief
-from truearc.sim.infer.coefficients import save_coefficients
+from truearc.sim.infer.belief import Belief, draw, point_belief
 from truearc.sim.paper.synthetic_data import grid_heights, grid_shots, load_provenance, sample_shots
 from truearc.sim.paper.synthetic_draws import (
     assign,
@@ -129,8 +128,8 @@ def test_the_sample_is_balanced_repeats_and_avoids_recorded_shots(belief: Belief
 def test_the_door_says_what_a_file_without_doubt_lacks(belief: Belief, tmp_path: Path,
                                                         capsys: pytest.CaptureFixture[str]) -> None:
     save_rig(tmp_path / "rig.toml", make_facts(Noise()))
-    save_coefficients(tmp_path / "grid.toml", belief.coefficients, {})
-    save_belief(tmp_path / "ml.toml", belief, {})
+    point_belief(belief.coefficients).save(tmp_path / "grid.toml")
+    belief.save(tmp_path / "ml.toml")
     words = ["paper", "synth", "--quiet", "--rig", f"{tmp_path}/rig.toml", "-n", "30", "--draws", "20"]
     assert truearc.main([*words, "--coefficients", f"{tmp_path}/grid.toml", "-o", f"{tmp_path}/a"]) == 2
     assert "grid.toml: has no [scatter] and no [covariance]" in capsys.readouterr().err

@@ -49,26 +49,26 @@ def ball_of(numbers, time_s: float = FLOWN_S) -> BallState:
     return BallState(*(Vec(*numbers[first:first + 3]) for first in (0, 3, 6)), time_s)
 
 
-def forces_on(facts: Rig, ball: BallState, names: tuple[str, ...]) -> dict[str, Vec]:
+def forces_on(rig: Rig, ball: BallState, names: tuple[str, ...]) -> dict[str, Vec]:
     """What terms that are a share of others may find before them."""
-    return {term.name: term.acceleration(facts, complete(term, {"cd": 0.6, "cl": 0.2}), ball, {})
+    return {term.name: term.acceleration(rig, complete(term, {"cd": 0.6, "cl": 0.2}), ball, {})
             for term in find_terms(names)}
 
 
-def call(term: Term, values, numbers=None, facts: Rig = GUPPY, others=("gravity", "drag", "magnus"),
+def call(term: Term, values, numbers=None, rig: Rig = GUPPY, others=("gravity", "drag", "magnus"),
          exit: Exit = EXITS, distance_m=DISTANCES_M, hole: Opening = HOLE, time_s: float = FLOWN_S) -> np.ndarray:
     """All that a term's hook answers, as one array, whatever its stage; flight in the state `numbers`."""
     ball = ball_of(state(1) if numbers is None else numbers, time_s)
     if isinstance(term, FlightTerm):
-        answer = [tuple(term.acceleration(facts, values, ball, forces_on(facts, ball, others)))]
+        answer = [tuple(term.acceleration(rig, values, ball, forces_on(rig, ball, others)))]
     elif isinstance(term, AirTerm):
-        met = term.meet(facts, values, ball)
+        met = term.meet(rig, values, ball)
         answer = [tuple(met.velocity_m_s), tuple(met.spin_rev_s)]
     elif isinstance(term, SensingTerm):
-        answer = [tuple(part) for part in (*term.sense(facts, values, exit, distance_m)[0],
-                                           term.sense(facts, values, exit, distance_m)[1])]
+        answer = [tuple(part) for part in (*term.sense(rig, values, exit, distance_m)[0],
+                                           term.sense(rig, values, exit, distance_m)[1])]
     elif isinstance(term, LaunchTerm):
-        answer = [tuple(part) for part in term.leave(facts, values, exit)]
+        answer = [tuple(part) for part in term.leave(rig, values, exit)]
     elif isinstance(term, WatchTerm):
         answer = [tuple(term.watch(values, ball.position_m, ball.velocity_m_s, ball.time_s))]
     else:
@@ -78,7 +78,7 @@ def call(term: Term, values, numbers=None, facts: Rig = GUPPY, others=("gravity"
 
 
 def untouched(term: Term) -> np.ndarray:
-    """What a hook answers that does nothing."""
+    """The answer of a hook that changes nothing."""
     ball = ball_of(state(1))
     if isinstance(term, FlightTerm):
         return np.zeros((1, 3))
@@ -96,7 +96,7 @@ def finite(tree) -> bool:
 
 
 def factor(unit: str, length: float, time: float, mass: float) -> float:
-    """What a number with this unit ("1", "m/s2", "kg/m3", ...) is multiplied by in other units."""
+    """The factor by which a number with this unit ("1", "m/s2", "kg/m3", ...) is multiplied by in other units."""
     bases = {"m": length, "s": time, "kg": mass, "rad": 1.0, "rev": 1.0, "deg": 1.0, "1": 1.0}
     above, _, below = unit.partition("/")
     result = 1.0

@@ -14,8 +14,8 @@ class Flex(LaunchTerm):
     direction = "vertical"
     label = "yielding hood"
     sentence = "The hood yields to the ball."
-    phrase = either_way("the hood yields {} <way>", "down", "up", ANGLE)
+    phrase = either_way("the hood yields {} <down|up>", ANGLE)
     instrument = Instrument("hood_film", "hood angle on film", 0.3)
 
-    def leave(self, facts: Rig, values: Values, exit: Exit) -> Exit:
+    def leave(self, rig: Rig, values: Values, exit: Exit) -> Exit:
         return exit._replace(elevation_rad=exit.elevation_rad - math.radians(1.0) * values["angle_deg"])

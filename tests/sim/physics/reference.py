@@ -1,4 +1,4 @@
-"""The seed's Eq. 1-14 again, from the paper alone: angles in the plane, SciPy's DOP853. No import of
+"""The paper's Eq. 1-14 again, from the paper alone: angles in the plane, SciPy's DOP853. No import of
 truearc.sim.physics."""
 
 import math

@@ -1,4 +1,4 @@
-"""The catalogue as a value: order, names, and every declared field used by somebody."""
+"""The catalogue as a value: order, names, and every declared field used somewhere."""
 
 import ast
 import dataclasses

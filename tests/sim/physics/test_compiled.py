@@ -33,7 +33,7 @@ class Odd(FlightTerm):
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("amount", "1", 0.0, 5.0, 0.3, "made up"),)
     sentence: ClassVar[str] = ""
 
-    def acceleration(self, facts: Any, values: Mapping[str, Any], ball: BallState,
+    def acceleration(self, rig: Any, values: Mapping[str, Any], ball: BallState,
                      forces: Mapping[str, Vec]) -> Vec:
         v, z = ball.velocity_m_s, ball.position_m.z
         size = jnp.where(z > 1.0, jnp.exp(-z), jnp.tanh(v.x)) + jnp.maximum(v.x, 0.1) ** 3 + jnp.abs(v.z) ** 1.5
@@ -48,7 +48,7 @@ class Sideways(FlightTerm):
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("amount", "m/s2", 0.0, 5.0, 1.0, "made up"),)
     sentence: ClassVar[str] = ""
 
-    def acceleration(self, facts: Any, values: Mapping[str, Any], ball: BallState,
+    def acceleration(self, rig: Any, values: Mapping[str, Any], ball: BallState,
                      forces: Mapping[str, Vec]) -> Vec:
         return Vec(0.0, values["amount"] * ball.velocity_m_s.x, 0.0)
 
@@ -60,23 +60,23 @@ class Strange(FlightTerm):
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("amount", "1", 0.0, 5.0, 1.0, "made up"),)
     sentence: ClassVar[str] = ""
 
-    def acceleration(self, facts: Any, values: Mapping[str, Any], ball: BallState,
+    def acceleration(self, rig: Any, values: Mapping[str, Any], ball: BallState,
                      forces: Mapping[str, Vec]) -> Vec:
         return Vec(jax.scipy.special.erf(ball.velocity_m_s.x) * values["amount"], 0.0, 0.0)
 
 
-def _said(facts, terms, states, pairs, keep=None):
-    """What the compiled acceleration gives, [n, 2]."""
-    kernel = load_kernel(make_source(facts, terms, VALUES), TEMPLATE, keep)
-    numbers = facts_values(facts)
+def _said(rig, terms, states, pairs, keep=None):
+    """Acceleration by the compiled law, [n, 2]."""
+    kernel = load_kernel(make_source(rig, terms, VALUES), TEMPLATE, keep)
+    numbers = facts_values(rig)
     return np.array([kernel.acceleration(*map(float, state), tuple(map(float, pair)), numbers)
                      for state, pair in zip(states, pairs, strict=True)])
 
 
-def _law(facts, terms, states, pairs, more=None):
+def _law(rig, terms, states, pairs, more=None):
     x, z, vx, vz, spin = states.T
     ball = BallState(Vec(x, 0.0, z), Vec(vx, 0.0, vz), Vec(0.0, -spin, 0.0))
-    pushed = make_law(facts, terms, {**(more or {}), "drag": {"cd": pairs[:, 0]}, "magnus": {"cl": pairs[:, 1]}})(ball)
+    pushed = make_law(rig, terms, {**(more or {}), "drag": {"cd": pairs[:, 0]}, "magnus": {"cl": pairs[:, 1]}})(ball)
     return np.stack([np.broadcast_to(np.asarray(part, float), x.shape) for part in (pushed.x, pushed.z)], axis=1)
 
 

@@ -92,10 +92,10 @@ def test_a_sideways_push_moves_no_height():
 
 
 def test_turning_back_is_told():
-    facts = weightless(1.0)
+    rig = weightless(1.0)
     strong = {"magnus": {"cl": 5.0}}
-    law = make_law(facts, flight_terms(("magnus",)), strong)
-    there = reach_plane(facts, law, Exit(jnp.array([5.0, 5.0]), 0.3, jnp.array([0.0, 20.0])), jnp.array([3.0, 3.0]))
+    law = make_law(rig, flight_terms(("magnus",)), strong)
+    there = reach_plane(rig, law, Exit(jnp.array([5.0, 5.0]), 0.3, jnp.array([0.0, 20.0])), jnp.array([3.0, 3.0]))
     assert list(np.asarray(there.near)) == [True, False]
     np.testing.assert_allclose(there.height_m[0], 1.0 + 3.0 * np.tan(0.3), rtol=1e-12)
 

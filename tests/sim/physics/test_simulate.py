@@ -1,4 +1,4 @@
-"""The seed's simulator against DOP853 of the paper's equations, and what it takes from a dataset's columns."""
+"""The paper's simulator against DOP853 of the paper's equations, and what it takes from a dataset's columns."""
 
 import msgspec
 import numpy as np
@@ -60,8 +60,8 @@ def test_predict_agrees_with_dop853(cd, cl):
 
 def test_release_on_the_floor():
     shots = _random_shots(np.random.default_rng(13), 60)
-    facts = msgspec.structs.replace(GUPPY, launcher=msgspec.structs.replace(GUPPY.launcher, release_height_m=0.0))
-    height_m = predict(facts, {"drag": {"cd": 0.9}, "magnus": {"cl": 0.05}}, shots).height_m
+    rig = msgspec.structs.replace(GUPPY, launcher=msgspec.structs.replace(GUPPY.launcher, release_height_m=0.0))
+    height_m = predict(rig, {"drag": {"cd": 0.9}, "magnus": {"cl": 0.05}}, shots).height_m
     expected = [reference.integrate(*row, 0.9, 0.05, release_m=0.0).height_m
                 for row in zip(shots.number("distance_m"), shots.number("motor_ratio"), shots.number("hood_deg"),
                                strict=True)]
@@ -109,8 +109,8 @@ def test_measured_columns_take_precedence_row_by_row():
 
 
 def test_three_wheels_launch_without_slip():
-    facts = with_wheels(0.0, 120.0, 240.0)
-    exit = launch_of(facts, _shots(hood_deg=20.0, wheel_w0_rad_s=200.0, wheel_w1_rad_s=300.0, wheel_w2_rad_s=300.0))
+    rig = with_wheels(0.0, 120.0, 240.0)
+    exit = launch_of(rig, _shots(hood_deg=20.0, wheel_w0_rad_s=200.0, wheel_w1_rad_s=300.0, wheel_w2_rad_s=300.0))
     # v + R w_left cos(clock) = u with w_left = -backspin
     backspin = -(200.0 - 300.0) * 0.05 / (1.5 * reference.RADIUS_M) / (2 * np.pi)
     assert exit.speed_m_s[0] == pytest.approx((200.0 + 300.0 + 300.0) * 0.05 / 3)
@@ -127,8 +127,8 @@ def test_shots_without_a_launch_are_named(lacking, named):
 
 
 def test_a_known_speed_without_spin_flies_without_spin():
-    facts = msgspec.structs.replace(GUPPY, launcher=msgspec.structs.replace(GUPPY.launcher, wheel=()))
-    exit = launch_of(facts, _shots(exit_speed_m_s=9.0, exit_deg=45.0))
+    rig = msgspec.structs.replace(GUPPY, launcher=msgspec.structs.replace(GUPPY.launcher, wheel=()))
+    exit = launch_of(rig, _shots(exit_speed_m_s=9.0, exit_deg=45.0))
     assert (exit.speed_m_s[0], exit.spin_rev_s[0]) == (9.0, 0.0)
 
 

@@ -42,7 +42,8 @@ def test_term_without_a_declaration_is_refused(field: str) -> None:
     ({"order": (5, "")}, "order: "), ({"sentence": "It bends"}, "full stop"), ({"__doc__": None}, "no docstring"),
     ({"phrase": Phrase("bends", "unbends", 1.0, "")}, "phrase: "), ({"label": ""}, "label: is empty"),
     ({"instrument": None}, "instrument: "), ({"instrument": Instrument("ruler", "a ruler", 0.0)}, "not above 0"),
-    ({"follows": "moonlight", "record": "the moon"}, "follows: 'moonlight'"), ({"follows": "age"}, "record: is empty"),
+    ({"follows": "moonlight", "record": "the moon"}, "follows: 'moonlight'"),
+    ({"follows": "curve_by"}, "record: is empty"),
     ({"calibration_sd": 0.1}, "calibration_sd: "), ({"parameters": ()}, "parameters: expected a tuple"),
     ({"parameters": (*number(), *number())}, "two have one name"),
     ({"parameters": number(unit="foot")}, "unit: got 'foot'"),
@@ -62,7 +63,7 @@ def test_every_problem_is_named_at_once() -> None:
     class Nothing(LaunchTerm):
         """Declares nothing."""
 
-        def leave(self, facts: Rig, values: Values, exit: Exit) -> Exit:
+        def leave(self, rig: Rig, values: Values, exit: Exit) -> Exit:
             return exit
 
     with pytest.raises(InputError) as caught:

@@ -37,7 +37,7 @@ from truearc.sim.physics.term_check import check_term
 
 NAMES = tuple(term.name for term in TERMS)
 IN_THE_AIR = [term for term in TERMS if isinstance(term, FlightTerm | AirTerm)]
-KNOWN = {"gravity": {"scale"}, "drag_reynolds": {"at_m_s"}}        # parameters that nobody fits
+KNOWN = {"gravity": {"scale"}, "drag_reynolds": {"at_m_s"}}        # parameters that are not fitted
 # the terms of the file formats' first version, and those added since
 STAGES = {
     "sensing": "hood_offset hood_backlash encoder_scale distance_scale distance_bias vision_latency track_scale "
@@ -121,7 +121,7 @@ def test_gradients_are_finite_also_at_rest_and_at_zero(term, speed):
 
 @every_term_in_the_air
 def test_turns_with_the_state(term):
-    """Beside gravity, which turns about z only, where it is asked about it."""
+    """Beside gravity, which turns about z only, where it is tested."""
     if term.name in ("wind_x", "wind_y"):
         pytest.skip("has a direction of its own")
     vertical = term.name in ("gravity", "buoyancy", "wind_z")
@@ -165,7 +165,7 @@ def test_units_are_dimensionally_right(term):
     numbers = state(3) * np.repeat([length, speed, 1.0 / time], 3)
     exit = EXITS._replace(speed_m_s=EXITS.speed_m_s * speed, spin_rev_s=EXITS.spin_rev_s / time,
                           above_m=EXITS.above_m * length)
-    there = call(term, values, numbers, facts=rescaled(length, time, mass), exit=exit, distance_m=DISTANCES_M * length,
+    there = call(term, values, numbers, rig=rescaled(length, time, mass), exit=exit, distance_m=DISTANCES_M * length,
                  hole=type(HOLE)(*(part * length for part in HOLE)), time_s=FLOWN_S * time)
     here = np.asarray(call(term, typical(term), state(3)))
     rows = {"sensing": (speed, 1.0, 1.0 / time, length, length), "launch": (speed, 1.0, 1.0 / time, length)}
@@ -193,7 +193,7 @@ def test_what_it_follows_scales_its_amplitude(term):
 
 @every_term
 def test_an_ordinary_shot_knows_no_departure(term):
-    """Terms that follow something are absent where nobody knows it; a wheel's dip is then the mean one."""
+    """Terms that follow something are absent where it is unknown; a wheel's dip is then the mean one."""
     values = effective({term.name: typical(term)}, Circumstances())[term.name]
     followed = term.follows not in (None, "droop") or term.name == "rapid_fire"
     assert (float(values[term.parameters[0].name]) == 0.0) == followed

@@ -1,18 +1,17 @@
-"""truearc discover: where recordings and simulation disagree, and what explains it."""
+"""Report whether a dataset disagrees with the simulation as it stands, where, and what the simulation lacks.
+
+Before there are data, `truearc identifiability` reports what a season of shots could show.
+"""
 
 import argparse
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import truearc as ta
-from truearc.cli.files import check_place, names_in, write_out
-from truearc.cli.progress import make_progress
-from truearc.cli.terms_from import add_terms_from, catalogue_of
-from truearc.robot.config.schema import InputError
+from truearc.cli.common import add_terms_from, catalogue_of, listed, make_progress, number, out_file, write_out
 from truearc.sim.discover.settings import FALSE_ALARM, check_chances
 
-DESCRIPTION = """Report whether a dataset disagrees with the simulation as it stands, where, and what the simulation
-lacks. Before there are data, `truearc identifiability` reports what a season of shots could show."""
 EXAMPLE = "truearc discover shots/ --believe gravity,drag --json finding.json --report finding.html"
 
 
@@ -22,34 +21,41 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_baseline(parser)
     parser.add_argument("--measured", metavar="TERM=VALUE,SD", action="append", default=[], help="what was measured of "
                         "a term without a shot, with its standard deviation, in the term's unit; may come often")
-    parser.add_argument("--json", metavar="FILE", help="write the finding as JSON")
-    parser.add_argument("--report", metavar="FILE", help="write an HTML report")
-    parser.add_argument("--adopt", metavar="FILE", help="write what was fitted and named as coefficients, for predict, "
-                        "paper synth and train")
+    add_reports(parser)
+    parser.add_argument("--adopt", type=out_file, metavar="FILE", help="write what was fitted and named as "
+                        "coefficients, for predict, paper synth and train")
+
+
+def add_reports(parser: argparse.ArgumentParser) -> None:
+    """Options for the files that an answer is written to: of discover and identifiability."""
+    parser.add_argument("--json", type=out_file, metavar="FILE", help="write the answer as JSON")
+    parser.add_argument("--report", type=out_file, metavar="FILE", help="write an HTML report")
+
+
+def add_believe(parser: argparse.ArgumentParser) -> None:
+    """Options that say which terms there are: of discover, design and identifiability."""
+    parser.add_argument("--believe", type=listed(str), metavar="TERMS",
+                        help="terms of the simulation, comma-separated; else rig.toml's")
+    add_terms_from(parser)
+    parser.add_argument("--seed", type=number(int, 0), default=0, help="of everything drawn at random")
 
 
 def add_baseline(parser: argparse.ArgumentParser) -> None:
     """Options that say what is tested, and how: of discover and design."""
-    parser.add_argument("--believe", metavar="TERMS", help="terms of the simulation, comma-separated; else rig.toml's")
+    add_believe(parser)
     parser.add_argument("--belief", metavar="FILE", help="coefficients.toml of this very rig from an earlier session "
                         "(discover --adopt, fit): the baseline, with its uncertainties; what has changed?")
-    parser.add_argument("--since", metavar="DIR", help="dataset that --belief was adopted from: what the belief leaves "
-                        "over there already is no change; tracks see that, and telemetry at times")
-    add_terms_from(parser)
+    parser.add_argument("--since", metavar="DIR", help="dataset that --belief was adopted from: misfit that "
+                        "is present there, too, is not evidence of change; tracks show it, and telemetry at times")
     parser.add_argument("--false-alarm", type=float, default=FALSE_ALARM, metavar="P",
-                        help="how often to cry wolf where there is none (default %(default)s)")
-    parser.add_argument("--seed", type=int, default=0, help="of everything drawn at random (default %(default)s)")
+                        help="probability of a finding where nothing is missing")
 
 
 def main(args: argparse.Namespace) -> int:
     """Return 0, whether or not something was found."""
-    check_baseline(args)
-    for path in (args.json, args.report, args.adopt):
-        check_place(path)
     _, found = investigate(args, "discover", args.measured)
     adopted = _adopt(found, args.dataset, args.adopt) if args.adopt else None
-    if args.json:
-        write_out(args.json, found.to_json())
+    write_out(args.json, found.to_json())
     if args.report:
         found.to_html(args.report)
     print(found)                      # last: whoever reads it may be gone
@@ -58,43 +64,43 @@ def main(args: argparse.Namespace) -> int:
     return 0
 
 
-def check_baseline(args: argparse.Namespace) -> None:
+def _check(args: argparse.Namespace) -> None:
     """InputError where an option's value is unusable, or options exclude each other, before anything is loaded."""
     check_chances(args.false_alarm, args.seed, ("--false-alarm", "--seed"))
     if args.since is not None and args.belief is None:
-        raise InputError("--since goes with --belief, which was adopted from that dataset")
+        raise ta.InputError("--since goes with --belief, which was adopted from that dataset")
     if args.belief is not None and args.believe is not None:
-        raise InputError("--belief and --believe exclude each other: the file names its terms")
-    names_in("--believe", args.believe)
+        raise ta.InputError("--belief and --believe exclude each other: the file names its terms")
 
 
 def investigate(args: argparse.Namespace, what: str, measured: Sequence[str] = ()) -> "tuple[ta.Dataset, ta.Finding]":
     """The dataset and the finding in it, by the options of `add_baseline`; measured: as in --measured."""
+    _check(args)
     from truearc.sim.compile_cache import keep_compiled
     from truearc.sim.discover.model.design_columns import check_believed
     from truearc.sim.discover.model.external_measurements import read_measured
-    believe, among = names_in("--believe", args.believe), catalogue_of(args)
+    among = catalogue_of(args)
     try:
-        check_believed(believe or (), among)
-    except InputError as error:
-        raise InputError(f"--believe: {error}") from error
+        check_believed(args.believe or (), among)
+    except ta.InputError as error:
+        raise ta.InputError(f"--believe: {error}") from error
     sizes = read_measured(measured, "--measured", among)
     keep_compiled()
     belief = None if args.belief is None else ta.load_belief(args.belief, among)
     dataset = ta.load_dataset(args.dataset)
     since = None if args.since is None else ta.load_dataset(args.since)
     return dataset, ta.discover(
-        dataset, belief=belief, believe=believe, terms=among, since=since, seed=args.seed, false_alarm=args.false_alarm,
-        measured={name.partition(".")[0]: size for name, size in sizes.items()},
+        dataset, belief=belief, believe=args.believe, terms=among, since=since, seed=args.seed,
+        measured={name.partition(".")[0]: size for name, size in sizes.items()}, false_alarm=args.false_alarm,
         progress=make_progress(what, args.quiet))
 
 
-def _adopt(found: "ta.Finding", dataset: str, path: str) -> str:
+def _adopt(found: "ta.Finding", dataset: str, path: Path) -> str:
     """Write the belief that the finding leads to; a line that says what it has."""
     from truearc.sim.discover.report.finding_text import say_adopted
     try:
         belief = found.adopt()
-    except InputError as error:
-        raise InputError(f"--adopt: {error}") from error
+    except ta.InputError as error:
+        raise ta.InputError(f"--adopt: {error}") from error
     replace(belief, provenance={**belief.provenance, "dataset": dataset}).save(path)
     return f"{say_adopted(found.record, belief.provenance)} -> {path}"

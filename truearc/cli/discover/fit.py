@@ -1,40 +1,36 @@
-"""truearc fit: coefficients and shot-to-shot scatter, by maximum a posteriori."""
+"""Fit coefficients and shot-to-shot scatter by maximum a posteriori, from everything that a dataset has.
+
+Report 90 % intervals and which parameters the shots cannot tell apart. The paper's grid search is `truearc paper fit`.
+"""
 
 import argparse
 import sys
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import truearc as ta
-from truearc.cli.files import check_place, names_in
-from truearc.cli.options import refuse
-from truearc.cli.progress import make_progress
-from truearc.cli.terms_from import add_terms_from, catalogue_of
-from truearc.robot.config.schema import InputError
+from truearc.cli.common import add_terms_from, catalogue_of, listed, make_progress, number, out_file, refuse
 
-DESCRIPTION = ("Fit the coefficients of the simulation's terms and the shot-to-shot scatter by maximum a posteriori, "
-               "from everything that a dataset has; report 90 % intervals and which parameters the shots cannot tell "
-               "apart. The paper's grid search is `truearc paper fit`.")
 EXAMPLE = "truearc fit shots/ --terms gravity,drag,magnus,exit_efficiency -o coefficients.toml"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("dataset", metavar="DIR", help="dataset of shots")
-    parser.add_argument("-o", "--out", metavar="FILE", help="coefficients.toml to write")
-    parser.add_argument("--terms", metavar="NAMES", help="terms to fit, comma-separated (default: [believe] of "
-                        "rig.toml)")
+    parser.add_argument("-o", "--out", type=out_file, metavar="FILE", help="coefficients.toml to write")
+    parser.add_argument("--terms", type=listed(str), metavar="NAMES",
+                        help="terms to fit, comma-separated (default: [believe] of rig.toml)")
     add_terms_from(parser)
-    parser.add_argument("--posterior", type=int, metavar="N", help="draw N samples of the posterior too, and save them "
-                                                                   "beside --out as .npz")
-    parser.add_argument("--seed", type=int, help="seed of --posterior (default 0)")
+    parser.add_argument("--posterior", type=number(int, 1), metavar="N",
+                        help="draw N samples of the posterior too, and save them beside --out as .npz")
+    parser.add_argument("--seed", type=number(int, 0), help="seed of --posterior (default 0)")
 
 
 def main(args: argparse.Namespace) -> int:
     """Return 1 where the fit did not settle or the posterior's chains did not mix."""
-    _check(args)
-    names, dataset = names_in("--terms", args.terms), ta.load_dataset(args.dataset)
-    terms = catalogue_of(args).find(dataset.rig.believe.terms if names is None else names)
+    if args.posterior is None:
+        refuse(args, ("--seed",), "applies with --posterior only")
+    dataset = ta.load_dataset(args.dataset)
+    terms = catalogue_of(args).find(args.terms or dataset.rig.believe.terms)
     fit = ta.fit(dataset, terms, progress=make_progress("fit", args.quiet))
     print(fit)
     if not fit.converged:
@@ -47,23 +43,13 @@ def main(args: argparse.Namespace) -> int:
     return 0 if mixed else 1
 
 
-def _check(args: argparse.Namespace) -> None:
-    check_place(args.out)
-    if args.posterior is None:
-        refuse(args, ("--seed",), "applies with --posterior only")
-    elif args.posterior < 1:
-        raise InputError(f"--posterior is {args.posterior}; at least 1 sample is needed")
-    if args.seed is not None and args.seed < 0:
-        raise InputError(f"--seed is {args.seed}; it cannot be negative")
-
-
 def _sample(fit: "ta.Fit", args: argparse.Namespace) -> tuple[dict[str, Any], bool]:
     """(what the coefficients file says of the posterior, whether its chains have mixed); draws saved beside --out."""
     from truearc.sim.infer.posterior import save_draws, say_posterior
     drawn = fit.sample(args.posterior, args.seed or 0, make_progress("posterior", args.quiet))
     print("\nposterior:", *say_posterior(drawn), sep="\n")
     if args.out is not None:
-        path = Path(args.out).with_suffix(".posterior.npz")
+        path = args.out.with_suffix(".posterior.npz")
         save_draws(path, drawn)
         print(f"{path}: {args.posterior} draws")
     return {"posterior": {"seed": drawn.seed, "draws": drawn.count}}, drawn.converged

@@ -1,17 +1,15 @@
-"""truearc import: other people's recordings to a dataset."""
+"""Turn recordings that others made into a dataset directory (docs/importing.md)."""
 
 import argparse
 
 import truearc as ta
-from truearc.robot.config.schema import InputError
+from truearc.sim.data.importers.registry import load_importers
 
-DESCRIPTION = "Turn recordings that others made into a dataset directory (docs/importing.md)."
 EXAMPLE = "truearc import mpi mn5008_backspin.hdf5 mn5008_no_spin.hdf5 -o mpi"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
-    from truearc.sim.data.importers.registry import load_importers
     importers = load_importers()
     known = "; ".join(f"{importer.name}: {', or '.join(importer.ways)}" for importer in importers)
     parser.add_argument("source", choices=[importer.name for importer in importers],
@@ -24,12 +22,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Read, say what came of it, write."""
-    from truearc.sim.data.importers.registry import load_importers
     from truearc.sim.data.importers.selection import only
     from truearc.sim.data.importers.stated_uncertainty import doubts_of
     importer = next(importer for importer in load_importers() if importer.name == args.source)
     if not importer.takes(args.files):
-        raise InputError(f"{args.source} takes {', or '.join(importer.ways)}; not {' '.join(args.files)}")
+        raise ta.InputError(f"{args.source} takes {', or '.join(importer.ways)}; not {' '.join(args.files)}")
     dataset = importer.load(*args.files)
     if args.only is not None:
         dataset = only(dataset, args.only)

@@ -1,24 +1,15 @@
-"""truearc predict: heights and outcomes by the simulation, or probabilities by a gate, row by row."""
+"""Forecast the height and outcome of each shot of a dataset by the simulation, or its probabilities by a gate.
+
+By the simulation: shot_id,height_m,deviation_m,outcome: the height at the first crossing of x = distance, and that
+minus the target's centre; both are empty where the ball meets the floor or turns back first. With --gate:
+shot_id,p_two,p_three,in_domain,novelty (novelty over 1: further than that from all recorded shots).
+"""
 
 import argparse
-import math
-import sys
-from typing import TYPE_CHECKING
 
 import truearc as ta
-from truearc.cli.files import write_out
-from truearc.cli.options import refuse
-from truearc.cli.progress import make_progress
-from truearc.cli.terms_from import add_terms_from, catalogue_of
-from truearc.robot.config.schema import InputError
+from truearc.cli.common import add_terms_from, catalogue_of, make_progress, out_file, print_or_write, refuse
 
-if TYPE_CHECKING:
-    from truearc.sim.infer.belief import Belief
-
-DESCRIPTION = ("Fly each shot of a dataset with the paper's simulator and print shot_id,height_m,deviation_m,outcome: "
-               "height at the first crossing of x = distance, and that minus the target's centre; both empty where the "
-               "ball meets the floor or turns back first. With --gate: what a gate gives each shot instead, as "
-               "shot_id,p_two,p_three,in_domain,novelty (novelty over 1: further than that from all recorded shots).")
 EXAMPLE = "truearc predict shots/ --cd 0.91 --cl 0.06 -o predicted.csv"
 LONG = 50_000                         # shots that take over two seconds: progress is shown
 
@@ -31,16 +22,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--cl", type=float, help="lift coefficient of the paper's Eq. 2")
     parser.add_argument("--coefficients", metavar="FILE", help="coefficients.toml, instead of --cd and --cl")
     add_terms_from(parser)
-    parser.add_argument("-o", "--out", metavar="FILE", help="CSV to write instead of standard output")
+    parser.add_argument("-o", "--out", type=out_file, metavar="FILE", help="CSV to write instead of standard output")
 
 
 def main(args: argparse.Namespace) -> int:
     """Return 0 once every row is written."""
-    text = _by_simulation(args) if args.gate is None else _by_gate(args)
-    if args.out is None:
-        sys.stdout.write(text)
-    else:
-        write_out(args.out, text)
+    print_or_write(args.out, _by_simulation(args) if args.gate is None else _by_gate(args))
     return 0
 
 
@@ -52,25 +39,23 @@ def _by_gate(args: argparse.Namespace) -> str:
 def _by_simulation(args: argparse.Namespace) -> str:
     belief = _belief(args)
     dataset = ta.load_dataset(args.dataset)
-    told = ta.predict(dataset, belief,
+    forecast = ta.predict(dataset, belief,
                       progress=make_progress("predict", args.quiet or len(dataset.shots) < LONG))
     rows = tuple((name, _fixed(height_m), _fixed(deviation_m), outcome)
-                 for name, height_m, deviation_m, outcome in told.rows)
-    return ta.Table(told.columns, rows).to_csv()
+                 for name, height_m, deviation_m, outcome in forecast.rows)
+    return ta.Table(forecast.columns, rows).to_csv()
 
 
-def _belief(args: argparse.Namespace) -> "Belief":
-    """From the file or from both options; InputError when neither or both say."""
+def _belief(args: argparse.Namespace) -> "ta.Belief":
+    """Return the belief of the file or of both options; InputError when neither or both are given."""
     if args.coefficients is not None:
         if (args.cd, args.cl) != (None, None):
-            raise InputError("--coefficients and --cd, --cl exclude each other")
+            raise ta.InputError("--coefficients and --cd, --cl exclude each other")
         return ta.load_belief(args.coefficients, catalogue_of(args))
     refuse(args, ("--terms-from",), "applies with --coefficients only, whose file names the terms")
     for option, value in (("--cd", args.cd), ("--cl", args.cl)):
         if value is None:
-            raise InputError(f"{option} is needed (or --coefficients FILE)")
-        if not math.isfinite(value):
-            raise InputError(f"{option}: {value} is not a finite number")
+            raise ta.InputError(f"{option} is needed (or --coefficients FILE)")
     from truearc.sim.infer.belief import point_belief
     return point_belief({"drag": {"cd": args.cd}, "magnus": {"cl": args.cl}})
 

@@ -1,13 +1,12 @@
-"""truearc shots: recordings to a dataset."""
+"""Turn recorded sessions into a dataset of shots (rig.toml, shots.csv, traces.csv)."""
 
 import argparse
 import sys
 from pathlib import Path
 
 import truearc as ta
-from truearc.cli.progress import make_progress
+from truearc.cli.common import make_progress
 
-DESCRIPTION = "Turn recorded sessions into a dataset of shots (rig.toml, shots.csv, traces.csv)."
 EXAMPLE = "truearc shots sessions/monday sessions/tuesday -o data/week"
 
 

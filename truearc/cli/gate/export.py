@@ -1,8 +1,7 @@
-"""truearc export: weights to an ONNX file."""
+"""Write trained weights as an ONNX file that carries its contract, domain and provenance."""
 
 import argparse
 
-DESCRIPTION = "Write trained weights as an ONNX file that carries its contract, domain and provenance."
 EXAMPLE = "truearc export weights/ -o gate.onnx"
 
 

@@ -1,17 +1,15 @@
-"""truearc train: a gate with the fitted physics in it."""
+"""Train a gate on recorded shots: the fitted physics, a small learned correction, and a calibrated spread.
+
+All recorded shots are learned from; each fifth of the configurations is left out in turn to measure the gate on shots
+that it has not seen. The paper's network is `truearc paper train`.
+"""
 
 import argparse
 import sys
-from pathlib import Path
 
 import truearc as ta
-from truearc.cli.files import check_place
-from truearc.cli.progress import make_progress
-from truearc.robot.config.schema import InputError
+from truearc.cli.common import make_progress, number, out_file
 
-DESCRIPTION = """Train a gate on recorded shots: the forecast of each shot by fitted coefficients, plus a small learned
-correction and a calibrated spread. All recorded shots are learned from; each fifth of the configurations is left out in
-turn to measure the gate on shots that it has not seen. The paper's network is `truearc paper train`."""
 EXAMPLE = "truearc train --real shots/ --coefficients coefficients.toml -o weights/"
 
 
@@ -20,14 +18,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--coefficients", required=True, metavar="FILE",
                         help="coefficients.toml, as `truearc fit` (with the scatter), `truearc discover --adopt` or "
                              "`truearc paper fit` write it")
-    parser.add_argument("--reliability", metavar="FILE", help="picture of predicted against observed shares to write")
-    parser.add_argument("--seed", type=int, default=0, help="seed of split and first weights (default %(default)s)")
+    parser.add_argument("--reliability", type=out_file, metavar="FILE",
+                        help="picture of predicted against observed shares to write")
+    parser.add_argument("--seed", type=number(int, 0), default=0, help="seed of split and first weights")
     parser.add_argument("-o", "--out", required=True, metavar="DIR", help="weights directory to write")
 
 
 def main(args: argparse.Namespace) -> int:
     """Return 0 once the weights are written."""
-    _check(args)
     belief, dataset = ta.load_belief(args.coefficients), ta.load_dataset(args.real)
     trained = ta.train_gate(dataset, belief, seed=args.seed, progress=make_progress("train", args.quiet))
     for sentence in trained.left_out:
@@ -36,13 +34,7 @@ def main(args: argparse.Namespace) -> int:
     print(trained)
     if args.reliability is not None and trained.folds is not None:
         from truearc.sim.report import make_png
-        Path(args.reliability).write_bytes(make_png(trained.plot_reliability()))
+        args.reliability.write_bytes(make_png(trained.plot_reliability()))
         print(f"{args.reliability}: stated against true shares")
     print(f"{args.out}: the gate; next: truearc export {args.out} -o gate.onnx")
     return 0
-
-
-def _check(args: argparse.Namespace) -> None:
-    if args.seed < 0:
-        raise InputError(f"--seed is {args.seed}; it cannot be negative")
-    check_place(args.reliability)

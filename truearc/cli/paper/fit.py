@@ -1,48 +1,43 @@
-"""truearc paper fit: drag and lift coefficients by the paper's grid search."""
+"""Find the drag and lift coefficient that reproduce most recorded outcomes, by the paper's grid search.
+
+Every pair from 0 to 5 is ranked by three-point accuracy, then two-point accuracy, then deviation.
+"""
 
 import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import truearc as ta
-from truearc.cli.files import check_place
-from truearc.cli.options import refuse
-from truearc.cli.progress import make_progress
-from truearc.robot.config.schema import InputError
+from truearc.cli.common import make_progress, number, out_file, refuse
 from truearc.sim.paper.settings import STEP
 
 if TYPE_CHECKING:
     from truearc.api.fitting import GridSearch
 
-DESCRIPTION = """Find the drag and lift coefficient under which the simulator agrees best with recorded outcomes, by the
-paper's search: every pair from 0 to 5, ranked by three-point accuracy, then two-point accuracy, then deviation."""
 EXAMPLE = "truearc paper fit shots/ -o coefficients.toml"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("dataset", metavar="DIR", help="dataset of shots")
-    parser.add_argument("-o", "--out", metavar="FILE", help="coefficients.toml to write")
-    parser.add_argument("--step", type=float, default=STEP, help="step of the grid; divides 5 (default %(default)s)")
-    parser.add_argument("--map", metavar="FILE", help="npz to write the whole map to: axis, share_three, share_two, "
-                                                      "mean_deviation_m (nan where no three is reproduced), tied; "
-                                                      "rows cd, columns cl")
-    parser.add_argument("--picture", metavar="FILE", help="png to draw the map to")
-    parser.add_argument("--tied", metavar="FILE", help="csv to write all tied pairs to, the chosen one first")
-    parser.add_argument("--bootstrap", type=int, metavar="N", help="resample the shots N times, for intervals")
-    parser.add_argument("--seed", type=int, help="seed of --bootstrap (default 0)")
+    parser.add_argument("-o", "--out", type=out_file, metavar="FILE", help="coefficients.toml to write")
+    parser.add_argument("--step", type=float, default=STEP, help="step of the grid; divides 5")
+    parser.add_argument("--map", type=out_file, metavar="FILE", help="npz to write the whole map to: axis, "
+                        "share_three, share_two, mean_deviation_m (nan where no three is reproduced), tied; rows cd, "
+                        "columns cl")
+    parser.add_argument("--picture", type=out_file, metavar="FILE", help="png to draw the map to")
+    parser.add_argument("--tied", type=out_file, metavar="FILE",
+                        help="csv to write all tied pairs to, the chosen one first")
+    parser.add_argument("--bootstrap", type=number(int, 0), metavar="N",
+                        help="resample the shots N times, for intervals")
+    parser.add_argument("--seed", type=number(int, 0), help="seed of --bootstrap (default 0)")
 
 
 def main(args: argparse.Namespace) -> int:
     """Return 0 when a pair was chosen."""
     if args.bootstrap is None:
         refuse(args, ("--seed",), "applies with --bootstrap only")
-    for path in (args.out, args.map, args.picture, args.tied):
-        check_place(path)
-    resamples, seed = args.bootstrap or 0, args.seed or 0
-    if resamples < 0 or seed < 0:
-        raise InputError("--bootstrap and --seed cannot be negative")
-    found = ta.fit(ta.load_dataset(args.dataset), method="grid", step=args.step, bootstrap=resamples, seed=seed,
-                   progress=make_progress("fit", args.quiet))
+    found = ta.fit(ta.load_dataset(args.dataset), method="grid", step=args.step, bootstrap=args.bootstrap or 0,
+                   seed=args.seed or 0, progress=make_progress("fit", args.quiet))
     print(found)
     _write(args, found)
     return 0
@@ -55,15 +50,15 @@ def _write(args: argparse.Namespace, found: "GridSearch") -> None:
         found.belief.save(args.out)
     if args.tied is not None:
         table = found.table()
-        save_csv(Path(args.tied), table.columns, [[f"{cd:.6g}", f"{cl:.6g}", _metres(mean_m), _metres(median_m)]
+        save_csv(args.tied, table.columns, [[f"{cd:.6g}", f"{cl:.6g}", _metres(mean_m), _metres(median_m)]
                                                   for cd, cl, mean_m, median_m in table.rows])
     if args.picture is not None:
-        Path(args.picture).write_bytes(make_png(found.plot()))
+        args.picture.write_bytes(make_png(found.plot()))
     if args.map is not None:
         _save_map(args.map, found)
 
 
-def _save_map(path: str, found: "GridSearch") -> None:
+def _save_map(path: Path, found: "GridSearch") -> None:
     """Mean deviation [cd, cl] wherever a three is reproduced, nan elsewhere."""
     import numpy as np
 
@@ -71,8 +66,8 @@ def _save_map(path: str, found: "GridSearch") -> None:
     data, fit = found.dataset, found.solution
     mean_m = np.full(fit.share_three.shape, np.nan)
     at = np.nonzero((fit.share_three > 0.0) | fit.tied)
-    mean_m[at] = map_deviation(data.facts, data.shots, fit.axis[at[0]], fit.axis[at[1]])
-    with Path(path).open("wb") as file:
+    mean_m[at] = map_deviation(data.rig, data.shots, fit.axis[at[0]], fit.axis[at[1]])
+    with path.open("wb") as file:
         np.savez_compressed(file, axis=fit.axis, share_three=fit.share_three, share_two=fit.share_two,
                             mean_deviation_m=mean_m, tied=fit.tied)
 

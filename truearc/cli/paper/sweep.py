@@ -1,33 +1,28 @@
-"""truearc paper sweep: how much simulated data, and how to weigh it."""
+"""Train the paper's network with each amount and weight of simulated shots, with several seeds of each.
+
+All are trained in one batch. Report which setting is best on shots that it did not learn from, and by how much.
+"""
 
 import argparse
 
+from truearc.cli.common import listed, number
+from truearc.cli.paper.train import add_recipe
 from truearc.sim.paper.settings import DEFAULT_RECIPE as DEFAULT
 
-DESCRIPTION = """Train the paper's network with every amount and weight of simulated shots that is named, with several
-seeds of each, all in one batch; report which setting is best on shots that it did not learn from, and by how much."""
 EXAMPLE = "truearc paper sweep --real shots/ --sim simulated/ --sizes 0,500,900 --lambdas 0.01,0.1 -o sweep/"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--real", required=True, metavar="DIR", help="dataset of recorded shots")
-    parser.add_argument("--sim", metavar="DIR", help="dataset of simulated shots to draw from")
-    parser.add_argument("--sizes", default="0,500,600,750,900,1000,1250", metavar="N,N...",
-                        help="numbers of simulated shots (default: the paper's %(default)s)")
-    parser.add_argument("--lambdas", metavar="L,L...", help="weights of the simulated loss (default 0.01)")
-    parser.add_argument("--seeds", type=int, default=20,
-                        help="networks of each setting, each with its own splits (default 20)")
-    parser.add_argument("--seed", type=int, default=0, help="the first of them (default 0)")
-    parser.add_argument("--holdout", type=float, default=0.2, metavar="SHARE",
-                        help="share of recorded shots kept out of training, to report on (default 0.2)")
-    parser.add_argument("--validation", type=float, default=0.25, metavar="SHARE",
-                        help="share of the rest that decides when to stop and which setting is best (default 0.25)")
-    parser.add_argument("--learning-rate", type=float, default=DEFAULT.learning_rate,
-                        help=f"Adam's step (default {DEFAULT.learning_rate:g})")
-    parser.add_argument("--steps", type=int, default=DEFAULT.steps,
-                        help=f"minibatches at most (default {DEFAULT.steps})")
-    parser.add_argument("--patience", type=int, default=DEFAULT.patience, metavar="STEPS",
-                        help=f"stop after this number of steps without improvement (default {DEFAULT.patience})")
+    add_recipe(parser, "dataset of simulated shots to draw from",
+               "of the rest that decides when to stop and which setting is best")
+    parser.add_argument("--sizes", type=listed(number(int, 0)), default="0,500,600,750,900,1000,1250",
+                        metavar="N,N...", help="numbers of simulated shots (default: the paper's %(default)s)")
+    parser.add_argument("--lambdas", type=listed(number(float)), metavar="L,L...",
+                        help="weights of the simulated loss (default 0.01)")
+    parser.add_argument("--seeds", type=number(int, 1), default=20,
+                        help="networks of each setting, each with its own splits")
+    parser.add_argument("--seed", type=number(int, 0), default=0, help="the first of them")
+    parser.add_argument("--steps", type=int, default=DEFAULT.steps, help="minibatches at most")
     parser.add_argument("-o", "--out", required=True, metavar="DIR", help="directory to write")
 
 

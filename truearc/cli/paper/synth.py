@@ -1,13 +1,14 @@
-"""truearc paper synth: balanced simulated shots."""
+"""Simulate shots for the classifier, balanced over the three outcomes.
+
+Every configuration of the paper's grid is flown with fitted coefficients, and an even sample is drawn. With --draws
+each shot has coefficients of its own, drawn from the covariance that `truearc fit` writes, and the scatter and sensor
+noise of a real shot.
+"""
 
 import argparse
 
-from truearc.cli.progress import make_progress
-from truearc.cli.terms_from import add_terms_from, catalogue_of
+from truearc.cli.common import add_terms_from, catalogue_of, make_progress, number
 
-DESCRIPTION = """Simulated shots for the classifier: every configuration of the paper's grid is flown with fitted
-coefficients, and an even sample of the three outcomes is drawn. With --draws each shot has coefficients of its own,
-drawn from the covariance that `truearc fit` writes, and the scatter and sensor noise of a real shot."""
 EXAMPLE = "truearc paper synth --rig rig.toml --coefficients coefficients.toml -n 900 --exclude shots/ -o simulated/"
 
 
@@ -16,12 +17,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--coefficients", required=True, metavar="FILE",
                         help="coefficients.toml, as `truearc fit` and `truearc paper fit` write it")
     add_terms_from(parser)
-    parser.add_argument("-n", type=int, default=900, help="shots in all (900)")
-    parser.add_argument("--draws", type=int, metavar="N",
+    parser.add_argument("-n", type=int, default=900, help="shots in all")
+    parser.add_argument("--draws", type=number(int, 1), metavar="N",
                         help="draw N sets of coefficients from the fit's covariance, and scatter every shot; without "
                              "it one exact set, as in the paper")
     parser.add_argument("--exclude", metavar="DIR", help="dataset of recorded shots whose configurations are not drawn")
-    parser.add_argument("--seed", type=int, default=0, help="of the draw (0)")
+    parser.add_argument("--seed", type=number(int, 0), default=0, help="of the draw")
     parser.add_argument("-o", "--out", required=True, metavar="DIR", help="dataset directory to write")
 
 
@@ -30,10 +31,9 @@ def main(args: argparse.Namespace) -> int:
     from truearc.sim.data.dataset import check_free, load_dataset, load_rig
     from truearc.sim.paper.synthetic_files import say_synthetic, write_synthetic
     check_free(args.out)
-    facts = load_rig(args.rig)
     recorded = load_dataset(args.exclude) if args.exclude else None
-    shots = write_synthetic(args.out, facts, args.coefficients, args.n, exclude=recorded, draws=args.draws,
-                            seed=args.seed, among=catalogue_of(args),
+    shots = write_synthetic(args.out, load_rig(args.rig), args.coefficients, args.n, exclude=recorded,
+                            draws=args.draws, seed=args.seed, among=catalogue_of(args),
                             progress=make_progress("synth", args.quiet))
     print(say_synthetic(args.out, shots, args.draws))
     return 0

@@ -1,36 +1,40 @@
-"""truearc paper train: the paper's classifier."""
+"""Train the paper's network (3-8-2, sigmoids) on recorded shots.
+
+Each batch of them is paired with a batch of simulated ones whose loss is weighed by lambda.
+"""
 
 import argparse
 
-from truearc.cli.options import refuse
+from truearc.cli.common import number, refuse
 from truearc.robot.config.schema import InputError
 from truearc.sim.paper.settings import DEFAULT_RECIPE as DEFAULT
 
-DESCRIPTION = """Train the paper's network (3-8-2, sigmoids) on recorded shots, each batch of them paired with a batch
-of simulated ones whose loss is weighed by lambda."""
 EXAMPLE = "truearc paper train --real shots/ --sim simulated/ -o weights/"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--real", required=True, metavar="DIR", help="dataset of recorded shots")
-    parser.add_argument("--sim", metavar="DIR", help="dataset of simulated shots; without it, recorded ones only")
+    add_recipe(parser, "dataset of simulated shots; without it, recorded ones only",
+               "of the shots trained on that decides when to stop; 0 trains to the end")
     parser.add_argument("--lambda", dest="simulated_weight", type=float, metavar="L",
                         help="weight of the simulated loss (default 0.01)")
-    parser.add_argument("--holdout", type=float, default=0.2, metavar="SHARE",
-                        help="share of recorded shots kept out of training, to report on (default 0.2)")
-    parser.add_argument("--seed", type=int, default=0, help="seed of split, first weights and batches (default 0)")
-    parser.add_argument("--learning-rate", type=float, default=DEFAULT.learning_rate,
-                        help=f"Adam's step (default {DEFAULT.learning_rate:g})")
-    parser.add_argument("--validation", type=float, default=0.25, metavar="SHARE",
-                        help="share of the shots trained on that decides when to stop (default 0.25); 0 trains to the "
-                             "end")
-    parser.add_argument("--patience", type=int, metavar="STEPS",
-                        help=f"stop after this number of steps without improvement (default {DEFAULT.patience})")
+    parser.add_argument("--seed", type=number(int, 0), default=0, help="seed of split, first weights and batches")
     length = parser.add_mutually_exclusive_group()
-    length.add_argument("--steps", type=int, default=DEFAULT.steps,
-                        help=f"minibatches at most (default {DEFAULT.steps})")
-    length.add_argument("--epochs", type=int, help="times through the simulated shots at most, instead of --steps")
+    length.add_argument("--steps", type=int, default=DEFAULT.steps, help="minibatches at most")
+    length.add_argument("--epochs", type=number(int, 1),
+                        help="times through the simulated shots at most, instead of --steps")
     parser.add_argument("-o", "--out", required=True, metavar="DIR", help="weights directory to write")
+
+
+def add_recipe(parser: argparse.ArgumentParser, simulated: str, validated: str) -> None:
+    """Options of a training, also of `truearc paper sweep`; the texts say what --sim and --validation are."""
+    parser.add_argument("--real", required=True, metavar="DIR", help="dataset of recorded shots")
+    parser.add_argument("--sim", metavar="DIR", help=simulated)
+    parser.add_argument("--holdout", type=float, default=0.2, metavar="SHARE",
+                        help="share of recorded shots kept out of training, to report on")
+    parser.add_argument("--validation", type=float, default=0.25, metavar="SHARE", help=f"share {validated}")
+    parser.add_argument("--learning-rate", type=float, default=DEFAULT.learning_rate, help="Adam's step")
+    parser.add_argument("--patience", type=number(int, 1), metavar="STEPS",
+                        help=f"stop after this number of steps without improvement (default {DEFAULT.patience})")
 
 
 def main(args: argparse.Namespace) -> int:

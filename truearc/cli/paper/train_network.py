@@ -1,12 +1,11 @@
-"""The work of `truearc paper train`: the paper's network, trained, kept and reported on."""
+"""The work of `truearc paper train`: train the paper's network, save it and report on it."""
 
 import argparse
 import sys
 from typing import Any
 
-from truearc.cli.progress import make_progress
-from truearc.robot.config.schema import InputError
-from truearc.sim.data.dataset import dataset_hash, load_dataset
+from truearc.cli.common import make_progress
+from truearc.sim.data.dataset import hash_dataset, load_dataset
 from truearc.sim.gate.network_training import Shares, rows_of, train_network
 from truearc.sim.paper.settings import PATIENCE, Recipe, check_recipe
 from truearc.sim.paper.synthetic_data import load_provenance
@@ -17,12 +16,7 @@ LAMBDA = 0.01                         # the paper's weight of the simulated loss
 
 def run_training(args: argparse.Namespace) -> int:
     """Train, write the weights and report; args: those of `truearc paper train`."""
-    recipe = Recipe(args.learning_rate, args.steps, PATIENCE if args.patience is None else args.patience)
-    check_recipe(recipe)
-    if args.epochs is not None and args.epochs < 1:
-        raise InputError(f"--epochs is {args.epochs}; at least 1 is needed")
-    if args.seed < 0:
-        raise InputError(f"--seed is {args.seed}; it cannot be negative")
+    recipe = recipe_of(args)
     weight = LAMBDA if args.simulated_weight is None else args.simulated_weight
     shares = Shares(args.holdout, args.validation, weight, args.epochs)
     simulated = load_dataset(args.sim) if args.sim else None
@@ -35,13 +29,20 @@ def run_training(args: argparse.Namespace) -> int:
     return 0
 
 
+def recipe_of(args: argparse.Namespace) -> Recipe:
+    """Return how to train, as the options of `add_recipe` and --steps say; InputError where that cannot be done."""
+    recipe = Recipe(args.learning_rate, args.steps, args.patience or PATIENCE)
+    check_recipe(recipe)
+    return recipe
+
+
 def coefficients_of(simulated: str | None) -> Any:
-    """What the simulated shots of a directory were flown with; None without one."""
+    """Return the coefficients that the simulated shots of a directory were flown with; None without one."""
     return load_provenance(simulated).get("coefficients") if simulated else None
 
 
 def load_rows(directory: str) -> Rows:
-    """Rows of a dataset; what is left out is told on stderr, InputError when nothing is left."""
+    """Return the rows of a dataset and report on stderr what is left out; InputError when nothing is left."""
     rows, notes = rows_of(load_dataset(directory), directory)
     for note in notes:
         print(note, file=sys.stderr)
@@ -49,6 +50,7 @@ def load_rows(directory: str) -> Rows:
 
 
 def made_of(args: argparse.Namespace) -> dict[str, Any]:
-    """What a record says of the data; args: `real`, `sim`, `holdout` and `validation` as typed."""
-    return {"holdout": args.holdout, "validation": args.validation, "real_sha256": dataset_hash(args.real),
-            "sim_sha256": dataset_hash(args.sim) if args.sim else None, "coefficients": coefficients_of(args.sim)}
+    """Return the part of a record that describes the data; args: `real`, `sim`, `holdout` and `validation` as typed."""
+    hashes = [hash_dataset(load_dataset(path)) if path else None for path in (args.real, args.sim)]
+    return {"holdout": args.holdout, "validation": args.validation, "real_sha256": hashes[0], "sim_sha256": hashes[1],
+            "coefficients": coefficients_of(args.sim)}

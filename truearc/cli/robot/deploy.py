@@ -1,4 +1,8 @@
-"""truearc deploy: the robot's computer, made to start by itself."""
+"""Install truearc on the robot's computer by ssh, as a service that starts with it.
+
+Carries the package, its configuration and its model, and runs the doctor there. Exit 1 when a step fails or the doctor
+finds a failure.
+"""
 
 import argparse
 import re
@@ -15,9 +19,6 @@ from truearc.robot.deploy.install import Parts, make_parts
 from truearc.robot.deploy.source import copy_folder, copy_source
 from truearc.robot.deploy.texts import INSTALL, make_files
 
-DESCRIPTION = ("Carry truearc, its configuration and its model to the robot's computer by ssh, install them there with "
-               "a service that starts with it, and run the doctor. Exit 1 when a step fails or the doctor finds a "
-               "failure.")
 EXAMPLE = "truearc deploy pi@launcher.local --config launcher.toml --gate gate.onnx --core 3 --dry-run"
 SOURCE = Path(__file__).parents[3]
 FAR = "truearc-deploy"                # folder in the home directory there
@@ -33,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--plugin", type=Path, action="append", default=[], metavar="PATH", help="wheel or source "
                         "folder of a distribution with motor drivers, to be installed there, too; may be repeated")
     parser.add_argument("--core", type=int, metavar="N", help="core of the control loop (default: any)")
-    parser.add_argument("--priority", type=int, default=50, metavar="P", help="of the control loop (default: 50)")
+    parser.add_argument("--priority", type=int, default=50, metavar="P", help="of the control loop")
     parser.add_argument("--can-serial", default="", metavar="S", help="give the CAN adapter with this serial number "
                         "the configured name")
     parser.add_argument("--box-usb", default="", metavar="V:P", help="give the serial device with this USB vendor and "
@@ -77,7 +78,7 @@ def main(args: argparse.Namespace) -> int:
 
 
 def make_commands(host: str, stage: str, source: str, plugins: Sequence[Path]) -> list[list[str]]:
-    """What is run here, in order, to fill up `stage` and carry it over; the last exit code is the doctor's."""
+    """Return the commands to run here, in order, to fill up `stage` and carry it over; the last one runs the doctor."""
     pip = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir"]
     return [[*pip, f"{stage}/wheels", source],
             *([*pip, f"{stage}/plugins", str(path)] for path in plugins),

@@ -1,11 +1,14 @@
-"""truearc doctor: is the robot fit to run?"""
+"""Look at everything a run needs and say in one line each how it is and what to do about it.
+
+Changes nothing but an exposure that the configuration fixes, and moves nothing; stop a running robot first, which holds
+camera and button box. Exit 1 if anything fails.
+"""
 
 import argparse
 from pathlib import Path
 
-DESCRIPTION = ("Look at everything a run needs and say in one line each how it is and what to do about it. Changes "
-               "nothing but an exposure that the configuration fixes, and moves nothing; stop a running robot first, "
-               "which holds camera and button box. Exit 1 if anything fails.")
+from truearc.cli.common import number
+
 EXAMPLE = "truearc doctor --config launcher.toml --gate gate.onnx --out sessions"
 
 
@@ -15,8 +18,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, default=Path("sessions"), help="folder for sessions, as for truearc run")
     parser.add_argument("--endpoints", type=Path, metavar="JSON", help="flat_endpoints.json of the axes' firmware: "
                         "their watchdogs and encoder filters are asked, too")
-    parser.add_argument("--priority", type=int, default=50, metavar="P", help="as for truearc run (default: 50)")
-    parser.add_argument("--seconds", type=float, default=2.0, metavar="S", help="to listen to the bus (default: 2)")
+    parser.add_argument("--priority", type=number(int, 1, 99), default=50, metavar="P", help="as for truearc run")
+    parser.add_argument("--seconds", type=number(float, 0.5, 600.0), default=2.0, metavar="S",
+                        help="to listen to the bus")
     parser.add_argument("--json", action="store_true", help="findings as JSON")
 
 

@@ -1,11 +1,11 @@
-"""truearc emulate: the real runtime on the emulated robot."""
+"""Record trials of the emulated robot: the real runtime, real frames and images, a MuJoCo world."""
 
 import argparse
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from truearc import robot
-from truearc.cli.options import refuse
+from truearc.cli.common import SHIPPED, make_progress, number, refuse
 from truearc.robot.config.schema import Config, InputError, load_config
 from truearc.robot.config.shot_plan import load_plan, with_plan
 from truearc.robot.operator_ui.page_option import OFF, add_page_argument, parse_page
@@ -13,15 +13,13 @@ from truearc.robot.operator_ui.page_option import OFF, add_page_argument, parse_
 if TYPE_CHECKING:
     from truearc.sim.world.parts.target import BallResult
 
-DESCRIPTION = "Record trials of the emulated robot: the real runtime, real frames and images, a MuJoCo world."
 EXAMPLE = "truearc emulate --trials 50 --out sessions/first --world windy.toml --seed 7"
 VIRTUAL = "virtual"
 WATCHDOG_MS = 100                     # without --watchdog-ms
-SHIPPED = Path(robot.__file__).parent / "launcher.toml"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--trials", type=int, metavar="N", help="needed without --plan")
+    parser.add_argument("--trials", type=number(int, 1), metavar="N", help="needed without --plan")
     parser.add_argument("--plan", type=Path, metavar="TABLE", help="shoot these configurations instead of walking: a "
                         "CSV file with distance_m, motor_ratio, hood_deg, or a dataset directory")
     parser.add_argument("--repeats", type=int, metavar="N", help="shots at each configuration (default: [collect])")
@@ -30,26 +28,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--bus", default=VIRTUAL, metavar="INTERFACE:CHANNEL", help="slcan:auto (a serial adapter on "
                         "a pseudo-terminal), slcan:socket or socketcan:vcan0: play the devices alone, in real time, "
                         "for `truearc run` in another process, which records (default: virtual, all in this process)")
-    parser.add_argument("--watchdog-ms", type=int, metavar="MS", help="with --bus: watchdog timeout of the motor "
-                        "drivers; more on a machine that stalls (default: 100)")
+    parser.add_argument("--watchdog-ms", type=number(int, 1), metavar="MS", help="with --bus: watchdog timeout of "
+                        "the motor drivers; more on a machine that stalls (default: 100)")
     parser.add_argument("--config", type=Path, default=SHIPPED, help="launcher.toml (default: the shipped one)")
     parser.add_argument("--world", type=Path, help="world.toml; the robot never sees it (default: an honest world)")
     parser.add_argument("--gate", type=Path, help="model that must agree before the robot fires")
-    parser.add_argument("--seed", type=int, default=0, help="seed of the world (default %(default)s)")
+    parser.add_argument("--seed", type=number(int, 0), default=0, help="seed of the world")
     add_page_argument(parser, OFF, ", for which time passes no faster than it does")
 
 
 def main(args: argparse.Namespace) -> int:
     """Return 0 when every trial is over."""
-    if args.seed < 0:
-        raise InputError(f"--seed {args.seed}: cannot be negative")
     config = load_config(args.config)
     config = with_plan(config, load_plan(args.plan, config) if args.plan else (), args.repeats)
     trials = _trials(args.trials, config)
     results = _serve(args, config, trials) if args.bus != VIRTUAL else _emulate(args, config, trials)
-    counts = {kind: sum(result.outcome == kind for result in results)
-              for kind in ("three", "two", "miss-high", "miss-low")}
-    marks = ", ".join(f"{n} {kind}" for kind, n in counts.items())
+    counts = Counter(result.outcome for result in results)
+    marks = ", ".join(f"{counts[kind]} {kind}" for kind in ("three", "two", "miss-high", "miss-low"))
     print(f"{args.out or args.bus}: {len(results)} balls launched ({marks})")
     return 0
 
@@ -60,7 +55,6 @@ def _emulate(args: argparse.Namespace, config: Config, trials: int) -> "list[Bal
         raise InputError("--out is needed: the folder to record into")
     if config.gate.policy == "model" and args.gate is None:
         raise InputError(f"{args.config}: gate.policy is 'model', so --gate is needed")
-    from truearc.cli.progress import make_progress
     from truearc.hw.real.clock import MonotonicClock
     from truearc.robot.operator_ui.server import open_page
     from truearc.sim.world.emulated_robot import emulate
@@ -78,16 +72,13 @@ def _serve(args: argparse.Namespace, config: Config, trials: int) -> "list[BallR
     for option, value in (("--out", args.out), ("--gate", args.gate), ("--page", parse_page(args.page))):
         if value is not None:
             raise InputError(f"{option} is for `truearc run` with --bus {args.bus}: that process is the robot")
-    watchdog_ms = WATCHDOG_MS if args.watchdog_ms is None else args.watchdog_ms
-    if watchdog_ms < 1:
-        raise InputError(f"--watchdog-ms {watchdog_ms}: at least 1")
     from truearc.sim.world.device_server import serve
     from truearc.sim.world.options import load_options
 
     def say(command: str) -> None:
         print(f"the devices wait on {args.bus}; start the robot in another terminal:\n  {command}", flush=True)
 
-    return serve(config, args.config, args.bus, watchdog_ms, trials, args.seed,
+    return serve(config, args.config, args.bus, args.watchdog_ms or WATCHDOG_MS, trials, args.seed,
                  load_options(args.world), say)
 
 
@@ -96,9 +87,6 @@ def _trials(asked: int | None, config: Config) -> int:
     prescribed = len(config.collect.prescribed) * config.collect.repeats
     if asked is None and not prescribed:
         raise InputError("--trials is needed, or --plan, which says how many by itself")
-    trials = prescribed if asked is None else asked
-    if trials < 1:
-        raise InputError(f"--trials {trials}: at least 1")
-    if prescribed and trials > prescribed:
-        raise InputError(f"--trials {trials}: the plan has {prescribed} shots, repeats included")
-    return trials
+    if asked is not None and 0 < prescribed < asked:
+        raise InputError(f"--trials {asked}: the plan has {prescribed} shots, repeats included")
+    return prescribed if asked is None else asked

@@ -1,14 +1,13 @@
-"""truearc run: the robot."""
+"""Run the launcher on its real wires and record it; ends on Ctrl-C or SIGTERM with the motors idle."""
 
 import argparse
 from pathlib import Path
 
+from truearc.cli.common import number
 from truearc.robot.config.port_options import add_port_arguments
 from truearc.robot.operator_ui.page_option import PORT, add_page_argument
 
-DESCRIPTION = "Run the launcher on its real wires and record it; ends on Ctrl-C or SIGTERM with the motors idle."
 EXAMPLE = "truearc run --config launcher.toml --gate gate.onnx --out sessions"
-LAYOUTS = ("three", "one")            # keys of run_processes.LAYOUTS
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -20,11 +19,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--gate", type=Path, help="exported model; needed when the policy is 'model'")
     parser.add_argument("--out", type=Path, default=Path("sessions"), help="folder to make the session's folder in")
     add_page_argument(parser, str(PORT))
-    parser.add_argument("--core", type=int, metavar="N", help="keep the control loop on this core (default: any)")
-    parser.add_argument("--priority", type=int, default=50, metavar="P", help="of the control loop under SCHED_FIFO, "
-                        "1 to 99, where the system allows it (default: 50); 0 does not ask")
-    parser.add_argument("--layout", choices=LAYOUTS, default="three", help="how many processes: three (control, "
-                        "vision, recorder; the default), or all in one, to compare")
+    parser.add_argument("--core", type=number(int, 0), metavar="N",
+                        help="keep the control loop on this core (default: any)")
+    parser.add_argument("--priority", type=number(int, 0, 99), default=50, metavar="P",
+                        help="SCHED_FIFO priority of the control loop, where the system allows it; 0 asks for none")
+    parser.add_argument("--layout", choices=("three", "one"), default="three",      # keys of run_processes.LAYOUTS
+                        help="processes: three (control, vision, recorder), or all in one, to compare")
 
 
 def main(args: argparse.Namespace) -> int:

@@ -4,7 +4,6 @@ import socket
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
-from typing import NamedTuple, Protocol
 
 import cv2
 import msgspec
@@ -19,7 +18,7 @@ from truearc.hw.real.reconnect import PAUSE_S, MendedCamera
 from truearc.hw.reason import Reason
 from truearc.hw.shared_latest import Room, Slots
 from truearc.robot.config.schema import Config, InputError
-from truearc.robot.operator_ui.server import OperatorPage, open_page, with_page
+from truearc.robot.operator_ui.server import OperatorPage, with_page
 from truearc.robot.processes.recorder import NEWS, Desk
 from truearc.robot.processes.recorder_client import FarKeeper
 from truearc.robot.processes.vision import FarEyes, make_room, tell, watch
@@ -31,65 +30,45 @@ from truearc.robot.vision import detect
 from truearc.robot.vision_source import Eyes, InlineEyes
 
 CLOSE_S = 2.0                         # for a camera to be let go
-
-
-class PageWanted(NamedTuple):
-    """What `--page` says, and what the page is to know; all of it goes to whichever process shows it."""
-
-    where: str
-    config: Config
-    recording: str
-
-    def open(self, clock: Clock) -> OperatorPage | None:
-        return open_page(self.where, self.config, self.recording, clock)
-
-
-class ProcessLayout(Protocol):
-    """Which process does what."""
-
-    def open_eyes(self, clock: Clock) -> Eyes:
-        """LinkLost, saying why, when there is no camera."""
-
-    def open_keeper(self, folder: Path) -> Keeper:
-        """Whoever keeps the recording in that folder; InputError when it cannot be."""
-
-    def show(self, recorder: Recorder) -> Recorder:
-        """That recorder, whose ticks the operator's page shows, if there is one."""
-
-    def lines(self) -> list[str]:
-        """What runs where, in words."""
+OpenPage = Callable[[Clock], OperatorPage | None]     # can be pickled: whichever process shows the page calls it
 
 
 class OneProcess:
-    """Everything in this process; `wires` closes what is opened."""
+    """Layout with everything in this process; `wires` closes what is opened. `page`: opens the operator's page."""
 
-    def __init__(self, config: Config, wires: ExitStack, page: PageWanted | None = None) -> None:
+    def __init__(self, config: Config, wires: ExitStack, page: OpenPage | None = None) -> None:
         self._config, self._wires, self._page = config, wires, page
 
     def open_eyes(self, clock: Clock) -> Eyes:
+        """LinkLost, saying why, when there is no camera."""
         cv2.setNumThreads(1)
         camera = open_mended(self._config, clock)
         self._wires.callback(camera.close)
         return InlineEyes(camera, make_see(self._config))
 
     def open_keeper(self, folder: Path) -> Keeper:
+        """Open the files of a recording; InputError when they cannot be."""
         return LaneKeeper(folder, lossless=False)
 
     def show(self, recorder: Recorder) -> Recorder:
-        page = None if self._page is None else self._page.open(MonotonicClock())
+        """Return that recorder; its ticks are shown on the operator's page, if there is one."""
+        page = None if self._page is None else self._page(MonotonicClock())
         if page is not None:
             self._wires.callback(page.close)
         return with_page(recorder, page)
 
     def lines(self) -> list[str]:
+        """Return what runs where, as text."""
         return ["vision and recorder are in the same process"]
 
 
 class ThreeProcesses:
-    """Vision, and the recorder with the page, in processes of their own, which start at once, side by side; `wires`
-    ends them."""
+    """Layout with vision, and the recorder with the page, in processes of their own; `wires` ends them.
 
-    def __init__(self, config: Config, wires: ExitStack, page: PageWanted | None = None) -> None:
+    Both start at once, side by side. Methods as of OneProcess.
+    """
+
+    def __init__(self, config: Config, wires: ExitStack, page: OpenPage | None = None) -> None:
         room = make_room(config.camera.width_px, config.camera.height_px)
         memory = make_shared(room.bytes)
         self._sightings = Slots(memory, room)
@@ -112,16 +91,17 @@ class ThreeProcesses:
 
 
 class RecorderProcess:
-    """Writes files until it is told to end, or the process that it is told by has died: so nobody kills it then."""
+    """Process that writes files until the control process ends it or dies; it must outlive a control process that dies.
+    """
 
-    def __init__(self, wires: ExitStack, page: PageWanted | None = None) -> None:
+    def __init__(self, wires: ExitStack, page: OpenPage | None = None) -> None:
         ours, self._theirs = socket.socketpair()
         memory = make_shared(NEWS.bytes)
         self.child = Child("recorder", write, (self._theirs, memory, page), mended=False, mortal=False)
         self._outbox, self._news = Outbox(ours), Slots(memory, NEWS)
+        wires.callback(self._theirs.close)        # last: a process that is just being started still takes it over
         wires.callback(self.child.close, CLOSE_S)
-        wires.callback(self._theirs.close)
-        wires.callback(self._outbox.close)        # at which it ends, if it was never told to
+        wires.callback(self._outbox.close)        # which ends it, if nothing else did
 
     def open_keeper(self, folder: Path) -> Keeper:
         """InputError when it cannot start, or the files cannot be opened."""
@@ -133,10 +113,8 @@ class RecorderProcess:
         return FarKeeper(folder, self._outbox, self._news, self.child, MonotonicClock())
 
 
-LAYOUTS: dict[str, Callable[[Config, ExitStack, PageWanted], ProcessLayout]] = {
-    "three": ThreeProcesses,
-    "one": OneProcess,
-}
+ProcessLayout = OneProcess | ThreeProcesses
+LAYOUTS: dict[str, type[ProcessLayout]] = {"three": ThreeProcesses, "one": OneProcess}
 
 
 def look(line: Line, is_first: bool, config: Config, memory: object, room: Room) -> None:
@@ -162,11 +140,11 @@ def look(line: Line, is_first: bool, config: Config, memory: object, room: Room)
     return None
 
 
-def write(line: Line, is_first: bool, end: socket.socket, memory: object, wanted: PageWanted | None) -> None:
+def write(line: Line, is_first: bool, end: socket.socket, memory: object, open_page: OpenPage | None) -> None:
     """The recorder process, until the control process ends or dies."""
     cv2.setNumThreads(1)
     inbox, clock = Inbox(end), MonotonicClock()
-    page = None if wanted is None else wanted.open(clock)
+    page = None if open_page is None else open_page(clock)
     desk = Desk(Slots(memory, NEWS), clock, make_show(page))
     line.say(None)
     desk.serve(inbox)

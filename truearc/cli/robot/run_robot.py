@@ -9,22 +9,26 @@ import signal
 import sys
 from collections import Counter
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from types import FrameType
 
-from truearc.cli.robot.real_bus import open_bus
-from truearc.cli.robot.run_processes import LAYOUTS, PageWanted, ProcessLayout
+from truearc.cli.robot.run_processes import LAYOUTS, ProcessLayout
 from truearc.hw.protocols import Bus, Clock, LinkLost, Stream
+from truearc.hw.real.can_bus import open_can
 from truearc.hw.real.clock import MonotonicClock, wall_clock
 from truearc.hw.real.realtime import ask_core, ask_fifo, ask_fifo_beside, ask_locked_memory
 from truearc.hw.real.reconnect import MendedStream
 from truearc.hw.real.serial_port import open_serial
 from truearc.hw.real.service import ServiceManager
+from truearc.hw.real.supervised_bus import WAIT_S, SupervisedBus
+from truearc.robot.config.can_policy import guard
 from truearc.robot.config.port_options import with_ports
 from truearc.robot.config.schema import Config, InputError, load_config
 from truearc.robot.config.shot_plan import load_plan, with_plan
 from truearc.robot.gate.model import load_gate
 from truearc.robot.operator_ui.page_option import parse_page
+from truearc.robot.operator_ui.server import open_page
 from truearc.robot.processes.tick_timing import Lateness, TimedRig
 from truearc.robot.processes.watchdog_rig import WatchedRig
 from truearc.robot.recording.candump import TappedBus
@@ -51,7 +55,6 @@ class Ending:
 
 def run_robot(args: argparse.Namespace) -> int:
     """Run until a signal ends it; args: those of `truearc run`."""
-    _check_real_time(args)
     parse_page(args.page)
     config = with_ports(load_config(args.config), args.can, args.buttons, args.camera)
     config = with_plan(config, load_plan(args.plan, config) if args.plan else (), args.repeats)
@@ -65,7 +68,7 @@ def run_robot(args: argparse.Namespace) -> int:
     ending = Ending()
     with ExitStack() as wires:
         tally: Counter[str] = Counter()
-        layout = LAYOUTS[args.layout](config, wires, PageWanted(args.page, config, folder.name))
+        layout = LAYOUTS[args.layout](config, wires, partial(open_page, args.page, config, folder.name))
         bus, box, eyes, clock = _open_wires(config, layout, wires, tally)
         recorder = SessionWriter(folder, make_header(config, gate, started), config,
                                  args.gate.read_bytes() if args.gate else None, lossless=False,
@@ -122,11 +125,19 @@ def _open_wires(config: Config, layout: ProcessLayout, wires: ExitStack,
     return bus, box, eyes, clock
 
 
-def _check_real_time(args: argparse.Namespace) -> None:
-    if not 0 <= args.priority <= 99:
-        raise InputError(f"--priority {args.priority}: 1 to 99, or 0 not to ask")
-    if args.core is not None and args.core < 0:
-        raise InputError(f"--core {args.core}: cores count from 0")
+def open_bus(config: Config, clock: Clock, wires: ExitStack, tally: Counter[str]) -> Bus:
+    """Open the CAN bus: an adapter that may come and go, behind the configuration's rules; closed by `wires`.
+
+    `tally` counts what happens on the bus beside what should.
+
+    Raises:
+        LinkLost: it cannot be opened.
+    """
+    can = config.can
+    supervised = SupervisedBus(
+        lambda: open_can(can.interface, can.channel, can.bitrate, clock, WAIT_S, tally), clock, tally)
+    wires.callback(supervised.close)
+    return guard(supervised, config, clock, tally)
 
 
 def _ask_for_real_time(args: argparse.Namespace) -> None:

@@ -1,28 +1,27 @@
-"""truearc sysid: friction, inertia and delay of flywheels and hood, and the gains that follow."""
+"""Fit friction, inertia and delay of flywheels and hood, and write the gains that follow.
+
+Drives them by the program of [identify], or takes a recorded session or a CSV file. Writes gains to paste, never the
+configuration.
+"""
 
 import argparse
 import sys
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
 
-from truearc import robot
-from truearc.cli.files import check_place
-from truearc.cli.options import refuse
-from truearc.cli.progress import make_progress
+import truearc
+from truearc.cli.common import SHIPPED, make_progress, number, out_file, refuse
 from truearc.robot.config.schema import Config, InputError, load_config
 from truearc.robot.sysid.program import FLYWHEEL, HOOD
 
 if TYPE_CHECKING:
     from truearc.sim.sysid.record import Record
 
-DESCRIPTION = ("Drive flywheels and hood by the program of [identify] and fit friction, inertia and delay; or fit a "
-               "recorded session or a CSV file. Writes gains to paste, never the configuration.")
 EXAMPLE = "truearc sysid --config launcher.toml -o gains.toml --report sysid.html"
-
-SHIPPED = Path(robot.__file__).parent / "launcher.toml"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -36,9 +35,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, metavar="SESSION", help="session folder to make (default: "
                         "sessions/<time>; needed with --emulate)")
     parser.add_argument("--world", type=Path, help="world.toml of the emulated robot")
-    parser.add_argument("--seed", type=int, help="seed of the emulated robot (default 0)")
-    parser.add_argument("-o", dest="gains", type=Path, metavar="FILE", help="write the gains here, too")
-    parser.add_argument("--report", type=Path, metavar="PAGE", help="HTML page with residuals (needs the sim extra)")
+    parser.add_argument("--seed", type=number(int, 0), help="seed of the emulated robot (default 0)")
+    parser.add_argument("-o", dest="gains", type=out_file, metavar="FILE", help="write the gains here, too")
+    parser.add_argument("--report", type=out_file, metavar="PAGE",
+                        help="HTML page with residuals (needs the sim extra)")
 
 
 def main(args: argparse.Namespace) -> int:
@@ -68,10 +68,6 @@ def _check(args: argparse.Namespace) -> None:
         refuse(args, ("--world", "--seed"), "applies with --emulate only")
     if args.emulate and args.out is None:
         raise InputError("--emulate needs --out, the session to make")
-    if args.seed is not None and args.seed < 0:
-        raise InputError(f"--seed {args.seed}: cannot be negative")
-    for path in (args.gains, args.report):
-        check_place(path)
     if args.gains is not None and args.gains.exists():
         raise InputError(f"{args.gains}: exists already; gains are never written over anything")
 
@@ -79,11 +75,7 @@ def _check(args: argparse.Namespace) -> None:
 def _drive(args: argparse.Namespace) -> Path:
     """Drive what was asked for; the session's folder."""
     config = _narrowed(load_config(args.config or SHIPPED), args.only)
-
-    def tell(text: str) -> None:
-        if not args.quiet:
-            print(text, file=sys.stderr, flush=True)
-
+    tell = (lambda text: None) if args.quiet else partial(print, file=sys.stderr, flush=True)
     if not args.emulate:
         from truearc.cli.robot.sysid_drive import drive_robot
         return drive_robot(config, args.out, tell)
@@ -109,16 +101,14 @@ def _answer(args: argparse.Namespace, source: str, records: "Mapping[str, Record
     """Fit, and say what came of it; 1 when there is nothing to fit."""
     if not records:
         return 1
-    from importlib.metadata import version
-
     from truearc.sim.sysid.fit import fit_motion
     from truearc.sim.sysid.sysid_text import make_fragment
     show, fits = make_progress("sysid", args.quiet), {}
-    for number, (joint, record) in enumerate(records.items()):
-        show(number / len(records), joint)
+    for done, (joint, record) in enumerate(records.items()):
+        show(done / len(records), joint)
         fits[joint] = fit_motion(record)
     show(1.0, "")
-    title = f"truearc sysid {version('truearc')}: {source}"
+    title = f"truearc sysid {truearc.__version__}: {source}"
     fragment = make_fragment(title, fits, config, notes)
     print(fragment, end="")
     if args.gains is not None:

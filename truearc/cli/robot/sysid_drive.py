@@ -1,4 +1,4 @@
-"""Drives a launcher by the program of [identify] and records it: on its real wires, or on the emulated robot."""
+"""Drive a launcher by the program of [identify] and record it: on its real wires, or on the emulated robot."""
 
 from collections import Counter
 from collections.abc import Callable
@@ -7,8 +7,7 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-from truearc.cli.robot.real_bus import open_bus
-from truearc.cli.robot.run_robot import Ending
+from truearc.cli.robot.run_robot import Ending, open_bus
 from truearc.hw.protocols import LinkLost
 from truearc.hw.readings import CameraFrame
 from truearc.hw.real.clock import MonotonicClock, wall_clock
@@ -51,7 +50,7 @@ class Watch:
 
 
 def open_recorder(folder: Path, config: Config, started: str | None, lossless: bool) -> SessionWriter:
-    """A session whose header says that it was no shooting."""
+    """Open a session whose header says that it records a sysid program, not shots."""
     return SessionWriter(folder, replace(make_header(config, None, started), policy=POLICY), config, None, lossless)
 
 

@@ -1,4 +1,4 @@
-"""Drives the emulated robot by the program of [identify]: real frames, a button box, a world that nobody looks into."""
+"""Drive the emulated robot by the program of [identify]: real frames, a button box, a MuJoCo world."""
 
 from collections import Counter
 from collections.abc import Sequence

@@ -1,15 +1,15 @@
-"""truearc vision: images to distances."""
+"""Find the retro-reflective target in images; CSV on stdout, reasons on stderr.
+
+Distances are horizontal, lens to tape centre, along the line of sight. Corners are x y pairs in pixels: bottom right,
+bottom left, top left, top right. A file that cannot be read as an image has an empty `found`. A picture of another
+size than the camera's is treated as another mode of its sensor that shows the full height: one that was cropped or
+turned gets a wrong distance. See also `truearc vision calibrate` and `truearc vision tune`.
+"""
 
 import argparse
 
 from truearc.cli.robot.vision_tools.camera_file import packaged_cameras
 
-DESCRIPTION = ("Find the retro-reflective target in images; CSV on stdout, reasons on stderr. Distances are "
-               "horizontal, lens to tape centre, along the line of sight. Corners are x y pairs in pixels: bottom "
-               "right, bottom left, top left, top right. A file that is no image has an empty `found`. "
-               "A picture of another size than the camera's is treated as another mode of its sensor that shows the "
-               "full height: one that was cropped or turned gets a wrong distance. "
-               "See also `truearc vision calibrate` and `truearc vision tune`.")
 EXAMPLE = "truearc vision photos/*.jpg --camera lifecam_hd3000_480p --labels labels.csv"
 
 

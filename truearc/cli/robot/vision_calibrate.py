@@ -1,16 +1,17 @@
-"""truearc vision calibrate: a camera from a board, or its focal length from taped distances."""
+"""Calibrate a camera and write camera.toml with its uncertainties.
+
+With --board: focal length, axis and lens distortion from pictures of a chessboard or ChArUco board, held at many slants
+all over the picture. With --distances: a better focal length from pictures of the target whose horizontal distance
+(lens to tape centre) was measured with a tape; three are enough.
+"""
 
 import argparse
 
-from truearc.cli.options import refuse
+from truearc.cli.common import number, out_file, refuse
 from truearc.robot.config.schema import InputError
 
-DESCRIPTION = ("Calibrate a camera and write camera.toml with its uncertainties. With --board: focal length, axis and "
-               "lens distortion from pictures of a chessboard or ChArUco board, held at many slants all over the "
-               "picture. "
-               "With --distances: a better focal length from pictures of the target whose horizontal distance (lens "
-               "to tape centre) was measured with a tape; three are enough.")
 EXAMPLE = "truearc vision calibrate --distances taped.csv --camera camera.toml -o camera-here.toml"
+SMALLEST_M = 1e-6                     # of a standard deviation
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -22,11 +23,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--distances", metavar="CSV",
                         help="columns file,distance_m (or label_distance_m); files lie beside it or are given as IMAGE")
     parser.add_argument("--camera", metavar="FILE", help="where to begin: as for `truearc vision`")
-    parser.add_argument("--tape-sigma", type=float, metavar="M",
+    parser.add_argument("--tape-sigma", type=number(float, SMALLEST_M, 10.0), metavar="M",
                         help="standard deviation of one taped distance, metres (default 0.01)")
-    parser.add_argument("--bias-sigma", type=float, metavar="M",
+    parser.add_argument("--bias-sigma", type=number(float, SMALLEST_M, 10.0), metavar="M",
                         help="how well it is known that the tape began below the lens, metres (default 0.02)")
-    parser.add_argument("-o", "--out", metavar="FILE", help="camera.toml to write; without it, on stdout")
+    parser.add_argument("-o", "--out", type=out_file, metavar="FILE",
+                        help="camera.toml to write; without it, on stdout")
 
 
 def main(args: argparse.Namespace) -> int:

@@ -1,18 +1,18 @@
-"""truearc session convert: a session as one file that other programs open."""
+"""Write a recorded session as one file that other programs open.
+
+WPILOG for AdvantageScope, MCAP for Foxglove and PlotJuggler, CSV or Parquet with one row per tick (and one more file,
+FILE.trials, with one row per marked trial).
+"""
 
 import argparse
 from pathlib import Path
 
-DESCRIPTION = ("Write a recorded session as one file that other programs open: WPILOG for AdvantageScope, MCAP for "
-               "Foxglove and PlotJuggler, CSV or Parquet with a row a tick (and one more file, FILE.trials, with a row "
-               "a marked trial).")
 EXAMPLE = "truearc session convert sessions/monday --to wpilog -o monday.wpilog"
-FORMATS = ("csv", "mcap", "parquet", "wpilog")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("session", type=Path, help="recorded session folder")
-    parser.add_argument("--to", required=True, choices=FORMATS, help="format")
+    parser.add_argument("--to", required=True, choices=("csv", "mcap", "parquet", "wpilog"), help="format")
     parser.add_argument("-o", "--out", type=Path, required=True, metavar="FILE", help="file to write")
 
 

@@ -1,22 +1,21 @@
-"""The work of `truearc session convert`: one function a format."""
+"""The work of `truearc session convert`: one function per format."""
 
 import argparse
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
+from itertools import islice
 from pathlib import Path
 from typing import BinaryIO
 
-from truearc.cli.progress import make_progress
+from truearc.cli.common import make_progress
 from truearc.robot.config.schema import InputError
-from truearc.robot.recording.export.convert import (
-    TRIAL_COLUMNS,
-    ExportRows,
-    trial_row,
-    write_csv,
-    write_mcap,
-    write_wpilog,
-)
+from truearc.robot.recording.export import convert as exports
+from truearc.robot.recording.export.convert import TRIAL_COLUMNS, ExportRows
+from truearc.robot.recording.export.tabular import BOOL, FLOAT, FLOATS, INT, TEXT, TEXTS, Column, Value
+
+GROUP_ROWS = 10_000                   # of a Parquet file
+WriteRows = Callable[[tuple[Column, ...], Iterator[list[Value]], Path], None]
 
 
 def convert(args: argparse.Namespace) -> int:
@@ -42,25 +41,35 @@ def convert(args: argparse.Namespace) -> int:
     return 0
 
 
-def _to_csv(rows: ExportRows, out: Path) -> tuple[Path, ...]:
+def _to_two_files(write: WriteRows, rows: ExportRows, out: Path) -> tuple[Path, ...]:
     trials = trials_path(out)
-    with _part(out).open("w", encoding="utf-8", newline="") as file:
-        write_csv(rows.columns, iter(rows), file)
-    with _part(trials).open("w", encoding="utf-8", newline="") as file:
-        write_csv(TRIAL_COLUMNS, map(trial_row, rows.trials), file)
+    write(rows.columns, iter(rows), _part(out))
+    write(TRIAL_COLUMNS, map(exports.trial_row, rows.trials), _part(trials))
     return out, trials
 
 
-def _to_parquet(rows: ExportRows, out: Path) -> tuple[Path, ...]:
+def _write_csv(columns: tuple[Column, ...], rows: Iterator[list[Value]], path: Path) -> None:
+    with path.open("w", encoding="utf-8", newline="") as file:
+        exports.write_csv(columns, rows, file)
+
+
+def _write_parquet(columns: tuple[Column, ...], rows: Iterator[list[Value]], path: Path) -> None:
+    """One column per name, absent values null; each column's metadata has its unit."""
     try:
-        from truearc.cli.session.convert_parquet import write_parquet
+        import pyarrow as pa
+        from pyarrow.parquet import ParquetWriter
     except ModuleNotFoundError as error:
         raise InputError(f"--to parquet: needs {error.name}, which the robot's base install leaves out: "
                          "pip install 'truearc[sim]'") from error
-    trials = trials_path(out)
-    write_parquet(rows.columns, iter(rows), _part(out))
-    write_parquet(TRIAL_COLUMNS, map(trial_row, rows.trials), _part(trials))
-    return out, trials
+    types = {FLOAT: pa.float64(), INT: pa.int64(), BOOL: pa.bool_(), TEXT: pa.string(), TEXTS: pa.list_(pa.string()),
+             FLOATS: pa.list_(pa.float64())}
+    schema = pa.schema([pa.field(column.name, types[column.kind], metadata={"unit": column.unit})
+                        for column in columns])
+    with ParquetWriter(path, schema) as writer:
+        while group := list(islice(rows, GROUP_ROWS)):
+            arrays = [pa.array(cells, type=field.type)
+                      for cells, field in zip(zip(*group, strict=True), schema, strict=True)]
+            writer.write_table(pa.Table.from_arrays(arrays, schema=schema))
 
 
 def _to_one_file(write: Callable[[ExportRows, BinaryIO], None], rows: ExportRows, out: Path) -> tuple[Path, ...]:
@@ -75,10 +84,11 @@ def trials_path(out: Path) -> Path:
 
 
 def _part(path: Path) -> Path:
-    """What a file is called until it is whole."""
+    """The name of a file until it is whole."""
     return path.with_name(path.name + ".part")
 
 
 FORMATS: dict[str, Callable[[ExportRows, Path], tuple[Path, ...]]] = {
-    "csv": _to_csv, "mcap": partial(_to_one_file, write_mcap), "parquet": _to_parquet,
-    "wpilog": partial(_to_one_file, write_wpilog)}
+    "csv": partial(_to_two_files, _write_csv), "parquet": partial(_to_two_files, _write_parquet),
+    "mcap": partial(_to_one_file, exports.write_mcap),
+    "wpilog": partial(_to_one_file, exports.write_wpilog)}

@@ -1,11 +1,12 @@
-"""truearc session recover: repair a truncated recording."""
+"""Make a recording that was cut short (power loss, kill, full disk) whole.
+
+Nothing that is whole is lost, and the damaged files are kept in SESSION/damaged.
+"""
 
 import argparse
 import sys
 from pathlib import Path
 
-DESCRIPTION = ("Make a recording that was cut short (power loss, kill, full disk) whole. Nothing that is whole is "
-               "lost, and the damaged files are kept in SESSION/damaged.")
 EXAMPLE = "truearc session recover sessions/monday"
 
 

@@ -1,12 +1,13 @@
-"""truearc session replay: recompute every output of a recording."""
+"""Recompute every output of a recording, from its inputs or from its raw CAN frames and images.
+
+Exit 1 on the first difference. With another configuration or model: which outputs would have differed.
+"""
 
 import argparse
 from pathlib import Path
 
-from truearc.cli.options import refuse
+from truearc.cli.common import refuse
 
-DESCRIPTION = ("Recompute every output of a recording, from its inputs or from its raw CAN frames and images; exit 1 "
-               "on the first difference. With another configuration or model: what would have come out otherwise.")
 EXAMPLE = "truearc session replay sessions/monday --check"
 
 

@@ -1,13 +1,14 @@
-"""truearc completion: completion of commands and options for a shell."""
+"""Print a completion script for a shell, made from the parsers of the installed commands.
+
+bash: put the line of the example into ~/.bashrc; zsh: write the script to a file `_truearc` in a folder of $fpath;
+tcsh: source the script in ~/.tcshrc.
+"""
 
 import argparse
 
 from truearc.cli.parsers import fill_parser, load_module
 from truearc.cli.registry import GROUPS, Command, list_commands
 
-DESCRIPTION = """Print a completion script for a shell, made from the parsers of the installed commands. bash: put the
-line of the example into ~/.bashrc; zsh: write the script to a file `_truearc` in a folder of $fpath; tcsh: source the
-script in ~/.tcshrc."""
 EXAMPLE = 'eval "$(truearc completion bash)"'
 SHELLS = ("bash", "zsh", "tcsh")
 
@@ -28,20 +29,14 @@ def make_root_parser(commands: tuple[Command, ...]) -> argparse.ArgumentParser:
     root = argparse.ArgumentParser(prog="truearc")
     root.add_argument("--version", action="store_true", help="print the version")
     first = root.add_subparsers()
-    for command in (one for one in commands if " " not in one.name):
-        parser = first.add_parser(command.name, help=command.summary)
-        _add_second_words(parser, command.name, commands)
-        fill_parser(parser, load_module(command))
-    for prefix in (group for group, _ in GROUPS if any(one.name.startswith(f"{group} ") for one in commands)):
-        _add_second_words(first.add_parser(prefix, help=dict(GROUPS)[prefix]), prefix, commands)
+    for word in dict.fromkeys(command.name.split()[0] for command in commands):
+        members = {one.name.removeprefix(word).strip(): one for one in commands if one.name.split()[0] == word}
+        own = members.pop("", None)
+        parser = first.add_parser(word, help=own.summary if own else dict(GROUPS).get(word))
+        if members:
+            second = parser.add_subparsers()
+            for last, command in members.items():
+                fill_parser(second.add_parser(last, help=command.summary), load_module(command))
+        if own:
+            fill_parser(parser, load_module(own))
     return root
-
-
-def _add_second_words(parser: argparse.ArgumentParser, word: str, commands: tuple[Command, ...]) -> None:
-    """The commands of two words that begin with this one."""
-    members = {one.name.removeprefix(f"{word} "): one for one in commands if one.name.startswith(f"{word} ")}
-    if not members:
-        return
-    second = parser.add_subparsers()
-    for last, command in members.items():
-        fill_parser(second.add_parser(last, help=command.summary), load_module(command))

@@ -1,4 +1,8 @@
-"""truearc demo: the whole loop on the emulated robot, and one report."""
+"""Play the whole loop on the emulated robot, and write one report.
+
+Record, fit, simulate, train, export, verify; say where simulation and recordings disagree, and put that into the
+simulation; drive with the gate of before, with that of after, and without one.
+"""
 
 import argparse
 import json
@@ -11,21 +15,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import truearc as ta
-from truearc import robot
-from truearc.cli.files import write_out
-from truearc.cli.progress import make_progress
+from truearc.cli.common import SHIPPED, make_progress, number, write_out
 from truearc.cli.start.demo_files import Demo
-from truearc.robot.config.schema import InputError
+from truearc.robot.config.schema import Config, load_config
 
 if TYPE_CHECKING:
-    from truearc.robot.config.schema import Config
     from truearc.sim.world.parts.target import BallResult
 
-DESCRIPTION = """The whole loop on the emulated robot: record, fit, simulate, train, export, verify, say where
-simulation and recordings disagree, put what was found into the simulation, drive with the gate of before, with that of
-after and without one, and write one report."""
 EXAMPLE = "truearc demo --out report"
-SHIPPED = Path(robot.__file__).parent / "launcher.toml"
 FEWEST = 30
 SIMULATED = 900                       # shots that the paper's network learns from, too
 TERMS = ("gravity", "drag", "magnus", "exit_efficiency")      # what our gate's physics consists of
@@ -34,23 +31,21 @@ MARK = ".truearc-demo"                # a folder with this in it was made by us 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, default=Path("report"), help="folder for the report and all it rests on")
-    parser.add_argument("--trials", type=int, default=120, help="trials recorded to learn from")
-    parser.add_argument("--test-trials", type=int, default=120, help="trials of the gated and of the ungated session")
-    parser.add_argument("--seed", type=int, default=2026, help="seed of everything drawn (default %(default)s)")
+    parser.add_argument("--trials", type=number(int, FEWEST), default=120,
+                        help=f"trials recorded to learn from, at least {FEWEST}")
+    parser.add_argument("--test-trials", type=number(int, FEWEST), default=120, help="trials of each session driven")
+    parser.add_argument("--seed", type=number(int, 0), default=2026, help="seed of everything drawn")
 
 
 def main(args: argparse.Namespace) -> int:
-    if args.seed < 0:
-        raise InputError(f"--seed {args.seed}: cannot be negative")
-    if min(args.trials, args.test_trials) < FEWEST:
-        raise InputError(f"--trials and --test-trials: at least {FEWEST}, or there is nothing to learn from")
     from truearc.cli.start.demo_report import headline, save_report
     began = time.monotonic()
     demo = Demo(_fresh_folder(args.out), args.seed)
     _collect(demo, args.trials, args.quiet)
     _learn(demo, args.quiet)
     found = _explain(demo, args.quiet)
-    _adopt(demo, args.quiet)
+    _say("7 put it in: the same gate, trained on the same shots, with what was found in its physics")
+    _train_gate(demo, ta.load_dataset(demo.shots), demo.adopted, demo.weights_after, demo.gate_after, args.quiet)
     _compare(demo, args.test_trials, args.quiet)
     report = save_report(demo, found.investigation)
     print("\n".join(["", *headline(demo), f"report: {report}   ({time.monotonic() - began:.0f} s)"]))
@@ -59,9 +54,9 @@ def main(args: argparse.Namespace) -> int:
 
 def _fresh_folder(folder: Path) -> Path:
     if folder.is_file():
-        raise InputError(f"{folder}: is a file")
+        raise ta.InputError(f"{folder}: is a file")
     if folder.exists() and any(folder.iterdir()) and not (folder / MARK).exists():
-        raise InputError(f"{folder}: is not empty and was not made by a demo; name another with --out")
+        raise ta.InputError(f"{folder}: is not empty and was not made by a demo; name another with --out")
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     (folder / MARK).touch()
@@ -69,7 +64,6 @@ def _fresh_folder(folder: Path) -> Path:
 
 
 def _collect(demo: Demo, trials: int, quiet: bool) -> None:
-    from truearc.robot.config.schema import load_config
     from truearc.sim.world.emulated_robot import emulate
     _say(f"1 record: {trials} trials of the emulated robot; the driver marks each outcome")
     emulate(load_config(SHIPPED), demo.collect, trials, demo.seed, progress=make_progress("record", quiet))
@@ -122,7 +116,7 @@ def _train_gate(demo: Demo, shots: "ta.Dataset", belief: Path, weights: Path, ga
     found = verify_gate(gate, weights, {str(demo.shots): shots})
     print(found)
     if not found.passed:
-        raise InputError(f"{gate}: not what was trained")
+        raise ta.InputError(f"{gate}: not what was trained")
 
 
 def _export(weights: Path, gate: Path) -> None:
@@ -131,8 +125,7 @@ def _export(weights: Path, gate: Path) -> None:
 
 
 def _compare(demo: Demo, trials: int, quiet: bool) -> None:
-    """Three sessions of another seed, alike but for the gate, side by side on two cores."""
-    from truearc.robot.config.schema import load_config
+    """Three sessions of another seed, alike except in the gate, side by side on two cores."""
     _say(f"8 drive: the same {trials} trials without a gate, with the first one, and with that of what was found")
     config = walked_in(load_config(SHIPPED), demo.collect)
     sessions = [(demo.ungated, None, quiet), (demo.gated, demo.gate, True), (demo.after, demo.gate_after, True)]
@@ -149,13 +142,13 @@ def _compare(demo: Demo, trials: int, quiet: bool) -> None:
         write_out(heights, ta.predict(ungated, ta.load_belief(coefficients)).to_csv())
 
 
-def _drive(config: "Config", trials: int, seed: int, job: tuple[Path, Path | None, bool]) -> "list[BallResult]":
+def _drive(config: Config, trials: int, seed: int, job: tuple[Path, Path | None, bool]) -> "list[BallResult]":
     from truearc.sim.world.emulated_robot import emulate
     session, gate, quiet = job
     return emulate(config, session, trials, seed, gate_path=gate, progress=make_progress("drive", quiet))
 
 
-def walked_in(config: "Config", session: Path) -> "Config":
+def walked_in(config: Config, session: Path) -> Config:
     """The configuration with the aim as the driver's marks left it at the end of a session."""
     from msgspec.structs import replace
     walk = (0.0, 0.0, 0.0)
@@ -175,11 +168,6 @@ def _explain(demo: Demo, quiet: bool) -> "ta.Finding":
     print(found)
     print(say_adopted(found.record, belief.provenance))
     return found
-
-
-def _adopt(demo: Demo, quiet: bool) -> None:
-    _say("7 put it in: the same gate, trained on the same shots, with what was found in its physics")
-    _train_gate(demo, ta.load_dataset(demo.shots), demo.adopted, demo.weights_after, demo.gate_after, quiet)
 
 
 def _say(text: str) -> None:

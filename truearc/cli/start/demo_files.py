@@ -1,15 +1,16 @@
-"""Where everything of one demo lies, and how it is read back."""
+"""Files of a demo: their places, and how they are read back."""
 
 import csv
 from pathlib import Path
 
 import truearc as ta
 
+NS = 1e-9                             # s per ns
 Score = tuple[int, int]               # how many scored, of how many
 
 
 class Demo:
-    """Where everything of one demo lies."""
+    """Places of everything that a demo writes."""
 
     def __init__(self, folder: Path, seed: int) -> None:
         self.folder, self.seed = folder, seed
@@ -28,12 +29,12 @@ class Demo:
             folder / "weights_after", folder / "gate_after.onnx", folder / "ratings_after.csv")
         self.heights_grid, self.heights, self.heights_after = (
             folder / name for name in ("heights_grid.csv", "heights.csv", "heights_after.csv"))
-        self.round = folder / "round"
         self.finding, self.finding_page = folder / "finding.json", folder / "discover.html"
 
 
-def score(dataset: "ta.Dataset", kinds: tuple[str, ...]) -> Score:
-    outcomes = dataset.shots.text("outcome")
+def score(dataset: Path, kinds: tuple[str, ...]) -> Score:
+    """Count the shots of these outcomes in a dataset, and all of its shots."""
+    outcomes = ta.load_dataset(dataset).shots.text("outcome")
     return sum(outcome in kinds for outcome in outcomes), len(outcomes)
 
 

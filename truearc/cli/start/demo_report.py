@@ -6,11 +6,10 @@ from pathlib import Path
 import numpy as np
 
 import truearc as ta
-from truearc.cli.start.demo_files import Demo, score, share
+from truearc.cli.start.demo_files import NS, Demo, score, share
 from truearc.cli.start.demo_worth import put_in, rated, worth_of_it
 from truearc.robot.recording.session import load_session_config, load_trials
 from truearc.sim.data.columns import OUTCOMES
-from truearc.sim.data.dataset import load_dataset
 from truearc.sim.discover.api import Investigation
 from truearc.sim.discover.report.html_report import make_pictures
 from truearc.sim.infer.coefficients import load_coefficients
@@ -19,22 +18,21 @@ from truearc.sim.metrics import Figures, figures_of
 from truearc.sim.plots import Share, draw_shares, draw_shot, draw_trajectories
 from truearc.sim.report import make_page, make_png, paragraph, picture, table
 
-NS = 1e-9
 BEFORE_S, AFTER_S = 1.5, 1.0
 
 
 def headline(demo: Demo) -> list[str]:
-    """The numbers that matter, in words."""
-    gated, ungated = load_dataset(demo.gated_shots), load_dataset(demo.ungated_shots)
-    lines = [f"practice: {len(load_dataset(demo.shots).shots)} marked shots; with the gate the robot fired "
-             f"{len(gated.shots)} of {len(load_trials(demo.gated))} asked for, without it {len(ungated.shots)}"]
+    """Return the main results as text."""
+    lines = []
     for name, kinds in SCORES:
-        with_gate, without = score(gated, kinds), score(ungated, kinds)
+        with_gate, without = score(demo.gated_shots, kinds), score(demo.ungated_shots, kinds)
         low, high = difference(with_gate, without)
         lines.append(f"{name}: {share(with_gate)} with the gate, {share(without)} without; "
                      f"difference {low:+.0%} to {high:+.0%} (95 %)")
-    ours, network = _judged(demo)
-    lines.append(f"told beforehand, of {ours.shots} shots neither had seen: our gate right on {ours.accuracy:.0%} "
+    lines.insert(0, f"practice: {len(ta.load_dataset(demo.shots).shots)} marked shots; with the gate the robot fired "
+                 f"{with_gate[1]} of {len(load_trials(demo.gated))} asked for, without it {without[1]}")
+    *_, (ours, network) = _judged(demo)
+    lines.append(f"forecasts of {ours.shots} shots that neither had seen: our gate right on {ours.accuracy:.0%} "
                  f"(Brier {ours.brier:.3f}), the paper's network on {network.accuracy:.0%} (Brier {network.brier:.3f})")
     coefficients = load_coefficients(demo.coefficients)
     lines.append("fit (grid): " + ", ".join(f"{term}.{name} = {value:.3f}" for term, values in coefficients.items()
@@ -66,16 +64,14 @@ def save_report(demo: Demo, found: Investigation) -> Path:
 
 
 def _verdict(demo: Demo) -> str:
-    gated, ungated = load_dataset(demo.gated_shots), load_dataset(demo.ungated_shots)
-    with_gate, without = score(gated, ("three",)), score(ungated, ("three",))
+    with_gate, without = score(demo.gated_shots, ("three",)), score(demo.ungated_shots, ("three",))
     return (f"Of the shots the gate let through {share(with_gate)} scored three points; of the same driver's shots "
             f"without it, {share(without)}.")
 
 
 def _gate_worth(demo: Demo) -> str:
-    gated, ungated = load_dataset(demo.gated_shots), load_dataset(demo.ungated_shots)
     shares = [Share(f"{name}, {which}", *score(dataset, kinds)) for name, kinds in SCORES
-              for which, dataset in (("with the gate", gated), ("without", ungated))]
+              for which, dataset in (("with the gate", demo.gated_shots), ("without", demo.ungated_shots))]
     held = [trial for trial in load_trials(demo.gated) if trial.outcome.outcome == "held"]
     return picture(make_png(draw_shares(shares)), "shares with and without the gate") + paragraph(
         f"Both sessions have the same driver, places, set points and seed; they differ in the gate alone. It held "
@@ -95,12 +91,12 @@ def _one_shot(demo: Demo) -> str:
     fed = shots[len(shots) // 2].t_ns
     ticks = [tick for tick in ta.Recording(demo.collect) if -BEFORE_S <= (tick.inputs.t_ns - fed) * NS <= AFTER_S]
     return picture(make_png(draw_shot(ticks, config, fed)), "wheel speed, hood angle and battery around one shot",
-                   "The red line is the moment the ball is fed. Nobody typed the dip in: it is the contact in MuJoCo.")
+                   "The red line is the moment the ball is fed. The dip comes from the contact in MuJoCo.")
 
 
 def _trajectories(demo: Demo) -> str:
-    data = load_dataset(demo.shots)
-    figure = draw_trajectories(data.facts, load_coefficients(demo.coefficients), data.shots, 12)
+    data = ta.load_dataset(demo.shots)
+    figure = draw_trajectories(data.rig, load_coefficients(demo.coefficients), data.shots, 12)
     return picture(make_png(figure), "trajectories", "Where green ones miss the green bar, the simulator is wrong.")
 
 
@@ -108,24 +104,19 @@ def _fit(demo: Demo) -> str:
     return picture(demo.fit_map.read_bytes(), "3-point accuracy over the coefficients, and the pairs that tie")
 
 
-def _rated(demo: Demo) -> tuple[list[np.ndarray], np.ndarray]:
-    """Of our gate and the paper's network, inside our gate's domain."""
-    return rated(demo, (demo.ratings, demo.network_ratings), inside=1)
-
-
-def _judged(demo: Demo) -> tuple[Figures, Figures]:
-    (ours, network), level = _rated(demo)
-    return figures_of(ours, level), figures_of(network, level)
+def _judged(demo: Demo) -> tuple[np.ndarray, np.ndarray, tuple[Figures, Figures]]:
+    """Return our gate's p [n, 2], the levels [n], and figures of our gate and the network, inside our gate's domain."""
+    (ours, network), level = rated(demo, (demo.ratings, demo.network_ratings), inside=1)
+    return ours, level, (figures_of(ours, level), figures_of(network, level))
 
 
 def _confusion(demo: Demo) -> str:
-    (ours, _), level = _rated(demo)
+    ours, level, judged = _judged(demo)
     said = (ours >= 0.5).sum(axis=1)
     rows = [[f"it was {was}", *(int(((level == k) & (said == j)).sum()) for j in range(3))]
             for k, was in enumerate(OUTCOMES)]
     figures = [[name, f"{one.accuracy:.0%}", f"{one.f1_three:.2f}", f"{one.brier:.3f}", f"{one.ece:.3f}",
-                f"{one.log_score:.2f}"] for name, one in zip(("our gate", "the paper's network"), _judged(demo),
-                                                             strict=True)]
+                f"{one.log_score:.2f}"] for name, one in zip(("our gate", "the paper's network"), judged, strict=True)]
     return (table(["", *(f"our gate said {said}" for said in OUTCOMES)], rows)
             + table(["", "outcome right", "F1 of three", "Brier", "calibration error", "log score"], figures)
             + paragraph(f"The {len(level)} shots of the ungated session that lie in our gate's domain; both "

@@ -1,16 +1,15 @@
 """A rim that lets in balls that touch it, or throws out ones that should have gone in."""
 
-from truearc.sim.physics.term import LENGTH, ArrivalTerm, Instrument, Opening, Parameter, Phrase, Prior, Values
+from truearc.sim.physics.term import LENGTH, ArrivalTerm, Instrument, Opening, Phrase, Values, amplitude
 
 
 class RimCatch(ArrivalTerm):
     """Both half heights of the opening grow by reach_m."""
 
     order = 20, "how large the opening is"
-    parameters = (Parameter(
-        "reach_m", "m", -0.05, 0.3, 0.0, "a ball that touches the rim goes in or out by a few centimetres of its path",
-        Prior("linear", 0.0, 0.03, "none to five centimetres of a rim's or a net's give"),
-        meaning="half height of the opening above the stated one"),)
+    parameters = amplitude("reach_m", "m", -0.05, 0.3, sd=0.03, meaning="true half height less the stated one",
+                           source="a ball that touches the rim goes in or out by a few centimetres of its path",
+                           reason="none to five centimetres of a rim's or a net's give")
     direction = "vertical"
     label = "forgiving rim"
     sentence = "The rim lets in balls that touch it, as if the opening were larger."

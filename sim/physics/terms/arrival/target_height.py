@@ -1,19 +1,18 @@
 """A target that stands higher or lower than stated."""
 
-from truearc.sim.physics.term import LENGTH, ArrivalTerm, Instrument, Opening, Parameter, Prior, Values, either_way
+from truearc.sim.physics.term import LENGTH, ArrivalTerm, Instrument, Opening, Values, amplitude, either_way
 
 
 class TargetHeight(ArrivalTerm):
     """The opening's centre is rise_m over rig.toml's."""
 
     order = 10, "where the opening is, before how large"
-    parameters = (Parameter(
-        "rise_m", "m", -1.0, 1.0, 0.0, "fields are built to a few centimetres, floors are not level",
-        Prior("linear", 0.0, 0.04, "a few centimetres by tape and floor"),
-        meaning="true height of the opening less the stated one"),)
+    parameters = amplitude("rise_m", "m", -1.0, 1.0, sd=0.04, meaning="true height of the opening less the stated one",
+                           source="fields are built to a few centimetres, floors are not level",
+                           reason="a few centimetres by tape and floor")
     direction = "vertical"
     sentence = "The target stands higher or lower than stated."
-    phrase = either_way("the target stands {} <way> than stated", "higher", "lower", LENGTH)
+    phrase = either_way("the target stands {} <higher|lower> than stated", LENGTH)
     instrument = Instrument("target_height_tape", "target height with a tape", 0.01)
 
     def arrive(self, values: Values, opening: Opening) -> Opening:

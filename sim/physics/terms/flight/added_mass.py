@@ -1,31 +1,24 @@
 """The ball drags air along: it is harder to accelerate than its mass says."""
 
-import math
-
+from truearc.sim.physics.air import displaced_share
 from truearc.sim.physics.term import BallState, FlightTerm, Forces, Rig, Values, Vec
-from truearc.sim.physics.term_fields import SHARE, Instrument, Parameter, Phrase, Prior
-from truearc.sim.physics.vector import add, scale
+from truearc.sim.physics.term_fields import SHARE, Instrument, Phrase, amplitude
+from truearc.sim.physics.vector import scale, total
 
 
 class AddedMass(FlightTerm):
     """All accelerations / (1 + share x rho V / 2 m): half the displaced air for a sphere in potential flow."""
 
     order = 200, "a share of all forces"
-    parameters = (Parameter(
-        "share", "1", -1.0, 4.0, 0.0, "1 for a sphere in a fluid without friction: half of the displaced mass (Lamb, "
-        "Hydrodynamics)",
-        Prior("linear", 0.0, 1.0, "0 is a simulation without it, 1 is the theory"),
-        meaning="part of half the displaced air's mass that moves along"),)
+    parameters = amplitude("share", "1", -1.0, 4.0, sd=1.0, meaning="share of half the displaced mass that moves along",
+                           source="1 for a sphere in a fluid without friction: half the displaced mass (Lamb 1932)",
+                           reason="0 is a simulation without it, 1 is the theory")
     direction = "vertical"
     sentence = "The ball carries air along and is harder to speed up or slow down than its mass says."
     phrase = Phrase("the ball has to move some air along, {} of what theory gives it", "the ball moves as if it were "
                     "lighter, by {} of the air that theory has it move along", *SHARE)
     instrument = Instrument("ball_scale", "ball mass with a scale", 0.3)
 
-    def acceleration(self, facts: Rig, values: Values, ball: BallState, forces: Forces) -> Vec:
-        volume_m3 = 4.0 / 3.0 * math.pi * facts.ball.radius_m**3
-        heavier = values["share"] * (0.5 * facts.air.density_kg_m3 * volume_m3 / facts.ball.mass_kg)
-        total = Vec(0.0, 0.0, 0.0)
-        for force in forces.values():
-            total = add(total, force)
-        return scale(-heavier / (1.0 + heavier), total)
+    def acceleration(self, rig: Rig, values: Values, ball: BallState, forces: Forces) -> Vec:
+        heavier = values["share"] * (0.5 * displaced_share(rig))
+        return scale(-heavier / (1.0 + heavier), total(forces.values()))

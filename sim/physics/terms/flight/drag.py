@@ -1,9 +1,7 @@
 """Quadratic air drag (the paper's Eq. 3)."""
 
-import math
-
-from truearc.sim.physics.term import BallState, FlightTerm, Forces, Rig, Values, Vec
-from truearc.sim.physics.term_fields import NUMBER, Instrument, Parameter, Phrase, Prior
+from truearc.sim.physics.air import drag_per_m
+from truearc.sim.physics.term import BallState, FlightTerm, Forces, Instrument, Rig, Values, Vec, amplitude, either_way
 from truearc.sim.physics.vector import length, scale
 
 
@@ -11,18 +9,14 @@ class Drag(FlightTerm):
     """F = (cd / 2) A rho v^2 against the velocity, with A = pi r^2."""
 
     order = 110, "a force by itself, before those that are shares of it"
-    parameters = (Parameter(
-        "cd", "1", 0.0, 5.0, 0.0, "the paper's search range; a smooth sphere has 0.4-0.5",
-        Prior("log", 0.5, 0.7, "spheres and sports balls have 0.1 (past the drag crisis) to 0.7 (felt); a factor of "
-              "two either way leaves room for the paper's 0.91"),
-        meaning="drag coefficient", by_ball=0.08, fit_each_ball=True),)
+    parameters = amplitude("cd", "1", 0.0, 5.0, scale="log", centre=0.5, sd=0.7, meaning="drag coefficient",
+                           source="the paper's search range; a smooth sphere has 0.4-0.5",
+                           reason="spheres and sports balls have 0.1 (past the drag crisis) to 0.7 (felt); a factor of "
+                           "two either way leaves room for the paper's 0.91", by_ball=0.08, fit_each_ball=True)
     direction = "along"
     sentence = "The air slows the ball in proportion to the square of its speed."
-    phrase = Phrase("the air slows the ball, with a drag coefficient of {}", "the air drives the ball, with a drag "
-                    "coefficient of minus {}", *NUMBER)
+    phrase = either_way("the air <slows|drives> the ball, with a drag coefficient of <|minus >{}")
     instrument = Instrument("fall_film", "the fall of a ball from a known height, on film", 0.05)
 
-    def acceleration(self, facts: Rig, values: Values, ball: BallState, forces: Forces) -> Vec:
-        area_m2 = math.pi * facts.ball.radius_m**2
-        per_m = values["cd"] * (0.5 * area_m2 * facts.air.density_kg_m3 / facts.ball.mass_kg)
-        return scale(-per_m * length(ball.velocity_m_s), ball.velocity_m_s)
+    def acceleration(self, rig: Rig, values: Values, ball: BallState, forces: Forces) -> Vec:
+        return scale(-values["cd"] * drag_per_m(rig) * length(ball.velocity_m_s), ball.velocity_m_s)

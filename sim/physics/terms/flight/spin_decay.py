@@ -2,7 +2,7 @@
 
 import jax.numpy as jnp
 
-from truearc.sim.physics.term import SHARE, AirTerm, BallState, Instrument, Parameter, Prior, Rig, Values, either_way
+from truearc.sim.physics.term import SHARE, AirTerm, BallState, Instrument, Rig, Values, amplitude, either_way
 from truearc.sim.physics.vector import scale
 
 
@@ -10,16 +10,14 @@ class SpinDecay(AirTerm):
     """spin = spin at release x exp(-rate_per_s x time since release)."""
 
     order = 10, "what spin is left, before the forces that it makes"
-    parameters = (Parameter(
-        "rate_per_s", "1/s", 0.0, 5.0, 0.0, "golf balls lose 3 to 4 per cent per second; by the law seen for baseballs "
-        "(Nathan 2008) a light ball of 18 cm at 10 m/s a quarter",
-        Prior("linear", 0.0, 0.4, "from golf's hundredths to the quarter by that law, and twice as much for foam"),
-        meaning="share of the spin lost per second"),)
+    parameters = amplitude("rate_per_s", "1/s", 0.0, 5.0, sd=0.4, meaning="share of the spin lost per second",
+                           source="golf balls lose 3 to 4 % per second; a light ball of 18 cm at 10 m/s a quarter, by "
+                           "the law seen for baseballs (Nathan 2008)",
+                           reason="from golf's hundredths to the quarter by that law, and twice as much for foam")
     direction = "vertical"
     sentence = "The ball loses spin in flight."
-    phrase = either_way("the ball <way> spin in flight, at {} a second", "loses", "gains", SHARE, " a second")
+    phrase = either_way("the ball <loses|gains> spin in flight, at {} per second", SHARE, " per second")
     instrument = Instrument("spin_film_early_late", "spin of a marked ball at 120 frames/s, early and late", 0.1)
 
-    def meet(self, facts: Rig, values: Values, ball: BallState) -> BallState:
-        left = jnp.exp(-values["rate_per_s"] * ball.time_s)
-        return ball._replace(spin_rev_s=scale(left, ball.spin_rev_s))
+    def meet(self, rig: Rig, values: Values, ball: BallState) -> BallState:
+        return ball._replace(spin_rev_s=scale(jnp.exp(-values["rate_per_s"] * ball.time_s), ball.spin_rev_s))

@@ -8,8 +8,7 @@ class WindX(WindTerm):
 
     order = 20, "what air the ball meets, before its forces"
     parameters = wind_speed("wind toward the target")
-    axis = "x"
     direction = "along"
     label = "head or tail wind"
     sentence = "There is wind toward the target, or from it."
-    phrase = either_way("there is wind of {} <way> the target", "toward", "from", SPEED)
+    phrase = either_way("there is wind of {} <toward|from> the target", SPEED)

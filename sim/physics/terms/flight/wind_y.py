@@ -8,9 +8,8 @@ class WindY(WindTerm):
 
     order = 30, "what air the ball meets, before its forces"
     parameters = wind_speed("wind to the left")
-    axis = "y"
     direction = "lateral"
     label = "crosswind"
     record = "tracks of the ball"
     sentence = "There is wind across the flight."
-    phrase = either_way("there is wind of {} to the <way>", "left", "right", SPEED)
+    phrase = either_way("there is wind of {} to the <left|right>", SPEED)

@@ -8,8 +8,7 @@ class WindZ(WindTerm):
 
     order = 40, "what air the ball meets, before its forces"
     parameters = wind_speed("wind upward")
-    axis = "z"
     direction = "vertical"
     label = "rising or sinking air"
     sentence = "The air rises or sinks where the balls fly."
-    phrase = either_way("the air <way> at {}", "rises", "sinks", SPEED)
+    phrase = either_way("the air <rises|sinks> at {}", SPEED)

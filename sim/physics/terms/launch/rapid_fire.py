@@ -1,11 +1,9 @@
 """Balls fired before the wheels have recovered from the last one."""
 
-from typing import Any
-
 import jax.numpy as jnp
 
-from truearc.sim.data.conditions import Circumstances
-from truearc.sim.physics.term import SHARE, Instrument, Parameter, Prior, SpeedTerm, Values, either_way
+from truearc.sim.physics.term import Circumstances, SpeedTerm, Values
+from truearc.sim.physics.term_fields import SHARE, Instrument, Parameter, Prior, amplitude, either_way
 
 
 class RapidFire(SpeedTerm):
@@ -13,18 +11,17 @@ class RapidFire(SpeedTerm):
 
     order = 80, "a factor of the speed; these commute"
     parameters = (
-        Parameter("loss", "1", -0.5, 0.5, 0.0, "teams see the second of two quick shots fall short by a few per cent "
-                  "of speed",
-                  Prior("linear", 0.0, 0.05, "a wheel dips by up to a tenth, and its reading recovers before the "
-                        "ball's grip does"), meaning="share of the speed lost right after another shot"),
+        *amplitude("loss", "1", -0.5, 0.5, sd=0.05, meaning="share of the speed lost right after another shot",
+                   source="teams see the second of two quick shots fall short by a few per cent of speed",
+                   reason="a wheel dips by up to a tenth, and its reading recovers before the ball's grip does"),
         Parameter("time_constant_s", "s", 0.05, 10.0, 0.7, "wheels under control come back within 0.3 to 2 s",
                   Prior("log", 0.7, 0.6, "0.2 to 2.3 s at two sigma, by motor, inertia and gains"),
                   meaning="time in which that fades to a third"))
     record = "t_s or since_last_shot_s of each shot"
     sentence = "A shot soon after another leaves slower: the wheels have not recovered."
-    phrase = either_way("a shot right after another leaves {} <way>", "slower", "faster", SHARE)
+    phrase = either_way("a shot right after another leaves {} <slower|faster>", SHARE)
     instrument = Instrument("shots_short_long_pause", "the same shot after 1 s and after 10 s", 0.02)
 
-    def at_shot(self, values: Values, circumstances: Circumstances) -> dict[str, Any]:
+    def at_shot(self, values: Values, circumstances: Circumstances) -> Values:
         left = jnp.exp(-circumstances.since_last_shot_s / values["time_constant_s"])
         return {**values, "loss": values["loss"] * left}

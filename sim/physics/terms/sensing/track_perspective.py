@@ -1,24 +1,21 @@
 """A tracker whose metre changes with height: it looks up or down at the flight, as on a film from the ground."""
 
-from truearc.sim.physics.term import SHARE, Instrument, Number, Parameter, Prior, Values, Vec, WatchTerm, either_way
-from truearc.sim.physics.vector import times
+from truearc.sim.physics.term import SHARE, Instrument, Number, Values, Vec, WatchTerm, amplitude, either_way
+from truearc.sim.physics.vector import add, scale, times
 
 
 class TrackPerspective(WatchTerm):
     """seen position = position x (1 + per_m x height above the floor), to first order; negative: shrinks upward."""
 
     order = 100, "to first order independent of the other errors of the tracker"
-    parameters = (Parameter(
-        "per_m", "1/m", -0.1, 0.1, 0.0, "a camera that looks up at an angle a from D metres away sees what is 1 m "
-        "higher sin(a) m farther off, and smaller by sin(a) / D",
-        Prior("linear", 0.0, 0.01, "a tripod 5 m away whose camera is pitched by three degrees"),
-        meaning="growth of tracked lengths per metre of height"),)
+    parameters = amplitude("per_m", "1/m", -0.1, 0.1, sd=0.01, meaning="growth of tracked lengths per metre of height",
+                           source="seen from D m away at an angle a upward, lengths 1 m higher shrink by sin(a) / D",
+                           reason="a tripod 5 m away whose camera is pitched by three degrees")
     direction = "vertical"
     sentence = "The tracker's metre changes with height: it looks up or down at the flight."
-    phrase = either_way("the higher the ball, the <way> the tracker sees lengths, by {} a metre", "larger", "smaller",
-                        SHARE, " per m of height")
+    phrase = either_way("the higher the ball, the <larger|smaller> the tracker sees lengths, by {} a "
+                        "metre", SHARE, " per m of height")
     instrument = Instrument("ruler_two_heights", "a ruler at two heights in the tracker's view", None)
 
     def watch(self, values: Values, position_m: Vec, velocity_m_s: Vec, time_s: Number) -> Vec:
-        longer = times(values["per_m"], position_m.z)
-        return Vec(*(part + times(longer, part) for part in position_m))
+        return add(position_m, scale(times(values["per_m"], position_m.z), position_m))

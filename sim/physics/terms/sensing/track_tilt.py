@@ -4,21 +4,20 @@ import math
 
 import jax.numpy as jnp
 
-from truearc.sim.physics.term import ANGLE, Instrument, Number, Parameter, Prior, Values, Vec, WatchTerm, either_way
+from truearc.sim.physics.term import ANGLE, Instrument, Number, Values, Vec, WatchTerm, amplitude, either_way
 
 
 class TrackTilt(WatchTerm):
     """Positions are seen turned about the left axis on the floor below the exit; positive: higher, what lies ahead."""
 
     order = 80, "turns positions of any scale"
-    parameters = (Parameter(
-        "angle_deg", "deg", -15.0, 15.0, 0.0, "a camera on a tripod is levelled by eye or by a bubble",
-        Prior("linear", 0.0, 1.0, "a bubble is good to half a degree, the eye to one or two"),
-        meaning="angle by which what lies ahead is seen too high"),)
+    parameters = amplitude("angle_deg", "deg", -15.0, 15.0, sd=1.0, meaning="angle by which tracks point too high",
+                           source="a camera on a tripod is levelled by eye or by a bubble",
+                           reason="a bubble is good to half a degree, the eye to one or two")
     direction = "vertical"
     calibration_sd = 2.5
     sentence = "The tracker is tilted: what lies ahead seems higher or lower than it is."
-    phrase = either_way("the tracker is tilted: it sees what lies ahead {} too <way>", "high", "low", ANGLE)
+    phrase = either_way("the tracker is tilted: it sees what lies ahead {} too <high|low>", ANGLE)
     instrument = Instrument("plumb_line", "a plumb line in the tracker's view", None)
 
     def watch(self, values: Values, position_m: Vec, velocity_m_s: Vec, time_s: Number) -> Vec:

@@ -2,17 +2,19 @@
 
 import csv
 import re
-from importlib.resources import files
 from pathlib import Path
 
+from truearc.cli.common import SHIPPED
 from truearc.robot.config.schema import CameraFile, Config, InputError, in_words, load_text, load_toml
+
+CAMERAS = SHIPPED.parent / "cameras"
 
 
 def load_camera(name: str | None) -> CameraFile:
     """The camera, tape and vision sections of a file, of a packaged camera, or of the packaged launcher.toml."""
-    path = Path(str(files("truearc.robot") / "launcher.toml")) if name is None else Path(name)
+    path = SHIPPED if name is None else Path(name)
     if name in packaged_cameras():
-        path = Path(str(files("truearc.robot") / "cameras" / f"{name}.toml"))
+        path = CAMERAS / f"{name}.toml"
     if re.search(r"^\s*\[gate\]", load_text(path), re.MULTILINE) is None:
         return load_toml(path, CameraFile)
     config = load_toml(path, Config)
@@ -21,8 +23,7 @@ def load_camera(name: str | None) -> CameraFile:
 
 def packaged_cameras() -> list[str]:
     """Return the names of the cameras that come with the package."""
-    cameras = files("truearc.robot") / "cameras"
-    return sorted(entry.name.removesuffix(".toml") for entry in cameras.iterdir() if entry.name.endswith(".toml"))
+    return sorted(path.stem for path in CAMERAS.glob("*.toml"))
 
 
 def load_labels(path: str, columns: tuple[str, ...] = ("label_distance_m",)) -> dict[str, float]:

@@ -21,13 +21,9 @@ def load_image(name: str, colour: bool = True) -> npt.NDArray[np.uint8]:
     grey one; InputError names the file and what is wrong with it."""
     try:
         with Path(name).open("rb") as stream:
-            data = stream.read(MAX_BYTES + 1)
-    except (OSError, ValueError) as error:
+            return decode_image(stream.read(MAX_BYTES + 1), colour)
+    except (InputError, OSError, ValueError) as error:
         raise InputError(f"{name}: {in_words(error)}") from error
-    try:
-        return decode_image(data, colour)
-    except InputError as error:
-        raise InputError(f"{name}: {error}") from error
 
 
 def decode_image(data: bytes, colour: bool = True) -> npt.NDArray[np.uint8]:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from truearc.cli.progress import make_progress
+from truearc.cli.common import make_progress
 from truearc.cli.robot.vision_tools.camera_file import load_camera, load_labels
 from truearc.cli.robot.vision_tools.images import load_image
 from truearc.hw.readings import CameraFrame

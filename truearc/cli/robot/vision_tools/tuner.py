@@ -1,10 +1,17 @@
-"""The work of `truearc vision tune`: pictures from files or the live camera, measured with changed settings."""
+"""The work of `truearc vision tune`: a page that measures pictures, or the live camera, with changed settings.
+
+All that the page loads comes from this machine.
+"""
 
 import argparse
+import json
 import sys
 import threading
+from collections.abc import Callable
+from importlib.resources import files
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
+from urllib.parse import parse_qs, urlsplit
 
 import cv2
 import msgspec
@@ -13,13 +20,13 @@ from msgspec.structs import replace
 from truearc.cli.robot.vision_tools.camera_file import load_camera
 from truearc.cli.robot.vision_tools.images import load_image
 from truearc.cli.robot.vision_tools.measure import why_not
-from truearc.cli.robot.vision_tools.tune_server import TuneServer
 from truearc.hw.protocols import Camera, LinkLost
 from truearc.hw.readings import CameraFrame
 from truearc.hw.real.camera import open_camera
 from truearc.hw.real.clock import MonotonicClock
 from truearc.robot.config.schema import CameraFile, InputError, Vision
 from truearc.robot.config.toml_text import make_toml
+from truearc.robot.operator_ui.serving import LocalHandler, LocalServer
 from truearc.robot.vision import detect
 from truearc.robot.vision.drawing import draw_mask, draw_regions
 from truearc.robot.vision.threshold import Image
@@ -27,6 +34,7 @@ from truearc.robot.vision.threshold import Image
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".webp")
 PIECE = 25                            # pictures replayed for one answer; a page asks on until it has them all
 KEPT = 16                             # live pictures that a page may still ask for
+MAX_REQUEST_BYTES = 10_000
 
 
 def serve_tuner(args: argparse.Namespace) -> int:
@@ -43,18 +51,9 @@ def serve_tuner(args: argparse.Namespace) -> int:
     return 0
 
 
-class Source(Protocol):
-    """Pictures to tune on."""
-
-    names: tuple[str, ...]
-    live: bool
-
-    def take(self) -> int: ...
-
-    def image(self, index: int, frame: int) -> Image: ...
-
-
 class Recorded:
+    """Pictures from files to tune on."""
+
     live = False
 
     def __init__(self, paths: list[Path]) -> None:
@@ -62,6 +61,7 @@ class Recorded:
         self.names = tuple(str(path) for path in paths)
 
     def take(self) -> int:
+        """Return the frame that `image` takes; files have no other."""
         return 0
 
     def image(self, index: int, frame: int) -> Image:
@@ -69,6 +69,8 @@ class Recorded:
 
 
 class Live:
+    """Pictures of a camera to tune on."""
+
     names: tuple[str, ...] = ("live",)
     live = True
 
@@ -78,7 +80,7 @@ class Live:
         self._taken = 0
 
     def take(self) -> int:
-        """The number of the newest picture; its words and its views are then all of the same one."""
+        """Return the number of the newest picture, so that its text and its views are all of the same one."""
         with self._lock:
             try:
                 newest = self._camera.read()
@@ -123,9 +125,9 @@ def open_live(file: CameraFile) -> Live:
 
 
 class Tuner:
-    """What the page may ask; every answer is made from its own arguments but for what was saved last."""
+    """Answers to the page's requests, each made from its own arguments and from the settings that were saved last."""
 
-    def __init__(self, file: CameraFile, source: Source, out: Path, piece: int = PIECE) -> None:
+    def __init__(self, file: CameraFile, source: Recorded | Live, out: Path, piece: int = PIECE) -> None:
         """`piece`: pictures replayed for one answer."""
         self._file, self._source, self._out, self._piece = file, source, out, piece
 
@@ -186,3 +188,59 @@ def _words(image: Image, file: CameraFile) -> dict[str, Any]:
     if seen.distance_m is None or seen.sigma_m is None:
         return {"found": False, "said": why_not(seen)}
     return {"found": True, "said": f"{seen.distance_m:.3f} m ± {seen.sigma_m:.3f}"}
+
+
+class TuneServer(LocalServer):
+    """HTTP server of the page, by the standard library alone; OSError when the port is taken."""
+
+    def __init__(self, tuner: Tuner, host: str, port: int) -> None:
+        super().__init__(host, port, _Page)
+        self.tuner = tuner
+
+
+class _Page(LocalHandler):
+    server: TuneServer
+
+    def do_GET(self) -> None:
+        where, tuner = urlsplit(self.path), self.server.tuner
+        query = {key: values[0] for key, values in parse_qs(where.query).items()}
+        if not self.is_ours():
+            self.give(403, "text/plain", b"this page is for this machine")
+        elif where.path == "/":
+            page = files("truearc.cli.robot") / "pages" / "tune.html"
+            self.give(200, "text/html; charset=utf-8", page.read_bytes())
+        elif where.path == "/state":
+            self._answer(tuner.state)
+        elif where.path == "/picture":
+            self._answer(lambda: tuner.picture(int(query["index"]), query["view"], json.loads(query["settings"]),
+                                               int(query.get("frame", 0))))
+        else:
+            self.give(404, "text/plain", b"there is no such page")
+
+    def do_POST(self) -> None:
+        tuner = self.server.tuner
+        asked: dict[str, Callable[[dict[str, Any]], Any]] = {
+            "/look": lambda said: tuner.look(said["index"], said["settings"]),
+            "/replay": lambda said: tuner.replay(said["settings"], said.get("begin", 0)),
+            "/save": lambda said: tuner.save(said["settings"]),
+        }
+        size = self.headers.get("Content-Length", "")
+        if not self.is_ours():
+            self.give(403, "text/plain", b"another site's page may not tune this robot")
+        elif self.path not in asked or not size.isdecimal() or not 0 < int(size) <= MAX_REQUEST_BYTES:
+            self.give(404, "text/plain", b"there is nothing of this name to do, or no settings with it")
+        else:
+            body = self.rfile.read(int(size))
+            self._answer(lambda: asked[self.path](json.loads(body)))
+
+    def _answer(self, make: Callable[[], Any]) -> None:
+        """Answer with the result of `make`, or with 400 and its complaint."""
+        try:
+            said = make()
+        except (InputError, OSError, KeyError, TypeError, ValueError, RecursionError) as error:
+            self.give(400, "text/plain; charset=utf-8", str(error).encode())
+            return
+        if isinstance(said, bytes):
+            self.give(200, "image/jpeg", said)
+        else:
+            self.give(200, "application/json", json.dumps(said).encode())

@@ -1,0 +1,135 @@
+"""Common parts of commands: kinds of option values, refusals, shared options, files to write, and progress."""
+
+import argparse
+import math
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+from truearc import robot
+from truearc.robot.config.schema import InputError
+from truearc.sim.progress import Progress
+
+if TYPE_CHECKING:                     # imports JAX, which --help does without
+    from truearc.sim.physics.catalogue import Catalogue
+
+SHIPPED = Path(robot.__file__).parent / "launcher.toml"
+Number = TypeVar("Number", int, float)
+Kind = TypeVar("Kind")
+
+
+def number(kind: type[Number], low: float = -math.inf, high: float = math.inf) -> Callable[[str], Number]:
+    """Return the `type=` of an option that takes a finite number from `low` to `high`, both included."""
+    least = "a finite number" if low == -math.inf else f"at least {low:g}"
+    limits = least if high == math.inf else f"{low:g} to {high:g}"
+
+    def parse(text: str) -> Number:
+        try:
+            value = kind(text)
+        except ValueError as error:
+            what, example = ("a whole number", max(0.0, low)) if kind is int else ("a number", max(0.5, low))
+            raise argparse.ArgumentTypeError(f"{text!r} is not {what}; give one such as {example:g}") from error
+        if not math.isfinite(value) or not low <= value <= high:
+            raise argparse.ArgumentTypeError(f"got {text}; expected {limits}")
+        return value
+
+    return parse
+
+
+def listed(kind: Callable[[str], Kind]) -> Callable[[str], tuple[Kind, ...]]:
+    """Return the `type=` of an option that takes a comma-separated list, at least one long."""
+    def parse(text: str) -> tuple[Kind, ...]:
+        words = [word.strip() for word in text.split(",") if word.strip()]
+        if not words:
+            raise argparse.ArgumentTypeError(f"got {text!r}; expected at least one entry, separated by commas")
+        return tuple(map(kind, words))
+
+    return parse
+
+
+def out_file(text: str) -> Path:
+    """Return the path of a file to write; refuse it before any work where its directory is missing."""
+    path = Path(text)
+    if not path.resolve().parent.is_dir():
+        raise argparse.ArgumentTypeError(f"{text}: there is no such directory to write to")
+    return path
+
+
+def write_out(path: str | Path | None, text: str) -> None:
+    """Write UTF-8 text as it is; nothing where there is no path.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    if path is not None:
+        try:
+            Path(path).write_text(text, encoding="utf-8", newline="")
+        except OSError as error:
+            raise InputError(f"{path}: {error.strerror or error}") from error
+
+
+def print_or_write(path: Path | None, text: str) -> None:
+    """Write text to standard output, or to a file where one is named."""
+    if path is None:
+        sys.stdout.write(text)
+    else:
+        write_out(path, text)
+
+
+def refuse(args: argparse.Namespace, options: tuple[str, ...], why: str) -> None:
+    """Refuse options that do not apply in a mode of a command, so that none is ignored.
+
+    Args:
+        args: Parsed arguments; the options default to None, False or an empty list.
+        options: As typed, such as `--tape-sigma`; the attribute of `args` follows from it.
+        why: The rest of the message, such as `applies with --distances only`.
+
+    Raises:
+        InputError: One of the options was given; the message names it.
+    """
+    for option in options:
+        if getattr(args, option.lstrip("-").replace("-", "_")) not in (None, False, []):
+            raise InputError(f"{option}: {why}")
+
+
+def add_terms_from(parser: argparse.ArgumentParser) -> None:
+    """Add --terms-from, the user's own terms beside the catalogue's, to a command that names terms."""
+    parser.add_argument("--terms-from", metavar="FILE.py", action="append",
+                        help="Python file that defines further terms (docs/terms.md); may be given more than once")
+
+
+def catalogue_of(args: argparse.Namespace) -> "Catalogue":
+    """Return the built-in terms, those of installed distributions, and those of the files of --terms-from.
+
+    Raises:
+        InputError: names the file or distribution whose terms cannot be loaded, are incomplete, or have a taken name.
+    """
+    from truearc.sim.physics.catalogue import Catalogue, catalogue
+    from truearc.sim.physics.plugins import terms_of_file
+    known = catalogue()
+    for path in args.terms_from or ():
+        known = Catalogue((*known, *terms_of_file(path, known)))
+    return known
+
+
+def make_progress(what: str, quiet: bool = False) -> Progress:
+    """Return a function of (share done 0-1, note) that shows how far `what` is; does nothing when quiet.
+
+    Progress is one line on stderr, rewritten on a terminal, rare lines elsewhere.
+    """
+    if quiet:
+        return lambda done, note: None
+    live = sys.stderr.isatty()
+    last = [0.0]
+
+    def show(done: float, note: str = "") -> None:
+        now = time.monotonic()
+        if done < 1.0 and now - last[0] < (0.2 if live else 5.0):
+            return
+        last[0] = now
+        end = "\n" if done >= 1.0 or not live else ""
+        print(("\r" if live else "") + f"{what}: {done:4.0%} {note}".ljust(78), end=end, file=sys.stderr, flush=True)
+
+    return show
