@@ -36,13 +36,13 @@ from truearc.sim.data.dataset import Shots
 from truearc.sim.discover.adopt import make_belief
 from truearc.sim.discover.api import discover
 from truearc.sim.gate.novelty import fit_novelty
-from truearc.sim.gate.outcome_classes import OutcomeClasses, marks_of
+from truearc.sim.gate.outcome_classes import OutcomeClasses, outcome_classes_of
 from truearc.sim.gate.train import train_physics_gate
 from truearc.sim.infer.belief import Belief
 from truearc.sim.metrics import figures_of
 from truearc.sim.paper.network import probabilities
 from truearc.sim.paper.sweep import Job, train_many
-from truearc.sim.paper.synthetic_data import synthesise
+from truearc.sim.paper.synthetic_shots import synthesise
 from truearc.sim.paper.training import split_heldout, training_rows
 from truearc.sim.world.options import Options
 from truearc_proof.rounds.jsonl_store import fill
@@ -92,8 +92,8 @@ def _gates(facts: Rig, belief: Belief, shots: Shots, seed: int) -> dict[str, Gat
 
 def _inside(seen: Shots, unseen: Shots) -> OutcomeClasses:
     """Judged shots of the other session that are like recorded ones: elsewhere every gate holds."""
-    marks = marks_of(unseen, "unseen")[0]
-    known = fit_novelty(marks_of(seen, "seen")[0].features)(marks.features) <= NOVELTY_LIMIT
+    marks = outcome_classes_of(unseen, "unseen")[0]
+    known = fit_novelty(outcome_classes_of(seen, "seen")[0].features)(marks.features) <= NOVELTY_LIMIT
     return marks.take(np.flatnonzero(known & (marks.level >= 0)))
 
 

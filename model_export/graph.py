@@ -13,20 +13,7 @@ from onnx import TensorProto, helper, numpy_helper
 from truearc.model_export.parts import Part, novelty_part
 from truearc.model_export.trained import load_trained
 from truearc.robot.config.schema import InputError
-from truearc.robot.gate.contract import (
-    FEATURES,
-    INPUT,
-    KEY_CONTRACT,
-    KEY_CONTRACT_HASH,
-    KEY_DOMAIN,
-    KEY_NOVELTY,
-    KEY_PROVENANCE,
-    NOVELTY,
-    OUTPUT,
-    OUTPUTS,
-    contract_hash,
-    contract_json,
-)
+from truearc.robot.gate import contract
 from truearc.robot.gate.seal import KEY_SEAL, UNSEALED, seal
 from truearc.sim.gate.novelty import describe_novelty
 
@@ -41,20 +28,21 @@ def make_model(parts: Sequence[Part], domain: dict[str, list[float]], novelty: d
 
     `domain` is {feature: [low, high]} in the contract's units; `novelty` is what the second output is measured from.
     They, the contract, its hash, the provenance and the file's own seal stand in the metadata. The same arguments give
-    the same bytes. Nothing forces p_three <= p_two in the seed's network: it is exported as trained.
+    the same bytes. Nothing forces p_three <= p_two in the paper's network: it is exported as trained.
     """
     constants = {name: array for part in parts for name, array in part.constants.items()}
     graph = helper.make_graph(
         [node for part in parts for node in part.nodes], "truearc_gate",
-        [helper.make_tensor_value_info(INPUT, TensorProto.FLOAT, ["n", len(FEATURES)])],
-        [helper.make_tensor_value_info(OUTPUT, TensorProto.FLOAT, ["n", len(OUTPUTS)]),
-         helper.make_tensor_value_info(NOVELTY, TensorProto.FLOAT, ["n", 1])],
+        [helper.make_tensor_value_info(contract.INPUT, TensorProto.FLOAT, ["n", len(contract.FEATURES)])],
+        [helper.make_tensor_value_info(contract.OUTPUT, TensorProto.FLOAT, ["n", len(contract.OUTPUTS)]),
+         helper.make_tensor_value_info(contract.NOVELTY, TensorProto.FLOAT, ["n", 1])],
         [numpy_helper.from_array(_as_exported(array), name) for name, array in constants.items()])
     model = helper.make_model(graph, producer_name="truearc", producer_version=version("truearc"),
                               opset_imports=[helper.make_opsetid("", OPSET)], ir_version=IR_VERSION)
     helper.set_model_props(model, {
-        KEY_CONTRACT: contract_json().decode(), KEY_CONTRACT_HASH: contract_hash(), KEY_DOMAIN: _canonical(domain),
-        KEY_NOVELTY: _canonical(novelty), KEY_PROVENANCE: _canonical(provenance), KEY_SEAL: UNSEALED})
+        contract.KEY_CONTRACT: contract.contract_json().decode(), contract.KEY_CONTRACT_HASH: contract.contract_hash(),
+        contract.KEY_DOMAIN: _canonical(domain), contract.KEY_NOVELTY: _canonical(novelty),
+        contract.KEY_PROVENANCE: _canonical(provenance), KEY_SEAL: UNSEALED})
     onnx.checker.check_model(model, full_check=True)
     return seal(model.SerializeToString(deterministic=True))
 

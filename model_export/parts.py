@@ -22,7 +22,7 @@ class Part(NamedTuple):
 
 
 def network_part(network: Network) -> Part:
-    """The seed's network: standardise, Gemm and Sigmoid twice; `features` to `p`."""
+    """Return the nodes of the paper's network: standardise, Gemm and Sigmoid twice; `features` to `p`."""
     nodes = [helper.make_node("Sub", [INPUT, "mean"], ["centred"]),
              helper.make_node("Mul", ["centred", "scale"], ["standardised"]),
              helper.make_node("Gemm", ["standardised", "hidden_w", "hidden_b"], ["hidden_z"]),

@@ -1,4 +1,4 @@
-"""What a gate makes of the shots of a dataset."""
+"""A gate's probabilities for the shots of a dataset."""
 
 import numpy as np
 

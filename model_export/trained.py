@@ -33,7 +33,7 @@ class Trained:
 
 
 def load_trained(directory: str | Path) -> Trained:
-    """Read a weights directory; BadInput names the file and what is wrong with it."""
+    """Read a weights directory; InputError names the file and what is wrong with it."""
     if (Path(directory) / MODEL_FILE).is_file():
         return _physics(directory)
     network, record = load_weights(directory)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import jax
 
-LEAST_COMPILE_S = 0.3                 # code that compiles faster is not kept
+MIN_COMPILE_S = 0.3                   # code that compiles faster is not kept
 
 
 def keep_compiled() -> None:
@@ -24,4 +24,4 @@ def keep_compiled() -> None:
         return
     if os.access(folder, os.W_OK):
         jax.config.update("jax_compilation_cache_dir", str(folder))
-        jax.config.update("jax_persistent_cache_min_compile_time_secs", LEAST_COMPILE_S)
+        jax.config.update("jax_persistent_cache_min_compile_time_secs", MIN_COMPILE_S)

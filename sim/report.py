@@ -6,6 +6,7 @@ import io
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
@@ -42,6 +43,15 @@ def new_figure(width_in: float = 8.0, height_in: float = 3.6) -> Figure:
     figure = Figure(figsize=(width_in, height_in), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
+
+
+def new_panels(width_in: float, height_in: float, rows: int = 1, **layout: Any) -> tuple[Figure, Sequence[Axes]]:
+    """A figure with axes one below the other, framed on the left and below only; layout: as of Figure.subplots."""
+    figure = new_figure(width_in, height_in)
+    panels = figure.subplots(rows, 1, squeeze=False, **layout)[:, 0]
+    for axes in panels:
+        axes.spines[["top", "right"]].set_visible(False)
+    return figure, panels
 
 
 def make_png(figure: Figure) -> bytes:

@@ -13,7 +13,7 @@ from truearc.sim.gate.likelihood import SIZE, GateData, Widths, curvature, value
 SPEED_WIDTHS = (0.01, 0.015, 0.02, 0.03, 0.05, 0.08, 0.15)
 HEIGHT_WIDTHS_M = (0.001, 0.01, 0.03, 0.1)
 PAD = 64                              # rows are filled up to multiples of this: each size is compiled
-MOST_STEPS = 300
+MAX_STEPS = 300
 
 
 class GateFit(NamedTuple):
@@ -45,7 +45,7 @@ def fit_once(data: GateData, halves_m: tuple[float, float], widths: Widths, star
         return np.asarray(curvature(theta, widths, data, halves))
 
     done = minimize(slope, np.zeros(SIZE) if start is None else start, jac=True, hess=hessian, method="trust-exact",
-                    options={"gtol": 1e-7, "maxiter": MOST_STEPS})
+                    options={"gtol": 1e-7, "maxiter": MAX_STEPS})
     eigenvalues, axes = np.linalg.eigh(hessian(done.x))
     if not np.isfinite(done.fun) or not np.isfinite(eigenvalues).all():
         raise InputError("the gate could not be fitted: the likelihood of these shots is not a number")

@@ -1,9 +1,8 @@
-"""What a fitted gate learned, in words for someone who shoots."""
+"""The report of a fitted gate: its correction to the physics, and hold-out figures, as text."""
 
 import numpy as np
 
-from truearc.sim.gate.model import PhysicsGate, residual
-from truearc.sim.gate.physics import Physics
+from truearc.sim.gate.model import Physics, PhysicsGate, residual
 from truearc.sim.gate.train import Heldout
 from truearc.sim.metrics import Figures
 
@@ -27,7 +26,7 @@ def tell_residual(gate: PhysicsGate, features: np.ndarray, physics: Physics) -> 
 
 
 def tell_heldout(heldout: Heldout, temperature: float) -> list[str]:
-    """What the gate was worth on configurations that it had not seen, though the belief's fit may have."""
+    """Report hold-out figures on configurations that the gate was not fitted to, though the belief may have been."""
     lines = ["on configurations that the correction had not learned from, each fifth in turn (the coefficients may "
              "have been fitted to them):",
              _figures("  the gate", heldout.plain)]

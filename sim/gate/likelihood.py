@@ -30,7 +30,7 @@ LARGEST_MISS_M = 5.0                  # a lapse of a measured height may be anyw
 
 
 class GateData(NamedTuple):
-    """Rows [n] that the model is fitted to, or asked about; `weight` 0 leaves a row out."""
+    """Rows [n] that the model is fitted to, or predicts; `weight` 0 leaves a row out."""
 
     z: Any                            # [n, 3] standardised features
     deviation_m: Any
@@ -65,10 +65,10 @@ def basis(z: Any) -> Any:
                       x * y, x * w, y * w], axis=1)
 
 
-def residual_basis(widths: Widths, data: GateData) -> Any:
+def residual_basis(widths: Widths, z: Any, by_speed_m: Any) -> Any:
     """[n, 20] in m: the residual is this times the first RESIDUAL numbers of theta."""
-    functions = basis(data.z)
-    return jnp.concatenate([widths.height_m * functions, widths.speed * data.by_speed_m[:, None] * functions], axis=1)
+    functions = basis(z)
+    return jnp.concatenate([widths.height_m * functions, widths.speed * by_speed_m[:, None] * functions], axis=1)
 
 
 def shape_of(theta: Any, halves_m: Any) -> GateShape:
@@ -96,7 +96,7 @@ def cell_probabilities(shape: GateShape, mean_m: Any, sigma_m: Any) -> Any:
 def log_likelihoods(theta: Any, widths: Widths, data: GateData, halves_m: Any) -> Any:
     """Log probability [n] of what each row says (a log density in 1/m where the height was measured)."""
     shape = shape_of(theta, halves_m)
-    mean_m = data.deviation_m + residual_basis(widths, data) @ theta[:RESIDUAL]
+    mean_m = data.deviation_m + residual_basis(widths, data.z, data.by_speed_m) @ theta[:RESIDUAL]
     sigma_m = spread_m(shape, data.sigma_m)
     seen = jnp.sum(cell_probabilities(shape, mean_m, sigma_m) * data.cells, axis=1)
     measured = ~jnp.isnan(data.miss_m)
@@ -111,12 +111,5 @@ def loss(theta: Any, widths: Widths, data: GateData, halves_m: Any) -> Any:
     return 0.5 * theta @ theta - jnp.dot(data.weight, log_likelihoods(theta, widths, data, halves_m))
 
 
-@jax.jit
-def value_and_slope(theta: Any, widths: Widths, data: GateData, halves_m: Any) -> tuple[Any, Any]:
-    return jax.value_and_grad(loss)(theta, widths, data, halves_m)
-
-
-@jax.jit
-def curvature(theta: Any, widths: Widths, data: GateData, halves_m: Any) -> Any:
-    """Hessian [SIZE, SIZE] of the loss."""
-    return jax.jacfwd(jax.grad(loss))(theta, widths, data, halves_m)
+value_and_slope = jax.jit(jax.value_and_grad(loss))
+curvature = jax.jit(jax.jacfwd(jax.grad(loss)))               # Hessian [SIZE, SIZE] of the loss

@@ -1,28 +1,37 @@
-"""The fitted gate in float64: features to the height's mean and spread, and to probabilities."""
+"""The fitted gate in float64: the physics' forecast of features, a learned residual, and probabilities."""
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from truearc.robot.config.rig_spec import Rig
-from truearc.robot.config.schema import InputError
+from truearc.robot.gate.contract import FEATURES
+from truearc.sim.data.dataset import Shots
 from truearc.sim.gate.fit import GateFit
-from truearc.sim.gate.likelihood import (
-    RESIDUAL,
-    GateData,
-    GateShape,
-    Widths,
-    cell_probabilities,
-    residual_basis,
-    shape_of,
-    spread_m,
-)
+from truearc.sim.gate.likelihood import RESIDUAL, GateShape, cell_probabilities, residual_basis, shape_of, spread_m
 from truearc.sim.gate.novelty import Novelty
-from truearc.sim.gate.physics import Physics, physics_of
 from truearc.sim.infer.belief import Belief
+from truearc.sim.infer.forecast import forecast
+from truearc.sim.physics.catalogue import effective
+from truearc.sim.physics.simulate import ORDINARY, opening_of
+
+# Of a launcher whose scatter has not been fitted; the gate fits one number that scales it.
+TYPICAL_SCATTER = {"speed": 0.02, "elevation_deg": 0.5}
+LOWEST_M = -40.0                      # where a ball that turns back before the plane is taken to pass
+STEEPEST_M = 30.0                     # per unit of log speed: beyond it a shot is far too weak to matter
+WIDEST_M = 1.5                        # first-order propagation of uncertainty does not hold for a larger spread
+
+
+class Physics(NamedTuple):
+    """[n] each: height at the plane minus the target's centre, its propagated standard deviation, and the change of
+    the height by the log of the exit speed; all in m, all finite."""
+
+    deviation_m: np.ndarray
+    sigma_m: np.ndarray
+    by_speed_m: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -51,7 +60,7 @@ class PhysicsGate:
     whatever their height.
     """
 
-    facts: Rig
+    rig: Rig
     belief: Belief
     scaling: Scaling
     fit: GateFit
@@ -62,7 +71,7 @@ class PhysicsGate:
     @property
     def shape(self) -> GateShape:
         """Scale, floor_m, two_m, three_m and lapse, as plain numbers."""
-        return GateShape(*(float(value) for value in shape_of(self.fit.theta, np.array(halves_of(self.facts)))))
+        return GateShape(*(float(value) for value in shape_of(self.fit.theta, np.array(halves_of(self.rig)))))
 
     def latent(self, features: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mean of the height at the plane minus the target's centre, and its standard deviation, [n] in m each.
@@ -70,7 +79,7 @@ class PhysicsGate:
         features [n, 3] in the contract's order and units.
         """
         features = np.asarray(features, np.float64)
-        return self.correct(features, physics_of(self.facts, self.belief, features))
+        return self.correct(features, physics_of(self.rig, self.belief, features))
 
     def correct(self, features: np.ndarray, physics: Physics) -> tuple[np.ndarray, np.ndarray]:
         """As latent, where the physics has been asked already."""
@@ -87,28 +96,37 @@ class PhysicsGate:
         cells = np.asarray(cell_probabilities(self.shape, jnp.asarray(mean_m), jnp.asarray(sigma_m)))
         return (1.0 - self.aside) * np.stack([cells[:, 1:4].sum(axis=1), cells[:, 2]], axis=1)
 
-    def warmer(self, temperature: float) -> "PhysicsGate":
-        return replace(self, temperature=temperature)
+
+def physics_of(rig: Rig, belief: Belief, features: np.ndarray) -> Physics:
+    """Forecast feature rows [n, 3] in the contract's order, with a typical scatter where the belief has none.
+
+    InputError when the rig has no target.
+    """
+    centre_m = opening_of(rig, effective(belief.coefficients, ORDINARY, belief.catalogue), belief.catalogue).centre_m
+    numbers = {feature.name: np.array(features[:, k], float) for k, feature in enumerate(FEATURES)}
+    scattered = belief if belief.scatter else replace(belief, scatter=dict(TYPICAL_SCATTER))
+    ahead = forecast(rig, scattered, Shots(tuple(map(str, range(len(features)))), numbers, {}))
+    back = np.isnan(ahead.height_m)
+    deviation_m = np.where(back, LOWEST_M, np.maximum(ahead.height_m - centre_m, LOWEST_M))
+    by_speed_m = np.where(back, STEEPEST_M, STEEPEST_M * np.tanh(ahead.by_launch[:, 0] / STEEPEST_M))
+    return Physics(deviation_m, np.where(back, WIDEST_M, WIDEST_M * np.tanh(ahead.sigma_m / WIDEST_M)), by_speed_m)
 
 
-def halves_of(facts: Rig) -> tuple[float, float]:
+def halves_of(rig: Rig) -> tuple[float, float]:
     """(two, three) half-heights of rig.toml in m; InputError when it has no target."""
-    if facts.target is None:
-        raise InputError("rig.toml: [target] is needed to tell an outcome")
-    return facts.target.two_half_height_m, facts.target.three_half_height_m
+    opening = opening_of(rig, {})
+    return opening.two_half_m, opening.three_half_m
+
+
+_residual_basis = jax.jit(residual_basis)
 
 
 def residual(fit: GateFit, z: np.ndarray, physics: Physics) -> tuple[np.ndarray, np.ndarray]:
     """The learned residual and its own standard deviation a posteriori, [n] in m each; z [n, 3] standardised."""
     rows = np.resize(np.arange(len(z)), _size(len(z)))
-    functions = np.asarray(_functions(fit.widths, z[rows], physics.by_speed_m[rows]))[:len(z)]
+    functions = np.asarray(_residual_basis(fit.widths, z[rows], physics.by_speed_m[rows]))[:len(z)]
     doubt_m2 = np.einsum("ni,ij,nj->n", functions, fit.covariance[:RESIDUAL, :RESIDUAL], functions)
     return functions @ fit.theta[:RESIDUAL], np.sqrt(np.maximum(doubt_m2, 0.0))
-
-
-@jax.jit
-def _functions(widths: Widths, z: Any, by_speed_m: Any) -> Any:
-    return residual_basis(widths, GateData(z, None, None, by_speed_m, None, None, None))
 
 
 def _size(count: int) -> int:

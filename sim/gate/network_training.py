@@ -7,18 +7,17 @@ from typing import Any
 
 import numpy as np
 
-from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset, hash_dataset
 from truearc.sim.gate.novelty import fit_novelty, novelty_record
 from truearc.sim.paper.network import save_weights
-from truearc.sim.paper.settings import Recipe, check_recipe
+from truearc.sim.paper.settings import Recipe
 from truearc.sim.paper.sweep import Job, Trained, batches_per_epoch, check_job, train_many
 from truearc.sim.paper.training import Rows, accuracy, domain_of, split_heldout, training_rows
 from truearc.sim.printed import Printed
 from truearc.sim.progress import Progress
 
 CURVE_POINTS = 50
-FEW = 15                              # held-out shots, fewer than which are remarked on
+FEW_HELDOUT = 15                      # held-out shots, fewer than which are remarked on
 
 
 @dataclass(frozen=True)
@@ -59,7 +58,7 @@ class NetworkTraining(Printed):
         why = "no better after that" if self.trained.curve[-1].step < self.recipe.steps else "the last allowed"
         return [*told, _sentence("held out", self.score["heldout"]),
                 f"{directory}: weights of step {self.trained.step} of {self.trained.curve[-1].step} ({why}); what "
-                "counts is the line 'held out'", *(f"careful: {line}" for line in _careful(self.score, self.simulated))]
+                "counts is the line 'held out'", *(f"warning: {line}" for line in _careful(self.score, self.simulated))]
 
 
 def train_network(real: Dataset, simulated: Dataset | None = None, *, coefficients: Any = None,
@@ -80,7 +79,6 @@ def train_network(real: Dataset, simulated: Dataset | None = None, *, coefficien
         InputError: a share or step that cannot be, or no usable shots.
     """
     recipe, shares = recipe or Recipe(), shares or Shares()
-    check_recipe(recipe)
     rows, notes = rows_of(real, real.name)
     extra, more = (None, []) if simulated is None else rows_of(simulated, simulated.name)
     kept, heldout = split_heldout(rows, shares.holdout, seed)
@@ -105,12 +103,9 @@ def rows_of(dataset: Dataset, name: str) -> tuple[Rows, list[str]]:
     Raises:
         InputError: no row is left.
     """
-    shots = dataset.shots
-    rows, left_out = training_rows(shots, shots.source)
-    if not len(rows.features):
-        raise InputError("there is nothing to train on; " + "; ".join(left_out or [f"{shots.source}: no shots"]))
+    rows, left_out = training_rows(dataset.shots, dataset.shots.source)
     if len(np.unique(rows.labels, axis=0)) < 2:
-        left_out = [*left_out, f"{name}: careful: every shot has the same outcome; nothing can be told apart from that"]
+        left_out = [*left_out, f"{name}: warning: every shot has the same outcome; nothing can be told apart from that"]
     return rows, left_out
 
 
@@ -141,7 +136,7 @@ def _thinned(curve: tuple[Any, ...]) -> list[Any]:
 def _careful(score: dict[str, Any], simulated: bool) -> list[str]:
     """What keeps the figures from meaning much."""
     lines = []
-    if score["heldout"]["shots"] < FEW:
+    if score["heldout"]["shots"] < FEW_HELDOUT:
         lines.append(f"{score['heldout']['shots']} held-out shots say next to nothing about how good this is")
     if simulated:
         lines.append("if the coefficients behind the simulated shots were fitted to the held-out ones too, the figures "

@@ -1,6 +1,6 @@
 """How far a configuration is from what was recorded: a domain of validity that follows the recorded cloud.
 
-The box around the recorded rows says nothing about its own empty corners. Novelty is the distance to the NEIGHBOUR-th
+The box around the recorded rows has empty corners, where nothing is known. Novelty is the distance to the NEIGHBOUR-th
 nearest recorded configuration, each feature in its standard deviations, over the largest such distance that counts as
 known: LARGEST_QUANTILE of the recorded configurations' own, each without itself.
 """
@@ -14,11 +14,11 @@ from truearc.robot.config.schema import InputError
 from truearc.robot.gate.contract import FEATURES
 from truearc.sim.paper.network import exact_in_float32, standardisation
 
-NEIGHBOUR = 3                         # one stray shot is no domain; many would shave off the cloud's edge
+NEIGHBOUR = 3                         # a single stray shot makes no domain; many would cut the cloud's edge off
 LARGEST_QUANTILE = 0.99
-SAME = 0.05                           # standard deviations: nearer than this is the same configuration again
+SAME_DISTANCE = 0.05                  # standard deviations: nearer than this is the same configuration again
 BLOCK = 4096                          # rows measured at once
-MOST_KEPT = 256                       # landmarks: what the exported graph measures from at every decision
+MAX_LANDMARKS = 256                   # landmarks: what the exported graph measures from at every decision
 
 
 @dataclass(frozen=True)
@@ -53,14 +53,14 @@ def fit_novelty(features: np.ndarray) -> Novelty:
     features = np.asarray(features, np.float64)
     mean, scale = standardisation(features)
     z = exact_in_float32((features - mean) * scale)
-    landmarks = z[spread_out(z, SAME, MOST_KEPT)]
+    landmarks = z[farthest_points(z, SAME_DISTANCE, MAX_LANDMARKS)]
     neighbour = min(NEIGHBOUR, max(len(landmarks) - 1, 1))
     apart = np.sort(np.linalg.norm(landmarks[:, None, :] - landmarks, axis=2), axis=1)
     largest = float(np.quantile(apart[:, min(neighbour, len(landmarks) - 1)], LARGEST_QUANTILE))
-    return Novelty(mean, scale, landmarks, float(np.float32(max(largest, SAME))), neighbour)
+    return Novelty(mean, scale, landmarks, float(np.float32(max(largest, SAME_DISTANCE))), neighbour)
 
 
-def spread_out(points: np.ndarray, nearest: float, most: int) -> np.ndarray:
+def farthest_points(points: np.ndarray, nearest: float, most: int) -> np.ndarray:
     """Positions of points [n, d], ascending: the farthest from those chosen, again and again, first the middle one.
 
     Stops when all others are within `nearest` of a chosen one, or when `most` are chosen.
@@ -83,7 +83,7 @@ def novelty_record(novelty: Novelty) -> dict[str, Any]:
 
 
 def describe_novelty(novelty: Novelty) -> dict[str, Any]:
-    """What an exported gate says of its measure; the recorded configurations themselves are in its graph."""
+    """Describe the measure in an exported gate's metadata; its graph holds the recorded configurations."""
     return {"k": novelty.neighbour, "largest_distance": novelty.largest, "configurations": len(novelty.landmarks),
             "mean": novelty.mean.tolist(), "scale": novelty.scale.tolist()}
 
@@ -91,14 +91,20 @@ def describe_novelty(novelty: Novelty) -> dict[str, Any]:
 def parse_novelty(record: Any, name: str) -> Novelty:
     """The measure in a record that came from somewhere called `name`; InputError when there is none to be had."""
     try:
-        mean, scale, landmarks = (np.array(record[key], np.float64) for key in ("mean", "scale", "landmarks"))
-        novelty = Novelty(mean, scale, landmarks, float(record["largest"]), int(record["neighbour"]))
+        known = len(record["landmarks"])
+        mean, scale = (finite_array(record[key], (len(FEATURES),)) for key in ("mean", "scale"))
+        landmarks = finite_array(record["landmarks"], (known, len(FEATURES)))
+        largest, neighbour = float(record["largest"]), int(record["neighbour"])
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"{name}: key 'novelty' is missing or damaged; train again ({error!r})") from error
-    wide = len(FEATURES)
-    sound = (novelty.mean.shape == (wide,) == novelty.scale.shape and novelty.landmarks.ndim == 2
-             and novelty.landmarks.shape[1] == wide and 1 <= novelty.neighbour <= len(novelty.landmarks)
-             and novelty.largest > 0.0)
-    if not sound or not all(np.isfinite(part).all() for part in (novelty.mean, novelty.scale, novelty.landmarks)):
+    if not 1 <= neighbour <= known or not largest > 0.0:
         raise InputError(f"{name}: key 'novelty' does not describe recorded configurations")
-    return novelty
+    return Novelty(mean, scale, landmarks, largest, neighbour)
+
+
+def finite_array(values: Any, shape: tuple[int, ...]) -> np.ndarray:
+    """Return float64 numbers of a shape; ValueError when they have another, or one of them is not finite."""
+    array = np.array(values, np.float64)
+    if array.shape != shape or not np.isfinite(array).all():
+        raise ValueError(f"an array of shape {array.shape} where {shape} finite numbers belong")
+    return array

@@ -4,19 +4,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from truearc.robot.config.schema import InputError
-from truearc.robot.gate.contract import FEATURES
 from truearc.sim.data.dataset import Shots
-from truearc.sim.paper.training import lacking_features
+from truearc.sim.paper.training import usable_rows
 from truearc.sim.physics.simulate import MISS, THREE, TWO
 
 # The plane from below to above: miss low, two low, three, two high, miss high.
 CELLS = 5
-ANYWHERE = {MISS: (1, 0, 0, 0, 1), TWO: (0, 1, 0, 1, 0), THREE: (0, 0, 1, 0, 0)}
-SIDED = {(MISS, "low"): (1, 0, 0, 0, 0), (MISS, "high"): (0, 0, 0, 0, 1),
-         (TWO, "low"): (0, 1, 0, 0, 0), (TWO, "high"): (0, 0, 0, 1, 0),
-         # beside the centre: of the height it says no more than that it was within the two
-         (TWO, "left"): (0, 1, 1, 1, 0), (TWO, "right"): (0, 1, 1, 1, 0)}
+UNKNOWN = (1,) * CELLS
+CELLS_OF = {(MISS, ""): (1, 0, 0, 0, 1), (TWO, ""): (0, 1, 0, 1, 0), (THREE, ""): (0, 0, 1, 0, 0),
+            (MISS, "low"): (1, 0, 0, 0, 0), (MISS, "high"): (0, 0, 0, 0, 1),
+            (TWO, "low"): (0, 1, 0, 0, 0), (TWO, "high"): (0, 0, 0, 1, 0),
+            # beside the centre: of the height it says no more than that it was within the two
+            (TWO, "left"): (0, 1, 1, 1, 0), (TWO, "right"): (0, 1, 1, 1, 0),
+            (MISS, "left"): UNKNOWN, (MISS, "right"): UNKNOWN}
 ASIDE = ("left", "right")
 LEVEL = {MISS: 0, TWO: 1, THREE: 2}
 
@@ -41,32 +41,19 @@ class OutcomeClasses(NamedTuple):
         return OutcomeClasses(*(column[rows] for column in self))
 
 
-def marks_of(shots: Shots, name: str) -> tuple[OutcomeClasses, np.ndarray, list[str]]:
-    """Marks, the positions in `shots` that they come from, and a sentence for each kind of shot of `name` left out.
+def outcome_classes_of(shots: Shots, name: str) -> tuple[OutcomeClasses, list[str]]:
+    """Return the outcome classes of shots, and a sentence for each kind of shot of `name` left out.
 
     InputError when none is left.
     """
-    features = np.stack([shots.number(feature.name) for feature in FEATURES], axis=1)
     outcome, side, miss_m = shots.text("outcome"), shots.text("side"), shots.number("miss_height_m")
-    judged = np.array([one in LEVEL for one in outcome], bool)
-    whole = np.isfinite(features).all(axis=1)
-    silent = ~judged & np.isnan(miss_m)
-    kept = np.flatnonzero(whole & ~silent)
-    reasons = (("no outcome or miss_height_m", silent), (lacking_features(features[~silent]), ~silent & ~whole))
-    left_out = [f"{name}: {int(lacks.sum())} of {len(shots)} shots left out: {why}" for why, lacks in reasons
-                if lacks.any()]
-    if not kept.size:
-        raise InputError("there is nothing to train on; " + "; ".join(left_out or [f"{name}: no shots"]))
-    cells = np.array([_cells(outcome[row], side[row]) for row in kept], float)
+    silent = np.array([one not in LEVEL for one in outcome], bool) & np.isnan(miss_m)
+    features, kept, left_out = usable_rows(shots, name, silent, "no outcome or miss_height_m")
+    cells = np.array([CELLS_OF.get((outcome[row], side[row]), CELLS_OF.get((outcome[row], ""), UNKNOWN))
+                      for row in kept], float)
     level = np.array([LEVEL.get(outcome[row], -1) for row in kept])
     aside = np.array([outcome[row] == MISS and side[row] in ASIDE for row in kept])
-    return OutcomeClasses(features[kept], cells, miss_m[kept], level, aside, _groups(shots, kept)), kept, left_out
-
-
-def _cells(outcome: str, side: str) -> tuple[int, ...]:
-    if outcome == MISS and side in ASIDE:
-        return (1,) * CELLS
-    return SIDED.get((outcome, side), ANYWHERE.get(outcome, (1,) * CELLS))
+    return OutcomeClasses(features, cells, miss_m[kept], level, aside, _groups(shots, kept)), left_out
 
 
 def _groups(shots: Shots, kept: np.ndarray) -> np.ndarray:

@@ -4,14 +4,13 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-import numpy as np
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import InputError
 from truearc.sim.gate.fit import GateFit
 from truearc.sim.gate.likelihood import SIZE, Widths
 from truearc.sim.gate.model import PhysicsGate, Scaling
-from truearc.sim.gate.novelty import novelty_record, parse_novelty
+from truearc.sim.gate.novelty import finite_array, novelty_record, parse_novelty
 from truearc.sim.infer.belief import as_table, from_table
 from truearc.sim.paper.network import RECORD_FILE, as_json, load_json, load_record, save_with_record
 
@@ -38,7 +37,7 @@ def load_physics_gate(directory: str | Path) -> tuple[PhysicsGate, dict[str, Any
     novelty = parse_novelty(record.get("novelty"), str(Path(directory) / RECORD_FILE))
     try:
         gate = PhysicsGate(msgspec.convert(table["facts"], Rig), from_table(table["belief"], str(path)),
-                           Scaling(*(_array(table["scaling"][name], (3,)) for name in
+                           Scaling(*(finite_array(table["scaling"][name], (3,)) for name in
                                      ("mean", "deviation", "low", "high"))), _fit(table["fit"]),
                            float(table["temperature"]), float(table["aside"]), novelty)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
@@ -49,7 +48,7 @@ def load_physics_gate(directory: str | Path) -> tuple[PhysicsGate, dict[str, Any
 def _plain(gate: PhysicsGate) -> dict[str, Any]:
     fit = gate.fit
     return {
-        "facts": msgspec.to_builtins(gate.facts),
+        "facts": msgspec.to_builtins(gate.rig),
         "belief": as_table(gate.belief),
         "scaling": {name: getattr(gate.scaling, name).tolist() for name in ("mean", "deviation", "low", "high")},
         "fit": {"height_m": float(fit.widths.height_m), "speed": float(fit.widths.speed), "theta": fit.theta.tolist(),
@@ -58,12 +57,5 @@ def _plain(gate: PhysicsGate) -> dict[str, Any]:
 
 
 def _fit(table: dict[str, Any]) -> GateFit:
-    return GateFit(Widths(float(table["height_m"]), float(table["speed"])), _array(table["theta"], (SIZE,)),
-               _array(table["covariance"], (SIZE, SIZE)), float(table["evidence"]))
-
-
-def _array(values: Any, shape: tuple[int, ...]) -> np.ndarray:
-    array = np.array(values, np.float64)
-    if array.shape != shape or not np.isfinite(array).all():
-        raise ValueError(f"an array of shape {array.shape} where {shape} finite numbers belong")
-    return array
+    return GateFit(Widths(float(table["height_m"]), float(table["speed"])), finite_array(table["theta"], (SIZE,)),
+               finite_array(table["covariance"], (SIZE, SIZE)), float(table["evidence"]))

@@ -22,16 +22,16 @@ from truearc.sim.paper.network import exact_in_float32
 DEGREES = (9, 12, 15)                 # tried in this order until one is good enough
 OVERSAMPLED = 1.2                     # grid points along each feature for each degree
 NEAR_M = 0.8                          # where the weight has fallen to a third
-LEAST_WEIGHT = 1e-4
+MIN_WEIGHT = 1e-4
 RIDGE = 1e-12                         # of the normal equations, as a share of their mean diagonal
 CHECKED = 30000                       # random configurations of the box; those inside the domain count
 LEARNED = 20000                       # random configurations of the box; those inside the domain are fitted too: where
 #                                       the recorded ones lie on a thin sheet, few points of the grid do
-KNOWN = 1.1                           # novelty up to which the fit cares
+KNOWN_NOVELTY = 1.1                   # novelty up to which the fit cares
 UNKNOWN_WEIGHT = 1e-3                 # ... and how much it cares beyond
 NEAR_TARGET_M = 0.5
-MOST_MEAN_ERROR_M = 0.005             # at most this at the 99th percentile of configurations that near the target
-MOST_P_ERROR = 0.003                  # at most this anywhere; float32 and a denser check stay within 0.005
+MAX_MEAN_ERROR_M = 0.005              # at most this at the 99th percentile of configurations that near the target
+MAX_P_ERROR = 0.003                   # at most this anywhere; float32 and a denser check stay within 0.005
 ON_FACES = 0.1                        # checks are drawn from a box so much wider on each side, and held to its faces
 
 
@@ -43,7 +43,7 @@ class Errors(NamedTuple):
 
     @property
     def acceptable(self) -> bool:
-        return self.mean_m <= MOST_MEAN_ERROR_M and self.p <= MOST_P_ERROR
+        return self.mean_m <= MAX_MEAN_ERROR_M and self.p <= MAX_P_ERROR
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,9 +82,8 @@ def make_surrogate(gate: PhysicsGate, domain: dict[str, list[float]]) -> tuple[S
         errors = compare(gate, surrogate, checks, wanted)
         if errors.acceptable:
             return surrogate, errors
-    raise InputError(f"the physics is too crooked over this domain for the graph: with {DEGREES[-1]} degrees the "
-                     f"mean is "
-                   f"off by {errors.mean_m:.4f} m near the target, p by {errors.p:.4f}; record fewer extremes")
+    raise InputError(f"no polynomial of degree {DEGREES[-1]} follows the physics over this domain: the mean is off by "
+                     f"{errors.mean_m:.4f} m near the target, p by {errors.p:.4f}; record fewer extremes")
 
 
 def inside(gate: PhysicsGate, box: np.ndarray, count: int, seed: int) -> np.ndarray:
@@ -106,8 +105,8 @@ def fit_surrogate(gate: PhysicsGate, box: np.ndarray, degree: int) -> Surrogate:
     orders = np.array([order for order in itertools.product(range(degree + 1), repeat=3) if sum(order) <= degree])
     mean_m, sigma_m = gate.latent(features)
     columns = products(np.clip((features - middle) / half, -1.0, 1.0), orders)
-    weight = np.maximum(np.exp(-((mean_m / NEAR_M) ** 2)), LEAST_WEIGHT)
-    weight *= np.where(gate.novelty(features) <= KNOWN, 1.0, UNKNOWN_WEIGHT)
+    weight = np.maximum(np.exp(-((mean_m / NEAR_M) ** 2)), MIN_WEIGHT)
+    weight *= np.where(gate.novelty(features) <= KNOWN_NOVELTY, 1.0, UNKNOWN_WEIGHT)
     solved = np.stack([_solve(columns, weight, mean_m), _solve(columns, weight / sigma_m**4, sigma_m**2)])
     return Surrogate(exact_in_float32(middle), exact_in_float32(1.0 / half), orders, solved,
                      float(np.float32(0.5 * np.min(sigma_m) ** 2)))

@@ -1,6 +1,6 @@
 """Recorded shots and a belief -> a gate with the physics in it, and what it was worth on shots it had not seen."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -8,18 +8,17 @@ from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.dataset import Shots
 from truearc.sim.gate.fit import fit_widest
 from truearc.sim.gate.likelihood import PRIORS, GateData, GateShape, cell_probabilities, spread_m
-from truearc.sim.gate.model import PhysicsGate, Scaling, halves_of
+from truearc.sim.gate.model import Physics, PhysicsGate, Scaling, halves_of, physics_of
 from truearc.sim.gate.novelty import fit_novelty
-from truearc.sim.gate.outcome_classes import OutcomeClasses, marks_of
-from truearc.sim.gate.physics import Physics, physics_of
+from truearc.sim.gate.outcome_classes import OutcomeClasses, outcome_classes_of
 from truearc.sim.infer.belief import Belief
 from truearc.sim.metrics import Figures, figures_of, log_scores
 from truearc.sim.progress import Progress
 
 FOLDS = 5
-FEWEST_TO_FOLD = 15
+MIN_CONFIGURATIONS = 15
 TEMPERATURES = np.exp(np.linspace(np.log(0.6), np.log(1.8), 23))
-TEMPERATURE_SPREAD = 0.15             # of its log, a priori: a few shots of luck do not move it far
+TEMPERATURE_SPREAD = 0.15             # of its log, a priori: chance in a few shots does not move it far
 BEYOND = 0.1                          # of the recorded range: where z stops on either side
 
 
@@ -28,7 +27,7 @@ class Heldout:
     """Shots rated by gates that had not seen their configuration; the belief had.
 
     p [n, 2] and level [n] of the judged rows; `plain`: the same before calibration; `physics`: by the forecast alone,
-    as the belief has it; `gain`: mean log score that the calibration adds, its temperature chosen on other folds.
+    as the belief has it. The temperature of each fold is chosen on the others.
     """
 
     p: np.ndarray
@@ -36,42 +35,37 @@ class Heldout:
     plain: Figures
     calibrated: Figures
     physics: Figures
-    gain: float
 
 
-def fit_physics_gate(facts: Rig, belief: Belief, shots: Shots, seed: int = 0, name: str = "shots",
-                     progress: Progress = lambda done, note: None) -> PhysicsGate:
-    """The gate of these shots; the same arguments give the same gate. BadInput when nothing can be learned."""
-    return train_physics_gate(facts, belief, shots, seed, name, progress)[0]
-
-
-def train_physics_gate(facts: Rig, belief: Belief, shots: Shots, seed: int = 0, name: str = "shots",
+def train_physics_gate(rig: Rig, belief: Belief, shots: Shots, seed: int = 0, name: str = "shots",
                        progress: Progress = lambda done, note: None) -> tuple[PhysicsGate, Heldout | None]:
-    """As fit_physics_gate, with what it was worth out of fold (None when there are too few judged configurations).
+    """Fit the gate of these shots, and rate it out of fold (None when there are too few judged configurations).
+
+    The same arguments give the same gate. InputError when nothing can be learned.
 
     Folds are of configurations, drawn by seed. The temperature is kept only when it adds to the log score of folds
     that it was not chosen on.
     """
-    marks, _, _ = marks_of(shots, name)
-    physics = physics_of(facts, belief, marks.features)
+    marks, _ = outcome_classes_of(shots, name)
+    physics = physics_of(rig, belief, marks.features)
     progress(0.3, "forecasts made")
-    gate = _fit(facts, belief, marks, physics, np.ones(len(marks.level)))
+    gate = _fit(rig, belief, marks, physics, np.ones(len(marks.level)))
     progress(0.5, "fitted")
     fold = folds(marks.group, seed)
-    if fold is None or (marks.level >= 0).sum() < FEWEST_TO_FOLD:
+    if fold is None or (marks.level >= 0).sum() < MIN_CONFIGURATIONS:
         return gate, None
     heldout = []
     for number in range(FOLDS):
-        fitted = _fit(facts, belief, marks, physics, (fold != number).astype(float))
+        fitted = _fit(rig, belief, marks, physics, (fold != number).astype(float))
         heldout.append(_latent_of(fitted, marks, physics, np.flatnonzero((fold == number) & (marks.level >= 0))))
         progress(0.5 + 0.5 * (number + 1) / FOLDS, f"fold {number + 1} of {FOLDS}")
     return _calibrate(gate, heldout, _alone(gate, physics, marks))
 
 
 def folds(group: np.ndarray, seed: int) -> np.ndarray | None:
-    """The fold [n] of each row: groups dealt out evenly in an order drawn by seed; None when there are too few."""
+    """The fold [n] of each row: groups spread evenly in an order drawn by seed; None when there are too few."""
     names = np.unique(group)
-    if len(names) < FEWEST_TO_FOLD:
+    if len(names) < MIN_CONFIGURATIONS:
         return None
     deal = np.empty(len(names), np.int64)
     deal[np.random.default_rng([seed, 5]).permutation(len(names))] = np.arange(len(names)) % FOLDS
@@ -89,13 +83,13 @@ class _Fold:
         return self.gate.judge(self.mean_m, temperature * self.sigma_m)
 
 
-def _fit(facts: Rig, belief: Belief, marks: OutcomeClasses, physics: Physics, weight: np.ndarray) -> PhysicsGate:
+def _fit(rig: Rig, belief: Belief, marks: OutcomeClasses, physics: Physics, weight: np.ndarray) -> PhysicsGate:
     seen = marks.features[weight > 0.0]
     scaling = scaling_of(seen)
     told = weight * ~marks.aside
     data = GateData(scaling(marks.features), *physics, marks.cells, marks.miss_m, told)
     aside = float((marks.aside * weight).sum() / weight.sum())
-    return PhysicsGate(facts, belief, scaling, fit_widest(data, halves_of(facts)), 1.0, aside, fit_novelty(seen))
+    return PhysicsGate(rig, belief, scaling, fit_widest(data, halves_of(rig)), 1.0, aside, fit_novelty(seen))
 
 
 def scaling_of(features: np.ndarray) -> Scaling:
@@ -116,21 +110,20 @@ def _calibrate(gate: PhysicsGate, parts: list[_Fold], alone: Figures) -> tuple[P
     """The gate with the temperature of all folds, if temperatures chosen on the other folds did better than none."""
     table = np.array([[log_scores(part.p(t), part.level).sum() for t in TEMPERATURES] for part in parts])
     prior = -0.5 * (np.log(TEMPERATURES) / TEMPERATURE_SPREAD) ** 2
-    shots = sum(len(part.level) for part in parts)
     chosen = [float(TEMPERATURES[np.argmax(prior + table.sum(axis=0) - row)]) for row in table]
     level = np.concatenate([part.level for part in parts])
     plain = np.concatenate([part.p(1.0) for part in parts])
     warmed = np.concatenate([part.p(t) for part, t in zip(parts, chosen, strict=True)])
-    gain = float(log_scores(warmed, level).sum() - log_scores(plain, level).sum()) / shots
-    kept = gain > 0.0
+    kept = log_scores(warmed, level).sum() > log_scores(plain, level).sum()
     best = float(TEMPERATURES[np.argmax(prior + table.sum(axis=0))]) if kept else 1.0
     p = warmed if kept else plain
-    return gate.warmer(best), Heldout(p, level, figures_of(plain, level), figures_of(p, level), alone, gain)
+    heldout = Heldout(p, level, figures_of(plain, level), figures_of(p, level), alone)
+    return replace(gate, temperature=best), heldout
 
 
 def _alone(gate: PhysicsGate, physics: Physics, marks: OutcomeClasses) -> Figures:
     """The forecast with nothing learned here: spread as the belief has it, half-heights of rig.toml, judged rows."""
-    two_m, three_m = halves_of(gate.facts)
+    two_m, three_m = halves_of(gate.rig)
     shape = GateShape(1.0, PRIORS["floor_m"][0], two_m, three_m, PRIORS["lapse"][0])
     judged = marks.level >= 0
     cells = np.asarray(cell_probabilities(shape, physics.deviation_m, spread_m(shape, physics.sigma_m)))[judged]

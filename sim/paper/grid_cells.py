@@ -27,31 +27,21 @@ ROUGH_M = 0.03                        # an interpolant worse than this is not tr
 SURE_M = 1e-3                         # nearer to a bound than this, a flight with long steps does not settle a label
 GRAZING_M = 5e-3                      # a flight that turns back this near to the plane, before or behind it
 CUSP = 1.0                            # times what gaps to the plane differ elsewhere: parted by more, by a cusp
-MOST_DOUBTFUL = 96                    # points flown singly before a split is cheaper
+MAX_DOUBTFUL = 96                     # points flown singly before a split is cheaper
 
 compiled = njit(fastmath={"nsz", "arcp", "contract", "afn", "reassoc"}, error_model="numpy", nogil=True, cache=True)
 
 
-def make_nodes() -> np.ndarray:
-    """Chebyshev-Lobatto points in 0-1, ascending [NODES]."""
-    return (1.0 - np.cos(np.pi * np.arange(NODES) / (NODES - 1))) / 2.0
-
-
-def make_transform() -> np.ndarray:
-    """[NODES, NODES]: values at the nodes -> Chebyshev coefficients."""
-    return np.linalg.inv(_basis(make_nodes()))
-
-
-def make_tables() -> np.ndarray:
-    """[WIDEST + 1, WIDEST, NODES]: the Chebyshev polynomials at m evenly spaced points, for each m from 2."""
-    tables = np.zeros((WIDEST + 1, WIDEST, NODES))
-    for points in range(2, WIDEST + 1):
-        tables[points, :points] = _basis(np.linspace(0.0, 1.0, points))
-    return tables
-
-
 def _basis(part: np.ndarray) -> np.ndarray:
     return np.polynomial.chebyshev.chebvander(2.0 * part - 1.0, NODES - 1)
+
+
+NODES_AT = (1.0 - np.cos(np.pi * np.arange(NODES) / (NODES - 1))) / 2.0       # Chebyshev-Lobatto points in 0-1 [NODES]
+TRANSFORM = np.linalg.inv(_basis(NODES_AT))           # values at the nodes -> Chebyshev coefficients [NODES, NODES]
+# The Chebyshev polynomials at m evenly spaced points, for each m from 2: [WIDEST + 1, WIDEST, NODES].
+TABLES = np.zeros((WIDEST + 1, WIDEST, NODES))
+for _points in range(2, WIDEST + 1):
+    TABLES[_points, :_points] = _basis(np.linspace(0.0, 1.0, _points))
 
 
 def make_roots(points: int, launches: int) -> np.ndarray:
@@ -89,20 +79,6 @@ def fill_nodes(cells: Ints, axis: Floats, nodes: Floats, which: Ints, cd: Floats
 
 
 @compiled
-def list_points(cells: Ints, labels: Labels, wanted: int, points: Ints) -> int:
-    """Points [n, 3] = launch, row, column of the cells whose label is `wanted`; returns how many."""
-    count = 0
-    for cell in range(len(cells)):
-        launch, top, bottom, left, right = cells[cell]
-        for row in range(top, bottom + 1):
-            for column in range(left, right + 1):
-                if labels[launch, row, column] == wanted:
-                    points[count, 0], points[count, 1], points[count, 2] = launch, row, column
-                    count += 1
-    return count
-
-
-@compiled
 def mark(cells: Ints, labels: Labels, label: int) -> None:
     """Give every point of the cells one label."""
     for cell in range(len(cells)):
@@ -111,15 +87,15 @@ def mark(cells: Ints, labels: Labels, label: int) -> None:
 
 
 @compiled
-def label_points(points: Ints, count: int, height_m: Floats, gap_m: Floats, under: Bools, target: Target, final: bool,
+def label_points(points: Ints, height_m: Floats, gap_m: Floats, under: Bools, target: Target, final: bool,
                  labels: Labels) -> int:
-    """Label points from their own flights; unless `final`, those in doubt are left so. Returns how many are.
+    """Label points from their own flights; unless `final`, those near a bound stay DOUBTFUL. Returns how many do.
 
     target: centre, three's half height, two's half height in m.
     """
     centre, three, two = target
     doubtful = 0
-    for k in range(count):
+    for k in range(len(points)):
         off = abs(height_m[k] - centre)
         label = MISS
         if gap_m[k] <= 0.0 and not under[k]:
@@ -169,7 +145,7 @@ def has_cusp(gap: Floats) -> bool:
 
 @compiled
 def judge(height: Floats, gap: Floats, under: Bools, low: float, high: float) -> int:
-    """What a cell's nodes say of it: NOTHING of the target in it, SPLIT it, or PAINTED: an interpolant may settle it.
+    """Judge a cell by its nodes: NOTHING of the target in it, SPLIT it, or PAINTED: an interpolant may settle it.
 
     Nothing: all pass, or end, above the target or below it, or end before the plane, by more than neighbours differ
     anywhere in the cell. A judgement by each neighbourhood alone saves hardly a flight and misses ten times as much.
@@ -188,10 +164,10 @@ def judge(height: Floats, gap: Floats, under: Bools, low: float, high: float) ->
 
 @compiled
 def settle(cells: Ints, height_m: Floats, gap_m: Floats, under: Bools, target: Target, transform: Floats,
-           tables: Floats, labels: Labels, verdict: Ints, doubtful: Ints) -> None:
+           tables: Floats, labels: Labels, verdict: Ints) -> None:
     """Judge cells by their nodes and paint the labels of those that an interpolant settles.
 
-    verdict [n]: see judge; doubtful [n]: how many of a cell's points were marked DOUBTFUL.
+    verdict [n]: see judge.
     """
     centre, three, two = target
     low, high = centre - two, centre + two
@@ -214,10 +190,9 @@ def settle(cells: Ints, height_m: Floats, gap_m: Floats, under: Bools, target: T
             verdict[cell] = NOTHING
             continue
         launch, top, bottom, left, right = cells[cell]
-        found = paint(shape, tables[bottom - top + 1], tables[right - left + 1], unsure, centre, three, two,
-                      labels[launch, top:bottom + 1, left:right + 1])
-        doubtful[cell] = found
-        if found > MOST_DOUBTFUL:
+        doubtful = paint(shape, tables[bottom - top + 1], tables[right - left + 1], unsure, centre, three, two,
+                         labels[launch, top:bottom + 1, left:right + 1])
+        if doubtful > MAX_DOUBTFUL:
             verdict[cell] = SPLIT
             labels[launch, top:bottom + 1, left:right + 1] = MISS
 
@@ -225,7 +200,7 @@ def settle(cells: Ints, height_m: Floats, gap_m: Floats, under: Bools, target: T
 @compiled
 def paint(shape: Floats, rows: Floats, columns: Floats, unsure: float, centre: float, three: float, two: float,
           labels: Labels) -> int:
-    """Labels of a cell's points from its polynomial; returns how many are in doubt."""
+    """Label a cell's points from its polynomial; returns how many are DOUBTFUL."""
     along = np.empty((NODES, labels.shape[1]))
     for order in range(NODES):
         for column in range(labels.shape[1]):
@@ -249,24 +224,3 @@ def paint(shape: Floats, rows: Floats, columns: Floats, unsure: float, centre: f
             labels[row, column] = DOUBTFUL if near else label
             found += 1 if near else 0
     return found
-
-
-@compiled
-def list_hits(labels: Labels, launch: Ints, pair: Ints, label: Labels) -> int:
-    """All points that are no miss, in order; returns how many there are, be there room for them or not."""
-    count = 0
-    for one in range(labels.shape[0]):
-        for row in range(labels.shape[1]):
-            most = 0
-            for column in range(labels.shape[2]):
-                most |= labels[one, row, column]
-            if most == MISS:
-                continue
-            for column in range(labels.shape[2]):
-                if labels[one, row, column] == MISS:
-                    continue
-                if count < len(launch):
-                    launch[count], pair[count] = one, row * labels.shape[2] + column
-                    label[count] = labels[one, row, column]
-                count += 1
-    return count

@@ -1,6 +1,6 @@
-"""The seed's coefficient search (section III-A and IV-C): every pair of drag and lift coefficient on a square grid."""
+"""The paper's coefficient search (section III-A and IV-C): every pair of drag and lift coefficient on a square grid."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,8 +14,8 @@ from truearc.sim.physics.simulate import THREE, TWO, launch_of, require
 from truearc.sim.progress import Progress
 
 START_STEP = 0.05                     # of the coarse search that gives another fit a start
-MOST_PARTS = 10000                    # of the range: a hundred times the seed's pairs
-
+FLOWN_AT_ONCE = 200_000               # flights of tied pairs worked out together by the bootstrap
+MAX_PARTS = 10000                     # of the range: a hundred times the paper's pairs
 
 
 @dataclass(frozen=True)
@@ -33,27 +33,14 @@ class GridFit:
     share_two: np.ndarray
     tied: np.ndarray
     ties: np.ndarray
+    cd: float                         # the chosen pair, and its deviations
+    cl: float
+    mean_m: float
+    median_m: float
     median_pair: tuple[float, float]  # (cd, cl) of the least median deviation among the tied
     shots_three: int
     shots_two: int
     hits: Hits
-
-    @property
-    def cd(self) -> float:
-        return float(self.ties[0, 0])
-
-    @property
-    def cl(self) -> float:
-        return float(self.ties[0, 1])
-
-    @property
-    def mean_m(self) -> float:
-        """Deviations at the chosen pair."""
-        return float(self.ties[0, 2])
-
-    @property
-    def median_m(self) -> float:
-        return float(self.ties[0, 3])
 
     @property
     def coefficients(self) -> dict[str, dict[str, float]]:
@@ -62,7 +49,7 @@ class GridFit:
 
 @dataclass(frozen=True)
 class Scoring:
-    """The shots that the seed's measures see, ready to fly."""
+    """The shots that the paper's measures count, ready to fly."""
 
     flyer: Flyer
     is_three: np.ndarray              # [launches]; the others' outcome is two
@@ -70,21 +57,21 @@ class Scoring:
 
     def deviation_m(self, cd: np.ndarray, cl: np.ndarray) -> np.ndarray:
         """|height - centre| [pairs, shots whose outcome is three], infinite where not reached."""
-        threes = Flyer(self.flyer.kernel, self.flyer.facts, self.flyer.release_m, self.flyer.launch[self.is_three])
+        threes = replace(self.flyer, launch=self.flyer.launch[self.is_three])
         return np.nan_to_num(np.abs(fly_pairs(threes, cd, cl) - self.target[0]), nan=np.inf)
 
 
-def fit_grid(facts: Rig, shots: Shots, step: float = STEP, progress: Progress = lambda done, note: None) -> GridFit:
-    """Fly every scoring shot with every pair of the grid and choose as the seed does.
+def fit_grid(rig: Rig, shots: Shots, step: float = STEP, progress: Progress = lambda done, note: None) -> GridFit:
+    """Fly every scoring shot with every pair of the grid and choose as the paper does.
 
     First the share of three-point shots flown into the three, then of scoring shots into the two, then the least mean
     deviation (and least median, cd, cl, should that tie too). Shots whose outcome is miss or unknown play no part: the
-    seed's measures do not see them. InputError: no shot with outcome three, no target, a step that does not divide 5,
-    or no pair that puts a single shot where it went.
+    paper's measures do not count them. InputError: no shot with outcome three, no target, a step that does not divide
+    5, or no pair that puts a single shot where it went.
     """
     axis = make_axis(step)
     progress(0.0, "the law of motion is compiled when it is new")
-    scoring = make_scoring(facts, shots)
+    scoring = make_scoring(rig, shots)
     hits = find_hits(scoring.flyer, axis, scoring.target, progress)
     three, two = count_hits(hits, scoring.is_three, np.ones(len(scoring.is_three)), axis.size)
     if not two.any():
@@ -93,8 +80,9 @@ def fit_grid(facts: Rig, shots: Shots, step: float = STEP, progress: Progress = 
     tied = (three == three.max()) & (two == two[three == three.max()].max())
     ties = rank_ties(scoring, axis, np.flatnonzero(tied.ravel()))
     median_pair = ties[np.lexsort((ties[:, 1], ties[:, 0], ties[:, 3]))[0], :2]
+    cd, cl, mean_m, median_m = ties[0].tolist()
     threes = int(scoring.is_three.sum())
-    return GridFit(axis, three.T / threes, two.T / len(scoring.is_three), tied.T, ties,
+    return GridFit(axis, three.T / threes, two.T / len(scoring.is_three), tied.T, ties, cd, cl, mean_m, median_m,
                    (float(median_pair[0]), float(median_pair[1])), threes, len(scoring.is_three) - threes, hits)
 
 
@@ -111,23 +99,23 @@ def grid_start(rig: Rig, dataset: Dataset) -> dict[str, dict[str, float]]:
 def make_axis(step: float) -> np.ndarray:
     """The grid's values of one coefficient; InputError when the step does not divide the range."""
     parts = (HIGH - LOW) / step if step > 0.0 else 0.0
-    if not parts <= MOST_PARTS:
-        raise InputError(f"--step: {step:g} is too fine; {(HIGH - LOW) / MOST_PARTS:g} is the least")
+    if not parts <= MAX_PARTS:
+        raise InputError(f"--step: {step:g} is too fine; {(HIGH - LOW) / MAX_PARTS:g} is the least")
     if parts < 1.0 or abs(parts - round(parts)) > 1e-6:
         raise InputError(f"--step: {step:g} does not divide the range {LOW:g} to {HIGH:g}")
     return np.linspace(LOW, HIGH, round(parts) + 1)
 
 
-def make_scoring(facts: Rig, shots: Shots) -> Scoring:
+def make_scoring(rig: Rig, shots: Shots) -> Scoring:
     """The shots whose outcome is two or three; InputError when none is a three or the rig has no target."""
-    if facts.target is None:
+    if rig.target is None:
         raise InputError("rig.toml: [target] is needed to fit by outcomes")
     outcome = np.array(shots.text("outcome"))
     if not (outcome == THREE).any():
         raise InputError(f"{shots.source}: outcome: fit by grid needs at least one shot whose outcome is three")
     scoring = shots.take(np.flatnonzero((outcome == THREE) | (outcome == TWO)))
-    flyer = make_flyer(facts, launch_of(facts, scoring), require(scoring, "distance_m"))
-    target = (facts.target.centre_height_m, facts.target.three_half_height_m, facts.target.two_half_height_m)
+    flyer = make_flyer(rig, launch_of(rig, scoring), require(scoring, "distance_m"))
+    target = (rig.target.centre_height_m, rig.target.three_half_height_m, rig.target.two_half_height_m)
     return Scoring(flyer, np.array(scoring.text("outcome")) == THREE, target)
 
 
@@ -147,10 +135,67 @@ def rank_ties(scoring: Scoring, axis: np.ndarray, pairs: np.ndarray) -> np.ndarr
     return np.stack([cd, cl, mean_m, median_m], axis=1)[np.lexsort((cl, cd, median_m, mean_m))]
 
 
-def map_deviation(facts: Rig, shots: Shots, cd: np.ndarray, cl: np.ndarray) -> np.ndarray:
+def map_deviation(rig: Rig, shots: Shots, cd: np.ndarray, cl: np.ndarray) -> np.ndarray:
     """Mean deviation in m of the shots whose outcome is three at each pair, infinite where one is not reached.
 
     cd and cl are arrays of one shape, and so is the result. Flies every pair: about a microsecond each and shot.
     """
-    mean_m: np.ndarray = make_scoring(facts, shots).deviation_m(np.ravel(cd), np.ravel(cl)).mean(axis=1)
+    mean_m: np.ndarray = make_scoring(rig, shots).deviation_m(np.ravel(cd), np.ravel(cl)).mean(axis=1)
     return mean_m.reshape(np.shape(cd))
+
+
+@dataclass(frozen=True)
+class Bootstrap:
+    """The pair chosen from each resample: `cd`, `cl` [resamples]; `without_three`: resamples that held no three."""
+
+    cd: np.ndarray
+    cl: np.ndarray
+    without_three: int
+    seed: int
+
+    def interval90(self, name: str) -> tuple[float, float]:
+        """5 % and 95 % of `cd` or `cl` over the resamples; nan when there are none."""
+        values = self.cd if name == "cd" else self.cl
+        if not values.size:
+            return float("nan"), float("nan")
+        low, high = np.quantile(values, (0.05, 0.95), method="inverted_cdf")
+        return float(low), float(high)
+
+
+def bootstrap_grid(rig: Rig, shots: Shots, fit: GridFit, resamples: int, seed: int) -> Bootstrap:
+    """Choose as fit_grid does from `resamples` draws with replacement of the scoring shots, by the labels it found.
+
+    Only deviations at tied pairs are flown again. A draw without a three cannot be chosen from, and is counted.
+    """
+    scoring = make_scoring(rig, shots)
+    count = len(scoring.is_three)
+    draws = np.random.default_rng(seed).integers(count, size=(resamples, count))
+    weights = np.stack([np.bincount(draw, minlength=count) for draw in draws])
+    weights = weights[weights[:, scoring.is_three].any(axis=1)]
+    tied = [_tied(fit, scoring, weight) for weight in weights]
+    chosen = _choose(scoring, fit.axis, tied, weights[:, scoring.is_three])
+    return Bootstrap(chosen[:, 0], chosen[:, 1], resamples - len(weights), seed)
+
+
+def _tied(fit: GridFit, scoring: Scoring, weight: np.ndarray) -> np.ndarray:
+    """Pairs best in threes and among those in twos, as indices of [cl, cd] laid flat."""
+    three, two = (part.ravel() for part in count_hits(fit.hits, scoring.is_three, weight, fit.axis.size))
+    best = np.flatnonzero(three == three.max())
+    tied: np.ndarray = best[two[best] == two[best].max()]
+    return tied
+
+
+def _choose(scoring: Scoring, axis: np.ndarray, tied: list[np.ndarray], weights: np.ndarray) -> np.ndarray:
+    """(cd, cl) of each draw: least mean deviation, then median, cd, cl, of its tied pairs."""
+    pairs = np.unique(np.concatenate(tied)) if tied else np.zeros(0, int)
+    cl, cd = axis[pairs // axis.size], axis[pairs % axis.size]
+    block = max(1, FLOWN_AT_ONCE // weights.shape[1])
+    parts = [scoring.deviation_m(cd[at:at + block], cl[at:at + block]) for at in range(0, len(pairs), block)]
+    deviation_m = np.concatenate(parts) if parts else np.zeros((0, weights.shape[1]))
+    chosen = np.zeros((len(tied), 2))
+    for draw, (candidates, weight) in enumerate(zip(tied, weights, strict=True)):
+        at = np.searchsorted(pairs, candidates)
+        drawn_m = np.repeat(deviation_m[at], weight, axis=1)
+        order = np.lexsort((cl[at], cd[at], np.median(drawn_m, axis=1), drawn_m.mean(axis=1)))
+        chosen[draw] = cd[at][order[0]], cl[at][order[0]]
+    return chosen

@@ -10,7 +10,7 @@ import numpy as np
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.paper import grid_cells as cells_of
-from truearc.sim.paper.grid_cells import DOUBTFUL, LEAF, NODES, PAINTED, SPLIT
+from truearc.sim.paper.grid_cells import DOUBTFUL, LEAF, MISS, NODES, NODES_AT, SPLIT, TABLES, TRANSFORM
 from truearc.sim.physics.catalogue import flight_terms
 from truearc.sim.physics.compiled import facts_values, load_kernel, make_source
 from truearc.sim.physics.flight import LIMIT_S, SHORTEST
@@ -39,17 +39,12 @@ class Hits:
     label: np.ndarray
 
 
-def empty_hits(count: int) -> Hits:
-    """Room for so many."""
-    return Hits(np.empty(count, np.int32), np.empty(count, np.int32), np.empty(count, np.uint8))
-
-
 @dataclass(frozen=True)
 class Flyer:
     """Flies launches with pairs of coefficients, by machine code made from the law of motion."""
 
     kernel: ModuleType
-    facts: tuple[float, ...]
+    rig_values: tuple[float, ...]
     release_m: float
     launch: np.ndarray                # [n, 4] forward and upward speed m/s, spin rev/s, distance m
 
@@ -62,16 +57,16 @@ class Flyer:
         height_m, gap_m = np.empty(batches * LANES), np.empty(batches * LANES)
         under = np.empty(batches * LANES, np.bool_)
         rules = (self.release_m, *steps, steps[0] * SHORTEST, DEEPEST_M, LIMIT_S)
-        self.kernel.fly_lanes((0, batches), self.launch, which, cd, cl, self.facts, rules, height_m, gap_m, under)
+        self.kernel.fly_lanes((0, batches), self.launch, which, cd, cl, self.rig_values, rules, height_m, gap_m, under)
         return height_m, gap_m, under
 
 
-def make_flyer(facts: Rig, exit: Exit, distance_m: np.ndarray) -> Flyer:
+def make_flyer(rig: Rig, exit: Exit, distance_m: np.ndarray) -> Flyer:
     """A flyer of these launches; compiles once for a law, which takes seconds, and keeps the result on disk."""
-    kernel = load_kernel(make_source(facts, TERMS, VALUES), TEMPLATE)
+    kernel = load_kernel(make_source(rig, TERMS, VALUES), TEMPLATE)
     launch = np.stack([exit.speed_m_s * np.cos(exit.elevation_rad), exit.speed_m_s * np.sin(exit.elevation_rad),
                        exit.spin_rev_s, distance_m], axis=1)
-    return Flyer(kernel, facts_values(facts), float(facts.launcher.release_height_m), launch)
+    return Flyer(kernel, facts_values(rig), float(rig.launcher.release_height_m), launch)
 
 
 def label_launches(flyer: Flyer, axis: np.ndarray, target: tuple[float, float, float], rows: range) -> np.ndarray:
@@ -80,43 +75,37 @@ def label_launches(flyer: Flyer, axis: np.ndarray, target: tuple[float, float, f
     target: centre, three's and two's half height in m.
     """
     labels = np.zeros((len(rows), len(axis), len(axis)), np.uint8)
-    part = Flyer(flyer.kernel, flyer.facts, flyer.release_m, flyer.launch[rows.start:rows.stop])
-    cells, doubtful, leaves = cells_of.make_roots(len(axis), len(rows)), [], []
+    part = replace(flyer, launch=flyer.launch[rows.start:rows.stop])
+    cells, leaves = cells_of.make_roots(len(axis), len(rows)), []
     if len(axis) <= LEAF:
         cells, leaves = cells[:0], [cells]
     while len(cells):
-        verdict, count = _look(part, axis, target, cells, labels)
-        doubtful.append(cells[(verdict == PAINTED) & (count > 0)])
-        cells, small = cells_of.split(cells[verdict == SPLIT])
+        cells, small = cells_of.split(cells[_look(part, axis, target, cells, labels) == SPLIT])
         leaves.append(small)
-    small = np.concatenate(leaves)
-    cells_of.mark(small, labels, DOUBTFUL)
-    seen = np.concatenate([small, *doubtful])
-    if _fly_doubtful(part, axis, target, seen, labels, LONG, False):
-        _fly_doubtful(part, axis, target, seen, labels, SHORT, True)
+    cells_of.mark(np.concatenate(leaves), labels, DOUBTFUL)
+    if _fly_doubtful(part, axis, target, labels, LONG, False):
+        _fly_doubtful(part, axis, target, labels, SHORT, True)
     return labels
 
 
 def _look(flyer: Flyer, axis: np.ndarray, target: tuple[float, float, float], cells: np.ndarray,
-          labels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+          labels: np.ndarray) -> np.ndarray:
+    """Judge cells by flights at their nodes, and label those that an interpolant settles; their verdicts [n]."""
     which = np.empty(len(cells) * LANES, np.int64)
     cd, cl = np.empty(which.shape), np.empty(which.shape)
     cells_of.fill_nodes(cells, axis, NODES_AT, which, cd, cl)
     height_m, gap_m, under = flyer.fly(which, cd, cl, LONG)
-    verdict, count = np.zeros(len(cells), np.int64), np.zeros(len(cells), np.int64)
-    cells_of.settle(cells, height_m, gap_m, under, target, TRANSFORM, TABLES, labels, verdict, count)
-    return verdict, count
+    verdict = np.zeros(len(cells), np.int64)
+    cells_of.settle(cells, height_m, gap_m, under, target, TRANSFORM, TABLES, labels, verdict)
+    return verdict
 
 
-def _fly_doubtful(flyer: Flyer, axis: np.ndarray, target: tuple[float, float, float], cells: np.ndarray,
-                  labels: np.ndarray, steps: tuple[float, float], final: bool) -> int:
-    """Fly every point in doubt among the cells and label it; returns how many stay in doubt."""
-    area = (cells[:, 2] - cells[:, 1] + 1) * (cells[:, 4] - cells[:, 3] + 1)
-    points = np.empty((int(area.sum()), 3), np.int64)
-    count = cells_of.list_points(cells, labels, DOUBTFUL, points)
-    points = points[:count]
+def _fly_doubtful(flyer: Flyer, axis: np.ndarray, target: tuple[float, float, float], labels: np.ndarray,
+                  steps: tuple[float, float], final: bool) -> int:
+    """Fly every point labelled DOUBTFUL and label it; returns how many stay so, none if `final`."""
+    points = np.stack(np.unravel_index(np.flatnonzero(labels == DOUBTFUL), labels.shape), axis=1)
     height_m, gap_m, under = flyer.fly(points[:, 0], axis[points[:, 2]], axis[points[:, 1]], steps)
-    return cells_of.label_points(points, count, height_m, gap_m, under, target, final, labels)
+    return cells_of.label_points(points, height_m, gap_m, under, target, final, labels)
 
 
 def find_hits(flyer: Flyer, axis: np.ndarray, target: tuple[float, float, float], progress: Progress) -> Hits:
@@ -125,10 +114,9 @@ def find_hits(flyer: Flyer, axis: np.ndarray, target: tuple[float, float, float]
 
     def one(first: int) -> Hits:
         labels = label_launches(flyer, axis, target, range(first, min(first + AT_ONCE, launches)))
-        none = empty_hits(0)
-        hits = empty_hits(cells_of.list_hits(labels, none.launch, none.pair, none.label))
-        cells_of.list_hits(labels, hits.launch, hits.pair, hits.label)
-        return replace(hits, launch=hits.launch + np.int32(first))
+        at = np.flatnonzero(labels != MISS)
+        launch, pair = np.divmod(at, axis.size**2)
+        return Hits((first + launch).astype(np.int32), pair.astype(np.int32), labels.ravel()[at])
 
     parts = []
     with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
@@ -155,6 +143,3 @@ def fly_pairs(flyer: Flyer, cd: np.ndarray, cl: np.ndarray) -> np.ndarray:
     with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
         list(pool.map(one, range(0, len(cd), block)))
     return height_m
-
-
-NODES_AT, TRANSFORM, TABLES = cells_of.make_nodes(), cells_of.make_transform(), cells_of.make_tables()

@@ -6,24 +6,25 @@ from importlib.metadata import version
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
 from truearc.sim.data.dataset import Dataset, hash_dataset
 from truearc.sim.infer.score import Score
-from truearc.sim.paper.grid_bootstrap import Bootstrap
-from truearc.sim.paper.grid_fit import GridFit, map_deviation
+from truearc.sim.paper.grid_fit import Bootstrap, GridFit, map_deviation
 from truearc.sim.paper.settings import HIGH, LOW
-from truearc.sim.plots import Zoom, draw_fit_map
+from truearc.sim.report import new_figure
 
-TIE_HEADER = ("cd", "cl", "mean_deviation_m", "median_deviation_m")
-LISTED, SHOWN = 30, 10                # as many ties are listed in full; of more, so many are shown
+LISTED, SHOWN = 30, 10                # up to LISTED ties are listed in full; of more, SHOWN
 FEW_THREES = 10
+MAX_OUTLINED = 5000                   # tied pairs drawn one by one
 ZOOM_POINTS = 90                      # a side at most, of the picture's second panel
-POOR_THREE, POOR_TWO = 0.6, 0.8       # the seed reports 0.92 and 0.98 on the shots it was fitted to
+POOR_THREE, POOR_TWO = 0.6, 0.8       # the paper reports 0.92 and 0.98 on the shots it was fitted to
 
 
 def explain(dataset: Dataset, fit: GridFit, scored: Score, again: Bootstrap | None) -> list[str]:
-    """What was found, how sure it is and what to make of it, line by line."""
+    """Report the fit line by line: the pair, its uncertainty, and warnings."""
     return [*_found(dataset, fit), *_ties(fit), *_chosen(fit, scored), *_bootstrap(again), *_warnings(fit)]
 
 
@@ -32,7 +33,7 @@ def _found(dataset: Dataset, fit: GridFit) -> Iterator[str]:
     aside = len(dataset.shots) - scoring
     yield f"fitted to {fit.shots_three} three and {fit.shots_two} two"
     if aside:
-        yield (f"{aside} other shots of {len(dataset.shots)} have no say in the seed's measures (miss, or no outcome)")
+        yield (f"{aside} other shots of {len(dataset.shots)} do not count in the paper's measures (misses, no outcome)")
     three, two = fit.share_three.max(), float(fit.share_two[fit.tied][0])
     yield (f"pairs tried: {fit.axis.size} x {fit.axis.size} of drag (cd) and lift (cl). The best of them fly "
            f"{round(three * fit.shots_three)} of the {fit.shots_three} three-pointers into the three and "
@@ -86,14 +87,14 @@ def _bootstrap(again: Bootstrap | None) -> Iterator[str]:
 def _warnings(fit: GridFit) -> Iterator[str]:
     for name, value in (("cd", fit.cd), ("cl", fit.cl)):
         if np.isclose(value, LOW) or np.isclose(value, HIGH):
-            yield (f"careful: {name} = {value:g} is the edge of the search: the shots ask for still "
+            yield (f"warning: {name} = {value:g} is the edge of the search: the shots ask for still "
                    f"{'less' if np.isclose(value, LOW) else 'more'} than that, or do not depend on it. Check the "
                    "launch (speed, angle, release height in rig.toml)")
     if fit.share_three.max() < POOR_THREE or fit.share_two[fit.tied][0] < POOR_TWO:
-        yield ("careful: no drag and lift explain these shots well. Something else is off: facts in rig.toml, labels, "
+        yield ("warning: no drag and lift explain these shots well. Something else is off: facts in rig.toml, labels, "
                "or physics that the simulator lacks; `truearc discover` says which")
     if fit.shots_three < FEW_THREES:
-        yield (f"careful: only {fit.shots_three} three-pointer{'s' if fit.shots_three > 1 else ''}; every further one "
+        yield (f"warning: only {fit.shots_three} three-pointer{'s' if fit.shots_three > 1 else ''}; every further one "
                "may move the choice (--bootstrap 200 says how far)")
 
 
@@ -102,15 +103,50 @@ def _metres(value: float) -> str:
 
 
 def draw_map(dataset: Dataset, fit: GridFit) -> Figure:
-    """Draw three-point accuracy over the coefficients with the tied pairs, and mean deviation around those."""
-    return draw_fit_map(fit.axis, fit.share_three.T, (fit.cd, fit.cl), fit.tied.T, _zoom(dataset, fit))
+    """Draw three-point accuracy over (C_d, C_l), and the mean deviation from the centre around the tied pairs.
 
-
-def _zoom(dataset: Dataset, fit: GridFit) -> Zoom:
-    """Mean deviation around the tied pairs."""
+    The first panel ends where no three-pointer is reproduced any more.
+    """
+    figure = new_figure(12.0, 4.8)
+    whole, close = figure.subplots(1, 2)
+    parts = (fit.share_three.any(axis=other) for other in (1, 0))
+    cd, cl = (fit.axis[:int(np.flatnonzero(part)[-1] * 1.25) + 2] if part.any() else fit.axis for part in parts)
+    image = whole.pcolormesh(cd, cl, fit.share_three.T[:len(cl), :len(cd)], cmap="viridis", shading="nearest",
+                             rasterized=True)
+    figure.colorbar(image, ax=whole, label="share of recorded three-pointers reproduced")
+    whole.set_title("three-point accuracy")
+    _mark(whole, fit, cd, cl)
     cd, cl = (_around(np.flatnonzero(fit.tied.any(axis=other)), fit.axis) for other in (1, 0))
+    _draw_deviation(close, dataset, fit, cd, cl)
+    _mark(close, fit, cd, cl)
+    whole.add_patch(Rectangle((cd[0], cl[0]), np.ptp(cd), np.ptp(cl), fill=False, edgecolor="white", linewidth=0.8,
+                              linestyle=":"))
+    return figure
+
+
+def _draw_deviation(axes: Axes, dataset: Dataset, fit: GridFit, cd: np.ndarray, cl: np.ndarray) -> None:
     every_cd, every_cl = np.meshgrid(cd, cl)
-    return Zoom(cd, cl, map_deviation(dataset.facts, dataset.shots, every_cd, every_cl))
+    reached = np.ma.masked_invalid(map_deviation(dataset.rig, dataset.shots, every_cd, every_cl))
+    axes.set_facecolor("#c9ced6")     # where not every three-pointer reaches the target
+    if reached.count():
+        image = axes.pcolormesh(cd, cl, reached, cmap="magma_r", shading="nearest", rasterized=True,
+                                vmax=float(np.quantile(reached.compressed(), 0.9)))
+        axes.figure.colorbar(image, ax=axes, label="mean distance from the centre, m", extend="max")
+    axes.set_title("around the tied pairs (grey: a three-pointer does not reach)")
+
+
+def _mark(axes: Axes, fit: GridFit, cd: np.ndarray, cl: np.ndarray) -> None:
+    """Outline the tied pairs, mark the chosen one, and set the limits to those of cd and cl."""
+    half = 0.5 * (fit.axis[1] - fit.axis[0])
+    for row, column in np.argwhere(fit.tied.T)[:MAX_OUTLINED]:
+        corner = fit.axis[column] - half, fit.axis[row] - half
+        axes.add_patch(Rectangle(corner, 2.0 * half, 2.0 * half, fill=False, edgecolor="#19c3d6", linewidth=1.0))
+    axes.plot([], [], color="#19c3d6", label=f"tied pairs: {int(fit.tied.sum())}")
+    axes.plot(fit.cd, fit.cl, marker="*", markersize=14, color="#ff5a4f", markeredgecolor="white", linestyle="none",
+              label=f"chosen: C_d {fit.cd:.3f}, C_l {fit.cl:.3f}")
+    axes.set(xlabel="C_d (drag)", ylabel="C_l (lift)", xlim=(cd[0] - half, cd[-1] + half),
+             ylim=(cl[0] - half, cl[-1] + half))
+    axes.legend(loc="upper right")
 
 
 def _around(at: np.ndarray, axis: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""The seed's network: three features, eight hidden nodes, two probabilities, a sigmoid after each layer."""
+"""The paper's network: three features, eight hidden nodes, two probabilities, a sigmoid after each layer."""
 
 import hashlib
 import json
@@ -22,7 +22,7 @@ SCHEMA = "truearc.training/1"
 
 
 class Layers(NamedTuple):
-    """What is trained: `hidden_w` [3, 8], `hidden_b` [8], `out_w` [8, 2], `out_b` [2]."""
+    """The trained parameters: `hidden_w` [3, 8], `hidden_b` [8], `out_w` [8, 2], `out_b` [2]."""
 
     hidden_w: Any
     hidden_b: Any
@@ -47,7 +47,7 @@ class Network:
 
 
 def initial_layers(rng: np.random.Generator) -> Layers:
-    """Glorot-uniform weights and zero biases (Keras's default, which the seed's implementation section implies)."""
+    """Glorot-uniform weights and zero biases (Keras's default, which the paper's implementation section implies)."""
     def uniform(shape: tuple[int, ...]) -> np.ndarray:
         if len(shape) == 1:
             return np.zeros(shape)
@@ -150,13 +150,15 @@ def load_record(path: Path) -> dict[str, Any]:
     return record
 
 
-def load_json(path: Path, schema: str) -> dict[str, Any]:
-    """A JSON object of this schema; InputError names the file and what is wrong with it."""
+def load_json(path: Path, schema: str | None = None) -> dict[str, Any]:
+    """Read a JSON object, of this schema where one is given; InputError names the file and what is wrong with it."""
     try:
         table = json.loads(_read(path))
     except ValueError as error:
         raise InputError(f"{path}: not JSON ({error})") from error
-    if not isinstance(table, dict) or table.get("schema") != schema:
+    if not isinstance(table, dict):
+        raise InputError(f"{path}: not a JSON object")
+    if schema is not None and table.get("schema") != schema:
         raise InputError(f"{path}: key 'schema' is not {schema!r}")
     return table
 

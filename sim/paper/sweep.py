@@ -1,6 +1,6 @@
-"""Training as the seed has it, many networks at once: recorded minibatches paired with simulated ones (III-D, Eq. 15).
+"""The paper's training, many networks at once: recorded minibatches paired with simulated ones (III-D, Eq. 15).
 
-What the seed leaves open is settled here. Features are standardised with the mean and standard deviation of the
+Choices that the paper leaves open are made here. Features are standardised with the mean and standard deviation of the
 recorded training rows; the two outputs' cross-entropies are summed and averaged over the ten rows. Length is counted
 in steps (minibatches, Adam updates), not epochs: an epoch is once through the simulated rows, so equal epochs would
 give a network with 1250 simulated rows two and a half times the updates of one with 500, and the sweep over sizes
@@ -22,7 +22,7 @@ import numpy as np
 
 from truearc.robot.config.schema import InputError
 from truearc.sim.paper.network import SHAPES, Layers, Network, initial_layers, standardisation
-from truearc.sim.paper.settings import DEFAULT_RECIPE, Recipe, check_recipe
+from truearc.sim.paper.settings import DEFAULT_RECIPE, Recipe
 from truearc.sim.paper.sweep_kernel import BATCH, COLUMNS, LANES, PARAMETERS, Decks, Real, advance, mean_losses
 from truearc.sim.paper.training import Rows
 from truearc.sim.progress import Progress
@@ -37,7 +37,7 @@ class Job(NamedTuple):
     real: Rows
     simulated: Rows | None = None
     validation: Rows | None = None
-    simulated_weight: float = 0.01    # the seed's lambda
+    simulated_weight: float = 0.01    # the paper's lambda
     seed: int = 0                     # of first weights and minibatches
 
 
@@ -82,7 +82,6 @@ def train_many(jobs: Sequence[Job], recipe: Recipe = DEFAULT_RECIPE, progress: P
     Networks advance LANES at a time, groups of them on `threads` (as many as cores), in float32. InputError when
     a job has nothing to train on, job or recipe is nonsense, or a loss stops being a number.
     """
-    check_recipe(recipe)
     for job in jobs:
         check_job(job)
     batch = _Batch(jobs)
@@ -126,7 +125,7 @@ class _Batch:
         self.curves: list[list[CurvePoint]] = [[] for _ in jobs]
 
     def advance(self, group: np.ndarray, first: int, steps: int, learning_rate: float) -> None:
-        """Steps of at most LANES networks, and their losses; lanes left over repeat networks and are thrown away."""
+        """Steps of at most LANES networks, and their losses; spare lanes repeat networks and are discarded."""
         lanes = np.resize(group, LANES)
         state = np.ascontiguousarray(self.state[:, :, lanes])
         weights = np.ascontiguousarray(self.weights[:, lanes])
@@ -192,12 +191,12 @@ def _table(job: Job, mean: np.ndarray, scale: np.ndarray) -> tuple[np.ndarray, l
 def _stack(tables: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """(different tables [tables, longest, 5], padded; which one each network has): a sweep's networks share a few, and
     rows that several of them have just read are near at hand."""
-    place = {table.tobytes(): number for number, table in enumerate(tables)}
-    order = {number: rank for rank, number in enumerate(place.values())}
-    stacked = np.zeros((len(place), max(map(len, tables)), COLUMNS), Real)
-    for number, rank in order.items():
-        stacked[rank, :len(tables[number])] = tables[number]
-    return stacked, np.array([order[place[table.tobytes()]] for table in tables])
+    different: dict[bytes, tuple[int, np.ndarray]] = {}
+    which = [different.setdefault(table.tobytes(), (len(different), table))[0] for table in tables]
+    stacked = np.zeros((len(different), max(map(len, tables)), COLUMNS), Real)
+    for number, table in different.values():
+        stacked[number, :len(table)] = table
+    return stacked, np.array(which)
 
 
 def _count(rows: Rows | None) -> int:

@@ -10,14 +10,14 @@ from matplotlib.figure import Figure
 from truearc.robot.config.schema import InputError
 from truearc.sim.intervals import student_half
 from truearc.sim.paper.sweep import Job, Trained
-from truearc.sim.paper.training import Rows, called_right, mean_loss, split_heldout
-from truearc.sim.report import new_figure
+from truearc.sim.paper.training import Rows, accuracy, mean_loss, split_heldout
+from truearc.sim.report import new_panels
 
 COLOURS = ("#1f5fa8", "#d99000", "#1b7f3b", "#b3261e", "#6b4fa0", "#9aa3af")
 
 
 class SweepSetting(NamedTuple):
-    """How many simulated shots, and their weight in the loss (the seed's lambda); without any the weight is 0."""
+    """How many simulated shots, and their weight in the loss (the paper's lambda); without any the weight is 0."""
 
     size: int
     weight: float
@@ -114,7 +114,7 @@ def balanced_order(rows: Rows, seed: int) -> np.ndarray:
 
 def judge(network: SweepNetwork, trained: Trained) -> SweepScore:
     """A trained network against the shots it was not trained on."""
-    right = called_right(trained.network, network.heldout)
+    right = accuracy(trained.network, network.heldout)
     assert network.job.validation is not None
     return SweepScore(*network.setting, network.seed, trained.step, mean_loss(trained.network, network.job.validation),
                  mean_loss(trained.network, network.heldout), right["outcome"], right["two"], right["three"])
@@ -148,8 +148,7 @@ def compare(scores: Sequence[SweepScore], settings: Sequence[SweepSetting]) -> V
 
 def draw_sweep(scores: Sequence[SweepScore], settings: Sequence[SweepSetting]) -> Figure:
     """Held-out cross-entropy and accuracy by amount of simulated data, one line a lambda, 95 % intervals."""
-    figure = new_figure(8.0, 5.6)
-    panels = figure.subplots(2, 1, sharex=True)
+    figure, panels = new_panels(8.0, 5.6, 2, sharex=True)
     weights = sorted({setting.weight for setting in settings if setting.size}) or [0.0]
     for place, weight in enumerate(weights):
         shown = sorted(setting for setting in settings if not setting.size or setting.weight == weight)
@@ -161,6 +160,4 @@ def draw_sweep(scores: Sequence[SweepScore], settings: Sequence[SweepSetting]) -
     panels[0].set_ylabel("cross-entropy, held out")
     panels[1].set(ylabel="outcome right, held out", xlabel="simulated shots")
     panels[0].legend(frameon=False)
-    for axes in panels:
-        axes.spines[["top", "right"]].set_visible(False)
     return figure

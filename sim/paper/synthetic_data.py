@@ -1,14 +1,11 @@
-"""Simulated shots: the seed's grid of configurations, flown, labelled, and sampled evenly by outcome (section III-B).
+"""Simulated shots: the paper's grid of configurations, flown, labelled, and sampled evenly by outcome (section III-B).
 
 The paper speaks of 375,000 configurations; the ranges and steps that it states, taken inclusively, are
 101 x 61 x 76 = 468,236, and those are flown.
 """
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -16,7 +13,6 @@ from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.columns import OUTCOMES
 from truearc.sim.data.dataset import Shots
-from truearc.sim.infer.belief import Belief
 from truearc.sim.infer.curve import Curves, before_the_shot
 from truearc.sim.physics.catalogue import Catalogue, effective, flight_terms
 from truearc.sim.physics.flight import fly
@@ -24,7 +20,6 @@ from truearc.sim.physics.launch import Exit
 from truearc.sim.physics.simulate import ORDINARY, classify, launch_of, leave, opening_of, sense
 from truearc.sim.progress import Progress
 
-PROVENANCE_FILE = "synth.json"
 NONE: Curves = {}
 STEP_S = 0.01                         # heights then agree with the simulator's own finer step to 1e-6 m
 
@@ -35,7 +30,7 @@ class Axis:
 
     name: str
     low: float
-    per_unit: int                     # values per unit; its inverse, the seed's step, is not exact in binary
+    per_unit: int                     # values per unit; its inverse, the paper's step, is not exact in binary
     count: int
 
     def values(self) -> np.ndarray:
@@ -59,7 +54,7 @@ def grid_shots(index: np.ndarray) -> Shots:
     return Shots(tuple(f"sim-{position:06d}" for position in index), numbers, {})
 
 
-def grid_heights(facts: Rig, coefficients: Mapping[str, Mapping[str, float]],
+def grid_heights(rig: Rig, coefficients: Mapping[str, Mapping[str, float]],
                  progress: Progress = lambda done, note: None, curves: Curves = NONE,
                  among: Catalogue | None = None) -> np.ndarray:
     """Height in m at the plane of every configuration of the grid, flat, nan where it is not reached.
@@ -73,21 +68,21 @@ def grid_heights(facts: Rig, coefficients: Mapping[str, Mapping[str, float]],
     heights_m = []
     for number in range(SHAPE[0]):
         shots = grid_shots(np.arange(number * chunk, (number + 1) * chunk))
-        values = effective(coefficients, before_the_shot(curves, facts, shots), among)
-        exit, distance_m = sense(facts, values, launch_of(facts, shots), shots.number("distance_m"), among=among)
-        start = Exit(*map(np.asarray, leave(facts, values, exit, among=among)))
-        crossing = fly(facts, terms, values, start, distance_m, step_s=STEP_S)
+        values = effective(coefficients, before_the_shot(curves, rig, shots), among)
+        exit, distance_m = sense(rig, values, launch_of(rig, shots), shots.number("distance_m"), among=among)
+        start = Exit(*map(np.asarray, leave(rig, values, exit, among=among)))
+        crossing = fly(rig, terms, values, start, distance_m, step_s=STEP_S)
         heights_m.append(np.asarray(crossing.height_m))
         progress((number + 1) / SHAPE[0], f"{(number + 1) * chunk} flights")
     return np.concatenate(heights_m)
 
 
-def label_grid(facts: Rig, coefficients: Mapping[str, Mapping[str, float]],
+def label_grid(rig: Rig, coefficients: Mapping[str, Mapping[str, float]],
                progress: Progress = lambda done, note: None, curves: Curves = NONE,
                among: Catalogue | None = None) -> np.ndarray:
     """Outcome of every configuration of the grid, flat; InputError as grid_heights, or when the rig has no target."""
-    opening = opening_of(facts, effective(coefficients, ORDINARY, among), among)     # a rig without target: no work
-    return classify(facts, grid_heights(facts, coefficients, progress, curves, among), opening)
+    opening = opening_of(rig, effective(coefficients, ORDINARY, among), among)     # a rig without target: no work
+    return classify(rig, grid_heights(rig, coefficients, progress, curves, among), opening)
 
 
 def taken_configurations(shots: Shots) -> np.ndarray:
@@ -125,30 +120,8 @@ def check_draw(count: int, seed: int) -> None:
         raise InputError(f"--seed is {seed}; it cannot be negative")
 
 
-def synthesise(facts: Rig, belief: Belief, count: int, recorded: Shots | None, seed: int,
-               progress: Progress = lambda done, note: None) -> Shots:
-    """Simulated shots with an outcome each, none at a configuration that `recorded` has; same arguments, same shots."""
-    check_draw(count, seed)                      # before the work, not after it
-    outcomes = label_grid(facts, belief.coefficients, progress, belief.curves, belief.catalogue)
-    return sample_shots(outcomes, count, recorded, seed)
-
-
 def sample_shots(outcomes: np.ndarray, count: int, recorded: Shots | None, seed: int) -> Shots:
-    """As synthesise, of a grid that has its outcomes."""
+    """Sample shots with an outcome each from the grid's outcomes, none at a configuration that `recorded` has."""
     taken = np.zeros(0, np.int64) if recorded is None else taken_configurations(recorded)
     shots = grid_shots(index := sample_balanced(outcomes, count, taken, seed))
     return Shots(shots.shot_id, shots.numbers, {"outcome": tuple(map(str, outcomes[index]))})
-
-
-def load_provenance(directory: str | Path) -> dict[str, Any]:
-    """What the maker of a simulated dataset wrote down about it; empty when it wrote nothing."""
-    path = Path(directory) / PROVENANCE_FILE
-    if not path.is_file():
-        return {}
-    try:
-        provenance = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path}: {error}") from error
-    if not isinstance(provenance, dict):
-        raise InputError(f"{path}: not a JSON object")
-    return provenance

@@ -28,22 +28,29 @@ class Rows(NamedTuple):
 
 def training_rows(shots: Shots, name: str) -> tuple[Rows, list[str]]:
     """Rows with an outcome and all three features, and a sentence for each kind of shot of dataset `name` left out."""
-    features = np.stack([shots.number(feature.name) for feature in FEATURES], axis=1)
     outcomes = shots.text("outcome")
-    judged = np.array([outcome in LABELS for outcome in outcomes], bool)
-    whole = np.isfinite(features).all(axis=1)
-    reasons = (("no outcome", ~judged), (lacking_features(features[judged]), judged & ~whole))
-    left_out = [f"{name}: {int(lacks.sum())} of {len(shots)} shots left out: {why}" for why, lacks in reasons
-                if lacks.any()]
-    kept = np.flatnonzero(judged & whole)
+    unjudged = np.array([outcome not in LABELS for outcome in outcomes], bool)
+    features, kept, left_out = usable_rows(shots, name, unjudged, "no outcome")
     labels = np.array([LABELS[outcomes[row]] for row in kept], float).reshape(-1, 2)
-    return Rows(features[kept], labels), left_out
+    return Rows(features, labels), left_out
 
 
-def lacking_features(features: np.ndarray) -> str:
-    """The features [n, 3] of which some are nan, in words."""
-    gaps = np.isnan(features).any(axis=0)
-    return " or ".join(f"no {feature.name}" for feature, gap in zip(FEATURES, gaps, strict=True) if gap)
+def usable_rows(shots: Shots, name: str, silent: np.ndarray, why: str) -> tuple[np.ndarray, np.ndarray, list[str]]:
+    """(features [k, 3], their rows in `shots` [k], a sentence for each kind of shot of dataset `name` left out).
+
+    Rows lack no feature, and are not `silent` [n], which `why` explains. InputError when none is left.
+    """
+    features = np.stack([shots.number(feature.name) for feature in FEATURES], axis=1)
+    gaps = np.isnan(features)
+    lacking = " or ".join(f"no {feature.name}" for feature, lacks in zip(FEATURES, gaps[~silent].T, strict=True)
+                          if lacks.any())
+    gap = gaps.any(axis=1) & ~silent
+    left_out = [f"{name}: {int(rows.sum())} of {len(shots)} shots left out: {reason}"
+                for reason, rows in ((why, silent), (lacking, gap)) if rows.any()]
+    kept = np.flatnonzero(~silent & ~gap)
+    if not kept.size:
+        raise InputError("there is nothing to train on; " + "; ".join(left_out or [f"{name}: no shots"]))
+    return features[kept], kept, left_out
 
 
 def cross_entropy(log_odds: Any, labels: Any) -> Any:
@@ -51,10 +58,8 @@ def cross_entropy(log_odds: Any, labels: Any) -> Any:
     return jnp.sum(jax.nn.softplus(log_odds) - labels * log_odds, axis=-1)
 
 
-def mean_loss(network: Network, rows: Rows | None) -> float:
-    """Mean cross-entropy a row; NaN when there are none."""
-    if rows is None or not len(rows.features):
-        return float("nan")
+def mean_loss(network: Network, rows: Rows) -> float:
+    """Mean cross-entropy of at least one row, in nats."""
     z = (rows.features - network.mean) * network.scale
     return float(jnp.mean(cross_entropy(logits(network.layers, z), rows.labels)))
 
@@ -75,19 +80,16 @@ def split_heldout(rows: Rows, share: float, seed: int, option: str = "--holdout"
     return Rows(*(array[~out] for array in rows)), Rows(*(array[out] for array in rows))
 
 
-def accuracy(network: Network, rows: Rows) -> dict[str, float | int | None]:
-    """Share of rows whose outcome (of three), two-point hit and three-point hit are called right at p = 0.5."""
+def accuracy(network: Network, rows: Rows) -> dict[str, Any]:
+    """Share of rows whose outcome (of three), two-point hit and three-point hit are called right at p = 0.5.
+
+    Keys: shots, outcome, two, three; the shares are None when there are no rows.
+    """
     if not len(rows.features):
         return {"shots": 0, "outcome": None, "two": None, "three": None}
-    return {"shots": len(rows.features), **called_right(network, rows)}
-
-
-def called_right(network: Network, rows: Rows) -> dict[str, float]:
-    """The shares of `accuracy` alone, of at least one row."""
     p, hit = probabilities(network, rows.features), rows.labels >= 0.5
-    right = (p >= 0.5) == hit
-    return {"outcome": figures.accuracy(p, hit),
-            "two": float(right[:, 0].mean()), "three": float(right[:, 1].mean())}
+    two, three = ((p >= 0.5) == hit).mean(axis=0).tolist()
+    return {"shots": len(rows.features), "outcome": figures.accuracy(p, hit), "two": two, "three": three}
 
 
 def domain_of(features: np.ndarray) -> dict[str, list[float]]:

@@ -11,11 +11,11 @@ import numpy as np
 
 from truearc.sim.sysid.motion import Law, expect, lay_out
 from truearc.sim.sysid.record import Floats, Record, Run, cut, find_runs
-from truearc.sim.sysid.solve import begin, climb, doubt
+from truearc.sim.sysid.solve import fit_least_squares, fit_start_speeds, jackknife_covariance
 
 FOLDS = 3
 NORMAL90 = NormalDist().inv_cdf(0.95)
-WORTH = 0.75                          # a bend must bring the error on unseen pieces down to this share
+MAX_ERROR_RATIO = 0.75                # a bend must bring the error on unseen pieces down to this share
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Number:
 class SysidFit:
     """What one record says of one law.
 
-    `foretold_rad_s` is for `rows` of the record: each run simulated from its start on efforts alone, by a fit without
+    `forecast_rad_s` is for `rows` of the record: each run simulated from its start on efforts alone, by a fit without
     the third of the pieces that the row is in. `r2` and `rms_rad_s` are of that.
     """
 
@@ -50,7 +50,7 @@ class SysidFit:
     numbers: dict[str, Number]
     covariance: Floats                # of the numbers, in the law's order
     rows: np.ndarray
-    foretold_rad_s: Floats
+    forecast_rad_s: Floats
     r2: float
     rms_rad_s: float
 
@@ -63,12 +63,12 @@ class SysidFit:
 
 
 def fit_motion(record: Record) -> SysidFit:
-    """The straight law, or that with windage where it foretells unseen pieces so much better.
+    """Fit the straight law, or that with windage where it brings the error on unseen pieces below MAX_ERROR_RATIO.
 
-    BadInput when the record holds too little motion to tell the numbers apart.
+    InputError when the record holds too little motion to tell the numbers apart.
     """
     straight, bent = fit_law(record, windage=False), fit_law(record, windage=True)
-    return bent if bent.rms_rad_s < WORTH * straight.rms_rad_s else straight
+    return bent if bent.rms_rad_s < MAX_ERROR_RATIO * straight.rms_rad_s else straight
 
 
 def fit_law(record: Record, windage: bool) -> SysidFit:
@@ -76,16 +76,16 @@ def fit_law(record: Record, windage: bool) -> SysidFit:
     runs = find_runs(record)
     cuts = cut(record, runs)
     law = Law(tuple(sorted({run.direction for run in cuts}, reverse=True)), windage)
-    values, start = climb(record, law, cuts)
-    covariance = doubt(record, law, values, start, cuts)
+    values, start = fit_least_squares(record, law, cuts)
+    covariance = jackknife_covariance(record, law, values, start, cuts)
     rows = np.concatenate([np.arange(run.first, run.last) for run in runs])
-    foretold = _foretell(record, law, values, runs, cuts, rows)
+    forecast = _forecast(record, law, values, runs, cuts, rows)
     measured = record.speed_rad_s[rows]
-    missed = measured - foretold
+    missed = measured - forecast
     r2 = 1.0 - float(np.sum(missed**2) / np.sum((measured - measured.mean()) ** 2))
     numbers = {name: Number(name, float(value), float(np.sqrt(variance)))
                for name, value, variance in zip(law.names, values, np.diag(covariance), strict=True)}
-    return SysidFit(record, law, tuple(runs), tuple(cuts), numbers, covariance, rows, foretold, r2,
+    return SysidFit(record, law, tuple(runs), tuple(cuts), numbers, covariance, rows, forecast, r2,
                float(np.sqrt(np.mean(missed**2))))
 
 
@@ -107,15 +107,16 @@ def line(fit: SysidFit) -> tuple[Number, Number]:
     return ks, kv
 
 
-def _foretell(record: Record, law: Law, guess: Floats, runs: Sequence[Run], cuts: Sequence[Run],
+def _forecast(record: Record, law: Law, guess: Floats, runs: Sequence[Run], cuts: Sequence[Run],
               rows: np.ndarray) -> Floats:
     """Each third of the pieces by a fit to the others; only where a run begins is taken from the whole run."""
     whole = lay_out(record, runs)
-    foretold = np.full(len(rows), np.nan)
+    forecast = np.full(len(rows), np.nan)
     for fold in range(FOLDS):
-        values, _ = climb(record, law, [piece for number, piece in enumerate(cuts) if number % FOLDS != fold], guess)
-        flown = expect(law, values[None], begin(law, values, whole)[None], whole)[0]
+        others = [piece for number, piece in enumerate(cuts) if number % FOLDS != fold]
+        values, _ = fit_least_squares(record, law, others, guess)
+        flown = expect(law, values[None], fit_start_speeds(law, values, whole)[None], whole)[0]
         for piece in cuts[fold::FOLDS]:
             mine = (rows >= piece.first) & (rows < piece.last)
-            foretold[mine] = flown[mine]
-    return np.where(np.isnan(foretold), flown, foretold)          # rows of no piece: the last fit has not seen them
+            forecast[mine] = flown[mine]
+    return np.where(np.isnan(forecast), flown, forecast)          # rows of no piece: the last fit has not seen them

@@ -1,12 +1,11 @@
-"""One page: what was asked of each joint, how fast it turned, and what the fit makes of pieces it has not seen."""
+"""An HTML page on a system identification: efforts, measured and forecast speeds, and the fitted numbers."""
 
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from truearc.sim.report import make_page, make_png, new_figure, paragraph, picture, table
+from truearc.sim.report import make_page, make_png, new_panels, paragraph, picture, table
 from truearc.sim.sysid.fit import SysidFit
 from truearc.sim.sysid.record import Floats
 from truearc.sim.sysid.sysid_text import UNITS, WORDS
@@ -16,24 +15,26 @@ INK, LINE, BAND, MISS = "#1a1c20", "#1f5fa8", "#e8edf4", "#b3261e"
 
 
 def draw_fit(fit: SysidFit) -> Figure:
-    """Effort, speed (measured and foretold) and residual over time; shaded: every other piece."""
+    """Effort, speed (measured and forecast) and residual over time; shaded: every other piece."""
     record, rows = fit.record, fit.rows
-    figure = new_figure(9.0, 7.6)
-    effort, speed, residual, spread = _panels(figure)
+    figure, (effort, speed, residual, spread) = new_panels(9.0, 7.6, 4, height_ratios=(0.8, 1.6, 1.1, 1.1))
+    speed.sharex(effort)
+    residual.sharex(effort)
+    spread.sharey(residual)
+    for axes in (effort, speed):
+        axes.tick_params(labelbottom=False)
     effort.step(record.effort_t_s, record.effort, where="post", color=INK, linewidth=0.9)
     effort.set_ylabel(EFFORT[record.unit])
     speed.plot(record.speed_t_s, record.speed_rad_s, color="#9aa3af", linewidth=2.6, label="measured")
-    at_s, foretold = _with_gaps(record.speed_t_s[rows], fit.foretold_rad_s, rows)
-    speed.plot(at_s, foretold, color=LINE, linewidth=1.0, label="foretold from efforts alone")
+    at_s, forecast = _with_gaps(record.speed_t_s[rows], fit.forecast_rad_s, rows)
+    speed.plot(at_s, forecast, color=LINE, linewidth=1.0, label="forecast from efforts alone")
     speed.set_ylabel("speed, rad/s")
     speed.legend(frameon=False, loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=2, borderaxespad=0.0)
-    missed = record.speed_rad_s[rows] - fit.foretold_rad_s
-    residual.axhline(0.0, color=INK, linewidth=0.7)
-    residual.plot(record.speed_t_s[rows], missed, ".", color=MISS, markersize=2)
-    residual.set(ylabel="measured - foretold,\nrad/s", xlabel="time, s")
-    spread.axhline(0.0, color=INK, linewidth=0.7)
-    spread.plot(record.speed_rad_s[rows], missed, ".", color=MISS, markersize=2)
-    spread.set(xlabel="speed, rad/s", ylabel="measured - foretold,\nrad/s")
+    missed = record.speed_rad_s[rows] - fit.forecast_rad_s
+    for axes, x, name in ((residual, record.speed_t_s, "time, s"), (spread, record.speed_rad_s, "speed, rad/s")):
+        axes.axhline(0.0, color=INK, linewidth=0.7)
+        axes.plot(x[rows], missed, ".", color=MISS, markersize=2)
+        axes.set(xlabel=name, ylabel="measured - forecast,\nrad/s")
     for piece in fit.pieces[1::2]:
         for axes in (effort, speed, residual):
             axes.axvspan(record.speed_t_s[piece.first], record.speed_t_s[piece.last - 1], color=BAND, zorder=0)
@@ -48,23 +49,11 @@ def make_fit_page(title: str, fits: Mapping[str, SysidFit], notes: Sequence[str]
     for joint, fit in fits.items():
         rows = [(number.name, WORDS[number.name], number.value, number.low90, number.high90,
                  UNITS[fit.record.unit][number.name]) for number in fit.numbers.values()]
-        caption = ("Shaded: every other piece. Each third of the pieces is foretold by a fit without it; each run is "
+        caption = ("Shaded: every other piece. Each third of the pieces is forecast by a fit without it; each run is "
                    "simulated from its start, with nothing but the effort to go by.")
         sections.append((joint, picture(make_png(draw_fit(fit)), f"{joint}: effort, speed and residual", caption)
                          + table(("", "", "value", "90 % from", "to", "unit"), rows)))
     return make_page(title, verdict, [*sections, *(("", paragraph(note, dim=True)) for note in notes)])
-
-
-def _panels(figure: Figure) -> tuple[Axes, Axes, Axes, Axes]:
-    grid = figure.add_gridspec(4, 1, height_ratios=(0.8, 1.6, 1.1, 1.1))
-    effort = figure.add_subplot(grid[0])
-    speed, residual = (figure.add_subplot(grid[row], sharex=effort) for row in (1, 2))
-    spread = figure.add_subplot(grid[3], sharey=residual)
-    for axes in (effort, speed):
-        axes.tick_params(labelbottom=False)
-    for axes in (effort, speed, residual, spread):
-        axes.spines[["top", "right"]].set_visible(False)
-    return effort, speed, residual, spread
 
 
 def _with_gaps(t_s: Floats, values: Floats, rows: np.ndarray) -> tuple[Floats, Floats]:

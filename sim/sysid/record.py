@@ -1,4 +1,4 @@
-"""What is fitted: an effort over time and the speeds that came of it, cut into pieces of motion in one direction."""
+"""The data of a fit: an effort over time and the speeds it caused, cut into pieces of motion in one direction."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,8 +13,8 @@ Floats = npt.NDArray[np.float64]
 MARGIN_S = 0.1                        # the longest delay that is looked for, either way
 PIECES = 24                           # about as many are cut, no shorter or longer than these:
 SHORTEST_S, LONGEST_S = 0.4, 4.0
-FEWEST_SAMPLES = 8                    # of a piece
-FEWEST_PIECES = 6
+MIN_SAMPLES = 8                       # of a piece
+MIN_PIECES = 6
 SLOW_SHARE = 0.05                     # below this share of the highest speed the wheel counts as standing
 
 
@@ -40,7 +40,7 @@ class Run:
 
 
 def find_runs(record: Record) -> list[Run]:
-    """Stretches of motion; what stands still says nothing of the friction of moving."""
+    """Find the stretches of motion; a joint that stands still gives no information on sliding friction."""
     speed, t_s = record.speed_rad_s, record.speed_t_s
     slow = SLOW_SHARE * float(np.max(np.abs(speed), initial=0.0))
     signs = np.where(speed > slow, 1, np.where(speed < -slow, -1, 0))
@@ -51,7 +51,7 @@ def find_runs(record: Record) -> list[Run]:
             continue
         first = int(np.searchsorted(t_s, t_s[begin] + MARGIN_S))
         last = int(np.searchsorted(t_s, t_s[end - 1] - MARGIN_S, side="right"))
-        if last - first >= FEWEST_SAMPLES:
+        if last - first >= MIN_SAMPLES:
             runs.append(Run(float(signs[begin]), first, last))
     return runs
 
@@ -66,8 +66,8 @@ def cut(record: Record, runs: Sequence[Run]) -> list[Run]:
         count = max(1, round((t_s[run.last - 1] - t_s[run.first]) / length_s))
         edges = np.linspace(run.first, run.last, count + 1).astype(int)
         pieces += [Run(run.direction, int(a), int(b)) for a, b in pairwise(edges)
-                   if b - a >= FEWEST_SAMPLES]
-    if len(pieces) < FEWEST_PIECES:
-        raise InputError(f"{record.name}: {moving_s:.1f} s of motion in {len(pieces)} pieces; at least {FEWEST_PIECES} "
+                   if b - a >= MIN_SAMPLES]
+    if len(pieces) < MIN_PIECES:
+        raise InputError(f"{record.name}: {moving_s:.1f} s of motion in {len(pieces)} pieces; at least {MIN_PIECES} "
                        f"pieces of {SHORTEST_S:g} s are needed")
     return pieces

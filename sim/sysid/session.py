@@ -1,4 +1,4 @@
-"""A recorded session of `truearc sysid` -> what was asked of each joint and the speeds that came of it."""
+"""A recorded session of `truearc sysid` -> the torque sent to each joint and the speeds it caused."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,13 +17,13 @@ from truearc.robot.types import Progress, Tick
 from truearc.sim.sysid.record import Floats, Record
 
 NS = 1e-9
-SHORT_SHARE = 0.15                    # of the largest current: further from what was asked is no noise
-SHORT_TICKS = 0.1                     # this share of them is no switching either
+SHORT_SHARE = 0.15                    # of the largest current: a larger deviation from the expected one is not noise
+SHORT_TICKS = 0.1                     # of the driven ticks: more than switching transients explain
 
 
 @dataclass(frozen=True)
 class Driven:
-    """What a session holds: `records` of the joints whose program came to its end, `whole` when that is all."""
+    """The content of a session: `records` of the joints whose program was completed; `whole`: all of them."""
 
     config: Config
     records: dict[str, Record]
@@ -49,22 +49,14 @@ def load_driven(session: Path) -> Driven:
         if not steps:
             continue
         ended = _progress(ticks[-1])
-        if ended.phase <= steps[-1] and not _is_done(ended):
-            whole = False
-            warnings.append(f"{joint}: its program did not come to the end ({_why(ended)})")
+        if ended.phase <= steps[-1] and (ended.over is None or ended.over.code != IDENTIFY_DONE.name):
+            whole, why = False, "the recording ends" if ended.over is None else text(ended.over)
+            warnings.append(f"{joint}: its program did not come to the end ({why})")
             continue
         mine = [tick for tick in ticks if steps[0] <= _progress(tick).phase <= steps[-1]]
         records[joint] = _record(f"{session}: {joint}", joint, mine)
         warnings += _short_of_current(joint, mine)
     return Driven(config, records, whole, tuple(warnings))
-
-
-def _is_done(progress: Progress) -> bool:
-    return progress.over is not None and progress.over.code == IDENTIFY_DONE.name
-
-
-def _why(progress: Progress) -> str:
-    return "the recording ends" if progress.over is None else text(progress.over)
 
 
 def _progress(tick: Tick) -> Progress:
@@ -102,7 +94,7 @@ def _short_of_current(joint: str, ticks: Sequence[Tick]) -> list[str]:
     asked_nm, current_a = pairs[:, 0], pairs[:, 1]
     driven = asked_nm != 0.0
     if not driven.any() or not current_a.any():
-        return [f"{joint}: no motor current was reported, so that nobody knows whether it was driven as asked"]
+        return [f"{joint}: no motor current was reported, so a limit of voltage or current cannot be detected"]
     off = np.abs(current_a - _slope(asked_nm[driven], current_a[driven]) * asked_nm)[driven]
     share = float(np.mean(off > SHORT_SHARE * np.abs(current_a).max()))
     if share <= SHORT_TICKS:

@@ -8,21 +8,22 @@ from truearc.robot.config.schema import InputError
 from truearc.sim.sysid.motion import Law, Pieces, expect, lay_out
 from truearc.sim.sysid.record import MARGIN_S, Floats, Record, Run
 
-MOST_STEPS = 100
+MAX_STEPS = 100
 SETTLED = 1e-9                        # relative fall of the sum of squares that ends the search
-STUCK = 1e9                           # damping at which no step helps any more
-NUDGE = 1e-5                          # relative, of the slopes; seconds, of the delay's
-BLURRED = 1e12                        # condition of the information at which numbers can no longer be told apart
+MAX_DAMPING = 1e9                     # damping at which no step helps any more
+DIFFERENCE = 1e-5                     # relative, of the slopes; seconds, of the delay's
+MAX_CONDITION = 1e12                  # condition of the information at which numbers can no longer be told apart
 
 
-def climb(record: Record, law: Law, cuts: Sequence[Run], guess: Floats | None = None) -> tuple[Floats, Floats]:
+def fit_least_squares(record: Record, law: Law, cuts: Sequence[Run],
+                      guess: Floats | None = None) -> tuple[Floats, Floats]:
     """(the law's numbers, every piece's starting speed) by Levenberg-Marquardt; InputError when it does not settle."""
     pieces = lay_out(record, cuts)
     values = _first_guess(record, law, cuts) if guess is None else guess
-    start = begin(law, values, pieces)
+    start = fit_start_speeds(law, values, pieces)
     residual, slopes = linearise(law, values, start, pieces)
     misfit, damping = float(residual @ residual), 1e-3
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_STEPS):
         step = _damped(slopes, residual, damping)
         tried, tried_start = values + step[:len(values)], start + step[len(values):]
         reached = _misfit(law, tried, tried_start, pieces)
@@ -34,37 +35,37 @@ def climb(record: Record, law: Law, cuts: Sequence[Run], guess: Floats | None = 
             misfit = reached
             continue
         damping *= 10.0
-        if damping > STUCK:
+        if damping > MAX_DAMPING:
             return values, start
-    raise InputError(f"{record.name}: the fit does not settle in {MOST_STEPS} steps")
+    raise InputError(f"{record.name}: the fit does not settle in {MAX_STEPS} steps")
 
 
-def begin(law: Law, values: Floats, pieces: Pieces) -> Floats:
+def fit_start_speeds(law: Law, values: Floats, pieces: Pieces) -> Floats:
     """Each piece's starting speed that fits best with the law as it is; the speed is all but linear in it."""
     start = pieces.start_rad_s
     for _ in range(2):
-        nudge = NUDGE * (1.0 + np.abs(pieces.speed_rad_s).max())
-        flown = expect(law, np.stack([values, values]), np.stack([start, start + nudge]), pieces)
-        slope, residual = (flown[1] - flown[0]) / nudge, pieces.speed_rad_s - flown[0]
+        step = DIFFERENCE * (1.0 + np.abs(pieces.speed_rad_s).max())
+        flown = expect(law, np.stack([values, values]), np.stack([start, start + step]), pieces)
+        slope, residual = (flown[1] - flown[0]) / step, pieces.speed_rad_s - flown[0]
         start = start + _by_piece(slope * residual, pieces) / _by_piece(slope**2, pieces)
     return start
 
 
 def linearise(law: Law, values: Floats, start: Floats, pieces: Pieces) -> tuple[Floats, Floats]:
     """Residuals [samples], and slopes of what is expected [samples, numbers + pieces]."""
-    nudges = NUDGE * np.maximum(np.abs(values), 1e-6)
-    nudges[-1] = NUDGE
-    turn = NUDGE * (1.0 + float(np.abs(pieces.speed_rad_s).max()))
-    sets = np.concatenate([values[None], values + np.diag(nudges), values[None]])
+    steps = DIFFERENCE * np.maximum(np.abs(values), 1e-6)
+    steps[-1] = DIFFERENCE
+    turn = DIFFERENCE * (1.0 + float(np.abs(pieces.speed_rad_s).max()))
+    sets = np.concatenate([values[None], values + np.diag(steps), values[None]])
     starts = np.tile(start, (len(sets), 1))
     starts[-1] += turn
     flown = expect(law, sets, starts, pieces)
     own = np.zeros((flown.shape[1], len(start)))
     own[np.arange(len(own)), pieces.owner] = (flown[-1] - flown[0]) / turn
-    return pieces.speed_rad_s - flown[0], np.concatenate([(flown[1:-1] - flown[0]).T / nudges, own], axis=1)
+    return pieces.speed_rad_s - flown[0], np.concatenate([(flown[1:-1] - flown[0]).T / steps, own], axis=1)
 
 
-def doubt(record: Record, law: Law, values: Floats, start: Floats, cuts: Sequence[Run]) -> Floats:
+def jackknife_covariance(record: Record, law: Law, values: Floats, start: Floats, cuts: Sequence[Run]) -> Floats:
     """Covariance of the law's numbers by the jackknife: each piece left out once, in one linear step.
 
     Residuals of one piece may be as alike as they like; only pieces must be independent. No number is surer than it
@@ -80,7 +81,7 @@ def doubt(record: Record, law: Law, values: Floats, start: Floats, cuts: Sequenc
     parts = [_part(slopes / scale, own, residual, pieces.owner == piece) for piece in range(len(cuts))]
     whole = np.sum([information for information, _ in parts], axis=0)
     left = [whole - information for information, _ in parts]
-    if max(map(np.linalg.cond, left)) > BLURRED:
+    if max(map(np.linalg.cond, left)) > MAX_CONDITION:
         raise InputError(f"{record.name}: effort and speed change too little, or only once, to tell "
                        f"{', '.join(law.names)} apart")
     moves = np.array([np.linalg.solve(rest, score) for rest, (_, score) in zip(left, parts, strict=True)]) / scale

@@ -1,4 +1,4 @@
-"""What was fitted, in words and as TOML that can be pasted into launcher.toml."""
+"""Fitted numbers as text and as TOML that can be pasted into launcher.toml."""
 
 from collections.abc import Iterable, Mapping
 
@@ -60,7 +60,7 @@ def _flywheel(fit: SysidFit, gains: Gains) -> list[str]:
     ks, kv = line(fit)
     bent = ["# ks and kv: the straight line that comes nearest to the bent friction"] if fit.law.windage else []
     return [*bent, "[flywheel]", _key("ks_nm", ks), _key("kv_nm_s", kv), _key("ka_nm_s2", fit.numbers["ka"]),
-            "", f"# suggested: {RULE}, {gains.dead_s * 1e3:.1f} ms", "[flywheel.pid]", *_pid(gains)]
+            *_pid("flywheel", gains)]
 
 
 def _hood(fit: SysidFit, gains: Gains) -> list[str]:
@@ -68,11 +68,12 @@ def _hood(fit: SysidFit, gains: Gains) -> list[str]:
     known = [one.value for one in (up, down) if one is not None]
     said = ", ".join(f"{way} {one.value:.4g}" for way, one in (("up", up), ("down", down)) if one is not None)
     return ["[hood]", f"friction_nm = {sum(known) / len(known):.4g}".ljust(38) + f"# mean of {said}",
-            "", f"# suggested: {RULE}, {gains.dead_s * 1e3:.1f} ms", "[hood.pid]", *_pid(gains)]
+            *_pid("hood", gains)]
 
 
-def _pid(gains: Gains) -> list[str]:
-    return [f"{name} = {value:.4g}" for name, value in (("kp", gains.kp), ("ki", gains.ki), ("kd", gains.kd))]
+def _pid(joint: str, gains: Gains) -> list[str]:
+    return ["", f"# suggested: {RULE}, {gains.dead_s * 1e3:.1f} ms", f"[{joint}.pid]",
+            *(f"{name} = {value:.4g}" for name, value in (("kp", gains.kp), ("ki", gains.ki), ("kd", gains.kd)))]
 
 
 def _key(key: str, number: Number) -> str:

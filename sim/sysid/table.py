@@ -24,7 +24,7 @@ def load_steps(path: Path) -> Record:
         effort, speed = _only(table, EFFORTS, "voltage or torque"), _only(table, ("rad_s",), "speed")
         t_s, efforts, speeds = (number_column(table, name, problems) for name in ("t_s", effort, speed))
     if len(t_s) < 2:
-        raise InputError(f"{path}: {len(t_s)} rows are no recording")
+        raise InputError(f"{path}: {len(t_s)} rows; expected at least 2")
     backwards = np.flatnonzero(np.diff(t_s) <= 0.0)
     if len(backwards):
         raise InputError(f"{table.place(int(backwards[0]) + 1)}: column t_s: time does not go on")

@@ -1,4 +1,4 @@
-"""The emulated robot's far ends alone, in real time, for a robot that runs in another process."""
+"""The emulated devices alone, in real time, for a robot that runs in another process."""
 
 import shlex
 import threading
@@ -13,6 +13,7 @@ from truearc.hw.emulated.imaging.picture_server import PictureServer
 from truearc.hw.emulated.plant import View
 from truearc.hw.emulated.serial_link import SocketCable, open_cable
 from truearc.hw.emulated.slcan_adapter import SlcanAdapter
+from truearc.hw.emulated.static_plant import Stage
 from truearc.hw.protocols import Bus, Clock, Frame, LinkLost
 from truearc.hw.real.can_bus import open_can
 from truearc.hw.real.clock import MonotonicClock
@@ -32,7 +33,7 @@ STEP_NS = 2_000_000                   # the devices hear what came in, and the w
 
 def serve(config: Config, config_path: Path, bus_name: str, watchdog_ms: int, trials: int, seed: int,
           options: Options | None, say: Callable[[str], None]) -> list[BallResult]:
-    """Let a robot that opens the ports which `say` is told shoot `trials` balls; what the world knows of each.
+    """Let a robot in another process shoot `trials` balls; returns the world's record of each. `say` gets its command.
 
     The driver begins when the robot is first heard on the bus. `watchdog_ms`: of the motor drivers.
     """
@@ -45,11 +46,11 @@ def serve(config: Config, config_path: Path, bus_name: str, watchdog_ms: int, tr
             heard.set()
 
     with ExitStack() as wires:
-        bus, channel = open_far_bus(bus_name, config, clock)
+        bus, channel = open_device_bus(bus_name, config, clock)
         wires.callback(bus.close)
         box = open_button_box(prompt=False)
         wires.callback(box.unplug)
-        camera = FarCamera(config.camera, config.tape, seed, world.view)
+        camera = CameraServer(config.camera, config.tape, seed, world.view)
         wires.callback(camera.close)
         driver = make_driver(config, world, box.press, trials, seed)
 
@@ -65,7 +66,7 @@ def serve(config: Config, config_path: Path, bus_name: str, watchdog_ms: int, tr
     return world.results
 
 
-def open_far_bus(name: str, config: Config, clock: Clock) -> tuple[Bus, str]:
+def open_device_bus(name: str, config: Config, clock: Clock) -> tuple[Bus, str]:
     """The devices' end of the bus called `name`, and what the robot is to open; InputError when there is none.
 
     slcan:auto is an adapter on a pseudo-terminal, or on a socket where the system has none; slcan:socket always that.
@@ -91,14 +92,14 @@ def keep_time(clock: Clock, advance: Callable[[int], None], over: Callable[[], b
         advance(t_ns)
 
 
-class FarCamera:
+class CameraServer:
     """A camera whose pictures are drawn by a thread of its own, when one is due, and seen at `url`."""
 
     def __init__(self, camera: CameraConfig, tape: Tape, seed: int, look: Callable[[], View]) -> None:
         self._server = PictureServer()
         self.url = self._server.url
-        self._look, self._view = look, look()
-        self._camera = EmulatedCamera(self, make_lens(camera), make_tape(tape), seed)
+        self._look, self._stage = look, Stage(look())
+        self._camera = EmulatedCamera(self._stage, make_lens(camera), make_tape(tape), seed)
         self._period_ns, self._due_ns = round(1e9 / camera.fps), 0
         self._due, self._over = threading.Event(), False
         self._thread = threading.Thread(target=self._draw, name="camera", daemon=True)
@@ -108,11 +109,8 @@ class FarCamera:
         """Expose when an image is due."""
         if t_ns >= self._due_ns:
             self._due_ns += ((t_ns - self._due_ns) // self._period_ns + 1) * self._period_ns
-            self._view = self._look()
+            self._stage.now = self._look()
             self._due.set()
-
-    def view(self) -> View:
-        return self._view
 
     def close(self) -> None:
         self._over = True

@@ -13,8 +13,8 @@ SETTLE_S = 0.3                    # from standing still to pressing fire, and be
 NOTICE_S = 0.4                    # from seeing where the ball went to pressing the button
 BETWEEN_S = 0.2                   # from one press to the next
 JAM_S = 10.0                      # a ball that has gone in and not come out is given up after this
-SPOILT = 0.02                     # share of trials that the driver knows to be worthless
-MOST_AT_A_STOP = 3
+REJECTED_SHARE = 0.02             # share of trials that the driver knows to be worthless
+MAX_TRIALS_AT_A_STOP = 3
 
 
 class Driver:
@@ -28,7 +28,7 @@ class Driver:
 
     def __init__(self, world: World, press: Callable[[str], None], trials: int, seed: int,
                  distances: tuple[float, float] = (2.6, 8.0), patience_s: float = 8.5, repeats: int = 1,
-                 places: Sequence[float] = (), jam_s: float = JAM_S, spoilt: float = SPOILT) -> None:
+                 places: Sequence[float] = (), jam_s: float = JAM_S, rejected_share: float = REJECTED_SHARE) -> None:
         self._world = world
         self._press = press
         self._trials = trials
@@ -36,7 +36,7 @@ class Driver:
         self._patience_s = patience_s
         self._repeats = repeats
         self._places = places
-        self._jam_s, self._spoilt = jam_s, spoilt
+        self._jam_s, self._rejected_share = jam_s, rejected_share
         self._rng = np.random.default_rng([seed, 6])
         self._place = float(self._rng.uniform())
         self._left_here = 0
@@ -71,7 +71,7 @@ class Driver:
             return
         self.trial += 1
         if self._left_here == 0:
-            self._world.drive_to(self._next_place_m())
+            self._world.chassis.drive_to(self._next_place_m())
         self._left_here -= 1
         self._do = self._stop
 
@@ -79,13 +79,13 @@ class Driver:
         if self._places:
             self._left_here = self._repeats
             return self._places[(self.trial - 1) // self._repeats]
-        self._left_here = self._repeats * int(self._rng.integers(1, MOST_AT_A_STOP + 1))
+        self._left_here = self._repeats * int(self._rng.integers(1, MAX_TRIALS_AT_A_STOP + 1))
         self._place = (self._place + GOLDEN) % 1.0
         low_m, high_m = self._distances
         return low_m + (high_m - low_m) * self._place
 
     def _stop(self, t_ns: int) -> None:
-        if not self._world.moving:
+        if not self._world.chassis.moving:
             self._wait(t_ns, SETTLE_S, self._fire)
 
     def _fire(self, t_ns: int) -> None:
@@ -107,8 +107,8 @@ class Driver:
 
     def _mark(self, t_ns: int) -> None:
         self._press(self._world.results[self._seen].outcome)
-        spoilt = bool(self._rng.uniform() < self._spoilt)
-        self._wait(t_ns, BETWEEN_S, self._reject if spoilt else self._begin)
+        rejected_share = bool(self._rng.uniform() < self._rejected_share)
+        self._wait(t_ns, BETWEEN_S, self._reject if rejected_share else self._begin)
 
     def _reject(self, t_ns: int) -> None:
         self._press("reject")

@@ -2,21 +2,23 @@
 
 import itertools
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 
 from msgspec.structs import replace
 
 from truearc.hw.devices.axis import Axis
-from truearc.hw.devices.button_box.emulator import open_button_box
+from truearc.hw.devices.button_box.emulator import ButtonBox, open_button_box
 from truearc.hw.devices.canandmag.emulator import CanandmagNode
 from truearc.hw.devices.canandmag.frames import Encoder
 from truearc.hw.devices.family import AttachedMotor
 from truearc.hw.devices.registry import family_of
 from truearc.hw.emulated.clock import StepClock
-from truearc.hw.emulated.emulated_robot import Twin
+from truearc.hw.emulated.emulated_robot import Stepper, Twin
 from truearc.hw.emulated.nodes import Node
 from truearc.hw.emulated.plant import Plant
+from truearc.hw.protocols import Frame
 from truearc.hw.real.can_bus import open_can
 from truearc.hw.real.clock import MonotonicClock
 from truearc.hw.real.serial_port import open_serial
@@ -30,13 +32,13 @@ from truearc.robot.recording.encoder import SessionWriter
 from truearc.robot.recording.session import make_header
 from truearc.robot.rig import HardwareRig, RecordingRig
 from truearc.robot.runtime import run
+from truearc.robot.vision_source import Eyes
 from truearc.sim.progress import Progress
 from truearc.sim.world.driver import make_driver
 from truearc.sim.world.emulated_vision import TwinEyes
 from truearc.sim.world.options import Options
 from truearc.sim.world.pacing import Pace
-from truearc.sim.world.parts.motor import FEEDER, HOOD
-from truearc.sim.world.parts.motor import FLYWHEEL as FLYWHEEL_MOTOR
+from truearc.sim.world.parts.motor import FEEDER, FLYWHEEL, HOOD
 from truearc.sim.world.parts.target import BallResult
 from truearc.sim.world.world import World
 
@@ -59,7 +61,7 @@ def make_nodes(config: Config, world: Plant, watchdog_ms: int = WATCHDOG_MS) -> 
 
 def make_axis_node(axis: Axis, name: str, world: Plant, watchdog_ms: int) -> Node:
     """The device of one axis, with the world's motor `name` on it; an advisory one receives no commands."""
-    motor = {"hood": HOOD, "feeder": FEEDER}.get(name, FLYWHEEL_MOTOR)
+    motor = {"hood": HOOD, "feeder": FEEDER}.get(name, FLYWHEEL)
     attached = AttachedMotor(name, world, motor.kt_nm_a, motor.resistance_ohm, watchdog_ms,
                              world.hood_at_limit if name == "hood" else None)
     return family_of(axis).make_node(axis, attached)
@@ -80,11 +82,9 @@ def emulate(config: Config, folder: Path, trials: int, seed: int, options: Optio
         config = replace(config, gate=replace(config.gate, policy="model"))
     recorder = SessionWriter(folder, make_header(config, gate, None), config,
                              gate_path.read_bytes() if gate_path else None, lossless=True)
-    try:
+    with closing(recorder):
         world = World(seed, options)
         run_twin(config, world, trials, seed, gate, recorder, progress, (nodes_of, eyes_of), page)
-    finally:
-        recorder.close()
     if recorder.failed is not None:
         raise recorder.failed
     return world.results
@@ -92,31 +92,45 @@ def emulate(config: Config, folder: Path, trials: int, seed: int, options: Optio
 
 def run_twin(config: Config, world: World, trials: int, seed: int, gate: Gate | None, recorder: SessionWriter,
              progress: Progress, parts: tuple[MakeNodes, MakeEyes], page: OperatorPage | None) -> None:
-    """Wire robot and world together and run until the driver is done."""
+    """Run robot and world until the driver is done."""
     box = open_button_box()
     nodes_of, eyes_of = parts
-    eyes = eyes_of(world, config, seed)
     driver = make_driver(config, world, box.press, trials, seed)
     pace = None if page is None else Pace(MonotonicClock())
-    clock = StepClock(lambda t_ns: twin.advance(t_ns))
-    channel = f"truearc-{next(CHANNELS)}"
-    near, far = (open_can("virtual", channel, config.can.bitrate, clock) for _ in range(2))
-    twin = Twin(world, far, tuple(nodes_of(config, world).values()), (box.step, driver.step, eyes.step))
-    stream = open_serial(box.port, config.buttons.baud)
     limit_ns = int(LONGEST_TRIAL_S * trials * 1e9)
 
-    def over() -> bool:
+    def over(now_ns: int) -> bool:
         if pace is not None:
-            pace.wait_until(clock.now_ns())
+            pace.wait_until(now_ns)
         progress(min(driver.trial / max(trials, 1), 0.99), f"{driver.trial} of {trials} trials")
-        return driver.done or clock.now_ns() > limit_ns
+        return driver.done or now_ns > limit_ns
 
-    try:
-        bus = TappedBus(guard(near, config, clock, Counter()), recorder.tap)
-        rig = HardwareRig(config, bus, stream, eyes, clock, over)
-        run(RecordingRig(rig, recorder.trouble), config, gate, with_page(recorder, page))
-    finally:
-        for wire in (near, far, stream, eyes):
-            wire.close()
-        box.unplug()
+    with closing(eyes_of(world, config, seed)) as eyes:
+        nodes, steppers = nodes_of(config, world), (driver.step, eyes.step)
+        with emulated_rig(config, world, nodes, box, eyes, steppers, recorder.tap, over) as (rig, clock):
+            run(RecordingRig(rig, recorder.trouble), config, gate, with_page(recorder, page))
     progress(1.0, f"{len(world.results)} balls in {clock.now_ns() * 1e-9:.0f} s of robot time")
+
+
+@contextmanager
+def emulated_rig(config: Config, world: World, nodes: Mapping[str, Node], box: ButtonBox, eyes: Eyes,
+                 steppers: tuple[Stepper, ...], tap: Callable[[Frame, bool], None],
+                 over: Callable[[int], bool]) -> Iterator[tuple[HardwareRig, StepClock]]:
+    """Wire the robot's rig to emulated devices on a virtual bus; afterwards close all wires and unplug the button box.
+
+    Args:
+        nodes: The emulated devices by name; they see `world` only.
+        steppers: Called at the end of each tick's time with the world's time in ns, in order, after the button box.
+        tap: Called with every frame, and whether the robot sent it.
+        over: Says before each tick, from the time in ns, whether there will be no more.
+    """
+    clock = StepClock(lambda t_ns: twin.advance(t_ns))
+    channel = f"truearc-{next(CHANNELS)}"
+    with ExitStack() as wires:
+        wires.callback(box.unplug)
+        near, far = (wires.enter_context(closing(open_can("virtual", channel, config.can.bitrate, clock)))
+                     for _ in range(2))
+        twin = Twin(world, far, tuple(nodes.values()), (box.step, *steppers))
+        stream = wires.enter_context(closing(open_serial(box.port, config.buttons.baud)))
+        bus = TappedBus(guard(near, config, clock, Counter()), tap)
+        yield HardwareRig(config, bus, stream, eyes, clock, lambda: over(clock.now_ns())), clock

@@ -1,7 +1,7 @@
 """The emulated robot's camera and vision, in a process of their own as on the robot.
 
-Rendering and seeing an image takes longer than a tick; here they overlap with the ticks until the image is due. What
-the rig reads, and when, is settled by the stepped clock alone: a reading that is due is waited for.
+Rendering and seeing an image takes longer than a tick; here they overlap with the ticks until the image is due. The
+stepped clock alone settles what the rig reads, and when: a reading that is due is waited for.
 """
 
 import contextlib

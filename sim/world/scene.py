@@ -32,8 +32,7 @@ TOUCH_X_M = math.sqrt((RADIUS_M + LOWER_RADIUS_M) ** 2 - LOWER_Z_M**2)    # wher
 
 _NIP = """
 <mujoco>
-  <option timestep="{step}" cone="elliptic" impratio="{impratio}" iterations="30" density="{density}"
-          viscosity="{viscosity}" wind="{wind}" gravity="{gravity}"/>
+  <option timestep="{step}" cone="elliptic" impratio="{impratio}" iterations="30"/>
   <default><geom contype="0" conaffinity="0" fluidshape="ellipsoid" fluidcoef="0 0 0 0 0"/></default>
   <worldbody>
     <body name="lower" pos="0 0 {lower_z}">
@@ -59,8 +58,7 @@ _NIP = """
 
 _FLIGHT = """
 <mujoco>
-  <option timestep="{step}" integrator="RK4" density="{density}" viscosity="{viscosity}" wind="{wind}"
-          gravity="{gravity}"/>
+  <option timestep="{step}" integrator="RK4"/>
   <worldbody>{ball}</worldbody>
 </mujoco>"""
 
@@ -94,22 +92,29 @@ def make_nip(ball: Ball, options: Options, gravity_m_s2: np.ndarray, wind_m_s: n
     scale = options.flywheel_inertia_scale
     xml = _NIP.format(step=NIP_STEP_S, impratio=FRICTION_OVER_NORMAL, lower_z=LOWER_Z_M, upper_z=UPPER_Z_M,
                       lower_r=LOWER_RADIUS_M, upper_r=UPPER_RADIUS_M, lower_j=LOWER_INERTIA_KG_M2 * scale,
-                      upper_j=UPPER_INERTIA_KG_M2 * scale, gear=UPPER_GEAR, pair=pair, **_fluid(options, wind_m_s),
-                      gravity=_numbers(gravity_m_s2), ball=_ball(ball, options))
-    return _without_virtual_mass(mujoco.MjModel.from_xml_string(xml))
+                      upper_j=UPPER_INERTIA_KG_M2 * scale, gear=UPPER_GEAR, pair=pair, ball=_ball(ball, options))
+    return _compiled(xml, options, gravity_m_s2, wind_m_s)
 
 
 def make_flight(ball: Ball, options: Options) -> mujoco.MjModel:
     """One ball in the air, in field axes: x towards the target, y left, z up."""
     wind_m_s = np.array([options.wind_x_m_s, options.wind_y_m_s, options.wind_z_m_s])
-    xml = _FLIGHT.format(step=FLIGHT_STEP_S, gravity=_numbers((0.0, 0.0, -GRAVITY_M_S2)),
-                         **_fluid(options, wind_m_s), ball=_ball(ball, options))
-    return _without_virtual_mass(mujoco.MjModel.from_xml_string(xml))
+    xml = _FLIGHT.format(step=FLIGHT_STEP_S, ball=_ball(ball, options))
+    return _compiled(xml, options, np.array([0.0, 0.0, -GRAVITY_M_S2]), wind_m_s)
 
 
-def _fluid(options: Options, wind_m_s: np.ndarray) -> dict[str, object]:
-    density = air_density_kg_m3(options)
-    return {"density": density, "viscosity": VISCOSITY_PA_S if density else 0.0, "wind": _numbers(wind_m_s)}
+def _compiled(xml: str, options: Options, gravity_m_s2: np.ndarray, wind_m_s: np.ndarray) -> mujoco.MjModel:
+    """The model of the XML, with gravity and air.
+
+    Of the ellipsoid's added mass MuJoCo computes only the gyroscopic part, which is therefore left out: on a sphere it
+    would be a spurious force -1/2 rho V omega x v, twice the Magnus force and against it.
+    """
+    model = mujoco.MjModel.from_xml_string(xml)
+    model.opt.gravity[:], model.opt.wind[:] = gravity_m_s2, wind_m_s
+    model.opt.density = air_density_kg_m3(options)
+    model.opt.viscosity = VISCOSITY_PA_S if model.opt.density else 0.0
+    model.geom_fluid[:, 6:] = 0.0
+    return model
 
 
 def _ball(ball: Ball, options: Options) -> str:
@@ -117,14 +122,3 @@ def _ball(ball: Ball, options: Options) -> str:
     return _BALL.format(mass=ball.mass_kg, inertia=0.4 * ball.mass_kg * ball.radius_m**2, radius=ball.radius_m,
                         blunt=0.5 * options.drag_coefficient * ball.drag_scale,
                         angular=options.spin_drag_coefficient, magnus=options.magnus_coefficient)
-
-
-def _without_virtual_mass(model: mujoco.MjModel) -> mujoco.MjModel:
-    # Of the ellipsoid's added mass MuJoCo computes only the gyroscopic part; on a sphere that would be a spurious
-    # force -1/2 rho V omega x v, twice the Magnus force and against it.
-    model.geom_fluid[:, 6:] = 0.0
-    return model
-
-
-def _numbers(vector: np.ndarray | tuple[float, ...]) -> str:
-    return " ".join(repr(float(value)) for value in vector)

@@ -6,18 +6,17 @@ from collections.abc import Mapping
 import numpy as np
 
 from truearc.hw.emulated.plant import MotorTruth, View
-from truearc.sim.world.flight import Flight
+from truearc.sim.world.flight import Flight, Launch, from_exit_point, in_field
 from truearc.sim.world.options import Options
 from truearc.sim.world.parts.balls import Rack
-from truearc.sim.world.parts.battery import Supply
+from truearc.sim.world.parts.battery import Battery
 from truearc.sim.world.parts.belt import Belt
-from truearc.sim.world.parts.chassis import Pose, Stand, look
+from truearc.sim.world.parts.chassis import Chassis, Pose, look
 from truearc.sim.world.parts.feeder import Feeder
 from truearc.sim.world.parts.hood import Hood, flexed
 from truearc.sim.world.parts.motor import FEEDER, FLYWHEEL, HOOD, Drawn, Motor, drive_motor
 from truearc.sim.world.parts.target import BallResult
 from truearc.sim.world.parts.wheel_contact import Nip, Released
-from truearc.sim.world.shot import Launch, from_exit_point, in_field, result_of
 
 LONGEST_STEP_S = 0.005
 START_DISTANCE_M = 4.0
@@ -29,23 +28,23 @@ _STILL = Drawn(0.0, 0.0, 0.0)
 class World:
     """A Plant. Same seed, options and torque history: the same bits.
 
-    `results` lists every ball that has arrived, `flying` those in the air, oldest first; `stand` is where the robot
-    stands. Only the driver, tests and benches may look at them.
+    `results` lists every ball that has arrived, `flying` those in the air, oldest first. `chassis` is where the robot
+    stands and how it drives; `belt` (lower wheel and motors) and `hood` are parts of the launcher. Only the driver,
+    tests and benches may look at them.
     """
 
     motors = tuple(_MOTORS)
 
-    def __init__(self, seed: int, options: Options | None = None, distance_m: float = START_DISTANCE_M,
-                 start_ns: int = 0) -> None:
+    def __init__(self, seed: int, options: Options | None = None, distance_m: float = START_DISTANCE_M) -> None:
         self._options = options = options or Options()
-        self._t_ns = start_ns
-        self._supply = Supply(options)
-        self._belt = Belt(options)
+        self._t_ns = 0
+        self._battery = Battery(options)
+        self.belt = Belt(options)
         start_deg = float(np.random.default_rng([seed, 5]).uniform(20.0, 70.0))
-        self._hood = Hood(start_deg, options)
+        self.hood = Hood(start_deg, options)
         self._feeder = Feeder()
         self._rack = Rack(seed, options)
-        self.stand = Stand(seed, distance_m, options.pose_scale)
+        self.chassis = Chassis(seed, distance_m, options.pose_scale)
         self._shots = 0
         self._nip: Nip | None = None
         self._fed_t_ns = 0
@@ -58,7 +57,7 @@ class World:
     # --- Plant
 
     def advance(self, t_ns: int, torque_nm: Mapping[str, float]) -> None:
-        """Bring the world to `t_ns` with these torques asked of the motors; unknown names raise KeyError."""
+        """Bring the world to `t_ns` with these torques commanded; unknown motor names raise KeyError."""
         if not torque_nm.keys() <= _MOTORS.keys():
             raise KeyError(f"no such motor among {', '.join(torque_nm)}; there are {', '.join(_MOTORS)}")
         span_ns = t_ns - self._t_ns
@@ -79,51 +78,27 @@ class World:
         return MotorTruth(position_rad * scale, speed_rad_s * scale, drawn.torque_nm, drawn.current_a)
 
     def bus_v(self) -> float:
-        return self._supply.bus_v
+        return self._battery.bus_v
 
     def hood_encoder_rad(self) -> float:
-        return self._hood.encoder_rad
+        return self.hood.encoder_rad
 
     def hood_at_limit(self) -> bool:
-        return self._hood.at_limit
+        return self.hood.at_limit
 
     def view(self) -> View:
         """The tape as the camera sees it from where the robot stands now."""
-        pose = self.stand.pose()
+        pose = self.chassis.pose()
         if self._view is None or self._view[0] != pose:
             self._view = (pose, look(pose, self._options))
         return self._view[1]
 
-    # --- what the driver can do and see
-
-    @property
-    def distance_m(self) -> float:
-        """Horizontal, exit point to target plane; the truth."""
-        return self.stand.distance_m
-
-    @property
-    def moving(self) -> bool:
-        return self.stand.moving
+    # --- truth, for the driver, tests and benches
 
     @property
     def ball_on_its_way(self) -> bool:
         """A ball is between the wheels or in the air."""
         return self._nip is not None or bool(self.flying)
-
-    def drive_to(self, distance_m: float) -> None:
-        """Drive until the exit point is this far from the target plane, and stop."""
-        self.stand.drive_to(distance_m)
-
-    # --- truth, for tests and benches
-
-    @property
-    def hood_deg(self) -> float:
-        return self._hood.elevation_deg
-
-    @property
-    def wheel_rad_s(self) -> float:
-        """Lower wheel and motors."""
-        return self._belt.speed_rad_s
 
     # --- one step
 
@@ -132,9 +107,9 @@ class World:
         for name, motor in _MOTORS.items():
             self._drawn[name] = drawn = self._drive(name, motor, asked_nm.get(name, 0.0))
             power_w += drawn.power_w
-        self._supply.draw(power_w, dt_s)
-        self.stand.step(dt_s)
-        self._hood.step(self._drawn["hood"].torque_nm, dt_s)
+        self._battery.draw(power_w, dt_s)
+        self.chassis.step(dt_s)
+        self.hood.step(self._drawn["hood"].torque_nm, dt_s)
         fed_s = self._feeder.step(self._drawn["feeder"].torque_nm, dt_s)
         for launch in self.flying:
             launch.flight.step(dt_s)
@@ -144,36 +119,33 @@ class World:
     def _drive(self, name: str, motor: Motor, asked_nm: float) -> Drawn:
         if asked_nm == 0.0:
             return _STILL
-        return drive_motor(motor, asked_nm, self._shaft(name)[1], self._supply.bus_v, self._options.driver_current_a)
+        return drive_motor(motor, asked_nm, self._shaft(name)[1], self._battery.bus_v, self._options.driver_current_a)
 
     def _shaft(self, name: str) -> tuple[float, float]:
-        part = self._feeder if name == "feeder" else self._hood if name == "hood" else self._belt
+        part = self._feeder if name == "feeder" else self.hood if name == "hood" else self.belt
         return part.position_rad, part.speed_rad_s
 
     def _turn_wheels(self, fed_s: float | None, dt_s: float) -> None:
         torque_nm = self._drawn["flywheel_a"].torque_nm + self._drawn["flywheel_b"].torque_nm
-        alone_s, nip_s = dt_s, 0.0
-        if self._nip is not None:
-            alone_s, nip_s = 0.0, dt_s
-        elif fed_s is not None:
-            alone_s, nip_s = dt_s - fed_s, fed_s
+        nip_s = dt_s if self._nip is not None else fed_s or 0.0
+        alone_s = dt_s - nip_s
         if alone_s > 0.0:
-            self._belt.step(torque_nm, alone_s)
+            self.belt.step(torque_nm, alone_s)
         if fed_s is not None:
             self._take_ball(dt_s - fed_s)
         if self._nip is not None and nip_s > 0.0:
-            left_s = self._nip.step(torque_nm + self._belt.loss_nm(), self._feeder, nip_s)
-            self._belt.turn(self._nip.wheel_rad_s, nip_s - left_s)
+            left_s = self._nip.step(torque_nm + self.belt.loss_nm(), self._feeder, nip_s)
+            self.belt.turn(self._nip.wheel_rad_s, nip_s - left_s)
             if left_s > 0.0:
-                self._belt.step(torque_nm, left_s)
+                self.belt.step(torque_nm, left_s)
             self._let_go(dt_s - left_s, left_s)
 
     def _take_ball(self, after_s: float) -> None:
         self._fed_t_ns = self._t_ns + round(after_s * 1e9)
-        self._wheel_before_rad_s = self._belt.speed_rad_s
-        elevation_deg = self._hood.elevation_deg + self._options.hood_flex_deg * flexed(self._belt.speed_rad_s)
+        self._wheel_before_rad_s = self.belt.speed_rad_s
+        elevation_deg = self.hood.elevation_deg + self._options.hood_flex_deg * flexed(self.belt.speed_rad_s)
         self._nip = Nip(self._rack.ball(self._shots), self._options, math.radians(elevation_deg),
-                        self._belt.speed_rad_s, self._feeder.surface_m_s)
+                        self.belt.speed_rad_s, self._feeder.surface_m_s)
 
     def _let_go(self, after_s: float, left_s: float) -> None:
         nip = self._nip
@@ -187,25 +159,24 @@ class World:
         self.flying.append(launch)
         self._rack.use(self._shots)
         self._shots += 1
-        self._supply.count_shot()
+        self._battery.count_shot()
         self._feeder.expect_ball()
         launch.flight.step(left_s)
 
     def _launch(self, nip: Nip, released: Released, exit_t_ns: int) -> Launch:
         launcher = from_exit_point(released, nip.elevation_rad, self._options)
-        field = in_field(launcher, self.stand.pose(), self.stand.speed_m_s)
-        return Launch(self._shots, nip.ball, Flight(nip.ball, self._options, field), self.stand.distance_m,
-                      math.degrees(nip.elevation_rad), self._wheel_before_rad_s, nip.wheel_rad_s,
-                      launcher.velocity_m_s, launcher.spin_rad_s, self._fed_t_ns, exit_t_ns)
+        field = in_field(launcher, self.chassis.pose(), self.chassis.speed_m_s)
+        x_m_s, y_m_s, z_m_s = velocity_m_s = launcher.velocity_m_s
+        record = BallResult(
+            self._shots, nip.ball.ball_id, self.chassis.distance_m, math.degrees(nip.elevation_rad),
+            self._wheel_before_rad_s, nip.wheel_rad_s, exit_speed_m_s=float(np.linalg.norm(velocity_m_s)),
+            exit_deg=math.degrees(math.atan2(z_m_s, math.hypot(x_m_s, y_m_s))),
+            exit_spin_rev_s=float(-launcher.spin_rad_s[1]) / (2.0 * math.pi),
+            fed_t_ns=self._fed_t_ns, exit_t_ns=exit_t_ns)
+        return Launch(Flight(nip.ball, self._options, field), record)
 
     def _collect(self) -> None:
-        if not self.flying:
-            return
-        still = []
         for launch in self.flying:
-            arrival = launch.flight.arrival
-            if arrival is None:
-                still.append(launch)
-            else:
-                self.results.append(result_of(launch, arrival))
-        self.flying = still
+            if launch.flight.arrival is not None:
+                self.results.append(launch.arrive(launch.flight.arrival))
+        self.flying = [launch for launch in self.flying if launch.flight.arrival is None]

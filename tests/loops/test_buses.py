@@ -35,7 +35,7 @@ from truearc.robot.rig import HardwareRig
 from truearc.robot.tick import step
 from truearc.robot.types import Memory, Sighting
 from truearc.robot.vision_source import InlineEyes
-from truearc.sim.world.device_server import keep_time, open_far_bus
+from truearc.sim.world.device_server import keep_time, open_device_bus
 from truearc.sim.world.emulated_robot import make_nodes
 
 LIMIT_S = 240.0
@@ -216,7 +216,7 @@ def test_a_bus_that_is_no_bus_is_named(bus: str) -> None:
 @pytest.mark.parametrize("bus", ["slcan:/dev/ttyACM0", "pcan:0", "socketcan:nosuchcan7"])
 def test_a_far_end_that_cannot_be_had_is_named(bus: str) -> None:
     with pytest.raises(InputError, match=f"--bus {bus}"):
-        open_far_bus(bus, CONFIG, MonotonicClock())
+        open_device_bus(bus, CONFIG, MonotonicClock())
 
 
 @pytest.mark.parametrize(("words", "complaint"), [

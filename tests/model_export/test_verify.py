@@ -10,7 +10,7 @@ import pytest
 from truearc.model_export.graph import export_weights
 from truearc.model_export.tolerances import NETWORK_TOLERANCE
 from truearc.model_export.trained import load_trained
-from truearc.model_export.verify import compare, domain_grid, find_faults, is_exported_from
+from truearc.model_export.verify import compare, domain_grid, find_faults
 from truearc.robot.gate.contract import NOVELTY as NOVELTY_OUTPUT
 from truearc.robot.gate.contract import OUTPUT
 from truearc.robot.gate.model import Gate, load_gate
@@ -47,7 +47,7 @@ def test_a_faithful_export_passes(exported: tuple[Gate, Path]) -> None:
     assert result.passed and result.rows == 31**3 and 0.0 < result.worst < NETWORK_TOLERANCE
     assert 0.0 < result.novelty < 1e-3
     assert find_faults(gate, grid) == []
-    assert is_exported_from(gate, weights)
+    assert gate.provenance["weights_sha256"] == trained.sha256
 
 
 def test_a_slightly_different_network_does_not(exported: tuple[Gate, Path], tmp_path: Path) -> None:
@@ -55,10 +55,11 @@ def test_a_slightly_different_network_does_not(exported: tuple[Gate, Path], tmp_
     network, record = load_weights(weights)
     network.layers.out_b[1] += 1e-3
     save_weights(tmp_path / "other", network, record)
-    result = compare(gate, load_trained(tmp_path / "other"), domain_grid(gate))
+    other = load_trained(tmp_path / "other")
+    result = compare(gate, other, domain_grid(gate))
     # the logistic curve is steepest at 1/4
     assert not result.passed and result.worst == pytest.approx(0.25e-3, rel=0.1)
-    assert not is_exported_from(gate, tmp_path / "other")
+    assert gate.provenance["weights_sha256"] != other.sha256
 
 
 def test_another_novelty_does_not(exported: tuple[Gate, Path]) -> None:
@@ -75,7 +76,8 @@ def test_class_flips_are_counted(exported: tuple[Gate, Path], tmp_path: Path) ->
     network.layers.out_w[:] *= -1.0
     network.layers.out_b[:] *= -1.0                                     # p becomes 1 - p: every class flips
     save_weights(tmp_path / "other", network, record)
-    result = compare(gate, load_trained(tmp_path / "other"), domain_grid(gate))
+    other = load_trained(tmp_path / "other")
+    result = compare(gate, other, domain_grid(gate))
     assert result.flips == result.rows and not result.passed
 
 

@@ -1,4 +1,4 @@
-"""Whether two files made the same dataset, but for the digits that a table was rounded to."""
+"""Whether two files made the same dataset, within the digits that a table was rounded to."""
 
 import numpy as np
 

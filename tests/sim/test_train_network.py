@@ -1,4 +1,4 @@
-"""Weights on disk: they come back exactly, and what is not weights is refused in words."""
+"""Weights on disk: they come back exactly, and files that are not weights are refused with a message."""
 
 import json
 from pathlib import Path
@@ -109,7 +109,7 @@ def test_wrong_arrays_are_named(archive: Path, tmp_path: Path, change: dict[str,
 
 
 @pytest.mark.parametrize(("text", "words"), [
-    ("{", "not JSON"), ("[]", "'schema'"), ('{"schema": "other/1"}', "'schema'"),
+    ("{", "not JSON"), ("[]", "not a JSON object"), ('{"schema": "other/1"}', "'schema'"),
     (json.dumps({"schema": "truearc.training/1"}), "'domain'"),
     (json.dumps({"schema": "truearc.training/1", "domain": {"hood_deg": [1, 2]}}), "'domain'"),
     (None, "No such file"),

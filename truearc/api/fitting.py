@@ -19,8 +19,7 @@ from truearc.sim.infer.fit_text import fit_lines
 from truearc.sim.infer.map_fit import MapFit, fit_map
 from truearc.sim.infer.profile import ProfileInterval, profile_interval
 from truearc.sim.infer.score import Score, score
-from truearc.sim.paper.grid_bootstrap import Bootstrap, bootstrap_grid
-from truearc.sim.paper.grid_fit import GridFit, fit_grid, grid_start
+from truearc.sim.paper.grid_fit import Bootstrap, GridFit, bootstrap_grid, fit_grid, grid_start
 from truearc.sim.paper.grid_report import draw_map, explain, provenance_of
 from truearc.sim.paper.settings import STEP
 from truearc.sim.physics.term import Term

@@ -13,15 +13,14 @@ from truearc.robot.config.schema import InputError
 from truearc.robot.gate.model import load_gate
 from truearc.sim.data.dataset import Dataset, hash_dataset
 from truearc.sim.gate.gate_text import tell_heldout, tell_residual
-from truearc.sim.gate.model import PhysicsGate
-from truearc.sim.gate.outcome_classes import OutcomeClasses, marks_of
-from truearc.sim.gate.physics import physics_of
-from truearc.sim.gate.plots import draw_reliability
+from truearc.sim.gate.model import PhysicsGate, physics_of
+from truearc.sim.gate.outcome_classes import OutcomeClasses, outcome_classes_of
 from truearc.sim.gate.store import save_physics_gate
 from truearc.sim.gate.train import Heldout, train_physics_gate
 from truearc.sim.infer.belief import Belief
 from truearc.sim.metrics import Figures
 from truearc.sim.paper.training import domain_of
+from truearc.sim.plots import draw_reliability
 from truearc.sim.printed import Printed
 from truearc.sim.progress import Progress
 
@@ -77,7 +76,7 @@ class GateTraining(Printed):
         """Return the report: what the correction to the physics learned, and hold-out figures with warnings."""
         gate, marks = self.gate, self.marks
         lines = [f"learned from {len(marks.level)} shots",
-                 *tell_residual(gate, marks.features, physics_of(gate.facts, gate.belief, marks.features))]
+                 *tell_residual(gate, marks.features, physics_of(gate.rig, gate.belief, marks.features))]
         if len(set(marks.level[marks.level >= 0])) < 2:
             lines.append("warning: every shot has the same outcome; the gate is the physics and its prior alone")
         if self.folds is None:
@@ -103,7 +102,7 @@ def train_gate(dataset: Dataset, belief: Belief, *, seed: int = 0,
     if seed < 0:
         raise InputError(f"seed is {seed}; it cannot be negative")
     name = dataset.shots.source
-    marks, _, left_out = marks_of(dataset.shots, name)
+    marks, left_out = outcome_classes_of(dataset.shots, name)
     gate, folds = train_physics_gate(dataset.rig, belief, dataset.shots, seed, name, progress)
     return GateTraining(gate, folds, tuple(left_out), marks, _record(dataset, belief, seed, marks, gate, folds))
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from truearc.robot.config.rig_spec import Rig
 from truearc.sim.data.dataset import Dataset, Shots
-from truearc.sim.gate.train import fit_physics_gate
+from truearc.sim.gate.train import train_physics_gate
 from truearc.sim.infer.map_fit import fit_map
 from truearc.sim.infer.score import Score, score
 from truearc.sim.paper.grid_fit import fit_grid, grid_start
@@ -103,7 +103,7 @@ def our_predictions(rig: Rig, train: Shots, asked: Rows, seed: int) -> dict[str,
     """Our gate's, from the same configurations and labels as everybody else's, and nothing besides."""
     split = Dataset("training split", rig, train)
     belief = fit_map(rig, split, OUR_TERMS, grid=grid_start(rig, split)).belief
-    return {OURS: fit_physics_gate(rig, belief, train, seed, "training split").probabilities(asked.features)}
+    return {OURS: train_physics_gate(rig, belief, train, seed, "training split")[0].probabilities(asked.features)}
 
 
 def _outcomes(rig: Rig, coefficients: dict[str, dict[str, float]], shots: Shots) -> np.ndarray:

@@ -44,7 +44,7 @@ class Bench:
         self.t_ns = 0
         self.samples: list[Sample] = []
         self._integral_nm = 0.0
-        self._speeds = deque([world.wheel_rad_s], LAG_TICKS + 1)
+        self._speeds = deque([world.belt.speed_rad_s], LAG_TICKS + 1)
         self._steady = 0
 
     def fire(self, wheel_rad_s: float, hood_deg: float, shots: int, longest_s: float = 120.0,
@@ -77,11 +77,11 @@ class Bench:
         self.t_ns += TICK_NS
         world.advance(self.t_ns, {"flywheel_a": wheel_nm, "flywheel_b": wheel_nm, "hood": hood_nm,
                                   "feeder": feeder_nm})
-        self.samples.append(Sample(self.t_ns * 1e-9, world.wheel_rad_s, world.hood_deg, world.bus_v(),
+        self.samples.append(Sample(self.t_ns * 1e-9, world.belt.speed_rad_s, world.hood.elevation_deg, world.bus_v(),
                                    ball_from_muzzle(world)))
 
     def _wheels(self, wanted_rad_s: float) -> tuple[float, float]:
-        self._speeds.append(self.world.wheel_rad_s)
+        self._speeds.append(self.world.belt.speed_rad_s)
         error = wanted_rad_s - self._speeds[0]
         if abs(error) < 20.0:
             self._integral_nm = min(max(self._integral_nm + 0.1 * error * TICK_NS * 1e-9, -0.3), 0.3)
@@ -89,7 +89,7 @@ class Bench:
         return min(max(ahead_nm + 0.03 * error + self._integral_nm, 0.0), 1.2), abs(error)
 
     def _hood(self, wanted_deg: float) -> tuple[float, float]:
-        error = wanted_deg - self.world.hood_deg
+        error = wanted_deg - self.world.hood.elevation_deg
         speed_deg_s = 0.2 * self.world.motor("hood").velocity_rad_s
         if abs(error) < DEADBAND_DEG:
             return -0.002 * speed_deg_s, abs(error)
@@ -101,9 +101,9 @@ def ball_from_muzzle(world: World) -> tuple[float, float, float, float] | None:
     """(s since it left, x, y, z in the launcher's axes) of the ball that left last, None if none is in the air."""
     if not world.flying:
         return None
-    flight = world.flying[-1].flight
-    x_m, y_m, z_m = map(float, _from_muzzle(flight.position_m, world.stand.pose()))
-    return flight.time_s, x_m, y_m, z_m
+    data = world.flying[-1].flight.data
+    x_m, y_m, z_m = map(float, _from_muzzle(data.qpos[:3], world.chassis.pose()))
+    return float(data.time), x_m, y_m, z_m
 
 
 def _from_muzzle(place_m: np.ndarray, pose: Pose) -> np.ndarray:

@@ -103,8 +103,8 @@ def _shoot(bench: Bench, rig: Rig, options: Options, setting: ShotSetting, befor
     # the robot aims by its encoders: what they say is right
     wheel_rad_s = setting.motor_ratio * free / options.encoder_scale
     hood_deg = setting.hood_deg - options.hood_offset_deg
-    world.drive_to(setting.distance_m)
-    while world.moving:
+    world.chassis.drive_to(setting.distance_m)
+    while world.chassis.moving:
         bench.tick(wheel_rad_s, hood_deg)
     for _ in range(SETTLED_TICKS):
         bench.tick(wheel_rad_s, hood_deg)

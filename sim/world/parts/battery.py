@@ -9,7 +9,7 @@ FALL_V = 1.2                      # open-circuit voltage lost from full to empty
 STANDING_W = 20.0                 # computer, radio, ring light
 
 
-class Supply:
+class Battery:
     """A battery feeding every motor driver over the same wires."""
 
     def __init__(self, options: Options) -> None:

@@ -25,7 +25,7 @@ class Pose(NamedTuple):
     heading_rad: float
 
 
-class Stand:
+class Chassis:
     """A robot that drives along the field's axis with limited speed and acceleration, and parks a little askew."""
 
     def __init__(self, seed: int, distance_m: float, pose_scale: float) -> None:

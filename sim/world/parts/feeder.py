@@ -33,9 +33,6 @@ class Feeder:
 
     def step(self, torque_nm: float, dt_s: float) -> float | None:
         """Turn for dt_s; when the ball reaches the wheels, the part of dt_s that was left then, else None."""
-        if self.speed_rad_s == 0.0 and abs(torque_nm) <= COULOMB_NM:
-            self._reload(dt_s)
-            return None
         turned = step_shaft(self.speed_rad_s, torque_nm, dt_s, INERTIA_KG_M2, VISCOUS_NM_S, COULOMB_NM)
         self.speed_rad_s = turned.speed_rad_s
         self.position_rad += turned.turned_rad

@@ -62,7 +62,7 @@ class Hood:
 
     @property
     def encoder_rad(self) -> float:
-        """What the magnet on the hood's pivot says of the elevation."""
+        """Elevation as the magnet on the hood's pivot shows it."""
         return math.radians(self.elevation_deg + self._offset_deg)
 
     @property

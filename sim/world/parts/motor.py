@@ -18,7 +18,7 @@ def motor_of(free_speed_rad_s: float, stall_torque_nm: float, rated_v: float = 1
 
 
 class Drawn(NamedTuple):
-    """What a motor produces and what it takes from the supply."""
+    """A motor's torque and current, and the power that it takes from the supply."""
 
     torque_nm: float
     current_a: float

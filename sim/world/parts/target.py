@@ -27,10 +27,10 @@ class BallResult(NamedTuple):
     exit_spin_rev_s: float
     fed_t_ns: int                 # the ball reached the wheels
     exit_t_ns: int
-    arrival_t_ns: int
-    y_m: float | None
-    z_m: float | None
-    outcome: str                  # "three" | "two" | "miss-low" | "miss-high"
+    arrival_t_ns: int = 0         # this and what follows: once it has arrived
+    y_m: float | None = None
+    z_m: float | None = None
+    outcome: str = ""             # "three" | "two" | "miss-low" | "miss-high"
 
 
 def classify(y_m: float | None, z_m: float | None) -> str:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
 from truearc.robot.config.schema import InputError
-from truearc.sim.gate.novelty import SAME, fit_novelty, novelty_record, parse_novelty, spread_out
+from truearc.sim.gate.novelty import SAME_DISTANCE, farthest_points, fit_novelty, novelty_record, parse_novelty
 
 ROWS = np.random.default_rng(1).uniform([2.0, 0.4, 30.0], [8.0, 0.8, 55.0], (90, 3))
 
@@ -47,10 +47,10 @@ def test_few_rows_are_enough_to_say_something_finite(count: int) -> None:
 @given(st.integers(0, 1000), st.integers(1, 60), st.integers(1, 40))
 def test_landmarks_cover_the_rows_or_are_as_many_as_allowed(seed: int, count: int, most: int) -> None:
     points = np.random.default_rng(seed).normal(size=(count, 3))
-    chosen = spread_out(points, SAME, most)
+    chosen = farthest_points(points, SAME_DISTANCE, most)
     assert len(set(chosen.tolist())) == len(chosen) <= most
     apart = np.linalg.norm(points[:, None] - points[chosen], axis=2).min(axis=1)
-    assert len(chosen) == most or apart.max() <= SAME
+    assert len(chosen) == most or apart.max() <= SAME_DISTANCE
 
 
 def test_a_record_reads_back_exactly() -> None:

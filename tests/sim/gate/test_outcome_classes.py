@@ -5,7 +5,7 @@ import pytest
 
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Shots
-from truearc.sim.gate.outcome_classes import marks_of
+from truearc.sim.gate.outcome_classes import outcome_classes_of
 
 
 def make(outcome: tuple[str, ...], side: tuple[str, ...] | None = None, **numbers: list[float]) -> Shots:
@@ -21,7 +21,7 @@ def make(outcome: tuple[str, ...], side: tuple[str, ...] | None = None, **number
     ("miss", "high", "00001"), ("two", "low", "01000"), ("two", "high", "00010"), ("two", "left", "01110"),
     ("miss", "right", "11111")])
 def test_a_mark_says_where_the_height_may_have_been(outcome: str, side: str, cells: str) -> None:
-    marks, _, left_out = marks_of(make((outcome,), (side,)), "DIR")
+    marks, left_out = outcome_classes_of(make((outcome,), (side,)), "DIR")
     assert "".join(str(int(cell)) for cell in marks.cells[0]) == cells and left_out == []
     assert marks.aside[0] == (outcome == "miss" and side == "right")
 
@@ -29,16 +29,16 @@ def test_a_mark_says_where_the_height_may_have_been(outcome: str, side: str, cel
 def test_silent_shots_are_counted_and_measured_ones_kept() -> None:
     shots = make(("three", "", "", "two"), distance_m=[4.0, 4.0, 4.0, np.nan],
                  miss_height_m=[np.nan, np.nan, 0.2, np.nan])
-    marks, rows, left_out = marks_of(shots, "DIR")
-    assert rows.tolist() == [0, 2] and marks.level.tolist() == [2, -1]
+    marks, left_out = outcome_classes_of(shots, "DIR")
+    assert marks.miss_m.tolist()[1:] == [0.2] and marks.level.tolist() == [2, -1]
     assert left_out == ["DIR: 1 of 4 shots left out: no outcome or miss_height_m",
                         "DIR: 1 of 4 shots left out: no distance_m"]
     with pytest.raises(InputError, match=r"nothing to train on; DIR: 2 of 2 shots left out: no outcome or "
                                          r"miss_height_m"):
-        marks_of(make(("", "")), "DIR")
+        outcome_classes_of(make(("", "")), "DIR")
 
 
 def test_repeats_of_a_configuration_are_one_group() -> None:
     shots = make(("three",) * 4)
     shots.texts["config_id"] = ("a", "b", "a", "")
-    assert marks_of(shots, "DIR")[0].group.tolist() == [0, 1, 0, 2]
+    assert outcome_classes_of(shots, "DIR")[0].group.tolist() == [0, 1, 0, 2]

@@ -8,12 +8,11 @@ from tests.sim.infer.independent import configurations, fired, heights, outcomes
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset, Shots
 from truearc.sim.gate.gate_text import tell_heldout, tell_residual
-from truearc.sim.gate.model import PhysicsGate
-from truearc.sim.gate.outcome_classes import marks_of
-from truearc.sim.gate.physics import physics_of
+from truearc.sim.gate.model import PhysicsGate, physics_of
+from truearc.sim.gate.outcome_classes import outcome_classes_of
 from truearc.sim.gate.store import MODEL_FILE, load_physics_gate, save_physics_gate
 from truearc.sim.gate.surrogate import compare, inside, make_surrogate
-from truearc.sim.gate.train import Heldout, fit_physics_gate, train_physics_gate
+from truearc.sim.gate.train import Heldout, train_physics_gate
 from truearc.sim.metrics import figures_of
 from truearc.sim.paper.training import domain_of
 
@@ -32,7 +31,7 @@ def trained(recorded: Dataset) -> tuple[PhysicsGate, Heldout]:
 
 def test_it_beats_the_physics_alone_on_shots_of_another_day(trained: tuple[PhysicsGate, Heldout]) -> None:
     gate, heldout = trained
-    marks = marks_of(make_shots(2, 600).shots, "new")[0]
+    marks = outcome_classes_of(make_shots(2, 600).shots, "new")[0]
     found = figures_of(gate.probabilities(marks.features), marks.level)
     assert found.log_score > heldout.physics.log_score + 0.1
     assert found.accuracy > heldout.physics.accuracy + 0.05
@@ -59,14 +58,14 @@ def test_p_three_is_never_above_p_two(trained: tuple[PhysicsGate, Heldout]) -> N
 
 
 def test_the_same_shots_give_the_same_gate(recorded: Dataset, trained: tuple[PhysicsGate, Heldout]) -> None:
-    again = fit_physics_gate(recorded.facts, BELIEF, recorded.shots)
+    again = train_physics_gate(recorded.facts, BELIEF, recorded.shots)[0]
     assert np.array_equal(again.fit.theta, trained[0].fit.theta) and again.temperature == trained[0].temperature
 
 
 def test_it_is_told_in_words(recorded: Dataset, trained: tuple[PhysicsGate, Heldout]) -> None:
     gate, heldout = trained
-    marks = marks_of(recorded.shots, "x")[0]
-    said = tell_residual(gate, marks.features, physics_of(gate.facts, gate.belief, marks.features))
+    marks = outcome_classes_of(recorded.shots, "x")[0]
+    said = tell_residual(gate, marks.features, physics_of(gate.rig, gate.belief, marks.features))
     assert len(said) == 3 and all("the physics alone is" in line for line in said)
     assert any("cm high" in line or "cm low" in line for line in said)
     assert "calibration:" in tell_heldout(heldout, gate.temperature)[-1]
@@ -75,12 +74,12 @@ def test_it_is_told_in_words(recorded: Dataset, trained: tuple[PhysicsGate, Held
 def test_few_shots_still_give_a_gate_but_no_promise() -> None:
     few = make_shots(4, 12)
     gate, heldout = train_physics_gate(few.facts, BELIEF, few.shots)
-    assert heldout is None and np.isfinite(gate.probabilities(marks_of(few.shots, "x")[0].features)).all()
+    assert heldout is None and np.isfinite(gate.probabilities(outcome_classes_of(few.shots, "x")[0].features)).all()
 
 
 def test_the_surrogate_is_the_gate_inside_its_domain(recorded: Dataset, trained: tuple[PhysicsGate, Heldout]) -> None:
     gate = trained[0]
-    domain = domain_of(marks_of(recorded.shots, "x")[0].features)
+    domain = domain_of(outcome_classes_of(recorded.shots, "x")[0].features)
     surrogate, errors = make_surrogate(gate, domain)
     assert errors.acceptable
     fresh = inside(gate, np.array([domain[name] for name in ("distance_m", "motor_ratio", "hood_deg")]), 4000, 77)
@@ -92,7 +91,7 @@ def test_the_surrogate_is_the_gate_inside_its_domain(recorded: Dataset, trained:
 def test_a_saved_gate_reads_back_exactly(recorded: Dataset, trained: tuple[PhysicsGate, Heldout],
                                          tmp_path_factory: pytest.TempPathFactory) -> None:
     folder = tmp_path_factory.mktemp("gate")
-    rows = marks_of(recorded.shots, "x")[0].features
+    rows = outcome_classes_of(recorded.shots, "x")[0].features
     save_physics_gate(folder, trained[0], {"domain": domain_of(rows)})
     gate, record = load_physics_gate(folder)
     assert record["kind"] == "physics"
@@ -111,9 +110,9 @@ def test_configurations_labelled_alike_every_time_make_the_spread_small() -> Non
     speed, spin = rig.exit_of(ratio)
     true_m = heights(distance, speed * (1.0 - TRUTH.loss), np.radians(hood), spin, TRUTH) - 2.44
     labelled = Shots(data.shots.shot_id, data.shots.numbers, {"outcome": outcomes(true_m)})
-    marks = marks_of(labelled, "x")[0]
+    marks = outcome_classes_of(labelled, "x")[0]
     learn, test = np.arange(100), np.arange(100, 150)
-    gate = fit_physics_gate(data.facts, BELIEF, labelled.take(learn))
+    gate = train_physics_gate(data.facts, BELIEF, labelled.take(learn))[0]
     _, sigma_m = gate.latent(marks.features)
     assert np.median(sigma_m) < 0.06
     assert figures_of(gate.probabilities(marks.features[test]), marks.level[test]).accuracy >= 0.84
@@ -122,4 +121,4 @@ def test_configurations_labelled_alike_every_time_make_the_spread_small() -> Non
 def test_what_cannot_be_learned_is_refused(recorded: Dataset) -> None:
     no_target = type(recorded.facts)(recorded.facts.ball, recorded.facts.launcher)
     with pytest.raises(InputError, match="target"):
-        fit_physics_gate(no_target, BELIEF, recorded.shots)
+        train_physics_gate(no_target, BELIEF, recorded.shots)

@@ -132,7 +132,7 @@ def test_fit_says_what_it_found_and_where_to_be_careful(home, tmp_path, capsys):
         off_m = [abs(reference.integrate(*shot, float(row["cd"]), float(row["cl"])).height_m - 2.44)
                  for shot, outcome in zip(ROWS, OUTCOMES, strict=True) if outcome == "three"]
         assert float(row["mean_deviation_m"]) == pytest.approx(np.mean(off_m), abs=1e-5)
-    assert "careful: only 2 three-pointers" in said
+    assert "warning: only 2 three-pointers" in said
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
@@ -163,6 +163,6 @@ def test_fit_in_words_when_no_pair_reaches_all(tmp_path, capsys):
     assert main(["paper", "fit", str(tmp_path / "odd"), "--step", "0.05", "--quiet", "-o", str(out)]) == 0
     said = capsys.readouterr().out
     assert "do not reach the target at all" in said and "inf" not in said
-    assert "careful: no drag and lift explain these shots well" in said
+    assert "warning: no drag and lift explain these shots well" in said
     assert "mean_deviation_m" not in load_belief(out).provenance
     assert main(["paper", "fit", str(tmp_path / "odd"), "--bootstrap", "-1"]) == 2

@@ -1,4 +1,4 @@
-"""The seed's search against brute force with DOP853, and the measures by hand."""
+"""The paper's search against brute force with DOP853, and the measures by hand."""
 
 import numpy as np
 import pytest
@@ -8,8 +8,7 @@ from tests.sim.physics.rigs import GUPPY
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Shots
 from truearc.sim.infer.score import score
-from truearc.sim.paper.grid_bootstrap import bootstrap_grid
-from truearc.sim.paper.grid_fit import fit_grid, make_axis, map_deviation
+from truearc.sim.paper.grid_fit import bootstrap_grid, fit_grid, make_axis, map_deviation
 
 TRUTH = (0.9, 0.05)
 CENTRE_M, THREE_M, TWO_M = 2.44, 0.07, 0.35

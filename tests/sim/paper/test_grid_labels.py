@@ -91,12 +91,12 @@ def test_few_flights_are_enough():
             flown.append((batches[1] - batches[0]) * 64)
             real(batches, *rest)
 
-    label_launches(type(flyer)(Kernel, flyer.facts, flyer.release_m, flyer.launch), axis, TARGET, range(8))
+    label_launches(type(flyer)(Kernel, flyer.rig_values, flyer.release_m, flyer.launch), axis, TARGET, range(8))
     assert 0 < sum(flown) < 0.08 * 8 * axis.size**2
 
 
 def test_long_steps_are_near_enough_for_what_they_decide():
-    """Doubt begins SURE_M from a bound: there long steps must be nearer than that to short ones."""
+    """A label is DOUBTFUL within SURE_M of a bound: there long steps must be nearer than that to short ones."""
     flyer = _flyer(40, 40)
     rng = np.random.default_rng(41)
     which, cd, cl = rng.integers(40, size=64_000), rng.uniform(0, 3, 64_000), rng.uniform(0, 0.4, 64_000)
@@ -107,8 +107,8 @@ def test_long_steps_are_near_enough_for_what_they_decide():
 
 
 def test_the_interpolant_is_exact_for_a_polynomial():
-    nodes = grid_cells.make_nodes()
-    shape = grid_cells.make_transform() @ np.outer(nodes**3, 1.0 - nodes**5) @ grid_cells.make_transform().T
-    table = grid_cells.make_tables()[17, :17]
+    nodes = grid_cells.NODES_AT
+    shape = grid_cells.TRANSFORM @ np.outer(nodes**3, 1.0 - nodes**5) @ grid_cells.TRANSFORM.T
+    table = grid_cells.TABLES[17, :17]
     at = np.linspace(0, 1, 17)
     np.testing.assert_allclose(table @ shape @ table.T, np.outer(at**3, 1.0 - at**5), atol=1e-13)

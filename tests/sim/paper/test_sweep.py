@@ -158,10 +158,10 @@ def test_refuses_to_train_on_nothing_for_no_time_or_into_nonsense() -> None:
                         (Job(REAL, simulated_weight=math.nan), "--lambda is nan")):
         with pytest.raises(InputError, match=option):
             train_many([job])
-    for recipe, option in ((Recipe(steps=0), "--steps is 0"), (Recipe(patience=0), "--patience is 0"),
-                           (Recipe(learning_rate=0.0), "--learning-rate is 0.0")):
+    for settings, option in (({"steps": 0}, "--steps is 0"), ({"patience": 0}, "--patience is 0"),
+                             ({"learning_rate": 0.0}, "--learning-rate is 0.0")):
         with pytest.raises(InputError, match=option):
-            train_many([Job(REAL, SIMULATED)], recipe)
+            Recipe(**settings)
     with pytest.raises(InputError, match=r"diverged within .* \(seed 3\)"):
         train_many([Job(REAL, SIMULATED, seed=3)], Recipe(learning_rate=1e38, steps=50))
 

@@ -17,22 +17,21 @@ from truearc.sim.paper.synthetic_data import (
     SHAPE,
     grid_shots,
     label_grid,
-    load_provenance,
     sample_balanced,
-    synthesise,
     taken_configurations,
 )
+from truearc.sim.paper.synthetic_shots import load_provenance, synthesise
 
-FACTS = Rig(Ball(0.14, 0.0889), LauncherFacts(0.75, 594.0, (Wheel("lower", 0.0508, 1.0, 180.0),
-                                                              Wheel("upper", 0.0349, 0.5625, 0.0))), Target(2.44))
-CD, CL = 0.91, 0.06                               # the seed's own estimate
+RIG = Rig(Ball(0.14, 0.0889), LauncherFacts(0.75, 594.0, (Wheel("lower", 0.0508, 1.0, 180.0),
+                                                            Wheel("upper", 0.0349, 0.5625, 0.0))), Target(2.44))
+CD, CL = 0.91, 0.06                               # the paper's own estimate
 BELIEF = {"drag": {"cd": CD}, "magnus": {"cl": CL}}
 CONFIGURATIONS = 468_236
 
 
 @pytest.fixture(scope="module")
 def outcomes() -> np.ndarray:
-    return label_grid(FACTS, BELIEF)
+    return label_grid(RIG, BELIEF)
 
 
 def paper_height_m(distance_m: float, motor_ratio: float, hood_deg: float) -> float:
@@ -149,7 +148,7 @@ def test_shots_beside_the_grid_or_with_gaps_take_nothing() -> None:
 
 def test_recorded_configurations_are_replaced(outcomes: np.ndarray) -> None:
     first = sample_balanced(outcomes, 90, np.zeros(0, np.int64), 5)
-    shots = synthesise(FACTS, point_belief(BELIEF), 90, grid_shots(first), 5)
+    shots = synthesise(RIG, point_belief(BELIEF), 90, grid_shots(first), 5)
     assert len(shots) == 90
     assert not set(shots.shot_id) & set(grid_shots(first).shot_id)
     assert sorted(map(shots.text("outcome").count, ("miss", "two", "three"))) == [30, 30, 30]
@@ -159,7 +158,7 @@ def test_recorded_configurations_are_replaced(outcomes: np.ndarray) -> None:
 
 def test_a_rig_without_target_is_refused() -> None:
     with pytest.raises(InputError, match="target"):
-        label_grid(Rig(FACTS.ball, FACTS.launcher), BELIEF)
+        label_grid(Rig(RIG.ball, RIG.launcher), BELIEF)
 
 
 def test_provenance_is_optional_but_not_rubbish(tmp_path) -> None:

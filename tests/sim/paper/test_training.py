@@ -59,7 +59,7 @@ def test_validation_is_drawn_apart_from_the_holdout() -> None:
 
 
 def test_accuracy_counts_outcome_two_and_three() -> None:
-    # p_two = sigmoid(distance - 5), p_three = sigmoid(distance - 7) but for the hidden layer's squeeze
+    # p_two = sigmoid(distance - 5), p_three = sigmoid(distance - 7), before the hidden layer's squeeze
     flat = Layers(np.zeros((3, 8)), np.zeros(8), np.zeros((8, 2)), np.array([0.0, -1.0]))
     flat.hidden_w[0, 0] = 1.0
     flat.out_w[0] = 4.0, 0.0

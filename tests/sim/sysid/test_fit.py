@@ -9,7 +9,7 @@ from truearc.robot.config.schema import InputError
 from truearc.sim.sysid.fit import NORMAL90, fit_law, fit_motion, line
 from truearc.sim.sysid.motion import Law
 from truearc.sim.sysid.record import Record, cut, find_runs
-from truearc.sim.sysid.solve import climb, doubt
+from truearc.sim.sysid.solve import fit_least_squares, jackknife_covariance
 from truearc.sim.sysid.table import load_steps
 
 # frc3512/Robot-2020, src/main/include/controllers/FlywheelController.hpp at 0905181b: what the team got of its wheel
@@ -36,8 +36,8 @@ def test_ninety_percent_intervals_cover_about_ninety_percent():
     for seed in range(40):
         record = stair_record(3.0, seed)
         cuts = cut(record, find_runs(record))
-        values, start = climb(record, law, cuts)
-        sds = np.sqrt(np.diag(doubt(record, law, values, start, cuts)))
+        values, start = fit_least_squares(record, law, cuts)
+        sds = np.sqrt(np.diag(jackknife_covariance(record, law, values, start, cuts)))
         truth = np.array([TRUTH[name] for name in law.names])
         inside.append(np.abs(values - truth) <= NORMAL90 * sds)
     share = np.mean(inside, axis=0)

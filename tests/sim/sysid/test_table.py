@@ -37,7 +37,7 @@ def test_columns_are_found_by_their_units(tmp_path):
     ("t_s,u_V,w_rad_s\n0,1,2\n1,1,nan\n", "a.csv:3: w_rad_s: 'nan' is not a finite number"),
     ("t_s,u_V,w_rad_s\n0,1,\n1,1,2\n", "a.csv:2: w_rad_s: is missing"),
     ("t_s,u_V,w_rad_s\n0,1,2,3\n", "a.csv:2: 4 cells"),
-    ("t_s,u_V,w_rad_s\n0,1,2\n", "a.csv: 1 rows are no recording"),
+    ("t_s,u_V,w_rad_s\n0,1,2\n", "a.csv: 1 rows; expected at least 2"),
     ("t_s,u_V,v_V,w_rad_s\n0,1,2,3\n", r"a.csv:1: 2 columns end in _nm or _v \(u_V, v_V\)"),
     ("t_s,u_V,w_rpm\n0,1,2\n", "a.csv:1: 0 columns end in _rad_s"),
     ("time,u_V,w_rad_s\n0,1,2\n", "a.csv:1: column t_s is missing"),

@@ -22,7 +22,7 @@ def exact_speed(t_s, efforts=STAIRS, ks=KS, kv=KV, ka=KA):
 
 
 def stair_record(noise_rad_s, seed=0, delay_s=DELAY_S, effort_rows=True):
-    """The steps as somebody would record them; without `effort_rows` only the changes of effort are noted."""
+    """The steps as a user would record them; without `effort_rows` only the changes of effort are noted."""
     t_s = np.arange(0.0, len(STAIRS) * STAIR_S, PERIOD_S)
     efforts = np.array(STAIRS)[np.minimum((t_s / STAIR_S + 1e-9).astype(int), len(STAIRS) - 1)]
     speed = exact_speed(t_s - delay_s) + noise_rad_s * np.random.default_rng(seed).standard_normal(len(t_s))

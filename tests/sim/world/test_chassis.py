@@ -3,10 +3,10 @@ import math
 
 import pytest
 
-from truearc.sim.world.parts.chassis import Stand
+from truearc.sim.world.parts.chassis import Chassis
 
 
-def _drive(stand: Stand, dt: float = 0.005) -> list[float]:
+def _drive(stand: Chassis, dt: float = 0.005) -> list[float]:
     places = [stand.distance_m]
     while stand.moving and len(places) < 5000:
         stand.step(dt)
@@ -17,7 +17,7 @@ def _drive(stand: Stand, dt: float = 0.005) -> list[float]:
 @pytest.mark.parametrize("goal", [2.6, 3.99, 4.3, 8.0])
 @pytest.mark.parametrize("dt", [0.005, 0.001])
 def test_it_stops_where_it_was_sent_within_its_limits(goal: float, dt: float) -> None:
-    stand = Stand(1, 4.0, 1.0)
+    stand = Chassis(1, 4.0, 1.0)
     stand.drive_to(goal)
     places = _drive(stand, dt)
     assert stand.distance_m == goal
@@ -31,7 +31,7 @@ def test_it_stops_where_it_was_sent_within_its_limits(goal: float, dt: float) ->
 
 
 def test_it_parks_a_little_askew_and_points_at_the_target() -> None:
-    stand = Stand(3, 4.0, 1.0)
+    stand = Chassis(3, 4.0, 1.0)
     seen = set()
     for goal in (3.0, 7.0, 5.0, 2.6, 8.0):
         stand.drive_to(goal)
@@ -46,7 +46,7 @@ def test_it_parks_a_little_askew_and_points_at_the_target() -> None:
 
 
 def test_square_to_the_target_when_so_told() -> None:
-    stand = Stand(3, 4.0, 0.0)
+    stand = Chassis(3, 4.0, 0.0)
     stand.drive_to(6.0)
     _drive(stand)
     assert stand.pose() == (-6.0, 0.0, 0.0)

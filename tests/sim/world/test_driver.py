@@ -23,15 +23,15 @@ class _Robot:
     def _press(self, button: str) -> None:
         self.presses.append((self.bench.t_ns, button))
         if button == "fire":
-            assert not self.world.moving
+            assert not self.world.chassis.moving
             self.asked = True
-            self.stops.append(self.world.distance_m)
+            self.stops.append(self.world.chassis.distance_m)
 
     def run(self, longest_s: float = 300.0) -> None:
         feeding = 0
         while not self.driver.done and self.bench.t_ns < longest_s * 1e9:
             self.driver.step(self.bench.t_ns)
-            if self.asked and not self.refuse and abs(self.world.wheel_rad_s - 400.0) < 2.0:
+            if self.asked and not self.refuse and abs(self.world.belt.speed_rad_s - 400.0) < 2.0:
                 self.asked, feeding = False, 50
             self.bench.tick(400.0, 45.0, 0.2 if feeding > 0 else 0.0)
             feeding -= 1
@@ -72,7 +72,7 @@ def test_the_stops_cover_the_range_with_a_few_trials_at_each() -> None:
 
 
 def test_a_spoilt_trial_is_rejected_after_its_outcome() -> None:
-    robot = _Robot(trials=2, spoilt=1.0)
+    robot = _Robot(trials=2, rejected_share=1.0)
     robot.run()
     buttons = [button for _, button in robot.presses]
     assert [b for b in buttons if b in ("fire", "reject")] == ["fire", "reject"] * 2

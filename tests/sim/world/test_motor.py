@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from truearc.sim.world.options import Options
-from truearc.sim.world.parts.battery import STANDING_W, Supply
+from truearc.sim.world.parts.battery import STANDING_W, Battery
 from truearc.sim.world.parts.motor import FLYWHEEL, drive_motor, step_shaft
 
 INERTIA, VISCOUS, COULOMB = 6e-5, 1.5e-4, 0.02
@@ -64,7 +64,7 @@ def test_the_driver_gives_no_more_than_asked_nor_than_its_limit(asked: float, sp
 
 
 def test_the_bus_sits_where_power_balances() -> None:
-    supply = Supply(Options(battery_start_v=12.6, battery_resistance_ohm=0.03))
+    supply = Battery(Options(battery_start_v=12.6, battery_resistance_ohm=0.03))
     supply.draw(600.0, 0.005)
     current = (12.6 - supply.bus_v) / 0.03
     assert supply.bus_v * current == pytest.approx(600.0 + STANDING_W)
@@ -72,7 +72,7 @@ def test_the_bus_sits_where_power_balances() -> None:
 
 
 def test_the_charge_runs_down_with_the_current() -> None:
-    supply = Supply(Options(battery_resistance_ohm=0.0))
+    supply = Battery(Options(battery_resistance_ohm=0.0))
     for _ in range(1000):
         supply.draw(1000.0, 0.1)
     amperes = 1020.0 / 12.6                           # nearly constant; 100 s of it out of 18 Ah, 1.2 V in all

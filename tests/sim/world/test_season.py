@@ -13,14 +13,14 @@ from truearc.sim.world.parts.target import CENTRE_HEIGHT_M
 from truearc_proof.world.practice import ASIDE, plan_season, reach_m, reach_table
 from truearc_proof.world.season import Sensors, ShotSetting, play_season
 
-FACTS = load_config(Path(robot.__file__).parent / "launcher.toml").rig
+RIG = load_config(Path(robot.__file__).parent / "launcher.toml").rig
 EXACT = Sensors(0.0, 0.0, 0.0, 0.0)
 CALM = Options(scatter_scale=0.0, pose_scale=0.0)
 SETTINGS = (ShotSetting(5.4, 45.0, 0.55), ShotSetting(5.7, 45.0, 0.55), ShotSetting(6.5, 40.0, 0.6))
 
 
 def season(options: Options = CALM, level: str = "L2", sensors: Sensors = EXACT, seed: int = 3) -> Dataset:
-    return play_season(FACTS, options, seed, SETTINGS, level, sensors).dataset
+    return play_season(RIG, options, seed, SETTINGS, level, sensors).dataset
 
 
 def test_it_is_a_dataset_and_the_same_every_time(tmp_path: Path) -> None:
@@ -50,7 +50,7 @@ def test_sensors_say_what_they_would() -> None:
 
 def test_bad_sensors_do_what_they_say_and_leave_the_shots_alone() -> None:
     settings = [ShotSetting(5.4, 45.0, 0.55 + 0.001 * number) for number in range(40)]
-    plain, bad = (play_season(FACTS, Options(), 3, settings, "L2", sensors) for sensors in (
+    plain, bad = (play_season(RIG, Options(), 3, settings, "L2", sensors) for sensors in (
         EXACT, EXACT._replace(track_m=0.01, wrong_marks=0.5, track_tails=3, lost_frames=0.25)))
     assert bad.results == plain.results
     outcomes = [(one.dataset.shots.text("outcome"), one.dataset.shots.text("side")) for one in (plain, bad)]
@@ -61,7 +61,7 @@ def test_bad_sensors_do_what_they_say_and_leave_the_shots_alone() -> None:
     assert whole is not None and torn is not None
     assert 0.70 < len(torn.t_s) / len(whole.t_s) < 0.80
     assert all(torn.t_s[torn.shot == shot][0] == 0.0 for shot in range(40))
-    level = play_season(FACTS, Options(), 3, settings, "L2", EXACT._replace(track_m=0.01, track_tails=3)).dataset.tracks
+    level = play_season(RIG, Options(), 3, settings, "L2", EXACT._replace(track_m=0.01, track_tails=3)).dataset.tracks
     assert level is not None
     off = (level.z_m - whole.z_m) / 0.01                     # Student's t of 3: 5.8 % beyond 3, of a normal .3 %
     assert 0.03 < np.mean(np.abs(off) > 3.0) < 0.09
@@ -103,7 +103,7 @@ def test_tracks_begin_at_the_muzzle_and_fall_as_a_ball_does() -> None:
 def test_practice_says_where_balls_fall_through_the_goal() -> None:
     """Shot where the table says, a ball passes near the centre; the plan spreads about that."""
     setting = ShotSetting(reach_m(46.0, 0.57), 46.0, 0.57)
-    tracks = play_season(FACTS, CALM, 0, (setting,), "L2", EXACT._replace(track_s=5.0)).dataset.tracks
+    tracks = play_season(RIG, CALM, 0, (setting,), "L2", EXACT._replace(track_s=5.0)).dataset.tracks
     assert tracks is not None and tracks.z_m[-1] == pytest.approx(CENTRE_HEIGHT_M, abs=0.15)
     assert np.isnan(reach_m(10.0, 0.5)) and np.isfinite(reach_table()).mean() > 0.8
     plan = plan_season(4, 60)
@@ -115,8 +115,8 @@ def test_practice_says_where_balls_fall_through_the_goal() -> None:
 def test_a_shot_that_the_battery_has_no_speed_for_is_given_up_and_the_next_is_shot() -> None:
     slow, fast = ShotSetting(3.0, 50.0, 0.5), ShotSetting(3.0, 50.0, 0.8)
     empty = Options(battery_start_v=7.5)
-    shots = play_season(FACTS, empty, 1, [slow, fast, slow], "L0").dataset.shots
+    shots = play_season(RIG, empty, 1, [slow, fast, slow], "L0").dataset.shots
     assert len(shots) == 2
     assert shots.number("motor_ratio") == pytest.approx([0.5, 0.5], abs=0.01)
     with pytest.raises(TimeoutError, match="never got ready"):
-        play_season(FACTS, empty, 1, [fast], "L0")
+        play_season(RIG, empty, 1, [fast], "L0")

@@ -1,4 +1,4 @@
-"""What the camera sees: where the lens is, and which way the target lies."""
+"""The camera's view: the place of the lens, and the direction of the target."""
 
 import math
 from pathlib import Path
@@ -29,7 +29,7 @@ def test_the_view_is_rigid_and_the_lens_is_where_the_mounting_says(seed: int, di
     assert transform[:3, :3] @ transform[:3, :3].T == pytest.approx(np.eye(3), abs=1e-12)
     assert np.linalg.det(transform[:3, :3]) == pytest.approx(1.0)
     lens = -transform[:3, :3].T @ transform[:3, 3]    # in target axes: right, up, towards the viewer
-    pose = world.stand.pose()
+    pose = world.chassis.pose()
     assert lens[1] == pytest.approx(told.height_m - 2.27965)
     assert lens[2] == pytest.approx(distance + told.behind_exit_m * math.cos(pose.heading_rad))
     assert lens[0] == pytest.approx(-pose.y_m + told.behind_exit_m * math.sin(pose.heading_rad))

@@ -79,14 +79,14 @@ def test_wheels_left_alone_stop_in_a_few_seconds() -> None:
     for _ in range(400):
         t_ns += TICK_NS
         world.advance(t_ns, {"flywheel_a": 0.8, "flywheel_b": 0.8})
-    assert world.wheel_rad_s > 400.0
+    assert world.belt.speed_rad_s > 400.0
     stopped_s = 0.0
-    while world.wheel_rad_s > 0.0 and stopped_s < 60.0:
+    while world.belt.speed_rad_s > 0.0 and stopped_s < 60.0:
         t_ns += TICK_NS
         world.advance(t_ns, {})
         stopped_s += TICK_NS * 1e-9
     assert 3.0 < stopped_s < 20.0
-    assert world.wheel_rad_s == 0.0
+    assert world.belt.speed_rad_s == 0.0
 
 
 def test_free_speed_is_that_of_the_supply() -> None:
@@ -94,7 +94,7 @@ def test_free_speed_is_that_of_the_supply() -> None:
     for tick in range(1, 1601):
         world.advance(tick * TICK_NS, {"flywheel_a": 1.2, "flywheel_b": 1.2})
     no_load = 594.0 * world.bus_v() / 12.0            # back-EMF equals the bus; friction takes a little of it
-    assert 0.90 * no_load < world.wheel_rad_s < no_load
+    assert 0.90 * no_load < world.belt.speed_rad_s < no_load
 
 
 def test_the_bus_sags_under_load_and_comes_back() -> None:
@@ -114,11 +114,11 @@ def test_position_is_the_sum_of_speed() -> None:
     travelled = math.fsum(0.5 * (a.wheel_rad_s + b.wheel_rad_s) * TICK_NS * 1e-9
                           for a, b in zip(bench.samples, bench.samples[1:], strict=False))
     assert world.motor("flywheel_a").position_rad == pytest.approx(travelled, rel=2e-3)
-    assert world.motor("flywheel_b").velocity_rad_s == world.wheel_rad_s
+    assert world.motor("flywheel_b").velocity_rad_s == world.belt.speed_rad_s
 
 
 def test_the_hood_starts_anywhere_so_that_homing_is_real() -> None:
-    starts = {round(World(seed).hood_deg, 3) for seed in range(10)}
+    starts = {round(World(seed).hood.elevation_deg, 3) for seed in range(10)}
     assert len(starts) == 10
     assert all(World(seed).motor("hood").position_rad == 0.0 for seed in range(3))
 
@@ -128,7 +128,7 @@ def test_the_robot_may_drive_while_a_ball_flies() -> None:
     bench = Bench(World(1, CALM, 8.0))
     for _ in range(400):
         bench.tick(400.0, 45.0)
-    bench.world.drive_to(2.6)
+    bench.world.chassis.drive_to(2.6)
     shot = bench.fire(400.0, 45.0, 1)[0]
     assert shot.z_m is not None and still.results[0].z_m is not None
     assert 2.6 <= shot.distance_m < 8.0
@@ -145,10 +145,10 @@ def test_cutting_the_same_span_finer_changes_next_to_nothing() -> None:
         fine.advance(t_ns, torques)
     t_ns = 1_200_000_000
     fine.advance(t_ns, torques)
-    assert fine.wheel_rad_s == pytest.approx(coarse.wheel_rad_s, rel=1e-2)
-    assert fine.hood_deg == pytest.approx(coarse.hood_deg, abs=0.2)
+    assert fine.belt.speed_rad_s == pytest.approx(coarse.belt.speed_rad_s, rel=1e-2)
+    assert fine.hood.elevation_deg == pytest.approx(coarse.hood.elevation_deg, abs=0.2)
     fine.advance(5, torques)                          # time never runs backwards
-    assert fine.wheel_rad_s == pytest.approx(coarse.wheel_rad_s, rel=1e-2)
+    assert fine.belt.speed_rad_s == pytest.approx(coarse.belt.speed_rad_s, rel=1e-2)
 
 
 def test_without_pose_errors_the_shot_is_straight() -> None:

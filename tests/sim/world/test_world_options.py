@@ -136,12 +136,12 @@ def test_an_encoder_scale_changes_what_the_flywheels_say_and_nothing_else() -> N
 
 def test_hood_options_reach_the_encoder_and_the_hood() -> None:
     assert (math.degrees(World(1, calm(hood_offset_deg=2.0)).hood_encoder_rad())
-            == pytest.approx(World(1, CALM).hood_deg + 2.0))
+            == pytest.approx(World(1, CALM).hood.elevation_deg + 2.0))
     loose, tight = (World(1, calm(hood_backlash_deg=play)) for play in (1.0, 0.0))
     for world in (loose, tight):
         world.advance(200_000_000, {"hood": 0.1})
     assert tight.motor("hood") == loose.motor("hood")
-    assert tight.hood_deg - loose.hood_deg == pytest.approx(0.5)
+    assert tight.hood.elevation_deg - loose.hood.elevation_deg == pytest.approx(0.5)
 
 
 def test_the_exit_point_stays_put_unless_the_arc_is_asked_for() -> None:

@@ -29,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     """Return 0 when the dataset is written."""
     from truearc.sim.data.dataset import check_free, load_dataset, load_rig
-    from truearc.sim.paper.synthetic_files import say_synthetic, write_synthetic
+    from truearc.sim.paper.synthetic_shots import say_synthetic, write_synthetic
     check_free(args.out)
     recorded = load_dataset(args.exclude) if args.exclude else None
     shots = write_synthetic(args.out, load_rig(args.rig), args.coefficients, args.n, exclude=recorded,

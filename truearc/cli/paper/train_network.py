@@ -7,8 +7,8 @@ from typing import Any
 from truearc.cli.common import make_progress
 from truearc.sim.data.dataset import hash_dataset, load_dataset
 from truearc.sim.gate.network_training import Shares, rows_of, train_network
-from truearc.sim.paper.settings import PATIENCE, Recipe, check_recipe
-from truearc.sim.paper.synthetic_data import load_provenance
+from truearc.sim.paper.settings import PATIENCE, Recipe
+from truearc.sim.paper.synthetic_shots import load_provenance
 from truearc.sim.paper.training import Rows
 
 LAMBDA = 0.01                         # the paper's weight of the simulated loss
@@ -31,9 +31,7 @@ def run_training(args: argparse.Namespace) -> int:
 
 def recipe_of(args: argparse.Namespace) -> Recipe:
     """Return how to train, as the options of `add_recipe` and --steps say; InputError where that cannot be done."""
-    recipe = Recipe(args.learning_rate, args.steps, args.patience or PATIENCE)
-    check_recipe(recipe)
-    return recipe
+    return Recipe(args.learning_rate, args.steps, args.patience or PATIENCE)
 
 
 def coefficients_of(simulated: str | None) -> Any:

@@ -81,7 +81,7 @@ def _save_shots(session: Path, out: Path) -> "ta.Dataset":
 
 def _learn(demo: Demo, quiet: bool) -> None:
     from truearc.sim.gate.network_training import train_network
-    from truearc.sim.paper.synthetic_files import say_synthetic, write_synthetic
+    from truearc.sim.paper.synthetic_shots import say_synthetic, write_synthetic
     from truearc.sim.report import make_png
     shots = ta.load_dataset(demo.shots)
     _say("2 fit: the paper's grid of 1001 x 1001 coefficient pairs")

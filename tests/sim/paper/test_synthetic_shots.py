@@ -1,4 +1,4 @@
-"""Shots with doubt: the spread of heights is the one that goes in, the labels mix where they must, and only there."""
+"""Shots with uncertainty: the spread of heights is the one that goes in; labels mix where they must, and only there."""
 
 from pathlib import Path
 
@@ -10,14 +10,15 @@ from truearc.robot.config.rig_spec import Ball, LauncherFacts, Noise, Rig, Targe
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import load_dataset, save_rig
 from truearc.sim.infer.belief import Belief, draw, point_belief
-from truearc.sim.paper.synthetic_data import grid_heights, grid_shots, load_provenance, sample_shots
-from truearc.sim.paper.synthetic_draws import (
+from truearc.sim.paper.synthetic_data import grid_heights, grid_shots, sample_shots
+from truearc.sim.paper.synthetic_shots import (
     assign,
     check_belief,
     fly_draws,
     label_grid_draws,
+    load_provenance,
     near_places,
-    synthesise_draws,
+    synthesise,
 )
 from truearc.sim.physics.simulate import classify
 
@@ -27,7 +28,7 @@ STILL = Noise(0.0, 0.0, 0.0, 0.0)
 GRAVITY_M_S2 = 9.81
 
 
-def make_facts(noise: Noise) -> Rig:
+def make_rig(noise: Noise) -> Rig:
     return Rig(Ball(0.14, 0.0889), LauncherFacts(0.75, 594.0, WHEELS), Target(2.44), noise=noise)
 
 
@@ -43,14 +44,14 @@ def belief() -> Belief:
 
 @pytest.fixture(scope="module")
 def drawn(belief: Belief) -> np.ndarray:
-    return label_grid_draws(make_facts(Noise()), belief, 40, 5)
+    return label_grid_draws(make_rig(Noise()), belief, 40, 5)
 
 
-def heights_without_air(belief: Belief, facts: Rig, copies: int) -> tuple[np.ndarray, float, np.ndarray]:
+def heights_without_air(belief: Belief, rig: Rig, copies: int) -> tuple[np.ndarray, float, np.ndarray]:
     """Drawn heights of one configuration, its speed by Eq. 11, and the heights' closed form for given noise."""
     place = np.full(copies, 60 * 61 * 76 + 30 * 76 + 20)             # ratio 0.6, 45 degrees, 5 m
     rng = np.random.default_rng(3)
-    drawn = fly_draws(facts, grid_shots(place), assign([belief], copies, rng), rng)
+    drawn = fly_draws(rig, grid_shots(place), assign([belief], copies, rng), rng)
     speed = 0.6 * 594.0 * (0.0508 + 0.5625 * 0.0349) / 2.0
     return drawn, speed, place
 
@@ -62,7 +63,7 @@ def in_vacuum(speed_m_s: np.ndarray, elevation_rad: np.ndarray, distance_m: np.n
 
 def test_without_any_doubt_every_flight_is_the_closed_form() -> None:
     drawn, speed, _ = heights_without_air(point_belief(NO_AIR, {"speed": 0.0, "elevation_deg": 0.0}),
-                                          make_facts(STILL), 8)
+                                          make_rig(STILL), 8)
     np.testing.assert_allclose(drawn, in_vacuum(speed, np.radians(45.0), 5.0), rtol=1e-9)
 
 
@@ -73,7 +74,7 @@ def test_without_any_doubt_every_flight_is_the_closed_form() -> None:
 ])
 def test_each_source_of_scatter_spreads_the_heights_as_it_does_in_vacuum(scatter: dict, noise: Noise) -> None:
     """Quantiles against an independent Monte Carlo of the closed form."""
-    drawn, speed, _ = heights_without_air(point_belief(NO_AIR, scatter), make_facts(noise), 6000)
+    drawn, speed, _ = heights_without_air(point_belief(NO_AIR, scatter), make_rig(noise), 6000)
     rng = np.random.default_rng(11)
     z = rng.standard_normal((3, 200000))
     tilt_deg = np.hypot(scatter["elevation_deg"], noise.hood_deg)
@@ -84,31 +85,31 @@ def test_each_source_of_scatter_spreads_the_heights_as_it_does_in_vacuum(scatter
 
 
 def test_coefficients_are_drawn_shot_by_shot(belief: Belief) -> None:
-    facts, rng = make_facts(STILL), np.random.default_rng(0)
+    rig, rng = make_rig(STILL), np.random.default_rng(0)
     place = np.full(4000, 75 * 61 * 76 + 30 * 76 + 35)
     beliefs = draw(make_belief(0.0, 0.0), 500, rng)
     draws = assign(beliefs, len(place), rng)
     counts = np.unique(draws.coefficients["drag"]["cd"], return_counts=True)[1]
     assert counts.tolist() == [8] * 500
     assert np.std(np.log(draws.coefficients["drag"]["cd"])) == pytest.approx(0.2, rel=0.1)
-    heights = fly_draws(facts, grid_shots(place), draws, rng)
+    heights = fly_draws(rig, grid_shots(place), draws, rng)
     order = np.argsort(draws.coefficients["drag"]["cd"], kind="stable")
     assert (np.diff(heights[order]) <= 1e-9).all()                   # more drag, lower
     assert len(np.unique(heights.round(9))) == 500
 
 
 def test_labels_mix_near_the_target_and_nowhere_else(belief: Belief, drawn: np.ndarray) -> None:
-    facts = make_facts(Noise())
-    height_m = grid_heights(facts, belief.coefficients)
-    near = near_places(facts, belief, height_m)
-    exact = classify(facts, height_m)
+    rig = make_rig(Noise())
+    height_m = grid_heights(rig, belief.coefficients)
+    near = near_places(rig, belief, height_m)
+    exact = classify(rig, height_m)
     assert 0.05 < np.mean(exact[near] != drawn[near]) < 0.6
     beyond = np.setdiff1d(np.arange(len(exact)), near)
     assert (exact[beyond] == "miss").all() and (drawn[beyond] == "miss").all()
-    # nothing that could have scored is left out: of those left out that pass closest, flown with doubt, none scores
+    # nothing that could have scored is left out: of those left out that pass closest, flown with scatter, none scores
     rng = np.random.default_rng(8)
     closest = beyond[np.argsort(np.abs(np.nan_to_num(height_m[beyond], nan=-99.0) - 2.44))[:4000]]
-    flown = fly_draws(facts, grid_shots(closest), assign(draw(belief, 50, rng), len(closest), rng), rng)
+    flown = fly_draws(rig, grid_shots(closest), assign(draw(belief, 50, rng), len(closest), rng), rng)
     assert np.mean(np.abs(flown - 2.44) <= 0.35) < 1e-3
     # far inside the three-point window a shot is less often a miss than at its edge
     off_m = np.abs(height_m - 2.44)
@@ -116,18 +117,18 @@ def test_labels_mix_near_the_target_and_nowhere_else(belief: Belief, drawn: np.n
 
 
 def test_the_sample_is_balanced_repeats_and_avoids_recorded_shots(belief: Belief, drawn: np.ndarray) -> None:
-    one = synthesise_draws(make_facts(Noise()), belief, 40, 90, None, 5)
+    one = synthesise(make_rig(Noise()), belief, 90, None, 5, 40)
     again = sample_shots(drawn, 90, None, 5)
     assert again.shot_id == one.shot_id and again.texts == one.texts
     assert sorted(map(one.text("outcome").count, ("miss", "two", "three"))) == [30, 30, 30]
     assert not set(sample_shots(drawn, 90, one, 5).shot_id) & set(one.shot_id)
     with pytest.raises(InputError, match="--draws is 0"):
-        synthesise_draws(make_facts(Noise()), belief, 0, 90, None, 5)
+        synthesise(make_rig(Noise()), belief, 90, None, 5, 0)
 
 
 def test_the_door_says_what_a_file_without_doubt_lacks(belief: Belief, tmp_path: Path,
                                                         capsys: pytest.CaptureFixture[str]) -> None:
-    save_rig(tmp_path / "rig.toml", make_facts(Noise()))
+    save_rig(tmp_path / "rig.toml", make_rig(Noise()))
     point_belief(belief.coefficients).save(tmp_path / "grid.toml")
     belief.save(tmp_path / "ml.toml")
     words = ["paper", "synth", "--quiet", "--rig", f"{tmp_path}/rig.toml", "-n", "30", "--draws", "20"]
