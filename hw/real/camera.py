@@ -6,16 +6,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from truearc.hw.fault_codes import (
-    CAMERA_ERROR,
-    CAMERA_EXPOSURE_AUTOMATIC,
-    CAMERA_EXPOSURE_WRONG,
-    CAMERA_FROZEN,
-    CAMERA_NOT_OPENED,
-    CAMERA_SILENT,
-    CAMERA_STOPPED,
-    CAMERA_WRONG_SIZE,
-)
+from truearc.hw import fault_codes
 from truearc.hw.protocols import Clock, LinkLost
 from truearc.hw.readings import CameraFrame
 from truearc.hw.reason import Reason
@@ -61,7 +52,8 @@ class CameraThread:
         if newest is not None:
             return newest
         if lost or self._clock.now_ns() - heard_ns > SILENT_NS:
-            raise LinkLost(lost or (CAMERA_FROZEN if self._frozen else CAMERA_SILENT)(camera=self.name))
+            silent = fault_codes.CAMERA_FROZEN if self._frozen else fault_codes.CAMERA_SILENT
+            raise LinkLost(lost or silent(camera=self.name))
         return None
 
     def close(self) -> None:
@@ -81,9 +73,9 @@ class CameraThread:
                 failures = 0
                 self._keep(np.asarray(image, dtype=np.uint8))
             if failures:
-                self._lost = CAMERA_STOPPED(camera=self.name)
+                self._lost = fault_codes.CAMERA_STOPPED(camera=self.name)
         except cv2.error as error:
-            self._lost = CAMERA_ERROR(camera=self.name, detail=str(error))
+            self._lost = fault_codes.CAMERA_ERROR(camera=self.name, detail=str(error))
         finally:
             self._capture.release()
 
@@ -113,8 +105,8 @@ def lock_exposure(capture: Any, exposure_s: float, camera: str) -> Reason | None
             return None
         capture.read()
     if mode != MANUAL:
-        return CAMERA_EXPOSURE_AUTOMATIC(camera=camera)
-    return CAMERA_EXPOSURE_WRONG(camera=camera, exposure_s=exposure * EXPOSURE_UNIT_S, wanted_s=exposure_s)
+        return fault_codes.CAMERA_EXPOSURE_AUTOMATIC(camera=camera)
+    return fault_codes.CAMERA_EXPOSURE_WRONG(camera=camera, exposure_s=exposure * EXPOSURE_UNIT_S, wanted_s=exposure_s)
 
 
 def open_camera(device: str, width_px: int, height_px: int, fps: float, clock: Clock,
@@ -135,10 +127,10 @@ def open_camera(device: str, width_px: int, height_px: int, fps: float, clock: C
     size = int(capture.get(cv2.CAP_PROP_FRAME_WIDTH)), int(capture.get(cv2.CAP_PROP_FRAME_HEIGHT))
     refused = None
     if not capture.isOpened():
-        refused = CAMERA_NOT_OPENED(camera=device)
+        refused = fault_codes.CAMERA_NOT_OPENED(camera=device)
     elif size != (width_px, height_px):
-        refused = CAMERA_WRONG_SIZE(camera=device, width_px=size[0], height_px=size[1], wanted_width_px=width_px,
-                                    wanted_height_px=height_px)
+        refused = fault_codes.CAMERA_WRONG_SIZE(camera=device, width_px=size[0], height_px=size[1],
+                                                wanted_width_px=width_px, wanted_height_px=height_px)
     elif exposure_s > 0.0 and not is_stream:
         refused = lock_exposure(capture, exposure_s, device)
     if refused is not None:

@@ -10,7 +10,6 @@ import serial
 
 from truearc.hw.fault_codes import CAN_ADAPTER_ERROR, CAN_BUS_OFF
 from truearc.hw.protocols import Clock, Frame, LinkLost
-from truearc.hw.real.can_errors import BUS_OFF, error_words
 from truearc.hw.reason import Reason
 
 QUEUE_FULL = (errno.ENOBUFS, errno.EAGAIN)
@@ -19,6 +18,18 @@ QUEUE_FULL_WORDS = ("Transmit buffer full", "Could not send message to one or mo
 HIGHEST_BASE_ID, HIGHEST_ID = 0x7FF, 0x1FFFFFFF
 CLASSIC_BYTES, FD_BYTES = 8, 64
 SLCAN_WRITE_S = 0.02                              # a serial adapter must not be cut off in the middle of a line
+
+# errors in a controller's error frame; bits as in linux/can/error.h
+BUS_OFF = "bus off"
+OVERRUN = "receive overrun"
+
+CLASSES = ((0x001, "transmit timeout"), (0x002, "arbitration lost"), (0x008, "protocol violation"),
+           (0x010, "transceiver"), (0x020, "no acknowledgement"), (0x040, BUS_OFF), (0x080, "bus error"),
+           (0x100, "restarted"))
+CONTROLLER = 0x004                                # details are in the second byte
+CONTROLLER_DETAILS = ((0x01, OVERRUN), (0x02, "transmit overrun"), (0x04, "many receive errors"),
+                      (0x08, "many transmit errors"), (0x10, "error passive"), (0x20, "error passive"),
+                      (0x40, "error active again"))
 
 
 class _Outgoing(can.Message):  # type: ignore[misc]  # the library is not looked into
@@ -154,3 +165,12 @@ def _is_full(error: Exception) -> bool:
         return True
     code = error.error_code if isinstance(error, can.CanError) else getattr(error, "errno", None)
     return code in QUEUE_FULL or (code is None and str(error) in QUEUE_FULL_WORDS)
+
+
+def error_words(arbitration_id: int, data: bytes) -> tuple[str, ...]:
+    """What one error frame says; never empty."""
+    words = [word for bit, word in CLASSES if arbitration_id & bit]
+    if arbitration_id & CONTROLLER:
+        details = data[1] if len(data) > 1 else 0
+        words += [word for bit, word in CONTROLLER_DETAILS if details & bit] or ["controller"]
+    return tuple(dict.fromkeys(words)) or ("of an unknown kind",)

@@ -109,7 +109,7 @@ def _connect(client: Callable[..., Any], scheduler: str, patience_s: float) -> A
     try:
         connected = client(scheduler, timeout=patience_s)
     except (OSError, TimeoutError, ValueError) as error:
-        raise InputError(f"--scheduler {scheduler}: nobody answers ({error})") from error
+        raise InputError(f"--scheduler {scheduler}: no scheduler answers ({error})") from error
     try:
         connected.wait_for_workers(1, timeout=patience_s)
     except TimeoutError as error:

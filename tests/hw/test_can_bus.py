@@ -12,8 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from truearc.hw.protocols import Frame, LinkLost
-from truearc.hw.real.can_bus import CanBus, open_can
-from truearc.hw.real.can_errors import error_words
+from truearc.hw.real.can_bus import CanBus, error_words, open_can
 
 standard, extended, payloads = st.integers(0, 0x7FF), st.integers(0, 0x1FFFFFFF), st.binary(max_size=8)
 frames = st.one_of(

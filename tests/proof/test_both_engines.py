@@ -45,7 +45,7 @@ def test_marks_follow_from_claims_and_seals(played: Room) -> None:
 
 def test_figures_are_there_as_a_page_and_as_json(played: Room) -> None:
     figures = msgspec.json.decode(played.figures.read_bytes())["L1, 60"]
-    clean, dirty = figures["false alarms, clean"], figures["false alarms, dirty"]
+    clean, dirty = figures["false_alarms_clean"], figures["false_alarms_dirty"]
     assert clean["value"] is None                              # the clean world is MuJoCo's, in a row of its own
     assert dirty["of"] == 1 and dirty["yes"] == dirty["value"] and dirty["low95"] <= dirty["value"] <= dirty["high95"]
     page = played.report.read_text(encoding="utf-8")

@@ -126,7 +126,7 @@ def test_one_measurement_is_given_and_told_of_in_a_second_claim(room: Room) -> N
     assert abs(read["terms"]["target_height"]["value"]) < 1.0 and read["terms"]["target_height"]["sd"] == 0.01
     assert prove(room.root, "solve", "--processes", "1").returncode == 0
     second = {one.world: one for one in grade_round(room, quiet, 1)}["w0002"]
-    assert second.again is not None and second.first.asked == "one measurement" and second.first.random is None
+    assert second.again is not None and second.first.asked == "measurement" and second.first.random is None
     (room.more("w0002") / "measured.json").write_bytes(b"{}")
     with pytest.raises(InputError, match="is not what was given"):
         grade_round(room, quiet, 1)

@@ -25,7 +25,7 @@ def finding(found=True, what=(("hood_offset", 0.7), ("wheel_slip", 0.2)), said=N
 
 
 def named_wrong(marks):
-    return figures_of([marks])["named wrong, of all single names given"].value
+    return figures_of([marks])["all_named_wrong"].value
 
 
 def test_a_right_answer_is_right_in_everything():
@@ -144,9 +144,9 @@ def test_figures_count_what_they_say():
              *worlds(2, found=False, what=(), verdict="none"),
              mark_job(Job("off", "late_gust", "L1", 300, 1.0, 7, 0), late_gust)]
     values = {name: figure.value for name, figure in figures_of(marks).items()}
-    assert values["detected"] == 0.5 and values["top-1"] == 0.5 and values["set size"] == 1.5
-    assert values["gain below 0"] == 0.5 and values["named wrong"] == 0.0 and values["off: unknown"] == 1.0
-    assert values["gain kept"] == pytest.approx(0.0) and figures_of(marks[2:4])["gain kept"].value is None
+    assert values["detected"] == 0.5 and values["top_1"] == 0.5 and values["set_size"] == 1.5
+    assert values["gain_lost"] == 0.5 and values["named_wrong"] == 0.0 and values["off_unknown"] == 1.0
+    assert values["gain_kept"] == pytest.approx(0.0) and figures_of(marks[2:4])["gain_kept"].value is None
 
 
 def test_tables_say_reached_and_not_reached():

@@ -132,7 +132,7 @@ def test_marks_that_a_kill_has_lost_are_made_again(done: Room) -> None:
 def test_worlds_that_nobody_claimed_do_not_vanish(room: Room) -> None:
     leave_world_out(room, "w0002", "claimed")
     refused = prove(room.root, "grade", "--processes", "1")
-    assert refused.returncode == 2 and "w0002.json: is missing: nobody has claimed" in refused.stderr
+    assert refused.returncode == 2 and "w0002.json: is missing: there is no claim" in refused.stderr
     told = prove(room.root, "grade", "--processes", "1", "--so-far")
     assert told.returncode == 0 and "1 worlds are sealed and not claimed" in told.stdout, told.stderr
     assert [one.world for one in graded_of(room)] == ["w0001", "w0003"]

@@ -101,9 +101,10 @@ def test_of_the_sealed_gain_no_single_world_speaks_for_all() -> None:
 
 
 @pytest.mark.parametrize(("found", "of", "said"), [
-    (0, 10, "NOT REACHED, may be luck"), (2, 40, "reached, may be luck"), (40, 1000, "reached, may be luck"),
-    (450, 10000, "reached"), (10, 100, "NOT REACHED, may be luck"), (20, 100, "NOT REACHED"), (0, 1000, "NOT REACHED")])
-def test_what_luck_may_have_done_is_told(found: int, of: int, said: str) -> None:
+    (0, 10, "NOT REACHED, may be chance"), (2, 40, "reached, may be chance"), (40, 1000, "reached, may be chance"),
+    (450, 10000, "reached"), (10, 100, "NOT REACHED, may be chance"), (20, 100, "NOT REACHED"),
+    (0, 1000, "NOT REACHED")])
+def test_targets_say_what_may_be_chance(found: int, of: int, said: str) -> None:
     """Of false alarms .03 to .06 are wanted."""
     clean = world("clean", [], []), world("clean", [], ["wind_x"])
     assert rows([clean[0]] * (of - found) + [clean[1]] * found)["false alarms, clean"][3] == said

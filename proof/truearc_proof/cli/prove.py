@@ -1,11 +1,11 @@
-"""Draw concealed worlds, seal what is true of them, discover in their data, open the seals and mark what was said.
+"""Draw concealed worlds, seal their truth, discover in their data, open the seals and mark the claims.
 
 Without a role all are played, the solver's in a process of its own that cannot read the seals; seal, solve, answer
-(shoot what the solver asks for; then solve again) and grade are the roles apart. What was cut short goes on where it
-stopped. drive plays the whole chain in worlds of its own: recordings of the emulated robot (--shots trials each),
-discovery, adoption, gates, and what is scored with them; gates is the solver's part of that. pack puts a marked round
-into one file, without its data; check makes them again from the opened seals (of --worlds of them), compares every hash
-and mark, and, with --solve, has the solver say again what it makes of so many of them.
+(shoot the shots that the solver asks for; then solve again) and grade are the roles apart. A round that was interrupted
+continues where it stopped. drive plays the whole chain in worlds of its own: recordings of the emulated robot (--shots
+trials each), discovery, adoption, gates, and their scores; gates is the solver's part of that. pack puts a marked round
+into one file, without its data; check makes the data of --worlds worlds again from the opened seals, compares every
+hash and mark, and, with --solve N, lets the solver repeat its claims about N of them.
 """
 
 import argparse

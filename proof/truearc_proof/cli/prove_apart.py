@@ -1,5 +1,4 @@
-"""The solver in a process of its own, so that what refuses it the seals is never taken off, and nobody else is refused.
-"""
+"""The solver in a process of its own: its refusal of the seals lasts as long as it and holds for no other process."""
 
 import argparse
 import subprocess

@@ -1,4 +1,4 @@
-"""A packed round made again by a stranger: its data, its marks, and what the solver says of them."""
+"""Check of a packed round by a third party: its data and marks are made again, and the solver repeats its claims."""
 
 import argparse
 import tempfile
@@ -15,7 +15,11 @@ from truearc_proof.rounds.solver import solver_id
 
 
 def check_packed(args: argparse.Namespace, room: Room) -> None:
-    """What was committed to, told again by this machine; InputError where anything differs."""
+    """Make the data and marks of a round again and print the comparison.
+
+    Raises:
+        InputError: something differs from the commitments.
+    """
     if args.packed:
         unpack(Path(args.packed), room)
     checked = check_round(room, args.worlds, make_progress("check", args.quiet), args.seed)

@@ -1,10 +1,10 @@
 """The whole chain in sealed worlds: the emulated robot records, the solver learns gates, the robot drives with them.
 
-A round of its own, in ROUND/driven, with its own ledger. A world is MuJoCo's with one thing changed that nobody is
-told; its data are recordings of the emulated robot, through its buses and camera. From them alone the solver fits what
-rig.toml believes (the seed's physics), discovers and adopts what that lacks, and trains a gate on either: `before` and
-`after`, alike in all else, so that they are one and the same where nothing was found. Then the seal is opened, and the
-same robot drives in the same world without a gate and with each.
+A round of its own, in ROUND/driven, with its own ledger. A world is MuJoCo's with one concealed change; its data are
+recordings of the emulated robot, through its buses and camera. From them alone the solver fits the terms that rig.toml
+states (the paper's physics), discovers and adopts the effects that those lack, and trains a gate on either: `before`
+and `after`, alike in all else, so that they are equal where nothing was found. Then the seal is opened, and the same
+robot drives in the same world without a gate and with each.
 """
 
 import contextlib
@@ -199,7 +199,7 @@ def _claimed_gates(room: Room, name: str) -> dict[str, str]:
 
 
 def _drive(root: Path, trials: int, name: str) -> Driven:
-    """The same world and driver three times, alike but for the gate, and what came of it."""
+    """Drive three times in the same world with the same driver, without a gate and with each of the two gates."""
     room = Room(root)
     drawn = drawn_of(load_seal(room.seal(name)).world, room.seal(name))
     config = walked_in(load_config(SHIPPED), _session(room, name, "practice"))
@@ -217,7 +217,7 @@ def _drive(root: Path, trials: int, name: str) -> Driven:
 
 
 def driven_of(room: Room) -> list[Driven]:
-    """What is there, a world each, in its order; InputError where it is not what the ledger has."""
+    """Return the driven worlds on file, in order; InputError where a line differs from the ledger."""
     lines = [msgspec.convert(line, Driven) for line in load_marks(room)]
     return [one for _, one in sorted({one.world: one for one in lines}.items())]
 
@@ -233,7 +233,7 @@ def driven_table(driven: Sequence[Driven]) -> Table:
     rows.append(["together", "", "", f"after - before: {low:+.0%} to {high:+.0%} (95 %)",
                  *(said(*total[side]) for side in sides)])
     return Table("Driven: three points of shots fired, in sealed worlds of the emulated robot", (
-        "world", "changed", "verdict", "first name", NO_GATE, "the seed's physics", "what was adopted"), rows)
+        "world", "changed", "verdict", "first name", NO_GATE, "the paper's physics", "what was adopted"), rows)
 
 
 def _options(drawn: Drawn) -> Options:

@@ -127,10 +127,10 @@ def _tell(room: Room, graded: Sequence[Graded]) -> None:
         print("Nothing has been marked yet.")
         return
     tables = [one.markdown() for one in _save_report(room, graded)]
-    told = [f"{one.world} was sealed as {room.steps()[one.world][SEALED]}: is that the number you were told?"
+    sealed = [f"{one.world} was sealed as {room.steps()[one.world][SEALED]}: compare it with the number you were given"
             for one in graded if one.first.engine == OWN]
     files = f"report: {room.report}; figures: {room.figures}; every mark: {room.grades}"
-    print("\n\n".join([verdict([one.first for one in graded]), *tables, *told, files]))
+    print("\n\n".join([verdict([one.first for one in graded]), *tables, *sealed, files]))
 
 
 def _save_report(room: Room, graded: Sequence[Graded]) -> list[Table]:
@@ -153,7 +153,7 @@ def _seal_own(args: argparse.Namespace, room: Room) -> int:
 
 
 def _plan(args: argparse.Namespace, room: Room) -> RoundPlan:
-    """What the round is drawn from: as it was begun, or as the arguments say."""
+    """Return the plan that the round was begun with, or else the plan that the arguments state."""
     begun = load_plan(room) if room.plan.exists() else None
     goes_on = begun is not None and args.seed in (None, begun.seed)
     seed, drawn = (begun.seed, begun.entropy) if begun and goes_on else (_seed(args), args.seed is None)

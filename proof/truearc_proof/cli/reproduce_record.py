@@ -13,7 +13,7 @@ from truearc.sim.world.emulated_robot import emulate
 from truearc_proof.parallel import fan_out
 from truearc_proof.reproduce.collect import Record, Recording
 
-DONE = "recording.json"               # written last: a folder without it was broken off and is recorded anew
+DONE = "recording.json"               # written last: a folder without it is incomplete and is recorded again
 
 
 class _Job(NamedTuple):
@@ -23,10 +23,10 @@ class _Job(NamedTuple):
 
 def make_record(folder: Path, scheduler: str | None, workers: int | None,
                 make_progress: Callable[[str], Progress]) -> Record:
-    """A function that sees to it that sessions are recorded in `folder`, and returns their folders in order.
+    """Return a function that records sessions in `folder`, unless they are there already, and returns their folders.
 
-    What is there and was recorded alike is used as it is. InputError when it was recorded otherwise, or when a
-    cluster's workers write to another disk.
+    The folders are in the order of the sessions. The function raises InputError when a session was recorded with other
+    settings, or when a cluster's workers write to another disk.
     """
     def record(recordings: Sequence[Recording], what: str) -> list[Path]:
         # a worker elsewhere has another working directory

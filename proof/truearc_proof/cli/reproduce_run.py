@@ -68,7 +68,7 @@ def _own_folder(folder: Path) -> Path:
 
 
 def _save_pool(folder: Path, pool: Pool) -> None:
-    """The labelled configurations as datasets; made anew, since they follow from the recordings."""
+    """Write the labelled configurations as datasets; they follow from the recordings, so old ones are replaced."""
     shutil.rmtree(folder, ignore_errors=True)
     save_dataset(folder / "real", pool.real)
     save_dataset(folder / "launched", pool.launched)

@@ -18,7 +18,7 @@ from truearc.sim.data.table import RawTable, load_table
 from truearc_proof.importers.ball_sheets import load_sheets
 
 COLUMNS = ("ball", "drop", "t_s", "height_m", "mass_kg", "diameter_m")
-BODY = ("mass_kg", "diameter_m")      # of a ball: the same in each of its rows, empty where nobody weighed it
+BODY = ("mass_kg", "diameter_m")      # of a ball: the same in each of its rows, empty if not measured
 TRACK_NOISE_M = 0.07                  # scatter of the heights about a smooth fall (degree 4), all 22 drops together
 SHORTEST = 8                          # samples that a drop needs
 
@@ -58,7 +58,7 @@ def import_ball_drops(*files: str | Path) -> Dataset:
     left_out = tuple(f"{drop.name}: fewer than {SHORTEST} samples" for drop in found if len(drop.samples) < SHORTEST)
     if not any(math.isfinite(drop.area_per_mass_m2_kg) for drop in kept):
         raise InputError(f"{files[0]}: no drop of {SHORTEST} samples has a ball of known mass_kg and diameter_m")
-    return Dataset("ball-drops", _facts(kept), _shots(kept), _tracks(kept), None, left_out)
+    return Dataset("ball-drops", _rig(kept), _shots(kept), _tracks(kept), None, left_out)
 
 
 def _tables(drops: Path, balls: Path | None = None, *, problems: Problems) -> list[RawTable]:
@@ -118,7 +118,7 @@ def _typical(drops: list[_Drop]) -> Ball:
     return Ball(middle.mass_kg, middle.radius_m)
 
 
-def _facts(drops: list[_Drop]) -> Rig:
+def _rig(drops: list[_Drop]) -> Rig:
     height_m = round(float(np.median([drop.samples[0, 1] for drop in drops])), 2)
     return Rig(ball=_typical(drops), launcher=LauncherFacts(release_height_m=height_m), air=Air(1.2),
                  noise=Noise(track_m=TRACK_NOISE_M), believe=Believe(("gravity", "drag")))

@@ -14,7 +14,7 @@ from truearc_proof.importers.originals import needed, part
 COLUMNS = {"drop": "Drop #", "t_s": "Time (s)", "height_m": "Height (m)"}     # ours -> theirs
 OUNCE_KG = 0.0283495
 CM_M = 0.01
-UNKNOWN = "??"                        # nobody measured it
+UNKNOWN = "??"                        # not measured
 # sheets whose ball has another name in the list; else it is the sheet's in one word, with "wiffle" for "whiffle"
 LISTED_AS = {"Yellow Whiffle Ball": "yellowWiffle", "Orange Whiffle Ball": "orangeWiffle"}
 Body = tuple[Cell, Cell]              # mass_kg, diameter_m

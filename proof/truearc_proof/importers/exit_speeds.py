@@ -1,4 +1,4 @@
-"""Exit speeds that teams measured at several speeds of their wheels -> dataset; nobody noted where the balls went.
+"""Exit speeds that teams measured at several speeds of their wheels -> dataset, without outcomes.
 
 docs/importing.md says what the columns are, where they come from, and what is assumed of each launcher.
 """
@@ -21,7 +21,7 @@ SPEEDS_971 = ("ball_speed_mps", "accelerator_rad_s")
 # in constants.cc: rows {ball speed, {wheels beside the ball, finisher}} of the flywheels' table
 TABLE_971 = r"flywheel_shot_interpolation_table\s*=[^;]*"
 ORIGINAL_971 = r"\{(?P<ball_speed_mps>[^{},]*),\s*\{(?P<accelerator_rad_s>[^{},]*),[^{},]*\}\s*\}"
-NO_ELEVATION_DEG = 45.0               # stands where nobody noted one: no speed and no spin depends on it
+NO_ELEVATION_DEG = 45.0               # placeholder where none was noted: no speed and no spin depends on it
 COLUMNS_FUEL = ("hood_elevation_deg", "motor_rpm", "exit_speed_mps", "spin_rev_s", "ball_mass_kg", "ball_radius_m")
 RELEASE_FUEL_M = 0.39
 

@@ -31,7 +31,7 @@ def _version(text: str, path: Path, commit: str, when: str) -> RawTable:
 
 
 def _history(clone: Path) -> list[RawTable]:
-    """Newest first, as git tells them; a commit that took the file away is no version."""
+    """Return the versions, newest first, in the order of git; a commit that removed the file is left out."""
     if _git(clone, "rev-parse", "--is-shallow-repository").strip() == "true":
         raise InputError(f"{clone}: is a shallow clone, without the older versions: git -C {clone} fetch --unshallow")
     log = _git(clone, "-c", "log.showSignature=false", "log", "--abbrev=7", "--format=%h %cI", "--", FILE)

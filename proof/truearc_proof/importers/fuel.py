@@ -18,7 +18,7 @@ SAME = {"hood_elevation_deg": "angle_min", "ball_mass_kg": "m", "ball_radius_m":
 def load_fuel(path: Path, problems: Problems) -> tuple[RawTable, tuple[str, ...]]:
     """`shooter.py` or a table in CSV; and what was left out.
 
-    Spin is in rad/s, as their equations use it. Where motor speeds begin anew, nothing says at which elevation.
+    Spin is in rad/s, as their equations use it. Where motor speeds start again, the elevation is not stated.
     """
     if path.suffix != ".py":
         return load_table(path, problems), ()
@@ -32,7 +32,7 @@ def load_fuel(path: Path, problems: Problems) -> tuple[RawTable, tuple[str, ...]
                 "spin_rev_s": scaled(spin, 0.5 / math.pi)[:first]}
     line = _once(path, ARRAY.format("test_rpm")).lines[0]
     more = len(rpm) - first
-    left_out = f"{path}:{line}: {more} more, where motor speeds begin anew: at another elevation, which is not said"
+    left_out = f"{path}:{line}: {more} more, where motor speeds start again: at another elevation, which is not stated"
     return RawTable(path, columns, [line] * first), (left_out,) if more else ()
 
 

@@ -57,7 +57,7 @@ def import_mpi(*files: str | Path) -> Dataset:
     session = tuple(name for some in read for name in some.session)
     shots = Shots(tuple(shot_id), numbers, {"session": session}).take(kept)
     cut = [cut[row] for row in kept]
-    return Dataset("mpi", _facts(cut), shots, _tracks(cut), None, left_out)
+    return Dataset("mpi", _rig(cut), shots, _tracks(cut), None, left_out)
 
 
 def _tables(files: list[Path], problems: Problems) -> list[tuple[RawTable, RawTable]]:
@@ -125,7 +125,7 @@ def _before_bounce(samples: np.ndarray) -> np.ndarray:
     """The samples before the one nearest to the first bounce, time from 0.
 
     The bounce is the lowest height after the ball has begun to fall and before two samples running (or the last one)
-    are clearly above it, or before whatever follows it; the sample there is dropped too, for it may lie on either side.
+    are clearly above it, or before whatever follows it; the sample there is dropped too: it may lie on either side.
     """
     z_m = samples[:, 3]
     falling = np.flatnonzero(z_m < np.maximum.accumulate(z_m) - FALL_M) if len(z_m) else np.zeros(0, int)
@@ -149,8 +149,8 @@ def _tracks(cut: list[np.ndarray]) -> Tracks:
     return Tracks(shot, stacked[:, 0], stacked[:, 1], stacked[:, 2], stacked[:, 3])
 
 
-def _facts(cut: list[np.ndarray]) -> Rig:
-    """What is known of the rig; the ball first shows about where it leaves the wheels."""
+def _rig(cut: list[np.ndarray]) -> Rig:
+    """Return the rig as far as it is known; the first sample of a track lies near the exit of the wheels."""
     wheels = tuple(Wheel(name, WHEEL_RADIUS_M, 1.0, clock_deg) for name, clock_deg in WHEELS)
     first_m = [samples[np.abs(samples[:, 1]).argmin(), 3] for samples in cut]
     height_m = round(float(np.median(first_m)), 3) if cut else 0.0

@@ -18,7 +18,7 @@ from truearc_proof.importers.originals import needed, part
 PARAMETERS = ("phi_cmd", "theta_cmd", "motor_top_left_rpm", "motor_top_right_rpm", "motor_bottom_rpm")
 BALL = ("launch_param", "time_stamps", "positions")
 WITH_ROBOT = ("launch_parameter", "ball_time_stamps", "ball_positions")
-MOTOR = r"^mn\d+_"                    # of a file's name: the launcher's motors, which say nothing of the set
+MOTOR = r"^mn\d+_"                    # of a file's name: the launcher's motors, which do not identify the set
 NS = 1e-9
 LONGEST_STEP_S = 1e3                  # between two samples: the recorder's clock counts nanoseconds, its files seconds
 
@@ -37,7 +37,7 @@ def load_recording(path: Path, problems: Problems) -> list[tuple[RawTable, RawTa
             groups = {name: originals[name] for name in sorted(originals, key=lambda name: (len(name), name))}
             for name, group in groups.items():
                 if not isinstance(group, h5py.Group):
-                    raise InputError(f"{part(path, f'group {name}')}: is no group")
+                    raise InputError(f"{part(path, f'group {name}')}: is not a group")
             return [_launch(path, name, group, problems) for name, group in groups.items()]
     except (OSError, RuntimeError, KeyError) as error:
         raise InputError(f"{path}: not a readable HDF5 file ({error})") from error
@@ -53,7 +53,7 @@ def _launch(path: Path, name: str, group: Any, problems: Problems) -> tuple[RawT
         raise InputError(f"{here}: {names[2]} has not 3 numbers for each of {names[1]}")
     for motor, rpm in zip(PARAMETERS[2:], parameters[2:], strict=True):
         if rpm <= 1.0:
-            problems.add(str(here), motor, f"{rpm:g} is no speed in rpm (thrown by hand, or a share of full power?)")
+            problems.add(str(here), motor, f"{rpm:g} is not a speed in rpm (thrown by hand, or a share of full power?)")
     seen = _seen(group, len(stamps), here)
     key: dict[str, Cell] = {"set": re.sub(MOTOR, "", path.stem), "launch": name}
     launch = {**key, **dict(zip(PARAMETERS, map(float, parameters), strict=True)), "n_samples": float(len(seen))}

@@ -1,4 +1,4 @@
-"""What the public originals have in common: numbers in program text, parts of a file, packages that only some need."""
+"""Reading public originals: numbers in program text, parts of a file, and packages that only some of them need."""
 
 import importlib
 import json

@@ -26,7 +26,7 @@ BALL = Ball(0.142, 0.0889)            # team 2910's notebook: 0.142 kg, 0.1778 m
 GOAL_M = 2.4956                       # 98.25 in, the field drawings of 2020
 OPENING_M = (0.0762, 0.381)           # half heights: the ball's margin in the inner port; 30 in across flats outside
 WHEEL_M = 0.0508                      # 4 in
-RELEASE_M = 0.75                      # stated by nobody
+RELEASE_M = 0.75                      # assumed: not stated
 DISTANCE_M = 0.05
 
 
@@ -80,13 +80,13 @@ def import_set_points(tables: str | Path, robot: Robot) -> Dataset:
     shots = _shots(tuple(f"{name[row]}-{k:02d}" for k, row in enumerate(rows)), distance_m, wheel_rpm,
                    np.array([robot.elevation_deg(raw) for raw in hood]), {}, texts)
     left_out = tuple(f"{table.place(row)}: extrapolated by the team" for row in guessed)
-    return Dataset(f"frc-{robot.team}", _facts(), shots, left_out=left_out)
+    return Dataset(f"frc-{robot.team}", _rig(), shots, left_out=left_out)
 
 
 def import_3476(history: str | Path) -> Dataset:
     """Team 3476 (2021): dated versions of one table; a shot for each set point that a version changed.
 
-    `t_s` counts from the first version. Set points that a version kept are no new shots and are left out. All versions
+    `t_s` counts from the first version. Set points that a version kept are left out. All versions
     in one CSV, or a clone of the team's repository; one version alone can be read from its own shooterconfig.json.
     """
     with gathered() as problems:
@@ -104,7 +104,7 @@ def import_3476(history: str | Path) -> Dataset:
     shots = _shots(tuple(f"{commit[row]}-{row:03d}" for row in rows), distance_m, wheel_rpm, hood_deg,
                    {"t_s": time_s[rows] - time_s.min()}, {"version": tuple(commit[row] for row in rows)})
     same = len(every) - len(rows)
-    return Dataset("frc-3476", _facts(), shots,
+    return Dataset("frc-3476", _rig(), shots,
                    left_out=(f"{same} set points that a version left as they were",) if same else ())
 
 
@@ -128,7 +128,7 @@ def _time_s(table: RawTable, row: int, text: str, problems: Problems) -> float:
     try:
         return datetime.fromisoformat(text).timestamp()
     except ValueError:
-        problems.add(table.place(row), "committed_at", f"{text!r} is no date with time (ISO 8601)")
+        problems.add(table.place(row), "committed_at", f"{text!r} is not a date with time (ISO 8601)")
         return 0.0
 
 
@@ -139,7 +139,7 @@ def _shots(shot_id: tuple[str, ...], distance_m: np.ndarray, wheel_rpm: np.ndarr
                            "wheel_hood_rad_s": still, "miss_height_m": still, **more}, texts)
 
 
-def _facts() -> Rig:
+def _rig() -> Rig:
     wheels = (Wheel("main", WHEEL_M, 1.0, 180.0), Wheel("hood", WHEEL_M, 0.0, 0.0))
     return Rig(BALL, LauncherFacts(RELEASE_M, None, wheels), Target(GOAL_M, *OPENING_M), Air(1.2),
                  noise=Noise(distance_m=DISTANCE_M), believe=Believe(("gravity", "drag", "magnus", "exit_efficiency")))

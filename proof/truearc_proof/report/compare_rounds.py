@@ -1,4 +1,4 @@
-"""A round of proof played again by somebody else, with entropy of his own: is it what was published?"""
+"""Comparison of a published round of proof with a round that a third party has played, with entropy of its own."""
 
 from collections.abc import Sequence
 
@@ -6,8 +6,7 @@ import numpy as np
 from scipy.stats import fisher_exact
 
 from truearc.sim.intervals import wilson
-from truearc_proof.report.figures import ProofFigure, figures_of
-from truearc_proof.report.targets import SHOWN
+from truearc_proof.report.figures import TITLES, ProofFigure, figures_of
 from truearc_proof.scoring.score_world import Mark
 from truearc_proof.table import Table
 
@@ -19,7 +18,7 @@ def beside(published: Sequence[Mark], again: Sequence[Mark]) -> Table:
     included, and how often chance alone would put two rounds of these sizes as far apart (Fisher's exact test): of six
     worlds a share lies outside easily."""
     ours, theirs = figures_of(published), figures_of(again)
-    rows = [_row(SHOWN.get(name, name), ours[name], theirs[name]) for name in ours
+    rows = [_row(TITLES[name], ours[name], theirs[name]) for name in ours
             if ours[name].counts is not None and theirs[name].counts is not None]
     return Table("Played again", ("figure", "published", "again", "inside", "by chance"), rows)
 

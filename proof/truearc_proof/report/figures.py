@@ -10,19 +10,29 @@ from truearc_proof.scoring.score_world import Mark
 from truearc_proof.worlds.sampling_plan import ALIKE, NUMPY
 
 # places in truearc_proof.scoring.oracle.Ceiling
-CEILINGS = {"detected": 0, "top-1": 1, "up to alias": 2, "stage": 3}
-RESOLVABLE = 50.0                     # lambda, from which what has no name should be told as such
-# Of everything that was said, by whichever engine the world was made and whatever was hidden.
-ALL_GAINS, ALL_NAMES = "gain below 0, of all claims with a gain", "named wrong, of all single names given"
-DECOY_FIRST, DECOY_AMONG = "decoy: its name first", "decoy: its name in the set"
-SEALED_KEPT, SEALED_LOST = "gain kept, in the sealed test", "worse in the sealed test, of all claims"
-DESIGNED = "follow-up: random shots that 100 designed ones equal"
-TRIFLE = 1e-3
-ALIAS_SET, PAIR = "aliases: a set with the whole class", "two: both are right"
+CEILINGS = {"detected": 0, "top_1": 1, "up_to_alias": 2, "stage": 3}
+RESOLVABLE = 50.0                     # lambda, from which an effect in no catalogue should be reported as unknown
+NEGLIGIBLE = 1e-3                     # relative change of an error that counts as none
+# {id of a figure: its text in tables}; all_: of every claim, by either engine and whatever was hidden.
+TITLES = {
+    "detected": "detected", "stage": "stage", "top_1": "top-1", "up_to_alias": "up to alias",
+    "in_set": "in the set", "set_size": "set size", "interval_holds": "interval holds",
+    "gain_kept": "gain kept, by the solver's own folds", "gain_lost": "gain below 0, of one effect found",
+    "all_gains_lost": "gain below 0, of all claims with a gain",
+    "called_unknown": "called unknown", "named_wrong": "named wrong, of one effect found",
+    "all_named_wrong": "named wrong, of all single names given",
+    "off_unknown": "off: unknown", "off_goes_with": "off: covariate and direction",
+    "false_alarms_clean": "false alarms, clean", "false_alarms_dirty": "false alarms, dirty",
+    "sealed_gain_kept": "gain kept, in the sealed test", "sealed_worse": "worse in the sealed test, of all claims",
+    "amplitude_error": "amplitude's RMS error / least", "alias_set": "aliases: a set with the whole class",
+    "decoy_first": "decoy: its name first", "decoy_in_set": "decoy: its name in the set",
+    "two_one_right": "two: one is right", "two_both_right": "two: both are right",
+    "random_worth": "follow-up: random shots that 100 designed ones equal",
+}
 
 
 class ProofFigure(NamedTuple):
-    """What was reached: a share (counts: its yes and of), or another number; allowed: by the data's own information."""
+    """A share (counts: its yes and of), or another number; allowed: the ceiling by the data's own information."""
 
     value: float | None
     words: str
@@ -31,29 +41,32 @@ class ProofFigure(NamedTuple):
 
 
 def figures_of(marks: Sequence[Mark]) -> dict[str, ProofFigure]:
-    """All figures, of worlds of one level and as many shots; value None where no world says. Of the NumPy engine's
-    alone, but for ALL_GAINS and ALL_NAMES."""
+    """Return {id of TITLES: figure} of worlds of one level and number of shots; value None where no world has one.
+
+    The figures cover worlds of the NumPy engine; all_gains_lost, all_named_wrong, sealed_worse and random_worth cover
+    both engines.
+    """
     mine = [one for one in marks if one.engine == NUMPY]
     catalogued = [one for one in mine if one.kind == "one" and one.allowed is not None]
     found = [one for one in catalogued if one.found]
     shares = _shares_of_effects(catalogued, found) | _shares_of_others(mine) | {
-        ALL_GAINS: [_lost(one) for one in marks], SEALED_LOST: [worse_in_test(one) for one in marks],
-        ALL_NAMES: [_wrong(one) for one in marks if one.verdict == "named"]}
+        "all_gains_lost": [_lost(one) for one in marks], "sealed_worse": [worse_in_test(one) for one in marks],
+        "all_named_wrong": [_wrong(one) for one in marks if one.verdict == "named"]}
     figures = {name: _share(answers) for name, answers in shares.items()}
     figures |= {name: figures[name]._replace(allowed=_allowed(catalogued, place)) for name, place in CEILINGS.items()}
-    figures["set size"] = _mean([one.set_size for one in found if one.set_size is not None])
+    figures["set_size"] = _mean([one.set_size for one in found if one.set_size is not None])
     errors = [one.error**2 for one in found if one.error is not None]
-    figures["amplitude's RMS error / least"] = _number((sum(errors) / len(errors))**0.5 if errors else None)
+    figures["amplitude_error"] = _number((sum(errors) / len(errors))**0.5 if errors else None)
     pairs = [(one.gain, one.oracle_gain) for one in found if one.gain is not None and one.oracle_gain is not None]
     best = sum(oracle for _, oracle in pairs)
-    figures["gain kept"] = _number(sum(gain for gain, _ in pairs) / best if best > 0.0 else None)
-    figures[SEALED_KEPT] = kept_in_test(found)
-    figures[DESIGNED] = _median([one.random for one in marks if one.random is not None], ".0f")
+    figures["gain_kept"] = _number(sum(gain for gain, _ in pairs) / best if best > 0.0 else None)
+    figures["sealed_gain_kept"] = kept_in_test(found)
+    figures["random_worth"] = _median([one.random for one in marks if one.random is not None], ".0f")
     return figures
 
 
 def plain_figures(marks: Sequence[Mark]) -> dict[str, Any]:
-    """{level, shots: {figure: value; of a share yes, of and Wilson's interval; what the data allow}}, plain values."""
+    """Return {"level, shots": {id: value; of a share yes, of and Wilson's interval; the ceiling}}, plain values."""
     settings = sorted({(one.level, one.shots) for one in marks})
     return {f"{level}, {shots}": {name: _plain(one) for name, one in figures_of(
         [mark for mark in marks if (mark.level, mark.shots) == (level, shots)]).items()} for level, shots in settings}
@@ -66,12 +79,14 @@ def _plain(figure: ProofFigure) -> dict[str, Any]:
 
 
 def kept_in_test(marks: Sequence[Mark]) -> ProofFigure:
-    """Share of the squared error of sealed heights that the true term takes away, which what was adopted took away: the
-    median world's, of those in which the true term takes away more than a trifle. (A sum over worlds would be the word
-    of the few in which balls were foretold to fall short.)"""
+    """Return the share that adoption reached of the true term's reduction of the squared error of sealed heights.
+
+    The median over the worlds in which that reduction is not NEGLIGIBLE: a sum would be decided by the few in which
+    balls were forecast to fall short.
+    """
     known = [one.off_m for one in marks if one.off_m is not None and len(one.off_m) == 3]
     shares = [(before**2 - after**2) / (before**2 - true**2) for before, after, true in known
-              if true < before * (1.0 - TRIFLE)]
+              if true < before * (1.0 - NEGLIGIBLE)]
     return _median(shares, ".2f")
 
 
@@ -79,10 +94,10 @@ def _shares_of_effects(catalogued: Sequence[Mark], found: Sequence[Mark]) -> dic
     """Of worlds with one hidden effect of the catalogue; found: those in which it was."""
     return {
         "detected": [one.found for one in catalogued], "stage": [one.stage for one in found],
-        "top-1": [one.first for one in found], "up to alias": [one.alias for one in found],
-        "in the set": [one.covered for one in found], "interval holds": [one.holds for one in found],
-        "gain below 0": [_lost(one) for one in found], "called unknown": [one.verdict == "unknown" for one in found],
-        "named wrong": [one.verdict == "named" and _wrong(one) for one in found]}
+        "top_1": [one.first for one in found], "up_to_alias": [one.alias for one in found],
+        "in_set": [one.covered for one in found], "interval_holds": [one.holds for one in found],
+        "gain_lost": [_lost(one) for one in found], "called_unknown": [one.verdict == "unknown" for one in found],
+        "named_wrong": [one.verdict == "named" and _wrong(one) for one in found]}
 
 
 def _shares_of_others(marks: Sequence[Mark]) -> dict[str, list[bool | None]]:
@@ -90,13 +105,13 @@ def _shares_of_others(marks: Sequence[Mark]) -> dict[str, list[bool | None]]:
            and (one.strength is None or one.strength >= RESOLVABLE)]
     two = [one for one in marks if one.kind == "two" and one.found]
     return {
-        "false alarms, clean": [one.found for one in marks if one.kind == "clean"],
-        "false alarms, dirty": [one.found for one in marks if one.kind == "dirty"],
-        "off: unknown": [one.verdict == "unknown" for one in off],
-        "off: covariate and direction": [one.goes_with for one in off],
-        ALIAS_SET: [_told_as_set(one) for one in marks if one.kind == "alias" and one.found],
-        DECOY_FIRST: [named_decoy(one) for one in marks], DECOY_AMONG: [has_decoy(one) for one in marks],
-        "two: one is right": [one.first for one in two], PAIR: [one.both for one in two]}
+        "false_alarms_clean": [one.found for one in marks if one.kind == "clean"],
+        "false_alarms_dirty": [one.found for one in marks if one.kind == "dirty"],
+        "off_unknown": [one.verdict == "unknown" for one in off],
+        "off_goes_with": [one.goes_with for one in off],
+        "alias_set": [_told_as_set(one) for one in marks if one.kind == "alias" and one.found],
+        "decoy_first": [named_decoy(one) for one in marks], "decoy_in_set": [has_decoy(one) for one in marks],
+        "two_one_right": [one.first for one in two], "two_both_right": [one.both for one in two]}
 
 
 def _lost(one: Mark) -> bool | None:
@@ -104,16 +119,15 @@ def _lost(one: Mark) -> bool | None:
 
 
 def worse_in_test(one: Mark) -> bool | None:
-    """Whether sealed shots are foretold worse by what was adopted; None where heights hang on it by no more than a
-    trifle."""
+    """Return whether the adopted belief forecasts sealed shots worse; None where the change of error is negligible."""
     if one.off_m is None:
         return None
     before, after = one.off_m[:2]
-    return None if abs(after - before) <= TRIFLE * before else after > before
+    return None if abs(after - before) <= NEGLIGIBLE * before else after > before
 
 
 def _wrong(one: Mark) -> bool:
-    """The first name is neither true nor of a true one's class: any is where nothing is missing, or has no name."""
+    """Whether the first name is neither true nor of a true one's class: any is, if no catalogued term is hidden."""
     return not one.first and not up_to_alias(one)
 
 
@@ -146,7 +160,7 @@ def _number(value: float | None) -> ProofFigure:
 
 
 def _allowed(marks: Sequence[Mark], part: int) -> float | None:
-    """Mean chance to detect, or (part > 0) of those detected the share that could be told right."""
+    """Mean chance to detect, or (part > 0) of those detected the share that could be named right."""
     allowed = [one.allowed for one in marks if one.allowed is not None]
     detected = sum(one[0] for one in allowed)
     if not detected:

@@ -58,7 +58,7 @@ def _words(marks: Sequence[Mark], question: Question) -> str:
 def _matrix(marks: Sequence[Mark]) -> str:
     return picture(matrix_png(marks), "worlds by what was true and what was said",
                    "Worlds; the darker, the larger the share of the row. named: one name; set: names that these data "
-                   "cannot tell apart; unknown: something without a name; none: nothing found.")
+                   "cannot tell apart; unknown: an unexplained effect; none: nothing found.")
 
 
 def _worlds(marks: Sequence[Mark]) -> str:

@@ -40,7 +40,7 @@ def ladder_png(marks: Sequence[Mark]) -> bytes:
 
 
 def matrix_png(marks: Sequence[Mark]) -> bytes:
-    """What was true (rows) against what was said (columns), as shares of a row."""
+    """Plot the truth (rows) against the verdict (columns), as shares of a row."""
     counts = matrix_of(marks)
     figure = new_figure(6.2, 0.9 + 0.55 * len(counts))
     axes = figure.subplots()

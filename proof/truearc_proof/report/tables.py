@@ -19,6 +19,7 @@ KINDS = {"one": "one effect", "two": "two effects", "alias": "aliases", "decoy":
          "off": "in no catalogue", "cut": "a term cut from the belief"}
 CHANGED = {**KINDS, "one": "one thing changed", "two": "two things"}     # of MuJoCo's robot
 STEPS = (0.0, 1.0, 3.0, 7.0, 15.0, 35.0, 100.0, float("inf"))      # of lambda
+REQUESTS = {SHOTS: "shots", MEASUREMENT: "one measurement"}
 Question = Callable[[Mark], bool | None]
 Again = Sequence[tuple[Mark, Mark]]
 FOUND: Question = attrgetter("found")
@@ -27,8 +28,16 @@ RIGHT: tuple[Question, ...] = (attrgetter("first"), up_to_alias, attrgetter("cov
 
 
 def make_tables(marks: Sequence[Mark], again: Again = (), scale: float | None = None) -> list[Table]:
-    """False alarms, what was found by how plain it was and by name, what was right, the abstention matrix, against the
-    design, and what further shots told; again: (first, then) of the worlds that were shot again; scale: of effects."""
+    """Return the tables of a round that have rows.
+
+    False alarms, detection by lambda and by name, correct answers, the abstention matrix, the design's targets, rivals,
+    and the gain of further shots.
+
+    Args:
+        marks: Of first claims.
+        again: (first, second) marks of the worlds that were shot again.
+        scale: Of effects; None: any.
+    """
     tables = [_alarms(marks), _ladder(marks), _by_name(marks), _right(marks), _matrix(marks), _targets(marks, scale),
               _rivals(marks), _again(again)]
     return [one for one in tables if one.rows]
@@ -64,7 +73,7 @@ def _alarms(marks: Sequence[Mark]) -> Table:
               "dirty": [one for one in nulls if one.kind == "dirty" and one.engine == NUMPY],
               "MuJoCo, unchanged": [one for one in nulls if one.engine == MUJOCO and one.kind == "clean"],
               "MuJoCo, unchanged, dirty": [one for one in nulls if one.engine == MUJOCO and one.kind == "dirty"],
-              "somebody else's": [one for one in nulls if one.engine == OWN], "together": nulls}
+              "external": [one for one in nulls if one.engine == OWN], "together": nulls}
     rows = [[title, said(*share(mine, lambda one: one.found)), said(*share(mine, lambda one: bool(one.names)))]
             for title, mine in groups.items() if mine]
     return Table(
@@ -101,7 +110,7 @@ def _right(marks: Sequence[Mark]) -> Table:
     """Each kind of world in which something is hidden, of those found."""
     kinds = {**{words: (NUMPY, kind) for kind, words in KINDS.items()},
              **{f"MuJoCo, {words}": (MUJOCO, kind) for kind, words in CHANGED.items()},
-             **{f"somebody else's, {words}": (OWN, kind) for kind, words in KINDS.items()}}
+             **{f"external, {words}": (OWN, kind) for kind, words in KINDS.items()}}
     rows = []
     for title, (engine, kind) in kinds.items():
         mine = [one for one in marks if (one.engine, one.kind) == (engine, kind)]
@@ -164,9 +173,9 @@ def yes_of(answers: Iterable[bool | None]) -> tuple[int, int]:
 
 def _again(pairs: Again) -> Table:
     named = {kind: [pair for pair in pairs if pair[0].first is not None and pair[0].asked == kind]
-             for kind in (SHOTS, MEASUREMENT)}
-    rows = [[kind, str(len(mine)), *_before_and_after(mine)] for kind, mine in named.items() if mine]
-    return Table("What was asked for, and what it told", (
+             for kind in REQUESTS}
+    rows = [[REQUESTS[kind], str(len(mine)), *_before_and_after(mine)] for kind, mine in named.items() if mine]
+    return Table("Further shots and measurements: answers before and after", (
         "", "worlds", "set before", "after", "first name right before", "after", "the right name alone before",
         "after"), rows)
 

@@ -1,1 +1,1 @@
-"""The seed's tables and figures on recordings of the emulated robot, beside baselines and our gate."""
+"""The paper's tables and figures on recordings of the emulated robot, beside baselines and our gate."""

@@ -24,7 +24,7 @@ LOW_IS_GOOD = ("brier", "ece")
 
 
 class Figure(NamedTuple):
-    """Metrics of one model on one set of rows in one repetition; size and weight are None for what is no network."""
+    """Metrics of one model on one set of rows in one repetition; size and weight are None unless it is a network."""
 
     repetition: int
     model: str

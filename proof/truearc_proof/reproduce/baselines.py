@@ -46,7 +46,7 @@ def _fit_process(rows: Rows, seed: int) -> Pipeline:
     kernel = ConstantKernel(10.0, (0.1, 1e4)) * RBF([1.0, 1.0, 1.0], (0.05, 100.0))
     model = make_pipeline(StandardScaler(), GaussianProcessClassifier(kernel, random_state=seed))
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ConvergenceWarning)       # a scale at its bound: that input says nothing
+        warnings.simplefilter("ignore", ConvergenceWarning)       # a scale at its bound: that input is not informative
         return model.fit(rows.features, _classes(rows))
 
 

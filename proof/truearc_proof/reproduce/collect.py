@@ -29,7 +29,7 @@ from truearc_proof.reproduce.settings import Settings
 ABREAST = 4                           # sessions of a round, which may be recorded side by side
 PRACTICE_SPREAD = 0.12                # speeds off by up to this: misses on both sides teach more than twos
 MARKED_SHARE = 0.8                    # of a configuration's shots must be marked: some are rejected or held
-# What the robot can see and drive to, and the wheels can do; about the 3 to 30 feet of the paper's zones.
+# Limits of the camera, the field and the wheels; about the 3 to 30 feet of the paper's zones.
 LAUNCHABLE = {"distance_m": (2.0, 9.2), "motor_ratio": RATIOS, "hood_deg": (15.0, 75.0)}
 
 
@@ -95,12 +95,11 @@ def labels(sessions: Sequence[Path], name: str, settings: Settings) -> Dataset:
     return label_by_repeatability(shots, math.ceil(MARKED_SHARE * settings.repeats))
 
 
-def _aiming(facts: Rig, sessions: Sequence[Path]) -> Aiming:
-    aiming = learn_aiming(facts, shots_from_sessions(sessions, "practice", telemetry=False).shots)
+def _aiming(rig: Rig, sessions: Sequence[Path]) -> Aiming:
+    aiming = learn_aiming(rig, shots_from_sessions(sessions, "practice", telemetry=False).shots)
     if aiming is None:
-        raise InputError("the practice sessions have misses on one side of the target only, from which nobody learns "
-                         "to "
-                       "aim: try another --seed, or without --quick")
+        raise InputError("the practice sessions have misses on one side of the target only, which do not determine "
+                         "the aim: try another --seed, or without --quick")
     return aiming
 
 
@@ -145,10 +144,10 @@ def launch_simulated(config: Config, settings: Settings, real: Dataset, record: 
     return Dataset(labelled.name, labelled.facts, shots, left_out=labelled.left_out), coefficients
 
 
-def choose_launches(facts: Rig, coefficients: dict[str, dict[str, float]], real: Shots, count: int, seed: int,
+def choose_launches(rig: Rig, coefficients: dict[str, dict[str, float]], real: Shots, count: int, seed: int,
                     progress: Progress) -> tuple[Shots, np.ndarray]:
-    """`count` configurations of the seed's grid that the robot can shoot, even by simulated outcome; and that."""
-    outcomes = label_grid(facts, coefficients, progress)
+    """`count` configurations of the paper's grid that the robot can shoot, even by simulated outcome; and that."""
+    outcomes = label_grid(rig, coefficients, progress)
     barred = np.zeros(len(outcomes), bool)
     barred[taken_configurations(real)] = True
     places = np.unravel_index(np.arange(len(outcomes)), SHAPE)

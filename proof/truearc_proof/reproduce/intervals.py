@@ -23,8 +23,8 @@ class Interval(NamedTuple):
 def interval(values: np.ndarray, seed: int = 0) -> Interval:
     """Of one value a repetition; NaN rows are left out, and fewer than two leave the bounds NaN.
 
-    For a paired comparison pass the differences. Repetitions that draw from one pool overlap, so the interval is that
-    of drawing anew from these recordings, narrower than that of recording anew.
+    For a paired comparison pass the differences. Repetitions that draw from one pool overlap, so the interval covers
+    new draws from these recordings; one that covered new recordings would be wider.
     """
     kept = np.asarray(values, float)[~np.isnan(np.asarray(values, float))]
     if len(kept) < 2:

@@ -1,4 +1,4 @@
-"""The seed's network at every amount and weight of simulated data, in every repetition, trained as one batch."""
+"""The paper's network at every amount and weight of simulated data, in every repetition, trained as one batch."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -15,7 +15,7 @@ from truearc_proof.reproduce.settings import Settings
 
 
 class Answer(NamedTuple):
-    """One network's p [70, 2] on the rows asked about, its least validation loss and the epoch of that."""
+    """One network's p [70, 2] on the test rows, its least validation loss and the epoch of that."""
 
     p: np.ndarray
     validation_loss: float

@@ -30,14 +30,14 @@ SCHEMA = "truearc.reproduction/1"
 
 
 def what_varies(pool: Pool, settings: Settings) -> list[str]:
-    """What an interval over repetitions means here, in sentences."""
+    """Return sentences that say what an interval over repetitions covers here."""
     real, launched = (_counts(part.shots.text("outcome")) for part in (pool.real, pool.launched))
     return [
         f"Recorded once, shared by all {settings.draws} repetitions: {len(pool.real.shots)} legitimate configurations "
         f"chosen by the crew ({real}), each shot {settings.repeats} times and labelled by the rule of section IV-A, "
         f"and {len(pool.launched.shots)} legitimate ones of {settings.launched} simulated configurations that were "
         f"really launched ({launched}).",
-        f"Drawn anew by each repetition: {settings.configurations} of the former with an even share of each outcome, "
+        f"Drawn by each repetition: {settings.configurations} of the former with an even share of each outcome, "
         f"their split into {1 - settings.test_share:.0%} and {settings.test_share:.0%}, the coefficients fitted to "
         f"the training split, the simulated data, the split's validation part, first weights and minibatches, and "
         f"{settings.transfer} of the latter (D_s^T), even by what the simulator said of them.",
@@ -48,13 +48,13 @@ def what_varies(pool: Pool, settings: Settings) -> list[str]:
         + ", ".join(f"{key} = {value:.3f}" for part in pool.coefficients.values() for key, value in part.items())
         + ". They were drawn from what the robot can see and do: "
         + ", ".join(f"{name} {low:g} to {high:g}" for name, (low, high) in LAUNCHABLE.items()) + ".",
-        "Every model has the same training configurations and labels. Networks, the seed's way, are stopped by a fifth "
-        "of them that is kept from training; the others have no need of it and are fitted to all.",
+        "Every model has the same training configurations and labels. Networks, as in the paper, are stopped by a "
+        "fifth of them that is kept from training; the others have no need of it and are fitted to all.",
     ]
 
 
 def headline(analysis: Analysis) -> list[str]:
-    """What was found, one sentence each."""
+    """Return the findings, one sentence each."""
     lines = []
     for other in (BY_VALIDATION, BY_TEST):
         won = [found for found in analysis.differences if found.where == EVERYTHING and found.other == other]

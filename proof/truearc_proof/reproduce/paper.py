@@ -17,17 +17,17 @@ BEST_WEIGHT = 0.01                    # Figure 10's star
 NOT_PRINTED = "not printed in the paper"
 
 
-def exit_seed(facts: Rig, motor_ratio: Any, hood_deg: Any) -> Exit:
+def exit_seed(rig: Rig, motor_ratio: Any, hood_deg: Any) -> Exit:
     """Launch of the two-wheel rig at motor speed / free speed and elevation.
 
-    The seed's Eq. 11 and 12, the latter with the paper's own factor (twice the spin of a ball that does not slip).
+    The paper's Eq. 11 and 12, the latter with its own factor (twice the spin of a ball that does not slip).
     Raises InputError when the rig has no free speed or not one wheel above and one below.
     """
-    if not is_opposed(facts):
+    if not is_opposed(rig):
         raise InputError("rig.toml: launcher.wheel: the paper's Eq. 11 and 12 need two wheels, clock_deg 0 and 180")
-    if facts.launcher.free_speed_rad_s is None:
+    if rig.launcher.free_speed_rad_s is None:
         raise InputError("rig.toml: launcher.free_speed_rad_s is needed to turn motor_ratio into a launch")
-    upper, lower = sorted(facts.launcher.wheel, key=lambda wheel: round(wheel.clock_deg % 360.0, 6))
-    motor_rad_s = motor_ratio * facts.launcher.free_speed_rad_s
-    return exit_opposed(facts, motor_rad_s * (upper.gear * upper.radius_m), motor_rad_s * (lower.gear * lower.radius_m),
+    upper, lower = sorted(rig.launcher.wheel, key=lambda wheel: round(wheel.clock_deg % 360.0, 6))
+    motor_rad_s = motor_ratio * rig.launcher.free_speed_rad_s
+    return exit_opposed(rig, motor_rad_s * (upper.gear * upper.radius_m), motor_rad_s * (lower.gear * lower.radius_m),
                         hood_deg)

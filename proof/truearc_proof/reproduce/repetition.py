@@ -1,4 +1,4 @@
-"""One repetition: a draw, the seed's simulator fitted to it, its simulated data, and all that is no network."""
+"""One repetition: a draw, the paper's simulator fitted to it, its simulated data, and all models but the networks."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -20,7 +20,7 @@ from truearc_proof.reproduce.draws import Draw, draw
 from truearc_proof.reproduce.settings import Settings
 
 SIMULATOR, OURS = "simulator alone", "our gate"
-# What the gate's physics may hold: the seed's forces, and a loss of speed between wheels and ball.
+# Terms that the gate's physics may hold: the paper's forces, and a loss of speed between wheels and ball.
 OUR_TERMS = ("gravity", "drag", "magnus", "exit_efficiency", "wheel_slip")
 
 
@@ -36,7 +36,7 @@ class Task(NamedTuple):
 
 @dataclass(frozen=True)
 class Repetition:
-    """Its rows are the draw's: `test` 20 configurations and `transfer` 50, which are asked about together, in order.
+    """Its rows are the draw's: `test` 20 configurations and `transfer` 50, which are predicted together, in order.
 
     `scores`: Table I. `deviation_m`: of the simulator's flight from the target's centre for each test configuration,
     infinite where it does not reach the plane, with `outcome` what happened. `predictions`: name -> p [70, 2].
@@ -47,7 +47,7 @@ class Repetition:
     learn: Rows                       # train less validation
     validation: Rows
     asked: Rows                       # test, then transfer
-    tests: int                        # of `asked`, the first so many
+    tests: int                        # number of rows of `asked` that are the test
     coefficients: dict[str, dict[str, float]]
     tied: int                         # coefficient pairs that were equally good
     scores: dict[str, Score]
@@ -64,32 +64,32 @@ def tasks_of(pool: Pool, settings: Settings) -> list[Task]:
 
 def run_repetition(task: Task) -> Repetition:
     """Fit and predict all but the networks, which are trained together afterwards; pure."""
-    settings, facts = task.settings, task.facts
+    settings, rig = task.settings, task.facts
     drawn = draw(task.real, task.launched, settings, task.number)
     train, test, transfer = (task.real.take(drawn.train), task.real.take(drawn.test),
                              task.launched.take(drawn.transfer))
-    fit = fit_grid(facts, train, settings.grid_step)
-    scores = {"Training": score(facts, fit.coefficients, train), "Testing": score(facts, fit.coefficients, test)}
+    fit = fit_grid(rig, train, settings.grid_step)
+    scores = {"Training": score(rig, fit.coefficients, train), "Testing": score(rig, fit.coefficients, test)}
     asked = _rows(test, transfer)
     all_train = _rows(train)
     seed = settings.base_seed + task.number
-    predictions = {SIMULATOR: _labels(np.concatenate([_outcomes(facts, fit.coefficients, shots)
+    predictions = {SIMULATOR: _labels(np.concatenate([_outcomes(rig, fit.coefficients, shots)
                                                       for shots in (test, transfer)]))}
     predictions |= {name: fitted(asked.features) for name, fitted in fit_baselines(all_train, seed).items()}
-    predictions |= our_predictions(facts, train, asked, seed)
-    height_m = predict(facts, fit.coefficients, test).height_m
-    assert facts.target is not None
+    predictions |= our_predictions(rig, train, asked, seed)
+    height_m = predict(rig, fit.coefficients, test).height_m
+    assert rig.target is not None
     return Repetition(
         task.number, drawn, _rows(task.real.take(np.setdiff1d(drawn.train, drawn.validation))),
         _rows(task.real.take(drawn.validation)), asked, len(test), fit.coefficients, int(fit.tied.sum()), scores,
-        np.nan_to_num(np.abs(height_m - facts.target.centre_height_m), nan=np.inf), test.text("outcome"),
-        simulated_sets(facts, fit.coefficients, train, settings, seed), predictions)
+        np.nan_to_num(np.abs(height_m - rig.target.centre_height_m), nan=np.inf), test.text("outcome"),
+        simulated_sets(rig, fit.coefficients, train, settings, seed), predictions)
 
 
-def simulated_sets(facts: Rig, coefficients: dict[str, dict[str, float]], train: Shots, settings: Settings,
+def simulated_sets(rig: Rig, coefficients: dict[str, dict[str, float]], train: Shots, settings: Settings,
                    seed: int) -> dict[int, Rows]:
     """D_s of every size asked for, each an even draw of its own from the grid, none at a configuration of `train`."""
-    outcomes = label_grid(facts, coefficients)
+    outcomes = label_grid(rig, coefficients)
     taken = taken_configurations(train)
     sets = {}
     for size in sorted({*settings.sizes, settings.best_size} - {0}):
@@ -99,15 +99,15 @@ def simulated_sets(facts: Rig, coefficients: dict[str, dict[str, float]], train:
     return sets
 
 
-def our_predictions(facts: Rig, train: Shots, asked: Rows, seed: int) -> dict[str, np.ndarray]:
+def our_predictions(rig: Rig, train: Shots, asked: Rows, seed: int) -> dict[str, np.ndarray]:
     """Our gate's, from the same configurations and labels as everybody else's, and nothing besides."""
-    split = Dataset("training split", facts, train)
-    belief = fit_map(facts, split, OUR_TERMS, grid=grid_start(facts, split)).belief
-    return {OURS: train_physics_gate(facts, belief, train, seed, "training split")[0].probabilities(asked.features)}
+    split = Dataset("training split", rig, train)
+    belief = fit_map(rig, split, OUR_TERMS, grid=grid_start(rig, split)).belief
+    return {OURS: train_physics_gate(rig, belief, train, seed, "training split")[0].probabilities(asked.features)}
 
 
-def _outcomes(facts: Rig, coefficients: dict[str, dict[str, float]], shots: Shots) -> np.ndarray:
-    return classify(facts, predict(facts, coefficients, shots).height_m)
+def _outcomes(rig: Rig, coefficients: dict[str, dict[str, float]], shots: Shots) -> np.ndarray:
+    return classify(rig, predict(rig, coefficients, shots).height_m)
 
 
 def _labels(outcomes: np.ndarray) -> np.ndarray:

@@ -19,7 +19,7 @@ MOST_USUAL = 3.0                      # usual sizes from which a refit starts at
 
 
 def answer(dataset: Dataset, believed: RivalBelief, seed: int = 0) -> Claim:
-    """The best fit's name and what it foretells; nothing in it is random."""
+    """Return the best fit's name and its forecast errors; nothing in it is random."""
     fitted = believed.fitted
     candidates = [one for one in one_step(fitted.evidence)[0] if one.visible]
     if not candidates:

@@ -56,5 +56,5 @@ class Trees:
 
 
 def answer(dataset: Dataset, believed: RivalBelief, seed: int = 0) -> Claim:
-    """What the trees say."""
+    """Return the claim of the boosted trees."""
     return claim_by(dataset, believed, partial(Trees, seed))

@@ -20,9 +20,9 @@ class Claim(Struct, frozen=True):
     """One entrant about one world.
 
     says_something: that the believed simulation lacks something. names: terms of the catalogue, likeliest first; empty
-    where none is named. before_m, after_m: RMS error of the height at the tracks' ends, foretold for shots that were
-    held out, by the believed physics and by what the entrant makes of it (the same while it says nothing); None where
-    it foretells nothing. figures: what it went by.
+    where none is named. before_m, after_m: RMS error of the forecast height at the tracks' ends in hold-out shots, by
+    the believed physics and by the entrant's law (equal if it does not say something); None where it makes no forecast.
+    figures: those that decided.
     """
 
     says_something: bool

@@ -1,4 +1,4 @@
-"""The height at a track's end, foretold from its beginning by a law of library columns.
+"""Forecast of the height at a track's end, from its beginning by a law of library columns.
 
 The same question that truearc's own figure answers (truearc.sim.discover.select.forecast_error): the first 40 % of a
 track's samples tell how the ball left, the law flies it on. truearc also knows wheels and hood when it does so; a law
@@ -19,7 +19,7 @@ SLOWEST_M_S = 0.5
 
 
 def end_errors(flights: Flights, names: tuple[str, ...], weights: Array) -> Array:
-    """[n] in m: measured height of each track's last sample less that foretold by gravity and columns `names` with
+    """[n] in m: measured height of each track's last sample less the forecast by gravity and columns `names` with
     each track's own weights [n, K]."""
     used = np.flatnonzero((weights != 0.0).any(axis=0))
     law = _Law(flights, tuple(names[k] for k in used), weights[:, used])

@@ -58,5 +58,5 @@ def _climb(cost: Callable[[Array], tuple[float, Array]], start: Array, bounds: A
 
 
 def answer(dataset: Dataset, believed: RivalBelief, seed: int = 0) -> Claim:
-    """What the process says; nothing in it is random."""
+    """Return the claim of the Gaussian process; nothing in it is random."""
     return claim_by(dataset, believed, Process)

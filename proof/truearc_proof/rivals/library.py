@@ -2,13 +2,13 @@
 
 A column is a term's acceleration at its usual size (one standard deviation of the catalogue's prior), linearised where
 it is not linear, drag and lift inside another term at the middle of their priors: so one threshold, and one ridge,
-means the same for every column, and the rivals know beforehand what truearc knows. Drag and lift themselves are per
-coefficient (cd, cl), at the middle of their priors where they are not believed.
+means the same for every column, and the rivals have the same prior knowledge as truearc. Drag and lift themselves are
+per coefficient (cd, cl), at the middle of their priors where they are not believed.
 
 | column | acceleration | stands for |
 |---|---|---|
 | drag | abs(v) v | drag |
-| magnus | w x v, w the no-slip spin of the wheels in the seed's convention | magnus |
+| magnus | w x v, w the no-slip spin of the wheels in the paper's convention | magnus |
 | buoyancy | a constant, up | buoyancy, added_mass (the same once drag and lift are free) |
 | wind_x, wind_y, wind_z | abs(v) e + (v.e / abs(v)) v, less the lift's w x e | each wind |
 | spin_decay | time x (w x v), time since the track's first sample | spin_decay |
@@ -67,23 +67,23 @@ def terms_of(column: str) -> tuple[str, ...]:
     return STANDS_FOR.get(column, (column,))
 
 
-def accelerations(facts: Rig, names: tuple[str, ...], at: Moments) -> Array:
+def accelerations(rig: Rig, names: tuple[str, ...], at: Moments) -> Array:
     """Columns [..., 3, K] in m/s2 by name, at each one's usual size; gravity is not among them."""
-    parts = _Parts(facts, at)
+    parts = _Parts(rig, at)
     return np.stack([usual_of(name) * parts.column(name) for name in names], axis=-1)
 
 
-def gravity(facts: Rig) -> Array:
+def gravity(rig: Rig) -> Array:
     """[3] in m/s2."""
-    return np.array([0.0, 0.0, -facts.world.gravity_m_s2])
+    return np.array([0.0, 0.0, -rig.world.gravity_m_s2])
 
 
 class _Parts:
     """What columns are made of, worked out once."""
 
-    def __init__(self, facts: Rig, at: Moments) -> None:
-        ball, air = facts.ball, facts.air
-        self.at, self.facts = at, facts
+    def __init__(self, rig: Rig, at: Moments) -> None:
+        ball, air = rig.ball, rig.air
+        self.at, self.facts = at, rig
         self.rim_m_s = 2.0 * math.pi * ball.radius_m * at.spin_rev_s
         self.speed = np.maximum(np.linalg.norm(at.velocity_m_s, axis=-1), 1e-3)
         self.drag_per_m = 0.5 * math.pi * ball.radius_m**2 * air.density_kg_m3 / ball.mass_kg
@@ -127,9 +127,9 @@ class _Parts:
         return np.stack([-spin * z, np.zeros_like(spin * z), spin * x], axis=-1)
 
     def _buoyancy(self) -> Array:
-        ball, facts = self.facts.ball, self.facts
-        lighter = facts.air.density_kg_m3 * 4.0 / 3.0 * math.pi * ball.radius_m**3 / ball.mass_kg
-        return np.broadcast_to(-lighter * gravity(facts), self.at.velocity_m_s.shape)
+        ball, rig = self.facts.ball, self.facts
+        lighter = rig.air.density_kg_m3 * 4.0 / 3.0 * math.pi * ball.radius_m**3 / ball.mass_kg
+        return np.broadcast_to(-lighter * gravity(rig), self.at.velocity_m_s.shape)
 
 
 def _prior(name: str) -> tuple[float, float]:

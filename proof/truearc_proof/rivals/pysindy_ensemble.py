@@ -3,7 +3,7 @@
 Tuning: Savitzky-Golay windows of WINDOW frames (the best of 11, 21 and whole-track polynomials on development worlds),
 frames nearer to an end than EDGE left out, STLSQ's threshold and ridge by cross-validation (sparse.tune), 50 models on
 rows drawn with replacement. It says something when the median of the models keeps a candidate, and ranks candidates by
-the share of models that do. Velocities are differenced once and accelerations twice; both are taken for what they are.
+the share of models that do. Velocities are differenced once and accelerations twice; both are treated as exact.
 """
 
 import numpy as np
@@ -20,7 +20,7 @@ EDGE = 8
 
 
 def answer(dataset: Dataset, believed: RivalBelief, seed: int = 0) -> Claim:
-    """What the ensemble says; needs pysindy."""
+    """Return the claim of the ensemble; needs pysindy."""
     flights = gather_flights(dataset)
     known = known_of(believed.terms)
     return claim_by(flights, rows_of(flights, known), known, seed)

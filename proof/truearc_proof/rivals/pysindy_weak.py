@@ -27,7 +27,7 @@ POWER = 2                             # of the test function
 
 
 def answer(dataset: Dataset, believed: RivalBelief, seed: int = 0) -> Claim:
-    """What the ensemble over the weak form says; needs pysindy."""
+    """Return the claim of the ensemble over the weak form; needs pysindy."""
     flights = gather_flights(dataset)
     known = known_of(believed.terms)
     return claim_by(flights, rows_of(flights, known, seed), known, seed)
@@ -68,7 +68,7 @@ def _domains(time_s: Array, seed: int) -> Any:
 
 def integrate(library: Any, columns: Array) -> Array:
     """[DOMAINS, k] integrals of columns [T, k] against the test functions: PySINDy's weights, without its transform,
-    which works out names and polynomials anew for every track and takes a hundred times as long."""
+    which works out names and polynomials for every track again and takes a hundred times as long."""
     return np.stack([weight @ columns[inside[0]] for weight, inside in zip(library.fullweights0, library.inds_k,
                                                                            strict=True)])
 

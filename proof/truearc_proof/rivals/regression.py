@@ -1,4 +1,4 @@
-"""From a tuned sparse regression to a claim: names by inclusion, and tracks' ends foretold by the law it found."""
+"""From a tuned sparse regression to a claim: names by inclusion, and forecasts of tracks' ends by the law it found."""
 
 import numpy as np
 
@@ -15,7 +15,7 @@ def known_of(terms: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def claim_by(flights: Flights, rows: Rows, known: tuple[str, ...], seed: int) -> Claim:
-    """Tune, bag, rank, and foretell held-out tracks with a law that the other tracks gave."""
+    """Tune, bag, rank, and forecast held-out tracks with a law that the other tracks gave."""
     candidates = tuple(name for name in COLUMNS if name not in known)
     tuning = tune(rows)
     share, size = inclusion(rows, tuning, seed)

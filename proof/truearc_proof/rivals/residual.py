@@ -1,10 +1,10 @@
-"""Learners of what is left over (Kennedy & O'Hagan's discrepancy): the track's end less the believed forecast of it.
+"""Learners of the residual (Kennedy & O'Hagan's discrepancy): the track's end less the believed forecast of it.
 
 A shot's residual are three coordinates of its track's last sample less the forecast by the believed physics, fitted to
 the other folds, from the first 40 % of its samples. Covariates: every column that truearc itself asks about
 (configuration, launch state, circumstances, telemetry). Such a learner has no terms to name. It names what it can in
 honesty: where the covariate that it leans on most is one that terms of the catalogue follow from shot to shot (the
-air's density, the ball's age, the battery, ...), those terms, flight first, since the first samples have told the
+air's density, the ball's age, the battery, ...), those terms, flight first, since the first samples determine the
 launch; on distance, elevation, speed or spin a dozen terms depend, and it names nothing.
 """
 
@@ -36,7 +36,7 @@ class Learner(Protocol):
 
 
 def claim_by(dataset: Dataset, believed: RivalBelief, make: Callable[[], Learner]) -> Claim:
-    """It says something when it foretells held-out residuals better than nothing does."""
+    """Return the learner's claim; it says something if it forecasts held-out residuals better than 0 does."""
     covariates = gather_covariates(dataset)
     residuals = residuals_of(believed)
     table = table_of(covariates, believed.fitted.intake.rows[believed.fitted.intake.tracked])
@@ -65,7 +65,7 @@ def table_of(covariates: Sequence[Covariate], rows: Array) -> Array:
 
 
 def cross_validate(table: Array, residuals: Array, make: Callable[[], Learner]) -> Array:
-    """[k, 3] each fold's residuals as the others foretell them."""
+    """[k, 3] each fold's residuals as forecast from the other folds."""
     foretold = np.zeros_like(residuals)
     for held in folds(len(table)):
         foretold[held.out] = make().fit(table[held.train], residuals[held.train]).predict(table[held.out])

@@ -27,10 +27,12 @@ KEPT = ("ledger.jsonl", "grades.jsonl", "keeper", "claims", "again")
 
 
 class Checked(NamedTuple):
-    """What was found of a packed round; `wrong` names all that is not as it was committed to; off: how far numbers of
-    the marks that were worked out again are off at most (truearc_proof.rounds.reproducibility); `seed` draws the
-    sample of worlds that were made again; `others`: hashes of other states of the solver, by which worlds were
-    claimed."""
+    """Result of checking a packed round.
+
+    wrong: a sentence for each difference from the commitments. off: largest differences of numbers of the marks that
+    were worked out again (truearc_proof.rounds.reproducibility). seed: of the sample of worlds that were made again.
+    others: hashes of other states of the solver, by which worlds were claimed.
+    """
 
     sealed: int
     graded: int
@@ -42,15 +44,15 @@ class Checked(NamedTuple):
 
 
 def pack(room: Room, path: Path) -> None:
-    """Write a .tar.xz of all but the data; InputError for a round with worlds that are not marked yet, or are not ours.
+    """Write a .tar.xz of all but the data; InputError for a round with unmarked or external worlds.
 
-    Somebody else's worlds can be made again by nobody else.
+    The data of an external world cannot be made again here.
     """
     open_yet = [name for name, done in room.steps().items() if name != HOME and GRADED not in done]
     if open_yet:
         raise InputError(f"{room.ledger}: {', '.join(open_yet[:5])}: not marked yet; `truearc prove grade` first")
     if any(_drawn(room, name).engine == OWN for name in room.steps()):
-        raise InputError(f"{room.ledger}: has somebody else's world, whose data cannot be made again: keep the "
+        raise InputError(f"{room.ledger}: has an external world, whose data cannot be made again: keep the "
                          f"directory")
     files = [file for name in KEPT for file in sorted([room.root / name, *(room.root / name).rglob("*")])
              if file.is_file()]
@@ -63,7 +65,7 @@ def pack(room: Room, path: Path) -> None:
 
 
 def unpack(path: Path, room: Room) -> None:
-    """InputError where the directory is there already, or the file is no packed round."""
+    """Unpack a round; InputError where the directory exists already, or the file is not a packed round."""
     if room.root.exists():
         raise InputError(f"{room.root}: is there already")
     try:
@@ -90,11 +92,10 @@ def remake(room: Room, name: str, done: dict[str, str]) -> list[str]:
 def check_round(room: Room, worlds: int, progress: Progress, seed: int | None = None,
                 remake: Callable[[Room, str, dict[str, str]], list[str]] = remake,
                 mark: Callable[[Path, tuple[Drawn, bool]], Graded] = mark_world) -> Checked:
-    """Make the data of `worlds` worlds again, compare all hashes, and mark them again. Which, is drawn from the seed,
-    and from one that nobody knows beforehand where none is given: nobody can keep to what will be looked at.
+    """Make the data of `worlds` worlds again, compare all hashes, and mark them again.
 
-    Of all: that their seals, claims and marks are, to the letter, those in the ledger, and that they were drawn from
-    the seed.
+    The sample is drawn from the seed; without one, from entropy, so that no player can predict it. For all worlds:
+    their seals, claims and marks must be, to the letter, those in the ledger, and drawn from the seed of the round.
     """
     steps = room.steps()
     wrong = [line for name, done in steps.items() for line in _check_papers(room, name, done)]
@@ -134,6 +135,6 @@ def _drawn(room: Room, name: str) -> Drawn:
 
 
 def _sample(names: Sequence[str], count: int, seed: int) -> tuple[str, ...]:
-    """So many of them, in their order."""
+    """Draw `count` of them, in their order."""
     places = np.random.default_rng(seed).choice(len(names), min(count, len(names)), replace=False)
     return tuple(names[place] for place in sorted(places))

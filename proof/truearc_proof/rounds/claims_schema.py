@@ -48,7 +48,7 @@ class Finding(Struct):
 
 
 class Believed(Struct):
-    """Tables of truearc.sim.infer.belief: what shots are foretold by without what was found, and with it."""
+    """Tables of truearc.sim.infer.belief that forecast shots without the finding, and with it."""
 
     before: dict[str, Any]
     after: dict[str, Any]

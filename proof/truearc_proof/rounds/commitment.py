@@ -70,7 +70,7 @@ def load_seal(path: str | Path) -> Seal:
 
 
 def check_data(seal: Seal, directory: str | Path) -> list[str]:
-    """What is wrong with the released data, a sentence a file; empty where they are what was sealed."""
+    """Return a sentence for each released file that differs from the sealed data."""
     there = hash_files(directory)
     changed = [name for name in seal.data if name in there and there[name] != seal.data[name]]
     return ([f"{Path(directory) / name}: was changed" for name in changed]

@@ -1,8 +1,8 @@
 """The keeper's part: draw worlds, make and give away their data, and commit to what is true of them before.
 
 Seals are opened in this process alone: workers, of which a cluster's may have worked for the solver, are handed what
-they need of them, and write into a directory of their own (Room.half), which is moved when it is whole. So nobody who
-outlives a killed keeper can spoil what the next one makes.
+they need of them, and write into a directory of their own (Room.half), which is moved when it is whole. So a worker
+that outlives a killed keeper cannot corrupt the data that the next one makes.
 """
 
 import math
@@ -45,14 +45,14 @@ Wanted = list[Asked] | Reading
 
 
 class RoundPlan(Struct, frozen=True, forbid_unknown_fields=True):
-    """What a round is drawn from."""
+    """The parameters that a round is drawn from."""
 
     seed: int
     worlds: int
     level: str
     shots: int
     engines: tuple[str, ...] = (NUMPY, MUJOCO)
-    entropy: bool = False             # nobody chose the seed; that much its keeper says
+    entropy: bool = False             # the seed was drawn, not chosen, by the keeper's own statement
 
     def drawn(self) -> tuple[Drawn, ...]:
         """Its worlds, MuJoCo's unmodified session first where there is one."""
@@ -62,7 +62,7 @@ class RoundPlan(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def entropy() -> int:
-    """A number that nobody knows beforehand."""
+    """Return a number from the system's entropy, which no player can predict."""
     return secrets.randbits(62)
 
 
@@ -131,12 +131,12 @@ def _answer_claimed(room: Room, progress: Progress, workers: int | None, schedul
 
 
 def can_answer(drawn: Drawn, asked: Wanted) -> bool:
-    """Somebody else's world only they can shoot again, or measure; of MuJoCo's robot nothing is measured."""
+    """Return whether the keeper can shoot or measure this world: no external one, and MuJoCo's is not measured."""
     return drawn.engine == NUMPY or (drawn.engine == MUJOCO and not isinstance(asked, Reading))
 
 
 def asked_of(room: Room, world: str) -> Wanted:
-    """What a world's claims ask for; InputError for more than the rules allow: configurations, or one measurement."""
+    """Return the requests of a world's claims, configurations or one measurement; InputError beyond the rules."""
     path = room.claims(world)
     try:
         claims = load_claims(path)
@@ -201,7 +201,7 @@ def _half(room: Room) -> Path:
 
 
 def _emptied(directory: Path) -> Path:
-    """What a worker that was lost has left is away, and its parent is there."""
+    """Remove whatever a lost worker has left there, and make the parent directory."""
     shutil.rmtree(directory, ignore_errors=True)
     directory.parent.mkdir(parents=True, exist_ok=True)
     return directory

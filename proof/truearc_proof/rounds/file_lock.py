@@ -11,7 +11,7 @@ from pathlib import Path
 from truearc.robot.config.schema import InputError
 from truearc.robot.recording.append_file import claim
 
-FILE = "lock"                         # stays there, empty, when nobody holds it
+FILE = "lock"                         # stays there, empty, when no process holds it
 
 
 @contextmanager

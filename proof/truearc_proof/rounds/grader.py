@@ -39,8 +39,7 @@ class Graded(Struct, frozen=True):
 
 def grade_round(room: Room, progress: Progress, workers: int | None = None, scheduler: str | None = None,
                 so_far: bool = False) -> tuple[Graded, ...]:
-    """Marks of every world, each opened and marked once. InputError names all that was tampered with, and worlds that
-    nobody has claimed.
+    """Return the marks of every world, each opened and marked once; InputError names tampered and unclaimed worlds.
 
     so_far: the round goes on: worlds that are not claimed, or not again though more shots were given, are waited for.
     Otherwise the latter are marked by their first claims alone.
@@ -50,7 +49,7 @@ def grade_round(room: Room, progress: Progress, workers: int | None = None, sche
         steps = room.steps()
         wrong = check_papers(room, steps, so_far) + wrong_marks(room.grades, steps)
         if not so_far:
-            wrong += [f"{room.claims(name)}: is missing: nobody has claimed anything of {name} (--so-far, where the "
+            wrong += [f"{room.claims(name)}: is missing: there is no claim about {name} (--so-far, where the "
                       "round goes on)" for name in unclaimed(steps)]
         if wrong:
             raise InputError("\n".join(wrong))
@@ -81,7 +80,7 @@ def unclaimed(steps: Steps) -> list[str]:
 
 
 def check_papers(room: Room, steps: Steps, so_far: bool) -> list[str]:
-    """What was changed or left out in the whole round, a sentence each. so_far: not all need be sealed yet."""
+    """Return a sentence for each change or omission in the round. so_far: not all worlds need be sealed yet."""
     wrong = [f"{room.ledger}: {name}: was never sealed" for name, done in steps.items() if SEALED not in done]
     wrong += [line for name, done in steps.items() if SEALED in done for line in check_world(room, name, done)]
     wrong += [] if so_far else left_out(room, steps)
@@ -95,8 +94,10 @@ def left_out(room: Room, steps: Steps) -> list[str]:
 
 
 def check_draw(room: Room, steps: Steps, so_far: bool = False) -> list[str]:
-    """Whether the worlds are all those that the seed gives, and none was left out for what came of it; somebody else's
-    are drawn from none. so_far: not all need be sealed yet."""
+    """Return a sentence for each world that the seed does not give, or that is missing; external worlds have no seed.
+
+    so_far: not all need be sealed yet.
+    """
     sealed = {name: load_seal(room.seal(name)).world for name in steps}
     ours = {name: world for name, world in sealed.items() if world.get("engine") != OWN}
     if not ours and not room.plan.exists():
@@ -109,7 +110,7 @@ def check_draw(room: Room, steps: Steps, so_far: bool = False) -> list[str]:
 
 
 def check_world(room: Room, world: str, done: Mapping[str, str]) -> list[str]:
-    """What was changed after it was committed to, a sentence each: seal, data, claims, what was asked and answered."""
+    """Return a sentence for each change after the commitment: of seal, data, claims, requests and answers."""
     seal = load_seal(room.seal(world))
     wrong = [] if seal.commitment == done.get(SEALED) else [f"{room.seal(world)}: is not what was sealed"]
     if seal.world.get("name") != world:

@@ -39,7 +39,7 @@ def digest(data: bytes) -> str:
 def read_ledger(path: str | Path) -> tuple[Entry, ...]:
     """Every line; InputError names the first that does not follow from the one before it.
 
-    A last line that a kill has torn is no line: what it was about was not given away yet.
+    A last line that a kill has torn is ignored: its data were not given away yet.
     """
     path = Path(path)
     lines = path.read_bytes().split(b"\n") if path.is_file() else [b""]

@@ -1,6 +1,8 @@
-"""First claims made again from the released data alone: whether they are what the solver says of such data, or what
-somebody wrote who had seen the truth. Only whoever has the very solver, by its hash, can tell. What rivals say, what
-more was asked for and second claims are not made again."""
+"""First claims made again from the released data alone, which shows that they do not come from the truth.
+
+Only the very solver, by its hash, makes the same claims. Claims of rivals, follow-up requests and second claims are not
+made again.
+"""
 
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
@@ -32,7 +34,7 @@ def solver_of(room: Room, name: str) -> str:
 
 
 def compare_claims(room: Room, other: Room, name: str) -> tuple[str, ...]:
-    """What was claimed otherwise than it is now, in words; numbers may be off by NEARLY."""
+    """Return a sentence for each difference between the claims; numbers may be off by NEARLY."""
     was, now = (_told(msgspec.json.decode(one.claims(name).read_bytes())) for one in (room, other))
     return tuple(f"{room.claims(name)}: {line}" for line in _unlike("", was, now))
 
@@ -52,7 +54,11 @@ def _told(claims: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _unlike(key: str, was: Any, now: Any) -> Iterator[str]:
-    """Every place where two values differ."""
+    """Yield a line for each place where two plain JSON values differ.
+
+    For claims, whose keys are open: any tree of values, one tolerance (NEARLY, ZERO) for every number, by which a fit
+    differs between machines. Marks have a tolerance for each field; truearc_proof.rounds.reproducibility compares them.
+    """
     if isinstance(was, Mapping) and isinstance(now, Mapping) and set(was) == set(now):
         for name in was:
             yield from _unlike(f"{key}.{name}" if key else name, was[name], now[name])

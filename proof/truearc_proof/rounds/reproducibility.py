@@ -1,8 +1,9 @@
-"""Whether a world that is marked again is marked the same: what was claimed, what is true and what was right to the
-letter, what was worked out from the data as nearly as another machine can.
+"""Comparison of two gradings of one world.
 
-The grader's own numbers come from the solver's fits (what the data allow, what the true term gains): marked again by
-another state of the solver they may be any, and are told and not held against anybody."""
+Claims, truth and correctness must be equal to the letter, and numbers that were worked out from the data as nearly as
+another machine can. The grader's own numbers come from the solver's fits (the ceiling that the data allow, the gain of
+the true term): with another state of the solver they may be any, and are reported but not counted as differences.
+"""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -20,7 +21,7 @@ FITTED = ("alias", "rivals")          # hang on which terms the fits cannot tell
 
 
 class Compared(NamedTuple):
-    """other: what is marked otherwise, in words; off: {number: how far it is off at most}, of TOLERANCE; a number
+    """other: a sentence for each difference; off: {number: how far it is off at most}, of TOLERANCE; a number
     larger than 1 in parts of itself."""
 
     other: tuple[str, ...]
@@ -28,7 +29,17 @@ class Compared(NamedTuple):
 
 
 def compare(was: Graded, now: Graded, fits_alike: bool = True) -> Compared:
-    """Two gradings of one world; fits_alike: by one state of the solver, so that its fits are the same."""
+    """Compare two gradings of one world, field by field.
+
+    For marks, whose fields are fixed: each of TOLERANCE has a tolerance of its own, and its largest difference is
+    reported even within it; all others must be equal. Claims have neither fixed fields nor such tolerances;
+    truearc_proof.rounds.reproduce_claims compares them.
+
+    Args:
+        was: As published.
+        now: As marked again.
+        fits_alike: Both by one state of the solver, so that its fits are the same.
+    """
     other, off = [], dict.fromkeys(TOLERANCE, 0.0)
     for when, before, after in (("", was.first, now.first), ("with further shots: ", was.again, now.again)):
         if before is None or after is None:

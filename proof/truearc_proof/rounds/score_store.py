@@ -21,8 +21,10 @@ def hash_mark(line: Any) -> str:
 
 
 def save_mark(room: Room, world: str, line: Any, done: Mapping[str, str]) -> None:
-    """First into the ledger, then into the file, so that no line is ever there that the ledger does not have. What a
-    kill in between has lost is marked again; InputError where it comes out otherwise."""
+    """Enter a world's marks into the ledger, then append them to the file, so that each line there has an entry.
+
+    Marks that a kill in between has lost are made again; InputError where they come out otherwise.
+    """
     if GRADED not in done:
         append(room.ledger, GRADED, world, hash_mark(line))
     elif done[GRADED] != hash_mark(line):

@@ -47,7 +47,7 @@ FALSE_ALARM = 0.05
 AT_HOME = ("gravity", "drag", "magnus")      # what is believed of MuJoCo's robot before its unmodified session
 MORE_SHOTS, MORE_CONFIGURATIONS = 100, 5     # at most, in a follow-up
 OPENING = ("open", "os.listdir", "os.scandir", "os.rename", "os.link", "os.symlink")
-# What the solver's hash covers: patterns of files below each package. The emulated world is no part of a solver.
+# Patterns of the files below each package that the solver's hash covers; the emulated world is not among them.
 SOURCES = {
     truearc.sim: ("*.py", "data/**/*.py", "physics/**/*.py", "infer/**/*.py", "discover/**/*.py", "gate/**/*.py",
                   "paper/**/*.py", "sysid/**/*.py"),
@@ -125,7 +125,7 @@ def _read(path: Path) -> Measured:
 
 
 def believed_by(found: Investigation) -> dict[str, Any]:
-    """What the solver would foretell shots by, before it found anything and after: what the test block is put to."""
+    """Return the beliefs before and after the finding, which the sealed test compares by their forecasts."""
     if not found.steps:
         return {}
     return {"believed": {"before": as_table(make_belief(replace(found, steps=()))[0]),

@@ -9,8 +9,10 @@ from truearc_proof.worlds.sampling_plan import DECOY, OWN
 
 
 def named_decoy(mark: Mark) -> bool | None:
-    """Whether its name is the first that is said, alone or of a set; None in other worlds, and where the level's data
-    have nothing of it, so that nobody could."""
+    """Return whether the decoy's name comes first, alone or in a set.
+
+    None in other worlds, and where the level's data have nothing of the decoy.
+    """
     return None if _absent(mark) else mark.names[:1] == (DECOY,)
 
 

@@ -1,4 +1,4 @@
-"""What the data of an opened world would have allowed anybody: worked out by the grader, who knows the truth."""
+"""Information bound of an opened world: what its data allow any solver, worked out by the grader from the truth."""
 
 from typing import NamedTuple
 
@@ -23,9 +23,9 @@ from truearc_proof.worlds.sampling_plan import NUMPY, Drawn
 
 class Measured(NamedTuple):
     """allowed: as truearc_proof.scoring.oracle.Ceiling, of one hidden effect of the catalogue; alike: terms of its
-    class in these data; best_sd: least standard error of its amplitude; oracle_gain: nats a shot on unseen shots, had
-    somebody said which term it is; strength: lambda of an effect that no catalogue has, where only heights speak of
-    it. before, oracle: what is believed, fitted by the grader, without the true term and with it."""
+    class in these data; best_sd: least standard error of its amplitude; oracle_gain: nats per shot on unseen shots of
+    a solver that knows the term; strength: lambda of an effect that no catalogue has, where only heights speak of it.
+    before, oracle: what is believed, fitted by the grader, without the true term and with it."""
 
     allowed: tuple[float, ...] | None = None
     alike: tuple[str, ...] = ()

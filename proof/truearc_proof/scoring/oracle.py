@@ -31,10 +31,10 @@ class Ceiling(NamedTuple):
 
 
 def ceiling_of(evidence: ScoreTable, level: str, name: str, amplitude: float, seed: int) -> Ceiling | None:
-    """For the term's column `name` at its true amplitude; None where it was not asked about.
+    """For the term's column `name` at its true amplitude; None where it was not tested.
 
-    Scores of terms, what the fitted numbers take up projected out, are drawn as N(information x amplitude,
-    information); the threshold is that of the largest of as many correlated scores of nothing.
+    Efficient scores of terms (fitted parameters projected out) are drawn as N(information x amplitude, information);
+    the threshold is that of the largest of as many correlated scores of noise.
     """
     columns = visible_terms(evidence)
     names = [evidence.columns[k].name for k in columns]
@@ -80,7 +80,7 @@ def _draw(covariance: Array, rng: np.random.Generator) -> Array:
 
 def strength_of(evidence: ScoreTable, shift_m: Array) -> float | None:
     """How plain an effect is that moves the heights at the plane by shift_m (one of each of the dataset's shots): the
-    chi-squared (lambda) by which the outcomes speak of it, what the fitted numbers can take up projected out.
+    chi-squared (lambda) by which the outcomes show it, fitted parameters projected out.
 
     None where tracks or measured exits speak too, and where there are no outcomes: heights are not all there is then.
     """
@@ -99,7 +99,7 @@ def strength_of(evidence: ScoreTable, shift_m: Array) -> float | None:
 
 
 def oracle_gain(investigation: Investigation, name: str, amplitude: float) -> float | None:
-    """Gain a shot on unseen shots, had somebody said which term it is; None where nothing was found."""
+    """Return the gain in nats per unseen shot of a solver that knows the term; None where nothing was found."""
     fitted = investigation.fitted
     if fitted is None or not investigation.steps:
         return None

@@ -6,7 +6,7 @@ from typing import Any
 from truearc_proof.truth.effects import EFFECTS
 
 Finding = Mapping[str, Any]
-SEED_SPIN = 2.0                       # the seed's Eq. 12 has twice the spin of rolling, and with it twice r w / v
+SEED_SPIN = 2.0                       # the paper's Eq. 12 has twice the spin of rolling, and with it twice r w / v
 SET_SHARE = 0.9
 
 # The parameter of the catalogue's term that a hidden amplitude is, and its value then.
@@ -35,8 +35,8 @@ ALIASES: dict[str, tuple[frozenset[str], ...]] = {
     "L1": (frozenset({"target_height", "release_height"}), frozenset({"buoyancy", "added_mass"})),
     "L2": (frozenset({"distance_bias", "distance_scale"}), frozenset({"buoyancy", "added_mass"})),
 }
-# Of what is in no catalogue: covariates of which any would be right, and the direction. Balls of one supplier are told
-# by the ball's or the supplier's name; what goes on inside a flight by time or speed in it.
+# Of effects in no catalogue: covariates of which any is right, and the direction. Balls of one supplier are identified
+# by the ball's or the supplier's name; effects within a flight by time or speed in it.
 SPEEDS = ("motor_ratio", "exit_speed_m_s", "exit_spin_rev_s", "wheel_lower_rad_s", "wheel_upper_rad_s",
           "fed_wheel_lower_rad_s", "fed_wheel_upper_rad_s")
 GOES_WITH: dict[str, tuple[tuple[str, ...], str]] = {
@@ -51,7 +51,7 @@ STAGE_OF = {effect.name: effect.stage for effect in EFFECTS} | {
 
 
 def goes_with_right(name: str, finding: Finding) -> bool:
-    """Whether it is said to have no name, and to go with what it does go with, in its direction."""
+    """Return whether the verdict is unknown, with a right covariate and the right direction."""
     where, unknown = finding.get("where") or {}, finding.get("unknown") or {}
     said = unknown if unknown.get("covariate") else where
     covariates, direction = GOES_WITH[name]

@@ -22,7 +22,8 @@ from truearc_proof.worlds.sampling_plan import ALIKE, DECOY, MUJOCO, OWN, Drawn
 
 Finding = Mapping[str, Any]
 NULLS = ("clean", "dirty")
-SHOTS, MEASUREMENT = "shots", "one measurement"
+SHOTS, MEASUREMENT = "shots", "measurement"
+MEASUREMENT_1 = "one measurement"     # in marks of rounds up to tag proof-1
 
 
 class Mark(Struct, frozen=True):
@@ -35,7 +36,7 @@ class Mark(Struct, frozen=True):
     true term, by the grader. allowed: chances that the data allow to find, name, name up to alias, place. goes_with:
     covariate and direction of what is in no catalogue. right: names of the catalogue that would be right. off_m: RMS
     errors of heights in the sealed test, by what was believed, by what was adopted, and, where the grader knows it,
-    by what is believed with the true term. asked: for what, further SHOTS or one MEASUREMENT. random: as many shots
+    by what is believed with the true term. asked: SHOTS, a MEASUREMENT or "". random: as many shots
     drawn like the first would have parted the names as well as those asked for. rivals: of others put to the same
     data, whether each says something, and of its first name what `first` and `alias` are of ours, decoys taken out.
     """
@@ -68,6 +69,10 @@ class Mark(Struct, frozen=True):
     off_m: tuple[float, ...] | None = None
     asked: str = ""
     random: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.asked == MEASUREMENT_1:
+            structs.force_setattr(self, "asked", MEASUREMENT)
 
 
 def mark(drawn: Drawn, finding: Finding, measured: Measured, rivals: Mapping[str, Any] | None = None) -> Mark:
@@ -123,7 +128,7 @@ def mark_rival(drawn: Drawn, claim: Mapping[str, Any], right: Sequence[str],
 
 
 def hidden_of(drawn: Drawn) -> tuple[str, ...]:
-    """What is hidden, by name; a change of MuJoCo's robot by the change's."""
+    """Return the names of the hidden effects, or of the changes of MuJoCo's robot."""
     if drawn.engine == MUJOCO:
         return tuple(change.name for change in changes_of(drawn.change))
     return tuple(drawn.effects)

@@ -1,7 +1,7 @@
-"""Further shots of a concealed world that nobody ever gets: what a belief foretells of them, marked by their truth.
+"""Sealed hold-out shots of a concealed world, which no solver gets: errors of a belief's forecasts of them.
 
-They follow from the sealed world alone (another season of the same robot, with balls and luck of its own), so that the
-seal commits to them as well.
+They follow from the sealed world alone (another season of the same robot, with balls and random effects of its own), so
+that the seal commits to them as well.
 """
 
 from dataclasses import replace
@@ -34,7 +34,7 @@ class Unseen(NamedTuple):
 
 
 def shoot_unseen(drawn: Drawn) -> Unseen | None:
-    """None for somebody else's world, which only they can shoot."""
+    """Shoot the hold-out season; None for an external world, which only its maker can shoot."""
     seed = drawn.seed + APART
     if drawn.engine == NUMPY:
         world = make_world(drawn.effects, drawn.level, drawn.shots, drawn.seed, drawn.dirt)
@@ -49,8 +49,10 @@ def shoot_unseen(drawn: Drawn) -> Unseen | None:
 
 
 def off_m(belief: Belief, unseen: Unseen) -> float:
-    """RMS error in m of the heights above the opening's centre that the belief foretells of these shots; of a ball that
-    it lets fall short it says that it comes in at the floor. Shots that truly fell short are not asked about."""
+    """Return the RMS error in m of the belief's forecasts of heights above the opening's centre.
+
+    A ball that it lets fall short is forecast at the floor. Shots that truly fell short do not count.
+    """
     dataset, n = unseen.dataset, len(unseen.dataset.shots)
     around = along(belief.curves, circumstances_of(dataset), every_column(dataset), n)
     centre_m = opening_of(dataset.facts, effective(belief.coefficients, around)).centre_m

@@ -37,7 +37,10 @@ def fly_shots(world: World, plan: Plan, wheels_rad_s: tuple[Floats, Floats], luc
 
 
 def shoot_all(world: World, plan: Plan, wheels_rad_s: tuple[Floats, Floats], flight_s: Floats) -> Flown:
-    """The shots themselves, luck and all; flight_s: of the aimed shots, whose last third the late gust has."""
+    """Fly the shots themselves, with their random deviations.
+
+    flight_s: of the aimed shots, whose last third the late gust has.
+    """
     return fly_shots(world, plan, wheels_rad_s, draw_luck(world), flight_s * 2.0 / 3.0)
 
 
@@ -91,8 +94,8 @@ def _ratio_for(heights_m: Floats, wanted_m: Floats) -> Floats:
 
 
 def _height_sd(world: World, plan: Plan, ratio: Floats) -> Floats:
-    """Standard deviation of each shot's height at the plane: its luck, and the robot's view of distance and hood."""
-    lucky = np.zeros((4, 6, world.shots))             # of the six flights of a shot the first has no luck of any kind
+    """Return the standard deviation of each shot's height: launch deviations and errors of distance and hood."""
+    lucky = np.zeros((4, 6, world.shots))             # of the six flights of a shot the first has no random deviation
     lucky[0, 1], lucky[1, 2], lucky[3, 3] = 1.0, 1.0, 1.0
     six = tile_plan(plan, 6)
     farther, steeper = np.zeros((2, 6, world.shots))

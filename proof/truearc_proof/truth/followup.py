@@ -1,4 +1,4 @@
-"""More shots of a concealed world, at configurations that somebody asked for, with what it hides at work as before."""
+"""More shots of a concealed world, at requested configurations, with its hidden effects at work as before."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -51,7 +51,7 @@ def follow(world: World, asked: Sequence[Asked], number: int = 1) -> Dataset:
 
 
 def _longer(plan: Plan, own: World, extra: int, number: int) -> Plan:
-    """The season, and after it sessions whose circumstances are drawn anew; balls go on being used."""
+    """Append sessions with circumstances of their own to the season; balls go on being used."""
     fresh = plan_shots(replace(own, shots=max(extra, 10)))
     more = {name: column[:extra] for name, column in vars(fresh).items()}
     balls = plan.ball.max() + 1

@@ -45,7 +45,7 @@ def play(world: World) -> TruthSeason:
 
 
 def shift_m(world: World) -> Floats:
-    """What the world's effects of launch and flight do to each shot's height at the plane [n]; nan: falls short."""
+    """Return the shift of each shot's height at the plane by effects of launch and flight [n]; nan: falls short."""
     season = play(world)
     none = np.full(world.shots, np.inf)              # a gust that never sets in
     plain = fly_shots(replace(world, effects={}), season.plan, season.wheels_rad_s, draw_luck(world), none)

@@ -33,7 +33,7 @@ class Luck(NamedTuple):
 
 
 def draw_luck(world: World) -> Luck:
-    """Every shot's luck."""
+    """Draw the random deviations of every shot's launch."""
     return Luck(*world.rng(2).normal(size=(4, world.shots)))
 
 
@@ -101,7 +101,7 @@ def _kept(world: World, plan: Plan, wheels_rad_s: tuple[Floats, Floats]) -> Floa
 def wheel_dip(world: World, plan: Plan, wheels_rad_s: tuple[Floats, Floats]) -> Floats:
     """Share of their speed that the wheels lose to a ball, by energy: what it flies and spins with, and its squeezing.
 
-    Taken at the speed by the wheels, so that a dip says nothing of a shot's luck.
+    Taken at the speed by the wheels, so that a dip does not depend on a shot's random deviation.
     """
     ball = world.facts.ball
     speed, spin = roll(world, surface_speeds(world, wheels_rad_s))

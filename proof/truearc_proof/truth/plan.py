@@ -1,4 +1,4 @@
-"""What a season of shooting is like: where from, with which ball, in which weather, how hastily."""
+"""Plan of a season of shots: places, balls, weather, and pauses."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""What the robot's sensors and the tracker make of the truth."""
+"""Readings of the robot's sensors and of the tracker, made from the truth."""
 
 import numpy as np
 

@@ -32,7 +32,7 @@ class Scatter:
 
 @dataclass(frozen=True)
 class World:
-    """What is true. `facts`: rig.toml as the solver gets it; `noise`: the sensors as they really are."""
+    """The truth of a world. `facts`: rig.toml as the solver gets it; `noise`: the sensors as they really are."""
 
     seed: int
     level: str
@@ -58,7 +58,7 @@ class World:
 
 def make_world(effects: Mapping[str, float] | None = None, level: str = "L0", shots: int = 300, seed: int = 0,
                dirt: Sequence[str] = (), believe: Sequence[str] = BELIEVED, side: bool = False) -> World:
-    """A world of the seed's two-wheel rig, its coefficients drawn from `seed`.
+    """A world of the paper's two-wheel rig, its coefficients drawn from `seed`.
 
     effects: {name: amplitude in the unit of truearc_proof.truth.effects}. Terms missing in `believe` are true all the
     same (that is a way of hiding drag, lift, or the loss of speed). InputError for an unknown level, effect or dirt.
@@ -72,12 +72,12 @@ def make_world(effects: Mapping[str, float] | None = None, level: str = "L0", sh
         raise InputError(f"a world needs {FEWEST} shots and a seed of 0 or above, not {shots} and {seed}")
     rng = np.random.default_rng([seed, 0])
     cd, slope, efficiency = rng.uniform(0.40, 0.60), rng.uniform(0.35, 0.70), rng.uniform(0.70, 0.85)
-    return World(seed, level, shots, _facts(dirt, believe), float(cd), float(slope), float(efficiency),
+    return World(seed, level, shots, _rig(dirt, believe), float(cd), float(slope), float(efficiency),
                  check_effects(effects or {}), tuple(dirt), side=side)
 
 
-def _facts(dirt: Sequence[str], believe: Sequence[str]) -> Rig:
-    """The seed's rig."""
+def _rig(dirt: Sequence[str], believe: Sequence[str]) -> Rig:
+    """Return the paper's rig."""
     stated = 0.5 if "noise_understated" in dirt else 2.0 if "noise_overstated" in dirt else 1.0
     noise = Noise(NOISE.distance_m * stated, NOISE.hood_deg * stated, NOISE.wheel_rad_s * stated,
                   NOISE.track_m * stated)
@@ -87,7 +87,7 @@ def _facts(dirt: Sequence[str], believe: Sequence[str]) -> Rig:
 
 
 def as_table(world: World) -> dict[str, Any]:
-    """What is true, for whoever grades: plain values."""
+    """Return the truth as plain values, for the grader."""
     return {"seed": world.seed, "level": world.level, "shots": world.shots, "cd": world.cd,
             "lift_slope": world.lift_slope, "efficiency": world.efficiency, "effects": dict(world.effects),
             "dirt": list(world.dirt), "believe": list(world.facts.believe.terms), "side": world.side}

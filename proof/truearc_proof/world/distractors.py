@@ -1,4 +1,4 @@
-"""What is not the target: lights, glare, reflections, things in the way, and targets of other years.
+"""Distractors of the target detection: lights, glare, reflections, occluders, and targets of other years.
 
 Each kind is a function of the lens, the true target's outline in the image (or None) and random numbers, and gives
 patches for StagedCamera.clutter. Other targets are flat shapes in metres, seen by the same lens from anywhere.
@@ -36,7 +36,7 @@ def lights(lens: Lens, outline: Array | None, random: np.random.Generator) -> tu
 
 
 def frames(lens: Lens, outline: Array | None, random: np.random.Generator) -> tuple[Patch, ...]:
-    """Crooked outlines of green light: three or four bars end to end, open or closed, as tubes and door frames are."""
+    """Irregular outlines of green light: three or four bars end to end, open or closed, like tubes and door frames."""
     at = random.uniform(0.15, 0.85, 2) * (lens.width_px, lens.height_px)
     size = random.uniform(15, 150, 2)
     corners = at + np.array([[-1, -1], [-1, 1], [1, 1], [1, -1]]) * size / 2 + random.normal(0, 0.2, (4, 2)) * size

@@ -14,10 +14,10 @@ from truearc.sim.world.emulated_vision import TwinEyes
 
 SILENT = "silent"                                 # it hears, but nothing of it reaches the bus
 UNPLUGGED = "unplugged"                           # neither
-UNPOWERED = "unpowered"                           # nor does it drive; when it ends the device starts anew
-DEAF = "deaf"                                     # it speaks, but hears nothing
+UNPOWERED = "unpowered"                           # nor does it drive; when it ends the device restarts
+DEAF = "deaf"                                     # it sends, but receives no frames
 TRUNCATED = "truncated"                           # its frames keep their first `length` bytes
-LENGTHENED = "lengthened"                         # its frames have `length` bytes, noughts behind their own
+LENGTHENED = "lengthened"                         # its frames have `length` bytes, zeros after their own
 OVERWRITTEN = "overwritten"                       # its frames say `data` from byte `at` on
 STUCK = "stuck"                                   # each of its frames says what the first of its kind said
 DOUBLED = "doubled"                               # each of its frames comes twice

@@ -1,4 +1,4 @@
-"""Which shots a team takes: configurations that reach the goal, as practice with this robot has shown, give or take."""
+"""The shots that a team takes: configurations that reach the goal, from practice with this robot, with some spread."""
 
 from functools import cache
 

@@ -1,7 +1,7 @@
 """A season of shots straight from the world to a dataset: its launcher, balls and air, without buses and images.
 
-What the robot's sensors would have said of each shot is read from the world as the emulated devices read it (encoders
-with their errors), the camera's distance is the truth seen through a wrong focal length, with noise.
+Readings of the robot's sensors come from the world as the emulated devices read it (encoders with their errors); the
+camera's distance is the true one seen through a wrong focal length, with noise.
 """
 
 import contextlib
@@ -71,7 +71,7 @@ class Season(NamedTuple):
     results: tuple[BallResult, ...]
 
 
-def play_season(facts: Rig, options: Options, seed: int, settings: Sequence[ShotSetting], level: str,
+def play_season(rig: Rig, options: Options, seed: int, settings: Sequence[ShotSetting], level: str,
                 sensors: Sensors = ORDINARY, progress: Progress = lambda done, note: None) -> Season:
     """Shoot the settings in this order with one robot on one battery. level: "L0", "L1" (telemetry), "L2" (tracks too).
 
@@ -87,19 +87,19 @@ def play_season(facts: Rig, options: Options, seed: int, settings: Sequence[Shot
         progress(number / len(settings), f"{number} of {len(settings)} shots")
         before_ns = trials[-1].result.fed_t_ns if trials else None
         with contextlib.suppress(NotReady):
-            trials.append(_shoot(bench, facts, options, setting, before_ns, sensors, rng))
+            trials.append(_shoot(bench, rig, options, setting, before_ns, sensors, rng))
     if not trials:
         raise TimeoutError("the robot never got ready for a shot")
     name, luck = f"world-{seed}", np.random.default_rng([seed, 9])          # apart: good sensors have no part of it
-    dataset = Dataset(name, facts, _shots(trials, level, _noted(trials, sensors, luck)),
+    dataset = Dataset(name, rig, _shots(trials, level, _noted(trials, sensors, luck)),
                       _tracks(trials, sensors, rng, luck) if level == "L2" else None,
                       _traces(trials) if level != "L0" else None)
     return Season(dataset, tuple(trial.result for trial in trials))
 
 
-def _shoot(bench: Bench, facts: Rig, options: Options, setting: ShotSetting, before_ns: int | None, sensors: Sensors,
+def _shoot(bench: Bench, rig: Rig, options: Options, setting: ShotSetting, before_ns: int | None, sensors: Sensors,
            rng: np.random.Generator) -> Trial:
-    world, free = bench.world, facts.launcher.free_speed_rad_s or 0.0
+    world, free = bench.world, rig.launcher.free_speed_rad_s or 0.0
     # the robot aims by its encoders: what they say is right
     wheel_rad_s = setting.motor_ratio * free / options.encoder_scale
     hood_deg = setting.hood_deg - options.hood_offset_deg
@@ -120,7 +120,7 @@ def _shoot(bench: Bench, facts: Rig, options: Options, setting: ShotSetting, bef
             "battery_v": ready.bus_v, "t_s": fed_s,
             "since_last_shot_s": math.nan if before_ns is None else fed_s - before_ns * NS}
     traces = [(sample.t_s - fed_s, f"wheel_{wheel.name}_rad_s", sample.wheel_rad_s * options.encoder_scale * wheel.gear)
-              for sample in samples if -BEFORE_S <= sample.t_s - fed_s <= AFTER_S for wheel in facts.launcher.wheel]
+              for sample in samples if -BEFORE_S <= sample.t_s - fed_s <= AFTER_S for wheel in rig.launcher.wheel]
     traces += [(sample.t_s - fed_s, "battery_v", sample.bus_v) for sample in samples
                if -BEFORE_S <= sample.t_s - fed_s <= AFTER_S]
     track = [sample.ball for sample in samples if sample.ball is not None]
@@ -133,7 +133,7 @@ def _seen_distance_m(distance_m: float, options: Options) -> float:
 
 
 def _noted(trials: Sequence[Trial], sensors: Sensors, luck: np.random.Generator) -> list[tuple[str, str]]:
-    """(outcome, side) of each shot as somebody noted them, some by the wrong button."""
+    """Return (outcome, side) of each shot as the crew noted them, some with the wrong button."""
     names = list(OUTCOMES)
     wrong = luck.random(len(trials)) < sensors.wrong_marks
     aside = luck.integers(1, len(names), len(trials))
@@ -156,7 +156,7 @@ def _traces(trials: Sequence[Trial]) -> Traces:
 
 
 def _tracks(trials: Sequence[Trial], sensors: Sensors, rng: np.random.Generator, luck: np.random.Generator) -> Tracks:
-    """Every sample that falls due at the tracker's rate, counted from the first it has of a ball, but for lost ones."""
+    """Return the samples at the tracker's rate, counted from the first of each ball, without the lost ones."""
     parts = []
     for shot, trial in enumerate(trials):
         begin_s, end_s = trial.track[0, 0], min(trial.track[-1, 0], trial.track[0, 0] + sensors.track_s)

@@ -1,4 +1,4 @@
-"""What the world does, measured: `python -m truearc_proof.world.survey` prints the tables of docs/world.md."""
+"""Measurements of the emulated world: `python -m truearc_proof.world.survey` prints the tables of docs/world.md."""
 
 import math
 import statistics

@@ -1,13 +1,14 @@
 """Data of a MuJoCo world of another quality than at home, or than rig.toml states: in no respect is it a change.
 
-Of names that the NumPy engine has, too, the meaning is the same: noise_understated (rig.toml states half of it),
-outliers (2 % of outcomes noted as another, tracks' noise by Student's t of 3), missing_frames (a quarter of a track's),
-battery_with_wear (a voltage that falls as balls wear, and does nothing). scatter: balls and their luck differ by 1.25
-times as much; lopsided: practice from far alone. That noise is overstated has no name: rig.toml does so as it is.
+Names that the NumPy engine also has mean the same: noise_understated (rig.toml states half of it), outliers (2 % of
+outcomes noted as another, tracks' noise by Student's t of 3), missing_frames (a quarter of a track's),
+battery_with_wear (a voltage that falls as balls wear, and has no effect). scatter: balls, and shots of a ball, differ
+by 1.25 times as much; lopsided: practice from far alone. There is no kind for overstated noise: rig.toml overstates it
+already.
 
-What it does to where balls go on average, measured in 300 shots: nothing, but for scatter and battery. More scatter of
-what bends heights lowers their mean by 7 mm, less than its standard error of 11 mm (1.4 times as much: 12 mm). The
-battery moves heights by 3 mm RMS, along its fall by 7 mm, where shots scatter by 150 mm.
+Effect on the mean flight, measured in 300 shots: none, except for scatter and battery. More scatter lowers the mean
+height by 7 mm, less than its standard error of 11 mm (1.4 times as much: 12 mm). The battery moves heights by 3 mm RMS,
+along its fall by 7 mm, where shots scatter by 150 mm.
 """
 
 from collections.abc import Sequence

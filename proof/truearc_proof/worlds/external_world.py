@@ -1,4 +1,4 @@
-"""Somebody else's world: what they say is true of it is sealed with their data, if it can ever be marked."""
+"""External worlds: the truth that their makers state is sealed with their data, if it can be marked."""
 
 import shutil
 from collections.abc import Mapping
@@ -25,7 +25,7 @@ EFFECTS = {"clean": (0, 0), "dirty": (0, 0), "one": (1, 1), "alias": (1, 1), "de
 
 
 def seal_own(room: Room, world: Path, data: Path) -> str:
-    """Seal a world that somebody else has made, with its data; its commitment, to be told before the data are.
+    """Seal an external world with its data; return its commitment, which its maker publishes before the data.
 
     world: JSON, {"kind": "one", "effects": {"wind_x": 2.0}} and whatever else is true of it; kinds are those of
     truearc_proof.worlds.sampling_plan, effects the catalogue's parameters' values, or names of their own for what no
@@ -56,7 +56,7 @@ def _seal(room: Room, name: str, whole: dict[str, Any], data: Path) -> str:
             raise InputError("\n".join(wrong))
     else:
         room.keeper.mkdir(parents=True, exist_ok=True)
-        seal = make_seal(whole, "somebody else", data)
+        seal = make_seal(whole, "external", data)
         save_seal(room.seal(name), seal)
         append(room.ledger, SEALED, name, seal.commitment)
     _give_away(data, room.data(name))
@@ -94,7 +94,7 @@ def _check_truth(path: Path, truth: Mapping[str, Any], drawn: Drawn) -> None:
         raise InputError(f"{path}: effects: there are {count}; kind {drawn.kind!r} has {wanted}")
     for name, amount in drawn.effects.items():
         if name in names and name not in PARAMETER:
-            raise InputError(f"{path}: effects: {name}: nobody could mark what is said of this term")
+            raise InputError(f"{path}: effects: {name}: claims about this term cannot be marked")
         if drawn.kind == "off" and name in PARAMETER:
             raise InputError(f"{path}: effects: {name}: is in the catalogue; kind 'off' is for what is not")
         if drawn.kind != "off" and name not in PARAMETER:

@@ -56,9 +56,9 @@ def _season(drawn: Drawn, seed: int, settings: Sequence[ShotSetting], name: str)
 def play_robot(drawn: Drawn, seed: int, settings: Sequence[ShotSetting]) -> Season:
     """A session of MuJoCo's robot with what is hidden in it at work, and the truth beside it."""
     # what is to be believed of it is not said in rig.toml but shown in the home session
-    facts = structs.replace(load_config(Path(robot.__file__).parent / "launcher.toml").rig, believe=Believe(()))
+    rig = structs.replace(load_config(Path(robot.__file__).parent / "launcher.toml").rig, believe=Believe(()))
     options = structs.replace(Options(), **drawn.effects, **dirty_options(drawn.dirt, drawn.shots))
-    return play_season(facts, options, seed, settings, drawn.level, dirty_sensors(drawn.dirt, facts.noise))
+    return play_season(rig, options, seed, settings, drawn.level, dirty_sensors(drawn.dirt, rig.noise))
 
 
 def make_reading(drawn: Drawn, tool: str, written: str, directory: Path) -> None:

@@ -1,4 +1,4 @@
-"""What is changed and concealed in the MuJoCo world, and which names of the catalogue would then be right.
+"""Concealed changes of the MuJoCo world, and the names of the catalogue that are right for each.
 
 The world's own law is not the catalogue's: a softer ball leaves slower, lower and with another spin, so that several
 names may be right of one change, and for some only the stage is.
@@ -46,9 +46,9 @@ CHANGES: tuple[Change, ...] = (
 )
 
 
-# What is in no catalogue. Heights at the plane are moved by it (RMS of 100 shots without scatter): release_arc .06 m;
+# Effects in no catalogue. They move heights at the plane by (RMS of 100 shots without scatter): release_arc .06 m;
 # hood_flex .13 m (by -0.2) to .28 (by 0.4); drag_crisis .12 (by -0.1) to .26 (by -0.2); wind_aloft .11 (by 0.25) to .28
-# (by -0.5). What has a name of the NumPy engine's goes with the same as there (whose drag steps more gently).
+# (by -0.5). Effects that the NumPy engine has too follow the same covariates as there (whose drag steps more gently).
 UNCATALOGUED: tuple[Change, ...] = (
     Change("release_arc", {}, (), ("launch",), beside=(("release_arc", 1.0),)),
     Change("hood_flex", {"hood_flex_deg": 0.2}, (), ("launch",), signed=True),

@@ -1,8 +1,7 @@
 """Which worlds a round of proof is made of: drawn from one number, in shares and sizes that the solver does not know.
 
 Shares follow the design, sizes a ladder in lambda: how plain the effect is in such data
-(proof/truearc_proof/truth/ladder.toml), not how large somebody thinks it usually is. Nothing here is
-truearc.sim.physics.
+(proof/truearc_proof/truth/ladder.toml), not its usual size by judgement. Nothing here comes from truearc.sim.physics.
 """
 
 import math
@@ -34,7 +33,7 @@ from truearc_proof.worlds.perturbations import (
 )
 
 NUMPY, MUJOCO = "numpy", "mujoco"
-OWN = "own"                           # somebody else's world, by an engine of theirs
+OWN = "own"                           # an external world, by an engine of its maker's
 # Shares of kinds; MuJoCo's worlds are of every kind, too, but have no ladder.
 SHARES = {"clean": 0.175, "dirty": 0.175, "one": 0.30, "two": 0.10, "off": 0.15, "alias": 0.05, "decoy": 0.05}
 IN_MUJOCO = 0.2                       # of each kind
@@ -48,12 +47,12 @@ OFF_FACTORS = (1.0, 2.0)              # of what is in no catalogue where its lam
 DIRTY = 0.4                           # of the worlds with an effect
 LADDER_SHOTS = 300                    # that the table of lambdas is about
 FIRST_SEED = 1 << 50                  # a round's worlds have none of the small seeds that benchmarks' worlds have
-# Effects of which one is easily taken for the other; the whole set is the right answer.
+# Effects that are easily mistaken for each other; the whole set is the right answer.
 ALIKE = {"L0": ("target_height", "release_height", "distance_bias", "distance_scale"),
          "L1": ("target_height", "release_height"), "L2": ("distance_bias", "distance_scale")}
 LIMITS = {"ball_stiffness_scale": (0.35, 3.0), "flywheel_inertia_scale": (0.25, 5.0)}      # that a world stands
 WEAR = ("ball_wear", "drag_wear")     # what a battery that falls with wear is a decoy for
-DECOY = "battery_sag"                 # and by which name of the catalogue it would be told
+DECOY = "battery_sag"                 # and the name of the catalogue that it resembles
 
 
 class Drawn(Struct, frozen=True, forbid_unknown_fields=True):

@@ -81,7 +81,7 @@ def test_the_simulations_own_file_says_the_same_as_the_table(tmp_path: Path) -> 
     dataset = import_fuel(original)
     rows = [(46, rpm, speed, spin / (2.0 * np.pi), 0.215, 0.075) for rpm, speed, spin in
             ((3000, 5.5, -20.0), (4000, 7.0, -25.0))]
-    left_out = (f"{original}:7: 2 more, where motor speeds begin anew: at another elevation, which is not said",)
+    left_out = (f"{original}:7: 2 more, where motor speeds start again: at another elevation, which is not stated",)
     assert dataset.left_out == left_out
     assert_same(dataset, import_fuel(write(tmp_path / "f.csv", FUEL, rows)), 1e-12)
     original.write_text(SHOOTER.replace(", 3000.0, 4000.0", ", 5000.0, 6000.0"))

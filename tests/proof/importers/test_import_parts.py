@@ -8,7 +8,7 @@ import pytest
 
 import truearc.cli.main as truearc
 from truearc.sim.data.dataset import load_dataset
-from truearc.sim.data.importers.stated_uncertainty import doubts_of
+from truearc.sim.data.importers.imported import doubts_of
 from truearc_proof.importers.set_points import import_254, import_3476
 
 HISTORY = ("commit", "committed_at", "distance_m", "hood_eject_angle_deg", "flywheel_rpm")

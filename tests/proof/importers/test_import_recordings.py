@@ -115,15 +115,15 @@ def no_group(file: Any) -> None:
     (spoil("time_stamps", None), ", group 4: time_stamps is missing"),
     (spoil("launch_param", None), ", group 4: launch_param is missing"),
     (spoil("launch_param", [0.5, 0.5]), ", group 4: launch_param has not 5 numbers (phi_cmd, theta_cmd, motor"),
-    (spoil("launch_param", [0.5, 0.5, -1.0, -1.0, -1.0]), ", group 4: motor_bottom_rpm: -1 is no speed in rpm"),
-    (spoil("launch_param", [0.5, 0.5, 0.4, 9.0, 9.0]), ", group 4: motor_top_left_rpm: 0.4 is no speed in rpm"),
+    (spoil("launch_param", [0.5, 0.5, -1.0, -1.0, -1.0]), ", group 4: motor_bottom_rpm: -1 is not a speed in rpm"),
+    (spoil("launch_param", [0.5, 0.5, 0.4, 9.0, 9.0]), ", group 4: motor_top_left_rpm: 0.4 is not a speed in rpm"),
     (spoil("launch_param", [0.5, np.nan, 9.0, 9.0, 9.0]), ", group 4:1: theta_cmd: nan is not a finite number"),
     (spoil("positions", np.zeros((99, 3))), ", group 4: positions has not 3 numbers for each of time_stamps"),
     (spoil("positions", "far"), ", group 4: positions holds no numbers"),
     (spoil_sample, ", group 4:31: z_m: nan is not a finite number"),
     (repeat_stamp, ", group 4:31: t_s: does not follow the sample before of the same launch"),
     (without_originals, ": has no group 'originals' with launches in it"),
-    (no_group, ", group 5: is no group"),
+    (no_group, ", group 5: is not a group"),
 ])
 def test_what_is_wrong_with_a_launch_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str],
                                               change: Callable[[Any], None], says: str) -> None:

@@ -22,10 +22,12 @@ class Launcher:
         self.folder = folder
         self.asked: list[str] = []
         self.made: list[str] = []
+        self.seeds: list[int] = []
 
     def __call__(self, recordings, what):
         for recording in recordings:
             self.asked.append(recording.name)
+            self.seeds.append(recording.seed)
             if not (self.folder / recording.name).exists():
                 self.made.append(recording.name)
                 write_session(self.folder / recording.name, recording)

@@ -7,8 +7,7 @@ import pytest
 
 from tests.sim.thin import thinned
 from truearc.robot.config.schema import InputError
-from truearc.sim.data.importers.selection import only
-from truearc.sim.data.importers.stated_uncertainty import doubts_of
+from truearc.sim.data.importers.imported import doubts_of, only
 from truearc.sim.discover.adopt import make_belief
 from truearc.sim.discover.detect.localization import locate
 from truearc.sim.discover.investigate import detect, discover, make_search

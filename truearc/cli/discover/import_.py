@@ -22,8 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Read, say what came of it, write."""
-    from truearc.sim.data.importers.selection import only
-    from truearc.sim.data.importers.stated_uncertainty import doubts_of
+    from truearc.sim.data.importers.imported import doubts_of, only
     importer = next(importer for importer in load_importers() if importer.name == args.source)
     if not importer.takes(args.files):
         raise ta.InputError(f"{args.source} takes {', or '.join(importer.ways)}; not {' '.join(args.files)}")
