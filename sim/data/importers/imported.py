@@ -1,4 +1,4 @@
-"""What is done with a dataset once it is imported: take a part of it, and report what cannot be as it is stated."""
+"""Steps after an import: taking a part of the dataset, and listing what cannot be as it is stated."""
 
 import numpy as np
 
