@@ -88,10 +88,14 @@ class EmulatedCamera:
             cv2.circle(image, at, 1 + int(dice[k + 3] % 2), tuple(shade * part for part in TAPE_BGR), -1)
         return image
 
+    def _project(self, view: View) -> tuple[Array, Array]:
+        """The outline in ideal pixels (8, 2), and how far ahead it is (8,) [m]; the proof's cameras project otherwise."""
+        return project(self._outline_m, view.camera_from_target, self._lens, view.focal_scale)
+
     def _edges(self, view: View) -> Array | None:
         """The outline (8, 2) in ideal pixels, or None when it is not wholly before the camera."""
         lens = self._lens
-        pixels, ahead_m = project(self._outline_m, view.camera_from_target, lens, view.focal_scale)
+        pixels, ahead_m = self._project(view)
         if ahead_m.min() < NEAREST_M:
             return None
         phase, *push_px = self._random.standard_normal(3)
