@@ -66,7 +66,10 @@ class Traces:
 
 @dataclass(frozen=True)
 class Dataset(Printed):
-    """All that a directory of shots says; `left_out`: what its maker left out and why, one line each."""
+    """All that a directory of shots says; `left_out`: what its maker left out and why, one line each.
+
+    `accepted`: objections to its plausibility that the user accepted or that only warn.
+    """
 
     name: str
     facts: Rig
@@ -74,6 +77,7 @@ class Dataset(Printed):
     tracks: Tracks | None = None
     traces: Traces | None = None
     left_out: tuple[str, ...] = ()
+    accepted: tuple[str, ...] = ()
 
     @property
     def rig(self) -> Rig:

@@ -20,6 +20,7 @@ class DataSummary(Struct, frozen=True):
     believed: tuple[str, ...]         # terms
     fitted: dict[str, dict[str, float]]       # tracks | outcomes -> shared parameters
     clusters: dict[str, Any]
+    accepted: tuple[str, ...] = ()    # objections to the data that the user accepted, or that only warn
 
 
 class TestResult(Struct, frozen=True):

@@ -1,7 +1,7 @@
 """Find where recordings and simulation disagree, and which physics explains it."""
 
 import html
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -22,6 +22,7 @@ from truearc.sim.discover.report.finding_text import console_lines
 from truearc.sim.discover.report.html_report import make_report, plot_residuals
 from truearc.sim.discover.settings import FALSE_ALARM, check_chances
 from truearc.sim.infer.belief import Belief
+from truearc.sim.infer.plausibility import check_plausible
 from truearc.sim.physics.catalogue import Catalogue, as_catalogue
 from truearc.sim.physics.term import Term
 from truearc.sim.printed import Printed
@@ -132,7 +133,8 @@ class Finding(Printed):
             belief, provenance = make_belief(self.investigation)
         except ValueError as error:
             raise InputError(f"{self.name}: {error}") from error
-        return replace(belief, provenance={"dataset": self.name, **provenance})
+        return replace(belief, provenance={"dataset": self.name, "accepted": list(self.record.data.accepted),
+                                           **provenance})
 
     def lines(self) -> list[str]:
         """Return the report: the verdict in a sentence, and a few lines below it."""
@@ -147,7 +149,8 @@ class Finding(Printed):
 def discover(dataset: Dataset, *, belief: Belief | None = None, believe: Iterable[str | Term] | None = None,
              terms: Iterable[Term] | None = None, since: Dataset | None = None,
              measured: Mapping[str, tuple[float, float]] | None = None, seed: int = 0,
-             false_alarm: float = FALSE_ALARM, progress: Progress = lambda done, note: None) -> Finding:
+             false_alarm: float = FALSE_ALARM, accept: Collection[str] = (),
+             progress: Progress = lambda done, note: None) -> Finding:
     """Test whether a dataset disagrees with the simulation, say where, and rank the terms that explain it.
 
     Args:
@@ -161,12 +164,14 @@ def discover(dataset: Dataset, *, belief: Belief | None = None, believe: Iterabl
         measured: {term: (value, standard deviation)} of amplitudes measured without a shot, in the term's unit.
         seed: Of everything drawn at random; the same data and seed give the same finding.
         false_alarm: Probability of a finding where nothing is missing, 0.002 to 1.
+        accept: Names of plausibility checks (truearc.sim.infer.plausibility) whose objections are accepted; recorded.
         progress: Called with the share done, 0 to 1, and a note.
 
     Code is compiled in each process; set JAX_COMPILATION_CACHE_DIR to keep it on disk.
 
     Raises:
-        InputError: an unknown term, contradicting arguments, too few shots, or outcomes without a target.
+        InputError: implausible data, an unknown term, contradicting arguments, too few shots, or outcomes without a
+            target.
     """
     check_chances(false_alarm, seed)
     among = belief.catalogue if terms is None and belief is not None else as_catalogue(terms)
@@ -176,6 +181,8 @@ def discover(dataset: Dataset, *, belief: Belief | None = None, believe: Iterabl
         _check_since(since, belief, dataset)
     names = names_of(believe, "believe", among)
     check_believed(names or (), among)
+    dataset = check_plausible(dataset, accept)
+    since = None if since is None else check_plausible(since, accept)
     found = engine.discover(dataset, names, false_alarm, seed, progress, belief, since,
                             _measured(measured or {}, among), among)
     return Finding(dataset.name, found)

@@ -1,6 +1,6 @@
 """Fit the parameters of terms to a dataset."""
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib.metadata import version
@@ -17,6 +17,7 @@ from truearc.sim.infer.belief import Belief, point_belief
 from truearc.sim.infer.crossval import CrossValidation, cross_validate
 from truearc.sim.infer.fit_text import fit_lines
 from truearc.sim.infer.map_fit import MapFit, fit_map
+from truearc.sim.infer.plausibility import check_plausible
 from truearc.sim.infer.profile import ProfileInterval, profile_interval
 from truearc.sim.infer.score import Score, score
 from truearc.sim.paper.grid_fit import Bootstrap, GridFit, bootstrap_grid, fit_grid, grid_start
@@ -78,7 +79,8 @@ class Fit(Printed):
 
     def lines(self) -> list[str]:
         """Return the report: data used, what cannot be told apart, estimates, scatter, hold-out score, next shots."""
-        return fit_lines(self.solution, self.intervals, self.holdout, self.proposals)
+        return [*(f"warning: {line}" for line in self.dataset.accepted),
+                *fit_lines(self.solution, self.intervals, self.holdout, self.proposals)]
 
     def _provenance(self) -> dict[str, Any]:
         fit = self.solution
@@ -86,7 +88,7 @@ class Fit(Printed):
             "method": "ml", "dataset": self.dataset.name, "dataset_sha256": hash_dataset(self.dataset),
             "truearc": version("truearc"), "shots": len(fit.gathered.rows), "terms": list(fit.model.terms),
             "log_posterior": -fit.optimum.value, "evidence": dict(fit.gathered.used),
-            "left_out": list(fit.gathered.left_out),
+            "left_out": list(fit.gathered.left_out), "accepted": list(self.dataset.accepted),
             "interval90": {one.name: [one.low90, one.high90] for one in self.intervals}}
         held = self.holdout
         if held is not None:
@@ -126,17 +128,18 @@ class GridSearch(Printed):
 
     def lines(self) -> list[str]:
         """Return the report: shots used, tied pairs, the chosen pair and its accuracy, warnings."""
-        return explain(self.dataset, self.solution, self.accuracy, self.bootstrap)
+        return [*(f"warning: {line}" for line in self.dataset.accepted),
+                *explain(self.dataset, self.solution, self.accuracy, self.bootstrap)]
 
 
 @overload
 def fit(dataset: Dataset, terms: Iterable[str | Term] | None = None, *, method: Literal["map"] = "map",
-        progress: Progress = ...) -> Fit: ...
+        accept: Collection[str] = ..., progress: Progress = ...) -> Fit: ...
 @overload
 def fit(dataset: Dataset, *, method: Literal["grid"], step: float = STEP, bootstrap: int = 0, seed: int = 0,
-        progress: Progress = ...) -> GridSearch: ...
+        accept: Collection[str] = ..., progress: Progress = ...) -> GridSearch: ...
 def fit(dataset: Dataset, terms: Iterable[str | Term] | None = None, *, method: str = "map",
-        step: float | None = None, bootstrap: int = 0, seed: int = 0,
+        step: float | None = None, bootstrap: int = 0, seed: int = 0, accept: Collection[str] = (),
         progress: Progress = lambda done, note: None) -> Fit | GridSearch:
     """Fit parameters of the physics to everything that a dataset records.
 
@@ -149,14 +152,16 @@ def fit(dataset: Dataset, terms: Iterable[str | Term] | None = None, *, method: 
         step: Grid only: distance of neighbouring coefficients; divides 5.
         bootstrap: Grid only: how many times the shots are drawn again.
         seed: Grid only: of the bootstrap.
+        accept: Names of plausibility checks (truearc.sim.infer.plausibility) whose objections are accepted; recorded.
         progress: Called with the share done, 0 to 1, and a note.
 
     Returns:
         Fit, or GridSearch for "grid": both have `.belief`, `.table()` and print as a report.
 
     Raises:
-        InputError: an unknown term or method, an argument of the other method, or nothing to fit to.
+        InputError: implausible data, an unknown term or method, an argument of the other method, or nothing to fit to.
     """
+    dataset = check_plausible(dataset, accept)
     if method == "map":
         if step is not None or bootstrap or seed:
             raise InputError("step, bootstrap, seed: method 'map' makes no use of them; method 'grid' does")

@@ -70,6 +70,12 @@ def write_out(path: str | Path | None, text: str) -> None:
             raise InputError(f"{path}: {error.strerror or error}") from error
 
 
+def add_accept(parser: argparse.ArgumentParser) -> None:
+    """Option that overrides a plausibility check by its name."""
+    parser.add_argument("--accept", action="append", default=[], metavar="CHECK", help="use the data although this "
+                        "plausibility check objects; it is recorded; may be repeated")
+
+
 def print_or_write(path: Path | None, text: str) -> None:
     """Write text to standard output, or to a file where one is named."""
     if path is None:

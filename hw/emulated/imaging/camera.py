@@ -89,7 +89,7 @@ class EmulatedCamera:
         return image
 
     def _project(self, view: View) -> tuple[Array, Array]:
-        """The outline in ideal pixels (8, 2), and how far ahead it is (8,) [m]; the proof's cameras project otherwise."""
+        """The outline in ideal pixels (8, 2), and how far ahead it is (8,) [m]; the proof overrides it."""
         return project(self._outline_m, view.camera_from_target, self._lens, view.focal_scale)
 
     def _edges(self, view: View) -> Array | None:

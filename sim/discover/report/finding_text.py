@@ -178,6 +178,7 @@ def console_lines(finding: Finding, among: Catalogue | None = None) -> list[str]
     if finding.mismatch.found and where.times_s:
         lines.append(f"along the flight: {where.times_s[0]:.2f} to {where.times_s[1]:.2f} s")
     lines += [f"next: {say_step(step, among)}" for step in finding.next]
+    lines += [f"warning: {line}" for line in data.accepted]
     lines += [f"left out: {line}" for line in data.left_out]
     return lines
 

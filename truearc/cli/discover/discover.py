@@ -9,7 +9,16 @@ from dataclasses import replace
 from pathlib import Path
 
 import truearc as ta
-from truearc.cli.common import add_terms_from, catalogue_of, listed, make_progress, number, out_file, write_out
+from truearc.cli.common import (
+    add_accept,
+    add_terms_from,
+    catalogue_of,
+    listed,
+    make_progress,
+    number,
+    out_file,
+    write_out,
+)
 from truearc.sim.discover.settings import FALSE_ALARM, check_chances
 
 EXAMPLE = "truearc discover shots/ --believe gravity,drag --json finding.json --report finding.html"
@@ -47,6 +56,7 @@ def add_baseline(parser: argparse.ArgumentParser) -> None:
                         "(discover --adopt, fit): the baseline, with its uncertainties; what has changed?")
     parser.add_argument("--since", metavar="DIR", help="dataset that --belief was adopted from: misfit that "
                         "is present there, too, is not evidence of change; tracks show it, and telemetry at times")
+    add_accept(parser)
     parser.add_argument("--false-alarm", type=float, default=FALSE_ALARM, metavar="P",
                         help="probability of a finding where nothing is missing")
 
@@ -92,7 +102,7 @@ def investigate(args: argparse.Namespace, what: str, measured: Sequence[str] = (
     return dataset, ta.discover(
         dataset, belief=belief, believe=args.believe, terms=among, since=since, seed=args.seed,
         measured={name.partition(".")[0]: size for name, size in sizes.items()}, false_alarm=args.false_alarm,
-        progress=make_progress(what, args.quiet))
+        accept=args.accept, progress=make_progress(what, args.quiet))
 
 
 def _adopt(found: "ta.Finding", dataset: str, path: Path) -> str:

@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 import truearc as ta
-from truearc.cli.common import add_terms_from, catalogue_of, listed, make_progress, number, out_file, refuse
+from truearc.cli.common import add_accept, add_terms_from, catalogue_of, listed, make_progress, number, out_file, refuse
 
 EXAMPLE = "truearc fit shots/ --terms gravity,drag,magnus,exit_efficiency -o coefficients.toml"
 
@@ -20,6 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--terms", type=listed(str), metavar="NAMES",
                         help="terms to fit, comma-separated (default: [believe] of rig.toml)")
     add_terms_from(parser)
+    add_accept(parser)
     parser.add_argument("--posterior", type=number(int, 1), metavar="N",
                         help="draw N samples of the posterior too, and save them beside --out as .npz")
     parser.add_argument("--seed", type=number(int, 0), help="seed of --posterior (default 0)")
@@ -31,7 +32,7 @@ def main(args: argparse.Namespace) -> int:
         refuse(args, ("--seed",), "applies with --posterior only")
     dataset = ta.load_dataset(args.dataset)
     terms = catalogue_of(args).find(args.terms or dataset.rig.believe.terms)
-    fit = ta.fit(dataset, terms, progress=make_progress("fit", args.quiet))
+    fit = ta.fit(dataset, terms, accept=args.accept, progress=make_progress("fit", args.quiet))
     print(fit)
     if not fit.converged:
         print("truearc fit: the search for the most probable parameters did not settle; nothing is written",

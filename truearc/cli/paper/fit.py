@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import truearc as ta
-from truearc.cli.common import make_progress, number, out_file, refuse
+from truearc.cli.common import add_accept, make_progress, number, out_file, refuse
 from truearc.sim.paper.settings import STEP
 
 if TYPE_CHECKING:
@@ -29,6 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="csv to write all tied pairs to, the chosen one first")
     parser.add_argument("--bootstrap", type=number(int, 0), metavar="N",
                         help="resample the shots N times, for intervals")
+    add_accept(parser)
     parser.add_argument("--seed", type=number(int, 0), help="seed of --bootstrap (default 0)")
 
 
@@ -37,7 +38,7 @@ def main(args: argparse.Namespace) -> int:
     if args.bootstrap is None:
         refuse(args, ("--seed",), "applies with --bootstrap only")
     found = ta.fit(ta.load_dataset(args.dataset), method="grid", step=args.step, bootstrap=args.bootstrap or 0,
-                   seed=args.seed or 0, progress=make_progress("fit", args.quiet))
+                   seed=args.seed or 0, accept=args.accept, progress=make_progress("fit", args.quiet))
     print(found)
     _write(args, found)
     return 0

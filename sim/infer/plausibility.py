@@ -1,0 +1,253 @@
+"""Plausibility of a dataset before inference: wrong units, axes and angles, which a fit would turn into physics.
+
+Each check has a name, and can be accepted by it. A check passes where the data cannot tell.
+"""
+
+import math
+from collections.abc import Collection, Iterator
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from truearc.robot.config.rig_spec import Rig
+from truearc.robot.config.schema import InputError
+from truearc.sim.data.model import Dataset, Floats, Shots, Tracks
+from truearc.sim.physics.simulate import launch_state
+
+CHECKS = ("gravity", "axes", "sample-interval", "track-length", "speed", "hood", "mass", "radius", "reach")
+GRAVITY = (0.45, 1.7)                 # share of the rig's that drag and lift leave of it, at the least and at the most
+TILT_DEG = 45.0                       # of the measured gravity against -z: no camera is tilted as far
+INTERVAL_S = (1e-4, 0.6)
+SPEED = (0.2, 1.6)                    # of a tracked ball, by that of the wheels' surfaces
+DENSITY_KG_M3 = (3.0, 23_000.0)       # of a ball: lighter is a balloon, heavier no metal
+LIGHT_KG_M3 = 12.0                    # below this the radius may be the diameter
+REACH = (0.95, 4.0)                   # launch speed of scoring shots, by the least that carries a ball so far in vacuum
+TYPICAL = 1.3                         # of foam balls
+MEASURED = 0.85                       # the least of it where the speed itself was measured: slip does not add to drag
+STRAIGHTER = 0.65                     # spread of that ratio with the other angle, by its spread as recorded
+CROOKED = 0.1                         # and the least spread as recorded that is judged
+SAMPLES, TRACKS, SCORES = 8, 3, 6     # fewest of a track, of tracks, of scoring shots, that are judged
+LENGTHS = {"millimetres": ("mm", 1e-3), "centimetres": ("cm", 0.01), "inches": ("in", 0.0254), "feet": ("ft", 0.3048)}
+RPM = math.pi / 30.0
+
+
+class Flaw(NamedTuple):
+    """One implausible thing: which check, the file and key, and a sentence with what to do."""
+
+    check: str
+    place: str
+    what: str
+    warns: bool = False               # it may well be true
+
+    def __str__(self) -> str:
+        return f"{self.place}: {self.what}"
+
+
+def check_plausible(dataset: Dataset, accept: Collection[str] = ()) -> Dataset:
+    """Return the dataset with the objections that were accepted, or only warn.
+
+    Args:
+        accept: Names of checks whose objections are accepted.
+
+    Raises:
+        InputError: names every other objection with its file, key, likeliest cause and check; or an unknown check.
+    """
+    for name in accept:
+        if name not in CHECKS:
+            raise InputError(f"accept: there is no check {name!r}; there are {', '.join(CHECKS)}")
+    objections = list(_objections(dataset))
+    refused = [objection for objection in objections if not objection.warns and objection.check not in accept]
+    if refused:
+        raise InputError("\n".join(f"{objection} (check {objection.check!r}; accept it by name if it is so)"
+                                   for objection in refused))
+    return replace(dataset, accepted=tuple(f"{objection.check}: {objection}" for objection in objections))
+
+
+def _objections(dataset: Dataset) -> Iterator[Flaw]:
+    yield from _ball(dataset.rig)
+    hood = list(_hood(dataset.shots))
+    yield from hood
+    if not hood:
+        yield from _reach(dataset.rig, dataset.shots)
+    if dataset.tracks is not None:
+        yield from _tracks(dataset, dataset.tracks)
+
+
+def _ball(rig: Rig) -> Iterator[Flaw]:
+    ball = rig.ball
+    said = f"a ball of {ball.mass_kg:g} kg and {ball.radius_m:g} m radius"
+    density = ball.mass_kg / (4.0 / 3.0 * math.pi * ball.radius_m**3)
+    if density > DENSITY_KG_M3[1]:
+        yield Flaw("mass", "rig.toml: ball.mass_kg", f"{said} is denser than any metal; this looks like grams: "
+                    f"{ball.mass_kg / 1000.0:g} kg")
+    elif density < DENSITY_KG_M3[0]:
+        name, (_, metres) = next((one for one in reversed(LENGTHS.items())
+                                  if density / one[1][1]**3 > LIGHT_KG_M3), ("millimetres", ("mm", 1e-3)))
+        yield Flaw("radius", "rig.toml: ball.radius_m", f"{said} weighs little more than the air in its place; this "
+                    f"looks like {name}: {ball.radius_m * metres:g} m")
+    elif density < LIGHT_KG_M3:
+        yield Flaw("radius", "rig.toml: ball.radius_m", f"{ball.radius_m:g} m is much for a ball of {ball.mass_kg:g} "
+                    "kg; make sure that it is not the diameter", warns=True)
+
+
+def _hood(shots: Shots) -> Iterator[Flaw]:
+    hood_deg = shots.number("hood_deg")
+    known = np.abs(hood_deg[np.isfinite(hood_deg)])
+    if len(known) >= TRACKS and known.max() <= math.pi / 2 and np.median(known) > 0.05:
+        yield Flaw("hood", f"{shots.source}: hood_deg", f"no shot exceeds {known.max():.2f} degrees; these look like "
+                    "radians: rename the column to hood_rad or multiply it by 57.3")
+
+
+def needed_speed(distance_m: Floats, rise_m: float, hood_deg: Floats, gravity_m_s2: float) -> Floats:
+    """Return the speed [m/s] that carries a ball through a point in vacuum; inf where that angle never does."""
+    angle = np.radians(hood_deg)
+    above_m = distance_m * np.tan(angle) - rise_m
+    with np.errstate(divide="ignore", invalid="ignore"):
+        speed = np.sqrt(gravity_m_s2 * distance_m**2 / (2.0 * np.cos(angle)**2 * above_m))
+    return np.where(above_m > 0.0, speed, np.inf)
+
+
+def _reach(rig: Rig, shots: Shots) -> Iterator[Flaw]:
+    """Scoring shots got to the target: their launch speed must have been enough, and not many times as much."""
+    scoring = np.isin(shots.text("outcome"), ("two", "three"))
+    speed_m_s = launch_state(rig, shots).get("exit_speed_m_s", np.full(len(shots), np.nan))
+    columns = np.array([shots.number("distance_m"), shots.number("hood_deg"), speed_m_s])
+    distance_m, hood_deg, speed_m_s = columns[:, scoring & np.isfinite(columns).all(axis=0)]
+    if rig.target is None or len(distance_m) < SCORES:
+        return
+    rise_m = rig.target.centre_height_m - rig.launcher.release_height_m
+
+    def ratios(distance: Floats, hood: Floats, speed: Floats) -> Floats:
+        return np.asarray(speed / needed_speed(distance, rise_m, hood, rig.world.gravity_m_s2))
+
+    ratio = ratios(distance_m, hood_deg, speed_m_s)
+    middle = float(np.median(ratio))
+    other = ratios(distance_m, 90.0 - hood_deg, speed_m_s)
+    if _is_straighter(other, ratio):
+        yield Flaw("hood", f"{shots.source}: hood_deg", "the speeds of scoring shots fit their distances far better "
+                    "if the angle is from the vertical; hood_deg is the elevation above the horizontal: 90 less that")
+        return
+    low = MEASURED if "exit_speed_m_s" in shots.numbers else REACH[0]
+    if low <= middle <= REACH[1]:
+        return
+    causes = {f"distance_m in {name}": ratios(distance_m * metres, hood_deg, speed_m_s)
+              for name, (_, metres) in LENGTHS.items()}
+    causes["launcher.free_speed_rad_s, or the wheels' speeds, in revolutions per minute"] = ratios(
+        distance_m, hood_deg, speed_m_s * RPM)
+    causes["a wheel's diameter given as its radius"] = ratios(distance_m, hood_deg, speed_m_s / 2.0)
+    medians = {cause: float(np.median(new)) for cause, new in causes.items()}
+    fits = {cause: abs(math.log(new / TYPICAL)) for cause, new in medians.items() if REACH[0] <= new <= REACH[1]}
+    likely = min(fits, key=lambda cause: fits[cause]) if fits else "wrong distances, wheels or hood angles"
+    yield Flaw("reach", f"{shots.source}: distance_m, hood_deg and the wheels", "scoring shots leave with "
+                f"{middle:.2g} times the speed that gets a ball so far without air; this looks like {likely}")
+
+
+def _is_straighter(other: Floats, ratio: Floats) -> bool:
+    """Whether the other reading explains the speeds much better; both are zero where no speed would do."""
+    if len(ratio) < 2 * SCORES or (other <= 0.0).any():
+        return False
+    spread = np.inf if (ratio <= 0.0).any() else float(np.std(np.log(ratio)))
+    return spread > CROOKED and float(np.std(np.log(other))) < STRAIGHTER * spread
+
+
+class Motion(NamedTuple):
+    """What tracks say by themselves: acceleration without drag [3] and its standard error, speed at the start."""
+
+    acceleration_m_s2: Floats
+    error_m_s2: float
+    start_m_s: Floats                 # [tracks]
+    shot: Floats                      # [tracks]: row in Shots
+    reach_m: Floats                   # [tracks]: horizontal distance travelled
+
+
+def measure_motion(tracks: Tracks) -> Motion | None:
+    """Fit each track by a polynomial, and gravity and drag to all accelerations; None where there are too few."""
+    rows, starts, shots, reaches = [], [], [], []
+    points = np.column_stack([tracks.x_m, tracks.y_m, tracks.z_m])
+    for shot in np.unique(tracks.shot):
+        here = (tracks.shot == shot) & np.isfinite(points).all(axis=1)
+        t_s, place = tracks.t_s[here], points[here]
+        if len(t_s) < SAMPLES or np.ptp(t_s) <= 0.0:
+            continue
+        half_s, middle_s = np.ptp(t_s) / 2.0, (t_s[0] + t_s[-1]) / 2.0
+        fit = np.polynomial.polynomial.polyfit((t_s - middle_s) / half_s, place, 4 if len(t_s) >= 2 * SAMPLES else 3)
+        slope = np.polynomial.polynomial.polyder(fit)
+        bend = np.polynomial.polynomial.polyder(slope)
+        at = np.array([-0.5, 0.0, 0.5])
+        rows.append((np.polynomial.polynomial.polyval(at, slope) / half_s,
+                     np.polynomial.polynomial.polyval(at, bend) / half_s**2))
+        starts.append(np.linalg.norm(np.polynomial.polynomial.polyval(-0.9, slope)) / half_s)
+        shots.append(shot)
+        reaches.append(np.linalg.norm(place[-1, :2] - place[0, :2]))
+    if len(rows) < TRACKS:
+        return None
+    solutions = np.array([_gravity_of([row]) for row in rows])
+    whole = _gravity_of(rows)
+    error = float(np.linalg.norm(1.25 * np.median(np.abs(solutions - np.median(solutions, axis=0)), axis=0)))
+    return Motion(whole, 1.5 * error / math.sqrt(len(rows)), np.array(starts), np.array(shots), np.array(reaches))
+
+
+def _gravity_of(rows: list[tuple[Floats, Floats]]) -> Floats:
+    """Least squares of acceleration = gravity - k speed velocity, over components and points; k at least zero."""
+    velocity = np.concatenate([row[0].T for row in rows])
+    bend = np.concatenate([row[1].T for row in rows])
+    drag = -np.linalg.norm(velocity, axis=1)[:, None] * velocity
+    centred, pulled = drag - drag.mean(axis=0), bend - bend.mean(axis=0)
+    k = max(0.0, float((centred * pulled).sum() / max((centred**2).sum(), 1e-300)))
+    return np.asarray(bend.mean(axis=0) - k * drag.mean(axis=0))
+
+
+def _tracks(dataset: Dataset, tracks: Tracks) -> Iterator[Flaw]:
+    steps = np.diff(tracks.t_s)[np.diff(tracks.shot) == 0]
+    step_s = float(np.median(steps)) if len(steps) else 0.01
+    motion = measure_motion(tracks)
+    if motion is not None:
+        objections = list(_gravity(dataset.rig, motion, step_s))
+        yield from objections
+        if objections:
+            return
+        yield from _against_launcher(dataset, motion)
+    if not INTERVAL_S[0] <= step_s <= INTERVAL_S[1]:
+        yield Flaw("sample-interval", "tracks: t_s", f"samples are {step_s:g} s apart; this looks like "
+                    + ("milliseconds: rename the column to t_ms" if step_s > INTERVAL_S[1] else "another unit of time"))
+
+
+def _gravity(rig: Rig, motion: Motion, step_s: float) -> Iterator[Flaw]:
+    """Gravity as if it were unknown: its size says the units, its direction the axes."""
+    size = float(np.linalg.norm(motion.acceleration_m_s2))
+    low, high = (share * rig.world.gravity_m_s2 for share in GRAVITY)
+    spread = 3.0 * motion.error_m_s2
+    said = f"fitted as if unknown, gravity is {size:,.3g} +- {motion.error_m_s2:,.2g} m/s2"
+    if size - spread > high:
+        name, (suffix, _) = min(LENGTHS.items(),
+                                key=lambda one: abs(math.log(size * one[1][1] / rig.world.gravity_m_s2)))
+        yield Flaw("gravity", "tracks: x_m, y_m, z_m", f"these look like {name}: {said}; rename the columns to "
+                    + ", ".join(f"{axis}_{suffix}" for axis in "xyz"))
+    elif size + spread < low and step_s > INTERVAL_S[1]:
+        yield Flaw("gravity", "tracks: t_s", f"these look like milliseconds: {said}; rename the column to t_ms")
+    elif size + spread < low:
+        yield Flaw("gravity", "tracks: t_s", f"positions or times have another unit: {said}; state them in metres and "
+                    "seconds")
+    if size > spread:
+        across = int(np.argmax(np.abs(motion.acceleration_m_s2)))
+        tilt_deg = math.degrees(math.acos(np.clip(-motion.acceleration_m_s2[2] / size, -1.0, 1.0)))
+        if tilt_deg > TILT_DEG and spread < 0.5 * size:
+            cause = ("z points down: change its sign" if across == 2 else
+                     f"gravity acts along {'xyz'[across]}: z_m must point up; exchange z_m and {'xyz'[across]}_m")
+            yield Flaw("axes", "tracks: x_m, y_m, z_m", cause)
+
+
+def _against_launcher(dataset: Dataset, motion: Motion) -> Iterator[Flaw]:
+    rows = motion.shot.astype(int)
+    far = motion.reach_m / dataset.shots.number("distance_m")[rows]
+    if np.isfinite(far).sum() >= TRACKS and np.nanmedian(far) > 2.5:
+        yield Flaw("track-length", "tracks: x_m", f"balls travel {np.nanmedian(far):.2g} times distance_m; one of the "
+                    "two has another unit")
+    speed_m_s = launch_state(dataset.rig, dataset.shots).get("exit_speed_m_s", np.full(len(dataset.shots), np.nan))
+    ratio = float(np.nanmedian(motion.start_m_s / speed_m_s[rows])) if np.isfinite(speed_m_s[rows]).any() else 1.0
+    if not SPEED[0] <= ratio <= SPEED[1]:
+        cause = ("the wheels' speeds look like revolutions per minute" if SPEED[0] <= ratio / RPM <= SPEED[1] else
+                 "wheel radius, gear or speed has another unit")
+        yield Flaw("speed", f"{dataset.shots.source}: the wheels", f"tracked balls leave with {ratio:.2g} times the "
+                    f"speed of the wheels' surfaces; {cause}")

@@ -1,0 +1,204 @@
+"""Wrong units, axes and angles are refused by name before a fit makes physics of them; plausible data pass."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from msgspec.structs import replace as changed
+from scipy.integrate import solve_ivp
+
+import truearc as ta
+from truearc.cli.main import main
+from truearc.robot.config.rig_spec import Ball, LauncherFacts, Rig, Target, Wheel
+from truearc.robot.config.schema import InputError
+from truearc.sim.data.dataset import Dataset, Shots, Tracks, load_dataset
+from truearc.sim.data.save import save_dataset
+from truearc.sim.infer.plausibility import check_plausible, measure_motion
+
+FOAM = Ball(0.142, 0.0889)
+WHEELS = (Wheel("upper", 0.05, 1.0, 0.0), Wheel("lower", 0.05, 1.0, 180.0))
+RIG = Rig(FOAM, LauncherFacts(0.6, None, WHEELS), Target(2.5))
+RHO = 1.2
+
+
+def fly(speed_m_s: float, hood_deg: float, drag_m: float, t_s: np.ndarray) -> np.ndarray:
+    """Positions [t, 3] by DOP853; drag_m: rho cd A / 2 m, in 1/m."""
+    angle = np.radians(hood_deg)
+    start = [0.0, 0.0, 0.6, speed_m_s * np.cos(angle), 0.0, speed_m_s * np.sin(angle)]
+    found = solve_ivp(lambda t, y: [*y[3:], *(-drag_m * np.linalg.norm(y[3:]) * y[3:] - [0.0, 0.0, 9.81])],
+                      (0.0, t_s[-1]), start, method="DOP853", t_eval=t_s, rtol=1e-9)
+    return np.asarray(found.y[:3].T)
+
+
+@pytest.fixture(scope="module")
+def filmed() -> Dataset:
+    """Twelve tracks of a foam ball with 1 cm of noise at 100 Hz."""
+    rng = np.random.default_rng(4)
+    speed, hood = rng.uniform(7.0, 11.0, 12), rng.uniform(35.0, 60.0, 12)
+    t_s = np.arange(0.0, 0.7, 0.01)
+    points = np.concatenate([fly(v, h, 0.03, t_s) for v, h in zip(speed, hood, strict=True)])
+    points += 0.01 * rng.standard_normal(points.shape)
+    wheels = {f"wheel_{name}_rad_s": speed / 0.05 / 0.85 for name in ("upper", "lower")}
+    shots = Shots(tuple(f"{k:02d}" for k in range(12)), {"hood_deg": hood, "distance_m": np.full(12, 6.0),
+                                                            **wheels}, {})
+    return Dataset("filmed", RIG, shots, Tracks(np.repeat(np.arange(12), len(t_s)), np.tile(t_s, 12), *points.T))
+
+
+@pytest.fixture(scope="module")
+def table() -> Dataset:
+    """Forty scoring shots over a range of angles, aimed by a law that shares nothing with truearc.sim."""
+    return season(np.random.default_rng(5), 1)[0]
+
+
+def season(rng: np.random.Generator, rigs: int, shots: int = 40) -> list[Dataset]:
+    """Random rigs, each with shots that pass the target's middle through air, by Runge-Kutta of all at once."""
+    radius = rng.uniform(0.02, 0.15, (rigs, 1))
+    mass = rng.uniform(30.0, 900.0, (rigs, 1)) * 4.0 / 3.0 * np.pi * radius**3
+    drag = RHO * rng.uniform(0.1, 0.6, (rigs, 1)) * np.pi * radius**2 / 2.0 / mass
+    rise = rng.uniform(0.5, 2.2, (rigs, 1))
+    distance = rng.uniform(2.0, 8.0, (rigs, shots))
+    steepest = np.degrees(np.arctan2(rise, distance))
+    hood = np.clip(rng.uniform(35.0, 65.0, (rigs, shots)), steepest + 10.0, 80.0)
+    low, high = np.full((rigs, shots), 3.0), np.full((rigs, shots), 60.0)
+    for _ in range(18):
+        middle = (low + high) / 2.0
+        above = height_at(middle, hood, drag, distance) > rise
+        low, high = np.where(above, low, middle), np.where(above, middle, high)
+    slip = rng.uniform(0.7, 1.0, (rigs, 1)) * rng.normal(1.0, 0.02, (rigs, shots))
+    kept = high < 40.0
+    return [Dataset(f"rig {k}", Rig(Ball(float(mass[k, 0]), float(radius[k, 0])), LauncherFacts(0.6, None, WHEELS),
+                                    Target(0.6 + float(rise[k, 0]))),
+                    Shots(tuple(map(str, range(kept[k].sum()))),
+                          {"distance_m": distance[k, kept[k]], "hood_deg": hood[k, kept[k]],
+                           **{f"wheel_{name}_rad_s": (high / slip)[k, kept[k]] / 0.05 for name in ("upper", "lower")}},
+                          {"outcome": ("two", "three") * (kept[k].sum() // 2) + ("two",) * (kept[k].sum() % 2)}))
+            for k in range(rigs)]
+
+
+def height_at(speed: np.ndarray, hood: np.ndarray, drag: np.ndarray, distance: np.ndarray) -> np.ndarray:
+    """Height above the muzzle where a ball passes a distance; minus infinity where it never gets there."""
+    vx, vz = speed * np.cos(np.radians(hood)), speed * np.sin(np.radians(hood))
+    x, z, height = np.zeros_like(speed), np.zeros_like(speed), np.full_like(speed, -np.inf)
+    for _ in range(60):
+        step = 0.05
+        v = np.hypot(vx, vz)
+        mx, mz = vx - 0.5 * step * drag * v * vx, vz - 0.5 * step * (drag * v * vz + 9.81)
+        v = np.hypot(mx, mz)
+        new_x, new_z = x + step * mx, z + step * mz
+        passed = (x < distance) & (new_x >= distance)
+        height = np.where(passed, z + (distance - x) / np.maximum(new_x - x, 1e-9) * (new_z - z), height)
+        x, z, vx, vz = new_x, new_z, vx - step * drag * v * mx, vz - step * (drag * v * mz + 9.81)
+    return height
+
+
+def tracks(dataset: Dataset, **columns: Any) -> Dataset:
+    assert dataset.tracks is not None
+    return replace(dataset, tracks=replace(dataset.tracks, **columns))
+
+
+def scaled(dataset: Dataset, factor: float) -> Dataset:
+    assert dataset.tracks is not None
+    return tracks(dataset, **{name: getattr(dataset.tracks, name) * factor for name in ("x_m", "y_m", "z_m")})
+
+
+def numbers(dataset: Dataset, **columns: Any) -> Dataset:
+    return replace(dataset, shots=replace(dataset.shots, numbers={**dataset.shots.numbers, **columns}))
+
+
+def ball(dataset: Dataset, **keys: float) -> Dataset:
+    return replace(dataset, facts=changed(dataset.rig, ball=changed(dataset.rig.ball, **keys)))
+
+
+def test_gravity_is_measured_without_being_believed(filmed: Dataset) -> None:
+    assert filmed.tracks is not None
+    motion = measure_motion(filmed.tracks)
+    assert motion is not None and motion.acceleration_m_s2 == pytest.approx([0.0, 0.0, -9.81], abs=0.8)
+    assert check_plausible(filmed).accepted == ()
+
+
+@pytest.mark.parametrize(("factor", "unit", "columns"), [
+    (1000.0, "millimetres", "x_mm, y_mm, z_mm"), (100.0, "centimetres", "x_cm, y_cm, z_cm"),
+    (1 / 0.0254, "inches", "x_in, y_in, z_in"), (1 / 0.3048, "feet", "x_ft, y_ft, z_ft")])
+def test_tracks_in_another_unit_are_refused(filmed: Dataset, factor: float, unit: str, columns: str) -> None:
+    with pytest.raises(InputError, match=rf"tracks: x_m, y_m, z_m: these look like {unit}: .* rename the columns to "
+                       + columns):
+        ta.discover(scaled(filmed, factor), believe=("gravity",))
+
+
+def test_times_in_milliseconds_are_refused(filmed: Dataset) -> None:
+    assert filmed.tracks is not None
+    with pytest.raises(InputError, match=r"tracks: t_s: these look like milliseconds"):
+        ta.fit(tracks(filmed, t_s=filmed.tracks.t_s * 1000.0), ("gravity", "drag"))
+
+
+def test_exchanged_axes_and_a_z_that_points_down_are_refused(filmed: Dataset) -> None:
+    assert filmed.tracks is not None
+    with pytest.raises(InputError, match=r"gravity acts along y: z_m must point up; exchange z_m and y_m"):
+        ta.discover(tracks(filmed, y_m=filmed.tracks.z_m, z_m=filmed.tracks.y_m), believe=("gravity",))
+    with pytest.raises(InputError, match=r"tracks: x_m, y_m, z_m: z points down"):
+        ta.discover(tracks(filmed, z_m=-filmed.tracks.z_m), believe=("gravity",))
+
+
+def test_wheels_in_revolutions_a_minute_are_refused(filmed: Dataset, table: Dataset) -> None:
+    for dataset, place in ((filmed, "tracked balls leave"), (table, "scoring shots leave")):
+        fast = {name: column * 60.0 / (2.0 * np.pi) for name, column in dataset.shots.numbers.items()
+                if name.startswith("wheel_")}
+        with pytest.raises(InputError, match=rf"{place} .*revolutions per minute"):
+            check_plausible(numbers(dataset, **fast))
+
+
+@pytest.mark.parametrize(("wrong", "said"), [
+    (lambda one: numbers(one, hood_deg=np.radians(one.shots.number("hood_deg"))), r"hood_deg: .* radians: rename the"),
+    (lambda one: numbers(one, hood_deg=90.0 - one.shots.number("hood_deg")), r"hood_deg: .* is from the vertical"),
+    (lambda one: ball(one, mass_kg=one.rig.ball.mass_kg * 1000.0), r"ball.mass_kg: .* looks like grams"),
+    (lambda one: ball(one, radius_m=one.rig.ball.radius_m * 1000.0), r"ball.radius_m: .* looks like millimetres"),
+    (lambda one: numbers(one, distance_m=one.shots.number("distance_m") / 0.3048), r"reach|feet")])
+def test_wrong_units_of_shots_and_rig_are_refused(table: Dataset, wrong: Any, said: str) -> None:
+    assert check_plausible(table) == table
+    with pytest.raises(InputError, match=said):
+        ta.fit(wrong(table), ("gravity", "drag"))
+
+
+def test_a_radius_that_may_be_the_diameter_warns(table: Dataset) -> None:
+    light = ball(table, mass_kg=0.14, radius_m=0.178)
+    warning, = check_plausible(light).accepted
+    assert warning == ("radius: rig.toml: ball.radius_m: 0.178 m is much for a ball of 0.14 kg; make sure that it is "
+                       "not the diameter")
+
+
+def test_an_objection_is_accepted_by_name_and_recorded(table: Dataset, tmp_path: Path, capsys: Any) -> None:
+    heavy = ball(table, mass_kg=1000.0)
+    with pytest.raises(InputError, match=r"check 'mass'; accept it by name"):
+        ta.fit(heavy, ("gravity",))
+    save_dataset(tmp_path / "data", heavy)
+    command = ["fit", str(tmp_path / "data"), "--terms", "gravity,drag", "-o", str(tmp_path / "belief.toml")]
+    assert main(command) == 2 and "rig.toml: ball.mass_kg" in capsys.readouterr().err
+    assert main([*command, "--accept", "mass"]) == 0
+    assert "mass: rig.toml: ball.mass_kg" in (tmp_path / "belief.toml").read_text()
+    assert "warning: mass: rig.toml" in capsys.readouterr().out
+    with pytest.raises(InputError, match=r"accept: there is no check 'masss'"):
+        ta.fit(heavy, ("gravity",), accept=("masss",))
+
+
+def test_a_thousand_plausible_rigs_pass() -> None:
+    refused = []
+    for dataset in season(np.random.default_rng(6), 1000, 20):
+        try:
+            check_plausible(dataset)
+        except InputError as error:
+            refused.append(str(error))
+    assert refused == []
+
+
+@pytest.mark.data
+def test_real_recordings_pass(data_dir: Path, tmp_path: Path) -> None:
+    real = data_dir / "real"
+    for source, *files in (("mpi", "mpi_launches.csv", "mpi_tracks.csv"), ("ball-drops", "ball_drops.csv"),
+                           ("frc-971", "frc971_wheel_to_ball_speed.csv"), ("frc-254", "frc_shot_tables.csv"),
+                           ("frc-2910", "frc_shot_tables.csv"), ("frc-3476", "frc3476_tuning_history.csv"),
+                           ("fuel", "fuel_exit_speed_spin_46deg.csv")):
+        home = tmp_path / source
+        assert main(["import", source, *(str(real / name) for name in files), "-o", str(home)]) == 0
+        assert check_plausible(load_dataset(home)).accepted == ()
