@@ -4,9 +4,17 @@ Outsiders write these files, so an absent optional key takes the default stated 
 not know is reported by `unknown_keys` for the caller to warn about; a wrong type or a missing required key is an error.
 """
 
+import math
+from collections.abc import Iterator
 from typing import Any
 
+import msgspec
 from msgspec import Struct, field
+
+POSITIVE = ("ball.mass_kg", "ball.radius_m", "launcher.free_speed_rad_s", "launcher.wheel.radius_m",
+            "target.three_half_height_m", "target.two_half_height_m")
+NOT_NEGATIVE = ("launcher.release_height_m", "air.density_kg_m3", "noise.distance_m", "noise.hood_deg",
+                "noise.wheel_rad_s", "noise.track_m")
 
 
 class Ball(Struct, frozen=True):
@@ -64,6 +72,32 @@ class Rig(Struct, frozen=True):
     world: WorldFacts = field(default_factory=WorldFacts)
     noise: Noise = field(default_factory=Noise)
     believe: Believe = field(default_factory=Believe)
+
+
+def rig_errors(rig: Rig) -> Iterator[tuple[str, str]]:
+    """Yield the dotted key of each number that cannot be true, and what is wrong with it."""
+    for key, value in _leaves(msgspec.to_builtins(rig), ""):
+        if not isinstance(value, int | float):
+            continue
+        if not math.isfinite(value):
+            yield key, f"{value} is not finite"
+        elif key in POSITIVE and value <= 0:
+            yield key, f"{value} must be above 0"
+        elif key in NOT_NEGATIVE and value < 0:
+            yield key, f"{value} must not be below 0"
+    names = [wheel.name for wheel in rig.launcher.wheel]
+    if len(set(names)) < len(names):
+        yield "launcher.wheel.name", "two wheels have one name"
+    if rig.target and rig.target.three_half_height_m > rig.target.two_half_height_m:
+        yield "target.three_half_height_m", "exceeds two_half_height_m, but three lies inside two"
+
+
+def _leaves(value: Any, key: str) -> list[tuple[str, Any]]:
+    if isinstance(value, dict):
+        return [leaf for name, part in value.items() for leaf in _leaves(part, f"{key}.{name}" if key else name)]
+    if isinstance(value, list | tuple):
+        return [leaf for part in value for leaf in _leaves(part, key)]
+    return [(key, value)]
 
 
 def unknown_keys(table: dict[str, Any], kind: Any = Rig, prefix: str = "") -> list[str]:

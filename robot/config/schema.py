@@ -1,7 +1,6 @@
 """The launcher's configuration: one TOML file, no defaults, so that a typo cannot become one."""
 
 import csv
-import hashlib
 import re
 import tomllib
 from collections.abc import Iterator
@@ -13,7 +12,7 @@ import msgspec
 from msgspec import Struct
 
 from truearc.hw.devices.axis import Axis, CanNode, Direction, Positive
-from truearc.robot.config.rig_spec import Rig
+from truearc.robot.config.rig_spec import Rig, rig_errors, unknown_keys
 
 Kind = TypeVar("Kind")
 Finite = Annotated[float, msgspec.Meta(gt=-1e9, lt=1e9)]
@@ -27,6 +26,9 @@ Slope = Annotated[float, msgspec.Meta(gt=-90.0, lt=90.0)]
 Level = Annotated[int, msgspec.Meta(ge=0, le=255)]
 Count = Annotated[int, msgspec.Meta(gt=0, lt=1_000_000)]
 
+
+MAX_TEXT_BYTES, MAX_BYTES = 4_000_000, 500_000_000      # of a configuration or belief; of a model or table
+MAX_TORQUE_NM = 100.0                 # at the motor shaft; the strongest of a team's motors give 7
 
 _INNER_PLACE = re.compile(r" - at `\$([^`]*)` - at `\$([^`]*)`$")      # of an axis's key, and of the axis
 
@@ -251,8 +253,33 @@ class CameraFile(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def load_config(path: str | Path) -> Config:
-    """Read launcher.toml; InputError names file, key and line."""
-    return load_toml(path, Config)
+    """Read launcher.toml; InputError names file, key and line, or the key of a number that cannot be true."""
+    text = load_text(path)
+    config = parse_toml(text, Config, str(path))
+    for key in unknown_keys(parse_table(text, str(path))["rig"]):
+        raise InputError(f"{path}: rig.{key}: unknown key")
+    for key, what in (*((f"rig.{key}", what) for key, what in rig_errors(config.rig)), *_contradictions(config)):
+        raise InputError(f"{path}: {key}: {what}")
+    return config
+
+
+def _contradictions(config: Config) -> Iterator[tuple[str, str]]:
+    """Yield the key of each limit that is on the wrong side of another, and of each torque that no motor gives."""
+    hood, collect, wheel = config.hood, config.collect, config.flywheel
+    for low_key, low, high_key, high in (
+            ("hood.low_deg", hood.low_deg, "high_deg", hood.high_deg),
+            ("collect.hood_low_deg", collect.hood_low_deg, "hood_high_deg", collect.hood_high_deg),
+            ("hood.pid.output_low", hood.pid.output_low, "output_high", hood.pid.output_high),
+            ("flywheel.pid.output_low", wheel.pid.output_low, "output_high", wheel.pid.output_high)):
+        if low > high:
+            yield low_key, f"{low:g} is above {high_key}, {high:g}"
+    for key, torque_nm in (("hood.pid.output_low", hood.pid.output_low), ("hood.pid.output_high", hood.pid.output_high),
+                           ("flywheel.pid.output_low", wheel.pid.output_low), ("hood.friction_nm", hood.friction_nm),
+                           ("flywheel.pid.output_high", wheel.pid.output_high), ("flywheel.ks_nm", wheel.ks_nm),
+                           ("hood.homing_torque_nm", hood.homing_torque_nm),
+                           ("feeder.torque_nm", config.feeder.torque_nm)):
+        if abs(torque_nm) > MAX_TORQUE_NM:
+            yield key, f"{torque_nm:g} Nm is more than any motor gives; at most {MAX_TORQUE_NM:g}"
 
 
 def load_toml(path: str | Path, kind: type[Kind]) -> Kind:
@@ -261,9 +288,28 @@ def load_toml(path: str | Path, kind: type[Kind]) -> Kind:
 
 
 def load_text(path: str | Path) -> str:
-    """The text of a file in UTF-8; InputError names the file and says why it cannot be read."""
+    """The text of a file in UTF-8; InputError names the file and says why it cannot be read, or that it is too long."""
     with naming(path):
-        return Path(path).read_text(encoding="utf-8")
+        return load_bytes(path, MAX_TEXT_BYTES).decode("utf-8").replace("\r\n", "\n")
+
+
+def load_bytes(path: str | Path, most: int = MAX_BYTES) -> bytes:
+    """The content of a file; InputError when it is longer than `most` bytes: a device such as /dev/zero has no end."""
+    with naming(path), Path(path).open("rb") as file:
+        data = file.read(most + 1)
+    if len(data) > most:
+        raise InputError(f"{path}: is longer than {most} bytes, the most that is read of such a file")
+    return data
+
+
+def parse_table(text: str, name: str) -> dict[str, Any]:
+    """Return what TOML text says; InputError names where it came from, and the line."""
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{name}: {error}") from error
+    except RecursionError as error:
+        raise InputError(f"{name}: its values are nested too deeply") from error
 
 
 @contextmanager
@@ -285,9 +331,7 @@ def in_words(error: Exception) -> str:
 def parse_toml(text: str, kind: type[Kind], name: str) -> Kind:
     """As load_toml, of text that came from somewhere called `name`."""
     try:
-        return msgspec.convert(tomllib.loads(text), kind, dec_hook=read_axis)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{name}: {error}") from error
+        return msgspec.convert(parse_table(text, name), kind, dec_hook=read_axis)
     except msgspec.ValidationError as error:
         message = _INNER_PLACE.sub(r" - at `$\2\1`", str(error))
         raise InputError(f"{name}{_line_of(text, message)}: {_reworded(message)}") from error
@@ -303,39 +347,6 @@ def read_axis(kind: type, table: Any) -> Axis:
         raise ValueError(f"Invalid value {driver!r} - at `$.driver`") from None
     except msgspec.ValidationError as error:
         raise ValueError(str(error)) from error
-
-
-def config_hash(config: Config) -> str:
-    """SHA-256 of what the configuration says, however its file was written or the value came here.
-
-    A key that may be left out and has its default counts as left out, so that a later version may add keys.
-    """
-    return _sha256(_stated(config))
-
-
-def is_hash_of(sha256: str, config: Config) -> bool:
-    """Whether a recording's hash is this configuration's.
-
-    Recordings made until November 2026 hash the encoded text, in which a default was left out only if it was the very
-    same object; read back from its own file, a configuration still encodes as it did then.
-    """
-    return sha256 in (config_hash(config), _sha256(config))
-
-
-def _sha256(content: object) -> str:
-    return hashlib.sha256(msgspec.json.encode(content, order="deterministic")).hexdigest()
-
-
-def _stated(value: Any) -> Any:
-    if isinstance(value, tuple):
-        return [_stated(part) for part in value]
-    if not isinstance(value, Struct):
-        return value
-    settings = value.__struct_config__
-    tag = {settings.tag_field: settings.tag} if settings.tag_field else {}
-    fields = ((field, getattr(value, field.name)) for field in msgspec.structs.fields(value))
-    return tag | {field.encode_name: _stated(said) for field, said in fields
-                  if not (settings.omit_defaults and said == field.default)}
 
 
 def _reworded(message: str) -> str:

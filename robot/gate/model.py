@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import onnxruntime
 
-from truearc.robot.config.schema import InputError, naming
+from truearc.robot.config.schema import InputError, load_bytes, naming
 from truearc.robot.gate import contract
 from truearc.robot.gate.seal import KEY_SEAL, is_intact
 
@@ -106,8 +106,7 @@ def load_gate(path: str | Path) -> Gate:
     what novelty is measured from, no provenance, a seal that does not fit, and a p that is not a probability or a
     novelty that is not a number anywhere on a grid of 27 points over the domain.
     """
-    with naming(path):
-        data = Path(path).read_bytes()
+    data = load_bytes(path)
     opened = _open_session(path, data)
     _check_contract(path, opened.metadata)
     _check_nodes(path, "input", opened.inputs, {contract.INPUT: len(contract.FEATURES)})

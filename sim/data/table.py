@@ -9,7 +9,7 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from truearc.robot.config.schema import InputError
+from truearc.robot.config.schema import InputError, load_bytes
 from truearc.sim.data.problems import Problems
 
 Cell = str | float | None             # CSV gives text; Parquet numbers, text or None
@@ -94,10 +94,7 @@ def _rows(text: str, path: Path) -> Iterator[tuple[int, list[str]]]:
 
 def text_of(path: Path) -> str:
     """A text file; InputError names it, and the line that is not UTF-8."""
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror}") from error
+    data = load_bytes(path)
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:

@@ -6,7 +6,7 @@ from typing import Any
 import msgspec
 from msgspec import Struct
 
-from truearc.robot.config.schema import InputError
+from truearc.robot.config.schema import InputError, load_bytes
 
 SCHEMA = "truearc.finding/1"
 
@@ -133,9 +133,7 @@ def load_finding(path: str | Path) -> Finding:
         InputError: `path` cannot be read, or is not a truearc.finding/1; with the key.
     """
     try:
-        finding = msgspec.json.decode(Path(path).read_bytes(), type=Finding)
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from error
+        finding = msgspec.json.decode(load_bytes(path), type=Finding)
     except (msgspec.MsgspecError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: {error}") from error
     if finding.schema != SCHEMA:

@@ -12,11 +12,10 @@ A fit by likelihood adds [scatter] and [covariance], which truearc.sim.infer.bel
 """
 
 import math
-import tomllib
 from pathlib import Path
 from typing import Any
 
-from truearc.robot.config.schema import InputError, load_text
+from truearc.robot.config.schema import InputError, load_text, parse_table
 from truearc.sim.physics.catalogue import Catalogue, find_terms
 
 SCHEMA = "truearc.coefficients/1"
@@ -40,10 +39,7 @@ def coefficients_in(table: dict[str, Any], path: str | Path, among: Catalogue | 
 
 def load_table(path: str | Path) -> dict[str, Any]:
     """All that the file says; InputError when it is not a coefficients file."""
-    try:
-        table = tomllib.loads(load_text(path))
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path}: {error}") from error
+    table = parse_table(load_text(path), str(path))
     if table.get("schema") != SCHEMA:
         raise InputError(f"{path}: schema is {table.get('schema')!r}, not {SCHEMA!r}")
     return table

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import truearc.sim.physics  # noqa: F401 - the house's one switch to double precision
-from truearc.robot.config.schema import InputError
+from truearc.robot.config.schema import InputError, load_bytes
 from truearc.robot.gate.contract import FEATURES, OUTPUTS
 
 HIDDEN = 8
@@ -164,7 +164,4 @@ def load_json(path: Path, schema: str | None = None) -> dict[str, Any]:
 
 
 def _read(path: Path) -> bytes:
-    try:
-        return path.read_bytes()
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from error
+    return load_bytes(path)

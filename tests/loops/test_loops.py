@@ -14,7 +14,8 @@ from truearc import robot
 from truearc.cli.main import main
 from truearc.hw import fault_codes as hw
 from truearc.robot import reasons as bot
-from truearc.robot.config.schema import InputError, Prescribed, config_hash, load_config
+from truearc.robot.config.hashing import config_hash
+from truearc.robot.config.schema import InputError, Prescribed, load_config
 from truearc.robot.config.shot_plan import with_plan
 from truearc.robot.processes.watchdog_rig import WatchedRig
 from truearc.robot.recording.reader import TickReader

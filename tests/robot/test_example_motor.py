@@ -24,7 +24,8 @@ from truearc.hw.fault_codes import FRAME_NOT_ALLOWED
 from truearc.hw.protocols import Frame
 from truearc.hw.reason import FAULT, Reason
 from truearc.robot.config.can_policy import guard
-from truearc.robot.config.schema import Config, InputError, config_hash, load_config
+from truearc.robot.config.hashing import config_hash
+from truearc.robot.config.schema import Config, InputError, load_config
 from truearc.robot.estimate import estimate
 from truearc.robot.gate.verdict import judge
 from truearc.robot.operator_ui.driver_messages import Told, tell

@@ -1,6 +1,7 @@
 """launcher.toml is strict: whatever is wrong is named with its file, line and key."""
 
 import hashlib
+import math
 import pickle
 from pathlib import Path
 
@@ -9,8 +10,12 @@ import pytest
 from msgspec.structs import replace
 
 from truearc import robot
+from truearc.robot.config.hashing import config_hash, is_hash_of
 from truearc.robot.config.rig_spec import unknown_keys
-from truearc.robot.config.schema import Config, InputError, config_hash, is_hash_of, load_config, parse_toml, read_axis
+from truearc.robot.config.schema import Config, InputError, load_config, parse_toml, read_axis
+from truearc.robot.gate.model import load_gate
+from truearc.robot.recording.session import load_session_config, make_header
+from truearc.sim.paper.network import load_json
 
 SHIPPED = Path(robot.__file__).parent / "launcher.toml"
 TEXT = SHIPPED.read_text(encoding="utf-8")
@@ -90,3 +95,37 @@ def test_keys_of_rig_toml_that_nobody_reads_are_listed():
     table = {"ball": {"mass_kg": 0.1, "radius_m": 0.1, "colour": "red"}, "camera": {},
              "launcher": {"wheel": [{"name": "a", "radius_m": 1, "gear": 1, "clock_deg": 0, "rim": 2}]}}
     assert unknown_keys(table) == ["ball.colour", "camera", "launcher.wheel.rim"]
+
+
+@pytest.mark.parametrize(("old", "new", "said"), [
+    ("mass_kg = 0.14", "mass_kg = nan", "rig.ball.mass_kg: nan is not finite"),
+    ("mass_kg = 0.14", "mass_kg = -0.14", "rig.ball.mass_kg: -0.14 must be above 0"),
+    ("mass_kg = 0.14", "mass_kg = 0.14\nmass_g = 140.0", "rig.ball.mass_g: unknown key"),
+    ("low_deg = 15.0", "low_deg = 80.0", "hood.low_deg: 80 is above high_deg, 75"),
+    ("torque_nm = 0.2", "torque_nm = 1e6", "feeder.torque_nm: 1e+06 Nm is more than any motor gives; at most 100"),
+])
+def test_a_rig_or_limit_that_cannot_be_is_refused(tmp_path, old, new, said):
+    assert TEXT.count(old) >= 1
+    path = tmp_path / "mine.toml"
+    path.write_text(TEXT.replace(old, new, 1))
+    with pytest.raises(InputError) as error:
+        load_config(path)
+    assert str(error.value) == f"{path}: {said}"
+
+
+def test_files_without_an_end_and_values_without_a_bottom_are_refused(tmp_path):
+    path = tmp_path / "deep.toml"
+    path.write_text("a = " + "[" * 100_000)
+    with pytest.raises(InputError, match=r"deep\.toml: its values are nested too deeply"):
+        load_config(path)
+    for load in (load_config, load_gate, load_json):
+        with pytest.raises(InputError, match=r"is longer than \d+ bytes"):
+            load(Path("/dev/zero"))
+
+
+def test_a_session_recorded_with_a_rig_that_cannot_be_is_still_read(tmp_path):
+    config = parse_toml(TEXT.replace("mass_kg = 0.14", "mass_kg = nan"), Config, "a")
+    header = make_header(config, None, None)
+    (tmp_path / "session.json").write_bytes(msgspec.json.encode(header))
+    (tmp_path / "config.json").write_bytes(msgspec.json.encode(config))
+    assert math.isnan(load_session_config(tmp_path).rig.ball.mass_kg)
