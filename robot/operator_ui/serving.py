@@ -31,6 +31,10 @@ class LocalServer(ThreadingHTTPServer):
         self.anywhere = host in WILD
         self.url = f"http://{'localhost' if self.anywhere else shown}:{self.server_port}/"
 
+    def answers_to(self, host: str) -> bool:
+        """Whether a Host header may stand for this server; where everybody may look, any name will do."""
+        return self.anywhere or host in self.names
+
     def server_bind(self) -> None:
         """As in the base class, without a look-up of this machine's name, which takes long where no server answers."""
         socketserver.TCPServer.server_bind(self)
@@ -63,8 +67,7 @@ class LocalHandler(BaseHTTPRequestHandler):
     def is_ours(self) -> bool:
         """Whether a page from here asks, rather than one of another site under a name that was made to point here."""
         host, origin = self.headers.get("Host", ""), self.headers.get("Origin")
-        return (self.server.anywhere or host in self.server.names) and (
-            origin is None or urlsplit(origin).netloc == host)
+        return self.server.answers_to(host) and (origin is None or urlsplit(origin).netloc == host)
 
     def give(self, code: int, kind: str, body: bytes) -> None:
         self.give_head(code, kind)

@@ -7,6 +7,7 @@ import subprocess
 import threading
 from http.client import HTTPConnection
 from pathlib import Path
+from socket import gethostname
 
 import cv2
 import msgspec
@@ -16,7 +17,7 @@ from msgspec.structs import replace
 
 import truearc.cli.main as truearc
 from truearc import robot
-from truearc.cli.robot.vision_tools.tuner import Live, Recorded, Tuner, TuneServer, find_pictures
+from truearc.cli.robot.vision_tools.tuner import COOKIE, Live, Recorded, Tuner, TuneServer, find_pictures
 from truearc.hw.emulated.static_plant import Stage
 from truearc.hw.fault_codes import CAMERA_SILENT
 from truearc.hw.protocols import LinkLost
@@ -64,6 +65,7 @@ def ask(server, path, said=None, **headers):
     """(status, content type, body)"""
     line = HTTPConnection("127.0.0.1", server.server_port, timeout=20)
     body = None if said is None else json.dumps(said).encode()
+    headers = {"Cookie": f"{COOKIE}={server.token}"} | headers
     line.request("GET" if said is None else "POST", path, body, headers)
     answer = line.getresponse()
     status, kind, body = answer.status, answer.headers["Content-Type"], answer.read()
@@ -72,7 +74,7 @@ def ask(server, path, said=None, **headers):
 
 
 def test_the_page_loads_nothing_from_elsewhere(server):
-    status, kind, body = ask(server, "/")
+    status, kind, body = ask(server, f"/?token={server.token}")
     text = body.decode()
     assert status == 200 and kind.startswith("text/html") and "http://" not in text and "https://" not in text
     for key in SETTINGS:
@@ -122,7 +124,7 @@ def test_replay_goes_on_where_it_is_asked_to(server):
 
 def test_endless_brackets_are_told(server):
     line = HTTPConnection("127.0.0.1", server.server_port, timeout=20)
-    line.request("POST", "/look", b"[" * 9000, {})
+    line.request("POST", "/look", b"[" * 9000, {"Cookie": f"{COOKIE}={server.token}"})
     assert line.getresponse().status == 400
     line.close()
 
@@ -156,12 +158,33 @@ def test_other_sites_may_not(server, tmp_path, headers):
         assert ask(server, "/state", **headers)[0] == 403
 
 
+def test_without_the_token_nobody_may(server, tmp_path):
+    assert ask(server, "/", Cookie="")[0] == 403 and ask(server, "/?token=guess")[0] == 403
+    for cookie in ("", f"{COOKIE}=guess", "nonsense"):
+        assert ask(server, "/state", Cookie=cookie)[0] == 403
+        assert ask(server, "/save", {"settings": SETTINGS}, Cookie=cookie)[0] == 403
+    assert not (tmp_path / "tuned.toml").exists()
+
+
+def test_on_every_address_other_names_are_refused_too(tmp_path, pictures):
+    tuner = Tuner(FILE, Recorded(find_pictures([str(pictures)])), tmp_path / "tuned.toml")
+    with TuneServer(tuner, "0.0.0.0", 0) as serving:
+        thread = threading.Thread(target=serving.serve_forever, args=(0.01,))
+        thread.start()
+        port = serving.server_port
+        assert ask(serving, "/state", Host=f"elsewhere.example:{port}")[0] == 403
+        for name in ("10.1.2.3", "[fe80::1]", gethostname(), "localhost"):
+            assert ask(serving, "/state", Host=f"{name}:{port}")[0] == 200
+        serving.shutdown()
+        thread.join()
+
+
 @pytest.mark.browser
 @pytest.mark.slow
 @pytest.mark.skipif(BROWSER is None, reason="needs chromium")
 def test_a_browser_shows_the_distance_and_the_sliders(server, tmp_path):
     command = [BROWSER, "--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}",
-               "--virtual-time-budget=8000", "--dump-dom", f"http://127.0.0.1:{server.server_port}/"]
+               "--virtual-time-budget=8000", "--dump-dom", server.url]
     page = subprocess.run(command, capture_output=True, text=True, timeout=120).stdout
     assert re.search(r'id="said"[^>]*class="found"[^>]*>(3\.9|4\.0)\d+ m ±', page)
     assert page.count('type="range"') == len(SETTINGS) and "<li>the target at" in page

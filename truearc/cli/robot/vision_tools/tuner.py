@@ -5,11 +5,16 @@ All that the page loads comes from this machine.
 
 import argparse
 import json
+import secrets
 import sys
 import threading
 from collections.abc import Callable
+from hmac import compare_digest
+from http.cookies import SimpleCookie
 from importlib.resources import files
+from ipaddress import ip_address
 from pathlib import Path
+from socket import gethostname
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
@@ -34,6 +39,7 @@ from truearc.robot.vision.threshold import Image
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".webp")
 PIECE = 25                            # pictures replayed for one answer; a page asks on until it has them all
 KEPT = 16                             # live pictures that a page may still ask for
+COOKIE = "truearc_tune"
 MAX_REQUEST_BYTES = 10_000
 
 
@@ -191,11 +197,23 @@ def _words(image: Image, file: CameraFile) -> dict[str, Any]:
 
 
 class TuneServer(LocalServer):
-    """HTTP server of the page, by the standard library alone; OSError when the port is taken."""
+    """HTTP server of the page, by the standard library alone; OSError when the port is taken.
+
+    Only who has the address with its token, as `url` states it, sees the page; the page then has the token as a cookie.
+    """
 
     def __init__(self, tuner: Tuner, host: str, port: int) -> None:
         super().__init__(host, port, _Page)
-        self.tuner = tuner
+        self.tuner, self.token = tuner, secrets.token_urlsafe(16)
+        self.url += f"?token={self.token}"
+
+    def answers_to(self, host: str) -> bool:
+        """Whether the header names this machine by an address or its own name, which no other site can take."""
+        name, own = urlsplit(f"//{host}").hostname or "", gethostname().lower()
+        try:
+            return host in self.names or name in (own, f"{own.partition('.')[0]}.local") or bool(ip_address(name))
+        except ValueError:
+            return False
 
 
 class _Page(LocalHandler):
@@ -204,8 +222,8 @@ class _Page(LocalHandler):
     def do_GET(self) -> None:
         where, tuner = urlsplit(self.path), self.server.tuner
         query = {key: values[0] for key, values in parse_qs(where.query).items()}
-        if not self.is_ours():
-            self.give(403, "text/plain", b"this page is for this machine")
+        if not self._may(query.get("token", "")):
+            self.give(403, "text/plain", b"open the address that truearc vision tune printed, with its token")
         elif where.path == "/":
             page = files("truearc.cli.robot") / "pages" / "tune.html"
             self.give(200, "text/html; charset=utf-8", page.read_bytes())
@@ -225,13 +243,24 @@ class _Page(LocalHandler):
             "/save": lambda said: tuner.save(said["settings"]),
         }
         size = self.headers.get("Content-Length", "")
-        if not self.is_ours():
+        if not self._may():
             self.give(403, "text/plain", b"another site's page may not tune this robot")
         elif self.path not in asked or not size.isdecimal() or not 0 < int(size) <= MAX_REQUEST_BYTES:
             self.give(404, "text/plain", b"there is nothing of this name to do, or no settings with it")
         else:
             body = self.rfile.read(int(size))
             self._answer(lambda: asked[self.path](json.loads(body)))
+
+    def give_head(self, code: int, kind: str) -> None:
+        super().give_head(code, kind)
+        if code == 200:
+            self.send_header("Set-Cookie", f"{COOKIE}={self.server.token}; SameSite=Strict; HttpOnly; Path=/")
+
+    def _may(self, token: str = "") -> bool:
+        """Whether who asks has the token: in the address, or as the cookie of the page that was opened with it."""
+        cookie = SimpleCookie(self.headers.get("Cookie", "")).get(COOKIE)
+        given = token or (cookie.value if cookie else "")
+        return self.is_ours() and compare_digest(given.encode(), self.server.token.encode())
 
     def _answer(self, make: Callable[[], Any]) -> None:
         """Answer with the result of `make`, or with 400 and its complaint."""
