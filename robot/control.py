@@ -4,6 +4,7 @@ import math
 
 from msgspec.structs import replace
 
+from truearc.hw.fault_codes import FOREIGN_HOST
 from truearc.robot.config.schema import Config
 from truearc.robot.pid import step_pid
 from truearc.robot.types import Aim, Command, Estimate, Inputs, Memory, Pid, Verdict
@@ -14,11 +15,11 @@ RELEASED = Command(enable=False, flywheel_torque_nm=0.0, hood_torque_nm=0.0, fee
 
 def control(inputs: Inputs, estimate: Estimate, aim: Aim, verdict: Verdict, memory: Memory,
             config: Config) -> tuple[Command, Memory]:
-    """Torques for this tick. Disarmed means released: no motor gets a torque."""
-    if not memory.armed:
+    """Torques for this tick. Disarmed, or while another host commands our motors, none gets a torque."""
+    if not memory.armed or any(fault.code == FOREIGN_HOST.name for fault in inputs.faults):
         return RELEASED, replace(memory, flywheel=Pid(), hood=Pid(), feed_t_ns=0)
     flywheel, wheel_pid = _flywheel(estimate, aim, memory, config)
-    hood, hood_pid = _hood(estimate, aim, memory, config)
+    hood, hood_pid = _hood(inputs, estimate, aim, memory, config)
     feed_t_ns = inputs.t_ns if verdict.fire else _still_clearing(inputs, memory, config)
     feeding = bool(feed_t_ns) and (inputs.t_ns - feed_t_ns) * NS < config.feeder.feed_s
     command = Command(True, flywheel, hood, config.feeder.torque_nm if feeding else 0.0)
@@ -37,10 +38,10 @@ def _flywheel(estimate: Estimate, aim: Aim, memory: Memory, config: Config) -> t
                     1.0 / config.tick_hz)
 
 
-def _hood(estimate: Estimate, aim: Aim, memory: Memory, config: Config) -> tuple[float, Pid]:
+def _hood(inputs: Inputs, estimate: Estimate, aim: Aim, memory: Memory, config: Config) -> tuple[float, Pid]:
     hood = config.hood
-    if not memory.homed:
-        return hood.homing_torque_nm, Pid()
+    if not memory.homed:              # towards the switch, but not before the encoder was heard that can tell how far
+        return (0.0 if inputs.hood_angle is None else hood.homing_torque_nm), Pid()
     if estimate.hood_deg is None or aim.source == "idle":
         return 0.0, Pid()
     wanted = min(max(aim.hood_deg, hood.low_deg), hood.high_deg)
