@@ -92,9 +92,9 @@ def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
-        if "data" in item.keywords and not DATA.is_dir():
+        if item.get_closest_marker("data") and not DATA.is_dir():
             item.add_marker(pytest.mark.skip(reason="needs the shared recordings (TRUEARC_DATA)"))
-        if "socketcan" in item.keywords and not Path("/sys/class/net/vcan0").exists():
+        if item.get_closest_marker("socketcan") and not Path("/sys/class/net/vcan0").exists():
             item.add_marker(pytest.mark.skip(reason="needs SocketCAN interface vcan0"))
         if item.nodeid.partition("::")[0] in MEDIUM or item.nodeid in MEDIUM:
             item.add_marker("medium")

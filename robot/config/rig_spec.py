@@ -100,6 +100,20 @@ def _leaves(value: Any, key: str) -> list[tuple[str, Any]]:
     return [(key, value)]
 
 
+def with_nan(table: dict[str, Any], kind: Any = Rig) -> dict[str, Any]:
+    """Return the JSON of a rig with NaN where a number is null, as JSON writes it; null stays where None may be."""
+    filled = dict(table)
+    for one in msgspec.structs.fields(kind):
+        value, inner = filled.get(one.name), _struct_in(kind.__annotations__[one.name])
+        if one.type is float and one.name in filled and value is None:
+            filled[one.name] = math.nan
+        elif inner is not None and isinstance(value, dict):
+            filled[one.name] = with_nan(value, inner)
+        elif inner is not None and isinstance(value, list):
+            filled[one.name] = [with_nan(row, inner) for row in value]
+    return filled
+
+
 def unknown_keys(table: dict[str, Any], kind: Any = Rig, prefix: str = "") -> list[str]:
     """Dotted names in a parsed rig.toml that no field of `kind` takes."""
     known = kind.__annotations__

@@ -27,6 +27,7 @@ Level = Annotated[int, msgspec.Meta(ge=0, le=255)]
 Count = Annotated[int, msgspec.Meta(gt=0, lt=1_000_000)]
 
 
+MAX_LINE = 20_000                     # characters: longer ones take minutes to parse
 MAX_TEXT_BYTES, MAX_BYTES = 4_000_000, 500_000_000      # of a configuration or belief; of a model or table
 MAX_TORQUE_NM = 100.0                 # at the motor shaft; the strongest of a team's motors give 7
 
@@ -304,9 +305,12 @@ def load_bytes(path: str | Path, most: int = MAX_BYTES) -> bytes:
 
 def parse_table(text: str, name: str) -> dict[str, Any]:
     """Return what TOML text says; InputError names where it came from, and the line."""
+    longest = max(map(len, text.splitlines()), default=0)
+    if longest > MAX_LINE:
+        raise InputError(f"{name}: has a line of {longest} characters; at most {MAX_LINE} are read")
     try:
         return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except ValueError as error:       # not TOML, or a number of thousands of digits
         raise InputError(f"{name}: {error}") from error
     except RecursionError as error:
         raise InputError(f"{name}: its values are nested too deeply") from error

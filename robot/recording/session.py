@@ -10,16 +10,15 @@
     damaged/         what `truearc session recover` has replaced, if it had to
 """
 
-import math
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
 import msgspec
 from msgspec import Struct
 
 from truearc.robot.config.hashing import config_hash, is_hash_of
+from truearc.robot.config.rig_spec import with_nan
 from truearc.robot.config.schema import Config, InputError, in_words, naming, read_axis
 from truearc.robot.gate.model import Gate, load_gate
 from truearc.robot.recording.rows import RowFormat, Rows2, Trial
@@ -92,20 +91,12 @@ def load_session_config(session: Path) -> Config:
         try:
             config = msgspec.json.decode(path.read_bytes(), type=Config, dec_hook=read_axis)
         except msgspec.ValidationError:
-            config = msgspec.convert(_with_nan(msgspec.json.decode(path.read_bytes())), Config, dec_hook=read_axis)
+            # recorded before rigs were checked: a number that was none is null
+            table = msgspec.json.decode(path.read_bytes())
+            config = msgspec.convert({**table, "rig": with_nan(table["rig"])}, Config, dec_hook=read_axis)
     if not is_hash_of(header.config_sha256, config):
         raise InputError(f"{path}: changed since the recording was made (hash differs from {HEADER})")
     return config
-
-
-def _with_nan(table: Any) -> Any:
-    """A configuration recorded before its rig was checked may hold a number that is none, which JSON writes as null."""
-    for part, keys in (("ball", ("mass_kg", "radius_m")), ("launcher", ("release_height_m",)),
-                       ("target", ("centre_height_m", "three_half_height_m", "two_half_height_m")),
-                       ("air", ("density_kg_m3",)), ("world", ("gravity_m_s2",))):
-        section = table.get("rig", {}).get(part) or {}
-        section |= {key: math.nan for key in keys if key in section and section[key] is None}
-    return table
 
 
 def load_session_gate(session: Path) -> Gate | None:

@@ -12,6 +12,7 @@ from truearc.sim.data.problems import Problems
 from truearc.sim.data.table import Cell, RawTable
 
 OUTCOMES = ("miss", "two", "three")
+SPELLINGS = {"2": "two", "3": "three", "2.0": "two", "3.0": "three", "n/a": "", "na": "", "-": ""}
 SIDES = ("low", "high", "left", "right")
 
 # (lowest, highest) that a launcher and a field can give; beyond is a slip of the pen or of a unit
@@ -92,6 +93,8 @@ def text_column(table: RawTable, name: str, problems: Problems, needed: bool = T
     where one is needed."""
     words = WORDS.get(name)
     values = tuple(map(text_of, table.columns[name]))
+    if name == "outcome":
+        values = tuple(SPELLINGS.get(plain := value.strip().lower(), plain) for value in values)
     for row, value in enumerate(values):
         if needed and not value:
             problems.add(table.place(row), name, "is missing")

@@ -15,7 +15,9 @@ from truearc.sim.data.model import Dataset, Shots, Traces, Tracks
 from truearc.sim.data.problems import Problems, gathered
 from truearc.sim.data.rig import RIG, load_rig
 from truearc.sim.data.table import RawTable, find_table, load_table
+from truearc.sim.data.units import in_read_units, is_shot_column
 
+TRACK_COLUMNS = ("shot_id", "t_s", "x_m", "y_m", "z_m")
 LEFT_OUT = "left_out.txt"
 
 
@@ -74,6 +76,7 @@ def _feed(digest: "hashlib._Hash", table: str, columns: dict[str, Sequence[str] 
 
 
 def _shots(table: RawTable, problems: Problems) -> Shots:
+    table = in_read_units(table, is_shot_column, problems)
     need_columns(table, ("shot_id",))
     shot_id = _ids(table, problems)
     numbers, texts = {}, {}
@@ -111,7 +114,8 @@ def _check_sides(table: RawTable, texts: dict[str, tuple[str, ...]], problems: P
 def _tracks(table: RawTable | None, row_of: dict[str, int], problems: Problems) -> Tracks | None:
     if table is None:
         return None
-    need_columns(table, ("shot_id", "t_s", "x_m", "y_m", "z_m"))
+    table = in_read_units(table, TRACK_COLUMNS.__contains__, problems)
+    need_columns(table, TRACK_COLUMNS)
     shot = _shot_rows(table, row_of, problems)
     t_s, x_m, y_m, z_m = (number_column(table, name, problems) for name in ("t_s", "x_m", "y_m", "z_m"))
     _check_order(table, shot, t_s, problems)

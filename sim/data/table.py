@@ -2,6 +2,8 @@
 
 import csv
 import io
+import re
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +14,7 @@ import pyarrow.parquet as pq
 from truearc.robot.config.schema import InputError, load_bytes
 from truearc.sim.data.problems import Problems
 
+DECIMAL_COMMA = re.compile(r"^\s*([+-]?\d+),(\d+)\s*$")
 Cell = str | float | None             # CSV gives text; Parquet numbers, text or None
 
 
@@ -49,11 +52,11 @@ def load_table(path: Path, problems: Problems) -> RawTable:
 
 def parse_csv(text: str, path: Path, problems: Problems) -> RawTable:
     """Cells of CSV text with a header; empty cells are None, blank lines are skipped."""
-    rows = _rows(text, path)
+    mark = _separator(text, path)
+    rows = _rows(text, path, mark)
     _, header = next(rows, (1, []))
     if not header:
         raise InputError(f"{path}:1: the header is missing")
-    _check_separator(header, path)
     for name in header:
         if not name.strip() or header.count(name) > 1:
             raise InputError(f"{path}:1: column {name!r} " + ("stands twice" if name.strip() else "is unnamed"))
@@ -65,21 +68,23 @@ def parse_csv(text: str, path: Path, problems: Problems) -> RawTable:
             continue
         lines.append(line)
         for name, cell in zip(header, cells, strict=True):
-            columns[name].append(cell or None)
+            columns[name].append((DECIMAL_COMMA.sub(r"\1.\2", cell) if mark == ";" else cell) or None)
     return RawTable(path, columns, lines)
 
 
-def _check_separator(header: list[str], path: Path) -> None:
-    """Spreadsheets of many countries write semicolons, and then commas for decimal points."""
-    for mark, name in ((";", "semicolons"), ("\t", "tabs")):
-        if len(header) == 1 and mark in header[0]:
-            raise InputError(f"{path}:1: cells are separated by {name}; save the table with commas between them (and "
-                           "points in decimal numbers)")
+def _separator(text: str, path: Path) -> str:
+    """Spreadsheets of many countries write semicolons, and then commas for decimal points; others tabs."""
+    header = text.partition("\n")[0]
+    for mark, name in ((";", "semicolons between cells, a comma as the decimal point"), ("\t", "tabs between cells")):
+        if mark in header and "," not in header:
+            print(f"warning: {path}: read with {name}", file=sys.stderr)
+            return mark
+    return ","
 
 
-def _rows(text: str, path: Path) -> Iterator[tuple[int, list[str]]]:
+def _rows(text: str, path: Path, mark: str) -> Iterator[tuple[int, list[str]]]:
     """(line on which the row starts, its cells), without blank lines."""
-    reader = csv.reader(io.StringIO(text, newline=""), strict=True)
+    reader = csv.reader(io.StringIO(text, newline=""), delimiter=mark, strict=True)
     while True:
         line = reader.line_num + 1
         try:

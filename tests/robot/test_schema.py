@@ -115,17 +115,23 @@ def test_a_rig_or_limit_that_cannot_be_is_refused(tmp_path, old, new, said):
 
 def test_files_without_an_end_and_values_without_a_bottom_are_refused(tmp_path):
     path = tmp_path / "deep.toml"
-    path.write_text("a = " + "[" * 100_000)
+    path.write_text("a = " + "[" * 15_000)
     with pytest.raises(InputError, match=r"deep\.toml: its values are nested too deeply"):
         load_config(path)
+    for text, said in (("a = " + "9" * 10_000, "Exceeds the limit"), ("a." * 100_000 + "b = 1", "has a line of")):
+        path.write_text(text)
+        with pytest.raises(InputError, match=rf"deep\.toml: {said}"):
+            load_config(path)
     for load in (load_config, load_gate, load_json):
         with pytest.raises(InputError, match=r"is longer than \d+ bytes"):
             load(Path("/dev/zero"))
 
 
 def test_a_session_recorded_with_a_rig_that_cannot_be_is_still_read(tmp_path):
-    config = parse_toml(TEXT.replace("mass_kg = 0.14", "mass_kg = nan"), Config, "a")
+    broken = TEXT.replace("mass_kg = 0.14", "mass_kg = nan").replace("\ngear = ", "\ngear = nan # ")
+    config = parse_toml(broken, Config, "a")
     header = make_header(config, None, None)
     (tmp_path / "session.json").write_bytes(msgspec.json.encode(header))
     (tmp_path / "config.json").write_bytes(msgspec.json.encode(config))
-    assert math.isnan(load_session_config(tmp_path).rig.ball.mass_kg)
+    rig = load_session_config(tmp_path).rig
+    assert math.isnan(rig.ball.mass_kg) and all(math.isnan(wheel.gear) for wheel in rig.launcher.wheel)

@@ -1,0 +1,77 @@
+"""Columns in other units: `distance_ft`, `hood_rad` or `wheel_main_rpm` become the column that is read, converted."""
+
+import difflib
+import math
+from collections.abc import Callable
+
+from truearc.sim.data.columns import RANGES, TEXTS, WHEEL, WORDS, parse_number
+from truearc.sim.data.problems import Problems
+from truearc.sim.data.table import Cell, RawTable
+
+# unit that is read -> suffix of another one -> how many of the first are one of the second
+CONVERTED = {
+    "m": {"mm": 1e-3, "cm": 0.01, "in": 0.0254, "ft": 0.3048},
+    "s": {"ms": 1e-3, "us": 1e-6},
+    "deg": {"rad": 180.0 / math.pi},
+    "rad_s": {"rpm": math.pi / 30.0, "rev_s": 2.0 * math.pi, "deg_s": math.pi / 180.0},
+    "rev_s": {"rpm": 1.0 / 60.0, "rad_s": 0.5 / math.pi},
+    "m_s": {"ft_s": 0.3048, "in_s": 0.0254, "mph": 0.44704, "km_h": 1.0 / 3.6},
+    "kg": {"g": 1e-3, "lb": 0.45359237, "oz": 0.028349523125},
+    "v": {"mv": 1e-3},
+    "pa": {"hpa": 100.0, "kpa": 1000.0},
+}
+# columns of shots without a range of their own that code reads by name
+OTHERS = ("battery_v", "temperature_c", "pressure_pa", "mass_kg", "radius_m", "robot_speed_m_s", "config_id", "shot_id")
+NEAR = 0.85                           # likeness of a column's name to one that is read, above which it is a slip
+
+
+def is_shot_column(name: str) -> bool:
+    """Whether code reads a column of shots by this name."""
+    return name in (*RANGES, *WORDS, *TEXTS, *OTHERS) or WHEEL.fullmatch(name) is not None
+
+
+def in_read_units(table: RawTable, is_read: Callable[[str], bool], problems: Problems) -> RawTable:
+    """Return the table with columns renamed and converted; case and blanks in their names do not matter.
+
+    is_read: whether code reads a column of that name; others stay as they are. A problem is a column that stands for
+    one which is there too, or whose name is nearly that of one which is read and is not there.
+    """
+    columns: dict[str, list[Cell]] = {}
+    for name, cells in table.columns.items():
+        read, factor = _read_as(name, is_read)
+        if read in columns:
+            problems.add(table.place(-1), name, f"stands for {read}, which is there already; keep one")
+        columns[read] = cells if factor == 1.0 else [_times(cell, factor) for cell in cells]
+    for name in columns:
+        meant = _meant(name, is_read, set(columns))
+        if meant:
+            problems.add(table.place(-1), name, f"is not a column that is read; did you mean {meant!r}?")
+    return RawTable(table.path, columns, table.lines, table.in_memory)
+
+
+def _read_as(name: str, is_read: Callable[[str], bool]) -> tuple[str, float]:
+    """The column that a name stands for, and the factor of its numbers; the name itself and 1 where it is another."""
+    plain = "_".join(name.lower().split())
+    if is_read(plain):
+        return plain, 1.0
+    for unit, others in CONVERTED.items():
+        for suffix, factor in others.items():
+            read = plain.removesuffix(suffix) + unit
+            if plain.endswith("_" + suffix) and is_read(read):
+                return read, factor
+    return name, 1.0
+
+
+def _times(cell: Cell, factor: float) -> Cell:
+    number = parse_number(cell)
+    return cell if number is None else number * factor
+
+
+def _meant(name: str, is_read: Callable[[str], bool], there: set[str]) -> str | None:
+    """The column that a name is nearly that of, unless that one is there too."""
+    if is_read(name):
+        return None
+    plain = "_".join(name.lower().split())
+    without_unit = [f"{plain}_{unit}" for unit in (*CONVERTED, "c") if is_read(f"{plain}_{unit}")]
+    like = difflib.get_close_matches(plain, [*RANGES, *WORDS, *OTHERS], 1, NEAR)
+    return next((one for one in [*without_unit, *like] if is_read(one) and one not in there), None)

@@ -1,0 +1,73 @@
+"""Columns in other units are converted, near misses are named, and spreadsheets of other countries are read."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from truearc.robot.config.schema import InputError
+from truearc.sim.data.dataset import Dataset, load_dataset
+
+RIG = "[ball]\nmass_kg = 0.14\nradius_m = 0.09\n"
+SI = "shot_id,distance_m,hood_deg,wheel_main_rad_s,outcome\na,3.048,57.29577951308232,104.71975511965978,two\n"
+
+
+def load(home: Path, shots: str, tracks: str = "") -> Dataset:
+    home.mkdir(exist_ok=True)
+    (home / "rig.toml").write_text(RIG)
+    (home / "shots.csv").write_text(shots, encoding="utf-8")
+    (home / "tracks.csv").unlink(missing_ok=True)
+    if tracks:
+        (home / "tracks.csv").write_text(tracks)
+    return load_dataset(home)
+
+
+@pytest.mark.parametrize("shots", [
+    SI, "shot_id,distance_ft,hood_rad,wheel_main_rpm,outcome\na,10,1,1000,two\n",
+    "shot_id,distance_in,hood_rad,wheel_main_rpm,outcome\na,120,1,1000,2\n",
+    "shot_id,distance_cm,hood_rad,wheel_main_rpm,outcome\na,304.8,1,1000, Two\n",
+    " Shot ID ,Distance FT,HOOD_RAD,Wheel_Main_rpm,Outcome\na,10,1,1000,TWO\n",
+    "\ufeffshot_id;distance_ft;hood_rad;wheel_main_rpm;outcome\na;10,0;1;1000;two\n",
+    "shot_id\tdistance_ft\thood_rad\twheel_main_rpm\toutcome\na\t10\t1\t1000\ttwo\n"])
+def test_shots_say_the_same_in_other_units(tmp_path: Path, shots: str) -> None:
+    read = load(tmp_path, shots).shots
+    assert set(read.numbers) == {"distance_m", "hood_deg", "wheel_main_rad_s"} and read.text("outcome") == ("two",)
+    assert read.number("distance_m") == pytest.approx([3.048])
+    assert read.number("hood_deg") == pytest.approx([math.degrees(1.0)])
+    assert read.number("wheel_main_rad_s") == pytest.approx([1000 * 2 * math.pi / 60])
+
+
+@pytest.mark.parametrize(("header", "factor"), [
+    ("t_s,x_mm,y_mm,z_mm", 1e-3), ("t_s,x_cm,y_cm,z_cm", 0.01), ("t_ms,x_in,y_in,z_in", 0.0254),
+    ("t_s,x_ft,y_ft,z_ft", 0.3048)])
+def test_tracks_as_the_plausibility_checks_advise(tmp_path: Path, header: str, factor: float) -> None:
+    tracks = load(tmp_path, SI, f"shot_id,{header}\na,1,10,20,30\na,2,11,21,31\n").tracks
+    assert tracks is not None
+    assert np.array([tracks.x_m, tracks.y_m, tracks.z_m]) == pytest.approx(
+        factor * np.array([[10, 11], [20, 21], [30, 31]]))
+    assert tracks.t_s == pytest.approx(np.array([1, 2]) * (1e-3 if "t_ms" in header else 1.0))
+
+
+@pytest.mark.parametrize(("name", "meant"), [
+    ("hood", "hood_deg"), ("distnce_m", "distance_m"), ("Distance", "distance_m"), ("temperature", "temperature_c"),
+    ("outcomes", "outcome")])
+def test_near_misses_are_named(tmp_path: Path, name: str, meant: str) -> None:
+    with pytest.raises(InputError, match=rf"shots\.csv:1: {name}: is not a column .*did you mean '{meant}'"):
+        load(tmp_path, f"shot_id,{name}\na,1\n")
+
+
+def test_covariates_keep_their_names(tmp_path: Path) -> None:
+    numbers = load(tmp_path, "shot_id,hood_deg,Humidity,motor_rpm,coating_g\na,40,0.5,3000,2\n").shots.numbers
+    assert set(numbers) == {"hood_deg", "Humidity", "motor_rpm", "coating_g"}
+
+
+def test_a_column_that_is_there_twice_in_two_units_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"distance_ft: stands for distance_m, which is there already"):
+        load(tmp_path, "shot_id,distance_m,distance_ft\na,3,10\n")
+
+
+@pytest.mark.parametrize(("cell", "outcome"), [("Three", "three"), (" three", "three"), ("3", "three"), ("2", "two"),
+                                               ("n/a", ""), ("MISS", "miss"), ("", "")])
+def test_outcomes_may_be_spelt_otherwise(tmp_path: Path, cell: str, outcome: str) -> None:
+    assert load(tmp_path, f"shot_id,hood_deg,outcome\na,40,{cell}\n").shots.text("outcome") == (outcome,)
