@@ -153,3 +153,15 @@ def test_it_fits_the_screen(browser, shower, width, height):
             && text.bottom <= innerHeight; })()""")
     first = "document.querySelector('#told li b').getBoundingClientRect()"     # prose: allow
     assert browser.evaluate(f"{first}.bottom <= innerHeight && {first}.right <= innerWidth")
+
+
+def test_reasons_are_readable_from_2_m(browser, shower):
+    """The first two reasons at 40 px or more on a laptop's screen, both in sight."""
+    browser.size(1280, 800)
+    shower.tick = LOST
+    browser.wait("document.title === 'HOLD'")
+    sizes = browser.evaluate("""[...document.querySelectorAll("#told li b")].slice(0, 2)
+        .map(one => parseFloat(getComputedStyle(one).fontSize))""")     # prose: allow
+    bottom = browser.evaluate("document.querySelectorAll('#told li b')[1].getBoundingClientRect().bottom")  # prose: allow
+    assert len(sizes) == 2 and min(sizes) >= 40
+    assert bottom <= browser.evaluate("document.getElementById('told').getBoundingClientRect().bottom")
