@@ -11,7 +11,7 @@ from truearc.robot.config.schema import InputError, load_bytes
 SCHEMA = "truearc.finding/1"
 
 
-class DataSummary(Struct, frozen=True):
+class DataSummary(Struct, frozen=True, omit_defaults=True):
     """The data; `clusters` says which shots have a sign of their own in the test."""
 
     shots: int

@@ -162,6 +162,7 @@ def test_reasons_are_readable_from_2_m(browser, shower):
     browser.wait("document.title === 'HOLD'")
     sizes = browser.evaluate("""[...document.querySelectorAll("#told li b")].slice(0, 2)
         .map(one => parseFloat(getComputedStyle(one).fontSize))""")     # prose: allow
-    bottom = browser.evaluate("document.querySelectorAll('#told li b')[1].getBoundingClientRect().bottom")  # prose: allow
+    second = "document.querySelectorAll('#told li b')[1]"                # prose: allow
+    bottom = browser.evaluate(f"{second}.getBoundingClientRect().bottom")
     assert len(sizes) == 2 and min(sizes) >= 40
     assert bottom <= browser.evaluate("document.getElementById('told').getBoundingClientRect().bottom")
