@@ -36,7 +36,8 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.parametrize("words", [
-    "predict week --cd 0.5 --cl 0.1 -o old", "fit week -o old", "discover week --report old", "discover week --json old",
+    "predict week --cd 0.5 --cl 0.1 -o old", "fit week -o old", "discover week --report old",
+    "discover week --json old",
     "discover week --adopt old", "design week --json old", "identifiability week --report old", "export w -o old",
     "paper fit week -o old", "paper fit week --map old", "session convert s --to csv -o old", "sysid s -o old",
     "sysid s --report old", "vision calibrate --distances t.csv -o old", "train --real week --coefficients c -o w "
@@ -50,19 +51,19 @@ def test_an_existing_file_is_refused_and_kept(words: str, here: Path, capsys: py
 
 def test_force_replaces_a_file(here: Path) -> None:
     (here / "old").write_text("kept")
-    assert main("predict week --cd 0.5 --cl 0.1 -o old --force".split()) == 0
+    assert main(["predict", "week", "--cd", "0.5", "--cl", "0.1", "-o", "old", "--force"]) == 0
     assert (here / "old").read_text().startswith("shot_id,")
 
 
 def test_a_device_is_written_to(here: Path) -> None:
-    assert main("predict week --cd 0.5 --cl 0.1 -o /dev/null".split()) == 0
+    assert main(["predict", "week", "--cd", "0.5", "--cl", "0.1", "-o", "/dev/null"]) == 0
 
 
-SYNTH = "paper synth --rig week/rig.toml --coefficients c.toml -n 9 -o made --quiet".split()
+SYNTH = ["paper", "synth", "--rig", "week/rig.toml", "--coefficients", "c.toml", "-n", "9", "-o", "made", "--quiet"]
 
 
 def test_a_folder_is_replaced_by_force_alone(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main("paper fit week --step 0.5 -o c.toml --quiet".split()) == 0
+    assert main(["paper", "fit", "week", "--step", "0.5", "-o", "c.toml", "--quiet"]) == 0
     assert main(SYNTH) == 0
     before = (here / "made" / "shots.csv").read_bytes()
     assert main([*SYNTH, "--seed", "5"]) == 2
