@@ -16,7 +16,7 @@ $(VENV)/.installed: pyproject.toml proof/pyproject.toml constraints.txt tools/ma
 	touch $@
 
 demo: setup
-	$(BIN)/truearc demo --out report
+	$(BIN)/truearc demo --out report --force
 
 test: setup
 	$(BIN)/python -m pytest

@@ -113,7 +113,8 @@ def main() -> int:
 def _run_all(args: argparse.Namespace, path: Path) -> dict[str, Line]:
     config = load_config(Path(robot.__file__).parent / "launcher.toml")
     jobs = {f"{change.name}/{args.shots}/{seed}": (change, args.shots, seed)
-            for seed in (APART * (args.seed + number) for number in range(args.worlds)) for change in seen_at(LEVEL)}
+            for seed in (APART * (args.seed + number) for number in range(args.worlds)) for change in seen_at(LEVEL)
+            if args.only is None or change.name in args.only.split(",")}
     return fill(path, jobs, partial(run, config), make_progress("worlds"), args.processes)
 
 
@@ -121,6 +122,7 @@ def _arguments() -> argparse.Namespace:
     parser = parser_of(__doc__)
     parser.add_argument("--shots", type=int, default=300, help="recorded in each world")
     parser.add_argument("--worlds", type=int, default=2, help="of each change")
+    parser.add_argument("--only", help="changes, comma-separated; else all")
     parser.add_argument("--seed", type=int, default=11, help="of the first number of world; the next has the next")
     return parser.parse_args()
 

@@ -112,7 +112,7 @@ def main() -> int:
 
 def _run_all(args: argparse.Namespace, path: Path) -> dict[str, Line]:
     jobs = [Job("effects", name, level, SHOTS, args.scale, args.seed, index) for level in args.level.split(",")
-            for index in range(args.worlds) for name in ALIKE]
+            for index in range(args.worlds) for name in ALIKE if args.only is None or name in args.only.split(",")]
     return fill(path, {job.key: job for job in jobs}, run, make_progress("worlds"), args.processes)
 
 
@@ -120,6 +120,7 @@ def _arguments() -> argparse.Namespace:
     parser = parser_of(__doc__)
     parser.add_argument("--level", default="L0,L1")
     parser.add_argument("--worlds", type=int, default=10, help="of each effect")
+    parser.add_argument("--only", help="effects, comma-separated; else all")
     parser.add_argument("--scale", type=float, default=2.0, help="times the effect's usual size (%(default)s)")
     parser.add_argument("--seed", type=int, default=11, help="below 1000 to develop on")
     return parser.parse_args()

@@ -67,7 +67,8 @@ def _run_all(args: argparse.Namespace, path: Path) -> dict[str, dict[str, Any]]:
     name, worlds = ("simulated", args.worlds) if recorded is None else (recorded.name + SINCE * args.since, 1)
     belief = make_belief(discover(recorded, believed))[0] if args.since and recorded is not None else None
     jobs = {f"{fault}/{name}/{args.seed}/{index}": (fault, Job("nulls", "clean", "L2", SHOTS, 0.0, args.seed, index))
-            for index in range(worlds) for fault in (NONE, *FAULTS)}
+            for index in range(worlds) for fault in (NONE, *FAULTS)
+            if args.only is None or fault in args.only.split(",")}
     return fill(path, jobs, partial(run, recorded, believed, belief), make_progress("tracks"), args.processes)
 
 
@@ -77,6 +78,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--believe", help="terms, comma-separated (as the dataset says)")
     parser.add_argument("--since", action="store_true", help="with --tracks: compare with the originals' belief")
     parser.add_argument("--worlds", type=int, default=10)
+    parser.add_argument("--only", help="faults, comma-separated; else all, and none")
     parser.add_argument("--seed", type=int, default=11, help="of the simulated worlds; below 1000 to develop on")
     return parser.parse_args()
 

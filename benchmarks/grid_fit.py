@@ -1,6 +1,6 @@
 """How fast the grid fit is, against plainer ways to fly 1001 x 1001 pairs, and whether it says the same as they do.
 
-    python -m benchmarks.grid_fit [--quick] [--runs 7]
+    python -m benchmarks.grid_fit [--quick] [--runs 7] [--launches 80]
 
 Two sets of 80 launches, a third of them three-pointers: `random` (distance 1-16 m, ratio 0-1, 15-75 degrees; most can
 score with hardly any pair) and `scoring` (those that score with cd 0.9, cl 0.06, as recorded shots do). The plain ways
@@ -40,9 +40,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="dense check on every 8th row and column only")
     parser.add_argument("--runs", type=int, default=7, help="of which the fastest counts (%(default)s)")
+    parser.add_argument("--launches", type=int, default=80, help="of each set; the published figures are of 80")
     args = parser.parse_args()
-    axis = make_axis(0.005)
-    random, scoring = draw_shots(80, 20261121, False), draw_shots(80, 7, True)
+    axis, count = make_axis(0.005), args.launches
+    random, scoring = draw_shots(count, 20261121, False), draw_shots(count, 7, True)
     print(f"{os.cpu_count()} cores, load average {os.getloadavg()[0]:.1f} at the start")
     began = time.perf_counter()
     fit_grid(FACTS, random)
@@ -51,10 +52,10 @@ def main() -> None:
     for name, shots in (("random", random), ("scoring", scoring)):
         wall_s, cpu_s, flights = time_ours(shots, args.runs)
         ours_s[name] = wall_s, cpu_s
-        print(f"1001 x 1001 x 80, {name:8s} {wall_s:8.3f} s  wall, {cpu_s:.3f} s of CPU, fastest of {args.runs}; load "
-              f"{os.getloadavg()[0]:.1f}; {flights} flights, {flights / axis.size**2 / 80:.2%}")
-    print("\nthe same by plainer ways, scaled to all 80160080 flights of `random`: wall s, CPU s, and times ours\n"
-          "(on a busy machine the ratio of CPU is the fair one)")
+        print(f"1001 x 1001 x {count}, {name:8s} {wall_s:8.3f} s  wall, {cpu_s:.3f} s of CPU, fastest of {args.runs}; "
+              f"load {os.getloadavg()[0]:.1f}; {flights} flights, {flights / axis.size**2 / count:.2%}")
+    print(f"\nthe same by plainer ways, scaled to all {axis.size**2 * count} flights of `random`: wall s, CPU s, and "
+          "times ours\n(on a busy machine the ratio of CPU is the fair one)")
     for what, (wall_s, cpu_s) in plain_ways(random):
         print(f"  {what:88s} {wall_s:7.1f} s {wall_s / ours_s['random'][0]:6.0f} x {cpu_s:9.1f} s CPU "
               f"{cpu_s / ours_s['random'][1]:6.0f} x")
@@ -63,11 +64,11 @@ def main() -> None:
         check_labels(name, shots, axis[::8] if args.quick else axis, args.quick)
     check_heights(scoring)
     print("\nhow it grows (fastest of 3)")
-    for count in (20, 40, 80, 160):
-        print(f"  {count:4d} launches, 1001 x 1001: {time_ours(draw_shots(count, 11, True), 3)[0]:.3f} s")
+    for more in (count // 4, count // 2, count, 2 * count):
+        print(f"  {more:4d} launches, 1001 x 1001: {time_ours(draw_shots(more, 11, True), 3)[0]:.3f} s")
     for step in (0.02, 0.01, 0.005):
         seconds = time_ours(scoring, 3, step)[0]
-        print(f"    80 launches, {make_axis(step).size:4d} x {make_axis(step).size:4d}: {seconds:.3f} s")
+        print(f"  {count:4d} launches, {make_axis(step).size:4d} x {make_axis(step).size:4d}: {seconds:.3f} s")
 
 
 def draw_shots(count: int, seed: int, score: bool) -> Shots:

@@ -25,10 +25,11 @@ def check_rig(rig: Rig, path: str | Path) -> Rig:
     """Return the rig if its numbers can be true.
 
     Raises:
-        InputError: names `path` and the key of a number that is not finite, out of range, or contradicts another.
+        InputError: names `path` and the key of each number that is not finite, out of range, or contradicts another.
     """
-    for key, what in rig_errors(rig):
-        raise InputError(f"{path}: {key}: {what}")
+    wrong = [f"{path}: {key}: {what}" for key, what in rig_errors(rig)]
+    if wrong:
+        raise InputError("\n".join(wrong))
     return rig
 
 

@@ -12,7 +12,7 @@ from truearc.cli.main import main
 from truearc.cli.parsers import make_parser
 from truearc.cli.registry import Command, list_commands
 
-ALWAYS = {"help", "quiet"}            # --quiet is accepted by every command, whether or not it shows progress
+ALWAYS = {"help", "quiet", "force"}   # of every command, and of every one with outputs (test_outputs.py)
 PACKAGES = ("truearc.cli", "truearc_proof.cli")
 
 

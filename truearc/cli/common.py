@@ -1,4 +1,4 @@
-"""Common parts of commands: kinds of option values, refusals, shared options, files to write, and progress."""
+"""Common parts of commands: kinds of option values, refusals, shared options, texts to write, and progress."""
 
 import argparse
 import math
@@ -47,14 +47,6 @@ def listed(kind: Callable[[str], Kind]) -> Callable[[str], tuple[Kind, ...]]:
         return tuple(map(kind, words))
 
     return parse
-
-
-def out_file(text: str) -> Path:
-    """Return the path of a file to write; refuse it before any work where its directory is missing."""
-    path = Path(text)
-    if not path.resolve().parent.is_dir():
-        raise argparse.ArgumentTypeError(f"{text}: there is no such directory to write to")
-    return path
 
 
 def write_out(path: str | Path | None, text: str) -> None:

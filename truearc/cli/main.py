@@ -6,6 +6,7 @@ import sys
 
 import truearc
 from truearc.cli.old_names import RENAMED, forward
+from truearc.cli.outputs import fresh_outputs
 from truearc.cli.parsers import load_module, make_parser
 from truearc.cli.registry import COMMANDS, GROUPS, NAMES, Command, find_command, list_commands
 from truearc.robot.config.schema import InputError
@@ -46,8 +47,10 @@ def main(argv: list[str] | None = None) -> int:
 
 def _run(command: Command, words: list[str]) -> int:
     try:
-        args = make_parser(command).parse(words)
-        code = int(load_module(command).main(args))
+        parser = make_parser(command)
+        args = parser.parse(words)
+        with fresh_outputs(parser, args):
+            code = int(load_module(command).main(args))
         sys.stdout.flush()
         return code
     except InputError as error:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, NoReturn, Protocol, cast
 
 from truearc.cli.common import number
+from truearc.cli.outputs import add_force
 from truearc.cli.registry import Command
 from truearc.robot.config.schema import InputError
 
@@ -100,3 +101,4 @@ def fill_parser(parser: argparse.ArgumentParser, module: CommandModule) -> None:
     """Add the arguments of a command to a parser that exists already."""
     parser.add_argument("--quiet", action="store_true", help="no progress")
     module.add_arguments(parser)
+    add_force(parser)

@@ -38,9 +38,11 @@ class Command(NamedTuple):
 
 COMMANDS = (
     Command("demo", "truearc.cli.start.demo", "start", "the whole loop on the emulated robot, and one report"),
+    Command("init", "truearc.cli.start.init", "start", "templates of a dataset, or of a launcher's configuration"),
     Command("completion", "truearc.cli.start.completion", "start", "completion of commands and options for a shell"),
     Command("import", "truearc.cli.discover.import_", "discover", "other people's recordings to a dataset"),
     Command("shots", "truearc.cli.discover.shots", "discover", "recorded sessions to a dataset"),
+    Command("check", "truearc.cli.discover.check", "discover", "whether data are plausible, and what they could show"),
     Command("fit", "truearc.cli.discover.fit", "discover", "coefficients and scatter by maximum a posteriori"),
     Command("predict", "truearc.cli.discover.predict", "discover", "heights and outcomes, or a gate's probabilities"),
     Command("discover", "truearc.cli.discover.discover", "discover", "where recordings and simulation disagree"),

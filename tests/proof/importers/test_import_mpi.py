@@ -115,7 +115,7 @@ def test_the_door_writes_a_dataset_and_refuses_too_few_files(tmp_path: Path,
     assert truearc.main(["import", "mpi", str(launches), str(tracks), "-o", str(tmp_path / "out")]) == 0
     assert "1 shots" in capsys.readouterr().out
     assert load_dataset(tmp_path / "out").shots.shot_id == ("spin-4",)
-    assert truearc.main(["import", "mpi", str(launches), "-o", str(tmp_path / "out")]) == 2
+    assert truearc.main(["import", "mpi", str(launches), "-o", str(tmp_path / "no")]) == 2
     assert "mpi takes RECORDING.hdf5 ..., or LAUNCHES.csv TRACKS.csv; not" in capsys.readouterr().err
 
 

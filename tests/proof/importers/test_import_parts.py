@@ -41,7 +41,7 @@ def test_only_some_of_the_shots(tmp_path: Path, capsys: pytest.CaptureFixture[st
     path, out = history(tmp_path, 50.0, 51.0, 52.0), tmp_path / "d"
 
     def imported(wanted: str) -> int:
-        return truearc.main(["import", "frc-3476", str(path), "--only", wanted, "-o", str(out)])
+        return truearc.main(["import", "frc-3476", str(path), "--only", wanted, "-o", str(out), "--force"])
 
     assert imported("version=a,c") == 0
     assert load_dataset(out).shots.number("hood_deg").tolist() == [50.0, 52.0]

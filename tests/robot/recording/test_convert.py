@@ -187,7 +187,7 @@ def test_trials_are_added_to_a_recording_without_them(name, tmp_path):
 
 def test_a_recording_is_never_written_over_and_nothing_is_left_of_a_failure(plain, tmp_path, capsys):
     before = (plain / "telemetry.mcap").read_bytes()
-    assert main(["session", "convert", str(plain), "--to", "mcap", "-o", str(plain / "telemetry.mcap")]) == 2
+    assert main(["session", "convert", str(plain), "--to", "mcap", "-o", str(plain / "telemetry.mcap"), "--force"]) == 2
     assert "never written over" in capsys.readouterr().err
     assert (plain / "telemetry.mcap").read_bytes() == before
     assert main(["session", "convert", str(tmp_path / "nowhere"), "--to", "csv", "-o", str(tmp_path / "x.csv")]) == 2

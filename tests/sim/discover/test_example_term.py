@@ -105,7 +105,7 @@ def test_installed_it_is_found_by_the_command_and_adopted(directory: Path, insta
     said = run(installed, "discover", str(directory), "--json", str(out), "--adopt", str(belief))
     assert json.loads(out.read_text())["what"][0]["term"] == "hood_flex"
     assert "adopted: hood_flex" in said
-    again = run(installed, "discover", str(directory), "--belief", str(belief), "--json", str(out))
+    again = run(installed, "discover", str(directory), "--belief", str(belief), "--json", str(out), "--force")
     assert json.loads(out.read_text())["verdict"] == "none", again
 
 

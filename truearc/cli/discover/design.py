@@ -7,8 +7,9 @@ likely they are to decide.
 import argparse
 
 import truearc as ta
-from truearc.cli.common import number, out_file, write_out
+from truearc.cli.common import number, write_out
 from truearc.cli.discover.discover import add_baseline, investigate
+from truearc.cli.outputs import out_file
 from truearc.sim.discover.settings import CONFIGURATIONS, PLANNED_SHOTS
 
 EXAMPLE = "truearc design shots/ --shots 100 --json next.json"

@@ -16,9 +16,9 @@ from truearc.cli.common import (
     listed,
     make_progress,
     number,
-    out_file,
     write_out,
 )
+from truearc.cli.outputs import out_file
 from truearc.sim.discover.settings import FALSE_ALARM, check_chances
 
 EXAMPLE = "truearc discover shots/ --believe gravity,drag --json finding.json --report finding.html"

@@ -6,10 +6,12 @@ Report 90 % intervals and which parameters the shots cannot tell apart. The pape
 import argparse
 import sys
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import truearc as ta
-from truearc.cli.common import add_accept, add_terms_from, catalogue_of, listed, make_progress, number, out_file, refuse
+from truearc.cli.common import add_accept, add_terms_from, catalogue_of, listed, make_progress, number, refuse
+from truearc.cli.outputs import out_file, refuse_file
 
 EXAMPLE = "truearc fit shots/ --terms gravity,drag,magnus,exit_efficiency -o coefficients.toml"
 
@@ -30,6 +32,8 @@ def main(args: argparse.Namespace) -> int:
     """Return 1 where the fit did not settle or the posterior's chains did not mix."""
     if args.posterior is None:
         refuse(args, ("--seed",), "applies with --posterior only")
+    elif args.out is not None:
+        refuse_file(draws_path(args.out), args.force)
     dataset = ta.load_dataset(args.dataset)
     terms = catalogue_of(args).find(args.terms or dataset.rig.believe.terms)
     fit = ta.fit(dataset, terms, accept=args.accept, progress=make_progress("fit", args.quiet))
@@ -50,7 +54,12 @@ def _sample(fit: "ta.Fit", args: argparse.Namespace) -> tuple[dict[str, Any], bo
     drawn = fit.sample(args.posterior, args.seed or 0, make_progress("posterior", args.quiet))
     print("\nposterior:", *say_posterior(drawn), sep="\n")
     if args.out is not None:
-        path = args.out.with_suffix(".posterior.npz")
+        path = draws_path(args.out)
         save_draws(path, drawn)
         print(f"{path}: {args.posterior} draws")
     return {"posterior": {"seed": drawn.seed, "draws": drawn.count}}, drawn.converged
+
+
+def draws_path(out: Path) -> Path:
+    """Where the draws go: home.toml -> home.posterior.npz."""
+    return out.with_suffix(".posterior.npz")

@@ -3,6 +3,7 @@
 import argparse
 
 import truearc as ta
+from truearc.cli.outputs import DATASET, OutFolder
 from truearc.sim.data.importers.registry import load_importers
 
 EXAMPLE = "truearc import mpi mn5008_backspin.hdf5 mn5008_no_spin.hdf5 -o mpi"
@@ -15,7 +16,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("source", choices=[importer.name for importer in importers],
                         help="whose recordings" if importers else "none is installed: pip install truearc-proof")
     parser.add_argument("files", nargs="+", metavar="FILE", help=f"the public originals, or tables of them: {known}")
-    parser.add_argument("-o", "--out", required=True, metavar="DIR", help="dataset directory to write")
+    parser.add_argument("-o", "--out", type=OutFolder(DATASET), required=True, metavar="DIR",
+                        help="dataset directory to write")
     parser.add_argument("--only", metavar="COLUMN=TEXT,...", help="of the dataset's shots those with one of these "
                         "texts in the column (ball_quality=new), to compare parts with each other")
 

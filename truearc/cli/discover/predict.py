@@ -8,7 +8,8 @@ shot_id,p_two,p_three,in_domain,novelty (novelty over 1: further than that from 
 import argparse
 
 import truearc as ta
-from truearc.cli.common import add_terms_from, catalogue_of, make_progress, out_file, print_or_write, refuse
+from truearc.cli.common import add_terms_from, catalogue_of, make_progress, print_or_write, refuse
+from truearc.cli.outputs import out_file
 
 EXAMPLE = "truearc predict shots/ --cd 0.91 --cl 0.06 -o predicted.csv"
 LONG = 50_000                         # shots that take over two seconds: progress is shown

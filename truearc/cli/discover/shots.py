@@ -6,6 +6,7 @@ from pathlib import Path
 
 import truearc as ta
 from truearc.cli.common import make_progress
+from truearc.cli.outputs import DATASET, OutFolder
 
 EXAMPLE = "truearc shots sessions/monday sessions/tuesday -o data/week"
 
@@ -13,17 +14,16 @@ EXAMPLE = "truearc shots sessions/monday sessions/tuesday -o data/week"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     parser.add_argument("sessions", type=Path, nargs="+", metavar="SESSION", help="recorded session folder")
-    parser.add_argument("-o", "--out", type=Path, required=True, metavar="DIR", help="dataset folder to write")
+    parser.add_argument("-o", "--out", type=OutFolder(DATASET), required=True, metavar="DIR",
+                        help="dataset folder to write")
     parser.add_argument("--repeatability", action="store_true",
                         help="one row a configuration, labelled by the paper's R2/R3 rule (section IV-A)")
 
 
 def main(args: argparse.Namespace) -> int:
     """Return 0 once the dataset is written."""
-    from truearc.sim.data.dataset import check_free
     from truearc.sim.data.recordings import shots_from_sessions
     from truearc.sim.data.repeatability_labels import label_by_repeatability
-    check_free(args.out)
     progress = make_progress("shots", args.quiet)
     dataset = shots_from_sessions(args.sessions, args.out.name)
     progress(0.8, "read")

@@ -2,6 +2,8 @@
 
 import argparse
 
+from truearc.cli.outputs import out_file
+
 EXAMPLE = "truearc export weights/ -o gate.onnx"
 
 
@@ -9,7 +11,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     parser.add_argument("weights", metavar="DIR",
                         help="weights directory, as `truearc train` and `truearc paper train` write it")
-    parser.add_argument("-o", "--out", required=True, metavar="FILE", help="ONNX file to write")
+    parser.add_argument("-o", "--out", type=out_file, required=True, metavar="FILE", help="ONNX file to write")
 
 
 def main(args: argparse.Namespace) -> int:

@@ -8,7 +8,8 @@ import argparse
 import sys
 
 import truearc as ta
-from truearc.cli.common import make_progress, number, out_file
+from truearc.cli.common import make_progress, number
+from truearc.cli.outputs import WEIGHTS, OutFolder, out_file
 
 EXAMPLE = "truearc train --real shots/ --coefficients coefficients.toml -o weights/"
 
@@ -21,7 +22,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--reliability", type=out_file, metavar="FILE",
                         help="picture of predicted against observed shares to write")
     parser.add_argument("--seed", type=number(int, 0), default=0, help="seed of split and first weights")
-    parser.add_argument("-o", "--out", required=True, metavar="DIR", help="weights directory to write")
+    parser.add_argument("-o", "--out", type=OutFolder(WEIGHTS), required=True, metavar="DIR",
+                        help="weights directory to write")
 
 
 def main(args: argparse.Namespace) -> int:

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import truearc as ta
-from truearc.cli.common import add_accept, make_progress, number, out_file, refuse
+from truearc.cli.common import add_accept, make_progress, number, refuse
+from truearc.cli.outputs import out_file
 from truearc.sim.paper.settings import STEP
 
 if TYPE_CHECKING:

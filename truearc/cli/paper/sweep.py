@@ -6,9 +6,11 @@ All are trained in one batch. Report which setting is best on shots that it did 
 import argparse
 
 from truearc.cli.common import listed, number
+from truearc.cli.outputs import OutFolder
 from truearc.cli.paper.train import add_recipe
 from truearc.sim.paper.settings import DEFAULT_RECIPE as DEFAULT
 
+WRITES = ("networks.csv", "settings.csv", "sweep.png", "best")
 EXAMPLE = "truearc paper sweep --real shots/ --sim simulated/ --sizes 0,500,900 --lambdas 0.01,0.1 -o sweep/"
 
 
@@ -23,7 +25,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="networks of each setting, each with its own splits")
     parser.add_argument("--seed", type=number(int, 0), default=0, help="the first of them")
     parser.add_argument("--steps", type=int, default=DEFAULT.steps, help="minibatches at most")
-    parser.add_argument("-o", "--out", required=True, metavar="DIR", help="directory to write")
+    parser.add_argument("-o", "--out", type=OutFolder(WRITES), required=True, metavar="DIR",
+                        help="directory to write")
 
 
 def main(args: argparse.Namespace) -> int:

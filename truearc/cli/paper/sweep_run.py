@@ -7,7 +7,6 @@ from typing import Any
 
 from truearc.cli.common import make_progress, refuse
 from truearc.cli.paper.train_network import LAMBDA, load_rows, made_of, recipe_of
-from truearc.sim.data.dataset import check_free
 from truearc.sim.gate.network_training import make_record
 from truearc.sim.paper import sweep_settings as sweeps
 from truearc.sim.paper.network import save_weights
@@ -28,7 +27,6 @@ def run_sweep(args: argparse.Namespace) -> int:
     if not any(args.sizes):
         refuse(args, ("--sim", "--lambdas"), "--sizes takes no simulated shots")
     settings = sweeps.settings_of(args.sizes, args.lambdas or (LAMBDA,))
-    home = check_free(args.out)
     real = load_rows(args.real)
     networks = sweeps.plan(real, load_rows(args.sim) if args.sim else None, settings,
                             range(args.seed, args.seed + args.seeds), args.holdout, args.validation)
@@ -37,6 +35,7 @@ def run_sweep(args: argparse.Namespace) -> int:
     verdict = sweeps.compare(scores, settings)
     best = verdict.best if verdict else settings[0]
     chosen = next(number for number, network in enumerate(networks) if network.setting == best)
+    home = args.out
     home.mkdir(parents=True, exist_ok=True)
     means = _means_of(scores, settings)
     _save_tables(home, scores, means)

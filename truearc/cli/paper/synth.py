@@ -8,7 +8,9 @@ noise of a real shot.
 import argparse
 
 from truearc.cli.common import add_terms_from, catalogue_of, make_progress, number
+from truearc.cli.outputs import DATASET, OutFolder
 
+WRITES = ("coefficients.toml", "synth.json")
 EXAMPLE = "truearc paper synth --rig rig.toml --coefficients coefficients.toml -n 900 --exclude shots/ -o simulated/"
 
 
@@ -23,14 +25,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                              "it one exact set, as in the paper")
     parser.add_argument("--exclude", metavar="DIR", help="dataset of recorded shots whose configurations are not drawn")
     parser.add_argument("--seed", type=number(int, 0), default=0, help="of the draw")
-    parser.add_argument("-o", "--out", required=True, metavar="DIR", help="dataset directory to write")
+    parser.add_argument("-o", "--out", type=OutFolder((*DATASET, *WRITES)), required=True, metavar="DIR",
+                        help="dataset directory to write")
 
 
 def main(args: argparse.Namespace) -> int:
     """Return 0 when the dataset is written."""
-    from truearc.sim.data.dataset import check_free, load_dataset, load_rig
+    from truearc.sim.data.dataset import load_dataset, load_rig
     from truearc.sim.paper.synthetic_shots import say_synthetic, write_synthetic
-    check_free(args.out)
     recorded = load_dataset(args.exclude) if args.exclude else None
     shots = write_synthetic(args.out, load_rig(args.rig), args.coefficients, args.n, exclude=recorded,
                             draws=args.draws, seed=args.seed, among=catalogue_of(args),

@@ -6,6 +6,7 @@ Each batch of them is paired with a batch of simulated ones whose loss is weighe
 import argparse
 
 from truearc.cli.common import number, refuse
+from truearc.cli.outputs import WEIGHTS, OutFolder
 from truearc.robot.config.schema import InputError
 from truearc.sim.paper.settings import DEFAULT_RECIPE as DEFAULT
 
@@ -22,7 +23,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     length.add_argument("--steps", type=int, default=DEFAULT.steps, help="minibatches at most")
     length.add_argument("--epochs", type=number(int, 1),
                         help="times through the simulated shots at most, instead of --steps")
-    parser.add_argument("-o", "--out", required=True, metavar="DIR", help="weights directory to write")
+    parser.add_argument("-o", "--out", type=OutFolder(WEIGHTS), required=True, metavar="DIR",
+                        help="weights directory to write")
 
 
 def add_recipe(parser: argparse.ArgumentParser, simulated: str, validated: str) -> None:

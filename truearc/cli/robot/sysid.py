@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING
 from msgspec.structs import replace
 
 import truearc
-from truearc.cli.common import SHIPPED, make_progress, number, out_file, refuse
+from truearc.cli.common import SHIPPED, make_progress, number, refuse
+from truearc.cli.outputs import out_file
 from truearc.robot.config.schema import Config, InputError, load_config
 from truearc.robot.sysid.program import FLYWHEEL, HOOD
 
@@ -68,8 +69,6 @@ def _check(args: argparse.Namespace) -> None:
         refuse(args, ("--world", "--seed"), "applies with --emulate only")
     if args.emulate and args.out is None:
         raise InputError("--emulate needs --out, the session to make")
-    if args.gains is not None and args.gains.exists():
-        raise InputError(f"{args.gains}: exists already; gains are never written over anything")
 
 
 def _drive(args: argparse.Namespace) -> Path:

@@ -7,7 +7,8 @@ all over the picture. With --distances: a better focal length from pictures of t
 
 import argparse
 
-from truearc.cli.common import number, out_file, refuse
+from truearc.cli.common import number, refuse
+from truearc.cli.outputs import out_file
 from truearc.robot.config.schema import InputError
 
 EXAMPLE = "truearc vision calibrate --distances taped.csv --camera camera.toml -o camera-here.toml"

@@ -7,13 +7,15 @@ FILE.trials, with one row per marked trial).
 import argparse
 from pathlib import Path
 
+from truearc.cli.outputs import out_file
+
 EXAMPLE = "truearc session convert sessions/monday --to wpilog -o monday.wpilog"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("session", type=Path, help="recorded session folder")
     parser.add_argument("--to", required=True, choices=("csv", "mcap", "parquet", "wpilog"), help="format")
-    parser.add_argument("-o", "--out", type=Path, required=True, metavar="FILE", help="file to write")
+    parser.add_argument("-o", "--out", type=out_file, required=True, metavar="FILE", help="file to write")
 
 
 def main(args: argparse.Namespace) -> int:

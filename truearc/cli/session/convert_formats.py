@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from truearc.cli.common import make_progress
+from truearc.cli.outputs import refuse_file
 from truearc.robot.config.schema import InputError
 from truearc.robot.recording.export import convert as exports
 from truearc.robot.recording.export.convert import TRIAL_COLUMNS, ExportRows
@@ -22,6 +23,8 @@ def convert(args: argparse.Namespace) -> int:
     """Write the session in the format asked for; args: those of `truearc session convert`."""
     if args.session.resolve() in args.out.resolve().parents:
         raise InputError(f"{args.out}: lies in the session that it is made from; a recording is never written over")
+    if args.to in ("csv", "parquet"):
+        refuse_file(trials_path(args.out), args.force)
     progress = make_progress("convert", args.quiet)
     rows = ExportRows(args.session, progress)
     try:

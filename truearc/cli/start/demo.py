@@ -7,7 +7,6 @@ simulation; drive with the gate of before, with that of after, and without one.
 import argparse
 import json
 import multiprocessing
-import shutil
 import time
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
@@ -16,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import truearc as ta
 from truearc.cli.common import SHIPPED, make_progress, number, write_out
+from truearc.cli.outputs import OutFolder
 from truearc.cli.start.demo_files import Demo
 from truearc.robot.config.schema import Config, load_config
 
@@ -30,7 +30,8 @@ MARK = ".truearc-demo"                # a folder with this in it was made by us 
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--out", type=Path, default=Path("report"), help="folder for the report and all it rests on")
+    parser.add_argument("--out", type=OutFolder(mark=MARK), default=Path("report"),
+                        help="folder for the report and all it rests on")
     parser.add_argument("--trials", type=number(int, FEWEST), default=120,
                         help=f"trials recorded to learn from, at least {FEWEST}")
     parser.add_argument("--test-trials", type=number(int, FEWEST), default=120, help="trials of each session driven")
@@ -40,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     from truearc.cli.start.demo_report import headline, save_report
     began = time.monotonic()
-    demo = Demo(_fresh_folder(args.out), args.seed)
+    demo = Demo(_marked_folder(args.out), args.seed)
     _collect(demo, args.trials, args.quiet)
     _learn(demo, args.quiet)
     found = _explain(demo, args.quiet)
@@ -52,13 +53,8 @@ def main(args: argparse.Namespace) -> int:
     return 0
 
 
-def _fresh_folder(folder: Path) -> Path:
-    if folder.is_file():
-        raise ta.InputError(f"{folder}: is a file")
-    if folder.exists() and any(folder.iterdir()) and not (folder / MARK).exists():
-        raise ta.InputError(f"{folder}: is not empty and was not made by a demo; name another with --out")
-    shutil.rmtree(folder, ignore_errors=True)
-    folder.mkdir(parents=True)
+def _marked_folder(folder: Path) -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
     (folder / MARK).touch()
     return folder
 

@@ -1,0 +1,100 @@
+"""`truearc init` and `truearc check`: from nothing to a dataset that can be fitted, without reading source code."""
+
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+
+import truearc as ta
+from truearc.cli.main import main
+from truearc.robot.config.schema import load_config
+
+SHOTS = Path(__file__).parents[2] / "examples" / "spreadsheet"
+DOCS = Path(__file__).parents[2] / "docs" / "dataset.md"
+MEASURED = {"mass_kg": 0.14, "radius_m": 0.0508, "release_height_m": 0.75, "free_speed_rad_s": 594.0,
+            "centre_height_m": 2.44}
+
+
+@pytest.fixture
+def made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A dataset folder as `truearc init` makes it, in the working directory."""
+    monkeypatch.chdir(tmp_path)
+    assert main(["init", "week"]) == 0
+    return tmp_path / "week"
+
+
+def fill_in(folder: Path) -> None:
+    """Replace every nan of rig.toml by what was measured."""
+    path = folder / "rig.toml"
+    path.write_text(re.sub(r"^(\w+) = nan\b", lambda key: f"{key[1]} = {MEASURED[key[1]]}", path.read_text(),
+                           flags=re.MULTILINE))
+
+
+def test_template_states_every_key_that_the_page_documents(made: Path) -> None:
+    part = DOCS.read_text().split("\n## rig.toml\n")[1].split("\n## ")[0]
+    keys = {key.rpartition(".")[2] for key in re.findall(r"^\| `([\w.]+)` \|", part, re.MULTILINE)}
+    assert keys == set(re.findall(r"^(\w+) = ", (made / "rig.toml").read_text(), re.MULTILINE))
+
+
+def test_every_line_with_a_key_is_commented(made: Path) -> None:
+    section = ""
+    for line in (made / "rig.toml").read_text().splitlines():
+        section = line if line.startswith("[") else section
+        if " = " in line and section not in ("[air]", "[world]") and not line.startswith("#"):
+            assert "#" in line or "#" in section or section == "[noise]", line
+
+
+def test_check_names_all_that_is_not_filled_in(made: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", "week"]) == 2
+    said = capsys.readouterr().err
+    assert all(f"{key}: nan is not finite" in said for key in MEASURED)
+
+
+def test_check_plans_a_season_where_there_are_no_shots(made: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    fill_in(made)
+    assert main(["check", "week", "--quiet"]) == 0
+    said = capsys.readouterr().out
+    assert "no shots yet" in said and "300 shots of this kind (L0) would show" in said
+
+
+def test_check_says_what_filled_in_shots_could_show(made: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ("rig.toml", "shots.csv"):
+        shutil.copy(SHOTS / name, made / name)
+    assert main(["check", "week", "--quiet"]) == 0
+    said = capsys.readouterr().out
+    assert "week: 48 shots (21 miss, 8 three, 19 two)" in said and "plausible: no check objects" in said
+    assert "48 shots of this kind (L0) would show" in said and "hood_deg             31.1 to 53.6" in said
+
+
+def test_check_refuses_implausible_data_by_name_unless_accepted(made: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rig = (SHOTS / "rig.toml").read_text().replace("mass_kg = 0.14 ", "mass_kg = 140.0 ")
+    (made / "rig.toml").write_text(rig.replace("mass_kg = 0.14", "mass_kg = 140.0"))
+    shutil.copy(SHOTS / "shots.csv", made)
+    assert main(["check", "week", "--quiet"]) == 2
+    assert "ball.mass_kg" in capsys.readouterr().err
+    assert main(["check", "week", "--quiet", "--accept", "mass"]) == 0
+    assert "warning: mass: rig.toml: ball.mass_kg" in capsys.readouterr().out
+
+
+def test_init_keeps_what_is_there(made: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (made / "rig.toml").write_text("mine")
+    assert main(["init", "week"]) == 2
+    assert (made / "rig.toml").read_text() == "mine"
+    assert main(["init", "week", "--force"]) == 0
+    assert (made / "rig.toml").read_text() != "mine"
+
+
+def test_init_robot_writes_a_configuration_that_loads(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "my_launcher.toml"
+    assert main(["init", "--robot", str(out)]) == 0
+    assert load_config(out) == load_config(Path(ta.__file__).parents[1] / "robot" / "launcher.toml")
+    assert f"truearc doctor --config {out}" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("words", [["init"], ["init", "week", "--robot", "my_launcher.toml"]])
+def test_init_makes_one_thing(words: list[str], capsys: pytest.CaptureFixture[str], tmp_path: Path,
+                              monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(words) == 2
+    assert "give one of the two" in capsys.readouterr().err and list(tmp_path.iterdir()) == []

@@ -1,0 +1,55 @@
+"""Check a dataset before anything is fitted: whether it can be read, is plausible, and which effects it could show.
+
+Without shots yet, a season of them is planned for the rig.
+"""
+
+import argparse
+
+import truearc as ta
+from truearc.cli.common import add_accept, make_progress, number
+
+EXAMPLE = "truearc check shots/"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the command."""
+    parser.add_argument("dataset", metavar="DIR", help="dataset directory")
+    add_accept(parser)
+    parser.add_argument("--seed", type=number(int, 0), default=0, help="of the season that is planned without shots")
+
+
+def main(args: argparse.Namespace) -> int:
+    """Return 0 where the dataset is plausible."""
+    from truearc.sim.compile_cache import keep_compiled
+    from truearc.sim.infer.plausibility import check_plausible
+    keep_compiled()
+    dataset = check_plausible(ta.load_dataset(args.dataset), args.accept)
+    print("\n".join([*dataset.lines(), *ranges(dataset), *plausibility(dataset)]))
+    try:
+        could = ta.identifiability(dataset if len(dataset.shots) else dataset.rig, seed=args.seed,
+                                   progress=make_progress("check", args.quiet))
+    except ta.InputError as error:
+        raise ta.InputError(f"{args.dataset}: {error}") from error
+    print("\nno shots yet; of a season with this rig:" if not len(dataset.shots) else "")
+    print(could)
+    return 0
+
+
+def ranges(dataset: "ta.Dataset") -> list[str]:
+    """Return a line per column of numbers: lowest to highest, and in how many shots it is missing."""
+    import numpy as np
+    lines = []
+    for name, column in dataset.shots.numbers.items():
+        known = column[np.isfinite(column)]
+        if len(known):
+            absent = len(column) - len(known)
+            lines.append(f"  {name:20s} {known.min():g} to {known.max():g}"
+                         + (f", missing in {absent} shots" if absent else ""))
+    return lines
+
+
+def plausibility(dataset: "ta.Dataset") -> list[str]:
+    """Return what the plausibility checks of a dataset that passed them have to say."""
+    objections = [f"warning: {objection}" for objection in dataset.accepted] or ["plausible: no check objects"]
+    return objections + (["  not checked without tracks.csv: gravity, axes, units of length and time"]
+                         if dataset.tracks is None else [])

@@ -1,0 +1,38 @@
+"""Write templates to fill in: a dataset (rig.toml and shots.csv), or with --robot a launcher's configuration.
+
+shots.csv gets a row for each shot: a name, the horizontal distance to the target in metres, the hood's angle above the
+horizontal in degrees, motor speed / free speed, and miss, two or three. docs/dataset.md has every other column and key.
+"""
+
+import argparse
+from pathlib import Path
+
+from truearc.cli.common import SHIPPED, write_out
+from truearc.cli.outputs import OutFolder, out_file
+from truearc.robot.config.schema import InputError
+
+EXAMPLE = "truearc init my_shots"
+RIG = Path(__file__).with_name("rig_template.toml")
+COLUMNS = "shot_id,distance_m,hood_deg,motor_ratio,outcome\n"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("dataset", nargs="?", type=OutFolder(("rig.toml", "shots.csv")), metavar="DIR",
+                        help="dataset directory to make")
+    parser.add_argument("--robot", type=out_file, metavar="FILE", help="launcher.toml to write instead: the "
+                        "configuration that the emulated robot runs with, every key with its meaning")
+
+
+def main(args: argparse.Namespace) -> int:
+    """Return 0 once the templates are written."""
+    if (args.dataset is None) == (args.robot is None):
+        raise InputError("DIR or --robot FILE: give one of the two")
+    if args.robot is not None:
+        write_out(args.robot, SHIPPED.read_text(encoding="utf-8"))
+        print(f"{args.robot}: change what differs on your launcher; then: truearc doctor --config {args.robot}")
+        return 0
+    args.dataset.mkdir(parents=True, exist_ok=True)
+    write_out(args.dataset / "rig.toml", RIG.read_text(encoding="utf-8"))
+    write_out(args.dataset / "shots.csv", COLUMNS)
+    print(f"{args.dataset}: fill in rig.toml and a row of shots.csv for each shot; then: truearc check {args.dataset}")
+    return 0
