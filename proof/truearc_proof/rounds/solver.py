@@ -20,16 +20,13 @@ from typing import Any
 
 import msgspec
 
+import truearc as ta
+import truearc.api
 import truearc.sim
 import truearc_proof
-from truearc.robot.config.schema import InputError
-from truearc.sim.data.dataset import Dataset, join_datasets, load_dataset
-from truearc.sim.discover.adopt import make_belief
-from truearc.sim.discover.finding import make_json
-from truearc.sim.discover.investigate import Investigation, discover
-from truearc.sim.discover.model.external_measurements import Measured, Measurement, column_of
-from truearc.sim.discover.plan.experiment_design import can_design, make_design
-from truearc.sim.infer.belief import Belief, as_table
+from truearc.sim.data.dataset import join_datasets
+from truearc.sim.infer.belief import as_table
+from truearc.sim.infer.plausibility import CHECKS
 from truearc.sim.physics.catalogue import BUILT_IN
 from truearc.sim.progress import Progress
 from truearc_proof.parallel import fan_out
@@ -49,6 +46,7 @@ MORE_SHOTS, MORE_CONFIGURATIONS = 100, 5     # at most, in a follow-up
 OPENING = ("open", "os.listdir", "os.scandir", "os.rename", "os.link", "os.symlink")
 # Patterns of the files below each package that the solver's hash covers; the emulated world is not among them.
 SOURCES = {
+    truearc.api: ("*.py",),
     truearc.sim: ("*.py", "data/**/*.py", "physics/**/*.py", "infer/**/*.py", "discover/**/*.py", "gate/**/*.py",
                   "paper/**/*.py", "sysid/**/*.py"),
     truearc_proof: ("parallel.py", "rounds/solver.py", "worlds/instruments.py"),
@@ -72,7 +70,7 @@ def _solve_sealed(room: Room, progress: Progress, workers: int | None, scheduler
     steps = room.steps()
     names = [name for name, done in steps.items() if SEALED in done and OPENED not in done and name != HOME]
     if rivals and names and not any(any(room.data(name).glob("tracks.*")) for name in names):
-        raise InputError(f"--rivals: {room.root / 'data'}: no world has tracks, and others are put to tracks alone")
+        raise ta.InputError(f"--rivals: {room.root / 'data'}: no world has tracks, and others are put to tracks alone")
     first = [name for name in names if CLAIMED not in steps[name]]
     again = [name for name in names if ANSWERED in steps[name] and CLAIMED_AGAIN not in steps[name]]
     for todo, work, step, path in ((first, partial(solve, room.root.resolve(), rivals), CLAIMED, room.claims),
@@ -99,9 +97,9 @@ def solve(root: Path, rivals: tuple[str, ...], world: str) -> dict[str, Any]:
     directory = room.data(world)
     found, dataset = _discover(room, world, None)
     claims = {"schema": SCHEMA, "world": world, "solver": solver_id(), "data": hash_files(directory),
-              "finding": msgspec.json.decode(make_json(found.finding)), "asked": asked_for(found, dataset),
+              "finding": msgspec.json.decode(found.to_json()), "asked": asked_for(found, dataset),
               **believed_by(found)}
-    believed = believed_of(found)
+    believed = believed_of(found.investigation)
     if rivals and dataset.tracks is not None and believed is not None:
         claims["rivals"] = {name: msgspec.to_builtins(find_rival(name)(dataset, believed, 0)) for name in rivals}
     return claims
@@ -113,54 +111,61 @@ def solve_again(root: Path, world: str) -> dict[str, Any]:
     forbid(room.keeper)
     reading = room.more(world) / MEASURED
     found, _ = _discover(room, world, *((None, _read(reading)) if reading.exists() else (
-        load_dataset(room.more(world)), None)))
+        ta.load_dataset(room.more(world)), None)))
     return {"schema": SCHEMA, "world": world, "solver": solver_id(),
             "data": {**hash_files(room.data(world)), **_below("more", hash_files(room.more(world)))},
-            "finding": msgspec.json.decode(make_json(found.finding)), "asked": [], **believed_by(found)}
+            "finding": msgspec.json.decode(found.to_json()), "asked": [], **believed_by(found)}
 
 
-def _read(path: Path) -> Measured:
+def _read(path: Path) -> dict[str, tuple[float, float]]:
     read = msgspec.json.decode(path.read_bytes())["terms"]
-    return {column_of(term): Measurement(**value) for term, value in read.items()}
+    return {term: (one["value"], one["sd"]) for term, one in read.items()}
 
 
-def believed_by(found: Investigation) -> dict[str, Any]:
+def believed_by(found: ta.Finding) -> dict[str, Any]:
     """Return the beliefs before and after the finding, which the sealed test compares by their forecasts."""
-    if not found.steps:
+    if not found.investigation.steps:
         return {}
-    return {"believed": {"before": as_table(make_belief(replace(found, steps=()))[0]),
-                         "after": as_table(make_belief(found)[0])}}
+    before = replace(found, investigation=replace(found.investigation, steps=()))
+    return {"believed": {"before": as_table(before.adopt()), "after": as_table(found.adopt())}}
 
 
 def _below(folder: str, files: dict[str, str]) -> dict[str, str]:
     return {f"{folder}/{name}": value for name, value in files.items()}
 
 
-def _discover(room: Room, world: str, more: Dataset | None,
-              measured: Measured | None = None) -> tuple[Investigation, Dataset]:
-    dataset = load_dataset(room.data(world))
+def _discover(room: Room, world: str, more: ta.Dataset | None,
+              measured: Mapping[str, tuple[float, float]] | None = None) -> tuple[ta.Finding, ta.Dataset]:
+    dataset = ta.load_dataset(room.data(world))
     whole = dataset if more is None else join_datasets(dataset, more)
-    if dataset.facts.believe.terms:
-        return discover(whole, None, FALSE_ALARM, 0, measured=measured, terms=BUILT_IN), whole
+    if dataset.rig.believe.terms:
+        return _ask(whole, measured=measured), whole
     home, belief = at_home(room.data(HOME))
-    return discover(whole, None, FALSE_ALARM, 0, belief=belief, since=home, terms=BUILT_IN), whole
+    return _ask(whole, measured=measured, belief=belief, since=home), whole
 
 
-def asked_for(found: Investigation, dataset: Dataset) -> list[dict[str, Any]]:
+def _ask(dataset: ta.Dataset, **known: Any) -> ta.Finding:
+    """A finding of the built-in terms; what a plausibility check objects to is the world's own doing, and is noted."""
+    return ta.discover(dataset, terms=BUILT_IN, seed=0, false_alarm=FALSE_ALARM, accept=CHECKS, **known)
+
+
+def asked_for(found: ta.Finding, dataset: ta.Dataset) -> list[dict[str, Any]]:
     """Where several names are left: one measurement, if that is likelier to leave one alone than more shots are; else
     configurations to be shot again, each once, with how many shots."""
-    if not found.steps or not can_design(found.steps[0]):
+    plan = ta.design_shots(dataset, found, shots=MORE_SHOTS, configurations=MORE_CONFIGURATIONS).plan
+    if "probability_after" not in plan:
         return []
-    design = make_design(found.steps[0], MORE_SHOTS, MORE_CONFIGURATIONS)
-    tool = next((one for one in design.measurements if one.instrument.id in TOOLS), None)
-    if tool is not None and tool.probability > design.after and dataset.facts.believe.terms:
-        return [{"measure": tool.instrument.id}]
-    rows = found.steps[0].fitted.evidence.rows
-    asked = [(int(rows[block.row]), block.pace) for block in design.blocks]
+    tool = next((one for one in plan["next"] if one["do"] == "measure" and one["instrument"] in TOOLS), None)
+    if tool is not None and tool["probability"] > plan["probability_after"] and dataset.rig.believe.terms:
+        return [{"measure": tool["instrument"]}]
+    return [_shots_like(dataset.shots.shot_id.index(one["like"]), one.get("pace", 1.0), one["shots"], dataset)
+            for one in plan["next"] if one["do"] == "shoot"]
+
+
+def _shots_like(row: int, pace: float, shots: int, dataset: ta.Dataset) -> dict[str, Any]:
     distance, hood, ratio = (dataset.shots.number(name) for name in ("distance_m", "hood_deg", "motor_ratio"))
-    block = MORE_SHOTS // MORE_CONFIGURATIONS
-    return [{"distance_m": float(distance[row]), "hood_deg": float(hood[row]), "motor_ratio": float(pace * ratio[row]),
-             "shots": block * asked.count((row, pace))} for row, pace in dict.fromkeys(asked)]
+    return {"distance_m": float(distance[row]), "hood_deg": float(hood[row]), "motor_ratio": float(pace * ratio[row]),
+            "shots": shots}
 
 
 def _write(path: Path, claims: dict[str, Any]) -> None:
@@ -172,12 +177,12 @@ def _write(path: Path, claims: dict[str, Any]) -> None:
 
 
 @cache
-def at_home(directory: Path) -> tuple[Dataset, Belief]:
+def at_home(directory: Path) -> tuple[ta.Dataset, ta.Belief]:
     """The unmodified robot's session, and what it leaves to be believed."""
     if not directory.is_dir():
-        raise InputError(f"{directory}: is missing: these worlds are to be compared with it")
-    home = load_dataset(directory)
-    return home, make_belief(discover(home, AT_HOME, FALSE_ALARM, 0, terms=BUILT_IN))[0]
+        raise ta.InputError(f"{directory}: is missing: these worlds are to be compared with it")
+    home = ta.load_dataset(directory)
+    return home, _ask(home, believe=AT_HOME).adopt()
 
 
 @cache
