@@ -12,6 +12,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from truearc.api import paper
     from truearc.api.discovery import Finding, discover
     from truearc.api.fitting import Fit, fit
     from truearc.api.gate import GateTraining, train_gate
@@ -19,9 +20,12 @@ if TYPE_CHECKING:
     from truearc.api.prediction import predict
     from truearc.api.recording import Recording
     from truearc.api.table import Table
+    from truearc.model_export.graph import export_weights
+    from truearc.model_export.verify import verify_gate
     from truearc.robot.config.rig_spec import Rig
-    from truearc.robot.config.schema import InputError
+    from truearc.robot.config.schema import InputError, load_config
     from truearc.sim.data.dataset import Dataset, dataset, load_dataset, load_rig, save_dataset
+    from truearc.sim.data.recordings import shots_from_sessions
     from truearc.sim.discover.finding import load_finding
     from truearc.sim.infer.belief import Belief, load_belief
     from truearc.sim.physics.catalogue import catalogue
@@ -35,19 +39,21 @@ if TYPE_CHECKING:
         SensingTerm,
         WatchTerm,
     )
+    from truearc.sim.world.emulated_robot import emulate
 
     __version__: str
 
 __all__ = [
     "AirTerm", "ArrivalTerm", "Belief", "Dataset", "Finding", "Fit", "FlightTerm", "GateTraining",
     "Identifiability", "InputError", "LaunchTerm", "Parameter", "Prior", "Recording", "Rig", "SensingTerm",
-    "ShotDesign", "Table", "WatchTerm", "catalogue", "dataset", "design_shots", "discover", "fit",
-    "identifiability", "load_belief", "load_dataset", "load_finding", "load_rig", "predict", "save_dataset",
-    "train_gate",
+    "ShotDesign", "Table", "WatchTerm", "catalogue", "dataset", "design_shots", "discover", "emulate",
+    "export_weights", "fit", "identifiability", "load_belief", "load_config", "load_dataset", "load_finding",
+    "load_rig", "paper", "predict", "save_dataset", "shots_from_sessions", "train_gate", "verify_gate",
 ]
 
 # module -> the names that are imported from it when they are first used
 _NAMES = {
+    "truearc.api": "paper",
     "truearc.api.discovery": "Finding discover",
     "truearc.api.fitting": "Fit fit",
     "truearc.api.gate": "GateTraining train_gate",
@@ -55,9 +61,13 @@ _NAMES = {
     "truearc.api.prediction": "predict",
     "truearc.api.recording": "Recording",
     "truearc.api.table": "Table",
+    "truearc.model_export.graph": "export_weights",
+    "truearc.model_export.verify": "verify_gate",
+    "truearc.sim.data.recordings": "shots_from_sessions",
     "truearc.sim.physics.catalogue": "catalogue",
+    "truearc.sim.world.emulated_robot": "emulate",
     "truearc.robot.config.rig_spec": "Rig",
-    "truearc.robot.config.schema": "InputError",
+    "truearc.robot.config.schema": "InputError load_config",
     "truearc.sim.data.dataset": "Dataset dataset load_dataset load_rig save_dataset",
     "truearc.sim.discover.finding": "load_finding",
     "truearc.sim.infer.belief": "Belief load_belief",
@@ -71,7 +81,8 @@ def __getattr__(name: str) -> Any:
         from importlib.metadata import version
         value: Any = version("truearc")
     elif name in _MODULES:
-        value = getattr(import_module(_MODULES[name]), name)
+        module = _MODULES[name]
+        value = import_module(f"{module}.{name}") if name == "paper" else getattr(import_module(module), name)
     else:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     globals()[name] = value

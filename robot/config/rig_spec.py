@@ -65,6 +65,11 @@ class Believe(Struct, frozen=True):
 
 
 class Rig(Struct, frozen=True):
+    """What rig.toml says: ball, launcher, target, air, world, sensor noise and believed terms, in SI units and degrees.
+
+    `target`: None where no opening was shot at. Keys and their meaning: docs/dataset.md.
+    """
+
     ball: Ball
     launcher: LauncherFacts = field(default_factory=LauncherFacts)
     target: Target | None = None

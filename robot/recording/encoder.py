@@ -21,7 +21,7 @@ MARKING_NS = 30_000_000_000           # for a driver to mark the shot that is ou
 
 
 class SessionWriter:
-    """A Recorder that keeps everything in a folder made for it; BadInput when that cannot be made.
+    """A Recorder that keeps everything in a folder made for it; InputError when that cannot be made.
 
     A process that is killed loses no tick older than a fifth of a second, and no trial: `record` returns when the
     system has its row, unless the disk stalls for longer than MARK_S. `lossless`: whatever the disk does, the caller

@@ -26,7 +26,7 @@ LIMIT_SHARE = 0.5                     # of the hood's margin: nearer to an end o
 
 
 def make_step(config: Config) -> Callable[[Inputs, Memory, Config, Gate | None], Tick]:
-    """What one tick does, for truearc.robot.runtime.run; BadInput when the configuration has no such program."""
+    """What one tick does, for truearc.robot.runtime.run; InputError when the configuration has no such program."""
     program = phases(config)
 
     def step(inputs: Inputs, memory: Memory, config: Config, gate: Gate | None) -> Tick:

@@ -20,10 +20,15 @@ NUMBERS = ("distance_m", "hood_deg", "motor_ratio", "battery_v", "since_last_sho
 
 
 def shots_from_sessions(sessions: Sequence[Path], name: str, telemetry: bool = True) -> Dataset:
-    """All marked shots of the sessions, with the telemetry around each unless that is not asked for.
+    """Return all marked shots of recorded sessions as a dataset; rejected and held trials are named in `left_out`.
 
-    Rejected and held trials are not shots: each is named in `left_out`. InputError when the sessions' rigs differ, when
-    two sessions have one name, or when there is no shot at all.
+    Args:
+        sessions: Session folders, of one rig.
+        name: Of the dataset.
+        telemetry: Whether to take the traces around each shot, too.
+
+    Raises:
+        InputError: the sessions' rigs differ, two sessions have one name, or there is no shot at all.
     """
     _check_names(sessions)
     rows: list[tuple[str, Trial]] = []

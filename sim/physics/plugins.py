@@ -92,8 +92,9 @@ def _checked(found: Sequence[Term], known: Sequence[Term], where: str) -> tuple[
 
 
 def _is_own_class(value: Any, module: ModuleType) -> bool:
+    """Whether a class is one of the terms to load; an abstract class whose `name` is not set is a base of others."""
     return (isinstance(value, type) and issubclass(value, Term) and value.__module__ == module.__name__
-            and not inspect.isabstract(value) and not value.__name__.startswith("_"))
+            and not (inspect.isabstract(value) and "name" not in vars(value)) and not value.__name__.startswith("_"))
 
 
 def _module_of(path: str, text: str) -> ModuleType:

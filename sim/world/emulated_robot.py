@@ -71,11 +71,26 @@ def emulate(config: Config, folder: Path, trials: int, seed: int, options: Optio
             gate_path: Path | None = None, progress: Progress = lambda done, note: None,
             page: OperatorPage | None = None, nodes_of: MakeNodes = make_nodes,
             eyes_of: MakeEyes = TwinEyes) -> list[BallResult]:
-    """Record `trials` trials of the emulated robot into `folder`; returns what the world knows of each ball.
+    """Record trials of the emulated robot: the real runtime, real frames and images, a MuJoCo world.
 
-    With a gate the policy becomes "model". With a page that shows it, time passes no faster than it does. `nodes_of`
-    and `eyes_of` make the devices and the camera.
-    The truth returned is for tests and reports about the twin; neither runtime nor fit may see it.
+    Args:
+        config: Of the launcher (`load_config`).
+        folder: Session folder to make.
+        trials: How many balls are shot, at most, or held.
+        seed: Of the world and the driver.
+        options: How the world differs from the rig of the configuration; None: not at all.
+        gate_path: ONNX gate that must agree before the robot fires; the policy becomes "model".
+        progress: Called with the share done, 0 to 1, and a note.
+        page: Operator page to serve; time then passes no faster than it does.
+        nodes_of: Makes the emulated devices.
+        eyes_of: Makes the camera.
+
+    Returns:
+        The true result of each ball, for tests and reports; neither runtime nor fit may see it.
+
+    Raises:
+        InputError: the folder exists, or the gate is not one.
+        OSError: the session cannot be written.
     """
     gate = None if gate_path is None else load_gate(gate_path)
     if gate is not None:

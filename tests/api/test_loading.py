@@ -3,6 +3,7 @@
 import ast
 import inspect
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -14,6 +15,9 @@ import truearc as ta
 HEAVY = {"numpy", "jax", "scipy", "mujoco", "cv2", "cantools", "pandas", "polars", "matplotlib", "pyarrow", "onnx",
          "onnxruntime", "numba", "msgspec"}
 UNWANTED = {"jax", "scipy", "mujoco", "cv2", "cantools"}
+SHOTS = Path(__file__).parents[2] / "examples" / "spreadsheet"
+APART = {("demo.py", "world.parts.target"), ("demo_report.py", "discover.investigate"),   # for annotations
+         ("demo_report.py", "infer.coefficients"), ("demo_worth.py", "discover.select.refit")}
 REFERENCE = Path(__file__).parents[1] / "golden" / "reference"
 
 
@@ -89,6 +93,19 @@ def test_an_unknown_name_is_an_attribute_error() -> None:
         _ = ta.magic
 
 
+@pytest.mark.parametrize(("call", "argument", "load"), [
+    (lambda: ta.fit("DIR"), "dataset", "load_dataset"), (lambda: ta.discover("DIR"), "dataset", "load_dataset"),
+    (lambda: ta.predict("DIR", None), "dataset", "load_dataset"), (lambda: ta.train_gate("DIR", None), "dataset",
+                                                                   "load_dataset"),
+    (lambda: ta.identifiability("rig.toml"), "rig_or_dataset", "load_rig"),
+    (lambda: ta.predict(ta.load_dataset(SHOTS), "coefficients.toml"), "belief", "load_belief"),
+    (lambda: ta.train_gate(ta.load_dataset(SHOTS), "coefficients.toml"), "belief", "load_belief"),
+])
+def test_a_path_is_no_dataset_and_the_message_says_what_loads_it(call, argument: str, load: str) -> None:
+    with pytest.raises(ta.InputError, match=rf"^{argument}: is of type str; load it first with truearc\.{load}"):
+        call()
+
+
 @pytest.mark.parametrize("folder", ["truearc", "sim", "model_export", "robot", "proof"])
 def test_the_product_calls_no_command_of_its_own(folder: str) -> None:
     """Nothing but `python -m truearc` hands a list of words to the command line."""
@@ -103,3 +120,14 @@ def test_every_lazy_name_is_one_that_type_checkers_see() -> None:
     seen = {alias.name: node.module for node in typing_only.body if isinstance(node, ast.ImportFrom)
             for alias in node.names}
     assert seen == ta._MODULES and sorted(ta.__all__) == sorted(seen)
+
+
+def test_commands_reach_the_engine_through_the_api() -> None:
+    """Of the companion they import defaults, texts, tables and pictures; robot commands their own parts of it."""
+    helpers = ("compile_cache", "data.columns", "data.importers", "discover.report", "discover.settings", "intervals",
+               "metrics", "paper.settings", "physics.catalogue", "physics.plugins", "plots", "progress", "report",
+               "tables")
+    root = Path(ta.__file__).parent / "cli"
+    for path in sorted([*(root / "gate").glob("*.py"), *(root / "paper").glob("*.py"), *(root / "start").glob("*.py")]):
+        for module in re.findall(r"from truearc\.sim\.([\w.]+) import", path.read_text(encoding="utf-8")):
+            assert module.startswith(helpers) or (path.name, module) in APART, (path.name, module)

@@ -47,7 +47,9 @@ def test_old_spelling_runs_and_prints_the_new_one(words, new, tmp_path, monkeypa
     monkeypatch.chdir(tmp_path)
     assert main(words) == 2
     first, *rest = capsys.readouterr().err.splitlines()
-    assert first == f"truearc {words[0]}: warning: earlier spelling; now: truearc {new}"
+    said, _, now = first.partition("` is an earlier spelling; now: ")
+    assert said.startswith(f"truearc {words[0]}: warning: `{words[0]}") and now == f"truearc {new}"
+    assert f"truearc {said.partition('`')[2]}" != now
     assert any("nowhere" in line for line in rest)
 
 

@@ -34,6 +34,7 @@ def test_ruff():
 
 
 def test_mypy():
+    assert (ROOT / "build" / "view" / "truearc").is_dir(), "run `make setup`, which makes build/view for mypy"
     run(sys.executable, "-m", "mypy")
 
 

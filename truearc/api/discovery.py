@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from truearc.api.table import Table
-from truearc.api.terms import names_of
+from truearc.api.terms import check_kind, names_of
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset
 from truearc.sim.discover import investigate as engine
@@ -174,6 +174,7 @@ def discover(dataset: Dataset, *, belief: Belief | None = None, believe: Iterabl
             target.
     """
     check_chances(false_alarm, seed)
+    check_kind("dataset", dataset, Dataset, "load_dataset(...)")
     among = belief.catalogue if terms is None and belief is not None else as_catalogue(terms)
     if belief is not None and believe is not None:
         raise InputError("belief and believe exclude each other: the belief has its own terms")

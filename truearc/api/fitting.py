@@ -4,12 +4,14 @@ from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib.metadata import version
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, overload
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from truearc.api.table import Table
-from truearc.api.terms import joined, names_of
+from truearc.api.terms import check_kind, joined, names_of
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset, hash_dataset
 from truearc.sim.infer.advise import Proposal, advise
@@ -20,7 +22,7 @@ from truearc.sim.infer.map_fit import MapFit, fit_map
 from truearc.sim.infer.plausibility import check_plausible
 from truearc.sim.infer.profile import ProfileInterval, profile_interval
 from truearc.sim.infer.score import Score, score
-from truearc.sim.paper.grid_fit import Bootstrap, GridFit, bootstrap_grid, fit_grid, grid_start
+from truearc.sim.paper.grid_fit import Bootstrap, GridFit, bootstrap_grid, fit_grid, grid_start, map_deviation
 from truearc.sim.paper.grid_report import draw_map, explain, provenance_of
 from truearc.sim.paper.settings import STEP
 from truearc.sim.physics.term import Term
@@ -116,6 +118,17 @@ class GridSearch(Printed):
         said = provenance_of(self.step, self.dataset, self.solution, self.accuracy, self.bootstrap)
         return replace(point_belief(self.solution.coefficients), provenance=said)
 
+    def save_map(self, path: str | Path) -> None:
+        """Write an npz file: axis, share_three, share_two, tied, and mean_deviation_m (nan where no three is
+        reproduced); rows cd, columns cl."""
+        found = self.solution
+        mean_m = np.full(found.share_three.shape, np.nan)
+        at = np.nonzero((found.share_three > 0.0) | found.tied)
+        mean_m[at] = map_deviation(self.dataset.rig, self.dataset.shots, found.axis[at[0]], found.axis[at[1]])
+        with Path(path).open("wb") as file:
+            np.savez_compressed(file, axis=found.axis, share_three=found.share_three, share_two=found.share_two,
+                                mean_deviation_m=mean_m, tied=found.tied)
+
     def plot(self) -> Figure:
         """Draw three-point accuracy over drag and lift, with the tied pairs and the chosen one."""
         return draw_map(self.dataset, self.solution)
@@ -161,6 +174,7 @@ def fit(dataset: Dataset, terms: Iterable[str | Term] | None = None, *, method: 
     Raises:
         InputError: implausible data, an unknown term or method, an argument of the other method, or nothing to fit to.
     """
+    check_kind("dataset", dataset, Dataset, "load_dataset(...)")
     dataset = check_plausible(dataset, accept)
     if method == "map":
         if step is not None or bootstrap or seed:

@@ -8,6 +8,7 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
+from truearc.api.terms import check_kind
 from truearc.model_export.graph import export_weights
 from truearc.robot.config.schema import InputError
 from truearc.robot.gate.model import load_gate
@@ -99,6 +100,8 @@ def train_gate(dataset: Dataset, belief: Belief, *, seed: int = 0,
     Raises:
         InputError: a negative seed, or nothing can be learned from the shots.
     """
+    check_kind("dataset", dataset, Dataset, "load_dataset(...)")
+    check_kind("belief", belief, Belief, "load_belief(...)")
     if seed < 0:
         raise InputError(f"seed is {seed}; it cannot be negative")
     name = dataset.shots.source

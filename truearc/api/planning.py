@@ -9,7 +9,7 @@ import msgspec
 
 from truearc.api.discovery import Finding
 from truearc.api.table import Table
-from truearc.api.terms import names_of
+from truearc.api.terms import check_kind, names_of
 from truearc.robot.config.rig_spec import Rig
 from truearc.robot.config.schema import InputError
 from truearc.sim.data.dataset import Dataset
@@ -83,6 +83,7 @@ def identifiability(rig_or_dataset: Rig | Dataset, *, level: str | None = None, 
         InputError: an unknown level or term, too few shots, a target that is missing or out of reach, or level or shots
             given with a dataset.
     """
+    check_kind("rig_or_dataset", rig_or_dataset, (Rig, Dataset), "load_rig(...) or truearc.load_dataset(...)")
     rig = rig_or_dataset.rig if isinstance(rig_or_dataset, Dataset) else rig_or_dataset
     among = as_catalogue(terms)
     believed = names_of(believe, "believe", among) or rig.believe.terms

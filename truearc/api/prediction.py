@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from truearc.api.table import Table
+from truearc.api.terms import check_kind
 from truearc.model_export.predict import HEADER as RATING_COLUMNS
 from truearc.model_export.predict import rate_shots
 from truearc.robot.config.schema import InputError
@@ -42,10 +43,12 @@ def predict(dataset: Dataset, belief: Belief | None = None, *, gate: str | Path 
         InputError: neither or both of belief and gate, a file that is not a gate, a column that is missing, or a rig
             without a target.
     """
+    check_kind("dataset", dataset, Dataset, "load_dataset(...)")
     if (belief is None) == (gate is None):
         raise InputError("predict: give either a belief or gate=FILE")
     if belief is None:
         return Table(RATING_COLUMNS, tuple(rate_shots(load_gate(str(gate)), dataset.shots, dataset.name)))
+    check_kind("belief", belief, Belief, "load_belief(...)")
     rows = zip(dataset.shots.shot_id, *_flown(dataset, belief, progress), strict=True)
     return Table(COLUMNS, tuple(tuple(None if cell != cell else cell for cell in row) for row in rows))
 

@@ -1,10 +1,20 @@
-"""Terms by name or as values: what the API's `terms=` and `believe=` take."""
+"""Arguments of the API: their kinds, and terms by name or as values."""
 
 from collections.abc import Iterable
 
 from truearc.robot.config.schema import InputError
 from truearc.sim.physics.catalogue import Catalogue, catalogue
 from truearc.sim.physics.term import Term
+
+
+def check_kind(argument: str, value: object, kind: type | tuple[type, ...], load: str) -> None:
+    """Refuse an argument of another kind, such as the path of a file that has to be loaded first.
+
+    Raises:
+        InputError: names the argument, and the function `load` that makes what is needed.
+    """
+    if not isinstance(value, kind):
+        raise InputError(f"{argument}: is of type {type(value).__name__}; load it first with truearc.{load}")
 
 
 def names_of(terms: Iterable[str | Term] | None, argument: str, among: Catalogue) -> tuple[str, ...] | None:

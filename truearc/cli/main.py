@@ -31,7 +31,8 @@ def main(argv: list[str] | None = None) -> int:
     if command is None:
         return _explain(argv)
     if argv != asked:
-        print(f"truearc {asked[0]}: warning: earlier spelling; now: truearc {command.name}"
+        earlier = " ".join([asked[0], *(word for word in asked[1:] if word not in argv)])
+        print(f"truearc {asked[0]}: warning: `{earlier}` is an earlier spelling; now: truearc {command.name}"
               + (" --gate GATE" if asked[0] == "predict-gate" else ""), file=sys.stderr)
     try:
         return _run(command, argv[len(command.name.split()):])

@@ -29,7 +29,7 @@ RELEASE_FUEL_M = 0.39
 def import_971(speeds: str | Path) -> Dataset:
     """Team 971 (2020): what a ball leaves with for each speed of the two wheels beside it; CSV or their constants.cc.
 
-    BadInput names file, line and column of each bad row.
+    InputError names file, line and column of each bad row.
     """
     path = Path(speeds)
     with gathered() as problems:
@@ -46,7 +46,7 @@ def import_971(speeds: str | Path) -> Dataset:
 def import_fuel(speeds: str | Path) -> Dataset:
     """Exit speed and backspin off video at one elevation (DanielR723/shooter); the wheels' size is not known.
 
-    CSV or their shooter.py. BadInput names file, line and column of each bad row.
+    CSV or their shooter.py. InputError names file, line and column of each bad row.
     """
     with gathered() as problems:
         table, left_out = load_fuel(Path(speeds), problems)

@@ -42,7 +42,7 @@ def import_mpi(*files: str | Path) -> Dataset:
     """Read two CSV files, launches and tracks, or any number of HDF5 recordings; flights end before the bounce.
 
     Frame as measured: x down the table, y left, z up from the floor. `t_s` is counted from each flight's first sample.
-    BadInput names file, line (of a recording: group and sample) and column of each bad row.
+    InputError names file, line (of a recording: group and sample) and column of each bad row.
     """
     with gathered() as problems:
         read = [_launches(launches, tracks, problems) for launches, tracks in _tables(list(map(Path, files)), problems)]

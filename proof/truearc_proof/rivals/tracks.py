@@ -46,7 +46,7 @@ class Flights:
 
 
 def gather_flights(dataset: Dataset) -> Flights:
-    """BadInput without wheels; tracks that are too short, and samples far off any flight, are left out."""
+    """InputError without wheels; tracks that are too short, and samples far off any flight, are left out."""
     if dataset.tracks is None:
         raise ValueError("there are no tracks")
     samples = gather_samples(dataset.tracks, len(dataset.shots))[0]

@@ -73,6 +73,6 @@ class Room(NamedTuple):
         return self.root / "claims" / f"{world}.json"
 
     def steps(self) -> dict[str, dict[str, str]]:
-        """{world: {step: SHA-256}} of every world in the ledger, in its order; BadInput where it was tampered with."""
+        """{world: {step: SHA-256}} of every world in the ledger, in its order; InputError where it was changed."""
         entries = read_ledger(self.ledger)
         return {world: committed(entries, world) for world in dict.fromkeys(entry.world for entry in entries)}

@@ -24,13 +24,12 @@ TRIAL_COLUMNS = (
     Column("motor_ratio", FLOAT, ""), Column("motor_rad_s", FLOAT, "rad/s"), Column("battery_v", FLOAT, "V"),
     Column("since_last_shot_s", FLOAT, "s"), Column("p_two", FLOAT, ""), Column("p_three", FLOAT, ""),
 )
-Progress = Callable[[float, str], None]
 
 
 class ExportRows:
     """A session's ticks, flat, as `columns` says; afterwards `count` of them and the reader's `cut_short`."""
 
-    def __init__(self, session: Path, progress: Progress) -> None:
+    def __init__(self, session: Path, progress: Callable[[float, str], None]) -> None:
         self.flat = FlatTicks(len(load_session_config(session).axes.flywheels))
         self.columns = self.flat.columns
         self.trials = load_trials(session)

@@ -50,6 +50,7 @@ def test_a_file_read_again_gives_equal_terms_and_a_changed_one_others(file: Path
 @pytest.mark.parametrize(("text", "message"), [
     ("", "mine.py: defines no term"), ("def (:\n", "mine.py:1: SyntaxError"),
     ("import nowhere_to_be_found\n", "mine.py:1: ModuleNotFoundError"), ("\n\n1 / 0\n", "mine.py:3: ZeroDivisionError"),
+    (TEXT.replace("def leave", "def leaf"), "mine.py: TypeError: Can't instantiate abstract class Flex"),
     (TEXT.replace('    direction = "vertical"\n', ""), "mine.py: Flex: direction: None is none of along"),
     (TEXT.replace("class Flex", "class Drag"), "mine.py: Drag: there is a term 'drag' already"),
     (TEXT.replace("    order", "    def __init__(self, n):\n        self.n = n\n\n    order"), "mine.py: TypeError")])

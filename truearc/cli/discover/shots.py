@@ -22,10 +22,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Return 0 once the dataset is written."""
-    from truearc.sim.data.recordings import shots_from_sessions
     from truearc.sim.data.repeatability_labels import label_by_repeatability
     progress = make_progress("shots", args.quiet)
-    dataset = shots_from_sessions(args.sessions, args.out.name)
+    dataset = ta.shots_from_sessions(args.sessions, args.out.name)
     progress(0.8, "read")
     if args.repeatability:
         dataset = label_by_repeatability(dataset)

@@ -2,6 +2,7 @@
 
 import argparse
 
+import truearc as ta
 from truearc.cli.outputs import out_file
 
 EXAMPLE = "truearc export weights/ -o gate.onnx"
@@ -16,9 +17,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Return 0 once the file is written and read back."""
-    from truearc.model_export.graph import export_weights
     from truearc.robot.gate.model import load_gate
-    data = export_weights(args.weights, args.out)
+    data = ta.export_weights(args.weights, args.out)
     gate = load_gate(args.out)                    # what the robot would refuse is refused here
     print(f"{args.out}: {len(data)} bytes, sha256 {gate.sha256}")
     return 0

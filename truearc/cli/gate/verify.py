@@ -22,7 +22,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Return 1 where a check failed."""
-    from truearc.model_export.verify import verify_gate
-    found = verify_gate(args.gate, args.weights, {name: ta.load_dataset(name) for name in args.data})
+    found = ta.verify_gate(args.gate, args.weights, {name: ta.load_dataset(name) for name in args.data})
     print(found)
     return 0 if found.passed else 1

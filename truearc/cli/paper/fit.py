@@ -4,7 +4,6 @@ Every pair from 0 to 5 is ranked by three-point accuracy, then two-point accurac
 """
 
 import argparse
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import truearc as ta
@@ -57,21 +56,7 @@ def _write(args: argparse.Namespace, found: "GridSearch") -> None:
     if args.picture is not None:
         args.picture.write_bytes(make_png(found.plot()))
     if args.map is not None:
-        _save_map(args.map, found)
-
-
-def _save_map(path: Path, found: "GridSearch") -> None:
-    """Mean deviation [cd, cl] wherever a three is reproduced, nan elsewhere."""
-    import numpy as np
-
-    from truearc.sim.paper.grid_fit import map_deviation
-    data, fit = found.dataset, found.solution
-    mean_m = np.full(fit.share_three.shape, np.nan)
-    at = np.nonzero((fit.share_three > 0.0) | fit.tied)
-    mean_m[at] = map_deviation(data.rig, data.shots, fit.axis[at[0]], fit.axis[at[1]])
-    with path.open("wb") as file:
-        np.savez_compressed(file, axis=fit.axis, share_three=fit.share_three, share_two=fit.share_two,
-                            mean_deviation_m=mean_m, tied=fit.tied)
+        found.save_map(args.map)
 
 
 def _metres(value: float | None) -> str:

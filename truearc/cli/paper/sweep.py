@@ -4,10 +4,12 @@ All are trained in one batch. Report which setting is best on shots that it did 
 """
 
 import argparse
+import sys
 
-from truearc.cli.common import listed, number
+import truearc as ta
+from truearc.cli.common import listed, make_progress, number, refuse
 from truearc.cli.outputs import OutFolder
-from truearc.cli.paper.train import add_recipe
+from truearc.cli.paper.train import LAMBDA, add_recipe, data_of, recipe_of
 from truearc.sim.paper.settings import DEFAULT_RECIPE as DEFAULT
 
 WRITES = ("networks.csv", "settings.csv", "sweep.png", "best")
@@ -31,5 +33,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Return 0 when the tables and the best network are written."""
-    from truearc.cli.paper.sweep_run import run_sweep
-    return run_sweep(args)
+    recipe = recipe_of(args)
+    if not any(args.sizes):
+        refuse(args, ("--sim", "--lambdas"), "--sizes takes no simulated shots")
+    shares = ta.paper.Shares(args.holdout, args.validation)
+    sweep = ta.paper.sweep_networks(**data_of(args), sizes=args.sizes, weights=args.lambdas or (LAMBDA,),
+                                    seeds=args.seeds, recipe=recipe, shares=shares, seed=args.seed,
+                                    progress=make_progress("sweep", args.quiet))
+    for note in sweep.notes:
+        print(note, file=sys.stderr)
+    sweep.save(args.out)
+    print(sweep)
+    print(f"{args.out}: settings.csv, networks.csv, sweep.png; best/ holds the network of seed {args.seed} "
+          f"({sweep.best.setting.words()}), for truearc export")
+    return 0

@@ -7,6 +7,7 @@ noise of a real shot.
 
 import argparse
 
+import truearc as ta
 from truearc.cli.common import add_terms_from, catalogue_of, make_progress, number
 from truearc.cli.outputs import DATASET, OutFolder
 
@@ -31,11 +32,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Return 0 when the dataset is written."""
-    from truearc.sim.data.dataset import load_dataset, load_rig
-    from truearc.sim.paper.synthetic_shots import say_synthetic, write_synthetic
-    recorded = load_dataset(args.exclude) if args.exclude else None
-    shots = write_synthetic(args.out, load_rig(args.rig), args.coefficients, args.n, exclude=recorded,
-                            draws=args.draws, seed=args.seed, among=catalogue_of(args),
-                            progress=make_progress("synth", args.quiet))
-    print(say_synthetic(args.out, shots, args.draws))
+    recorded = ta.load_dataset(args.exclude) if args.exclude else None
+    shots = ta.paper.write_synthetic(args.out, ta.load_rig(args.rig), args.coefficients, args.n, exclude=recorded,
+                                     draws=args.draws, seed=args.seed, among=catalogue_of(args),
+                                     progress=make_progress("synth", args.quiet))
+    print(ta.paper.say_synthetic(args.out, shots, args.draws))
     return 0

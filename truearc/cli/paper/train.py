@@ -4,12 +4,19 @@ Each batch of them is paired with a batch of simulated ones whose loss is weighe
 """
 
 import argparse
+import sys
+from typing import TYPE_CHECKING, Any
 
-from truearc.cli.common import number, refuse
+import truearc as ta
+from truearc.cli.common import make_progress, number, refuse
 from truearc.cli.outputs import WEIGHTS, OutFolder
-from truearc.robot.config.schema import InputError
 from truearc.sim.paper.settings import DEFAULT_RECIPE as DEFAULT
+from truearc.sim.paper.settings import PATIENCE
 
+if TYPE_CHECKING:
+    from truearc.api.paper import Recipe
+
+LAMBDA = 0.01                         # the paper's weight of the simulated loss
 EXAMPLE = "truearc paper train --real shots/ --sim simulated/ -o weights/"
 
 
@@ -42,8 +49,26 @@ def add_recipe(parser: argparse.ArgumentParser, simulated: str, validated: str) 
 def main(args: argparse.Namespace) -> int:
     """Return 0 when the weights are written."""
     if args.sim is None and args.simulated_weight is not None:
-        raise InputError("--lambda: applies with --sim only")
+        raise ta.InputError("--lambda: applies with --sim only")
     if args.validation == 0.0:
         refuse(args, ("--patience",), "--validation 0 trains to the end; leave it out")
-    from truearc.cli.paper.train_network import run_training
-    return run_training(args)
+    weight = LAMBDA if args.simulated_weight is None else args.simulated_weight
+    shares = ta.paper.Shares(args.holdout, args.validation, weight, args.epochs)
+    network = ta.paper.train_network(**data_of(args), recipe=recipe_of(args), shares=shares, seed=args.seed,
+                                     progress=make_progress("train", args.quiet))
+    for note in network.notes:
+        print(note, file=sys.stderr)
+    network.save(args.out)
+    print("\n".join(network.report(args.out)))
+    return 0
+
+
+def recipe_of(args: argparse.Namespace) -> "Recipe":
+    """Return how to train, as the options of `add_recipe` and --steps say; InputError where that cannot be done."""
+    return ta.paper.Recipe(args.learning_rate, args.steps, args.patience or PATIENCE)
+
+
+def data_of(args: argparse.Namespace) -> dict[str, Any]:
+    """Return the datasets of --real and --sim, and the coefficients that the simulated shots were flown with."""
+    return {"real": ta.load_dataset(args.real), "simulated": ta.load_dataset(args.sim) if args.sim else None,
+            "coefficients": ta.paper.load_provenance(args.sim).get("coefficients") if args.sim else None}

@@ -5,6 +5,7 @@ from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import truearc as ta
 from truearc.cli.common import SHIPPED, make_progress, number, refuse
 from truearc.robot.config.schema import Config, InputError, load_config
 from truearc.robot.config.shot_plan import load_plan, with_plan
@@ -57,11 +58,10 @@ def _emulate(args: argparse.Namespace, config: Config, trials: int) -> "list[Bal
         raise InputError(f"{args.config}: gate.policy is 'model', so --gate is needed")
     from truearc.hw.real.clock import MonotonicClock
     from truearc.robot.operator_ui.server import open_page
-    from truearc.sim.world.emulated_robot import emulate
     from truearc.sim.world.options import load_options
     page = open_page(args.page, config, args.out.name, MonotonicClock())
     try:
-        return emulate(config, args.out, trials, args.seed, load_options(args.world), args.gate,
+        return ta.emulate(config, args.out, trials, args.seed, load_options(args.world), args.gate,
                        make_progress("emulate", args.quiet), page=page)
     finally:
         if page is not None:

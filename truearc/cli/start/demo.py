@@ -60,24 +60,20 @@ def _marked_folder(folder: Path) -> Path:
 
 
 def _collect(demo: Demo, trials: int, quiet: bool) -> None:
-    from truearc.sim.world.emulated_robot import emulate
     _say(f"1 record: {trials} trials of the emulated robot; the driver marks each outcome")
-    emulate(load_config(SHIPPED), demo.collect, trials, demo.seed, progress=make_progress("record", quiet))
+    ta.emulate(load_config(SHIPPED), demo.collect, trials, demo.seed, progress=make_progress("record", quiet))
     _save_shots(demo.collect, demo.shots)
 
 
 def _save_shots(session: Path, out: Path) -> "ta.Dataset":
     """The session's shots, written as a dataset."""
-    from truearc.sim.data.recordings import shots_from_sessions
-    dataset = shots_from_sessions([session], out.name)
+    dataset = ta.shots_from_sessions([session], out.name)
     ta.save_dataset(out, dataset)
     print(dataset.lines()[0])
     return ta.load_dataset(out)
 
 
 def _learn(demo: Demo, quiet: bool) -> None:
-    from truearc.sim.gate.network_training import train_network
-    from truearc.sim.paper.synthetic_shots import say_synthetic, write_synthetic
     from truearc.sim.report import make_png
     shots = ta.load_dataset(demo.shots)
     _say("2 fit: the paper's grid of 1001 x 1001 coefficient pairs")
@@ -86,12 +82,12 @@ def _learn(demo: Demo, quiet: bool) -> None:
     demo.fit_map.write_bytes(make_png(grid.plot()))
     print(grid)
     _say("3 simulate: an even sample of the paper's grid of configurations")
-    made = write_synthetic(demo.simulated, shots.rig, demo.coefficients, SIMULATED, exclude=shots, seed=demo.seed,
-                           progress=make_progress("synth", quiet))
-    print(say_synthetic(demo.simulated, made))
+    made = ta.paper.write_synthetic(demo.simulated, shots.rig, demo.coefficients, SIMULATED, exclude=shots,
+                                    seed=demo.seed, progress=make_progress("synth", quiet))
+    print(ta.paper.say_synthetic(demo.simulated, made))
     _say("4 train: the paper's network and loss")
-    network = train_network(shots, ta.load_dataset(demo.simulated), coefficients=grid.belief.coefficients,
-                            seed=demo.seed, progress=make_progress("train", quiet))
+    network = ta.paper.train_network(shots, ta.load_dataset(demo.simulated), coefficients=grid.belief.coefficients,
+                                     seed=demo.seed, progress=make_progress("train", quiet))
     network.save(demo.network_weights)
     print(network)
     _export(demo.network_weights, demo.network)
@@ -104,20 +100,18 @@ def _learn(demo: Demo, quiet: bool) -> None:
 
 def _train_gate(demo: Demo, shots: "ta.Dataset", belief: Path, weights: Path, gate: Path, quiet: bool) -> None:
     """Train, export, and check the file against its trainer; InputError where a check fails."""
-    from truearc.model_export.verify import verify_gate
     training = ta.train_gate(shots, ta.load_belief(belief), seed=demo.seed, progress=make_progress("train", quiet))
     training.save(weights)
     print(training)
     _export(weights, gate)
-    found = verify_gate(gate, weights, {str(demo.shots): shots})
+    found = ta.verify_gate(gate, weights, {str(demo.shots): shots})
     print(found)
     if not found.passed:
         raise ta.InputError(f"{gate}: not what was trained")
 
 
 def _export(weights: Path, gate: Path) -> None:
-    from truearc.model_export.graph import export_weights
-    print(f"{gate}: {len(export_weights(weights, gate))} bytes")
+    print(f"{gate}: {len(ta.export_weights(weights, gate))} bytes")
 
 
 def _compare(demo: Demo, trials: int, quiet: bool) -> None:
@@ -139,9 +133,8 @@ def _compare(demo: Demo, trials: int, quiet: bool) -> None:
 
 
 def _drive(config: Config, trials: int, seed: int, job: tuple[Path, Path | None, bool]) -> "list[BallResult]":
-    from truearc.sim.world.emulated_robot import emulate
     session, gate, quiet = job
-    return emulate(config, session, trials, seed, gate_path=gate, progress=make_progress("drive", quiet))
+    return ta.emulate(config, session, trials, seed, gate_path=gate, progress=make_progress("drive", quiet))
 
 
 def walked_in(config: Config, session: Path) -> Config:
